@@ -1,0 +1,20 @@
+//! A robot looks at itself in a flat mirror: geometry, measurement, correction and diagnosis of its posture.
+//!
+//! The mathematics of the `mirror-posture` product, without Python and without OpenCV. Modules, and the way
+//! the arrows point (each uses only what stands above it):
+//!
+//! | module | what it is |
+//! | --- | --- |
+//! | [`geometry`] | planes, reflections, rays, rotations |
+//! | [`camera`] | pinhole camera with lens distortion: project and unproject, with Jacobians |
+//! | [`robot`] | URDF to a validated tree; kinematics, Jacobians, gravity torques |
+//!
+//! Conventions (tested, and told in full in `docs/conventions.md`): `a_from_b` maps coordinates in frame b to
+//! coordinates in frame a; `point_in_a`; SI units; a camera's optical frame has z forward, x right, y down;
+//! pixel (0, 0) is the centre of the top-left pixel; tangents put rotation before translation.
+
+pub mod camera;
+mod error;
+pub mod geometry;
+
+pub use error::{Error, Result};

@@ -1,0 +1,69 @@
+//! The one place where NumPy meets nalgebra: shapes are checked here, nowhere else.
+//!
+//! Arrays are read through [`numpy::PyArrayLike2`], so that lists and other number types are taken, and
+//! element by element, so that any strides (also negative ones) are right.
+
+#![allow(dead_code)] // each binding file uses the shapes that it needs
+
+use crate::errors::MirrorPostureError;
+use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector2, Vector3};
+use numpy::{AllowTypeChange, PyArrayLike2, PyArrayLikeDyn, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+
+/// Anything that NumPy can read as a two-dimensional array of doubles.
+pub type Array2Like<'py> = PyArrayLike2<'py, f64, AllowTypeChange>;
+/// Anything that NumPy can read as an array of doubles of any number of dimensions.
+pub type ArrayDynLike<'py> = PyArrayLikeDyn<'py, f64, AllowTypeChange>;
+
+/// A shape error that names the argument, what was got and what was needed.
+pub fn shape_error(argument: &str, got: &[usize], needed: &str) -> PyErr {
+    MirrorPostureError::new_err(format!("{argument}: got an array of shape {got:?}, needed {needed}"))
+}
+
+/// Reads an `(N, 2)` array as pixels or other pairs.
+pub fn pairs(argument: &str, array: &Array2Like<'_>) -> PyResult<Vec<Vector2<f64>>> {
+    if array.shape()[1] != 2 {
+        return Err(shape_error(argument, array.shape(), "(N, 2)"));
+    }
+    let view = array.as_array();
+    Ok(view.rows().into_iter().map(|r| Vector2::new(r[0], r[1])).collect())
+}
+
+/// Reads an `(N, 3)` array as points or vectors.
+pub fn triples(argument: &str, array: &Array2Like<'_>) -> PyResult<Vec<Vector3<f64>>> {
+    if array.shape()[1] != 3 {
+        return Err(shape_error(argument, array.shape(), "(N, 3)"));
+    }
+    let view = array.as_array();
+    Ok(view.rows().into_iter().map(|r| Vector3::new(r[0], r[1], r[2])).collect())
+}
+
+/// How far a rotation block may be from orthonormal before it is refused.
+const ROTATION_TOLERANCE: f64 = 1e-6;
+
+/// Reads a `(4, 4)` homogeneous matrix as a rigid transform `a_from_b`; refuses reflections and shears.
+pub fn isometry(argument: &str, array: &Array2Like<'_>) -> PyResult<Isometry3<f64>> {
+    if array.shape() != [4, 4] {
+        return Err(shape_error(argument, array.shape(), "(4, 4), a homogeneous rigid transform"));
+    }
+    let m = array.as_array();
+    let rotation = Matrix3::from_fn(|i, j| m[[i, j]]);
+    let translation = Vector3::new(m[[0, 3]], m[[1, 3]], m[[2, 3]]);
+    let orthonormal = (rotation.transpose() * rotation - Matrix3::identity()).norm();
+    let bottom =
+        [m[[3, 0]], m[[3, 1]], m[[3, 2]], m[[3, 3]] - 1.0].iter().map(|x| x.abs()).fold(0.0, f64::max);
+    let finite = m.iter().all(|x| x.is_finite());
+    if !finite
+        || orthonormal > ROTATION_TOLERANCE
+        || rotation.determinant() < 0.0
+        || bottom > ROTATION_TOLERANCE
+    {
+        return Err(MirrorPostureError::new_err(format!(
+            "{argument}: got a (4, 4) matrix that is not a rigid transform (determinant {:.6}, distance from orthonormal {orthonormal:.2e}); \
+             needed a rotation of determinant +1, a finite translation and the last row 0 0 0 1",
+            rotation.determinant()
+        )));
+    }
+    let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rotation));
+    Ok(Isometry3::from_parts(Translation3::from(translation), rotation))
+}

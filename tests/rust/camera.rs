@@ -1,0 +1,107 @@
+//! The camera against differences and against itself: Jacobians, and an inverse that is exact over the whole picture.
+
+use approx::assert_relative_eq;
+use mirror_core::camera::{Camera, Distortion};
+use nalgebra::{Point3, Vector2, Vector3};
+use proptest::prelude::*;
+
+fn lenses() -> Vec<Distortion> {
+    vec![
+        Distortion::None,
+        Distortion::PlumbBob([-0.28, 0.09, 1e-3, -8e-4, -0.012]),
+        Distortion::PlumbBob([0.12, -0.2, 2e-3, 1e-3, 0.05]),
+        Distortion::RationalPolynomial([0.42, -0.11, 4e-4, -3e-4, 0.006, 0.75, -0.08, 0.01]),
+    ]
+}
+
+fn camera(lens: Distortion) -> Camera {
+    Camera::new((800, 600), Vector2::new(693.0, 695.5), Vector2::new(402.3, 297.1), lens).unwrap()
+}
+
+#[test]
+fn unprojection_is_exact_over_the_whole_picture() {
+    for lens in lenses() {
+        let camera = camera(lens);
+        for u in (0..=800).step_by(20) {
+            for v in (0..=600).step_by(20) {
+                let pixel = Vector2::new(f64::from(u) - 0.5, f64::from(v) - 0.5);
+                let direction = camera.unproject(&pixel).unwrap();
+                let back = camera.project(&Point3::from(direction.into_inner() * 0.7)).unwrap();
+                assert!(
+                    (back - pixel).norm() < 1e-9,
+                    "{lens:?} {pixel:?}: off by {:e} px",
+                    (back - pixel).norm()
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn what_the_camera_cannot_see_is_refused() {
+    let camera = camera(Distortion::PlumbBob([-0.5, 0.0, 0.0, 0.0, 0.0]));
+    assert!(camera.project(&Point3::new(0.0, 0.0, -1.0)).is_err());
+    assert!(camera.project(&Point3::new(0.0, 0.0, 0.0)).is_err());
+    assert!(camera.project(&Point3::new(f64::NAN, 0.0, 1.0)).is_err());
+    // With k1 = -0.5 the picture folds back at tan = 0.816: two rays would share a pixel.
+    assert!(camera.project(&Point3::new(0.9, 0.0, 1.0)).is_err());
+    assert!(camera.unproject(&Vector2::new(5000.0, 300.0)).is_err());
+    assert!(camera.unproject(&Vector2::new(f64::NAN, 300.0)).is_err());
+    assert!(Camera::new((0, 600), Vector2::new(1.0, 1.0), Vector2::zeros(), Distortion::None).is_err());
+    assert!(Camera::new((8, 6), Vector2::new(-1.0, 1.0), Vector2::zeros(), Distortion::None).is_err());
+}
+
+proptest! {
+    #[test]
+    fn projection_jacobians_match_differences(x in -0.4..0.4f64, y in -0.3..0.3f64, z in 0.2..1.5f64, lens in 0..4usize) {
+        let distortion = lenses()[lens];
+        let eye = camera(distortion);
+        let point = Point3::new(x * z, y * z, z);
+        let at = eye.project_with_jacobians(&point).unwrap();
+        let (pixel, by_point) = eye.project_with_point_jacobian(&point).unwrap();
+        prop_assert_eq!(pixel, at.pixel);
+        prop_assert_eq!(by_point, at.by_point);
+        prop_assert_eq!(eye.project(&point).unwrap(), at.pixel);
+        let h = 1e-6;
+        for axis in 0..3 {
+            let mut step = Vector3::zeros();
+            step[axis] = h;
+            let d = (eye.project(&(point + step)).unwrap() - eye.project(&(point - step)).unwrap()) / (2.0 * h);
+            assert_relative_eq!(d, at.by_point.column(axis).into_owned(), epsilon = 1e-4, max_relative = 1e-6);
+        }
+        let moved = |intrinsic: usize, h: f64| {
+            let mut f = eye.focal_px();
+            let mut c = eye.center_px();
+            if intrinsic < 2 { f[intrinsic] += h } else { c[intrinsic - 2] += h }
+            Camera::new((800, 600), f, c, distortion).unwrap().project(&point).unwrap()
+        };
+        for i in 0..4 {
+            let d = (moved(i, 1e-3) - moved(i, -1e-3)) / 2e-3;
+            assert_relative_eq!(d, at.by_intrinsics.column(i).into_owned(), epsilon = 1e-8);
+        }
+        let bent = |coefficient: usize, h: f64| {
+            let mut k = distortion.coefficients();
+            k[coefficient] += h;
+            let lens = Distortion::RationalPolynomial(k);
+            Camera::new((800, 600), eye.focal_px(), eye.center_px(), lens).unwrap().project(&point).unwrap()
+        };
+        for i in 0..8 {
+            let d = (bent(i, 1e-6) - bent(i, -1e-6)) / 2e-6;
+            assert_relative_eq!(d, at.by_distortion.column(i).into_owned(), epsilon = 1e-5, max_relative = 1e-6);
+        }
+    }
+
+    #[test]
+    fn unprojection_jacobian_matches_differences(u in 0.0..800.0f64, v in 0.0..600.0f64, lens in 0..4usize) {
+        let camera = camera(lenses()[lens]);
+        let at = camera.unproject_with_jacobian(&Vector2::new(u, v)).unwrap();
+        prop_assert_eq!(at.direction, camera.unproject(&Vector2::new(u, v)).unwrap());
+        for axis in 0..2 {
+            let mut step = Vector2::zeros();
+            step[axis] = 1e-3;
+            let ahead = camera.unproject(&(Vector2::new(u, v) + step)).unwrap().into_inner();
+            let behind = camera.unproject(&(Vector2::new(u, v) - step)).unwrap().into_inner();
+            assert_relative_eq!((ahead - behind) / 2e-3, at.by_pixel.column(axis).into_owned(), epsilon = 1e-9);
+        }
+    }
+}

@@ -1,0 +1,7 @@
+//! Tests of the core from outside: properties, statistics, references.
+
+// A test may panic: that is how it fails.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+mod camera;
+mod reflection;
