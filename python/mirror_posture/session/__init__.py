@@ -1,0 +1,35 @@
+"""Sessions: folders with a robot model, a camera and what was seen, read, validated and written."""
+
+from .camera_info import CameraInfo, dump_camera_info, load_camera_info
+from .errors import SessionError
+from .load import load_session
+from .types import (
+    UNKNOWN_FRAME,
+    Board,
+    ColorRange,
+    Frames,
+    Marker,
+    MirrorModel,
+    Noise,
+    Points,
+    Session,
+    Views,
+)
+
+__all__ = [
+    "UNKNOWN_FRAME",
+    "Board",
+    "CameraInfo",
+    "ColorRange",
+    "Frames",
+    "Marker",
+    "MirrorModel",
+    "Noise",
+    "Points",
+    "Session",
+    "SessionError",
+    "Views",
+    "dump_camera_info",
+    "load_camera_info",
+    "load_session",
+]

@@ -1,0 +1,150 @@
+"""The camera's file: intrinsics as ROS `camera_info` YAML."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import yaml
+
+from .errors import SessionError, choices
+
+COEFFICIENT_NAMES = {
+    "plumb_bob": ("k1", "k2", "p1", "p2", "k3"),
+    "rational_polynomial": ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"),
+}
+"""Coefficients of the lens models that are read, in the file's (ROS and OpenCV) order."""
+
+
+@dataclass(frozen=True)
+class CameraInfo:
+    """A camera's intrinsics: picture size, focal lengths, principal point and lens, all px."""
+
+    width_px: int
+    height_px: int
+    fx_px: float
+    fy_px: float
+    cx_px: float
+    cy_px: float
+    distortion_model: str = "plumb_bob"
+    distortion: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0)
+    """In the order of `COEFFICIENT_NAMES`."""
+    name: str = "camera"
+
+    @property
+    def matrix_px(self) -> npt.NDArray[np.float64]:
+        """The 3×3 camera matrix."""
+        return np.array([[self.fx_px, 0.0, self.cx_px], [0.0, self.fy_px, self.cy_px], [0.0, 0.0, 1.0]])
+
+
+def load_camera_info(file: Path, shown_as: str | None = None) -> CameraInfo:
+    """Reads and validates a ROS `camera_info` YAML file.
+
+    `shown_as` is the file's name in error messages. Raises `SessionError` for a file that is missing, is no YAML,
+    lacks a key or holds a number that cannot be meant.
+    """
+    name = shown_as or str(file)
+    try:
+        text = file.read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise SessionError(name, "the file is missing; save the camera's ROS camera_info there") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise SessionError(name, f"cannot be read ({error}); needed a ROS camera_info YAML file") from None
+    try:
+        tree = yaml.safe_load(text)
+    # Odd scalars (dates, huge integers) and deep nesting fail with errors of Python's own.
+    except (yaml.YAMLError, ValueError, RecursionError, OverflowError) as error:
+        problem = " ".join(str(error).split())
+        raise SessionError(name, f"is no YAML ({problem}); needed a ROS camera_info file") from None
+    if not isinstance(tree, Mapping):
+        raise SessionError(name, f"got a {type(tree).__name__}, needed the keys of a ROS camera_info file")
+
+    width, height = (_size(name, tree, key) for key in ("image_width", "image_height"))
+    matrix = _numbers(name, tree, "camera_matrix")
+    if len(matrix) != 9:
+        raise SessionError(name, f"camera_matrix: got {len(matrix)} numbers, needed 9 (3 rows of 3)")
+    fx, skew, cx, m10, fy, cy, m20, m21, m22 = matrix
+    if not (fx > 0.0 and fy > 0.0):
+        raise SessionError(
+            name, f"camera_matrix: got focal lengths {fx:g} and {fy:g} px, needed both above 0"
+        )
+    if skew or m10 or m20 or m21 or m22 != 1.0:
+        raise SessionError(name, "camera_matrix: needed [fx, 0, cx, 0, fy, cy, 0, 0, 1] (no skew)")
+    model, coefficients = _lens(name, tree)
+    camera_name = tree.get("camera_name", "camera")
+    return CameraInfo(width, height, fx, fy, cx, cy, model, coefficients, str(camera_name))
+
+
+def dump_camera_info(camera: CameraInfo) -> str:
+    """The camera as ROS `camera_info` YAML; `load_camera_info` reads the same numbers back."""
+
+    def block(rows: int, columns: int, data: list[float]) -> dict[str, Any]:
+        return {"rows": rows, "cols": columns, "data": data}
+
+    fx, fy, cx, cy = camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px
+    tree = {
+        "image_width": camera.width_px,
+        "image_height": camera.height_px,
+        "camera_name": camera.name,
+        "camera_matrix": block(3, 3, [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]),
+        "distortion_model": camera.distortion_model,
+        "distortion_coefficients": block(1, len(camera.distortion), list(camera.distortion)),
+        "rectification_matrix": block(3, 3, [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]),
+        "projection_matrix": block(3, 4, [fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0]),
+    }
+    return yaml.safe_dump(tree, sort_keys=False, allow_unicode=True)
+
+
+def _lens(name: str, tree: Mapping[Any, Any]) -> tuple[str, tuple[float, ...]]:
+    model = tree.get("distortion_model")
+    if not isinstance(model, str) or model not in COEFFICIENT_NAMES:
+        raise SessionError(
+            name, f"distortion_model: got {model!r}, needed one of {choices(COEFFICIENT_NAMES)}"
+        )
+    coefficients = _numbers(name, tree, "distortion_coefficients")
+    needed = len(COEFFICIENT_NAMES[model])
+    # OpenCV writes 4 coefficients of a plumb_bob lens (k3 = 0) and pads a rational_polynomial one to 12 or 14 with zeros.
+    if model == "plumb_bob" and len(coefficients) == 4:
+        coefficients.append(0.0)
+    if len(coefficients) > needed and not any(coefficients[needed:]):
+        coefficients = coefficients[:needed]
+    if len(coefficients) != needed:
+        raise SessionError(
+            name,
+            f"distortion_coefficients: got {len(coefficients)} numbers, needed {needed} for {model}: "
+            f"{choices(COEFFICIENT_NAMES[model])}",
+        )
+    return model, tuple(coefficients)
+
+
+def _size(name: str, tree: Mapping[Any, Any], key: str) -> int:
+    value = tree.get(key)
+    if isinstance(value, bool) or not isinstance(value, int) or not 0 < value < 1_000_000:
+        raise SessionError(
+            name, f"{key}: got {value!r}, needed the picture's size, a whole number of px above 0"
+        )
+    return value
+
+
+def _numbers(name: str, tree: Mapping[Any, Any], key: str) -> list[float]:
+    """The `data` list of a matrix entry (a bare list is taken too), as finite numbers."""
+    entry = tree.get(key)
+    data = entry.get("data") if isinstance(entry, Mapping) else entry
+    if not isinstance(data, list):
+        raise SessionError(name, f"{key}: needed `{key}: {{rows, cols, data: [...]}}`")
+    numbers = []
+    for position, value in enumerate(data):
+        try:
+            # YAML 1.1 reads 1e-3 (no dot) as text.
+            number = float(value) if isinstance(value, (int, float, str)) else math.nan
+        except (ValueError, OverflowError):
+            number = math.nan
+        if isinstance(value, bool) or not math.isfinite(number):
+            raise SessionError(name, f"{key}, number {position + 1}: got {value!r}, needed a finite number")
+        numbers.append(number)
+    return numbers

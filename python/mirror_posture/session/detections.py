@@ -1,0 +1,113 @@
+"""detections.csv: image points, one row each, as dense arrays with masks."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .errors import SessionError, choices
+from .metadata import RESERVED_TARGET
+from .tables import Table
+from .types import Board, Frames, Views
+
+COLUMNS = ("frame", "target", "index", "u", "v")
+WAYS = ("mirror", "direct")
+
+
+def frame_rows(table: Table, frames: Frames, frames_name: str) -> np.ndarray:
+    """For each row of a table its frame's row in the frames table; refuses a frame that has none."""
+    number = table.integers("frame")
+    row = np.minimum(np.searchsorted(frames.frame, number), len(frames) - 1)
+    unknown = np.flatnonzero(frames.frame[row] != number)
+    if len(unknown):
+        first = int(unknown[0])
+        raise SessionError(
+            table.name,
+            f"the frame {number[first]} has no row in {frames_name}; add it there or remove the row here",
+            row=first + 1,
+            column="frame",
+        )
+    return row
+
+
+def refuse_twice(table: Table, key: np.ndarray, what: str) -> None:
+    """Refuses two rows with the same key: it cannot be known which is meant."""
+    order = np.argsort(key, kind="stable")
+    again = np.flatnonzero(np.diff(key[order]) == 0)
+    if len(again):
+        pair = min((int(order[i + 1]), int(order[i])) for i in again)
+        raise SessionError(
+            table.name, f"{what} stands there already in row {pair[1] + 1}; remove one", row=pair[0] + 1
+        )
+
+
+def read_detections(
+    table: Table, frames: Frames, frames_name: str, board: Board | None, marker_names: tuple[str, ...]
+) -> tuple[Views, Views]:
+    """What was seen in the mirror, and directly."""
+    table.require(*COLUMNS)
+    corners = 0 if board is None else board.columns * board.rows
+    mirror, direct = (Views.empty(len(frames), corners, len(marker_names)) for _ in range(2))
+    if table.rows == 0:
+        return mirror, direct
+    row = frame_rows(table, frames, frames_name)
+    target = _targets(table, board, marker_names)
+    index = table.integers("index")
+    pixel = np.stack([table.numbers("u"), table.numbers("v")], axis=1)
+    is_direct = _ways(table)
+
+    count = np.where(target < 0, corners, 1)
+    outside = np.flatnonzero((index < 0) | (index >= count))
+    if len(outside):
+        first = int(outside[0])
+        needed = (
+            f"0 to {corners - 1}: the board has {board.columns} × {board.rows} inner corners"
+            if target[first] < 0 and board is not None
+            else "0 for a marker"
+        )
+        raise SessionError(table.name, f"got {index[first]}, needed {needed}", row=first + 1, column="index")
+    # Board corners and markers on one axis: the corners first, then the markers.
+    slot = np.where(target < 0, index, corners + target)
+    slots = corners + len(marker_names)
+    refuse_twice(table, (row * slots + slot) * 2 + is_direct, "this point of this frame")
+
+    for views, chosen in ((mirror, ~is_direct), (direct, is_direct)):
+        on_board, on_marker = chosen & (target < 0), chosen & (target >= 0)
+        views.board_px[row[on_board], index[on_board]] = pixel[on_board]
+        views.board_seen[row[on_board], index[on_board]] = True
+        views.marker_px[row[on_marker], target[on_marker]] = pixel[on_marker]
+        views.marker_seen[row[on_marker], target[on_marker]] = True
+    return mirror, direct
+
+
+def _targets(table: Table, board: Board | None, marker_names: tuple[str, ...]) -> np.ndarray:
+    """The marker's number of each row, -1 for the board."""
+    codes, names = table.texts("target")
+    numbers = np.zeros(len(names), dtype=np.int64)
+    for code, name in enumerate(names):
+        if name in marker_names:
+            numbers[code] = marker_names.index(name)
+        elif name == RESERVED_TARGET and board is not None:
+            numbers[code] = -1
+        else:
+            fix = (
+                "add a [board] section to session.toml"
+                if name == RESERVED_TARGET
+                else f"valid: {choices(([RESERVED_TARGET] if board else []) + list(marker_names))}"
+            )
+            row = int(np.flatnonzero(codes == code)[0]) + 1
+            raise SessionError(
+                table.name, f"session.toml has no target {name!r}; {fix}", row=row, column="target"
+            )
+    return numbers[codes]
+
+
+def _ways(table: Table) -> np.ndarray:
+    """Whether each row was seen directly."""
+    if "via" not in table.columns:
+        return np.zeros(table.rows, dtype=bool)
+    codes, names = table.texts("via")
+    for code, name in enumerate(names):
+        if name not in (*WAYS, ""):
+            row = int(np.flatnonzero(codes == code)[0]) + 1
+            raise SessionError(table.name, f"got {name!r}, needed {choices(WAYS)}", row=row, column="via")
+    return np.array([name == "direct" for name in names], dtype=bool)[codes]

@@ -1,0 +1,186 @@
+"""A table file, CSV or Parquet, as checked NumPy columns: a bad value is named by file, row and column.
+
+CSV is read as text and converted a whole column at a time, so that the first bad cell can be found and shown as it
+stands in the file without a loop over the good ones.
+"""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.csv
+import pyarrow.parquet
+
+from .errors import SessionError, choices
+
+SUFFIXES = (".csv", ".parquet")
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table as read, with the name that messages give it."""
+
+    name: str
+    columns: dict[str, pa.Array]
+    rows: int
+
+    def require(self, *columns: str) -> None:
+        """Refuses a table that lacks one of these columns."""
+        for column in columns:
+            if column not in self.columns:
+                raise SessionError(
+                    self.name,
+                    f"the column {column!r} is missing; got the columns {choices(self.columns)}; "
+                    f"needed {choices(columns)}",
+                )
+
+    def numbers(self, column: str) -> npt.NDArray[np.float64]:
+        """A column as finite doubles."""
+        values = self._cast(column, pa.float64(), "a finite number")
+        bad = np.flatnonzero(~np.isfinite(values))
+        if len(bad):
+            raise self._bad_cell(column, int(bad[0]), "a finite number")
+        return values
+
+    def integers(self, column: str) -> npt.NDArray[np.int64]:
+        """A column as whole numbers."""
+        return self._cast(column, pa.int64(), "a whole number")
+
+    def texts(self, column: str) -> tuple[npt.NDArray[np.int64], list[str]]:
+        """A column as codes (one a row) and the distinct texts that they stand for, in order of appearance."""
+        array = self._filled(column, "a name")
+        if not pa.types.is_string(array.type) and not pa.types.is_large_string(array.type):
+            try:
+                array = array.cast(pa.string())
+            except (pa.ArrowInvalid, pa.ArrowNotImplementedError):
+                raise SessionError(
+                    self.name, f"got values of type {array.type}, needed names (text)", column=column
+                ) from None
+        encoded = pc.utf8_trim_whitespace(array).dictionary_encode()
+        return encoded.indices.to_numpy(zero_copy_only=False).astype(np.int64), encoded.dictionary.to_pylist()
+
+    def _filled(self, column: str, needed: str) -> pa.Array:
+        array = self.columns[column]
+        if array.null_count:
+            raise self._bad_cell(
+                column, int(np.flatnonzero(array.is_null().to_numpy(zero_copy_only=False))[0]), needed
+            )
+        return array
+
+    def _cast(self, column: str, kind: pa.DataType, needed: str) -> npt.NDArray:
+        array = self._filled(column, needed)
+        if pa.types.is_boolean(array.type) or pa.types.is_temporal(array.type):
+            raise SessionError(self.name, f"got values of type {array.type}, needed {needed}", column=column)
+        for attempt in (array, None):
+            # Cells with blanks around the number are rare: trimmed only where the plain conversion fails.
+            if attempt is None:
+                if not pa.types.is_string(array.type):
+                    break
+                attempt = array = pc.utf8_trim_whitespace(array)
+            try:
+                return attempt.cast(kind).to_numpy(zero_copy_only=False)
+            except (pa.ArrowInvalid, pa.ArrowNotImplementedError):
+                continue
+        raise self._bad_cell(column, self._first_that_fails(array, kind), needed)
+
+    @staticmethod
+    def _first_that_fails(array: pa.Array, kind: pa.DataType) -> int:
+        """The first cell that cannot be converted, by halving: the cells before `low` all can."""
+        low, high = 0, len(array)
+        while high - low > 1:
+            middle = (low + high) // 2
+            try:
+                array.slice(low, middle - low).cast(kind)
+                low = middle
+            except (pa.ArrowInvalid, pa.ArrowNotImplementedError):
+                high = middle
+        return low
+
+    def _bad_cell(self, column: str, row: int, needed: str) -> SessionError:
+        value = self.columns[column][row].as_py()
+        shown = "an empty cell" if value is None or value == "" else repr(value)
+        return SessionError(
+            self.name,
+            f"got {shown}, needed {needed}; mend the cell or leave out the row",
+            row=row + 1,
+            column=column,
+        )
+
+
+def find_table(folder: Path, stem: str) -> Path | None:
+    """The file of a table, `<stem>.csv` or `<stem>.parquet`; None where there is neither; both is refused."""
+    found = [folder / (stem + suffix) for suffix in SUFFIXES if (folder / (stem + suffix)).is_file()]
+    if len(found) > 1:
+        raise SessionError(
+            f"{stem}.csv", f"there is also {stem}.parquet; remove one, it cannot be known which is meant"
+        )
+    return found[0] if found else None
+
+
+def read_table(file: Path) -> Table:
+    """Reads a CSV or Parquet file; refuses one that is no table or names a column twice."""
+    name = file.name
+    try:
+        table = _read_csv(file) if file.suffix == ".csv" else pyarrow.parquet.read_table(file)
+        names = table.column_names
+        table.validate(full=file.suffix != ".csv")
+    except (pa.ArrowException, csv.Error, OSError, UnicodeDecodeError, ValueError) as error:
+        raise SessionError(name, f"cannot be read as a table ({_first_line(error)})") from None
+    twice = next((column for column in names if names.count(column) > 1), None)
+    if twice is not None:
+        raise SessionError(name, f"the column {twice!r} stands there twice; remove or rename one")
+    columns = {}
+    for column, chunked in zip(names, table.columns, strict=True):
+        array = chunked.combine_chunks()
+        if isinstance(array, pa.ChunkedArray):
+            array = pa.concat_arrays(array.chunks) if array.num_chunks else pa.array([], chunked.type)
+        if pa.types.is_dictionary(array.type):
+            array = array.dictionary_decode()
+        columns[column.strip()] = array
+    return Table(name, columns, table.num_rows)
+
+
+def _read_csv(file: Path) -> pa.Table:
+    """Every cell as text; empty cells stay empty text."""
+    with file.open(encoding="utf-8-sig", newline="") as stream:
+        names = next(csv.reader(stream), [])
+    convert = pyarrow.csv.ConvertOptions(
+        column_types=dict.fromkeys(names, pa.string()),
+        strings_can_be_null=False,
+        quoted_strings_can_be_null=False,
+    )
+    try:
+        return pyarrow.csv.read_csv(file, convert_options=convert)
+    except pa.ArrowInvalid:
+        _name_ragged_row(file, convert)
+        raise
+
+
+def _name_ragged_row(file: Path, convert: pyarrow.csv.ConvertOptions) -> None:
+    """Reads once more, row by row, to say which row has the wrong number of cells."""
+
+    def refuse(row: pyarrow.csv.InvalidRow) -> str:
+        # The reader counts the header as row 1; it gives no number when it reads in parallel.
+        place = None if row.number is None else row.number - 1
+        raise SessionError(
+            file.name,
+            f"got {row.actual_columns} cells, needed {row.expected_columns} as in the header; mend the row",
+            row=place,
+        )
+
+    pyarrow.csv.read_csv(
+        file,
+        read_options=pyarrow.csv.ReadOptions(use_threads=False),
+        parse_options=pyarrow.csv.ParseOptions(invalid_row_handler=refuse),
+        convert_options=convert,
+    )
+
+
+def _first_line(error: Exception) -> str:
+    return str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__

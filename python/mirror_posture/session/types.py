@@ -1,0 +1,192 @@
+"""What a session is in memory: frozen dataclasses around NumPy arrays, one row a frame.
+
+Arrays are dense. What was not seen has a mask that is False and holds 0.0: never read a value without its mask.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from .camera_info import CameraInfo
+
+Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+Mask = npt.NDArray[np.bool_]
+
+UNKNOWN_FRAME = "unknown"
+"""The `[points] frame` of a fixed frame whose pose is estimated along with the rest."""
+
+
+@dataclass(frozen=True)
+class ColorRange:
+    """The colour of a ball, as hue, saturation and value."""
+
+    hue_deg: float
+    hue_tolerance_deg: float
+    min_saturation: float
+    min_value: float
+
+
+@dataclass(frozen=True)
+class Marker:
+    """A ball (or an ideal point, `diameter_m` 0) on a link."""
+
+    name: str
+    link: str
+    diameter_m: float = 0.0
+    mount_known: bool = True
+    color: ColorRange | None = None
+
+
+@dataclass(frozen=True)
+class Board:
+    """The board on the robot: `columns × rows` inner corners, origin at the centre, z out of the printed face."""
+
+    link: str
+    columns: int
+    rows: int
+    square_m: float
+    pattern: str = "chessboard"
+    marker_size_m: float | None = None
+    dictionary: str | None = None
+
+    @cached_property
+    def corner_in_board_m(self) -> Floats:
+        """The corners, (columns · rows, 3), m, in the board's frame: index `iy · columns + ix`."""
+        iy, ix = np.divmod(np.arange(self.columns * self.rows), self.columns)
+        x = (ix - (self.columns - 1) / 2) * self.square_m
+        y = (iy - (self.rows - 1) / 2) * self.square_m
+        return np.stack([x, y, np.zeros_like(x)], axis=1)
+
+
+@dataclass(frozen=True)
+class MirrorModel:
+    """What the model assumes of the mirror; a thickness of 0 is a front-surface mirror."""
+
+    glass_thickness_m: float = 0.0
+    refractive_index: float = 1.52
+
+
+@dataclass(frozen=True)
+class Noise:
+    """What is known of the measurement's noise, one axis, standard deviation; None where nothing is known."""
+
+    pixel_std_px: float | None = None
+    point_std_m: float | None = None
+
+
+@dataclass(frozen=True)
+class Frames:
+    """The frames table: one row a captured picture, in the order in which the robot executed them."""
+
+    frame: Integers
+    """(F,), unique, rising."""
+    posture: Integers
+    """(F,): frames that share it have the same commanded body posture, seen from another viewpoint."""
+    joint_names: tuple[str, ...]
+    """The joints with a column, in the table's order; every other joint stays at 0."""
+    commanded: Floats
+    """(F, joints), rad (m for a prismatic joint)."""
+    measured_names: tuple[str, ...] = ()
+    """The joints with an encoder column `measured:<joint>`."""
+    measured: Floats = field(default_factory=lambda: np.zeros((0, 0)))
+    """(F, measured joints), rad (m for a prismatic joint)."""
+    time_s: Floats | None = None
+    """(F,) seconds since the session's start, or None."""
+    image: tuple[str | None, ...] | None = None
+    """Paths of the pictures relative to the folder; None for the whole table or for a frame without one."""
+    ordered: bool = True
+    """False: the rows are not in the order of execution, so no direction of arrival is known."""
+
+    def __len__(self) -> int:
+        return len(self.frame)
+
+
+@dataclass(frozen=True)
+class Views:
+    """Image points of one way of seeing (in the mirror, or directly), px; pixel (0, 0) is the top-left pixel's centre."""
+
+    board_px: Floats
+    """(F, corners, 2)."""
+    board_seen: Mask
+    """(F, corners)."""
+    marker_px: Floats
+    """(F, markers, 2), in the order of `Session.markers`."""
+    marker_seen: Mask
+    """(F, markers)."""
+
+    @classmethod
+    def empty(cls, frames: int, corners: int, markers: int) -> Views:
+        """Views in which nothing is seen."""
+        return cls(
+            np.zeros((frames, corners, 2)),
+            np.zeros((frames, corners), dtype=bool),
+            np.zeros((frames, markers, 2)),
+            np.zeros((frames, markers), dtype=bool),
+        )
+
+    @property
+    def any_seen(self) -> bool:
+        """Whether there is a point at all."""
+        return bool(self.board_seen.any() or self.marker_seen.any())
+
+
+@dataclass(frozen=True)
+class Points:
+    """Marker positions that something else measured."""
+
+    frame_link: str
+    """Link in whose frame the positions are given, or `"unknown"`."""
+    point_m: Floats
+    """(F, markers, 3)."""
+    seen: Mask
+    """(F, markers)."""
+
+
+@dataclass(frozen=True)
+class Session:
+    """A robot model, a camera, and what was seen while the robot held a sequence of postures."""
+
+    folder: Path
+    robot_file: Path
+    """The nominal URDF."""
+    root_link: str
+    gravity_m_per_s2: Floats
+    """(3,), in the root link's frame."""
+    frames: Frames
+    markers: tuple[Marker, ...]
+    mirror_view: Views
+    """What was seen in the mirror."""
+    direct_view: Views
+    """What was seen without it."""
+    camera: CameraInfo | None = None
+    camera_link: str | None = None
+    board: Board | None = None
+    mirror: MirrorModel | None = None
+    noise: Noise = Noise()
+    points: Points | None = None
+    detected: bool = True
+    """False: there is no detections table yet, only pictures."""
+    metadata: Mapping[str, Any] = field(default_factory=dict)
+    """session.toml as it was read, keys that the format does not know included."""
+    warnings: tuple[str, ...] = ()
+    """What is odd and was kept: unknown keys and columns, times that fall."""
+
+    @property
+    def marker_names(self) -> tuple[str, ...]:
+        """Names of the markers, in the order of the arrays' marker axis."""
+        return tuple(marker.name for marker in self.markers)
+
+    @property
+    def image_files(self) -> tuple[Path | None, ...]:
+        """The picture of each frame, or None."""
+        if self.frames.image is None:
+            return (None,) * len(self.frames)
+        return tuple(None if name is None else self.folder / name for name in self.frames.image)
