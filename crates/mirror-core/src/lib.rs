@@ -16,5 +16,6 @@
 pub mod camera;
 mod error;
 pub mod geometry;
+pub mod mirror;
 
 pub use error::{Error, Result};
