@@ -7,3 +7,4 @@ mod camera;
 mod glass;
 mod reflection;
 mod sphere;
+mod robot_kinematics;

@@ -62,6 +62,9 @@ pub enum Error {
         /// Why, and what was needed.
         reason: &'static str,
     },
+    /// A robot model that cannot be used, or a link or joint that it does not have.
+    #[error(transparent)]
+    Robot(#[from] crate::robot::ModelFault),
 }
 
 /// The crate's result.

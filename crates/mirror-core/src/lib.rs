@@ -17,5 +17,6 @@ pub mod camera;
 mod error;
 pub mod geometry;
 pub mod mirror;
+pub mod robot;
 
 pub use error::{Error, Result};

@@ -1,0 +1,24 @@
+//! Robots: URDF to a validated tree; forward kinematics, Jacobians, gravity torques.
+//!
+//! A [`Robot`] never changes; a [`Poses`] is the workspace that holds where its links are at one posture, and is
+//! reused from posture to posture without allocation. Batches run several postures a vector, on all cores.
+//!
+//! Frames are the URDF's: `root_from_link`, `parent_from_joint`. Units: m, rad, kg, N m.
+
+mod chain;
+mod fault;
+mod frame;
+mod jacobian;
+mod model;
+mod poses;
+mod sine;
+mod step;
+mod tidy;
+mod tree;
+mod urdf;
+
+pub use chain::{Chain, ChainStep, Direction};
+pub use fault::ModelFault;
+pub use jacobian::{JointTwist, TwistJacobian};
+pub use model::{Drive, Joint, JointKind, Limits, Link, Mimic, Robot};
+pub use poses::Poses;
