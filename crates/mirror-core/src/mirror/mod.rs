@@ -7,5 +7,5 @@ mod sphere;
 
 pub use curved::Curvature;
 pub use glass::GlassPane;
-pub use optics::{ApparentPoint, MirrorOptics, ReflectedPixel};
+pub use optics::{ApparentPoint, MirrorOptics, SeenPixel};
 pub use sphere::{Sphere, SphereProjection};

@@ -46,7 +46,7 @@ pub struct ApparentPoint {
 
 /// A pixel of a point seen in a mirror, with its Jacobians.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ReflectedPixel {
+pub struct SeenPixel {
     /// (u, v), px.
     pub pixel: Vector2<f64>,
     /// `∂(u, v)/∂p`, px/m.
@@ -121,6 +121,30 @@ impl Axial {
     }
 }
 
+impl Axial {
+    /// The apparent point at a depth, with the chain rule to the point and the plane.
+    #[inline]
+    fn seen_at(&self, depth: &AxialDepth) -> ApparentPoint {
+        let Self { normal: n, distance, height, lateral } = *self;
+        let identity = Matrix3::identity();
+        // dE = E_P dP + E_h dh + E_d dd, with dP = 2 l·dp − 2 h p·dn (l is the lateral offset).
+        let depth_by_point = lateral * (2.0 * depth.by_lateral_squared) + n * depth.by_height;
+        // (I − n nᵀ)/d applied to p, by symmetry ∂h/∂f.
+        let height_by_foot = lateral / distance;
+        let depth_by_foot = height_by_foot * (depth.by_height - 2.0 * height * depth.by_lateral_squared)
+            + n * depth.by_distance;
+        let normal_by_foot = (identity - n * n.transpose()) / distance;
+        ApparentPoint {
+            point: Point3::from(lateral + n * depth.depth),
+            by_point: identity + n * (depth_by_point - n).transpose(),
+            by_foot_point: n * (depth_by_foot - height_by_foot).transpose()
+                + normal_by_foot * (depth.depth - height),
+            by_thickness: Vector3::zeros(),
+            by_curvature: Vector3::zeros(),
+        }
+    }
+}
+
 impl MirrorOptics {
     /// The ideal mirror: flat, silvered in front.
     pub const IDEAL: Self = Self { pane: GlassPane::NONE, curvature: Curvature::FLAT };
@@ -166,30 +190,39 @@ impl MirrorOptics {
         let glass = self.pane.depth_with_derivatives(lateral_squared, at.height, at.distance);
         let curved = self.curvature.depth_with_derivatives(lateral_squared, at.height, at.distance)?;
         // Both share the ideal mirror's depth 2 d − h: count it once.
-        let depth = glass.depth + curved.depth - (2.0 * at.distance - at.height);
-        let by_lateral_squared = glass.by_lateral_squared + curved.by_lateral_squared;
-        let by_height = glass.by_height + curved.by_height + 1.0;
-        let by_distance = glass.by_distance + curved.by_distance - 2.0;
-
-        let Axial { normal: n, distance, height, lateral } = at;
-        let p = point.coords;
-        let identity = Matrix3::identity();
-        // dE = E_P dP + E_h dh + E_d dd, with dP = 2 l·dp − 2 h p·dn (l is the lateral offset).
-        let depth_by_point = lateral * (2.0 * by_lateral_squared) + n * by_height;
-        let by_point = identity + n * (depth_by_point - n).transpose();
-        let normal_by_foot = (identity - n * n.transpose()) / distance;
-        let height_by_foot = normal_by_foot * p;
-        let depth_by_foot =
-            height_by_foot * (by_height - 2.0 * height * by_lateral_squared) + n * by_distance;
-        let by_foot_point =
-            n * (depth_by_foot - height_by_foot).transpose() + normal_by_foot * (depth - height);
+        let depth = AxialDepth {
+            depth: glass.depth + curved.depth - (2.0 * at.distance - at.height),
+            by_lateral_squared: glass.by_lateral_squared + curved.by_lateral_squared,
+            by_height: glass.by_height + curved.by_height + 1.0,
+            by_distance: glass.by_distance + curved.by_distance - 2.0,
+            by_parameter: 0.0,
+        };
         Ok(ApparentPoint {
-            point: Point3::from(lateral + n * depth),
-            by_point,
-            by_foot_point,
-            by_thickness: n * glass.by_parameter,
-            by_curvature: n * curved.by_parameter,
+            by_thickness: at.normal * glass.by_parameter,
+            by_curvature: at.normal * curved.by_parameter,
+            ..at.seen_at(&depth)
         })
+    }
+
+    /// The apparent point with its Jacobians by the point and by the plane alone (the others are 0): the inner loop of
+    /// estimators that hold the mirror's glass and curvature. An ideal mirror costs no more than its reflection.
+    #[inline]
+    pub(crate) fn apparent_point_in_loop(&self, plane: &Plane, point: &Point3<f64>) -> Result<ApparentPoint> {
+        let at = Axial::new(plane, point)?;
+        if self.curvature.per_m() != 0.0 {
+            return self.apparent_point_with_jacobians(plane, point);
+        }
+        let depth = if self.pane.thickness_m() == 0.0 {
+            AxialDepth {
+                depth: 2.0 * at.distance - at.height,
+                by_height: -1.0,
+                by_distance: 2.0,
+                ..AxialDepth::default()
+            }
+        } else {
+            self.pane.depth_with_derivatives(at.lateral.norm_squared(), at.height, at.distance)
+        };
+        Ok(at.seen_at(&depth))
     }
 
     /// The pixel of a point (camera frame, m) seen in the mirror, px.
@@ -209,10 +242,10 @@ impl MirrorOptics {
         camera: &Camera,
         plane: &Plane,
         point: &Point3<f64>,
-    ) -> Result<ReflectedPixel> {
+    ) -> Result<SeenPixel> {
         let seen = self.apparent_point_with_jacobians(plane, point)?;
         let (pixel, by) = camera.project_with_point_jacobian(&seen.point)?;
-        Ok(ReflectedPixel {
+        Ok(SeenPixel {
             pixel,
             by_point: by * seen.by_point,
             by_foot_point: by * seen.by_foot_point,
