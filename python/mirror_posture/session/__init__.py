@@ -15,6 +15,7 @@ from .types import (
     Session,
     Views,
 )
+from .write import write_detections, write_session
 
 __all__ = [
     "UNKNOWN_FRAME",
@@ -32,4 +33,6 @@ __all__ = [
     "dump_camera_info",
     "load_camera_info",
     "load_session",
+    "write_detections",
+    "write_session",
 ]

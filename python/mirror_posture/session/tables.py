@@ -165,21 +165,27 @@ def _read_csv(file: Path) -> pa.Table:
 def _name_ragged_row(file: Path, convert: pyarrow.csv.ConvertOptions) -> None:
     """Reads once more, row by row, to say which row has the wrong number of cells."""
 
-    def refuse(row: pyarrow.csv.InvalidRow) -> str:
-        # The reader counts the header as row 1; it gives no number when it reads in parallel.
-        place = None if row.number is None else row.number - 1
-        raise SessionError(
-            file.name,
-            f"got {row.actual_columns} cells, needed {row.expected_columns} as in the header; mend the row",
-            row=place,
-        )
+    ragged: list[pyarrow.csv.InvalidRow] = []
+
+    def remember(row: pyarrow.csv.InvalidRow) -> str:
+        # An exception raised here would not get through the reader.
+        ragged.append(row)
+        return "skip"
 
     pyarrow.csv.read_csv(
         file,
         read_options=pyarrow.csv.ReadOptions(use_threads=False),
-        parse_options=pyarrow.csv.ParseOptions(invalid_row_handler=refuse),
+        parse_options=pyarrow.csv.ParseOptions(invalid_row_handler=remember),
         convert_options=convert,
     )
+    if ragged:
+        row = ragged[0]
+        raise SessionError(
+            file.name,
+            f"got {row.actual_columns} cells, needed {row.expected_columns} as in the header; mend the row",
+            # The reader counts the header as row 1.
+            row=row.number - 1,
+        )
 
 
 def _first_line(error: Exception) -> str:

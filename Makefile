@@ -1,0 +1,64 @@
+# Everything a person or the CI runs. Needs Rust, Python 3.10 or later with venv, a C compiler and make; nothing else.
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+OUT ?= out
+# The build that `cargo test` makes (optimised, see Cargo.toml) is the one that the wheel shares its crates with.
+PROFILE ?= dev
+WHEELS := target/wheels
+
+SOURCES := $(shell find crates python -name '*.rs' -o -name '*.py' -o -name '*.pyi' -o -name '*.toml' -o -name '*.urdf') \
+  Cargo.toml Cargo.lock pyproject.toml README.md
+
+.PHONY: help demo test test-rust test-python lint wheel bench clean
+
+help: ## this list
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
+
+demo: $(VENV)/installed ## render the embedded robot before a mirror, detect, measure, report, all into ./out
+	$(BIN)/mirror-posture demo --out $(OUT)
+
+test: lint test-rust test-python ## all tests, as the CI runs them
+
+test-rust: ## the core's tests; needs no Python
+	cargo test --locked -q
+
+test-python: $(VENV)/installed-for-tests ## build and install the wheel, test it
+	$(BIN)/python -m pytest -q -n 2
+
+lint: $(VENV)/installed-for-tests ## formatting and lints, Rust and Python
+	cargo fmt --all --check
+	cargo clippy --locked -q --workspace --all-targets -- -D warnings
+	$(BIN)/ruff format --check python tests/python benches
+	$(BIN)/ruff check python tests/python benches
+
+wheel: $(VENV)/tools ## the wheel that is given away: fully optimised, for Python 3.10 and later
+	$(BIN)/maturin build --release --locked --out dist
+
+bench: ## throughput of the core; benches/README.md says what was measured
+	cargo bench --locked
+
+clean: ## remove what was built; the cargo cache stays
+	rm -rf $(VENV) $(WHEELS) $(OUT) dist
+
+$(VENV)/tools: pyproject.toml
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install -q --disable-pip-version-check "maturin>=1.9,<2"
+	touch $@
+
+$(VENV)/wheel: $(VENV)/tools $(SOURCES)
+	rm -rf $(WHEELS)
+	$(BIN)/maturin build -q --profile $(PROFILE) --locked --out $(WHEELS)
+	touch $@
+
+# Installed as a user installs it, with its dependencies; the sources are not on the path. The second command
+# replaces an older wheel of the same version.
+$(VENV)/installed: $(VENV)/wheel
+	$(BIN)/python -m pip install -q --disable-pip-version-check $(WHEELS)/*.whl
+	$(BIN)/python -m pip install -q --disable-pip-version-check --no-deps --force-reinstall $(WHEELS)/*.whl
+	touch $@
+
+$(VENV)/installed-for-tests: $(VENV)/installed
+	$(BIN)/python -m pip install -q --disable-pip-version-check "$$(ls $(WHEELS)/*.whl)[test]"
+	touch $@

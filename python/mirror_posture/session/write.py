@@ -1,0 +1,253 @@
+"""A session written as a folder: all of it or nothing."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from collections.abc import Callable
+from copy import deepcopy
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv
+import pyarrow.parquet
+import tomli_w
+
+from .camera_info import dump_camera_info
+from .errors import SessionError
+from .frames import MEASURED
+from .metadata import FILE, FORMAT, RESERVED_TARGET, VERSION
+from .tables import SUFFIXES
+from .types import Marker, Session, Views
+
+TableFormat = Literal["csv", "parquet"]
+
+
+def write_session(
+    session: Session,
+    folder: str | os.PathLike[str],
+    *,
+    tables: TableFormat = "csv",
+    overwrite: bool = False,
+) -> Path:
+    """Writes a session as a folder that `load_session` reads back to the same arrays, bit for bit.
+
+    It is written beside its place and then renamed, so that a folder that is there is whole. Pictures are copied,
+    keys of session.toml that the format does not know are kept. Returns the folder.
+
+    Raises `SessionError` if the folder is there already and `overwrite` is False.
+    """
+    folder = Path(folder)
+
+    def fill(target: Path) -> None:
+        _write_files(session, target, tables)
+
+    _replace_folder(folder, fill, overwrite)
+    return folder
+
+
+def write_detections(session: Session, file: str | os.PathLike[str]) -> Path:
+    """Writes the detections table of a session alone, as CSV or Parquet by its name, in one step."""
+    file = Path(file)
+    if file.suffix not in SUFFIXES:
+        raise SessionError(file, f"got the ending {file.suffix!r}, needed one of {', '.join(SUFFIXES)}")
+    handle, name = tempfile.mkstemp(dir=file.parent, prefix=f".{file.stem}-", suffix=file.suffix)
+    os.close(handle)
+    try:
+        write_table(detections_table(session), Path(name))
+        os.chmod(name, 0o666 & ~_umask())
+        os.replace(name, file)
+    except BaseException:
+        os.unlink(name)
+        raise
+    return file
+
+
+def write_table(table: pa.Table, file: Path) -> None:
+    """Writes a table as CSV or Parquet by the file's name; numbers keep all their digits."""
+    if file.suffix == ".parquet":
+        pyarrow.parquet.write_table(table, file)
+    else:
+        pyarrow.csv.write_csv(
+            table, file, pyarrow.csv.WriteOptions(quoting_style="needed", quoting_header="needed")
+        )
+
+
+def frames_table(session: Session) -> pa.Table:
+    """The frames table with the columns of the format."""
+    frames = session.frames
+    columns: dict[str, Any] = {"frame": frames.frame, "posture": frames.posture}
+    if frames.time_s is not None:
+        columns["time_s"] = frames.time_s
+    if frames.image is not None:
+        columns["image"] = pa.array([name or "" for name in frames.image], pa.string())
+    columns |= {name: frames.commanded[:, i] for i, name in enumerate(frames.joint_names)}
+    columns |= {MEASURED + name: frames.measured[:, i] for i, name in enumerate(frames.measured_names)}
+    return pa.table(columns)
+
+
+def detections_table(session: Session) -> pa.Table:
+    """The detections table; the column `via` stands there only where something was seen directly."""
+    names = np.array([RESERVED_TARGET, *session.marker_names])
+    parts = [_rows_of(view) for view in (session.mirror_view, session.direct_view)]
+    way = np.repeat([0, 1], [len(part[0]) for part in parts])
+    row, target, index, pixel = (np.concatenate(both) for both in zip(*parts, strict=True))
+    order = np.lexsort((index, target, way, row))
+    row, target, index, pixel, way = (array[order] for array in (row, target, index, pixel, way))
+    columns: dict[str, Any] = {
+        "frame": session.frames.frame[row],
+        "target": pa.array(names).take(pa.array(target)),
+        "index": index,
+        "u": pixel[:, 0],
+        "v": pixel[:, 1],
+    }
+    if session.direct_view.any_seen:
+        columns["via"] = pa.array(["mirror", "direct"]).take(pa.array(way))
+    return pa.table(columns)
+
+
+def _rows_of(view: Views) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Frame row, target (0 the board, 1 + marker), index and pixel of everything seen."""
+    board_row, corner = np.nonzero(view.board_seen)
+    marker_row, marker = np.nonzero(view.marker_seen)
+    return (
+        np.concatenate([board_row, marker_row]),
+        np.concatenate([np.zeros_like(corner), marker + 1]),
+        np.concatenate([corner, np.zeros_like(marker)]),
+        np.concatenate([view.board_px[view.board_seen], view.marker_px[view.marker_seen]]),
+    )
+
+
+def points_table(session: Session) -> pa.Table:
+    """The points table with the columns of the format."""
+    points = session.points
+    if points is None:
+        raise SessionError(session.folder, "has no measured points to write")
+    row, marker = np.nonzero(points.seen)
+    xyz = points.point_m[points.seen]
+    return pa.table(
+        {
+            "frame": session.frames.frame[row],
+            "marker": pa.array([session.marker_names[m] for m in marker], pa.string()),
+            **{axis: xyz[:, i] for i, axis in enumerate("xyz")},
+        }
+    )
+
+
+def metadata_tree(session: Session) -> dict[str, Any]:
+    """session.toml of a session: what was read, with the session's own values over it."""
+    raw = deepcopy(dict(session.metadata))
+    tree: dict[str, Any] = {"format": FORMAT, "version": VERSION, "robot": "robot.urdf"}
+    if session.camera is not None:
+        tree["camera"] = "camera.yaml"
+    tree["root"] = session.root_link
+    tree["gravity"] = [float(g) for g in session.gravity_m_per_s2]
+
+    def put(key: str, values: dict[str, Any] | None) -> None:
+        """A section with the session's values; None removes it."""
+        if values is not None:
+            kept = raw.get(key) if isinstance(raw.get(key), dict) else {}
+            tree[key] = {**kept, **{name: value for name, value in values.items() if value is not None}}
+
+    put("camera_mount", None if session.camera_link is None else {"link": session.camera_link})
+    board = session.board
+    put(
+        "board",
+        None
+        if board is None
+        else {
+            "link": board.link,
+            "corners": [board.columns, board.rows],
+            "square": board.square_m,
+            "pattern": board.pattern,
+            "marker_size": board.marker_size_m,
+            "dictionary": board.dictionary,
+        },
+    )
+    if session.markers:
+        raw_markers = {entry.get("name"): entry for entry in raw.get("markers", [])}
+        tree["markers"] = [raw_markers.get(m.name, {}) | _marker_tree(m) for m in session.markers]
+    mirror = session.mirror
+    put(
+        "mirror",
+        None
+        if mirror is None
+        else {"glass_thickness": mirror.glass_thickness_m, "refractive_index": mirror.refractive_index},
+    )
+    noise = {"pixel_std": session.noise.pixel_std_px, "point_std": session.noise.point_std_m}
+    put("noise", noise if "noise" in raw or any(value is not None for value in noise.values()) else None)
+    put("points", None if session.points is None else {"frame": session.points.frame_link})
+    if "frames" in raw or not session.frames.ordered:
+        put("frames", {"ordered": session.frames.ordered})
+    known = {"camera", "camera_mount", "board", "markers", "mirror", "noise", "points", "frames"}
+    tree |= {key: value for key, value in raw.items() if key not in tree and key not in known}
+    return tree
+
+
+def _marker_tree(marker: Marker) -> dict[str, Any]:
+    tree: dict[str, Any] = {
+        "name": marker.name,
+        "link": marker.link,
+        "diameter": marker.diameter_m,
+        "mount": "known" if marker.mount_known else "unknown",
+    }
+    if marker.color is not None:
+        tree["color"] = {
+            "hue": marker.color.hue_deg,
+            "hue_tolerance": marker.color.hue_tolerance_deg,
+            "min_saturation": marker.color.min_saturation,
+            "min_value": marker.color.min_value,
+        }
+    return tree
+
+
+def _write_files(session: Session, target: Path, tables: TableFormat) -> None:
+    (target / FILE).write_text(tomli_w.dumps(metadata_tree(session)), encoding="utf-8")
+    shutil.copyfile(session.robot_file, target / "robot.urdf")
+    if session.camera is not None:
+        (target / "camera.yaml").write_text(dump_camera_info(session.camera), encoding="utf-8")
+    write_table(frames_table(session), target / f"frames.{tables}")
+    if session.detected and (session.camera is not None):
+        write_table(detections_table(session), target / f"detections.{tables}")
+    if session.points is not None:
+        write_table(points_table(session), target / f"points.{tables}")
+    for name, picture in zip(session.frames.image or (), session.image_files, strict=False):
+        if name is not None and picture is not None and picture.is_file():
+            (target / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(picture, target / name)
+
+
+def _replace_folder(folder: Path, fill: Callable[[Path], None], overwrite: bool) -> None:
+    """Fills a folder beside its place, then renames it there; on any error the place is as it was."""
+    if folder.exists() and not overwrite:
+        raise SessionError(folder, "is there already; give another folder, or ask to overwrite it")
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    # Beside its place: a rename is one step only within one file system.
+    new = Path(tempfile.mkdtemp(dir=folder.parent, prefix=f".{folder.name}-"))
+    try:
+        fill(new)
+        os.chmod(new, 0o777 & ~_umask())
+        if folder.exists():
+            old = Path(tempfile.mkdtemp(dir=folder.parent, prefix=f".{folder.name}-old-"))
+            os.replace(folder, old)
+            try:
+                os.replace(new, folder)
+            except BaseException:
+                os.replace(old, folder)
+                raise
+            shutil.rmtree(old)
+        else:
+            os.replace(new, folder)
+    except BaseException:
+        shutil.rmtree(new, ignore_errors=True)
+        raise
+
+
+def _umask() -> int:
+    """The process's mask of permissions; temporary files start without any for others."""
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask

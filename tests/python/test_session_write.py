@@ -1,0 +1,116 @@
+"""Writing a session: what is read back is what was written, bit for bit, and a failure leaves the place as it was."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as npst
+
+from mirror_posture import SessionError, load_session
+from mirror_posture.session import Session, Views, write_detections, write_session
+from session_folder import DATA, write_folder
+
+
+def assert_same(a: Session, b: Session) -> None:
+    for part in ("frames", "mirror_view", "direct_view", "points"):
+        one, other = getattr(a, part), getattr(b, part)
+        assert (one is None) == (other is None), part
+        for field in dataclasses.fields(one) if one is not None else ():
+            x, y = getattr(one, field.name), getattr(other, field.name)
+            if isinstance(x, np.ndarray):
+                np.testing.assert_array_equal(x, y, err_msg=f"{part}.{field.name}")
+            else:
+                assert x == y, f"{part}.{field.name}"
+    for name in ("root_link", "camera", "camera_link", "board", "markers", "mirror", "noise", "detected"):
+        assert getattr(a, name) == getattr(b, name), name
+    np.testing.assert_array_equal(a.gravity_m_per_s2, b.gravity_m_per_s2)
+    assert a.robot_file.read_bytes() == b.robot_file.read_bytes()
+
+
+pixels = st.floats(-1e6, 1e6, allow_nan=False)
+joints = st.floats(-1.9, 1.9, allow_nan=False)
+
+
+@st.composite
+def views(draw: st.DrawFn, template: Views) -> Views:
+    """Any views of the template's sizes; what is not seen holds 0, as it does when it is read."""
+    board_seen = draw(npst.arrays(bool, template.board_seen.shape))
+    marker_seen = draw(npst.arrays(bool, template.marker_seen.shape))
+    board = draw(npst.arrays(float, template.board_px.shape, elements=pixels))
+    marker = draw(npst.arrays(float, template.marker_px.shape, elements=pixels))
+    return Views(board * board_seen[..., None], board_seen, marker * marker_seen[..., None], marker_seen)
+
+
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data(), tables=st.sampled_from(["csv", "parquet"]))
+def test_round_trip(tmp_path: Path, data: st.DataObject, tables: str) -> None:
+    session = load_session(write_folder(tmp_path / "in"))
+    frames = dataclasses.replace(
+        session.frames,
+        frame=np.cumsum(data.draw(npst.arrays(np.int64, 3, elements=st.integers(1, 1000)))),
+        commanded=data.draw(npst.arrays(float, (3, 2), elements=joints)),
+        time_s=data.draw(st.none() | st.just(np.array([0.0, 1 / 3, 2e9 / 7]))),
+        ordered=data.draw(st.booleans()),
+    )
+    session = dataclasses.replace(
+        session,
+        frames=frames,
+        mirror_view=data.draw(views(session.mirror_view)),
+        direct_view=data.draw(views(session.direct_view)),
+    )
+    write_session(session, tmp_path / "out", tables=tables, overwrite=True)
+    assert_same(load_session(tmp_path / "out"), session)
+
+
+def test_keys_that_the_format_does_not_know_survive(tmp_path: Path) -> None:
+    from session_folder import SESSION
+
+    text = SESSION + '\n[operator]\nname = "Zoë \\u0007"\nwhen = 2024-05-01T10:00:00Z\n'
+    session = load_session(write_folder(tmp_path / "in", session=text))
+    write_session(session, tmp_path / "out")
+    assert load_session(tmp_path / "out").metadata["operator"] == session.metadata["operator"]
+
+
+def test_refuses_to_write_over_a_folder(tmp_path: Path) -> None:
+    session = load_session(write_folder(tmp_path / "in"))
+    with pytest.raises(SessionError, match="is there already"):
+        write_session(session, tmp_path / "in")
+
+
+def test_a_failure_leaves_the_place_as_it_was(tmp_path: Path) -> None:
+    folder = write_folder(tmp_path / "in")
+    session = load_session(folder)
+    session.robot_file.unlink()
+    before = sorted(path.name for path in folder.iterdir())
+    with pytest.raises(FileNotFoundError):
+        write_session(session, folder, overwrite=True)
+    assert sorted(path.name for path in folder.iterdir()) == before
+    assert [path.name for path in tmp_path.iterdir()] == ["in"]
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet"])
+def test_detections_alone_replace_the_table(tmp_path: Path, ending: str) -> None:
+    folder = write_folder(tmp_path / "in")
+    session = load_session(folder)
+    (folder / "detections.csv").unlink()
+    write_detections(session, folder / f"detections.{ending}")
+    assert_same(load_session(folder), session)
+    assert not [path for path in folder.iterdir() if path.name.startswith(".")]
+
+
+def test_refuses_a_table_of_another_kind(tmp_path: Path) -> None:
+    session = load_session(write_folder(tmp_path))
+    with pytest.raises(SessionError, match=r"'\.xls'"):
+        write_detections(session, tmp_path / "detections.xls")
+
+
+@pytest.mark.skipif(not (DATA / "sessions").is_dir(), reason=f"the data is not there: {DATA}")
+def test_a_stored_session_survives(tmp_path: Path) -> None:
+    session = load_session(DATA / "sessions" / "dev-005")
+    write_session(session, tmp_path / "out")
+    assert_same(load_session(tmp_path / "out"), session)
