@@ -5,6 +5,8 @@
 
 mod camera;
 mod glass;
+mod mirror;
 mod reflection;
-mod sphere;
 mod robot_kinematics;
+mod sphere;
+mod traced;

@@ -65,6 +65,96 @@ pub enum Error {
     /// A robot model that cannot be used, or a link or joint that it does not have.
     #[error(transparent)]
     Robot(#[from] crate::robot::ModelFault),
+    /// A corner index that the board does not have.
+    #[error("board corner {index}: needed 0 to {} on a board of {nx}×{ny} inner corners", nx * ny - 1)]
+    CornerOutsideBoard {
+        /// The index that was got.
+        index: usize,
+        /// Inner corners along x.
+        nx: usize,
+        /// Inner corners along y.
+        ny: usize,
+    },
+    /// A corner that was given twice.
+    #[error("board corner {index}: given twice in one view, needed each corner at most once")]
+    CornerTwice {
+        /// The index that was got.
+        index: usize,
+    },
+    /// Corners that do not determine a pose.
+    #[error("board corners: got {got} {arrangement}, needed at least 4, no three of them on one line")]
+    CornersDegenerate {
+        /// How many corners.
+        got: usize,
+        /// How they lie.
+        arrangement: &'static str,
+    },
+    /// An iteration that did not settle.
+    #[error("{what}: not settled after {steps} steps (last step {last_step:e}, needed at most {needed:e})")]
+    NotConverged {
+        /// What was sought.
+        what: &'static str,
+        /// Steps taken.
+        steps: usize,
+        /// Size of the last step, in the units of the stopping rule.
+        last_step: f64,
+        /// The stopping rule.
+        needed: f64,
+    },
+    /// An information matrix that cannot be inverted: the data do not determine the unknowns.
+    #[error("{what}: the data do not determine it (its information matrix is singular)")]
+    Undetermined {
+        /// What was sought.
+        what: &'static str,
+    },
+    /// A name that is not one of the valid ones.
+    #[error("{what} \"{got}\": needed one of {valid}")]
+    UnknownName {
+        /// What is named.
+        what: &'static str,
+        /// The name that was got.
+        got: String,
+        /// The valid names.
+        valid: String,
+    },
+    /// A mirror that the camera and the board do not both stand before.
+    #[error(
+        "mirror: got it {offset_m:.4} m before the camera and {board_m:.4} m before the board, needed both above 0; \
+         check the corner labels and the camera-board transform"
+    )]
+    MirrorBehind {
+        /// Distance of the mirror from the camera along the normal, m.
+        offset_m: f64,
+        /// Distance of the mirror from the board's centre along the normal, m.
+        board_m: f64,
+    },
+    /// Rays too close to parallel to meet in a point.
+    #[error(
+        "parallax: got {:.3}° between the widest pair of rays, needed at least {:.3}°; take views that differ more",
+        got_rad.to_degrees(), needed_rad.to_degrees()
+    )]
+    TooLittleParallax {
+        /// The widest angle between two of the rays, rad.
+        got_rad: f64,
+        /// The least angle that is accepted, rad.
+        needed_rad: f64,
+    },
+    /// A triangulated point that lies where no real marker can be seen in this mirror.
+    #[error(
+        "view {view}: the point ({x:.4}, {y:.4}, {z:.4}) m lies {place}; a pixel or a mirror plane is wrong"
+    )]
+    WrongSide {
+        /// Which view, from 0.
+        view: usize,
+        /// x, m.
+        x: f64,
+        /// y, m.
+        y: f64,
+        /// z, m.
+        z: f64,
+        /// Where it lies.
+        place: &'static str,
+    },
 }
 
 /// The crate's result.

@@ -7,6 +7,8 @@
 //! | --- | --- |
 //! | [`geometry`] | planes, reflections, rays, rotations |
 //! | [`camera`] | pinhole camera with lens distortion: project and unproject, with Jacobians |
+//! | [`mirror`] | the board and its pose, the ladder of mirror estimators, the virtual camera |
+//! | [`triangulate`] | virtual rays to points, with covariance |
 //! | [`robot`] | URDF to a validated tree; kinematics, Jacobians, gravity torques |
 //!
 //! Conventions (tested, and told in full in `docs/conventions.md`): `a_from_b` maps coordinates in frame b to
@@ -18,5 +20,6 @@ mod error;
 pub mod geometry;
 pub mod mirror;
 pub mod robot;
+pub mod triangulate;
 
 pub use error::{Error, Result};

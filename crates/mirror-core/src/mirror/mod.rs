@@ -1,11 +1,38 @@
-//! Mirrors: the forward optics of what a camera sees in one, and the estimators of where it stands.
+//! The mirror: its forward optics, the board and its pose, the ladder of mirror estimators behind one interface, the
+//! virtual camera.
+//!
+//! A mirror is a [`crate::geometry::Plane`] in the camera frame with its normal away from the camera; its three
+//! parameters are the foot point `f = d n` (m), its covariance is 3×3 in m².
 
+mod board;
+mod corner_fit;
 mod curved;
+mod estimate;
 mod glass;
+mod ideal;
+mod least_squares;
+mod likelihood;
+mod loss;
 mod optics;
+mod options;
+mod planar;
+mod planar_start;
+mod point_pair;
+mod pose_map;
 mod sphere;
+mod virtual_camera;
 
+pub use board::{Board, BoardView, DetectedCorner, FEWEST_CORNERS, SeenCorner};
 pub use curved::Curvature;
+pub use estimate::{MirrorEstimate, MirrorEstimator, Rig};
 pub use glass::GlassPane;
+pub use ideal::{IdealPixel, IdealReflection, ideal_pixel, reflect_point};
+pub use loss::Loss;
 pub use optics::{ApparentPoint, MirrorOptics, SeenPixel};
+pub use options::EstimatorOptions;
+pub use planar::{AlternativePose, PlanarPose, planar_pose};
+pub use point_pair::{PointPairPlane, point_pair_plane};
 pub use sphere::{Sphere, SphereProjection};
+pub use virtual_camera::{
+    ImproperEstimate, RayJacobians, VirtualCamera, VirtualRay, virtual_ray, virtual_ray_with_jacobians,
+};

@@ -1,0 +1,155 @@
+//! One fit of a few parameters to a view's corners: shared by the planar pose and the maximum-likelihood plane.
+
+use super::board::SeenCorner;
+use super::least_squares::{Normal, inverse_information, minimise};
+use super::loss::Loss;
+use super::options::EstimatorOptions;
+use crate::error::Result;
+use nalgebra::{Const, DimMin, SMatrix, SVector, Vector2};
+
+/// Median of the length of a two-dimensional standard normal vector, `√(2 ln 2)`.
+const RAYLEIGH_MEDIAN: f64 = 1.177_410_022_515_474_7;
+/// A residual scale below this (px) is rounding, not noise.
+const SMALLEST_NOISE_PX: f64 = 1e-9;
+/// Rounds of "scale from the median, then refit" where a robust loss has no noise given.
+const SCALE_ROUNDS: usize = 3;
+
+/// A predicted pixel and its Jacobian with respect to the P parameters.
+pub(crate) struct Predicted<const P: usize> {
+    pub pixel: Vector2<f64>,
+    pub jacobian: SMatrix<f64, 2, P>,
+}
+
+/// The fitted state with the statistics of its residual.
+pub(crate) struct CornerFit<const P: usize, S> {
+    pub state: S,
+    pub covariance: SMatrix<f64, P, P>,
+    /// Root mean square of the residual's length over the corners (both axes together), px.
+    pub rms_px: f64,
+    /// Standard deviation of one axis that the covariance used, px.
+    pub noise_px: f64,
+}
+
+/// What is fitted: a state, its prediction of a corner, and how a tangent moves it.
+pub(crate) trait CornerModel<const P: usize> {
+    type State: Clone;
+    const WHAT: &'static str;
+    fn predict(&self, state: &Self::State, corner: &SeenCorner) -> Result<Predicted<P>>;
+    fn moved(&self, state: &Self::State, step: &SVector<f64, P>) -> Result<Self::State>;
+}
+
+fn accumulate<const P: usize, M: CornerModel<P>>(
+    model: &M,
+    corners: &[SeenCorner],
+    state: &M::State,
+    loss: Loss,
+    noise_px: f64,
+) -> Result<Normal<P>> {
+    let mut normal = Normal::zero();
+    for corner in corners {
+        let predicted = model.predict(state, corner)?;
+        let residual = predicted.pixel - corner.pixel;
+        let weighed = loss.weigh(residual.norm_squared(), noise_px);
+        normal.cost += weighed.cost;
+        let (a, b) = (predicted.jacobian.row(0), predicted.jacobian.row(1));
+        let (ra, rb) = (residual.x * weighed.weight, residual.y * weighed.weight);
+        for i in 0..P {
+            normal.gradient[i] += a[i] * ra + b[i] * rb;
+            let (wa, wb) = (weighed.weight * a[i], weighed.weight * b[i]);
+            for j in i..P {
+                normal.information[(i, j)] += wa * a[j] + wb * b[j];
+            }
+        }
+    }
+    for i in 0..P {
+        for j in 0..i {
+            normal.information[(i, j)] = normal.information[(j, i)];
+        }
+    }
+    Ok(normal)
+}
+
+fn median_noise<const P: usize, M: CornerModel<P>>(
+    model: &M,
+    corners: &[SeenCorner],
+    state: &M::State,
+) -> Result<f64> {
+    let mut lengths = Vec::with_capacity(corners.len());
+    for corner in corners {
+        lengths.push((model.predict(state, corner)?.pixel - corner.pixel).norm());
+    }
+    lengths.sort_by(f64::total_cmp);
+    // Parameters soak up part of the noise: the usual correction for degrees of freedom.
+    let seen = 2.0 * corners.len() as f64;
+    let left = (seen - P as f64).max(1.0);
+    Ok((lengths[lengths.len() / 2] / RAYLEIGH_MEDIAN * (seen / left).sqrt()).max(SMALLEST_NOISE_PX))
+}
+
+/// Fits without the covariance: where only the state is wanted.
+pub(crate) fn fit_state<const P: usize, M: CornerModel<P>>(
+    model: &M,
+    corners: &[SeenCorner],
+    start: M::State,
+    options: &EstimatorOptions,
+) -> Result<(M::State, f64)>
+where
+    Const<P>: DimMin<Const<P>, Output = Const<P>>,
+{
+    let run = |start: M::State, loss: Loss, noise_px: f64| {
+        minimise(
+            M::WHAT,
+            start,
+            options.stop(),
+            |s| accumulate(model, corners, s, loss, noise_px),
+            |s, step| model.moved(s, step),
+        )
+    };
+    match (options.loss, options.noise_px) {
+        (Loss::Squared, _) => {
+            let minimum = run(start, Loss::Squared, 1.0)?;
+            let left = (2.0 * corners.len() as f64 - P as f64).max(1.0);
+            let noise = options.noise_px.unwrap_or((minimum.cost / left).sqrt());
+            Ok((minimum.state, noise.max(SMALLEST_NOISE_PX)))
+        }
+        (loss, Some(noise_px)) => Ok((run(start, loss, noise_px)?.state, noise_px)),
+        (loss, None) => {
+            let mut state = start;
+            let mut noise_px = median_noise(model, corners, &state)?;
+            for _ in 0..SCALE_ROUNDS {
+                state = run(state, loss, noise_px)?.state;
+                noise_px = median_noise(model, corners, &state)?;
+            }
+            Ok((state, noise_px))
+        }
+    }
+}
+
+/// Fits, then takes the covariance: `σ² (Σ JᵀJ)⁻¹`, for a robust loss times `E[ψ²]/E[ψ′]²` (Huber 1981).
+pub(crate) fn fit<const P: usize, M: CornerModel<P>>(
+    model: &M,
+    corners: &[SeenCorner],
+    start: M::State,
+    options: &EstimatorOptions,
+) -> Result<CornerFit<P, M::State>>
+where
+    Const<P>: DimMin<Const<P>, Output = Const<P>>,
+{
+    let (state, noise_px) = fit_state(model, corners, start, options)?;
+    let normal = accumulate(model, corners, &state, Loss::Squared, noise_px)?;
+    let rms_px = (normal.cost / corners.len() as f64).sqrt();
+    let mut variance = noise_px * noise_px;
+    if options.loss != Loss::Squared {
+        let (mut squares, mut slopes) = (0.0, 0.0);
+        for corner in corners {
+            let squared = (model.predict(&state, corner)?.pixel - corner.pixel).norm_squared();
+            let weighed = options.loss.weigh(squared, noise_px);
+            squares += 0.5 * weighed.weight * weighed.weight * squared;
+            slopes += weighed.slope;
+        }
+        let count = corners.len() as f64;
+        let left = (count - 0.5 * P as f64).max(0.5);
+        variance = (squares / left) / (slopes / count).powi(2);
+    }
+    let covariance = inverse_information(M::WHAT, &normal.information)? * variance;
+    Ok(CornerFit { state, covariance, rms_px, noise_px })
+}

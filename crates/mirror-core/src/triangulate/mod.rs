@@ -1,0 +1,1 @@
+//! Virtual rays to points, with covariance.
