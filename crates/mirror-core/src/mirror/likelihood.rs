@@ -3,9 +3,9 @@
 use super::board::{BoardView, SeenCorner};
 use super::corner_fit::{CornerModel, Predicted, fit};
 use super::estimate::{Found, MirrorEstimate, MirrorEstimator, Rig, before_both};
+use super::ideal::ideal_pixel;
 use super::options::EstimatorOptions;
 use super::planar_start::closed_form_poses;
-use super::ideal::ideal_pixel;
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::geometry::Plane;
