@@ -1,0 +1,5 @@
+"""The one exception of the blind check."""
+
+
+class BlindError(ValueError):
+    """A blind check cannot be made, run or scored; the message names the file or the option and the fix."""

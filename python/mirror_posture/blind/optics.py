@@ -1,0 +1,178 @@
+"""The true light path: camera, mirror (flat, behind glass, or curved), board corners and the outlines of balls.
+
+Nothing is linearised and no virtual-camera formula is used: a pane is traced by Snell's law, shooting for the ray that
+arrives; a curved mirror by Fermat's principle, searching the shortest path over its surface. A ball's image is the
+centroid of its traced outline. Points (N, 3) m in the true camera's optical frame.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+OUTLINE_POINTS = 24
+NEWTON_STEPS = 30
+
+
+@dataclass
+class Lens:
+    """A real lens: focal lengths and centre in px, distortion k1, k2, p1, p2, k3, and a shear of the rows."""
+
+    focal_px: Array
+    center_px: Array
+    distortion: Array
+    size_px: tuple[int, int]
+    shear: float = 0.0
+
+    def image(self, direction: Array, focal_factor: Array | float = 1.0) -> Array:
+        """Pixels (…, 2) of light that comes from `direction` (…, 3); NaN behind the camera."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            x, y = direction[..., 0] / direction[..., 2], direction[..., 1] / direction[..., 2]
+        x, y = np.where(direction[..., 2] > 0, x, np.nan), np.where(direction[..., 2] > 0, y, np.nan)
+        k1, k2, p1, p2, k3 = self.distortion
+        s = x * x + y * y
+        radial = 1 + s * (k1 + s * (k2 + s * k3))
+        u = x * radial + 2 * p1 * x * y + p2 * (s + 2 * x * x)
+        v = y * radial + p1 * (s + 2 * y * y) + 2 * p2 * x * y
+        px = np.stack([u, v], axis=-1) * self.focal_px * np.asarray(focal_factor)[..., None] + self.center_px
+        px[..., 0] += self.shear * (px[..., 1] - self.center_px[1])
+        return px
+
+
+@dataclass
+class Mirror:
+    """One mirror for each row: unit normals away from the camera (N, 3), distances (N,), and what it is made of."""
+
+    normal: Array
+    distance_m: Array
+    glass_m: float = 0.0
+    refractive_index: float = 1.52
+    curvature_per_m: Array = field(default_factory=lambda: np.zeros(2))
+    """Along the two directions across the normal; positive is concave as the camera sees it."""
+
+    def rows(self, index: NDArray[np.int_]) -> Mirror:
+        return Mirror(
+            self.normal[index],
+            self.distance_m[index],
+            self.glass_m,
+            self.refractive_index,
+            self.curvature_per_m,
+        )
+
+
+def apparent(mirror: Mirror, point: Array) -> Array:
+    """Where the camera at the origin sees `point` by way of the mirror: (N, 3), direction times optical path length."""
+    if mirror.glass_m > 0:
+        return _through_glass(mirror, point)
+    if np.any(mirror.curvature_per_m):
+        return _off_curved(mirror, point)
+    # Flat and bare: the law of reflection splits the path where the perpendicular distances say.
+    height = mirror.distance_m - np.einsum("ni,ni->n", mirror.normal, point)
+    return point + 2 * height[:, None] * mirror.normal
+
+
+def _through_glass(mirror: Mirror, point: Array) -> Array:
+    """Shoot for the sine of the angle of incidence at which the ray, bent into the pane and back, meets the point."""
+    n = mirror.normal
+    camera_height = mirror.distance_m
+    point_height = camera_height - np.einsum("ni,ni->n", n, point)
+    across = point - np.einsum("ni,ni->n", n, point)[:, None] * n
+    reach = np.linalg.norm(across, axis=1)
+    air, glass, index = camera_height + point_height, 2 * mirror.glass_m, mirror.refractive_index
+    sine = reach / np.hypot(reach, air + glass)
+    for _ in range(NEWTON_STEPS):
+        outside, inside = np.sqrt(1 - sine**2), np.sqrt(1 - (sine / index) ** 2)
+        miss = air * sine / outside + glass * (sine / index) / inside - reach
+        slope = air / outside**3 + glass / index / inside**3
+        step = miss / slope
+        sine = np.clip(sine - step, 0.0, 0.999999)
+        if np.max(np.abs(step), initial=0.0) < 1e-15:
+            break
+    safe = np.where(reach > 0, reach, 1.0)[:, None]
+    cosine = np.sqrt(1 - sine**2)
+    direction = sine[:, None] * across / safe + cosine[:, None] * n
+    inside = np.sqrt(1 - (sine / index) ** 2)
+    length = air / cosine + glass * index / inside
+    return direction * length[:, None]
+
+
+def _across(normal: Array) -> tuple[Array, Array]:
+    """Two unit vectors across each normal, the first as near to the camera's x axis as can be."""
+    first = np.array([1.0, 0.0, 0.0]) - normal[:, :1] * normal
+    first /= np.linalg.norm(first, axis=1)[:, None]
+    return first, np.cross(normal, first)
+
+
+def _off_curved(mirror: Mirror, point: Array) -> Array:
+    """Fermat: the point of the mirror's surface over which the path is stationary, by Newton's steps in two unknowns.
+
+    The surface is a paraboloid-like cap with principal curvatures, whose sag is exact for a sphere.
+    """
+    n, d = mirror.normal, mirror.distance_m[:, None]
+    e1, e2 = _across(n)
+    c1, c2 = mirror.curvature_per_m
+    height = mirror.distance_m - np.einsum("ni,ni->n", n, point)
+    share = (mirror.distance_m / (mirror.distance_m + height))[:, None]
+    guess = share * (point + 2 * height[:, None] * n) - d * n
+    s, t = np.einsum("ni,ni->n", guess, e1), np.einsum("ni,ni->n", guess, e2)
+
+    def gradient(s: Array, t: Array) -> tuple[Array, Array, Array]:
+        # Sag of a sphere (or of a torus' cap): towards the camera for a concave mirror, away from its vertex.
+        bend = 1 - (c1 * s) ** 2 - (c2 * t) ** 2
+        root = np.sqrt(bend)
+        sag = (c1 * s * s + c2 * t * t) / (1 + root)
+        sag_s = (2 * c1 * s + sag * c1 * c1 * s / root) / (1 + root)
+        sag_t = (2 * c2 * t + sag * c2 * c2 * t / root) / (1 + root)
+        at = d * n + s[:, None] * e1 + t[:, None] * e2 - sag[:, None] * n
+        to_point = at - point
+        pull = at / np.linalg.norm(at, axis=1)[:, None] + to_point / np.linalg.norm(to_point, axis=1)[:, None]
+        along_s, along_t = e1 - sag_s[:, None] * n, e2 - sag_t[:, None] * n
+        return np.einsum("ni,ni->n", pull, along_s), np.einsum("ni,ni->n", pull, along_t), at
+
+    h = 1e-6
+    at = d * n
+    for _ in range(NEWTON_STEPS):
+        gs, gt, at = gradient(s, t)
+        ps, pt, _ = gradient(s + h, t)
+        ms, mt, _ = gradient(s - h, t)
+        qs, qt, _ = gradient(s, t + h)
+        ns, nt, _ = gradient(s, t - h)
+        a, b, c, e = (ps - ms) / (2 * h), (qs - ns) / (2 * h), (pt - mt) / (2 * h), (qt - nt) / (2 * h)
+        determinant = a * e - b * c
+        ds, dt = (e * gs - b * gt) / determinant, (a * gt - c * gs) / determinant
+        s, t = s - ds, t - dt
+        if max(np.max(np.abs(ds), initial=0.0), np.max(np.abs(dt), initial=0.0)) < 1e-13:
+            break
+    at = gradient(s, t)[2]
+    out, back = np.linalg.norm(at, axis=1), np.linalg.norm(at - point, axis=1)
+    return at / out[:, None] * (out + back)[:, None]
+
+
+def ball_images(
+    lens: Lens, mirror: Mirror, center: Array, radius_m: float, focal_factor: Array | float = 1.0
+) -> Array:
+    """Pixels (N, 2) of the centroids of the outlines of balls, as a detector of filled discs measures them."""
+    seen = apparent(mirror, center)
+    if radius_m <= 0:
+        return lens.image(seen, focal_factor)
+    away = np.linalg.norm(seen, axis=1)
+    axis = seen / away[:, None]
+    first = np.cross(axis, np.array([0.0, 1.0, 0.0]))
+    first /= np.linalg.norm(first, axis=1)[:, None]
+    second = np.cross(axis, first)
+    # The cone that touches the ball: its circle of contact lies nearer than the centre.
+    touch = away - radius_m**2 / away
+    ring = radius_m * np.sqrt(1 - (radius_m / away) ** 2)
+    angle = np.arange(OUTLINE_POINTS) * 2 * np.pi / OUTLINE_POINTS
+    outline = (touch[:, None] * axis)[:, None] + ring[:, None, None] * (
+        np.cos(angle)[None, :, None] * first[:, None] + np.sin(angle)[None, :, None] * second[:, None]
+    )
+    factor = np.broadcast_to(np.asarray(focal_factor, dtype=float), (len(center),))
+    px = lens.image(outline, np.repeat(factor[:, None], OUTLINE_POINTS, axis=1))
+    following = np.roll(px, -1, axis=1)
+    cross = px[..., 0] * following[..., 1] - following[..., 0] * px[..., 1]
+    return ((px + following) * cross[..., None]).sum(axis=1) / (3 * cross.sum(axis=1))[:, None]

@@ -1,0 +1,69 @@
+"""Write a simulated case as a session folder, to the letter of the session format."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from .make import Case
+
+
+def write_session(case: Case, folder: Path) -> Path:
+    """session.toml, robot.urdf, camera.yaml, frames.csv and detections.csv in `folder`; nothing of the truth."""
+    folder.mkdir(parents=True, exist_ok=True)
+    robot, plan = case.robot, case.plan
+    (folder / "robot.urdf").write_text(robot.urdf, encoding="utf-8")
+    (folder / "session.toml").write_text(_metadata(case), encoding="utf-8")
+    (folder / "camera.yaml").write_text(_camera(case), encoding="utf-8")
+    joints = plan.commands.joints
+    rows = ["frame,posture,time_s," + ",".join(joints)]
+    for f, (p, t) in enumerate(zip(plan.posture_of_frame, plan.time_of_frame_s, strict=True)):
+        rows.append(f"{f},{p},{t:.3f}," + ",".join(f"{q:.6f}" for q in plan.commands.q_rad[p]))
+    (folder / "frames.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
+    rows = ["frame,target,index,u,v"]
+    for f in range(len(case.corners_px)):
+        for target, px in [
+            ("board", case.corners_px[f]),
+            *((m, case.blobs_px[f, k : k + 1]) for k, m in enumerate(robot.markers)),
+        ]:
+            rows += [
+                f"{f},{target},{i},{u:.4f},{v:.4f}"
+                for i, (u, v) in enumerate(px)
+                if np.isfinite(u) and np.isfinite(v)
+            ]
+    (folder / "detections.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
+    return folder
+
+
+def _metadata(case: Case) -> str:
+    robot = case.robot
+    g = ", ".join(f"{v:.6f}" for v in case.gravity)
+    text = (
+        f'format = "mirror-posture/session"\nversion = 1\nrobot = "robot.urdf"\ncamera = "camera.yaml"\n'
+        f'root = "{robot.root}"\ngravity = [{g}]\n\n[camera_mount]\nlink = "{robot.camera_link}"\n\n'
+        f'[board]\nlink = "{robot.board_link}"\ncorners = [{robot.board_corners[0]}, {robot.board_corners[1]}]\n'
+        f'square = {robot.board_square_m}\npattern = "chessboard"\n\n'
+    )
+    for m in robot.markers:
+        text += f'[[markers]]\nname = "{m}"\nlink = "{m}_marker"\ndiameter = {robot.marker_diameter_m}\n\n'
+    return (
+        text
+        + f"[mirror]\nglass_thickness = 0.0\nrefractive_index = 1.52\n\n[noise]\npixel_std = {case.pixel_std_told}\n"
+    )
+
+
+def _camera(case: Case) -> str:
+    lens = case.nominal_lens
+    (fx, fy), (cx, cy) = lens.focal_px, lens.center_px
+    distortion = ", ".join(f"{k:.8f}" for k in lens.distortion)
+    return (
+        f"image_width: {lens.size_px[0]}\nimage_height: {lens.size_px[1]}\ncamera_name: head\n"
+        f"camera_matrix:\n  rows: 3\n  cols: 3\n  data: [{fx:.6f}, 0.0, {cx:.6f}, 0.0, {fy:.6f}, {cy:.6f}, 0.0, 0.0, 1.0]\n"
+        f"distortion_model: plumb_bob\ndistortion_coefficients:\n  rows: 1\n  cols: 5\n  data: [{distortion}]\n"
+        "rectification_matrix:\n  rows: 3\n  cols: 3\n  data: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]\n"
+        "projection_matrix:\n  rows: 3\n  cols: 4\n"
+        f"  data: [{fx:.6f}, 0.0, {cx:.6f}, 0.0, 0.0, {fy:.6f}, {cy:.6f}, 0.0, 0.0, 0.0, 1.0, 0.0]\n"
+    )
