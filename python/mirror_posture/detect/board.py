@@ -1,0 +1,247 @@
+"""Finds chessboards, direct or mirrored, and settles which corner is which.
+
+Several detectors and several preparations of the picture are tried in turn; each grid found is refined on the original picture and
+must pass the pattern's check (`pattern`), the labels' (`labels`) and the residual's (`gate`). The first that passes all three wins; what
+the others failed of is kept in `attempts`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+
+import cv2
+import numpy as np
+
+from . import corners, gate, labels, pattern
+from .prediction import predicted_corners_px
+from .types import BoardPrediction, BoardSpec, BoardView, CameraSpec, FloatArray, Via
+
+# Larger pictures are searched at about this width first: the detectors look for squares of tens of pixels.
+SEARCH_WIDTH_PX = 1632
+# Below this width a second search at twice the size finds small squares.
+UPSCALE_BELOW_PX = 1300
+
+
+@dataclass(frozen=True)
+class BoardOptions:
+    """What views of the board to expect in a picture.
+
+    `views`: one entry for each expected view. A board is always nearer than its reflection, so of several views the nearest is the
+    direct one, if a direct one is expected. `strict_count`: more boards than expected masks them all, since which is which is then open.
+    """
+
+    views: tuple[Via, ...] = ("mirror",)
+    strict_count: bool = True
+    gate: gate.GateOptions = field(default_factory=gate.GateOptions)
+
+
+@dataclass(frozen=True)
+class _Found:
+    """A grid that passed the checks that need no labels, or (`reason` set) the best that did not."""
+
+    grid: FloatArray
+    dark_first: bool
+    window_half_px: int
+    method: str
+    reason: str = ""
+
+
+def detect_boards(
+    gray: FloatArray,
+    board: BoardSpec,
+    camera: CameraSpec | None = None,
+    prediction: BoardPrediction | None = None,
+    options: BoardOptions | None = None,
+) -> tuple[BoardView, ...]:
+    """Detects the expected views of one chessboard in a grey picture (H, W) uint8; masked views carry their reason.
+
+    Returns one `BoardView` for each expected view, direct first where one is expected, the others by falling size.
+    """
+    options = options or BoardOptions()
+    attempts: list[str] = []
+    found, failed = _search_all(gray, board, camera, options, attempts)
+    expected = len(options.views)
+    trail = tuple(attempts)
+    if not found:
+        reason = failed.reason if failed else _nothing_found(board)
+        corners_px = None if failed is None else failed.grid.reshape(-1, 2)
+        return tuple(BoardView(False, reason, via, corners_px, attempts=trail) for via in options.views)
+    if len(found) > expected and options.strict_count:
+        if prediction is None or prediction.corners_px is None:
+            reason = (
+                f"{len(found)} boards found where {expected} was expected: predict the board's place, expect more views, "
+                "or keep the other boards out of the picture"
+            )
+            return tuple(
+                BoardView(False, reason, options.views[0], item.grid.reshape(-1, 2), method=item.method, attempts=trail)
+                for item in found
+            )
+        centre = prediction.corners_px.mean(axis=0)
+        found.sort(key=lambda item: float(np.linalg.norm(item.grid.mean(axis=(0, 1)) - centre)))
+        found = found[:expected]
+    found.sort(key=lambda item: -_area_px2(item.grid))
+    order = sorted(options.views, key=lambda via: via != "direct")
+    views = []
+    for index, via in enumerate(order):
+        if index < len(found):
+            views.append(replace(_label(gray, found[index], via, board, camera, prediction, options), attempts=trail))
+        else:
+            views.append(BoardView(False, f"only {len(found)} of {expected} boards found", via, attempts=trail))
+    return tuple(views)
+
+
+def measure_grid(
+    gray: FloatArray,
+    grid: FloatArray,
+    board: BoardSpec,
+    camera: CameraSpec | None = None,
+    via: Via = "mirror",
+    prediction: BoardPrediction | None = None,
+    options: BoardOptions | None = None,
+) -> BoardView:
+    """Checks, refines and labels a grid `(ny, nx, 2)` px that something else found (a detector, a tracker)."""
+    options = options or BoardOptions()
+    item = _examine(gray, np.asarray(grid, dtype=np.float64), "given", board, camera, options)
+    if item.reason:
+        return BoardView(False, item.reason, via, item.grid.reshape(-1, 2), method="given")
+    return _label(gray, item, via, board, camera, prediction, options)
+
+
+def _nothing_found(board: BoardSpec) -> str:
+    return (
+        f"no chessboard of {board.corners_x} × {board.corners_y} inner corners found: it is not in the picture, cut off, hidden, too small, "
+        "blurred or badly lit; or [board] corners is not its count of inner corners"
+    )
+
+
+def _search_all(
+    gray: FloatArray, board: BoardSpec, camera: CameraSpec | None, options: BoardOptions, attempts: list[str]
+) -> tuple[list[_Found], _Found | None]:
+    """All boards of the picture, the found ones painted over one by one, and the best grid that failed a check."""
+    found: list[_Found] = []
+    failed: _Found | None = None
+    remaining = gray.copy()
+    limit = len(options.views) + (1 if options.strict_count else 0)
+    while len(found) < limit:
+        # The search for a surplus board is the quick one: it only guards against a mistaken identity.
+        quick = len(found) >= len(options.views)
+        item = None
+        for method, candidate in _candidates(remaining, board, quick):
+            examined = _examine(gray, candidate, method, board, camera, options)
+            if not examined.reason:
+                item = examined
+                break
+            attempts.append(f"{method}: {examined.reason}")
+            if failed is None:
+                failed = examined
+        if item is None:
+            break
+        attempts.append(f"{item.method}: accepted")
+        found.append(item)
+        remaining = _cover(remaining, item.grid)
+    return found, failed
+
+
+def _candidates(gray: FloatArray, board: BoardSpec, quick: bool) -> Iterator[tuple[str, FloatArray]]:
+    """Grids (ny, nx, 2) by detector and preparation, the best and fastest first."""
+    width = gray.shape[1]
+    scale = min(1.0, SEARCH_WIDTH_PX / width)
+    small = gray if scale == 1.0 else cv2.resize(gray, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    yield from _run("classic", small, scale, board, _classic_quick if quick else _classic)
+    if quick:
+        return
+    yield from _run("sector", small, scale, board, _sector)
+    contrast = cv2.createCLAHE(clipLimit=4.0, tileGridSize=(8, 8)).apply(small)
+    yield from _run("classic, contrast enhanced", contrast, scale, board, _classic)
+    yield from _run("sector, contrast enhanced", contrast, scale, board, _sector)
+    if scale < 1.0:
+        yield from _run("sector, full size", gray, 1.0, board, _sector)
+    elif width < UPSCALE_BELOW_PX:
+        double = cv2.resize(contrast, None, fx=2.0, fy=2.0, interpolation=cv2.INTER_CUBIC)
+        yield from _run("classic, enlarged", double, 2.0, board, _classic)
+        yield from _run("sector, enlarged", double, 2.0, board, _sector)
+
+
+def _classic(gray: FloatArray, size: tuple[int, int]) -> FloatArray | None:
+    found, points = cv2.findChessboardCorners(gray, size, flags=cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE)
+    return points if found else None
+
+
+def _classic_quick(gray: FloatArray, size: tuple[int, int]) -> FloatArray | None:
+    flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_FAST_CHECK
+    found, points = cv2.findChessboardCorners(gray, size, flags=flags)
+    return points if found else None
+
+
+def _sector(gray: FloatArray, size: tuple[int, int]) -> FloatArray | None:
+    found, points = cv2.findChessboardCornersSB(gray, size, flags=cv2.CALIB_CB_NORMALIZE_IMAGE)
+    return points if found else None
+
+
+def _run(name: str, gray: FloatArray, scale: float, board: BoardSpec, detector) -> Iterator[tuple[str, FloatArray]]:
+    try:
+        points = detector(gray, (board.corners_x, board.corners_y))
+    except cv2.error:
+        # OpenCV's detectors assert on some degenerate pictures (a few pixels high, say): nothing to find in those.
+        return
+    if points is None or points.size != 2 * board.corner_count or not np.isfinite(points).all():
+        return
+    grid = points.reshape(board.corners_y, board.corners_x, 2).astype(np.float64)
+    # Pixel centres, not corners, are whole numbers: a resized picture is shifted by half a pixel.
+    yield name, (grid + 0.5) / scale - 0.5
+
+
+def _examine(
+    gray: FloatArray, grid: FloatArray, method: str, board: BoardSpec, camera: CameraSpec | None, options: BoardOptions
+) -> _Found:
+    """Refines a grid and runs the checks that do not need labels."""
+    # A homography does not care for labels: any symmetry of the grid has the same residual.
+    refined = corners.refine(gray, grid, board, camera, options.gate)
+    check = pattern.check_pattern(gray, refined.grid)
+    return _Found(
+        refined.grid, check.dark_first, refined.window_half_px, method, "; ".join(filter(None, (check.reason, refined.residual.reason)))
+    )
+
+
+def _label(
+    gray: FloatArray,
+    item: _Found,
+    via: Via,
+    board: BoardSpec,
+    camera: CameraSpec | None,
+    prediction: BoardPrediction | None,
+    options: BoardOptions,
+) -> BoardView:
+    predicted = predicted_corners_px(item.grid, board, camera, prediction, via)
+    settled = labels.settle_labels(item.grid, item.dark_first, board, via, predicted)
+    labelled = settled.corners_px.reshape(board.corners_y, board.corners_x, 2)
+    residual = gate.board_residual(settled.corners_px, board, camera, options.gate)
+    covariances = corners.scale_by_residual(corners.noise_covariances(gray, labelled, item.window_half_px), residual)
+    reason = settled.reason or residual.reason
+    return BoardView(
+        ok=not reason,
+        reason=reason,
+        via=via,
+        corners_px=settled.corners_px,
+        covariances_px2=covariances,
+        visible=np.ones(board.corner_count, dtype=bool),
+        residual_rms_px=residual.rms_px,
+        residual_limit_px=residual.limit_px,
+        method=item.method,
+    )
+
+
+def _area_px2(grid: FloatArray) -> float:
+    return float(cv2.contourArea(cv2.convexHull(grid.reshape(-1, 2).astype(np.float32))))
+
+
+def _cover(gray: FloatArray, grid: FloatArray) -> FloatArray:
+    """The picture with a found board and its outer squares painted over."""
+    ny, nx = grid.shape[:2]
+    outline = np.array([grid[0, 0], grid[0, -1], grid[-1, -1], grid[-1, 0]])
+    middle = outline.mean(axis=0)
+    grown = middle + (outline - middle) * (1.0 + 2.4 / (min(nx, ny) - 1))
+    covered = gray.copy()
+    cv2.fillConvexPoly(covered, np.rint(grown).astype(np.int32), int(np.median(gray)))
+    return covered

@@ -1,0 +1,141 @@
+"""Is this grid a chessboard? A check by the squares' brightness alone, which needs no calibration.
+
+At a right inner corner two opposite squares are dark and two are light. With the four samples s at a fraction of a square from the
+corner, `score = ((s++ + s--) - (s+- + s-+)) / 2` is ± the board's contrast, with a sign that alternates from corner to corner. At the
+edge of the printed pattern (a T of one dark and three light squares) it is half of that; within a square it is zero. So a grid that
+is shifted by a row, skips a line, or belongs to a larger board shows itself.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from .types import FloatArray
+
+# Samples lie at this fraction of a square from the corner, on the diagonals: far enough from the blurred edges, near enough to
+# stay inside squares that are cut off or hidden further out.
+SAMPLE_FRACTION = 0.3
+# A right corner has relative contrast near 1 (0.6 in a steep gradient of light), a T at the pattern's edge 0.5: a line of corners is judged by
+# its median, sharply, a single corner only on being none.
+MIN_LINE_CONTRAST = 0.65
+MIN_CORNER_CONTRAST = 0.35
+# Grey levels of 255: less contrast than this is noise.
+MIN_CONTRAST_LEVELS = 6.0
+
+
+@dataclass(frozen=True)
+class PatternCheck:
+    """Verdict on a grid. `dark_first`: the square beyond grid corner (0, 0) is dark. `reason` is empty if `ok`."""
+
+    ok: bool
+    reason: str
+    dark_first: bool
+    contrast_levels: float
+
+
+def check_pattern(gray: FloatArray, grid: FloatArray) -> PatternCheck:
+    """Checks that every corner of `grid` (ny, nx, 2) is a chessboard corner and that no further row follows.
+
+    `gray` is float32 or uint8, (H, W).
+    """
+    score, spread = _scores(gray, grid, np.gradient(grid, axis=1), np.gradient(grid, axis=0))
+    if not np.isfinite(score).all():
+        return PatternCheck(False, "the board is cut off by the picture's edge", False, 0.0)
+    ny, nx = score.shape
+    parity = 1.0 - 2.0 * ((np.arange(ny)[:, None] + np.arange(nx)[None, :]) % 2)
+    signed = score * parity
+    contrast = float(np.median(np.abs(signed)))
+    if contrast < MIN_CONTRAST_LEVELS:
+        return PatternCheck(
+            False,
+            f"the squares have too little contrast: {contrast:.1f} of 255 levels, needed {MIN_CONTRAST_LEVELS:.0f}",
+            False,
+            contrast,
+        )
+    sign = np.sign(np.median(signed))
+    dark_first = bool(sign < 0.0)
+    relative = signed * sign / np.maximum(spread, MIN_CONTRAST_LEVELS)
+    reason = _bad_line(relative) or _bad_corner(relative)
+    if reason:
+        return PatternCheck(False, reason, dark_first, contrast)
+    side = _continues_beyond(gray, grid, sign)
+    if side:
+        return PatternCheck(
+            False,
+            f"the chessboard goes on beyond the grid's {side}: a board with more than {nx} × {ny} inner corners, or a grid shifted by a row",
+            dark_first,
+            contrast,
+        )
+    return PatternCheck(True, "", dark_first, contrast)
+
+
+def _scores(
+    gray: FloatArray, at: FloatArray, along_x: FloatArray, along_y: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Saddle contrast of points given with their local grid steps, and the spread of its four samples, grey levels.
+
+    Their ratio is ±1 for a saddle and ±0.5 for a T, whatever the light there. NaN where a sample leaves the picture.
+    """
+    diagonals = [SAMPLE_FRACTION * step for step in (along_x + along_y, -along_x - along_y, along_x - along_y, along_y - along_x)]
+    samples = np.stack([sample(gray, at + step) for step in diagonals])
+    score = 0.5 * (samples[0] + samples[1] - samples[2] - samples[3])
+    return score, samples.max(axis=0) - samples.min(axis=0)
+
+
+def sample(gray: FloatArray, at: FloatArray) -> FloatArray:
+    """Bilinear samples at `(…, 2)` pixels; NaN outside of the picture."""
+    height, width = gray.shape[:2]
+    u, v = at[..., 0], at[..., 1]
+    inside = (u >= 0.0) & (v >= 0.0) & (u <= width - 1.0) & (v <= height - 1.0)
+    shape = u.shape
+    map_u = np.ascontiguousarray(np.where(inside, u, 0.0).reshape(-1, 1), dtype=np.float32)
+    map_v = np.ascontiguousarray(np.where(inside, v, 0.0).reshape(-1, 1), dtype=np.float32)
+    values = cv2.remap(gray, map_u, map_v, cv2.INTER_LINEAR).astype(np.float64).reshape(shape)
+    return np.where(inside, values, np.nan)
+
+
+def _bad_line(relative: FloatArray) -> str:
+    """Reason if a whole row or column is not one of chessboard corners: the sign of a shifted grid."""
+    for name, axis in (("row", 1), ("column", 0)):
+        medians = np.median(relative, axis=axis)
+        worst = int(np.argmin(medians))
+        if medians[worst] < MIN_LINE_CONTRAST:
+            return (
+                f"{name} {worst} of the grid does not lie where four squares meet (contrast {medians[worst]:.2f} of a corner's, needed "
+                f"{MIN_LINE_CONTRAST}): a grid shifted by a {name}, or a board with fewer corners"
+            )
+    return ""
+
+
+def _bad_corner(relative: FloatArray) -> str:
+    """Reason if a single point is no corner: hidden, or in a broken grid."""
+    bad = int((relative < MIN_CORNER_CONTRAST).sum())
+    if bad == 0:
+        return ""
+    return (
+        f"{bad} of {relative.size} grid points do not lie where four squares meet (worst: contrast {relative.min():.2f} of a corner's, needed "
+        f"{MIN_CORNER_CONTRAST}): a broken grid, or a hidden board"
+    )
+
+
+def _continues_beyond(gray: FloatArray, grid: FloatArray, sign: float) -> str:
+    """Name of the side beyond which another full row of chessboard corners follows, or an empty string."""
+    ny, nx = grid.shape[:2]
+    step_x, step_y = np.gradient(grid, axis=1), np.gradient(grid, axis=0)
+    sides = (
+        ("first row", grid[0] - step_y[0], step_x[0], step_y[0], -1),
+        ("last row", grid[-1] + step_y[-1], step_x[-1], step_y[-1], ny),
+        ("first column", grid[:, 0] - step_x[:, 0], step_x[:, 0], step_y[:, 0], -1),
+        ("last column", grid[:, -1] + step_x[:, -1], step_x[:, -1], step_y[:, -1], nx),
+    )
+    for name, at, along_x, along_y, line in sides:
+        score, spread = _scores(gray, at, along_x, along_y)
+        parity = 1.0 - 2.0 * ((np.arange(len(score)) + line) % 2)
+        relative = score * parity * sign / np.maximum(spread, MIN_CONTRAST_LEVELS)
+        finite = relative[np.isfinite(relative)]
+        if len(finite) >= 3 and float(np.median(finite)) > MIN_LINE_CONTRAST:
+            return name
+    return ""

@@ -1,0 +1,100 @@
+"""Boards in real and in independently rendered pictures: found, labelled, and as accurate as claimed."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from mirror_posture.detect import BoardOptions, BoardSpec, CameraSpec, detect_boards, measure_grid
+
+PICTURES = Path(__file__).resolve().parents[3] / "shared" / "data" / "pictures"
+GLASS = PICTURES / "mitsuba-glass-a"
+
+
+def need(folder: Path) -> Path:
+    if not folder.is_dir():
+        pytest.skip(f"reference pictures are not here: {folder.name}")
+    return folder
+
+
+def gray(path: Path) -> np.ndarray:
+    picture = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+    assert picture is not None, path
+    return picture
+
+
+def glass_camera() -> CameraSpec:
+    return CameraSpec(
+        np.array([[701.872, 0.0, 405.576], [0.0, 701.872, 302.685], [0.0, 0.0, 1.0]]), np.zeros(5), 800, 600
+    )
+
+
+def test_rendered_mirror_boards_are_found_labelled_and_accurate() -> None:
+    folder = need(GLASS)
+    truth = json.loads((folder / "truth.json").read_text())
+    board = BoardSpec(7, 4, 0.01)
+    errors, normalised = [], []
+    for frame in truth["frames"]:
+        (view,) = detect_boards(gray(folder / frame["image"]), board, glass_camera())
+        assert view.ok, (frame["frame"], view.reason)
+        error = view.corners_px - np.array(frame["corners_px"])
+        errors.append(error)
+        normalised.append(np.einsum("ni,nij,nj->n", error, np.linalg.inv(view.covariances_px2), error))
+    assert len(errors) == 20
+    rms = np.sqrt(np.mean(np.sum(np.concatenate(errors) ** 2, axis=1)))
+    assert rms <= 0.06, rms
+    # Claimed covariances are honest: normalised squared errors have mean 2 for two axes. Errors are partly aliasing, not
+    # white noise, hence a band wider than that of 560 independent draws.
+    assert 1.6 < np.mean(np.concatenate(normalised)) < 2.5
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_all_thirteen_stereo_boards_are_found(side: str) -> None:
+    folder = need(PICTURES / "opencv-samples-calib")
+    board = BoardSpec(9, 6, 0.025)
+    paths = sorted(folder.glob(f"{side}[0-9][0-9].jpg"))
+    assert len(paths) == 13
+    for path in paths:
+        (view,) = detect_boards(gray(path), board, options=BoardOptions(views=("direct",)))
+        assert view.ok, (path.name, view.reason)
+
+
+def test_lcd_board_seen_in_five_mirrors_has_the_published_labels() -> None:
+    folder = need(PICTURES / "tnm")
+    camera = CameraSpec(np.loadtxt(folder / "camera.txt", delimiter=","), np.zeros(5), 1600, 1200)
+    for number in range(1, 6):
+        (view,) = detect_boards(gray(folder / f"input{number}.jpg"), BoardSpec(10, 7, 0.0275), camera)
+        assert view.ok, (number, view.reason)
+        # The published frame has z into the board and its origin at another corner: x runs the other way.
+        ours = view.corners_px.reshape(7, 10, 2)[:, ::-1].reshape(-1, 2)
+        published = np.loadtxt(folder / f"input{number}.txt")
+        assert np.mean(np.linalg.norm(ours - published, axis=1)) < 0.6, number
+
+
+def test_direct_and_mirrored_views_of_one_board_get_the_same_physical_labels() -> None:
+    folder = need(PICTURES / "lcma-two-mirrors")
+    stored = np.load(folder / "corners_raw_px.npz")
+    camera = CameraSpec(stored["K"], stored["dist"], 3264, 1470)
+    options = BoardOptions(views=("direct", "mirror"), strict_count=False)
+    direct, mirrored = detect_boards(gray(folder / "Image10.jpg"), BoardSpec(7, 6, 1.0), camera, options=options)
+    for view, name in ((direct, "direct"), (mirrored, "left")):
+        assert view.ok, view.reason
+        # The stored labels are OpenCV's, with z into the board: y runs the other way, in every view alike.
+        ours = view.corners_px.reshape(6, 7, 2)[::-1].reshape(-1, 2)
+        assert np.sqrt(np.mean(np.sum((ours - stored[f"Image10.jpg|{name}"]) ** 2, axis=1))) < 0.5
+
+
+def test_a_grid_with_a_misplaced_row_is_refused_and_says_why() -> None:
+    folder = need(PICTURES / "lcma-two-mirrors")
+    stored = np.load(folder / "corners_raw_px.npz")
+    camera = CameraSpec(stored["K"], stored["dist"], 3264, 1470)
+    picture = gray(folder / "Image9.jpg")
+    found, corners = cv2.findChessboardCorners(picture, (7, 6))
+    assert found, "the public detector claims success on this picture: that is the trap"
+    view = measure_grid(picture, corners.reshape(6, 7, 2), BoardSpec(7, 6, 1.0), camera)
+    assert not view.ok
+    assert "px RMS against a flat board is above the limit" in view.reason
+    assert "do not lie where four squares meet" in view.reason
