@@ -31,6 +31,8 @@ def frame_rows(table: Table, frames: Frames, frames_name: str) -> np.ndarray:
 
 def refuse_twice(table: Table, key: np.ndarray, what: str) -> None:
     """Refuses two rows with the same key: it cannot be known which is meant."""
+    if np.bincount(key).max(initial=0) < 2:
+        return
     order = np.argsort(key, kind="stable")
     again = np.flatnonzero(np.diff(key[order]) == 0)
     if len(again):

@@ -218,9 +218,9 @@ class _Section:
         value = self._get(key, _MISSING, needed)
         if not isinstance(value, list) or len(value) != count:
             raise self._fail(key, value, needed)
-        # Beyond this no board was ever printed; it also keeps a typing error from asking for all memory.
-        if any(isinstance(item, bool) or not isinstance(item, int) or not 0 < item <= 1000 for item in value):
-            raise self._fail(key, value, needed + " from 1 to 1000")
+        # Larger boards are typing errors, which would ask for all memory.
+        if any(isinstance(item, bool) or not isinstance(item, int) or not 0 < item <= 100 for item in value):
+            raise self._fail(key, value, needed + " from 1 to 100")
         return value
 
     def number(

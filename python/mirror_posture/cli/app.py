@@ -1,0 +1,123 @@
+"""The application: finds the commands, and turns every error into one clear line and an exit code."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import pkgutil
+import sys
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+from .._core import MirrorPostureError
+from . import commands
+from .output import ExitCode, Output
+
+_HELP = """
+Measure, correct and diagnose a robot's posture in a flat mirror.
+
+A *session* is a folder: the robot's model, its camera, and the pictures (or image points) of a sequence of
+postures before a mirror. `mirror-posture demo` makes one and goes through all the steps in half a minute.
+
+Exit codes: 0 fine; 1 the input cannot be meant (one line says where and why); 2 the command was called wrongly;
+3 nothing could be measured; 4 a fault of this program; 130 stopped with Ctrl-C, what was done is kept.
+"""
+
+_DEBUG_VARIABLE = "MIRROR_POSTURE_DEBUG"
+
+
+class _Commands(TyperGroup):
+    """The commands in the order of their `ORDER`; errors end here."""
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        return list(self.commands)
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            return super().invoke(ctx)
+        except MirrorPostureError as error:
+            self._end(error, getattr(error, "exit_code", ExitCode.INPUT), str(error))
+        except KeyboardInterrupt as error:
+            self._end(error, ExitCode.STOPPED, "stopped; what was done until now is kept")
+        except OSError as error:
+            place = f"{error.filename}: " if error.filename else ""
+            self._end(error, ExitCode.INPUT, f"{place}{error.strerror or error}")
+        except (typer.Exit, typer.Abort):
+            raise
+        except Exception as error:
+            # Usage errors of the argument parser print themselves, with the help that fits.
+            if hasattr(error, "exit_code") and hasattr(error, "show"):
+                raise
+            text = " ".join(f"{type(error).__name__}: {error}".split())
+            self._end(error, ExitCode.FAULT, f"a fault of this program ({text}); --debug shows where")
+
+    @staticmethod
+    def _end(error: BaseException, code: int, message: str) -> None:
+        if _debug():
+            raise error
+        Output.current().fail(message, error, code)
+        raise typer.Exit(code)
+
+
+def _debug() -> bool:
+    return bool(os.environ.get(_DEBUG_VARIABLE))
+
+
+app = typer.Typer(
+    name="mirror-posture",
+    cls=_Commands,
+    help=_HELP,
+    rich_markup_mode="markdown",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        from .. import __version__
+
+        print(f"mirror-posture {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    debug: Annotated[
+        bool, typer.Option("--debug", help=f"Show the traceback of an error (also {_DEBUG_VARIABLE}=1).")
+    ] = False,
+    version: Annotated[
+        bool, typer.Option("--version", help="Show the version.", callback=_version, is_eager=True)
+    ] = False,
+) -> None:
+    if debug:
+        os.environ[_DEBUG_VARIABLE] = "1"
+
+
+def _register() -> None:
+    """Adds every module of `commands`: its `command` under the module's name, help from the docstring."""
+    names = [
+        found.name for found in pkgutil.iter_modules(commands.__path__) if not found.name.startswith("_")
+    ]
+    modules = [importlib.import_module(f"{commands.__name__}.{name}") for name in names]
+    for module in sorted(modules, key=lambda module: module.ORDER):
+        name = module.__name__.rpartition(".")[2].replace("_", "-")
+        app.command(
+            name, rich_help_panel=module.PANEL, no_args_is_help=getattr(module, "NEEDS_ARGUMENTS", True)
+        )(module.command)
+
+
+_register()
+
+
+def main() -> None:
+    """Entry point of the command `mirror-posture`."""
+    # Pipes that close early (`| head`) are no error.
+    try:
+        app()
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(0)

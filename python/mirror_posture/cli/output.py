@@ -1,0 +1,134 @@
+"""What commands say: tables and progress for a person, one JSON document for a program."""
+
+from __future__ import annotations
+
+import enum
+import json
+import math
+import sys
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, is_dataclass
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, TypeVar
+
+import numpy as np
+import typer
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+Item = TypeVar("Item")
+
+
+class ExitCode(enum.IntEnum):
+    """Exit codes of every command."""
+
+    FINE = 0
+    INPUT = 1
+    """The input cannot be meant; one line says where and why."""
+    USAGE = 2
+    """The command was called wrongly."""
+    NOTHING = 3
+    """The input is fine and nothing could be measured from it."""
+    FAULT = 4
+    """A fault of this program."""
+    STOPPED = 130
+    """Stopped with Ctrl-C."""
+
+
+JsonOption = Annotated[
+    bool, typer.Option("--json", help="Print one JSON document instead of tables; messages go to stderr.")
+]
+SessionArgument = Annotated[
+    Path, typer.Argument(help="The session's folder (the one with session.toml in it).", show_default=False)
+]
+
+
+class Output:
+    """Where a command's words go: to stdout for a person, to stderr where stdout is a program's."""
+
+    _current: ClassVar[Output | None] = None
+
+    def __init__(self, as_json: bool = False) -> None:
+        self.as_json = as_json
+        self.messages = Console(stderr=as_json, highlight=False, soft_wrap=True)
+        self.errors = Console(stderr=True, highlight=False, soft_wrap=True)
+        Output._current = self
+
+    @classmethod
+    def current(cls) -> Output:
+        """The running command's output; before there is one, a person's."""
+        return cls._current or cls()
+
+    def say(self, text: str) -> None:
+        """One line for a person; `text` may hold rich's markup."""
+        self.messages.print(text)
+
+    def warn(self, text: str) -> None:
+        """A line that a person must not miss, on stderr."""
+        self.errors.print(f"[yellow]warning:[/yellow] {escape(text)}")
+
+    def table(
+        self, title: str, columns: Iterable[str], rows: Iterable[Iterable[str]], caption: str = ""
+    ) -> None:
+        """A table for a person. Columns named `*` in front hold text; all others are numbers, to the right."""
+        if self.as_json:
+            return
+        columns = list(columns)
+        table = Table(
+            title=title,
+            caption=caption or None,
+            title_justify="left",
+            caption_justify="left",
+            show_header=any(column.strip("*") for column in columns),
+        )
+        for column in columns:
+            text = column.startswith("*")
+            table.add_column(column.removeprefix("*"), justify="left" if text else "right", no_wrap=not text)
+        for row in rows:
+            table.add_row(*row)
+        self.messages.print(table, soft_wrap=False)
+
+    def result(self, document: Any) -> None:
+        """The command's result as JSON, where it was asked for."""
+        if self.as_json:
+            json.dump(plain(document), sys.stdout, indent=2, allow_nan=False, ensure_ascii=False)
+            sys.stdout.write("\n")
+
+    def progress(self, items: Iterable[Item], what: str, total: int | None = None) -> Iterable[Item]:
+        """The items, with a bar on stderr while they are worked on (where stderr is a terminal)."""
+        columns = (
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeRemainingColumn(compact=True),
+        )
+        with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+            yield from bar.track(items, description=what, total=total)
+
+    def fail(self, message: str, error: BaseException, code: int) -> None:
+        """An error as one line on stderr and, where JSON was asked for, as a document on stdout."""
+        self.errors.print(f"[red]error:[/red] {escape(message)}")
+        if self.as_json:
+            place = {name: getattr(error, name, None) for name in ("file", "row", "column")}
+            self.result({"error": {"message": message, "exit_code": int(code), **place}})
+
+
+def plain(value: Any) -> Any:
+    """A value as JSON can hold it: arrays as lists, dataclasses as objects, what is not finite as null."""
+    if is_dataclass(value) and not isinstance(value, type):
+        return plain(asdict(value))
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, (list, tuple)):
+        return [plain(item) for item in value]
+    if isinstance(value, np.generic):
+        return plain(value.item())
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, Path):
+        return str(value)
+    return value

@@ -1,0 +1,98 @@
+"""The command line as a user meets it: help, exit codes, one-line errors, JSON."""
+
+from __future__ import annotations
+
+import json
+import pkgutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from mirror_posture import cli
+from mirror_posture.cli import commands
+from session_folder import DETECTIONS, replaced, write_folder
+
+COMMANDS = sorted(
+    found.name.replace("_", "-")
+    for found in pkgutil.iter_modules(commands.__path__)
+    if not found.name.startswith("_")
+)
+RUNNER = CliRunner()
+
+
+def run(*arguments: object, code: int = 0, env: dict[str, str] | None = None):
+    result = RUNNER.invoke(cli.app, [str(argument) for argument in arguments], env=env)
+    assert result.exit_code == code, f"{result.exit_code}: {result.output}\n{result.exception!r}"
+    return result
+
+
+def test_the_help_names_every_command() -> None:
+    text = run("--help").output
+    assert "Exit codes" in text
+    for command in COMMANDS:
+        assert command in text
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_teaches(command: str) -> None:
+    text = run(command, "--help", env={"COLUMNS": "200"}).output
+    assert f"mirror-posture {command}" in text, "needed an example that can be copied"
+    assert "--json" in text
+
+
+def test_a_good_session_is_summarised(tmp_path: Path) -> None:
+    text = run("check", write_folder(tmp_path)).output
+    assert "hand, elbow_ball" in text
+    document = json.loads(run("check", tmp_path, "--json").stdout)
+    assert document["frames"] == 3 and document["markers_in_mirror"] == 2
+
+
+def test_an_error_is_one_line_on_stderr(tmp_path: Path) -> None:
+    folder = write_folder(tmp_path, detections=replaced(DETECTIONS, "12,13", "12,x"))
+    result = run("check", folder, code=1)
+    assert result.stdout == ""
+    assert result.stderr.strip().count("\n") == 0
+    assert "detections.csv, row 5 (line 6), column 'v'" in result.stderr
+
+
+def test_an_error_is_a_document_where_json_was_asked_for(tmp_path: Path) -> None:
+    folder = write_folder(tmp_path, detections=replaced(DETECTIONS, "12,13", "12,x"))
+    error = json.loads(run("check", folder, "--json", code=1).stdout)["error"]
+    assert error["file"] == "detections.csv" and error["row"] == 5 and error["column"] == "v"
+    assert error["exit_code"] == 1
+
+
+def test_brackets_in_a_message_are_shown(tmp_path: Path) -> None:
+    assert "[mirror]" in run("check", tmp_path / "[mirror]", code=1).stderr
+
+
+def test_wrong_calls_exit_with_2() -> None:
+    run("no-such-command", code=2)
+    run("check", "--no-such-option", code=2)
+
+
+def test_debug_shows_the_traceback(tmp_path: Path) -> None:
+    code = "import sys; from mirror_posture.cli import main; sys.argv[0] = 'mirror-posture'; main()"
+    command = [sys.executable, "-c", code, "--debug", "check", str(tmp_path / "nowhere")]
+    shown = subprocess.run(command, capture_output=True, text=True)
+    assert "Traceback" in shown.stderr and "SessionError" in shown.stderr
+
+
+def test_a_stop_from_the_keyboard_exits_with_130(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def stop(folder: Path) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("mirror_posture.session.load_session", stop)
+    assert "stopped" in run("check", tmp_path, code=130).stderr
+
+
+def test_a_fault_of_the_program_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fault(folder: Path) -> None:
+        raise ZeroDivisionError("two\nlines")
+
+    monkeypatch.setattr("mirror_posture.session.load_session", fault)
+    result = run("check", tmp_path, code=4)
+    assert "ZeroDivisionError: two lines" in result.stderr and "--debug" in result.stderr
