@@ -5,6 +5,7 @@
 
 mod camera;
 mod glass;
+mod joint;
 mod mirror;
 mod reflection;
 mod robot_kinematics;

@@ -155,6 +155,14 @@ pub enum Error {
         /// Where it lies.
         place: &'static str,
     },
+    /// What one of many views was refused for.
+    #[error("view {view}: {source}")]
+    InView {
+        /// Which view, from 0.
+        view: usize,
+        /// What it was refused for.
+        source: Box<Error>,
+    },
 }
 
 /// The crate's result.

@@ -9,6 +9,7 @@
 //! | [`camera`] | pinhole camera with lens distortion: project and unproject, with Jacobians |
 //! | [`mirror`] | the board and its pose, the ladder of mirror estimators, the virtual camera |
 //! | [`triangulate`] | virtual rays to points, with covariance |
+//! | [`joint`] | all views of a session at once: mirrors, camera–board transform, markers |
 //! | [`robot`] | URDF to a validated tree; kinematics, Jacobians, gravity torques |
 //!
 //! Conventions (tested, and told in full in `docs/conventions.md`): `a_from_b` maps coordinates in frame b to
@@ -18,6 +19,7 @@
 pub mod camera;
 mod error;
 pub mod geometry;
+pub mod joint;
 pub mod mirror;
 pub mod robot;
 pub mod triangulate;

@@ -1,0 +1,14 @@
+//! The joint estimator: all views of a session at once, mirrors, camera–board transform and markers together.
+//!
+//! The camera–board transform dominates the error of every estimator that takes it as known: 1 mm of error in it is about 1 mm
+//! of marker error. Seen from several mirrors, the board's reflections betray that error. So the best estimate
+//! adjusts everything at once: each frame's plane, the transform under its prior, and the markers of each posture,
+//! which all frames of the posture share.
+
+mod elimination;
+mod estimate;
+mod problem;
+mod start;
+
+pub use estimate::{JointEstimate, JointPoint, joint_estimate};
+pub use problem::{BoardPrior, JointFrame, JointOptions, MarkerSighting, PointStatus, Via};
