@@ -7,9 +7,14 @@
 
 use crate::errors::MirrorPostureError;
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector2, Vector3};
-use numpy::{AllowTypeChange, PyArrayLike2, PyArrayLikeDyn, PyUntypedArrayMethods};
+use numpy::{
+    AllowTypeChange, PyArray, PyArray1, PyArrayLike1, PyArrayLike2, PyArrayLikeDyn, PyUntypedArrayMethods,
+};
+use numpy::{PyArrayMethods, ndarray};
 use pyo3::prelude::*;
 
+/// Anything that NumPy can read as a one-dimensional array of doubles.
+pub type Array1Like<'py> = PyArrayLike1<'py, f64, AllowTypeChange>;
 /// Anything that NumPy can read as a two-dimensional array of doubles.
 pub type Array2Like<'py> = PyArrayLike2<'py, f64, AllowTypeChange>;
 /// Anything that NumPy can read as an array of doubles of any number of dimensions.
@@ -36,6 +41,46 @@ pub fn triples(argument: &str, array: &Array2Like<'_>) -> PyResult<Vec<Vector3<f
     }
     let view = array.as_array();
     Ok(view.rows().into_iter().map(|r| Vector3::new(r[0], r[1], r[2])).collect())
+}
+
+/// Reads a `(3,)` array as a point or vector.
+pub fn triple(argument: &str, array: &Array1Like<'_>) -> PyResult<Vector3<f64>> {
+    let view = array.as_array();
+    if view.len() != 3 {
+        return Err(shape_error(argument, array.shape(), "(3,)"));
+    }
+    Ok(Vector3::new(view[0], view[1], view[2]))
+}
+
+/// Reads an `(N, width)` array by rows: N and the numbers.
+pub fn rows_of(
+    argument: &str,
+    array: &Array2Like<'_>,
+    width: usize,
+    what: &str,
+) -> PyResult<(usize, Vec<f64>)> {
+    if array.shape()[1] != width {
+        return Err(shape_error(argument, array.shape(), &format!("(N, {width}): {what}")));
+    }
+    let view = array.as_array();
+    let numbers = match view.as_slice() {
+        Some(slice) => slice.to_vec(),
+        None => view.iter().copied().collect(),
+    };
+    Ok((array.shape()[0], numbers))
+}
+
+/// Hands numbers in C order over as an array of that shape, without a copy.
+pub fn reshaped<'py, const D: usize>(
+    py: Python<'py>,
+    numbers: Vec<f64>,
+    shape: [usize; D],
+) -> PyResult<Bound<'py, PyArray<f64, ndarray::Dim<[usize; D]>>>>
+where
+    ndarray::Dim<[usize; D]>: ndarray::Dimension,
+    [usize; D]: ndarray::IntoDimension<Dim = ndarray::Dim<[usize; D]>>,
+{
+    PyArray1::from_vec(py, numbers).reshape(shape)
 }
 
 /// How far a rotation block may be from orthonormal before it is refused.

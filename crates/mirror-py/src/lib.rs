@@ -2,12 +2,15 @@
 
 mod arrays;
 mod errors;
+mod robot;
 
 /// The compiled core of `mirror_posture`.
 #[pyo3::pymodule]
 mod _core {
     #[pymodule_export]
     use crate::errors::MirrorPostureError;
+    #[pymodule_export]
+    use crate::robot::PyRobot;
 
     #[pymodule_init]
     fn init(module: &pyo3::Bound<'_, pyo3::types::PyModule>) -> pyo3::PyResult<()> {

@@ -5,10 +5,13 @@
 //!
 //! Frames are the URDF's: `root_from_link`, `parent_from_joint`. Units: m, rad, kg, N m.
 
+mod batch;
 mod chain;
 mod fault;
 mod frame;
+mod gravity;
 mod jacobian;
+mod lanes;
 mod model;
 mod poses;
 mod sine;
@@ -19,6 +22,7 @@ mod urdf;
 
 pub use chain::{Chain, ChainStep, Direction};
 pub use fault::ModelFault;
+pub use gravity::{GravityLoad, GravityLoads};
 pub use jacobian::{JointTwist, TwistJacobian};
 pub use model::{Drive, Joint, JointKind, Limits, Link, Mimic, Robot};
 pub use poses::Poses;

@@ -1,0 +1,305 @@
+//! Batches of postures: several a vector, blocks of them on all cores.
+//!
+//! Postures are the rows of `q`, (N, nq), and results are arrays in C order, their first axis the posture. Each row's
+//! result depends on that row alone.
+
+use super::lanes::{LANES, Lane, Lane3, LanePoses, cross, minus, sum};
+use super::model::{JointKind, Robot};
+use crate::error::{Error, Result, finite};
+use nalgebra::{Point3, Vector3};
+use rayon::prelude::*;
+
+/// Blocks of [`LANES`] postures that one task takes: enough to hide the cost of handing it over.
+const BLOCKS_A_TASK: usize = 16;
+
+impl Robot {
+    /// Forward kinematics of N postures: `root_from_link` of all links as 4×4 matrices by rows, (N, links, 4, 4).
+    ///
+    /// # Errors
+    /// Positions that are not finite (by row and joint), lengths that do not fit.
+    pub fn forward_kinematics_batch(&self, q: &[f64], out: &mut [f64]) -> Result<()> {
+        let links = self.links.len();
+        self.run_batch(q, out, links * 16, "poses (N, links, 4, 4)", |poses, block| {
+            for (lane, row) in block.chunks_exact_mut(links * 16).enumerate() {
+                for (frame, matrix) in poses.frames.iter().zip(row.as_chunks_mut::<16>().0) {
+                    let [x, y, z] = &frame.axes;
+                    for i in 0..3 {
+                        matrix[4 * i] = x[i].0[lane];
+                        matrix[4 * i + 1] = y[i].0[lane];
+                        matrix[4 * i + 2] = z[i].0[lane];
+                        matrix[4 * i + 3] = frame.origin[i].0[lane];
+                    }
+                    matrix[12..].copy_from_slice(&[0.0, 0.0, 0.0, 1.0]);
+                }
+            }
+        })
+    }
+
+    /// Twists of all joints in N postures, (N, joints, 6), rows (ω, v at the root's origin), as [`Robot::joint_twists`].
+    ///
+    /// # Errors
+    /// As [`Robot::forward_kinematics_batch`].
+    pub fn joint_twists_batch(&self, q: &[f64], out: &mut [f64]) -> Result<()> {
+        let joints = self.joints.len();
+        self.run_batch(q, out, joints * 6, "twists (N, joints, 6)", |poses, block| {
+            for j in 0..joints {
+                let (angular, linear) = self.joint_twist_lanes(poses, j);
+                for (lane, row) in block.chunks_exact_mut(joints * 6).enumerate() {
+                    let twist = &mut row[6 * j..6 * j + 6];
+                    for i in 0..3 {
+                        twist[i] = angular[i].0[lane];
+                        twist[3 + i] = linear[i].0[lane];
+                    }
+                }
+            }
+        })
+    }
+
+    /// Where a point of link b is in link a's frame, m, in N postures, (N, 3).
+    ///
+    /// # Errors
+    /// As [`Robot::forward_kinematics_batch`], and an index that is no link.
+    pub fn points_batch(
+        &self,
+        q: &[f64],
+        link_a: usize,
+        link_b: usize,
+        point_in_b: &Point3<f64>,
+        out: &mut [f64],
+    ) -> Result<()> {
+        self.check_pair(link_a, link_b, point_in_b)?;
+        self.run_batch(q, out, 3, "points (N, 3)", |poses, block| {
+            let a = &poses.frames[link_a];
+            let x = poses.frames[link_b].mapped(point_in_b.coords.as_slice());
+            let x_in_a = a.turned_back(&minus(&x, &a.origin));
+            for (lane, row) in block.chunks_exact_mut(3).enumerate() {
+                row.copy_from_slice(&x_in_a.map(|c| c.0[lane]));
+            }
+        })
+    }
+
+    /// Jacobians of a point of link b as link a sees it, in N postures, (N, 3, nq), as [`Robot::point_jacobian`].
+    ///
+    /// # Errors
+    /// As [`Robot::points_batch`].
+    pub fn point_jacobians_batch(
+        &self,
+        q: &[f64],
+        link_a: usize,
+        link_b: usize,
+        point_in_b: &Point3<f64>,
+        out: &mut [f64],
+    ) -> Result<()> {
+        self.check_pair(link_a, link_b, point_in_b)?;
+        let width = self.position_count();
+        self.run_batch(q, out, 3 * width, "Jacobians (N, 3, nq)", |poses, block| {
+            block.fill(0.0);
+            let a = &poses.frames[link_a];
+            let x = poses.frames[link_b].mapped(point_in_b.coords.as_slice());
+            self.for_each_between(link_a, link_b, |joint, sign| {
+                let Some(drive) = self.joints[joint].drive else { return };
+                let (angular, linear) = self.joint_twist_lanes(poses, joint);
+                let velocity = sum(&cross(&angular, &x), &linear);
+                let column = a.turned_back(&velocity).map(|c| c * (sign * drive.multiplier));
+                for (lane, row) in block.chunks_exact_mut(3 * width).enumerate() {
+                    for i in 0..3 {
+                        row[i * width + drive.position] += column[i].0[lane];
+                    }
+                }
+            });
+        })
+    }
+
+    /// Generalised gravity forces on q in N postures, (N, nq), N m (N for prismatic joints), as
+    /// [`Robot::gravity_loads`]: `−∂V/∂q` while the held link stands still.
+    ///
+    /// # Errors
+    /// As [`Robot::forward_kinematics_batch`], an index that is no link, gravity that is not finite.
+    pub fn gravity_torques_batch(
+        &self,
+        q: &[f64],
+        gravity_in_held_link: &Vector3<f64>,
+        held_link: usize,
+        out: &mut [f64],
+    ) -> Result<()> {
+        self.gravity_batch(q, gravity_in_held_link, held_link, out, false)
+    }
+
+    /// Gravity moments about the child link's origin of each joint, in the child link's frame, N m, in N postures: (N, joints, 3),
+    /// as [`super::GravityLoad::moment_in_link_nm`].
+    ///
+    /// # Errors
+    /// As [`Robot::gravity_torques_batch`].
+    pub fn gravity_moments_batch(
+        &self,
+        q: &[f64],
+        gravity_in_held_link: &Vector3<f64>,
+        held_link: usize,
+        out: &mut [f64],
+    ) -> Result<()> {
+        self.gravity_batch(q, gravity_in_held_link, held_link, out, true)
+    }
+
+    fn gravity_batch(
+        &self,
+        q: &[f64],
+        gravity_in_held_link: &Vector3<f64>,
+        held_link: usize,
+        out: &mut [f64],
+        moments: bool,
+    ) -> Result<()> {
+        self.check_link("held link", held_link)?;
+        for x in gravity_in_held_link.iter() {
+            finite("gravity, m/s²", *x)?;
+        }
+        let width = self.position_count();
+        let (each, what) = if moments {
+            (3 * self.joints.len(), "moments (N, joints, 3)")
+        } else {
+            (width, "torques (N, nq)")
+        };
+        let masses = self.masses_below();
+        self.run_batch_with(
+            q,
+            out,
+            each,
+            what,
+            || vec![[Lane::ZERO; 3]; self.links.len()],
+            |poses, below, block| {
+                block.fill(0.0);
+                let gravity = poses.frames[held_link].turned(gravity_in_held_link.as_slice());
+                self.first_moments_below(poses, below);
+                for (j, joint) in self.joints.iter().enumerate() {
+                    if !moments && joint.drive.is_none() {
+                        continue;
+                    }
+                    let (mut mass, mut moment, mut sign) = (masses[j + 1], below[j + 1], 1.0);
+                    if self.is_below(held_link, j + 1) {
+                        (mass, moment, sign) = (masses[0] - mass, minus(&below[0], &moment), -1.0);
+                    }
+                    let frame = &poses.frames[j + 1];
+                    let arm = minus(&moment, &frame.origin.map(|x| x * mass));
+                    let about_origin = frame.turned_back(&cross(&arm, &gravity)).map(|x| x * sign);
+                    if moments {
+                        for (lane, row) in block.chunks_exact_mut(each).enumerate() {
+                            row[3 * j..3 * j + 3].copy_from_slice(&about_origin.map(|x| x.0[lane]));
+                        }
+                        continue;
+                    }
+                    let Some(drive) = joint.drive else { continue };
+                    let conjugate = if joint.kind == JointKind::Prismatic {
+                        frame.turned_back(&gravity).map(|x| x * (sign * mass))
+                    } else {
+                        about_origin
+                    };
+                    let a = &joint.axis;
+                    let torque =
+                        (conjugate[0] * a.x + conjugate[1] * a.y + conjugate[2] * a.z) * drive.multiplier;
+                    for (lane, row) in block.chunks_exact_mut(each).enumerate() {
+                        row[drive.position] += torque.0[lane];
+                    }
+                }
+            },
+        )
+    }
+
+    /// Mass of each link and all below it, kg.
+    fn masses_below(&self) -> Vec<f64> {
+        let mut masses: Vec<f64> = self.links.iter().map(|l| l.mass_kg).collect();
+        for joint in self.joints.iter().rev() {
+            masses[joint.parent_link] += masses[joint.child_link];
+        }
+        masses
+    }
+
+    /// First mass moment of each link and all below it in the root's frame, kg m.
+    #[inline(always)]
+    fn first_moments_below(&self, poses: &LanePoses, below: &mut [Lane3]) {
+        for ((link, frame), below) in self.links.iter().zip(&poses.frames).zip(below.iter_mut()) {
+            *below = frame.mapped(link.com_in_link_m.coords.as_slice()).map(|x| x * link.mass_kg);
+        }
+        for joint in self.joints.iter().rev() {
+            below[joint.parent_link] = sum(&below[joint.parent_link], &below[joint.child_link]);
+        }
+    }
+
+    fn check_pair(&self, link_a: usize, link_b: usize, point_in_b: &Point3<f64>) -> Result<()> {
+        self.check_link("link a", link_a)?;
+        self.check_link("link b", link_b)?;
+        for x in point_in_b.iter() {
+            finite("coordinate of the point, m", *x)?;
+        }
+        Ok(())
+    }
+
+    fn run_batch(
+        &self,
+        q: &[f64],
+        out: &mut [f64],
+        each: usize,
+        what: &str,
+        write: impl Fn(&LanePoses, &mut [f64]) + Sync,
+    ) -> Result<()> {
+        self.run_batch_with(q, out, each, what, || (), |poses, (), block| write(poses, block))
+    }
+
+    /// Runs forward kinematics block by block, and `write` on each block's results.
+    fn run_batch_with<W>(
+        &self,
+        q: &[f64],
+        out: &mut [f64],
+        each: usize,
+        what: &str,
+        workspace: impl Fn() -> W + Sync,
+        write: impl Fn(&LanePoses, &mut W, &mut [f64]) + Sync,
+    ) -> Result<()> {
+        let width = self.position_count();
+        let count = self.check_batch(q, out.len(), each, what)?;
+        if count == 0 || each == 0 {
+            return Ok(());
+        }
+        let task = LANES * BLOCKS_A_TASK;
+        let run = |first: usize, out: &mut [f64], (poses, extra): &mut (LanePoses, W)| {
+            for (k, block) in out.chunks_mut(LANES * each).enumerate() {
+                let rows = block.len() / each;
+                let start = (first + k * LANES) * width;
+                self.advance_lanes(&q[start..start + rows * width], poses);
+                write(poses, extra, block);
+            }
+        };
+        let new = || (self.new_lane_poses(), workspace());
+        if count <= task {
+            run(0, out, &mut new());
+        } else {
+            out.par_chunks_mut(task * each)
+                .enumerate()
+                .for_each_init(new, |workspace, (k, out)| run(k * task, out, workspace));
+        }
+        Ok(())
+    }
+
+    /// Number of postures, where positions and output fit.
+    fn check_batch(&self, q: &[f64], out: usize, each: usize, what: &str) -> Result<usize> {
+        let width = self.position_count();
+        // A robot without movable joints has no positions: the output tells how many postures are meant.
+        let count = q.len().checked_div(width).or_else(|| out.checked_div(each)).unwrap_or(0);
+        if q.len() != count * width {
+            return Err(Error::LengthMismatch {
+                what: format!("positions (N, {width}) of robot {:?}", self.name),
+                got: q.len(),
+                needed: count * width,
+            });
+        }
+        if out != count * each {
+            return Err(Error::LengthMismatch { what: what.to_owned(), got: out, needed: count * each });
+        }
+        if q.iter().map(|x| x * 0.0).sum::<f64>() != 0.0
+            && let Some(bad) = q.iter().position(|x| !x.is_finite())
+        {
+            let joint = &self.joints[self.position_joints[bad % width]].name;
+            let what = format!("position of joint {joint:?} in posture (row) {}", bad / width);
+            return Err(Error::NotFinite { what, got: q[bad] });
+        }
+        Ok(count)
+    }
+}
