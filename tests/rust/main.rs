@@ -11,3 +11,4 @@ mod reflection;
 mod robot_kinematics;
 mod sphere;
 mod traced;
+mod triangulate;

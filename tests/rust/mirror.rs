@@ -171,23 +171,6 @@ fn covariances_carry_the_camera_board_transform() {
 }
 
 #[test]
-fn ideal_pixel_jacobians_match_differences() {
-    let camera = scene(LENSES[1], 0.0, 0.0).rig.camera;
-    let (foot, point) = (Vector3::new(0.02, -0.03, 0.18), Point3::new(0.05, 0.06, 0.02));
-    let at = ideal_pixel(&camera, &foot, &point).unwrap();
-    for axis in 0..3 {
-        let mut h = Vector3::zeros();
-        h[axis] = 1e-6;
-        let by_point = ideal_pixel(&camera, &foot, &(point + h)).unwrap().pixel
-            - ideal_pixel(&camera, &foot, &(point - h)).unwrap().pixel;
-        let by_foot = ideal_pixel(&camera, &(foot + h), &point).unwrap().pixel
-            - ideal_pixel(&camera, &(foot - h), &point).unwrap().pixel;
-        assert_relative_eq!(by_point / 2e-6, at.by_point.column(axis).into_owned(), max_relative = 1e-6);
-        assert_relative_eq!(by_foot / 2e-6, at.by_foot.column(axis).into_owned(), max_relative = 1e-6);
-    }
-}
-
-#[test]
 fn point_pair_jacobians_match_differences() {
     let (b, r) = (Point3::new(0.01, 0.07, 0.02), Point3::new(0.03, 0.09, 0.33));
     let at = point_pair_plane(&b, &r).unwrap();

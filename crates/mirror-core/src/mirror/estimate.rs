@@ -1,6 +1,7 @@
 //! The one interface of the single-view mirror estimators.
 
 use super::board::{Board, BoardView};
+use super::optics::MirrorOptics;
 use super::options::EstimatorOptions;
 use super::virtual_camera::{ImproperEstimate, VirtualCamera};
 use super::{likelihood, point_pair, pose_map};
@@ -20,12 +21,27 @@ pub struct Rig {
     pub camera_from_board: Isometry3<f64>,
     /// How well that is known: 6×6 in the pose tangent of [`crate::geometry::rotation`]. `None`: taken as exact.
     pub camera_from_board_covariance: Option<Matrix6<f64>>,
+    /// What is known of the mirror beyond its plane: glass and curvature. Maximum likelihood uses it; the paper's
+    /// estimators take every mirror as ideal, and their planes absorb what it is not.
+    pub optics: MirrorOptics,
 }
 
 impl Rig {
-    /// A rig whose camera–board transform is taken as exact.
+    /// A rig with an ideal mirror whose camera–board transform is taken as exact.
     pub fn new(camera: Camera, board: Board, camera_from_board: Isometry3<f64>) -> Self {
-        Self { camera, board, camera_from_board, camera_from_board_covariance: None }
+        Self {
+            camera,
+            board,
+            camera_from_board,
+            optics: MirrorOptics::IDEAL,
+            camera_from_board_covariance: None,
+        }
+    }
+
+    /// The same rig before a mirror with known glass or curvature.
+    pub fn with_optics(mut self, optics: MirrorOptics) -> Self {
+        self.optics = optics;
+        self
     }
 
     /// The same rig with the covariance of its camera–board transform (6×6, pose tangent, rotation first).
@@ -113,6 +129,8 @@ pub struct MirrorEstimate {
     /// The mirror in the camera frame, its normal away from the camera. Of [`MirrorEstimator::Pose`]: the plane of
     /// the nearest reflection, for comparison only; its virtual rays do not use it.
     pub plane: Plane,
+    /// What the mirror is beyond that plane, as the estimator took it.
+    pub optics: MirrorOptics,
     /// 3×3 of the foot point `f = d n`, m²: corner noise and the camera–board transform's covariance together.
     pub covariance_m2: Matrix3<f64>,
     /// The part of it that is the corner noise's: independent from view to view.
@@ -137,6 +155,7 @@ impl MirrorEstimate {
             Some(improper) => VirtualCamera::Improper(improper.clone()),
             None => VirtualCamera::Reflected {
                 plane: self.plane,
+                optics: self.optics,
                 measurement_covariance_m2: self.measurement_covariance_m2,
                 foot_by_camera_from_board: self.foot_by_camera_from_board,
             },
@@ -149,6 +168,7 @@ pub(crate) struct Found {
     pub plane: Plane,
     pub measurement_covariance_m2: Matrix3<f64>,
     pub foot_by_camera_from_board: SMatrix<f64, 3, 6>,
+    pub optics: MirrorOptics,
     pub rms_px: f64,
     pub noise_px: f64,
 }
@@ -160,6 +180,7 @@ impl Found {
         MirrorEstimate {
             estimator,
             plane: self.plane,
+            optics: self.optics,
             covariance_m2: self.measurement_covariance_m2 + shared,
             measurement_covariance_m2: self.measurement_covariance_m2,
             foot_by_camera_from_board: g,

@@ -2,6 +2,7 @@
 
 use super::board::BoardView;
 use super::estimate::{Found, MirrorEstimate, MirrorEstimator, Rig, before_both, reflected_rms_px};
+use super::optics::MirrorOptics;
 use super::options::EstimatorOptions;
 use super::planar::planar_pose;
 use crate::error::{Error, Result};
@@ -61,6 +62,7 @@ pub(crate) fn estimate(rig: &Rig, view: &BoardView, options: &EstimatorOptions) 
         plane,
         measurement_covariance_m2,
         foot_by_camera_from_board,
+        optics: MirrorOptics::IDEAL,
         rms_px: reflected_rms_px(rig, view, &plane)?,
         noise_px: pose.noise_px,
     };

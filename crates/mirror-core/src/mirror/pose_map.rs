@@ -2,6 +2,7 @@
 
 use super::board::BoardView;
 use super::estimate::{Found, MirrorEstimate, MirrorEstimator, Rig, before_both, reflected_rms_px};
+use super::optics::MirrorOptics;
 use super::options::EstimatorOptions;
 use super::planar::{PlanarPose, planar_pose};
 use super::virtual_camera::ImproperEstimate;
@@ -77,6 +78,7 @@ fn found(rig: &Rig, pose: &PlanarPose, improper: &ImproperEstimate) -> Result<Fo
         plane: before_both(plane, rig)?,
         measurement_covariance_m2: covariance,
         foot_by_camera_from_board: by_map * improper.by_camera_from_board,
+        optics: MirrorOptics::IDEAL,
         rms_px: pose.rms_px,
         noise_px: pose.noise_px,
     })

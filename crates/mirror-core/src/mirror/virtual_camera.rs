@@ -1,7 +1,8 @@
 //! The virtual camera and its rays.
 
+use super::optics::MirrorOptics;
 use crate::camera::Camera;
-use crate::error::{Result, positive};
+use crate::error::{Error, Result, positive};
 use crate::geometry::rotation::hat;
 use crate::geometry::{ImproperIsometry, Plane, Ray, Reflection};
 use nalgebra::{Matrix3, Matrix6, Point3, SMatrix, Unit, Vector2};
@@ -24,6 +25,8 @@ pub enum VirtualCamera {
     Reflected {
         /// The mirror in the camera frame.
         plane: Plane,
+        /// What it is beyond its plane.
+        optics: MirrorOptics,
         /// 3×3 of its foot point from corner noise, m².
         measurement_covariance_m2: Matrix3<f64>,
         /// `∂f/∂(tangent of camera_from_board)`.
@@ -42,6 +45,8 @@ pub struct VirtualRay {
     pub measurement_covariance: Matrix6<f64>,
     /// `∂(origin, direction)/∂(tangent of camera_from_board)`: shared between views.
     pub by_camera_from_board: Matrix6<f64>,
+    /// Where along the ray the mirror is, m: real markers lie beyond it.
+    pub mirror_at_m: f64,
 }
 
 impl VirtualRay {
@@ -99,21 +104,45 @@ pub fn virtual_ray_with_jacobians(
     Ok(RayJacobians { ray, by_foot, by_pixel })
 }
 
+/// Where a virtual ray meets the plane half-way between the real and the virtual camera, `o·x = |o|²/2`, m.
+fn mirror_along(ray: &Ray) -> Result<f64> {
+    let o = ray.origin.coords;
+    let towards = -o.dot(&ray.direction);
+    if towards > 0.0 {
+        Ok(o.norm_squared() / (2.0 * towards))
+    } else {
+        Err(Error::OutOfRange {
+            what: "cosine between a camera ray and the mirror's normal".into(),
+            got: towards / o.norm(),
+            needed: "above 0: a pixel whose ray meets the mirror".into(),
+        })
+    }
+}
+
 impl VirtualCamera {
     /// The virtual ray of a pixel whose noise has the given standard deviation (px, one axis), with its covariance.
     ///
     /// By a plane: [`virtual_ray_with_jacobians`]. By Eq. 1's map `(L, t)`: origin t, direction `L r`, and with the
-    /// map's tangent `δorigin = L v`, `δdirection = −L r̂ ω`.
+    /// map's tangent `δorigin = L v`, `δdirection = −L r̂ ω`. Where the mirror has glass or curvature the ray is that of
+    /// [`MirrorOptics::virtual_ray`] and its Jacobians are the ideal mirror's: the difference is of the order of the
+    /// glass's thickness over the path, of an already small covariance.
     ///
     /// # Errors
-    /// As [`Camera::unproject`]; [`crate::Error::OutOfRange`] for a noise that is not above zero.
+    /// As [`Camera::unproject`]; [`crate::Error::OutOfRange`] for a noise that is not above zero, or a ray that misses
+    /// the mirror.
     pub fn ray(&self, camera: &Camera, pixel: &Vector2<f64>, pixel_noise_px: f64) -> Result<VirtualRay> {
         let variance = positive("noise of a marker's pixel (px)", pixel_noise_px)?.powi(2);
         match self {
-            Self::Reflected { plane, measurement_covariance_m2, foot_by_camera_from_board } => {
+            Self::Reflected { plane, optics, measurement_covariance_m2, foot_by_camera_from_board } => {
                 let at = virtual_ray_with_jacobians(camera, plane, pixel)?;
+                let ray = if optics.is_ideal() {
+                    at.ray
+                } else {
+                    optics.virtual_ray(plane, &camera.unproject(pixel)?)?
+                };
                 Ok(VirtualRay {
-                    ray: at.ray,
+                    ray,
+                    mirror_at_m: mirror_along(&at.ray)?,
                     measurement_covariance: at.by_foot * measurement_covariance_m2 * at.by_foot.transpose()
                         + at.by_pixel * at.by_pixel.transpose() * variance,
                     by_camera_from_board: at.by_foot * foot_by_camera_from_board,
@@ -123,6 +152,7 @@ impl VirtualCamera {
                 let seen = camera.unproject_with_jacobian(pixel)?;
                 let linear = improper.map.linear();
                 let direction = Unit::new_unchecked(linear * seen.direction.into_inner());
+                let ray = Ray { origin: Point3::from(*improper.map.translation()), direction };
                 let mut by_map = Matrix6::zeros();
                 by_map.fixed_view_mut::<3, 3>(0, 3).copy_from(linear);
                 by_map.fixed_view_mut::<3, 3>(3, 0).copy_from(&-(linear * hat(&seen.direction)));
@@ -131,7 +161,8 @@ impl VirtualCamera {
                 let mut corner = covariance.fixed_view_mut::<3, 3>(3, 3);
                 corner += by_pixel * by_pixel.transpose() * variance;
                 Ok(VirtualRay {
-                    ray: Ray { origin: Point3::from(*improper.map.translation()), direction },
+                    mirror_at_m: mirror_along(&ray)?,
+                    ray,
                     measurement_covariance: covariance,
                     by_camera_from_board: by_map * improper.by_camera_from_board,
                 })
