@@ -8,6 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+
 from mirror_posture.detect import BoardOptions, BoardSpec, CameraSpec, detect_boards, measure_grid
 
 PICTURES = Path(__file__).resolve().parents[3] / "shared" / "data" / "pictures"
@@ -79,7 +80,9 @@ def test_direct_and_mirrored_views_of_one_board_get_the_same_physical_labels() -
     stored = np.load(folder / "corners_raw_px.npz")
     camera = CameraSpec(stored["K"], stored["dist"], 3264, 1470)
     options = BoardOptions(views=("direct", "mirror"), strict_count=False)
-    direct, mirrored = detect_boards(gray(folder / "Image10.jpg"), BoardSpec(7, 6, 1.0), camera, options=options)
+    direct, mirrored = detect_boards(
+        gray(folder / "Image10.jpg"), BoardSpec(7, 6, 1.0), camera, options=options
+    )
     for view, name in ((direct, "direct"), (mirrored, "left")):
         assert view.ok, view.reason
         # The stored labels are OpenCV's, with z into the board: y runs the other way, in every view alike.

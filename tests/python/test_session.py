@@ -344,8 +344,20 @@ REFUSALS = {
         "needed 5",
     ),
     "nan in camera": ({"camera": replaced(CAMERA, "399.5", ".nan")}, "camera.yaml", None, "finite"),
-    "no xml": ({"robot": "<robot>"}, "robot.urdf", None, "no URDF"),
+    "no xml": ({"robot": "<robot>"}, "robot.urdf", None, "is not URDF"),
     "other xml": ({"robot": "<sdf/>"}, "robot.urdf", None, "needed <robot>"),
+    "two roots": (
+        {"robot": replaced(URDF, '<link name="upper"/>', '<link name="upper"/><link name="x"/>')},
+        "robot.urdf",
+        None,
+        "2 root",
+    ),
+    "loop": (
+        {"robot": replaced(URDF, '<child link="elbow_marker"/>', '<child link="upper"/>')},
+        "robot.urdf",
+        None,
+        "upper",
+    ),
     "limit": ({"robot": replaced(URDF, 'lower="-1.5"', 'lower="low"')}, "robot.urdf", None, "limit"),
 }
 
@@ -388,6 +400,21 @@ def test_names_row_and_column_of_a_bad_parquet_cell(tmp_path: Path) -> None:
     pyarrow.parquet.write_table(pa.table(columns), folder / "points.parquet")
     with pytest.raises(SessionError, match=r"points\.parquet, row 2, column 'x': got an empty cell"):
         load_session(folder)
+
+
+def test_a_joint_that_follows_another_is_kept_without_effect(tmp_path: Path) -> None:
+    robot = replaced(
+        URDF, '<axis xyz="0 1 0"/>\n  </joint>', '<axis xyz="0 1 0"/><mimic joint="shoulder"/>\n  </joint>'
+    )
+    session = load_session(write_folder(tmp_path, robot=robot))
+    assert any("'elbow' follows another joint" in warning for warning in session.warnings)
+    assert session.positions[:, 0].tolist() == [0.1, 0.1, -0.3]
+
+
+def test_positions_are_in_the_robots_order(tmp_path: Path) -> None:
+    session = load_session(write_folder(tmp_path, frames="frame,posture,elbow\n0,0,0.2\n1,0,0.3\n5,1,0.4\n"))
+    assert session.robot.position_names == ("shoulder", "elbow")
+    assert session.positions.tolist() == [[0.0, 0.2], [0.0, 0.3], [0.0, 0.4]]
 
 
 def test_a_falling_clock_is_named(tmp_path: Path) -> None:

@@ -74,7 +74,14 @@ def detect_boards(
                 "or keep the other boards out of the picture"
             )
             return tuple(
-                BoardView(False, reason, options.views[0], item.grid.reshape(-1, 2), method=item.method, attempts=trail)
+                BoardView(
+                    False,
+                    reason,
+                    options.views[0],
+                    item.grid.reshape(-1, 2),
+                    method=item.method,
+                    attempts=trail,
+                )
                 for item in found
             )
         centre = prediction.corners_px.mean(axis=0)
@@ -85,9 +92,13 @@ def detect_boards(
     views = []
     for index, via in enumerate(order):
         if index < len(found):
-            views.append(replace(_label(gray, found[index], via, board, camera, prediction, options), attempts=trail))
+            views.append(
+                replace(_label(gray, found[index], via, board, camera, prediction, options), attempts=trail)
+            )
         else:
-            views.append(BoardView(False, f"only {len(found)} of {expected} boards found", via, attempts=trail))
+            views.append(
+                BoardView(False, f"only {len(found)} of {expected} boards found", via, attempts=trail)
+            )
     return tuple(views)
 
 
@@ -164,7 +175,9 @@ def _candidates(gray: FloatArray, board: BoardSpec, quick: bool) -> Iterator[tup
 
 
 def _classic(gray: FloatArray, size: tuple[int, int]) -> FloatArray | None:
-    found, points = cv2.findChessboardCorners(gray, size, flags=cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE)
+    found, points = cv2.findChessboardCorners(
+        gray, size, flags=cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
+    )
     return points if found else None
 
 
@@ -179,7 +192,9 @@ def _sector(gray: FloatArray, size: tuple[int, int]) -> FloatArray | None:
     return points if found else None
 
 
-def _run(name: str, gray: FloatArray, scale: float, board: BoardSpec, detector) -> Iterator[tuple[str, FloatArray]]:
+def _run(
+    name: str, gray: FloatArray, scale: float, board: BoardSpec, detector
+) -> Iterator[tuple[str, FloatArray]]:
     try:
         points = detector(gray, (board.corners_x, board.corners_y))
     except cv2.error:
@@ -193,14 +208,23 @@ def _run(name: str, gray: FloatArray, scale: float, board: BoardSpec, detector) 
 
 
 def _examine(
-    gray: FloatArray, grid: FloatArray, method: str, board: BoardSpec, camera: CameraSpec | None, options: BoardOptions
+    gray: FloatArray,
+    grid: FloatArray,
+    method: str,
+    board: BoardSpec,
+    camera: CameraSpec | None,
+    options: BoardOptions,
 ) -> _Found:
     """Refines a grid and runs the checks that do not need labels."""
     # A homography does not care for labels: any symmetry of the grid has the same residual.
     refined = corners.refine(gray, grid, board, camera, options.gate)
     check = pattern.check_pattern(gray, refined.grid)
     return _Found(
-        refined.grid, check.dark_first, refined.window_half_px, method, "; ".join(filter(None, (check.reason, refined.residual.reason)))
+        refined.grid,
+        check.dark_first,
+        refined.window_half_px,
+        method,
+        "; ".join(filter(None, (check.reason, refined.residual.reason))),
     )
 
 
@@ -217,7 +241,9 @@ def _label(
     settled = labels.settle_labels(item.grid, item.dark_first, board, via, predicted)
     labelled = settled.corners_px.reshape(board.corners_y, board.corners_x, 2)
     residual = gate.board_residual(settled.corners_px, board, camera, options.gate)
-    covariances = corners.scale_by_residual(corners.noise_covariances(gray, labelled, item.window_half_px), residual)
+    covariances = corners.scale_by_residual(
+        corners.noise_covariances(gray, labelled, item.window_half_px), residual
+    )
     reason = settled.reason or residual.reason
     return BoardView(
         ok=not reason,

@@ -48,15 +48,25 @@ def window_halves_px(grid: FloatArray) -> list[int]:
 
 
 def refine(
-    gray: FloatArray, grid: FloatArray, board: BoardSpec, camera: CameraSpec | None, options: GateOptions | None = None
+    gray: FloatArray,
+    grid: FloatArray,
+    board: BoardSpec,
+    camera: CameraSpec | None,
+    options: GateOptions | None = None,
 ) -> RefinedGrid:
     """Sub-pixel positions of the grid's corners by the window that leaves the smallest residual. `gray` is uint8 (H, W)."""
     points = np.ascontiguousarray(grid.reshape(-1, 1, 2), dtype=np.float32)
     criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-4)
     tried = []
     for half in window_halves_px(grid):
-        refined = cv2.cornerSubPix(gray, points.copy(), (half, half), (-1, -1), criteria).astype(np.float64).reshape(grid.shape)
-        tried.append(RefinedGrid(refined, half, board_residual(refined.reshape(-1, 2), board, camera, options)))
+        refined = (
+            cv2.cornerSubPix(gray, points.copy(), (half, half), (-1, -1), criteria)
+            .astype(np.float64)
+            .reshape(grid.shape)
+        )
+        tried.append(
+            RefinedGrid(refined, half, board_residual(refined.reshape(-1, 2), board, camera, options))
+        )
     return min(tried, key=lambda one: one.residual.rms_px)
 
 

@@ -63,7 +63,9 @@ def board_residual(
     homography, _ = cv2.findHomography(plane, measured)
     count = len(plane)
     if homography is None or not np.isfinite(homography).all():
-        return GateResult(np.full((count, 2), np.inf), float("inf"), options.max_residual_rms_px, 2 * count - 8)
+        return GateResult(
+            np.full((count, 2), np.inf), float("inf"), options.max_residual_rms_px, 2 * count - 8
+        )
     predicted = cv2.perspectiveTransform(plane[None], homography)[0]
     residuals = measured - predicted
     freedom = 2 * count - 8
@@ -80,7 +82,9 @@ def undistort(pixels: FloatArray, camera: CameraSpec) -> FloatArray:
     """Pixels `(N, 2)` of the same camera without distortion."""
     criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-10)
     points = np.ascontiguousarray(pixels, dtype=np.float64).reshape(-1, 1, 2)
-    undistorted = cv2.undistortPoints(points, camera.matrix, camera.distortion, None, None, camera.matrix, criteria)
+    undistorted = cv2.undistortPoints(
+        points, camera.matrix, camera.distortion, None, None, camera.matrix, criteria
+    )
     return undistorted.reshape(-1, 2)
 
 

@@ -79,7 +79,10 @@ def _scores(
 
     Their ratio is ±1 for a saddle and ±0.5 for a T, whatever the light there. NaN where a sample leaves the picture.
     """
-    diagonals = [SAMPLE_FRACTION * step for step in (along_x + along_y, -along_x - along_y, along_x - along_y, along_y - along_x)]
+    diagonals = [
+        SAMPLE_FRACTION * step
+        for step in (along_x + along_y, -along_x - along_y, along_x - along_y, along_y - along_x)
+    ]
     samples = np.stack([sample(gray, at + step) for step in diagonals])
     score = 0.5 * (samples[0] + samples[1] - samples[2] - samples[3])
     return score, samples.max(axis=0) - samples.min(axis=0)

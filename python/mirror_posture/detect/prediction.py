@@ -9,7 +9,11 @@ from .types import BoardPrediction, BoardSpec, CameraSpec, FloatArray, Via
 
 
 def predicted_corners_px(
-    grid: FloatArray, board: BoardSpec, camera: CameraSpec | None, prediction: BoardPrediction | None, via: Via
+    grid: FloatArray,
+    board: BoardSpec,
+    camera: CameraSpec | None,
+    prediction: BoardPrediction | None,
+    via: Via,
 ) -> FloatArray | None:
     """Expected pixels `(N, 2)` of the labelled corners, or None where nothing is known.
 
@@ -47,7 +51,11 @@ def _grid_centre_in_camera(grid: FloatArray, board: BoardSpec, camera: CameraSpe
     right_handed = along_x[0] * along_y[1] - along_x[1] * along_y[0] > 0.0
     pixels = (grid if right_handed else grid[:, ::-1]).reshape(-1, 1, 2)
     ok, _, translation = cv2.solvePnP(
-        board.points_in_board_m(), np.ascontiguousarray(pixels), camera.matrix, camera.distortion, flags=cv2.SOLVEPNP_ITERATIVE
+        board.points_in_board_m(),
+        np.ascontiguousarray(pixels),
+        camera.matrix,
+        camera.distortion,
+        flags=cv2.SOLVEPNP_ITERATIVE,
     )
     if not ok or not np.isfinite(translation).all() or translation[2, 0] <= 0.0:
         return None

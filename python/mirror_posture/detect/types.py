@@ -47,10 +47,14 @@ class BoardSpec:
         if not (math.isfinite(self.square_m) and self.square_m > 0.0):
             raise DetectionError(f"board square = {self.square_m}: needs a positive side in m")
         if self.pattern not in (CHESSBOARD, CHARUCO):
-            raise DetectionError(f"board pattern = {self.pattern!r}: valid are {CHESSBOARD!r} and {CHARUCO!r}")
+            raise DetectionError(
+                f"board pattern = {self.pattern!r}: valid are {CHESSBOARD!r} and {CHARUCO!r}"
+            )
         if self.pattern == CHARUCO:
             if self.marker_size_m is None or self.dictionary is None:
-                raise DetectionError('a "charuco" board needs marker_size (m) and dictionary (such as "DICT_4X4_50")')
+                raise DetectionError(
+                    'a "charuco" board needs marker_size (m) and dictionary (such as "DICT_4X4_50")'
+                )
             if not 0.0 < self.marker_size_m < self.square_m:
                 raise DetectionError(
                     f"board marker_size = {self.marker_size_m}: must lie between 0 and the square's side {self.square_m}"
@@ -111,7 +115,9 @@ class CameraSpec:
         if not (np.isfinite(self.matrix).all() and np.isfinite(self.distortion).all()):
             raise DetectionError("camera: a number of the camera matrix or of the distortion is not finite")
         if self.matrix[0, 0] <= 0.0 or self.matrix[1, 1] <= 0.0:
-            raise DetectionError("camera: the focal lengths camera_matrix[0][0] and [1][1] must be positive (px)")
+            raise DetectionError(
+                "camera: the focal lengths camera_matrix[0][0] and [1][1] must be positive (px)"
+            )
 
     @property
     def focal_px(self) -> float:

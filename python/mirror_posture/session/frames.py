@@ -6,8 +6,8 @@ from pathlib import Path, PurePosixPath
 
 import numpy as np
 
+from ..robot import Joint, Robot
 from .errors import SessionError, choices
-from .robot_names import RobotNames
 from .tables import Table
 from .types import Frames
 
@@ -17,7 +17,7 @@ LIMIT_FACTOR = 4.0
 """A command beyond this many times the joint's limit cannot be meant: degrees, most likely (a factor of 57)."""
 
 
-def read_frames(table: Table, robot: RobotNames, ordered: bool) -> tuple[Frames, list[str]]:
+def read_frames(table: Table, robot: Robot, ordered: bool) -> tuple[Frames, list[str]]:
     """The frames table, checked against the robot; second, what is odd and was kept."""
     table.require("frame", "posture")
     if table.rows == 0:
@@ -49,13 +49,19 @@ def read_frames(table: Table, robot: RobotNames, ordered: bool) -> tuple[Frames,
         )
     image = _images(table) if "image" in table.columns else None
 
-    joints = [name for name in table.columns if name not in OWN_COLUMNS and not name.startswith(MEASURED)]
-    measured = [name for name in table.columns if name.startswith(MEASURED)]
-    for column in joints + measured:
-        _check_joint(table, column, column.removeprefix(MEASURED), robot)
+    columns = [name for name in table.columns if name not in OWN_COLUMNS]
+    joints = [name for name in columns if not name.startswith(MEASURED)]
+    measured = [name for name in columns if name.startswith(MEASURED)]
+    by_name = {joint.name: joint for joint in robot.joints}
+    for column in columns:
+        joint = _joint(table, column, by_name)
+        if joint.name not in robot.position_names and column == joint.name:
+            warnings.append(
+                f"{table.name}: {column!r} follows another joint (mimic); its column has no effect"
+            )
     commanded = _stack(table, joints)
-    for index, joint in enumerate(joints):
-        _check_unit(table, joint, commanded[:, index], robot)
+    for index, name in enumerate(joints):
+        _check_unit(table, by_name[name], commanded[:, index])
     frames = Frames(
         frame,
         posture,
@@ -76,33 +82,39 @@ def _stack(table: Table, columns: list[str]) -> np.ndarray:
     return np.stack([table.numbers(column) for column in columns], axis=1)
 
 
-def _check_joint(table: Table, column: str, joint: str, robot: RobotNames) -> None:
-    if joint in robot.joints:
-        return
-    if joint in robot.fixed_joints:
+def _joint(table: Table, column: str, by_name: dict[str, Joint]) -> Joint:
+    """The joint that a column speaks of; refuses one that the URDF lacks or that cannot move."""
+    name = column.removeprefix(MEASURED)
+    joint = by_name.get(name)
+    if joint is None:
+        movable = [known.name for known in by_name.values() if known.kind != "fixed"]
         raise SessionError(
-            table.name, f"the joint {joint!r} is fixed in the URDF; remove the column", column=column
+            table.name,
+            f"the URDF has no joint {name!r}; its joints: {choices(movable)}; rename or remove the column",
+            column=column,
         )
-    raise SessionError(
-        table.name,
-        f"the URDF has no joint {joint!r}; its joints: {choices(robot.joints)}; rename or remove the column",
-        column=column,
-    )
+    if joint.kind == "fixed":
+        raise SessionError(
+            table.name, f"the joint {name!r} is fixed in the URDF; remove the column", column=column
+        )
+    return joint
 
 
-def _check_unit(table: Table, joint: str, commanded: np.ndarray, robot: RobotNames) -> None:
-    largest = robot.largest_command.get(joint)
-    if largest is None:
+def _check_unit(table: Table, joint: Joint, commanded: np.ndarray) -> None:
+    largest = max(abs(joint.lower), abs(joint.upper))
+    # Limits that are infinite or both zero limit nothing.
+    if not 0.0 < largest < np.inf:
         return
     beyond = np.flatnonzero(np.abs(commanded) > LIMIT_FACTOR * largest)
     if len(beyond):
         row = int(beyond[0])
+        unit, other = ("m", "mm") if joint.kind == "prismatic" else ("rad", "degrees")
         raise SessionError(
             table.name,
-            f"got {commanded[row]:g}, more than {LIMIT_FACTOR:g} times the joint's limit of {largest:g} in the URDF; "
-            "needed rad (m for a prismatic joint): are these degrees (or mm)?",
+            f"got {commanded[row]:g}, more than {LIMIT_FACTOR:g} times the joint's limit of {largest:g} {unit} in the "
+            f"URDF; needed {unit}: are these {other}?",
             row=row + 1,
-            column=joint,
+            column=joint.name,
         )
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+from .._core import MirrorPostureError
+from ..robot import Robot
 from .camera_info import load_camera_info
 from .detections import COLUMNS as DETECTION_COLUMNS
 from .detections import read_detections
@@ -13,7 +15,6 @@ from .frames import check_images_exist, read_frames
 from .metadata import FILE, Metadata, load_metadata
 from .points import COLUMNS as POINT_COLUMNS
 from .points import read_points
-from .robot_names import RobotNames, load_robot_names
 from .tables import Table, find_table, read_table
 from .types import UNKNOWN_FRAME, Session, Views
 
@@ -32,7 +33,7 @@ def load_session(folder: str | os.PathLike[str]) -> Session:
     metadata = load_metadata(folder)
     warnings = list(metadata.warnings)
     robot_file = _inside(folder, metadata.robot, "robot")
-    robot = load_robot_names(robot_file, metadata.robot)
+    robot = _load_robot(robot_file, metadata.robot)
     _check_links(metadata, robot)
     camera = None
     if metadata.camera is not None:
@@ -94,6 +95,7 @@ def load_session(folder: str | os.PathLike[str]) -> Session:
     return Session(
         folder,
         robot_file,
+        robot,
         metadata.root,
         metadata.gravity_m_per_s2,
         frames,
@@ -120,7 +122,18 @@ def _inside(folder: Path, name: str, key: str) -> Path:
     return folder / path
 
 
-def _check_links(metadata: Metadata, robot: RobotNames) -> None:
+def _load_robot(file: Path, shown_as: str) -> Robot:
+    if not file.is_file():
+        raise SessionError(shown_as, "the file is missing; save the robot's nominal URDF there")
+    try:
+        return Robot.from_urdf_text(file.read_text(encoding="utf-8-sig"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise SessionError(shown_as, f"cannot be read as text ({error}); needed a URDF in UTF-8") from None
+    except MirrorPostureError as error:
+        raise SessionError(shown_as, " ".join(str(error).split())) from None
+
+
+def _check_links(metadata: Metadata, robot: Robot) -> None:
     places = [("root", metadata.root)]
     if metadata.camera_link is not None:
         places.append(("camera_mount.link", metadata.camera_link))
@@ -130,10 +143,10 @@ def _check_links(metadata: Metadata, robot: RobotNames) -> None:
     if metadata.points_frame not in (None, UNKNOWN_FRAME):
         places.append(("points.frame", str(metadata.points_frame)))
     for key, link in places:
-        if link not in robot.links:
+        if link not in robot.link_names:
             raise SessionError(
                 FILE,
-                f"{key}: the URDF {metadata.robot} has no link {link!r}; its links: {choices(robot.links)}",
+                f"{key}: the URDF {metadata.robot} has no link {link!r}; its links: {choices(robot.link_names)}",
             )
 
 

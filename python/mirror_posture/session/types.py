@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ..robot import Robot
 from .camera_info import CameraInfo
 
 Floats = npt.NDArray[np.float64]
@@ -157,6 +158,8 @@ class Session:
     folder: Path
     robot_file: Path
     """The nominal URDF."""
+    robot: Robot
+    """What it says."""
     root_link: str
     gravity_m_per_s2: Floats
     """(3,), in the root link's frame."""
@@ -183,6 +186,21 @@ class Session:
     def marker_names(self) -> tuple[str, ...]:
         """Names of the markers, in the order of the arrays' marker axis."""
         return tuple(marker.name for marker in self.markers)
+
+    @cached_property
+    def positions(self) -> Floats:
+        """The commanded postures as the robot takes them: (F, nq) in the order of `robot.position_names`, rad (m).
+
+        Joints without a column stay at 0; those that follow another joint (mimic) are left to it.
+        """
+        frames = self.frames
+        by_joint = {
+            name: frames.commanded[:, index]
+            for index, name in enumerate(frames.joint_names)
+            if name in self.robot.position_names
+        }
+        q = self.robot.positions(by_joint)
+        return np.broadcast_to(q, (len(frames), q.shape[1])) if len(q) != len(frames) else q
 
     @property
     def image_files(self) -> tuple[Path | None, ...]:
