@@ -155,6 +155,17 @@ pub enum Error {
         /// Where it lies.
         place: &'static str,
     },
+    /// A view whose own best fit leaves too much: a wrong grid, a bent board, or another camera's file.
+    #[error(
+        "residual against a flat board: got {got_px:.2} px RMS, needed at most {needed_px:.2} px; \
+         the grid is wrong (shifted by a row?), the board is bent, or the camera file is another camera's"
+    )]
+    ViewOverGate {
+        /// Root mean square length of the residuals, px.
+        got_px: f64,
+        /// The gate, px.
+        needed_px: f64,
+    },
     /// What one of many views was refused for.
     #[error("view {view}: {source}")]
     InView {

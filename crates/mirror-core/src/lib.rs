@@ -10,12 +10,14 @@
 //! | [`mirror`] | the board and its pose, the ladder of mirror estimators, the virtual camera |
 //! | [`triangulate`] | virtual rays to points, with covariance |
 //! | [`joint`] | all views of a session at once: mirrors, camera–board transform, markers |
+//! | [`calibrate`] | the camera–board transform from mirror views alone, or with a second camera |
 //! | [`robot`] | URDF to a validated tree; kinematics, Jacobians, gravity torques |
 //!
 //! Conventions (tested, and told in full in `docs/conventions.md`): `a_from_b` maps coordinates in frame b to
 //! coordinates in frame a; `point_in_a`; SI units; a camera's optical frame has z forward, x right, y down;
 //! pixel (0, 0) is the centre of the top-left pixel; tangents put rotation before translation.
 
+pub mod calibrate;
 pub mod camera;
 mod error;
 pub mod geometry;

@@ -14,10 +14,16 @@ use nalgebra::{
 use rayon::prelude::*;
 
 const WHAT: &str = "joint estimate";
-/// Damping starts here when a full Gauss–Newton step fails, as a share of the matrix's diagonal.
-const FIRST_DAMPING: f64 = 1e-4;
-/// Factor of the damping after a failed step; its inverse after a good one.
-const DAMPING_FACTOR: f64 = 10.0;
+/// Damping starts here when a full Gauss–Newton step fails, as a share of the matrix's diagonal. So small because the direction that
+/// needs damping is a weak one: by yaw alone the transform is known a thousand times worse along one direction than along the
+/// others, its share of the diagonal is 1e-6, and the valley along it is curved.
+const FIRST_DAMPING: f64 = 1e-8;
+/// Factor of the damping after a failed step.
+const DAMPING_RISE: f64 = 10.0;
+/// Divisor of the damping after a good step.
+const DAMPING_FALL: f64 = 4.0;
+/// Steps of the planes alone after a failed step of everything.
+const FOLLOWING_STEPS: usize = 3;
 /// Beyond this damping a step is so short that the cost cannot be lowered in floating point.
 const LARGEST_DAMPING: f64 = 1e12;
 
@@ -234,6 +240,25 @@ impl Problem<'_> {
         solve(terms, self.frames_of, &self.points_of, prior, damping)
     }
 
+    /// A step that failed, given a second chance: the planes follow the transform and the points non-linearly.
+    ///
+    /// By yaw alone, the valley of the cost along the weak direction is curved: a long step of the transform is right only
+    /// when each plane turns along with it. The planes are one 3×3 problem each, so following is cheap.
+    fn followed(&self, mut next: State, cost: f64, trial: &mut [FrameTerms]) -> Result<(State, f64)> {
+        let mut lower = f64::INFINITY;
+        for _ in 0..FOLLOWING_STEPS {
+            for (plane, terms) in next.planes.iter_mut().zip(trial.iter()) {
+                let factor = terms.plane.cholesky().ok_or(Error::Undetermined { what: WHAT })?;
+                *plane = Plane::from_foot_point(&(plane.foot_point() - factor.solve(&terms.plane_gradient)))?;
+            }
+            lower = self.evaluate(&next, trial)?;
+            if lower <= cost {
+                break;
+            }
+        }
+        Ok((next, lower))
+    }
+
     /// Gauss–Newton, damped after Levenberg and Marquardt where a full step fails.
     fn minimise(&self, mut state: State) -> Result<(State, Vec<FrameTerms>, f64, usize)> {
         let mut terms = vec![FrameTerms::zero(); self.frames.len()];
@@ -243,7 +268,7 @@ impl Problem<'_> {
         let mut decrease = f64::INFINITY;
         for taken in 0..self.options.most_steps {
             let prior = self.prior(&state).map(|(_, terms)| terms);
-            let raise = |damping: f64| (damping * DAMPING_FACTOR).max(FIRST_DAMPING);
+            let raise = |damping: f64| (damping * DAMPING_RISE).max(FIRST_DAMPING);
             let Some(solution) = self.solve(&terms, prior.as_ref(), damping) else {
                 if damping > LARGEST_DAMPING {
                     return Err(Error::Undetermined { what: WHAT });
@@ -254,8 +279,8 @@ impl Problem<'_> {
             let step = solution.step(&terms, self.frames_of, prior.as_ref());
             decrease = step.decrease;
             let candidate = self.moved(&state, &step).and_then(|next| {
-                let cost = self.evaluate(&next, &mut trial)?;
-                Ok((next, cost))
+                let lower = self.evaluate(&next, &mut trial)?;
+                if lower <= cost { Ok((next, lower)) } else { self.followed(next, cost, &mut trial) }
             });
             match candidate {
                 Ok((next, lower)) if lower <= cost => {
@@ -265,7 +290,7 @@ impl Problem<'_> {
                     if damping == 0.0 && decrease <= self.options.least_decrease {
                         return Ok((state, terms, cost, taken + 1));
                     }
-                    damping = if damping > FIRST_DAMPING { damping / DAMPING_FACTOR } else { 0.0 };
+                    damping = if damping > FIRST_DAMPING { damping / DAMPING_FALL } else { 0.0 };
                 }
                 // Nothing can be gained but rounding: this is the minimum.
                 _ if decrease <= self.options.least_decrease || damping > LARGEST_DAMPING => {

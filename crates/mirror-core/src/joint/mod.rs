@@ -12,3 +12,5 @@ mod start;
 
 pub use estimate::{JointEstimate, JointPoint, joint_estimate};
 pub use problem::{BoardPrior, JointFrame, JointOptions, MarkerSighting, PointStatus, Via};
+
+pub(crate) use estimate::board_side_from_camera_side;
