@@ -174,6 +174,14 @@ pub enum Error {
         /// What it was refused for.
         source: Box<Error>,
     },
+    /// A picture that could not be made.
+    #[error("{what}: {why}")]
+    Picture {
+        /// What was being done.
+        what: String,
+        /// Why it failed.
+        why: String,
+    },
 }
 
 /// The crate's result.

@@ -11,6 +11,7 @@
 //! | [`triangulate`] | virtual rays to points, with covariance |
 //! | [`joint`] | all views of a session at once: mirrors, camera–board transform, markers |
 //! | [`calibrate`] | the camera–board transform from mirror views alone, or with a second camera |
+//! | [`picture`] | ray tracer: pictures of a robot before a mirror, with their truth |
 //! | [`robot`] | URDF to a validated tree; kinematics, Jacobians, gravity torques |
 //!
 //! Conventions (tested, and told in full in `docs/conventions.md`): `a_from_b` maps coordinates in frame b to
@@ -23,6 +24,7 @@ mod error;
 pub mod geometry;
 pub mod joint;
 pub mod mirror;
+pub mod picture;
 pub mod robot;
 pub mod triangulate;
 

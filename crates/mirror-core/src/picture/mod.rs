@@ -1,0 +1,43 @@
+//! The picture maker: a ray tracer that draws a robot before a mirror, with the truth of what it drew.
+//!
+//! It exists so that detection and measurement can be tested on pictures whose truth is known. Therefore it shares
+//! no formula with what it tests: it never projects a point. Every pixel is made of rays that leave the camera,
+//! pass the lens ([`Eye`] inverts the published distortion polynomial by a fixed point of its own), enter the
+//! mirror's glass, meet its silver, leave the glass ([`Pane`]) and hit the scene. The exact pixel of a point
+//! ([`pixel_of`]) is the one whose traced ray passes through it, found by searching over traced rays.
+//!
+//! The scene's frame is the robot's root: z up. Light is linear until [`Sensor`] turns it into 8-bit values.
+
+mod dress;
+mod eye;
+mod light;
+mod pane;
+mod render;
+mod scene;
+mod sensor;
+mod shape;
+mod truth;
+
+pub use dress::{Dress, DressedVisual};
+pub use eye::Eye;
+pub use light::{Lamp, Lights};
+pub use pane::{Pane, PaneOptions, PanePath};
+pub use render::{LightField, Sampling, render};
+pub use scene::{Body, Material, Paint, Scene, furnish};
+pub use sensor::Sensor;
+pub use shape::{Shape, Touch};
+pub use truth::{BallTruth, CornerTruth, ViaTruth, ball_truth, corner_truth, pixel_of};
+
+/// Red, green and blue, linear light, 1 is a white sheet in full light.
+pub type Colour = nalgebra::Vector3<f64>;
+
+/// A half-line of the tracer: start (m) and unit direction in the scene's frame.
+///
+/// A type of its own, not [`crate::geometry::Ray`]: the tracer shares no code with the geometry that it tests.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Beam {
+    /// Where it starts, m.
+    pub from: nalgebra::Vector3<f64>,
+    /// Unit direction.
+    pub along: nalgebra::Vector3<f64>,
+}

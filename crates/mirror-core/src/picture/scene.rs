@@ -1,0 +1,294 @@
+//! What stands before the mirror: painted solids, the room, the lamps.
+
+use super::{Beam, Colour, Lights, Pane, Shape, Touch};
+use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3};
+
+/// Bodies whose bounding ball is smaller than this (m) are tested behind one common ball, and throw shadows.
+const SMALL_BODY_M: f64 = 0.25;
+
+/// What colours a body.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Paint {
+    /// One colour.
+    Plain(Colour),
+    /// A chessboard printed on a [`Shape::Sheet`], squares and a white border around them.
+    ///
+    /// The square with the smallest x and y is dark.
+    Chessboard {
+        /// Number of squares along x and y.
+        squares: [u32; 2],
+        /// Edge of a square, m.
+        square_m: f64,
+    },
+    /// Planks along x with a faint grain.
+    Wood(Colour),
+}
+
+/// How a body's surface looks.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Material {
+    /// Its colour.
+    pub paint: Paint,
+    /// Strength of its highlight; 0 is matt.
+    pub gloss: f64,
+}
+
+/// A painted solid at its place.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Body {
+    /// The solid.
+    pub shape: Shape,
+    /// Its place.
+    pub scene_from_body: Isometry3<f64>,
+    /// Its surface.
+    pub material: Material,
+}
+
+/// Reflectance of the board's ink and paper.
+const INK: f64 = 0.03;
+const PAPER: f64 = 0.88;
+
+impl Paint {
+    /// The colour at a point of the body, in the body's frame.
+    #[inline]
+    pub(super) fn colour(&self, at: &Vector3<f64>) -> Colour {
+        match *self {
+            Self::Plain(colour) => colour,
+            Self::Chessboard { squares, square_m } => {
+                let column = (at.x / square_m + f64::from(squares[0]) / 2.0).floor();
+                let row = (at.y / square_m + f64::from(squares[1]) / 2.0).floor();
+                let inside = column >= 0.0
+                    && row >= 0.0
+                    && column < f64::from(squares[0])
+                    && row < f64::from(squares[1]);
+                let dark = inside && (column + row) as i64 % 2 == 0;
+                Colour::repeat(if dark { INK } else { PAPER })
+            }
+            Self::Wood(colour) => {
+                let plank = (at.y / 0.09).floor();
+                let grain = (at.y * 260.0 + (at.x * 9.0 + plank * 1.7).sin() * 2.2).sin() * 0.035
+                    + (at.y * 90.0 + (at.x * 4.0 + plank * 4.1).sin() * 1.5).sin() * 0.04;
+                let seam = if (at.y / 0.09 - plank) < 0.015 { 0.6 } else { 1.0 };
+                colour * ((1.0 + grain + (plank * 12.9898).sin() * 0.07) * seam)
+            }
+        }
+    }
+}
+
+#[derive(Debug, Clone)]
+pub(super) struct Placed {
+    shape: Shape,
+    pub(super) material: Material,
+    scene_from_body: Matrix3<f64>,
+    body_from_scene: Matrix3<f64>,
+    pub(super) center: Vector3<f64>,
+    radius2: f64,
+}
+
+/// What a beam meets first.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Meeting {
+    pub distance_m: f64,
+    /// Outward unit normal, scene frame.
+    pub normal: Vector3<f64>,
+    /// Index of the body.
+    pub body: usize,
+}
+
+/// Everything that a picture shows: bodies, lights, the eye's place, and the mirror, in one frame (z up).
+#[derive(Debug, Clone)]
+pub struct Scene {
+    pub(super) bodies: Vec<Placed>,
+    /// Bodies `0..small` lie in the common ball.
+    small: usize,
+    common_center: Vector3<f64>,
+    common_radius2: f64,
+    /// For each given body, its index here.
+    order: Vec<usize>,
+    /// The lamps and the light of the room.
+    pub lights: Lights,
+    /// Where the eye stands: optical frame, z forward, x right, y down.
+    pub scene_from_camera: Isometry3<f64>,
+    /// The mirror, where there is one.
+    pub pane: Option<Pane>,
+}
+
+impl Scene {
+    /// A scene of these bodies.
+    pub fn new(
+        bodies: &[Body],
+        lights: Lights,
+        scene_from_camera: Isometry3<f64>,
+        pane: Option<Pane>,
+    ) -> Self {
+        let mut sorted: Vec<usize> = (0..bodies.len()).collect();
+        let is_small = |i: usize| bodies[i].shape.bounding_radius_m() < SMALL_BODY_M;
+        sorted.sort_by_key(|&i| !is_small(i));
+        let small = sorted.iter().filter(|&&i| is_small(i)).count();
+        let placed: Vec<Placed> = sorted.iter().map(|&i| Placed::new(&bodies[i])).collect();
+        let mut order = vec![0; bodies.len()];
+        for (here, &given) in sorted.iter().enumerate() {
+            order[given] = here;
+        }
+        let count = small.max(1) as f64;
+        let common_center = placed[..small].iter().map(|b| b.center).sum::<Vector3<f64>>() / count;
+        let reach = |b: &Placed| (b.center - common_center).norm() + b.radius2.sqrt();
+        let common_radius = placed[..small].iter().map(reach).fold(0.0, f64::max);
+        let common_radius2 = common_radius * common_radius;
+        Self { bodies: placed, small, common_center, common_radius2, order, lights, scene_from_camera, pane }
+    }
+
+    /// Index, as meetings tell it, of the body that was given as number `given`.
+    pub(super) fn index_of(&self, given: usize) -> usize {
+        self.order[given]
+    }
+
+    /// The body that a beam meets first, not counting the mirror.
+    #[inline]
+    pub(super) fn first_meeting(&self, beam: &Beam) -> Option<Meeting> {
+        let mut best: Option<(Touch, usize)> = None;
+        let mut nearest = f64::INFINITY;
+        let first = if reaches(beam, &self.common_center, self.common_radius2, f64::INFINITY) {
+            0
+        } else {
+            self.small
+        };
+        for (i, body) in self.bodies.iter().enumerate().skip(first) {
+            if let Some(touch) = body.touch(beam, nearest) {
+                nearest = touch.distance_m;
+                best = Some((touch, i));
+            }
+        }
+        let (touch, body) = best?;
+        let normal = self.bodies[body].scene_from_body * touch.normal;
+        Some(Meeting { distance_m: touch.distance_m, normal, body })
+    }
+
+    /// Whether a small body stands within this distance (m) along the beam.
+    #[inline]
+    pub(super) fn is_blocked(&self, beam: &Beam, within_m: f64) -> bool {
+        reaches(beam, &self.common_center, self.common_radius2, within_m)
+            && self.bodies[..self.small].iter().any(|body| body.touch(beam, within_m).is_some())
+    }
+
+    /// Whether a beam meets one body alone, and where.
+    pub(super) fn meets_alone(&self, body: usize, beam: &Beam) -> Option<f64> {
+        self.bodies[body].touch(beam, f64::INFINITY).map(|t| t.distance_m)
+    }
+
+    /// Colour of a body at a point of the scene.
+    #[inline]
+    pub(super) fn colour_at(&self, body: usize, at: &Vector3<f64>) -> Colour {
+        let body = &self.bodies[body];
+        match body.material.paint {
+            Paint::Plain(colour) => colour,
+            paint => paint.colour(&(body.body_from_scene * (at - body.center))),
+        }
+    }
+}
+
+impl Placed {
+    fn new(body: &Body) -> Self {
+        let rotation = body.scene_from_body.rotation.to_rotation_matrix().into_inner();
+        let radius = body.shape.bounding_radius_m();
+        Self {
+            shape: body.shape,
+            material: body.material,
+            scene_from_body: rotation,
+            body_from_scene: rotation.transpose(),
+            center: body.scene_from_body.translation.vector,
+            radius2: radius * radius,
+        }
+    }
+
+    /// Radius of the bounding ball, m.
+    pub(super) fn radius_m(&self) -> f64 {
+        self.radius2.sqrt()
+    }
+
+    /// The first touch nearer than a limit, normal in the body's frame.
+    #[inline]
+    fn touch(&self, beam: &Beam, limit_m: f64) -> Option<Touch> {
+        if !reaches(beam, &self.center, self.radius2, limit_m) {
+            return None;
+        }
+        let from = self.body_from_scene * (beam.from - self.center);
+        let along = self.body_from_scene * beam.along;
+        self.shape.touch(&from, &along).filter(|t| t.distance_m < limit_m)
+    }
+}
+
+/// Whether a beam, up to a length, touches a ball.
+#[inline]
+fn reaches(beam: &Beam, center: &Vector3<f64>, radius2: f64, within_m: f64) -> bool {
+    let to = center - beam.from;
+    let ahead = to.dot(&beam.along);
+    let aside2 = to.norm_squared() - ahead * ahead;
+    if aside2 > radius2 {
+        return false;
+    }
+    let half_chord = (radius2 - aside2).sqrt();
+    ahead + half_chord > 0.0 && ahead - half_chord < within_m
+}
+
+fn block(half: [f64; 3], at: Vector3<f64>, rotation: UnitQuaternion<f64>, material: Material) -> Body {
+    Body {
+        shape: Shape::Block { half_m: Vector3::from(half) },
+        scene_from_body: Isometry3::from_parts(Translation3::from(at), rotation),
+        material,
+    }
+}
+
+fn plain(r: f64, g: f64, b: f64, gloss: f64) -> Material {
+    Material { paint: Paint::Plain(Colour::new(r, g, b)), gloss }
+}
+
+/// The room: table, walls before and behind, the stand that holds the torso, the mirror's frame and feet.
+///
+/// `floor_m` is the table's height (z, m) in the scene's frame. Greys and pale wood only: nothing in the room
+/// may be taken for a coloured marker.
+pub fn furnish(floor_m: f64, pane: Option<&Pane>) -> Vec<Body> {
+    let upright = UnitQuaternion::identity();
+    let wall = plain(0.50, 0.51, 0.53, 0.0);
+    let dark = plain(0.05, 0.05, 0.06, 0.3);
+    let wood = Material { paint: Paint::Wood(Colour::new(0.40, 0.355, 0.31)), gloss: 0.05 };
+    let mut bodies = vec![
+        block([2.0, 2.0, 0.02], Vector3::new(0.0, 0.0, floor_m - 0.02), upright, wood),
+        block([0.02, 3.0, 2.0], Vector3::new(-0.75, 0.0, 0.9), upright, wall),
+        block([0.02, 3.0, 2.0], Vector3::new(1.6, 0.0, 0.9), upright, wall),
+        // The stand: a post behind the back, a clamp, a foot plate.
+        block([0.006, 0.012, 0.09], Vector3::new(-0.062, 0.0, floor_m + 0.09), upright, dark),
+        block([0.014, 0.010, 0.012], Vector3::new(-0.05, 0.0, 0.045), upright, dark),
+        block([0.05, 0.06, 0.003], Vector3::new(-0.062, 0.0, floor_m + 0.003), upright, dark),
+    ];
+    if let Some(pane) = pane {
+        bodies.extend(frame_of(pane));
+    }
+    bodies
+}
+
+/// A dark frame around the mirror and a board behind it.
+fn frame_of(pane: &Pane) -> Vec<Body> {
+    const RIM_M: f64 = 0.008;
+    let (across, up) = pane.edges();
+    let normal = pane.normal();
+    let o = pane.options();
+    let rotation = UnitQuaternion::from_rotation_matrix(&nalgebra::Rotation3::from_matrix_unchecked(
+        Matrix3::from_columns(&[across, up, across.cross(&up)]),
+    ));
+    let dark = plain(0.035, 0.035, 0.04, 0.3);
+    let (w, h) = (o.width_m / 2.0, o.height_m / 2.0);
+    let at = |x: f64, y: f64, z: f64| pane.center() + across * x + up * y + normal * z;
+    let middle = o.glass_thickness_m / 2.0;
+    let mut bodies = vec![block([w + RIM_M, h + RIM_M, 0.003], at(0.0, 0.0, 0.02), rotation, dark)];
+    for side in [-1.0, 1.0] {
+        bodies.push(block(
+            [RIM_M, h + 2.0 * RIM_M, 0.006],
+            at(side * (w + RIM_M), 0.0, middle),
+            rotation,
+            dark,
+        ));
+        bodies.push(block([w, RIM_M, 0.006], at(0.0, side * (h + RIM_M), middle), rotation, dark));
+    }
+    bodies
+}
