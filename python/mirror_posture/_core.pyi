@@ -2,6 +2,8 @@
 
 import os
 from typing import Literal, final
+from collections.abc import Mapping, Sequence
+from typing import Any, final
 
 import numpy as np
 import numpy.typing as npt
@@ -65,3 +67,44 @@ class Robot:
     def gravity_moments(
         self, positions: npt.ArrayLike, gravity_in_held_link: npt.ArrayLike, held_link: str
     ) -> _Array: ...
+class PictureMaker:
+    """Draws a robot before a mirror by tracing rays, and tells the truth of what it drew."""
+
+    def __new__(
+        cls,
+        urdf: str,
+        *,
+        size_px: tuple[int, int],
+        focal_px: tuple[float, float],
+        center_px: tuple[float, float],
+        distortion: Sequence[float],
+        camera_link: str,
+        board: tuple[str, int, int, float] | None,
+        balls: Sequence[tuple[str, str, float, Sequence[float]]],
+    ) -> PictureMaker: ...
+    @property
+    def skipped_meshes(self) -> list[str]: ...
+    def link_poses(self, positions: Mapping[str, float]) -> dict[str, npt.NDArray[np.float64]]: ...
+    def draw(
+        self,
+        link_poses: Mapping[str, npt.ArrayLike],
+        *,
+        mirror_center_m: Sequence[float],
+        mirror_normal: Sequence[float],
+        glass_thickness_m: float,
+        refractive_index: float,
+        curvature_per_m: float,
+        mirror_size_m: tuple[float, float],
+        ghosts: bool,
+        floor_m: float,
+        grid: int,
+        edge_grid: int,
+        motion_px: Sequence[float],
+        blur_px: float,
+        exposure: float,
+        full_well_electrons: float | None,
+        read_noise_electrons: float,
+        gamma: float,
+        jpeg_quality: int | None,
+        seed: int,
+    ) -> tuple[npt.NDArray[np.uint8], dict[str, Any]]: ...

@@ -3,6 +3,7 @@
 mod arrays;
 mod errors;
 mod robot;
+mod picture;
 
 /// The compiled core of `mirror_posture`.
 #[pyo3::pymodule]
@@ -11,6 +12,7 @@ mod _core {
     use crate::errors::MirrorPostureError;
     #[pymodule_export]
     use crate::robot::PyRobot;
+    use crate::picture::PictureMaker;
 
     #[pymodule_init]
     fn init(module: &pyo3::Bound<'_, pyo3::types::PyModule>) -> pyo3::PyResult<()> {

@@ -43,9 +43,9 @@ def write_session(
     folder = Path(folder)
 
     def fill(target: Path) -> None:
-        _write_files(session, target, tables)
+        write_session_files(session, target, tables)
 
-    _replace_folder(folder, fill, overwrite)
+    replace_folder(folder, fill, overwrite)
     return folder
 
 
@@ -204,7 +204,8 @@ def _marker_tree(marker: Marker) -> dict[str, Any]:
     return tree
 
 
-def _write_files(session: Session, target: Path, tables: TableFormat) -> None:
+def write_session_files(session: Session, target: Path, tables: TableFormat = "csv") -> None:
+    """Writes a session's files into a folder that is there; pictures that lie in it already stay as they are."""
     (target / FILE).write_text(tomli_w.dumps(metadata_tree(session)), encoding="utf-8")
     shutil.copyfile(session.robot_file, target / "robot.urdf")
     if session.camera is not None:
@@ -215,12 +216,12 @@ def _write_files(session: Session, target: Path, tables: TableFormat) -> None:
     if session.points is not None:
         write_table(points_table(session), target / f"points.{tables}")
     for name, picture in zip(session.frames.image or (), session.image_files, strict=False):
-        if name is not None and picture is not None and picture.is_file():
+        if name is not None and picture is not None and picture != target / name and picture.is_file():
             (target / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(picture, target / name)
 
 
-def _replace_folder(folder: Path, fill: Callable[[Path], None], overwrite: bool) -> None:
+def replace_folder(folder: Path, fill: Callable[[Path], None], overwrite: bool) -> None:
     """Fills a folder beside its place, then renames it there; on any error the place is as it was."""
     if folder.exists() and not overwrite:
         raise SessionError(folder, "is there already; give another folder, or ask to overwrite it")
