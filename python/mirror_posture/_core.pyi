@@ -1,9 +1,8 @@
 """Typed stub of the compiled core; checked against the module by mypy's stubtest."""
 
 import os
-from typing import Literal, final
 from collections.abc import Mapping, Sequence
-from typing import Any, final
+from typing import Any, Literal, final
 
 import numpy as np
 import numpy.typing as npt

@@ -2,8 +2,8 @@
 
 mod arrays;
 mod errors;
-mod robot;
 mod picture;
+mod robot;
 
 /// The compiled core of `mirror_posture`.
 #[pyo3::pymodule]
@@ -11,8 +11,9 @@ mod _core {
     #[pymodule_export]
     use crate::errors::MirrorPostureError;
     #[pymodule_export]
-    use crate::robot::PyRobot;
     use crate::picture::PictureMaker;
+    #[pymodule_export]
+    use crate::robot::PyRobot;
 
     #[pymodule_init]
     fn init(module: &pyo3::Bound<'_, pyo3::types::PyModule>) -> pyo3::PyResult<()> {
