@@ -1,4 +1,5 @@
-"""The blind simulator shares nothing with what it tests: proven on its source and in a process where the rest is barred."""
+"""The blind simulator shares nothing with what it tests: proven on its source and in a process where the
+rest is barred."""
 
 from __future__ import annotations
 
@@ -57,7 +58,8 @@ from pathlib import Path
 from mirror_posture.blind.make import Options, make_cases
 made = make_cases(Path({str(tmp_path)!r}), 1, 3, Options(robots=("small",), frames=(60, 61)))
 assert (made[0] / "detections.csv").is_file()
-loaded = [m for m in sys.modules if m.startswith("mirror_posture.") and not m.startswith("mirror_posture.blind")]
+ours, blind = "mirror_posture.", "mirror_posture.blind"
+loaded = [m for m in sys.modules if m.startswith(ours) and not m.startswith(blind)]
 assert not loaded, loaded
 """
     done = run_barred(body)

@@ -1,8 +1,11 @@
 """The true body: MuJoCo moves the robot from posture to posture and lets it settle.
 
-Joints without a fault are driven: their armature is so large that no load moves them. A faulty one is free: play is a pair of
-stiff limits that travel with the servo, friction acts between the joint's two sides, springs pull towards the servo.
-Elastic links are further hinges with springs. The root link stands still; gravity is the session's, in its frame.
+Joints without a fault are driven: their armature is so large that no load moves them. A faulty one is free:
+play is a pair of
+stiff limits that travel with the servo, friction acts between the joint's two sides, springs pull towards
+the servo.
+Elastic links are further hinges with springs. The root link stands still; gravity is the session's, in its
+frame.
 """
 
 from __future__ import annotations
@@ -58,7 +61,8 @@ def _quaternion(rotation: Array) -> str:
 
 
 def build_xml(robot: Robot, truth: Truth, gravity: Array) -> str:
-    """The robot with the truth's changes as MJCF; each link is a body `L:name`, each hinge has its joint's name."""
+    """The robot with the truth's changes as MJCF; each link is a body `L:name`, each hinge has its joint's
+    name."""
     loose = {item.joint: item for item in truth.loose}
     children: dict[int, list[int]] = {}
     for i, b in enumerate(robot.bodies):
@@ -72,7 +76,10 @@ def build_xml(robot: Robot, truth: Truth, gravity: Array) -> str:
             axis = truth.axis.get(i, b.axis)
             item = loose.get(b.joint)
             if item is None:
-                out += f'<joint name="{b.joint}" type="{b.joint_type}" axis="{_vector(axis)}" armature="{DRIVEN_ARMATURE:g}"/>'
+                out += (
+                    f'<joint name="{b.joint}" type="{b.joint_type}" axis="{_vector(axis)}" '
+                    f'armature="{DRIVEN_ARMATURE:g}"/>'
+                )
             else:
                 limits = 'limited="true" range="-0.01 0.01"' if item.play_rad > 0 else 'limited="false"'
                 out += (
@@ -81,7 +88,10 @@ def build_xml(robot: Robot, truth: Truth, gravity: Array) -> str:
                 )
         for k, bend in enumerate(truth.bends):
             if bend.body == i:
-                out += f'<joint name="bend{k}" type="hinge" axis="{_vector(bend.axis)}" stiffness="{bend.stiffness:.12g}"/>'
+                out += (
+                    f'<joint name="bend{k}" type="hinge" axis="{_vector(bend.axis)}" '
+                    f'pos="{_vector(bend.pivot_m)}" stiffness="{bend.stiffness:.12g}"/>'
+                )
         mass = max(b.mass_kg, 1e-6)
         inertia = b.inertia if b.mass_kg > 0 else np.eye(3) * 1e-10
         inertia = inertia + np.eye(3) * 1e-9
@@ -92,8 +102,10 @@ def build_xml(robot: Robot, truth: Truth, gravity: Array) -> str:
         return out + "".join(body(c) for c in children.get(i, [])) + "</body>"
 
     return (
-        '<mujoco><compiler angle="radian" balanceinertia="true" boundmass="1e-7" boundinertia="1e-10" autolimits="false"/>'
-        f'<option timestep="{TIMESTEP_S}" gravity="{_vector(gravity)}" integrator="implicitfast" noslip_iterations="8" '
+        '<mujoco><compiler angle="radian" balanceinertia="true" boundmass="1e-7" '
+        'boundinertia="1e-10" autolimits="false"/>'
+        f'<option timestep="{TIMESTEP_S}" gravity="{_vector(gravity)}" integrator="implicitfast" '
+        'noslip_iterations="8" '
         'iterations="50"><flag contact="disable"/></option>'
         '<default><joint solreflimit="0.002 1" solimplimit="0.999 0.9999 0.0001" solreffriction="0.002 1" '
         'solimpfriction="0.9999 0.9999 0.001"/></default>'
@@ -115,7 +127,8 @@ class Body:
         self._set_damping()
 
     def _set_damping(self) -> None:
-        """Critical damping of each free joint, from its inertia at rest: motions die out, the resting place is the same."""
+        """Critical damping of each free joint, from its inertia at rest: motions die out, the resting place
+        is the same."""
         m, d = self.model, self.data
         mujoco.mj_forward(m, d)
         inertia = np.zeros((m.nv, m.nv))

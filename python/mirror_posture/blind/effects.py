@@ -1,7 +1,8 @@
-"""The vocabulary's effects as this simulator makes them: a place and a size are drawn, and the true machine is changed.
+"""The vocabulary's effects as this simulator makes them: a place and a size are drawn, and the true machine
+is changed.
 
-Sizes run from hardly visible to large. `Laws` says by how much the true laws differ from the vocabulary's simple ones.
-The answer names the effect, its place and its parameters as the vocabulary defines them.
+Sizes run from hardly visible to large. `Laws` says by how much the true laws differ from the vocabulary's
+simple ones. The answer names the effect, its place and its parameters as the vocabulary defines them.
 """
 
 from __future__ import annotations
@@ -27,13 +28,14 @@ class Laws:
 
     play_load_share: float = 0.0
     play_friction_share: float = 0.05
-    """Friction at a loose joint over the typical torque of gravity there: above 1, motion decides the side."""
+    """Friction at a loose joint over the typical torque of gravity there: above 1, motion decides the
+    side."""
     stiffening: float = 0.0
     stiction_droop_share: float = 0.15
     """Droop of a sticking servo over its dead band."""
     drift_bow: float = 0.0
-    bend_spread: float = 0.0
-    """Share of a link's bending that sits at its far half, not at its joint."""
+    bend_at: float = 0.5
+    """Where along a link it bends: the middle is where a uniform beam's bending acts as if lumped."""
 
 
 @dataclass
@@ -52,7 +54,9 @@ class Scene:
 
     def joints(self, loaded: bool = False) -> list[str]:
         """Commanded joints that move a marker; with `loaded`, those on which gravity acts."""
-        moving = [j for j in self.robot.commanded if self.robot.moves(j)]
+        moving = [
+            j for j in self.robot.commanded if self.robot.moves(j) and np.ptp(self.commands.of(j)) > 1e-3
+        ]
         if not loaded:
             return moving
         most = max(self.load_nm[j] for j in moving)
@@ -136,8 +140,9 @@ def joint_compliance(rng: np.random.Generator, scene: Scene, truth: Truth) -> Ca
     return {"effect": "joint_compliance", "at": f"joint:{j}", "compliance_rad_per_nm": compliance}
 
 
-def long_axis(robot: Robot, body: int) -> Array:
-    """Unit vector along a link, from its joint to what it carries next: the next joint, or its centre of mass."""
+def link_tip(robot: Robot, body: int) -> Array:
+    """End of a link in its frame: the next joint's origin, or the middle of its markers, or its centre of
+    mass."""
     following = robot.next_body(body)
     if following is None:
         tip = robot.bodies[body].com_m
@@ -153,6 +158,12 @@ def long_axis(robot: Robot, body: int) -> Array:
         while i != body:
             tip = robot.bodies[i].xyz_m + robot.bodies[i].rotation @ tip
             i = robot.bodies[i].parent
+    return tip
+
+
+def long_axis(robot: Robot, body: int) -> Array:
+    """Unit vector along a link, from its joint to its tip."""
+    tip = link_tip(robot, body)
     length = float(np.linalg.norm(tip))
     return tip / length if length > 1e-6 else np.array([0.0, 0.0, 1.0])
 
@@ -174,7 +185,7 @@ def link_bending(rng: np.random.Generator, scene: Scene, truth: Truth) -> Cause:
     body = robot.index[name]
     compliance = _size(rng, 0.008, 0.045) / scene.bending_nm[body]
     for axis in transverse_axes(robot, body):
-        truth.bends.append(Bend(body, axis, 1 / compliance))
+        truth.bends.append(Bend(body, axis, 1 / compliance, scene.laws.bend_at * link_tip(robot, body)))
     return {"effect": "link_bending", "at": f"link:{name}", "compliance_rad_per_nm": compliance}
 
 

@@ -1,12 +1,15 @@
-"""Make sessions whose effect is withheld: draw a robot, postures, causes and noise; simulate; write; seal the answer."""
+"""Make sessions whose effect is withheld: draw a robot, postures, causes and noise; simulate; write; seal
+the answer."""
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -115,9 +118,8 @@ def scene_of(robot: robots.Robot, plan: Plan, gravity: Array, laws: Laws) -> Sce
 
 
 def body_moments(robot: robots.Robot, body: Body, q: Array, gravity: Array) -> dict[int, float]:
-    """RMS moment of gravity across each commanded link that carries a marker, N m, about its joint's origin."""
-    import mujoco
-
+    """RMS moment of gravity across each commanded link that carries a marker, N m, about its joint's
+    origin."""
     m, d = body.model, body.data
     at = [body.address[j] for j in robot.commanded]
     links = [robot.body_of_joint(j) for j in robot.commanded if set(robot.moves(j)) - {"camera", "board"}]
@@ -145,6 +147,7 @@ def draw_laws(rng: np.random.Generator, simple: bool) -> Laws:
         stiffening=float(rng.uniform(0, 0.15)),
         stiction_droop_share=float(rng.uniform(0.05, 0.4)),
         drift_bow=float(rng.uniform(-0.1, 0.1)),
+        bend_at=float(rng.uniform(0.45, 0.55)),
     )
 
 
@@ -159,7 +162,8 @@ def draw_robot(kind: str, rng: np.random.Generator, urdf: Path | None) -> robots
 
 
 def draw_lens(robot: robots.Robot, rng: np.random.Generator, rich: bool) -> tuple[optics.Lens, optics.Lens]:
-    """The nominal lens, with one radial coefficient as the file tells it, and the real one, which has more of them."""
+    """The nominal lens, with one radial coefficient as the file tells it, and the real one, which has more
+    of them."""
     width, height = robot.image_size
     f = rng.uniform(*robot.focal_px)
     focal = np.array([f, f * rng.uniform(0.997, 1.003)])
@@ -179,7 +183,8 @@ def see(
     mirror: optics.Mirror | None,
     rng: np.random.Generator,
 ) -> tuple[Array, Array, optics.Mirror, NDArray[np.bool_]]:
-    """What the real camera sees, without noise: corners (F, C, 2), blobs (F, M, 2), the mirrors, the frames that can be."""
+    """What the real camera sees, without noise: corners (F, C, 2), blobs (F, M, 2), the mirrors, the frames
+    that can be."""
     origin, rotation = camera_poses(poses, truth, plan.commands)
     of = plan.posture_of_frame
     board = board_points(robot, truth.board_scale, truth.board_warp_per_m)
@@ -203,14 +208,8 @@ def see(
     mirror_c, factor_c = repeated(c)
     corners_px = lens.image(optics.apparent(mirror_c, corners.reshape(-1, 3)), factor_c).reshape(frames, c, 2)
     mirror_m, factor_m = repeated(m)
-    blobs = optics.ball_images(
-        lens, mirror_m, arms.reshape(-1, 3), BLOB_RADIUS_SHARE * robot.marker_diameter_m / 2, factor_m
-    )
+    blobs = optics.ball_images(lens, mirror_m, arms.reshape(-1, 3), robot.marker_diameter_m / 2, factor_m)
     return corners_px, blobs.reshape(frames, m, 2), mirror, found
-
-
-BLOB_RADIUS_SHARE = 0.0
-"""0: a marker's row is the image of its centre, as the session format's `detections.csv` means it; 1: of its outline's centroid."""
 
 
 def simulate(name: str, kind: str, draws: Sequence[str], rng: np.random.Generator, options: Options) -> Case:
@@ -231,8 +230,12 @@ def simulate(name: str, kind: str, draws: Sequence[str], rng: np.random.Generato
     for effect in draws:
         causes.append(_draw_apart(effect, rng, scene, truth, causes))
     lens = optics.Lens(
-        real.focal_px, real.center_px + truth.center_shift_px, real.distortion + truth.distortion, real.size_px, truth.shear
-    )  # fmt: skip
+        real.focal_px,
+        real.center_px + truth.center_shift_px,
+        real.distortion + truth.distortion,
+        real.size_px,
+        truth.shear,
+    )
     poses = Body(robot, truth, gravity).run(plan.commands)
     corners, blobs, mirror, found = see(robot, truth, lens, plan, poses, None, rng)
     kept = Plan(plan.commands, plan.posture_of_frame[found], plan.time_of_frame_s[found])
@@ -253,8 +256,21 @@ def simulate(name: str, kind: str, draws: Sequence[str], rng: np.random.Generato
     nominal = Body(robot, Truth(), gravity).run(plan.commands)
     gap = marker_gap(poses, nominal, kept.posture_of_frame)
     case = Case(
-        name, robot, gravity, lens, nominal_lens, kept, told, corners_px, blobs_px, corners, blobs, mirror, noise, truth
-    )  # fmt: skip
+        name,
+        robot,
+        gravity,
+        lens,
+        nominal_lens,
+        kept,
+        told,
+        corners_px,
+        blobs_px,
+        corners,
+        blobs,
+        mirror,
+        noise,
+        truth,
+    )
     case.answer = {
         "id": name,
         "robot": kind,
@@ -284,8 +300,6 @@ def _draw_apart(
     if law is None:
         raise BlindError(f"unknown effect {effect!r}; known are {', '.join([*VOCABULARY, *OUTSIDE])}")
     taken = {c["at"].split("<-")[0] for c in causes}
-    import copy
-
     for _ in range(100):
         trial = copy.copy(truth)
         for key, value in vars(truth).items():
@@ -335,7 +349,8 @@ def make_cases(
     options: Options | None = None,
     plan: Sequence[tuple[str, str, Sequence[str]]] | None = None,
 ) -> list[Path]:
-    """Make `n` sessions below `out`; the same seed makes the same sessions. `plan` gives (name, robot, effects) instead."""
+    """Make `n` sessions below `out`; the same seed makes the same sessions. `plan` gives (name, robot,
+    effects) instead."""
     from .identify import judge
 
     options = options or Options()

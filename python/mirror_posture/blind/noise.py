@@ -63,7 +63,8 @@ def corner_errors(noise: Noise, rng: np.random.Generator, frames: int, corners: 
 
 
 def blob_errors(noise: Noise, rng: np.random.Generator, frames: int, markers: int) -> Array:
-    """(F, M, 2) px, correlated in time, with the tails of Student's distribution scaled to the same variance."""
+    """(F, M, 2) px, correlated in time, with the tails of Student's distribution scaled to the same
+    variance."""
     if noise.tail_dof > 2:
         white = rng.standard_t(noise.tail_dof, (frames, markers, 2)) / np.sqrt(
             noise.tail_dof / (noise.tail_dof - 2)

@@ -1,8 +1,10 @@
-"""The true light path: camera, mirror (flat, behind glass, or curved), board corners and the outlines of balls.
+"""The true light path: camera, mirror (flat, behind glass, or curved), board corners and the outlines of
+balls.
 
-Nothing is linearised and no virtual-camera formula is used: a pane is traced by Snell's law, shooting for the ray that
-arrives; a curved mirror by Fermat's principle, searching the shortest path over its surface. A ball's image is the
-centroid of its traced outline. Points (N, 3) m in the true camera's optical frame.
+Nothing is linearised and no virtual-camera formula is used: a pane is traced by Snell's law, shooting for
+the ray that
+arrives; a curved mirror by Fermat's principle, searching the shortest path over its surface. A ball's image
+is the centroid of its traced outline. Points (N, 3) m in the true camera's optical frame.
 """
 
 from __future__ import annotations
@@ -45,7 +47,8 @@ class Lens:
 
 @dataclass
 class Mirror:
-    """One mirror for each row: unit normals away from the camera (N, 3), distances (N,), and what it is made of."""
+    """One mirror for each row: unit normals away from the camera (N, 3), distances (N,), and what it is
+    made of."""
 
     normal: Array
     distance_m: Array
@@ -65,7 +68,8 @@ class Mirror:
 
 
 def apparent(mirror: Mirror, point: Array) -> Array:
-    """Where the camera at the origin sees `point` by way of the mirror: (N, 3), direction times optical path length."""
+    """Where the camera at the origin sees `point` by way of the mirror: (N, 3), direction times optical
+    path length."""
     if mirror.glass_m > 0:
         return _through_glass(mirror, point)
     if np.any(mirror.curvature_per_m):
@@ -76,7 +80,8 @@ def apparent(mirror: Mirror, point: Array) -> Array:
 
 
 def _through_glass(mirror: Mirror, point: Array) -> Array:
-    """Shoot for the sine of the angle of incidence at which the ray, bent into the pane and back, meets the point."""
+    """Shoot for the sine of the angle of incidence at which the ray, bent into the pane and back, meets the
+    point."""
     n = mirror.normal
     camera_height = mirror.distance_m
     point_height = camera_height - np.einsum("ni,ni->n", n, point)
@@ -108,7 +113,8 @@ def _across(normal: Array) -> tuple[Array, Array]:
 
 
 def _off_curved(mirror: Mirror, point: Array) -> Array:
-    """Fermat: the point of the mirror's surface over which the path is stationary, by Newton's steps in two unknowns.
+    """Fermat: the point of the mirror's surface over which the path is stationary, by Newton's steps in two
+    unknowns.
 
     The surface is a paraboloid-like cap with principal curvatures, whose sag is exact for a sphere.
     """
@@ -155,7 +161,8 @@ def _off_curved(mirror: Mirror, point: Array) -> Array:
 def ball_images(
     lens: Lens, mirror: Mirror, center: Array, radius_m: float, focal_factor: Array | float = 1.0
 ) -> Array:
-    """Pixels (N, 2) of the centroids of the outlines of balls, as a detector of filled discs measures them."""
+    """Pixels (N, 2) of the centroids of the outlines of balls, as a detector of filled discs measures
+    them."""
     seen = apparent(mirror, center)
     if radius_m <= 0:
         return lens.image(seen, focal_factor)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from .effects import Cause, Draw, Scene, _direction, _pick, _signed, _size, long_axis
@@ -40,7 +42,7 @@ def quadratic_coupling(rng: np.random.Generator, scene: Scene, truth: Truth) -> 
 
 
 def warm_up(rng: np.random.Generator, scene: Scene, truth: Truth) -> Cause:
-    """theta = q + a (1 - exp(-t / T)), T a small part of the session: a motor warms up."""
+    """theta = q + a exp(-t / T), T a small part of the session: calibrated warm, started cold."""
     j, a = _pick(rng, scene.joints(), "it"), _signed(rng, 0.02, 0.07)
     constant = float(scene.commands.time_s[-1]) * rng.uniform(0.05, 0.15)
     truth.servo.append((j, lambda c: a * (np.exp(-c.time_s / constant))))
@@ -48,7 +50,8 @@ def warm_up(rng: np.random.Generator, scene: Scene, truth: Truth) -> Cause:
 
 
 def cable(rng: np.random.Generator, scene: Scene, truth: Truth) -> Cause:
-    """A cable pulls a joint towards a posture, once it is taut: a smooth ramp in the joint's angle and its neighbour's."""
+    """A cable pulls a joint towards a posture, once it is taut: a smooth ramp in the joint's angle and its
+    neighbour's."""
     joints = scene.joints()
     j = _pick(rng, joints, "it")
     k = _pick(
@@ -72,7 +75,7 @@ def bouc_wen(rng: np.random.Generator, scene: Scene, truth: Truth) -> Cause:
     def lag(c: Commands) -> np.ndarray:
         path = np.concatenate([[0.0], c.of(j)])
         z, out = 0.0, []
-        for before, after in zip(path[:-1], path[1:], strict=True):
+        for before, after in pairwise(path):
             step = (after - before) / 100
             for _ in range(100):
                 z += step / reach * (1 - abs(z) * (0.5 + 0.5 * np.sign(step * z)))
@@ -83,14 +86,14 @@ def bouc_wen(rng: np.random.Generator, scene: Scene, truth: Truth) -> Cause:
     return _unknown("bouc_wen", f"joint:{j}", amplitude_rad=a, reach_rad=reach)
 
 
-def two_stage_spring(rng: np.random.Generator, scene: Scene, truth: Truth) -> Cause:
-    """A joint that gives in one direction of load only: a preloaded stop."""
+def knee(rng: np.random.Generator, scene: Scene, truth: Truth) -> Cause:
+    """A transmission with a knee: right on one side of an angle, wrong in proportion beyond it."""
     j, a = _pick(rng, scene.joints(), "it"), _size(rng, 0.03, 0.09)
     low, high = scene.robot.ranges[j]
     knee = low + (high - low) * rng.uniform(0.4, 0.6)
     sign = float(rng.choice([-1.0, 1.0]))
     truth.servo.append((j, lambda c: sign * a * np.maximum(0.0, c.of(j) - knee) / (high - knee)))
-    return _unknown("two_stage_spring", f"joint:{j}", amplitude_rad=a, knee_rad=knee)
+    return _unknown("knee", f"joint:{j}", amplitude_rad=a, knee_rad=knee)
 
 
 def marker_swing(rng: np.random.Generator, scene: Scene, truth: Truth) -> Cause:
@@ -111,7 +114,7 @@ def link_torsion(rng: np.random.Generator, scene: Scene, truth: Truth) -> Cause:
     name = _pick(rng, [robot.bodies[b].name for b in bodies], "it")
     body = robot.index[name]
     compliance = _size(rng, 0.03, 0.12) / scene.bending_nm[body]
-    truth.bends.append(Bend(body, long_axis(robot, body), 1 / compliance))
+    truth.bends.append(Bend(body, long_axis(robot, body), 1 / compliance, np.zeros(3)))
     return _unknown("link_torsion", f"link:{name}", compliance_rad_per_nm=compliance)
 
 
@@ -167,7 +170,7 @@ OUTSIDE: dict[str, Draw] = {
         warm_up,
         cable,
         bouc_wen,
-        two_stage_spring,
+        knee,
         marker_swing,
         link_torsion,
         rolling_shear,

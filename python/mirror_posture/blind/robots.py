@@ -1,7 +1,10 @@
-"""Robots of the blind check: own small humanoids of random sizes, Unitree's G1, or any URDF with the mounts in it.
+"""Robots of the blind check: own small humanoids of random sizes, Unitree's G1, or any URDF with the mounts
+in it.
 
-A `Robot` is the subtree of a URDF below the link in which gravity is constant, read by this package's own parser.
-Lengths in m, angles in rad, masses in kg; rotations parent-from-child, extrinsic x-y-z (`rpy`) as URDF has it.
+A `Robot` is the subtree of a URDF below the link in which gravity is constant, read by this package's own
+parser.
+Lengths in m, angles in rad, masses in kg; rotations parent-from-child, extrinsic x-y-z (`rpy`) as URDF has
+it.
 """
 
 from __future__ import annotations
@@ -216,7 +219,8 @@ def small_humanoid(rng: np.random.Generator) -> Robot:
     def link(name: str, mass: float, com: Sequence[float], size: float) -> None:
         i = mass * size**2 / 12
         parts.append(
-            f'  <link name="{name}">\n    <inertial>\n      <origin xyz="{com[0]:.6g} {com[1]:.6g} {com[2]:.6g}"/>\n'
+            f'  <link name="{name}">\n    <inertial>\n'
+            f'      <origin xyz="{com[0]:.6g} {com[1]:.6g} {com[2]:.6g}"/>\n'
             f'      <mass value="{mass:.5g}"/>\n'
             f'      <inertia ixx="{i:.4g}" ixy="0" ixz="0" iyy="{i:.4g}" iyz="0" izz="{0.5 * i:.4g}"/>\n'
             f"    </inertial>\n  </link>\n"
@@ -226,7 +230,8 @@ def small_humanoid(rng: np.random.Generator) -> Robot:
         name: str, parent: str, child: str, xyz: Sequence[float], axis: str, low: float, high: float
     ) -> None:
         parts.append(
-            f'  <joint name="{name}" type="revolute">\n    <origin xyz="{xyz[0]:.6g} {xyz[1]:.6g} {xyz[2]:.6g}"/>\n'
+            f'  <joint name="{name}" type="revolute">\n'
+            f'    <origin xyz="{xyz[0]:.6g} {xyz[1]:.6g} {xyz[2]:.6g}"/>\n'
             f'    <parent link="{parent}"/>\n    <child link="{child}"/>\n    <axis xyz="{axis}"/>\n'
             f'    <limit lower="{low:.4g}" upper="{high:.4g}" effort="2" velocity="5"/>\n  </joint>\n'
         )
@@ -236,8 +241,10 @@ def small_humanoid(rng: np.random.Generator) -> Robot:
     link("head", 0.09 * heavy, (0.01, 0, 0.02), 0.06)
     joint("head_yaw", "chest", "neck", (0, 0, 0.34 * height), "0 0 1", -1.2, 1.2)
     joint("head_pitch", "neck", "head", (0, 0, 0.05 * height), "0 1 0", -0.6, 0.6)
-    ranges = {"head_pitch": (0.0, rng.uniform(0.15, 0.35))}
-    if rng.random() < 0.4:
+    pitch = rng.uniform(0.1, 0.3)
+    still = rng.random() < 0.6
+    ranges = {"head_pitch": (pitch, pitch) if still else (0.0, pitch + 0.1)}
+    if not still and rng.random() < 0.5:
         ranges["head_yaw"] = (-0.15, 0.15)
     diameter = rng.choice([0.008, 0.0116, 0.014])
     for side, sign in (("r", -1.0), ("l", 1.0)):
@@ -317,7 +324,8 @@ def small_humanoid(rng: np.random.Generator) -> Robot:
 
 
 def unitree_g1(rng: np.random.Generator, urdf_path: Path | None = None) -> Robot:
-    """Unitree's G1 from `example-robot-data`, its torso held still, with drawn mounts of camera, board and markers."""
+    """Unitree's G1 from `example-robot-data`, its torso held still, with drawn mounts of camera, board and
+    markers."""
     text = (urdf_path or _g1_path()).read_text(encoding="utf-8")
     tree = ET.fromstring(text)
     for link in tree.findall("link"):
@@ -387,12 +395,14 @@ def _g1_path() -> Path:
         if (Path(place) / relative).is_file():
             return Path(place) / relative
     raise BlindError(
-        "the G1 needs the package `example-robot-data` (extra `test`); or draw other robots: --robot small, --robot URDF"
+        "the G1 needs the package `example-robot-data` (extra `test`); "
+        "or draw other robots: --robot small, --robot URDF"
     )
 
 
 def from_urdf(path: Path, rng: np.random.Generator) -> Robot:
-    """Any robot whose URDF has a link `camera_optical`, one that ends in `_board`, and markers that end in `_marker`.
+    """Any robot whose URDF has a link `camera_optical`, one that ends in `_board`, and markers that end in
+    `_marker`.
 
     The root is the link that carries the board. Commanded are the joints between the root and the markers.
     """
@@ -402,7 +412,8 @@ def from_urdf(path: Path, rng: np.random.Generator) -> Robot:
     markers = [n.removesuffix("_marker") for n in links if n.endswith("_marker")]
     if "camera_optical" not in links or len(boards) != 1 or not markers:
         raise BlindError(
-            f"{path}: a robot of the blind check needs the links `camera_optical`, one `…_board` and `…_marker`s; "
+            f"{path}: a robot of the blind check needs the links `camera_optical`, "
+            f"one `…_board` and `…_marker`s; "
             f"got boards {boards}, markers {markers}"
         )
     parents = {

@@ -1,7 +1,8 @@
-"""Seals: an answer lies apart from its session; a salted hash beside the session proves that it was not changed.
+"""Seals: an answer lies apart from its session; a salted hash beside the session proves that it was not
+changed.
 
-The seal is SHA-256(salt ‖ bytes of the answer file). The salt (32 random bytes) lies with the answer: who holds only the seal can
-neither read the answer nor try the few thousand possible ones.
+The seal is SHA-256(salt ‖ bytes of the answer file). The salt (32 random bytes) lies with the answer: who
+holds only the seal can neither read the answer nor try the few thousand possible ones.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
-"""The true machine: what the drawn effects change of the nominal one, as plain data that body and optics read.
+"""The true machine: what the drawn effects change of the nominal one, as plain data that body and optics
+read.
 
-An effect turns into changes of geometry, of what a servo is told, into elastic or loose parts that MuJoCo moves, or
-into changes of camera, board and mirror. Nothing here predicts pixels.
+An effect turns into changes of geometry, of what a servo is told, into elastic or loose parts that MuJoCo
+moves, or into changes of camera, board and mirror. Nothing here predicts pixels.
 """
 
 from __future__ import annotations
@@ -17,7 +18,8 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Commands:
-    """The postures in the order of execution: `q_rad` (P, J) over `joints`, and the time at which each is held."""
+    """The postures in the order of execution: `q_rad` (P, J) over `joints`, and the time at which each is
+    held."""
 
     joints: list[str]
     q_rad: Array
@@ -36,7 +38,8 @@ ServoError = Callable[[Commands], Array]
 
 @dataclass(frozen=True)
 class Loose:
-    """A joint that MuJoCo moves: within limits around its target (play), by a spring towards it, held by friction."""
+    """A joint that MuJoCo moves: within limits around its target (play), by a spring towards it, held by
+    friction."""
 
     joint: str
     play_rad: float = 0.0
@@ -52,11 +55,12 @@ class Loose:
 
 @dataclass(frozen=True)
 class Bend:
-    """An elastic hinge across or along a link, after its joint: `axis` in the link's frame, N m / rad."""
+    """An elastic hinge across or along a link: `axis` and `pivot_m` in the link's frame, N m / rad."""
 
     body: int
     axis: Array
     stiffness: float
+    pivot_m: Array
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,5 @@
-"""What the robot does and where the mirror stands: postures in order, one to three views of each, planes of the mirror."""
+"""What the robot does and where the mirror stands: postures in order, one to three views of each, planes of
+the mirror."""
 
 from __future__ import annotations
 
@@ -55,7 +56,8 @@ def plan_postures(robot: Robot, rng: np.random.Generator, frames: tuple[int, int
 def place_mirrors(
     robot: Robot, rng: np.random.Generator, lens: Lens, corners_m: Array, arms_m: Array
 ) -> tuple[Mirror, NDArray[np.bool_]]:
-    """A plane for each frame in which the whole board is seen: `corners_m` (F, C, 3), `arms_m` (F, M, 3) in the camera.
+    """A plane for each frame in which the whole board is seen: `corners_m` (F, C, 3), `arms_m` (F, M, 3) in
+    the camera.
 
     The plane is the one that brings a drawn point of the body onto a drawn ray at a drawn length of path.
     Returns the mirrors and which frames found one.

@@ -12,7 +12,8 @@ if TYPE_CHECKING:
 
 
 def write_session(case: Case, folder: Path) -> Path:
-    """session.toml, robot.urdf, camera.yaml, frames.csv and detections.csv in `folder`; nothing of the truth."""
+    """session.toml, robot.urdf, camera.yaml, frames.csv and detections.csv in `folder`; nothing of the
+    truth."""
     folder.mkdir(parents=True, exist_ok=True)
     robot, plan = case.robot, case.plan
     (folder / "robot.urdf").write_text(robot.urdf, encoding="utf-8")
@@ -44,14 +45,15 @@ def _metadata(case: Case) -> str:
     text = (
         f'format = "mirror-posture/session"\nversion = 1\nrobot = "robot.urdf"\ncamera = "camera.yaml"\n'
         f'root = "{robot.root}"\ngravity = [{g}]\n\n[camera_mount]\nlink = "{robot.camera_link}"\n\n'
-        f'[board]\nlink = "{robot.board_link}"\ncorners = [{robot.board_corners[0]}, {robot.board_corners[1]}]\n'
+        f'[board]\nlink = "{robot.board_link}"\n'
+        f"corners = [{robot.board_corners[0]}, {robot.board_corners[1]}]\n"
         f'square = {robot.board_square_m}\npattern = "chessboard"\n\n'
     )
     for m in robot.markers:
         text += f'[[markers]]\nname = "{m}"\nlink = "{m}_marker"\ndiameter = {robot.marker_diameter_m}\n\n'
     return (
-        text
-        + f"[mirror]\nglass_thickness = 0.0\nrefractive_index = 1.52\n\n[noise]\npixel_std = {case.pixel_std_told}\n"
+        text + f"[mirror]\nglass_thickness = 0.0\nrefractive_index = 1.52\n\n"
+        f"[noise]\npixel_std = {case.pixel_std_told}\n"
     )
 
 
@@ -61,8 +63,10 @@ def _camera(case: Case) -> str:
     distortion = ", ".join(f"{k:.8f}" for k in lens.distortion)
     return (
         f"image_width: {lens.size_px[0]}\nimage_height: {lens.size_px[1]}\ncamera_name: head\n"
-        f"camera_matrix:\n  rows: 3\n  cols: 3\n  data: [{fx:.6f}, 0.0, {cx:.6f}, 0.0, {fy:.6f}, {cy:.6f}, 0.0, 0.0, 1.0]\n"
-        f"distortion_model: plumb_bob\ndistortion_coefficients:\n  rows: 1\n  cols: 5\n  data: [{distortion}]\n"
+        f"camera_matrix:\n  rows: 3\n  cols: 3\n"
+        f"  data: [{fx:.6f}, 0.0, {cx:.6f}, 0.0, {fy:.6f}, {cy:.6f}, 0.0, 0.0, 1.0]\n"
+        f"distortion_model: plumb_bob\ndistortion_coefficients:\n  rows: 1\n  cols: 5\n"
+        f"  data: [{distortion}]\n"
         "rectification_matrix:\n  rows: 3\n  cols: 3\n  data: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]\n"
         "projection_matrix:\n  rows: 3\n  cols: 4\n"
         f"  data: [{fx:.6f}, 0.0, {cx:.6f}, 0.0, 0.0, {fy:.6f}, {cy:.6f}, 0.0, 0.0, 0.0, 1.0, 0.0]\n"

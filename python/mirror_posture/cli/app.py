@@ -21,7 +21,8 @@ Measure, correct and diagnose a robot's posture in a flat mirror.
 A *session* is a folder: the robot's model, its camera, and the pictures (or image points) of a sequence of
 postures before a mirror. `mirror-posture demo` makes one and goes through all the steps in half a minute.
 
-Exit codes: 0 fine; 1 the input cannot be meant (one line says where and why); 2 the command was called wrongly;
+Exit codes: 0 fine; 1 the input cannot be meant (one line says where and why); 2 the command was called
+wrongly;
 3 nothing could be measured; 4 a fault of this program; 130 stopped with Ctrl-C, what was done is kept.
 """
 
@@ -98,13 +99,16 @@ def _options(
 
 
 def _register() -> None:
-    """Adds every module of `commands`: its `command` under the module's name, help from the docstring."""
+    """Adds every module of `commands`: its `command`, or its `group` of commands, under its name."""
     names = [
         found.name for found in pkgutil.iter_modules(commands.__path__) if not found.name.startswith("_")
     ]
     modules = [importlib.import_module(f"{commands.__name__}.{name}") for name in names]
     for module in sorted(modules, key=lambda module: module.ORDER):
         name = module.__name__.rpartition(".")[2].replace("_", "-")
+        if hasattr(module, "group"):
+            app.add_typer(module.group, name=name, rich_help_panel=module.PANEL, no_args_is_help=True)
+            continue
         app.command(
             name, rich_help_panel=module.PANEL, no_args_is_help=getattr(module, "NEEDS_ARGUMENTS", True)
         )(module.command)

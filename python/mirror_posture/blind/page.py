@@ -1,0 +1,112 @@
+"""One HTML page of a blind score, that needs no network."""
+
+from __future__ import annotations
+
+import base64
+import io
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment
+
+TARGETS = {
+    "single_identifiable_right": (
+        "Single identifiable cause: effect and place right, nothing invented",
+        ">=",
+        0.97,
+    ),
+    "single_not_identifiable_found_or_tied": (
+        "Single cause with rivals: found, or a rival named",
+        ">=",
+        None,
+    ),
+    "several_identifiable_found": ("Several causes: identifiable ones found", ">=", 0.92),
+    "several_invented": ("Several causes: named ones that are invented", "<=", 0.03),
+    "false_alarms": ("No effect: false alarms", "<=", 0.02),
+    "outside_met": ("Outside the vocabulary: unknown or partial at the right place", ">=", 0.90),
+    "outside_confidently_wrong": ("Outside the vocabulary: a confident wrong cause", "<=", 0.03),
+}
+"""What is asked for, as the page's head shows it."""
+
+TEMPLATE = """<!doctype html><html lang="en"><head><meta charset="utf-8"><title>Blind check</title><style>
+body{font:16px/1.45 system-ui,sans-serif;max-width:64rem;margin:2rem auto;padding:0 1rem;color:#1c2430}
+table{border-collapse:collapse;margin:.6rem 0 1.4rem}td,th{border-bottom:1px solid #d5dae2;padding:.25rem
+.7rem;text-align:left}
+th{background:#f2f4f8}.good{color:#136f3a;font-weight:600}.bad{color:#a61b1b;font-weight:600}.n{text-align:right;font-variant-numeric:tabular-nums}
+img{max-width:26rem}code{background:#f2f4f8;padding:0 .2rem}</style></head><body>
+<h1>Blind check: {{ s.sessions }} sessions</h1>
+{% if s.without_result %}<p class="bad">{{ s.without_result|length }} sessions have no result: {{
+s.without_result[:12]|join(', ') }}</p>{% endif %}
+<table><tr><th>What</th><th>Share</th><th>95 % interval</th><th>Cases</th><th>Asked</th></tr>
+{% for key, (text, sign, goal) in targets.items() %}{% set r = s[key] %}<tr><td>{{ text }}</td>
+<td class="n {{ verdict(r, sign, goal) }}">{{ percent(r.rate) }}</td><td class="n">{{ percent(r.wilson95[0])
+}} – {{ percent(r.wilson95[1]) }}</td>
+<td class="n">{{ r.hits }} / {{ r.of }}</td><td class="n">{{ (('≥ ' if sign == '>=' else '≤ ') ~
+percent(goal)) if goal is not none else '' }}</td></tr>{% endfor %}</table>
+<h2>Probabilities</h2><p>Expected calibration error {{
+'%.3f'|format(s.calibration.expected_calibration_error) if s.calibration.number else 'not known' }}
+over {{ s.calibration.number }} named causes.</p>{% if chart %}<img alt="Reliability diagram"
+src="data:image/png;base64,{{ chart }}">{% endif %}
+<h2>Parameters and shrinkage</h2><p>Truth within the claimed 95 %: {{ percent(s.parameters.within_95.rate)
+}} of {{ s.parameters.within_95.of }};
+within 3 deviations: {{ percent(s.parameters.within_3_std.rate) }}. Claimed shrinkage within 5 points of the
+true one: {{ percent(s.shrinkage.within_5_points.rate) }} of {{ s.shrinkage.within_5_points.of }}.</p>
+{% if s.seconds %}<p>Time a session: median {{ '%.2f'|format(s.seconds.median) }} s, worst {{
+'%.2f'|format(s.seconds.worst) }} s.</p>{% endif %}
+<h2>By effect (single, identifiable)</h2><table><tr><th>Effect</th><th>Right</th><th>95 %
+interval</th><th>Named instead</th></tr>
+{% for e, r in s.by_effect.items() %}<tr><td>{{ e }}</td><td class="n">{{ r.hits }} / {{ r.of }}</td>
+<td class="n">{{ percent(r.wilson95[0]) }} – {{ percent(r.wilson95[1]) }}</td>
+<td>{% for name, n in s.confusion.get(e, {}).items() if name != e %}{{ name }} × {{ n }} {% endfor
+%}</td></tr>{% endfor %}</table> <h2>Failures</h2>{% if s.failures
+%}<table><tr><th>Session</th><th>True</th><th>Verdict</th><th>Said</th><th>Where</th></tr>
+{% for f in s.failures %}<tr><td>{{ f.session }}</td><td>{{ f.true|join(', ') or 'nothing' }}</td><td>{{
+f.verdict }}</td>
+<td>{{ f.said|join(', ') }}</td><td>{{ f.where|join(', ') }}</td></tr>{% endfor %}</table>{% else
+%}<p>None.</p>{% endif %}
+<p>A <code>~</code> marks the right effect at another place. Intervals are Wilson's.</p></body></html>"""
+
+
+def _percent(value: float | None) -> str:
+    return "not known" if value is None else f"{100 * value:.1f} %"
+
+
+def _verdict(entry: dict[str, Any], sign: str, goal: float | None) -> str:
+    if entry["rate"] is None or goal is None:
+        return ""
+    return "good" if (entry["rate"] >= goal) == (sign == ">=") or entry["rate"] == goal else "bad"
+
+
+def _chart(calibration: dict[str, Any]) -> str:
+    """The reliability diagram as a PNG in base64."""
+    if not calibration["number"]:
+        return ""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(4.2, 4.0), dpi=120, layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots()
+    axes.plot([0, 1], [0, 1], color="0.7", lw=1)
+    rows = calibration["bins"]
+    x, y = [r["claimed"] for r in rows], [r["rate"] for r in rows]
+    low = [max(0.0, r["rate"] - r["wilson95"][0]) for r in rows]
+    high = [max(0.0, r["wilson95"][1] - r["rate"]) for r in rows]
+    axes.errorbar(x, y, yerr=[low, high], fmt="o", color="#1f5fa8", capsize=3)
+    for r in rows:
+        axes.annotate(
+            str(r["of"]), (r["claimed"], r["rate"]), textcoords="offset points", xytext=(7, -11), fontsize=8
+        )
+    axes.set(xlim=(0, 1.02), ylim=(0, 1.02), xlabel="claimed probability", ylabel="share that was right")
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png")
+    return base64.b64encode(buffer.getvalue()).decode()
+
+
+def write_page(score: dict[str, Any], path: Path) -> None:
+    """Write the page of a score (the result of `score.score`) to `path`."""
+    template = Environment(autoescape=True).from_string(TEMPLATE)
+    html = template.render(
+        s=score, targets=TARGETS, percent=_percent, verdict=_verdict, chart=_chart(score["calibration"])
+    )
+    path.write_text(html, encoding="utf-8")

@@ -1,0 +1,151 @@
+"""`mirror-posture blind`: make sessions whose effect is withheld, have them diagnosed, open the answers,
+score."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ..._core import MirrorPostureError
+from ..output import JsonOption, Output
+
+ORDER = 90
+PANEL = "Diagnosis"
+
+group = typer.Typer(help="Check the diagnosis on sessions whose effect nobody told it.")
+
+DIAGNOSE = (
+    sys.executable,
+    "-c",
+    "from mirror_posture.cli import main; main()",
+    "diagnose",
+    "{session}",
+    "--out",
+    "{out}",
+)
+"""The diagnosis in a process of its own, as anybody would call it."""
+
+
+@contextmanager
+def _told() -> Iterator[None]:
+    """The blind package knows nothing of this one, not even its errors: here they become this product's."""
+    from ...blind import BlindError
+
+    try:
+        yield
+    except BlindError as error:
+        raise MirrorPostureError(str(error)) from error
+    except ModuleNotFoundError as error:
+        if error.name == "mujoco":
+            raise MirrorPostureError(
+                "blind sessions need MuJoCo: pip install 'mirror-posture[mujoco]'"
+            ) from error
+        raise
+
+
+@group.command()
+def make(
+    out: Annotated[Path, typer.Argument(help="Folder for the sessions; the answers go to its `answers`.")],
+    cases: Annotated[int, typer.Option(min=1, help="How many sessions.")] = 20,
+    seed: Annotated[int, typer.Option(min=0, help="The same seed makes the same sessions.")] = 0,
+    robot: Annotated[
+        list[str] | None,
+        typer.Option(help="`small`, `g1`, or a URDF with the mounts in it; may be repeated."),
+    ] = None,
+    least: Annotated[int, typer.Option(min=0, max=4, help="Least number of causes.")] = 0,
+    most: Annotated[int, typer.Option(min=0, max=4, help="Largest number of causes.")] = 4,
+    outside: Annotated[
+        float, typer.Option(min=0, max=1, help="Share with an effect outside the vocabulary.")
+    ] = 0.15,
+    effect: Annotated[str | None, typer.Option(help="Only sessions with this single effect.")] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Draw robots, postures, causes and noise; simulate; seal the answers.
+
+    Bodies are MuJoCo's, the light's path is exact, and nothing is shared with the diagnosis.
+
+    Example: `mirror-posture blind make blind-set --cases 20 --seed 7`
+    """
+    output = Output(as_json)
+    with _told():
+        from ...blind.make import Options, make_cases
+
+        wanted = robot or ["small", "g1"]
+        files = [Path(r) for r in wanted if r not in ("small", "g1")]
+        if len(files) > 1:
+            raise MirrorPostureError(f"one URDF at a time, got {', '.join(map(str, files))}")
+        kinds = [r if r in ("small", "g1") else "urdf" for r in wanted]
+        options = Options(
+            robots=kinds, causes=(least, most), outside_share=outside, urdf=files[0] if files else None
+        )
+        plan = None
+        if effect is not None:
+            plan = [(f"case-{i:04d}", kinds[i % len(kinds)], [effect]) for i in range(cases)]
+        made = make_cases(out, cases, seed, options, plan)
+    output.table(f"{len(made)} sessions in {out}", ["*", "*"], [("answers, sealed", str(out / "answers"))])
+    output.result({"sessions": [str(p) for p in made], "answers": str(out / "answers")})
+
+
+@group.command()
+def run(
+    cases: Annotated[Path, typer.Argument(help="Folder of sealed sessions.")],
+    results: Annotated[Path, typer.Argument(help="Folder for the results; what is there is not done again.")],
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Processes at once; all cores by default.")
+    ] = None,
+    leave_out: Annotated[
+        str | None, typer.Option(help="Diagnose with a vocabulary that lacks this effect.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Diagnose every session that has no result yet.
+
+    Example: `mirror-posture blind run blind-set blind-results`
+    """
+    output = Output(as_json)
+    with _told():
+        from ...blind.run import run_sessions
+
+        command = [*DIAGNOSE, *(("--leave-out", leave_out) if leave_out else ())]
+        report = run_sessions(cases, results, command, workers)
+    for name in report.failed:
+        output.warn(f"{name}: the diagnosis failed; see {results / name / 'failure.json'}")
+    rows = [
+        ("diagnosed now", str(report.done)),
+        ("before", str(report.before)),
+        ("failed", str(len(report.failed))),
+    ]
+    output.table(f"results in {results}", ["*", "*"], rows)
+    output.result({"done": report.done, "before": report.before, "failed": report.failed})
+
+
+@group.command()
+def score(
+    cases: Annotated[Path, typer.Argument(help="Folder of sealed sessions.")],
+    results: Annotated[Path, typer.Argument(help="Folder of their results.")],
+    out: Annotated[Path, typer.Option(help="Folder for score.json and score.html.")] = Path("blind-score"),
+    leave_out: Annotated[str | None, typer.Option(help="The effect that the diagnosis lacked.")] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Open the seals and say how often the diagnosis was right.
+
+    Example: `mirror-posture blind score blind-set blind-results --out blind-score`
+    """
+    output = Output(as_json)
+    with _told():
+        from ...blind.page import TARGETS, write_page
+        from ...blind.score import score as score_of
+
+        result = score_of(cases, results, leave_out)
+        out.mkdir(parents=True, exist_ok=True)
+        (out / "score.json").write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+        write_page(result, out / "score.html")
+    rows = [(text, f"{result[key]['hits']} / {result[key]['of']}") for key, (text, _, _) in TARGETS.items()]
+    output.table(f"{result['sessions']} sessions; page in {out / 'score.html'}", ["*", "*"], rows)
+    output.result(result)
