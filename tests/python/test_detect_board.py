@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from mirror_posture.detect import BoardOptions, BoardSpec, CameraSpec, detect_boards, measure_grid
+from mirror_posture.detect.gate import board_residual
 
 PICTURES = Path(__file__).resolve().parents[3] / "shared" / "data" / "pictures"
 GLASS = PICTURES / "mitsuba-glass-a"
@@ -90,14 +91,34 @@ def test_direct_and_mirrored_views_of_one_board_get_the_same_physical_labels() -
         assert np.sqrt(np.mean(np.sum((ours - stored[f"Image10.jpg|{name}"]) ** 2, axis=1))) < 0.5
 
 
-def test_a_grid_with_a_misplaced_row_is_refused_and_says_why() -> None:
+def test_the_wrong_grid_of_a_public_detector_is_refused_by_its_residual_and_the_right_one_found() -> None:
     folder = need(PICTURES / "lcma-two-mirrors")
     stored = np.load(folder / "corners_raw_px.npz")
     camera = CameraSpec(stored["K"], stored["dist"], 3264, 1470)
+    board = BoardSpec(7, 6, 1.0)
     picture = gray(folder / "Image9.jpg")
     found, corners = cv2.findChessboardCorners(picture, (7, 6))
     assert found, "the public detector claims success on this picture: that is the trap"
-    view = measure_grid(picture, corners.reshape(6, 7, 2), BoardSpec(7, 6, 1.0), camera)
-    assert not view.ok
-    assert "px RMS against a flat board is above the limit" in view.reason
-    assert "do not lie where four squares meet" in view.reason
+    criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-4)
+    refined = cv2.cornerSubPix(picture, corners, (5, 5), (-1, -1), criteria).reshape(-1, 2).astype(float)
+    result = board_residual(refined, board, camera)
+    assert not result.ok
+    assert "px RMS against a flat board is above the limit of 1.00 px" in result.reason
+    # Our own search refuses that grid, says so, and goes on to the right ones.
+    options = BoardOptions(views=("direct", "mirror"), strict_count=False)
+    views = detect_boards(picture, board, camera, options=options)
+    assert any("do not lie where four squares meet" in attempt for attempt in views[0].attempts)
+    assert [view.ok for view in views] == [True, True]
+    assert max(view.residual_rms_px for view in views) < 0.45
+
+
+@pytest.mark.parametrize("step", [(0, 1), (0, -1), (1, 0), (-1, 0)])
+def test_a_grid_shifted_by_a_row_or_column_is_refused_without_any_calibration(step: tuple[int, int]) -> None:
+    folder = need(GLASS)
+    truth = json.loads((folder / "truth.json").read_text())
+    for frame in truth["frames"][:6]:
+        grid = np.array(frame["corners_px"]).reshape(4, 7, 2)
+        shifted = grid + step[0] * np.gradient(grid, axis=1) + step[1] * np.gradient(grid, axis=0)
+        view = measure_grid(gray(folder / frame["image"]), shifted, BoardSpec(7, 4, 0.01))
+        assert not view.ok
+        assert "shifted by a" in view.reason, view.reason

@@ -19,7 +19,7 @@ fn mirrored(direction: Vector3<f64>, normal: Vector3<f64>) -> Vector3<f64> {
 }
 
 /// A ray from the camera through front face, silver and out again: (a point on it, direction).
-fn trace_pane(
+pub fn trace_pane(
     r: Vector3<f64>,
     n: Vector3<f64>,
     front: f64,
@@ -46,7 +46,7 @@ fn trace_sphere(r: Vector3<f64>, center: Vector3<f64>, radius: f64) -> (Vector3<
 }
 
 /// The camera direction whose traced ray passes through a point, by shooting with differences.
-fn shoot(
+pub fn shoot(
     point: Vector3<f64>,
     start: Vector3<f64>,
     trace: impl Fn(Vector3<f64>) -> (Vector3<f64>, Vector3<f64>),

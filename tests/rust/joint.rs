@@ -7,7 +7,9 @@ use mirror_core::geometry::rotation::difference;
 use mirror_core::joint::{
     BoardPrior, JointEstimate, JointFrame, JointOptions, MarkerSighting, PointStatus, Via, joint_estimate,
 };
-use mirror_core::mirror::{Board, BoardView, EstimatorOptions, Loss, MirrorEstimator, Rig, virtual_ray};
+use mirror_core::mirror::{
+    Board, BoardView, EstimatorOptions, GlassPane, Loss, MirrorEstimator, MirrorOptics, Rig, virtual_ray,
+};
 use nalgebra::{Isometry3, Matrix3, Matrix6, Point3, UnitQuaternion, Vector2, Vector3, Vector6};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -371,4 +373,56 @@ fn what_cannot_be_determined_is_refused() {
     broken[0] =
         JointFrame { nominal_camera_from_board: Isometry3::translation(0.0, 0.0, 1.0), ..frames[0].clone() };
     assert!(refuse(&broken, 1, &options()).starts_with("view 0: "));
+}
+
+/// Corners and markers traced through a pane, or balls cast ray by ray: what is known of both belongs into the model.
+#[test]
+fn glass_and_balls_are_modelled() {
+    let truth = hand();
+    let ball_m = 0.0116;
+    let (thickness, index) = (0.003, 1.52);
+    let mirrors = [mirror(-8.0, 3.0, 0.15), mirror(9.0, -4.0, 0.17), mirror(0.0, 8.0, 0.14)];
+    let eye = Eye::of_the_paper();
+    let frames_with = |pane: f64, ball: f64| -> Vec<JointFrame> {
+        mirrors
+            .iter()
+            .map(|glass| {
+                let n = glass.edges[0].cross(&glass.edges[1]);
+                let trace = |r| crate::glass::trace_pane(r, n, n.dot(&glass.at), pane, index);
+                let pixel = |p: Vector3<f64>| {
+                    let start = glass.bounce(&Vector3::zeros(), &p);
+                    eye.pixel(&crate::glass::shoot(p, start, trace))
+                };
+                let corners: Vec<_> = corner_places()
+                    .iter()
+                    .map(|c| pixel((true_camera_from_board() * Point3::from(*c)).coords))
+                    .collect();
+                let seen = if ball > 0.0 {
+                    let behind = truth + n * (2.0 * n.dot(&(glass.at - truth)));
+                    crate::sphere::cast_centroid(&camera(), behind.into(), ball / 2.0)
+                } else {
+                    pixel(truth)
+                };
+                JointFrame {
+                    posture: 7,
+                    nominal_camera_from_board: true_camera_from_board(),
+                    corners: BoardView::complete(&board(), &corners).unwrap(),
+                    markers: vec![MarkerSighting { marker: 0, pixel: seen, via: Via::Mirror }],
+                }
+            })
+            .collect()
+    };
+    let error = |frames: &[JointFrame], diameter: f64, pane: f64| {
+        let optics = MirrorOptics::of_glass(GlassPane::new(pane, index).unwrap());
+        let options = JointOptions { prior: BoardPrior::Exact, optics, ..options() };
+        let joint = joint_estimate(&camera(), &board(), &[diameter], frames, &options).unwrap();
+        assert_eq!(joint.points[0].posture, 7);
+        (joint.points[0].point_in_camera.unwrap().coords - truth).norm()
+    };
+    let behind_glass = frames_with(thickness, 0.0);
+    let (known, ignored) = (error(&behind_glass, 0.0, thickness), error(&behind_glass, 0.0, 0.0));
+    assert!(known < 1e-8 && ignored > 1e-5, "glass known {known:e} m, ignored {ignored:e} m");
+    let balls = frames_with(0.0, ball_m);
+    let (known, ignored) = (error(&balls, ball_m, 0.0), error(&balls, 0.0, 0.0));
+    assert!(known < 2e-6 && ignored > 2e-5, "ball known {known:e} m, ignored {ignored:e} m");
 }

@@ -12,7 +12,7 @@ fn camera(lens: Distortion) -> Camera {
 }
 
 /// The centroid of the pixels' area whose rays meet the ball: rows of the picture, their ends found by bisection.
-fn cast_centroid(camera: &Camera, center: Point3<f64>, radius: f64) -> Vector2<f64> {
+pub fn cast_centroid(camera: &Camera, center: Point3<f64>, radius: f64) -> Vector2<f64> {
     let cosine = (1.0 - (radius / center.coords.norm()).powi(2)).sqrt();
     let axis = center.coords.normalize();
     let hits = |u: f64, v: f64| {

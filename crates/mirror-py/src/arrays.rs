@@ -6,7 +6,9 @@
 #![allow(dead_code)] // each binding file uses the shapes that it needs
 
 use crate::errors::MirrorPostureError;
-use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector2, Vector3};
+use nalgebra::{
+    Isometry3, Matrix3, Matrix6, Rotation3, SMatrix, Translation3, UnitQuaternion, Vector2, Vector3,
+};
 use numpy::{
     AllowTypeChange, PyArray, PyArray1, PyArrayLike1, PyArrayLike2, PyArrayLikeDyn, PyUntypedArrayMethods,
 };
@@ -68,6 +70,41 @@ pub fn rows_of(
         None => view.iter().copied().collect(),
     };
     Ok((array.shape()[0], numbers))
+}
+
+/// Reads an array of a fixed inner shape `(N, …)` in C order: N and the numbers.
+pub fn stacked(argument: &str, array: &ArrayDynLike<'_>, inner: &[usize]) -> PyResult<(usize, Vec<f64>)> {
+    let shape = array.shape();
+    if shape.len() != inner.len() + 1 || shape[1..] != *inner {
+        let needed = inner.iter().map(|n| format!(", {n}")).collect::<String>();
+        return Err(shape_error(argument, shape, &format!("(N{needed})")));
+    }
+    let view = array.as_array();
+    let numbers = match view.as_slice() {
+        Some(slice) => slice.to_vec(),
+        None => view.iter().copied().collect(),
+    };
+    Ok((shape[0], numbers))
+}
+
+/// Reads a `(6, 6)` covariance of a pose, in the tangent with rotation first.
+pub fn pose_covariance(argument: &str, array: &Array2Like<'_>) -> PyResult<Matrix6<f64>> {
+    if array.shape() != [6, 6] {
+        return Err(shape_error(
+            argument,
+            array.shape(),
+            "(6, 6): rotation first (rad), then translation (m)",
+        ));
+    }
+    let m = array.as_array();
+    Ok(Matrix6::from_fn(|i, j| m[[i, j]]))
+}
+
+/// The numbers of a matrix in C order.
+pub fn row_major<const R: usize, const C: usize>(
+    matrix: &SMatrix<f64, R, C>,
+) -> impl Iterator<Item = f64> + use<'_, R, C> {
+    (0..R).flat_map(move |i| (0..C).map(move |j| matrix[(i, j)]))
 }
 
 /// Hands numbers in C order over as an array of that shape, without a copy.

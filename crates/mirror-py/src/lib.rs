@@ -1,19 +1,30 @@
 //! Python bindings of `mirror-core`: conversion of arrays and errors, one file a core module; decides nothing.
 
 mod arrays;
+mod camera;
 mod errors;
+mod mirror;
 mod picture;
 mod robot;
+mod triangulate;
 
 /// The compiled core of `mirror_posture`.
 #[pyo3::pymodule]
 mod _core {
     #[pymodule_export]
+    use crate::camera::PyCamera;
+    #[pymodule_export]
     use crate::errors::MirrorPostureError;
+    #[pymodule_export]
+    use crate::mirror::{PyMirrors, PyPlanarPoses, PyRig, planar_poses};
     #[pymodule_export]
     use crate::picture::PictureMaker;
     #[pymodule_export]
     use crate::robot::PyRobot;
+    #[pymodule_export]
+    use crate::triangulate::{
+        PyMarkers, PyPointBatch, PyVirtualRays, triangulate, two_view_markers, virtual_rays,
+    };
 
     #[pymodule_init]
     fn init(module: &pyo3::Bound<'_, pyo3::types::PyModule>) -> pyo3::PyResult<()> {

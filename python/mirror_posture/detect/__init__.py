@@ -1,7 +1,17 @@
-"""Detection: pictures in, labelled board corners and marker centres with standard deviations out."""
+"""Detection: pictures in, labelled board corners and marker centres with standard deviations out.
+
+`detect_picture` and `detect_pictures` do a whole picture and many; `setup_from_session` and `predictions_from_session` say what a
+session's pictures hold. `read_picture` and `list_pictures` read, `draw_overlay` shows.
+"""
 
 from .board import BoardOptions, detect_boards, measure_grid
+from .charuco import detect_charuco
+from .from_session import predictions_from_session, setup_from_session
 from .gate import GateOptions
+from .markers import MarkerOptions, detect_markers
+from .overlay import draw_overlay, write_overlay
+from .pictures import DetectionOptions, PicturePrediction, detect_picture, detect_pictures
+from .reading import list_pictures, read_picture
 from .types import (
     BoardPrediction,
     BoardSpec,
@@ -25,13 +35,26 @@ __all__ = [
     "CameraSpec",
     "ColorSpec",
     "DetectionError",
+    "DetectionOptions",
     "DetectionSetup",
     "Ellipse",
     "GateOptions",
+    "MarkerOptions",
     "MarkerSpec",
     "MarkerView",
     "PictureDetections",
+    "PicturePrediction",
     "PredictedMarker",
     "detect_boards",
+    "detect_charuco",
+    "detect_markers",
+    "detect_picture",
+    "detect_pictures",
+    "draw_overlay",
+    "list_pictures",
     "measure_grid",
+    "predictions_from_session",
+    "read_picture",
+    "setup_from_session",
+    "write_overlay",
 ]

@@ -7,7 +7,7 @@ the others failed of is kept in `attempts`.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 
 import cv2
@@ -15,7 +15,7 @@ import numpy as np
 
 from . import corners, gate, labels, pattern
 from .prediction import predicted_corners_px
-from .types import BoardPrediction, BoardSpec, BoardView, CameraSpec, FloatArray, Via
+from .types import BoardPrediction, BoardSpec, BoardView, CameraSpec, FloatArray, Pixels, Via
 
 # Larger pictures are searched at about this width first: the detectors look for squares of tens of pixels.
 SEARCH_WIDTH_PX = 1632
@@ -48,7 +48,7 @@ class _Found:
 
 
 def detect_boards(
-    gray: FloatArray,
+    gray: Pixels,
     board: BoardSpec,
     camera: CameraSpec | None = None,
     prediction: BoardPrediction | None = None,
@@ -103,7 +103,7 @@ def detect_boards(
 
 
 def measure_grid(
-    gray: FloatArray,
+    gray: Pixels,
     grid: FloatArray,
     board: BoardSpec,
     camera: CameraSpec | None = None,
@@ -127,7 +127,7 @@ def _nothing_found(board: BoardSpec) -> str:
 
 
 def _search_all(
-    gray: FloatArray, board: BoardSpec, camera: CameraSpec | None, options: BoardOptions, attempts: list[str]
+    gray: Pixels, board: BoardSpec, camera: CameraSpec | None, options: BoardOptions, attempts: list[str]
 ) -> tuple[list[_Found], _Found | None]:
     """All boards of the picture, the found ones painted over one by one, and the best grid that failed a check."""
     found: list[_Found] = []
@@ -154,7 +154,7 @@ def _search_all(
     return found, failed
 
 
-def _candidates(gray: FloatArray, board: BoardSpec, quick: bool) -> Iterator[tuple[str, FloatArray]]:
+def _candidates(gray: Pixels, board: BoardSpec, quick: bool) -> Iterator[tuple[str, FloatArray]]:
     """Grids (ny, nx, 2) by detector and preparation, the best and fastest first."""
     width = gray.shape[1]
     scale = min(1.0, SEARCH_WIDTH_PX / width)
@@ -174,26 +174,30 @@ def _candidates(gray: FloatArray, board: BoardSpec, quick: bool) -> Iterator[tup
         yield from _run("sector, enlarged", double, 2.0, board, _sector)
 
 
-def _classic(gray: FloatArray, size: tuple[int, int]) -> FloatArray | None:
+def _classic(gray: Pixels, size: tuple[int, int]) -> Pixels | None:
     found, points = cv2.findChessboardCorners(
         gray, size, flags=cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
     )
     return points if found else None
 
 
-def _classic_quick(gray: FloatArray, size: tuple[int, int]) -> FloatArray | None:
+def _classic_quick(gray: Pixels, size: tuple[int, int]) -> Pixels | None:
     flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_FAST_CHECK
     found, points = cv2.findChessboardCorners(gray, size, flags=flags)
     return points if found else None
 
 
-def _sector(gray: FloatArray, size: tuple[int, int]) -> FloatArray | None:
+def _sector(gray: Pixels, size: tuple[int, int]) -> Pixels | None:
     found, points = cv2.findChessboardCornersSB(gray, size, flags=cv2.CALIB_CB_NORMALIZE_IMAGE)
     return points if found else None
 
 
 def _run(
-    name: str, gray: FloatArray, scale: float, board: BoardSpec, detector
+    name: str,
+    gray: Pixels,
+    scale: float,
+    board: BoardSpec,
+    detector: Callable[[Pixels, tuple[int, int]], Pixels | None],
 ) -> Iterator[tuple[str, FloatArray]]:
     try:
         points = detector(gray, (board.corners_x, board.corners_y))
@@ -208,7 +212,7 @@ def _run(
 
 
 def _examine(
-    gray: FloatArray,
+    gray: Pixels,
     grid: FloatArray,
     method: str,
     board: BoardSpec,
@@ -217,10 +221,11 @@ def _examine(
 ) -> _Found:
     """Refines a grid and runs the checks that do not need labels."""
     # A homography does not care for labels: any symmetry of the grid has the same residual.
-    refined = corners.refine(gray, grid, board, camera, options.gate)
-    check = pattern.check_pattern(gray, refined.grid)
+    refined = corners.refine(gray, grid.reshape(-1, 2), board, camera, options.gate)
+    refined_grid = refined.corners_px.reshape(grid.shape)
+    check = pattern.check_pattern(gray, refined_grid)
     return _Found(
-        refined.grid,
+        refined_grid,
         check.dark_first,
         refined.window_half_px,
         method,
@@ -229,7 +234,7 @@ def _examine(
 
 
 def _label(
-    gray: FloatArray,
+    gray: Pixels,
     item: _Found,
     via: Via,
     board: BoardSpec,
@@ -239,10 +244,9 @@ def _label(
 ) -> BoardView:
     predicted = predicted_corners_px(item.grid, board, camera, prediction, via)
     settled = labels.settle_labels(item.grid, item.dark_first, board, via, predicted)
-    labelled = settled.corners_px.reshape(board.corners_y, board.corners_x, 2)
     residual = gate.board_residual(settled.corners_px, board, camera, options.gate)
     covariances = corners.scale_by_residual(
-        corners.noise_covariances(gray, labelled, item.window_half_px), residual
+        corners.noise_covariances(gray, settled.corners_px, item.window_half_px, board), residual
     )
     reason = settled.reason or residual.reason
     return BoardView(
@@ -255,6 +259,7 @@ def _label(
         residual_rms_px=residual.rms_px,
         residual_limit_px=residual.limit_px,
         method=item.method,
+        corners_x=board.corners_x,
     )
 
 
@@ -262,7 +267,7 @@ def _area_px2(grid: FloatArray) -> float:
     return float(cv2.contourArea(cv2.convexHull(grid.reshape(-1, 2).astype(np.float32))))
 
 
-def _cover(gray: FloatArray, grid: FloatArray) -> FloatArray:
+def _cover(gray: Pixels, grid: FloatArray) -> Pixels:
     """The picture with a found board and its outer squares painted over."""
     ny, nx = grid.shape[:2]
     outline = np.array([grid[0, 0], grid[0, -1], grid[-1, -1], grid[-1, 0]])

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from .types import BoardSpec, CameraSpec, FloatArray
 
@@ -54,20 +55,28 @@ class GateResult:
 
 
 def board_residual(
-    corners_px: FloatArray, board: BoardSpec, camera: CameraSpec | None, options: GateOptions | None = None
+    corners_px: FloatArray,
+    board: BoardSpec,
+    camera: CameraSpec | None,
+    options: GateOptions | None = None,
+    visible: npt.NDArray[np.bool_] | None = None,
 ) -> GateResult:
-    """Residual of labelled corners `(N, 2)` against the flat board."""
+    """Residual of labelled corners `(N, 2)` against the flat board, of the visible ones `(N,)` if not all are."""
     options = options or GateOptions()
     plane = board.points_in_board_m()[:, :2] / board.square_m
-    measured = corners_px if camera is None else undistort(corners_px, camera)
-    homography, _ = cv2.findHomography(plane, measured)
+    pixels = corners_px
+    if visible is not None:
+        plane, pixels = plane[visible], pixels[visible]
+    measured = pixels if camera is None else undistort(pixels, camera)
     count = len(plane)
+    homography = None
+    if count >= 4 and np.isfinite(measured).all():
+        homography, _ = cv2.findHomography(plane, measured)
     if homography is None or not np.isfinite(homography).all():
         return GateResult(
             np.full((count, 2), np.inf), float("inf"), options.max_residual_rms_px, 2 * count - 8
         )
-    predicted = cv2.perspectiveTransform(plane[None], homography)[0]
-    residuals = measured - predicted
+    residuals = measured - cv2.perspectiveTransform(plane[None], homography)[0]
     freedom = 2 * count - 8
     if camera is None and count >= MIN_CORNERS_FOR_CUBIC:
         basis = _cubic_basis(plane)
@@ -85,7 +94,7 @@ def undistort(pixels: FloatArray, camera: CameraSpec) -> FloatArray:
     undistorted = cv2.undistortPoints(
         points, camera.matrix, camera.distortion, None, None, camera.matrix, criteria
     )
-    return undistorted.reshape(-1, 2)
+    return undistorted.reshape(-1, 2).astype(np.float64)
 
 
 def _cubic_basis(plane: FloatArray) -> FloatArray:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from .types import FloatArray
+from .types import FloatArray, Pixels
 
 # Samples lie at this fraction of a square from the corner, on the diagonals: far enough from the blurred edges, near enough to
 # stay inside squares that are cut off or hidden further out.
@@ -36,7 +36,7 @@ class PatternCheck:
     contrast_levels: float
 
 
-def check_pattern(gray: FloatArray, grid: FloatArray) -> PatternCheck:
+def check_pattern(gray: Pixels, grid: FloatArray) -> PatternCheck:
     """Checks that every corner of `grid` (ny, nx, 2) is a chessboard corner and that no further row follows.
 
     `gray` is float32 or uint8, (H, W).
@@ -73,7 +73,7 @@ def check_pattern(gray: FloatArray, grid: FloatArray) -> PatternCheck:
 
 
 def _scores(
-    gray: FloatArray, at: FloatArray, along_x: FloatArray, along_y: FloatArray
+    gray: Pixels, at: FloatArray, along_x: FloatArray, along_y: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Saddle contrast of points given with their local grid steps, and the spread of its four samples, grey levels.
 
@@ -88,7 +88,7 @@ def _scores(
     return score, samples.max(axis=0) - samples.min(axis=0)
 
 
-def sample(gray: FloatArray, at: FloatArray) -> FloatArray:
+def sample(gray: Pixels, at: FloatArray) -> FloatArray:
     """Bilinear samples at `(…, 2)` pixels; NaN outside of the picture."""
     height, width = gray.shape[:2]
     u, v = at[..., 0], at[..., 1]
@@ -124,7 +124,7 @@ def _bad_corner(relative: FloatArray) -> str:
     )
 
 
-def _continues_beyond(gray: FloatArray, grid: FloatArray, sign: float) -> str:
+def _continues_beyond(gray: Pixels, grid: FloatArray, sign: float) -> str:
     """Name of the side beyond which another full row of chessboard corners follows, or an empty string."""
     ny, nx = grid.shape[:2]
     step_x, step_y = np.gradient(grid, axis=1), np.gradient(grid, axis=0)

@@ -31,7 +31,7 @@ def predicted_corners_px(
     points = board.points_in_board_m() @ camera_from_board[:3, :3].T + camera_from_board[:3, 3]
     if via == "mirror":
         centre = camera_from_board[:3, 3]
-        reflected = _grid_centre_in_camera(grid, board, camera)
+        reflected = grid_center_in_camera(grid, board, camera)
         if reflected is None or np.linalg.norm(reflected - centre) < 1e-9:
             return None
         normal = (reflected - centre) / np.linalg.norm(reflected - centre)
@@ -40,10 +40,10 @@ def predicted_corners_px(
     if np.any(points[:, 2] <= 0.0):
         return None
     projected, _ = cv2.projectPoints(points, np.zeros(3), np.zeros(3), camera.matrix, camera.distortion)
-    return projected.reshape(-1, 2)
+    return projected.reshape(-1, 2).astype(np.float64)
 
 
-def _grid_centre_in_camera(grid: FloatArray, board: BoardSpec, camera: CameraSpec) -> FloatArray | None:
+def grid_center_in_camera(grid: FloatArray, board: BoardSpec, camera: CameraSpec) -> FloatArray | None:
     """Position of the seen board's centre in the camera frame, m. The labelling does not matter for it, only right-handed ones are valid."""
     along_x = np.mean(np.diff(grid, axis=1), axis=(0, 1))
     along_y = np.mean(np.diff(grid, axis=0), axis=(0, 1))
@@ -59,4 +59,4 @@ def _grid_centre_in_camera(grid: FloatArray, board: BoardSpec, camera: CameraSpe
     )
     if not ok or not np.isfinite(translation).all() or translation[2, 0] <= 0.0:
         return None
-    return translation.reshape(3)
+    return translation.reshape(3).astype(np.float64)

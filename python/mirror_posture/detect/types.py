@@ -16,6 +16,9 @@ import numpy.typing as npt
 from .._core import MirrorPostureError
 
 FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+# A picture's pixels, of whatever type OpenCV gave them.
+Pixels = npt.NDArray[Any]
 Via = Literal["mirror", "direct"]
 CentreKind = Literal["outline_centroid", "region_centroid"]
 
@@ -160,7 +163,7 @@ class BoardView:
     """One view of the board in one picture; `ok` is the mask, `reason` says why not.
 
     `corners_px` `(N, 2)` and `covariances_px2` `(N, 2, 2)` are in the order of the session format. They are kept for a refused view
-    (so that an overlay can show it) and are None where nothing was found. `visible` is False for corners not measured (ChArUco).
+    (so that an overlay can show it) and are None where nothing was found. `visible` `(N,)` is False for corners that were not measured (ChArUco): their numbers are 0.
     """
 
     ok: bool
@@ -173,6 +176,16 @@ class BoardView:
     residual_limit_px: float | None = None
     method: str = ""
     attempts: tuple[str, ...] = ()
+    corners_x: int = 0
+
+    @property
+    def grid_px(self) -> FloatArray | None:
+        """The corners as a grid `(corners_y, corners_x, 2)`, where all of them were measured and labelled; else None."""
+        if not self.ok or self.corners_px is None or self.corners_x == 0:
+            return None
+        if self.visible is not None and not self.visible.all():
+            return None
+        return self.corners_px.reshape(-1, self.corners_x, 2)
 
     @property
     def std_px(self) -> FloatArray | None:

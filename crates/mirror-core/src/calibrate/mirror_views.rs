@@ -36,11 +36,13 @@ pub struct MirrorViewOptions {
 }
 
 impl Default for MirrorViewOptions {
+    /// An ideal mirror, noise estimated from the residual, Huber's loss at 2 σ: corners of real pictures are not all equally
+    /// good.
     fn default() -> Self {
         Self {
             optics: MirrorOptics::IDEAL,
             corner_std_px: None,
-            loss: Loss::Squared,
+            loss: Loss::huber(),
             prior: None,
             gate_px: GATE_PX,
         }

@@ -41,6 +41,23 @@ impl Loss {
         Self::Cauchy { threshold: 3.0 }
     }
 
+    /// The loss of a name, with its usual threshold: `squared`, `huber` or `cauchy`.
+    ///
+    /// # Errors
+    /// [`crate::Error::UnknownName`], with the valid names.
+    pub fn from_name(name: &str) -> Result<Self> {
+        match name {
+            "squared" => Ok(Self::Squared),
+            "huber" => Ok(Self::huber()),
+            "cauchy" => Ok(Self::cauchy()),
+            _ => Err(crate::Error::UnknownName {
+                what: "loss",
+                got: name.to_owned(),
+                valid: "squared, huber, cauchy".to_owned(),
+            }),
+        }
+    }
+
     pub(crate) fn validated(self) -> Result<Self> {
         if let Self::Huber { threshold } | Self::Cauchy { threshold } = self {
             positive("threshold of the loss (standard deviations)", threshold)?;

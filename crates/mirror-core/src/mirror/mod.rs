@@ -4,6 +4,7 @@
 //! A mirror is a [`crate::geometry::Plane`] in the camera frame with its normal away from the camera; its three
 //! parameters are the foot point `f = d n` (m), its covariance is 3×3 in m².
 
+mod batch;
 mod board;
 mod corner_fit;
 mod curved;
@@ -21,6 +22,7 @@ mod pose_map;
 mod sphere;
 mod virtual_camera;
 
+pub use batch::{estimate_rows, planar_pose_rows, view_from_row};
 pub use board::{Board, BoardView, DetectedCorner, FEWEST_CORNERS, SeenCorner};
 pub use curved::Curvature;
 pub use estimate::{MirrorEstimate, MirrorEstimator, Rig};

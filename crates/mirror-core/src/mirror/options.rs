@@ -36,7 +36,11 @@ impl Default for EstimatorOptions {
 }
 
 impl EstimatorOptions {
-    pub(crate) fn validated(self) -> Result<Self> {
+    /// The options themselves, checked.
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfRange`] for a noise, threshold or stopping rule that is not above zero.
+    pub fn validated(self) -> Result<Self> {
         if let Some(noise) = self.noise_px {
             positive("noise of a corner (px)", noise)?;
         }

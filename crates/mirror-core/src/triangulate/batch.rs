@@ -2,7 +2,7 @@
 
 use super::rays::midpoint_of_two;
 use crate::camera::Camera;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::geometry::Plane;
 use crate::mirror::virtual_ray;
 use nalgebra::{Point3, Vector2};
@@ -39,16 +39,64 @@ pub fn point_pair_marker(
     midpoint_of_two(&ray(0)?, &ray(1)?, least_parallax_rad)
 }
 
-/// [`point_pair_marker`] for many markers, on all cores, one result a marker in their order.
+/// A row of a batch that has no result.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Refused {
+    /// The row, from 0.
+    pub row: usize,
+    /// Why.
+    pub error: Error,
+}
+
+/// Points of a batch, row by row.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PointBatch {
+    /// x, y, z in the camera frame, m; rows that are refused are not numbers.
+    pub points_m: Vec<[f64; 3]>,
+    /// The rows without a result, rising.
+    pub refused: Vec<Refused>,
+}
+
+/// [`point_pair_marker`] for many markers, on all cores: a row of `reflected_boards_m` is b′ of both views, a row of
+/// `pixels_px` the marker's pixels in both.
+///
+/// # Errors
+/// [`Error::LengthMismatch`] where the two differ in length. Rows that have no result are told in the batch.
 pub fn point_pair_markers(
     camera: &Camera,
     board_in_camera: &Point3<f64>,
-    markers: &[TwoViews],
+    reflected_boards_m: &[[f64; 6]],
+    pixels_px: &[[f64; 4]],
     least_parallax_rad: f64,
-) -> Vec<Result<Point3<f64>>> {
-    markers
-        .par_iter()
+) -> Result<PointBatch> {
+    if reflected_boards_m.len() != pixels_px.len() {
+        return Err(Error::LengthMismatch {
+            what: "rows of pixels".into(),
+            got: pixels_px.len(),
+            needed: reflected_boards_m.len(),
+        });
+    }
+    let mut points_m = vec![[f64::NAN; 3]; pixels_px.len()];
+    let mut refused: Vec<Refused> = points_m
+        .par_iter_mut()
+        .zip(reflected_boards_m)
+        .zip(pixels_px)
+        .enumerate()
         .with_min_len(SMALLEST_SHARE)
-        .map(|views| point_pair_marker(camera, board_in_camera, views, least_parallax_rad))
-        .collect()
+        .filter_map(|(row, ((out, &[a, b, c, d, e, f]), &[ua, va, ub, vb]))| {
+            let views = TwoViews {
+                reflected_boards: [Point3::new(a, b, c), Point3::new(d, e, f)],
+                pixels: [Vector2::new(ua, va), Vector2::new(ub, vb)],
+            };
+            match point_pair_marker(camera, board_in_camera, &views, least_parallax_rad) {
+                Ok(point) => {
+                    *out = [point.x, point.y, point.z];
+                    None
+                }
+                Err(error) => Some(Refused { row, error }),
+            }
+        })
+        .collect();
+    refused.sort_by_key(|r| r.row);
+    Ok(PointBatch { points_m, refused })
 }

@@ -11,10 +11,12 @@ mod mid2;
 mod options;
 mod parallax;
 mod rays;
+mod views;
 
-pub use batch::{TwoViews, point_pair_marker, point_pair_markers};
+pub use batch::{PointBatch, Refused, TwoViews, point_pair_marker, point_pair_markers};
 pub use likelihood::{MarkerView, maximum_likelihood};
 pub use mid2::{lee_civera_mid2, unbiased};
 pub use options::{PixelFit, Triangulated, TriangulationOptions, Triangulator};
 pub use parallax::{line_angle_rad, widest_angle_rad};
 pub use rays::{midpoint, midpoint_of_two};
+pub use views::{MarkerObservation, triangulate_views};

@@ -24,7 +24,11 @@ impl Default for TriangulationOptions {
 }
 
 impl TriangulationOptions {
-    pub(crate) fn validated(self) -> Result<Self> {
+    /// The options themselves, checked.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] for a least parallax that is not above zero.
+    pub fn validated(self) -> Result<Self> {
         positive("least parallax (rad)", self.least_parallax_rad)?;
         Ok(self)
     }

@@ -1,0 +1,326 @@
+"""Coloured balls: which region is which marker, its outline, its centre, and when not to trust it.
+
+Candidates are the regions of the marker's colour. A predicted place chooses among them; without one, the reflection's distance bounds
+the ball's size where camera, diameter and a board are known (the robot's own hand, seen without the mirror, is nearer and larger), and the
+largest region wins, as in the paper. What remains doubtful is masked with its reason.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from . import outline
+from .blobs import Region, color_mask, contour_px, hue_distance_deg, label_regions, to_hsv
+from .cone import OutlineFit, fit_outline
+from .types import CameraSpec, MarkerSpec, MarkerView, PredictedMarker
+
+# A ball that is seen less than half is masked. The estimate of the seen share is itself good to a few hundredths (the hidden part is
+# inferred from the outline), so the limit stands a little above one half.
+MIN_VISIBLE_FRACTION = 0.54
+# Least share of the outline that must agree with a ball: below, any bent edge can pose as an arc.
+MIN_ARC_FRACTION = 0.3
+# Edges of a ball agree to 0.1 px in clean pictures and 0.3 px in compressed ones.
+MAX_OUTLINE_RESIDUAL_PX = 0.4
+# Without a prediction, a second region of comparable size makes the choice doubtful.
+RIVAL_AREA_RATIO = 0.6
+# Smallest outline that sub-pixel edges can be read from; below, the region's centroid is all there is.
+MIN_OUTLINE_RADIUS_PX = 3.0
+# Edge points of neighbouring rays share pixels and what lies behind them: a floor of the centre's error under the white-noise estimate.
+CENTRE_FLOOR_PX = 0.03
+# Width of the outline's rim that is left out of the seen share.
+RIM_PX = 0.8
+# A white, blown-out pixel has all channels at or above this.
+BLOWN_OUT_LEVEL = 250
+
+
+@dataclass(frozen=True)
+class SizeBounds:
+    """Smallest and largest radius in px at which a marker's reflection can appear."""
+
+    min_radius_px: float
+    max_radius_px: float
+
+
+@dataclass(frozen=True)
+class MarkerOptions:
+    """Limits for accepting a ball."""
+
+    min_visible_fraction: float = MIN_VISIBLE_FRACTION
+    min_arc_fraction: float = MIN_ARC_FRACTION
+    max_outline_residual_px: float = MAX_OUTLINE_RESIDUAL_PX
+    use_outline: bool = True
+
+
+@dataclass(frozen=True)
+class _Choice:
+    region: Region | None
+    reason: str
+
+
+def detect_markers(
+    bgr: npt.NDArray[np.uint8],
+    markers: tuple[MarkerSpec, ...],
+    camera: CameraSpec | None = None,
+    predictions: tuple[PredictedMarker, ...] = (),
+    bounds: dict[str, SizeBounds] | None = None,
+    options: MarkerOptions | None = None,
+) -> tuple[MarkerView, ...]:
+    """Detects each marker in a colour picture `(H, W, 3)` uint8 BGR, in the order given; masked ones carry their reason."""
+    options = options or MarkerOptions()
+    bounds = bounds or {}
+    if not markers:
+        return ()
+    hsv = to_hsv(bgr)
+    linear = outline.to_linear(bgr)
+    predicted = {one.name: one for one in predictions}
+    candidates = {marker.name: label_regions(color_mask(hsv, marker.color)) for marker in markers}
+    choices = _assign(markers, candidates, predicted, bounds)
+    views = []
+    for marker in markers:
+        choice = choices[marker.name]
+        if choice.region is None or choice.reason:
+            reason = choice.reason or _nothing_reason(bgr, marker)
+            views.append(_masked(marker, reason, choice.region))
+        elif marker.diameter_m == 0.0 or not options.use_outline:
+            views.append(_from_region(marker, choice.region))
+        else:
+            assumed = camera or nominal_camera(bgr.shape[1], bgr.shape[0])
+            view = _from_outline(
+                hsv, linear, marker, choice.region, assumed, bounds.get(marker.name), options
+            )
+            views.append(view if camera is not None else replace(view, sphere_center_px=None))
+    return tuple(views)
+
+
+def nominal_camera(width_px: int, height_px: int) -> CameraSpec:
+    """A camera of ordinary field of view (focal length = the picture's width), for fitting outlines where none is known.
+
+    It only shapes the outline, how long an off-axis ball's ellipse is; a sphere's centre is not read from it.
+    """
+    focal = float(max(width_px, height_px))
+    matrix = np.array(
+        [[focal, 0.0, (width_px - 1) / 2.0], [0.0, focal, (height_px - 1) / 2.0], [0.0, 0.0, 1.0]]
+    )
+    return CameraSpec(matrix, np.zeros(5), width_px, height_px)
+
+
+def _assign(
+    markers: tuple[MarkerSpec, ...],
+    candidates: dict[str, tuple[Region, ...]],
+    predicted: dict[str, PredictedMarker],
+    bounds: dict[str, SizeBounds],
+) -> dict[str, _Choice]:
+    """One region for each marker, no region for two: predicted ones first, the nearest pair first."""
+    taken: dict[tuple[int, int, int, int], str] = {}
+    choices: dict[str, _Choice] = {}
+    pairs = []
+    for marker in markers:
+        if marker.name not in predicted:
+            continue
+        place = predicted[marker.name]
+        for region in candidates[marker.name]:
+            away = float(
+                np.hypot(region.centroid_px[0] - place.pixel_px[0], region.centroid_px[1] - place.pixel_px[1])
+            )
+            if away <= place.search_radius_px and _size_fits(region, bounds.get(marker.name)):
+                pairs.append((away, marker.name, region))
+    for _, name, region in sorted(pairs, key=lambda pair: pair[0]):
+        if name not in choices and region.box_px not in taken:
+            choices[name] = _Choice(region, "")
+            taken[region.box_px] = name
+    for marker in markers:
+        if marker.name in choices:
+            continue
+        if marker.name in predicted:
+            place = predicted[marker.name]
+            u, v = place.pixel_px
+            reason = (
+                f"no region of its colour within {place.search_radius_px:.0f} px of its predicted place ({u:.0f}, {v:.0f})"
+                if candidates[marker.name]
+                else ""
+            )
+            choices[marker.name] = _Choice(None, reason)
+            continue
+        choices[marker.name] = _largest(
+            marker, markers, candidates[marker.name], bounds.get(marker.name), taken
+        )
+    return choices
+
+
+def _largest(
+    marker: MarkerSpec,
+    markers: tuple[MarkerSpec, ...],
+    regions: tuple[Region, ...],
+    bounds: SizeBounds | None,
+    taken: dict[tuple[int, int, int, int], str],
+) -> _Choice:
+    twins = [
+        other.name
+        for other in markers
+        if other.name != marker.name
+        and float(hue_distance_deg(np.float32(other.color.hue_deg), marker.color.hue_deg))
+        <= max(other.color.hue_tolerance_deg, marker.color.hue_tolerance_deg)
+    ]
+    fitting = [region for region in regions if region.box_px not in taken and _size_fits(region, bounds)]
+    if not fitting:
+        if regions and bounds is not None:
+            return _Choice(
+                None,
+                f"{len(regions)} regions of its colour, none of a ball's size there (radius {bounds.min_radius_px:.1f} to "
+                f"{bounds.max_radius_px:.1f} px; the largest has {regions[0].equivalent_radius_px:.1f} px)",
+            )
+        return _Choice(None, "")
+    if twins:
+        return _Choice(
+            fitting[0],
+            f"shares its colour with {', '.join(sorted(twins))}: predict its place, or give it another hue",
+        )
+    rivals = [region for region in fitting[1:] if region.area_px >= RIVAL_AREA_RATIO * fitting[0].area_px]
+    if rivals:
+        u, v = rivals[0].centroid_px
+        return _Choice(
+            fitting[0],
+            f"{len(rivals) + 1} regions of its colour and of like size (another at ({u:.0f}, {v:.0f})): predict its place",
+        )
+    return _Choice(fitting[0], "")
+
+
+def _size_fits(region: Region, bounds: SizeBounds | None) -> bool:
+    """A region may be smaller than its ball (hidden in part, dark in part), down to a fifth of the area, but hardly larger."""
+    if bounds is None:
+        return True
+    radius = region.equivalent_radius_px
+    return 0.45 * bounds.min_radius_px <= radius <= 1.05 * bounds.max_radius_px
+
+
+def _nothing_reason(bgr: npt.NDArray[np.uint8], marker: MarkerSpec) -> str:
+    blown = float(np.mean(np.all(bgr >= BLOWN_OUT_LEVEL, axis=2)))
+    color = marker.color
+    text = (
+        f"no region of its colour (hue {color.hue_deg:.0f} ± {color.hue_tolerance_deg:.0f}°, saturation ≥ {color.min_saturation:.2f}, "
+        f"value ≥ {color.min_value:.2f})"
+    )
+    if blown > 0.02:
+        return f"{text}; {100.0 * blown:.0f} % of the picture is blown out: lower the exposure"
+    return f"{text}: hidden, out of the picture, or the colour's box does not fit the light"
+
+
+def _masked(marker: MarkerSpec, reason: str, region: Region | None, **fields: Any) -> MarkerView:
+    if region is not None:
+        fields.setdefault("pixel_px", region.centroid_px)
+        fields.setdefault("center_kind", "region_centroid")
+        fields["region_area_px"] = region.area_px
+        fields["region_centroid_px"] = region.centroid_px
+    return MarkerView(marker.name, False, reason, **fields)
+
+
+def _from_region(marker: MarkerSpec, region: Region) -> MarkerView:
+    # The boundary's pixels are each in or out by chance: uniform over ±1/2 px along the outline, 2 π r of them.
+    radius = max(region.equivalent_radius_px, 1.0)
+    variance = (1.0 / 12.0) * (2.0 * np.pi * radius) / (
+        np.pi * radius**2
+    ) ** 2 * radius**2 + CENTRE_FLOOR_PX**2
+    return MarkerView(
+        marker.name,
+        True,
+        "",
+        pixel_px=region.centroid_px,
+        covariance_px2=np.eye(2) * variance,
+        center_kind="region_centroid",
+        region_area_px=region.area_px,
+        region_centroid_px=region.centroid_px,
+    )
+
+
+def _from_outline(
+    hsv: npt.NDArray[np.float32],
+    linear: np.ndarray,
+    marker: MarkerSpec,
+    region: Region,
+    camera: CameraSpec,
+    bounds: SizeBounds | None,
+    options: MarkerOptions,
+) -> MarkerView:
+    fit = measure_outline(linear, region, camera, bounds)
+    if fit is None:
+        return _masked(marker, "its region has no outline that fits a ball", region)
+    seen = _visible_fraction(hsv, marker, fit)
+    fields: dict[str, Any] = {
+        "pixel_px": (float(fit.centroid_px[0]), float(fit.centroid_px[1])),
+        "covariance_px2": fit.centroid_covariance_px2 + np.eye(2) * CENTRE_FLOOR_PX**2,
+        "center_kind": "outline_centroid",
+        "sphere_center_px": (float(fit.sphere_center_px[0]), float(fit.sphere_center_px[1])),
+        "outline": fit.ellipse,
+        "visible_fraction": seen,
+        "residual_rms_px": fit.residual_rms_px,
+        "region_area_px": region.area_px,
+        "region_centroid_px": region.centroid_px,
+    }
+    reason = ""
+    if seen < options.min_visible_fraction:
+        reason = f"only {100.0 * seen:.0f} % of the ball is seen, needed {100.0 * options.min_visible_fraction:.0f} %"
+    elif fit.arc_fraction < options.min_arc_fraction:
+        reason = f"only {100.0 * fit.arc_fraction:.0f} % of its outline fits a ball, needed {100.0 * options.min_arc_fraction:.0f} %"
+    elif fit.residual_rms_px > options.max_outline_residual_px:
+        reason = f"outline residual {fit.residual_rms_px:.2f} px is above the limit of {options.max_outline_residual_px:.2f} px"
+    return MarkerView(marker.name, not reason, reason, **fields)
+
+
+def measure_outline(
+    linear: np.ndarray, region: Region, camera: CameraSpec, bounds: SizeBounds | None = None
+) -> OutlineFit | None:
+    """Fits a ball's outline to a region: a robust circle through its contour, then sub-pixel edges and the cone of rays."""
+    coarse = region.equivalent_radius_px
+    low = 0.8 * coarse if bounds is None else max(0.8 * bounds.min_radius_px, 0.8 * coarse)
+    high = 2.5 * coarse if bounds is None else 1.2 * bounds.max_radius_px
+    if high <= low:
+        return None
+    circle = outline.fit_circle_robustly(contour_px(region), low, high, 1.0)
+    if circle is None or circle.radius_px < MIN_OUTLINE_RADIUS_PX:
+        return None
+    fit = None
+    for _ in range(outline.ROUNDS):
+        edges = outline.edges_on_rays(linear, circle)
+        points = edges.points_px[edges.found]
+        again = outline.fit_circle_robustly(points, low, high, 1.5 * outline.INLIER_PX)
+        if again is None:
+            return None
+        fit = fit_outline(points, edges.std_px[edges.found], again, camera, len(edges.found))
+        if fit is None:
+            return None
+        circle = outline.Circle(fit.centroid_px, fit.mean_radius_px)
+    return fit
+
+
+def _visible_fraction(hsv: npt.NDArray[np.float32], marker: MarkerSpec, fit: OutlineFit) -> float:
+    """Share of the outline's area that shows the ball's colour, dark parts included (only hue and saturation count)."""
+    height, width = hsv.shape[:2]
+    low = np.floor(fit.boundary_px.min(axis=0)).astype(int) - 1
+    high = np.ceil(fit.boundary_px.max(axis=0)).astype(int) + 2
+    size = high - low
+    if np.any(size <= 0) or np.any(size > 4 * max(height, width)):
+        return 0.0
+    inside = np.zeros((int(size[1]), int(size[0])), dtype=np.uint8)
+    # fillPoly takes fixed-point coordinates: 4 fractional bits place the boundary to 1/16 px.
+    # The rim is left out: its pixels are mixed, and would count as unseen.
+    middle = fit.boundary_px.mean(axis=0)
+    rim = middle + (fit.boundary_px - middle) * max(0.5, 1.0 - RIM_PX / max(fit.mean_radius_px, 1.0))
+    cv2.fillPoly(inside, [np.rint((rim - low) * 16.0).astype(np.int32)], 1, shift=4)
+    total = int(inside.sum())
+    left, top = max(low[0], 0), max(low[1], 0)
+    right, bottom = min(high[0], width), min(high[1], height)
+    if total == 0 or right <= left or bottom <= top:
+        return 0.0
+    patch = hsv[top:bottom, left:right]
+    part = inside[top - low[1] : bottom - low[1], left - low[0] : right - low[0]].astype(bool)
+    coloured = (patch[..., 1] >= 0.5 * marker.color.min_saturation) & (
+        hue_distance_deg(patch[..., 0], marker.color.hue_deg) <= 1.5 * marker.color.hue_tolerance_deg
+    )
+    # A highlight is white but lies within the ball: what the coloured part encloses counts as seen.
+    seen = cv2.morphologyEx((coloured & part).astype(np.uint8), cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
+    return float((seen.astype(bool) & part).sum()) / total

@@ -1,0 +1,174 @@
+"""Whole pictures: the board's views and the markers of one picture, or of many on all cores.
+
+OpenCV and NumPy release the interpreter's lock in their heavy parts, so threads share the work and pictures are not copied.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from .board import BoardOptions, detect_boards
+from .charuco import detect_charuco
+from .markers import MarkerOptions, SizeBounds, detect_markers
+from .prediction import grid_center_in_camera
+from .reading import Picture, as_picture, read_picture
+from .types import (
+    CHARUCO,
+    BoardPrediction,
+    BoardView,
+    CameraSpec,
+    DetectionError,
+    DetectionSetup,
+    PictureDetections,
+    PredictedMarker,
+)
+
+# The robot's limbs in the mirror are at least this part of, and at most this many times, as far away as its board is. A limb seen
+# without the mirror is at less than half of that distance.
+NEAREST_BALL = 0.55
+FARTHEST_BALL = 2.5
+
+
+@dataclass(frozen=True)
+class PicturePrediction:
+    """What is expected in one picture."""
+
+    board: BoardPrediction | None = None
+    markers: tuple[PredictedMarker, ...] = ()
+
+
+@dataclass(frozen=True)
+class DetectionOptions:
+    """All limits and choices of detection."""
+
+    board: BoardOptions = field(default_factory=BoardOptions)
+    marker: MarkerOptions = field(default_factory=MarkerOptions)
+
+
+def detect_picture(
+    picture: Path | str | npt.ArrayLike,
+    setup: DetectionSetup,
+    prediction: PicturePrediction | None = None,
+    options: DetectionOptions | None = None,
+    name: str | None = None,
+) -> PictureDetections:
+    """Detects the board's views and the markers in one picture, a path or a BGR (or grey) array.
+
+    What was not found, or cannot be trusted, is masked with its reason. Raises `DetectionError` for a picture that cannot be read, or of
+    another size than its camera's.
+    """
+    options = options or DetectionOptions()
+    prediction = prediction or PicturePrediction()
+    if isinstance(picture, (str, Path)):
+        source = name or str(picture)
+        bgr = read_picture(picture)
+    else:
+        source = name or "picture"
+        bgr = as_picture(picture, source)
+    height, width = bgr.shape[:2]
+    _check_size(width, height, setup.camera, source)
+    boards = _boards(bgr, setup, prediction, options)
+    bounds = _size_bounds(boards, setup)
+    markers = detect_markers(bgr, setup.markers, setup.camera, prediction.markers, bounds, options.marker)
+    return PictureDetections(source, width, height, boards, markers)
+
+
+def detect_pictures(
+    pictures: Sequence[Path | str | npt.ArrayLike],
+    setup: DetectionSetup,
+    predictions: Sequence[PicturePrediction | None] | None = None,
+    options: DetectionOptions | None = None,
+    progress: Callable[[int, int], None] | None = None,
+    threads: int | None = None,
+) -> tuple[PictureDetections, ...]:
+    """Detects in many pictures at once, in the order given; `progress(done, total)` is called as each is finished.
+
+    A picture that cannot be used gives detections with `error` set and nothing in them. Raises `DetectionError` if there is no picture.
+    """
+    if len(pictures) == 0:
+        raise DetectionError("no pictures given: needed at least one")
+    if predictions is not None and len(predictions) != len(pictures):
+        raise DetectionError(
+            f"{len(predictions)} predictions for {len(pictures)} pictures: needed one each (or None)"
+        )
+
+    def one(index: int) -> PictureDetections:
+        picture = pictures[index]
+        name = str(picture) if isinstance(picture, (str, Path)) else f"picture {index}"
+        expected = None if predictions is None else predictions[index]
+        try:
+            return detect_picture(picture, setup, expected, options, name)
+        except DetectionError as error:
+            return PictureDetections(name, 0, 0, (), (), error=str(error))
+
+    results: list[PictureDetections | None] = [None] * len(pictures)
+    with ThreadPoolExecutor(max_workers=threads or os.cpu_count() or 1) as pool:
+        running = {pool.submit(one, index): index for index in range(len(pictures))}
+        for done, finished in enumerate(as_completed(running), start=1):
+            results[running[finished]] = finished.result()
+            if progress is not None:
+                progress(done, len(pictures))
+    return tuple(result for result in results if result is not None)
+
+
+def _check_size(width: int, height: int, camera: CameraSpec | None, source: str) -> None:
+    if camera is None or (camera.width_px, camera.height_px) == (width, height):
+        return
+    raise DetectionError(
+        f"{source}: is {width} × {height} px, but the camera file is for {camera.width_px} × {camera.height_px} px; give the camera file "
+        "of this camera at this resolution (do not resize the pictures)"
+    )
+
+
+def _boards(
+    bgr: Picture, setup: DetectionSetup, prediction: PicturePrediction, options: DetectionOptions
+) -> tuple[BoardView, ...]:
+    if setup.board is None:
+        return ()
+    gray = cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY)
+    if setup.board.pattern == CHARUCO:
+        return detect_charuco(gray, setup.board, setup.camera, options.board)
+    return detect_boards(gray, setup.board, setup.camera, prediction.board, options.board)
+
+
+def _size_bounds(boards: tuple[BoardView, ...], setup: DetectionSetup) -> dict[str, SizeBounds]:
+    """Radii at which each ball can appear in the mirror, from the distance of the board's reflection."""
+    seen = [view for view in boards if view.ok and view.via == "mirror" and view.corners_px is not None]
+    if not seen or setup.board is None or setup.camera is None:
+        return {}
+    view = seen[0]
+    assert view.corners_px is not None
+    complete = view.visible is None or bool(view.visible.all())
+    if not complete:
+        return {}
+    grid = view.corners_px.reshape(setup.board.corners_y, setup.board.corners_x, 2)
+    center = grid_center_in_camera(grid, setup.board, setup.camera)
+    if center is None:
+        return {}
+    distance = float(np.linalg.norm(center))
+    return {
+        marker.name: SizeBounds(
+            setup.camera.focal_px * 0.5 * marker.diameter_m / (FARTHEST_BALL * distance),
+            setup.camera.focal_px
+            * 0.5
+            * marker.diameter_m
+            / (NEAREST_BALL * distance)
+            * _off_axis(setup.camera),
+        )
+        for marker in setup.markers
+        if marker.diameter_m > 0.0
+    }
+
+
+def _off_axis(camera: CameraSpec) -> float:
+    """How much larger than in its middle a ball appears at the corner of the picture at most (area's root: cos^-3/2 of the angle)."""
+    corner = np.hypot(camera.width_px, camera.height_px) / (2.0 * camera.focal_px)
+    return float((1.0 + corner**2) ** 0.75)

@@ -1,0 +1,189 @@
+"""Mirrors from the reflected board: one interface to the ladder of estimators, and the virtual rays.
+
+A mirror is the plane `n·x = d` in the camera frame, n away from the camera, d > 0; its covariance is that of its foot
+point `f = d n` (m²). Corners are `(N, nx * ny, 2)` px in the order `index = iy * nx + ix` of their TRUE labels, a pair of NaN
+where a corner was not seen. A view without a result is masked: `valid` is False, its numbers are NaN and `reasons`
+says why.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from . import _core
+from .camera import Camera
+
+Array = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
+Estimator = Literal["pose", "pose_snapped", "point_pair", "maximum_likelihood"]
+Loss = Literal["squared", "huber", "cauchy"]
+
+ESTIMATORS: tuple[Estimator, ...] = ("pose", "pose_snapped", "point_pair", "maximum_likelihood")
+"""Eq. 1 of the paper, Eq. 1 snapped to the nearest reflection, Eq. 2 (the paper's method), maximum likelihood."""
+
+FLOAT_GLASS_INDEX = 1.52
+"""Refractive index of the glass that mirrors are made of."""
+
+
+@dataclass(frozen=True)
+class Rig:
+    """What stays the same in all views: camera, board, how they are fixed to each other, the mirror's glass.
+
+    `corners` are the board's inner corners (nx, ny), `square_m` its squares' side; `camera_from_board` is (4, 4);
+    `camera_from_board_covariance` (6, 6) in the tangent `camera_from_board ∘ (Exp ω, v)`, rotation first (rad, m), None
+    for "exact". Maximum likelihood uses the glass; the paper's estimators take every mirror as ideal.
+    Raises `MirrorPostureError` for what cannot be meant.
+    """
+
+    camera: Camera
+    corners: tuple[int, int]
+    square_m: float
+    camera_from_board: Array
+    camera_from_board_covariance: Array | None = None
+    glass_thickness_m: float = 0.0
+    refractive_index: float = FLOAT_GLASS_INDEX
+    _core: _core.Rig = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        core = _core.Rig(
+            self.camera,
+            self.corners,
+            self.square_m,
+            self.camera_from_board,
+            self.camera_from_board_covariance,
+            self.glass_thickness_m,
+            self.refractive_index,
+        )
+        object.__setattr__(self, "_core", core)
+
+
+@dataclass(frozen=True)
+class MirrorEstimates:
+    """Mirrors of N views.
+
+    `covariances_m2` (N, 3, 3) of the foot points is the sum of `measurement_covariances_m2` (the view's own noise) and
+    of what the camera-board transform's covariance adds through `foot_by_camera_from_board` (N, 3, 6), which the
+    views share. `camera_from_virtual` (N, 4, 4) is the reflection, or Eq. 1's map for the estimator `pose` (whose plane
+    is that of the nearest reflection). `rms_px` is the RMS length of the corners' residuals, `noise_px` the standard
+    deviation of one axis that the covariance rests on.
+    """
+
+    estimator: Estimator
+    normals: Array
+    offsets_m: Array
+    covariances_m2: Array
+    measurement_covariances_m2: Array
+    foot_by_camera_from_board: Array
+    camera_from_virtual: Array
+    rms_px: Array
+    noise_px: Array
+    valid: Mask
+    reasons: Mapping[int, str]
+    _core: _core.Mirrors = field(repr=False, compare=False)
+
+    @property
+    def foot_points_m(self) -> Array:
+        """The feet of the camera's perpendiculars on the mirrors, (N, 3)."""
+        return self.normals * self.offsets_m[:, None]
+
+
+@dataclass(frozen=True)
+class VirtualRays:
+    """M rays from virtual cameras through the real markers, in the camera frame.
+
+    `covariances` (M, 6, 6) is of (origin m, unit direction): pixel, mirror and camera-board transform.
+    """
+
+    origins_m: Array
+    directions: Array
+    covariances: Array
+    valid: Mask
+    reasons: Mapping[int, str]
+
+
+@dataclass(frozen=True)
+class PlanarPoses:
+    """Poses of a flat board in N views.
+
+    `camera_from_pattern` (N, 4, 4) maps (x, y, 0) of a corner to where the camera sees it: the board's pose where it is
+    seen directly, the paper's right-handed frame D where it is seen in a mirror. `covariances` (N, 6, 6) in the
+    tangent with rotation first (rad, m). `alternative_rms_px` is the residual of the other pose that explains the
+    view, infinite where there is none: close to `rms_px`, the tilt's sign is not told by the picture.
+    """
+
+    camera_from_pattern: Array
+    covariances: Array
+    rms_px: Array
+    noise_px: Array
+    alternative_rms_px: Array
+    valid: Mask
+    reasons: Mapping[int, str]
+
+
+def estimate_mirrors(
+    rig: Rig,
+    corners_px: npt.ArrayLike,
+    *,
+    estimator: Estimator = "maximum_likelihood",
+    noise_px: float | None = None,
+    loss: Loss = "squared",
+) -> MirrorEstimates:
+    """The mirrors of N views from their corners, `(N, nx * ny, 2)` px, on all cores.
+
+    `noise_px` is the standard deviation of a corner along one axis; None estimates it from each view's residual.
+    `loss` "huber" or "cauchy" bounds the pull of wrong corners. Raises `MirrorPostureError` for a wrong shape or an
+    unknown name; a view that has no result is masked.
+    """
+    core = rig._core.estimate_mirrors(corners_px, estimator, noise_px, loss)
+    return MirrorEstimates(
+        estimator=estimator,
+        normals=core.normals,
+        offsets_m=core.offsets_m,
+        covariances_m2=core.covariances_m2,
+        measurement_covariances_m2=core.measurement_covariances_m2,
+        foot_by_camera_from_board=core.foot_by_camera_from_board,
+        camera_from_virtual=core.camera_from_virtual,
+        rms_px=core.rms_px,
+        noise_px=core.noise_px,
+        valid=core.valid,
+        reasons=core.reasons,
+        _core=core,
+    )
+
+
+def virtual_rays(
+    mirrors: MirrorEstimates, mirror_rows: npt.ArrayLike, pixels_px: npt.ArrayLike, *, noise_px: float
+) -> VirtualRays:
+    """The virtual rays of pixels `(M, 2)`, each seen in the mirror of a row `(M,)`: Eq. 3 of the paper.
+
+    `noise_px` is the standard deviation of a pixel along one axis.
+    """
+    core = _core.virtual_rays(mirrors._core, np.asarray(mirror_rows, dtype=np.int64), pixels_px, noise_px)
+    return VirtualRays(core.origins_m, core.directions, core.covariances, core.valid, core.reasons)
+
+
+def planar_poses(
+    camera: Camera,
+    corners: tuple[int, int],
+    square_m: float,
+    corners_px: npt.ArrayLike,
+    *,
+    noise_px: float | None = None,
+    loss: Loss = "squared",
+) -> PlanarPoses:
+    """The poses of a flat board of (nx, ny) inner corners from `(N, nx * ny, 2)` px: closed form, then refinement."""
+    core = _core.planar_poses(camera, corners, square_m, corners_px, noise_px, loss)
+    return PlanarPoses(
+        camera_from_pattern=core.camera_from_pattern,
+        covariances=core.covariances,
+        rms_px=core.rms_px,
+        noise_px=core.noise_px,
+        alternative_rms_px=core.alternative_rms_px,
+        valid=core.valid,
+        reasons=core.reasons,
+    )

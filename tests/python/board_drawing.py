@@ -1,0 +1,54 @@
+"""Draws flat boards through a given homography, by point sampling: it shares nothing with detection but the session format."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def chessboard_picture(
+    corners_x: int,
+    corners_y: int,
+    picture_from_board: np.ndarray,
+    size: tuple[int, int] = (480, 360),
+    noise_levels: float = 2.0,
+    seed: int = 1,
+    first_dark: bool = True,
+) -> np.ndarray:
+    """Grey picture of a chessboard. `picture_from_board` (3, 3) maps board coordinates, in squares from the centre, to px."""
+    width, height = size
+    fine = 4
+    offsets = (np.arange(fine) + 0.5) / fine - 0.5
+    u = (np.arange(width)[:, None] + offsets).reshape(-1)
+    v = (np.arange(height)[:, None] + offsets).reshape(-1)
+    points = np.stack(np.broadcast_arrays(u[None, :], v[:, None], 1.0), axis=-1)
+    board = points @ np.linalg.inv(picture_from_board).T
+    x = board[..., 0] / board[..., 2] + (corners_x + 1) / 2.0
+    y = board[..., 1] / board[..., 2] + (corners_y + 1) / 2.0
+    column, row = np.floor(x).astype(int), np.floor(y).astype(int)
+    inside = (column >= 0) & (row >= 0) & (column <= corners_x) & (row <= corners_y)
+    paper = (x > -0.8) & (y > -0.8) & (x < corners_x + 1.8) & (y < corners_y + 1.8)
+    dark = inside & ((column + row) % 2 == (0 if first_dark else 1))
+    value = np.where(dark, 40.0, np.where(paper, 210.0, 120.0))
+    picture = value.reshape(height, fine, width, fine).mean(axis=(1, 3))
+    picture += np.random.default_rng(seed).normal(0.0, noise_levels, picture.shape)
+    return np.clip(np.rint(picture), 0, 255).astype(np.uint8)
+
+
+def corners_px(corners_x: int, corners_y: int, picture_from_board: np.ndarray) -> np.ndarray:
+    """True pixels `(N, 2)` of the inner corners, index = iy * corners_x + ix."""
+    iy, ix = np.divmod(np.arange(corners_x * corners_y), corners_x)
+    board = np.stack([ix - (corners_x - 1) / 2.0, iy - (corners_y - 1) / 2.0, np.ones(len(ix))])
+    picture = picture_from_board @ board
+    return (picture[:2] / picture[2]).T
+
+
+def view(
+    turn_rad: float, mirrored: bool, pitch_px: float = 26.0, center: tuple[float, float] = (240.0, 180.0)
+) -> np.ndarray:
+    """A mildly perspective `picture_from_board`; a direct view has y up in the picture (z comes out of the face), a mirrored one not."""
+    c, s = np.cos(turn_rad), np.sin(turn_rad)
+    hand = np.diag([1.0, 1.0 if mirrored else -1.0, 1.0])
+    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    tilt = np.array([[pitch_px, 0.0, center[0]], [0.0, 0.93 * pitch_px, center[1]], [0.0, 0.0, 1.0]])
+    perspective = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.006, 0.004, 1.0]])
+    return tilt @ perspective @ turn @ hand
