@@ -66,7 +66,7 @@ def test_predicted_corners_settle_them(counts: tuple[int, int], turn: float) -> 
         chessboard_picture(*counts, homography),
         *counts,
         "mirror",
-        BoardPrediction(corners_px=truth + (9.0, -7.0)),
+        BoardPrediction(corners_px=truth + np.array([9.0, -7.0])),
     )
     assert found.ok, found.reason
     assert np.abs(found.corners_px - truth).max() < 0.5
