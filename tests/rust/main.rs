@@ -8,6 +8,7 @@ mod camera;
 mod glass;
 mod joint;
 mod mirror;
+mod montecarlo;
 mod reflection;
 mod robot_kinematics;
 mod sphere;
