@@ -56,7 +56,8 @@ def test_a_session_is_made_with_the_rest_of_the_package_barred(tmp_path: Path) -
     body = f"""
 from pathlib import Path
 from mirror_posture.blind.make import Options, make_cases
-made = make_cases(Path({str(tmp_path)!r}), 1, 3, Options(robots=("small",), frames=(60, 61)))
+one = [("one", "small", ["backlash"])]
+made = make_cases(Path({str(tmp_path)!r}), 1, 3, Options(robots=("small",), frames=(60, 61)), one)
 assert (made[0] / "detections.csv").is_file()
 ours, blind = "mirror_posture.", "mirror_posture.blind"
 loaded = [m for m in sys.modules if m.startswith(ours) and not m.startswith(blind)]

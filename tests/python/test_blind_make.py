@@ -1,0 +1,101 @@
+"""Blind sessions as they are made: the same from the same seed, complete, and judged as geometry says they must be."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("mujoco", reason="blind sessions need MuJoCo")
+
+from mirror_posture.blind import BlindError
+from mirror_posture.blind.effects import VOCABULARY
+from mirror_posture.blind.identify import judge
+from mirror_posture.blind.make import Case, Options, make_cases, simulate
+from mirror_posture.blind.outside import OUTSIDE
+
+QUICK = Options(robots=("small",), frames=(80, 81))
+
+
+def _case(effects: list[str], seed: int, options: Options = QUICK) -> Case:
+    return simulate("case", "small", effects, np.random.default_rng(seed), options)
+
+
+@pytest.mark.parametrize("effect", [*VOCABULARY, *OUTSIDE])
+def test_every_effect_changes_what_is_seen_and_tells_its_place(effect: str) -> None:
+    case = _case([effect], 4)
+    (cause,) = case.answer["causes"]
+    assert cause["effect"] == ("unknown" if effect in OUTSIDE else effect)
+    assert cause["at"].split(":")[0] in {
+        "joint",
+        "link",
+        "marker",
+        "camera",
+        "board",
+        "mirror",
+        "robot",
+        "data",
+    }
+    assert judge(case)["nominal_chi2"] > 5, "a fault that nobody can see is none"
+
+
+def test_a_session_without_faults_is_the_nominal_model_and_noise() -> None:
+    case = _case([], 5, Options(robots=("small",), frames=(80, 81), simple_laws=True))
+    assert judge(case)["nominal_chi2"] < 0.5
+
+
+def test_the_same_seed_makes_the_same_session(tmp_path: Path) -> None:
+    plan = [("again", "small", ["drift"])]
+    one, two = (make_cases(tmp_path / n, 1, 11, QUICK, plan)[0] for n in ("a", "b"))
+    for name in ("frames.csv", "detections.csv", "robot.urdf", "camera.yaml", "session.toml"):
+        assert (one / name).read_bytes() == (two / name).read_bytes(), name
+    other = make_cases(tmp_path / "c", 1, 12, QUICK, plan)[0]
+    assert (one / "detections.csv").read_bytes() != (other / "detections.csv").read_bytes()
+
+
+def test_a_session_tells_nothing_of_its_cause_and_every_row_is_in_the_picture(tmp_path: Path) -> None:
+    plan = [("hidden", "small", ["camera_focal"])]
+    folder = make_cases(tmp_path, 1, 1, QUICK, plan)[0]
+    assert sorted(p.name for p in folder.iterdir()) == [
+        "camera.yaml",
+        "detections.csv",
+        "frames.csv",
+        "robot.urdf",
+        "seal.json",
+        "session.toml",
+    ]
+    for path in folder.iterdir():
+        assert "camera_focal" not in path.read_text(encoding="utf-8")
+    with (folder / "detections.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert all(0 <= float(r["u"]) <= 799 and 0 <= float(r["v"]) <= 599 for r in rows)
+    answer = json.loads((tmp_path / "answers" / "hidden.json").read_text(encoding="utf-8"))
+    assert answer["causes"][0]["effect"] == "camera_focal"
+
+
+def test_a_known_degeneracy_is_found_and_a_clear_cause_is_not_called_tied() -> None:
+    """A last joint set off along its own axis moves its one marker just as a wrong mount does."""
+    for seed in range(400):
+        case = _case(["link_length"], seed)
+        (cause,) = case.answer["causes"]
+        last = case.robot.next_body(case.robot.index[cause["at"].removeprefix("link:")])
+        assert last is not None
+        carried, axis = case.robot.moves(case.robot.bodies[last].joint), case.robot.bodies[last].axis
+        shift = np.array([cause["dx_m"], cause["dy_m"], cause["dz_m"]])
+        if len(carried) == 1 and np.linalg.norm(np.cross(axis, shift)) < 1e-12:
+            break
+    else:
+        pytest.fail("no draw set a last joint off along its axis")
+    told = judge(case)
+    assert told["detectable"] and not told["identifiable"]
+    assert f"marker_mount@marker:{carried[0]}" in told["rivals"]
+    clear = judge(_case(["board_scale"], 3))
+    assert clear["identifiable"] and clear["rivals"] == [] and clear["own_chi2"] < 5
+
+
+def test_an_unknown_effect_is_named_with_those_that_are_known() -> None:
+    with pytest.raises(BlindError, match=r"gremlins.*joint_offset"):
+        _case(["gremlins"], 0)
