@@ -266,3 +266,72 @@ def two_view_markers(
     pixels_px: npt.ArrayLike,
     least_parallax_rad: float | None = None,
 ) -> PointBatch: ...
+
+@final
+class MeasureInput:
+    def __new__(
+        cls,
+        *,
+        camera: Camera,
+        board_corners: tuple[int, int],
+        square_m: float,
+        diameters_m: Sequence[float],
+        glass_thickness_m: float,
+        refractive_index: float,
+        posture: Sequence[int],
+        camera_from_board: npt.ArrayLike,
+        board_px: npt.ArrayLike,
+        board_seen: npt.ArrayLike,
+        marker_px: npt.ArrayLike,
+        marker_seen: npt.ArrayLike,
+        direct_px: npt.ArrayLike,
+        direct_seen: npt.ArrayLike,
+    ) -> MeasureInput: ...
+    @property
+    def mirrors_refused(self) -> list[str | None]: ...
+    def ladder(
+        self,
+        estimator: str,
+        *,
+        corner_noise_px: float | None = None,
+        marker_noise_px: float,
+        least_parallax_rad: float,
+        camera_from_board_covariance: npt.ArrayLike | None = None,
+    ) -> Measured: ...
+    def joint(
+        self,
+        *,
+        corner_noise_px: float,
+        marker_noise_px: float,
+        least_parallax_rad: float,
+        camera_from_board_covariance: npt.ArrayLike | None = None,
+    ) -> Measured: ...
+
+@final
+class Measured:
+    @property
+    def mirror_reason(self) -> list[str | None]: ...
+    @property
+    def foot_m(self) -> _Array: ...
+    @property
+    def foot_covariance_m2(self) -> _Array: ...
+    @property
+    def corner_rms_px(self) -> _Array: ...
+    @property
+    def posture(self) -> npt.NDArray[np.int64]: ...
+    @property
+    def marker(self) -> npt.NDArray[np.int64]: ...
+    @property
+    def marker_reason(self) -> list[str | None]: ...
+    @property
+    def point_in_camera_m(self) -> _Array: ...
+    @property
+    def point_covariance_m2(self) -> _Array: ...
+    @property
+    def camera_from_nominal_camera(self) -> _Array: ...
+    @property
+    def camera_from_board_covariance(self) -> _Array | None: ...
+    @property
+    def chi_squared(self) -> float | None: ...
+    @property
+    def degrees_of_freedom(self) -> int | None: ...

@@ -20,6 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ._core import MirrorPostureError, PictureMaker
+from .robot import Robot
 from .session.camera_info import CameraInfo, load_camera_info
 from .session.metadata import Metadata, load_metadata
 from .session.types import Frames, MirrorModel, Session, Views
@@ -355,6 +356,7 @@ def _session(
     return Session(
         folder=target,
         robot_file=painter.folder / metadata.robot,
+        robot=Robot.from_urdf(painter.folder / metadata.robot),
         root_link=metadata.root,
         gravity_m_per_s2=metadata.gravity_m_per_s2,
         frames=frames,

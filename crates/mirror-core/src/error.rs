@@ -128,6 +128,17 @@ pub enum Error {
         /// Distance of the mirror from the board's centre along the normal, m.
         board_m: f64,
     },
+    /// Views of one posture between which the camera moved against the board.
+    #[error(
+        "posture {posture}: the camera moved against the board between its views (by {by:.2e}, as the model says), needed a still head; \
+         give views with another head position a posture number of their own"
+    )]
+    HeadMoved {
+        /// The posture's number.
+        posture: i64,
+        /// The largest change of an element of the camera–board matrix.
+        by: f64,
+    },
     /// Rays too close to parallel to meet in a point.
     #[error(
         "parallax: got {:.3}° between the widest pair of rays, needed at least {:.3}°; take views that differ more",

@@ -12,6 +12,7 @@
 //! | [`joint`] | all views of a session at once: mirrors, camera–board transform, markers |
 //! | [`calibrate`] | the camera–board transform from mirror views alone, or with a second camera |
 //! | [`picture`] | ray tracer: pictures of a robot before a mirror, with their truth |
+//! | [`measure`] | a session by one estimator of the ladder: mirrors, then markers |
 //! | [`robot`] | URDF to a validated tree; kinematics, Jacobians, gravity torques |
 //!
 //! Conventions (tested, and told in full in `docs/conventions.md`): `a_from_b` maps coordinates in frame b to
@@ -23,6 +24,7 @@ pub mod camera;
 mod error;
 pub mod geometry;
 pub mod joint;
+pub mod measure;
 pub mod mirror;
 pub mod picture;
 pub mod robot;

@@ -7,7 +7,7 @@
 
 use crate::errors::MirrorPostureError;
 use nalgebra::{
-    Isometry3, Matrix3, Matrix6, Rotation3, SMatrix, Translation3, UnitQuaternion, Vector2, Vector3,
+    Isometry3, Matrix3, Matrix4, Matrix6, Rotation3, SMatrix, Translation3, UnitQuaternion, Vector2, Vector3,
 };
 use numpy::{
     AllowTypeChange, PyArray, PyArray1, PyArrayLike1, PyArrayLike2, PyArrayLikeDyn, PyUntypedArrayMethods,
@@ -128,12 +128,24 @@ pub fn isometry(argument: &str, array: &Array2Like<'_>) -> PyResult<Isometry3<f6
     if array.shape() != [4, 4] {
         return Err(shape_error(argument, array.shape(), "(4, 4), a homogeneous rigid transform"));
     }
-    let m = array.as_array();
-    let rotation = Matrix3::from_fn(|i, j| m[[i, j]]);
-    let translation = Vector3::new(m[[0, 3]], m[[1, 3]], m[[2, 3]]);
+    let view = array.as_array();
+    rigid(argument, &Matrix4::from_fn(|i, j| view[[i, j]]))
+}
+
+/// Reads an `(N, 4, 4)` array as rigid transforms; as [`isometry`].
+pub fn isometries(argument: &str, array: &ArrayDynLike<'_>) -> PyResult<Vec<Isometry3<f64>>> {
+    let (_, numbers) = stacked(argument, array, &[4, 4])?;
+    let matrices = numbers.chunks_exact(16).enumerate();
+    matrices.map(|(row, m)| rigid(&format!("{argument}[{row}]"), &Matrix4::from_row_slice(m))).collect()
+}
+
+/// A homogeneous matrix that must be a rigid transform.
+fn rigid(argument: &str, m: &Matrix4<f64>) -> PyResult<Isometry3<f64>> {
+    let rotation: Matrix3<f64> = m.fixed_view::<3, 3>(0, 0).into_owned();
+    let translation = Vector3::new(m[(0, 3)], m[(1, 3)], m[(2, 3)]);
     let orthonormal = (rotation.transpose() * rotation - Matrix3::identity()).norm();
     let bottom =
-        [m[[3, 0]], m[[3, 1]], m[[3, 2]], m[[3, 3]] - 1.0].iter().map(|x| x.abs()).fold(0.0, f64::max);
+        [m[(3, 0)], m[(3, 1)], m[(3, 2)], m[(3, 3)] - 1.0].iter().map(|x| x.abs()).fold(0.0, f64::max);
     let finite = m.iter().all(|x| x.is_finite());
     if !finite
         || orthonormal > ROTATION_TOLERANCE

@@ -3,6 +3,7 @@
 mod arrays;
 mod camera;
 mod errors;
+mod measure;
 mod mirror;
 mod picture;
 mod robot;
@@ -15,6 +16,8 @@ mod _core {
     use crate::camera::PyCamera;
     #[pymodule_export]
     use crate::errors::MirrorPostureError;
+    #[pymodule_export]
+    use crate::measure::{MeasureInput, Measured};
     #[pymodule_export]
     use crate::mirror::{PyMirrors, PyPlanarPoses, PyRig, planar_poses};
     #[pymodule_export]

@@ -1,0 +1,301 @@
+"""A session measured: where the mirror stood in each view, and where the markers of each posture are."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Literal, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from ._core import Measured, MeasureInput, MirrorPostureError
+from .camera import camera_from_info
+from .session import Session
+
+Floats = npt.NDArray[np.float64]
+Estimator = Literal["pose", "pose-snapped", "point-pair", "maximum-likelihood", "joint"]
+ESTIMATORS: tuple[Estimator, ...] = get_args(Estimator)
+"""From the paper's baseline (Eq. 1) to the best; `point-pair` is the paper's method (Eq. 2)."""
+
+JOINT_MOUNT_STD_RAD = math.radians(1.0)
+JOINT_MOUNT_STD_M = 0.002
+"""What `joint` assumes of the camera–board transform where nothing is said: a hand-made mount."""
+
+
+class NothingMeasuredError(MirrorPostureError):
+    """The session is fine and nothing can be measured from it; the message says why."""
+
+    exit_code = 3
+
+
+@dataclass(frozen=True)
+class MeasureOptions:
+    """How a session is measured."""
+
+    estimator: Estimator = "maximum-likelihood"
+    pixel_noise_px: float | None = None
+    """Standard deviation of corners and ball centres, one axis. None: the session's, else that of the corners' residuals."""
+    mount_std_rad: float | None = None
+    mount_std_m: float | None = None
+    """How well the model's camera–board transform is known, one axis. None: exactly (`joint`: 1°, 2 mm)."""
+    least_parallax_rad: float = math.radians(1.0)
+    """Views of a marker whose rays differ by less give no position."""
+
+
+@dataclass(frozen=True)
+class Mirrors:
+    """The mirror of each frame, in the camera frame: `normal · x = distance`, normal away from the camera."""
+
+    measured: npt.NDArray[np.bool_]
+    """(F,); where it is False, `reason` says why and the arrays hold 0."""
+    foot_m: Floats
+    """(F, 3): the foot of the camera's perpendicular, distance times normal."""
+    foot_covariance_m2: Floats
+    """(F, 3, 3)."""
+    corner_rms_px: Floats
+    """(F,): root mean square length of the corners' residuals."""
+    reason: tuple[str | None, ...]
+
+    @property
+    def distance_m(self) -> Floats:
+        """(F,), from the camera."""
+        return np.linalg.norm(self.foot_m, axis=1)
+
+    @property
+    def normal(self) -> Floats:
+        """(F, 3), of length 1."""
+        return self.foot_m / np.where(self.measured, self.distance_m, 1.0)[:, None]
+
+
+@dataclass(frozen=True)
+class Markers:
+    """The markers of each posture that any view shows: one row a posture and marker."""
+
+    posture: npt.NDArray[np.int64]
+    """(K,): the posture's number."""
+    marker: npt.NDArray[np.int64]
+    """(K,): index into the session's markers."""
+    views: npt.NDArray[np.int64]
+    """(K,): in how many frames it is seen."""
+    measured: npt.NDArray[np.bool_]
+    """(K,); where it is False, `reason` says why and `point_in_camera_m` holds 0."""
+    point_in_camera_m: Floats
+    """(K, 3)."""
+    covariance_m2: Floats
+    """(K, 3, 3), in the camera frame."""
+    model_in_camera_m: Floats
+    """(K, 3): where the nominal model says that it is (relative to the board, whose place it is taken to know)."""
+    root_from_camera: Floats
+    """(K, 4, 4), in the first frame of the posture: as the model says, or as `joint` has corrected it."""
+    reason: tuple[str | None, ...]
+
+    def __len__(self) -> int:
+        return len(self.posture)
+
+    @property
+    def point_in_root_m(self) -> Floats:
+        """(K, 3): the measured position in the frame of the session's root link."""
+        return _mapped(self.root_from_camera, self.point_in_camera_m)
+
+    @property
+    def model_in_root_m(self) -> Floats:
+        """(K, 3): the model's position in the frame of the session's root link."""
+        return _mapped(self.root_from_camera, self.model_in_camera_m)
+
+    @property
+    def covariance_in_root_m2(self) -> Floats:
+        """(K, 3, 3)."""
+        turn = self.root_from_camera[:, :3, :3]
+        return turn @ self.covariance_m2 @ turn.swapaxes(1, 2)
+
+    @property
+    def std_m(self) -> Floats:
+        """(K,): one standard deviation of the position's length of error, `sqrt(trace covariance)`."""
+        return np.sqrt(np.trace(self.covariance_m2, axis1=1, axis2=2))
+
+    @property
+    def distance_m(self) -> Floats:
+        """(K,): from the model's position to the measured one; 0 where it is not measured."""
+        return np.linalg.norm(self.point_in_camera_m - self.model_in_camera_m, axis=1) * self.measured
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """What one estimator makes of a session."""
+
+    estimator: Estimator
+    pixel_noise_px: float
+    """Standard deviation of corners and ball centres that the covariances rest on."""
+    marker_names: tuple[str, ...]
+    mirrors: Mirrors
+    markers: Markers
+    camera_from_nominal_camera: Floats = field(default_factory=lambda: np.eye(4))
+    """(4, 4): how the camera sits against the model's camera, as `joint` finds it; the identity for the others."""
+    camera_from_board_covariance: Floats | None = None
+    """(6, 6): of the camera–board transform, rotation (rad) before translation (m); None where it is taken as exact."""
+    chi_squared: float | None = None
+    degrees_of_freedom: int | None = None
+
+
+def measure(session: Session, options: MeasureOptions | None = None) -> Measurement:
+    """Measures a session by one estimator: each frame's mirror from the board's reflection, then each posture's markers.
+
+    A marker needs two views (frames of one `posture`) before mirrors that stand differently; all its views are used. Positions
+    are in the camera frame of the posture; covariances contain the noise of the pixels, the mirrors' and the mount's.
+
+    Raises `MirrorPostureError` for a session without camera or board or without detections, `NothingMeasuredError` where no
+    mirror at all can be estimated. What concerns one frame or marker is a mask with a reason.
+    """
+    return measure_all(session, (options or MeasureOptions(),))[0]
+
+
+def measure_all(session: Session, options: tuple[MeasureOptions, ...]) -> list[Measurement]:
+    """Measures a session in several ways; what they share is done once."""
+    for one in options:
+        if one.estimator not in ESTIMATORS:
+            raise MirrorPostureError(
+                f"estimator: got {one.estimator!r}, needed one of {', '.join(ESTIMATORS)}"
+            )
+    camera_from_board = _camera_from_board(session)
+    core = _core_input(session, camera_from_board)
+    if all(core.mirrors_refused):
+        reason = next(iter(core.mirrors_refused), "there are no frames")
+        raise NothingMeasuredError(
+            f"{session.folder}: no frame shows the board in the mirror (frame 0: {reason})"
+        )
+    return [_measure(session, core, one) for one in options]
+
+
+def _measure(session: Session, core: MeasureInput, options: MeasureOptions) -> Measurement:
+    noise = options.pixel_noise_px or session.noise.pixel_std_px or _corner_noise_px(session, core, options)
+    stated = options.mount_std_rad is not None or options.mount_std_m is not None
+    joint = options.estimator == "joint"
+    mount = None
+    if stated or joint:
+        rotation = options.mount_std_rad if stated else JOINT_MOUNT_STD_RAD
+        translation = options.mount_std_m if stated else JOINT_MOUNT_STD_M
+        mount = np.diag([(rotation or 0.0) ** 2] * 3 + [(translation or 0.0) ** 2] * 3)
+    shared = {
+        "corner_noise_px": noise,
+        "marker_noise_px": noise,
+        "least_parallax_rad": options.least_parallax_rad,
+        "camera_from_board_covariance": mount,
+    }
+    done = core.joint(**shared) if joint else core.ladder(options.estimator.replace("-", "_"), **shared)
+    mirror_reason = tuple(done.mirror_reason)
+    mirrors = Mirrors(
+        np.array([reason is None for reason in mirror_reason], dtype=bool),
+        done.foot_m,
+        done.foot_covariance_m2,
+        done.corner_rms_px,
+        mirror_reason,
+    )
+    return Measurement(
+        options.estimator,
+        noise,
+        session.marker_names,
+        mirrors,
+        _markers(session, done),
+        done.camera_from_nominal_camera,
+        done.camera_from_board_covariance,
+        done.chi_squared,
+        done.degrees_of_freedom,
+    )
+
+
+def _markers(session: Session, done: Measured) -> Markers:
+    posture, marker = done.posture, done.marker
+    frames = session.frames
+    # First row of each posture: its camera frame is the posture's (the head is still within one).
+    numbers, first = np.unique(frames.posture, return_index=True)
+    row = first[np.searchsorted(numbers, posture)]
+    seen = session.mirror_view.marker_seen
+    views = np.array(
+        [seen[frames.posture == p, m].sum() for p, m in zip(posture, marker, strict=True)], dtype=np.int64
+    )
+    camera_link = str(session.camera_link)
+    model = np.zeros((len(posture), 3))
+    for index, spec in enumerate(session.markers):
+        mine = marker == index
+        model[mine] = session.robot.points(session.positions[row[mine]], camera_link, spec.link)
+    # The board is where the model says; where the camera sits elsewhere, it is the camera that moved.
+    correction = done.camera_from_nominal_camera
+    root_from_camera = _a_from_b(session, session.root_link, camera_link)[row] @ np.linalg.inv(correction)
+    return Markers(
+        posture,
+        marker,
+        views,
+        np.array([reason is None for reason in done.marker_reason], dtype=bool),
+        done.point_in_camera_m,
+        done.point_covariance_m2,
+        _mapped(correction[None], model),
+        root_from_camera,
+        tuple(done.marker_reason),
+    )
+
+
+def _camera_from_board(session: Session) -> Floats:
+    """(F, 4, 4), as the model says at the commanded joint positions."""
+    if session.camera_link is None or session.camera is None:
+        raise MirrorPostureError(
+            f"{session.folder}: has no camera; only what a camera sees in a mirror is measured"
+        )
+    if session.board is None:
+        raise MirrorPostureError(
+            f"{session.folder}: has no [board], whose reflection tells where the mirror stands"
+        )
+    if not session.detected:
+        raise MirrorPostureError(
+            f"{session.folder}: has pictures and no detections yet; run `mirror-posture detect` on it first"
+        )
+    return _a_from_b(session, session.camera_link, session.board.link)
+
+
+def _a_from_b(session: Session, link_a: str, link_b: str) -> Floats:
+    robot = session.robot
+    poses = robot.forward_kinematics(session.positions)
+    root_from_a, root_from_b = (poses[:, robot.link_index(link)] for link in (link_a, link_b))
+    return np.linalg.solve(root_from_a, root_from_b)
+
+
+def _core_input(session: Session, camera_from_board: Floats) -> MeasureInput:
+    camera, board = session.camera, session.board
+    assert camera is not None and board is not None
+    mirror = session.mirror
+    seen, direct = session.mirror_view, session.direct_view
+    return MeasureInput(
+        camera=camera_from_info(camera),
+        board_corners=(board.columns, board.rows),
+        square_m=board.square_m,
+        diameters_m=[marker.diameter_m for marker in session.markers],
+        glass_thickness_m=mirror.glass_thickness_m if mirror else 0.0,
+        refractive_index=mirror.refractive_index if mirror else 1.52,
+        posture=session.frames.posture.tolist(),
+        camera_from_board=camera_from_board,
+        board_px=seen.board_px,
+        board_seen=seen.board_seen,
+        marker_px=seen.marker_px,
+        marker_seen=seen.marker_seen,
+        direct_px=direct.marker_px,
+        direct_seen=direct.marker_seen,
+    )
+
+
+def _corner_noise_px(session: Session, core: MeasureInput, options: MeasureOptions) -> float:
+    """Standard deviation of a corner, one axis, from the residuals of all views: the median view's, for a few bad ones."""
+    done = core.ladder(
+        "maximum_likelihood", marker_noise_px=1.0, least_parallax_rad=options.least_parallax_rad
+    )
+    good = np.array([reason is None for reason in done.mirror_reason])
+    if not good.any():
+        reason = next(reason for reason in done.mirror_reason if reason is not None)
+        raise NothingMeasuredError(f"{session.folder}: no mirror can be estimated ({reason})")
+    corners = session.mirror_view.board_seen.sum(axis=1)[good]
+    # Two numbers a corner, three of them spent on the plane.
+    per_axis = done.corner_rms_px[good] ** 2 * corners / np.maximum(2 * corners - 3, 1)
+    return float(np.sqrt(np.median(per_axis)))
+
+
+def _mapped(a_from_b: Floats, point_in_b: Floats) -> Floats:
+    return np.einsum("kij,kj->ki", a_from_b[:, :3, :3], point_in_b) + a_from_b[:, :3, 3]
