@@ -68,6 +68,7 @@ class Robot:
         self, positions: npt.ArrayLike, gravity_in_held_link: npt.ArrayLike, held_link: str
     ) -> _Array: ...
 
+@final
 class PictureMaker:
     """Draws a robot before a mirror by tracing rays, and tells the truth of what it drew."""
 
