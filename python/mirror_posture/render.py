@@ -84,7 +84,7 @@ class PictureOptions:
     """Whether the front face's reflection and the second one off the silver are drawn."""
     samples: int = 2
     """Rays of a pixel are samples², and edge_samples² where there is an edge."""
-    edge_samples: int = 5
+    edge_samples: int = 4
     motion_px: tuple[float, float] = (0.0, 0.0)
     """How far the picture moves while the shutter is open."""
     blur_px: float = 0.55
@@ -228,12 +228,54 @@ def _degrees(**positions_deg: float) -> dict[str, float]:
 
 DEMO_POSTURES: tuple[Positions, ...] = (
     # The posture of the paper's correction experiment, and five around it that move each joint of both arms.
-    _degrees(r_shoulder_pitch=-15, r_shoulder_roll=85, r_elbow=15, l_shoulder_pitch=-10, l_shoulder_roll=20, l_elbow=30),
-    _degrees(r_shoulder_pitch=-25, r_shoulder_roll=55, r_elbow=40, l_shoulder_pitch=-20, l_shoulder_roll=45, l_elbow=15),
-    _degrees(r_shoulder_pitch=-5, r_shoulder_roll=25, r_elbow=10, l_shoulder_pitch=-35, l_shoulder_roll=30, l_elbow=50),
-    _degrees(r_shoulder_pitch=-40, r_shoulder_roll=40, r_elbow=25, l_shoulder_pitch=-5, l_shoulder_roll=55, l_elbow=35),
-    _degrees(r_shoulder_pitch=10, r_shoulder_roll=65, r_elbow=60, l_shoulder_pitch=-25, l_shoulder_roll=15, l_elbow=70),
-    _degrees(r_shoulder_pitch=-30, r_shoulder_roll=20, r_elbow=75, l_shoulder_pitch=-15, l_shoulder_roll=65, l_elbow=5),
+    _degrees(
+        r_shoulder_pitch=-15,
+        r_shoulder_roll=85,
+        r_elbow=15,
+        l_shoulder_pitch=-10,
+        l_shoulder_roll=20,
+        l_elbow=30,
+    ),
+    _degrees(
+        r_shoulder_pitch=-25,
+        r_shoulder_roll=55,
+        r_elbow=40,
+        l_shoulder_pitch=-20,
+        l_shoulder_roll=45,
+        l_elbow=15,
+    ),
+    _degrees(
+        r_shoulder_pitch=-5,
+        r_shoulder_roll=25,
+        r_elbow=10,
+        l_shoulder_pitch=-35,
+        l_shoulder_roll=30,
+        l_elbow=50,
+    ),
+    _degrees(
+        r_shoulder_pitch=-40,
+        r_shoulder_roll=40,
+        r_elbow=25,
+        l_shoulder_pitch=-5,
+        l_shoulder_roll=55,
+        l_elbow=35,
+    ),
+    _degrees(
+        r_shoulder_pitch=10,
+        r_shoulder_roll=65,
+        r_elbow=60,
+        l_shoulder_pitch=-25,
+        l_shoulder_roll=15,
+        l_elbow=70,
+    ),
+    _degrees(
+        r_shoulder_pitch=-30,
+        r_shoulder_roll=20,
+        r_elbow=75,
+        l_shoulder_pitch=-15,
+        l_shoulder_roll=65,
+        l_elbow=5,
+    ),
 )
 DEMO_VIEWS = (
     View(),
@@ -270,7 +312,9 @@ def render_session(
     Raises `MirrorPostureError` for unknown joints, no postures or views, or a folder that is there already.
     """
     if not postures or not views:
-        raise MirrorPostureError(f"got {len(postures)} postures and {len(views)} views, needed at least one of each")
+        raise MirrorPostureError(
+            f"got {len(postures)} postures and {len(views)} views, needed at least one of each"
+        )
     if sum(way is not None for way in (offsets_rad, actual, link_poses)) > 1:
         raise MirrorPostureError("got more than one of offsets_rad, actual, link_poses; needed at most one")
     folder = Path(folder)
@@ -312,7 +356,9 @@ def render_session(
             "frames": told,
         }
         (target / TRUTH_FILE).write_text(json.dumps(truth, indent=1, allow_nan=False), encoding="utf-8")
-        write_session_files(_session(painter, target, postures, len(views), names, options, model_glass_thickness_m), target)
+        write_session_files(
+            _session(painter, target, postures, len(views), names, options, model_glass_thickness_m), target
+        )
 
     replace_folder(folder, fill, overwrite)
     return folder
@@ -350,7 +396,7 @@ def _session(
         posture=posture,
         joint_names=names,
         commanded=commanded.reshape(len(postures), len(names))[posture],
-        time_s=np.arange(count) * SECONDS_A_FRAME,
+        time_s=np.arange(count, dtype=np.float64) * SECONDS_A_FRAME,
         image=tuple(_image_name(i) for i in range(count)),
     )
     return Session(

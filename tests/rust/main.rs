@@ -9,6 +9,7 @@ mod glass;
 mod joint;
 mod mirror;
 mod montecarlo;
+mod picture;
 mod reflection;
 mod robot_kinematics;
 mod sphere;

@@ -3,7 +3,7 @@
 use super::Beam;
 use crate::camera::Camera;
 use crate::error::{Error, Result};
-use nalgebra::{Isometry3, Vector2, Vector3};
+use nalgebra::{Isometry3, Matrix3, Vector2, Vector3};
 use rayon::prelude::*;
 
 /// The fixed point stops when a step is this small (normalised image coordinates; 1e-15 is below 1e-12 px).
@@ -17,7 +17,7 @@ const FIXED_POINT_TOLERANCE: f64 = 1e-12;
 ///
 /// The lens formula (Brown's, as published for OpenCV and ROS) is inverted by the fixed point
 /// `x ← (x_d − tangential(x)) / radial(x)`; the estimators invert theirs by Newton's method.
-/// [`Eye::beam`] interpolates a table at the pixels' corners: within a pixel the lens bends by less than 1e-4 px.
+/// [`Eye::beam`] interpolates a table at the pixels' corners: within a pixel the lens bends by less than 1e-3 px.
 #[derive(Debug, Clone)]
 pub struct Eye {
     width: usize,
@@ -109,12 +109,14 @@ impl Eye {
 
     /// The exact beam of a pixel, the eye standing at `scene_from_camera`; nothing where the lens cannot be inverted.
     pub fn exact_beam(&self, pixel: &Vector2<f64>, scene_from_camera: &Isometry3<f64>) -> Option<Beam> {
-        self.undistorted(pixel).map(|x| place(&x, scene_from_camera))
+        let rotation = scene_from_camera.rotation.to_rotation_matrix().into_inner();
+        self.undistorted(pixel).map(|x| place(&x, &scene_from_camera.translation.vector, &rotation))
     }
 
-    /// The beam of a place in the picture (px, clamped to the picture), by the table.
+    /// The beam of a place in the picture (px, clamped to the picture), by the table; the eye stands at `from` (m), turned
+    /// by the rotation scene from camera.
     #[inline]
-    pub fn beam(&self, pixel: &Vector2<f64>, scene_from_camera: &Isometry3<f64>) -> Beam {
+    pub fn beam(&self, pixel: &Vector2<f64>, from: &Vector3<f64>, rotation: &Matrix3<f64>) -> Beam {
         let u = (pixel.x + 0.5).clamp(0.0, self.width as f64);
         let v = (pixel.y + 0.5).clamp(0.0, self.height as f64);
         let (column, row) = ((u as usize).min(self.width - 1), (v as usize).min(self.height - 1));
@@ -123,12 +125,11 @@ impl Eye {
         let bottom = top + self.width + 1;
         let x = (self.nodes[top] * (1.0 - a) + self.nodes[top + 1] * a) * (1.0 - b)
             + (self.nodes[bottom] * (1.0 - a) + self.nodes[bottom + 1] * a) * b;
-        place(&x, scene_from_camera)
+        place(&x, from, rotation)
     }
 }
 
 #[inline]
-fn place(x: &Vector2<f64>, scene_from_camera: &Isometry3<f64>) -> Beam {
-    let along = scene_from_camera.rotation * Vector3::new(x.x, x.y, 1.0).normalize();
-    Beam { from: scene_from_camera.translation.vector, along }
+fn place(x: &Vector2<f64>, from: &Vector3<f64>, rotation: &Matrix3<f64>) -> Beam {
+    Beam { from: *from, along: rotation * Vector3::new(x.x, x.y, 1.0).normalize() }
 }

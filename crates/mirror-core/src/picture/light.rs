@@ -48,16 +48,26 @@ impl Default for Lights {
 /// Exponent of the highlight: that of a satin plastic.
 const HIGHLIGHT_EXPONENT: i32 = 40;
 
-/// Where on each lamp a sample looks: two numbers in [0, 1).
+/// What one sample of a pixel looks at beyond its main path.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct LampPlace {
-    pub radial: f64,
-    pub turn: f64,
+pub(super) struct Probe {
+    /// Place on each lamp's disc, unit circle.
+    pub on_lamp: [f64; 2],
+    /// By how much this sample counts for the pane's two ghosts; most samples leave them out.
+    pub ghost_weight: f64,
+}
+
+impl Probe {
+    /// The place on a lamp, from two numbers in [0, 1): even over the disc.
+    pub fn on_lamp(radial: f64, turn: f64) -> [f64; 2] {
+        let (sine, cosine) = (turn * std::f64::consts::TAU).sin_cos();
+        [cosine * radial.sqrt(), sine * radial.sqrt()]
+    }
 }
 
 /// The light that a met surface sends back along the beam.
 #[inline]
-pub(super) fn shade(scene: &Scene, beam: &Beam, meeting: &Meeting, place: LampPlace) -> Colour {
+pub(super) fn shade(scene: &Scene, beam: &Beam, meeting: &Meeting, probe: Probe) -> Colour {
     let at = beam.from + beam.along * meeting.distance_m;
     let normal = meeting.normal;
     let colour = scene.colour_at(meeting.body, &at);
@@ -70,11 +80,11 @@ pub(super) fn shade(scene: &Scene, beam: &Beam, meeting: &Meeting, place: LampPl
         if to_center.dot(&normal) <= 0.0 {
             continue;
         }
-        // A place on the lamp's disc as seen from here.
-        let (sine, cosine) = (place.turn * std::f64::consts::TAU).sin_cos();
-        let side = perpendicular(&to_center);
-        let other = to_center.cross(&side).normalize();
-        let to = to_center + (side * cosine + other * sine) * (lamp.radius_m * place.radial.sqrt());
+        // A place on the lamp's disc, which faces the scene's origin.
+        let side = perpendicular(&lamp.at);
+        let other = lamp.at.cross(&side) / lamp.at.norm();
+        let [x, y] = probe.on_lamp;
+        let to = to_center + (side * x + other * y) * lamp.radius_m;
         let distance = to.norm();
         let towards = to / distance;
         let facing = towards.dot(&normal);
@@ -106,9 +116,9 @@ fn perpendicular(v: &Vector3<f64>) -> Vector3<f64> {
 
 /// The light that arrives along a beam after it has left the mirror.
 #[inline]
-fn beyond(scene: &Scene, beam: &Beam, place: LampPlace) -> (Colour, Option<usize>) {
+fn beyond(scene: &Scene, beam: &Beam, probe: Probe) -> (Colour, Option<usize>) {
     match scene.first_meeting(beam) {
-        Some(meeting) => (shade(scene, beam, &meeting, place), Some(meeting.body)),
+        Some(meeting) => (shade(scene, beam, &meeting, probe), Some(meeting.body)),
         None => (scene.lights.sky * 0.5, None),
     }
 }
@@ -116,32 +126,37 @@ fn beyond(scene: &Scene, beam: &Beam, place: LampPlace) -> (Colour, Option<usize
 /// What a beam from the eye sees: the light, and which body its main path ends on (tells edges).
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Seen {
+    /// Light of the main path.
     pub colour: Colour,
+    /// Light of the mirror's ghosts, weighted.
+    pub ghosts: Colour,
     pub body: Option<usize>,
     pub in_mirror: bool,
 }
 
 /// Follows a beam from the eye, through the mirror where it meets it.
 #[inline]
-pub(super) fn look(scene: &Scene, beam: &Beam, place: LampPlace) -> Seen {
-    let direct = scene.first_meeting(beam);
+pub(super) fn look(scene: &Scene, beam: &Beam, probe: Probe) -> Seen {
     let mirror = scene.pane.as_ref().and_then(|pane| pane.distance_m(beam).map(|t| (pane, t)));
-    match (direct, mirror) {
-        (direct, Some((pane, t))) if direct.is_none_or(|m| m.distance_m > t) => {
-            let mut seen = Seen { colour: Colour::zeros(), body: None, in_mirror: true };
-            if let Some(path) = pane.main_path(beam) {
-                let (colour, body) = beyond(scene, &path.beam, place);
-                seen.colour += colour * path.share;
-                seen.body = body;
-            }
+    let mut seen =
+        Seen { colour: Colour::zeros(), ghosts: Colour::zeros(), body: None, in_mirror: mirror.is_some() };
+    if let Some(meeting) = scene.first_before(beam, mirror.map(|(_, t)| t)) {
+        seen.colour = shade(scene, beam, &meeting, probe);
+        seen.body = Some(meeting.body);
+        seen.in_mirror = false;
+    } else if let Some((pane, _)) = mirror {
+        if let Some(path) = pane.main_path(beam) {
+            let (colour, body) = beyond(scene, &path.beam, probe);
+            seen.colour = colour * path.share;
+            seen.body = body;
+        }
+        if probe.ghost_weight > 0.0 {
             for path in pane.ghosts(beam).into_iter().flatten() {
-                seen.colour += beyond(scene, &path.beam, place).0 * path.share;
+                seen.ghosts += beyond(scene, &path.beam, probe).0 * (path.share * probe.ghost_weight);
             }
-            seen
         }
-        (Some(meeting), _) => {
-            Seen { colour: shade(scene, beam, &meeting, place), body: Some(meeting.body), in_mirror: false }
-        }
-        (None, _) => Seen { colour: scene.lights.sky * 0.5, body: None, in_mirror: false },
+    } else {
+        seen.colour = scene.lights.sky * 0.5;
     }
+    seen
 }

@@ -1,6 +1,6 @@
 //! From beams to a picture of linear light: stratified samples, more of them at edges.
 
-use super::light::{LampPlace, Seen, look};
+use super::light::{Probe, Seen, look};
 use super::{Colour, Eye, Scene};
 use crate::error::{Error, Result, finite};
 use nalgebra::Vector2;
@@ -25,7 +25,7 @@ pub struct Sampling {
 
 impl Default for Sampling {
     fn default() -> Self {
-        Self { grid: 2, edge_grid: 5, edge_contrast: 0.03, motion_px: Vector2::zeros(), seed: 0 }
+        Self { grid: 2, edge_grid: 4, edge_contrast: 0.10, motion_px: Vector2::zeros(), seed: 0 }
     }
 }
 
@@ -108,6 +108,7 @@ fn look_at_pixel(
     let mut draft = Draft { mean: Colour::zeros(), low: f64::INFINITY, high: f64::NEG_INFINITY, seen: 0 };
     let count = grid * grid;
     // The lamp's places are stratified too, and turned by a random angle from pixel to pixel.
+    let ghost_weight = count as f64 / count.div_ceil(GHOST_EVERY) as f64;
     let (turn, spread): (f64, f64) = (random.random(), random.random());
     for i in 0..count {
         let (a, b) = (i % grid, i / grid);
@@ -117,13 +118,17 @@ fn look_at_pixel(
         if sampling.motion_px != Vector2::zeros() {
             at += sampling.motion_px * (random.random::<f64>() - 0.5);
         }
-        let place = LampPlace {
-            radial: (i as f64 / count as f64 + spread).fract(),
-            turn: (i as f64 * GOLDEN_TURN + turn).fract(),
+        let probe = Probe {
+            on_lamp: Probe::on_lamp(
+                (i as f64 / count as f64 + spread).fract(),
+                (i as f64 * GOLDEN_TURN + turn).fract(),
+            ),
+            // The ghosts are weak: a few samples tell them.
+            ghost_weight: if i % GHOST_EVERY == 0 { ghost_weight } else { 0.0 },
         };
-        let beam = eye.beam(&at, &scene.scene_from_camera);
-        let seen = look(scene, &beam, place);
-        draft.mean += seen.colour;
+        let beam = eye.beam(&at, &scene.scene_from_camera.translation.vector, &scene.eye_rotation);
+        let seen = look(scene, &beam, probe);
+        draft.mean += seen.colour + seen.ghosts;
         let brightness = seen.colour.sum() / 3.0;
         draft.low = draft.low.min(brightness);
         draft.high = draft.high.max(brightness);
@@ -134,6 +139,8 @@ fn look_at_pixel(
     draft
 }
 
+/// One sample of this many follows the mirror's ghosts.
+const GHOST_EVERY: usize = 4;
 /// The golden section: successive multiples spread evenly over a turn.
 const GOLDEN_TURN: f64 = 0.618_033_988_749_895;
 

@@ -2,9 +2,12 @@
 
 use super::{Beam, Colour, Lights, Pane, Shape, Touch};
 use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3};
+use std::ops::Range;
 
-/// Bodies whose bounding ball is smaller than this (m) are tested behind one common ball, and throw shadows.
+/// Bodies whose bounding ball is smaller than this (m) are tested cluster by cluster, and throw shadows.
 const SMALL_BODY_M: f64 = 0.25;
+/// Bodies of a cluster at most: testing a ball costs a third of testing a body.
+const CLUSTER_BODIES: usize = 5;
 
 /// What colours a body.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -85,6 +88,49 @@ pub(super) struct Placed {
     radius2: f64,
 }
 
+/// Neighbouring bodies in one ball.
+#[derive(Debug, Clone)]
+struct Cluster {
+    center: Vector3<f64>,
+    radius2: f64,
+    bodies: Range<usize>,
+}
+
+impl Cluster {
+    fn around(placed: &[Placed], bodies: Range<usize>) -> Self {
+        let members = &placed[bodies.clone()];
+        let center = members.iter().map(|b| b.center).sum::<Vector3<f64>>() / members.len().max(1) as f64;
+        let reach = |b: &Placed| (b.center - center).norm() + b.radius_m();
+        let radius = members.iter().map(reach).fold(0.0, f64::max);
+        Self { center, radius2: radius * radius, bodies }
+    }
+}
+
+/// Sorts bodies so that neighbours stand together: halves along the widest axis until a cluster is small enough.
+fn gather(
+    bodies: &mut [usize],
+    first: usize,
+    center: &impl Fn(usize) -> Vector3<f64>,
+    ranges: &mut Vec<Range<usize>>,
+) {
+    if bodies.len() <= CLUSTER_BODIES {
+        if !bodies.is_empty() {
+            ranges.push(first..first + bodies.len());
+        }
+        return;
+    }
+    let (mut low, mut high) = (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY));
+    for &i in bodies.iter() {
+        low = low.inf(&center(i));
+        high = high.sup(&center(i));
+    }
+    let axis = (high - low).imax();
+    bodies.sort_by(|&a, &b| center(a)[axis].total_cmp(&center(b)[axis]));
+    let (left, right) = bodies.split_at_mut(bodies.len() / 2);
+    gather(left, first, center, ranges);
+    gather(right, first + left.len(), center, ranges);
+}
+
 /// What a beam meets first.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Meeting {
@@ -99,18 +145,20 @@ pub(super) struct Meeting {
 #[derive(Debug, Clone)]
 pub struct Scene {
     pub(super) bodies: Vec<Placed>,
-    /// Bodies `0..small` lie in the common ball.
+    /// Bodies `0..small` stand in clusters, neighbours together; then come large ones before the mirror's front
+    /// face, then, from `behind` on, large ones at or behind it, which no light from the mirror reaches.
     small: usize,
-    common_center: Vector3<f64>,
-    common_radius2: f64,
+    behind: usize,
+    clusters: Vec<Cluster>,
     /// For each given body, its index here.
     order: Vec<usize>,
     /// The lamps and the light of the room.
-    pub lights: Lights,
+    pub(super) lights: Lights,
     /// Where the eye stands: optical frame, z forward, x right, y down.
-    pub scene_from_camera: Isometry3<f64>,
+    pub(super) scene_from_camera: Isometry3<f64>,
+    pub(super) eye_rotation: Matrix3<f64>,
     /// The mirror, where there is one.
-    pub pane: Option<Pane>,
+    pub(super) pane: Option<Pane>,
 }
 
 impl Scene {
@@ -121,21 +169,26 @@ impl Scene {
         scene_from_camera: Isometry3<f64>,
         pane: Option<Pane>,
     ) -> Self {
-        let mut sorted: Vec<usize> = (0..bodies.len()).collect();
-        let is_small = |i: usize| bodies[i].shape.bounding_radius_m() < SMALL_BODY_M;
-        sorted.sort_by_key(|&i| !is_small(i));
-        let small = sorted.iter().filter(|&&i| is_small(i)).count();
+        let is_small = |i: &usize| bodies[*i].shape.bounding_radius_m() < SMALL_BODY_M;
+        let (mut sorted, mut large): (Vec<usize>, Vec<usize>) = (0..bodies.len()).partition(is_small);
+        let small = sorted.len();
+        let center = |i: usize| bodies[i].scene_from_body.translation.vector;
+        let mut ranges = Vec::new();
+        gather(&mut sorted, 0, &center, &mut ranges);
+        let is_behind = |i: &usize| {
+            pane.as_ref().is_some_and(|pane: &Pane| (center(*i) - pane.center()).dot(&pane.normal()) >= 0.0)
+        };
+        large.sort_by_key(is_behind);
+        let behind = small + large.iter().filter(|i| !is_behind(i)).count();
+        sorted.extend(large);
         let placed: Vec<Placed> = sorted.iter().map(|&i| Placed::new(&bodies[i])).collect();
         let mut order = vec![0; bodies.len()];
         for (here, &given) in sorted.iter().enumerate() {
             order[given] = here;
         }
-        let count = small.max(1) as f64;
-        let common_center = placed[..small].iter().map(|b| b.center).sum::<Vector3<f64>>() / count;
-        let reach = |b: &Placed| (b.center - common_center).norm() + b.radius2.sqrt();
-        let common_radius = placed[..small].iter().map(reach).fold(0.0, f64::max);
-        let common_radius2 = common_radius * common_radius;
-        Self { bodies: placed, small, common_center, common_radius2, order, lights, scene_from_camera, pane }
+        let clusters = ranges.into_iter().map(|range| Cluster::around(&placed, range)).collect();
+        let eye_rotation = scene_from_camera.rotation.to_rotation_matrix().into_inner();
+        Self { bodies: placed, small, behind, clusters, order, lights, scene_from_camera, eye_rotation, pane }
     }
 
     /// Index, as meetings tell it, of the body that was given as number `given`.
@@ -143,22 +196,40 @@ impl Scene {
         self.order[given]
     }
 
-    /// The body that a beam meets first, not counting the mirror.
+    /// The body that a beam that leaves the mirror meets first.
     #[inline]
     pub(super) fn first_meeting(&self, beam: &Beam) -> Option<Meeting> {
+        self.first_of(beam, f64::INFINITY, self.behind)
+    }
+
+    /// The body that a beam from the eye meets first: before the mirror, where it meets that at this distance (m).
+    #[inline]
+    pub(super) fn first_before(&self, beam: &Beam, mirror_m: Option<f64>) -> Option<Meeting> {
+        match mirror_m {
+            Some(mirror_m) => self.first_of(beam, mirror_m, self.small),
+            None => self.first_of(beam, f64::INFINITY, self.bodies.len()),
+        }
+    }
+
+    /// The first of the small bodies and of the large ones up to a number, nearer than a limit.
+    #[inline]
+    fn first_of(&self, beam: &Beam, limit_m: f64, end: usize) -> Option<Meeting> {
         let mut best: Option<(Touch, usize)> = None;
-        let mut nearest = f64::INFINITY;
-        let first = if reaches(beam, &self.common_center, self.common_radius2, f64::INFINITY) {
-            0
-        } else {
-            self.small
+        let mut nearest = limit_m;
+        let mut test = |range: Range<usize>, nearest: &mut f64| {
+            for i in range {
+                if let Some(touch) = self.bodies[i].touch(beam, *nearest) {
+                    *nearest = touch.distance_m;
+                    best = Some((touch, i));
+                }
+            }
         };
-        for (i, body) in self.bodies.iter().enumerate().skip(first) {
-            if let Some(touch) = body.touch(beam, nearest) {
-                nearest = touch.distance_m;
-                best = Some((touch, i));
+        for cluster in &self.clusters {
+            if reaches(beam, &cluster.center, cluster.radius2, nearest) {
+                test(cluster.bodies.clone(), &mut nearest);
             }
         }
+        test(self.small..end, &mut nearest);
         let (touch, body) = best?;
         let normal = self.bodies[body].scene_from_body * touch.normal;
         Some(Meeting { distance_m: touch.distance_m, normal, body })
@@ -167,8 +238,10 @@ impl Scene {
     /// Whether a small body stands within this distance (m) along the beam.
     #[inline]
     pub(super) fn is_blocked(&self, beam: &Beam, within_m: f64) -> bool {
-        reaches(beam, &self.common_center, self.common_radius2, within_m)
-            && self.bodies[..self.small].iter().any(|body| body.touch(beam, within_m).is_some())
+        self.clusters.iter().any(|cluster| {
+            reaches(beam, &cluster.center, cluster.radius2, within_m)
+                && self.bodies[cluster.bodies.clone()].iter().any(|body| body.touch(beam, within_m).is_some())
+        })
     }
 
     /// Whether a beam meets one body alone, and where.

@@ -70,6 +70,18 @@ fn arriving(scene: &Scene, eye: &Eye, pixel: &Vector2<f64>, via: Via) -> Option<
     }
 }
 
+/// The same by the eye's table where the pixel lies in the picture: fast, and exact to 1e-3 px.
+fn arriving_fast(scene: &Scene, eye: &Eye, pixel: &Vector2<f64>, via: Via) -> Option<Beam> {
+    if !eye.contains(pixel) {
+        return arriving(scene, eye, pixel, via);
+    }
+    let beam = eye.beam(pixel, &scene.scene_from_camera.translation.vector, &scene.eye_rotation);
+    match via {
+        Via::Direct => Some(beam),
+        Via::Mirror => scene.pane.as_ref()?.main_path(&beam).map(|path| path.beam),
+    }
+}
+
 /// By how much a beam passes a point.
 fn missing(beam: &Beam, point: &Vector3<f64>) -> Vector3<f64> {
     let to = point - beam.from;
@@ -124,16 +136,14 @@ fn search(scene: &Scene, eye: &Eye, point: &Vector3<f64>, via: Via) -> Option<Ve
     None
 }
 
-/// Whether the way from a pixel to the scene is free up to the thing itself; `reaches` tells from the arriving beam.
+/// Whether the way from a pixel to the mirror is free (seen directly, nothing stands on the way that the meeting does not tell).
 fn way_is_free(scene: &Scene, eye: &Eye, pixel: &Vector2<f64>, via: Via) -> bool {
     let Some(beam) = eye.exact_beam(pixel, &scene.scene_from_camera) else { return false };
-    let at_mirror = scene.pane.as_ref().and_then(|pane| pane.distance_m(&beam));
-    let direct = scene.first_meeting(&beam).map(|m| m.distance_m);
-    match (via, at_mirror) {
+    let mirror_m = scene.pane.as_ref().and_then(|pane| pane.distance_m(&beam));
+    match via {
+        Via::Direct => true,
         // Beside the mirror there is no reflection; a body before the mirror hides it.
-        (Via::Mirror, Some(t)) => direct.is_none_or(|d| d > t),
-        (Via::Mirror, None) => false,
-        (Via::Direct, _) => true,
+        Via::Mirror => mirror_m.is_some() && scene.first_before(&beam, mirror_m).is_none(),
     }
 }
 
@@ -179,7 +189,7 @@ fn via_truth(scene: &Scene, eye: &Eye, body: usize, via: Via) -> Option<ViaTruth
         for i in 0..steps {
             let at = center_px
                 + Vector2::new((i as f64 + 0.5) * PROBE_PX - reach, (j as f64 + 0.5) * PROBE_PX - reach);
-            let Some(beam) = arriving(scene, eye, &at, via) else { continue };
+            let Some(beam) = arriving_fast(scene, eye, &at, via) else { continue };
             if scene.meets_alone(body, &beam).is_none() {
                 continue;
             }
