@@ -114,7 +114,13 @@ fn single(c: &mut Criterion) {
     group.bench_function("Jacobian of a point (after forward kinematics)", |b| {
         b.iter(|| {
             robot
-                .point_jacobian(black_box(&poses), links - 1, links / 2, &Point3::new(0.1, 0.2, 0.3), &mut jacobian)
+                .point_jacobian(
+                    black_box(&poses),
+                    links - 1,
+                    links / 2,
+                    &Point3::new(0.1, 0.2, 0.3),
+                    &mut jacobian,
+                )
                 .unwrap();
             black_box(&jacobian);
         });
@@ -122,7 +128,9 @@ fn single(c: &mut Criterion) {
     let mut loads = robot.new_gravity_loads();
     group.bench_function("gravity loads (after forward kinematics)", |b| {
         b.iter(|| {
-            robot.gravity_loads(black_box(&poses), &Vector3::new(0.0, 0.0, -9.81), links / 2, &mut loads).unwrap();
+            robot
+                .gravity_loads(black_box(&poses), &Vector3::new(0.0, 0.0, -9.81), links / 2, &mut loads)
+                .unwrap();
             black_box(&loads);
         });
     });

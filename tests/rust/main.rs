@@ -12,6 +12,7 @@ mod montecarlo;
 mod picture;
 mod reflection;
 mod robot_kinematics;
+mod robot_urdf;
 mod sphere;
 mod traced;
 mod triangulate;
