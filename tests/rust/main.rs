@@ -11,6 +11,7 @@ mod mirror;
 mod montecarlo;
 mod picture;
 mod reflection;
+mod robot_gravity;
 mod robot_kinematics;
 mod robot_urdf;
 mod sphere;

@@ -93,7 +93,7 @@ fn what_is_no_tree_is_refused_by_name() {
         ModelFault::SeveralRoots { roots: vec!["a".into(), "c".into()] }
     );
     let ModelFault::UnknownLink { joint, role, link, nearest } =
-        fault(&format!("{LINKS}{}", self::joint("j1", "fixed", "a", "bb", "")))
+        fault(&format!("{LINKS}{}", joint("j1", "fixed", "a", "bb", "")))
     else {
         panic!()
     };
@@ -115,7 +115,7 @@ fn wrong_joints_are_refused_by_name() {
         .replace("name=\"j2\" type=\"revolute\"", "name=\"j2\" type=\"fixed\"");
     assert!(Robot::from_urdf_str(&format!("<robot name=\"r\">{fixed}</robot>")).is_ok());
     for kind in ["floating", "planar", "spherical", "hinge", ""] {
-        let body = format!("{LINKS}{}", self::joint("j1", kind, "a", "b", ""));
+        let body = format!("{LINKS}{}", joint("j1", kind, "a", "b", ""));
         assert_eq!(fault(&body), ModelFault::UnsupportedJoint { joint: "j1".into(), got: kind.into() });
     }
     let ModelFault::MimicTarget { mimicked, nearest, .. } = fault(&tree("", "<mimic joint=\"j\"/>")) else {
