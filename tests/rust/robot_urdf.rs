@@ -108,8 +108,10 @@ fn what_is_no_tree_is_refused_by_name() {
 
 #[test]
 fn wrong_joints_are_refused_by_name() {
-    let ModelFault::ZeroAxis { joint, .. } = fault(&tree("", "<axis xyz=\"0 0 0\"/>")) else { panic!() };
-    assert_eq!(joint, "j2");
+    let ModelFault::ZeroAxis { joint: named, .. } = fault(&tree("", "<axis xyz=\"0 0 0\"/>")) else {
+        panic!()
+    };
+    assert_eq!(named, "j2");
     // A fixed joint's axis is often written as zeros.
     let fixed = tree("", "<axis xyz=\"0 0 0\"/>")
         .replace("name=\"j2\" type=\"revolute\"", "name=\"j2\" type=\"fixed\"");
