@@ -10,6 +10,7 @@ mod joint;
 mod mirror;
 mod montecarlo;
 mod picture;
+mod planar;
 mod reflection;
 mod robot_gravity;
 mod robot_kinematics;

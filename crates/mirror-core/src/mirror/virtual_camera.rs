@@ -20,6 +20,8 @@ pub struct ImproperEstimate {
 
 /// The virtual camera C′: the real one seen in the mirror, as an estimator has found it.
 #[derive(Debug, Clone, PartialEq)]
+// One a view, on the stack: a box would cost more than the difference.
+#[allow(clippy::large_enum_variant)]
 pub enum VirtualCamera {
     /// By a mirror plane (Eq. 2 and all other estimators of a plane).
     Reflected {

@@ -37,6 +37,7 @@ pub fn midpoint_of_two(a: &Ray, b: &Ray, least_parallax_rad: f64) -> Result<Poin
     let cross = da.cross(&db);
     let squared = cross.norm_squared();
     // sin² ≥ sin² of the least angle, without an arc tangent for the many that pass.
+    // Written so that NaN fails.
     if !(squared >= least_parallax_rad.sin().powi(2)) {
         enough(super::line_angle_rad(a, b), least_parallax_rad)?;
     }
