@@ -1,10 +1,12 @@
 //! Python bindings of `mirror-core`: conversion of arrays and errors, one file a core module; decides nothing.
 
 mod arrays;
+mod calibrate;
 mod camera;
 mod errors;
 mod measure;
 mod mirror;
+mod optics;
 mod picture;
 mod robot;
 mod triangulate;
@@ -13,6 +15,10 @@ mod triangulate;
 #[pyo3::pymodule]
 mod _core {
     #[pymodule_export]
+    use crate::calibrate::{
+        PyCameraBoardCalibration, PySecondCameraCalibration, calibrate_mirror_views, calibrate_second_camera,
+    };
+    #[pymodule_export]
     use crate::camera::PyCamera;
     #[pymodule_export]
     use crate::errors::MirrorPostureError;
@@ -20,6 +26,8 @@ mod _core {
     use crate::measure::{MeasureInput, Measured};
     #[pymodule_export]
     use crate::mirror::{PyMirrors, PyPlanarPoses, PyRig, planar_poses};
+    #[pymodule_export]
+    use crate::optics::{PySeenInMirror, ball_center_pixels, ball_centroids, see_in_mirror};
     #[pymodule_export]
     use crate::picture::PictureMaker;
     #[pymodule_export]

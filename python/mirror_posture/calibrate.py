@@ -1,0 +1,194 @@
+"""Calibrating the camera-board transform: from mirror views alone, or with a second camera as in the paper.
+
+`camera_from_board` is (4, 4). Its covariance (6, 6) is in the tangent `camera_from_board ∘ (Exp ω, v)`, rotation first (rad,
+m). Corners are `(V, nx * ny, 2)` px in the order `index = iy * nx + ix` of their TRUE labels, a pair of NaN where a corner was
+not seen. Every function raises `MirrorPostureError` for what it cannot do, with what was got and what was needed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from . import _core
+from .camera import Camera
+from .mirror import FLOAT_GLASS_INDEX, Loss
+
+Array = npt.NDArray[np.float64]
+
+DEFAULT_GATE_PX = 1.0
+"""A view whose own best flat board leaves more than this (px RMS) is refused."""
+
+
+@dataclass(frozen=True)
+class Board:
+    """A chessboard: inner corners (nx, ny) and the side of its squares, m."""
+
+    corners: tuple[int, int]
+    square_m: float
+
+
+@dataclass(frozen=True)
+class WeakDirection:
+    """A direction of the transform and how badly it is known: unit axis in the board frame, standard deviation in rad or m."""
+
+    motion: Literal["rotation", "translation"]
+    axis_in_board: Array
+    std: float
+    text: str
+
+    def __str__(self) -> str:
+        return self.text
+
+
+@dataclass(frozen=True)
+class CameraBoardCalibration:
+    """A camera-board transform from mirror views.
+
+    `views` are the rows that took part, `reasons` says why the others did not. `normals` (U, 3), `offsets_m` (U,) and
+    `plane_covariances_m2` (U, 3, 3, of the foot points) are their mirrors in the camera frame. `reprojection_mean_px` is the mean
+    length of all corners' residuals, `view_rms_px` (U,) the RMS length by view, `corner_std_px` the standard deviation of a corner along
+    one axis that the covariance rests on. `warning` names the directions that the views hardly show and says what to do
+    (None where all are known well); `weak_direction` is the worst of them. `determined` is False where some direction is not shown at
+    all: it is then held near the closed form by a prior of 0.3 rad and 0.3 m.
+    """
+
+    camera_from_board: Array
+    covariance: Array
+    worst_translation: WeakDirection
+    worst_rotation: WeakDirection
+    weak_direction: WeakDirection | None
+    warning: str | None
+    determined: bool
+    views: npt.NDArray[np.int64]
+    reasons: Mapping[int, str]
+    normals: Array
+    offsets_m: Array
+    plane_covariances_m2: Array
+    reprojection_mean_px: float
+    view_rms_px: Array
+    corner_std_px: float
+
+
+@dataclass(frozen=True)
+class SecondCameraCalibration:
+    """A camera-board transform from K snapshots of a second camera.
+
+    `chi_squared` sums the snapshots' squared normalised deviations from the mean; it should be about `degrees_of_freedom`
+    = 6 (K - 1). The `snapshot_…` arrays say what each snapshot alone gives.
+    """
+
+    camera_from_board: Array
+    covariance: Array
+    worst_translation: WeakDirection
+    worst_rotation: WeakDirection
+    weak_direction: WeakDirection | None
+    warning: str | None
+    chi_squared: float
+    degrees_of_freedom: int
+    snapshot_camera_from_board: Array
+    snapshot_covariances: Array
+    snapshot_chi_squared: Array
+    snapshot_rms_px: Array
+
+
+def _direction(parts: _core._Direction) -> WeakDirection:
+    text, motion, axis, std = parts
+    return WeakDirection(motion, np.asarray(axis), std, text)
+
+
+def calibrate_from_mirror_views(
+    camera: Camera,
+    board: Board,
+    corners_px: npt.ArrayLike,
+    *,
+    corner_std_px: float | None = None,
+    loss: Loss = "huber",
+    nominal_camera_from_board: npt.ArrayLike | None = None,
+    nominal_covariance: npt.ArrayLike | None = None,
+    gate_px: float = DEFAULT_GATE_PX,
+    glass_thickness_m: float = 0.0,
+    refractive_index: float = FLOAT_GLASS_INDEX,
+) -> CameraBoardCalibration:
+    """The transform from three or more views of the board in a mirror that is turned and tilted between them.
+
+    Closed form from the reflected board's poses (after Takahashi et al. 2012), then all corners of all views at once, each with
+    its own mirror. A nominal transform with its covariance (6, 6) is a prior and lets fewer views do. `corner_std_px` None
+    estimates the corners' noise from the residual.
+    """
+    core = _core.calibrate_mirror_views(
+        camera,
+        board.corners,
+        board.square_m,
+        corners_px,
+        corner_std_px,
+        loss,
+        nominal_camera_from_board,
+        nominal_covariance,
+        gate_px,
+        glass_thickness_m,
+        refractive_index,
+    )
+    translation, rotation, weak, warning = core.weakness
+    return CameraBoardCalibration(
+        camera_from_board=core.camera_from_board,
+        covariance=core.covariance,
+        worst_translation=_direction(translation),
+        worst_rotation=_direction(rotation),
+        weak_direction=None if weak is None else _direction(weak),
+        warning=warning,
+        determined=core.determined,
+        views=core.views,
+        reasons=core.reasons,
+        normals=core.normals,
+        offsets_m=core.offsets_m,
+        plane_covariances_m2=core.plane_covariances_m2,
+        reprojection_mean_px=core.reprojection_mean_px,
+        view_rms_px=core.view_rms_px,
+        corner_std_px=core.corner_std_px,
+    )
+
+
+def calibrate_with_second_camera(
+    robot_camera: Camera,
+    second_camera: Camera,
+    chest_board: Board,
+    stand_board: Board,
+    *,
+    stand_in_robot_camera_px: npt.ArrayLike,
+    stand_in_second_camera_px: npt.ArrayLike,
+    chest_in_second_camera_px: npt.ArrayLike,
+) -> SecondCameraCalibration:
+    """The transform the paper's way: `camera_from_stand · second_from_stand⁻¹ · second_from_chest` of each of K snapshots.
+
+    A second camera sees the board on the chest and a board that stands in the robot's view; both are seen directly. Between
+    snapshots the second camera and the standing board may move. Corners are `(K, n, 2)` px of each board in each picture.
+    """
+    core = _core.calibrate_second_camera(
+        robot_camera,
+        second_camera,
+        (*chest_board.corners, chest_board.square_m),
+        (*stand_board.corners, stand_board.square_m),
+        stand_in_robot_camera_px,
+        stand_in_second_camera_px,
+        chest_in_second_camera_px,
+    )
+    translation, rotation, weak, warning = core.weakness
+    return SecondCameraCalibration(
+        camera_from_board=core.camera_from_board,
+        covariance=core.covariance,
+        worst_translation=_direction(translation),
+        worst_rotation=_direction(rotation),
+        weak_direction=None if weak is None else _direction(weak),
+        warning=warning,
+        chi_squared=core.chi_squared,
+        degrees_of_freedom=core.degrees_of_freedom,
+        snapshot_camera_from_board=core.snapshot_camera_from_board,
+        snapshot_covariances=core.snapshot_covariances,
+        snapshot_chi_squared=core.snapshot_chi_squared,
+        snapshot_rms_px=core.snapshot_rms_px,
+    )
