@@ -34,8 +34,10 @@ class MeasureOptions:
     """How a session is measured."""
 
     estimator: Estimator = "maximum-likelihood"
-    pixel_noise_px: float | None = None
-    """Standard deviation of corners and ball centres, one axis. None: the session's, else that of the corners' residuals."""
+    corner_noise_px: float | None = None
+    marker_noise_px: float | None = None
+    """Standard deviations of board corners and of ball centres, one axis. None: the session's, else the detector's
+    (median), else what the residuals show."""
     mount_std_rad: float | None = None
     mount_std_m: float | None = None
     """How well the model's camera–board transform is known, one axis. None: exactly (`joint`: 1°, 2 mm)."""
@@ -125,8 +127,9 @@ class Measurement:
     """What one estimator makes of a session."""
 
     estimator: Estimator
-    pixel_noise_px: float
-    """Standard deviation of corners and ball centres that the covariances rest on."""
+    corner_noise_px: float
+    marker_noise_px: float
+    """Standard deviations of corners and ball centres, one axis, that the covariances rest on."""
     marker_names: tuple[str, ...]
     mirrors: Mirrors
     markers: Markers
@@ -168,7 +171,7 @@ def measure_all(session: Session, options: tuple[MeasureOptions, ...]) -> list[M
 
 
 def _measure(session: Session, core: MeasureInput, options: MeasureOptions) -> Measurement:
-    noise = options.pixel_noise_px or session.noise.pixel_std_px or _corner_noise_px(session, core, options)
+    corner_noise, marker_noise = _noise_px(session, core, options)
     stated = options.mount_std_rad is not None or options.mount_std_m is not None
     joint = options.estimator == "joint"
     mount = None
@@ -177,8 +180,8 @@ def _measure(session: Session, core: MeasureInput, options: MeasureOptions) -> M
         translation = options.mount_std_m if stated else JOINT_MOUNT_STD_M
         mount = np.diag([(rotation or 0.0) ** 2] * 3 + [(translation or 0.0) ** 2] * 3)
     shared = {
-        "corner_noise_px": noise,
-        "marker_noise_px": noise,
+        "corner_noise_px": corner_noise,
+        "marker_noise_px": marker_noise,
         "least_parallax_rad": options.least_parallax_rad,
         "camera_from_board_covariance": mount,
     }
@@ -193,7 +196,8 @@ def _measure(session: Session, core: MeasureInput, options: MeasureOptions) -> M
     )
     return Measurement(
         options.estimator,
-        noise,
+        corner_noise,
+        marker_noise,
         session.marker_names,
         mirrors,
         _markers(session, done),
@@ -282,8 +286,40 @@ def _core_input(session: Session, camera_from_board: Floats) -> MeasureInput:
     )
 
 
+def _noise_px(session: Session, core: MeasureInput, options: MeasureOptions) -> tuple[float, float]:
+    """Standard deviations of corners and of ball centres, one axis: as stated, else as detected, else by the residuals.
+
+    Medians, since a few views may be bad. Ball centres are never taken to be better than corners, whose noise was measured
+    on many more points.
+    """
+    stated, seen = session.noise.pixel_std_px, session.mirror_view
+    corner = options.corner_noise_px or stated or _claimed_px(seen.board_std_px)
+    marker = options.marker_noise_px or stated or _claimed_px(seen.marker_std_px)
+    if corner is not None and marker is not None:
+        return corner, marker
+    corner = corner or _corner_noise_px(session, core, options)
+    if marker is None:
+        done = core.ladder(
+            "maximum_likelihood",
+            corner_noise_px=corner,
+            marker_noise_px=corner,
+            least_parallax_rad=options.least_parallax_rad,
+        )
+        free = done.point_degrees_of_freedom
+        # Chi-squared of k degrees of freedom has its median at about k (1 − 2/(9k))³ (Wilson and Hilferty).
+        usual = free * (1.0 - 2.0 / (9.0 * np.maximum(free, 1))) ** 3
+        excess = done.point_chi_squared[free > 0] / usual[free > 0]
+        marker = corner * math.sqrt(max(1.0, float(np.median(excess)))) if len(excess) else corner
+    return corner, marker
+
+
+def _claimed_px(std_px: Floats | None) -> float | None:
+    """The median of the detector's standard deviations; None where it gave none."""
+    given = np.zeros(0) if std_px is None else std_px[std_px > 0.0]
+    return float(np.median(given)) if len(given) else None
+
+
 def _corner_noise_px(session: Session, core: MeasureInput, options: MeasureOptions) -> float:
-    """Standard deviation of a corner, one axis, from the residuals of all views: the median view's, for a few bad ones."""
     done = core.ladder(
         "maximum_likelihood", marker_noise_px=1.0, least_parallax_rad=options.least_parallax_rad
     )

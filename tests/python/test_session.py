@@ -243,6 +243,16 @@ REFUSALS = {
     ),
     # A unit that cannot be meant.
     "degrees": ({"frames": replaced(FRAMES, "-0.3", "-17.0")}, "frames.csv", 3, "degrees"),
+    "no deviation": (
+        {
+            "detections": DETECTIONS.replace(",via", ",via,std_px")
+            .replace("mirror\n", "mirror,0\n")
+            .replace("direct\n", "direct,1\n")
+        },
+        "detections.csv",
+        1,
+        "above 0",
+    ),
     # Names.
     "unknown target": (
         {"detections": replaced(DETECTIONS, "hand", "foot")},

@@ -49,6 +49,9 @@ pub struct Measured {
     marker_reason: Vec<Option<String>>,
     point_m: Vec<f64>,
     point_covariance_m2: Vec<f64>,
+    /// Of maximum-likelihood points, else 0 with 0 degrees of freedom.
+    point_chi_squared: Vec<f64>,
+    point_degrees_of_freedom: Vec<i64>,
     camera_from_nominal_camera: Isometry3<f64>,
     camera_from_board_covariance: Option<Matrix6<f64>>,
     chi_squared: Option<f64>,
@@ -205,12 +208,13 @@ impl MeasureInput {
             }
             for marker in &done.markers {
                 match &marker.result {
-                    Ok(at) => out.put_marker(
-                        marker.posture,
-                        marker.marker,
-                        &at.point_in_camera.coords,
-                        &at.covariance_m2,
-                    ),
+                    Ok(at) => {
+                        let (point, covariance) = (&at.point_in_camera.coords, &at.covariance_m2);
+                        out.put_marker(marker.posture, marker.marker, point, covariance);
+                        if let Some(fit) = at.pixel_fit {
+                            out.put_fit(fit.chi_squared, fit.degrees_of_freedom);
+                        }
+                    }
                     Err(error) => out.put_reason(marker.posture, marker.marker, error.to_string()),
                 }
             }
@@ -302,6 +306,8 @@ impl MeasureInput {
             marker_reason: Vec::new(),
             point_m: Vec::new(),
             point_covariance_m2: Vec::new(),
+            point_chi_squared: Vec::new(),
+            point_degrees_of_freedom: Vec::new(),
             camera_from_nominal_camera: Isometry3::identity(),
             camera_from_board_covariance: None,
             chi_squared: None,
@@ -324,6 +330,17 @@ impl Measured {
         self.marker_reason.push(None);
         self.point_m.extend_from_slice(point.as_slice());
         self.point_covariance_m2.extend_from_slice(covariance.as_slice());
+        self.point_chi_squared.push(0.0);
+        self.point_degrees_of_freedom.push(0);
+    }
+
+    /// How well the last marker explains its pixels.
+    fn put_fit(&mut self, chi_squared: f64, degrees_of_freedom: usize) {
+        if let (Some(chi), Some(free)) =
+            (self.point_chi_squared.last_mut(), self.point_degrees_of_freedom.last_mut())
+        {
+            (*chi, *free) = (chi_squared, degrees_of_freedom as i64);
+        }
     }
 
     fn put_reason(&mut self, posture: i64, marker: usize, reason: String) {
@@ -379,6 +396,16 @@ impl Measured {
     #[getter]
     fn point_covariance_m2<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
         reshaped(py, self.point_covariance_m2.clone(), [self.marker.len(), 3, 3])
+    }
+
+    #[getter]
+    fn point_chi_squared<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, &self.point_chi_squared)
+    }
+
+    #[getter]
+    fn point_degrees_of_freedom<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
+        PyArray1::from_slice(py, &self.point_degrees_of_freedom)
     }
 
     #[getter]

@@ -8,6 +8,7 @@ from .board import BoardOptions, detect_boards, measure_grid
 from .charuco import detect_charuco
 from .from_session import predictions_from_session, setup_from_session
 from .gate import GateOptions
+from .into_session import DetectedSession, detect_session, with_detections
 from .markers import MarkerOptions, detect_markers
 from .overlay import draw_overlay, write_overlay
 from .pictures import DetectionOptions, PicturePrediction, detect_picture, detect_pictures
@@ -34,6 +35,7 @@ __all__ = [
     "BoardView",
     "CameraSpec",
     "ColorSpec",
+    "DetectedSession",
     "DetectionError",
     "DetectionOptions",
     "DetectionSetup",
@@ -50,11 +52,13 @@ __all__ = [
     "detect_markers",
     "detect_picture",
     "detect_pictures",
+    "detect_session",
     "draw_overlay",
     "list_pictures",
     "measure_grid",
     "predictions_from_session",
     "read_picture",
     "setup_from_session",
+    "with_detections",
     "write_overlay",
 ]

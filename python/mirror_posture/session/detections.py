@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from .errors import SessionError, choices
@@ -10,6 +12,8 @@ from .tables import Table
 from .types import Board, Frames, Views
 
 COLUMNS = ("frame", "target", "index", "u", "v")
+OPTIONAL_COLUMNS = ("via", "std_px")
+"""`std_px`: the detector's standard deviation of u and of v, a column of this package's own."""
 WAYS = ("mirror", "direct")
 
 
@@ -72,8 +76,28 @@ def read_detections(
     slots = corners + len(marker_names)
     refuse_twice(table, (row * slots + slot) * 2 + is_direct, "this point of this frame")
 
+    std = None
+    if "std_px" in table.columns:
+        std = table.numbers("std_px")
+        bad = np.flatnonzero(std <= 0.0)
+        if len(bad):
+            row_number = int(bad[0]) + 1
+            raise SessionError(
+                table.name, f"got {std[bad[0]]:g}, needed a number above 0", row=row_number, column="std_px"
+            )
+        mirror, direct = (
+            replace(
+                view,
+                board_std_px=np.zeros(view.board_seen.shape),
+                marker_std_px=np.zeros(view.marker_seen.shape),
+            )
+            for view in (mirror, direct)
+        )
     for views, chosen in ((mirror, ~is_direct), (direct, is_direct)):
         on_board, on_marker = chosen & (target < 0), chosen & (target >= 0)
+        if std is not None and views.board_std_px is not None and views.marker_std_px is not None:
+            views.board_std_px[row[on_board], index[on_board]] = std[on_board]
+            views.marker_std_px[row[on_marker], target[on_marker]] = std[on_marker]
         views.board_px[row[on_board], index[on_board]] = pixel[on_board]
         views.board_seen[row[on_board], index[on_board]] = True
         views.marker_px[row[on_marker], target[on_marker]] = pixel[on_marker]

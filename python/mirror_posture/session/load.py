@@ -9,7 +9,7 @@ from .._core import MirrorPostureError
 from ..robot import Robot
 from .camera_info import load_camera_info
 from .detections import COLUMNS as DETECTION_COLUMNS
-from .detections import read_detections
+from .detections import OPTIONAL_COLUMNS, read_detections
 from .errors import SessionError, choices
 from .frames import check_images_exist, read_frames
 from .metadata import FILE, Metadata, load_metadata
@@ -68,7 +68,7 @@ def load_session(folder: str | os.PathLike[str]) -> Session:
     mirror_view, direct_view = (Views.empty(len(frames), corners, len(marker_names)) for _ in range(2))
     if detections_file is not None:
         table = read_table(detections_file)
-        warnings += _unknown_columns(table, (*DETECTION_COLUMNS, "via"))
+        warnings += _unknown_columns(table, (*DETECTION_COLUMNS, *OPTIONAL_COLUMNS))
         mirror_view, direct_view = read_detections(table, frames, frames_name, metadata.board, marker_names)
     if (mirror_view.any_seen or direct_view.any_seen or pictures) and camera is None:
         raise SessionError(

@@ -122,6 +122,10 @@ class Views:
     """(F, markers, 2), in the order of `Session.markers`."""
     marker_seen: Mask
     """(F, markers)."""
+    board_std_px: Floats | None = None
+    """(F, corners): standard deviations, one axis, where the detector gave them."""
+    marker_std_px: Floats | None = None
+    """(F, markers)."""
 
     @classmethod
     def empty(cls, frames: int, corners: int, markers: int) -> Views:

@@ -94,9 +94,9 @@ def detections_table(session: Session) -> pa.Table:
     names = np.array([RESERVED_TARGET, *session.marker_names])
     parts = [_rows_of(view) for view in (session.mirror_view, session.direct_view)]
     way = np.repeat([0, 1], [len(part[0]) for part in parts])
-    row, target, index, pixel = (np.concatenate(both) for both in zip(*parts, strict=True))
+    row, target, index, pixel, std = (np.concatenate(both) for both in zip(*parts, strict=True))
     order = np.lexsort((index, target, way, row))
-    row, target, index, pixel, way = (array[order] for array in (row, target, index, pixel, way))
+    row, target, index, pixel, std, way = (array[order] for array in (row, target, index, pixel, std, way))
     columns: dict[str, Any] = {
         "frame": session.frames.frame[row],
         "target": pa.array(names).take(pa.array(target)),
@@ -106,11 +106,13 @@ def detections_table(session: Session) -> pa.Table:
     }
     if session.direct_view.any_seen:
         columns["via"] = pa.array(["mirror", "direct"]).take(pa.array(way))
+    if len(std) and (std > 0.0).all():
+        columns["std_px"] = std
     return pa.table(columns)
 
 
-def _rows_of(view: Views) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Frame row, target (0 the board, 1 + marker), index and pixel of everything seen."""
+def _rows_of(view: Views) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Frame row, target (0 the board, 1 + marker), index, pixel and its deviation (0 unknown) of everything seen."""
     board_row, corner = np.nonzero(view.board_seen)
     marker_row, marker = np.nonzero(view.marker_seen)
     return (
@@ -118,7 +120,14 @@ def _rows_of(view: Views) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarra
         np.concatenate([np.zeros_like(corner), marker + 1]),
         np.concatenate([corner, np.zeros_like(marker)]),
         np.concatenate([view.board_px[view.board_seen], view.marker_px[view.marker_seen]]),
+        np.concatenate(
+            [_masked(view.board_std_px, view.board_seen), _masked(view.marker_std_px, view.marker_seen)]
+        ),
     )
+
+
+def _masked(values: np.ndarray | None, seen: np.ndarray) -> np.ndarray:
+    return np.zeros(int(seen.sum())) if values is None else values[seen]
 
 
 def points_table(session: Session) -> pa.Table:

@@ -1,0 +1,83 @@
+"""A session's pictures detected: from a session without image points to one with them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..session.types import Session, Views
+from .from_session import predictions_from_session, setup_from_session
+from .pictures import DetectionOptions, detect_pictures
+from .types import DetectionError, PictureDetections
+
+CHUNK = 16
+"""Pictures handed to the detector at once: enough to keep all cores busy, few enough to stop soon."""
+
+
+@dataclass(frozen=True)
+class DetectedSession:
+    """A session with the image points that its pictures gave, and what is behind them."""
+
+    session: Session
+    pictures: dict[int, PictureDetections]
+    """By row of the frames table; a row without a picture has none."""
+
+
+def detect_session(
+    session: Session,
+    options: DetectionOptions | None = None,
+    *,
+    progress: Callable[[Iterable[list[int]]], Iterable[list[int]]] | None = None,
+    done: dict[int, PictureDetections] | None = None,
+) -> DetectedSession:
+    """Detects the board and the balls in every picture of a session.
+
+    A picture that cannot be used, and a view that cannot be trusted, is masked with its reason. `progress` wraps the
+    chunks of rows as they are worked on; `done` is filled as pictures are finished, so that a stop loses none of them.
+
+    Raises `DetectionError` for a session without pictures, or with a marker that has no colour.
+    """
+    rows = [row for row, file in enumerate(session.image_files) if file is not None]
+    if not rows:
+        raise DetectionError(f"{session.folder}: has no pictures; add a column `image` to the frames table")
+    setup = setup_from_session(session)
+    predictions = predictions_from_session(session)
+    pictures = {} if done is None else done
+    chunks: Iterable[list[int]] = [rows[start : start + CHUNK] for start in range(0, len(rows), CHUNK)]
+    for chunk in progress(chunks) if progress else chunks:
+        files = [file for row in chunk if (file := session.image_files[row]) is not None]
+        found = detect_pictures(files, setup, [predictions[row] for row in chunk], options)
+        pictures.update(zip(chunk, found, strict=True))
+    return DetectedSession(with_detections(session, pictures), pictures)
+
+
+def with_detections(session: Session, pictures: dict[int, PictureDetections]) -> Session:
+    """The session with the image points of these pictures (by row of the frames table) in place of its own."""
+    corners = 0 if session.board is None else session.board.columns * session.board.rows
+    names = session.marker_names
+    count = len(session.frames)
+    views = {
+        via: replace(
+            Views.empty(count, corners, len(names)),
+            board_std_px=np.zeros((count, corners)),
+            marker_std_px=np.zeros((count, len(names))),
+        )
+        for via in ("mirror", "direct")
+    }
+    for row, picture in pictures.items():
+        for board in picture.boards:
+            if not board.ok or board.corners_px is None or board.std_px is None:
+                continue
+            seen = np.ones(corners, dtype=bool) if board.visible is None else board.visible
+            views[board.via].board_seen[row] = seen
+            views[board.via].board_px[row] = np.where(seen[:, None], board.corners_px, 0.0)
+            views[board.via].board_std_px[row] = np.where(seen, board.std_px, 0.0)
+        for marker in picture.markers:
+            if marker.ok and marker.pixel_px is not None:
+                index = names.index(marker.name)
+                views["mirror"].marker_seen[row, index] = True
+                views["mirror"].marker_px[row, index] = marker.pixel_px
+                views["mirror"].marker_std_px[row, index] = marker.std_px or 0.0
+    return replace(session, mirror_view=views["mirror"], direct_view=views["direct"], detected=True)
