@@ -76,19 +76,27 @@ def test_lcd_board_seen_in_five_mirrors_has_the_published_labels() -> None:
         assert np.mean(np.linalg.norm(ours - published, axis=1)) < 0.6, number
 
 
-def test_direct_and_mirrored_views_of_one_board_get_the_same_physical_labels() -> None:
+@pytest.mark.parametrize("number", [1, 3, 4, 7, 8, 10, 11])
+def test_direct_and_mirrored_views_of_one_board_get_the_same_physical_labels(number: int) -> None:
     folder = need(PICTURES / "lcma-two-mirrors")
     stored = np.load(folder / "corners_raw_px.npz")
     camera = CameraSpec(stored["K"], stored["dist"], 3264, 1470)
-    options = BoardOptions(views=("direct", "mirror"), strict_count=False)
-    direct, mirrored = detect_boards(
-        gray(folder / "Image10.jpg"), BoardSpec(7, 6, 1.0), camera, options=options
+    names = [key.split("|")[1] for key in stored.files if key.startswith(f"Image{number}.jpg|")]
+    options = BoardOptions(
+        views=tuple("direct" if name == "direct" else "mirror" for name in names), strict_count=False
     )
-    for view, name in ((direct, "direct"), (mirrored, "left")):
+    views = detect_boards(gray(folder / f"Image{number}.jpg"), BoardSpec(7, 6, 1.0), camera, options=options)
+    assert [view.via for view in views] == ["direct"] + ["mirror"] * (len(names) - 1)
+    matched = set()
+    for view in views:
         assert view.ok, view.reason
         # The stored labels are OpenCV's, with z into the board: y runs the other way, in every view alike.
         ours = view.corners_px.reshape(6, 7, 2)[::-1].reshape(-1, 2)
-        assert np.sqrt(np.mean(np.sum((ours - stored[f"Image10.jpg|{name}"]) ** 2, axis=1))) < 0.5
+        for name in names:
+            error = np.sqrt(np.mean(np.sum((ours - stored[f"Image{number}.jpg|{name}"]) ** 2, axis=1)))
+            if error < 0.5 and (name == "direct") == (view.via == "direct"):
+                matched.add(name)
+    assert matched == set(names)
 
 
 def test_the_wrong_grid_of_a_public_detector_is_refused_by_its_residual_and_the_right_one_found() -> None:

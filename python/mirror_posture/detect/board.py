@@ -188,7 +188,9 @@ def _classic_quick(gray: Pixels, size: tuple[int, int]) -> Pixels | None:
 
 
 def _sector(gray: Pixels, size: tuple[int, int]) -> Pixels | None:
-    found, points = cv2.findChessboardCornersSB(gray, size, flags=cv2.CALIB_CB_NORMALIZE_IMAGE)
+    found, points = cv2.findChessboardCornersSB(
+        gray, size, flags=cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_NORMALIZE_IMAGE
+    )
     return points if found else None
 
 
