@@ -130,3 +130,12 @@ def test_a_grid_shifted_by_a_row_or_column_is_refused_without_any_calibration(st
         view = measure_grid(gray(folder / frame["image"]), shifted, BoardSpec(7, 4, 0.01))
         assert not view.ok
         assert "shifted by a" in view.reason, view.reason
+
+
+def test_a_camera_file_of_another_camera_is_noticed() -> None:
+    folder = need(GLASS)
+    matrix = np.array([[701.872, 0.0, 405.576], [0.0, 380.0, 302.685], [0.0, 0.0, 1.0]])
+    camera = CameraSpec(matrix, np.zeros(5), 800, 600)
+    (view,) = detect_boards(gray(folder / "images" / "000.png"), BoardSpec(7, 4, 0.01), camera)
+    assert not view.ok
+    assert "reprojection residual" in view.reason and "camera file" in view.reason

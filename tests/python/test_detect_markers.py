@@ -21,6 +21,7 @@ from mirror_posture.detect import (
     setup_from_session,
 )
 from mirror_posture.detect.blobs import color_mask, largest_region, to_hsv
+from mirror_posture.detect.markers import SizeBounds
 from mirror_posture.session import load_session
 
 PICTURES = Path(__file__).resolve().parents[3] / "shared" / "data" / "pictures"
@@ -226,3 +227,14 @@ def test_an_off_axis_spheres_centre_is_not_its_outlines() -> None:
 def test_colours_that_cannot_be_meant_are_refused(bad: dict[str, float]) -> None:
     with pytest.raises(DetectionError, match="color"):
         ColorSpec(**{"hue_deg": 10.0, "hue_tolerance_deg": 10.0, **bad})
+
+
+def test_the_robots_own_hand_seen_without_the_mirror_is_not_taken_for_its_reflection() -> None:
+    # The nearer, direct view is the larger region: the largest would be the wrong one.
+    picture = ball_picture([(90.0, 80.0, 9.0), (220.0, 150.0, 24.0)])
+    marker = MarkerSpec("hand", 0.0116, RED)
+    (view,) = detect_markers(picture, (marker,), bounds={"hand": SizeBounds(5.0, 16.0)})
+    assert view.ok, view.reason
+    assert view.pixel_px == pytest.approx((90.0, 80.0), abs=0.1)
+    (lost,) = detect_markers(picture, (marker,), bounds={"hand": SizeBounds(30.0, 60.0)})
+    assert not lost.ok or lost.pixel_px == pytest.approx((220.0, 150.0), abs=1.0)

@@ -250,7 +250,9 @@ def _label(
     covariances = corners.scale_by_residual(
         corners.noise_covariances(gray, settled.corners_px, item.window_half_px, board), residual
     )
-    reason = settled.reason or residual.reason
+    # With a camera, the view must also be that of a board at some pose: fewer freedoms than a homography's, and the camera file is checked.
+    calibrated = gate.pose_gate(settled.corners_px, board, camera, options.gate)
+    reason = settled.reason or residual.reason or calibrated.reason
     return BoardView(
         ok=not reason,
         reason=reason,
@@ -258,7 +260,7 @@ def _label(
         corners_px=settled.corners_px,
         covariances_px2=covariances,
         visible=np.ones(board.corner_count, dtype=bool),
-        residual_rms_px=residual.rms_px,
+        residual_rms_px=residual.rms_px if calibrated.rms_px is None else calibrated.rms_px,
         residual_limit_px=residual.limit_px,
         method=item.method,
         corners_x=board.corners_x,

@@ -4,7 +4,10 @@ With a camera, the corners are undistorted and a homography from the board's pla
 mirrored, is a homography; its residual holds only measurement noise (a pane of glass adds less than 0.1 px). Without a camera, lens
 distortion is left in, and a cubic polynomial on top of the homography takes it up.
 
-Method: normalised direct linear transform and refinement by OpenCV's `findHomography`.
+A view that is labelled is then gated once more on its reprojection from the best pose before the camera, by the core's planar solver, which
+has two freedoms less and so also notices a camera file of another camera.
+
+Method: normalised direct linear transform and refinement by OpenCV's `findHomography`; the pose as in `mirror_posture.mirror`.
 """
 
 from __future__ import annotations
@@ -15,6 +18,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from .pose import board_pose
 from .types import BoardSpec, CameraSpec, FloatArray
 
 # Good views of real phone and machine-vision cameras leave 0.2 to 0.5 px (RMS distance), a grid shifted by a row or with one misplaced
@@ -85,6 +89,35 @@ def board_residual(
         freedom = 2 * (count - basis.shape[1])
     rms = float(np.sqrt(np.mean(np.sum(residuals**2, axis=1))))
     return GateResult(residuals, rms, options.max_residual_rms_px, freedom)
+
+
+@dataclass(frozen=True)
+class PoseGate:
+    """Verdict of the core's planar solver: RMS reprojection distance, None without a camera, and the reason if it is too large."""
+
+    rms_px: float | None
+    reason: str
+
+
+def pose_gate(
+    corners_px: FloatArray, board: BoardSpec, camera: CameraSpec | None, options: GateOptions | None = None
+) -> PoseGate:
+    """Gates a whole view on its reprojection from the best pose of the board before this camera."""
+    if camera is None:
+        return PoseGate(None, "")
+    options = options or GateOptions()
+    pose = board_pose(corners_px, board, camera)
+    if pose is None:
+        return PoseGate(
+            None, "no pose of the board before this camera explains the corners: check the camera file"
+        )
+    if pose.rms_px <= options.max_residual_rms_px:
+        return PoseGate(pose.rms_px, "")
+    return PoseGate(
+        pose.rms_px,
+        f"reprojection residual {pose.rms_px:.2f} px RMS from the board's best pose is above the limit of "
+        f"{options.max_residual_rms_px:.2f} px: a wrong grid, or a camera file that is not this camera's",
+    )
 
 
 def undistort(pixels: FloatArray, camera: CameraSpec) -> FloatArray:

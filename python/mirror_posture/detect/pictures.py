@@ -18,7 +18,7 @@ import numpy.typing as npt
 from .board import BoardOptions, detect_boards
 from .charuco import detect_charuco
 from .markers import MarkerOptions, SizeBounds, detect_markers
-from .prediction import grid_center_in_camera
+from .pose import board_pose
 from .reading import Picture, as_picture, read_picture
 from .types import (
     CHARUCO,
@@ -149,11 +149,10 @@ def _size_bounds(boards: tuple[BoardView, ...], setup: DetectionSetup) -> dict[s
     complete = view.visible is None or bool(view.visible.all())
     if not complete:
         return {}
-    grid = view.corners_px.reshape(setup.board.corners_y, setup.board.corners_x, 2)
-    center = grid_center_in_camera(grid, setup.board, setup.camera)
-    if center is None:
+    pose = board_pose(view.corners_px, setup.board, setup.camera)
+    if pose is None:
         return {}
-    distance = float(np.linalg.norm(center))
+    distance = float(np.linalg.norm(pose.center_in_camera_m))
     return {
         marker.name: SizeBounds(
             setup.camera.focal_px * 0.5 * marker.diameter_m / (FARTHEST_BALL * distance),

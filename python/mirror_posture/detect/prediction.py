@@ -5,6 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from .pose import board_pose
 from .types import BoardPrediction, BoardSpec, CameraSpec, FloatArray, Via
 
 
@@ -31,8 +32,11 @@ def predicted_corners_px(
     points = board.points_in_board_m() @ camera_from_board[:3, :3].T + camera_from_board[:3, 3]
     if via == "mirror":
         centre = camera_from_board[:3, 3]
-        reflected = grid_center_in_camera(grid, board, camera)
-        if reflected is None or np.linalg.norm(reflected - centre) < 1e-9:
+        pose = board_pose(grid.reshape(-1, 2), board, camera)
+        if pose is None:
+            return None
+        reflected = pose.center_in_camera_m
+        if np.linalg.norm(reflected - centre) < 1e-9:
             return None
         normal = (reflected - centre) / np.linalg.norm(reflected - centre)
         offset = float(normal @ (0.5 * (reflected + centre)))
@@ -41,22 +45,3 @@ def predicted_corners_px(
         return None
     projected, _ = cv2.projectPoints(points, np.zeros(3), np.zeros(3), camera.matrix, camera.distortion)
     return projected.reshape(-1, 2).astype(np.float64)
-
-
-def grid_center_in_camera(grid: FloatArray, board: BoardSpec, camera: CameraSpec) -> FloatArray | None:
-    """Position of the seen board's centre in the camera frame, m. The labelling does not matter for it, only right-handed ones are valid."""
-    along_x = np.mean(np.diff(grid, axis=1), axis=(0, 1))
-    along_y = np.mean(np.diff(grid, axis=0), axis=(0, 1))
-    # A pose solver wants labels of a thing that exists: right-handed with z away from the camera, as OpenCV's boards are.
-    right_handed = along_x[0] * along_y[1] - along_x[1] * along_y[0] > 0.0
-    pixels = (grid if right_handed else grid[:, ::-1]).reshape(-1, 1, 2)
-    ok, _, translation = cv2.solvePnP(
-        board.points_in_board_m(),
-        np.ascontiguousarray(pixels),
-        camera.matrix,
-        camera.distortion,
-        flags=cv2.SOLVEPNP_ITERATIVE,
-    )
-    if not ok or not np.isfinite(translation).all() or translation[2, 0] <= 0.0:
-        return None
-    return translation.reshape(3).astype(np.float64)

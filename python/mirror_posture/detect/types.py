@@ -105,7 +105,7 @@ class MarkerSpec:
 
 @dataclass(frozen=True)
 class CameraSpec:
-    """The camera's intrinsics as OpenCV uses them: `K` (3, 3), distortion (0 to 14 numbers), size in px."""
+    """The camera's intrinsics as OpenCV uses them: `K` (3, 3), distortion (none, 4, 5 or 8 numbers), size in px."""
 
     matrix: FloatArray
     distortion: FloatArray
@@ -117,6 +117,10 @@ class CameraSpec:
         object.__setattr__(self, "distortion", np.asarray(self.distortion, dtype=np.float64).reshape(-1))
         if not (np.isfinite(self.matrix).all() and np.isfinite(self.distortion).all()):
             raise DetectionError("camera: a number of the camera matrix or of the distortion is not finite")
+        if len(self.distortion) not in (0, 4, 5, 8):
+            raise DetectionError(
+                f"camera: distortion has {len(self.distortion)} numbers; needed none, 4 or 5 (plumb_bob) or 8 (rational_polynomial)"
+            )
         if self.matrix[0, 0] <= 0.0 or self.matrix[1, 1] <= 0.0:
             raise DetectionError(
                 "camera: the focal lengths camera_matrix[0][0] and [1][1] must be positive (px)"
