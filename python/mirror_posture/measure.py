@@ -43,6 +43,18 @@ class MeasureOptions:
     """How well the model's camera–board transform is known, one axis. None: exactly (`joint`: 1°, 2 mm)."""
     least_parallax_rad: float = math.radians(1.0)
     """Views of a marker whose rays differ by less give no position."""
+    mount: Mount | None = None
+    """A calibrated camera–board transform, which takes the place of the model's and of the two deviations above."""
+
+
+@dataclass(frozen=True)
+class Mount:
+    """A calibrated camera–board transform, at the posture of the session's first frame."""
+
+    camera_from_board: Floats
+    """(4, 4)."""
+    covariance: Floats
+    """(6, 6), in the tangent `camera_from_board ∘ (Exp ω, v)`: rotation (rad) before translation (m)."""
 
 
 @dataclass(frozen=True)
@@ -134,7 +146,7 @@ class Measurement:
     mirrors: Mirrors
     markers: Markers
     camera_from_nominal_camera: Floats = field(default_factory=lambda: np.eye(4))
-    """(4, 4): how the camera sits against the model's camera, as `joint` finds it; the identity for the others."""
+    """(4, 4): how the camera sits against the model's, as calibrated or as `joint` finds it; else the identity."""
     camera_from_board_covariance: Floats | None = None
     """(6, 6): of the camera–board transform, rotation (rad) before translation (m); None where it is taken as exact."""
     chi_squared: float | None = None
@@ -160,22 +172,28 @@ def measure_all(session: Session, options: tuple[MeasureOptions, ...]) -> list[M
             raise MirrorPostureError(
                 f"estimator: got {one.estimator!r}, needed one of {', '.join(ESTIMATORS)}"
             )
-    camera_from_board = _camera_from_board(session)
-    core = _core_input(session, camera_from_board)
-    if all(core.mirrors_refused):
-        reason = next(iter(core.mirrors_refused), "there are no frames")
-        raise NothingMeasuredError(
-            f"{session.folder}: no frame shows the board in the mirror (frame 0: {reason})"
+    nominal = nominal_camera_from_board(session)
+    if not session.detected:
+        raise MirrorPostureError(
+            f"{session.folder}: has pictures and no detections yet; run `mirror-posture detect` on it first"
         )
-    return [_measure(session, core, one) for one in options]
+    return [_measure(session, nominal, one) for one in options]
 
 
-def _measure(session: Session, core: MeasureInput, options: MeasureOptions) -> Measurement:
+def _measure(session: Session, nominal: Floats, options: MeasureOptions) -> Measurement:
+    mounted = options.mount
+    calibrated = np.eye(4) if mounted is None else mounted.camera_from_board @ np.linalg.inv(nominal[0])
+    core = _core_input(session, calibrated @ nominal)
+    if all(core.mirrors_refused):
+        reason = core.mirrors_refused[0]
+        raise NothingMeasuredError(
+            f"{session.folder}: no frame shows the board in the mirror (first frame: {reason})"
+        )
     corner_noise, marker_noise = _noise_px(session, core, options)
     stated = options.mount_std_rad is not None or options.mount_std_m is not None
     joint = options.estimator == "joint"
-    mount = None
-    if stated or joint:
+    mount = None if mounted is None else mounted.covariance
+    if mount is None and (stated or joint):
         rotation = options.mount_std_rad if stated else JOINT_MOUNT_STD_RAD
         translation = options.mount_std_m if stated else JOINT_MOUNT_STD_M
         mount = np.diag([(rotation or 0.0) ** 2] * 3 + [(translation or 0.0) ** 2] * 3)
@@ -200,15 +218,15 @@ def _measure(session: Session, core: MeasureInput, options: MeasureOptions) -> M
         marker_noise,
         session.marker_names,
         mirrors,
-        _markers(session, done),
-        done.camera_from_nominal_camera,
+        _markers(session, done, done.camera_from_nominal_camera @ calibrated),
+        done.camera_from_nominal_camera @ calibrated,
         done.camera_from_board_covariance,
         done.chi_squared,
         done.degrees_of_freedom,
     )
 
 
-def _markers(session: Session, done: Measured) -> Markers:
+def _markers(session: Session, done: Measured, correction: Floats) -> Markers:
     posture, marker = done.posture, done.marker
     frames = session.frames
     # First row of each posture: its camera frame is the posture's (the head is still within one).
@@ -224,7 +242,6 @@ def _markers(session: Session, done: Measured) -> Markers:
         mine = marker == index
         model[mine] = session.robot.points(session.positions[row[mine]], camera_link, spec.link)
     # The board is where the model says; where the camera sits elsewhere, it is the camera that moved.
-    correction = done.camera_from_nominal_camera
     root_from_camera = _a_from_b(session, session.root_link, camera_link)[row] @ np.linalg.inv(correction)
     return Markers(
         posture,
@@ -239,8 +256,11 @@ def _markers(session: Session, done: Measured) -> Markers:
     )
 
 
-def _camera_from_board(session: Session) -> Floats:
-    """(F, 4, 4), as the model says at the commanded joint positions."""
+def nominal_camera_from_board(session: Session) -> Floats:
+    """(F, 4, 4), as the model says at the commanded joint positions.
+
+    Raises `MirrorPostureError` for a session without camera or board.
+    """
     if session.camera_link is None or session.camera is None:
         raise MirrorPostureError(
             f"{session.folder}: has no camera; only what a camera sees in a mirror is measured"
@@ -248,10 +268,6 @@ def _camera_from_board(session: Session) -> Floats:
     if session.board is None:
         raise MirrorPostureError(
             f"{session.folder}: has no [board], whose reflection tells where the mirror stands"
-        )
-    if not session.detected:
-        raise MirrorPostureError(
-            f"{session.folder}: has pictures and no detections yet; run `mirror-posture detect` on it first"
         )
     return _a_from_b(session, session.camera_link, session.board.link)
 

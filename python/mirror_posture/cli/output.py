@@ -6,7 +6,8 @@ import enum
 import json
 import math
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict, is_dataclass
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, TypeVar
@@ -61,9 +62,9 @@ class Output:
         """The running command's output; before there is one, a person's."""
         return cls._current or cls()
 
-    def say(self, text: str) -> None:
-        """One line for a person; `text` may hold rich's markup."""
-        self.messages.print(text)
+    def say(self, text: str, style: str | None = None) -> None:
+        """One line for a person."""
+        self.messages.print(escape(text), style=style)
 
     def warn(self, text: str) -> None:
         """A line that a person must not miss, on stderr."""
@@ -98,14 +99,25 @@ class Output:
 
     def progress(self, items: Iterable[Item], what: str, total: int | None = None) -> Iterable[Item]:
         """The items, with a bar on stderr while they are worked on (where stderr is a terminal)."""
-        columns = (
-            TextColumn("{task.description}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TimeRemainingColumn(compact=True),
-        )
-        with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        with _bar() as bar:
             yield from bar.track(items, description=what, total=total)
+
+    def chunks(self, chunks: Iterable[list[int]], what: str) -> Iterable[list[int]]:
+        """Lists of items, with a bar that counts the items."""
+        lists = list(chunks)
+        with self.counting(what, sum(map(len, lists))) as count:
+            done = 0
+            for chunk in lists:
+                yield chunk
+                done += len(chunk)
+                count(done)
+
+    @contextmanager
+    def counting(self, what: str, total: int) -> Iterator[Callable[[int], None]]:
+        """A bar on stderr (where that is a terminal) for work that says itself how much is done."""
+        with _bar() as bar:
+            task = bar.add_task(what, total=total)
+            yield lambda done: bar.update(task, completed=done)
 
     def fail(self, message: str, error: BaseException, code: int) -> None:
         """An error as one line on stderr and, where JSON was asked for, as a document on stdout."""
@@ -113,6 +125,16 @@ class Output:
         if self.as_json:
             place = {name: getattr(error, name, None) for name in ("file", "row", "column")}
             self.result({"error": {"message": message, "exit_code": int(code), **place}})
+
+
+def _bar() -> Progress:
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(compact=True),
+    )
+    return Progress(*columns, console=Console(stderr=True), transient=True)
 
 
 def plain(value: Any) -> Any:

@@ -1,0 +1,145 @@
+"""`mirror-posture demo`: the whole way once, on pictures whose truth is known."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from ..output import JsonOption, Output
+
+ORDER = 5
+PANEL = "Start here"
+NEEDS_ARGUMENTS = False
+
+
+def command(
+    out: Annotated[Path, typer.Option(help="Folder for everything that is made.")] = Path("out"),
+    postures: Annotated[
+        int, typer.Option(help="How many postures are drawn (three pictures each).", min=1, max=6)
+    ] = 4,
+    seed: Annotated[int, typer.Option(help="Seed of the camera's noise.", min=0)] = 0,
+    as_json: JsonOption = False,
+) -> None:
+    """Draw the embedded robot before a mirror, measure it from the pictures, compare with the truth.
+
+    Two of its joints are off and the model does not know: the measured markers show it. Everything is written into one
+    folder, pictures first; at the end it is said what is where and how far the markers are from the truth.
+
+    Example: `mirror-posture demo --out out`
+    """
+    output = Output(as_json)
+    import numpy as np
+
+    from ...detect import detect_session, read_picture, write_overlay
+    from ...measure import ESTIMATORS, MeasureOptions, measure_all
+    from ...measure_pictures import plot_measured_against_model, write_measured_and_model
+    from ...measure_table import document, write_marker_table
+    from ...render import DEMO_OFFSETS_RAD, DEMO_POSTURES, DEMO_VIEWS, TRUTH_FILE, render_session
+    from ...session import load_session, write_detections
+    from ..output import plain
+
+    chosen = DEMO_POSTURES[:postures]
+    folder = out / "session"
+    total = len(chosen) * len(DEMO_VIEWS)
+    output.say(
+        f"1. drawing {total} pictures: {len(chosen)} postures, {len(DEMO_VIEWS)} views each, 3 mm of glass, noise"
+    )
+    with output.counting("drawing", total) as count:
+        render_session(
+            folder,
+            chosen,
+            DEMO_VIEWS,
+            offsets_rad=DEMO_OFFSETS_RAD,
+            seed=seed,
+            overwrite=True,
+            progress=lambda done, _: count(done),
+        )
+
+    output.say("2. looking for the mirrored board and the coloured balls")
+    found = detect_session(load_session(folder), progress=lambda chunks: output.chunks(chunks, "detecting"))
+    session = found.session
+    write_detections(session, folder / "detections.csv")
+    (out / "detected").mkdir(exist_ok=True)
+    for row, picture in found.pictures.items():
+        file = session.image_files[row]
+        if file is not None and picture.ok:
+            write_overlay(out / "detected" / f"{row:04d}.png", read_picture(file), picture)
+
+    output.say("3. measuring the markers by every estimator")
+    measurements = measure_all(session, tuple(MeasureOptions(name) for name in ESTIMATORS))
+    best = measurements[ESTIMATORS.index("maximum-likelihood")]
+    write_marker_table(best, out / "markers.csv")
+    (out / "markers.json").write_text(
+        json.dumps(plain(document(best)), indent=1, allow_nan=False), encoding="utf-8"
+    )
+    plot_measured_against_model(best, out / "measured_against_model.png")
+    (out / "measured").mkdir(exist_ok=True)
+    for row in range(len(session.frames)):
+        write_measured_and_model(session, best, row, out / "measured" / f"{row:04d}.png")
+
+    truth = json.loads((folder / TRUTH_FILE).read_text(encoding="utf-8"))
+    errors = {m.estimator: _errors_m(session, m, truth) for m in measurements}
+    rows = [
+        (
+            m.estimator,
+            str(len(errors[m.estimator])),
+            f"{1000.0 * _rms(errors[m.estimator]):.2f}",
+            f"{1000.0 * np.max(errors[m.estimator], initial=0.0):.2f}",
+            f"{1000.0 * float(np.median(m.markers.std_m[m.markers.measured])):.2f}"
+            if m.markers.measured.any()
+            else "",
+        )
+        for m in measurements
+    ]
+    output.table(
+        "Distance of the measured markers from the truth, mm",
+        ("*estimator", "markers", "RMS", "largest", "± claimed (median)"),
+        rows,
+    )
+    good = best.markers.measured
+    gap = 1000.0 * _rms(best.markers.distance_m[good])
+    hidden = ", ".join(f"{name} {np.degrees(value):+.1f}°" for name, value in DEMO_OFFSETS_RAD.items())
+    error = 1000.0 * _rms(errors[best.estimator])
+    output.say(f"The model misses the markers by {gap:.2f} mm RMS, since it does not know of {hidden}.")
+    output.say(f"Measured in the mirror they are {error:.2f} mm RMS from the truth.")
+    made = {
+        "the pictures, as a session with its truth": folder,
+        "what was found in them": out / "detected",
+        "measured (ring) and model (cross) in the pictures": out / "measured",
+        "measured against model, by marker": out / "measured_against_model.png",
+        "the markers with their uncertainty": out / "markers.csv",
+        "the same with all covariances": out / "markers.json",
+    }
+    output.table("What was made", ("*", "*"), [(what, str(path)) for what, path in made.items()])
+    output.say(f"next: mirror-posture measure {folder} --estimator all")
+    result: dict[str, Any] = {
+        "marker_error_rms_m": {name: _rms(values) for name, values in errors.items()},
+        "model_gap_rms_m": gap / 1000.0,
+        "markers_measured": int(good.sum()),
+        "made": {path.name: path for path in made.values()},
+    }
+    output.result(result)
+
+
+def _errors_m(session: Any, measurement: Any, truth: dict[str, Any]) -> Any:
+    """Distances of the measured markers from where the drawn ones really are, in the root frame, m."""
+    import numpy as np
+
+    markers = measurement.markers
+    first = {int(posture): row for row, posture in reversed(list(enumerate(session.frames.posture)))}
+    errors = []
+    for k in np.flatnonzero(markers.measured):
+        told = truth["frames"][first[int(markers.posture[k])]]["markers"][
+            measurement.marker_names[markers.marker[k]]
+        ]
+        errors.append(np.linalg.norm(markers.point_in_root_m[k] - np.array(told["root_m"])))
+    return np.array(errors)
+
+
+def _rms(values: Any) -> float:
+    import numpy as np
+
+    return float(np.sqrt(np.mean(np.square(values)))) if len(values) else 0.0

@@ -1,0 +1,271 @@
+"""`mirror-posture measure`: marker positions with their uncertainty, beside the model's."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ..._core import MirrorPostureError
+from ..output import ExitCode, JsonOption, Output, SessionArgument
+
+if TYPE_CHECKING:
+    from ...measure import Measurement
+    from ...session import Session
+
+ORDER = 40
+PANEL = "Measuring"
+ALL = "all"
+ROWS_SHOWN = 24
+
+
+def command(
+    session: SessionArgument,
+    estimator: Annotated[
+        str,
+        typer.Option(
+            help="pose (Eq. 1 of the paper), pose-snapped, point-pair (Eq. 2), maximum-likelihood, joint; or all, to compare."
+        ),
+    ] = "maximum-likelihood",
+    out: Annotated[
+        Path | None, typer.Option(help="Write the markers: .csv, .parquet or .json (with all covariances).")
+    ] = None,
+    plot: Annotated[
+        Path | None, typer.Option(help="Write a plot of measured against model: .png, .svg, .pdf.")
+    ] = None,
+    overlays: Annotated[
+        Path | None, typer.Option(help="Folder for the pictures with measured and model positions drawn.")
+    ] = None,
+    mount: Annotated[
+        Path | None, typer.Option(help="Camera-board transform written by `mirror-posture calibrate --out`.")
+    ] = None,
+    mount_std_mm: Annotated[
+        float | None,
+        typer.Option(help="How well the model's camera-board transform is known, mm, one axis.", min=0.0),
+    ] = None,
+    mount_std_deg: Annotated[
+        float | None, typer.Option(help="The same of its rotation, degrees.", min=0.0)
+    ] = None,
+    noise_px: Annotated[
+        float | None,
+        typer.Option(help="Noise of corners and ball centres, px, one axis; by default as seen.", min=1e-6),
+    ] = None,
+    rows: Annotated[int, typer.Option(help="How many rows of the long table are shown.", min=0)] = ROWS_SHOWN,
+    as_json: JsonOption = False,
+) -> None:
+    """Measure where the markers are, and where the model says that they are.
+
+    Each view's mirror is estimated from the board's reflection; the views of a posture are joined to positions with
+    covariance, in the frame of the session's root link. A session with pictures only is detected first. `±` is one
+    standard deviation of the length of the error. The distance from the model is what `diagnose` explains.
+
+    Estimators: `maximum-likelihood` where the camera's mount on the robot is trusted, `joint` where it is not;
+    `pose` and `point-pair` are the paper's, for comparison.
+
+    Example: `mirror-posture measure my-session --plot gap.png --out markers.csv`
+    """
+    output = Output(as_json)
+    from ...measure import ESTIMATORS, MeasureOptions, measure_all
+    from ...measure_table import document, summarise, write_marker_table
+
+    if estimator not in (*ESTIMATORS, ALL):
+        raise MirrorPostureError(
+            f"--estimator: got {estimator!r}, needed one of {', '.join((*ESTIMATORS, ALL))}"
+        )
+    loaded = _with_detections(output, session)
+    options = tuple(
+        MeasureOptions(
+            name,  # type: ignore[arg-type]
+            noise_px,
+            noise_px,
+            None if mount_std_deg is None else math.radians(mount_std_deg),
+            None if mount_std_mm is None else mount_std_mm / 1000.0,
+            mount=None if mount is None else _read_mount(mount),
+        )
+        for name in (ESTIMATORS if estimator == ALL else (estimator,))
+    )
+    measurements = measure_all(loaded, options)
+    # Of all, the best that trusts the model's mount is shown in full.
+    chosen = measurements[ESTIMATORS.index("maximum-likelihood") if estimator == ALL else 0]
+    if estimator == ALL:
+        _show_comparison(output, measurements)
+    _show_rows(output, chosen, rows)
+    _show_summary(output, chosen)
+    for row, reason in enumerate(chosen.mirrors.reason):
+        if reason is not None:
+            output.warn(f"frame {loaded.frames.frame[row]}: no mirror ({reason})")
+
+    written = []
+    if out is not None:
+        if out.suffix == ".json":
+            import json
+
+            from ..output import plain
+
+            out.write_text(json.dumps(plain(document(chosen)), indent=1, allow_nan=False), encoding="utf-8")
+        else:
+            write_marker_table(chosen, out)
+        written.append(out)
+    if plot is not None:
+        from ...measure_pictures import plot_measured_against_model
+
+        plot_measured_against_model(chosen, plot)
+        written.append(plot)
+    if overlays is not None:
+        written += _write_overlays(output, loaded, chosen, overlays)
+    for file in written:
+        output.say(f"written: {file}")
+    result: dict[str, Any] = document(chosen)
+    if estimator == ALL:
+        result["estimators"] = {m.estimator: summarise(m) for m in measurements}
+    output.result(result)
+    if not chosen.markers.measured.any():
+        output.warn(
+            "no marker could be measured: a marker needs two views of one posture before mirrors that stand differently"
+        )
+        raise typer.Exit(ExitCode.NOTHING)
+
+
+def _with_detections(output: Output, folder: Path) -> Session:
+    from ...session import load_session
+
+    loaded = load_session(folder)
+    for warning in loaded.warnings:
+        output.warn(warning)
+    if loaded.detected or not any(loaded.image_files):
+        return loaded
+    from ...detect import detect_session
+
+    output.say("no detections yet: looking for the board and the balls in the pictures first")
+    found = detect_session(loaded, progress=lambda chunks: output.chunks(chunks, "detecting"))
+    for row, picture in sorted(found.pictures.items()):
+        if picture.error:
+            output.warn(f"frame {loaded.frames.frame[row]}: {picture.error}")
+    return found.session
+
+
+def _read_mount(file: Path) -> Any:
+    import json
+
+    import numpy as np
+
+    from ...measure import Mount
+
+    try:
+        tree = json.loads(file.read_text(encoding="utf-8"))
+        pose = np.array(tree["camera_from_board"], dtype=float)
+        covariance = np.array(tree["covariance"], dtype=float)
+    except (ValueError, KeyError, TypeError) as error:
+        raise MirrorPostureError(
+            f"{file}: is no calibration ({error}); needed what `calibrate --out` writes"
+        ) from None
+    if (
+        pose.shape != (4, 4)
+        or covariance.shape != (6, 6)
+        or not (np.isfinite(pose).all() and np.isfinite(covariance).all())
+    ):
+        raise MirrorPostureError(f"{file}: needed camera_from_board (4, 4) and covariance (6, 6), finite")
+    return Mount(pose, covariance)
+
+
+def _millimetres(value: float | None, digits: int = 2) -> str:
+    return "" if value is None else f"{1000.0 * value:.{digits}f}"
+
+
+def _show_rows(output: Output, measurement: Measurement, limit: int) -> None:
+    markers = measurement.markers
+    point, model = markers.point_in_root_m, markers.model_in_root_m
+    shown = []
+    for k in range(min(len(markers), limit)):
+        name = measurement.marker_names[markers.marker[k]]
+        where = "  ".join(f"{1000.0 * v:8.2f}" for v in model[k])
+        if markers.measured[k]:
+            measured = "  ".join(f"{1000.0 * v:8.2f}" for v in point[k])
+            last = (_millimetres(markers.std_m[k]), _millimetres(markers.distance_m[k]), "")
+        else:
+            measured, last = "", ("", "", str(markers.reason[k]))
+        shown.append(
+            (str(markers.posture[k]), name, str(markers.views[k]), measured, last[0], where, last[1], last[2])
+        )
+    if not shown:
+        return
+    more = len(markers) - len(shown)
+    output.table(
+        f"Markers in the root frame, mm (x y z), by {measurement.estimator}",
+        (
+            "posture",
+            "*marker",
+            "views",
+            "measured",
+            "±",
+            "model",
+            "distance",
+            *(("*",) if any(r[-1] for r in shown) else ()),
+        ),
+        [row if any(r[-1] for r in shown) else row[:-1] for row in shown],
+        caption=f"and {more} more rows: --rows {len(markers)}, or --out FILE" if more > 0 else "",
+    )
+
+
+def _show_summary(output: Output, measurement: Measurement) -> None:
+    from ...measure_table import summarise
+
+    rows = [
+        (
+            row.marker,
+            f"{row.measured} of {row.postures}",
+            _millimetres(row.std_m),
+            _millimetres(row.distance_rms_m),
+            _millimetres(row.distance_max_m),
+            ""
+            if row.offset_in_root_m is None
+            else "  ".join(f"{1000.0 * v:+7.2f}" for v in row.offset_in_root_m),
+        )
+        for row in summarise(measurement)
+    ]
+    output.table(
+        f"By marker, mm, by {measurement.estimator}",
+        ("*marker", "postures", "± (median)", "from model, RMS", "largest", "mean offset x y z"),
+        rows,
+        caption=f"noise: corners {measurement.corner_noise_px:.3f} px, balls {measurement.marker_noise_px:.3f} px, one axis",
+    )
+
+
+def _show_comparison(output: Output, measurements: list[Measurement]) -> None:
+    import numpy as np
+
+    rows = []
+    for m in measurements:
+        good = m.markers.measured
+        mirrors = m.mirrors.measured
+        rows.append(
+            (
+                m.estimator,
+                f"{good.sum()} of {len(good)}",
+                f"{np.sqrt((m.mirrors.corner_rms_px[mirrors] ** 2).mean()):.3f}" if mirrors.any() else "",
+                _millimetres(float(np.median(m.markers.std_m[good]))) if good.any() else "",
+                _millimetres(float(np.sqrt((m.markers.distance_m[good] ** 2).mean()))) if good.any() else "",
+            )
+        )
+    output.table(
+        "The estimators on this session",
+        ("*estimator", "markers", "corners RMS px", "± mm (median)", "from model, RMS mm"),
+        rows,
+    )
+
+
+def _write_overlays(output: Output, session: Session, measurement: Measurement, folder: Path) -> list[Path]:
+    from ...measure_pictures import write_measured_and_model
+
+    folder.mkdir(parents=True, exist_ok=True)
+    written = []
+    for row in output.progress(range(len(session.frames)), "overlays", len(session.frames)):
+        file = folder / f"{session.frames.frame[row]:04d}.png"
+        if write_measured_and_model(session, measurement, row, file):
+            written.append(file)
+    if not written:
+        output.warn("overlays: this session has no pictures")
+        return []
+    return [folder]

@@ -1,0 +1,153 @@
+"""A measurement as pictures: measured against model for each marker, and both drawn into the session's pictures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from .camera import camera_from_info
+from .detect import read_picture
+from .measure import Measurement
+from .optics import see_in_mirror
+from .session import Session
+
+MEASURED_BGR = (80, 230, 80)
+MODEL_BGR = (60, 60, 255)
+MILLIMETRES = 1000.0
+
+
+def plot_measured_against_model(measurement: Measurement, file: Path) -> None:
+    """One panel a marker: measured minus model along x, y, z of the root frame in each posture, mm, with 1 σ bars."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    markers = measurement.markers
+    shown = [
+        i for i in range(len(measurement.marker_names)) if (markers.measured & (markers.marker == i)).any()
+    ]
+    columns = min(3, max(1, len(shown)))
+    rows = max(1, -(-len(shown) // columns))
+    figure, axes = plt.subplots(
+        rows,
+        columns,
+        figsize=(5.0 * columns, 3.0 * rows + 0.6),
+        squeeze=False,
+        sharey=True,
+        layout="constrained",
+    )
+    difference = (markers.point_in_root_m - markers.model_in_root_m) * MILLIMETRES
+    std = np.sqrt(np.diagonal(markers.covariance_in_root_m2, axis1=1, axis2=2)) * MILLIMETRES
+    for panel, ax in enumerate(axes.flat):
+        if panel >= len(shown):
+            ax.set_visible(False)
+            continue
+        mine = markers.measured & (markers.marker == shown[panel])
+        posture = markers.posture[mine]
+        rms = float(np.sqrt((markers.distance_m[mine] ** 2).mean())) * MILLIMETRES
+        for axis, (name, color) in enumerate(zip("xyz", ("tab:red", "tab:green", "tab:blue"), strict=True)):
+            ax.errorbar(
+                posture + 0.12 * (axis - 1),
+                difference[mine, axis],
+                std[mine, axis],
+                fmt="o",
+                color=color,
+                label=name,
+                markersize=3.0 if len(posture) > 40 else 4.5,
+                linewidth=1.0,
+            )
+        ax.axhline(0.0, color="0.5", linewidth=0.8)
+        ax.set_title(
+            f"{measurement.marker_names[shown[panel]]}: {rms:.2f} mm RMS from the model", fontsize=10
+        )
+        ax.grid(alpha=0.25)
+        ax.xaxis.get_major_locator().set_params(integer=True)
+        if panel % columns == 0:
+            ax.set_ylabel("measured − model, mm")
+        if panel + columns >= len(shown):
+            ax.set_xlabel("posture")
+    if shown:
+        axes.flat[0].legend(title="root frame", fontsize=8, title_fontsize=8, ncols=3)
+    figure.suptitle(f"Markers measured in the mirror ({measurement.estimator}), bars: one standard deviation")
+    figure.savefig(file, dpi=110)
+    plt.close(figure)
+
+
+def draw_measured_and_model(
+    session: Session, measurement: Measurement, row: int
+) -> npt.NDArray[np.uint8] | None:
+    """A frame's picture with each marker where it was measured (green ring) and where the model says (red cross).
+
+    Both are drawn where they would be seen in the mirror of this frame. None for a frame without picture or mirror.
+    """
+    file, camera = session.image_files[row], session.camera
+    if file is None or camera is None or not measurement.mirrors.measured[row]:
+        return None
+    picture = read_picture(file)
+    scale = 2 if picture.shape[1] < 1000 else 1
+    canvas = cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_CUBIC)
+    markers = measurement.markers
+    mine = np.flatnonzero(markers.posture == session.frames.posture[row])
+    foot = measurement.mirrors.foot_m[row]
+    mirror = session.mirror
+    glass = {} if mirror is None else {
+        "glass_thickness_m": mirror.glass_thickness_m,
+        "refractive_index": mirror.refractive_index,
+    }  # fmt: skip
+    core = camera_from_info(camera)
+    for points, color, shape in (
+        (markers.model_in_camera_m, MODEL_BGR, "cross"),
+        (markers.point_in_camera_m, MEASURED_BGR, "ring"),
+    ):
+        if not len(mine):
+            continue
+        seen = see_in_mirror(core, foot, points[mine], **glass)
+        for k, pixel, good in zip(mine, seen.pixels_px, seen.valid, strict=True):
+            if not good or (shape == "ring" and not markers.measured[k]):
+                continue
+            if not (0 <= pixel[0] <= picture.shape[1] - 1 and 0 <= pixel[1] <= picture.shape[0] - 1):
+                continue
+            at = tuple(int(v) for v in np.round(((pixel + 0.5) * scale - 0.5) * 16))
+            if shape == "ring":
+                cv2.circle(canvas, at, 9 * scale * 16, color, scale, cv2.LINE_AA, 4)
+                text = f"{measurement.marker_names[markers.marker[k]]} {markers.distance_m[k] * MILLIMETRES:.1f} mm"
+                _label(canvas, text, (at[0] // 16 + 12 * scale, at[1] // 16 + 4 * scale), scale)
+            else:
+                arm = 7 * scale * 16
+                for dx, dy in ((arm, arm), (arm, -arm)):
+                    cv2.line(
+                        canvas,
+                        (at[0] - dx, at[1] - dy),
+                        (at[0] + dx, at[1] + dy),
+                        color,
+                        scale,
+                        cv2.LINE_AA,
+                        4,
+                    )
+    legend = f"frame {session.frames.frame[row]}: green ring measured, red cross model, distance between them"
+    _label(canvas, legend, (8, canvas.shape[0] - 10), scale)
+    return canvas
+
+
+def write_measured_and_model(session: Session, measurement: Measurement, row: int, file: Path) -> bool:
+    """Writes `draw_measured_and_model` as a picture; False where there is nothing to draw."""
+    canvas = draw_measured_and_model(session, measurement, row)
+    if canvas is None:
+        return False
+    _, content = cv2.imencode(file.suffix, canvas)
+    file.write_bytes(content.tobytes())
+    return True
+
+
+def _label(canvas: npt.NDArray[np.uint8], text: str, at: tuple[int, int], scale: int) -> None:
+    size = 0.4 * scale
+    (width, height), base = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, size, 1)
+    x = int(np.clip(at[0], 2, max(2, canvas.shape[1] - width - 4)))
+    y = int(np.clip(at[1], height + 4, canvas.shape[0] - base - 2))
+    plate = canvas[y - height - 3 : y + base + 1, max(x - 3, 0) : x + width + 4]
+    plate[:] = (plate * 0.35).astype(np.uint8)
+    cv2.putText(canvas, text, (x, y), cv2.FONT_HERSHEY_SIMPLEX, size, (255, 255, 255), 1, cv2.LINE_AA)
