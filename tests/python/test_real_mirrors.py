@@ -125,6 +125,7 @@ def test_each_image_gives_the_same_mirror(
     mean /= np.linalg.norm(mean)
     angles = np.degrees(np.arccos(np.clip(normals @ mean, -1.0, 1.0)))
     print(side, np.sqrt(np.mean(angles**2)), offsets.std())
+    # The known figures have three decimals: half a unit of the last one is theirs.
     assert np.sqrt(np.mean(angles**2)) <= normal_deg + 5e-4
     assert offsets.std() <= distance_squares + 5e-4
 
@@ -145,7 +146,7 @@ def test_virtual_rays_of_the_other_images_mirror_pass_through_the_board(two_mirr
             away = (grid @ two_mirrors.pose(image).T)[:, :3] - 2.0 * d * n
             errors.append(np.linalg.norm(np.cross(away, directions), axis=1))
     print("leave-one-out", np.mean(errors))
-    assert np.mean(errors) <= 0.042 + 5e-4
+    assert np.mean(errors) <= 0.042
 
 
 def test_the_shifted_grid_of_image9_is_refused_with_its_reason(two_mirrors: TwoMirrors) -> None:

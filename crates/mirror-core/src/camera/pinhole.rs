@@ -188,8 +188,8 @@ impl Camera {
             return Ok((target, Matrix2::identity()));
         }
         let mut x = target;
+        let (mut at, mut jacobian) = distort_with_point_jacobian(&self.coefficients, &x);
         for _ in 0..UNPROJECT_STEPS {
-            let (at, jacobian) = distort_with_point_jacobian(&self.coefficients, &x);
             let residual = at - target;
             let Some(inverse) = jacobian.try_inverse() else {
                 return refuse("needed a pixel inside the region in which the lens model can be inverted");
@@ -200,17 +200,19 @@ impl Camera {
                 }
                 return Ok((x, inverse));
             }
-            let mut step = inverse * residual;
             // Back off where a full step would leave the one-to-one region: the polynomial grows wildly there.
+            let mut step = inverse * residual;
             let mut next = x - step;
+            (at, jacobian) = distort_with_point_jacobian(&self.coefficients, &next);
             for _ in 0..30 {
                 if next.norm_squared() <= self.one_to_one_limit
-                    && (distort(&self.coefficients, &next) - target).norm() < residual.norm()
+                    && (at - target).norm_squared() < residual.norm_squared()
                 {
                     break;
                 }
                 step *= 0.5;
                 next = x - step;
+                (at, jacobian) = distort_with_point_jacobian(&self.coefficients, &next);
             }
             x = next;
         }

@@ -39,6 +39,8 @@ pub struct JointFrame {
 }
 
 /// What is known of the camera–board transform beforehand.
+// One a session: that it can be copied is worth more than its size.
+#[allow(clippy::large_enum_variant)]
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum BoardPrior {
     /// It is exactly the nominal one.

@@ -25,11 +25,10 @@ pub(crate) struct StartPoint {
     pub(super) views: Vec<PointView>,
 }
 
-/// Single-view plane of a frame: maximum likelihood with the nominal transform, moved to the glass's front face.
+/// Single-view plane of a frame: maximum likelihood with the nominal transform and the mirror's optics.
 fn start_plane(rig: &Rig, view: &BoardView, options: &JointOptions) -> Result<Plane> {
     let single = EstimatorOptions { loss: options.loss, ..EstimatorOptions::default() };
-    let apparent = MirrorEstimator::MaximumLikelihood.estimate(rig, view, &single)?.plane;
-    Plane::new(apparent.normal().into_inner(), apparent.offset_m() - options.optics.pane.paraxial_depth_m())
+    Ok(MirrorEstimator::MaximumLikelihood.estimate(rig, view, &single)?.plane)
 }
 
 /// The point nearest to all rays (least squares of the distances): `Σ (I − r rᵀ) (x − o) = 0`.
@@ -69,7 +68,8 @@ pub(super) fn start(
         .par_iter()
         .enumerate()
         .map(|(index, frame)| {
-            let rig = Rig::new(camera.clone(), *board, frame.nominal_camera_from_board);
+            let rig =
+                Rig::new(camera.clone(), *board, frame.nominal_camera_from_board).with_optics(options.optics);
             start_plane(&rig, &frame.corners, options)
                 .map_err(|source| Error::InView { view: index, source: Box::new(source) })
         })

@@ -85,7 +85,7 @@ fn median_noise<const P: usize, M: CornerModel<P>>(
     Ok((lengths[lengths.len() / 2] / RAYLEIGH_MEDIAN * (seen / left).sqrt()).max(SMALLEST_NOISE_PX))
 }
 
-/// Fits without the covariance: where only the state is wanted.
+/// Fits: the state and the noise of one axis, px (given, or estimated from the residual).
 pub(crate) fn fit_state<const P: usize, M: CornerModel<P>>(
     model: &M,
     corners: &[SeenCorner],
@@ -124,32 +124,44 @@ where
     }
 }
 
-/// Fits, then takes the covariance: `σ² (Σ JᵀJ)⁻¹`, for a robust loss times `E[ψ²]/E[ψ′]²` (Huber 1981).
-pub(crate) fn fit<const P: usize, M: CornerModel<P>>(
+/// What the noise of one axis contributes to the covariance `variance (Σ JᵀJ)⁻¹` of a fitted state, px²: `σ²`, for a
+/// robust loss `σ² E[ψ²]/E[ψ′]²` (Huber 1981).
+pub(crate) fn effective_variance<const P: usize, M: CornerModel<P>>(
     model: &M,
     corners: &[SeenCorner],
-    start: M::State,
+    state: &M::State,
     options: &EstimatorOptions,
+    noise_px: f64,
+) -> Result<f64> {
+    if options.loss == Loss::Squared {
+        return Ok(noise_px * noise_px);
+    }
+    let (mut squares, mut slopes) = (0.0, 0.0);
+    for corner in corners {
+        let squared = (model.predict(state, corner)?.pixel - corner.pixel).norm_squared();
+        let weighed = options.loss.weigh(squared, noise_px);
+        squares += 0.5 * weighed.weight * weighed.weight * squared;
+        slopes += weighed.slope;
+    }
+    let count = corners.len() as f64;
+    let left = (count - 0.5 * P as f64).max(0.5);
+    Ok((squares / left) / (slopes / count).powi(2))
+}
+
+/// The statistics of a fitted state.
+pub(crate) fn finished<const P: usize, M: CornerModel<P>>(
+    model: &M,
+    corners: &[SeenCorner],
+    state: M::State,
+    options: &EstimatorOptions,
+    noise_px: f64,
 ) -> Result<CornerFit<P, M::State>>
 where
     Const<P>: DimMin<Const<P>, Output = Const<P>>,
 {
-    let (state, noise_px) = fit_state(model, corners, start, options)?;
     let normal = accumulate(model, corners, &state, Loss::Squared, noise_px)?;
     let rms_px = (normal.cost / corners.len() as f64).sqrt();
-    let mut variance = noise_px * noise_px;
-    if options.loss != Loss::Squared {
-        let (mut squares, mut slopes) = (0.0, 0.0);
-        for corner in corners {
-            let squared = (model.predict(&state, corner)?.pixel - corner.pixel).norm_squared();
-            let weighed = options.loss.weigh(squared, noise_px);
-            squares += 0.5 * weighed.weight * weighed.weight * squared;
-            slopes += weighed.slope;
-        }
-        let count = corners.len() as f64;
-        let left = (count - 0.5 * P as f64).max(0.5);
-        variance = (squares / left) / (slopes / count).powi(2);
-    }
+    let variance = effective_variance(model, corners, &state, options, noise_px)?;
     let covariance = inverse_information(M::WHAT, &normal.information)? * variance;
     Ok(CornerFit { state, covariance, rms_px, noise_px })
 }

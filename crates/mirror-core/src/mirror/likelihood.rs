@@ -1,19 +1,21 @@
 //! The maximum-likelihood mirror of one view: three parameters, all corners.
 
 use super::board::{BoardView, SeenCorner};
-use super::corner_fit::{CornerModel, Predicted, fit};
+use super::corner_fit::{CornerModel, Predicted, effective_variance, fit_state};
 use super::estimate::{Found, MirrorEstimate, MirrorEstimator, Rig, before_both};
+use super::least_squares::inverse_information;
 use super::optics::MirrorOptics;
 use super::options::EstimatorOptions;
 use super::planar_start::closed_form_poses;
 use crate::camera::Camera;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::geometry::Plane;
 use nalgebra::{Matrix3, Point3, SMatrix, Vector3};
 
 struct PlaneModel<'a> {
     camera: &'a Camera,
     optics: &'a MirrorOptics,
+    ideal: bool,
     /// First two columns of the board's rotation, and its origin.
     axes: [Vector3<f64>; 2],
     origin: Point3<f64>,
@@ -32,7 +34,20 @@ impl CornerModel<3> for PlaneModel<'_> {
 
     #[inline]
     fn predict(&self, plane: &Self::State, corner: &SeenCorner) -> Result<Predicted<3>> {
-        let seen = self.optics.apparent_point_in_loop(plane, &self.point_in_camera(corner))?;
+        let point = self.point_in_camera(corner);
+        if self.ideal {
+            // The chain of the general case multiplied out, two vectors instead of two 3×3 matrices: with
+            // h = n·x and l = x − h n, `∂pixel/∂f = 2 (P n)(n − l/d)ᵀ + 2 (d − h)/d (P − (P n) nᵀ)`.
+            let (n, d) = (plane.normal().into_inner(), plane.offset_m());
+            let height = n.dot(&point.coords);
+            let before = 2.0 * (d - height);
+            let (pixel, p) = self.camera.project_with_point_jacobian(&(point + n * before))?;
+            let along = p * n;
+            let share = before / d;
+            let row = n * (2.0 - share) - (point.coords - n * height) * (2.0 / d);
+            return Ok(Predicted { pixel, jacobian: p * share + along * row.transpose() });
+        }
+        let seen = self.optics.apparent_point_in_loop(plane, &point)?;
         let (pixel, by_apparent) = self.camera.project_with_point_jacobian(&seen.point)?;
         Ok(Predicted { pixel, jacobian: by_apparent * seen.by_foot_point })
     }
@@ -57,6 +72,7 @@ pub(crate) fn estimate(rig: &Rig, view: &BoardView, options: &EstimatorOptions) 
     let model = PlaneModel {
         camera: &rig.camera,
         optics: &rig.optics,
+        ideal: rig.optics.is_ideal(),
         axes: [rotation.column(0).into_owned(), rotation.column(1).into_owned()],
         origin: Point3::from(rig.camera_from_board.translation.vector),
     };
@@ -64,15 +80,17 @@ pub(crate) fn estimate(rig: &Rig, view: &BoardView, options: &EstimatorOptions) 
     let [start, _] = closed_form_poses(&rig.camera, corners)?;
     let between = Plane::between(&model.origin, &Point3::from(start.translation.vector))?;
     let start = before_both(between, rig)?;
-    let fitted = fit(&model, corners, start, options)?;
-    let plane = before_both(fitted.state, rig)?;
+    let (plane, noise_px) = fit_state(&model, corners, start, options)?;
+    let plane = before_both(plane, rig)?;
 
+    let mut squares = 0.0;
     let mut information = Matrix3::zeros();
     let mut mixed = SMatrix::<f64, 3, 6>::zeros();
     for corner in corners {
         let seen = rig.optics.apparent_point_in_loop(&plane, &model.point_in_camera(corner))?;
-        let (_, by_apparent) = rig.camera.project_with_point_jacobian(&seen.point)?;
+        let (pixel, by_apparent) = rig.camera.project_with_point_jacobian(&seen.point)?;
         let by_foot = by_apparent * seen.by_foot_point;
+        squares += (pixel - corner.pixel).norm_squared();
         let (x, y) = (corner.point_in_board.x, corner.point_in_board.y);
         // As in the planar pose: p = R (Exp(ω) x + v) + t.
         let q = by_apparent * seen.by_point * rotation;
@@ -84,14 +102,15 @@ pub(crate) fn estimate(rig: &Rig, view: &BoardView, options: &EstimatorOptions) 
         information += by_foot.transpose() * by_foot;
         mixed += by_foot.transpose() * by_tangent;
     }
-    let factor = information.cholesky().ok_or(Error::Undetermined { what: "mirror plane" })?;
+    let inverse = inverse_information("mirror plane", &information)?;
+    let variance = effective_variance(&model, corners, &plane, options, noise_px)?;
     let found = Found {
         plane,
-        measurement_covariance_m2: fitted.covariance,
-        foot_by_camera_from_board: -factor.solve(&mixed),
+        measurement_covariance_m2: inverse * variance,
+        foot_by_camera_from_board: -(inverse * mixed),
         optics: rig.optics,
-        rms_px: fitted.rms_px,
-        noise_px: fitted.noise_px,
+        rms_px: (squares / corners.len() as f64).sqrt(),
+        noise_px,
     };
     Ok(found.into_estimate(MirrorEstimator::MaximumLikelihood, rig))
 }

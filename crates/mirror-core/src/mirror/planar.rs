@@ -1,7 +1,7 @@
 //! Pose of a flat board from its corners in one picture.
 
 use super::board::{BoardView, SeenCorner};
-use super::corner_fit::{CornerFit, CornerModel, Predicted, fit, fit_state};
+use super::corner_fit::{CornerFit, CornerModel, Predicted, finished, fit_state};
 use super::options::EstimatorOptions;
 use super::planar_start::closed_form_poses;
 use crate::camera::Camera;
@@ -93,22 +93,27 @@ pub fn planar_pose(camera: &Camera, view: &BoardView, options: &EstimatorOptions
     let corners = view.corners();
     let model = PoseModel { camera };
     let starts = closed_form_poses(camera, corners)?;
-    let refined = starts.map(|start| fit_state(&model, corners, start, &options).map(|(pose, _)| pose));
-    let (first, second) = match refined {
+    let refined = starts.map(|start| fit_state(&model, corners, start, &options));
+    let ((pose, noise_px), second) = match refined {
         [Ok(a), Ok(b)] => {
-            if rotation::difference(&a, &b).norm() < SAME_POSE {
+            if rotation::difference(&a.0, &b.0).norm() < SAME_POSE {
                 (a, None)
             } else {
-                let (in_a, in_b) = (rms(camera, corners, &a)?, rms(camera, corners, &b)?);
+                let (in_a, in_b) = (rms(camera, corners, &a.0)?, rms(camera, corners, &b.0)?);
                 let alternative =
                     |camera_from_pattern, rms_px| AlternativePose { camera_from_pattern, rms_px };
-                if in_a <= in_b { (a, Some(alternative(b, in_b))) } else { (b, Some(alternative(a, in_a))) }
+                if in_a <= in_b {
+                    (a, Some(alternative(b.0, in_b)))
+                } else {
+                    (b, Some(alternative(a.0, in_a)))
+                }
             }
         }
         [Ok(pose), Err(_)] | [Err(_), Ok(pose)] => (pose, None),
         [Err(error), Err(_)] => return Err(error),
     };
-    let CornerFit { state, covariance, rms_px, noise_px } = fit(&model, corners, first, &options)?;
+    let CornerFit { state, covariance, rms_px, noise_px } =
+        finished(&model, corners, pose, &options, noise_px)?;
     if !covariance.iter().all(|x| x.is_finite()) {
         return Err(Error::Undetermined { what: "pose of the board" });
     }
