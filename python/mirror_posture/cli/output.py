@@ -19,6 +19,8 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+WIDEST, NARROW = 400, 125
+"""Columns of a page without edge, and of a terminal on which the long tables do not fit."""
 Item = TypeVar("Item")
 
 
@@ -53,14 +55,19 @@ class Output:
 
     def __init__(self, as_json: bool = False) -> None:
         self.as_json = as_json
-        self.messages = Console(stderr=as_json, highlight=False, soft_wrap=True)
-        self.errors = Console(stderr=True, highlight=False, soft_wrap=True)
+        self.messages = _console(as_json)
+        self.errors = _console(stderr=True)
         Output._current = self
 
     @classmethod
     def current(cls) -> Output:
         """The running command's output; before there is one, a person's."""
         return cls._current or cls()
+
+    @property
+    def narrow(self) -> bool:
+        """Whether the long tables must leave out what can be left out."""
+        return self.messages.is_terminal and self.messages.width < NARROW
 
     def say(self, text: str, style: str | None = None) -> None:
         """One line for a person."""
@@ -73,7 +80,7 @@ class Output:
     def table(
         self, title: str, columns: Iterable[str], rows: Iterable[Iterable[str]], caption: str = ""
     ) -> None:
-        """A table for a person. Columns named `*` in front hold text; all others are numbers, to the right."""
+        """A table for a person. A name starts with `*` for text, with `~` for text that may be folded; else numbers."""
         if self.as_json:
             return
         columns = list(columns)
@@ -82,11 +89,13 @@ class Output:
             caption=caption or None,
             title_justify="left",
             caption_justify="left",
-            show_header=any(column.strip("*") for column in columns),
+            show_header=any(column.strip("*~") for column in columns),
         )
         for column in columns:
-            text = column.startswith("*")
-            table.add_column(column.removeprefix("*"), justify="left" if text else "right", no_wrap=not text)
+            text = column.startswith(("*", "~"))
+            table.add_column(
+                column.lstrip("*~"), justify="left" if text else "right", no_wrap=not column.startswith("~")
+            )
         for row in rows:
             table.add_row(*row)
         self.messages.print(table, soft_wrap=False)
@@ -125,6 +134,14 @@ class Output:
         if self.as_json:
             place = {name: getattr(error, name, None) for name in ("file", "row", "column")}
             self.result({"error": {"message": message, "exit_code": int(code), **place}})
+
+
+def _console(stderr: bool) -> Console:
+    """A file or a pipe has no width: what would be cut off there is lost."""
+    console = Console(stderr=stderr, highlight=False, soft_wrap=True)
+    if not console.is_terminal:
+        console.width = WIDEST
+    return console
 
 
 def _bar() -> Progress:

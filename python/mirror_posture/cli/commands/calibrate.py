@@ -116,7 +116,7 @@ def command(
             ("agreement of the snapshots, chi²", f"{found.chi_squared:.1f} of {found.degrees_of_freedom}")
         )
         result |= {"chi_squared": found.chi_squared, "degrees_of_freedom": found.degrees_of_freedom}
-    output.table("Camera and board", ("*", "*"), rows)
+    output.table("Camera and board", ("*", "~"), rows)
     if found.warning:
         output.warn(found.warning)
     if out is not None:

@@ -44,5 +44,5 @@ def command(session: SessionArgument, as_json: JsonOption = False) -> None:
         for key, value in summary.items()
         if key != "warnings"
     ]
-    output.table(f"{session} is a session", ["*", "*"], rows)
+    output.table(f"{session} is a session", ["*", "~"], rows)
     output.result(summary)

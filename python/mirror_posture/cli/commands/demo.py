@@ -113,7 +113,7 @@ def command(
         "the markers with their uncertainty": out / "markers.csv",
         "the same with all covariances": out / "markers.json",
     }
-    output.table("What was made", ("*", "*"), [(what, str(path)) for what, path in made.items()])
+    output.table("What was made", ("*", "~"), [(what, str(path)) for what, path in made.items()])
     output.say(f"next: mirror-posture measure {folder} --estimator all")
     result: dict[str, Any] = {
         "marker_error_rms_m": {name: _rms(values) for name, values in errors.items()},

@@ -97,7 +97,7 @@ def command(
             output.warn(f"frame {frame}: {text}")
     output.table(
         f"{session}: what was found in {len(rows)} pictures",
-        ("frame", "*picture", "*board", "residual px", "balls", "*not found"),
+        ("frame", "*picture", "*board", "residual px", "balls", "~not found"),
         rows,
     )
     for (what, reason), frames in _grouped(refused).items():

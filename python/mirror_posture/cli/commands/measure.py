@@ -183,30 +183,30 @@ def _show_rows(output: Output, measurement: Measurement, limit: int) -> None:
         where = "  ".join(f"{1000.0 * v:8.2f}" for v in model[k])
         if markers.measured[k]:
             measured = "  ".join(f"{1000.0 * v:8.2f}" for v in point[k])
-            last = (_millimetres(markers.std_m[k]), _millimetres(markers.distance_m[k]), "")
+            last = (_millimetres(markers.std_m[k]), _millimetres(markers.distance_m[k]))
         else:
-            measured, last = "", ("", "", str(markers.reason[k]))
+            measured, last = "", ("", "")
         shown.append(
-            (str(markers.posture[k]), name, str(markers.views[k]), measured, last[0], where, last[1], last[2])
+            (str(markers.posture[k]), name, str(markers.views[k]), measured, last[0], where, last[1])
         )
     if not shown:
         return
     more = len(markers) - len(shown)
+    columns = ["posture", "*marker", "views", "measured", "±", "model", "distance"]
+    kept = [i for i, column in enumerate(columns) if column != "model" or not output.narrow]
     output.table(
         f"Markers in the root frame, mm (x y z), by {measurement.estimator}",
-        (
-            "posture",
-            "*marker",
-            "views",
-            "measured",
-            "±",
-            "model",
-            "distance",
-            *(("*",) if any(r[-1] for r in shown) else ()),
-        ),
-        [row if any(r[-1] for r in shown) else row[:-1] for row in shown],
+        [columns[i] for i in kept],
+        [[row[i] for i in kept] for row in shown],
         caption=f"and {more} more rows: --rows {len(markers)}, or --out FILE" if more > 0 else "",
     )
+    reasons: dict[tuple[str, str], list[str]] = {}
+    for k, reason in enumerate(markers.reason):
+        if reason is not None:
+            name = measurement.marker_names[markers.marker[k]]
+            reasons.setdefault((name, reason), []).append(str(markers.posture[k]))
+    for (name, reason), postures in reasons.items():
+        output.say(f"{name}: not measured, {reason} (postures {', '.join(postures)})", style="dim")
 
 
 def _show_summary(output: Output, measurement: Measurement) -> None:
@@ -227,8 +227,10 @@ def _show_summary(output: Output, measurement: Measurement) -> None:
     ]
     output.table(
         f"By marker, mm, by {measurement.estimator}",
-        ("*marker", "postures", "± (median)", "from model, RMS", "largest", "mean offset x y z"),
-        rows,
+        ("*marker", "postures", "± (median)", "from model, RMS", "largest", "mean offset x y z")[
+            : 5 if output.narrow else 6
+        ],
+        [row[: 5 if output.narrow else 6] for row in rows],
         caption=f"noise: corners {measurement.corner_noise_px:.3f} px, balls {measurement.marker_noise_px:.3f} px, one axis",
     )
 
