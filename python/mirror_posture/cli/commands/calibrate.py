@@ -51,7 +51,7 @@ def command(
     output = Output(as_json)
     import numpy as np
 
-    from ...measure import nominal_camera_from_board
+    from ...measurement import nominal_camera_from_board
     from .measure import _with_detections
 
     given = (second_camera, second_pictures, stand)

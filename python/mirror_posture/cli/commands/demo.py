@@ -34,9 +34,9 @@ def command(
     import numpy as np
 
     from ...detect import detect_session, read_picture, write_overlay
-    from ...measure import ESTIMATORS, MeasureOptions, measure_all
-    from ...measure_pictures import plot_measured_against_model, write_measured_and_model
-    from ...measure_table import document, write_marker_table
+    from ...measurement import ESTIMATORS, MeasureOptions, measure_all
+    from ...measurement_pictures import plot_measured_against_model, write_measured_and_model
+    from ...measurement_table import document, write_marker_table
     from ...render import DEMO_OFFSETS_RAD, DEMO_POSTURES, DEMO_VIEWS, TRUTH_FILE, render_session
     from ...session import load_session, write_detections
     from ..output import plain

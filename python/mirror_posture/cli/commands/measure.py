@@ -12,7 +12,7 @@ from ..._core import MirrorPostureError
 from ..output import ExitCode, JsonOption, Output, SessionArgument
 
 if TYPE_CHECKING:
-    from ...measure import Measurement
+    from ...measurement import Measurement
     from ...session import Session
 
 ORDER = 40
@@ -67,8 +67,8 @@ def command(
     Example: `mirror-posture measure my-session --plot gap.png --out markers.csv`
     """
     output = Output(as_json)
-    from ...measure import ESTIMATORS, MeasureOptions, measure_all
-    from ...measure_table import document, summarise, write_marker_table
+    from ...measurement import ESTIMATORS, MeasureOptions, measure_all
+    from ...measurement_table import document, summarise, write_marker_table
 
     if estimator not in (*ESTIMATORS, ALL):
         raise MirrorPostureError(
@@ -109,7 +109,7 @@ def command(
             write_marker_table(chosen, out)
         written.append(out)
     if plot is not None:
-        from ...measure_pictures import plot_measured_against_model
+        from ...measurement_pictures import plot_measured_against_model
 
         plot_measured_against_model(chosen, plot)
         written.append(plot)
@@ -151,7 +151,7 @@ def _read_mount(file: Path) -> Any:
 
     import numpy as np
 
-    from ...measure import Mount
+    from ...measurement import Mount
 
     try:
         tree = json.loads(file.read_text(encoding="utf-8"))
@@ -210,7 +210,7 @@ def _show_rows(output: Output, measurement: Measurement, limit: int) -> None:
 
 
 def _show_summary(output: Output, measurement: Measurement) -> None:
-    from ...measure_table import summarise
+    from ...measurement_table import summarise
 
     rows = [
         (
@@ -259,7 +259,7 @@ def _show_comparison(output: Output, measurements: list[Measurement]) -> None:
 
 
 def _write_overlays(output: Output, session: Session, measurement: Measurement, folder: Path) -> list[Path]:
-    from ...measure_pictures import write_measured_and_model
+    from ...measurement_pictures import write_measured_and_model
 
     folder.mkdir(parents=True, exist_ok=True)
     written = []

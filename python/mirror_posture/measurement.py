@@ -22,6 +22,9 @@ JOINT_MOUNT_STD_RAD = math.radians(1.0)
 JOINT_MOUNT_STD_M = 0.002
 """What `joint` assumes of the camera–board transform where nothing is said: a hand-made mount."""
 
+EXACT_STD = 1e-8
+"""What is stated as exact, rad or m, where something else is not: a prior cannot hold a zero."""
+
 
 class NothingMeasuredError(MirrorPostureError):
     """The session is fine and nothing can be measured from it; the message says why."""
@@ -196,7 +199,8 @@ def _measure(session: Session, nominal: Floats, options: MeasureOptions) -> Meas
     if mount is None and (stated or joint):
         rotation = options.mount_std_rad if stated else JOINT_MOUNT_STD_RAD
         translation = options.mount_std_m if stated else JOINT_MOUNT_STD_M
-        mount = np.diag([(rotation or 0.0) ** 2] * 3 + [(translation or 0.0) ** 2] * 3)
+        stds = np.array([rotation or 0.0] * 3 + [translation or 0.0] * 3)
+        mount = np.diag(np.maximum(stds, EXACT_STD) ** 2)
     shared = {
         "corner_noise_px": corner_noise,
         "marker_noise_px": marker_noise,

@@ -10,7 +10,7 @@ import numpy as np
 import pyarrow as pa
 
 from ._core import MirrorPostureError
-from .measure import Measurement
+from .measurement import Measurement
 from .session.write import write_table
 
 AXES = "xyz"

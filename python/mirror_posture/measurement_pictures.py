@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from .camera import camera_from_info
 from .detect import read_picture
-from .measure import Measurement
+from .measurement import Measurement
 from .optics import see_in_mirror
 from .session import Session
 
