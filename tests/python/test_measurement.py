@@ -165,7 +165,7 @@ def test_a_camera_that_sits_elsewhere_is_found_by_joint_and_by_calibration(tmp_p
         MeasureOptions(
             mount=Mount(
                 np.array([[-1.0, 0, 0, 0], [0, 1, 0, 0.075], [0, 0, -1, 0.01], [0, 0, 0, 1]]),
-                np.eye(6) * 1e-12,
+                np.eye(6) * 1e-18,
             )
         ),
     )
