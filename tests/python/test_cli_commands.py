@@ -30,7 +30,7 @@ def run(*arguments: object, code: int = 0):
 def rendered(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("rendered") / "session"
     text = run(
-        "render", folder, "--postures", 1, "--yaw", -6, "--yaw", 9, "--offset", "r_shoulder_roll=2.5"
+        "render", folder, "--postures", 1, "--yaw", 0, "--yaw", 12, "--offset", "r_shoulder_roll=2.5"
     ).output
     assert "2 pictures" in text and f"mirror-posture detect {folder}" in text
     return folder
