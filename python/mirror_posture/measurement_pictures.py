@@ -17,6 +17,8 @@ from .session import Session
 MEASURED_BGR = (80, 230, 80)
 MODEL_BGR = (60, 60, 255)
 MILLIMETRES = 1000.0
+SHIFT = 4
+"""Fractional bits of OpenCV's drawing coordinates."""
 
 
 def plot_measured_against_model(measurement: Measurement, file: Path) -> None:
@@ -100,36 +102,26 @@ def draw_measured_and_model(
     }  # fmt: skip
     core = camera_from_info(camera)
     for points, color, shape in (
-        (markers.model_in_camera_m, MODEL_BGR, "cross"),
         (markers.point_in_camera_m, MEASURED_BGR, "ring"),
+        (markers.model_in_camera_m, MODEL_BGR, "cross"),
     ):
         if not len(mine):
             continue
         seen = see_in_mirror(core, foot, points[mine], **glass)
-        for k, pixel, good in zip(mine, seen.pixels_px, seen.valid, strict=True):
-            if not good or (shape == "ring" and not markers.measured[k]):
+        pixels = np.where(seen.valid[:, None], seen.pixels_px, -np.inf)
+        # From left to right, the names alternately above and below, so that neighbours do not cover each other.
+        for order, i in enumerate(np.argsort(pixels[:, 0])):
+            k, pixel = mine[i], pixels[i]
+            inside = (pixel >= 0).all() and pixel[0] < picture.shape[1] and pixel[1] < picture.shape[0]
+            if not inside or (shape == "ring" and not markers.measured[k]):
                 continue
-            if not (0 <= pixel[0] <= picture.shape[1] - 1 and 0 <= pixel[1] <= picture.shape[0] - 1):
-                continue
-            at = tuple(int(v) for v in np.round(((pixel + 0.5) * scale - 0.5) * 16))
+            at = (pixel + 0.5) * scale - 0.5
+            _draw(canvas, shape, at, color, scale)
             if shape == "ring":
-                cv2.circle(canvas, at, 9 * scale * 16, color, scale, cv2.LINE_AA, 4)
                 text = f"{measurement.marker_names[markers.marker[k]]} {markers.distance_m[k] * MILLIMETRES:.1f} mm"
-                _label(canvas, text, (at[0] // 16 + 12 * scale, at[1] // 16 + 4 * scale), scale)
-            else:
-                arm = 7 * scale * 16
-                for dx, dy in ((arm, arm), (arm, -arm)):
-                    cv2.line(
-                        canvas,
-                        (at[0] - dx, at[1] - dy),
-                        (at[0] + dx, at[1] + dy),
-                        color,
-                        scale,
-                        cv2.LINE_AA,
-                        4,
-                    )
+                _label(canvas, text, at + np.array([0.0, 34.0 if order % 2 else -22.0]) * scale, scale)
     legend = f"frame {session.frames.frame[row]}: green ring measured, red cross model, distance between them"
-    _label(canvas, legend, (8, canvas.shape[0] - 10), scale)
+    _label(canvas, legend, np.array([0.0, canvas.shape[0] - 10.0]), scale)
     return canvas
 
 
@@ -143,10 +135,29 @@ def write_measured_and_model(session: Session, measurement: Measurement, row: in
     return True
 
 
-def _label(canvas: npt.NDArray[np.uint8], text: str, at: tuple[int, int], scale: int) -> None:
+def _draw(
+    canvas: npt.NDArray[np.uint8],
+    shape: str,
+    at: npt.NDArray[np.float64],
+    color: tuple[int, int, int],
+    scale: int,
+) -> None:
+    """A ring or a cross at a sub-pixel place, with a dark rim so that it shows on a ball of its own colour."""
+    x, y = (int(v) for v in np.round(at * 2**SHIFT))
+    for ink, weight in (((0, 0, 0), 3 * scale), (color, scale)):
+        if shape == "ring":
+            cv2.circle(canvas, (x, y), (9 * scale) << SHIFT, ink, weight, cv2.LINE_AA, SHIFT)
+            continue
+        arm = (5 * scale) << SHIFT
+        for dx, dy in ((arm, arm), (arm, -arm)):
+            cv2.line(canvas, (x - dx, y - dy), (x + dx, y + dy), ink, weight, cv2.LINE_AA, SHIFT)
+
+
+def _label(canvas: npt.NDArray[np.uint8], text: str, at: npt.NDArray[np.float64], scale: int) -> None:
+    """Text on a dark plate, centred on a place and kept inside of the picture."""
     size = 0.4 * scale
     (width, height), base = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, size, 1)
-    x = int(np.clip(at[0], 2, max(2, canvas.shape[1] - width - 4)))
+    x = int(np.clip(at[0] - width / 2, 4, max(4, canvas.shape[1] - width - 6)))
     y = int(np.clip(at[1], height + 4, canvas.shape[0] - base - 2))
     plate = canvas[y - height - 3 : y + base + 1, max(x - 3, 0) : x + width + 4]
     plate[:] = (plate * 0.35).astype(np.uint8)
