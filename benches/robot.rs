@@ -141,6 +141,7 @@ fn batches(c: &mut Criterion) {
     let robot = robot();
     let (width, links, joints) = (robot.position_count(), robot.links().len(), robot.joints().len());
     let (a, b) = (links - 1, links / 2);
+    let some_links = [0, links / 5, links / 3, links / 2, links - 2, links - 1];
     let point = Point3::new(0.1, 0.2, 0.3);
     let gravity = Vector3::new(0.0, 0.0, -9.81);
     for threads in [1, 2] {
@@ -158,6 +159,9 @@ fn batches(c: &mut Criterion) {
             };
             bench("forward kinematics of all links", links * 16, &|out| {
                 robot.forward_kinematics_batch(&q, out).unwrap();
+            });
+            bench("poses of 6 links", 6 * 16, &|out| {
+                robot.link_poses_batch(&q, &some_links, out).unwrap();
             });
             bench("all joint Jacobians", joints * 6, &|out| robot.joint_twists_batch(&q, out).unwrap());
             bench("point", 3, &|out| robot.points_batch(&q, a, b, &point, out).unwrap());

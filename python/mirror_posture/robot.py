@@ -7,7 +7,7 @@ coordinates in frame b to frame a.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from os import PathLike, fspath
@@ -171,6 +171,13 @@ class Robot:
     def forward_kinematics(self, positions: npt.ArrayLike) -> Array:
         """Poses `root_from_link` of all links in N postures: `(N, nq)` to `(N, links, 4, 4)`."""
         return self.core.forward_kinematics(positions)
+
+    def link_poses(self, positions: npt.ArrayLike, links: Sequence[str]) -> Array:
+        """Poses `root_from_link` of some links in N postures: `(N, len(links), 4, 4)`, in the order of `links`.
+
+        Of a large batch of all links most time goes into writing them to memory; this writes what is asked for.
+        """
+        return self.core.link_poses(positions, list(links))
 
     def joint_twists(self, positions: npt.ArrayLike) -> Array:
         """Twists of what each joint carries, a unit of its own position, in the root's frame: `(N, joints, 6)`.

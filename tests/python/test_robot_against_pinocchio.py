@@ -119,6 +119,8 @@ def some_links(pair: Pair, count: int) -> list[str]:
 
 def test_all_links_are_where_pinocchio_has_them(pair: Pair, postures: np.ndarray) -> None:
     poses = pair.robot.forward_kinematics(postures)
+    some = [pair.robot.link_names[-1], pair.robot.link_names[1]]
+    assert np.array_equal(pair.robot.link_poses(postures, some), poses[:, [-1, 1]])
     assert poses.shape == (POSTURES, len(pair.robot.link_names), 4, 4)
     for row, q in zip(poses, postures, strict=True):
         update(pair, q)

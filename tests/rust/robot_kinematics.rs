@@ -179,3 +179,51 @@ fn a_tangent_at_a_joint_moves_the_point_as_its_jacobian_says() {
         }
     }
 }
+
+#[test]
+fn links_asked_for_are_those_of_all_links() {
+    let mut rng = ChaCha8Rng::seed_from_u64(4);
+    let robot = Robot::from_urdf_str(&random_urdf(11, 30)).unwrap();
+    for count in [1, 7, 8, 130] {
+        let q: Vec<f64> = (0..count).flat_map(|_| random_positions(&mut rng, &robot)).collect();
+        // Out of order, and one twice.
+        let links = [30, 0, 17, 17, 4];
+        let mut some = vec![f64::NAN; count * links.len() * 16];
+        robot.link_poses_batch(&q, &links, &mut some).unwrap();
+        for (row, q) in some.chunks(links.len() * 16).zip(q.chunks(robot.position_count())) {
+            let poses = robot.poses(q).unwrap();
+            for (matrix, link) in row.chunks(16).zip(links) {
+                let expected = poses.root_from_link(link).to_homogeneous();
+                assert_relative_eq!(nalgebra::Matrix4::from_row_slice(matrix), expected, epsilon = 1e-12);
+            }
+        }
+    }
+    assert!(robot.link_poses_batch(&[], &[31], &mut []).unwrap_err().to_string().contains("31"));
+}
+
+#[test]
+fn a_large_angle_in_one_lane_leaves_the_others_right() {
+    // Beyond 1e5 rad the kernel's own reduction hands over to the standard library.
+    let robot = Robot::from_urdf_str(&random_urdf(12, 20)).unwrap();
+    let width = robot.position_count();
+    let mut q: Vec<f64> = (0..8 * width).map(|i| (i as f64 * 0.37).sin()).collect();
+    q[3 * width + 1] = 4.0e6;
+    let each = robot.links().len() * 16;
+    let mut batch = vec![0.0; 8 * each];
+    robot.forward_kinematics_batch(&q, &mut batch).unwrap();
+    for (row, q) in batch.chunks(each).zip(q.chunks(width)) {
+        for (link, matrix) in row.chunks(16).enumerate() {
+            let mut chain = Isometry3::identity();
+            for step in &robot.chain(0, link).unwrap().steps {
+                chain *= parent_from_child(&robot, step.joint, robot.joint_position(step.joint, q));
+            }
+            // A mimic joint may slide by metres times the angle: relative, not absolute.
+            assert_relative_eq!(
+                nalgebra::Matrix4::from_row_slice(matrix),
+                chain.to_homogeneous(),
+                epsilon = 1e-9,
+                max_relative = 1e-9
+            );
+        }
+    }
+}

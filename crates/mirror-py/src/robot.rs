@@ -181,6 +181,18 @@ impl PyRobot {
         reshaped(py, out, [count, links, 4, 4])
     }
 
+    fn link_poses<'py>(
+        &self,
+        py: Python<'py>,
+        positions: Array2Like<'py>,
+        links: Vec<String>,
+    ) -> PyResult<Bound<'py, PyArray4<f64>>> {
+        let (count, q) = self.positions(&positions)?;
+        let links = links.iter().map(|name| self.link(name)).collect::<PyResult<Vec<_>>>()?;
+        let out = batch(py, count, links.len() * 16, |out| self.inner.link_poses_batch(&q, &links, out))?;
+        reshaped(py, out, [count, links.len(), 4, 4])
+    }
+
     fn joint_twists<'py>(
         &self,
         py: Python<'py>,

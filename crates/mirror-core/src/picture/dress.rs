@@ -1,7 +1,7 @@
 //! From a URDF's visual geometry to painted solids.
 
 use super::{Body, Colour, Material, Paint, Shape};
-use crate::error::{Error, Result, positive};
+use crate::error::{Error, Result, finite, positive};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use std::collections::HashMap;
 
@@ -38,7 +38,8 @@ impl Dress {
     /// Colours are taken as the values of a picture (gamma 2.2), as viewers show them.
     ///
     /// # Errors
-    /// [`Error::Picture`] where the text is no URDF; [`Error::OutOfRange`] for a solid without extent.
+    /// [`Error::Picture`] where the text is no URDF; [`Error::OutOfRange`] for a solid without extent;
+    /// [`Error::NotFinite`] for a place or a colour that is no number.
     pub fn from_urdf(text: &str) -> Result<Self> {
         let robot = urdf_rs::read_from_string(text)
             .map_err(|e| Error::Picture { what: "reading the URDF's visuals".into(), why: e.to_string() })?;
@@ -76,7 +77,13 @@ impl Dress {
                     m.color.as_ref().map(|c| c.rgba.0).or_else(|| named.get(m.name.as_str()).copied())
                 });
                 let colour = rgba.map_or(DEFAULT_COLOUR, |c| [c[0], c[1], c[2]]);
+                for x in rgba.iter().flatten() {
+                    finite(&format!("link {}: colour of a visual", link.name), *x)?;
+                }
                 let o = &visual.origin;
+                for x in o.xyz.iter().chain(o.rpy.iter()) {
+                    finite(&format!("link {}: origin of a visual", link.name), *x)?;
+                }
                 dress.visuals.push(DressedVisual {
                     link: link.name.clone(),
                     shape,

@@ -3,36 +3,87 @@
 //! Postures are the rows of `q`, (N, nq), and results are arrays in C order, their first axis the posture. Each row's
 //! result depends on that row alone.
 
-use super::lanes::{LANES, Lane, Lane3, LanePoses, cross, minus, sum};
+use super::lanes::{LANES, Lane, Lane3, LanePoses, cross, lane_of, minus, scaled, sum};
 use super::model::{JointKind, Robot};
 use crate::error::{Error, Result, finite};
+use multiversion::multiversion;
 use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
 
 /// Blocks of [`LANES`] postures that one task takes: enough to hide the cost of handing it over.
 const BLOCKS_A_TASK: usize = 16;
 
+/// Postures in blocks of [`LANES`], compiled once for each width of the processor's vectors and chosen when it runs.
+///
+/// All versions round alike (no fused multiply-add), so results are the same bits on every machine.
+#[multiversion(targets("x86_64+avx512f", "x86_64+avx2"))]
+fn run_rows<W, F: Fn(&LanePoses, &mut W, &mut [f64])>(
+    robot: &Robot,
+    q: &[f64],
+    each: usize,
+    out: &mut [f64],
+    workspace: &mut (LanePoses, W),
+    write: &F,
+) {
+    let width = robot.position_count();
+    let (poses, extra) = workspace;
+    for (k, block) in out.chunks_mut(LANES * each).enumerate() {
+        let (start, rows) = (k * LANES, block.len() / each);
+        robot.advance_lanes(&q[start * width..(start + rows) * width], poses);
+        write(poses, extra, block);
+    }
+}
+
 impl Robot {
     /// Forward kinematics of N postures: `root_from_link` of all links as 4×4 matrices by rows, (N, links, 4, 4).
+    ///
+    /// Of a large batch most time goes into writing 128 bytes a link to memory: ask for the links that are needed by
+    /// [`Robot::link_poses_batch`].
     ///
     /// # Errors
     /// Positions that are not finite (by row and joint), lengths that do not fit.
     pub fn forward_kinematics_batch(&self, q: &[f64], out: &mut [f64]) -> Result<()> {
-        let links = self.links.len();
-        self.run_batch(q, out, links * 16, "poses (N, links, 4, 4)", |poses, block| {
-            for (lane, row) in block.chunks_exact_mut(links * 16).enumerate() {
-                for (frame, matrix) in poses.frames.iter().zip(row.as_chunks_mut::<16>().0) {
-                    let [x, y, z] = &frame.axes;
-                    for i in 0..3 {
-                        matrix[4 * i] = x[i].0[lane];
-                        matrix[4 * i + 1] = y[i].0[lane];
-                        matrix[4 * i + 2] = z[i].0[lane];
-                        matrix[4 * i + 3] = frame.origin[i].0[lane];
+        let each = self.links.len() * 16;
+        self.run_batch(
+            q,
+            out,
+            each,
+            "poses (N, links, 4, 4)",
+            #[inline(always)]
+            |poses, block| {
+                for (lane, row) in block.chunks_exact_mut(each).enumerate() {
+                    for (frame, matrix) in poses.frames.iter().zip(row.as_chunks_mut::<16>().0) {
+                        frame.write_matrix(lane, matrix);
                     }
-                    matrix[12..].copy_from_slice(&[0.0, 0.0, 0.0, 1.0]);
                 }
-            }
-        })
+            },
+        )
+    }
+
+    /// Poses of some links in N postures: `root_from_link` as 4×4 matrices by rows, (N, links asked for, 4, 4), in the
+    /// order of `links`.
+    ///
+    /// # Errors
+    /// As [`Robot::forward_kinematics_batch`], and an index that is no link.
+    pub fn link_poses_batch(&self, q: &[f64], links: &[usize], out: &mut [f64]) -> Result<()> {
+        for &link in links {
+            self.check_link("link", link)?;
+        }
+        let each = links.len() * 16;
+        self.run_batch(
+            q,
+            out,
+            each,
+            "poses (N, links asked for, 4, 4)",
+            #[inline(always)]
+            |poses, block| {
+                for (lane, row) in block.chunks_exact_mut(each).enumerate() {
+                    for (&link, matrix) in links.iter().zip(row.as_chunks_mut::<16>().0) {
+                        poses.frames[link].write_matrix(lane, matrix);
+                    }
+                }
+            },
+        )
     }
 
     /// Twists of all joints in N postures, (N, joints, 6), rows (ω, v at the root's origin), as [`Robot::joint_twists`].
@@ -41,18 +92,25 @@ impl Robot {
     /// As [`Robot::forward_kinematics_batch`].
     pub fn joint_twists_batch(&self, q: &[f64], out: &mut [f64]) -> Result<()> {
         let joints = self.joints.len();
-        self.run_batch(q, out, joints * 6, "twists (N, joints, 6)", |poses, block| {
-            for j in 0..joints {
-                let (angular, linear) = self.joint_twist_lanes(poses, j);
-                for (lane, row) in block.chunks_exact_mut(joints * 6).enumerate() {
-                    let twist = &mut row[6 * j..6 * j + 6];
-                    for i in 0..3 {
-                        twist[i] = angular[i].0[lane];
-                        twist[3 + i] = linear[i].0[lane];
+        self.run_batch(
+            q,
+            out,
+            joints * 6,
+            "twists (N, joints, 6)",
+            #[inline(always)]
+            |poses, block| {
+                for j in 0..joints {
+                    let (angular, linear) = self.joint_twist_lanes(poses, j);
+                    for (lane, row) in block.chunks_exact_mut(joints * 6).enumerate() {
+                        let twist = &mut row[6 * j..6 * j + 6];
+                        for i in 0..3 {
+                            twist[i] = angular[i].0[lane];
+                            twist[3 + i] = linear[i].0[lane];
+                        }
                     }
                 }
-            }
-        })
+            },
+        )
     }
 
     /// Where a point of link b is in link a's frame, m, in N postures, (N, 3).
@@ -68,14 +126,21 @@ impl Robot {
         out: &mut [f64],
     ) -> Result<()> {
         self.check_pair(link_a, link_b, point_in_b)?;
-        self.run_batch(q, out, 3, "points (N, 3)", |poses, block| {
-            let a = &poses.frames[link_a];
-            let x = poses.frames[link_b].mapped(point_in_b.coords.as_slice());
-            let x_in_a = a.turned_back(&minus(&x, &a.origin));
-            for (lane, row) in block.chunks_exact_mut(3).enumerate() {
-                row.copy_from_slice(&x_in_a.map(|c| c.0[lane]));
-            }
-        })
+        self.run_batch(
+            q,
+            out,
+            3,
+            "points (N, 3)",
+            #[inline(always)]
+            |poses, block| {
+                let a = &poses.frames[link_a];
+                let x = poses.frames[link_b].mapped(point_in_b.coords.as_slice());
+                let x_in_a = a.turned_back(&minus(&x, &a.origin));
+                for (lane, row) in block.chunks_exact_mut(3).enumerate() {
+                    row.copy_from_slice(&lane_of(&x_in_a, lane));
+                }
+            },
+        )
     }
 
     /// Jacobians of a point of link b as link a sees it, in N postures, (N, 3, nq), as [`Robot::point_jacobian`].
@@ -92,22 +157,29 @@ impl Robot {
     ) -> Result<()> {
         self.check_pair(link_a, link_b, point_in_b)?;
         let width = self.position_count();
-        self.run_batch(q, out, 3 * width, "Jacobians (N, 3, nq)", |poses, block| {
-            block.fill(0.0);
-            let a = &poses.frames[link_a];
-            let x = poses.frames[link_b].mapped(point_in_b.coords.as_slice());
-            self.for_each_between(link_a, link_b, |joint, sign| {
-                let Some(drive) = self.joints[joint].drive else { return };
-                let (angular, linear) = self.joint_twist_lanes(poses, joint);
-                let velocity = sum(&cross(&angular, &x), &linear);
-                let column = a.turned_back(&velocity).map(|c| c * (sign * drive.multiplier));
-                for (lane, row) in block.chunks_exact_mut(3 * width).enumerate() {
-                    for i in 0..3 {
-                        row[i * width + drive.position] += column[i].0[lane];
+        self.run_batch(
+            q,
+            out,
+            3 * width,
+            "Jacobians (N, 3, nq)",
+            #[inline(always)]
+            |poses, block| {
+                block.fill(0.0);
+                let a = &poses.frames[link_a];
+                let x = poses.frames[link_b].mapped(point_in_b.coords.as_slice());
+                self.for_each_between(link_a, link_b, |joint, sign| {
+                    let Some(drive) = self.joints[joint].drive else { return };
+                    let (angular, linear) = self.joint_twist_lanes(poses, joint);
+                    let velocity = sum(&cross(&angular, &x), &linear);
+                    let column = scaled(&a.turned_back(&velocity), sign * drive.multiplier);
+                    for (lane, row) in block.chunks_exact_mut(3 * width).enumerate() {
+                        for i in 0..3 {
+                            row[i * width + drive.position] += column[i].0[lane];
+                        }
                     }
-                }
-            });
-        })
+                });
+            },
+        )
     }
 
     /// Generalised gravity forces on q in N postures, (N, nq), N m (N for prismatic joints), as
@@ -165,6 +237,7 @@ impl Robot {
             each,
             what,
             || vec![[Lane::ZERO; 3]; self.links.len()],
+            #[inline(always)]
             |poses, below, block| {
                 block.fill(0.0);
                 let gravity = poses.frames[held_link].turned(gravity_in_held_link.as_slice());
@@ -178,17 +251,17 @@ impl Robot {
                         (mass, moment, sign) = (masses[0] - mass, minus(&below[0], &moment), -1.0);
                     }
                     let frame = &poses.frames[j + 1];
-                    let arm = minus(&moment, &frame.origin.map(|x| x * mass));
-                    let about_origin = frame.turned_back(&cross(&arm, &gravity)).map(|x| x * sign);
+                    let arm = minus(&moment, &scaled(&frame.origin, mass));
+                    let about_origin = scaled(&frame.turned_back(&cross(&arm, &gravity)), sign);
                     if moments {
                         for (lane, row) in block.chunks_exact_mut(each).enumerate() {
-                            row[3 * j..3 * j + 3].copy_from_slice(&about_origin.map(|x| x.0[lane]));
+                            row[3 * j..3 * j + 3].copy_from_slice(&lane_of(&about_origin, lane));
                         }
                         continue;
                     }
                     let Some(drive) = joint.drive else { continue };
                     let conjugate = if joint.kind == JointKind::Prismatic {
-                        frame.turned_back(&gravity).map(|x| x * (sign * mass))
+                        scaled(&frame.turned_back(&gravity), sign * mass)
                     } else {
                         about_origin
                     };
@@ -216,7 +289,7 @@ impl Robot {
     #[inline(always)]
     fn first_moments_below(&self, poses: &LanePoses, below: &mut [Lane3]) {
         for ((link, frame), below) in self.links.iter().zip(&poses.frames).zip(below.iter_mut()) {
-            *below = frame.mapped(link.com_in_link_m.coords.as_slice()).map(|x| x * link.mass_kg);
+            *below = scaled(&frame.mapped(link.com_in_link_m.coords.as_slice()), link.mass_kg);
         }
         for joint in self.joints.iter().rev() {
             below[joint.parent_link] = sum(&below[joint.parent_link], &below[joint.child_link]);
@@ -240,7 +313,15 @@ impl Robot {
         what: &str,
         write: impl Fn(&LanePoses, &mut [f64]) + Sync,
     ) -> Result<()> {
-        self.run_batch_with(q, out, each, what, || (), |poses, (), block| write(poses, block))
+        self.run_batch_with(
+            q,
+            out,
+            each,
+            what,
+            || (),
+            #[inline(always)]
+            |poses, (), block| write(poses, block),
+        )
     }
 
     /// Runs forward kinematics block by block, and `write` on each block's results.
@@ -259,21 +340,14 @@ impl Robot {
             return Ok(());
         }
         let task = LANES * BLOCKS_A_TASK;
-        let run = |first: usize, out: &mut [f64], (poses, extra): &mut (LanePoses, W)| {
-            for (k, block) in out.chunks_mut(LANES * each).enumerate() {
-                let rows = block.len() / each;
-                let start = (first + k * LANES) * width;
-                self.advance_lanes(&q[start..start + rows * width], poses);
-                write(poses, extra, block);
-            }
-        };
         let new = || (self.new_lane_poses(), workspace());
         if count <= task {
-            run(0, out, &mut new());
+            run_rows(self, q, each, out, &mut new(), &write);
         } else {
-            out.par_chunks_mut(task * each)
-                .enumerate()
-                .for_each_init(new, |workspace, (k, out)| run(k * task, out, workspace));
+            out.par_chunks_mut(task * each).enumerate().for_each_init(new, |workspace, (k, out)| {
+                let (start, rows) = (k * task, out.len() / each);
+                run_rows(self, &q[start * width..(start + rows) * width], each, out, workspace, &write);
+            });
         }
         Ok(())
     }

@@ -30,7 +30,8 @@ pub enum ModelFault {
     },
     /// The file describes no links.
     #[error(
-        "robot model has no <link>; if it is a xacro file, expand it first: xacro robot.xacro > robot.urdf"
+        "robot model has no <link>, so that there is no robot in it; if it is a xacro file, expand it first (xacro robot.xacro > \
+         robot.urdf); if it was expanded from a xacro file that only defines macros, expand the file that uses them"
     )]
     NoLinks,
     /// Two links, or two joints, of one name.

@@ -1,7 +1,8 @@
 //! Several postures at once: one posture a lane of a vector.
 
+use super::frame::{Column, Frame};
 use super::model::{JointKind, Robot};
-use super::sine::sines_cosines;
+use super::sine;
 use super::step::{Motion, Step};
 use core::ops::{Add, Mul, Neg, Sub};
 
@@ -9,6 +10,9 @@ use core::ops::{Add, Mul, Neg, Sub};
 pub(super) const LANES: usize = 8;
 
 /// One number of each posture. Plain arrays: the compiler makes them the vectors that the processor has.
+///
+/// Only plain loops here, no `map`, no `from_fn`, no closures: those are functions of their own, which the compiler
+/// does not always inline, and one call in the kernel costs it all vectors (measured: 5 times the time).
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(C, align(64))]
 pub(super) struct Lane(pub [f64; LANES]);
@@ -24,14 +28,22 @@ macro_rules! lanewise {
             type Output = Self;
             #[inline(always)]
             fn $method(self, other: Self) -> Self {
-                Self(core::array::from_fn(|i| self.0[i] $op other.0[i]))
+                let mut out = [0.0; LANES];
+                for i in 0..LANES {
+                    out[i] = self.0[i] $op other.0[i];
+                }
+                Self(out)
             }
         }
         impl $trait<f64> for Lane {
             type Output = Self;
             #[inline(always)]
             fn $method(self, other: f64) -> Self {
-                Self(core::array::from_fn(|i| self.0[i] $op other))
+                let mut out = [0.0; LANES];
+                for i in 0..LANES {
+                    out[i] = self.0[i] $op other;
+                }
+                Self(out)
             }
         }
     };
@@ -44,7 +56,11 @@ impl Neg for Lane {
     type Output = Self;
     #[inline(always)]
     fn neg(self) -> Self {
-        Self(self.0.map(|x| -x))
+        let mut out = [0.0; LANES];
+        for i in 0..LANES {
+            out[i] = -self.0[i];
+        }
+        Self(out)
     }
 }
 
@@ -66,6 +82,18 @@ pub(super) fn minus(a: &Lane3, b: &Lane3) -> Lane3 {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
+#[inline(always)]
+pub(super) fn scaled(a: &Lane3, s: f64) -> Lane3 {
+    [a[0] * s, a[1] * s, a[2] * s]
+}
+
+/// The three numbers of one posture.
+#[inline(always)]
+pub(super) fn lane_of(a: &Lane3, lane: usize) -> [f64; 3] {
+    [a[0].0[lane], a[1].0[lane], a[2].0[lane]]
+}
+
+/// `a s + b t`.
 #[inline(always)]
 fn mix(a: &Lane3, s: Lane, b: &Lane3, t: Lane) -> Lane3 {
     [a[0] * s + b[0] * t, a[1] * s + b[1] * t, a[2] * s + b[2] * t]
@@ -92,19 +120,45 @@ impl LaneFrame {
     #[inline(always)]
     pub fn turned(&self, v: &[f64]) -> Lane3 {
         let [x, y, z] = &self.axes;
-        core::array::from_fn(|i| x[i] * v[0] + y[i] * v[1] + z[i] * v[2])
+        [
+            x[0] * v[0] + y[0] * v[1] + z[0] * v[2],
+            x[1] * v[0] + y[1] * v[1] + z[1] * v[2],
+            x[2] * v[0] + y[2] * v[1] + z[2] * v[2],
+        ]
     }
 
     #[inline(always)]
     pub fn turned_lanes(&self, v: &Lane3) -> Lane3 {
         let [x, y, z] = &self.axes;
-        core::array::from_fn(|i| x[i] * v[0] + y[i] * v[1] + z[i] * v[2])
+        [
+            x[0] * v[0] + y[0] * v[1] + z[0] * v[2],
+            x[1] * v[0] + y[1] * v[1] + z[1] * v[2],
+            x[2] * v[0] + y[2] * v[1] + z[2] * v[2],
+        ]
     }
 
     /// `Rᵀ v`.
     #[inline(always)]
     pub fn turned_back(&self, v: &Lane3) -> Lane3 {
-        self.axes.map(|axis| axis[0] * v[0] + axis[1] * v[1] + axis[2] * v[2])
+        let [x, y, z] = &self.axes;
+        [
+            x[0] * v[0] + x[1] * v[1] + x[2] * v[2],
+            y[0] * v[0] + y[1] * v[1] + y[2] * v[2],
+            z[0] * v[0] + z[1] * v[1] + z[2] * v[2],
+        ]
+    }
+
+    /// The pose in one posture as a homogeneous matrix by rows.
+    #[inline(always)]
+    pub fn write_matrix(&self, lane: usize, matrix: &mut [f64; 16]) {
+        let [x, y, z] = &self.axes;
+        for i in 0..3 {
+            matrix[4 * i] = x[i].0[lane];
+            matrix[4 * i + 1] = y[i].0[lane];
+            matrix[4 * i + 2] = z[i].0[lane];
+            matrix[4 * i + 3] = self.origin[i].0[lane];
+        }
+        matrix[12..].copy_from_slice(&[0.0, 0.0, 0.0, 1.0]);
     }
 
     /// Maps a point that is the same in all postures.
@@ -118,59 +172,89 @@ impl LaneFrame {
 #[derive(Debug, Clone)]
 pub(super) struct LanePoses {
     pub frames: Vec<LaneFrame>,
-    /// Joint positions, sines and cosines, [`LANES`] a joint.
-    values: Vec<f64>,
-    sines: Vec<f64>,
-    cosines: Vec<f64>,
+}
+
+impl LaneFrame {
+    /// Turns the frame about its own x, y or z axis (0, 1, 2).
+    #[inline(always)]
+    fn turn_about(&mut self, axis: u8, sine: Lane, cosine: Lane) {
+        let [x, y, z] = self.axes;
+        match axis {
+            0 => {
+                self.axes[1] = mix(&y, cosine, &z, sine);
+                self.axes[2] = mix(&z, cosine, &y, -sine);
+            }
+            1 => {
+                self.axes[2] = mix(&z, cosine, &x, sine);
+                self.axes[0] = mix(&x, cosine, &z, -sine);
+            }
+            _ => {
+                self.axes[0] = mix(&x, cosine, &y, sine);
+                self.axes[1] = mix(&y, cosine, &x, -sine);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn rotated(&self, by: &Frame) -> [Lane3; 3] {
+        [self.turned(&by.x), self.turned(&by.y), self.turned(&by.z)]
+    }
+}
+
+/// A column of the rotation about any axis: `a + cos (f − a) + sin s`.
+#[inline(always)]
+fn column(a: &Column, f: &Column, s: &Column, sine: Lane, cosine: Lane) -> Lane3 {
+    [
+        cosine * (f[0] - a[0]) + sine * s[0] + a[0],
+        cosine * (f[1] - a[1]) + sine * s[1] + a[1],
+        cosine * (f[2] - a[2]) + sine * s[2] + a[2],
+    ]
 }
 
 #[inline(always)]
-fn lane_of(numbers: &[f64], joint: usize) -> Lane {
-    let mut lane = Lane::ZERO;
-    lane.0.copy_from_slice(&numbers[joint * LANES..(joint + 1) * LANES]);
-    lane
-}
-
-#[inline(always)]
-fn advance(step: &Step, parent: &LaneFrame, value: Lane, sine: Lane, cosine: Lane) -> LaneFrame {
+fn advance(step: &Step, parent: &LaneFrame, value: Lane, out: &mut LaneFrame) {
     let f = &step.fixed;
-    let rotated = || [parent.turned(&f.x), parent.turned(&f.y), parent.turned(&f.z)];
-    let turned = |k: u8, [x, y, z]: [Lane3; 3]| match k {
-        0 => [x, mix(&y, cosine, &z, sine), mix(&z, cosine, &y, -sine)],
-        1 => [mix(&x, cosine, &z, -sine), y, mix(&z, cosine, &x, sine)],
-        _ => [mix(&x, cosine, &y, sine), mix(&y, cosine, &x, -sine), z],
-    };
-    let origin = parent.mapped(&f.origin);
+    out.origin = parent.mapped(&f.origin);
     match step.motion {
-        Motion::Shift => LaneFrame { axes: parent.axes, origin },
-        Motion::Still => LaneFrame { axes: rotated(), origin },
-        Motion::TurnPlain(k) => LaneFrame { axes: turned(k, parent.axes), origin },
-        Motion::TurnAligned(k) => LaneFrame { axes: turned(k, rotated()), origin },
+        Motion::Shift => out.axes = parent.axes,
+        Motion::Still => out.axes = parent.rotated(f),
+        Motion::TurnPlain(k) => {
+            let (sine, cosine) = sines_cosines(value);
+            out.axes = parent.axes;
+            out.turn_about(k, sine, cosine);
+        }
+        Motion::TurnAligned(k) => {
+            let (sine, cosine) = sines_cosines(value);
+            out.axes = parent.rotated(f);
+            out.turn_about(k, sine, cosine);
+        }
         Motion::Turn => {
-            let column = |a: &[f64; 4], f: &[f64; 4], s: &[f64; 4]| {
-                let local = core::array::from_fn(|i| cosine * (f[i] - a[i]) + sine * s[i] + a[i]);
-                parent.turned_lanes(&local)
-            };
+            let (sine, cosine) = sines_cosines(value);
             let (a, s) = (&step.along, &step.across);
-            let axes = [column(&a.x, &f.x, &s.x), column(&a.y, &f.y, &s.y), column(&a.z, &f.z, &s.z)];
-            LaneFrame { axes, origin }
+            out.axes = [
+                parent.turned_lanes(&column(&a.x, &f.x, &s.x, sine, cosine)),
+                parent.turned_lanes(&column(&a.y, &f.y, &s.y, sine, cosine)),
+                parent.turned_lanes(&column(&a.z, &f.z, &s.z, sine, cosine)),
+            ];
         }
         Motion::Slide => {
-            let along = parent.turned(&step.slide).map(|x| x * value);
-            LaneFrame { axes: rotated(), origin: sum(&origin, &along) }
+            out.axes = parent.rotated(f);
+            let [x, y, z] = parent.turned(&step.slide);
+            out.origin = sum(&out.origin, &[x * value, y * value, z * value]);
         }
     }
 }
 
+#[inline(always)]
+fn sines_cosines(angles: Lane) -> (Lane, Lane) {
+    let (mut sines, mut cosines) = (Lane::ZERO, Lane::ZERO);
+    sine::sines_cosines(&angles.0, &mut sines.0, &mut cosines.0);
+    (sines, cosines)
+}
+
 impl Robot {
     pub(super) fn new_lane_poses(&self) -> LanePoses {
-        let numbers = || vec![0.0; self.joints.len() * LANES];
-        LanePoses {
-            frames: vec![LaneFrame::IDENTITY; self.links.len()],
-            values: numbers(),
-            sines: numbers(),
-            cosines: numbers(),
-        }
+        LanePoses { frames: vec![LaneFrame::IDENTITY; self.links.len()] }
     }
 
     /// Forward kinematics of up to [`LANES`] postures, rows of `q`; lanes beyond the rows repeat the last one.
@@ -178,19 +262,19 @@ impl Robot {
     pub(super) fn advance_lanes(&self, q: &[f64], poses: &mut LanePoses) {
         let width = self.position_count();
         let rows = q.len().checked_div(width).unwrap_or(1).clamp(1, LANES);
-        let LanePoses { frames, values, sines, cosines } = poses;
-        for (value, step) in values.chunks_exact_mut(LANES).zip(&self.steps) {
-            for (lane, value) in value.iter_mut().enumerate() {
-                let row = lane.min(rows - 1) * width;
-                *value =
-                    if width == 0 { 0.0 } else { step.multiplier * q[row + step.position] + step.offset };
-            }
+        let mut starts = [0; LANES];
+        for (lane, start) in starts.iter_mut().enumerate() {
+            *start = lane.min(rows - 1) * width;
         }
-        sines_cosines(values, sines, cosines);
         for (j, step) in self.steps.iter().enumerate() {
-            let (value, sine, cosine) = (lane_of(values, j), lane_of(sines, j), lane_of(cosines, j));
-            let (done, rest) = frames.split_at_mut(j + 1);
-            rest[0] = advance(step, &done[step.parent_link], value, sine, cosine);
+            let mut value = Lane::ZERO;
+            if step.moves {
+                for (value, start) in value.0.iter_mut().zip(starts) {
+                    *value = step.multiplier * q[start + step.position] + step.offset;
+                }
+            }
+            let (done, rest) = poses.frames.split_at_mut(j + 1);
+            advance(step, &done[step.parent_link], value, &mut rest[0]);
         }
     }
 

@@ -59,12 +59,13 @@ fn reduced(angle: f64) -> (f64, f64) {
 pub(super) fn sines_cosines(angles: &[f64], sines: &mut [f64], cosines: &mut [f64]) {
     let count = angles.len().min(sines.len()).min(cosines.len());
     let (angles, sines, cosines) = (&angles[..count], &mut sines[..count], &mut cosines[..count]);
-    let mut largest = 0.0_f64;
+    let mut beyond = 0;
     for i in 0..count {
         (sines[i], cosines[i]) = reduced(angles[i]);
-        largest = largest.max(angles[i].abs());
+        // An integer: a largest angle in floating point would keep the loop from becoming vector instructions.
+        beyond |= u64::from(angles[i].abs() > LARGEST_ANGLE);
     }
-    if largest > LARGEST_ANGLE {
+    if beyond != 0 {
         for i in 0..count {
             (sines[i], cosines[i]) = angles[i].sin_cos();
         }

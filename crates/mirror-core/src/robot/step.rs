@@ -26,6 +26,8 @@ pub(super) enum Motion {
 pub(super) struct Step {
     pub motion: Motion,
     pub parent_link: usize,
+    /// Whether q moves it.
+    pub moves: bool,
     /// `parent_from_joint`.
     pub fixed: Frame,
     /// Entry of q, sign of the axis included in the factor and the offset where the axis is −x, −y or −z.
@@ -77,6 +79,7 @@ impl Step {
         Self {
             motion,
             parent_link: joint.parent_link,
+            moves: drive.is_some(),
             fixed,
             position: drive.map_or(0, |d| d.position),
             multiplier: drive.map_or(0.0, |d| sign * d.multiplier),
