@@ -7,6 +7,7 @@ mod calibrate;
 mod camera;
 mod glass;
 mod joint;
+mod measure;
 mod mirror;
 mod montecarlo;
 mod picture;
