@@ -32,6 +32,16 @@ pub enum Error {
         /// The length that was needed.
         needed: usize,
     },
+    /// Too little data for what is asked.
+    #[error("{what}: got {got}, needed at least {needed}")]
+    TooFew {
+        /// Of what.
+        what: String,
+        /// How many there are.
+        got: usize,
+        /// How many are needed.
+        needed: usize,
+    },
     /// A vector that must have a direction is (nearly) zero.
     #[error("{what}: got a vector of length {length:e}, needed one with a direction")]
     NoDirection {

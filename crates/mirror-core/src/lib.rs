@@ -22,6 +22,7 @@
 pub mod calibrate;
 pub mod camera;
 mod error;
+pub mod gap;
 pub mod geometry;
 pub mod joint;
 pub mod measure;

@@ -10,6 +10,7 @@ mod optics;
 mod picture;
 mod robot;
 mod triangulate;
+mod gap;
 
 /// The compiled core of `mirror_posture`.
 #[pyo3::pymodule]
@@ -36,6 +37,8 @@ mod _core {
     use crate::triangulate::{
         PyMarkers, PyPointBatch, PyVirtualRays, triangulate, two_view_markers, virtual_rays,
     };
+    #[pymodule_export]
+    use crate::gap::GapRecording;
 
     #[pymodule_init]
     fn init(module: &pyo3::Bound<'_, pyo3::types::PyModule>) -> pyo3::PyResult<()> {

@@ -1,0 +1,93 @@
+//! What all effects together do to the nominal model: the one thing that the exact forward model reads.
+
+use nalgebra::{Vector2, Vector3, Vector6};
+
+/// The difference between the nominal and the actual robot, camera, board and mirror. Zero is the nominal model.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Deformation {
+    nodes: usize,
+    /// Added to the joint's commanded position, `[frame * nodes + node]`, rad or m.
+    joint_delta: Vec<f64>,
+    /// Rotation vector at the node's origin, in the node's frame, `[frame * nodes + node]`, rad. Empty where nothing bends.
+    bend: Vec<Vector3<f64>>,
+    /// `(tilt_1, tilt_2)` of each node's axis, rad.
+    pub tilt: Vec<Vector2<f64>>,
+    /// Shift of the origins of the joints that the node carries, in the node's frame, m. The last entry is the base's.
+    pub link_shift: Vec<Vector3<f64>>,
+    /// Shift of each marker in the frame of its mount's link, m.
+    pub marker_shift: Vec<Vector3<f64>>,
+    /// Rotation vector and shift of the real camera in the nominal optical frame, rad and m.
+    pub camera_mount: Vector6<f64>,
+    pub focal_scale_error: f64,
+    pub center_px: Vector2<f64>,
+    pub dk1: f64,
+    pub board_scale_error: f64,
+    pub glass_thickness_m: f64,
+    pub curvature_per_m: f64,
+    /// Pose of the root in the unknown frame of `points.csv`: tangent on top of its start, rad and m.
+    pub frame_pose: Vector6<f64>,
+}
+
+impl Deformation {
+    pub fn nominal(frames: usize, nodes: usize, markers: usize) -> Self {
+        Self {
+            nodes,
+            joint_delta: vec![0.0; frames * nodes],
+            bend: Vec::new(),
+            tilt: vec![Vector2::zeros(); nodes],
+            link_shift: vec![Vector3::zeros(); nodes + 1],
+            marker_shift: vec![Vector3::zeros(); markers],
+            camera_mount: Vector6::zeros(),
+            focal_scale_error: 0.0,
+            center_px: Vector2::zeros(),
+            dk1: 0.0,
+            board_scale_error: 0.0,
+            glass_thickness_m: 0.0,
+            curvature_per_m: 0.0,
+            frame_pose: Vector6::zeros(),
+        }
+    }
+
+    #[inline]
+    pub fn joint_delta(&self, frame: usize, node: usize) -> f64 {
+        self.joint_delta[frame * self.nodes + node]
+    }
+
+    #[inline]
+    pub fn add_joint_delta(&mut self, frame: usize, node: usize, delta: f64) {
+        self.joint_delta[frame * self.nodes + node] += delta;
+    }
+
+    #[inline]
+    pub fn bend(&self, frame: usize, node: usize) -> Option<&Vector3<f64>> {
+        self.bend.get(frame * self.nodes + node)
+    }
+
+    pub fn add_bend(&mut self, frame: usize, node: usize, omega: Vector3<f64>) {
+        if self.bend.is_empty() {
+            self.bend = vec![Vector3::zeros(); self.joint_delta.len()];
+        }
+        self.bend[frame * self.nodes + node] += omega;
+    }
+
+    /// Whether any of these nodes is not where the nominal model has it.
+    pub fn moves_any(&self, nodes: &[usize]) -> bool {
+        nodes.iter().any(|&n| {
+            self.tilt[n] != Vector2::zeros()
+                || self.link_shift[n] != Vector3::zeros()
+                || self.joint_delta.iter().skip(n).step_by(self.nodes).any(|d| *d != 0.0)
+                || self.bend.iter().skip(n).step_by(self.nodes).any(|b| *b != Vector3::zeros())
+        })
+    }
+
+    /// Whether camera, lens, board or mirror differ from the nominal: then the board's corners must be predicted anew.
+    pub fn optics_differ(&self) -> bool {
+        self.camera_mount != Vector6::zeros()
+            || self.focal_scale_error != 0.0
+            || self.center_px != Vector2::zeros()
+            || self.dk1 != 0.0
+            || self.board_scale_error != 0.0
+            || self.glass_thickness_m != 0.0
+            || self.curvature_per_m != 0.0
+    }
+}

@@ -1,0 +1,147 @@
+//! Hypotheses, effect × place, and models: a set of causes with their parameters.
+
+use super::atoms::{Atom, Column};
+use super::deformation::Deformation;
+use super::effects::{Effect, Place};
+use super::problem::Problem;
+use super::scene::Scene;
+
+/// An unknown mount may be this far from where the URDF starts it, m.
+const UNKNOWN_MOUNT_STD_M: f64 = 0.3;
+/// The pose of an unknown frame may be this far from its closed-form start, rad and m.
+const UNKNOWN_FRAME_STD: f64 = 1.0;
+
+/// An effect at a place.
+#[derive(Debug, Clone)]
+pub(crate) struct Hypothesis {
+    /// Index into [`Catalogue::effects`].
+    pub effect: usize,
+    pub place: Place,
+    pub variants: Vec<f64>,
+    pub prior_std: Vec<f64>,
+    /// Log of the prior probability of this cause among all: effects are equally likely, and so are an effect's places.
+    pub log_prior: f64,
+}
+
+/// All hypotheses of a scene.
+pub(crate) struct Catalogue {
+    pub effects: Vec<Box<dyn Effect>>,
+    pub hypotheses: Vec<Hypothesis>,
+}
+
+impl Catalogue {
+    /// All places of all effects; `without` names effects that are switched off.
+    pub fn new(scene: &Scene, effects: Vec<Box<dyn Effect>>, without: &[String]) -> Self {
+        let mut hypotheses = Vec::new();
+        let on: Vec<usize> =
+            (0..effects.len()).filter(|&e| !without.iter().any(|w| w == effects[e].name())).collect();
+        for &effect in &on {
+            let places = effects[effect].places(scene);
+            let log_prior = -((on.len() * places.len().max(1)) as f64).ln();
+            for place in places {
+                hypotheses.push(Hypothesis {
+                    effect,
+                    place,
+                    variants: effects[effect].variants(scene, place),
+                    prior_std: effects[effect].prior_std(scene, place),
+                    log_prior,
+                });
+            }
+        }
+        Self { effects, hypotheses }
+    }
+
+    pub fn effect(&self, hypothesis: usize) -> &dyn Effect {
+        self.effects[self.hypotheses[hypothesis].effect].as_ref()
+    }
+
+    pub fn columns(&self, scene: &Scene, term: &Term) -> Vec<Column> {
+        let place = self.hypotheses[term.hypothesis].place;
+        self.effect(term.hypothesis).columns(scene, place, term.variant, &term.parameters)
+    }
+
+    /// `effect@place`, as in the public vocabulary.
+    pub fn name(&self, scene: &Scene, hypothesis: usize) -> String {
+        format!("{}@{}", self.effect(hypothesis).name(), self.hypotheses[hypothesis].place.name(scene))
+    }
+}
+
+/// A cause with its parameters.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Term {
+    pub hypothesis: usize,
+    pub variant: f64,
+    pub parameters: Vec<f64>,
+    /// Factor on the prior's standard deviations: below 1 for a cause that is only tolerated, not found.
+    pub prior_scale: f64,
+}
+
+/// Causes and nuisances: everything that deforms the nominal model.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Model {
+    /// Values of [`nuisances`], in their order.
+    pub nuisances: Vec<f64>,
+    /// Values of the group of small errors (`geometry`), in the order of its columns; empty where it is not in the model.
+    pub group: Vec<f64>,
+    pub terms: Vec<Term>,
+}
+
+/// What is unknown in any case: mounts said to be unknown, the frame of the measured points. Columns with their prior.
+pub(crate) fn nuisances(problem: &Problem) -> Vec<(Column, f64)> {
+    let mut out = Vec::new();
+    for m in (0..problem.marker_sites.len()).filter(|&m| !problem.scene.mount_known[m]) {
+        for k in 0..3 {
+            out.push((Column::constant(Atom::MarkerShift(m, k)), UNKNOWN_MOUNT_STD_M));
+        }
+    }
+    if problem.unknown_frame.is_some() {
+        for k in 0..6 {
+            out.push((Column::constant(Atom::FramePose(k)), UNKNOWN_FRAME_STD));
+        }
+    }
+    out
+}
+
+impl Model {
+    /// The nominal model.
+    pub fn nominal(problem: &Problem) -> Self {
+        Self { nuisances: vec![0.0; nuisances(problem).len()], group: Vec::new(), terms: Vec::new() }
+    }
+
+    /// This model with one more cause, at zero.
+    pub fn with(&self, catalogue: &Catalogue, hypothesis: usize, variant: f64) -> Self {
+        let parameters = vec![0.0; catalogue.hypotheses[hypothesis].prior_std.len()];
+        let mut next = self.clone();
+        next.terms.push(Term { hypothesis, variant, parameters, prior_scale: 1.0 });
+        next
+    }
+
+    /// This model without its i-th cause.
+    pub fn without(&self, i: usize) -> Self {
+        let mut next = self.clone();
+        next.terms.remove(i);
+        next
+    }
+
+    /// Everything together, as the forward model reads it.
+    pub fn deformation(&self, problem: &Problem, catalogue: &Catalogue, group: &[Column]) -> Deformation {
+        let mut deformation = problem.nominal();
+        for ((column, _), value) in nuisances(problem).iter().zip(&self.nuisances) {
+            column.add(*value, &problem.scene, &mut deformation);
+        }
+        for (column, value) in group.iter().zip(&self.group) {
+            column.add(*value, &problem.scene, &mut deformation);
+        }
+        for term in &self.terms {
+            let place = catalogue.hypotheses[term.hypothesis].place;
+            catalogue.effect(term.hypothesis).deform(
+                &problem.scene,
+                place,
+                term.variant,
+                &term.parameters,
+                &mut deformation,
+            );
+        }
+        deformation
+    }
+}

@@ -1,0 +1,128 @@
+//! Reduced normal equations over all frames: the mirror of each frame is projected out on the way.
+
+use super::atoms::Column;
+use super::deformation::Deformation;
+use super::frame::{FrameWork, PROJECTED, Task};
+use super::problem::{FRAMES_A_CHUNK, Noise, Problem};
+use crate::error::Result;
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+/// `H = Σ ⟨x, xᵀ⟩`, `g = Σ ⟨x, r⟩`, and the cost (−2 log likelihood).
+#[derive(Debug, Clone)]
+pub(crate) struct Normal {
+    pub h: DMatrix<f64>,
+    pub g: DVector<f64>,
+    pub cost: f64,
+}
+
+/// `x·y` of two vectors of a frame: their rows, less their parts along the plane's three parameters.
+#[inline]
+pub(crate) fn inner(x: &[f64], y: &[f64]) -> f64 {
+    let rows = x.len() - PROJECTED;
+    let along: f64 = x[..rows].iter().zip(&y[..rows]).map(|(a, b)| a * b).sum();
+    let plane: f64 = x[rows..].iter().zip(&y[rows..]).map(|(a, b)| a * b).sum();
+    along - plane
+}
+
+/// Whether any column moves how the board's corners are seen.
+pub(crate) fn needs_board(problem: &Problem, columns: &[Column]) -> bool {
+    let Some(board) = problem.board else { return false };
+    columns.iter().any(|c| moves_board(problem, c.atom, board.node))
+}
+
+fn moves_board(problem: &Problem, atom: super::atoms::Atom, board: Option<usize>) -> bool {
+    if atom.is_optical() {
+        return true;
+    }
+    let camera = problem.camera_site.and_then(|s| s.node);
+    super::atoms::moves(atom, &problem.scene, board) != super::atoms::moves(atom, &problem.scene, camera)
+}
+
+/// Whether a frame counts.
+pub(crate) fn counts(mask: Option<&[bool]>, frame: usize) -> bool {
+    mask.is_none_or(|m| m[frame])
+}
+
+impl Normal {
+    /// Linearises all frames that `mask` lets count, at a deformation, by the given columns.
+    ///
+    /// # Errors
+    /// A camera or mirror that cannot be.
+    pub fn at(
+        problem: &Problem,
+        deformation: &Deformation,
+        noise: Noise,
+        columns: &[Column],
+        with_board: bool,
+        mask: Option<&[bool]>,
+    ) -> Result<Self> {
+        let eye = problem.eye(deformation)?;
+        let task = Task { deformation, eye: eye.as_ref(), noise, with_board, gaussian: false };
+        let count = columns.len();
+        let chunks: Vec<Self> = chunks(problem.frames.len())
+            .into_par_iter()
+            .map_init(
+                || (FrameWork::new(problem), Vec::new()),
+                |(work, buffer), frames| {
+                    let mut sum =
+                        Self { h: DMatrix::zeros(count, count), g: DVector::zeros(count), cost: 0.0 };
+                    for frame in frames.filter(|&f| counts(mask, f)) {
+                        sum.add_frame(problem, &task, columns, frame, work, buffer);
+                    }
+                    sum
+                },
+            )
+            .collect();
+        let mut total = Self { h: DMatrix::zeros(count, count), g: DVector::zeros(count), cost: 0.0 };
+        for chunk in chunks {
+            total.h += chunk.h;
+            total.g += chunk.g;
+            total.cost += chunk.cost;
+        }
+        total.h.fill_lower_triangle_with_upper_triangle();
+        Ok(total)
+    }
+
+    fn add_frame(
+        &mut self,
+        problem: &Problem,
+        task: &Task<'_>,
+        columns: &[Column],
+        frame: usize,
+        work: &mut FrameWork,
+        buffer: &mut Vec<f64>,
+    ) {
+        if !work.evaluate(problem, task, frame) {
+            return;
+        }
+        self.cost += work.cost;
+        let stride = work.row_count + PROJECTED;
+        buffer.resize(stride * columns.len(), 0.0);
+        let mut present = Vec::with_capacity(columns.len());
+        for (i, column) in columns.iter().enumerate() {
+            let weight = column.weight.at(&problem.scene, frame);
+            let out = &mut buffer[i * stride..(i + 1) * stride];
+            if weight != 0.0 && work.column(problem, task.deformation, frame, column.atom, out) {
+                if weight != 1.0 {
+                    out.iter_mut().for_each(|x| *x *= weight);
+                }
+                present.push(i);
+            }
+        }
+        for (at, &i) in present.iter().enumerate() {
+            let x = &buffer[i * stride..(i + 1) * stride];
+            self.g[i] += inner(x, &work.residual);
+            for &j in &present[at..] {
+                self.h[(i, j)] += inner(x, &buffer[j * stride..(j + 1) * stride]);
+            }
+        }
+    }
+}
+
+/// The frames in chunks of a fixed size.
+pub(crate) fn chunks(frames: usize) -> Vec<core::ops::Range<usize>> {
+    (0..frames.div_ceil(FRAMES_A_CHUNK))
+        .map(|c| c * FRAMES_A_CHUNK..((c + 1) * FRAMES_A_CHUNK).min(frames))
+        .collect()
+}

@@ -1,0 +1,189 @@
+//! What was recorded, validated: the input of the diagnosis.
+
+use crate::camera::Camera;
+use crate::error::{Error, Result, finite, positive};
+use nalgebra::{Point3, Vector2, Vector3};
+
+/// How a point was seen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Via {
+    /// In the mirror.
+    Mirror,
+    /// Without the mirror.
+    Direct,
+}
+
+/// What was seen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Target {
+    /// Corner of the board, by its index `iy * nx + ix`.
+    Corner(usize),
+    /// A marker, by its index.
+    Marker(usize),
+}
+
+/// One image point.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sighting {
+    /// What.
+    pub target: Target,
+    /// How.
+    pub via: Via,
+    /// Where, px.
+    pub pixel: Vector2<f64>,
+}
+
+/// One measured marker position.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MeasuredPoint {
+    /// Index of the marker.
+    pub marker: usize,
+    /// Position in the session's points frame, m.
+    pub position_m: Point3<f64>,
+}
+
+/// One row of `frames.csv` with all that was seen in it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Frame {
+    /// The frame's number in the session.
+    pub number: i64,
+    /// Frames that share it have the same commanded posture.
+    pub posture: i64,
+    /// Seconds since the session's start; the frame's number where no time is given.
+    pub time_s: f64,
+    /// Commanded position of each of the robot's independent joints, rad or m.
+    pub commanded: Vec<f64>,
+    /// Image points.
+    pub sightings: Vec<Sighting>,
+    /// Measured marker positions.
+    pub points: Vec<MeasuredPoint>,
+}
+
+/// A marker of the session.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MarkerSpec {
+    /// Its name in the session.
+    pub name: String,
+    /// The URDF link whose origin is its centre.
+    pub link: String,
+    /// Diameter of the ball, m; 0 is an ideal point.
+    pub diameter_m: f64,
+    /// Whether its place on its link is known; otherwise it is estimated along with the rest.
+    pub mount_known: bool,
+}
+
+/// The chessboard on the robot.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BoardSpec {
+    /// The URDF link in whose origin its centre lies.
+    pub link: String,
+    /// Inner corners along x and y.
+    pub corners: (usize, usize),
+    /// Edge of a square, m.
+    pub square_m: f64,
+}
+
+/// Camera, board and mirror of a session that was seen through a camera.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SightSpec {
+    /// Intrinsics and lens as the model has them.
+    pub camera: Camera,
+    /// The URDF link whose frame is the camera's optical frame.
+    pub camera_link: String,
+    /// The board, where the session has one.
+    pub board: Option<BoardSpec>,
+    /// Thickness of the pane that the model assumes, m; 0 is a front-surface mirror.
+    pub glass_thickness_m: f64,
+    /// Refractive index of the pane.
+    pub refractive_index: f64,
+}
+
+/// In whose frame measured points are told.
+#[derive(Debug, Clone, PartialEq)]
+pub enum PointsFrame {
+    /// A link of the robot.
+    Link(String),
+    /// A fixed frame whose pose is estimated along with the rest.
+    Unknown,
+}
+
+/// A whole session, as the diagnosis takes it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Recording {
+    /// The link in which gravity is constant and which stands still.
+    pub root_link: String,
+    /// Gravity in that link's frame, m/s².
+    pub gravity: Vector3<f64>,
+    /// Camera, board and mirror.
+    pub sight: Option<SightSpec>,
+    /// The markers.
+    pub markers: Vec<MarkerSpec>,
+    /// Frame of the measured points.
+    pub points_frame: Option<PointsFrame>,
+    /// Whether the rows are in the order of execution: otherwise no direction of motion is known.
+    pub ordered: bool,
+    /// Whether `time_s` was recorded (otherwise it is the frame's number).
+    pub timed: bool,
+    /// What the session says of the noise of image points, px (one axis).
+    pub pixel_std_px: Option<f64>,
+    /// What the session says of the noise of measured points, m (one axis).
+    pub point_std_m: Option<f64>,
+    /// The frames, in the session's order.
+    pub frames: Vec<Frame>,
+}
+
+impl Recording {
+    /// Checks what the kernels rely on: finite numbers, indices in range, one observation a target.
+    ///
+    /// # Errors
+    /// Names the frame and what is wrong with it.
+    pub fn validated(self, positions: usize) -> Result<Self> {
+        if self.frames.is_empty() {
+            return Err(Error::TooFew { what: "frames of the session".into(), got: 0, needed: 1 });
+        }
+        for (axis, value) in ["x", "y", "z"].iter().zip(self.gravity.iter()) {
+            finite(&format!("gravity {axis} (m/s^2)"), *value)?;
+        }
+        if let Some(board) = self.sight.as_ref().and_then(|s| s.board.as_ref()) {
+            positive("edge of the board's squares (m)", board.square_m)?;
+        }
+        let corners = self.sight.as_ref().and_then(|s| s.board.as_ref()).map_or(0, |b| b.corners.0 * b.corners.1);
+        for frame in &self.frames {
+            let of = |what: &str| format!("frame {}: {what}", frame.number);
+            if frame.commanded.len() != positions {
+                return Err(Error::LengthMismatch {
+                    what: of("commanded positions"),
+                    got: frame.commanded.len(),
+                    needed: positions,
+                });
+            }
+            for value in &frame.commanded {
+                finite(&of("commanded position"), *value)?;
+            }
+            finite(&of("time_s"), frame.time_s)?;
+            for sighting in &frame.sightings {
+                finite(&of("u"), sighting.pixel.x)?;
+                finite(&of("v"), sighting.pixel.y)?;
+                let (what, got, count) = match sighting.target {
+                    Target::Corner(i) => ("board corner index", i, corners),
+                    Target::Marker(i) => ("marker index", i, self.markers.len()),
+                };
+                check_index(&of(what), got, count)?;
+            }
+            for point in &frame.points {
+                check_index(&of("marker index"), point.marker, self.markers.len())?;
+                for value in point.position_m.iter() {
+                    finite(&of("measured position"), *value)?;
+                }
+            }
+        }
+        Ok(self)
+    }
+}
+
+fn check_index(what: &str, got: usize, count: usize) -> Result<()> {
+    if got < count {
+        return Ok(());
+    }
+    Err(Error::OutOfRange { what: what.to_owned(), got: got as f64, needed: format!("below {count}") })
+}

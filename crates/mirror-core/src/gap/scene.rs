@@ -1,0 +1,173 @@
+//! What effects may look at: the robot's nodes, the commanded motion and its history, and gravity's loads.
+
+use super::body::{Body, NodeId, Site};
+use super::deformation::Deformation;
+use super::kinematics::{NodePoses, loads};
+use super::observations::Recording;
+use crate::error::Result;
+use crate::robot::Robot;
+use nalgebra::Vector3;
+
+/// Commanded motions smaller than this (rad or m) leave the last direction as it was.
+const STILL: f64 = 1e-9;
+
+/// The quantities that tell effects apart, frame by frame and node by node (`[frame * nodes + node]`).
+#[derive(Debug, Clone)]
+pub(crate) struct Scene {
+    pub body: Body,
+    pub frames: usize,
+    /// Commanded positions of the nodes' joints, rad or m.
+    pub commanded: Vec<f64>,
+    /// Sign of the last commanded change (0 before the first), all 0 where the rows are not in order.
+    pub direction: Vec<f64>,
+    pub ordered: bool,
+    /// Torque that gravity puts on the joint, N m (positive pushes the position upward).
+    pub torque: Vec<f64>,
+    /// Moment of gravity of all that the node carries, about the middle of its link, in its frame, N m.
+    pub moment: Vec<Vector3<f64>>,
+    pub time_s: Vec<f64>,
+    pub gravity: Vector3<f64>,
+    pub marker_names: Vec<String>,
+    /// Whether the mount is known, by marker.
+    pub mount_known: Vec<bool>,
+    /// Nodes whose joint moves a marker (or the board) against the observer.
+    pub relevant: Vec<bool>,
+    /// Nodes with a column in the session, or that move at all.
+    pub commanded_range: Vec<(f64, f64)>,
+    pub has_camera: bool,
+    pub has_board: bool,
+    pub has_mirror: bool,
+    /// Largest distance between a relevant joint and the farthest relevant marker at the nominal zero posture, m.
+    pub reach_m: f64,
+    pub glass_thickness_m: f64,
+}
+
+impl Scene {
+    /// Tabulates the commanded motion and gravity's loads at the nominal postures.
+    ///
+    /// # Errors
+    /// An unknown link.
+    pub fn new(robot: &Robot, recording: &Recording) -> Result<Self> {
+        let body = Body::new(robot, &recording.root_link)?;
+        let (frames, nodes) = (recording.frames.len(), body.nodes.len());
+        let mut commanded = vec![0.0; frames * nodes];
+        let mut direction = vec![0.0; frames * nodes];
+        for (n, node) in body.nodes.iter().enumerate() {
+            let (index, multiplier, offset) = node.command;
+            // Before the first row all joints rest at 0.
+            let (mut last, mut sign) = (offset, 0.0);
+            for (f, frame) in recording.frames.iter().enumerate() {
+                let q = multiplier * frame.commanded[index] + offset;
+                if (q - last).abs() > STILL {
+                    sign = (q - last).signum();
+                }
+                last = q;
+                commanded[f * nodes + n] = q;
+                direction[f * nodes + n] = if recording.ordered { sign } else { 0.0 };
+            }
+        }
+        let commanded_range = (0..nodes)
+            .map(|n| {
+                (0..frames).map(|f| commanded[f * nodes + n]).fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), q| {
+                    (a.min(q), b.max(q))
+                })
+            })
+            .collect();
+        let sight = recording.sight.as_ref();
+        let mut scene = Self {
+            relevant: vec![false; nodes],
+            body,
+            frames,
+            commanded,
+            direction,
+            ordered: recording.ordered,
+            torque: vec![0.0; frames * nodes],
+            moment: vec![Vector3::zeros(); frames * nodes],
+            time_s: recording.frames.iter().map(|f| f.time_s).collect(),
+            gravity: recording.gravity,
+            marker_names: recording.markers.iter().map(|m| m.name.clone()).collect(),
+            mount_known: recording.markers.iter().map(|m| m.mount_known).collect(),
+            commanded_range,
+            has_camera: sight.is_some(),
+            has_board: sight.is_some_and(|s| s.board.is_some()),
+            has_mirror: sight.is_some_and(|s| s.board.is_some()),
+            reach_m: 0.0,
+            glass_thickness_m: sight.map_or(0.0, |s| s.glass_thickness_m),
+        };
+        scene.update_loads(&Deformation::nominal(frames, nodes, recording.markers.len()));
+        Ok(scene)
+    }
+
+    /// Finds which nodes move what is seen against who sees it, how far they reach, and where each bends.
+    pub fn find_relevant(&mut self, observers: &[Option<NodeId>], targets: &[Option<NodeId>], markers: &[Site]) {
+        let nodes = self.nodes();
+        for n in 0..nodes {
+            self.relevant[n] = observers.iter().any(|&observer| {
+                targets.iter().any(|&target| self.body.carries(n, target) != self.body.carries(n, observer))
+            });
+        }
+        let mut poses = NodePoses::new(nodes);
+        let nominal = Deformation::nominal(1, nodes, markers.len());
+        poses.update(&self.body, &vec![0.0; nodes], &nominal, 0);
+        for n in (0..nodes).filter(|&n| self.relevant[n]) {
+            for marker in markers.iter().filter(|m| self.body.carries(n, m.node)) {
+                self.reach_m = self.reach_m.max((poses.site(marker).t - poses.origin[n]).norm());
+            }
+            let next_joint = (0..nodes)
+                .find(|&k| self.relevant[k] && self.body.nodes[k].parent == Some(n))
+                .map(|k| self.body.nodes[k].parent_from_joint.t);
+            let farthest_marker = markers
+                .iter()
+                .filter(|m| m.node == Some(n))
+                .map(|m| m.node_from_site.t)
+                .max_by(|a, b| a.norm().total_cmp(&b.norm()));
+            self.body.nodes[n].bend_pivot = next_joint.or(farthest_marker).map_or_else(Vector3::zeros, |tip| tip * 0.5);
+        }
+    }
+
+    /// Computes gravity's loads anew at the actual postures of a deformation.
+    pub fn update_loads(&mut self, deformation: &Deformation) {
+        let nodes = self.body.nodes.len();
+        let mut poses = NodePoses::new(nodes);
+        for frame in 0..self.frames {
+            poses.update(&self.body, &self.commanded[frame * nodes..(frame + 1) * nodes], deformation, frame);
+            let at = frame * nodes..(frame + 1) * nodes;
+            loads(&self.body, &poses, &self.gravity, &mut self.torque[at.clone()], &mut self.moment[at]);
+        }
+    }
+
+    pub fn nodes(&self) -> usize {
+        self.body.nodes.len()
+    }
+
+    #[inline]
+    pub fn q(&self, frame: usize, node: NodeId) -> f64 {
+        self.commanded[frame * self.body.nodes.len() + node]
+    }
+
+    #[inline]
+    pub fn direction(&self, frame: usize, node: NodeId) -> f64 {
+        self.direction[frame * self.body.nodes.len() + node]
+    }
+
+    #[inline]
+    pub fn torque(&self, frame: usize, node: NodeId) -> f64 {
+        self.torque[frame * self.body.nodes.len() + node]
+    }
+
+    #[inline]
+    pub fn moment(&self, frame: usize, node: NodeId) -> &Vector3<f64> {
+        &self.moment[frame * self.body.nodes.len() + node]
+    }
+
+    /// Whether the joint was commanded to more than one position.
+    pub fn moves(&self, node: NodeId) -> bool {
+        let (low, high) = self.commanded_range[node];
+        high - low > STILL
+    }
+
+    /// Largest torque (N m, absolute) that gravity puts on a joint in this session.
+    pub fn largest_torque(&self, node: NodeId) -> f64 {
+        (0..self.frames).map(|f| self.torque(f, node).abs()).fold(0.0, f64::max)
+    }
+}

@@ -1,0 +1,273 @@
+//! Screening: the score test of every effect at every place at once, beside the causes that the model has already.
+//!
+//! For a hypothesis with columns X and the model's active columns C (nuisances, group, causes), all whitened and with each
+//! frame's mirror projected out, the test needs only `XᵀX`, `XᵀC` and `Xᵀr`: no fit. Hypotheses share atoms, so a frame costs
+//! one vector an atom and a few products a hypothesis.
+//!
+//! Source: the score (Lagrange multiplier) test, Rao 1948; the evidence is that of the linearised model.
+
+use super::atoms::{Atom, Column};
+use super::fit::{Active, Group};
+use super::frame::{FrameWork, PROJECTED, Task};
+use super::hypothesis::{Catalogue, Model};
+use super::normal::{Normal, chunks, counts, inner, needs_board};
+use super::problem::{Noise, Problem};
+use crate::error::Result;
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+use std::collections::HashMap;
+
+/// What the score test says of one hypothesis.
+#[derive(Debug, Clone)]
+pub(crate) struct Score {
+    pub hypothesis: usize,
+    pub variant: f64,
+    /// Log Bayes factor of the model with this cause against the model without it, linearised.
+    pub log_bayes: f64,
+    /// The linearised estimate.
+    pub parameters: Vec<f64>,
+}
+
+struct Candidate {
+    hypothesis: usize,
+    variant: f64,
+    columns: Vec<(usize, Column)>,
+}
+
+/// Sums of one candidate over frames.
+#[derive(Clone)]
+struct Sums {
+    a: DMatrix<f64>,
+    b: DMatrix<f64>,
+    g: DVector<f64>,
+}
+
+/// Scores all hypotheses that are not yet in the model, best first.
+///
+/// # Errors
+/// A camera or mirror that cannot be.
+pub(crate) fn screen(
+    problem: &Problem,
+    catalogue: &Catalogue,
+    group: &Group,
+    model: &Model,
+    noise: Noise,
+    mask: Option<&[bool]>,
+) -> Result<Vec<Score>> {
+    let scene = &problem.scene;
+    let active = Active::of(problem, catalogue, group, model);
+    let deformation = model.deformation(problem, catalogue, &group.columns);
+    let mut atoms: Vec<Atom> = Vec::new();
+    let mut atom_index: HashMap<Atom, usize> = HashMap::new();
+    let mut candidates = Vec::new();
+    for (h, hypothesis) in catalogue.hypotheses.iter().enumerate() {
+        if model.terms.iter().any(|t| t.hypothesis == h) {
+            continue;
+        }
+        let zero = vec![0.0; hypothesis.prior_std.len()];
+        for &variant in &hypothesis.variants {
+            let columns = catalogue.effect(h).columns(scene, hypothesis.place, variant, &zero);
+            let columns = columns
+                .into_iter()
+                .map(|c| {
+                    let next = atoms.len();
+                    let index = *atom_index.entry(c.atom).or_insert(next);
+                    if index == next {
+                        atoms.push(c.atom);
+                    }
+                    (index, c)
+                })
+                .collect();
+            candidates.push(Candidate { hypothesis: h, variant, columns });
+        }
+    }
+    let count = active.columns.len();
+    let everything: Vec<Column> =
+        active.columns.iter().cloned().chain(atoms.iter().map(|&a| Column::constant(a))).collect();
+    let with_board = needs_board(problem, &everything);
+    let eye = problem.eye(&deformation)?;
+    let task = Task { deformation: &deformation, eye: eye.as_ref(), noise, with_board, gaussian: false };
+    let empty = || -> (Normal, Vec<Sums>) {
+        let sums = candidates
+            .iter()
+            .map(|c| {
+                let k = c.columns.len();
+                Sums { a: DMatrix::zeros(k, k), b: DMatrix::zeros(k, count), g: DVector::zeros(k) }
+            })
+            .collect();
+        (Normal { h: DMatrix::zeros(count, count), g: DVector::zeros(count), cost: 0.0 }, sums)
+    };
+    let parts: Vec<(Normal, Vec<Sums>)> = chunks(problem.frames.len())
+        .into_par_iter()
+        .map_init(
+            || Scratch::new(problem),
+            |scratch, frames| {
+                let (mut normal, mut sums) = empty();
+                for frame in frames.filter(|&f| counts(mask, f)) {
+                    scratch.add_frame(problem, &task, &active, &atoms, &candidates, frame, &mut normal, &mut sums);
+                }
+                (normal, sums)
+            },
+        )
+        .collect();
+    let (mut normal, mut sums) = empty();
+    for (n, s) in parts {
+        normal.h += n.h;
+        normal.g += n.g;
+        for (total, part) in sums.iter_mut().zip(s) {
+            total.a += part.a;
+            total.b += part.b;
+            total.g += part.g;
+        }
+    }
+    normal.h.fill_lower_triangle_with_upper_triangle();
+    for i in 0..count {
+        let weight = active.prior_std[i].powi(-2);
+        normal.h[(i, i)] += weight;
+        normal.g[i] -= active.values[i] * weight;
+    }
+    let base = normal.h.clone().cholesky();
+    let mut scores: Vec<Score> = candidates
+        .iter()
+        .zip(&sums)
+        .map(|(candidate, sums)| score(catalogue, candidate, sums, base.as_ref(), &normal.g))
+        .collect();
+    scores.sort_by(|x, y| y.log_bayes.total_cmp(&x.log_bayes));
+    Ok(scores)
+}
+
+fn score(
+    catalogue: &Catalogue,
+    candidate: &Candidate,
+    sums: &Sums,
+    base: Option<&nalgebra::Cholesky<f64, nalgebra::Dyn>>,
+    base_gradient: &DVector<f64>,
+) -> Score {
+    let hypothesis = &catalogue.hypotheses[candidate.hypothesis];
+    let s = DVector::from_column_slice(&hypothesis.prior_std);
+    let (mut a, mut g) = (sums.a.clone(), sums.g.clone());
+    a.fill_lower_triangle_with_upper_triangle();
+    if let (Some(base), true) = (base, sums.b.ncols() > 0) {
+        a -= &sums.b * base.solve(&sums.b.transpose());
+        g -= &sums.b * base.solve(base_gradient);
+    }
+    let k = g.len();
+    let scaled = DMatrix::from_fn(k, k, |i, j| a[(i, j)] * s[i] * s[j] + if i == j { 1.0 } else { 0.0 });
+    let scaled_g = g.component_mul(&s);
+    let (log_bayes, parameters) = match scaled.cholesky() {
+        Some(factor) => {
+            let solution = factor.solve(&scaled_g);
+            let log_det = 2.0 * factor.l_dirty().diagonal().iter().map(|x| x.ln()).sum::<f64>();
+            let estimate = solution.component_mul(&s);
+            let impossible = catalogue.effect(candidate.hypothesis).is_positive() && estimate[0] <= 0.0;
+            let gain = if impossible { 0.0 } else { 0.5 * scaled_g.dot(&solution) };
+            (gain - 0.5 * log_det, estimate.as_slice().to_vec())
+        }
+        None => (f64::NEG_INFINITY, vec![0.0; k]),
+    };
+    Score { hypothesis: candidate.hypothesis, variant: candidate.variant, log_bayes, parameters }
+}
+
+struct Scratch {
+    work: FrameWork,
+    active: Vec<f64>,
+    present: Vec<bool>,
+    vector: Vec<f64>,
+    by_atom: Vec<AtomProducts>,
+}
+
+/// Products of one atom's vector with the residual and with the active columns.
+#[derive(Clone, Default)]
+struct AtomProducts {
+    present: bool,
+    with_residual: f64,
+    with_active: Vec<f64>,
+    vector: Vec<f64>,
+}
+
+impl Scratch {
+    fn new(problem: &Problem) -> Self {
+        Self {
+            work: FrameWork::new(problem),
+            active: Vec::new(),
+            present: Vec::new(),
+            vector: Vec::new(),
+            by_atom: Vec::new(),
+        }
+    }
+
+    fn add_frame(
+        &mut self,
+        problem: &Problem,
+        task: &Task<'_>,
+        active: &Active,
+        atoms: &[Atom],
+        candidates: &[Candidate],
+        frame: usize,
+        normal: &mut Normal,
+        sums: &mut [Sums],
+    ) {
+        if !self.work.evaluate(problem, task, frame) {
+            return;
+        }
+        let scene = &problem.scene;
+        let stride = self.work.row_count + PROJECTED;
+        let count = active.columns.len();
+        self.active.resize(stride * count, 0.0);
+        self.present.clear();
+        for (i, column) in active.columns.iter().enumerate() {
+            let out = &mut self.active[i * stride..(i + 1) * stride];
+            let weight = column.weight.at(scene, frame);
+            let there = weight != 0.0 && self.work.column(problem, task.deformation, frame, column.atom, out);
+            if there && weight != 1.0 {
+                out.iter_mut().for_each(|x| *x *= weight);
+            }
+            self.present.push(there);
+        }
+        for i in (0..count).filter(|&i| self.present[i]) {
+            let x = &self.active[i * stride..(i + 1) * stride];
+            normal.g[i] += inner(x, &self.work.residual);
+            for j in (i..count).filter(|&j| self.present[j]) {
+                normal.h[(i, j)] += inner(x, &self.active[j * stride..(j + 1) * stride]);
+            }
+        }
+        self.by_atom.resize(atoms.len(), AtomProducts::default());
+        self.vector.resize(stride, 0.0);
+        for (atom, products) in atoms.iter().zip(&mut self.by_atom) {
+            products.present = self.work.column(problem, task.deformation, frame, *atom, &mut self.vector[..stride]);
+            if !products.present {
+                continue;
+            }
+            let x = &self.vector[..stride];
+            products.with_residual = inner(x, &self.work.residual);
+            products.with_active.clear();
+            products.with_active.extend((0..count).map(|i| {
+                if self.present[i] { inner(x, &self.active[i * stride..(i + 1) * stride]) } else { 0.0 }
+            }));
+            products.vector.clear();
+            products.vector.extend_from_slice(x);
+        }
+        let mut pair_products: HashMap<(usize, usize), f64> = HashMap::new();
+        for (candidate, sums) in candidates.iter().zip(sums) {
+            for (i, (a, column)) in candidate.columns.iter().enumerate() {
+                let x = &self.by_atom[*a];
+                let w = if x.present { column.weight.at(scene, frame) } else { 0.0 };
+                if w == 0.0 {
+                    continue;
+                }
+                sums.g[i] += w * x.with_residual;
+                for (c, product) in x.with_active.iter().enumerate() {
+                    sums.b[(i, c)] += w * product;
+                }
+                for (j, (b, other)) in candidate.columns.iter().enumerate().skip(i) {
+                    let y = &self.by_atom[*b];
+                    if !y.present {
+                        continue;
+                    }
+                    let product = *pair_products.entry((*a, *b)).or_insert_with(|| inner(&x.vector, &y.vector));
+                    sums.a[(i, j)] += w * other.weight.at(scene, frame) * product;
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,265 @@
+//! The search for causes: added one at a time, each tried again for dropping and against its rivals.
+
+use super::fit::{Fit, FitOptions, Group, fit};
+use super::hypothesis::{Catalogue, Model};
+use super::noise::effective;
+use super::problem::{Noise, Problem};
+use super::screen::{Score, screen};
+use super::shift::marker_shift;
+use crate::error::Result;
+use rayon::prelude::*;
+
+/// How the search goes.
+#[derive(Debug, Clone)]
+pub(crate) struct SearchOptions {
+    /// No more causes than this.
+    pub most_causes: usize,
+    /// How many of the screened hypotheses are fitted exactly at each step.
+    pub refined: usize,
+    /// A cause is kept when its log posterior odds against "not there" exceed this: 3 is 20 to 1.
+    pub least_log_odds: f64,
+}
+
+impl Default for SearchOptions {
+    fn default() -> Self {
+        Self { most_causes: 6, refined: 6, least_log_odds: 3.0 }
+    }
+}
+
+/// Gauss–Newton steps of a candidate, and of the model that is kept.
+const CANDIDATE_STEPS: usize = 4;
+const FINAL_STEPS: usize = 12;
+/// Loads and postures are taken in turn this often: each turn leaves the share by which the droop changes the load.
+const LOAD_STEPS: usize = 2;
+/// Share of a common size below which an error is called a tolerance.
+const PRIOR_TOLERANCE: f64 = 0.02;
+/// By how much a cause's law may be wrong, as a share of the shift that it makes.
+const LAW_TOLERANCE: f64 = 0.06;
+
+/// A model that the search ended with.
+#[derive(Debug, Clone)]
+pub(crate) struct Found {
+    pub fit: Fit,
+    /// The noise at which the evidence was weighed: the measurement's, or more where the model leaves more.
+    pub noise: Noise,
+    /// One line a step, for people who want to know how it went.
+    pub trace: Vec<String>,
+}
+
+/// Everything that the search looks at.
+pub(crate) struct Search<'a> {
+    /// Owned: gravity's loads in its scene follow the actual postures of the model found so far.
+    pub problem: Problem,
+    pub catalogue: &'a Catalogue,
+    pub group: &'a Group,
+    pub measured_noise: Noise,
+    pub options: SearchOptions,
+    pub mask: Option<&'a [bool]>,
+}
+
+impl Search<'_> {
+    fn fit(&self, model: &Model, noise: Noise, steps: usize) -> Result<Fit> {
+        fit(&self.problem, self.catalogue, self.group, model, FitOptions { noise, steps }, self.mask)
+    }
+
+    fn effective(&self, model: &Model) -> Result<Noise> {
+        let deformation = model.deformation(&self.problem, self.catalogue, &self.group.columns);
+        effective(&self.problem, &deformation, self.measured_noise, self.mask)
+    }
+
+    fn log_prior(&self, fit: &Fit) -> f64 {
+        fit.model.terms.iter().map(|t| self.catalogue.hypotheses[t.hypothesis].log_prior).sum()
+    }
+
+    /// Log of evidence times prior.
+    pub fn log_posterior(&self, fit: &Fit) -> f64 {
+        fit.log_evidence + self.log_prior(fit)
+    }
+
+    /// Fits the most promising additions to a model, at a noise; best first.
+    pub fn candidates(&self, model: &Model, noise: Noise, count: usize) -> Result<Vec<Fit>> {
+        let scores = screen(&self.problem, self.catalogue, self.group, model, noise, self.mask)?;
+        let chosen = self.most_promising(&scores, count);
+        let mut fits = chosen
+            .par_iter()
+            .map(|score| {
+                let mut next = model.with(self.catalogue, score.hypothesis, score.variant);
+                if let Some(term) = next.terms.last_mut() {
+                    let positive = self.catalogue.effect(score.hypothesis).is_positive();
+                    term.parameters =
+                        score.parameters.iter().map(|p| if positive { p.max(0.0) } else { *p }).collect();
+                }
+                self.fit(&next, noise, CANDIDATE_STEPS)
+            })
+            .collect::<Result<Vec<Fit>>>()?;
+        fits.sort_by(|a, b| self.log_posterior(b).total_cmp(&self.log_posterior(a)));
+        Ok(fits)
+    }
+
+    /// The best variant of each of the `count` best hypotheses.
+    fn most_promising<'s>(&self, scores: &'s [Score], count: usize) -> Vec<&'s Score> {
+        let value = |s: &Score| s.log_bayes + self.catalogue.hypotheses[s.hypothesis].log_prior;
+        let mut sorted: Vec<&Score> = scores.iter().collect();
+        sorted.sort_by(|a, b| value(b).total_cmp(&value(a)));
+        let mut chosen: Vec<&Score> = Vec::new();
+        for score in sorted {
+            if chosen.len() == count {
+                break;
+            }
+            if !chosen.iter().any(|c| c.hypothesis == score.hypothesis) {
+                chosen.push(score);
+            }
+        }
+        chosen
+    }
+
+    /// Fits a model with gravity's loads taken at its own postures: load and posture are found in turn.
+    fn settle(&mut self, mut best: Fit, noise: Noise) -> Result<Fit> {
+        let by_load = |t: &super::hypothesis::Term| self.catalogue.effect(t.hypothesis).depends_on_load();
+        let loaded = best.model.terms.iter().any(by_load);
+        for _ in 0..if loaded { LOAD_STEPS } else { 0 } {
+            let deformation = best.model.deformation(&self.problem, self.catalogue, &self.group.columns);
+            self.problem.scene.update_loads(&deformation);
+            best = self.fit(&best.model, noise, FINAL_STEPS)?;
+        }
+        Ok(best)
+    }
+
+    /// The i-th cause at a size that is tolerated rather than called a cause, all else refitted.
+    ///
+    /// Two things are tolerated: two percent of the size that such an error commonly has, and what the other causes' laws
+    /// may be wrong by: no real spring is linear, no real play is the same under every load, and their remainders look like
+    /// small further causes that move the same markers.
+    pub fn tolerated(&self, fit: &Fit, i: usize, noise: Noise) -> Result<Fit> {
+        let term = &fit.model.terms[i];
+        let stds = &self.catalogue.hypotheses[term.hypothesis].prior_std;
+        let multiple = (term.parameters.iter().zip(stds).map(|(p, s)| (p / s).powi(2)).sum::<f64>()
+            / stds.len() as f64)
+            .sqrt();
+        let of = |model: &Model| model.deformation(&self.problem, self.catalogue, &self.group.columns);
+        let all = of(&fit.model);
+        let mut bare = fit.model.clone();
+        bare.terms = vec![term.clone()];
+        let only = of(&bare);
+        bare.terms.clear();
+        let none = of(&bare);
+        let own = marker_shift(&self.problem, &none, &only, noise)?;
+        let others = marker_shift(&self.problem, &only, &all, noise)?;
+        let own_sum: f64 = own.iter().sum();
+        let shared: f64 = others.iter().zip(&own).filter(|(_, o)| **o > 1e-4 * own_sum).map(|(s, _)| s).sum();
+        let by_laws = if own_sum > 0.0 { LAW_TOLERANCE * (shared / own_sum).sqrt() * multiple } else { 0.0 };
+        let mut model = fit.model.clone();
+        let scale = PRIOR_TOLERANCE.max(by_laws).min(1.0);
+        model.terms[i].prior_scale = scale;
+        model.terms[i].parameters.iter_mut().for_each(|p| *p *= scale.min(0.5));
+        self.fit(&model, noise, FINAL_STEPS)
+    }
+
+    /// Log posterior odds of the i-th cause: found, against tolerated.
+    pub fn log_odds(&self, fit: &Fit, i: usize, noise: Noise) -> Result<f64> {
+        let tolerated = self.tolerated(fit, i, noise)?;
+        let prior = self.catalogue.hypotheses[fit.model.terms[i].hypothesis].log_prior;
+        Ok(fit.log_evidence + prior - tolerated.log_evidence)
+    }
+
+    /// Runs the ladder up and down until neither adding, dropping nor exchanging a cause helps.
+    ///
+    /// # Errors
+    /// A camera or mirror that cannot be.
+    pub fn run(&mut self, start: Model) -> Result<Found> {
+        let mut trace = Vec::new();
+        let mut noise = self.effective(&start)?;
+        let mut best = self.fit(&start, noise, FINAL_STEPS)?;
+        noise = self.effective(&best.model)?;
+        let mut seen = vec![hypotheses_of(&best)];
+        while best.model.terms.len() < self.options.most_causes {
+            let candidates = self.candidates(&best.model, noise, self.options.refined)?;
+            let Some(first) = candidates.first() else { break };
+            // Weighed at the noise that the larger model leaves: the smaller one must not hide behind its own misfit.
+            let next_noise = self.effective(&first.model)?;
+            let refits = candidates
+                .iter()
+                .take(3)
+                .map(|c| self.fit(&c.model, next_noise, FINAL_STEPS))
+                .collect::<Result<Vec<Fit>>>()?;
+            let Some(larger) =
+                refits.into_iter().max_by(|a, b| self.log_posterior(a).total_cmp(&self.log_posterior(b)))
+            else {
+                break;
+            };
+            let odds = self.log_odds(&larger, larger.model.terms.len() - 1, next_noise)?;
+            trace.push(format!(
+                "add {}: log odds {odds:.1} at {:.3} px, {:.3} mm",
+                self.name_of_last(&larger),
+                next_noise.marker_px,
+                next_noise.point_m * 1e3
+            ));
+            if odds < self.options.least_log_odds {
+                break;
+            }
+            best = self.settle(larger, next_noise)?;
+            noise = self.effective(&best.model)?;
+            best = self.fit(&best.model, noise, FINAL_STEPS)?;
+            best = self.exchange(best, noise, &mut trace)?;
+            best = self.prune(best, noise, &mut trace)?;
+            noise = self.effective(&best.model)?;
+            // Adding and dropping must not go in circles.
+            let now = hypotheses_of(&best);
+            if seen.contains(&now) {
+                break;
+            }
+            seen.push(now);
+        }
+        Ok(Found { fit: best, noise, trace })
+    }
+
+    fn name_of_last(&self, fit: &Fit) -> String {
+        fit.model.terms.last().map_or_else(String::new, |t| self.catalogue.name(&self.problem.scene, t.hypothesis))
+    }
+
+    /// Drops causes without which the model is no worse.
+    fn prune(&mut self, mut best: Fit, noise: Noise, trace: &mut Vec<String>) -> Result<Fit> {
+        let mut i = 0;
+        while best.model.terms.len() > 1 && i < best.model.terms.len() {
+            let odds = self.log_odds(&best, i, noise)?;
+            if odds < self.options.least_log_odds {
+                let name = self.catalogue.name(&self.problem.scene, best.model.terms[i].hypothesis);
+                trace.push(format!("drop {name}: log odds {odds:.1}"));
+                let without = self.fit(&best.model.without(i), noise, FINAL_STEPS)?;
+                best = self.settle(without, noise)?;
+                i = 0;
+            } else {
+                i += 1;
+            }
+        }
+        Ok(best)
+    }
+
+    /// Replaces causes by better rivals, now that the others are there.
+    fn exchange(&mut self, mut best: Fit, noise: Noise, trace: &mut Vec<String>) -> Result<Fit> {
+        if best.model.terms.len() < 2 {
+            return Ok(best);
+        }
+        for i in 0..best.model.terms.len() - 1 {
+            let rivals = self.candidates(&best.model.without(i), noise, self.options.refined)?;
+            let Some(rival) = rivals.first() else { continue };
+            let rival = self.fit(&rival.model, noise, FINAL_STEPS)?;
+            if self.log_posterior(&rival) > self.log_posterior(&best) + 1e-6 {
+                let old = self.catalogue.name(&self.problem.scene, best.model.terms[i].hypothesis);
+                let new = self.name_of_last(&rival);
+                if old != new {
+                    trace.push(format!("exchange {old} for {new}"));
+                }
+                best = self.settle(rival, noise)?;
+            }
+        }
+        Ok(best)
+    }
+}
+
+/// The causes of a model, in a fixed order.
+fn hypotheses_of(fit: &Fit) -> Vec<usize> {
+    let mut out: Vec<usize> = fit.model.terms.iter().map(|t| t.hypothesis).collect();
+    out.sort_unstable();
+    out
+}

@@ -1,0 +1,209 @@
+//! The diagnosis: a session's arrays in, the diagnosis as JSON out.
+
+use crate::errors::{MirrorPostureError, to_py};
+use mirror_core::camera::{Camera, Distortion};
+use mirror_core::gap::{
+    BoardSpec, Frame, MarkerSpec, MeasuredPoint, PointsFrame, Recording, SightSpec, Sighting, Target, Via,
+};
+use mirror_core::robot::Robot;
+use nalgebra::{Point3, Vector2, Vector3};
+use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
+use pyo3::prelude::*;
+use serde::Deserialize;
+
+/// What is not an array: names, links, camera, mirror, stated noise.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Header {
+    root_link: String,
+    gravity_m_per_s2: [f64; 3],
+    camera: Option<CameraHeader>,
+    camera_link: Option<String>,
+    board: Option<BoardHeader>,
+    glass_thickness_m: f64,
+    refractive_index: f64,
+    markers: Vec<MarkerHeader>,
+    points_frame: Option<String>,
+    ordered: bool,
+    timed: bool,
+    pixel_std_px: Option<f64>,
+    point_std_m: Option<f64>,
+    joint_names: Vec<String>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CameraHeader {
+    size_px: (u32, u32),
+    focal_px: [f64; 2],
+    center_px: [f64; 2],
+    model: String,
+    distortion: Vec<f64>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct BoardHeader {
+    link: String,
+    corners: (usize, usize),
+    square_m: f64,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct MarkerHeader {
+    name: String,
+    link: String,
+    diameter_m: f64,
+    mount_known: bool,
+}
+
+/// One way of seeing: pixels and masks of corners and markers, each with the frames first.
+#[derive(FromPyObject)]
+struct ViewArrays<'py> {
+    board_px: PyReadonlyArray3<'py, f64>,
+    board_seen: PyReadonlyArray2<'py, bool>,
+    marker_px: PyReadonlyArray3<'py, f64>,
+    marker_seen: PyReadonlyArray2<'py, bool>,
+}
+
+impl ViewArrays<'_> {
+    fn append(&self, via: Via, frames: &mut [Frame]) {
+        let (board, board_seen) = (self.board_px.as_array(), self.board_seen.as_array());
+        let (marker, marker_seen) = (self.marker_px.as_array(), self.marker_seen.as_array());
+        for (f, frame) in frames.iter_mut().enumerate() {
+            for i in (0..board_seen.ncols()).filter(|&i| board_seen[[f, i]]) {
+                let pixel = Vector2::new(board[[f, i, 0]], board[[f, i, 1]]);
+                frame.sightings.push(Sighting { target: Target::Corner(i), via, pixel });
+            }
+            for m in (0..marker_seen.ncols()).filter(|&m| marker_seen[[f, m]]) {
+                let pixel = Vector2::new(marker[[f, m, 0]], marker[[f, m, 1]]);
+                frame.sightings.push(Sighting { target: Target::Marker(m), via, pixel });
+            }
+        }
+    }
+}
+
+/// A session's recording, arranged for the core.
+#[pyclass(frozen, module = "mirror_posture._core")]
+pub struct GapRecording {
+    robot: Robot,
+    recording: Recording,
+}
+
+fn json_error(what: &str) -> impl Fn(serde_json::Error) -> PyErr + '_ {
+    move |e| MirrorPostureError::new_err(format!("{what}: {e}"))
+}
+
+fn camera_of(header: &CameraHeader) -> PyResult<Camera> {
+    let k = |n: usize| {
+        let mut c = header.distortion.clone();
+        c.resize(n, 0.0);
+        c
+    };
+    let lens = match header.model.as_str() {
+        "rational_polynomial" => {
+            let c = k(8);
+            Distortion::RationalPolynomial([c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7]])
+        }
+        _ if header.distortion.iter().all(|x| *x == 0.0) => Distortion::None,
+        _ => {
+            let c = k(5);
+            Distortion::PlumbBob([c[0], c[1], c[2], c[3], c[4]])
+        }
+    };
+    let size = header.size_px;
+    Camera::new(size, Vector2::from(header.focal_px), Vector2::from(header.center_px), lens).map_err(to_py)
+}
+
+#[pymethods]
+impl GapRecording {
+    #[new]
+    #[pyo3(signature = (urdf, header, frame, posture, time_s, commanded, mirror, direct, points=None, points_seen=None))]
+    fn new(
+        urdf: &str,
+        header: &str,
+        frame: PyReadonlyArray1<'_, i64>,
+        posture: PyReadonlyArray1<'_, i64>,
+        time_s: PyReadonlyArray1<'_, f64>,
+        commanded: PyReadonlyArray2<'_, f64>,
+        mirror: ViewArrays<'_>,
+        direct: ViewArrays<'_>,
+        points: Option<PyReadonlyArray3<'_, f64>>,
+        points_seen: Option<PyReadonlyArray2<'_, bool>>,
+    ) -> PyResult<Self> {
+        let header: Header = serde_json::from_str(header).map_err(json_error("header"))?;
+        let robot = Robot::from_urdf_str(urdf).map_err(to_py)?;
+        let columns =
+            header.joint_names.iter().map(|n| robot.position_index(n)).collect::<Result<Vec<_>, _>>().map_err(to_py)?;
+        let (frame, posture) = (frame.as_array(), posture.as_array());
+        let (time_s, commanded) = (time_s.as_array(), commanded.as_array());
+        let mut frames: Vec<Frame> = (0..frame.len())
+            .map(|f| {
+                let mut positions = vec![0.0; robot.position_count()];
+                for (column, &position) in columns.iter().enumerate() {
+                    positions[position] = commanded[[f, column]];
+                }
+                Frame {
+                    number: frame[f],
+                    posture: posture[f],
+                    time_s: time_s[f],
+                    commanded: positions,
+                    sightings: Vec::new(),
+                    points: Vec::new(),
+                }
+            })
+            .collect();
+        mirror.append(Via::Mirror, &mut frames);
+        direct.append(Via::Direct, &mut frames);
+        if let (Some(points), Some(seen)) = (points, points_seen) {
+            let (points, seen) = (points.as_array(), seen.as_array());
+            for (f, frame) in frames.iter_mut().enumerate() {
+                for m in (0..seen.ncols()).filter(|&m| seen[[f, m]]) {
+                    let position_m = Point3::new(points[[f, m, 0]], points[[f, m, 1]], points[[f, m, 2]]);
+                    frame.points.push(MeasuredPoint { marker: m, position_m });
+                }
+            }
+        }
+        let sight = match (&header.camera, header.camera_link) {
+            (Some(camera), Some(camera_link)) => Some(SightSpec {
+                camera: camera_of(camera)?,
+                camera_link,
+                board: header.board.map(|b| BoardSpec { link: b.link, corners: b.corners, square_m: b.square_m }),
+                glass_thickness_m: header.glass_thickness_m,
+                refractive_index: header.refractive_index,
+            }),
+            _ => None,
+        };
+        let recording = Recording {
+            root_link: header.root_link,
+            gravity: Vector3::from(header.gravity_m_per_s2),
+            sight,
+            markers: header
+                .markers
+                .into_iter()
+                .map(|m| MarkerSpec { name: m.name, link: m.link, diameter_m: m.diameter_m, mount_known: m.mount_known })
+                .collect(),
+            points_frame: header.points_frame.map(|f| {
+                if f == "unknown" { PointsFrame::Unknown } else { PointsFrame::Link(f) }
+            }),
+            ordered: header.ordered,
+            timed: header.timed,
+            pixel_std_px: header.pixel_std_px,
+            point_std_m: header.point_std_m,
+            frames,
+        };
+        let recording = recording.validated(robot.position_count()).map_err(to_py)?;
+        Ok(Self { robot, recording })
+    }
+
+    /// Trace (development).
+    fn trace(&self, py: Python<'_>, without: Vec<String>) -> PyResult<Vec<String>> {
+        py.detach(|| mirror_core::gap::trace(&self.robot, self.recording.clone(), &without)).map_err(to_py)
+    }
+
+    /// Signature (development).
+    fn signature(&self, joint: &str) -> PyResult<Vec<[f64; 8]>> {
+        mirror_core::gap::signature(&self.robot, self.recording.clone(), joint).map_err(to_py)
+    }
+}
