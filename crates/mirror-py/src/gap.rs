@@ -3,7 +3,7 @@
 use crate::errors::{MirrorPostureError, to_py};
 use mirror_core::camera::{Camera, Distortion};
 use mirror_core::gap::{
-    BoardSpec, Frame, MarkerSpec, MeasuredPoint, PointsFrame, Recording, SightSpec, Sighting, Target, Via,
+    BoardSpec, DiagnoseOptions, Frame, MarkerSpec, MeasuredPoint, OtherSession, PointsFrame, Recording, SightSpec, Sighting, Target, Via,
 };
 use mirror_core::robot::Robot;
 use nalgebra::{Point3, Vector2, Vector3};
@@ -197,13 +197,26 @@ impl GapRecording {
         Ok(Self { robot, recording })
     }
 
-    /// Trace (development).
-    fn trace(&self, py: Python<'_>, without: Vec<String>) -> PyResult<Vec<String>> {
-        py.detach(|| mirror_core::gap::trace(&self.robot, self.recording.clone(), &without)).map_err(to_py)
-    }
-
-    /// Signature (development).
-    fn signature(&self, joint: &str) -> PyResult<Vec<[f64; 8]>> {
-        mirror_core::gap::signature(&self.robot, self.recording.clone(), joint).map_err(to_py)
+    /// Diagnoses the recording; `others` are further sessions on which the result is checked. The result is JSON.
+    #[pyo3(signature = (without=Vec::new(), most_causes=0, others=Vec::new()))]
+    fn diagnose(
+        &self,
+        py: Python<'_>,
+        without: Vec<String>,
+        most_causes: usize,
+        others: Vec<(String, Py<Self>)>,
+    ) -> PyResult<String> {
+        let others: Vec<OtherSession> = others
+            .iter()
+            .map(|(name, other)| {
+                let other = other.get();
+                OtherSession { name: name.clone(), robot: other.robot.clone(), recording: other.recording.clone() }
+            })
+            .collect();
+        let options = DiagnoseOptions { without, most_causes };
+        let diagnosis = py
+            .detach(|| mirror_core::gap::diagnose(&self.robot, &self.recording, &options, &others))
+            .map_err(to_py)?;
+        serde_json::to_string(&diagnosis).map_err(json_error("diagnosis"))
     }
 }

@@ -196,7 +196,14 @@ impl Column {
                 let at = n.unwrap_or(scene.nodes());
                 deformation.link_shift[at][k] += value;
             }
-            Atom::MarkerShift(m, k) => deformation.marker_shift[m][k] += value,
+            Atom::MarkerShift(m, k) => match &self.weight {
+                Weight::One => deformation.marker_shift[m][k] += value,
+                weight => {
+                    for f in 0..scene.frames {
+                        deformation.add_marker_shift(f, m, k, value * weight.at(scene, f));
+                    }
+                }
+            },
             Atom::CameraMount(k) => deformation.camera_mount[k] += value,
             Atom::Focal => deformation.focal_scale_error += value,
             Atom::Center(k) => deformation.center_px += Vector2::ith(k, value),

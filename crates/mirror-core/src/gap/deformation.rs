@@ -16,6 +16,8 @@ pub(crate) struct Deformation {
     pub link_shift: Vec<Vector3<f64>>,
     /// Shift of each marker in the frame of its mount's link, m.
     pub marker_shift: Vec<Vector3<f64>>,
+    /// Shift of a marker that varies, `[frame * markers + marker]`, m. Empty where none does.
+    varying_shift: Vec<Vector3<f64>>,
     /// Rotation vector and shift of the real camera in the nominal optical frame, rad and m.
     pub camera_mount: Vector6<f64>,
     pub focal_scale_error: f64,
@@ -37,6 +39,7 @@ impl Deformation {
             tilt: vec![Vector2::zeros(); nodes],
             link_shift: vec![Vector3::zeros(); nodes + 1],
             marker_shift: vec![Vector3::zeros(); markers],
+            varying_shift: Vec::new(),
             camera_mount: Vector6::zeros(),
             focal_scale_error: 0.0,
             center_px: Vector2::zeros(),
@@ -68,6 +71,21 @@ impl Deformation {
             self.bend = vec![Vector3::zeros(); self.joint_delta.len()];
         }
         self.bend[frame * self.nodes + node] += omega;
+    }
+
+    /// Shift of a marker in a frame, m, in the frame of its mount's link.
+    #[inline]
+    pub fn marker_shift_in(&self, frame: usize, marker: usize) -> Vector3<f64> {
+        let varying = self.varying_shift.get(frame * self.marker_shift.len() + marker);
+        self.marker_shift[marker] + varying.copied().unwrap_or_else(Vector3::zeros)
+    }
+
+    pub fn add_marker_shift(&mut self, frame: usize, marker: usize, axis: usize, value: f64) {
+        let markers = self.marker_shift.len();
+        if self.varying_shift.is_empty() {
+            self.varying_shift = vec![Vector3::zeros(); self.joint_delta.len() / self.nodes.max(1) * markers];
+        }
+        self.varying_shift[frame * markers + marker][axis] += value;
     }
 
     /// Whether any of these nodes is not where the nominal model has it.

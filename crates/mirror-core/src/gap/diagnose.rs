@@ -1,62 +1,283 @@
-//! From a recording to a diagnosis.
+//! From a recording to a diagnosis: the order in which everything is tried, and what is said of it.
 
-use super::effects::vocabulary;
-use super::fit::Group;
-use super::hypothesis::{Catalogue, Model};
+use super::adequacy::{Adequacy, adequacy};
+use super::effects::{Effect, vocabulary};
+use super::fit::{Fit, FitOptions, fit};
+use super::group::Geometry;
+use super::heldout::{PostureGap, held_out, size};
+use super::hypothesis::{Catalogue, Model, Term};
+use super::noise;
 use super::observations::Recording;
-use super::problem::Problem;
-use super::search::{Search, SearchOptions};
+use super::pairing::{self, Slip};
+use super::problem::{Noise, Problem};
+use super::report::{Checked, Diagnosis};
+use super::search::{Found, Search, SearchOptions};
+use super::unexplained::{Unexplained, unexplained};
 use crate::error::Result;
 use crate::robot::Robot;
+use std::sync::Arc;
 
-/// Trace (development).
-pub fn trace(robot: &Robot, recording: Recording, without: &[String]) -> Result<Vec<String>> {
-    let recording = recording.validated(robot.position_count())?;
-    let t0 = std::time::Instant::now();
-    let mut problem = Problem::new(robot, &recording)?;
-    let noise = super::noise::estimate(&problem, problem.noise)?;
-    problem.noise = noise;
-    let catalogue = Catalogue::new(&problem.scene, vocabulary(), without);
-    let mut out = vec![format!("noise {noise:?} hyps {} t {:?}", catalogue.hypotheses.len(), t0.elapsed())];
-    let group = Group::default();
-    for outlines in [false, true] {
-        let mut p2 = problem.clone();
-        p2.outlines = outlines;
-        let f = super::fit::fit(&p2, &catalogue, &group, &Model::nominal(&p2), super::fit::FitOptions { noise, steps: 1 }, None)?;
-        out.push(format!("outlines {outlines}: cost {:.1}", f.cost));
-    }
-    problem.outlines = true;
-    let mut search = Search { problem: problem.clone(), catalogue: &catalogue, group: &group, measured_noise: noise, options: SearchOptions::default(), mask: None };
-    let nominal = Model::nominal(&problem);
-    let deformation = problem.nominal();
-    let eff = super::noise::effective(&problem, &deformation, noise, None)?;
-    let t1 = std::time::Instant::now();
-    let scores = super::screen::screen(&problem, &catalogue, &group, &nominal, eff, None)?;
-    out.push(format!("effective {eff:?} screen {:?}", t1.elapsed()));
-    for s in scores.iter().take(5) {
-        out.push(format!("  {} v={:.4} logB {:.1} {:?}", catalogue.name(&problem.scene, s.hypothesis), s.variant, s.log_bayes, s.parameters));
-    }
-    let t2 = std::time::Instant::now();
-    let found = search.run(nominal)?;
-    out.extend(found.trace);
-    for (i, t) in found.fit.model.terms.iter().enumerate() {
-        out.push(format!("=> {} v={:.4} {:?} ± {:?}", catalogue.name(&problem.scene, t.hypothesis), t.variant, t.parameters, found.fit.stds(i)));
-    }
-    out.push(format!("final noise {:?} search {:?}", found.noise, t2.elapsed()));
-    Ok(out)
+/// How to diagnose.
+#[derive(Debug, Clone, Default)]
+pub struct DiagnoseOptions {
+    /// Effects that are switched off.
+    pub without: Vec<String>,
+    /// No more causes than this; 0 for the usual six.
+    pub most_causes: usize,
 }
 
-/// Signature (development): posture rows of frame, q, torque, direction, value, std, moment.
-pub fn signature(robot: &Robot, recording: Recording, joint: &str) -> Result<Vec<[f64; 8]>> {
-    let mut problem = Problem::new(robot, &recording)?;
-    problem.noise = super::noise::estimate(&problem, problem.noise)?;
-    problem.outlines = true;
-    let n = problem.scene.body.nodes.iter().position(|n| n.joint == joint).unwrap_or(0);
-    let e = super::signature::free_errors(&problem, &problem.nominal(), problem.noise, super::atoms::Atom::Joint(n))?;
-    Ok(e.iter()
-        .map(|e| {
-            let s = &problem.scene;
-            [e.frame as f64, s.q(e.frame, n), s.torque(e.frame, n), s.direction(e.frame, n), e.value, e.std, s.moment(e.frame, n).norm(), 0.0]
-        })
-        .collect())
+/// A further session on which the result is checked.
+#[derive(Debug, Clone)]
+pub struct OtherSession {
+    /// Its name.
+    pub name: String,
+    /// Its robot.
+    pub robot: Robot,
+    /// What was recorded.
+    pub recording: Recording,
+}
+
+/// Everything that was found, before it is put into words.
+pub(crate) struct Findings<'a> {
+    pub search: Search<'a>,
+    pub found: Found,
+    pub geometry: Option<Geometry>,
+    pub slip: Option<Slip>,
+    pub adequacy: Adequacy,
+    pub before: Vec<PostureGap>,
+    pub after: Vec<PostureGap>,
+    pub unexplained: Option<Unexplained>,
+    pub nominal: Model,
+}
+
+/// More causes than this at once are rather many small errors.
+const MANY_CAUSES: usize = 3;
+/// Log prior odds of manufacturing tolerance against single causes.
+const LOG_PRIOR_GEOMETRY: f64 = -3.0;
+/// A cause must shrink the held-out gap by this share, or it is dropped.
+const LEAST_HELD_OUT_GAIN: f64 = 0.002;
+
+/// Diagnoses a recording: where the model is wrong, which effect causes it, how far the gap shrinks.
+///
+/// In order: the noise from the data; slipped rows; the search for causes; where that leaves a remainder or many causes, the
+/// same beside many small errors (`geometry`); causes that do not help on held-out regions are dropped; the remainder is
+/// tested against the noise and, where it is significant, located by free-form errors.
+///
+/// # Errors
+/// A recording that is not valid, links that do not exist, a camera that cannot be.
+pub fn diagnose(
+    robot: &Robot,
+    recording: &Recording,
+    options: &DiagnoseOptions,
+    others: &[OtherSession],
+) -> Result<Diagnosis> {
+    diagnose_with(robot, recording, options, others, Vec::new())
+}
+
+/// As [`diagnose`], with further effects beside the vocabulary.
+pub(crate) fn diagnose_with(
+    robot: &Robot,
+    recording: &Recording,
+    options: &DiagnoseOptions,
+    others: &[OtherSession],
+    own: Vec<Box<dyn Effect>>,
+) -> Result<Diagnosis> {
+    let mut problem = Problem::new(robot, recording)?;
+    let stated = problem.noise;
+    let nominal_deformation = problem.nominal();
+    problem.noise = noise::estimate(&problem, &nominal_deformation, stated)?;
+    let slip = if options.without.iter().any(|w| w == "pairing") {
+        None
+    } else {
+        let scatter = noise::effective(&problem, &nominal_deformation, problem.noise, None)?;
+        pairing::find(&problem, scatter)?
+    };
+    if let Some(slip) = slip {
+        problem.leave_out(slip.first..=slip.last);
+        problem.noise = noise::estimate(&problem, &nominal_deformation, stated)?;
+    }
+    let mut effects = vocabulary();
+    effects.extend(own);
+    let catalogue = Catalogue::new(&problem.scene, effects.into_iter().map(Arc::from).collect(), &options.without);
+    let most_causes = if options.most_causes == 0 { SearchOptions::default().most_causes } else { options.most_causes };
+    let search_options = SearchOptions { most_causes, ..SearchOptions::default() };
+    let nominal = Model::nominal(&problem);
+    let ranking = {
+        let scatter = noise::effective(&problem, &nominal_deformation, problem.noise, None)?;
+        super::screen::screen(&problem, &catalogue, &super::fit::Group::default(), &nominal, scatter, None)?
+    };
+    let mut search = Search {
+        measured_noise: problem.noise,
+        problem,
+        catalogue: &catalogue,
+        group: super::fit::Group::default(),
+        options: search_options,
+        mask: None,
+    };
+    let mut found = search.run(nominal.clone())?;
+    // Wrong optics pass for noise of the markers until they are known: look again at the noise that is left.
+    let deformation = found.fit.model.deformation(&search.problem, &catalogue, &search.group.columns);
+    if deformation.optics_differ() {
+        let again = noise::estimate(&search.problem, &deformation, stated)?;
+        if again.marker_px < 0.9 * search.measured_noise.marker_px {
+            search.measured_noise = again;
+            search.problem.noise = again;
+            let first = found.trace;
+            found = search.run(found.fit.model.clone())?;
+            found.trace.splice(0..0, first);
+        }
+    }
+    let mut fits_noise = adequacy(&search.problem, &search.deformation(&found.fit.model), search.measured_noise)?;
+    let mut geometry = None;
+    let off = options.without.iter().any(|w| w == "geometry");
+    if !off && (fits_noise.significant || found.fit.model.terms.len() > MANY_CAUSES) {
+        if let Some((with, its_search, its_found)) = with_geometry(&search, &found, &nominal)? {
+            fits_noise = adequacy(&its_search.problem, &its_search.deformation(&its_found.fit.model), its_search.measured_noise)?;
+            geometry = Some(with);
+            search = its_search;
+            found = its_found;
+        }
+    }
+    let (before, mut after) = gaps(&search, &nominal, &found)?;
+    drop_useless(&mut search, &mut found, &mut after)?;
+    let unexplained = unexplained(&search, &mut found, &fits_noise)?;
+    if unexplained.is_some() {
+        after = gaps(&search, &nominal, &found)?.1;
+    }
+    let mut findings =
+        Findings { search, found, geometry, slip, adequacy: fits_noise, before, after, unexplained, nominal };
+    let mut checked = Vec::new();
+    for other in others {
+        checked.push(check(&findings, other)?);
+    }
+    super::words::diagnosis(&mut findings, recording, &ranking, checked)
+}
+
+/// The search beside many small errors; none where single causes alone say it better.
+fn with_geometry<'a>(
+    search: &Search<'a>,
+    alone: &Found,
+    nominal: &Model,
+) -> Result<Option<(Geometry, Search<'a>, Found)>> {
+    let mut geometry = Geometry::new(&search.problem);
+    if geometry.group.columns.is_empty() {
+        return Ok(None);
+    }
+    let mut beside = Search { group: geometry.group.clone(), ..search.clone() };
+    // Spreads first at the scatter that single causes leave, then with the causes that stand out from the group.
+    let mut noise = alone.noise;
+    let mut start = geometry.fit(&search.problem, search.catalogue, nominal, FitOptions { noise, steps: 6 }, None)?.model;
+    let mut found = None;
+    for _ in 0..2 {
+        beside.group = geometry.group.clone();
+        let next = beside.run(start.clone())?;
+        noise = next.noise;
+        start = geometry
+            .fit(&beside.problem, search.catalogue, &next.fit.model, FitOptions { noise, steps: 4 }, None)?
+            .model;
+        found = Some(next);
+    }
+    beside.group = geometry.group.clone();
+    let Some(mut found) = found else { return Ok(None) };
+    found.fit = fit(&beside.problem, search.catalogue, &beside.group, &start, FitOptions { noise, steps: 6 }, None)?;
+    // Both at the same noise, that of the better of the two.
+    let common = if noise_sum(&noise) < noise_sum(&alone.noise) { noise } else { alone.noise };
+    let options = FitOptions { noise: common, steps: 6 };
+    let single = fit(&search.problem, search.catalogue, &search.group, &alone.fit.model, options, None)?;
+    let grouped = fit(&beside.problem, search.catalogue, &beside.group, &found.fit.model, options, None)?;
+    let odds = beside.log_posterior(&grouped) + LOG_PRIOR_GEOMETRY - search.log_posterior(&single);
+    found.trace.push(format!(
+        "beside geometry (spread {:.3} mm, {:.3} mrad): log odds {odds:.1}",
+        geometry.spread_m * 1e3,
+        geometry.spread_rad * 1e3
+    ));
+    let mut trace = alone.trace.clone();
+    trace.append(&mut found.trace);
+    found.trace = trace;
+    Ok((odds > 0.0).then_some((geometry, beside, found)))
+}
+
+fn noise_sum(noise: &Noise) -> f64 {
+    noise.marker_px + 1e3 * noise.point_m
+}
+
+fn gaps(search: &Search<'_>, nominal: &Model, found: &Found) -> Result<(Vec<PostureGap>, Vec<PostureGap>)> {
+    let none = super::fit::Group::default();
+    let scatter = search.effective(nominal)?;
+    let before = held_out(&search.problem, search.catalogue, &none, nominal, scatter, search.measured_noise)?;
+    let after = search.held_out(&found.fit.model, found.noise)?;
+    Ok((before, after))
+}
+
+/// Size of a gap in the unit of what was seen: pixels where there are pictures.
+pub(crate) fn seen_size(gaps: &[PostureGap]) -> f64 {
+    let size = size(gaps);
+    size.rms_px.unwrap_or(size.rms_m)
+}
+
+/// Drops causes that do not help where they were not fitted.
+fn drop_useless(search: &mut Search<'_>, found: &mut Found, after: &mut Vec<PostureGap>) -> Result<()> {
+    let mut i = 0;
+    while i < found.fit.model.terms.len() {
+        let without = search.fit(&found.fit.model.without(i), found.noise, 6)?;
+        let gap = search.held_out(&without.model, found.noise)?;
+        if seen_size(&gap) < seen_size(after) * (1.0 + LEAST_HELD_OUT_GAIN) {
+            let name = search.catalogue.name(&search.problem.scene, found.fit.model.terms[i].hypothesis);
+            found.trace.push(format!("drop {name}: no gain on held-out regions"));
+            found.fit = without;
+            *after = gap;
+            i = 0;
+        } else {
+            i += 1;
+        }
+    }
+    Ok(())
+}
+
+/// Predicts another session with the causes as they were found; only its own nuisances are fitted.
+fn check(findings: &Findings<'_>, other: &OtherSession) -> Result<Checked> {
+    let recording = other.recording.clone().validated(other.robot.position_count())?;
+    let mut problem = Problem::new(&other.robot, &recording)?;
+    let nominal_deformation = problem.nominal();
+    problem.noise = noise::estimate(&problem, &nominal_deformation, problem.noise)?;
+    let here = &findings.search;
+    let catalogue = Catalogue::new(&problem.scene, vocabulary().into_iter().map(Arc::from).collect(), &[]);
+    let mut model = Model::nominal(&problem);
+    model.frozen = true;
+    let none = super::fit::Group::default();
+    let measure = |problem: &Problem, model: &Model, group: &super::fit::Group| -> Result<f64> {
+        let mut model = model.clone();
+        let mut problem = problem.clone();
+        for _ in 0..2 {
+            let deformation = model.deformation(&problem, &catalogue, &group.columns);
+            problem.scene.update_loads(&deformation);
+            let scatter = noise::effective(&problem, &deformation, problem.noise, None)?;
+            model = fit(&problem, &catalogue, group, &model, FitOptions { noise: scatter, steps: 6 }, None)?.model;
+        }
+        let deformation = model.deformation(&problem, &catalogue, &group.columns);
+        let postures = super::posture::free_markers(&problem, &deformation, problem.noise, true, None)?;
+        let (sum, count) = postures.iter().flat_map(|p| &p.markers).fold((0.0, 0.0), |(s, c), m| {
+            (s + m.displacement.norm_squared(), c + 1.0)
+        });
+        Ok((sum / f64::max(count, 1.0)).sqrt())
+    };
+    let before_m = measure(&problem, &model, &none)?;
+    for term in &findings.found.fit.model.terms {
+        let name = here.catalogue.name(&here.problem.scene, term.hypothesis);
+        let hypothesis = (0..catalogue.hypotheses.len()).find(|&h| catalogue.name(&problem.scene, h) == name);
+        if let Some(hypothesis) = hypothesis {
+            model.terms.push(Term { hypothesis, ..term.clone() });
+        }
+    }
+    let group = if here.group.columns.iter().all(|c| problem.has_atom(c.atom)) { here.group.clone() } else { none };
+    if group.columns.len() == findings.found.fit.model.group.len() {
+        model.group.clone_from(&findings.found.fit.model.group);
+    }
+    let after_m = measure(&problem, &model, &group)?;
+    Ok(Checked { session: other.name.clone(), before_m, after_m })
+}
+
+/// A fit of the findings' model, for those who need its covariance anew.
+pub(crate) fn refit(findings: &Findings<'_>) -> Result<Fit> {
+    findings.search.fit(&findings.found.fit.model, findings.found.noise, 6)
 }

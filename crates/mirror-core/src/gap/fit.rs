@@ -79,6 +79,10 @@ impl Active {
             out.push(column, std, *value, false);
         }
         out.first_group = out.columns.len();
+        out.first_term = out.first_group;
+        if model.frozen {
+            return out;
+        }
         if !model.group.is_empty() {
             for ((column, std), value) in group.columns.iter().zip(&group.prior_std).zip(&model.group) {
                 out.push(column.clone(), *std, *value, false);
@@ -111,6 +115,9 @@ impl Active {
     fn model(&self, like: &Model, values: &[f64]) -> Model {
         let mut model = like.clone();
         model.nuisances.copy_from_slice(&values[..self.first_group]);
+        if model.frozen {
+            return model;
+        }
         model.group.copy_from_slice(&values[self.first_group..self.first_term]);
         let mut at = self.first_term;
         for term in &mut model.terms {

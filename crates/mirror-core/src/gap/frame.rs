@@ -56,6 +56,7 @@ struct Rows {
 
 /// Reusable memory for one frame.
 pub(crate) struct FrameWork {
+    frame: usize,
     pub poses: NodePoses,
     rows: Vec<Rows>,
     /// How many of `rows` are board corners (first).
@@ -89,6 +90,7 @@ pub(crate) struct Task<'a> {
 impl FrameWork {
     pub fn new(problem: &Problem) -> Self {
         Self {
+            frame: 0,
             poses: NodePoses::new(problem.scene.nodes()),
             rows: Vec::new(),
             foot: Vector3::zeros(),
@@ -108,6 +110,7 @@ impl FrameWork {
         let nodes = problem.scene.nodes();
         let commanded = &problem.scene.commanded[frame * nodes..(frame + 1) * nodes];
         self.poses.update(&problem.scene.body, commanded, deformation, frame);
+        self.frame = frame;
         self.root = self.poses.site(&problem.scene.body.root);
     }
 
@@ -315,7 +318,7 @@ impl FrameWork {
 
     /// Pose of the frame of a marker's centre, its shift included.
     fn marker_mount_pose(&self, problem: &Problem, task: &Task<'_>, marker: usize) -> Pose {
-        let shift = task.deformation.marker_shift[marker];
+        let shift = task.deformation.marker_shift_in(self.frame, marker);
         let mut pose = self.poses.site(&problem.marker_sites[marker]);
         if shift != Vector3::zeros() {
             pose.t += self.poses.site(&problem.marker_mounts[marker]).r * shift;

@@ -5,6 +5,7 @@ use super::deformation::Deformation;
 use super::effects::{Effect, Place};
 use super::problem::Problem;
 use super::scene::Scene;
+use std::sync::Arc;
 
 /// An unknown mount may be this far from where the URDF starts it, m.
 const UNKNOWN_MOUNT_STD_M: f64 = 0.3;
@@ -25,13 +26,13 @@ pub(crate) struct Hypothesis {
 
 /// All hypotheses of a scene.
 pub(crate) struct Catalogue {
-    pub effects: Vec<Box<dyn Effect>>,
+    pub effects: Vec<Arc<dyn Effect>>,
     pub hypotheses: Vec<Hypothesis>,
 }
 
 impl Catalogue {
     /// All places of all effects; `without` names effects that are switched off.
-    pub fn new(scene: &Scene, effects: Vec<Box<dyn Effect>>, without: &[String]) -> Self {
+    pub fn new(scene: &Scene, effects: Vec<Arc<dyn Effect>>, without: &[String]) -> Self {
         let mut hypotheses = Vec::new();
         let on: Vec<usize> =
             (0..effects.len()).filter(|&e| !without.iter().any(|w| w == effects[e].name())).collect();
@@ -49,6 +50,19 @@ impl Catalogue {
             }
         }
         Self { effects, hypotheses }
+    }
+
+    /// A catalogue with free-form errors behind its own hypotheses, whose indices stay.
+    pub fn with_free_forms(base: &Self, scene: &Scene, free: Vec<Box<dyn Effect>>) -> Self {
+        let mut out = Self { effects: Vec::new(), hypotheses: base.hypotheses.clone() };
+        out.effects.extend(base.effects.iter().cloned());
+        let first = out.effects.len();
+        let added = Self::new(scene, free.into_iter().map(Arc::from).collect(), &[]);
+        out.effects.extend(added.effects);
+        out.hypotheses.extend(
+            added.hypotheses.into_iter().map(|h| Hypothesis { effect: h.effect + first, ..h }),
+        );
+        out
     }
 
     pub fn effect(&self, hypothesis: usize) -> &dyn Effect {
@@ -84,6 +98,8 @@ pub(crate) struct Model {
     /// Values of the group of small errors (`geometry`), in the order of its columns; empty where it is not in the model.
     pub group: Vec<f64>,
     pub terms: Vec<Term>,
+    /// Whether causes and group are held as they are and only nuisances are fitted.
+    pub frozen: bool,
 }
 
 /// What is unknown in any case: mounts said to be unknown, the frame of the measured points. Columns with their prior.
@@ -105,7 +121,7 @@ pub(crate) fn nuisances(problem: &Problem) -> Vec<(Column, f64)> {
 impl Model {
     /// The nominal model.
     pub fn nominal(problem: &Problem) -> Self {
-        Self { nuisances: vec![0.0; nuisances(problem).len()], group: Vec::new(), terms: Vec::new() }
+        Self { nuisances: vec![0.0; nuisances(problem).len()], group: Vec::new(), terms: Vec::new(), frozen: false }
     }
 
     /// This model with one more cause, at zero.

@@ -27,16 +27,15 @@ const TRIMMED_SHARE: f64 = 0.02;
 ///
 /// # Errors
 /// A camera or mirror that cannot be.
-pub(crate) fn estimate(problem: &Problem, stated: Noise) -> Result<Noise> {
+pub(crate) fn estimate(problem: &Problem, deformation: &Deformation, stated: Noise) -> Result<Noise> {
     let mut noise = stated;
     if let Some(corner) = corner_noise(problem)? {
         noise.corner_px = corner.max(LEAST_PIXEL_STD_PX);
     }
-    let nominal = problem.nominal();
     if problem.camera.is_some() {
         // The markers' share of the rows' variance depends on the planes', which the corners' noise sets: iterate.
         for _ in 0..3 {
-            let postures = free_markers(problem, &nominal, noise, true, None)?;
+            let postures = free_markers(problem, deformation, noise, true, None)?;
             let redundant: f64 = postures.iter().map(|p| p.freedom_left).sum();
             let ratios = postures.iter().filter(|p| p.freedom_left > 1.5).map(|p| (p.chi2_free, p.freedom_left));
             if redundant < FEWEST_REDUNDANT_ROWS {
@@ -152,4 +151,31 @@ fn trimmed_std(squares: &mut [f64], dimensions: f64) -> Option<f64> {
     squares.sort_by(f64::total_cmp);
     let kept = ((squares.len() as f64 * (1.0 - TRIMMED_SHARE)).ceil() as usize).clamp(1, squares.len());
     Some((squares[..kept].iter().sum::<f64>() / kept as f64 / dimensions).sqrt())
+}
+
+/// Variance of the board corners' residuals at their own best planes over the noise's, less 1: what the optics leave.
+///
+/// # Errors
+/// A camera or mirror that cannot be.
+pub(crate) fn corner_excess(problem: &Problem, deformation: &Deformation, noise: Noise) -> Result<f64> {
+    let Some(eye) = problem.eye(deformation)? else { return Ok(0.0) };
+    let fresh = problem.needs_fresh_board(deformation);
+    let groups: Vec<(f64, f64)> = (0..problem.frames.len())
+        .into_par_iter()
+        .map_init(
+            || FrameWork::new(problem),
+            |work, frame| {
+                let nominal = problem.boards.get(frame).copied().flatten()?;
+                let fit = if fresh {
+                    work.fit_board(problem, deformation, Some(&eye), frame, Some(nominal.foot))?
+                } else {
+                    nominal
+                };
+                Some((fit.chi2_px2, 2.0 * fit.corners as f64 - 3.0))
+            },
+        )
+        .flatten()
+        .filter(|(_, freedom)| *freedom > 1.0)
+        .collect();
+    Ok(median_variance(groups).map_or(0.0, |v| v / noise.corner_px.powi(2) - 1.0))
 }

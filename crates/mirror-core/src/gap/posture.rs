@@ -24,6 +24,8 @@ pub(crate) struct FreeMarker {
     /// Measured less predicted position, in the frame of the marker's mount, m.
     pub displacement: Vector3<f64>,
     pub covariance: Matrix3<f64>,
+    /// Expected square of the displacement if only noise were left, m².
+    pub noise_m2: f64,
     pub views: usize,
 }
 
@@ -157,6 +159,8 @@ fn free_posture(problem: &Problem, task: &Task<'_>, frames: Vec<usize>, work: &m
     let Some(factor) = (&data + DMatrix::identity(n, n) * prior).cholesky() else { return out };
     let solution = factor.solve(&gradient);
     let covariance = factor.inverse();
+    // The estimate's scatter under noise alone: C H C, smaller than C where the prior holds it.
+    let scatter = &covariance * &data * &covariance;
     // Effective number of parameters: trace of the hat matrix.
     let taken = (&covariance * &data).trace();
     out.freedom_taken = taken;
@@ -167,6 +171,7 @@ fn free_posture(problem: &Problem, task: &Task<'_>, frames: Vec<usize>, work: &m
             marker: m,
             displacement: solution.fixed_rows::<3>(3 * at).into_owned(),
             covariance: covariance.fixed_view::<3, 3>(3 * at, 3 * at).into_owned(),
+            noise_m2: scatter.fixed_view::<3, 3>(3 * at, 3 * at).trace(),
             views: views[m],
         });
     }

@@ -63,6 +63,7 @@ pub(crate) struct Problem {
     pub scene: Scene,
     pub frames: Vec<FrameData>,
     pub posture: Vec<i64>,
+    pub frame_numbers: Vec<i64>,
     pub marker_sites: Vec<Site>,
     pub marker_mounts: Vec<Site>,
     pub balls: Vec<Sphere>,
@@ -135,6 +136,7 @@ impl Problem {
         let targets: Vec<Option<usize>> =
             marker_sites.iter().map(|s| s.node).chain(board.iter().map(|s| s.node)).collect();
         scene.find_relevant(&observers, &targets, &marker_sites);
+        scene.tabulate_down(&marker_mounts);
         let between_camera_and_board = match (camera_site, board) {
             (Some(camera), Some(board)) => (0..scene.nodes())
                 .filter(|&n| scene.body.carries(n, camera.node) != scene.body.carries(n, board.node))
@@ -169,10 +171,11 @@ impl Problem {
         let mut problem = Self {
             frames,
             posture: recording.frames.iter().map(|f| f.posture).collect(),
+            frame_numbers: recording.frames.iter().map(|f| f.number).collect(),
             marker_sites,
             marker_mounts,
             balls,
-            outlines: false,
+            outlines: true,
             board,
             corners,
             camera_site,
@@ -296,6 +299,26 @@ impl Problem {
     /// Whether a deformation changes how the board's corners are seen: its optics, or a joint between camera and board.
     pub fn needs_fresh_board(&self, deformation: &Deformation) -> bool {
         deformation.optics_differ() || deformation.moves_any(&self.between_camera_and_board)
+    }
+
+    /// Leaves a run of frames out: nothing that was seen in them counts.
+    pub fn leave_out(&mut self, frames: core::ops::RangeInclusive<usize>) {
+        for frame in frames {
+            self.frames[frame] = FrameData { corners: Vec::new(), others: Vec::new() };
+            if let Some(board) = self.boards.get_mut(frame) {
+                *board = None;
+            }
+        }
+    }
+
+    /// Whether an atom's node or marker exists here.
+    pub fn has_atom(&self, atom: super::atoms::Atom) -> bool {
+        use super::atoms::Atom;
+        match atom {
+            Atom::Joint(n) | Atom::Tilt(n, _) | Atom::Bend(n) | Atom::LinkShift(Some(n), _) => n < self.scene.nodes(),
+            Atom::MarkerShift(m, _) => m < self.marker_sites.len(),
+            _ => true,
+        }
     }
 
     /// The plane of a foot point, or none where it runs through the camera.

@@ -34,6 +34,8 @@ pub(crate) struct Scene {
     pub relevant: Vec<bool>,
     /// Nodes with a column in the session, or that move at all.
     pub commanded_range: Vec<(f64, f64)>,
+    /// Direction of gravity in the frame of each marker's mount, `[frame * markers + marker]`.
+    pub down: Vec<Vector3<f64>>,
     pub has_camera: bool,
     pub has_board: bool,
     pub has_mirror: bool,
@@ -88,6 +90,7 @@ impl Scene {
             marker_names: recording.markers.iter().map(|m| m.name.clone()).collect(),
             mount_known: recording.markers.iter().map(|m| m.mount_known).collect(),
             commanded_range,
+            down: Vec::new(),
             has_camera: sight.is_some(),
             has_board: sight.is_some_and(|s| s.board.is_some()),
             has_mirror: sight.is_some_and(|s| s.board.is_some()),
@@ -134,6 +137,27 @@ impl Scene {
             let at = frame * nodes..(frame + 1) * nodes;
             loads(&self.body, &poses, &self.gravity, &mut self.torque[at.clone()], &mut self.moment[at]);
         }
+    }
+
+    /// Tabulates gravity's direction in the frames of the markers' mounts, at the nominal postures.
+    pub fn tabulate_down(&mut self, mounts: &[Site]) {
+        let nodes = self.nodes();
+        let nominal = Deformation::nominal(self.frames, nodes, mounts.len());
+        let mut poses = NodePoses::new(nodes);
+        self.down.clear();
+        for frame in 0..self.frames {
+            poses.update(&self.body, &self.commanded[frame * nodes..(frame + 1) * nodes], &nominal, frame);
+            let gravity = poses.site(&self.body.root).r * self.gravity;
+            let down = gravity.try_normalize(1e-9).unwrap_or_else(Vector3::zeros);
+            for mount in mounts {
+                self.down.push(poses.site(mount).r.tr_mul(&down));
+            }
+        }
+    }
+
+    #[inline]
+    pub fn down_in_mount(&self, frame: usize, marker: usize) -> &Vector3<f64> {
+        &self.down[frame * self.marker_names.len() + marker]
     }
 
     pub fn nodes(&self) -> usize {

@@ -1,7 +1,7 @@
 //! The search for causes: added one at a time, each tried again for dropping and against its rivals.
 
 use super::fit::{Fit, FitOptions, Group, fit};
-use super::hypothesis::{Catalogue, Model};
+use super::hypothesis::{Catalogue, Model, Term};
 use super::noise::effective;
 use super::problem::{Noise, Problem};
 use super::screen::{Score, screen};
@@ -31,10 +31,17 @@ const CANDIDATE_STEPS: usize = 4;
 const FINAL_STEPS: usize = 12;
 /// Loads and postures are taken in turn this often: each turn leaves the share by which the droop changes the load.
 const LOAD_STEPS: usize = 2;
+/// Log of how much less likely a second cause is where there is one already: what looks like two is rather a law that
+/// the vocabulary has not.
+const LOG_PRIOR_SAME_PLACE: f64 = -4.0;
 /// Share of a common size below which an error is called a tolerance.
 const PRIOR_TOLERANCE: f64 = 0.02;
-/// By how much a cause's law may be wrong, as a share of the shift that it makes.
-const LAW_TOLERANCE: f64 = 0.06;
+/// By how much a cause's law may be wrong, as a share of the shift that it makes: so much of it may look like a further
+/// cause at the same place, and so much like one elsewhere.
+const LAW_TOLERANCE_HERE: f64 = 0.06;
+const LAW_TOLERANCE_ELSEWHERE: f64 = 0.012;
+/// Factors on a discrete unknown (a friction torque) that are tried once the cause is found.
+const VARIANT_FACTORS: [f64; 8] = [0.7, 0.8, 0.88, 0.95, 1.06, 1.14, 1.25, 1.4];
 
 /// A model that the search ended with.
 #[derive(Debug, Clone)]
@@ -47,28 +54,42 @@ pub(crate) struct Found {
 }
 
 /// Everything that the search looks at.
+#[derive(Clone)]
 pub(crate) struct Search<'a> {
     /// Owned: gravity's loads in its scene follow the actual postures of the model found so far.
     pub problem: Problem,
     pub catalogue: &'a Catalogue,
-    pub group: &'a Group,
+    pub group: Group,
     pub measured_noise: Noise,
     pub options: SearchOptions,
     pub mask: Option<&'a [bool]>,
 }
 
 impl Search<'_> {
-    fn fit(&self, model: &Model, noise: Noise, steps: usize) -> Result<Fit> {
-        fit(&self.problem, self.catalogue, self.group, model, FitOptions { noise, steps }, self.mask)
+    pub fn fit(&self, model: &Model, noise: Noise, steps: usize) -> Result<Fit> {
+        fit(&self.problem, self.catalogue, &self.group, model, FitOptions { noise, steps }, self.mask)
     }
 
-    fn effective(&self, model: &Model) -> Result<Noise> {
+    pub fn effective(&self, model: &Model) -> Result<Noise> {
         let deformation = model.deformation(&self.problem, self.catalogue, &self.group.columns);
         effective(&self.problem, &deformation, self.measured_noise, self.mask)
     }
 
+    /// Everything that a model says, as the forward model reads it.
+    pub fn deformation(&self, model: &Model) -> super::deformation::Deformation {
+        model.deformation(&self.problem, self.catalogue, &self.group.columns)
+    }
+
+    /// The gap of a model on regions that its parameters did not see.
+    pub fn held_out(&self, model: &Model, noise: Noise) -> Result<Vec<super::heldout::PostureGap>> {
+        super::heldout::held_out(&self.problem, self.catalogue, &self.group, model, noise, self.measured_noise)
+    }
+
     fn log_prior(&self, fit: &Fit) -> f64 {
-        fit.model.terms.iter().map(|t| self.catalogue.hypotheses[t.hypothesis].log_prior).sum()
+        let place = |t: &super::hypothesis::Term| self.catalogue.hypotheses[t.hypothesis].place.node();
+        let terms = &fit.model.terms;
+        let crowded = (0..terms.len()).filter(|&i| place(&terms[i]).is_some() && terms[..i].iter().any(|t| place(t) == place(&terms[i]))).count();
+        terms.iter().map(|t| self.catalogue.hypotheses[t.hypothesis].log_prior).sum::<f64>() + crowded as f64 * LOG_PRIOR_SAME_PLACE
     }
 
     /// Log of evidence times prior.
@@ -78,7 +99,7 @@ impl Search<'_> {
 
     /// Fits the most promising additions to a model, at a noise; best first.
     pub fn candidates(&self, model: &Model, noise: Noise, count: usize) -> Result<Vec<Fit>> {
-        let scores = screen(&self.problem, self.catalogue, self.group, model, noise, self.mask)?;
+        let scores = screen(&self.problem, self.catalogue, &self.group, model, noise, self.mask)?;
         let chosen = self.most_promising(&scores, count);
         let mut fits = chosen
             .par_iter()
@@ -122,6 +143,30 @@ impl Search<'_> {
             self.problem.scene.update_loads(&deformation);
             best = self.fit(&best.model, noise, FINAL_STEPS)?;
         }
+        self.refine_variants(best, noise)
+    }
+
+    /// Refines discrete unknowns (friction torques) between the values that were screened.
+    fn refine_variants(&self, mut best: Fit, noise: Noise) -> Result<Fit> {
+        for i in 0..best.model.terms.len() {
+            let term = &best.model.terms[i];
+            if self.catalogue.hypotheses[term.hypothesis].variants.len() < 2 || !term.variant.is_finite() || term.variant == 0.0 {
+                continue;
+            }
+            let tried = VARIANT_FACTORS
+                .par_iter()
+                .map(|factor| {
+                    let mut model = best.model.clone();
+                    model.terms[i].variant *= factor;
+                    self.fit(&model, noise, CANDIDATE_STEPS)
+                })
+                .collect::<Result<Vec<Fit>>>()?;
+            if let Some(better) = tried.into_iter().max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence)) {
+                if better.log_evidence > best.log_evidence {
+                    best = better;
+                }
+            }
+        }
         Ok(best)
     }
 
@@ -138,16 +183,22 @@ impl Search<'_> {
             .sqrt();
         let of = |model: &Model| model.deformation(&self.problem, self.catalogue, &self.group.columns);
         let all = of(&fit.model);
-        let mut bare = fit.model.clone();
-        bare.terms = vec![term.clone()];
-        let only = of(&bare);
-        bare.terms.clear();
-        let none = of(&bare);
-        let own = marker_shift(&self.problem, &none, &only, noise)?;
-        let others = marker_shift(&self.problem, &only, &all, noise)?;
+        let node = |t: &Term| self.catalogue.hypotheses[t.hypothesis].place.node();
+        let without = of(&fit.model.without(i));
+        let mut far = fit.model.without(i);
+        far.terms.retain(|t| node(t) != node(term));
+        let mut none = far.clone();
+        none.terms.clear();
+        let (far, none) = (of(&far), of(&none));
+        let own = marker_shift(&self.problem, &without, &all, noise)?;
+        let elsewhere = marker_shift(&self.problem, &none, &far, noise)?;
+        let here = marker_shift(&self.problem, &far, &without, noise)?;
         let own_sum: f64 = own.iter().sum();
-        let shared: f64 = others.iter().zip(&own).filter(|(_, o)| **o > 1e-4 * own_sum).map(|(s, _)| s).sum();
-        let by_laws = if own_sum > 0.0 { LAW_TOLERANCE * (shared / own_sum).sqrt() * multiple } else { 0.0 };
+        let shared = |shift: &[f64]| -> f64 {
+            shift.iter().zip(&own).filter(|(_, o)| **o > 1e-4 * own_sum).map(|(s, _)| s).sum::<f64>().sqrt()
+        };
+        let allowed = LAW_TOLERANCE_HERE * shared(&here) + LAW_TOLERANCE_ELSEWHERE * shared(&elsewhere);
+        let by_laws = if own_sum > 0.0 { allowed / own_sum.sqrt() * multiple } else { 0.0 };
         let mut model = fit.model.clone();
         let scale = PRIOR_TOLERANCE.max(by_laws).min(1.0);
         model.terms[i].prior_scale = scale;
@@ -158,7 +209,8 @@ impl Search<'_> {
     /// Log posterior odds of the i-th cause: found, against tolerated.
     pub fn log_odds(&self, fit: &Fit, i: usize, noise: Noise) -> Result<f64> {
         let tolerated = self.tolerated(fit, i, noise)?;
-        let prior = self.catalogue.hypotheses[fit.model.terms[i].hypothesis].log_prior;
+        let rest = Fit { model: fit.model.without(i), ..fit.clone() };
+        let prior = self.log_prior(fit) - self.log_prior(&rest);
         Ok(fit.log_evidence + prior - tolerated.log_evidence)
     }
 

@@ -1,0 +1,52 @@
+//! Whether what a model leaves is more than noise: the lack-of-fit test on free markers.
+
+use super::deformation::Deformation;
+use super::posture::free_markers;
+use super::problem::{Noise, Problem};
+use crate::error::Result;
+
+/// Postures with the largest misfit that are left out: false observations and postures that had not settled.
+const TRIMMED_SHARE: f64 = 0.03;
+/// The excess must be this many standard deviations of its own scatter, and this share of the noise's variance: smaller
+/// remainders are real but do not matter (12 % of the noise's standard deviation).
+const SIGNIFICANT_DEVIATIONS: f64 = 6.0;
+const NOTICEABLE_EXCESS: f64 = 0.25;
+/// Corners above their noise by this share of its variance show wrong optics.
+const NOTICEABLE_CORNER_EXCESS: f64 = 0.15;
+
+/// What is left of a gap, against the noise.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Adequacy {
+    /// Variance of what free markers take up, over the noise's, less 1.
+    pub excess: f64,
+    pub significant: bool,
+    /// Variance of the corners' residuals over the noise's, less 1.
+    pub corner_excess: f64,
+    pub corners_significant: bool,
+}
+
+/// Tests a model: under noise alone, what setting the markers free gains is χ² of as many degrees as it takes up.
+///
+/// # Errors
+/// A camera or mirror that cannot be.
+pub(crate) fn adequacy(problem: &Problem, deformation: &Deformation, noise: Noise) -> Result<Adequacy> {
+    let mut postures = free_markers(problem, deformation, noise, false, None)?;
+    let ratio = |p: &super::posture::FreePosture| (p.chi2_predicted - p.chi2_free) / p.freedom_taken.max(1e-9);
+    postures.retain(|p| p.freedom_taken > 0.5);
+    postures.sort_by(|a, b| ratio(a).total_cmp(&ratio(b)));
+    let kept = ((postures.len() as f64) * (1.0 - TRIMMED_SHARE)).ceil() as usize;
+    let kept = &postures[..kept.min(postures.len())];
+    let taken: f64 = kept.iter().map(|p| p.freedom_taken).sum();
+    let gained: f64 = kept.iter().map(|p| p.chi2_predicted - p.chi2_free).sum();
+    let left: f64 = kept.iter().map(|p| p.freedom_left.max(0.0)).sum();
+    let excess = if taken > 0.0 { gained / taken - 1.0 } else { 0.0 };
+    // The noise is itself known from as many degrees as the views leave.
+    let scatter = (2.0 / taken.max(1.0) + if left > 20.0 { 2.0 / left } else { 0.02 }).sqrt();
+    let corner_excess = super::noise::corner_excess(problem, deformation, noise)?;
+    Ok(Adequacy {
+        excess,
+        significant: excess > NOTICEABLE_EXCESS && excess > SIGNIFICANT_DEVIATIONS * scatter,
+        corner_excess,
+        corners_significant: corner_excess > NOTICEABLE_CORNER_EXCESS,
+    })
+}

@@ -1,0 +1,104 @@
+//! Many small errors everywhere: manufacturing tolerance, fitted as a group with a common spread.
+//!
+//! Every relevant joint's zero and axis and every link's shape may be a little off: `θ_k ~ N(0, s²)`, one s for lengths and
+//! one for angles. The spreads are found by maximising the marginal likelihood (empirical Bayes, by expectation and
+//! maximisation), so that the group takes what is spread over the robot and leaves what is concentrated to a single cause.
+//!
+//! Source: MacKay, "Bayesian interpolation" (1992), the evidence framework.
+
+use super::atoms::{Atom, Column};
+use super::fit::{Fit, FitOptions, Group, fit};
+use super::hypothesis::{Catalogue, Model};
+use super::problem::Problem;
+use crate::error::Result;
+
+/// Where the spreads start: 1 mm and 0.3°.
+const START_SPREAD_M: f64 = 1e-3;
+const START_SPREAD_RAD: f64 = 5e-3;
+/// Below these a spread is nothing.
+const LEAST_SPREAD_M: f64 = 2e-6;
+const LEAST_SPREAD_RAD: f64 = 5e-6;
+const SPREAD_STEPS: usize = 10;
+
+/// The group and its spreads.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Geometry {
+    pub group: Group,
+    pub spread_m: f64,
+    pub spread_rad: f64,
+}
+
+fn is_length(atom: Atom) -> bool {
+    matches!(atom, Atom::LinkShift(..) | Atom::MarkerShift(..))
+}
+
+impl Geometry {
+    /// All columns of the group with spreads to start from.
+    pub fn new(problem: &Problem) -> Self {
+        let scene = &problem.scene;
+        let mut columns = Vec::new();
+        for n in (0..scene.nodes()).filter(|&n| scene.relevant[n]) {
+            columns.push(Column::constant(Atom::Joint(n)));
+            if scene.moves(n) {
+                columns.extend((0..2).map(|k| Column::constant(Atom::Tilt(n, k))));
+            }
+            let parent = scene.body.nodes[n].parent;
+            let first_child = !(0..n).any(|k| scene.relevant[k] && scene.body.nodes[k].parent == parent);
+            if first_child {
+                columns.extend((0..3).map(|k| Column::constant(Atom::LinkShift(parent, k))));
+            }
+        }
+        for m in (0..scene.marker_names.len()).filter(|&m| scene.mount_known[m]) {
+            columns.extend((0..3).map(|k| Column::constant(Atom::MarkerShift(m, k))));
+        }
+        let mut out = Self {
+            group: Group { columns, prior_std: Vec::new() },
+            spread_m: START_SPREAD_M,
+            spread_rad: START_SPREAD_RAD,
+        };
+        out.set_priors();
+        out
+    }
+
+    fn set_priors(&mut self) {
+        let (m, rad) = (self.spread_m, self.spread_rad);
+        self.group.prior_std = self.group.columns.iter().map(|c| if is_length(c.atom) { m } else { rad }).collect();
+    }
+
+    /// Fits a model with the group, and the spreads, in turn.
+    ///
+    /// # Errors
+    /// A camera or mirror that cannot be.
+    pub fn fit(
+        &mut self,
+        problem: &Problem,
+        catalogue: &Catalogue,
+        start: &Model,
+        options: FitOptions,
+        mask: Option<&[bool]>,
+    ) -> Result<Fit> {
+        let mut model = start.clone();
+        model.group.resize(self.group.columns.len(), 0.0);
+        let mut best = fit(problem, catalogue, &self.group, &model, options, mask)?;
+        for _ in 0..SPREAD_STEPS {
+            let first = best.model.nuisances.len();
+            let (mut sum, mut count) = ([0.0; 2], [0.0; 2]);
+            for (k, column) in self.group.columns.iter().enumerate() {
+                let kind = usize::from(is_length(column.atom));
+                let variance = best.covariance[(first + k, first + k)];
+                sum[kind] += best.model.group[k].powi(2) + variance;
+                count[kind] += 1.0;
+            }
+            let (old_rad, old_m) = (self.spread_rad, self.spread_m);
+            self.spread_rad = (sum[0] / f64::max(count[0], 1.0)).sqrt().max(LEAST_SPREAD_RAD);
+            self.spread_m = (sum[1] / f64::max(count[1], 1.0)).sqrt().max(LEAST_SPREAD_M);
+            self.set_priors();
+            best = fit(problem, catalogue, &self.group, &best.model, FitOptions { steps: 3, ..options }, mask)?;
+            let change = (self.spread_rad / old_rad).ln().abs() + (self.spread_m / old_m).ln().abs();
+            if change < 0.05 {
+                break;
+            }
+        }
+        Ok(best)
+    }
+}

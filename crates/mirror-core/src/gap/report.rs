@@ -1,0 +1,171 @@
+//! What a diagnosis says: plain data, written as JSON by the public contract, with further details for people.
+
+use serde::Serialize;
+use std::collections::BTreeMap;
+
+/// A parameter with its standard deviation.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Estimate {
+    /// The value, in the unit that the parameter's name says.
+    pub value: f64,
+    /// One standard deviation.
+    pub std: f64,
+}
+
+/// A rival that these postures cannot tell from a cause.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Alternative {
+    /// The effect.
+    pub effect: String,
+    /// The place.
+    pub at: String,
+    /// Its probability.
+    pub probability: f64,
+}
+
+/// A cause of the gap.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Cause {
+    /// The effect, a word of the vocabulary.
+    pub effect: String,
+    /// The place.
+    pub at: String,
+    /// Probability of this cause against its rivals.
+    pub probability: f64,
+    /// Its parameters by name.
+    pub parameters: BTreeMap<String, Estimate>,
+    /// Rivals.
+    pub alternatives: Vec<Alternative>,
+    /// What happens, for a person.
+    pub words: String,
+    /// Root mean square shift of the markers that it makes, px (m where points were measured).
+    pub rms_shift: f64,
+}
+
+/// Share of the gap at a place.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Where {
+    /// The place.
+    pub at: String,
+    /// Share of the gap's variance.
+    pub share: f64,
+    /// On what the unexplained part there depends, where it is unexplained.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub depends_on: Option<String>,
+}
+
+/// A further session, predicted with nothing of it fitted but its own nuisances.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Checked {
+    /// Its name.
+    pub session: String,
+    /// RMS distance of the nominal model, m.
+    pub before_m: f64,
+    /// With the causes, m.
+    pub after_m: f64,
+}
+
+/// The gap before and after, on postures that the fit did not see.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Gap {
+    /// RMS distance between predicted and observed marker positions, nominal model, m.
+    pub before_m: f64,
+    /// With the causes added, m.
+    pub after_m: f64,
+    /// If only noise were left, m.
+    pub noise_floor_m: f64,
+    /// (before − after) / (before − noise floor); absent where there is no gap to close.
+    pub closed: Option<f64>,
+    /// 95 % interval by bootstrap over postures.
+    pub closed_ci95: Option<[f64; 2]>,
+    /// As above in pixels, where there are pictures.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub before_px: Option<f64>,
+    /// As above.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub after_px: Option<f64>,
+    /// As above.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub noise_floor_px: Option<f64>,
+    /// Number of postures, each predicted while its region was held out.
+    pub held_out_postures: usize,
+    /// Further sessions.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub checked: Vec<Checked>,
+}
+
+/// One point of a signature plot: the error at a place that one posture alone shows.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct SignaturePoint {
+    /// The frame's number.
+    pub frame: i64,
+    /// Commanded position of the joint, rad or m.
+    pub position: f64,
+    /// Gravity's torque on it, N m.
+    pub torque_nm: f64,
+    /// Sign of the last motion.
+    pub direction: f64,
+    /// Time, s.
+    pub time_s: f64,
+    /// The error that this posture alone shows, rad or m.
+    pub error: f64,
+    /// Its standard deviation.
+    pub std: f64,
+    /// What the fitted cause says.
+    pub fitted: f64,
+}
+
+/// The signature of a cause.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Signature {
+    /// Index into the causes; absent for the unexplained part.
+    pub cause: Option<usize>,
+    /// The place.
+    pub at: String,
+    /// Unit of the error: `rad` or `m`.
+    pub unit: String,
+    /// One point a posture.
+    pub points: Vec<SignaturePoint>,
+}
+
+/// One hypothesis of the ranking.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Ranked {
+    /// The effect.
+    pub effect: String,
+    /// The place.
+    pub at: String,
+    /// Log Bayes factor against the nominal model, by the score test.
+    pub log_bayes: f64,
+}
+
+/// What a diagnosis says.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Diagnosis {
+    /// `mirror-posture/diagnosis`.
+    pub format: String,
+    /// 1.
+    pub version: u32,
+    /// `none`, `explained`, `partial` or `unknown`.
+    pub verdict: String,
+    /// The verdict in one sentence.
+    pub sentence: String,
+    /// The causes, the one that closes most of the gap first.
+    pub causes: Vec<Cause>,
+    /// Places with their share of the gap.
+    pub r#where: Vec<Where>,
+    /// Before and after.
+    pub gap: Gap,
+    /// Commanded postures that would separate the rivals.
+    pub next_postures: Vec<BTreeMap<String, f64>>,
+    /// What a user should know: what is missing, what is weak.
+    pub warnings: Vec<String>,
+    /// Estimated noise, one axis: corners and markers in px, points in m.
+    pub noise: BTreeMap<String, f64>,
+    /// How the search went, a line a step.
+    pub trace: Vec<String>,
+    /// The score test of all hypotheses against the nominal model, best first (the first forty).
+    pub ranking: Vec<Ranked>,
+    /// Signatures of causes at joints and of the unexplained part.
+    pub signatures: Vec<Signature>,
+}

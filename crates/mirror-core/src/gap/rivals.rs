@@ -1,0 +1,56 @@
+//! How sure a cause is: its rivals, each fitted in its place, and their probabilities.
+
+use super::hypothesis::Model;
+use super::search::{Found, Search};
+use crate::error::Result;
+
+/// Rivals that are fitted exactly.
+const RIVALS: usize = 8;
+/// Rivals below this are not worth a word.
+pub(crate) const LEAST_PROBABILITY: f64 = 0.01;
+/// Evidence is taken to this power: laws are never exact, so that data speak less than they seem to.
+const TEMPER: f64 = 0.35;
+/// What is kept back for a cause that nobody thought of.
+const UNTHOUGHT_OF: f64 = 0.01;
+
+/// A hypothesis with its probability.
+#[derive(Debug, Clone)]
+pub(crate) struct Rival {
+    pub hypothesis: usize,
+    pub probability: f64,
+}
+
+/// The probability of the i-th cause and of its rivals, best first; and of there being nothing.
+pub(crate) struct Standing {
+    pub probability: f64,
+    pub rivals: Vec<Rival>,
+}
+
+/// Fits the best rivals in the place of the i-th cause and weighs them.
+///
+/// # Errors
+/// A camera or mirror that cannot be.
+pub(crate) fn standing(search: &Search<'_>, found: &Found, i: usize) -> Result<Standing> {
+    let own = found.fit.model.terms[i].hypothesis;
+    let rest: Model = found.fit.model.without(i);
+    let rivals = search.candidates(&rest, found.noise, RIVALS)?;
+    let tolerated = search.log_odds(&found.fit, i, found.noise)?;
+    let reference = search.log_posterior(&found.fit);
+    // Weights relative to the cause itself.
+    let mut weights: Vec<(usize, f64)> = Vec::new();
+    for rival in &rivals {
+        let Some(term) = rival.model.terms.last() else { continue };
+        if term.hypothesis != own {
+            let log = TEMPER * (search.log_posterior(rival) - reference);
+            weights.push((term.hypothesis, log.min(50.0).exp()));
+        }
+    }
+    let nothing = (-TEMPER * tolerated).min(50.0).exp();
+    let total = 1.0 + nothing + weights.iter().map(|w| w.1).sum::<f64>();
+    let scale = (1.0 - UNTHOUGHT_OF) / total;
+    let mut rivals: Vec<Rival> =
+        weights.into_iter().map(|(hypothesis, w)| Rival { hypothesis, probability: w * scale }).collect();
+    rivals.retain(|r| r.probability >= LEAST_PROBABILITY);
+    rivals.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+    Ok(Standing { probability: scale, rivals })
+}

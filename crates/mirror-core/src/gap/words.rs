@@ -1,0 +1,381 @@
+//! Findings put into words: verdict, causes with probabilities, where the gap lies, before and after.
+
+use super::atoms::Atom;
+use super::diagnose::{Findings, refit, seen_size};
+use super::effects::Place;
+use super::heldout::{PostureGap, size};
+use super::observations::Recording;
+use super::report::{Alternative, Cause, Checked, Diagnosis, Estimate, Gap, Ranked, Signature, SignaturePoint, Where};
+use super::rivals::standing;
+use super::screen::Score;
+use super::shift::marker_shift;
+use super::signature::free_errors;
+use crate::error::Result;
+use std::collections::BTreeMap;
+
+/// Bootstrap resamples over postures.
+const RESAMPLES: usize = 400;
+/// With fewer postures than this little can be told apart.
+const FEW_POSTURES: usize = 20;
+/// Hypotheses of the ranking that are written.
+const RANKED: usize = 40;
+/// A gap smaller than this share of the noise floor is none: there is nothing to close.
+const NO_GAP: f64 = 0.02;
+/// A servo's droop is told as a cause of its own from this many standard deviations on.
+const DROOP_DEVIATIONS: f64 = 4.0;
+
+/// Puts findings into words.
+///
+/// # Errors
+/// A camera or mirror that cannot be.
+pub(crate) fn diagnosis(
+    findings: &mut Findings<'_>,
+    recording: &Recording,
+    ranking: &[Score],
+    checked: Vec<Checked>,
+) -> Result<Diagnosis> {
+    findings.found.fit = refit(findings)?;
+    let mut causes = causes(findings)?;
+    let gap = gap(findings, checked);
+    let places = places(findings, &causes);
+    causes.sort_by(|a, b| b.rms_shift.total_cmp(&a.rms_shift));
+    let verdict = match (causes.is_empty(), &findings.unexplained) {
+        (true, None) => "none",
+        (true, Some(_)) => "unknown",
+        (false, None) => "explained",
+        (false, Some(_)) => "partial",
+    };
+    let signatures = signatures(findings, &causes, recording)?;
+    let search = &findings.search;
+    let scene = &search.problem.scene;
+    let mut seen = Vec::new();
+    let ranking = ranking
+        .iter()
+        .filter(|s| {
+            let new = !seen.contains(&s.hypothesis);
+            seen.push(s.hypothesis);
+            new
+        })
+        .take(RANKED)
+        .map(|s| Ranked {
+            effect: search.catalogue.effect(s.hypothesis).name().to_owned(),
+            at: search.catalogue.hypotheses[s.hypothesis].place.name(scene),
+            log_bayes: s.log_bayes,
+        })
+        .collect();
+    let noise = search.measured_noise;
+    let mut noise_map = BTreeMap::new();
+    if scene.has_camera {
+        noise_map.insert("corner_px".to_owned(), noise.corner_px);
+        noise_map.insert("marker_px".to_owned(), noise.marker_px);
+    } else {
+        noise_map.insert("point_m".to_owned(), noise.point_m);
+    }
+    let sentence = sentence(verdict, &causes, &places, &gap);
+    Ok(Diagnosis {
+        format: "mirror-posture/diagnosis".into(),
+        version: 1,
+        verdict: verdict.into(),
+        sentence,
+        r#where: places,
+        gap,
+        next_postures: super::next::next_postures(findings, &causes)?,
+        warnings: warnings(findings),
+        noise: noise_map,
+        trace: findings.found.trace.clone(),
+        ranking,
+        signatures,
+        causes,
+    })
+}
+
+fn causes(findings: &Findings<'_>) -> Result<Vec<Cause>> {
+    let search = &findings.search;
+    let scene = &search.problem.scene;
+    let found = &findings.found;
+    let mut out = Vec::new();
+    let all = search.deformation(&found.fit.model);
+    for (i, term) in found.fit.model.terms.iter().enumerate() {
+        let effect = search.catalogue.effect(term.hypothesis);
+        let place = search.catalogue.hypotheses[term.hypothesis].place;
+        let stds = found.fit.stds(i);
+        let mut parameters: BTreeMap<String, Estimate> = effect
+            .parameters()
+            .into_iter()
+            .zip(term.parameters.iter().zip(&stds))
+            .map(|(name, (value, std))| (name, Estimate { value: *value, std: std.hypot(effect.law_uncertainty() * value) }))
+            .collect();
+        if effect.name() == "mirror_glass" {
+            // The vocabulary's parameter is the pane's thickness, not what it exceeds the session's by.
+            if let Some(thickness) = parameters.get_mut("thickness_m") {
+                thickness.value = (thickness.value + scene.glass_thickness_m).max(0.0);
+            }
+        }
+        let droop = parameters.remove("droop_rad_per_nm");
+        let standing = standing(search, found, i)?;
+        let without = search.deformation(&found.fit.model.without(i));
+        let shift = rms_shift(findings, &without, &all)?;
+        out.push(Cause {
+            effect: effect.name().to_owned(),
+            at: place.name(scene),
+            probability: standing.probability,
+            parameters,
+            alternatives: standing
+                .rivals
+                .iter()
+                .map(|r| Alternative {
+                    effect: search.catalogue.effect(r.hypothesis).name().to_owned(),
+                    at: search.catalogue.hypotheses[r.hypothesis].place.name(scene),
+                    probability: r.probability,
+                })
+                .collect(),
+            words: effect.words().to_owned(),
+            rms_shift: shift,
+        });
+        // The servo's own droop, told apart: `effects.md` calls it joint_compliance at the same joint.
+        if let Some(droop) = droop.filter(|d| d.value > DROOP_DEVIATIONS * d.std) {
+            let largest = place.node().map_or(0.0, |n| scene.largest_torque(n));
+            if droop.value * largest > 0.1 * term.parameters[0] {
+                out.push(Cause {
+                    effect: "joint_compliance".into(),
+                    at: place.name(scene),
+                    probability: standing.probability,
+                    parameters: BTreeMap::from([("compliance_rad_per_nm".to_owned(), droop)]),
+                    alternatives: Vec::new(),
+                    words: "the sticking servo droops under the load of gravity".into(),
+                    rms_shift: 0.0,
+                });
+            }
+        }
+    }
+    if let Some(geometry) = &findings.geometry {
+        let bare = { let mut m = found.fit.model.clone(); m.group.iter_mut().for_each(|g| *g = 0.0); search.deformation(&m) };
+        let count = geometry.group.columns.len() as f64;
+        // A spread found from n values is known to one part in √(2 n).
+        let relative = (2.0 * count).sqrt().recip();
+        let estimate = |value: f64| Estimate { value, std: value * relative };
+        out.push(Cause {
+            effect: "geometry".into(),
+            at: "robot".into(),
+            probability: 0.95,
+            parameters: BTreeMap::from([
+                ("spread_m".to_owned(), estimate(geometry.spread_m)),
+                ("spread_rad".to_owned(), estimate(geometry.spread_rad)),
+            ]),
+            alternatives: Vec::new(),
+            words: "many small errors of links, axes and zeros together: manufacturing tolerance".into(),
+            rms_shift: rms_shift(findings, &bare, &all)?,
+        });
+    }
+    if let Some(slip) = &findings.slip {
+        let exact = |value: f64| Estimate { value, std: 0.5 };
+        out.push(Cause {
+            effect: "pairing".into(),
+            at: "data".into(),
+            probability: 0.98,
+            parameters: BTreeMap::from([
+                ("first_frame".to_owned(), exact(findings.search.problem.frame_numbers[slip.first] as f64)),
+                ("last_frame".to_owned(), exact(findings.search.problem.frame_numbers[slip.last] as f64)),
+                ("shift_rows".to_owned(), exact(slip.shift as f64)),
+            ]),
+            alternatives: Vec::new(),
+            words: "a run of rows holds the measurement of other rows; it was left out of the fit".into(),
+            rms_shift: (slip.gain / (slip.last - slip.first + 1) as f64).sqrt(),
+        });
+    }
+    Ok(out)
+}
+
+/// RMS over markers of the shift between two deformations, in the unit of what was seen.
+fn rms_shift(
+    findings: &Findings<'_>,
+    from: &super::deformation::Deformation,
+    to: &super::deformation::Deformation,
+) -> Result<f64> {
+    let search = &findings.search;
+    let noise = search.measured_noise;
+    let squares = marker_shift(&search.problem, from, to, noise)?;
+    let unit = if search.problem.camera.is_some() { noise.marker_px } else { noise.point_m };
+    Ok((squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt() * unit)
+}
+
+/// Shares of the gap by place: what each cause moves, and what is unexplained.
+fn places(findings: &Findings<'_>, causes: &[Cause]) -> Vec<Where> {
+    let mut out: Vec<Where> = Vec::new();
+    let explained: f64 = causes.iter().map(|c| c.rms_shift.powi(2)).sum();
+    let before = seen_size(&findings.before).powi(2);
+    let after = seen_size(&findings.after).powi(2);
+    let floor = {
+        let noise = findings.search.measured_noise;
+        if findings.search.problem.camera.is_some() { 2.0 * noise.marker_px.powi(2) } else { 3.0 * noise.point_m.powi(2) }
+    };
+    let left = if findings.unexplained.is_some() { (after - floor).max(0.0) } else { 0.0 };
+    let total = (explained + left).max(1e-30);
+    for cause in causes {
+        match out.iter_mut().find(|w| w.at == cause.at) {
+            Some(w) => w.share += cause.rms_shift.powi(2) / total,
+            None => out.push(Where { at: cause.at.clone(), share: cause.rms_shift.powi(2) / total, depends_on: None }),
+        }
+    }
+    if let Some(unexplained) = &findings.unexplained {
+        let scene = &findings.search.problem.scene;
+        let at = unexplained.place.map_or_else(|| "unknown".to_owned(), |p: Place| p.name(scene));
+        let share = if explained == 0.0 { 1.0 } else { left / total };
+        let depends_on = unexplained.depends_on.clone();
+        match out.iter_mut().find(|w| w.at == at) {
+            Some(w) => {
+                w.share += share;
+                w.depends_on = depends_on;
+            }
+            None => out.push(Where { at, share, depends_on }),
+        }
+    }
+    let _ = before;
+    out.sort_by(|a, b| b.share.total_cmp(&a.share));
+    out
+}
+
+fn gap(findings: &Findings<'_>, checked: Vec<Checked>) -> Gap {
+    let (before, after) = (size(&findings.before), size(&findings.after));
+    let floor_m = after.floor_m;
+    let floor_px = findings.search.measured_noise.marker_px * core::f64::consts::SQRT_2;
+    let use_px = before.rms_px.is_some();
+    let closed = |b: &[PostureGap], a: &[PostureGap]| -> Option<f64> {
+        let (b, a) = (size(b), size(a));
+        let (before, after, floor) = match (b.rms_px, a.rms_px) {
+            (Some(bp), Some(ap)) if use_px && b.rms_m < 1.5 * b.floor_m => (bp, ap, floor_px),
+            _ => (b.rms_m, a.rms_m, a.floor_m),
+        };
+        let room = before - floor;
+        // Noise can carry the figure a little beyond 1.
+        (room > NO_GAP * floor).then(|| ((before - after) / room).min(1.0))
+    };
+    let point = closed(&findings.before, &findings.after);
+    let interval = point.and_then(|_| bootstrap(&findings.before, &findings.after, closed));
+    Gap {
+        before_m: before.rms_m,
+        after_m: after.rms_m,
+        noise_floor_m: floor_m,
+        closed: point,
+        closed_ci95: interval,
+        before_px: before.rms_px,
+        after_px: after.rms_px,
+        noise_floor_px: before.rms_px.map(|_| floor_px),
+        held_out_postures: findings.after.len(),
+        checked,
+    }
+}
+
+/// 95 % interval of a figure of two gaps, by resampling postures with a fixed generator.
+fn bootstrap(
+    before: &[PostureGap],
+    after: &[PostureGap],
+    figure: impl Fn(&[PostureGap], &[PostureGap]) -> Option<f64>,
+) -> Option<[f64; 2]> {
+    let count = before.len().min(after.len());
+    if count < 3 {
+        return None;
+    }
+    // Numbers from a small linear congruential generator (Knuth, MMIX): resampling needs no more.
+    let mut state: u64 = 0x2545_F491_4F6C_DD1D;
+    let mut next = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        ((state >> 33) as usize) % count
+    };
+    let mut values: Vec<f64> = (0..RESAMPLES)
+        .filter_map(|_| {
+            let rows: Vec<usize> = (0..count).map(|_| next()).collect();
+            let pick = |g: &[PostureGap]| rows.iter().map(|&i| g[i]).collect::<Vec<_>>();
+            figure(&pick(before), &pick(after))
+        })
+        .collect();
+    values.sort_by(f64::total_cmp);
+    let at = |share: f64| values.get(((values.len() as f64 - 1.0) * share).round() as usize).copied();
+    Some([at(0.025)?, at(0.975)?])
+}
+
+fn signatures(findings: &Findings<'_>, causes: &[Cause], recording: &Recording) -> Result<Vec<Signature>> {
+    let search = &findings.search;
+    let scene = &search.problem.scene;
+    let found = &findings.found;
+    let mut out = Vec::new();
+    let mut add = |node: usize, cause: Option<usize>, model: &super::hypothesis::Model, full: &super::hypothesis::Model| -> Result<()> {
+        let bare = search.deformation(model);
+        let with = search.deformation(full);
+        let points = free_errors(&search.problem, &bare, search.measured_noise, Atom::Joint(node))?
+            .iter()
+            .map(|e| SignaturePoint {
+                frame: recording.frames[e.frame].number,
+                position: scene.q(e.frame, node),
+                torque_nm: scene.torque(e.frame, node),
+                direction: scene.direction(e.frame, node),
+                time_s: scene.time_s[e.frame],
+                error: e.value,
+                std: e.std,
+                fitted: with.joint_delta(e.frame, node) - bare.joint_delta(e.frame, node),
+            })
+            .collect();
+        let unit = if scene.body.nodes[node].prismatic { "m" } else { "rad" };
+        out.push(Signature { cause, at: format!("joint:{}", scene.body.nodes[node].joint), unit: unit.into(), points });
+        Ok(())
+    };
+    for (i, term) in found.fit.model.terms.iter().enumerate() {
+        let place = search.catalogue.hypotheses[term.hypothesis].place;
+        let name = (search.catalogue.effect(term.hypothesis).name(), place.name(scene));
+        let index = causes.iter().position(|c| c.effect == name.0 && c.at == name.1);
+        if let (Place::Joint(n) | Place::JointPair(n, _), Some(index)) = (place, index) {
+            add(n, Some(index), &found.fit.model.without(i), &found.fit.model)?;
+        }
+    }
+    if let Some(node) = findings.unexplained.as_ref().and_then(|u| u.place).and_then(Place::node) {
+        add(node, None, &found.fit.model, &found.fit.model)?;
+    }
+    Ok(out)
+}
+
+fn warnings(findings: &Findings<'_>) -> Vec<String> {
+    let problem = &findings.search.problem;
+    let scene = &problem.scene;
+    let mut out = Vec::new();
+    let postures = findings.after.len();
+    if postures < FEW_POSTURES {
+        out.push(format!(
+            "only {postures} postures: record at least {FEW_POSTURES}, better 60, spread over the joints' ranges; few causes can be told apart with so few"
+        ));
+    }
+    if scene.marker_names.len() == 1 {
+        out.push("one marker only: joints behind one another are hard to tell apart; add a marker on each link of interest".into());
+    }
+    if !scene.ordered {
+        out.push("the rows are not in the order of execution: play and stiction by direction of motion cannot be seen".into());
+    }
+    let still: Vec<&str> = (0..scene.nodes())
+        .filter(|&n| scene.relevant[n] && !scene.moves(n))
+        .map(|n| scene.body.nodes[n].joint.as_str())
+        .collect();
+    if !still.is_empty() {
+        out.push(format!("joints that never moved: {}; of them only a constant error can be seen", still.join(", ")));
+    }
+    if problem.camera.is_some() && findings.after.iter().all(|g| g.markers == 0.0) {
+        out.push("no marker was seen together with the board: the body cannot be diagnosed".into());
+    }
+    out
+}
+
+fn sentence(verdict: &str, causes: &[Cause], places: &[Where], gap: &Gap) -> String {
+    let names: Vec<String> = causes.iter().map(|c| format!("{} at {}", c.effect.replace('_', " "), c.at)).collect();
+    let sizes = format!(
+        "{:.2} mm before, {:.2} mm after, {:.2} mm noise floor, on postures that the fit did not see",
+        gap.before_m * 1e3,
+        gap.after_m * 1e3,
+        gap.noise_floor_m * 1e3
+    );
+    let place = places.first().map_or("an unknown place", |w| w.at.as_str());
+    match verdict {
+        "none" => format!("Nothing is wrong that these postures could show: the model predicts to the noise floor ({sizes})."),
+        "explained" => format!("The gap is explained by {} ({sizes}).", names.join(" and ")),
+        "partial" => format!("{} explain a part of the gap ({sizes}); what is left lies most at {}.", names.join(" and "),
+            places.iter().find(|w| w.depends_on.is_some()).map_or(place, |w| w.at.as_str())),
+        _ => format!("There is a gap that no effect of the vocabulary explains; it lives at {place} ({sizes})."),
+    }
+}
