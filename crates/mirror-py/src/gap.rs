@@ -3,7 +3,8 @@
 use crate::errors::{MirrorPostureError, to_py};
 use mirror_core::camera::{Camera, Distortion};
 use mirror_core::gap::{
-    BoardSpec, DiagnoseOptions, Frame, MarkerSpec, MeasuredPoint, OtherSession, PointsFrame, Recording, SightSpec, Sighting, Target, Via,
+    BoardSpec, DiagnoseOptions, Frame, MarkerSpec, MeasuredPoint, OtherSession, PointsFrame, Recording,
+    SightSpec, Sighting, Target, Via,
 };
 use mirror_core::robot::Robot;
 use nalgebra::{Point3, Vector2, Vector3};
@@ -134,8 +135,12 @@ impl GapRecording {
     ) -> PyResult<Self> {
         let header: Header = serde_json::from_str(header).map_err(json_error("header"))?;
         let robot = Robot::from_urdf_str(urdf).map_err(to_py)?;
-        let columns =
-            header.joint_names.iter().map(|n| robot.position_index(n)).collect::<Result<Vec<_>, _>>().map_err(to_py)?;
+        let columns = header
+            .joint_names
+            .iter()
+            .map(|n| robot.position_index(n))
+            .collect::<Result<Vec<_>, _>>()
+            .map_err(to_py)?;
         let (frame, posture) = (frame.as_array(), posture.as_array());
         let (time_s, commanded) = (time_s.as_array(), commanded.as_array());
         let mut frames: Vec<Frame> = (0..frame.len())
@@ -169,7 +174,11 @@ impl GapRecording {
             (Some(camera), Some(camera_link)) => Some(SightSpec {
                 camera: camera_of(camera)?,
                 camera_link,
-                board: header.board.map(|b| BoardSpec { link: b.link, corners: b.corners, square_m: b.square_m }),
+                board: header.board.map(|b| BoardSpec {
+                    link: b.link,
+                    corners: b.corners,
+                    square_m: b.square_m,
+                }),
                 glass_thickness_m: header.glass_thickness_m,
                 refractive_index: header.refractive_index,
             }),
@@ -182,11 +191,16 @@ impl GapRecording {
             markers: header
                 .markers
                 .into_iter()
-                .map(|m| MarkerSpec { name: m.name, link: m.link, diameter_m: m.diameter_m, mount_known: m.mount_known })
+                .map(|m| MarkerSpec {
+                    name: m.name,
+                    link: m.link,
+                    diameter_m: m.diameter_m,
+                    mount_known: m.mount_known,
+                })
                 .collect(),
-            points_frame: header.points_frame.map(|f| {
-                if f == "unknown" { PointsFrame::Unknown } else { PointsFrame::Link(f) }
-            }),
+            points_frame: header
+                .points_frame
+                .map(|f| if f == "unknown" { PointsFrame::Unknown } else { PointsFrame::Link(f) }),
             ordered: header.ordered,
             timed: header.timed,
             pixel_std_px: header.pixel_std_px,
@@ -210,7 +224,11 @@ impl GapRecording {
             .iter()
             .map(|(name, other)| {
                 let other = other.get();
-                OtherSession { name: name.clone(), robot: other.robot.clone(), recording: other.recording.clone() }
+                OtherSession {
+                    name: name.clone(),
+                    robot: other.robot.clone(),
+                    recording: other.recording.clone(),
+                }
             })
             .collect();
         let options = DiagnoseOptions { without, most_causes };

@@ -4,13 +4,13 @@ mod arrays;
 mod calibrate;
 mod camera;
 mod errors;
+mod gap;
 mod measure;
 mod mirror;
 mod optics;
 mod picture;
 mod robot;
 mod triangulate;
-mod gap;
 
 /// The compiled core of `mirror_posture`.
 #[pyo3::pymodule]
@@ -23,6 +23,8 @@ mod _core {
     use crate::camera::PyCamera;
     #[pymodule_export]
     use crate::errors::MirrorPostureError;
+    #[pymodule_export]
+    use crate::gap::GapRecording;
     #[pymodule_export]
     use crate::measure::{MeasureInput, Measured};
     #[pymodule_export]
@@ -37,8 +39,6 @@ mod _core {
     use crate::triangulate::{
         PyMarkers, PyPointBatch, PyVirtualRays, triangulate, two_view_markers, virtual_rays,
     };
-    #[pymodule_export]
-    use crate::gap::GapRecording;
 
     #[pymodule_init]
     fn init(module: &pyo3::Bound<'_, pyo3::types::PyModule>) -> pyo3::PyResult<()> {

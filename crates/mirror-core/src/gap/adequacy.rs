@@ -31,7 +31,8 @@ pub(crate) struct Adequacy {
 /// A camera or mirror that cannot be.
 pub(crate) fn adequacy(problem: &Problem, deformation: &Deformation, noise: Noise) -> Result<Adequacy> {
     let mut postures = free_markers(problem, deformation, noise, false, None)?;
-    let ratio = |p: &super::posture::FreePosture| (p.chi2_predicted - p.chi2_free) / p.freedom_taken.max(1e-9);
+    let ratio =
+        |p: &super::posture::FreePosture| (p.chi2_predicted - p.chi2_free) / p.freedom_taken.max(1e-9);
     postures.retain(|p| p.freedom_taken > 0.5);
     postures.sort_by(|a, b| ratio(a).total_cmp(&ratio(b)));
     let kept = ((postures.len() as f64) * (1.0 - TRIMMED_SHARE)).ceil() as usize;

@@ -4,9 +4,9 @@
 //! twist is the atom; its derivative is computed once a frame and shared by all effects at that place.
 
 use super::body::NodeId;
+use super::deformation::Deformation;
 use super::kinematics::{NodePoses, tilted_axis};
 use super::scene::Scene;
-use super::deformation::Deformation;
 use nalgebra::{Vector2, Vector3};
 
 /// An elementary change of the model.
@@ -188,7 +188,11 @@ impl Column {
             }
             Atom::Bend(n) => {
                 for f in 0..scene.frames {
-                    deformation.add_bend(f, n, transverse_moment(scene, f, n) * (value * self.weight.at(scene, f)));
+                    deformation.add_bend(
+                        f,
+                        n,
+                        transverse_moment(scene, f, n) * (value * self.weight.at(scene, f)),
+                    );
                 }
             }
             Atom::Tilt(n, k) => deformation.tilt[n][k] += value,

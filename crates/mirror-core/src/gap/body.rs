@@ -121,7 +121,16 @@ impl Body {
         }
         let root = link_sites[robot.link_index(root_link)?];
         let link_names = robot.links().iter().map(|l| l.name.clone()).collect();
-        Ok(Self { nodes, root, base_mass, base_mass_moment, link_sites, link_names, link_parents, first_joint_parent })
+        Ok(Self {
+            nodes,
+            root,
+            base_mass,
+            base_mass_moment,
+            link_sites,
+            link_names,
+            link_parents,
+            first_joint_parent,
+        })
     }
 
     /// The site of a link of the robot, by its index.
@@ -133,7 +142,9 @@ impl Body {
     /// as (node, node_from_mount).
     pub fn mount_of(&self, link: usize) -> Site {
         match self.link_parents[link] {
-            Some(parent) if self.link_sites[parent].node == self.link_sites[link].node => self.link_sites[parent],
+            Some(parent) if self.link_sites[parent].node == self.link_sites[link].node => {
+                self.link_sites[parent]
+            }
             _ => self.link_sites[link],
         }
     }

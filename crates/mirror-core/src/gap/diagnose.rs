@@ -53,7 +53,7 @@ pub(crate) struct Findings<'a> {
 /// More causes than this at once are rather many small errors.
 const MANY_CAUSES: usize = 3;
 /// Log prior odds of manufacturing tolerance against single causes.
-const LOG_PRIOR_GEOMETRY: f64 = -3.0;
+const LOG_PRIOR_GEOMETRY: f64 = -10.0;
 /// A cause must shrink the held-out gap by this share, or it is dropped.
 const LEAST_HELD_OUT_GAIN: f64 = 0.002;
 
@@ -98,8 +98,10 @@ pub(crate) fn diagnose_with(
     }
     let mut effects = vocabulary();
     effects.extend(own);
-    let catalogue = Catalogue::new(&problem.scene, effects.into_iter().map(Arc::from).collect(), &options.without);
-    let most_causes = if options.most_causes == 0 { SearchOptions::default().most_causes } else { options.most_causes };
+    let catalogue =
+        Catalogue::new(&problem.scene, effects.into_iter().map(Arc::from).collect(), &options.without);
+    let most_causes =
+        if options.most_causes == 0 { SearchOptions::default().most_causes } else { options.most_causes };
     let search_options = SearchOptions { most_causes, ..SearchOptions::default() };
     let nominal = Model::nominal(&problem);
     let ranking = {
@@ -127,12 +129,17 @@ pub(crate) fn diagnose_with(
             found.trace.splice(0..0, first);
         }
     }
-    let mut fits_noise = adequacy(&search.problem, &search.deformation(&found.fit.model), search.measured_noise)?;
+    let mut fits_noise =
+        adequacy(&search.problem, &search.deformation(&found.fit.model), search.measured_noise)?;
     let mut geometry = None;
     let off = options.without.iter().any(|w| w == "geometry");
     if !off && (fits_noise.significant || found.fit.model.terms.len() > MANY_CAUSES) {
         if let Some((with, its_search, its_found)) = with_geometry(&search, &found, &nominal)? {
-            fits_noise = adequacy(&its_search.problem, &its_search.deformation(&its_found.fit.model), its_search.measured_noise)?;
+            fits_noise = adequacy(
+                &its_search.problem,
+                &its_search.deformation(&its_found.fit.model),
+                its_search.measured_noise,
+            )?;
             geometry = Some(with);
             search = its_search;
             found = its_found;
@@ -166,7 +173,8 @@ fn with_geometry<'a>(
     let mut beside = Search { group: geometry.group.clone(), ..search.clone() };
     // Spreads first at the scatter that single causes leave, then with the causes that stand out from the group.
     let mut noise = alone.noise;
-    let mut start = geometry.fit(&search.problem, search.catalogue, nominal, FitOptions { noise, steps: 6 }, None)?.model;
+    let mut start =
+        geometry.fit(&search.problem, search.catalogue, nominal, FitOptions { noise, steps: 6 }, None)?.model;
     let mut found = None;
     for _ in 0..2 {
         beside.group = geometry.group.clone();
@@ -179,7 +187,8 @@ fn with_geometry<'a>(
     }
     beside.group = geometry.group.clone();
     let Some(mut found) = found else { return Ok(None) };
-    found.fit = fit(&beside.problem, search.catalogue, &beside.group, &start, FitOptions { noise, steps: 6 }, None)?;
+    found.fit =
+        fit(&beside.problem, search.catalogue, &beside.group, &start, FitOptions { noise, steps: 6 }, None)?;
     // Both at the same noise, that of the better of the two.
     let common = if noise_sum(&noise) < noise_sum(&alone.noise) { noise } else { alone.noise };
     let options = FitOptions { noise: common, steps: 6 };
@@ -252,13 +261,15 @@ fn check(findings: &Findings<'_>, other: &OtherSession) -> Result<Checked> {
             let deformation = model.deformation(&problem, &catalogue, &group.columns);
             problem.scene.update_loads(&deformation);
             let scatter = noise::effective(&problem, &deformation, problem.noise, None)?;
-            model = fit(&problem, &catalogue, group, &model, FitOptions { noise: scatter, steps: 6 }, None)?.model;
+            model = fit(&problem, &catalogue, group, &model, FitOptions { noise: scatter, steps: 6 }, None)?
+                .model;
         }
         let deformation = model.deformation(&problem, &catalogue, &group.columns);
         let postures = super::posture::free_markers(&problem, &deformation, problem.noise, true, None)?;
-        let (sum, count) = postures.iter().flat_map(|p| &p.markers).fold((0.0, 0.0), |(s, c), m| {
-            (s + m.displacement.norm_squared(), c + 1.0)
-        });
+        let (sum, count) = postures
+            .iter()
+            .flat_map(|p| &p.markers)
+            .fold((0.0, 0.0), |(s, c), m| (s + m.displacement.norm_squared(), c + 1.0));
         Ok((sum / f64::max(count, 1.0)).sqrt())
     };
     let before_m = measure(&problem, &model, &none)?;
@@ -269,7 +280,8 @@ fn check(findings: &Findings<'_>, other: &OtherSession) -> Result<Checked> {
             model.terms.push(Term { hypothesis, ..term.clone() });
         }
     }
-    let group = if here.group.columns.iter().all(|c| problem.has_atom(c.atom)) { here.group.clone() } else { none };
+    let group =
+        if here.group.columns.iter().all(|c| problem.has_atom(c.atom)) { here.group.clone() } else { none };
     if group.columns.len() == findings.found.fit.model.group.len() {
         model.group.clone_from(&findings.found.fit.model.group);
     }

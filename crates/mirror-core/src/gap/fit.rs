@@ -51,7 +51,9 @@ impl Fit {
     pub fn term_covariance(&self, term: usize) -> DMatrix<f64> {
         let before: usize = self.model.terms[..term].iter().map(|t| t.parameters.len()).sum();
         let count = self.model.terms[term].parameters.len();
-        self.covariance.view((self.first_term + before, self.first_term + before), (count, count)).into_owned()
+        self.covariance
+            .view((self.first_term + before, self.first_term + before), (count, count))
+            .into_owned()
     }
 }
 

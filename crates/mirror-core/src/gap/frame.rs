@@ -178,8 +178,16 @@ impl FrameWork {
     }
 
     /// Residuals (px) of a frame's board corners at its own best plane with nominal optics, and where the corners are seen.
-    pub fn board_residuals(&mut self, problem: &Problem, nominal: &Deformation, eye: &Eye, frame: usize) -> Vec<(Vector2<f64>, Vector2<f64>)> {
-        let (Some(Some(fit)), Some(board)) = (problem.boards.get(frame), problem.board) else { return Vec::new() };
+    pub fn board_residuals(
+        &mut self,
+        problem: &Problem,
+        nominal: &Deformation,
+        eye: &Eye,
+        frame: usize,
+    ) -> Vec<(Vector2<f64>, Vector2<f64>)> {
+        let (Some(Some(fit)), Some(board)) = (problem.boards.get(frame), problem.board) else {
+            return Vec::new();
+        };
         self.pose(problem, nominal, frame);
         let camera_from_board = self.camera_from_world(problem, eye).then(&self.poses.site(&board));
         problem.frames[frame]
@@ -287,7 +295,19 @@ impl FrameWork {
         let mixture = pixel_mixture(eye, task.noise.corner_px);
         for (index, pixel) in &data.corners {
             let seen = Corner { index: *index, board: board.node };
-            self.push_pixel(problem, task, eye, &camera_from_world, &world_from_board, Via::Mirror, SeenAt::Corner(seen), pixel, task.noise.corner_px, &mixture, true);
+            self.push_pixel(
+                problem,
+                task,
+                eye,
+                &camera_from_world,
+                &world_from_board,
+                Via::Mirror,
+                SeenAt::Corner(seen),
+                pixel,
+                task.noise.corner_px,
+                &mixture,
+                true,
+            );
         }
     }
 
@@ -301,7 +321,11 @@ impl FrameWork {
                     }
                     let camera_from_world = self.camera_from_world(problem, eye);
                     let (at, world_from, std) = match seen {
-                        Seen::Marker(m) => (SeenAt::Marker(*m), self.marker_mount_pose(problem, task, *m), task.noise.marker_px),
+                        Seen::Marker(m) => (
+                            SeenAt::Marker(*m),
+                            self.marker_mount_pose(problem, task, *m),
+                            task.noise.marker_px,
+                        ),
                         Seen::Corner(index) => {
                             let Some(board) = problem.board else { continue };
                             let corner = Corner { index: *index, board: board.node };
@@ -309,7 +333,19 @@ impl FrameWork {
                         }
                     };
                     let mixture = pixel_mixture(eye, std);
-                    self.push_pixel(problem, task, eye, &camera_from_world, &world_from, *via, at, pixel, std, &mixture, full);
+                    self.push_pixel(
+                        problem,
+                        task,
+                        eye,
+                        &camera_from_world,
+                        &world_from,
+                        *via,
+                        at,
+                        pixel,
+                        std,
+                        &mixture,
+                        full,
+                    );
                 }
                 Observation::Point { marker, position } => self.push_point(problem, task, *marker, position),
             }
@@ -342,7 +378,9 @@ impl FrameWork {
     ) {
         let (local, node, marker) = match seen {
             SeenAt::Marker(m) => (Vector3::zeros(), problem.marker_sites[m].node, Some(m)),
-            SeenAt::Corner(c) => (problem.corners[c.index] * (1.0 + task.deformation.board_scale_error), c.board, None),
+            SeenAt::Corner(c) => {
+                (problem.corners[c.index] * (1.0 + task.deformation.board_scale_error), c.board, None)
+            }
         };
         let point = world_from_target.point(&local);
         let in_camera = camera_from_world.point(&point);
@@ -352,7 +390,8 @@ impl FrameWork {
             return;
         };
         let r = (pixel - sight.pixel - self.outline_offset(problem, eye, via, marker, &in_camera)) / std;
-        let robust = if task.gaussian { Robust::gaussian(r.norm_squared()) } else { mixture.of(r.norm_squared()) };
+        let robust =
+            if task.gaussian { Robust::gaussian(r.norm_squared()) } else { mixture.of(r.norm_squared()) };
         self.cost += robust.cost;
         let root_weight = robust.weight.sqrt();
         let scale = root_weight / std;
@@ -373,10 +412,12 @@ impl FrameWork {
                 optics.fixed_view_mut::<2, 1>(0, 6 + k).copy_from(&(sight.by_lens.column(k) * scale));
             }
             if marker.is_none() {
-                let by_scale = camera_from_world.r * (world_from_target.r * problem.corners[match seen {
-                    SeenAt::Corner(c) => c.index,
-                    SeenAt::Marker(_) => 0,
-                }]);
+                let by_scale = camera_from_world.r
+                    * (world_from_target.r
+                        * problem.corners[match seen {
+                            SeenAt::Corner(c) => c.index,
+                            SeenAt::Marker(_) => 0,
+                        }]);
                 optics.set_column(10, &(by_camera * by_scale));
             }
             optics.fixed_view_mut::<2, 1>(0, 11).copy_from(&(sight.by_glass * scale));
@@ -398,8 +439,17 @@ impl FrameWork {
     }
 
     /// From the picture of a ball's centre to the centroid of its outline, px; 0 where the session's points are of centres.
-    fn outline_offset(&self, problem: &Problem, eye: &Eye, via: Via, marker: Option<usize>, in_camera: &Vector3<f64>) -> Vector2<f64> {
-        let Some(ball) = marker.filter(|_| problem.outlines).map(|m| problem.balls[m]) else { return Vector2::zeros() };
+    fn outline_offset(
+        &self,
+        problem: &Problem,
+        eye: &Eye,
+        via: Via,
+        marker: Option<usize>,
+        in_camera: &Vector3<f64>,
+    ) -> Vector2<f64> {
+        let Some(ball) = marker.filter(|_| problem.outlines).map(|m| problem.balls[m]) else {
+            return Vector2::zeros();
+        };
         if ball.radius_m() == 0.0 {
             return Vector2::zeros();
         }
@@ -477,7 +527,13 @@ impl FrameWork {
     }
 
     #[inline]
-    fn rows_of(&self, problem: &Problem, row: &Rows, atom: Atom, twist: Option<&Twist>) -> Option<Vector3<f64>> {
+    fn rows_of(
+        &self,
+        problem: &Problem,
+        row: &Rows,
+        atom: Atom,
+        twist: Option<&Twist>,
+    ) -> Option<Vector3<f64>> {
         if let Some(twist) = twist {
             let target = moves(atom, &problem.scene, row.node);
             let observer = moves(atom, &problem.scene, row.observer);
@@ -552,7 +608,11 @@ fn moved(pose: &Pose, tangent: &nalgebra::Vector6<f64>) -> Pose {
 }
 
 /// Pixel in the mirror and its derivative by the plane's foot point.
-fn mirrored_pixel(eye: &Eye, foot: &Vector3<f64>, point: &Vector3<f64>) -> Option<(Vector2<f64>, Matrix2x3<f64>)> {
+fn mirrored_pixel(
+    eye: &Eye,
+    foot: &Vector3<f64>,
+    point: &Vector3<f64>,
+) -> Option<(Vector2<f64>, Matrix2x3<f64>)> {
     let plane = Problem::plane(foot)?;
     let seen = eye.mirror.project_with_jacobians(&eye.camera, &plane, &Point3::from(*point)).ok()?;
     Some((seen.pixel, seen.by_foot_point))
@@ -564,7 +624,10 @@ fn sight_of(eye: &Eye, via: Via, foot: &Vector3<f64>, point: &Vector3<f64>, lens
         let mut out = SMatrix::<f64, 2, 4>::zeros();
         if lens {
             let projection = eye.camera.project_with_jacobians(seen).ok()?;
-            let focal = projection.by_intrinsics.column(0).component_mul(&Vector2::new(eye.nominal_focal.x, 0.0))
+            let focal = projection
+                .by_intrinsics
+                .column(0)
+                .component_mul(&Vector2::new(eye.nominal_focal.x, 0.0))
                 + projection.by_intrinsics.column(1).component_mul(&Vector2::new(0.0, eye.nominal_focal.y));
             out.set_column(0, &focal);
             out.set_column(1, &projection.by_intrinsics.column(2));
@@ -603,7 +666,12 @@ fn sight_of(eye: &Eye, via: Via, foot: &Vector3<f64>, point: &Vector3<f64>, lens
 
 /// A first plane: the board's reflection lies in the direction of the corners' mean, at the depth at which its picture has
 /// the size that it has; the mirror is half-way to it (the paper's Eq. 2 with a crude position).
-fn start_of_plane(problem: &Problem, eye: &Eye, camera_from_board: &Pose, frame: usize) -> Option<Vector3<f64>> {
+fn start_of_plane(
+    problem: &Problem,
+    eye: &Eye,
+    camera_from_board: &Pose,
+    frame: usize,
+) -> Option<Vector3<f64>> {
     let corners = &problem.frames[frame].corners;
     let count = corners.len() as f64;
     let mut directions = Vec::with_capacity(corners.len());

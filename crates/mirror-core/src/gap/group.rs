@@ -62,7 +62,8 @@ impl Geometry {
 
     fn set_priors(&mut self) {
         let (m, rad) = (self.spread_m, self.spread_rad);
-        self.group.prior_std = self.group.columns.iter().map(|c| if is_length(c.atom) { m } else { rad }).collect();
+        self.group.prior_std =
+            self.group.columns.iter().map(|c| if is_length(c.atom) { m } else { rad }).collect();
     }
 
     /// Fits a model with the group, and the spreads, in turn.
@@ -93,7 +94,8 @@ impl Geometry {
             self.spread_rad = (sum[0] / f64::max(count[0], 1.0)).sqrt().max(LEAST_SPREAD_RAD);
             self.spread_m = (sum[1] / f64::max(count[1], 1.0)).sqrt().max(LEAST_SPREAD_M);
             self.set_priors();
-            best = fit(problem, catalogue, &self.group, &best.model, FitOptions { steps: 3, ..options }, mask)?;
+            best =
+                fit(problem, catalogue, &self.group, &best.model, FitOptions { steps: 3, ..options }, mask)?;
             let change = (self.spread_rad / old_rad).ln().abs() + (self.spread_m / old_m).ln().abs();
             if change < 0.05 {
                 break;

@@ -59,9 +59,8 @@ impl Catalogue {
         let first = out.effects.len();
         let added = Self::new(scene, free.into_iter().map(Arc::from).collect(), &[]);
         out.effects.extend(added.effects);
-        out.hypotheses.extend(
-            added.hypotheses.into_iter().map(|h| Hypothesis { effect: h.effect + first, ..h }),
-        );
+        out.hypotheses
+            .extend(added.hypotheses.into_iter().map(|h| Hypothesis { effect: h.effect + first, ..h }));
         out
     }
 
@@ -121,7 +120,12 @@ pub(crate) fn nuisances(problem: &Problem) -> Vec<(Column, f64)> {
 impl Model {
     /// The nominal model.
     pub fn nominal(problem: &Problem) -> Self {
-        Self { nuisances: vec![0.0; nuisances(problem).len()], group: Vec::new(), terms: Vec::new(), frozen: false }
+        Self {
+            nuisances: vec![0.0; nuisances(problem).len()],
+            group: Vec::new(),
+            terms: Vec::new(),
+            frozen: false,
+        }
     }
 
     /// This model with one more cause, at zero.

@@ -128,8 +128,11 @@ pub(crate) fn loads(
     for n in 0..nodes {
         let origin = poses.origin[n];
         let holds_root = body.carries(n, body.root.node);
-        let (m, f, sign) =
-            if holds_root { (total_mass - mass[n], total_first - first[n], -1.0) } else { (mass[n], first[n], 1.0) };
+        let (m, f, sign) = if holds_root {
+            (total_mass - mass[n], total_first - first[n], -1.0)
+        } else {
+            (mass[n], first[n], 1.0)
+        };
         let about_origin = (f - origin * m).cross(&gravity);
         torque[n] = if body.nodes[n].prismatic {
             sign * m * poses.axis[n].dot(&gravity)

@@ -27,14 +27,16 @@ mod rivals;
 mod robust;
 mod scene;
 mod screen;
-mod shift;
 mod search;
+mod shift;
 mod signature;
 mod unexplained;
 mod words;
 
 pub use diagnose::{DiagnoseOptions, OtherSession, diagnose};
-pub use report::{Alternative, Cause, Checked, Diagnosis, Estimate, Gap, Ranked, Signature, SignaturePoint, Where};
 pub use observations::{
     BoardSpec, Frame, MarkerSpec, MeasuredPoint, PointsFrame, Recording, SightSpec, Sighting, Target, Via,
+};
+pub use report::{
+    Alternative, Cause, Checked, Diagnosis, Estimate, Gap, Ranked, Signature, SignaturePoint, Where,
 };

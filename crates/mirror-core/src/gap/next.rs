@@ -9,6 +9,9 @@ use std::collections::BTreeMap;
 ///
 /// # Errors
 /// A camera or mirror that cannot be.
-pub(crate) fn next_postures(_findings: &Findings<'_>, _causes: &[Cause]) -> Result<Vec<BTreeMap<String, f64>>> {
+pub(crate) fn next_postures(
+    _findings: &Findings<'_>,
+    _causes: &[Cause],
+) -> Result<Vec<BTreeMap<String, f64>>> {
     Ok(Vec::new())
 }

@@ -37,7 +37,8 @@ pub(crate) fn estimate(problem: &Problem, deformation: &Deformation, stated: Noi
         for _ in 0..3 {
             let postures = free_markers(problem, deformation, noise, true, None)?;
             let redundant: f64 = postures.iter().map(|p| p.freedom_left).sum();
-            let ratios = postures.iter().filter(|p| p.freedom_left > 1.5).map(|p| (p.chi2_free, p.freedom_left));
+            let ratios =
+                postures.iter().filter(|p| p.freedom_left > 1.5).map(|p| (p.chi2_free, p.freedom_left));
             if redundant < FEWEST_REDUNDANT_ROWS {
                 break;
             }
@@ -114,7 +115,13 @@ pub(crate) fn effective(
     mask: Option<&[bool]>,
 ) -> Result<Noise> {
     let eye = problem.eye(deformation)?;
-    let task = Task { deformation, eye: eye.as_ref(), noise, with_board: problem.needs_fresh_board(deformation), gaussian: true };
+    let task = Task {
+        deformation,
+        eye: eye.as_ref(),
+        noise,
+        with_board: problem.needs_fresh_board(deformation),
+        gaussian: true,
+    };
     let parts: Vec<(Vec<f64>, Vec<f64>)> = chunks(problem.frames.len())
         .into_par_iter()
         .map_init(
@@ -124,7 +131,11 @@ pub(crate) fn effective(
                 for frame in frames.filter(|&f| counts(mask, f)) {
                     if work.evaluate(problem, &task, frame) {
                         work.raw_residuals(|_, measured, r| {
-                            if measured { points.push(r.norm_squared()) } else { pixels.push(r.norm_squared()) }
+                            if measured {
+                                points.push(r.norm_squared())
+                            } else {
+                                pixels.push(r.norm_squared())
+                            }
                         });
                     }
                 }

@@ -72,7 +72,13 @@ pub(crate) fn free_markers(
     mask: Option<&[bool]>,
 ) -> Result<Vec<FreePosture>> {
     let eye = problem.eye(deformation)?;
-    let task = Task { deformation, eye: eye.as_ref(), noise, with_board: problem.needs_fresh_board(deformation), gaussian };
+    let task = Task {
+        deformation,
+        eye: eye.as_ref(),
+        noise,
+        with_board: problem.needs_fresh_board(deformation),
+        gaussian,
+    };
     Ok(postures(problem)
         .into_par_iter()
         .map_init(

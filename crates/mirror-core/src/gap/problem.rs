@@ -157,7 +157,11 @@ impl Problem {
                             pixel: s.pixel,
                         }),
                         (Target::Marker(m), via) => {
-                            data.others.push(Observation::Pixel { seen: Seen::Marker(m), via, pixel: s.pixel });
+                            data.others.push(Observation::Pixel {
+                                seen: Seen::Marker(m),
+                                via,
+                                pixel: s.pixel,
+                            });
                         }
                     }
                 }
@@ -315,7 +319,9 @@ impl Problem {
     pub fn has_atom(&self, atom: super::atoms::Atom) -> bool {
         use super::atoms::Atom;
         match atom {
-            Atom::Joint(n) | Atom::Tilt(n, _) | Atom::Bend(n) | Atom::LinkShift(Some(n), _) => n < self.scene.nodes(),
+            Atom::Joint(n) | Atom::Tilt(n, _) | Atom::Bend(n) | Atom::LinkShift(Some(n), _) => {
+                n < self.scene.nodes()
+            }
             Atom::MarkerShift(m, _) => m < self.marker_sites.len(),
             _ => true,
         }

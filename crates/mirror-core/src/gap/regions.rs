@@ -44,7 +44,8 @@ pub(crate) fn regions(problem: &Problem) -> Vec<usize> {
                 .unwrap_or(0);
         }
         for (c, center) in centers.iter_mut().enumerate() {
-            let members: Vec<&Vec<f64>> = rows.iter().zip(&labels).filter(|(_, l)| **l == c).map(|(r, _)| r).collect();
+            let members: Vec<&Vec<f64>> =
+                rows.iter().zip(&labels).filter(|(_, l)| **l == c).map(|(r, _)| r).collect();
             if members.is_empty() {
                 continue;
             }

@@ -70,9 +70,9 @@ impl Scene {
         }
         let commanded_range = (0..nodes)
             .map(|n| {
-                (0..frames).map(|f| commanded[f * nodes + n]).fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), q| {
-                    (a.min(q), b.max(q))
-                })
+                (0..frames)
+                    .map(|f| commanded[f * nodes + n])
+                    .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), q| (a.min(q), b.max(q)))
             })
             .collect();
         let sight = recording.sight.as_ref();
@@ -102,7 +102,12 @@ impl Scene {
     }
 
     /// Finds which nodes move what is seen against who sees it, how far they reach, and where each bends.
-    pub fn find_relevant(&mut self, observers: &[Option<NodeId>], targets: &[Option<NodeId>], markers: &[Site]) {
+    pub fn find_relevant(
+        &mut self,
+        observers: &[Option<NodeId>],
+        targets: &[Option<NodeId>],
+        markers: &[Site],
+    ) {
         let nodes = self.nodes();
         for n in 0..nodes {
             self.relevant[n] = observers.iter().any(|&observer| {
@@ -124,7 +129,8 @@ impl Scene {
                 .filter(|m| m.node == Some(n))
                 .map(|m| m.node_from_site.t)
                 .max_by(|a, b| a.norm().total_cmp(&b.norm()));
-            self.body.nodes[n].bend_pivot = next_joint.or(farthest_marker).map_or_else(Vector3::zeros, |tip| tip * 0.5);
+            self.body.nodes[n].bend_pivot =
+                next_joint.or(farthest_marker).map_or_else(Vector3::zeros, |tip| tip * 0.5);
         }
     }
 

@@ -104,7 +104,16 @@ pub(crate) fn screen(
             |scratch, frames| {
                 let (mut normal, mut sums) = empty();
                 for frame in frames.filter(|&f| counts(mask, f)) {
-                    scratch.add_frame(problem, &task, &active, &atoms, &candidates, frame, &mut normal, &mut sums);
+                    scratch.add_frame(
+                        problem,
+                        &task,
+                        &active,
+                        &atoms,
+                        &candidates,
+                        frame,
+                        &mut normal,
+                        &mut sums,
+                    );
                 }
                 (normal, sums)
             },
@@ -234,7 +243,8 @@ impl Scratch {
         self.by_atom.resize(atoms.len(), AtomProducts::default());
         self.vector.resize(stride, 0.0);
         for (atom, products) in atoms.iter().zip(&mut self.by_atom) {
-            products.present = self.work.column(problem, task.deformation, frame, *atom, &mut self.vector[..stride]);
+            products.present =
+                self.work.column(problem, task.deformation, frame, *atom, &mut self.vector[..stride]);
             if !products.present {
                 continue;
             }
@@ -264,7 +274,8 @@ impl Scratch {
                     if !y.present {
                         continue;
                     }
-                    let product = *pair_products.entry((*a, *b)).or_insert_with(|| inner(&x.vector, &y.vector));
+                    let product =
+                        *pair_products.entry((*a, *b)).or_insert_with(|| inner(&x.vector, &y.vector));
                     sums.a[(i, j)] += w * other.weight.at(scene, frame) * product;
                 }
             }

@@ -82,14 +82,26 @@ impl Search<'_> {
 
     /// The gap of a model on regions that its parameters did not see.
     pub fn held_out(&self, model: &Model, noise: Noise) -> Result<Vec<super::heldout::PostureGap>> {
-        super::heldout::held_out(&self.problem, self.catalogue, &self.group, model, noise, self.measured_noise)
+        super::heldout::held_out(
+            &self.problem,
+            self.catalogue,
+            &self.group,
+            model,
+            noise,
+            self.measured_noise,
+        )
     }
 
     fn log_prior(&self, fit: &Fit) -> f64 {
         let place = |t: &super::hypothesis::Term| self.catalogue.hypotheses[t.hypothesis].place.node();
         let terms = &fit.model.terms;
-        let crowded = (0..terms.len()).filter(|&i| place(&terms[i]).is_some() && terms[..i].iter().any(|t| place(t) == place(&terms[i]))).count();
-        terms.iter().map(|t| self.catalogue.hypotheses[t.hypothesis].log_prior).sum::<f64>() + crowded as f64 * LOG_PRIOR_SAME_PLACE
+        let crowded = (0..terms.len())
+            .filter(|&i| {
+                place(&terms[i]).is_some() && terms[..i].iter().any(|t| place(t) == place(&terms[i]))
+            })
+            .count();
+        terms.iter().map(|t| self.catalogue.hypotheses[t.hypothesis].log_prior).sum::<f64>()
+            + crowded as f64 * LOG_PRIOR_SAME_PLACE
     }
 
     /// Log of evidence times prior.
@@ -150,7 +162,10 @@ impl Search<'_> {
     fn refine_variants(&self, mut best: Fit, noise: Noise) -> Result<Fit> {
         for i in 0..best.model.terms.len() {
             let term = &best.model.terms[i];
-            if self.catalogue.hypotheses[term.hypothesis].variants.len() < 2 || !term.variant.is_finite() || term.variant == 0.0 {
+            if self.catalogue.hypotheses[term.hypothesis].variants.len() < 2
+                || !term.variant.is_finite()
+                || term.variant == 0.0
+            {
                 continue;
             }
             let tried = VARIANT_FACTORS
@@ -266,7 +281,10 @@ impl Search<'_> {
     }
 
     fn name_of_last(&self, fit: &Fit) -> String {
-        fit.model.terms.last().map_or_else(String::new, |t| self.catalogue.name(&self.problem.scene, t.hypothesis))
+        fit.model
+            .terms
+            .last()
+            .map_or_else(String::new, |t| self.catalogue.name(&self.problem.scene, t.hypothesis))
     }
 
     /// Drops causes without which the model is no worse.

@@ -11,7 +11,12 @@ use rayon::prelude::*;
 ///
 /// # Errors
 /// A camera or mirror that cannot be.
-pub(crate) fn marker_shift(problem: &Problem, from: &Deformation, to: &Deformation, noise: Noise) -> Result<Vec<f64>> {
+pub(crate) fn marker_shift(
+    problem: &Problem,
+    from: &Deformation,
+    to: &Deformation,
+    noise: Noise,
+) -> Result<Vec<f64>> {
     let (eye_from, eye_to) = (problem.eye(from)?, problem.eye(to)?);
     let markers = problem.marker_sites.len();
     let task = |deformation, eye, other: &Deformation| Task {

@@ -14,6 +14,8 @@ use crate::error::Result;
 const LEAST_LOG_BAYES: f64 = 15.0;
 /// A cause that leaves more than this share of what a free-form error at its place explains is of another law.
 const OTHER_LAW: f64 = 0.06;
+/// A remainder whose variance is this many times the noise's is no scatter, wherever it comes from.
+const LARGE_EXCESS: f64 = 1.5;
 /// Free forms that are fitted exactly.
 const REFINED: usize = 4;
 
@@ -30,7 +32,14 @@ pub(crate) struct Unexplained {
 ///
 /// # Errors
 /// A camera or mirror that cannot be.
-pub(crate) fn unexplained(search: &Search<'_>, found: &mut Found, adequacy: &Adequacy) -> Result<Option<Unexplained>> {
+pub(crate) fn unexplained(
+    search: &Search<'_>,
+    found: &mut Found,
+    adequacy: &Adequacy,
+) -> Result<Option<Unexplained>> {
+    if !adequacy.significant && !adequacy.corners_significant {
+        return Ok(None);
+    }
     if !adequacy.significant {
         return Ok(if adequacy.corners_significant {
             Some(Unexplained { place: Some(Place::Camera), depends_on: None, retracted: Vec::new() })
@@ -44,14 +53,21 @@ pub(crate) fn unexplained(search: &Search<'_>, found: &mut Found, adequacy: &Ade
     let free_only = search.catalogue.hypotheses.len();
     let mut retracted = Vec::new();
     // Causes that a free-form error at their own place beats by far.
-    let places: Vec<Option<usize>> =
-        found.fit.model.terms.iter().map(|t| search.catalogue.hypotheses[t.hypothesis].place.node()).collect();
+    let places: Vec<Option<usize>> = found
+        .fit
+        .model
+        .terms
+        .iter()
+        .map(|t| search.catalogue.hypotheses[t.hypothesis].place.node())
+        .collect();
     let mut nodes: Vec<usize> = places.iter().flatten().copied().collect();
     nodes.sort_unstable();
     nodes.dedup();
     let mut location = None;
     for node in nodes {
-        let at = |t: &super::hypothesis::Term| search.catalogue.hypotheses[t.hypothesis].place.node() == Some(node);
+        let at = |t: &super::hypothesis::Term| {
+            search.catalogue.hypotheses[t.hypothesis].place.node() == Some(node)
+        };
         let mut rest = found.fit.model.clone();
         rest.terms.retain(|t| !at(t));
         let Some((place, on, share)) = beaten(search, found, &rest, merged, node)? else { continue };
@@ -74,11 +90,14 @@ pub(crate) fn unexplained(search: &Search<'_>, found: &mut Found, adequacy: &Ade
     }
     if location.is_none() {
         let scores = screen(problem, merged, &search.group, &found.fit.model, found.noise, None)?;
-        location = scores
-            .iter()
-            .find(|s| s.hypothesis >= free_only)
-            .filter(|s| s.log_bayes > LEAST_LOG_BAYES)
-            .map(|s| (merged.hypotheses[s.hypothesis].place, merged.effect(s.hypothesis).name().to_owned()));
+        location =
+            scores.iter().find(|s| s.hypothesis >= free_only).filter(|s| s.log_bayes > LEAST_LOG_BAYES).map(
+                |s| (merged.hypotheses[s.hypothesis].place, merged.effect(s.hypothesis).name().to_owned()),
+            );
+    }
+    // A small remainder that no free form finds a structure in is scatter: coloured noise, postures not quite settled.
+    if location.is_none() && adequacy.excess < LARGE_EXCESS && !adequacy.corners_significant {
+        return Ok(None);
     }
     let (place, depends_on) = location.map_or((None, None), |(p, d)| (Some(p), Some(d)));
     Ok(Some(Unexplained { place, depends_on, retracted }))

@@ -5,7 +5,9 @@ use super::diagnose::{Findings, refit, seen_size};
 use super::effects::Place;
 use super::heldout::{PostureGap, size};
 use super::observations::Recording;
-use super::report::{Alternative, Cause, Checked, Diagnosis, Estimate, Gap, Ranked, Signature, SignaturePoint, Where};
+use super::report::{
+    Alternative, Cause, Checked, Diagnosis, Estimate, Gap, Ranked, Signature, SignaturePoint, Where,
+};
 use super::rivals::standing;
 use super::screen::Score;
 use super::shift::marker_shift;
@@ -103,7 +105,9 @@ fn causes(findings: &Findings<'_>) -> Result<Vec<Cause>> {
             .parameters()
             .into_iter()
             .zip(term.parameters.iter().zip(&stds))
-            .map(|(name, (value, std))| (name, Estimate { value: *value, std: std.hypot(effect.law_uncertainty() * value) }))
+            .map(|(name, (value, std))| {
+                (name, Estimate { value: *value, std: std.hypot(effect.law_uncertainty() * value) })
+            })
             .collect();
         if effect.name() == "mirror_glass" {
             // The vocabulary's parameter is the pane's thickness, not what it exceeds the session's by.
@@ -149,7 +153,11 @@ fn causes(findings: &Findings<'_>) -> Result<Vec<Cause>> {
         }
     }
     if let Some(geometry) = &findings.geometry {
-        let bare = { let mut m = found.fit.model.clone(); m.group.iter_mut().for_each(|g| *g = 0.0); search.deformation(&m) };
+        let bare = {
+            let mut m = found.fit.model.clone();
+            m.group.iter_mut().for_each(|g| *g = 0.0);
+            search.deformation(&m)
+        };
         let count = geometry.group.columns.len() as f64;
         // A spread found from n values is known to one part in √(2 n).
         let relative = (2.0 * count).sqrt().recip();
@@ -207,14 +215,22 @@ fn places(findings: &Findings<'_>, causes: &[Cause]) -> Vec<Where> {
     let after = seen_size(&findings.after).powi(2);
     let floor = {
         let noise = findings.search.measured_noise;
-        if findings.search.problem.camera.is_some() { 2.0 * noise.marker_px.powi(2) } else { 3.0 * noise.point_m.powi(2) }
+        if findings.search.problem.camera.is_some() {
+            2.0 * noise.marker_px.powi(2)
+        } else {
+            3.0 * noise.point_m.powi(2)
+        }
     };
     let left = if findings.unexplained.is_some() { (after - floor).max(0.0) } else { 0.0 };
     let total = (explained + left).max(1e-30);
     for cause in causes {
         match out.iter_mut().find(|w| w.at == cause.at) {
             Some(w) => w.share += cause.rms_shift.powi(2) / total,
-            None => out.push(Where { at: cause.at.clone(), share: cause.rms_shift.powi(2) / total, depends_on: None }),
+            None => out.push(Where {
+                at: cause.at.clone(),
+                share: cause.rms_shift.powi(2) / total,
+                depends_on: None,
+            }),
         }
     }
     if let Some(unexplained) = &findings.unexplained {
@@ -299,7 +315,11 @@ fn signatures(findings: &Findings<'_>, causes: &[Cause], recording: &Recording) 
     let scene = &search.problem.scene;
     let found = &findings.found;
     let mut out = Vec::new();
-    let mut add = |node: usize, cause: Option<usize>, model: &super::hypothesis::Model, full: &super::hypothesis::Model| -> Result<()> {
+    let mut add = |node: usize,
+                   cause: Option<usize>,
+                   model: &super::hypothesis::Model,
+                   full: &super::hypothesis::Model|
+     -> Result<()> {
         let bare = search.deformation(model);
         let with = search.deformation(full);
         let points = free_errors(&search.problem, &bare, search.measured_noise, Atom::Joint(node))?
@@ -316,7 +336,12 @@ fn signatures(findings: &Findings<'_>, causes: &[Cause], recording: &Recording) 
             })
             .collect();
         let unit = if scene.body.nodes[node].prismatic { "m" } else { "rad" };
-        out.push(Signature { cause, at: format!("joint:{}", scene.body.nodes[node].joint), unit: unit.into(), points });
+        out.push(Signature {
+            cause,
+            at: format!("joint:{}", scene.body.nodes[node].joint),
+            unit: unit.into(),
+            points,
+        });
         Ok(())
     };
     for (i, term) in found.fit.model.terms.iter().enumerate() {
@@ -354,7 +379,10 @@ fn warnings(findings: &Findings<'_>) -> Vec<String> {
         .map(|n| scene.body.nodes[n].joint.as_str())
         .collect();
     if !still.is_empty() {
-        out.push(format!("joints that never moved: {}; of them only a constant error can be seen", still.join(", ")));
+        out.push(format!(
+            "joints that never moved: {}; of them only a constant error can be seen",
+            still.join(", ")
+        ));
     }
     if problem.camera.is_some() && findings.after.iter().all(|g| g.markers == 0.0) {
         out.push("no marker was seen together with the board: the body cannot be diagnosed".into());
@@ -363,7 +391,8 @@ fn warnings(findings: &Findings<'_>) -> Vec<String> {
 }
 
 fn sentence(verdict: &str, causes: &[Cause], places: &[Where], gap: &Gap) -> String {
-    let names: Vec<String> = causes.iter().map(|c| format!("{} at {}", c.effect.replace('_', " "), c.at)).collect();
+    let names: Vec<String> =
+        causes.iter().map(|c| format!("{} at {}", c.effect.replace('_', " "), c.at)).collect();
     let sizes = format!(
         "{:.2} mm before, {:.2} mm after, {:.2} mm noise floor, on postures that the fit did not see",
         gap.before_m * 1e3,
@@ -372,10 +401,17 @@ fn sentence(verdict: &str, causes: &[Cause], places: &[Where], gap: &Gap) -> Str
     );
     let place = places.first().map_or("an unknown place", |w| w.at.as_str());
     match verdict {
-        "none" => format!("Nothing is wrong that these postures could show: the model predicts to the noise floor ({sizes})."),
+        "none" => format!(
+            "Nothing is wrong that these postures could show: the model predicts to the noise floor ({sizes})."
+        ),
         "explained" => format!("The gap is explained by {} ({sizes}).", names.join(" and ")),
-        "partial" => format!("{} explain a part of the gap ({sizes}); what is left lies most at {}.", names.join(" and "),
-            places.iter().find(|w| w.depends_on.is_some()).map_or(place, |w| w.at.as_str())),
-        _ => format!("There is a gap that no effect of the vocabulary explains; it lives at {place} ({sizes})."),
+        "partial" => format!(
+            "{} explain a part of the gap ({sizes}); what is left lies most at {}.",
+            names.join(" and "),
+            places.iter().find(|w| w.depends_on.is_some()).map_or(place, |w| w.at.as_str())
+        ),
+        _ => format!(
+            "There is a gap that no effect of the vocabulary explains; it lives at {place} ({sizes})."
+        ),
     }
 }

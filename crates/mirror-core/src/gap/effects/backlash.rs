@@ -10,9 +10,9 @@
 
 use super::{Effect, LEAST_TORQUE_NM, Place, joint_error, joint_of, named};
 use crate::gap::atoms::{Atom, Column, Weight};
-use crate::gap::scene::Scene;
 use crate::gap::body::NodeId;
 use crate::gap::deformation::Deformation;
+use crate::gap::scene::Scene;
 
 /// Friction torques that are tried, as shares of the joint's largest gravity torque; 0 is pure load, infinity pure motion.
 const FRICTION_SHARES: [f64; 12] = [0.0, 0.03, 0.06, 0.1, 0.16, 0.23, 0.31, 0.4, 0.5, 0.62, 0.75, 0.9];
@@ -29,7 +29,8 @@ impl Backlash {
     /// there. Position and torque are taken as linear between rows.
     fn followed(scene: &Scene, n: NodeId, friction_nm: f64, width: f64) -> (Vec<f64>, Vec<f64>) {
         let half = width.max(LEAST_WIDTH) / 2.0;
-        let (mut positions, mut slopes) = (Vec::with_capacity(scene.frames), Vec::with_capacity(scene.frames));
+        let (mut positions, mut slopes) =
+            (Vec::with_capacity(scene.frames), Vec::with_capacity(scene.frames));
         // Before the first row the joint rests at 0; where in its play is unknown, taken as the middle.
         let (mut output, mut slope) = (0.0_f64, 0.0);
         let (mut last_q, mut last_torque) = (0.0, scene.torque(0, n));
@@ -81,7 +82,9 @@ impl Effect for Backlash {
     /// Joints that move in order, or on which gravity pulls to both sides.
     fn places(&self, scene: &Scene) -> Vec<Place> {
         (0..scene.nodes())
-            .filter(|&n| scene.relevant[n] && scene.moves(n) && !self.variants(scene, Place::Joint(n)).is_empty())
+            .filter(|&n| {
+                scene.relevant[n] && scene.moves(n) && !self.variants(scene, Place::Joint(n)).is_empty()
+            })
             .map(Place::Joint)
             .collect()
     }
@@ -110,7 +113,14 @@ impl Effect for Backlash {
         vec![Column { atom: Atom::Joint(n), weight: Weight::Frames(slope) }]
     }
 
-    fn deform(&self, scene: &Scene, place: Place, variant: f64, parameters: &[f64], deformation: &mut Deformation) {
+    fn deform(
+        &self,
+        scene: &Scene,
+        place: Place,
+        variant: f64,
+        parameters: &[f64],
+        deformation: &mut Deformation,
+    ) {
         let n = joint_of(place);
         let (position, _) = Self::followed(scene, n, variant, parameters[0]);
         if parameters[0] <= 0.0 {

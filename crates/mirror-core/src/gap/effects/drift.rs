@@ -21,7 +21,8 @@ impl Effect for Drift {
     }
 
     fn prior_std(&self, scene: &Scene, place: Place) -> Vec<f64> {
-        let duration = scene.time_s.last().zip(scene.time_s.first()).map_or(1.0, |(b, a)| (b - a).abs().max(1e-9));
+        let duration =
+            scene.time_s.last().zip(scene.time_s.first()).map_or(1.0, |(b, a)| (b - a).abs().max(1e-9));
         vec![joint_error(scene, joint_of(place), 0.04) / duration]
     }
 

@@ -3,8 +3,8 @@
 
 use super::{Effect, LEAST_TORQUE_NM, Place, joint_of, named};
 use crate::gap::atoms::{Atom, Column, Weight, transverse_moment};
-use crate::gap::scene::Scene;
 use crate::gap::body::NodeId;
+use crate::gap::scene::Scene;
 
 /// See the module.
 pub(crate) struct LinkBending;

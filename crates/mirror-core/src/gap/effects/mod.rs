@@ -91,7 +91,14 @@ pub(crate) trait Effect: Send + Sync {
     fn columns(&self, scene: &Scene, place: Place, variant: f64, parameters: &[f64]) -> Vec<Column>;
 
     /// Adds the effect to a deformation.
-    fn deform(&self, scene: &Scene, place: Place, variant: f64, parameters: &[f64], deformation: &mut Deformation) {
+    fn deform(
+        &self,
+        scene: &Scene,
+        place: Place,
+        variant: f64,
+        parameters: &[f64],
+        deformation: &mut Deformation,
+    ) {
         for (column, value) in self.columns(scene, place, variant, parameters).iter().zip(parameters) {
             column.add(*value, scene, deformation);
         }
