@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -201,7 +201,7 @@ def _measure(session: Session, nominal: Floats, options: MeasureOptions) -> Meas
         translation = options.mount_std_m if stated else JOINT_MOUNT_STD_M
         stds = np.array([rotation or 0.0] * 3 + [translation or 0.0] * 3)
         mount = np.diag(np.maximum(stds, EXACT_STD) ** 2)
-    shared = {
+    shared: dict[str, Any] = {
         "corner_noise_px": corner_noise,
         "marker_noise_px": marker_noise,
         "least_parallax_rad": options.least_parallax_rad,
@@ -280,7 +280,7 @@ def _a_from_b(session: Session, link_a: str, link_b: str) -> Floats:
     robot = session.robot
     poses = robot.forward_kinematics(session.positions)
     root_from_a, root_from_b = (poses[:, robot.link_index(link)] for link in (link_a, link_b))
-    return np.linalg.solve(root_from_a, root_from_b)
+    return np.linalg.solve(root_from_a, root_from_b).astype(np.float64, copy=False)
 
 
 def _core_input(session: Session, camera_from_board: Floats) -> MeasureInput:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -14,6 +15,8 @@ from .measurement import Measurement
 from .optics import see_in_mirror
 from .session import Session
 
+Pixels = npt.NDArray[Any]
+"""A picture as OpenCV holds it: (H, W, 3) uint8, BGR."""
 MEASURED_BGR = (80, 230, 80)
 MODEL_BGR = (60, 60, 255)
 MILLIMETRES = 1000.0
@@ -73,15 +76,17 @@ def plot_measured_against_model(measurement: Measurement, file: Path) -> None:
         if panel + columns >= len(shown):
             ax.set_xlabel("posture")
     if shown:
-        axes.flat[0].legend(title="root frame", fontsize=8, title_fontsize=8, ncols=3)
-    figure.suptitle(f"Markers measured in the mirror ({measurement.estimator}), bars: one standard deviation")
+        figure.legend(
+            *axes.flat[0].get_legend_handles_labels(), loc="outside upper right", ncols=3, fontsize=9
+        )
+    figure.suptitle(
+        f"Markers measured in the mirror ({measurement.estimator}); root frame; bars: one standard deviation"
+    )
     figure.savefig(file, dpi=110)
     plt.close(figure)
 
 
-def draw_measured_and_model(
-    session: Session, measurement: Measurement, row: int
-) -> npt.NDArray[np.uint8] | None:
+def draw_measured_and_model(session: Session, measurement: Measurement, row: int) -> Pixels | None:
     """A frame's picture with each marker where it was measured (green ring) and where the model says (red cross).
 
     Both are drawn where they would be seen in the mirror of this frame. None for a frame without picture or mirror.
@@ -136,7 +141,7 @@ def write_measured_and_model(session: Session, measurement: Measurement, row: in
 
 
 def _draw(
-    canvas: npt.NDArray[np.uint8],
+    canvas: Pixels,
     shape: str,
     at: npt.NDArray[np.float64],
     color: tuple[int, int, int],
@@ -153,7 +158,7 @@ def _draw(
             cv2.line(canvas, (x - dx, y - dy), (x + dx, y + dy), ink, weight, cv2.LINE_AA, SHIFT)
 
 
-def _label(canvas: npt.NDArray[np.uint8], text: str, at: npt.NDArray[np.float64], scale: int) -> None:
+def _label(canvas: Pixels, text: str, at: npt.NDArray[np.float64], scale: int) -> None:
     """Text on a dark plate, centred on a place and kept inside of the picture."""
     size = 0.4 * scale
     (width, height), base = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, size, 1)

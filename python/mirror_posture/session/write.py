@@ -158,7 +158,7 @@ def metadata_tree(session: Session) -> dict[str, Any]:
     def put(key: str, values: dict[str, Any] | None) -> None:
         """A section with the session's values; None removes it."""
         if values is not None:
-            kept = raw.get(key) if isinstance(raw.get(key), dict) else {}
+            kept = raw.get(key, {})
             tree[key] = {**kept, **{name: value for name, value in values.items() if value is not None}}
 
     put("camera_mount", None if session.camera_link is None else {"link": session.camera_link})
