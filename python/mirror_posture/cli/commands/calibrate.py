@@ -195,11 +195,12 @@ def _by_second_camera(loaded: Any, camera_file: Path, folder: Path, stand_text: 
 def _direct_corners(file: Path, board: Any, info: Any) -> Any:
     import numpy as np
 
-    from ...detect import CameraSpec, DetectionSetup, detect_picture
+    from ...detect import BoardOptions, CameraSpec, DetectionOptions, DetectionSetup, detect_picture
 
     spec = CameraSpec(info.matrix_px, np.asarray(info.distortion), info.width_px, info.height_px)
-    views = detect_picture(file, DetectionSetup(board, (), spec)).boards
-    good = next((view for view in views if view.ok and view.via == "direct"), None)
+    options = DetectionOptions(board=BoardOptions(views=("direct",)))
+    views = detect_picture(file, DetectionSetup(board, (), spec), options=options).boards
+    good = next((view for view in views if view.ok), None)
     if good is None:
         reason = next(
             (view.reason for view in views if not view.ok), "it is seen in a mirror, needed directly"
