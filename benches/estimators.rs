@@ -2,6 +2,9 @@
 //!
 //! `cargo bench --bench estimators`. Inputs differ from call to call, so that nothing is hoisted out of the loop.
 
+// A bench may panic: that is how it says that its input is wrong.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use mirror_core::camera::{Camera, Distortion};
 use mirror_core::geometry::{Plane, Reflection};

@@ -3,6 +3,9 @@
 //! The robot is a humanoid of 29 joints and 39 links made here (the size and shape of a Unitree G1: six-joint legs, three at the waist,
 //! seven-joint arms, ten fixed links). `MIRROR_BENCH_URDF=path/to/robot.urdf` measures another robot instead.
 
+// A bench may panic: that is how it says that its input is wrong.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use mirror_core::robot::{JointTwist, Robot};
 use nalgebra::{Matrix3xX, Point3, Vector3};
