@@ -51,8 +51,11 @@ impl Robot {
             "poses (N, links, 4, 4)",
             #[inline(always)]
             |poses, block| {
-                for (lane, row) in block.chunks_exact_mut(each).enumerate() {
-                    for (frame, matrix) in poses.frames.iter().zip(row.as_chunks_mut::<16>().0) {
+                // Link by link: its frame is then read from the cache once, not once a posture.
+                let matrices = block.as_chunks_mut::<16>().0;
+                let links = poses.frames.len();
+                for (k, frame) in poses.frames.iter().enumerate() {
+                    for (lane, matrix) in matrices[k..].iter_mut().step_by(links).enumerate() {
                         frame.write_matrix(lane, matrix);
                     }
                 }
@@ -77,9 +80,11 @@ impl Robot {
             "poses (N, links asked for, 4, 4)",
             #[inline(always)]
             |poses, block| {
-                for (lane, row) in block.chunks_exact_mut(each).enumerate() {
-                    for (&link, matrix) in links.iter().zip(row.as_chunks_mut::<16>().0) {
-                        poses.frames[link].write_matrix(lane, matrix);
+                let matrices = block.as_chunks_mut::<16>().0;
+                for (k, &link) in links.iter().enumerate() {
+                    let frame = &poses.frames[link];
+                    for (lane, matrix) in matrices[k..].iter_mut().step_by(links.len()).enumerate() {
+                        frame.write_matrix(lane, matrix);
                     }
                 }
             },
