@@ -56,6 +56,12 @@ const MANY_CAUSES: usize = 3;
 const LOG_PRIOR_GEOMETRY: f64 = -10.0;
 /// A cause must shrink the held-out gap by this share, or it is dropped.
 const LEAST_HELD_OUT_GAIN: f64 = 0.002;
+/// A remainder smaller than this share (squared: 8 %) of what the causes move is what their laws are wrong by.
+const LAW_REMAINDER: f64 = 0.0064;
+/// Observations farther from the best model than this many deviations are false.
+const FALSE_DEVIATIONS: f64 = 6.0;
+/// The group's shift, squared, as a share of the causes': a smaller group only takes up what the causes' laws are wrong by.
+const LEAST_GROUP_SHARE: f64 = 0.02;
 
 /// Diagnoses a recording: where the model is wrong, which effect causes it, how far the gap shrinks.
 ///
@@ -129,25 +135,27 @@ pub(crate) fn diagnose_with(
             found.trace.splice(0..0, first);
         }
     }
-    let mut fits_noise =
-        adequacy(&search.problem, &search.deformation(&found.fit.model), search.measured_noise)?;
     let mut geometry = None;
     let off = options.without.iter().any(|w| w == "geometry");
+    let mut clean =
+        search.problem.without_false(&search.deformation(&found.fit.model), found.noise, FALSE_DEVIATIONS)?;
+    let mut fits_noise = adequacy(&clean, &search.deformation(&found.fit.model), search.measured_noise)?;
     if !off && (fits_noise.significant || found.fit.model.terms.len() > MANY_CAUSES) {
         if let Some((with, its_search, its_found)) = with_geometry(&search, &found, &nominal)? {
-            fits_noise = adequacy(
-                &its_search.problem,
-                &its_search.deformation(&its_found.fit.model),
-                its_search.measured_noise,
-            )?;
+            let deformation = its_search.deformation(&its_found.fit.model);
+            clean = its_search.problem.without_false(&deformation, its_found.noise, FALSE_DEVIATIONS)?;
+            fits_noise = adequacy(&clean, &deformation, its_search.measured_noise)?;
             geometry = Some(with);
             search = its_search;
             found = its_found;
         }
     }
+    // From here on without the observations that the best model shows to be false.
+    search.problem = clean;
     let (before, mut after) = gaps(&search, &nominal, &found)?;
     drop_useless(&mut search, &mut found, &mut after)?;
-    let unexplained = unexplained(&search, &mut found, &fits_noise)?;
+    let by_laws = remainder_share(&search, &found, &after)? < LAW_REMAINDER;
+    let unexplained = if by_laws { None } else { unexplained(&search, &mut found, &fits_noise)? };
     if unexplained.is_some() {
         after = gaps(&search, &nominal, &found)?.1;
     }
@@ -203,7 +211,19 @@ fn with_geometry<'a>(
     let mut trace = alone.trace.clone();
     trace.append(&mut found.trace);
     found.trace = trace;
-    Ok((odds > 0.0).then_some((geometry, beside, found)))
+    // A group that moves next to nothing beside the causes only takes up what their laws are wrong by.
+    let all = beside.deformation(&found.fit.model);
+    let mut bare = found.fit.model.clone();
+    bare.group.iter_mut().for_each(|g| *g = 0.0);
+    let only_causes = beside.deformation(&bare);
+    bare.terms.clear();
+    let neither = beside.deformation(&bare);
+    let sum = |from, to| -> Result<f64> {
+        Ok(super::shift::marker_shift(&beside.problem, from, to, beside.measured_noise)?.iter().sum())
+    };
+    let (group_shift, cause_shift) = (sum(&only_causes, &all)?, sum(&neither, &only_causes)?);
+    let matters = group_shift > LEAST_GROUP_SHARE * cause_shift;
+    Ok((odds > 0.0 && matters).then_some((geometry, beside, found)))
 }
 
 fn noise_sum(noise: &Noise) -> f64 {
@@ -241,6 +261,21 @@ fn drop_useless(search: &mut Search<'_>, found: &mut Found, after: &mut Vec<Post
         }
     }
     Ok(())
+}
+
+/// What is left above the noise, squared, as a share of what the causes move.
+fn remainder_share(search: &Search<'_>, found: &Found, after: &[PostureGap]) -> Result<f64> {
+    let mut none = found.fit.model.clone();
+    none.terms.clear();
+    none.group.iter_mut().for_each(|g| *g = 0.0);
+    let noise = search.measured_noise;
+    let (from, to) = (search.deformation(&none), search.deformation(&found.fit.model));
+    let moved = super::shift::marker_shift(&search.problem, &from, &to, noise)?;
+    let moved = moved.iter().sum::<f64>() / moved.len().max(1) as f64;
+    let unit = if search.problem.camera.is_some() { noise.marker_px } else { noise.point_m };
+    let axes = if search.problem.camera.is_some() { 2.0 } else { 3.0 };
+    let left = (seen_size(after) / unit).powi(2) - axes;
+    Ok(if moved > 0.0 { left.max(0.0) / moved } else { f64::INFINITY })
 }
 
 /// Predicts another session with the causes as they were found; only its own nuisances are fitted.

@@ -315,6 +315,42 @@ impl Problem {
         }
     }
 
+    /// This problem without the observations that a model shows to be false: farther off than `deviations` of the noise.
+    ///
+    /// # Errors
+    /// A camera or mirror that cannot be.
+    pub fn without_false(&self, deformation: &Deformation, noise: Noise, deviations: f64) -> Result<Self> {
+        let eye = self.eye(deformation)?;
+        let with_board = self.needs_fresh_board(deformation);
+        let task = super::frame::Task { deformation, eye: eye.as_ref(), noise, with_board, gaussian: false };
+        let mut out = self.clone();
+        let mut work = FrameWork::new(self);
+        for (f, data) in out.frames.iter_mut().enumerate() {
+            if !work.evaluate(self, &task, f) {
+                continue;
+            }
+            let mut residuals = Vec::new();
+            work.raw_residuals(|marker, measured, r| residuals.push((marker, measured, r.norm())));
+            let mut at = 0;
+            data.others.retain(|observation| {
+                let (marker, std) = match observation {
+                    Observation::Pixel { seen: Seen::Marker(m), .. } => (*m, noise.marker_px),
+                    Observation::Point { marker, .. } => (*marker, noise.point_m),
+                    Observation::Pixel { .. } => return true,
+                };
+                match residuals.get(at) {
+                    Some((Some(m), _, size)) if *m == marker => {
+                        at += 1;
+                        *size <= deviations * std
+                    }
+                    // Not predicted at all: as false as can be.
+                    _ => false,
+                }
+            });
+        }
+        Ok(out)
+    }
+
     /// Whether an atom's node or marker exists here.
     pub fn has_atom(&self, atom: super::atoms::Atom) -> bool {
         use super::atoms::Atom;

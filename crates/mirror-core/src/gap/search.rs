@@ -124,7 +124,9 @@ impl Search<'_> {
                 }
                 self.fit(&next, noise, CANDIDATE_STEPS)
             })
-            .collect::<Result<Vec<Fit>>>()?;
+            // A linear estimate may lie where no camera or mirror can be: such a hypothesis is no candidate.
+            .filter_map(Result::ok)
+            .collect::<Vec<Fit>>();
         fits.sort_by(|a, b| self.log_posterior(b).total_cmp(&self.log_posterior(a)));
         Ok(fits)
     }

@@ -116,7 +116,7 @@ pub(crate) trait Effect: Send + Sync {
 
     /// By how much, relatively, the parameter itself is uncertain because real joints obey the law only roughly.
     fn law_uncertainty(&self) -> f64 {
-        if self.depends_on_load() { 0.01 } else { 0.0 }
+        if self.depends_on_load() { 0.025 } else { 0.0 }
     }
 
     /// What happens, in a sentence for a person.

@@ -1,14 +1,48 @@
 //! A servo of finite stiffness stops short of its target, on the side from which it came:
 //! `θ = q − d sign(last motion) + c τ_g`.
 //!
-//! The same finite stiffness makes it droop under its load: c is the servo's own droop, a part of the effect.
+//! Moves too small to overcome friction leave it where it was. The same finite stiffness makes it droop under its load: c is the servo's own droop, a part of the effect.
 
 use super::{Effect, LEAST_TORQUE_NM, Place, joint_error, joint_of, moving_joints, named};
 use crate::gap::atoms::{Atom, Column, Weight};
+use crate::gap::body::NodeId;
+use crate::gap::deformation::Deformation;
 use crate::gap::scene::Scene;
+
+/// The dead band (rad) at which the basis of none is taken.
+const LEAST_BAND: f64 = 1e-4;
 
 /// See the module.
 pub(crate) struct Stiction;
+
+/// Where the joint rests in a frame, and how that depends on dead band and droop.
+struct Rest {
+    error: f64,
+    by_band: f64,
+    by_droop: f64,
+}
+
+impl Stiction {
+    /// Follows the joint from row to row: it moves only as far as the servo's pull exceeds friction, so that it comes to rest
+    /// within `± d` of where the drooping servo would hold it without friction, and stays there while it can.
+    fn followed(scene: &Scene, n: NodeId, band: f64, droop: f64) -> Vec<Rest> {
+        let band = band.max(LEAST_BAND);
+        // Before the first row the joint rests at 0.
+        let (mut theta, mut by_band, mut by_droop) = (0.0_f64, 0.0, 0.0);
+        (0..scene.frames)
+            .map(|f| {
+                let (q, torque) = (scene.q(f, n), scene.torque(f, n));
+                let hold = q + droop * torque;
+                if theta > hold + band {
+                    (theta, by_band, by_droop) = (hold + band, 1.0, torque);
+                } else if theta < hold - band {
+                    (theta, by_band, by_droop) = (hold - band, -1.0, torque);
+                }
+                Rest { error: theta - q, by_band, by_droop }
+            })
+            .collect()
+    }
+}
 
 impl Effect for Stiction {
     fn name(&self) -> &str {
@@ -29,13 +63,35 @@ impl Effect for Stiction {
         vec![joint_error(scene, n, 0.02), droop]
     }
 
-    fn columns(&self, scene: &Scene, place: Place, _variant: f64, _parameters: &[f64]) -> Vec<Column> {
+    fn columns(&self, scene: &Scene, place: Place, _variant: f64, parameters: &[f64]) -> Vec<Column> {
         let n = joint_of(place);
-        let weights = (0..scene.frames).map(|f| -scene.direction(f, n)).collect();
+        let rests = Self::followed(scene, n, parameters[0], parameters[1]);
+        let (mut by_band, mut by_droop) = (Vec::new(), Vec::new());
+        for rest in rests {
+            by_band.push(rest.by_band);
+            by_droop.push(rest.by_droop);
+        }
         vec![
-            Column { atom: Atom::Joint(n), weight: Weight::Frames(weights) },
-            Column { atom: Atom::Joint(n), weight: Weight::Torque(n) },
+            Column { atom: Atom::Joint(n), weight: Weight::Frames(by_band) },
+            Column { atom: Atom::Joint(n), weight: Weight::Frames(by_droop) },
         ]
+    }
+
+    fn deform(
+        &self,
+        scene: &Scene,
+        place: Place,
+        _variant: f64,
+        parameters: &[f64],
+        deformation: &mut Deformation,
+    ) {
+        let n = joint_of(place);
+        if parameters[0] <= 0.0 && parameters[1] == 0.0 {
+            return;
+        }
+        for (f, rest) in Self::followed(scene, n, parameters[0], parameters[1]).iter().enumerate() {
+            deformation.add_joint_delta(f, n, rest.error);
+        }
     }
 
     fn depends_on_load(&self) -> bool {
