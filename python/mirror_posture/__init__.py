@@ -6,6 +6,7 @@
     session = mp.detect_session(session).session     # pictures to image points
     found = mp.measure(session)                      # mirrors and markers, with covariances
     found.markers.point_in_root_m, found.markers.covariance_in_root_m2, found.markers.model_in_root_m
+    mp.diagnose(session).causes                      # what is wrong with the model, where, and by which effect
 
 NumPy in and out, batches first, one row a frame or a marker. Every error is a `MirrorPostureError`. What the modules
 hold besides: `robot` (kinematics), `mirror` (the estimators), `triangulate`, `optics` (glass, balls), `calibrate`,
@@ -22,6 +23,7 @@ from ._core import Camera, MirrorPostureError, __version__
 if TYPE_CHECKING:
     from .calibrate import calibrate_from_mirror_views, calibrate_with_second_camera
     from .detect import detect_picture, detect_session
+    from .diagnosis import Diagnosis, diagnose
     from .measurement import Measurement, MeasureOptions, measure, measure_all
     from .render import render_session
     from .robot import Robot
@@ -29,6 +31,7 @@ if TYPE_CHECKING:
 
 # Loaded when first asked for: OpenCV and Arrow take longer to load than most commands run.
 _HOME = {
+    "Diagnosis": "diagnosis",
     "MeasureOptions": "measurement",
     "Measurement": "measurement",
     "Robot": "robot",
@@ -38,6 +41,7 @@ _HOME = {
     "calibrate_with_second_camera": "calibrate",
     "detect_picture": "detect",
     "detect_session": "detect",
+    "diagnose": "diagnosis",
     "load_session": "session",
     "measure": "measurement",
     "measure_all": "measurement",
@@ -47,6 +51,7 @@ _HOME = {
 
 __all__ = [
     "Camera",
+    "Diagnosis",
     "MeasureOptions",
     "Measurement",
     "MirrorPostureError",
@@ -58,6 +63,7 @@ __all__ = [
     "calibrate_with_second_camera",
     "detect_picture",
     "detect_session",
+    "diagnose",
     "load_session",
     "measure",
     "measure_all",

@@ -448,3 +448,28 @@ def calibrate_second_camera(
     stand_in_second_camera_px: npt.ArrayLike,
     chest_in_second_camera_px: npt.ArrayLike,
 ) -> SecondCameraCalibration: ...
+
+_ViewArrays = Any
+"""An object with board_px (F, corners, 2), board_seen (F, corners), marker_px (F, markers, 2), marker_seen (F, markers)."""
+
+@final
+class GapRecording:
+    def __new__(
+        cls,
+        urdf: str,
+        header: str,
+        frame: npt.NDArray[np.int64],
+        posture: npt.NDArray[np.int64],
+        time_s: _Array,
+        commanded: _Array,
+        mirror: _ViewArrays,
+        direct: _ViewArrays,
+        points: _Array | None = None,
+        points_seen: _Mask | None = None,
+    ) -> GapRecording: ...
+    def diagnose(
+        self,
+        without: Sequence[str] = ...,
+        most_causes: int = 0,
+        others: Sequence[tuple[str, GapRecording]] = ...,
+    ) -> str: ...

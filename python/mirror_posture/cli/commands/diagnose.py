@@ -1,0 +1,181 @@
+"""`mirror-posture diagnose`: where the model is wrong, by which effect, and how far the gap shrinks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from ..._core import MirrorPostureError
+from ..output import JsonOption, Output
+
+if TYPE_CHECKING:
+    from ...diagnosis import Diagnosis
+    from ...session import Session
+
+ORDER = 60
+PANEL = "Diagnosis"
+
+
+def command(
+    sessions: Annotated[
+        list[Path], typer.Argument(help="The session's folder; several are diagnosed one by one.")
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder for diagnosis.json, report.html and pictures/; of several sessions one folder each."
+        ),
+    ] = None,
+    check: Annotated[
+        list[Path] | None,
+        typer.Option(help="Another session (other postures), predicted with nothing of it fitted."),
+    ] = None,
+    without: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--without", "--leave-out", help="An effect that the vocabulary shall lack, `backlash` say."
+        ),
+    ] = None,
+    withhold: Annotated[
+        list[str] | None,
+        typer.Option(help="`marker:NAME`: a marker that the fit does not see and that it must then predict."),
+    ] = None,
+    most_causes: Annotated[int, typer.Option(help="Causes that are looked for at most.", min=1)] = 6,
+    as_json: JsonOption = False,
+) -> None:
+    """Say where the model is wrong, which effect causes it, and how far the gap shrinks.
+
+    Every effect of the vocabulary is tried at every place; those that the evidence carries are fitted together. The gap
+    is told on postures whose whole region was held out. What these postures cannot tell apart is named as alternatives.
+
+    Verdicts: `none` the model is as good as the noise allows; `explained` the causes close the gap; `partial` they
+    shrink it and something is left; `unknown` no effect explains it. A session with pictures only is detected first.
+
+    Exit code 0 for every verdict, 1 where the session cannot be meant or is too small to diagnose.
+
+    Example: `mirror-posture diagnose my-session --out diagnosis --check my-other-session`
+    """
+    output = Output(as_json)
+    from ...diagnosis import diagnose
+
+    others = [_loaded(output, folder) for folder in check or ()]
+    documents = []
+    for folder in sessions:
+        loaded = _loaded(output, folder)
+        try:
+            found = diagnose(
+                loaded,
+                without=without or (),
+                check=others,
+                withhold=withhold or (),
+                most_causes=most_causes,
+            )
+        except MirrorPostureError as error:
+            raise MirrorPostureError(f"{folder}: {error}") from error
+        _show(output, folder, found)
+        if out is not None:
+            target = out if len(sessions) == 1 else out / (folder.name or folder.resolve().name)
+            _write(output, loaded, found, target)
+        documents.append(found.document)
+    if as_json:
+        output.result(documents[0] if len(documents) == 1 else documents)
+
+
+def _loaded(output: Output, folder: Path) -> Session:
+    from ...session import load_session
+
+    loaded = load_session(folder)
+    for warning in loaded.warnings:
+        output.warn(warning)
+    if loaded.detected or loaded.points is not None or not any(loaded.image_files):
+        return loaded
+    from ...detect import detect_session
+
+    output.say("no detections yet: looking for the board and the balls in the pictures first")
+    found = detect_session(loaded, progress=lambda chunks: output.chunks(chunks, "detecting"))
+    for row, picture in sorted(found.pictures.items()):
+        if picture.error:
+            output.warn(f"frame {loaded.frames.frame[row]}: {picture.error}")
+    return found.session
+
+
+def _write(output: Output, session: Session, found: Diagnosis, folder: Path) -> None:
+    from ...diagnosis.page import write_report
+
+    folder.mkdir(parents=True, exist_ok=True)
+    # The document first: it is what programs wait for, and stands even where a picture cannot be drawn.
+    (folder / "diagnosis.json").write_text(found.to_json(), encoding="utf-8")
+    write_report(session, found, folder)
+    output.say(f"written: {folder / 'diagnosis.json'}, {folder / 'report.html'}, {folder / 'pictures'}")
+
+
+def _show(output: Output, folder: Path, found: Diagnosis) -> None:
+    from ...diagnosis.people import (
+        effect_in_words,
+        millimetres,
+        next_step,
+        percent,
+        place_in_words,
+        tell_all,
+    )
+
+    if output.as_json:
+        for warning in found.warnings:
+            output.warn(warning)
+        return
+    output.say(f"{folder}: {found.sentence}", style="bold")
+    if found.causes:
+        rows = [
+            (
+                effect_in_words(cause.effect),
+                place_in_words(cause.at),
+                percent(cause.probability),
+                "\n".join(map(str, tell_all(cause))),
+                "\n".join(
+                    f"{effect_in_words(a.effect)} at {place_in_words(a.at)} ({percent(a.probability)})"
+                    for a in cause.alternatives
+                ),
+            )
+            for cause in found.causes
+        ]
+        output.table(
+            "Causes, the one that closes most of the gap first",
+            ("*effect", "~at", "probability", "~parameters ± one std", "~alternatives"),
+            rows,
+        )
+    gap = found.gap
+    closed = ""
+    if gap.closed is not None:
+        closed = f"closed {percent(gap.closed)}"
+        if gap.closed_ci95 is not None:
+            closed += f" (95 %: {percent(gap.closed_ci95[0])} to {percent(gap.closed_ci95[1])})"
+    rows = [
+        (
+            "held-out postures of this session",
+            millimetres(gap.before_m),
+            millimetres(gap.after_m),
+            millimetres(gap.noise_floor_m),
+        )
+    ]
+    rows += [(c.session, millimetres(c.before_m), millimetres(c.after_m), "") for c in gap.checked]
+    rows += [
+        (f"marker {w.marker}, withheld", millimetres(w.before_m), millimetres(w.after_m), "")
+        for w in found.witness
+    ]
+    output.table(
+        "Gap between prediction and observation, RMS, mm",
+        ("~on", "before", "after", "noise floor"),
+        rows,
+        caption=closed,
+    )
+    for place in found.where:
+        if place.depends_on:
+            output.say(
+                f"unexplained at {place.at} ({percent(place.share)} of the gap): depends on {place.depends_on}"
+            )
+    for warning in found.warnings:
+        output.warn(warning)
+    rivals = any(cause.alternatives for cause in found.causes)
+    output.say(f"next: {next_step(found.verdict, rivals, bool(found.next_postures))}")

@@ -1,0 +1,39 @@
+"""Where the model is wrong, by which effect, and how far the gap shrinks once the effect is added.
+
+    import mirror_posture as mp
+
+    found = mp.diagnose("my-session")
+    found.verdict                       # none, explained, partial or unknown
+    [(c.effect, c.at, c.probability) for c in found.causes]
+    found.gap.before_m, found.gap.after_m
+
+`recording` hands a session to the core, `result` holds what comes back, `page` draws it, `applied` writes the better model.
+"""
+
+from .result import (
+    Alternative,
+    Cause,
+    Checked,
+    Diagnosis,
+    Estimate,
+    Gap,
+    Place,
+    Ranked,
+    Signature,
+    Witness,
+)
+from .run import diagnose
+
+__all__ = [
+    "Alternative",
+    "Cause",
+    "Checked",
+    "Diagnosis",
+    "Estimate",
+    "Gap",
+    "Place",
+    "Ranked",
+    "Signature",
+    "Witness",
+    "diagnose",
+]

@@ -1,0 +1,142 @@
+"""The report's plots: the gap as bars, and the signature of each cause."""
+
+from __future__ import annotations
+
+import io
+import math
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from . import people
+from .result import Gap, Signature
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+BEFORE, AFTER, FLOOR = "#b0413e", "#2f6f9f", "#9a9a9a"
+INK = "#222222"
+PNG_DPI = 140
+STYLE = {
+    "font.size": 10,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "svg.fonttype": "none",
+    "svg.hashsalt": "mirror-posture",
+    "font.family": "sans-serif",
+    "text.color": INK,
+    "axes.labelcolor": INK,
+}
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """One picture, as an SVG element for the page and as PNG bytes."""
+
+    svg: str
+    png: bytes
+
+
+def figure(
+    width: float, height: float, rows: int = 1, columns: int = 1, **options: Any
+) -> tuple[Figure, Any]:
+    """A figure in the report's style, inches; axes as a (rows, columns) array."""
+    from matplotlib import rc_context
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    with rc_context(STYLE):
+        drawn = Figure(figsize=(width, height), layout="constrained")
+        FigureCanvasAgg(drawn)
+        axes = drawn.subplots(rows, columns, squeeze=False, **options)
+    return drawn, axes
+
+
+def finished(drawn: Figure, name: str) -> Drawing:
+    """The figure as SVG (ids made unique by the name, since a page has several) and PNG."""
+    from matplotlib import rc_context
+
+    with rc_context(STYLE):
+        vector, raster = io.StringIO(), io.BytesIO()
+        drawn.savefig(vector, format="svg", metadata={"Date": None})
+        drawn.savefig(raster, format="png", dpi=PNG_DPI)
+    svg = vector.getvalue()
+    svg = svg[svg.index("<svg") :]
+    svg = re.sub(r'id="([^"]+)"', rf'id="{name}-\1"', svg)
+    svg = re.sub(r'(xlink:href="#|url\(#)', rf"\g<1>{name}-", svg)
+    return Drawing(svg, raster.getvalue())
+
+
+def draw_gap(gap: Gap) -> Drawing:
+    """Bars: the gap before and after on held-out postures, with the interval of what was closed, and the noise floor."""
+    values = [1000.0 * v for v in (gap.before_m, gap.after_m, gap.noise_floor_m)]
+    drawn, axes = figure(5.2, 2.1)
+    ax = axes[0, 0]
+    ends = values[1]
+    ax.barh(["before", "after", "noise floor"], values, color=[BEFORE, AFTER, FLOOR], height=0.62)
+    if gap.closed_ci95 is not None:
+        # closed = (before - after) / (before - floor): the interval of what was closed, as one of what is left.
+        span = values[0] - values[2]
+        low, high = sorted(values[0] - closed * span for closed in gap.closed_ci95)
+        middle = values[1]
+        ends = max(ends, high)
+        ax.errorbar(
+            [middle],
+            [1],
+            xerr=[[max(0.0, middle - low)], [max(0.0, high - middle)]],
+            color=INK,
+            capsize=4,
+            fmt="none",
+            linewidth=1.3,
+        )
+    width = max(*values, ends, 1e-9)
+    for row, (value, end) in enumerate(
+        zip(values, (values[0], max(values[1], ends), values[2]), strict=True)
+    ):
+        ax.text(end + 0.02 * width, row, f"{value:.2f} mm", va="center")
+    ax.set_xlim(0.0, 1.25 * width)
+    ax.invert_yaxis()
+    ax.set_xlabel("RMS distance of predicted from observed markers, mm")
+    return finished(drawn, "gap")
+
+
+def draw_signature(signature: Signature) -> Drawing:
+    """Four panels: the error that each posture shows by itself against position, load, direction and time."""
+    angular = signature.unit == "rad"
+    factor, unit = (math.degrees(1.0), "°") if angular else (1000.0, "mm")
+    error, std, fitted = (factor * a for a in (signature.error, signature.std, signature.fitted))
+    panels = (
+        (math.degrees(1.0) * signature.position, "commanded position, °"),
+        (signature.torque_nm, "gravity torque, N m"),
+        (signature.direction, "direction of the last motion"),
+        (signature.time_s, "time, s"),
+    )
+    drawn, axes = figure(11.0, 2.7, columns=4, sharey=True)
+    # Postures that hardly show the place have bars that would hide the rest.
+    typical = float(np.median(std)) if len(std) else 1.0
+    clear = std <= 6.0 * typical
+    for ax, (x, label) in zip(axes[0], panels, strict=True):
+        order = np.argsort(x, kind="stable")
+        ax.errorbar(
+            x[clear],
+            error[clear],
+            yerr=std[clear],
+            fmt="o",
+            markersize=3,
+            color=FLOOR,
+            ecolor="#d0d0d0",
+            elinewidth=1,
+            label="each posture alone, ± 1 std",
+        )
+        ax.plot(
+            x[order], fitted[order], ".", color=BEFORE, markersize=4, zorder=5, label="what the cause says"
+        )
+        ax.axhline(0.0, color=INK, linewidth=0.6)
+        ax.set_xlabel(label)
+    axes[0, 2].set_xticks([-1, 0, 1], ["down", "none", "up"])
+    axes[0, 2].set_xlim(-1.5, 1.5)
+    axes[0, 0].set_ylabel(f"error at {people.place_in_words(signature.at)}, {unit}")
+    axes[0, 0].legend(fontsize=8, frameon=False, loc="best")
+    return finished(drawn, f"signature{signature.cause}{signature.at}".replace(":", "").replace("<-", ""))

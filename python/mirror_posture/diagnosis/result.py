@@ -1,0 +1,245 @@
+"""What a diagnosis says, as frozen dataclasses around the JSON of the public format."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from .._core import MirrorPostureError
+
+FORMAT, VERSION = "mirror-posture/diagnosis", 1
+VERDICTS = ("none", "explained", "partial", "unknown")
+Floats = npt.NDArray[np.float64]
+Kind = TypeVar("Kind")
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A parameter in the unit that its name says, with one standard deviation."""
+
+    value: float
+    std: float
+
+
+@dataclass(frozen=True)
+class Alternative:
+    """A rival that these postures cannot tell from a cause."""
+
+    effect: str
+    at: str
+    probability: float
+
+
+@dataclass(frozen=True)
+class Cause:
+    """An effect at a place. `rms_shift` is the shift of the markers that it makes, px (m where points were measured)."""
+
+    effect: str
+    at: str
+    probability: float
+    parameters: Mapping[str, Estimate]
+    alternatives: tuple[Alternative, ...] = ()
+    words: str = ""
+    rms_shift: float = 0.0
+
+
+@dataclass(frozen=True)
+class Place:
+    """A place with its share of the gap's variance; `depends_on` says on what an unexplained part there depends."""
+
+    at: str
+    share: float
+    depends_on: str | None = None
+
+
+@dataclass(frozen=True)
+class Checked:
+    """Another session, predicted with nothing of it fitted but its own mirrors: RMS distance before and after, m."""
+
+    session: str
+    before_m: float
+    after_m: float
+
+
+@dataclass(frozen=True)
+class Witness:
+    """A marker that was withheld from the fit, predicted by it: RMS distance before and after, m."""
+
+    marker: str
+    before_m: float
+    after_m: float
+
+
+@dataclass(frozen=True)
+class Gap:
+    """RMS distance between predicted and observed markers, on postures whose whole region was held out of the fit."""
+
+    before_m: float
+    after_m: float
+    noise_floor_m: float
+    closed: float | None = None
+    closed_ci95: tuple[float, float] | None = None
+    before_px: float | None = None
+    after_px: float | None = None
+    noise_floor_px: float | None = None
+    held_out_postures: int = 0
+    checked: tuple[Checked, ...] = ()
+
+
+@dataclass(frozen=True)
+class Ranked:
+    """A hypothesis of the first look: log Bayes factor against the nominal model, by the score test."""
+
+    effect: str
+    at: str
+    log_bayes: float
+
+
+@dataclass(frozen=True)
+class Signature:
+    """The error at a place that each posture shows by itself (`error`, with `std`) and what the cause says (`fitted`).
+
+    Arrays (K,), one value a posture; `unit` (rad or m) is that of error, std and fitted. `cause` is an index into the
+    causes, or None for the part that no cause explains.
+    """
+
+    at: str
+    unit: str
+    cause: int | None
+    frame: npt.NDArray[np.int64]
+    position: Floats
+    torque_nm: Floats
+    direction: Floats
+    time_s: Floats
+    error: Floats
+    std: Floats
+    fitted: Floats
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """Where the model is wrong, by which effect, and how far the gap shrinks."""
+
+    verdict: str
+    sentence: str
+    causes: tuple[Cause, ...]
+    where: tuple[Place, ...]
+    gap: Gap
+    next_postures: tuple[Mapping[str, float], ...] = ()
+    """Commanded postures, joint name to rad (m), that would tell the rivals apart best."""
+    warnings: tuple[str, ...] = ()
+    noise: Mapping[str, float] = field(default_factory=dict)
+    """Estimated noise, one axis: corners and markers in px, points in m, as the names say."""
+    trace: tuple[str, ...] = ()
+    ranking: tuple[Ranked, ...] = ()
+    signatures: tuple[Signature, ...] = ()
+    witness: tuple[Witness, ...] = ()
+    document: Mapping[str, Any] = field(default_factory=dict, repr=False)
+    """The JSON tree as the core gave it, with all that the format does not know."""
+
+    @classmethod
+    def from_document(cls, tree: Mapping[str, Any]) -> Diagnosis:
+        """A diagnosis from its JSON tree. Raises `MirrorPostureError` for a tree of another format."""
+        if tree.get("format") != FORMAT or tree.get("version") != VERSION:
+            raise MirrorPostureError(
+                f"got format {tree.get('format')!r} version {tree.get('version')!r}, needed {FORMAT!r} version {VERSION}"
+            )
+        if tree.get("verdict") not in VERDICTS:
+            raise MirrorPostureError(
+                f"verdict: got {tree.get('verdict')!r}, needed one of {', '.join(VERDICTS)}"
+            )
+        try:
+            return cls(
+                verdict=tree["verdict"],
+                sentence=tree.get("sentence", ""),
+                causes=tuple(_cause(entry) for entry in tree["causes"]),
+                where=tuple(_known(Place, entry) for entry in tree["where"]),
+                gap=_gap(tree["gap"]),
+                next_postures=tuple(dict(entry) for entry in tree.get("next_postures", ())),
+                warnings=tuple(tree.get("warnings", ())),
+                noise=dict(tree.get("noise", {})),
+                trace=tuple(tree.get("trace", ())),
+                ranking=tuple(_known(Ranked, entry) for entry in tree.get("ranking", ())),
+                signatures=tuple(_signature(entry) for entry in tree.get("signatures", ())),
+                witness=tuple(_known(Witness, entry) for entry in tree.get("witness", ())),
+                document=dict(tree),
+            )
+        except (KeyError, TypeError, AttributeError) as error:
+            raise MirrorPostureError(
+                f"is no diagnosis of version {VERSION}: {type(error).__name__}: {error}"
+            ) from None
+
+    @classmethod
+    def load(cls, file: str | os.PathLike[str]) -> Diagnosis:
+        """Reads `diagnosis.json`, or the folder that `mirror-posture diagnose --out` wrote.
+
+        Raises `MirrorPostureError`, which names the file and what is wrong with it.
+        """
+        path = Path(file)
+        if path.is_dir():
+            path = path / "diagnosis.json"
+        try:
+            tree = json.loads(path.read_text(encoding="utf-8"))
+        except FileNotFoundError:
+            raise MirrorPostureError(
+                f"{path}: the file is missing; `mirror-posture diagnose` writes it"
+            ) from None
+        except (OSError, ValueError) as error:
+            raise MirrorPostureError(f"{path}: cannot be read as JSON ({error})") from None
+        if not isinstance(tree, Mapping):
+            raise MirrorPostureError(f"{path}: got a {type(tree).__name__}, needed an object")
+        try:
+            return cls.from_document(tree)
+        except MirrorPostureError as error:
+            raise MirrorPostureError(f"{path}: {error}") from None
+
+    def to_json(self) -> str:
+        """The diagnosis as the public format has it."""
+        return json.dumps(self.document, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+def _known(kind: type[Kind], entry: Mapping[str, Any]) -> Kind:
+    """A dataclass from the keys that it knows; a newer core may say more."""
+    names = {f.name for f in fields(kind)}  # type: ignore[arg-type]
+    return kind(**{key: value for key, value in entry.items() if key in names})
+
+
+def _cause(entry: Mapping[str, Any]) -> Cause:
+    parameters = {name: _known(Estimate, value) for name, value in entry["parameters"].items()}
+    alternatives = tuple(_known(Alternative, value) for value in entry.get("alternatives", ()))
+    return _known(Cause, {**entry, "parameters": parameters, "alternatives": alternatives})
+
+
+def _gap(entry: Mapping[str, Any]) -> Gap:
+    interval = entry.get("closed_ci95")
+    return _known(
+        Gap,
+        {
+            **entry,
+            "closed_ci95": None if interval is None else tuple(interval),
+            "checked": tuple(_known(Checked, value) for value in entry.get("checked", ())),
+        },
+    )
+
+
+def _signature(entry: Mapping[str, Any]) -> Signature:
+    points = entry["points"]
+
+    def column(name: str) -> Floats:
+        return np.array([point[name] for point in points], dtype=float)
+
+    names = ("position", "torque_nm", "direction", "time_s", "error", "std", "fitted")
+    return Signature(
+        at=entry["at"],
+        unit=entry["unit"],
+        cause=entry.get("cause"),
+        frame=np.array([point["frame"] for point in points], dtype=np.int64),
+        **{name: column(name) for name in names},
+    )

@@ -1,0 +1,71 @@
+"""The diagnosis of a session: from a folder or a loaded session to a `Diagnosis`."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Sequence
+
+from .._core import MirrorPostureError
+from ..session import Session, load_session
+from .markers import marker_of_place, only_markers
+from .recording import to_core
+from .result import Diagnosis
+
+MOST_CAUSES = 6
+"""Causes that a search adds at most: beyond them the small errors are a group (`geometry`)."""
+WITNESS = "witness:"
+
+
+def diagnose(
+    session: Session | str | os.PathLike[str],
+    *,
+    without: Sequence[str] = (),
+    check: Sequence[Session | str | os.PathLike[str]] = (),
+    withhold: Sequence[str] = (),
+    most_causes: int = MOST_CAUSES,
+) -> Diagnosis:
+    """Where the model is wrong, by which effect, and how far the gap shrinks.
+
+    `without` are effects that the vocabulary shall lack; `check` further sessions, of which nothing is fitted but
+    their own mirrors; `withhold` markers (`marker:NAME`, or the bare name) that the fit does not see and that it then
+    predicts. A session with pictures and no image points is detected first.
+
+    Raises:
+        MirrorPostureError: a session that cannot be meant, an unknown effect or marker, too little to diagnose.
+    """
+    loaded = _loaded(session)
+    others = [(other.folder.name, to_core(other)) for other in map(_loaded, check)]
+    names = tuple(dict.fromkeys(marker_of_place(loaded, place) for place in withhold))
+    seen = loaded
+    if names:
+        kept = [name for name in loaded.marker_names if name not in names]
+        if not kept:
+            raise MirrorPostureError(
+                f"withhold: got all markers ({', '.join(names)}); needed at least one that the fit may see"
+            )
+        seen = only_markers(loaded, kept)
+        others += [(WITNESS + name, to_core(only_markers(loaded, [name]))) for name in names]
+    tree = json.loads(to_core(seen).diagnose(list(without), most_causes, others))
+    if names:
+        checked = tree["gap"].get("checked", [])
+        tree["witness"] = [
+            {
+                "marker": entry["session"][len(WITNESS) :],
+                "before_m": entry["before_m"],
+                "after_m": entry["after_m"],
+            }
+            for entry in checked
+            if entry["session"].startswith(WITNESS)
+        ]
+        tree["gap"]["checked"] = [entry for entry in checked if not entry["session"].startswith(WITNESS)]
+    return Diagnosis.from_document(tree)
+
+
+def _loaded(session: Session | str | os.PathLike[str]) -> Session:
+    loaded = session if isinstance(session, Session) else load_session(session)
+    if loaded.detected or not any(loaded.image_files) or loaded.points is not None:
+        return loaded
+    from ..detect import detect_session
+
+    return detect_session(loaded).session

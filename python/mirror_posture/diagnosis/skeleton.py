@@ -1,0 +1,121 @@
+"""The robot as a stick figure, from the front and from the side, with the guilty places marked."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from ..session import Session
+from . import people
+from .plots import BEFORE, FLOOR, INK, Drawing, figure, finished
+from .result import Diagnosis
+
+CAUSE_COLOURS = (BEFORE, "#c77f1a", "#6b4c9a", "#2f7f4f", "#2f6f9f", "#8a5a44")
+UNEXPLAINED = "#c2185b"
+VIEWS = (("the front", 1, 1.0), ("its left", 0, -1.0))
+"""Name, the root axis that runs to the right, and its sign on the page: x looks ahead and z up (REP 103)."""
+LEAST_SHARE = 0.05
+"""An unexplained place is marked from this share of the gap on."""
+
+
+def draw_robot(session: Session, found: Diagnosis) -> Drawing:
+    """Forward kinematics of the nominal model at the session's median posture; joints as dots, guilty places in colour."""
+    robot = session.robot
+    poses = robot.forward_kinematics(np.median(session.positions, axis=0, keepdims=True))[0]
+    base = np.linalg.inv(poses[robot.link_index(session.root_link)])
+    place = {name: (base @ poses[i])[:3, 3] for i, name in enumerate(robot.link_names)}
+    drawn, axes = figure(8.6, 5.4, columns=2)
+    for ax, (title, axis, sign) in zip(axes[0], VIEWS, strict=True):
+
+        def flat(point: np.ndarray, axis: int = axis, sign: float = sign) -> tuple[float, float]:
+            return sign * 1000.0 * point[axis], 1000.0 * point[2]
+
+        for joint in robot.joints:
+            a, b = flat(place[joint.parent_link]), flat(place[joint.child_link])
+            moving = joint.kind != "fixed"
+            ax.plot(
+                *zip(a, b, strict=True),
+                color="#555555" if moving else "#c8c8c8",
+                linewidth=2.4 if moving else 1.0,
+                solid_capstyle="round",
+                zorder=1,
+            )
+        joints = np.array([flat(place[j.child_link]) for j in robot.joints if j.kind != "fixed"])
+        if len(joints):
+            ax.plot(*joints.T, "o", color="#333333", markersize=3.5, zorder=2)
+        for marker in session.markers:
+            ax.plot(
+                *flat(place[marker.link]),
+                "o",
+                markerfacecolor="white",
+                markeredgecolor=INK,
+                markersize=5,
+                zorder=3,
+            )
+        _labels(ax, _guilty(session, found), place, flat)
+        ax.set_title(f"from {title}", color=INK, fontsize=10)
+        ax.set_aspect("equal")
+        ax.tick_params(labelsize=8, colors=FLOOR)
+        ax.set_xlabel("mm", color=FLOOR, fontsize=8)
+    return finished(drawn, "robot")
+
+
+def _labels(ax, guilty, place, flat) -> None:  # type: ignore[no-untyped-def]
+    """Marks and labels; labels stand in a column at the side of their mark so that none hides another."""
+    heights = [flat(place[link])[1] for link, _, _ in guilty if link in place]
+    order = np.argsort(heights)[::-1]
+    shown = [entry for entry in guilty if entry[0] in place]
+    low, high = ax.get_ylim()
+    step, last = 0.07 * (high - low), np.inf
+    right = ax.get_xlim()[1]
+    for index in order:
+        link, colour, text = shown[index]
+        x, y = flat(place[link])
+        at = min(y, last - step)
+        last = at
+        ax.plot(x, y, "o", color=colour, markersize=11, alpha=0.85, zorder=6)
+        ax.annotate(
+            text,
+            (x, y),
+            xytext=(right, at),
+            color=colour,
+            fontsize=9,
+            fontweight="bold",
+            va="center",
+            arrowprops={"arrowstyle": "-", "color": colour, "linewidth": 0.9},
+            zorder=7,
+        )
+
+
+def _guilty(session: Session, found: Diagnosis) -> list[tuple[str, str, str]]:
+    """Link at whose origin a place is drawn, its colour and its label."""
+    marked = []
+    for index, cause in enumerate(found.causes):
+        label = f"{index + 1}  {people.effect_in_words(cause.effect)}"
+        for link in links_of(session, cause.at)[:1]:
+            marked.append((link, CAUSE_COLOURS[index % len(CAUSE_COLOURS)], label))
+    if found.verdict in ("partial", "unknown"):
+        for where in found.where:
+            if where.depends_on and where.share >= LEAST_SHARE:
+                marked += [(link, UNEXPLAINED, "unexplained") for link in links_of(session, where.at)[:1]]
+    return marked
+
+
+def links_of(session: Session, at: str) -> list[str]:
+    """The links at whose origins a place of the vocabulary is seen; none for the mirror and the data."""
+    robot = session.robot
+    kind, _, name = at.partition(":")
+    if kind == "joint":
+        names = re.findall(r"joint:([^<]+)", at)
+        children = {joint.name: joint.child_link for joint in robot.joints}
+        return [children[name] for name in names if name in children]
+    if kind == "link":
+        return [name] if name in robot.link_names else []
+    if kind == "marker":
+        return [marker.link for marker in session.markers if marker.name == name]
+    if kind == "camera" and session.camera_link:
+        return [session.camera_link]
+    if kind == "board" and session.board:
+        return [session.board.link]
+    return []
