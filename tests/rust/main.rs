@@ -5,6 +5,9 @@
 
 mod calibrate;
 mod camera;
+mod gap_effects;
+mod gap_sessions;
+mod gap_world;
 mod glass;
 mod joint;
 mod measure;
