@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +16,8 @@ CAUSE_COLOURS = (BEFORE, "#c77f1a", "#6b4c9a", "#2f7f4f", "#2f6f9f", "#8a5a44")
 UNEXPLAINED = "#c2185b"
 VIEWS = (("the front", 1, 1.0), ("its left", 0, -1.0))
 """Name, the root axis that runs to the right, and its sign on the page: x looks ahead and z up (REP 103)."""
+MARGIN = 0.08
+"""Free edge around the robot, as a share of its largest extent."""
 LEAST_SHARE = 0.05
 """An unexplained place is marked from this share of the gap on."""
 
@@ -25,7 +28,16 @@ def draw_robot(session: Session, found: Diagnosis) -> Drawing:
     poses = robot.forward_kinematics(np.median(session.positions, axis=0, keepdims=True))[0]
     base = np.linalg.inv(poses[robot.link_index(session.root_link)])
     place = {name: (base @ poses[i])[:3, 3] for i, name in enumerate(robot.link_names)}
-    drawn, axes = figure(8.6, 5.4, columns=2)
+    # Both views on one scale: the page is shared out by what each has to show.
+    points = 1000.0 * np.array(list(place.values()))
+    low, high = points.min(axis=0), points.max(axis=0)
+    edge = MARGIN * float((high - low).max()) + 1.0
+    span = high - low + 2.0 * edge
+    names = 0.3 * float(span[1] + span[0])
+    width = 6.4
+    height = float(np.clip(width * span[2] / (span[0] + span[1] + names), 2.8, 7.0))
+    drawn, axes = figure(width, height + 0.6, columns=2, width_ratios=[span[1] + names, span[0]], sharey=True)
+    guilty = [entry for entry in _guilty(session, found) if entry[0] in place]
     for ax, (title, axis, sign) in zip(axes[0], VIEWS, strict=True):
 
         def flat(point: np.ndarray, axis: int = axis, sign: float = sign) -> tuple[float, float]:
@@ -53,34 +65,33 @@ def draw_robot(session: Session, found: Diagnosis) -> Drawing:
                 markersize=5,
                 zorder=3,
             )
-        _labels(ax, _guilty(session, found), place, flat)
-        ax.set_title(f"from {title}", color=INK, fontsize=10)
+        ends = sorted((sign * low[axis], sign * high[axis]))
+        named = axis == VIEWS[0][1]
+        ax.set_xlim(ends[0] - edge, ends[1] + edge + (names if named else 0.0))
+        ax.set_ylim(low[2] - edge, high[2] + edge)
+        _mark(ax, [(flat(place[link]), colour, text) for link, colour, text in guilty], named, ends[1] + edge)
+        ax.set_title(f"from {title}", color=INK, fontsize=10, loc="left")
         ax.set_aspect("equal")
         ax.tick_params(labelsize=8, colors=FLOOR)
         ax.set_xlabel("mm", color=FLOOR, fontsize=8)
     return finished(drawn, "robot")
 
 
-def _labels(ax, guilty, place, flat) -> None:  # type: ignore[no-untyped-def]
-    """Marks and labels; labels stand in a column at the side of their mark so that none hides another."""
-    heights = [flat(place[link])[1] for link, _, _ in guilty if link in place]
-    order = np.argsort(heights)[::-1]
-    shown = [entry for entry in guilty if entry[0] in place]
+def _mark(ax: Any, guilty: list[tuple[tuple[float, float], str, str]], named: bool, column: float) -> None:
+    """Guilty places as coloured dots; their names stand in a column beside the robot, so that none hides another."""
     low, high = ax.get_ylim()
-    step, last = 0.07 * (high - low), np.inf
-    right = ax.get_xlim()[1]
-    for index in order:
-        link, colour, text = shown[index]
-        x, y = flat(place[link])
-        at = min(y, last - step)
-        last = at
+    step, last = 0.085 * (high - low), high
+    for (x, y), colour, text in sorted(guilty, key=lambda entry: -entry[0][1]):
         ax.plot(x, y, "o", color=colour, markersize=11, alpha=0.85, zorder=6)
+        if not named:
+            continue
+        last = min(y, last - step)
         ax.annotate(
             text,
             (x, y),
-            xytext=(right, at),
+            xytext=(column, last),
             color=colour,
-            fontsize=9,
+            fontsize=9.5,
             fontweight="bold",
             va="center",
             arrowprops={"arrowstyle": "-", "color": colour, "linewidth": 0.9},

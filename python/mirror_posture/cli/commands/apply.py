@@ -1,0 +1,64 @@
+"""`mirror-posture apply`: the causes of a diagnosis written back into the model."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ..output import JsonOption, Output, SessionArgument
+
+ORDER = 70
+PANEL = "Diagnosis"
+
+
+def command(
+    session: SessionArgument,
+    diagnosis: Annotated[
+        Path, typer.Argument(help="diagnosis.json, or the folder that `diagnose --out` wrote.")
+    ],
+    out: Annotated[
+        Path,
+        typer.Option(help="Folder for the corrected session: a session itself, with the same observations."),
+    ],
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace the folder where it is there.")
+    ] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Write what `diagnose` found back: a corrected robot, camera and session.
+
+    Zeros, links, axes and mounts go into robot.urdf, whose names and comments stay; focal length, principal point and
+    lens into camera.yaml; squares and glass into session.toml. Play, friction, springs and gear ratios, which URDF
+    cannot say, go into robot.mjcf.xml, which MuJoCo loads. What no file can hold is named, with what to do instead.
+
+    The folder is a session with the same observations: diagnose it again to see what is left.
+
+    Example: `mirror-posture apply my-session diagnosis --out better-session`
+    """
+    output = Output(as_json)
+    from ...diagnosis import Diagnosis
+    from ...diagnosis.applied import apply_diagnosis
+    from ...diagnosis.applied.apply import rows_for_people
+    from ...session import load_session
+
+    loaded = load_session(session)
+    applied = apply_diagnosis(loaded, Diagnosis.load(diagnosis), out, overwrite=overwrite)
+    if applied.written:
+        output.table(
+            f"Written to {applied.folder}",
+            ("~cause", "~parameters ± one std", "*file", "~what"),
+            rows_for_people(applied),
+        )
+    else:
+        output.say(f"the diagnosis names no cause: {applied.folder} holds the model as it was")
+    output.result(
+        {
+            "folder": applied.folder,
+            "written": [
+                {"effect": w.cause.effect, "at": w.cause.at, "file": w.file, "what": w.what}
+                for w in applied.written
+            ],
+        }
+    )

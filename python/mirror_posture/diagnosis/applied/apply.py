@@ -1,0 +1,169 @@
+"""What a diagnosis found, written back: a corrected session folder, and a table of what went where."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from ...session import Session, write_session
+from .. import people
+from ..result import Cause, Diagnosis
+from .mjcf import MECHANICAL, write_mjcf
+from .urdf import Urdf, rotation_of_vector
+
+ROBOT, MJCF = "robot.urdf", "robot.mjcf.xml"
+NOT_IN_A_MODEL = {
+    "gear_eccentricity": "neither URDF nor MJCF has a periodic transmission error; add s sin q + c (cos q - 1) to the reading",
+    "joint_coupling": "neither a URDF nor an actuator of MJCF adds a share of another command; mend the wiring of the command",
+    "drift": "an error that grows with time belongs into no model; home the joint, or warm up before use",
+    "mirror_curvature": "the session format knows flat mirrors only; use a flatter mirror",
+    "geometry": "the diagnosis tells the spread of many small errors, not each of them",
+    "pairing": "a fault of the data: mend the rows of the frames table",
+}
+"""Why an effect cannot be written, and what to do instead."""
+
+
+@dataclass(frozen=True)
+class Written:
+    """A cause and where it went; `file` is None where it could not be written, and `what` then says why."""
+
+    cause: Cause
+    file: str | None
+    what: str
+
+
+@dataclass(frozen=True)
+class Applied:
+    """The corrected session's folder, and what was written where."""
+
+    folder: Path
+    written: tuple[Written, ...]
+
+
+def apply_diagnosis(
+    session: Session, found: Diagnosis, folder: str | os.PathLike[str], *, overwrite: bool = False
+) -> Applied:
+    """Writes a session whose model has the causes of a diagnosis in it.
+
+    The robot's origins and axes, the camera's intrinsics, the board's squares and the mirror's glass are corrected;
+    for play, friction, springs and gear ratios, which URDF cannot say, an MJCF is written beside them (it needs the
+    extra `mujoco`). The observations stay as they are, so that the folder can be diagnosed again.
+
+    Raises:
+        MirrorPostureError: a place that the session does not have; a folder that is there already.
+    """
+    urdf = Urdf(session.robot_file.read_text(encoding="utf-8-sig"))
+    better = session
+    written: list[Written] = []
+    # An offset turns about the real axis: tilts go first.
+    for cause in sorted(found.causes, key=lambda cause: cause.effect != "axis_tilt"):
+        better, entry = _apply(better, urdf, cause)
+        written.append(entry)
+    target = write_session(better, folder, overwrite=overwrite)
+    (target / ROBOT).write_text(urdf.text(), encoding="utf-8")
+    mechanical = [entry.cause for entry in written if entry.cause.effect in MECHANICAL]
+    if mechanical:
+        told = write_mjcf(session, urdf.text(), mechanical, target / MJCF)
+        for index, entry in enumerate(written):
+            if entry.cause.effect in MECHANICAL:
+                done = told.get((entry.cause.effect, entry.cause.at))
+                written[index] = replace(
+                    entry,
+                    file=MJCF if done else None,
+                    what=done
+                    or "URDF cannot say it, and MuJoCo is not installed: pip install 'mirror-posture[mujoco]'",
+                )
+    return Applied(target, tuple(written))
+
+
+def _apply(session: Session, urdf: Urdf, cause: Cause) -> tuple[Session, Written]:
+    value = {name: estimate.value for name, estimate in cause.parameters.items()}
+    kind, _, name = cause.at.partition(":")
+
+    def in_robot(what: str) -> tuple[Session, Written]:
+        return session, Written(cause, ROBOT, what)
+
+    def refused(why: str) -> tuple[Session, Written]:
+        return session, Written(cause, None, why)
+
+    def vector(stem: str, unit: str, letters: str = "xyz") -> np.ndarray:
+        return np.array([value.get(f"{stem}{letter}_{unit}", 0.0) for letter in letters])
+
+    if cause.effect == "joint_offset":
+        urdf.add_offset(name, value["offset_rad"])
+        return in_robot(f"origin of joint {name}, turned about its axis")
+    if cause.effect == "axis_tilt":
+        urdf.tilt_axis(name, value["tilt_1_rad"], value["tilt_2_rad"])
+        return in_robot(f"axis of joint {name}")
+    if cause.effect == "link_length":
+        moved = urdf.shift_carried(name, vector("d", "m"))
+        if not moved:
+            return refused(f"link {name} carries no moving joint")
+        return in_robot(f"origin of joint {', '.join(moved)}")
+    if cause.effect == "marker_mount":
+        link = next((marker.link for marker in session.markers if marker.name == name), name)
+        mount = urdf.shift_mount(link, vector("d", "m"))
+        return in_robot(f"origin of joint {mount}") if mount else refused(f"link {link} has no fixed mount")
+    if cause.effect == "camera_mount" and session.camera_link:
+        motion = np.eye(4)
+        motion[:3, :3] = rotation_of_vector(vector("r", "rad"))
+        motion[:3, 3] = vector("d", "m")
+        mount = urdf.move_mount(session.camera_link, motion)
+        if mount is None:
+            return refused(f"link {session.camera_link} has no fixed mount")
+        return in_robot(f"origin of joint {mount}")
+    if kind == "camera" and session.camera is not None:
+        return _apply_to_camera(session, cause, value)
+    if cause.effect == "board_scale" and session.board is not None:
+        factor, board = 1.0 + value["scale_error"], session.board
+        size = board.marker_size_m
+        better = replace(
+            board, square_m=factor * board.square_m, marker_size_m=None if size is None else factor * size
+        )
+        what = f"board.square = {better.square_m:.8g} m"
+        return replace(session, board=better), Written(cause, "session.toml", what)
+    if cause.effect == "mirror_glass" and session.mirror is not None:
+        thickness = max(0.0, session.mirror.glass_thickness_m + value["thickness_m"])
+        mirror = replace(session.mirror, glass_thickness_m=thickness)
+        what = f"mirror.glass_thickness = {thickness:.6g} m"
+        return replace(session, mirror=mirror), Written(cause, "session.toml", what)
+    if cause.effect in MECHANICAL:
+        return session, Written(cause, MJCF, "")
+    return refused(NOT_IN_A_MODEL.get(cause.effect, "no file of a session holds it"))
+
+
+def _apply_to_camera(session: Session, cause: Cause, value: dict[str, float]) -> tuple[Session, Written]:
+    camera = session.camera
+    assert camera is not None
+    if cause.effect == "camera_focal":
+        factor = 1.0 + value["scale_error"]
+        camera = replace(camera, fx_px=factor * camera.fx_px, fy_px=factor * camera.fy_px)
+        what = f"fx = {camera.fx_px:.3f} px, fy = {camera.fy_px:.3f} px"
+    elif cause.effect == "camera_center":
+        camera = replace(camera, cx_px=camera.cx_px + value["du_px"], cy_px=camera.cy_px + value["dv_px"])
+        what = f"cx = {camera.cx_px:.3f} px, cy = {camera.cy_px:.3f} px"
+    elif cause.effect == "lens_distortion":
+        coefficients = (camera.distortion[0] + value["dk1"], *camera.distortion[1:])
+        camera = replace(camera, distortion=coefficients)
+        what = f"k1 = {coefficients[0]:.6f}"
+    else:
+        return session, Written(
+            cause, None, NOT_IN_A_MODEL.get(cause.effect, "no file of a session holds it")
+        )
+    return replace(session, camera=camera), Written(cause, "camera.yaml", what)
+
+
+def rows_for_people(applied: Applied) -> list[tuple[str, str, str, str]]:
+    """Rows of a table: cause, parameters, file, what was written or why not."""
+    return [
+        (
+            f"{people.effect_in_words(entry.cause.effect)} at {people.place_in_words(entry.cause.at)}",
+            "\n".join(map(str, people.tell_all(entry.cause))),
+            entry.file or "not written",
+            entry.what,
+        )
+        for entry in applied.written
+    ]

@@ -1,0 +1,142 @@
+"""What URDF cannot say, as an MJCF that MuJoCo loads: play, friction, springs and gear ratios."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+
+from ..._core import MirrorPostureError
+from ...session import Session
+from ..result import Cause
+
+MECHANICAL = ("backlash", "stiction", "joint_compliance", "link_bending", "gear_ratio")
+DROOP_RAD = 1e-3
+"""Droop of a servo under the largest gravity torque of the session: small beside what is diagnosed, stable to simulate."""
+LEAST_STIFFNESS = 1.0
+"""N m/rad: of joints that bear no load."""
+LEAST_MASS_KG, LEAST_INERTIA = 1e-4, 1e-8
+"""MuJoCo refuses moving bodies without mass; a URDF often has some."""
+SERVO_RATE = 60.0
+"""rad/s: natural frequency that the rotors' inertia gives the servos. Without it a joint and its play would turn one
+and the same inertia; the statics do not depend on it."""
+STOP_TIME_S = 0.005
+"""Time constant of the ends of a play; MuJoCo needs two time steps (of 2 ms) at least."""
+PLAY_DAMPING = 0.02
+"""Damping of a joint in series, as a share of its servo's stiffness, N m s/rad per N m/rad."""
+
+
+def write_mjcf(
+    session: Session, urdf_text: str, causes: Sequence[Cause], file: Path
+) -> dict[tuple[str, str], str]:
+    """Writes the robot with position servos and these causes; returns what was written, by effect and place.
+
+    Play is a limited hinge in series with its joint, compliance a sprung one, stiction a friction loss of the servo's
+    stiffness times the dead band, bending a pair of sprung hinges across the link, a gear ratio the servo's gear.
+    Nothing is written, and an empty mapping returned, where MuJoCo is not installed.
+
+    Raises:
+        MirrorPostureError: a robot that MuJoCo cannot load.
+    """
+    try:
+        import mujoco
+    except ImportError:
+        return {}
+    try:
+        spec = mujoco.MjSpec.from_string(_without_pictures(urdf_text))
+        spec.compiler.fusestatic = False
+        spec.compiler.boundmass, spec.compiler.boundinertia = LEAST_MASS_KG, LEAST_INERTIA
+        spec.compiler.balanceinertia = True
+        spec.option.gravity = session.gravity_m_per_s2
+        spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+        stiffness = _servo_stiffness(session)
+        for name, value in stiffness.items():
+            servo = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+            servo.set_to_position(kp=value, dampratio=1.0)
+            spec.joint(name).armature = value / SERVO_RATE**2
+        told = {(cause.effect, cause.at): _add(mujoco, spec, session, cause, stiffness) for cause in causes}
+        spec.compile()
+        file.write_text(spec.to_xml(), encoding="utf-8")
+        # What was written is what counts, not what was in memory.
+        mujoco.MjModel.from_xml_path(str(file))
+    except ValueError as error:
+        raise MirrorPostureError(f"{session.robot_file}: MuJoCo cannot load the robot: {error}") from error
+    return told
+
+
+def _add(mujoco: Any, spec: Any, session: Session, cause: Cause, stiffness: dict[str, float]) -> str:
+    name = cause.at.partition(":")[2]
+    value = {key: estimate.value for key, estimate in cause.parameters.items()}
+    if cause.effect == "link_bending":
+        body, joint = spec.body(name), session.robot.joints[session.robot.link_index(name) - 1]
+        compliance = value["compliance_rad_per_nm"]
+        for index, axis in enumerate(_across(joint.axis)):
+            _in_series(mujoco, body, f"{name}_bend_{index + 1}", axis, 1.0 / compliance)
+        return f"hinges {name}_bend_1 and {name}_bend_2 with a stiffness of {1.0 / compliance:.4g} N m/rad"
+    child = next(j.child_link for j in session.robot.joints if j.name == name)
+    # The axis of the corrected robot, which a tilt may have moved.
+    body, axis, servo = spec.body(child), spec.joint(name).axis, stiffness.get(name, LEAST_STIFFNESS)
+    if cause.effect == "backlash":
+        half = value["width_rad"] / 2.0
+        play = _in_series(mujoco, body, f"{name}_play", axis, 0.0, PLAY_DAMPING * servo)
+        # A stop as hard as the time step allows: MuJoCo's own gives way by a fifth of a typical play.
+        play.armature, play.solref_limit = servo / SERVO_RATE**2, [STOP_TIME_S, 1.0]
+        play.limited, play.range = mujoco.mjtLimited.mjLIMITED_TRUE, [-half, half]
+        return f"hinge {name}_play in series, from {-half:.5f} to {half:.5f} rad"
+    if cause.effect == "joint_compliance":
+        spring = 1.0 / value["compliance_rad_per_nm"]
+        _in_series(mujoco, body, f"{name}_spring", axis, spring)
+        return f"hinge {name}_spring in series with a stiffness of {spring:.4g} N m/rad"
+    if cause.effect == "stiction":
+        loss = servo * value["deadband_rad"]
+        spec.joint(name).frictionloss = loss
+        return f"frictionloss {loss:.4g} N m of joint {name} (servo of {servo:.4g} N m/rad)"
+    gear = 1.0 / (1.0 + value["scale_error"])
+    spec.actuator(name).gear = [gear, 0, 0, 0, 0, 0]
+    return f"gear {gear:.6f} of the servo {name}"
+
+
+def _in_series(
+    mujoco: Any, body: Any, name: str, axis: np.ndarray, stiffness: float, damping: float | None = None
+) -> Any:
+    """A further hinge of the same body: MuJoCo puts the joints of a body in series."""
+    return body.add_joint(
+        name=name,
+        type=mujoco.mjtJoint.mjJNT_HINGE,
+        axis=axis,
+        stiffness=stiffness,
+        damping=PLAY_DAMPING * stiffness if damping is None else damping,
+    )
+
+
+def _across(axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Two unit vectors across an axis."""
+    e = np.eye(3)[int(np.argmin(np.abs(axis)))]
+    u = np.cross(axis, e)
+    u /= np.linalg.norm(u)
+    return u, np.cross(axis, u)
+
+
+def _servo_stiffness(session: Session) -> dict[str, float]:
+    """Stiffness of each joint's servo, N m/rad, from the largest torque that gravity puts on it in the session."""
+    robot = session.robot
+    torque = np.abs(
+        robot.gravity_torques(session.positions, session.gravity_m_per_s2, session.root_link)
+    ).max(axis=0)
+    return {
+        name: max(LEAST_STIFFNESS, float(torque[i]) / DROOP_RAD)
+        for i, name in enumerate(robot.position_names)
+    }
+
+
+def _without_pictures(urdf_text: str) -> str:
+    """The URDF without shapes: their mesh files may lie elsewhere, and touching bodies would push each other."""
+    robot = ElementTree.fromstring(urdf_text)
+    for link in robot.findall("link"):
+        for tag in ("visual", "collision"):
+            for shape in link.findall(tag):
+                link.remove(shape)
+    return ElementTree.tostring(robot, encoding="unicode")

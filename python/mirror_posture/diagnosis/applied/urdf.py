@@ -1,0 +1,201 @@
+"""A URDF edited in place: origins and axes change, names, order and comments stay."""
+
+from __future__ import annotations
+
+import math
+from io import StringIO
+from xml.etree import ElementTree
+
+import numpy as np
+import numpy.typing as npt
+
+from ..._core import MirrorPostureError
+
+Floats = npt.NDArray[np.float64]
+TURNING = ("revolute", "continuous")
+NEARLY_X = 0.8
+"""From this x component on an axis is tilted against y (the vocabulary's convention of `axis_tilt`)."""
+
+
+class Urdf:
+    """The XML of a robot with its joints by name."""
+
+    def __init__(self, text: str) -> None:
+        for _, (prefix, uri) in ElementTree.iterparse(StringIO(text), events=["start-ns"]):
+            ElementTree.register_namespace(prefix, uri)
+        builder = ElementTree.TreeBuilder(insert_comments=True)
+        self.robot = ElementTree.fromstring(text, ElementTree.XMLParser(target=builder))
+        # What stands before the robot (declaration, licence) is no part of the tree.
+        self.prolog = text[: text.index("<robot")]
+        self.joints = {joint.get("name", ""): joint for joint in self.robot.findall("joint")}
+        self.joint_of_child = {_link(joint, "child"): name for name, joint in self.joints.items()}
+
+    def text(self) -> str:
+        """The edited file."""
+        return self.prolog + ElementTree.tostring(self.robot, encoding="unicode") + "\n"
+
+    def joint(self, name: str) -> ElementTree.Element:
+        """A joint by name. Raises `MirrorPostureError` for one that the robot does not have."""
+        if name not in self.joints:
+            raise MirrorPostureError(
+                f"the diagnosis names joint {name!r}, which this robot does not have; it has {', '.join(self.joints)}"
+            )
+        return self.joints[name]
+
+    def kind(self, name: str) -> str:
+        """The joint's type as the file has it."""
+        return self.joint(name).get("type", "")
+
+    def axis(self, name: str) -> Floats:
+        """The joint's unit axis in its own frame; x where the file says nothing."""
+        entry = self.joint(name).find("axis")
+        axis = _numbers(None if entry is None else entry.get("xyz"), (1.0, 0.0, 0.0))
+        return axis / np.linalg.norm(axis)
+
+    def set_axis(self, name: str, axis: Floats) -> None:
+        """Writes the joint's axis."""
+        joint = self.joint(name)
+        entry = joint.find("axis")
+        if entry is None:
+            entry = ElementTree.SubElement(joint, "axis")
+        entry.set("xyz", _written(axis))
+
+    def origin(self, name: str) -> Floats:
+        """`parent_from_joint`, (4, 4)."""
+        entry = self.joint(name).find("origin")
+        pose = np.eye(4)
+        if entry is not None:
+            pose[:3, :3] = rotation_of_rpy(_numbers(entry.get("rpy"), (0.0, 0.0, 0.0)))
+            pose[:3, 3] = _numbers(entry.get("xyz"), (0.0, 0.0, 0.0))
+        return pose
+
+    def set_origin(self, name: str, parent_from_joint: Floats) -> None:
+        """Writes `parent_from_joint`."""
+        joint = self.joint(name)
+        entry = joint.find("origin")
+        if entry is None:
+            entry = ElementTree.Element("origin")
+            joint.insert(0, entry)
+        entry.set("xyz", _written(parent_from_joint[:3, 3]))
+        entry.set("rpy", _written(rpy_of_rotation(parent_from_joint[:3, :3])))
+
+    def add_offset(self, name: str, offset: float) -> None:
+        """`θ = q + a`: the origin is turned by a about the axis (moved along it, for a prismatic joint)."""
+        motion = np.eye(4)
+        if self.kind(name) in TURNING:
+            motion[:3, :3] = rotation_of_vector(offset * self.axis(name))
+        else:
+            motion[:3, 3] = offset * self.axis(name)
+        self.set_origin(name, self.origin(name) @ motion)
+
+    def tilt_axis(self, name: str, tilt_1_rad: float, tilt_2_rad: float) -> None:
+        """The real axis is `unit(a + tan(tilt_1) u + tan(tilt_2) v)`, `u = unit(a × e)`, `v = a × u`."""
+        a = self.axis(name)
+        e = np.array([0.0, 1.0, 0.0]) if abs(a[0]) >= NEARLY_X else np.array([1.0, 0.0, 0.0])
+        u = np.cross(a, e)
+        u /= np.linalg.norm(u)
+        real = a + math.tan(tilt_1_rad) * u + math.tan(tilt_2_rad) * np.cross(a, u)
+        self.set_axis(name, real / np.linalg.norm(real))
+
+    def shift_carried(self, link: str, shift_in_link_m: Floats) -> list[str]:
+        """Moves the origins of the moving joints that a rigid body carries; returns their names.
+
+        The body is the link with all that is fixed to it; the shift is told in the link's frame.
+        """
+        body = self._rigid_body(link)
+        moved = []
+        for name, joint in self.joints.items():
+            parent = _link(joint, "parent")
+            if self.kind(name) != "fixed" and parent in body:
+                pose = self.origin(name)
+                pose[:3, 3] += body[parent][:3, :3].T @ shift_in_link_m
+                self.set_origin(name, pose)
+                moved.append(name)
+        return moved
+
+    def shift_mount(self, link: str, shift_m: Floats) -> str | None:
+        """Moves the fixed mount of a link, told in the frame of the moving link that carries it; returns the joint's name."""
+        name = self.joint_of_child.get(link)
+        if name is None or self.kind(name) != "fixed":
+            return None
+        # Fixed joints between the mount and the moving link may turn the frame.
+        carrier_from_parent = np.eye(3)
+        above = self.joint_of_child.get(_link(self.joints[name], "parent"))
+        while above is not None and self.kind(above) == "fixed":
+            carrier_from_parent = self.origin(above)[:3, :3] @ carrier_from_parent
+            above = self.joint_of_child.get(_link(self.joints[above], "parent"))
+        pose = self.origin(name)
+        pose[:3, 3] += carrier_from_parent.T @ shift_m
+        self.set_origin(name, pose)
+        return name
+
+    def move_mount(self, link: str, nominal_from_real: Floats) -> str | None:
+        """Composes the fixed mount of a link with a motion in the link's own frame; returns the joint's name."""
+        name = self.joint_of_child.get(link)
+        if name is None or self.kind(name) != "fixed":
+            return None
+        self.set_origin(name, self.origin(name) @ nominal_from_real)
+        return name
+
+    def _rigid_body(self, link: str) -> dict[str, Floats]:
+        """`link_from_other` of all links that fixed joints join to a link."""
+        body, todo = {link: np.eye(4)}, [link]
+        while todo:
+            at = todo.pop()
+            for name, joint in self.joints.items():
+                if self.kind(name) != "fixed":
+                    continue
+                parent, child = _link(joint, "parent"), _link(joint, "child")
+                if parent == at and child not in body:
+                    body[child] = body[at] @ self.origin(name)
+                    todo.append(child)
+                elif child == at and parent not in body:
+                    body[parent] = body[at] @ np.linalg.inv(self.origin(name))
+                    todo.append(parent)
+        return body
+
+
+def rotation_of_rpy(rpy_rad: Floats) -> Floats:
+    """`Rz(yaw) Ry(pitch) Rx(roll)`, URDF's fixed-axis angles."""
+    (cr, cp, cy), (sr, sp, sy) = np.cos(rpy_rad), np.sin(rpy_rad)
+    return np.array(
+        [
+            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+            [-sp, cp * sr, cp * cr],
+        ]
+    )
+
+
+def rpy_of_rotation(rotation: Floats) -> Floats:
+    """Roll, pitch and yaw of a rotation; at a pitch of ±90° the roll is 0."""
+    across = math.hypot(rotation[0, 0], rotation[1, 0])
+    pitch = math.atan2(-rotation[2, 0], across)
+    if across < 1e-9:
+        return np.array([0.0, pitch, math.atan2(-rotation[0, 1], rotation[1, 1])])
+    return np.array(
+        [math.atan2(rotation[2, 1], rotation[2, 2]), pitch, math.atan2(rotation[1, 0], rotation[0, 0])]
+    )
+
+
+def rotation_of_vector(vector_rad: Floats) -> Floats:
+    """The rotation by the vector's length about it (Rodrigues)."""
+    x, y, z = vector_rad
+    angle = float(np.linalg.norm(vector_rad))
+    k = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    # sinc and its half-angle form are exact at 0.
+    return np.eye(3) + np.sinc(angle / math.pi) * k + 0.5 * np.sinc(angle / (2.0 * math.pi)) ** 2 * (k @ k)
+
+
+def _link(joint: ElementTree.Element, role: str) -> str:
+    entry = joint.find(role)
+    return "" if entry is None else entry.get("link", "")
+
+
+def _numbers(text: str | None, default: tuple[float, float, float]) -> Floats:
+    return np.array(default if text is None else [float(part) for part in text.split()], dtype=float)
+
+
+def _written(values: Floats) -> str:
+    # Adding 0 turns a negative zero into a plain one.
+    return " ".join(f"{float(value) + 0.0:.12g}" for value in values)
