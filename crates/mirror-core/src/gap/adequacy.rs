@@ -31,7 +31,7 @@ pub(crate) struct Adequacy {
 /// # Errors
 /// A camera or mirror that cannot be.
 pub(crate) fn adequacy(problem: &Problem, deformation: &Deformation, noise: Noise) -> Result<Adequacy> {
-    let mut postures = free_markers(problem, deformation, noise, false, None)?;
+    let mut postures = free_markers(problem, deformation, noise, true, None)?;
     let ratio =
         |p: &super::posture::FreePosture| (p.chi2_predicted - p.chi2_free) / p.freedom_taken.max(1e-9);
     postures.retain(|p| p.freedom_taken > 0.5);

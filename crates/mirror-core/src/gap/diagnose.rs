@@ -12,7 +12,7 @@ use super::pairing::{self, Slip};
 use super::problem::{Noise, Problem};
 use super::report::{Checked, Diagnosis};
 use super::search::{Found, Search, SearchOptions};
-use super::unexplained::{Unexplained, unexplained};
+use super::unexplained::{Unexplained, best_free_form, unexplained};
 use crate::error::Result;
 use crate::robot::Robot;
 use std::sync::Arc;
@@ -155,7 +155,7 @@ pub(crate) fn diagnose_with(
     let (before, mut after) = gaps(&search, &nominal, &found)?;
     drop_useless(&mut search, &mut found, &mut after)?;
     let by_laws = remainder_share(&search, &found, &after)? < LAW_REMAINDER;
-    let unexplained = if by_laws { None } else { unexplained(&search, &mut found, &fits_noise)? };
+    let unexplained = if by_laws && found.fit.model.terms.len() < 3 { None } else { unexplained(&search, &mut found, &fits_noise)? };
     if unexplained.is_some() {
         after = gaps(&search, &nominal, &found)?.1;
     }
@@ -223,6 +223,16 @@ fn with_geometry<'a>(
     };
     let (group_shift, cause_shift) = (sum(&only_causes, &all)?, sum(&neither, &only_causes)?);
     let matters = group_shift > LEAST_GROUP_SHARE * cause_shift;
+    // An unknown law at one joint is not many small errors: the group must beat a free-form error at any one place.
+    let free = best_free_form(search, &alone.fit.model, common)?;
+    if let Some((evidence, place)) = free {
+        let name = place.name(&search.problem.scene);
+        let odds = beside.log_posterior(&grouped) + LOG_PRIOR_GEOMETRY - evidence;
+        found.trace.push(format!("geometry against a free-form error at {name}: log odds {odds:.1}"));
+        if odds < 0.0 {
+            return Ok(None);
+        }
+    }
     Ok((odds > 0.0 && matters).then_some((geometry, beside, found)))
 }
 

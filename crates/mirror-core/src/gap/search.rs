@@ -34,6 +34,8 @@ const LOAD_STEPS: usize = 2;
 /// Log of how much less likely a second cause is where there is one already: what looks like two is rather a law that
 /// the vocabulary has not.
 const LOG_PRIOR_SAME_PLACE: f64 = -4.0;
+/// Where the likeliest addition is this unlikely a cause, the others need not be tried.
+const HOPELESS_LOG_ODDS: f64 = -3.5;
 /// Share of a common size below which an error is called a tolerance.
 const PRIOR_TOLERANCE: f64 = 0.02;
 /// By how much a cause's law may be wrong, as a share of the shift that it makes: so much of it may look like a further
@@ -251,21 +253,27 @@ impl Search<'_> {
                 .take(3)
                 .map(|c| self.fit(&c.model, next_noise, FINAL_STEPS))
                 .collect::<Result<Vec<Fit>>>()?;
-            let Some(larger) =
-                refits.into_iter().max_by(|a, b| self.log_posterior(a).total_cmp(&self.log_posterior(b)))
-            else {
-                break;
-            };
-            let odds = self.log_odds(&larger, larger.model.terms.len() - 1, next_noise)?;
-            trace.push(format!(
-                "add {}: log odds {odds:.1} at {:.3} px, {:.3} mm",
-                self.name_of_last(&larger),
-                next_noise.marker_px,
-                next_noise.point_m * 1e3
-            ));
-            if odds < self.options.least_log_odds {
-                break;
+            let mut refits = refits;
+            refits.sort_by(|a, b| self.log_posterior(b).total_cmp(&self.log_posterior(a)));
+            // The likeliest that is a cause: a likelier one whose size is within tolerance leaves the place to the next.
+            let mut larger = None;
+            for refit in refits {
+                let odds = self.log_odds(&refit, refit.model.terms.len() - 1, next_noise)?;
+                trace.push(format!(
+                    "add {}: log odds {odds:.1} at {:.3} px, {:.3} mm",
+                    self.name_of_last(&refit),
+                    next_noise.marker_px,
+                    next_noise.point_m * 1e3
+                ));
+                if odds >= self.options.least_log_odds {
+                    larger = Some(refit);
+                    break;
+                }
+                if odds < HOPELESS_LOG_ODDS {
+                    break;
+                }
             }
+            let Some(larger) = larger else { break };
             best = self.settle(larger, next_noise)?;
             noise = self.effective(&best.model)?;
             best = self.fit(&best.model, noise, FINAL_STEPS)?;

@@ -6,6 +6,7 @@ use super::fit::FitOptions;
 use super::freeform::free_forms;
 use super::hypothesis::{Catalogue, Model};
 use super::noise::effective;
+use super::problem::Noise;
 use super::screen::screen;
 use super::search::{Found, Search};
 use crate::error::Result;
@@ -16,6 +17,8 @@ const LEAST_LOG_BAYES: f64 = 15.0;
 const OTHER_LAW: f64 = 0.06;
 /// A remainder whose variance is this many times the noise's is no scatter, wherever it comes from.
 const LARGE_EXCESS: f64 = 1.5;
+/// So many causes at one joint are a crowd.
+const CROWD: usize = 3;
 /// Free forms that are fitted exactly.
 const REFINED: usize = 4;
 
@@ -135,4 +138,66 @@ fn beaten(
         let share = (with.cost - cost) / possible.max(1e-9);
         (possible > 2.0 * LEAST_LOG_BAYES && share > OTHER_LAW).then_some((place, on, share))
     }))
+}
+
+/// Three or more causes at one joint are no causes: together they only imitate the law that is really there.
+fn crowded(search: &Search<'_>, found: &mut Found) -> Result<Option<Unexplained>> {
+    let place = |t: &super::hypothesis::Term| search.catalogue.hypotheses[t.hypothesis].place;
+    let terms = &found.fit.model.terms;
+    let crowd = terms.iter().map(place).filter_map(Place::node).find(|&node| {
+        terms.iter().filter(|t| place(t).node() == Some(node)).count() >= CROWD
+    });
+    let Some(node) = crowd else { return Ok(None) };
+    let mut rest = found.fit.model.clone();
+    rest.terms.retain(|t| place(t).node() != Some(node));
+    let retracted: Vec<String> = terms
+        .iter()
+        .filter(|t| place(t).node() == Some(node))
+        .map(|t| search.catalogue.name(&search.problem.scene, t.hypothesis))
+        .collect();
+    found.trace.push(format!("{} together imitate a law that the vocabulary has not", retracted.join(", ")));
+    found.fit = search.fit(&rest, found.noise, 6)?;
+    let depends_on = Some("position".to_owned());
+    Ok(Some(Unexplained { place: Some(Place::Joint(node)), depends_on, retracted }))
+}
+
+/// The best model in which a free-form error at one joint or marker stands in the place of the causes there: its log
+/// posterior (the free form as one more cause) and the place.
+///
+/// # Errors
+/// A camera or mirror that cannot be.
+pub(crate) fn best_free_form(search: &Search<'_>, model: &Model, noise: Noise) -> Result<Option<(f64, Place)>> {
+    let problem = &search.problem;
+    let merged = &Catalogue::with_free_forms(search.catalogue, &problem.scene, free_forms());
+    let first_free = search.catalogue.hypotheses.len();
+    let scores = screen(problem, merged, &search.group, model, noise, None)?;
+    let mut best: Option<(f64, Place)> = None;
+    let mut nodes: Vec<Option<usize>> =
+        model.terms.iter().map(|t| search.catalogue.hypotheses[t.hypothesis].place.node()).collect();
+    nodes.retain(Option::is_some);
+    let from_screen = scores.iter().filter(|s| s.hypothesis >= first_free).take(REFINED).map(|s| s.hypothesis);
+    let at_causes = (first_free..merged.hypotheses.len()).filter(|&h| {
+        let node = merged.hypotheses[h].place.node();
+        node.is_some() && nodes.contains(&node)
+    });
+    let mut tried: Vec<usize> = from_screen.chain(at_causes).collect();
+    tried.sort_unstable();
+    tried.dedup();
+    for h in tried {
+        let place = merged.hypotheses[h].place;
+        let mut rest = model.clone();
+        rest.terms.retain(|t| {
+            let at = search.catalogue.hypotheses[t.hypothesis].place;
+            at != place && (at.node().is_none() || at.node() != place.node())
+        });
+        let prior: f64 = rest.terms.iter().map(|t| search.catalogue.hypotheses[t.hypothesis].log_prior).sum();
+        let candidate = rest.with(merged, h, 0.0);
+        let fitted =
+            super::fit::fit(problem, merged, &search.group, &candidate, FitOptions { noise, steps: 4 }, None)?;
+        let value = fitted.log_evidence + prior + merged.hypotheses[h].log_prior;
+        if best.as_ref().is_none_or(|(b, _)| value > *b) {
+            best = Some((value, place));
+        }
+    }
+    Ok(best)
 }
