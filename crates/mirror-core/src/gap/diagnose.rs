@@ -155,7 +155,11 @@ pub(crate) fn diagnose_with(
     let (before, mut after) = gaps(&search, &nominal, &found)?;
     drop_useless(&mut search, &mut found, &mut after)?;
     let by_laws = remainder_share(&search, &found, &after)? < LAW_REMAINDER;
-    let unexplained = if by_laws && found.fit.model.terms.len() < 3 { None } else { unexplained(&search, &mut found, &fits_noise)? };
+    let unexplained = if by_laws && found.fit.model.terms.len() < 3 {
+        None
+    } else {
+        unexplained(&search, &mut found, &fits_noise)?
+    };
     if unexplained.is_some() {
         after = gaps(&search, &nominal, &found)?.1;
     }

@@ -38,6 +38,8 @@ const LOG_PRIOR_SAME_PLACE: f64 = -4.0;
 const HOPELESS_LOG_ODDS: f64 = -3.5;
 /// Share of a common size below which an error is called a tolerance.
 const PRIOR_TOLERANCE: f64 = 0.02;
+/// A tolerated error moves the markers by no more than this many standard deviations of the noise.
+const UNSEEN_SHIFT: f64 = 0.25;
 /// By how much a cause's law may be wrong, as a share of the shift that it makes: so much of it may look like a further
 /// cause at the same place, and so much like one elsewhere.
 const LAW_TOLERANCE_HERE: f64 = 0.06;
@@ -219,7 +221,9 @@ impl Search<'_> {
         let allowed = LAW_TOLERANCE_HERE * shared(&here) + LAW_TOLERANCE_ELSEWHERE * shared(&elsewhere);
         let by_laws = if own_sum > 0.0 { allowed / own_sum.sqrt() * multiple } else { 0.0 };
         let mut model = fit.model.clone();
-        let scale = PRIOR_TOLERANCE.max(by_laws).min(1.0);
+        let own_rms = (own_sum / own.iter().filter(|o| **o > 1e-4 * own_sum).count().max(1) as f64).sqrt();
+        let unseen = if own_rms > 0.0 { UNSEEN_SHIFT / own_rms * multiple } else { PRIOR_TOLERANCE };
+        let scale = PRIOR_TOLERANCE.min(unseen).max(by_laws).clamp(1e-6, 1.0);
         model.terms[i].prior_scale = scale;
         model.terms[i].parameters.iter_mut().for_each(|p| *p *= scale.min(0.5));
         self.fit(&model, noise, FINAL_STEPS)

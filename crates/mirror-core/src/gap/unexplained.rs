@@ -144,9 +144,11 @@ fn beaten(
 fn crowded(search: &Search<'_>, found: &mut Found) -> Result<Option<Unexplained>> {
     let place = |t: &super::hypothesis::Term| search.catalogue.hypotheses[t.hypothesis].place;
     let terms = &found.fit.model.terms;
-    let crowd = terms.iter().map(place).filter_map(Place::node).find(|&node| {
-        terms.iter().filter(|t| place(t).node() == Some(node)).count() >= CROWD
-    });
+    let crowd = terms
+        .iter()
+        .map(place)
+        .filter_map(Place::node)
+        .find(|&node| terms.iter().filter(|t| place(t).node() == Some(node)).count() >= CROWD);
     let Some(node) = crowd else { return Ok(None) };
     let mut rest = found.fit.model.clone();
     rest.terms.retain(|t| place(t).node() != Some(node));
@@ -166,7 +168,11 @@ fn crowded(search: &Search<'_>, found: &mut Found) -> Result<Option<Unexplained>
 ///
 /// # Errors
 /// A camera or mirror that cannot be.
-pub(crate) fn best_free_form(search: &Search<'_>, model: &Model, noise: Noise) -> Result<Option<(f64, Place)>> {
+pub(crate) fn best_free_form(
+    search: &Search<'_>,
+    model: &Model,
+    noise: Noise,
+) -> Result<Option<(f64, Place)>> {
     let problem = &search.problem;
     let merged = &Catalogue::with_free_forms(search.catalogue, &problem.scene, free_forms());
     let first_free = search.catalogue.hypotheses.len();
@@ -175,7 +181,8 @@ pub(crate) fn best_free_form(search: &Search<'_>, model: &Model, noise: Noise) -
     let mut nodes: Vec<Option<usize>> =
         model.terms.iter().map(|t| search.catalogue.hypotheses[t.hypothesis].place.node()).collect();
     nodes.retain(Option::is_some);
-    let from_screen = scores.iter().filter(|s| s.hypothesis >= first_free).take(REFINED).map(|s| s.hypothesis);
+    let from_screen =
+        scores.iter().filter(|s| s.hypothesis >= first_free).take(REFINED).map(|s| s.hypothesis);
     let at_causes = (first_free..merged.hypotheses.len()).filter(|&h| {
         let node = merged.hypotheses[h].place.node();
         node.is_some() && nodes.contains(&node)
@@ -192,8 +199,14 @@ pub(crate) fn best_free_form(search: &Search<'_>, model: &Model, noise: Noise) -
         });
         let prior: f64 = rest.terms.iter().map(|t| search.catalogue.hypotheses[t.hypothesis].log_prior).sum();
         let candidate = rest.with(merged, h, 0.0);
-        let fitted =
-            super::fit::fit(problem, merged, &search.group, &candidate, FitOptions { noise, steps: 4 }, None)?;
+        let fitted = super::fit::fit(
+            problem,
+            merged,
+            &search.group,
+            &candidate,
+            FitOptions { noise, steps: 4 },
+            None,
+        )?;
         let value = fitted.log_evidence + prior + merged.hypotheses[h].log_prior;
         if best.as_ref().is_none_or(|(b, _)| value > *b) {
             best = Some((value, place));
