@@ -11,6 +11,7 @@ from ..session import Session, load_session
 from .markers import marker_of_place, only_markers
 from .recording import to_core
 from .result import Diagnosis
+from .vocabulary import checked_effects
 
 MOST_CAUSES = 6
 """Causes that a search adds at most: beyond them the small errors are a group (`geometry`)."""
@@ -34,6 +35,7 @@ def diagnose(
     Raises:
         MirrorPostureError: a session that cannot be meant, an unknown effect or marker, too little to diagnose.
     """
+    left_out = checked_effects(without)
     loaded = _loaded(session)
     others = [(other.folder.name, to_core(other)) for other in map(_loaded, check)]
     names = tuple(dict.fromkeys(marker_of_place(loaded, place) for place in withhold))
@@ -46,7 +48,7 @@ def diagnose(
             )
         seen = only_markers(loaded, kept)
         others += [(WITNESS + name, to_core(only_markers(loaded, [name]))) for name in names]
-    tree = json.loads(to_core(seen).diagnose(list(without), most_causes, others))
+    tree = json.loads(to_core(seen).diagnose(left_out, most_causes, others))
     if names:
         checked = tree["gap"].get("checked", [])
         tree["witness"] = [

@@ -1,0 +1,115 @@
+"""The diagnosis as dataclasses, in people's units, and with markers withheld."""
+
+from __future__ import annotations
+
+import importlib
+import json
+from pathlib import Path
+
+import pytest
+
+import mirror_posture as mp
+from mirror_posture.diagnosis import Diagnosis, Estimate
+from mirror_posture.diagnosis.markers import marker_of_place, only_markers
+from mirror_posture.diagnosis.people import percent, tell
+from session_folder import write_folder
+
+DOCUMENT = {
+    "format": "mirror-posture/diagnosis",
+    "version": 1,
+    "verdict": "explained",
+    "sentence": "said",
+    "causes": [
+        {
+            "effect": "backlash",
+            "at": "joint:elbow",
+            "probability": 0.9,
+            "parameters": {"width_rad": {"value": 0.041, "std": 0.0012}},
+            "alternatives": [{"effect": "stiction", "at": "joint:elbow", "probability": 0.08}],
+        }
+    ],
+    "where": [{"at": "joint:elbow", "share": 1.0}],
+    "gap": {
+        "before_m": 0.008,
+        "after_m": 0.0006,
+        "noise_floor_m": 0.0005,
+        "closed": 0.98,
+        "closed_ci95": [0.97, 1.0],
+        "held_out_postures": 80,
+        "checked": [{"session": "other", "before_m": 0.007, "after_m": 0.001}],
+    },
+    "next_postures": [{"elbow": 0.2}],
+    "said_by_a_newer_version": {"kept": True},
+}
+
+
+def test_the_public_format_becomes_dataclasses_and_comes_back_whole(tmp_path: Path) -> None:
+    file = tmp_path / "diagnosis.json"
+    file.write_text(json.dumps(DOCUMENT), encoding="utf-8")
+    found = Diagnosis.load(tmp_path)
+    (cause,) = found.causes
+    assert (cause.effect, cause.at, cause.parameters["width_rad"].std) == ("backlash", "joint:elbow", 0.0012)
+    assert cause.alternatives[0].effect == "stiction"
+    assert found.gap.closed_ci95 == (0.97, 1.0) and found.gap.checked[0].after_m == 0.001
+    assert found.next_postures == ({"elbow": 0.2},)
+    assert json.loads(found.to_json()) == DOCUMENT
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        ({"version": 2}, "version 2"),
+        ({"verdict": "perhaps"}, "perhaps"),
+        ({"gap": {"before_m": 1.0}}, "after_m"),
+        ({"causes": [{"effect": "drift"}]}, "parameters"),
+    ],
+)
+def test_what_is_no_diagnosis_is_refused_by_file_and_reason(
+    tmp_path: Path, change: dict[str, object], named: str
+) -> None:
+    file = tmp_path / "diagnosis.json"
+    file.write_text(json.dumps(DOCUMENT | change), encoding="utf-8")
+    with pytest.raises(mp.MirrorPostureError, match=named) as refused:
+        Diagnosis.load(file)
+    assert str(file) in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "std", "text"),
+    [
+        ("offset_rad", 0.0608593, 0.00014840, "offset +3.4870 ± 0.0085 °"),
+        ("dx_m", -0.0042893, 0.00005, "dx -4.289 ± 0.050 mm"),
+        ("compliance_rad_per_nm", 0.01, 0.001, "compliance +0.573 ± 0.057 °/N m"),
+        ("rate_rad_per_s", 1e-5, 1e-6, "rate +2.06 ± 0.21 °/h"),
+        ("scale_error", 0.0395, 0.0006, "scale error +3.950 ± 0.060 %"),
+        ("curvature_per_m", 0.02, 0.001, "curvature +0.0200 ± 0.0010 1/m"),
+        ("first_frame", 42.0, 0.0, "first frame 42 ± 0.0"),
+    ],
+)
+def test_parameters_are_told_in_degrees_and_millimetres(
+    name: str, value: float, std: float, text: str
+) -> None:
+    assert str(tell(name, Estimate(value, std))) == text
+
+
+def test_a_probability_short_of_certainty_is_not_rounded_up_to_it() -> None:
+    assert [percent(p) for p in (0.5, 0.99, 0.994, 1.0)] == ["50 %", "99.0 %", "99.4 %", "100 %"]
+
+
+def test_a_withheld_marker_leaves_nothing_of_itself(tmp_path: Path) -> None:
+    session = mp.load_session(write_folder(tmp_path / "session"))
+    kept = only_markers(session, ["elbow_ball"])
+    assert kept.marker_names == ("elbow_ball",)
+    assert kept.mirror_view.marker_px[2, 0].tolist() == [12.0, 13.0]
+    assert kept.mirror_view.marker_seen.sum() == 1 and not kept.direct_view.marker_seen.any()
+    assert kept.points is not None and kept.points.seen.sum() == 1
+    assert (kept.mirror_view.board_seen == session.mirror_view.board_seen).all()
+    with pytest.raises(mp.MirrorPostureError, match="marker:hand, marker:elbow_ball"):
+        marker_of_place(session, "marker:foot")
+    with pytest.raises(mp.MirrorPostureError, match="all markers"):
+        mp.diagnose(session, withhold=["marker:hand", "elbow_ball"])
+
+
+def test_the_function_keeps_its_name_when_its_modules_are_loaded() -> None:
+    importlib.import_module("mirror_posture.diagnosis.recording")
+    assert callable(mp.diagnose)
