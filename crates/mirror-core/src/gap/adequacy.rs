@@ -21,8 +21,6 @@ pub(crate) struct Adequacy {
     /// Variance of what free markers take up, over the noise's, less 1.
     pub excess: f64,
     pub significant: bool,
-    /// Variance of the corners' residuals over the noise's, less 1.
-    pub corner_excess: f64,
     pub corners_significant: bool,
 }
 
@@ -53,7 +51,6 @@ pub(crate) fn adequacy(problem: &Problem, deformation: &Deformation, noise: Nois
     Ok(Adequacy {
         excess,
         significant: excess > NOTICEABLE_EXCESS && excess > SIGNIFICANT_DEVIATIONS * scatter,
-        corner_excess,
         corners_significant: corner_excess > NOTICEABLE_CORNER_EXCESS,
     })
 }

@@ -29,7 +29,6 @@ pub(crate) struct Node {
     pub bend_pivot: Vector3<f64>,
     /// Index into the commanded positions, and `position ↦ multiplier · position + offset` (mimic joints).
     pub command: (usize, f64, f64),
-    pub limits: Option<(f64, f64)>,
     /// Mass (kg) and mass times centre (kg m, in the node's frame) of the body.
     pub mass: f64,
     pub mass_moment: Vector3<f64>,
@@ -94,7 +93,6 @@ impl Body {
                 prismatic: joint.kind == JointKind::Prismatic,
                 bend_pivot: Vector3::zeros(),
                 command: joint.drive.map_or((0, 0.0, 0.0), |d| (d.position, d.multiplier, d.offset)),
-                limits: joint.limits.as_ref().map(|l| (l.lower, l.upper)),
                 mass: 0.0,
                 mass_moment: Vector3::zeros(),
                 ancestors,

@@ -1,6 +1,6 @@
 //! From a recording to a diagnosis: the order in which everything is tried, and what is said of it.
 
-use super::adequacy::{Adequacy, adequacy};
+use super::adequacy::adequacy;
 use super::effects::{Effect, vocabulary};
 use super::fit::{Fit, FitOptions, fit};
 use super::group::Geometry;
@@ -43,11 +43,9 @@ pub(crate) struct Findings<'a> {
     pub found: Found,
     pub geometry: Option<Geometry>,
     pub slip: Option<Slip>,
-    pub adequacy: Adequacy,
     pub before: Vec<PostureGap>,
     pub after: Vec<PostureGap>,
     pub unexplained: Option<Unexplained>,
-    pub nominal: Model,
 }
 
 /// More causes than this at once are rather many small errors.
@@ -140,15 +138,16 @@ pub(crate) fn diagnose_with(
     let mut clean =
         search.problem.without_false(&search.deformation(&found.fit.model), found.noise, FALSE_DEVIATIONS)?;
     let mut fits_noise = adequacy(&clean, &search.deformation(&found.fit.model), search.measured_noise)?;
-    if !off && (fits_noise.significant || found.fit.model.terms.len() > MANY_CAUSES) {
-        if let Some((with, its_search, its_found)) = with_geometry(&search, &found, &nominal)? {
-            let deformation = its_search.deformation(&its_found.fit.model);
-            clean = its_search.problem.without_false(&deformation, its_found.noise, FALSE_DEVIATIONS)?;
-            fits_noise = adequacy(&clean, &deformation, its_search.measured_noise)?;
-            geometry = Some(with);
-            search = its_search;
-            found = its_found;
-        }
+    if !off
+        && (fits_noise.significant || found.fit.model.terms.len() > MANY_CAUSES)
+        && let Some((with, its_search, its_found)) = with_geometry(&search, &found, &nominal)?
+    {
+        let deformation = its_search.deformation(&its_found.fit.model);
+        clean = its_search.problem.without_false(&deformation, its_found.noise, FALSE_DEVIATIONS)?;
+        fits_noise = adequacy(&clean, &deformation, its_search.measured_noise)?;
+        geometry = Some(with);
+        search = its_search;
+        found = its_found;
     }
     // From here on without the observations that the best model shows to be false.
     search.problem = clean;
@@ -163,13 +162,12 @@ pub(crate) fn diagnose_with(
     if unexplained.is_some() {
         after = gaps(&search, &nominal, &found)?.1;
     }
-    let mut findings =
-        Findings { search, found, geometry, slip, adequacy: fits_noise, before, after, unexplained, nominal };
+    let mut findings = Findings { search, found, geometry, slip, before, after, unexplained };
     let mut checked = Vec::new();
     for other in others {
         checked.push(check(&findings, other)?);
     }
-    super::words::diagnosis(&mut findings, recording, &ranking, checked)
+    super::words::diagnosis(&mut findings, robot, recording, &ranking, checked)
 }
 
 /// The search beside many small errors; none where single causes alone say it better.
@@ -322,13 +320,7 @@ fn check(findings: &Findings<'_>, other: &OtherSession) -> Result<Checked> {
         Ok((sum / f64::max(count, 1.0)).sqrt())
     };
     let before_m = measure(&problem, &model, &none)?;
-    for term in &findings.found.fit.model.terms {
-        let name = here.catalogue.name(&here.problem.scene, term.hypothesis);
-        let hypothesis = (0..catalogue.hypotheses.len()).find(|&h| catalogue.name(&problem.scene, h) == name);
-        if let Some(hypothesis) = hypothesis {
-            model.terms.push(Term { hypothesis, ..term.clone() });
-        }
-    }
+    model.terms = carried_over(&findings.found.fit.model, here, &catalogue, &problem);
     let group =
         if here.group.columns.iter().all(|c| problem.has_atom(c.atom)) { here.group.clone() } else { none };
     if group.columns.len() == findings.found.fit.model.group.len() {
@@ -336,6 +328,25 @@ fn check(findings: &Findings<'_>, other: &OtherSession) -> Result<Checked> {
     }
     let after_m = measure(&problem, &model, &group)?;
     Ok(Checked { session: other.name.clone(), before_m, after_m })
+}
+
+/// The causes of a model, in the catalogue of another scene of the same robot.
+pub(crate) fn carried_over(
+    model: &Model,
+    from: &Search<'_>,
+    catalogue: &Catalogue,
+    to: &Problem,
+) -> Vec<Term> {
+    model
+        .terms
+        .iter()
+        .filter_map(|term| {
+            let name = from.catalogue.name(&from.problem.scene, term.hypothesis);
+            let hypothesis =
+                (0..catalogue.hypotheses.len()).find(|&h| catalogue.name(&to.scene, h) == name)?;
+            Some(Term { hypothesis, ..term.clone() })
+        })
+        .collect()
 }
 
 /// A fit of the findings' model, for those who need its covariance anew.

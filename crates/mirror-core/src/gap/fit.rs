@@ -27,8 +27,6 @@ pub(crate) struct Fit {
     pub model: Model,
     /// −2 log likelihood at the optimum.
     pub cost: f64,
-    /// `Σ (θ/σ₀)²` over causes and group.
-    pub penalty: f64,
     /// Log marginal likelihood (Laplace), up to a constant that all models of the recording share.
     pub log_evidence: f64,
     /// Covariance of all parameters: nuisances, group, then the terms' in order.
@@ -45,15 +43,6 @@ impl Fit {
         (0..self.model.terms[term].parameters.len())
             .map(|k| self.covariance[(first + k, first + k)].max(0.0).sqrt())
             .collect()
-    }
-
-    /// Covariance of the i-th cause's parameters.
-    pub fn term_covariance(&self, term: usize) -> DMatrix<f64> {
-        let before: usize = self.model.terms[..term].iter().map(|t| t.parameters.len()).sum();
-        let count = self.model.terms[term].parameters.len();
-        self.covariance
-            .view((self.first_term + before, self.first_term + before), (count, count))
-            .into_owned()
     }
 }
 
@@ -233,7 +222,7 @@ fn summary(model: Model, normal: &Normal, active: &Active) -> Fit {
     });
     // The nuisances' wide priors are the same in all models: they do not count.
     let causes = active.first_group..count;
-    let penalty = causes.map(|i| (active.values[i] / s[i]).powi(2)).sum();
+    let penalty: f64 = causes.map(|i| (active.values[i] / s[i]).powi(2)).sum();
     let (log_det, covariance) = match scaled.cholesky() {
         Some(factor) => {
             let log_det = 2.0 * factor.l_dirty().diagonal().iter().map(|x| x.ln()).sum::<f64>();
@@ -251,7 +240,6 @@ fn summary(model: Model, normal: &Normal, active: &Active) -> Fit {
     Fit {
         log_evidence: -0.5 * (normal.cost + penalty + log_det),
         cost: normal.cost,
-        penalty,
         covariance,
         first_term: active.first_term,
         model,

@@ -11,7 +11,7 @@ use super::normal::{counts, inner};
 use super::observations::Via;
 use super::problem::{Noise, Observation, Problem};
 use crate::error::Result;
-use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use nalgebra::{DMatrix, DVector, Vector3};
 use rayon::prelude::*;
 
 /// How far a free marker may be from its prediction (m): keeps the depth of a marker that only one view shows finite.
@@ -20,13 +20,10 @@ const FREE_MARKER_STD_M: f64 = 0.05;
 /// A marker of one posture, measured.
 #[derive(Debug, Clone)]
 pub(crate) struct FreeMarker {
-    pub marker: usize,
     /// Measured less predicted position, in the frame of the marker's mount, m.
     pub displacement: Vector3<f64>,
-    pub covariance: Matrix3<f64>,
     /// Expected square of the displacement if only noise were left, m².
     pub noise_m2: f64,
-    pub views: usize,
 }
 
 /// One posture.
@@ -172,13 +169,10 @@ fn free_posture(problem: &Problem, task: &Task<'_>, frames: Vec<usize>, work: &m
     out.freedom_taken = taken;
     out.freedom_left = rows as f64 - taken;
     out.chi2_free = chi2 - 2.0 * solution.dot(&gradient) + solution.dot(&(&data * &solution));
-    for (at, &m) in seen.iter().enumerate() {
+    for at in 0..seen.len() {
         out.markers.push(FreeMarker {
-            marker: m,
             displacement: solution.fixed_rows::<3>(3 * at).into_owned(),
-            covariance: covariance.fixed_view::<3, 3>(3 * at, 3 * at).into_owned(),
             noise_m2: scatter.fixed_view::<3, 3>(3 * at, 3 * at).trace(),
-            views: views[m],
         });
     }
     out

@@ -17,6 +17,7 @@ const UNTHOUGHT_OF: f64 = 0.01;
 #[derive(Debug, Clone)]
 pub(crate) struct Rival {
     pub hypothesis: usize,
+    pub variant: f64,
     pub probability: f64,
 }
 
@@ -37,19 +38,21 @@ pub(crate) fn standing(search: &Search<'_>, found: &Found, i: usize) -> Result<S
     let tolerated = search.log_odds(&found.fit, i, found.noise)?;
     let reference = search.log_posterior(&found.fit);
     // Weights relative to the cause itself.
-    let mut weights: Vec<(usize, f64)> = Vec::new();
+    let mut weights: Vec<(usize, f64, f64)> = Vec::new();
     for rival in &rivals {
         let Some(term) = rival.model.terms.last() else { continue };
         if term.hypothesis != own {
             let log = TEMPER * (search.log_posterior(rival) - reference);
-            weights.push((term.hypothesis, log.min(50.0).exp()));
+            weights.push((term.hypothesis, term.variant, log.min(50.0).exp()));
         }
     }
     let nothing = (-TEMPER * tolerated).min(50.0).exp();
-    let total = 1.0 + nothing + weights.iter().map(|w| w.1).sum::<f64>();
+    let total = 1.0 + nothing + weights.iter().map(|w| w.2).sum::<f64>();
     let scale = (1.0 - UNTHOUGHT_OF) / total;
-    let mut rivals: Vec<Rival> =
-        weights.into_iter().map(|(hypothesis, w)| Rival { hypothesis, probability: w * scale }).collect();
+    let mut rivals: Vec<Rival> = weights
+        .into_iter()
+        .map(|(hypothesis, variant, w)| Rival { hypothesis, variant, probability: w * scale })
+        .collect();
     rivals.retain(|r| r.probability >= LEAST_PROBABILITY);
     rivals.sort_by(|a, b| b.probability.total_cmp(&a.probability));
     Ok(Standing { probability: scale, rivals })

@@ -97,7 +97,7 @@ impl Search<'_> {
     }
 
     fn log_prior(&self, fit: &Fit) -> f64 {
-        let place = |t: &super::hypothesis::Term| self.catalogue.hypotheses[t.hypothesis].place.node();
+        let place = |t: &Term| self.catalogue.hypotheses[t.hypothesis].place.node();
         let terms = &fit.model.terms;
         let crowded = (0..terms.len())
             .filter(|&i| {
@@ -154,7 +154,7 @@ impl Search<'_> {
 
     /// Fits a model with gravity's loads taken at its own postures: load and posture are found in turn.
     fn settle(&mut self, mut best: Fit, noise: Noise) -> Result<Fit> {
-        let by_load = |t: &super::hypothesis::Term| self.catalogue.effect(t.hypothesis).depends_on_load();
+        let by_load = |t: &Term| self.catalogue.effect(t.hypothesis).depends_on_load();
         let loaded = best.model.terms.iter().any(by_load);
         for _ in 0..if loaded { LOAD_STEPS } else { 0 } {
             let deformation = best.model.deformation(&self.problem, self.catalogue, &self.group.columns);
@@ -182,10 +182,10 @@ impl Search<'_> {
                     self.fit(&model, noise, CANDIDATE_STEPS)
                 })
                 .collect::<Result<Vec<Fit>>>()?;
-            if let Some(better) = tried.into_iter().max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence)) {
-                if better.log_evidence > best.log_evidence {
-                    best = better;
-                }
+            if let Some(better) = tried.into_iter().max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
+                && better.log_evidence > best.log_evidence
+            {
+                best = better;
             }
         }
         Ok(best)

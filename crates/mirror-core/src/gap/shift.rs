@@ -45,12 +45,12 @@ pub(crate) fn marker_shift(
                     }
                     let mut at = 0;
                     work.raw_residuals(|marker, measured, r| {
-                        if let (Some(m), Some((other, _, old))) = (marker, before.get(at)) {
-                            if *other == Some(m) {
-                                let std = if measured { noise.point_m } else { noise.marker_px };
-                                sums[m].0 += (r - old).norm_squared() / (std * std);
-                                sums[m].1 += 1.0;
-                            }
+                        if let (Some(m), Some((other, _, old))) = (marker, before.get(at))
+                            && *other == Some(m)
+                        {
+                            let std = if measured { noise.point_m } else { noise.marker_px };
+                            sums[m].0 += (r - old).norm_squared() / (std * std);
+                            sums[m].1 += 1.0;
                         }
                         at += 1;
                     });

@@ -27,8 +27,6 @@ const REFINED: usize = 4;
 pub(crate) struct Unexplained {
     pub place: Option<Place>,
     pub depends_on: Option<String>,
-    /// Names of causes that were taken back: they only resembled the law that is really there.
-    pub retracted: Vec<String>,
 }
 
 /// Locates what a model leaves; takes causes back whose place shows another law than theirs.
@@ -40,12 +38,15 @@ pub(crate) fn unexplained(
     found: &mut Found,
     adequacy: &Adequacy,
 ) -> Result<Option<Unexplained>> {
+    if let Some(crowd) = crowded(search, found)? {
+        return Ok(Some(crowd));
+    }
     if !adequacy.significant && !adequacy.corners_significant {
         return Ok(None);
     }
     if !adequacy.significant {
         return Ok(if adequacy.corners_significant {
-            Some(Unexplained { place: Some(Place::Camera), depends_on: None, retracted: Vec::new() })
+            Some(Unexplained { place: Some(Place::Camera), depends_on: None })
         } else {
             None
         });
@@ -54,7 +55,6 @@ pub(crate) fn unexplained(
     // The search's causes keep their indices in the merged catalogue.
     let merged = &Catalogue::with_free_forms(search.catalogue, &problem.scene, free_forms());
     let free_only = search.catalogue.hypotheses.len();
-    let mut retracted = Vec::new();
     // Causes that a free-form error at their own place beats by far.
     let places: Vec<Option<usize>> = found
         .fit
@@ -87,7 +87,6 @@ pub(crate) fn unexplained(
             names.join(", "),
             share * 100.0
         ));
-        retracted.extend(names);
         location = Some((place, on));
         found.fit = search.fit(&rest, found.noise, 6)?;
     }
@@ -103,7 +102,7 @@ pub(crate) fn unexplained(
         return Ok(None);
     }
     let (place, depends_on) = location.map_or((None, None), |(p, d)| (Some(p), Some(d)));
-    Ok(Some(Unexplained { place, depends_on, retracted }))
+    Ok(Some(Unexplained { place, depends_on }))
 }
 
 /// Whether a free-form error at a node, in place of the causes there, explains much more than they do.
@@ -160,7 +159,7 @@ fn crowded(search: &Search<'_>, found: &mut Found) -> Result<Option<Unexplained>
     found.trace.push(format!("{} together imitate a law that the vocabulary has not", retracted.join(", ")));
     found.fit = search.fit(&rest, found.noise, 6)?;
     let depends_on = Some("position".to_owned());
-    Ok(Some(Unexplained { place: Some(Place::Joint(node)), depends_on, retracted }))
+    Ok(Some(Unexplained { place: Some(Place::Joint(node)), depends_on }))
 }
 
 /// The best model in which a free-form error at one joint or marker stands in the place of the causes there: its log

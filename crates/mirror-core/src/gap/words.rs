@@ -13,6 +13,7 @@ use super::screen::Score;
 use super::shift::marker_shift;
 use super::signature::free_errors;
 use crate::error::Result;
+use crate::robot::Robot;
 use std::collections::BTreeMap;
 
 /// Bootstrap resamples over postures.
@@ -32,6 +33,7 @@ const DROOP_DEVIATIONS: f64 = 4.0;
 /// A camera or mirror that cannot be.
 pub(crate) fn diagnosis(
     findings: &mut Findings<'_>,
+    robot: &Robot,
     recording: &Recording,
     ranking: &[Score],
     checked: Vec<Checked>,
@@ -81,7 +83,7 @@ pub(crate) fn diagnosis(
         sentence,
         r#where: places,
         gap,
-        next_postures: super::next::next_postures(findings, &causes)?,
+        next_postures: super::next::next_postures(findings, robot, recording)?,
         warnings: warnings(findings),
         noise: noise_map,
         trace: findings.found.trace.clone(),
