@@ -19,7 +19,9 @@ if TYPE_CHECKING:
 BEFORE, AFTER, FLOOR = "#b0413e", "#2f6f9f", "#9a9a9a"
 INK = "#222222"
 PNG_DPI = 140
-STYLE = {
+MANY_POINTS = 300
+"""More points than this are drawn small, so that their law shows."""
+STYLE: Any = {
     "font.size": 10,
     "axes.spines.top": False,
     "axes.spines.right": False,
@@ -117,6 +119,7 @@ def draw_signature(signature: Signature) -> Drawing:
     # Postures that hardly show the place have bars that would hide the rest.
     typical = float(np.median(std)) if len(std) else 1.0
     clear = std <= 6.0 * typical
+    size = 3.0 if len(std) <= MANY_POINTS else 1.2
     for ax, (x, label) in zip(axes[0], panels, strict=True):
         order = np.argsort(x, kind="stable")
         ax.errorbar(
@@ -124,15 +127,22 @@ def draw_signature(signature: Signature) -> Drawing:
             error[clear],
             yerr=std[clear],
             fmt="o",
-            markersize=3,
+            markersize=size,
             color=FLOOR,
             ecolor="#d0d0d0",
             elinewidth=1,
             label="each posture alone, ± 1 std",
         )
-        ax.plot(
-            x[order], fitted[order], ".", color=BEFORE, markersize=4, zorder=5, label="what the cause says"
-        )
+        if signature.cause is not None:
+            ax.plot(
+                x[order],
+                fitted[order],
+                ".",
+                color=BEFORE,
+                markersize=4,
+                zorder=5,
+                label="what the cause says",
+            )
         ax.axhline(0.0, color=INK, linewidth=0.6)
         ax.set_xlabel(label)
     axes[0, 2].set_xticks([-1, 0, 1], ["down", "none", "up"])

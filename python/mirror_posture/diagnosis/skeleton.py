@@ -81,8 +81,11 @@ def _mark(ax: Any, guilty: list[tuple[tuple[float, float], str, str]], named: bo
     """Guilty places as coloured dots; their names stand in a column beside the robot, so that none hides another."""
     low, high = ax.get_ylim()
     step, last = 0.085 * (high - low), high
-    for (x, y), colour, text in sorted(guilty, key=lambda entry: -entry[0][1]):
-        ax.plot(x, y, "o", color=colour, markersize=11, alpha=0.85, zorder=6)
+    ordered = sorted(guilty, key=lambda entry: -entry[0][1])
+    for index, ((x, y), colour, text) in enumerate(ordered):
+        # Of several causes at one place the first is a ring around the next.
+        later = sum(at == (x, y) for at, _, _ in ordered[index + 1 :])
+        ax.plot(x, y, "o", color=colour, markersize=10 + 6 * later, zorder=6)
         if not named:
             continue
         last = min(y, last - step)
@@ -94,7 +97,7 @@ def _mark(ax: Any, guilty: list[tuple[tuple[float, float], str, str]], named: bo
             fontsize=9.5,
             fontweight="bold",
             va="center",
-            arrowprops={"arrowstyle": "-", "color": colour, "linewidth": 0.9},
+            arrowprops={"arrowstyle": "-", "color": colour, "linewidth": 0.9, "relpos": (0.0, 0.5)},
             zorder=7,
         )
 

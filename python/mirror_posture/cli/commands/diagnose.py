@@ -151,7 +151,7 @@ def _show(output: Output, folder: Path, found: Diagnosis) -> None:
         closed = f"closed {percent(gap.closed)}"
         if gap.closed_ci95 is not None:
             closed += f" (95 %: {percent(gap.closed_ci95[0])} to {percent(gap.closed_ci95[1])})"
-    rows = [
+    gaps: list[tuple[str, ...]] = [
         (
             "held-out postures of this session",
             millimetres(gap.before_m),
@@ -159,15 +159,15 @@ def _show(output: Output, folder: Path, found: Diagnosis) -> None:
             millimetres(gap.noise_floor_m),
         )
     ]
-    rows += [(c.session, millimetres(c.before_m), millimetres(c.after_m), "") for c in gap.checked]
-    rows += [
+    gaps += [(c.session, millimetres(c.before_m), millimetres(c.after_m), "") for c in gap.checked]
+    gaps += [
         (f"marker {w.marker}, withheld", millimetres(w.before_m), millimetres(w.after_m), "")
         for w in found.witness
     ]
     output.table(
         "Gap between prediction and observation, RMS, mm",
         ("~on", "before", "after", "noise floor"),
-        rows,
+        gaps,
         caption=closed,
     )
     for place in found.where:
