@@ -11,7 +11,10 @@ import pytest
 import mirror_posture as mp
 from mirror_posture.diagnosis import Diagnosis, Estimate
 from mirror_posture.diagnosis.markers import marker_of_place, only_markers
+from mirror_posture.diagnosis.next_postures import write_next_postures
 from mirror_posture.diagnosis.people import percent, tell
+from mirror_posture.session.frames import read_frames
+from mirror_posture.session.tables import read_table
 from session_folder import write_folder
 
 DOCUMENT = {
@@ -113,3 +116,16 @@ def test_a_withheld_marker_leaves_nothing_of_itself(tmp_path: Path) -> None:
 def test_the_function_keeps_its_name_when_its_modules_are_loaded() -> None:
     importlib.import_module("mirror_posture.diagnosis.recording")
     assert callable(mp.diagnose)
+
+
+def test_the_next_postures_are_a_frames_table_that_a_session_can_take(tmp_path: Path) -> None:
+    found = Diagnosis.from_document(
+        DOCUMENT | {"next_postures": [{"elbow": 0.2}, {"elbow": -0.3, "shoulder": 0.1}]}
+    )
+    folder = write_folder(tmp_path / "session", detections=None, points=None)
+    write_next_postures(found, folder / "frames.csv")
+    frames = read_frames(read_table(folder / "frames.csv"), mp.Robot.from_urdf(folder / "robot.urdf"), True)[
+        0
+    ]
+    assert frames.joint_names == ("elbow", "shoulder")
+    assert frames.commanded.tolist() == [[0.2, 0.0], [-0.3, 0.1]]

@@ -108,6 +108,11 @@ def _write(output: Output, session: Session, found: Diagnosis, folder: Path) -> 
     # The document first: it is what programs wait for, and stands even where a picture cannot be drawn.
     (folder / "diagnosis.json").write_text(found.to_json(), encoding="utf-8")
     write_report(session, found, folder)
+    if found.next_postures:
+        from ...diagnosis.next_postures import write_next_postures
+
+        file = write_next_postures(found, folder / "next-postures.csv")
+        output.say(f"written: {file}, {len(found.next_postures)} postures that would tell the rivals apart")
     output.say(f"written: {folder / 'diagnosis.json'}, {folder / 'report.html'}, {folder / 'pictures'}")
 
 
