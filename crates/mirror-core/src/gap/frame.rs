@@ -572,6 +572,14 @@ impl FrameWork {
         }
     }
 
+    /// The rows by the plane's foot point, one row each.
+    #[cfg(test)]
+    pub fn plane_rows(&self) -> nalgebra::DMatrix<f64> {
+        let rows = self.rows.iter().flat_map(|r| (0..r.count).map(|i| r.plane.row(i).into_owned()));
+        let rows: Vec<_> = rows.collect();
+        nalgebra::DMatrix::from_fn(rows.len(), PROJECTED, |i, k| rows[i][k])
+    }
+
     /// Unweighted residual (px or m) of each observation other than the mirrored corners, in the frame's order.
     pub fn raw_residuals(&self, with: impl FnMut(Option<usize>, bool, Vector3<f64>)) {
         let mut with = with;

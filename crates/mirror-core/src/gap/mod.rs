@@ -27,11 +27,15 @@ mod rivals;
 mod robust;
 mod scene;
 mod screen;
+mod screening;
 mod search;
 mod shift;
 mod signature;
 mod unexplained;
 mod words;
+
+#[cfg(test)]
+mod tests;
 
 pub use diagnose::{DiagnoseOptions, OtherSession, diagnose};
 pub use observations::{
@@ -40,3 +44,4 @@ pub use observations::{
 pub use report::{
     Alternative, Cause, Checked, Diagnosis, Estimate, Gap, Ranked, Signature, SignaturePoint, Where,
 };
+pub use screening::{Screening, screen_once};

@@ -1,0 +1,68 @@
+//! The diagnosis from arrays to JSON, against frames and against joints.
+//!
+//! `RAYON_NUM_THREADS=1 cargo bench --bench diagnose` for one core. The recordings are those of the tests: a humanoid with
+//! two arms before a mirror, two views a posture, 6 markers and 35 corners a frame, one joint's zero off.
+//! `MIRROR_BENCH_LONG=1` adds the session of 10,000 frames.
+
+// A bench may panic: that is how it says that its input is wrong.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+#[allow(dead_code)]
+#[path = "../tests/rust/gap_world.rs"]
+mod gap_world;
+
+use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use gap_world::{Plan, World, Wrong};
+use mirror_core::gap::{DiagnoseOptions, Recording, diagnose, screen_once};
+use mirror_core::robot::Robot;
+use std::hint::black_box;
+use std::time::Duration;
+
+fn session(frames: usize, an_arm: usize) -> (Robot, Recording) {
+    let world = World::new(an_arm, false);
+    let robot = Robot::from_urdf_str(&world.urdf()).unwrap();
+    let wrong = vec![Wrong::Offset(world.bone("r_shoulder_roll"), 0.03)];
+    let recording = world.record(&Plan { postures: frames / 2, wrong, ..Plan::default() });
+    (robot, recording)
+}
+
+/// From the arrays to the JSON, a session.
+fn bench_diagnose(c: &mut Criterion) {
+    let mut group = c.benchmark_group("diagnose");
+    group.sample_size(10).warm_up_time(Duration::from_millis(300)).measurement_time(Duration::from_secs(3));
+    let long = std::env::var_os("MIRROR_BENCH_LONG").is_some();
+    let frames = [100, 200, 400, 1_000].into_iter().chain(long.then_some(10_000));
+    let cases = frames.map(|f| (f, 7)).chain([4, 14, 20].map(|a| (200, a)));
+    for (frames, an_arm) in cases {
+        let (robot, recording) = session(frames, an_arm);
+        group.throughput(Throughput::Elements(frames as u64));
+        let id = BenchmarkId::new(format!("{}_joints", 2 * an_arm), frames);
+        group.bench_function(id, |b| {
+            b.iter(|| {
+                let options = DiagnoseOptions::default();
+                let diagnosis = diagnose(black_box(&robot), black_box(&recording), &options, &[]).unwrap();
+                serde_json::to_string(&diagnosis).unwrap()
+            });
+        });
+    }
+    group.finish();
+}
+
+/// The score test of all hypotheses alone, the recording arranged and its mirrors fitted beforehand.
+fn bench_screen(c: &mut Criterion) {
+    let mut group = c.benchmark_group("screen");
+    group.sample_size(20).warm_up_time(Duration::from_millis(300)).measurement_time(Duration::from_secs(2));
+    for (frames, an_arm) in [(100, 7), (200, 7), (400, 7), (1_000, 7), (200, 4), (200, 14), (200, 20)] {
+        let (robot, recording) = session(frames, an_arm);
+        let screening = screen_once(&robot, &recording).unwrap();
+        group.throughput(Throughput::Elements(screening.hypotheses() as u64));
+        let name = format!("{}_joints_{}_hypotheses", 2 * an_arm, screening.hypotheses());
+        group.bench_function(BenchmarkId::new(name, frames), |b| {
+            b.iter(|| black_box(&screening).run().unwrap());
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(benches, bench_screen, bench_diagnose);
+criterion_main!(benches);

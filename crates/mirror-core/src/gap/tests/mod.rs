@@ -1,0 +1,9 @@
+//! Tests of what the diagnosis keeps to itself.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+#[path = "../../../../../tests/rust/gap_world.rs"]
+#[allow(dead_code)]
+mod gap_world;
+mod jacobians;
+mod statistics;
