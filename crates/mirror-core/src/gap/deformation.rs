@@ -98,6 +98,14 @@ impl Deformation {
         })
     }
 
+    /// Whether a node is not where the nominal model has it in one frame.
+    pub fn moves_in(&self, frame: usize, node: usize) -> bool {
+        self.tilt[node] != Vector2::zeros()
+            || self.link_shift[node] != Vector3::zeros()
+            || self.joint_delta(frame, node) != 0.0
+            || self.bend(frame, node).is_some_and(|b| *b != Vector3::zeros())
+    }
+
     /// Whether camera, lens, board or mirror differ from the nominal: then the board's corners must be predicted anew.
     pub fn optics_differ(&self) -> bool {
         self.camera_mount != Vector6::zeros()

@@ -4,7 +4,7 @@
 //! linearised there. With rows whitened, plane rows D, `G = DᵀD = L Lᵀ`, a column x enters the reduced normal equations as
 //! `⟨x, y⟩ = x·y − (L⁻¹Dᵀx)·(L⁻¹Dᵀy)`: each vector is stored as its rows followed by the three numbers `L⁻¹Dᵀx`.
 
-use super::atoms::{Atom, Twist, body_twist, moves};
+use super::atoms::{Atom, body_twist, moves};
 use super::body::NodeId;
 use super::deformation::Deformation;
 use super::kinematics::NodePoses;
@@ -213,7 +213,7 @@ impl FrameWork {
         let nominal_board = problem.boards.get(frame).copied().flatten();
         let mut board = None;
         if let (Some(eye), Some(start)) = (task.eye, nominal_board) {
-            let fit = if task.with_board {
+            let fit = if task.with_board && problem.needs_fresh_board_in(task.deformation, frame) {
                 self.fit_board(problem, task.deformation, Some(eye), frame, Some(start.foot))
             } else {
                 Some(start)
@@ -506,44 +506,53 @@ impl FrameWork {
         atom: Atom,
         out: &mut [f64],
     ) -> bool {
+        self.column_in(problem, deformation, frame, atom, out).is_some()
+    }
+
+    /// As [`FrameWork::column`], and from where to where the rows are not 0: a limb moves its markers' rows, not the board's.
+    pub fn column_in(
+        &self,
+        problem: &Problem,
+        deformation: &Deformation,
+        frame: usize,
+        atom: Atom,
+        out: &mut [f64],
+    ) -> Option<Span> {
         out[..self.row_count + PROJECTED].fill(0.0);
-        let mut any = false;
+        let mut span: Option<Span> = None;
         let mut gradient = Vector3::zeros();
         let twist = body_twist(atom, &problem.scene, &self.poses, deformation, frame);
         let mut at = 0;
+        // Rows of one target follow each other: whether the atom moves it is asked once.
+        let mut last = None;
         for row in &self.rows {
-            let value = self.rows_of(problem, row, atom, twist.as_ref());
+            let value = match &twist {
+                Some(twist) => {
+                    let sign = match last {
+                        Some((node, observer, sign)) if node == row.node && observer == row.observer => sign,
+                        _ => motion(problem, row, atom),
+                    };
+                    last = Some((row.node, row.observer, sign));
+                    sign.map(|s| row.by_world * (twist.omega.cross(&row.point) + twist.shift) * s)
+                }
+                None => self.rows_of(problem, row, atom),
+            };
             if let Some(value) = value {
-                any = true;
-                out[at..at + row.count].copy_from_slice(&value.as_slice()[..row.count]);
+                let end = at + row.count;
+                span = Some(Span { start: span.map_or(at, |s| s.start), end });
+                out[at..end].copy_from_slice(&value.as_slice()[..row.count]);
                 gradient += row.plane.tr_mul(&value);
             }
             at += row.count;
         }
-        if any && self.has_plane {
+        if span.is_some() && self.has_plane {
             out[at..at + PROJECTED].copy_from_slice((self.plane_inverse_factor * gradient).as_slice());
         }
-        any
+        span
     }
 
     #[inline]
-    fn rows_of(
-        &self,
-        problem: &Problem,
-        row: &Rows,
-        atom: Atom,
-        twist: Option<&Twist>,
-    ) -> Option<Vector3<f64>> {
-        if let Some(twist) = twist {
-            let target = moves(atom, &problem.scene, row.node);
-            let observer = moves(atom, &problem.scene, row.observer);
-            if target == observer {
-                return None;
-            }
-            let velocity = twist.omega.cross(&row.point) + twist.shift;
-            let by = row.by_world * velocity;
-            return Some(if target { by } else { -by });
-        }
+    fn rows_of(&self, problem: &Problem, row: &Rows, atom: Atom) -> Option<Vector3<f64>> {
         match atom {
             Atom::MarkerShift(m, k) if row.marker == Some(m) => {
                 let mount = self.poses.site(&problem.marker_mounts[m]).r;
@@ -589,6 +598,20 @@ impl FrameWork {
             }
         }
     }
+}
+
+/// The rows of a column that are not 0, from `start` to before `end`.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(crate) struct Span {
+    pub start: usize,
+    pub end: usize,
+}
+
+/// How an atom of the body moves a row's target against its observer: 1, −1 where it is the observer that moves, or not at all.
+fn motion(problem: &Problem, row: &Rows, atom: Atom) -> Option<f64> {
+    let target = moves(atom, &problem.scene, row.node);
+    let observer = moves(atom, &problem.scene, row.observer);
+    (target != observer).then_some(if target { 1.0 } else { -1.0 })
 }
 
 #[derive(Clone, Copy)]

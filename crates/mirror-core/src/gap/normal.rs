@@ -2,7 +2,7 @@
 
 use super::atoms::Column;
 use super::deformation::Deformation;
-use super::frame::{FrameWork, PROJECTED, Task};
+use super::frame::{FrameWork, PROJECTED, Span, Task};
 use super::problem::{FRAMES_A_CHUNK, Noise, Problem};
 use crate::error::Result;
 use nalgebra::{DMatrix, DVector};
@@ -21,6 +21,17 @@ pub(crate) struct Normal {
 pub(crate) fn inner(x: &[f64], y: &[f64]) -> f64 {
     let rows = x.len() - PROJECTED;
     let along: f64 = x[..rows].iter().zip(&y[..rows]).map(|(a, b)| a * b).sum();
+    let plane: f64 = x[rows..].iter().zip(&y[rows..]).map(|(a, b)| a * b).sum();
+    along - plane
+}
+
+/// [`inner`] of two columns that are 0 outside their spans.
+#[inline]
+pub(crate) fn inner_in(x: &[f64], in_x: Span, y: &[f64], in_y: Span) -> f64 {
+    let rows = x.len() - PROJECTED;
+    let (start, end) = (in_x.start.max(in_y.start), in_x.end.min(in_y.end));
+    let along: f64 =
+        if start < end { x[start..end].iter().zip(&y[start..end]).map(|(a, b)| a * b).sum() } else { 0.0 };
     let plane: f64 = x[rows..].iter().zip(&y[rows..]).map(|(a, b)| a * b).sum();
     along - plane
 }
@@ -99,22 +110,26 @@ impl Normal {
         self.cost += work.cost;
         let stride = work.row_count + PROJECTED;
         buffer.resize(stride * columns.len(), 0.0);
-        let mut present = Vec::with_capacity(columns.len());
+        let mut present: Vec<(usize, Span)> = Vec::with_capacity(columns.len());
         for (i, column) in columns.iter().enumerate() {
             let weight = column.weight.at(&problem.scene, frame);
+            if weight == 0.0 {
+                continue;
+            }
             let out = &mut buffer[i * stride..(i + 1) * stride];
-            if weight != 0.0 && work.column(problem, task.deformation, frame, column.atom, out) {
+            if let Some(span) = work.column_in(problem, task.deformation, frame, column.atom, out) {
                 if weight != 1.0 {
                     out.iter_mut().for_each(|x| *x *= weight);
                 }
-                present.push(i);
+                present.push((i, span));
             }
         }
-        for (at, &i) in present.iter().enumerate() {
+        let everywhere = Span { start: 0, end: work.row_count };
+        for (at, &(i, span)) in present.iter().enumerate() {
             let x = &buffer[i * stride..(i + 1) * stride];
-            self.g[i] += inner(x, &work.residual);
-            for &j in &present[at..] {
-                self.h[(i, j)] += inner(x, &buffer[j * stride..(j + 1) * stride]);
+            self.g[i] += inner_in(x, span, &work.residual, everywhere);
+            for &(j, other) in &present[at..] {
+                self.h[(i, j)] += inner_in(x, span, &buffer[j * stride..(j + 1) * stride], other);
             }
         }
     }

@@ -302,7 +302,25 @@ impl Problem {
 
     /// Whether a deformation changes how the board's corners are seen: its optics, or a joint between camera and board.
     pub fn needs_fresh_board(&self, deformation: &Deformation) -> bool {
-        deformation.optics_differ() || deformation.moves_any(&self.between_camera_and_board)
+        deformation.optics_differ()
+            || deformation.moves_any(&self.between_camera_and_board)
+            || self.shifts_between(deformation)
+    }
+
+    /// [`Problem::needs_fresh_board`] for one frame, without looking at the others.
+    pub fn needs_fresh_board_in(&self, deformation: &Deformation, frame: usize) -> bool {
+        deformation.optics_differ()
+            || self.shifts_between(deformation)
+            || self.between_camera_and_board.iter().any(|&n| deformation.moves_in(frame, n))
+    }
+
+    /// Whether the origin of a joint between camera and board is shifted, by what carries it.
+    fn shifts_between(&self, deformation: &Deformation) -> bool {
+        let nodes = self.scene.nodes();
+        self.between_camera_and_board.iter().any(|&n| {
+            let carrier = self.scene.body.nodes[n].parent.unwrap_or(nodes);
+            deformation.link_shift[carrier] != Vector3::zeros()
+        })
     }
 
     /// Leaves a run of frames out: nothing that was seen in them counts.

@@ -8,9 +8,9 @@
 
 use super::atoms::{Atom, Column};
 use super::fit::{Active, Group};
-use super::frame::{FrameWork, PROJECTED, Task};
+use super::frame::{FrameWork, PROJECTED, Span, Task};
 use super::hypothesis::{Catalogue, Model};
-use super::normal::{Normal, chunks, counts, inner, needs_board};
+use super::normal::{Normal, chunks, counts, inner_in, needs_board};
 use super::problem::{Noise, Problem};
 use crate::error::Result;
 use nalgebra::{DMatrix, DVector};
@@ -32,6 +32,8 @@ struct Candidate {
     hypothesis: usize,
     variant: f64,
     columns: Vec<(usize, Column)>,
+    /// Index of the product of the i-th and j-th columns' atoms, `[i * columns + j]` for j ≥ i.
+    products: Vec<usize>,
 }
 
 /// Sums of one candidate over frames.
@@ -59,6 +61,8 @@ pub(crate) fn screen(
     let deformation = model.deformation(problem, catalogue, &group.columns);
     let mut atoms: Vec<Atom> = Vec::new();
     let mut atom_index: HashMap<Atom, usize> = HashMap::new();
+    let mut pairs: Vec<(usize, usize)> = Vec::new();
+    let mut pair_index: HashMap<(usize, usize), usize> = HashMap::new();
     let mut candidates = Vec::new();
     for (h, hypothesis) in catalogue.hypotheses.iter().enumerate() {
         if model.terms.iter().any(|t| t.hypothesis == h) {
@@ -67,7 +71,7 @@ pub(crate) fn screen(
         let zero = vec![0.0; hypothesis.prior_std.len()];
         for &variant in &hypothesis.variants {
             let columns = catalogue.effect(h).columns(scene, hypothesis.place, variant, &zero);
-            let columns = columns
+            let columns: Vec<(usize, Column)> = columns
                 .into_iter()
                 .map(|c| {
                     let next = atoms.len();
@@ -78,7 +82,18 @@ pub(crate) fn screen(
                     (index, c)
                 })
                 .collect();
-            candidates.push(Candidate { hypothesis: h, variant, columns });
+            let mut products = vec![0; columns.len() * columns.len()];
+            for (i, (a, _)) in columns.iter().enumerate() {
+                for (j, (b, _)) in columns.iter().enumerate().skip(i) {
+                    let next = pairs.len();
+                    let index = *pair_index.entry((*a, *b)).or_insert(next);
+                    if index == next {
+                        pairs.push((*a, *b));
+                    }
+                    products[i * columns.len() + j] = index;
+                }
+            }
+            candidates.push(Candidate { hypothesis: h, variant, columns, products });
         }
     }
     let count = active.columns.len();
@@ -109,6 +124,7 @@ pub(crate) fn screen(
                         &task,
                         &active,
                         &atoms,
+                        &pairs,
                         &candidates,
                         frame,
                         &mut normal,
@@ -179,19 +195,17 @@ fn score(
 
 struct Scratch {
     work: FrameWork,
+    /// Vectors of the active columns, and where each is not 0; none where it is absent from the frame.
     active: Vec<f64>,
-    present: Vec<bool>,
-    vector: Vec<f64>,
-    by_atom: Vec<AtomProducts>,
-}
-
-/// Products of one atom's vector with the residual and with the active columns.
-#[derive(Clone, Default)]
-struct AtomProducts {
-    present: bool,
-    with_residual: f64,
-    with_active: Vec<f64>,
-    vector: Vec<f64>,
+    present: Vec<Option<Span>>,
+    /// The same of the atoms.
+    by_atom: Vec<f64>,
+    atom_spans: Vec<Option<Span>>,
+    atom_residual: Vec<f64>,
+    /// `[atom * active + active]`.
+    atom_active: Vec<f64>,
+    /// Products of the pairs of atoms.
+    pair_products: Vec<f64>,
 }
 
 impl Scratch {
@@ -200,8 +214,11 @@ impl Scratch {
             work: FrameWork::new(problem),
             active: Vec::new(),
             present: Vec::new(),
-            vector: Vec::new(),
             by_atom: Vec::new(),
+            atom_spans: Vec::new(),
+            atom_residual: Vec::new(),
+            atom_active: Vec::new(),
+            pair_products: Vec::new(),
         }
     }
 
@@ -211,6 +228,7 @@ impl Scratch {
         task: &Task<'_>,
         active: &Active,
         atoms: &[Atom],
+        pairs: &[(usize, usize)],
         candidates: &[Candidate],
         frame: usize,
         normal: &mut Normal,
@@ -221,62 +239,77 @@ impl Scratch {
         }
         let scene = &problem.scene;
         let stride = self.work.row_count + PROJECTED;
+        let everywhere = Span { start: 0, end: self.work.row_count };
         let count = active.columns.len();
         self.active.resize(stride * count, 0.0);
         self.present.clear();
         for (i, column) in active.columns.iter().enumerate() {
             let out = &mut self.active[i * stride..(i + 1) * stride];
             let weight = column.weight.at(scene, frame);
-            let there = weight != 0.0 && self.work.column(problem, task.deformation, frame, column.atom, out);
-            if there && weight != 1.0 {
+            let span = if weight == 0.0 {
+                None
+            } else {
+                self.work.column_in(problem, task.deformation, frame, column.atom, out)
+            };
+            if span.is_some() && weight != 1.0 {
                 out.iter_mut().for_each(|x| *x *= weight);
             }
-            self.present.push(there);
+            self.present.push(span);
         }
-        for i in (0..count).filter(|&i| self.present[i]) {
-            let x = &self.active[i * stride..(i + 1) * stride];
-            normal.g[i] += inner(x, &self.work.residual);
-            for j in (i..count).filter(|&j| self.present[j]) {
-                normal.h[(i, j)] += inner(x, &self.active[j * stride..(j + 1) * stride]);
+        let residual = &self.work.residual;
+        let vector = |i: usize| &self.active[i * stride..(i + 1) * stride];
+        for i in 0..count {
+            let Some(in_x) = self.present[i] else { continue };
+            normal.g[i] += inner_in(vector(i), in_x, residual, everywhere);
+            for j in i..count {
+                if let Some(in_y) = self.present[j] {
+                    normal.h[(i, j)] += inner_in(vector(i), in_x, vector(j), in_y);
+                }
             }
         }
-        self.by_atom.resize(atoms.len(), AtomProducts::default());
-        self.vector.resize(stride, 0.0);
-        for (atom, products) in atoms.iter().zip(&mut self.by_atom) {
-            products.present =
-                self.work.column(problem, task.deformation, frame, *atom, &mut self.vector[..stride]);
-            if !products.present {
+        self.by_atom.resize(atoms.len() * stride, 0.0);
+        self.atom_active.resize(atoms.len() * count, 0.0);
+        self.atom_spans.clear();
+        self.atom_residual.clear();
+        for (a, atom) in atoms.iter().enumerate() {
+            let out = &mut self.by_atom[a * stride..(a + 1) * stride];
+            let span = self.work.column_in(problem, task.deformation, frame, *atom, out);
+            self.atom_spans.push(span);
+            let Some(in_x) = span else {
+                self.atom_residual.push(0.0);
                 continue;
+            };
+            self.atom_residual.push(inner_in(out, in_x, residual, everywhere));
+            for i in 0..count {
+                self.atom_active[a * count + i] =
+                    self.present[i].map_or(0.0, |in_y| inner_in(out, in_x, vector(i), in_y));
             }
-            let x = &self.vector[..stride];
-            products.with_residual = inner(x, &self.work.residual);
-            products.with_active.clear();
-            products.with_active.extend((0..count).map(|i| {
-                if self.present[i] { inner(x, &self.active[i * stride..(i + 1) * stride]) } else { 0.0 }
-            }));
-            products.vector.clear();
-            products.vector.extend_from_slice(x);
         }
-        let mut pair_products: HashMap<(usize, usize), f64> = HashMap::new();
+        let atom = |a: usize| &self.by_atom[a * stride..(a + 1) * stride];
+        self.pair_products.clear();
+        self.pair_products.extend(pairs.iter().map(|&(a, b)| {
+            match (self.atom_spans[a], self.atom_spans[b]) {
+                (Some(in_x), Some(in_y)) => inner_in(atom(a), in_x, atom(b), in_y),
+                _ => 0.0,
+            }
+        }));
         for (candidate, sums) in candidates.iter().zip(sums) {
-            for (i, (a, column)) in candidate.columns.iter().enumerate() {
-                let x = &self.by_atom[*a];
-                let w = if x.present { column.weight.at(scene, frame) } else { 0.0 };
+            let columns = &candidate.columns;
+            for (i, (a, column)) in columns.iter().enumerate() {
+                let there = self.atom_spans[*a].is_some();
+                let w = if there { column.weight.at(scene, frame) } else { 0.0 };
                 if w == 0.0 {
                     continue;
                 }
-                sums.g[i] += w * x.with_residual;
-                for (c, product) in x.with_active.iter().enumerate() {
-                    sums.b[(i, c)] += w * product;
+                sums.g[i] += w * self.atom_residual[*a];
+                for c in 0..count {
+                    sums.b[(i, c)] += w * self.atom_active[a * count + c];
                 }
-                for (j, (b, other)) in candidate.columns.iter().enumerate().skip(i) {
-                    let y = &self.by_atom[*b];
-                    if !y.present {
-                        continue;
+                for (j, (b, other)) in columns.iter().enumerate().skip(i) {
+                    if self.atom_spans[*b].is_some() {
+                        let product = self.pair_products[candidate.products[i * columns.len() + j]];
+                        sums.a[(i, j)] += w * other.weight.at(scene, frame) * product;
                     }
-                    let product =
-                        *pair_products.entry((*a, *b)).or_insert_with(|| inner(&x.vector, &y.vector));
-                    sums.a[(i, j)] += w * other.weight.at(scene, frame) * product;
                 }
             }
         }
