@@ -370,6 +370,7 @@ impl World {
         let commanded = self.commanded(plan, &mut rng);
         let theta = self.actual(plan, &commanded);
         let light = Light::of(plan);
+        let order = self.robots_order();
         let mut frames = Vec::new();
         for (f, q) in commanded.iter().enumerate() {
             let poses = self.settled(plan, &theta[f]);
@@ -409,7 +410,7 @@ impl World {
                 number: f as i64,
                 posture: (f / plan.views) as i64,
                 time_s: f as f64,
-                commanded: self.in_robots_order(q),
+                commanded: order.iter().map(|&b| q[b]).collect(),
                 sightings,
                 points: Vec::new(),
             });
@@ -460,10 +461,10 @@ impl World {
         recording
     }
 
-    /// Commanded positions in the order of the URDF's independent joints as the robot has them.
-    fn in_robots_order(&self, q: &[f64]) -> Vec<f64> {
+    /// For each of the robot's independent joints the bone that it moves.
+    fn robots_order(&self) -> Vec<usize> {
         let robot = mirror_core::robot::Robot::from_urdf_str(&self.urdf()).unwrap();
-        robot.position_names().map(|n| q[self.bone(n)]).collect()
+        robot.position_names().map(|n| self.bone(n)).collect()
     }
 
     fn recording(&self, plan: &Plan, frames: Vec<Frame>) -> Recording {

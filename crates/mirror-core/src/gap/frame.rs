@@ -13,6 +13,7 @@ use super::pose::Pose;
 use super::problem::{BoardFit, Eye, Noise, Observation, Problem, Seen};
 use super::robust::{Mixture, Robust};
 use crate::geometry::Reflection;
+use crate::mirror::MirrorOptics;
 use nalgebra::{Matrix2x3, Matrix3, Point3, SMatrix, Vector2, Vector3};
 
 /// Gauss–Newton steps for a board's plane; it starts within millimetres and converges quadratically.
@@ -645,8 +646,33 @@ fn mirrored_pixel(
     point: &Vector3<f64>,
 ) -> Option<(Vector2<f64>, Matrix2x3<f64>)> {
     let plane = Problem::plane(foot)?;
+    if eye.mirror == MirrorOptics::IDEAL {
+        return ideally_mirrored(eye, foot, point).map(|seen| (seen.0, seen.2));
+    }
     let seen = eye.mirror.project_with_jacobians(&eye.camera, &plane, &Point3::from(*point)).ok()?;
     Some((seen.pixel, seen.by_foot_point))
+}
+
+/// Pixel in a flat front-surface mirror and its derivatives by the point and the foot point f:
+/// `p′ = p + 2 (1 − f·p/f²) f`. The mirror that nearly all sessions have, without the general optics' ray tracing.
+fn ideally_mirrored(
+    eye: &Eye,
+    foot: &Vector3<f64>,
+    point: &Vector3<f64>,
+) -> Option<(Vector2<f64>, Matrix2x3<f64>, Matrix2x3<f64>)> {
+    let square = foot.norm_squared();
+    let share = foot.dot(point) / square;
+    // Behind the mirror nothing is seen; written so that NaN fails.
+    if !(share < 1.0) {
+        return None;
+    }
+    let seen = Point3::from(point + foot * (2.0 * (1.0 - share)));
+    let (pixel, by_seen) = eye.camera.project_with_point_jacobian(&seen).ok()?;
+    let along = by_seen * foot;
+    let by_point = by_seen - along * foot.transpose() * (2.0 / square);
+    let share_by_foot = (point - foot * (2.0 * share)) / square;
+    let by_foot = by_seen * (2.0 * (1.0 - share)) - along * share_by_foot.transpose() * 2.0;
+    Some((pixel, by_point, by_foot))
 }
 
 fn sight_of(eye: &Eye, via: Via, foot: &Vector3<f64>, point: &Vector3<f64>, lens: bool) -> Option<Sight> {
@@ -681,6 +707,17 @@ fn sight_of(eye: &Eye, via: Via, foot: &Vector3<f64>, point: &Vector3<f64>, lens
         }
         Via::Mirror => {
             let plane = Problem::plane(foot)?;
+            if !lens && eye.mirror == MirrorOptics::IDEAL {
+                let (pixel, by_point, by_foot) = ideally_mirrored(eye, foot, &point.coords)?;
+                return Some(Sight {
+                    pixel,
+                    by_point,
+                    by_foot,
+                    by_glass: Vector2::zeros(),
+                    by_curvature: Vector2::zeros(),
+                    by_lens: SMatrix::zeros(),
+                });
+            }
             let seen = eye.mirror.project_with_jacobians(&eye.camera, &plane, &point).ok()?;
             let apparent = if lens { eye.mirror.apparent_point(&plane, &point).ok()? } else { point };
             Some(Sight {

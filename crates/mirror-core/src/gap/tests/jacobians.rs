@@ -207,3 +207,31 @@ fn the_inner_product_is_that_of_the_projected_columns() {
         }
     }
 }
+
+#[test]
+fn the_ideal_mirrors_short_cut_is_the_general_optics() {
+    // The same session by the short cut, and by the general optics through a pane of no thickness worth the name.
+    let problem = problem();
+    let short = problem.nominal();
+    let mut long = problem.nominal();
+    long.glass_thickness_m = 1e-12;
+    for frame in 0..problem.frames.len() {
+        let run = |d: &Deformation| {
+            let eye = problem.eye(d).unwrap();
+            let task = Task {
+                deformation: d,
+                eye: eye.as_ref(),
+                noise: problem.noise,
+                with_board: false,
+                gaussian: true,
+            };
+            let mut work = FrameWork::new(&problem);
+            assert!(work.evaluate(&problem, &task, frame));
+            (work.residual.clone(), work.foot, work.plane_rows())
+        };
+        let ((a, foot_a, rows_a), (b, foot_b, rows_b)) = (run(&short), run(&long));
+        assert!((foot_a - foot_b).norm() < 1e-9);
+        assert!((&rows_a - &rows_b).norm() < 1e-7 * rows_a.norm());
+        assert!(a.iter().zip(&b).all(|(x, y)| (x - y).abs() < 1e-6));
+    }
+}
