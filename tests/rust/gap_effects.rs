@@ -78,9 +78,25 @@ fn backlash() {
     finds(Wrong::Backlash(j, 0.05, 0.4), "backlash", "joint:r_shoulder_pitch", &[("width_rad", 0.05)]);
 }
 
+/// A dead band without droop is a play of twice its width that motion alone drives: each must name the other as its rival.
 #[test]
 fn stiction() {
-    finds(Wrong::Stiction(elbow(), 0.02), "stiction", "joint:r_elbow", &[("deadband_rad", 0.02)]);
+    let plan = Plan { wrong: vec![Wrong::Stiction(elbow(), 0.02)], ..Plan::default() };
+    let diagnosis = diagnosed(&World::new(4, false), &plan);
+    let said = told(&diagnosis);
+    assert_eq!((diagnosis.verdict.as_str(), diagnosis.causes.len()), ("explained", 1), "{said}");
+    let cause = &diagnosis.causes[0];
+    assert_eq!(cause.at, "joint:r_elbow", "{said}");
+    let (size, truth) = match cause.effect.as_str() {
+        "stiction" => (cause.parameters["deadband_rad"], 0.02),
+        "backlash" => {
+            assert!(cause.probability < 0.9, "{said}");
+            assert!(cause.alternatives.iter().any(|a| a.effect == "stiction" && a.at == cause.at), "{said}");
+            (cause.parameters["width_rad"], 0.04)
+        }
+        _ => panic!("{said}"),
+    };
+    assert!((size.value - truth).abs() < 4.0 * size.std, "{said}");
 }
 
 #[test]
