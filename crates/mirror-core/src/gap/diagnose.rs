@@ -46,6 +46,8 @@ pub(crate) struct Findings<'a> {
     pub before: Vec<PostureGap>,
     pub after: Vec<PostureGap>,
     pub unexplained: Option<Unexplained>,
+    /// Share of the markers' observations that were left out as false.
+    pub false_share: f64,
 }
 
 /// More causes than this at once are rather many small errors.
@@ -150,6 +152,8 @@ pub(crate) fn diagnose_with(
         found = its_found;
     }
     // From here on without the observations that the best model shows to be false.
+    let counted = |p: &Problem| p.frames.iter().map(|f| f.others.len()).sum::<usize>() as f64;
+    let false_share = 1.0 - counted(&clean) / counted(&search.problem).max(1.0);
     search.problem = clean;
     let (before, mut after) = gaps(&search, &nominal, &found)?;
     drop_useless(&mut search, &mut found, &mut after)?;
@@ -162,7 +166,7 @@ pub(crate) fn diagnose_with(
     if unexplained.is_some() {
         after = gaps(&search, &nominal, &found)?.1;
     }
-    let mut findings = Findings { search, found, geometry, slip, before, after, unexplained };
+    let mut findings = Findings { search, found, geometry, slip, before, after, unexplained, false_share };
     let mut checked = Vec::new();
     for other in others {
         checked.push(check(&findings, other)?);

@@ -22,6 +22,8 @@ const RESAMPLES: usize = 400;
 const FEW_POSTURES: usize = 20;
 /// Hypotheses of the ranking that are written.
 const RANKED: usize = 40;
+/// More false observations than this are worth a word.
+const MANY_FALSE: f64 = 0.015;
 /// A gap smaller than this share of the noise floor is none: there is nothing to close.
 const NO_GAP: f64 = 0.02;
 /// A servo's droop is told as a cause of its own from this many standard deviations on.
@@ -372,6 +374,12 @@ fn warnings(findings: &Findings<'_>) -> Vec<String> {
     }
     if scene.marker_names.len() == 1 {
         out.push("one marker only: joints behind one another are hard to tell apart; add a marker on each link of interest".into());
+    }
+    if findings.false_share > MANY_FALSE {
+        out.push(format!(
+            "{:.1} % of the markers' observations are far from the best model and were left out as false: look at them",
+            findings.false_share * 100.0
+        ));
     }
     if !scene.ordered {
         out.push("the rows are not in the order of execution: play and stiction by direction of motion cannot be seen".into());
