@@ -14,6 +14,7 @@
 //! | [`picture`] | ray tracer: pictures of a robot before a mirror, with their truth |
 //! | [`measure`] | a session by one estimator of the ladder: mirrors, then markers |
 //! | [`robot`] | URDF to a validated tree; kinematics, Jacobians, gravity torques |
+//! | [`gap`] | the diagnosis: forward model, effects, screening, search, evidence, verdict |
 //!
 //! Conventions (tested, and told in full in `docs/conventions.md`): `a_from_b` maps coordinates in frame b to
 //! coordinates in frame a; `point_in_a`; SI units; a camera's optical frame has z forward, x right, y down;

@@ -1,0 +1,103 @@
+//! The columns of a frame: how its rows move with an elementary change of the model.
+
+use super::*;
+
+/// The rows of a column that are not 0, from `start` to before `end`.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(crate) struct Span {
+    pub start: usize,
+    pub end: usize,
+}
+
+/// How an atom of the body moves a row's target against its observer: 1, −1 where it is the observer that moves, or not at all.
+fn motion(problem: &Problem, row: &Rows, atom: Atom) -> Option<f64> {
+    let target = moves(atom, &problem.scene, row.node);
+    let observer = moves(atom, &problem.scene, row.observer);
+    (target != observer).then_some(if target { 1.0 } else { -1.0 })
+}
+
+impl FrameWork {
+    /// Writes a column's rows and its projection (`row_count + 3` numbers); false where the atom moves nothing here.
+    pub fn column(
+        &self,
+        problem: &Problem,
+        deformation: &Deformation,
+        frame: usize,
+        atom: Atom,
+        out: &mut [f64],
+    ) -> bool {
+        self.column_in(problem, deformation, frame, atom, out).is_some()
+    }
+
+    /// As [`FrameWork::column`], and from where to where the rows are not 0: a limb moves its markers' rows, not the board's.
+    pub fn column_in(
+        &self,
+        problem: &Problem,
+        deformation: &Deformation,
+        frame: usize,
+        atom: Atom,
+        out: &mut [f64],
+    ) -> Option<Span> {
+        out[..self.row_count + PROJECTED].fill(0.0);
+        let mut span: Option<Span> = None;
+        let mut gradient = Vector3::zeros();
+        let twist = body_twist(atom, &problem.scene, &self.poses, deformation, frame);
+        let mut at = 0;
+        // Rows of one target follow each other: whether the atom moves it is asked once.
+        let mut last = None;
+        for row in &self.rows {
+            let value = match &twist {
+                Some(twist) => {
+                    let sign = match last {
+                        Some((node, observer, sign)) if node == row.node && observer == row.observer => sign,
+                        _ => motion(problem, row, atom),
+                    };
+                    last = Some((row.node, row.observer, sign));
+                    sign.map(|s| row.by_world * (twist.omega.cross(&row.point) + twist.shift) * s)
+                }
+                None => self.rows_of(problem, row, atom),
+            };
+            if let Some(value) = value {
+                let end = at + row.count;
+                span = Some(Span { start: span.map_or(at, |s| s.start), end });
+                out[at..end].copy_from_slice(&value.as_slice()[..row.count]);
+                gradient += row.plane.tr_mul(&value);
+            }
+            at += row.count;
+        }
+        if span.is_some() && self.has_plane {
+            out[at..at + PROJECTED].copy_from_slice((self.plane_inverse_factor * gradient).as_slice());
+        }
+        span
+    }
+
+    #[inline]
+    fn rows_of(&self, problem: &Problem, row: &Rows, atom: Atom) -> Option<Vector3<f64>> {
+        match atom {
+            Atom::MarkerShift(m, k) if row.marker == Some(m) => {
+                let mount = self.poses.site(&problem.marker_mounts[m]).r;
+                Some(row.by_world * mount.column(k))
+            }
+            Atom::FramePose(k) if row.measured => {
+                let unknown = self.unknown?;
+                let in_root = self.root.inverse_point(&row.point);
+                let axis = Vector3::ith(k % 3, 1.0);
+                let velocity = if k < 3 { axis.cross(&in_root) } else { axis };
+                Some(unknown.r * velocity * row.scale)
+            }
+            _ if atom.is_optical() && !row.measured => {
+                let k = match atom {
+                    Atom::CameraMount(k) => k,
+                    Atom::Focal => 6,
+                    Atom::Center(k) => 7 + k,
+                    Atom::Dk1 => 9,
+                    Atom::BoardScale => 10,
+                    Atom::Glass => 11,
+                    _ => 12,
+                };
+                Some(row.optics.column(k).into_owned())
+            }
+            _ => None,
+        }
+    }
+}

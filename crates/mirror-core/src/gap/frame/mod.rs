@@ -1,0 +1,312 @@
+//! One frame of the exact forward model: predictions, residuals and the rows of any column, the mirror projected out.
+//!
+//! For given deformation the frame's mirror plane is fitted to all that the frame shows (variable projection), then all is
+//! linearised there. With rows whitened, plane rows D, `G = DᵀD = L Lᵀ`, a column x enters the reduced normal equations as
+//! `⟨x, y⟩ = x·y − (L⁻¹Dᵀx)·(L⁻¹Dᵀy)`: each vector is stored as its rows followed by the three numbers `L⁻¹Dᵀx`.
+
+mod columns;
+mod observe;
+mod sight;
+
+use crate::gap::atoms::{Atom, body_twist, moves};
+use crate::gap::body::NodeId;
+use crate::gap::deformation::Deformation;
+use crate::gap::kinematics::NodePoses;
+use crate::gap::observations::Via;
+use crate::gap::pose::Pose;
+use crate::gap::problem::{BoardFit, Eye, Noise, Observation, Problem, Seen};
+use crate::gap::robust::{Mixture, Robust};
+use crate::geometry::Reflection;
+use crate::mirror::MirrorOptics;
+pub(crate) use columns::Span;
+use nalgebra::{Matrix2x3, Matrix3, Point3, SMatrix, Vector2, Vector3};
+use sight::{mirrored_pixel, start_of_plane};
+
+/// Gauss–Newton steps for a board's plane; it starts within millimetres and converges quadratically.
+const BOARD_STEPS: usize = 12;
+/// Steps that a plane takes from the board's own optimum to that of the whole frame: a tiny way.
+const PLANE_STEPS: usize = 2;
+/// A board with fewer corners than this does not show a plane with a margin.
+const FEWEST_CORNERS: usize = 4;
+/// Extra numbers behind a column's rows: its projection on the plane's three parameters.
+pub(crate) const PROJECTED: usize = 3;
+
+/// The rows of one observation (two of an image point, three of a measured point), whitened.
+#[derive(Debug, Clone)]
+struct Rows {
+    count: usize,
+    node: Option<NodeId>,
+    observer: Option<NodeId>,
+    marker: Option<usize>,
+    residual: Vector3<f64>,
+    /// Square root of the weight, over the standard deviation.
+    scale: f64,
+    /// Rows by displacement of the point in the world.
+    by_world: Matrix3<f64>,
+    /// The point in the world.
+    point: Vector3<f64>,
+    plane: Matrix3<f64>,
+    /// By camera mount (6), focal, cx, cy, k1, board scale, glass, curvature.
+    optics: SMatrix<f64, 3, 13>,
+    measured: bool,
+}
+
+/// Reusable memory for one frame.
+pub(crate) struct FrameWork {
+    frame: usize,
+    pub poses: NodePoses,
+    rows: Vec<Rows>,
+    /// How many of `rows` are board corners (first).
+    pub foot: Vector3<f64>,
+    plane_inverse_factor: Matrix3<f64>,
+    has_plane: bool,
+    /// Negative twice the frame's log likelihood (0 at a perfect fit).
+    pub cost: f64,
+    /// Rows in all, without the projected ones.
+    pub row_count: usize,
+    board_gradient: Vector3<f64>,
+    /// Whitened χ² of the board above that at its own best plane.
+    pub board_excess: f64,
+    root: Pose,
+    unknown: Option<Pose>,
+    pub residual: Vec<f64>,
+}
+
+/// How to evaluate a frame.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Task<'a> {
+    pub deformation: &'a Deformation,
+    pub eye: Option<&'a Eye>,
+    pub noise: Noise,
+    /// Whether the board's corners are rows of their own, rather than condensed: needed where a column moves them.
+    pub with_board: bool,
+    /// Whether every observation counts in full: needed where the model is known to be far off, so that nothing looks false.
+    pub gaussian: bool,
+}
+
+impl FrameWork {
+    pub fn new(problem: &Problem) -> Self {
+        Self {
+            frame: 0,
+            poses: NodePoses::new(problem.scene.nodes()),
+            rows: Vec::new(),
+            foot: Vector3::zeros(),
+            plane_inverse_factor: Matrix3::zeros(),
+            has_plane: false,
+            cost: 0.0,
+            row_count: 0,
+            board_gradient: Vector3::zeros(),
+            board_excess: 0.0,
+            root: Pose::identity(),
+            unknown: None,
+            residual: Vec::new(),
+        }
+    }
+
+    fn pose(&mut self, problem: &Problem, deformation: &Deformation, frame: usize) {
+        let nodes = problem.scene.nodes();
+        let commanded = &problem.scene.commanded[frame * nodes..(frame + 1) * nodes];
+        self.poses.update(&problem.scene.body, commanded, deformation, frame);
+        self.frame = frame;
+        self.root = self.poses.site(&problem.scene.body.root);
+    }
+
+    /// The world in the camera's (actual) optical frame.
+    fn camera_from_world(&self, problem: &Problem, eye: &Eye) -> Pose {
+        let world_from_mount = problem.camera_site.map_or_else(Pose::identity, |s| self.poses.site(&s));
+        eye.camera_from_mount.then(&world_from_mount.inverse())
+    }
+
+    /// Fits the mirror to the frame's board alone, from a start or from the plane half-way to the board's depth.
+    pub fn fit_board(
+        &mut self,
+        problem: &Problem,
+        deformation: &Deformation,
+        eye: Option<&Eye>,
+        frame: usize,
+        start: Option<Vector3<f64>>,
+    ) -> Option<BoardFit> {
+        let (eye, board) = (eye?, problem.board?);
+        let corners = &problem.frames[frame].corners;
+        if corners.len() < FEWEST_CORNERS {
+            return None;
+        }
+        self.pose(problem, deformation, frame);
+        let camera_from_board = self.camera_from_world(problem, eye).then(&self.poses.site(&board));
+        let scale = 1.0 + deformation.board_scale_error;
+        let mut foot = match start {
+            Some(foot) => foot,
+            None => start_of_plane(problem, eye, &camera_from_board, frame)?,
+        };
+        let evaluate = |foot: &Vector3<f64>| -> Option<(f64, Matrix3<f64>, Vector3<f64>)> {
+            let (mut chi2, mut information, mut gradient) = (0.0, Matrix3::zeros(), Vector3::zeros());
+            for (index, pixel) in corners {
+                let point = camera_from_board.point(&(problem.corners[*index] * scale));
+                let (at, by_foot) = mirrored_pixel(eye, foot, &point)?;
+                let r = pixel - at;
+                chi2 += r.norm_squared();
+                information += by_foot.tr_mul(&by_foot);
+                gradient += by_foot.tr_mul(&r);
+            }
+            Some((chi2, information, gradient))
+        };
+        let (mut chi2, mut information, mut gradient) = evaluate(&foot)?;
+        let mut damping = 1e-6;
+        for _ in 0..BOARD_STEPS {
+            let mut damped = information;
+            for i in 0..3 {
+                damped[(i, i)] *= 1.0 + damping;
+            }
+            let step = damped.cholesky()?.solve(&gradient);
+            match evaluate(&(foot + step)) {
+                Some(next) if next.0 <= chi2 => {
+                    let done = chi2 - next.0 < 1e-9 * chi2;
+                    foot += step;
+                    (chi2, information, gradient) = next;
+                    damping *= 0.1;
+                    if done {
+                        break;
+                    }
+                }
+                _ => damping = (damping * 10.0).max(1e-3),
+            }
+        }
+        Some(BoardFit { foot, information, chi2_px2: chi2, corners: corners.len() })
+    }
+
+    /// Residuals (px) of a frame's board corners at its own best plane with nominal optics, and where the corners are seen.
+    pub fn board_residuals(
+        &mut self,
+        problem: &Problem,
+        nominal: &Deformation,
+        eye: &Eye,
+        frame: usize,
+    ) -> Vec<(Vector2<f64>, Vector2<f64>)> {
+        let (Some(Some(fit)), Some(board)) = (problem.boards.get(frame), problem.board) else {
+            return Vec::new();
+        };
+        self.pose(problem, nominal, frame);
+        let camera_from_board = self.camera_from_world(problem, eye).then(&self.poses.site(&board));
+        problem.frames[frame]
+            .corners
+            .iter()
+            .filter_map(|(index, pixel)| {
+                let point = camera_from_board.point(&problem.corners[*index]);
+                mirrored_pixel(eye, &fit.foot, &point).map(|(at, _)| (*pixel, pixel - at))
+            })
+            .collect()
+    }
+
+    /// Evaluates a frame: after it, [`FrameWork::cost`], [`FrameWork::residual`] and columns can be read.
+    ///
+    /// False where the frame shows nothing that the model can predict (no board for its mirror, say).
+    pub fn evaluate(&mut self, problem: &Problem, task: &Task<'_>, frame: usize) -> bool {
+        self.rows.clear();
+        self.cost = 0.0;
+        self.has_plane = false;
+        self.pose(problem, task.deformation, frame);
+        self.unknown = problem.unknown_frame.map(|start| moved(&start, &task.deformation.frame_pose));
+        let data = &problem.frames[frame];
+        let nominal_board = problem.boards.get(frame).copied().flatten();
+        let mut board = None;
+        if let (Some(eye), Some(start)) = (task.eye, nominal_board) {
+            let fit = if task.with_board && problem.needs_fresh_board_in(task.deformation, frame) {
+                self.fit_board(problem, task.deformation, Some(eye), frame, Some(start.foot))
+            } else {
+                Some(start)
+            };
+            if let Some(fit) = fit {
+                self.has_plane = true;
+                self.foot = fit.foot;
+                board = Some(fit);
+            }
+        }
+        let corner_variance = task.noise.corner_px * task.noise.corner_px;
+        // The plane goes from the board's optimum to the whole frame's, weights as of the present residuals.
+        for _ in 0..if self.has_plane { PLANE_STEPS } else { 0 } {
+            let Some(fit) = &board else { break };
+            self.rows.clear();
+            let mut g = fit.information / corner_variance;
+            let mut rhs = g * (fit.foot - self.foot);
+            self.observe(problem, task, data, false);
+            for row in &self.rows {
+                g += row.plane.tr_mul(&row.plane);
+                rhs += row.plane.tr_mul(&row.residual);
+            }
+            match g.cholesky() {
+                Some(factor) => self.foot += factor.solve(&rhs),
+                None => break,
+            }
+        }
+        self.rows.clear();
+        self.cost = 0.0;
+        self.board_gradient = Vector3::zeros();
+        self.board_excess = 0.0;
+        let mut g = Matrix3::zeros();
+        if let Some(fit) = &board {
+            if task.with_board {
+                self.observe_board(problem, task, data);
+                for row in &self.rows {
+                    g += row.plane.tr_mul(&row.plane);
+                    self.board_gradient += row.plane.tr_mul(&row.residual);
+                    self.board_excess += row.residual.norm_squared();
+                }
+                self.board_excess -= fit.chi2_px2 / corner_variance;
+            } else {
+                g = fit.information / corner_variance;
+                let away = self.foot - fit.foot;
+                self.board_gradient = -(g * away);
+                self.board_excess = away.dot(&(g * away));
+                self.cost += fit.chi2_px2 / corner_variance + self.board_excess;
+            }
+        }
+        let first_other = self.rows.len();
+        self.observe(problem, task, data, true);
+        for row in &self.rows[first_other..] {
+            g += row.plane.tr_mul(&row.plane);
+        }
+        if self.has_plane {
+            match g.cholesky().and_then(|c| c.l().try_inverse()) {
+                Some(inverse) => self.plane_inverse_factor = inverse,
+                None => return false,
+            }
+        }
+        self.row_count = self.rows.iter().map(|r| r.count).sum();
+        let mut residual = core::mem::take(&mut self.residual);
+        residual.clear();
+        let mut gradient = if task.with_board { Vector3::zeros() } else { self.board_gradient };
+        for row in &self.rows {
+            residual.extend_from_slice(&row.residual.as_slice()[..row.count]);
+            gradient += row.plane.tr_mul(&row.residual);
+        }
+        let projected = self.plane_inverse_factor * gradient;
+        residual.extend_from_slice(if self.has_plane { projected.as_slice() } else { &[0.0; PROJECTED] });
+        self.residual = residual;
+        self.row_count > 0 || self.cost > 0.0
+    }
+
+    /// The rows by the plane's foot point, one row each.
+    #[cfg(test)]
+    pub fn plane_rows(&self) -> nalgebra::DMatrix<f64> {
+        let rows = self.rows.iter().flat_map(|r| (0..r.count).map(|i| r.plane.row(i).into_owned()));
+        let rows: Vec<_> = rows.collect();
+        nalgebra::DMatrix::from_fn(rows.len(), PROJECTED, |i, k| rows[i][k])
+    }
+
+    /// Unweighted residual (px or m) of each observation other than the mirrored corners, in the frame's order.
+    pub fn raw_residuals(&self, with: impl FnMut(Option<usize>, bool, Vector3<f64>)) {
+        let mut with = with;
+        for row in &self.rows {
+            if row.marker.is_some() && row.scale > 0.0 {
+                with(row.marker, row.measured, row.residual / row.scale);
+            }
+        }
+    }
+}
+
+/// Moves a pose by the project's tangent: `pose ∘ (Exp ω, v)`.
+fn moved(pose: &Pose, tangent: &nalgebra::Vector6<f64>) -> Pose {
+    let omega = tangent.fixed_rows::<3>(0).into_owned();
+    let shift = tangent.fixed_rows::<3>(3).into_owned();
+    pose.then(&Pose { r: crate::gap::pose::exp(&omega), t: shift })
+}
