@@ -20,6 +20,7 @@ from mirror_posture.calibrate import (
     calibrate_from_mirror_views,
 )
 from mirror_posture.camera import Camera
+from mirror_posture.detect import BoardSpec, CameraSpec, detect_boards
 from mirror_posture.mirror import Rig, estimate_mirrors, planar_poses
 
 PICTURES = Path(__file__).resolve().parents[3] / "shared" / "data" / "pictures"
@@ -49,6 +50,24 @@ def test_tnm_reprojection_is_at_or_below_the_published_codes(count: int, figure_
     assert found.views.tolist() == list(range(count)) and not found.reasons
     assert found.reprojection_mean_px <= figure_px
     assert found.determined
+
+
+@pytest.mark.parametrize(("count", "figure_px"), [(5, 0.640), (3, 0.689)])
+def test_tnm_reprojection_from_the_pictures_is_as_good(count: int, figure_px: float) -> None:
+    """The same, with the corners found in the pictures."""
+    data = folder("tnm")
+    k = np.loadtxt(data / "camera.txt", delimiter=",")
+    spec = CameraSpec(k, np.zeros(5), 1600, 1200)
+    corners = []
+    for number in range(1, count + 1):
+        picture = cv2.imread(str(data / f"input{number}.jpg"), cv2.IMREAD_GRAYSCALE)
+        (view,) = detect_boards(picture, BoardSpec(10, 7, 0.0275), spec)
+        assert view.ok, (number, view.reason)
+        corners.append(view.corners_px)
+    camera = Camera((1600, 1200), (k[0, 0], k[1, 1]), (k[0, 2], k[1, 2]))
+    found = calibrate_from_mirror_views(camera, Board((10, 7), 0.0275), np.stack(corners))
+    assert found.views.tolist() == list(range(count)) and not found.reasons
+    assert found.reprojection_mean_px <= figure_px
 
 
 def test_tnm_least_squares_is_the_published_optimum() -> None:
