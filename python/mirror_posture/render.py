@@ -25,6 +25,7 @@ from .session.camera_info import CameraInfo, load_camera_info
 from .session.metadata import Metadata, load_metadata
 from .session.types import Frames, MirrorModel, Session, Views
 from .session.write import replace_folder, write_session_files
+from .viewpoint import View as View
 
 Floats = npt.NDArray[np.float64]
 Positions = Mapping[str, float]
@@ -45,21 +46,6 @@ SECONDS_A_FRAME = 2.0
 """Time from picture to picture that frames.csv tells."""
 BALL_SATURATION, BALL_VALUE = 0.94, 0.85
 """The balls' paint, as saturation and value of their marker's hue."""
-
-
-@dataclass(frozen=True)
-class View:
-    """Where the mirror stands before the robot.
-
-    At `yaw_rad = pitch_rad = 0` the chest board faces it squarely. The unit normal, from the robot to the mirror, is
-    `(cos p cos y, cos p sin y, sin p)` in the root's frame (x forward, y left, z up): a positive yaw is the robot turned
-    to its right, so that its right hand comes nearer to the picture's middle; a positive pitch is a mirror whose top
-    leans towards the robot. `distance_m` is that of the board's centre from the mirror's front face.
-    """
-
-    yaw_rad: float = 0.0
-    pitch_rad: float = 0.0
-    distance_m: float = 0.150
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,50 @@
+"""Robots that can be commanded, behind one small protocol: command joint positions, look, rest, close.
+
+`CommandedRobot` is the protocol, `RobotBase` what a new robot derives from; `TurnsView` is for those that can turn
+before their mirror. `Nominal` is the session that a robot belongs to.
+"""
+
+from .base import RobotBase
+from .errors import (
+    ClosedRobotError,
+    HardwareFaultError,
+    LostRobotError,
+    NoLookError,
+    NotSettledError,
+    RobotError,
+    UnsafeCommandError,
+)
+from .nominal import Nominal, detect_look
+from .protocol import (
+    Arrival,
+    CommandedRobot,
+    ImagePoints,
+    JointLimits,
+    Look,
+    MarkerPoints,
+    Positions,
+    TurnsView,
+    check_command,
+)
+
+__all__ = [
+    "Arrival",
+    "ClosedRobotError",
+    "CommandedRobot",
+    "HardwareFaultError",
+    "ImagePoints",
+    "JointLimits",
+    "Look",
+    "LostRobotError",
+    "MarkerPoints",
+    "NoLookError",
+    "Nominal",
+    "NotSettledError",
+    "Positions",
+    "RobotBase",
+    "RobotError",
+    "TurnsView",
+    "UnsafeCommandError",
+    "check_command",
+    "detect_look",
+]

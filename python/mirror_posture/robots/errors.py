@@ -1,0 +1,45 @@
+"""What can go wrong with a robot that is commanded; each error says what was got, what was needed and the fix."""
+
+from __future__ import annotations
+
+from .._core import MirrorPostureError
+
+
+class RobotError(MirrorPostureError):
+    """A robot that did not do what it was asked for."""
+
+
+class UnsafeCommandError(RobotError):
+    """A command that was refused before anything moved: an unknown joint, a position beyond its limits, no number.
+
+    `joint` and `position` name the first offender.
+    """
+
+    def __init__(self, message: str, *, joint: str, position: float | None = None) -> None:
+        super().__init__(message)
+        self.joint = joint
+        self.position = position
+
+
+class NotSettledError(RobotError):
+    """The robot did not come to rest in time, or a joint's own encoder says that it did not go where it was sent."""
+
+    def __init__(self, message: str, *, joints: tuple[str, ...] = ()) -> None:
+        super().__init__(message)
+        self.joints = joints
+
+
+class NoLookError(RobotError):
+    """No picture or measurement came; the robot still answers, and may be asked again."""
+
+
+class HardwareFaultError(RobotError):
+    """The robot reports a fault of its own (overload, heat, voltage); torque has been taken off."""
+
+
+class LostRobotError(RobotError):
+    """The robot cannot be reached any more: a cut line, a window that was closed. What its joints do is not known."""
+
+
+class ClosedRobotError(RobotError):
+    """The robot was closed; nothing more can be asked of it."""
