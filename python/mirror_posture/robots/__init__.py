@@ -14,6 +14,7 @@ from .errors import (
     RobotError,
     UnsafeCommandError,
 )
+from .hidden import HiddenBody, HiddenEffect
 from .nominal import Nominal, detect_look
 from .protocol import (
     Arrival,
@@ -26,12 +27,15 @@ from .protocol import (
     TurnsView,
     check_command,
 )
+from .twin import TwinOptions, TwinRobot
 
 __all__ = [
     "Arrival",
     "ClosedRobotError",
     "CommandedRobot",
     "HardwareFaultError",
+    "HiddenBody",
+    "HiddenEffect",
     "ImagePoints",
     "JointLimits",
     "Look",
@@ -44,6 +48,8 @@ __all__ = [
     "RobotBase",
     "RobotError",
     "TurnsView",
+    "TwinOptions",
+    "TwinRobot",
     "UnsafeCommandError",
     "check_command",
     "detect_look",
