@@ -343,6 +343,78 @@ class Measured:
     def degrees_of_freedom(self) -> int | None: ...
 
 @final
+class CorrectionStep:
+    @property
+    def change(self) -> _Array: ...
+    @property
+    def at_limit(self) -> list[bool]: ...
+    @property
+    def mu_m_per_rad(self) -> float: ...
+    @property
+    def scale(self) -> float: ...
+
+def correction_step(
+    jacobian: npt.ArrayLike,
+    error_m: npt.ArrayLike,
+    covariance_m2: npt.ArrayLike,
+    positions: npt.ArrayLike,
+    lower: npt.ArrayLike,
+    upper: npt.ArrayLike,
+    free: Sequence[bool],
+    *,
+    gain: float,
+    largest_step_rad: float,
+    mu_m_per_rad: float | None = None,
+    step_std_rad: float | None = None,
+) -> CorrectionStep: ...
+@final
+class Corrector:
+    def __new__(
+        cls,
+        robot: Robot,
+        *,
+        camera_link: str,
+        board_link: str,
+        markers: Sequence[tuple[str, str]],
+        posture: npt.ArrayLike,
+        held: Sequence[str],
+        start: npt.ArrayLike | None = None,
+        gain: float,
+        largest_step_rad: float,
+        mu_m_per_rad: float | None,
+        step_std_rad: float | None,
+        jacobian: str,
+        tolerance_m: float,
+        wrong_converged: float,
+        looks: int,
+        patience: int,
+        least_progress: float,
+        divergence: float,
+        retries: int,
+        largest_gap_m: float,
+        play_m: float,
+        largest_correction_rad: float,
+    ) -> Corrector: ...
+    @property
+    def target_in_board_m(self) -> _Array: ...
+    @property
+    def free(self) -> list[bool]: ...
+    @property
+    def command(self) -> _Array: ...
+    @property
+    def best_command(self) -> _Array | None: ...
+    def records(self) -> str: ...
+    def responses(self) -> str: ...
+    def observe(
+        self,
+        measured: Sequence[bool],
+        point_in_board_m: npt.ArrayLike,
+        covariance_m2: npt.ArrayLike,
+        chi_squared: npt.ArrayLike,
+        degrees_of_freedom: Sequence[int],
+    ) -> str: ...
+
+@final
 class SeenInMirror:
     def __len__(self) -> int: ...
     @property

@@ -5,6 +5,7 @@
 
 mod calibrate;
 mod camera;
+mod correct;
 mod gap_effects;
 mod gap_sessions;
 mod gap_world;

@@ -14,6 +14,7 @@
 //! | [`picture`] | ray tracer: pictures of a robot before a mirror, with their truth |
 //! | [`measure`] | a session by one estimator of the ladder: mirrors, then markers |
 //! | [`robot`] | URDF to a validated tree; kinematics, Jacobians, gravity torques |
+//! | [`correct`] | the posture loop: damped steps from marker errors to commands, and its stops |
 //! | [`gap`] | the diagnosis: forward model, effects, screening, search, evidence, verdict |
 //!
 //! Conventions (tested, and told in full in `docs/conventions.md`): `a_from_b` maps coordinates in frame b to
@@ -26,6 +27,7 @@ extern crate self as mirror_core;
 
 pub mod calibrate;
 pub mod camera;
+pub mod correct;
 mod error;
 pub mod gap;
 pub mod geometry;

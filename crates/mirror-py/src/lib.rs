@@ -3,6 +3,7 @@
 mod arrays;
 mod calibrate;
 mod camera;
+mod correct;
 mod errors;
 mod gap;
 mod measure;
@@ -21,6 +22,8 @@ mod _core {
     };
     #[pymodule_export]
     use crate::camera::PyCamera;
+    #[pymodule_export]
+    use crate::correct::{PyCorrectionStep, PyCorrector, correction_step};
     #[pymodule_export]
     use crate::errors::MirrorPostureError;
     #[pymodule_export]

@@ -1,0 +1,75 @@
+//! The judgements of a correction that need no more than errors and their history.
+
+use super::bounds::{DistanceBounds, deviate_of_look};
+use super::options::JudgeOptions;
+use nalgebra::{Matrix3, Vector3};
+
+/// The errors of all markers at one look that was believed.
+#[derive(Debug, Clone)]
+pub(super) struct Errors {
+    /// Target minus measured, m.
+    pub error_m: Vec<Vector3<f64>>,
+    pub covariance_m2: Vec<Matrix3<f64>>,
+    /// The look's number, from 1.
+    pub look: usize,
+}
+
+/// A growth or a gain is significant beyond this many standard deviations.
+const SIGNIFICANT: f64 = 3.0;
+/// An error whose chi-squared is below this deviate is not told from zero.
+const INDISTINCT: f64 = 2.0;
+
+impl Errors {
+    pub fn distances_m(&self) -> Vec<f64> {
+        self.error_m.iter().map(Vector3::norm).collect()
+    }
+
+    /// Bounds that hold for all markers and looks together: below (`sign` +1) or above (−1) which each true distance lies, m.
+    pub fn bounds_m(&self, whole: f64, sign: f64) -> Vec<f64> {
+        let z = sign * deviate_of_look(whole, self.look, self.error_m.len());
+        self.error_m.iter().zip(&self.covariance_m2).map(|(e, c)| DistanceBounds::new(e, c).at(z)).collect()
+    }
+
+    /// Root mean square distance, m.
+    pub fn rms_m(&self) -> f64 {
+        rms(&self.error_m)
+    }
+
+    /// Standard deviation of [`Self::rms_m`], to first order; for an error near zero that of one axis.
+    pub fn rms_std_m(&self) -> f64 {
+        let markers = self.error_m.len() as f64;
+        let trace: f64 = self.covariance_m2.iter().map(Matrix3::trace).sum::<f64>() / (3.0 * markers);
+        let along: f64 =
+            self.error_m.iter().zip(&self.covariance_m2).map(|(e, c)| e.dot(&(c * e))).sum::<f64>();
+        let square: f64 = self.error_m.iter().map(Vector3::norm_squared).sum();
+        if square > 0.0 { (along / (square * markers)).sqrt() } else { trace.sqrt() }
+    }
+
+    /// Whether the errors are no more than the measurement's noise.
+    pub fn indistinct(&self) -> bool {
+        let mut sum = 0.0;
+        for (e, c) in self.error_m.iter().zip(&self.covariance_m2) {
+            let Some(weight) = c.try_inverse() else { return false };
+            sum += e.dot(&(weight * e));
+        }
+        super::bounds::chi_squared_deviate(sum, 3.0 * self.error_m.len() as f64) < INDISTINCT
+    }
+}
+
+/// Root mean square length, m.
+pub(super) fn rms(errors: &[Vector3<f64>]) -> f64 {
+    (errors.iter().map(Vector3::norm_squared).sum::<f64>() / errors.len().max(1) as f64).sqrt()
+}
+
+/// Whether the error is significantly above the best one by the factor that counts as diverging.
+pub(super) fn grew(now: &Errors, best_m: f64, options: &JudgeOptions) -> bool {
+    let error = now.rms_m();
+    error - SIGNIFICANT * now.rms_std_m() > options.divergence * best_m && error > options.tolerance_m
+}
+
+/// Whether the last `patience` looks brought too little.
+pub(super) fn stalled(history_m: &[f64], options: &JudgeOptions) -> bool {
+    let Some(before) = history_m.len().checked_sub(options.patience).filter(|&n| n > 0) else { return false };
+    let best = |looks: &[f64]| looks.iter().copied().fold(f64::INFINITY, f64::min);
+    best(&history_m[before..]) > (1.0 - options.least_progress) * best(&history_m[..before])
+}
