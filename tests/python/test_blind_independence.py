@@ -55,7 +55,8 @@ def test_every_module_imports_with_the_rest_of_the_package_barred() -> None:
 def test_a_session_is_made_with_the_rest_of_the_package_barred(tmp_path: Path) -> None:
     body = f"""
 from pathlib import Path
-from mirror_posture.blind.make import Options, make_cases
+from mirror_posture.blind.make import make_cases
+from mirror_posture.blind.simulate import Options
 one = [("one", "small", ["backlash"])]
 made = make_cases(Path({str(tmp_path)!r}), 1, 3, Options(robots=("small",), frames=(60, 61)), one)
 assert (made[0] / "detections.csv").is_file()

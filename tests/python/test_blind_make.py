@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,8 +15,9 @@ pytest.importorskip("mujoco", reason="blind sessions need MuJoCo")
 from mirror_posture.blind import BlindError
 from mirror_posture.blind.effects import VOCABULARY
 from mirror_posture.blind.identify import judge
-from mirror_posture.blind.make import Case, Options, make_cases, simulate
+from mirror_posture.blind.make import make_cases
 from mirror_posture.blind.outside import OUTSIDE
+from mirror_posture.blind.simulate import KINDS, Case, Options, simulate
 
 QUICK = Options(robots=("small",), frames=(80, 81))
 
@@ -94,6 +96,45 @@ def test_a_known_degeneracy_is_found_and_a_clear_cause_is_not_called_tied() -> N
     assert f"marker_mount@marker:{carried[0]}" in told["rivals"]
     clear = judge(_case(["board_scale"], 3))
     assert clear["identifiable"] and clear["rivals"] == [] and clear["own_chi2"] < 5
+
+
+def test_the_same_sessions_come_from_one_process_and_from_two(tmp_path: Path) -> None:
+    plan = [(f"s{i}", "small", ["joint_offset"]) for i in range(3)]
+    told: list[tuple[str, int]] = []
+    one = make_cases(tmp_path / "one", 3, 5, QUICK, plan)
+    two = make_cases(
+        tmp_path / "two", 3, 5, QUICK, plan, workers=2, progress=lambda n, left: told.append((n, left))
+    )
+    assert sorted(n for n, _ in told) == ["s0", "s1", "s2"] and [left for _, left in told] == [2, 1, 0]
+    for a, b in zip(one, two, strict=True):
+        assert (a / "detections.csv").read_bytes() == (b / "detections.csv").read_bytes()
+        answers = [json.loads((p.parent / "answers" / f"{p.name}.json").read_bytes()) for p in (a, b)]
+        assert {**answers[0], "salt": 0} == {**answers[1], "salt": 0}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_robot_of_the_default_can_be_seen_and_is_right_without_faults(kind: str) -> None:
+    options = Options(frames=(60, 61), simple_laws=True)
+    try:
+        case = simulate("case", kind, [], np.random.default_rng(6), options)
+    except BlindError as e:
+        if "example-robot-data" in str(e):
+            pytest.skip(str(e))
+        raise
+    assert np.isfinite(case.blobs_px).all(-1).mean() > 0.7
+    # MuJoCo's bodies and ray paths against plain kinematics and reflections: over thousands of pixels nothing is
+    # left but the second order of a ball's outline.
+    assert judge(case)["nominal_chi2"] < 2
+
+
+def test_what_is_seen_twice_as_noisily_is_no_longer_told_apart() -> None:
+    """Margins are χ² over the session's noise: they fall with its square, and rivals come up."""
+    case = _case(["gear_ratio"], 9)
+    clear = judge(case)
+    case.noise = replace(case.noise, corner_px=100 * case.noise.corner_px, blob_px=100 * case.noise.blob_px)
+    noisy = judge(case)
+    assert clear["detectable"] and not noisy["detectable"]
+    assert noisy["nominal_chi2"] == pytest.approx(clear["nominal_chi2"] / 1e4, rel=0.05)
 
 
 def test_an_unknown_effect_is_named_with_those_that_are_known() -> None:

@@ -9,6 +9,7 @@ pytest.importorskip("mujoco", reason="blind sessions need MuJoCo")
 
 from mirror_posture.blind import optics, robots
 from mirror_posture.blind.body import Body
+from mirror_posture.blind.drawn_robots import small_humanoid
 from mirror_posture.blind.kinematics import Change, chain, moments
 from mirror_posture.blind.truth import Commands, Loose, Truth
 
@@ -19,7 +20,7 @@ JOINT = "r_shoulder_pitch"
 @pytest.fixture(scope="module")
 def scene() -> tuple[robots.Robot, Commands]:
     rng = np.random.default_rng(2)
-    robot = robots.small_humanoid(rng)
+    robot = small_humanoid(rng)
     low = np.array([robot.ranges[j][0] for j in robot.commanded])
     high = np.array([robot.ranges[j][1] for j in robot.commanded])
     q = low + rng.random((14, len(low))) * (high - low)

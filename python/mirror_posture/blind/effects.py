@@ -307,6 +307,10 @@ def mirror_curvature(rng: np.random.Generator, scene: Scene, truth: Truth) -> Ca
     return {"effect": "mirror_curvature", "at": "mirror", "curvature_per_m": c}
 
 
+def _constant(a: float) -> Callable[[Commands], Array]:
+    return lambda c: np.full(len(c.q_rad), a)
+
+
 def geometry(rng: np.random.Generator, scene: Scene, truth: Truth) -> Cause:
     """Manufacturing tolerance: every link, axis and zero a little off."""
     robot = scene.robot
@@ -314,7 +318,7 @@ def geometry(rng: np.random.Generator, scene: Scene, truth: Truth) -> Cause:
     for j in scene.joints():
         body = robot.body_of_joint(j)
         offset = float(rng.normal(0, spread_rad))
-        truth.servo.append((j, lambda c, a=offset: np.full(len(c.q_rad), a)))
+        truth.servo.append((j, _constant(offset)))
         truth.origin_shift_m[body] = truth.origin_shift_m.get(body, np.zeros(3)) + rng.normal(0, spread_m, 3)
         if body not in truth.axis:
             axis = robot.bodies[body].axis

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,6 +77,20 @@ def loose_position(q: Array, half: float, load: Array, friction: float) -> Array
     return out
 
 
+def _remembered(q: Array, load: Array, friction: float) -> Callable[[float], Array]:
+    """`loose_position` of a half width, of which the last few are kept: fits and screenings ask again."""
+
+    @lru_cache(maxsize=6)
+    def position(half: float) -> Array:
+        return loose_position(q, half, load, friction)
+
+    return position
+
+
+def _halved(position: Callable[[float], Array]) -> Callable[[Array], Array]:
+    return lambda p: position(float(p[0]) / 2)
+
+
 def all_hypotheses(
     robot: Robot, commands: Commands, gravity: Array, friction_nm: dict[str, float] | None = None
 ) -> list[Hypothesis]:
@@ -124,7 +139,7 @@ def _joint(
         error: Callable[[Array], Array],
         variant: str = "",
         place: str = at,
-    ):
+    ) -> Hypothesis:
         return Hypothesis(effect, place, steps, lambda c, p: c.add_joint(j, error(p)), head, variant)
 
     offset = law("joint_offset", (1e-4,), lambda p: np.full(len(q), p[0]))
@@ -140,12 +155,13 @@ def _joint(
     if friction_nm is not None:
         frictions["known"] = friction_nm
     for name, friction in frictions.items():
-        found.append(
-            law("backlash", (1e-3,), lambda p, f=friction: loose_position(on_path, p[0] / 2, load, f), name)
-        )
+        lie = _remembered(on_path, load, friction)
+        found.append(law("backlash", (1e-3,), _halved(lie), name))
+
+    held = _remembered(on_path, load, np.inf)
 
     def stuck(change: Change, p: Array) -> None:
-        change.add_joint(j, loose_position(on_path, p[0], load, np.inf))
+        change.add_joint(j, held(float(p[0])))
         change.yields.append(Yield(body, axis, float(p[1]), np.zeros(3)))
 
     found.append(Hypothesis("stiction", at, (1e-3, 1e-3 / typical), stuck, head))
@@ -162,12 +178,14 @@ def _joint(
     for k in robot.commanded:
         of_k = commands.of(k)
         if k != j and not _still(of_k):
-            found.append(
-                law("joint_coupling", (1e-4,), lambda p, x=of_k: p[0] * x, place=f"joint:{j}<-joint:{k}")
-            )
+            found.append(law("joint_coupling", (1e-4,), _proportional(of_k), place=f"joint:{j}<-joint:{k}"))
     if not head:
         found.append(_bending(robot, body, float(np.sqrt(np.mean(np.sum(moment**2, 1))))))
     return found
+
+
+def _proportional(x: Array) -> Callable[[Array], Array]:
+    return lambda p: p[0] * x
 
 
 def _tilt(robot: Robot, j: str, body: int, head: bool) -> Hypothesis:
@@ -209,16 +227,20 @@ def _lengths(robot: Robot) -> list[Hypothesis]:
                     "link_length",
                     f"link:{robot.bodies[body].name}",
                     (1e-4,) * 3,
-                    lambda c, p, b=following: _shift(c, b, p),
+                    _shifting(following),
                     head,
                 )
             )
     return out
 
 
+def _shifting(body: int) -> Callable[[Change, Array], None]:
+    return lambda change, p: _shift(change, body, p)
+
+
 def _marker(robot: Robot, m: str) -> Hypothesis:
     body = robot.index[f"{m}_marker"]
-    return Hypothesis("marker_mount", f"marker:{m}", (1e-4,) * 3, lambda c, p: _shift(c, body, p))
+    return Hypothesis("marker_mount", f"marker:{m}", (1e-4,) * 3, _shifting(body))
 
 
 def _optics() -> list[Hypothesis]:

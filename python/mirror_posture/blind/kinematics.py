@@ -5,6 +5,7 @@ Used only to judge what a session can show; the sessions themselves come from Mu
 
 from __future__ import annotations
 
+import copy
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -14,6 +15,9 @@ from .robots import Robot
 from .truth import Commands
 
 Array = NDArray[np.float64]
+
+SUBSTITUTIONS = 3
+"""How often the load is taken again where the body then is: each leaves a few percent of the one before."""
 
 
 @dataclass(frozen=True)
@@ -48,13 +52,81 @@ class Change:
     def add_joint(self, joint: str, angle: Array) -> None:
         self.joint_rad[joint] = self.joint_rad[joint] + angle if joint in self.joint_rad else angle
 
+    def copy(self) -> Change:
+        """A change that can be added to without touching this one."""
+        other = copy.copy(self)
+        other.joint_rad, other.origin_m, other.axis = (
+            dict(self.joint_rad),
+            dict(self.origin_m),
+            dict(self.axis),
+        )
+        other.yields = list(self.yields)
+        return other
+
+
+@dataclass(frozen=True)
+class Skeleton:
+    """What of a robot has to be followed: the bodies above markers, camera and board, and where its masses
+    hang."""
+
+    needed: list[int]
+    """Parents before children."""
+    above: NDArray[np.bool_]
+    """(B, B): `above[i, k]` where body `i` is body `k` or carries it."""
+    turned: list[bool]
+    """Whether a body's frame is turned against its parent's at rest."""
+    mass_kg: Array
+    center_m: Array
+    """(L, 3), in the frame of the needed body that carries the lump rigidly."""
+    carrier: NDArray[np.int_]
+
+
+def skeleton_of(robot: Robot) -> Skeleton:
+    """The robot's skeleton, made once."""
+    kept: Skeleton | None = robot.cache.get("skeleton")
+    if kept is None:
+        kept = robot.cache["skeleton"] = _skeleton(robot)
+    return kept
+
+
+def _skeleton(robot: Robot) -> Skeleton:
+    count = len(robot.bodies)
+    above = np.zeros((count, count), dtype=bool)
+    for i in range(count):
+        above[robot.ancestors(i), i] = True
+    ends = [robot.index[n] for n in (robot.camera_link, robot.board_link)]
+    ends += [robot.index[f"{m}_marker"] for m in robot.markers]
+    ends += [robot.body_of_joint(j) for j in robot.commanded]
+    wanted = np.flatnonzero(above[:, ends].any(axis=1))
+    mass, center, carrier = [], [], []
+    for i, b in enumerate(robot.bodies):
+        if b.mass_kg <= 0:
+            continue
+        at, k = b.com_m, i
+        while k not in wanted:
+            at = robot.bodies[k].xyz_m + robot.bodies[k].rotation @ at
+            k = robot.bodies[k].parent
+        mass.append(b.mass_kg)
+        center.append(at)
+        carrier.append(k)
+    return Skeleton(
+        [int(i) for i in wanted],
+        above,
+        [not np.array_equal(b.rotation, np.eye(3)) for b in robot.bodies],
+        np.array(mass),
+        np.array(center).reshape(-1, 3),
+        np.array(carrier, dtype=np.int_),
+    )
+
 
 @dataclass
 class Chain:
-    """Positions (P, 3) and rotations (P, 3, 3) of every body in the root's frame."""
+    """Positions (B, P, 3) and rotations (B, P, 3, 3) of the needed bodies in the root's frame."""
 
-    position_m: list[Array]
-    rotation: list[Array]
+    position_m: Array
+    rotation: Array
+    centers_m: Array | None = None
+    """(L, P, 3) of the lumps of mass, once asked for."""
 
 
 def rotations(vectors: Array) -> Array:
@@ -66,51 +138,67 @@ def rotations(vectors: Array) -> Array:
     return np.eye(3) + np.sin(angle)[:, None, None] * k + (1 - np.cos(angle))[:, None, None] * (k @ k)
 
 
+def cross_matrix(v: Array) -> Array:
+    """The matrix of v × ·."""
+    return np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
+
+
+def turns(axis: Array, angle: Array) -> Array:
+    """Rotation matrices (P, 3, 3) about one unit axis by angles (P,)."""
+    k = cross_matrix(axis)
+    return np.eye(3) + np.sin(angle)[:, None, None] * k + (1 - np.cos(angle))[:, None, None] * (k @ k)
+
+
 def chain(
     robot: Robot, commands: Commands, change: Change, twist: dict[int, tuple[Array, Array]] | None = None
 ) -> Chain:
     """Forward kinematics; `twist` are the rotation vectors (P, 3) of bodies that yield, and their pivots."""
-    n = len(commands.q_rad)
-    position: list[Array] = []
-    rotation: list[Array] = []
-    for i, b in enumerate(robot.bodies):
+    bones, n = skeleton_of(robot), len(commands.q_rad)
+    position, rotation = np.zeros((len(robot.bodies), n, 3)), np.zeros((len(robot.bodies), n, 3, 3))
+    for i in bones.needed:
+        b = robot.bodies[i]
         if b.parent < 0:
-            position.append(np.zeros((n, 3)))
-            rotation.append(np.broadcast_to(np.eye(3), (n, 3, 3)))
+            rotation[i] = np.eye(3)
             continue
-        at = position[b.parent] + rotation[b.parent] @ (b.xyz_m + change.origin_m.get(i, np.zeros(3)))
-        turned = rotation[b.parent] @ b.rotation
+        origin = b.xyz_m + change.origin_m[i] if i in change.origin_m else b.xyz_m
+        carried = rotation[b.parent]
+        at = position[b.parent] + carried @ origin
+        turned = carried @ b.rotation if bones.turned[i] else carried
         if b.joint in robot.commanded:
-            angle = commands.of(b.joint) + change.joint_rad.get(b.joint, 0.0)
-            turned = turned @ rotations(angle[:, None] * change.axis.get(i, b.axis))
+            angle = commands.of(b.joint)
+            if b.joint in change.joint_rad:
+                angle = angle + change.joint_rad[b.joint]
+            turned = turned @ turns(change.axis.get(i, b.axis), angle)
         if twist and i in twist:
             vector, pivot = twist[i]
             bent = turned @ rotations(vector)
             at = at + (turned - bent) @ pivot
             turned = bent
-        position.append(at)
-        rotation.append(turned)
+        position[i], rotation[i] = at, turned
     return Chain(position, rotation)
 
 
 def moments(robot: Robot, at: Chain, gravity: Array, body: int, pivot_m: Array | None = None) -> Array:
     """Moment of gravity (P, 3) N m on `body` and all it carries, about its joint's origin or a pivot, in
     its frame."""
+    bones = skeleton_of(robot)
+    if at.centers_m is None:
+        at.centers_m = (
+            at.position_m[bones.carrier]
+            + (at.rotation[bones.carrier] @ bones.center_m[:, None, :, None])[..., 0]
+        )
     turn, about = at.rotation[body], at.position_m[body]
     if pivot_m is not None:
         about = about + turn @ pivot_m
-    moment = np.zeros_like(about)
-    for i, b in enumerate(robot.bodies):
-        if b.mass_kg > 0 and body in robot.ancestors(i):
-            moment += np.cross(at.position_m[i] + at.rotation[i] @ b.com_m - about, b.mass_kg * gravity)
-    return np.einsum("pji,pj->pi", turn, moment)
+    mass = np.where(bones.above[body, bones.carrier], bones.mass_kg, 0.0)
+    arm = np.tensordot(mass, at.centers_m, 1) - mass.sum() * about
+    return (np.cross(arm, gravity)[:, None, :] @ turn)[:, 0]
 
 
 def settled_chain(robot: Robot, commands: Commands, change: Change, gravity: Array) -> Chain:
-    """The chain where what yields has yielded: the load is taken where the body then is, by three
-    substitutions."""
+    """The chain where what yields has yielded: the load is taken where the body then is, by substitution."""
     at = chain(robot, commands, change)
-    for _ in range(3 if change.yields else 0):
+    for _ in range(SUBSTITUTIONS if change.yields else 0):
         twist: dict[int, tuple[Array, Array]] = {}
         for y in change.yields:
             turn = y.compliance * (moments(robot, at, gravity, y.body, y.pivot_m) @ y.axis)[:, None] * y.axis

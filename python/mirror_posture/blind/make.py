@@ -1,30 +1,23 @@
-"""Make sessions whose effect is withheld: draw a robot, postures, causes and noise; simulate; write; seal
-the answer."""
+"""Make sessions whose effect is withheld: draw the causes, simulate, judge what can be seen, write, seal the
+answers."""
 
 from __future__ import annotations
 
-import copy
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
 
-import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
-from . import optics, robots
-from .body import Body, BodyPoses
-from .effects import VOCABULARY, Cause, Laws, Scene, transverse_axes
-from .errors import BlindError
-from .noise import Noise, add_outliers, blob_errors, corner_errors, draw_noise
+from .effects import VOCABULARY
+from .identify import judge
 from .outside import OUTSIDE
 from .seal import seal
-from .truth import Commands, Truth
-from .views import Plan, place_mirrors, plan_postures
+from .simulate import Case, Options, simulate
 from .write import write_session
-
-Array = NDArray[np.float64]
 
 COMBINABLE_ONCE = {
     "camera_mount",
@@ -36,280 +29,6 @@ COMBINABLE_ONCE = {
 }
 """At most one of these in a session with several causes: two optical ones hide each other."""
 NOT_AMONG_SEVERAL = {"geometry", "pairing"}
-
-
-@dataclass(frozen=True)
-class Options:
-    """What is drawn from."""
-
-    robots: Sequence[str] = ("small", "g1")
-    causes: tuple[int, int] = (0, 4)
-    outside_share: float = 0.15
-    """Share of sessions with an effect that the vocabulary does not have."""
-    none_share: float = 0.12
-    simple_laws: bool = False
-    plain_noise: bool = False
-    frames: tuple[int, int] = (120, 310)
-    urdf: Path | None = None
-
-
-@dataclass
-class Case:
-    """A session in memory: the nominal side, what was seen, and the answer."""
-
-    name: str
-    robot: robots.Robot
-    gravity: Array
-    lens: optics.Lens
-    nominal_lens: optics.Lens
-    plan: Plan
-    pixel_std_told: float
-    corners_px: Array
-    """(F, C, 2) as measured; NaN where not seen."""
-    blobs_px: Array
-    clean_corners_px: Array
-    clean_blobs_px: Array
-    mirror: optics.Mirror
-    noise: Noise
-    truth: Truth
-    answer: dict[str, Any] = field(default_factory=dict)
-
-
-def board_points(robot: robots.Robot, scale: float = 0.0, warp_per_m: float = 0.0) -> Array:
-    """Inner corners (C, 3) in the board's frame; bent about its y axis by `warp_per_m`."""
-    nx, ny = robot.board_corners
-    side = robot.board_square_m * (1 + scale)
-    x = np.tile((np.arange(nx) - (nx - 1) / 2) * side, ny)
-    y = np.repeat((np.arange(ny) - (ny - 1) / 2) * side, nx)
-    if warp_per_m == 0:
-        return np.column_stack([x, y, np.zeros(nx * ny)])
-    radius = 1 / warp_per_m
-    return np.column_stack([radius * np.sin(x / radius), y, radius * (1 - np.cos(x / radius))])
-
-
-def _exp(turn: Array) -> Array:
-    """Rotation matrix of a rotation vector."""
-    angle = float(np.linalg.norm(turn))
-    if angle == 0:
-        return np.eye(3)
-    x, y, z = turn / angle
-    k = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.eye(3) + np.sin(angle) * k + (1 - np.cos(angle)) * k @ k
-
-
-def camera_poses(poses: BodyPoses, truth: Truth, commands: Commands) -> tuple[Array, Array]:
-    """The real camera's origins (P, 3) and rotations (P, 3, 3) in the root's frame."""
-    rotation = poses.camera_rotation
-    origin = poses.camera_m + np.einsum("pij,j->pi", rotation, truth.camera_shift_m)
-    turned = rotation @ _exp(truth.camera_turn_rad)
-    if truth.camera_sag_rad is not None:
-        turned = np.stack([r @ _exp(v) for r, v in zip(turned, truth.camera_sag_rad(commands), strict=True)])
-    return origin, turned
-
-
-def scene_of(robot: robots.Robot, plan: Plan, gravity: Array, laws: Laws) -> Scene:
-    """Typical loads of gravity at joints and across links, from a few of the postures."""
-    body = Body(robot, Truth(), gravity)
-    some = plan.commands.q_rad[:: max(1, len(plan.commands.q_rad) // 40)]
-    torque = body.gravity_torque(some, robot.commanded)
-    load = {j: float(np.sqrt(np.mean(torque[:, k] ** 2))) for k, j in enumerate(robot.commanded)}
-    bending = body_moments(robot, body, some, gravity)
-    return Scene(robot, plan.commands, gravity, load, bending, laws, len(plan.posture_of_frame))
-
-
-def body_moments(robot: robots.Robot, body: Body, q: Array, gravity: Array) -> dict[int, float]:
-    """RMS moment of gravity across each commanded link that carries a marker, N m, about its joint's
-    origin."""
-    m, d = body.model, body.data
-    at = [body.address[j] for j in robot.commanded]
-    links = [robot.body_of_joint(j) for j in robot.commanded if set(robot.moves(j)) - {"camera", "board"}]
-    axes = {b: transverse_axes(robot, b) for b in links}
-    squares = dict.fromkeys(links, 0.0)
-    for row in q:
-        d.qpos[:] = 0
-        d.qpos[at] = row
-        mujoco.mj_forward(m, d)
-        for b in links:
-            i = m.body(f"L:{robot.bodies[b].name}").id
-            arm = d.subtree_com[i] - d.xpos[i]
-            moment = d.xmat[i].reshape(3, 3).T @ np.cross(arm, m.body_subtreemass[i] * gravity)
-            squares[b] += sum(float(moment @ a) ** 2 for a in axes[b]) / len(q)
-    return {b: float(np.sqrt(s)) for b, s in squares.items()}
-
-
-def draw_laws(rng: np.random.Generator, simple: bool) -> Laws:
-    friction = float(rng.choice([rng.uniform(0.01, 0.2), rng.uniform(1.5, 3.0)], p=[0.75, 0.25]))
-    if simple:
-        return Laws(play_friction_share=friction)
-    return Laws(
-        play_load_share=float(rng.uniform(0, 0.12)),
-        play_friction_share=friction,
-        stiffening=float(rng.uniform(0, 0.15)),
-        stiction_droop_share=float(rng.uniform(0.05, 0.4)),
-        drift_bow=float(rng.uniform(-0.1, 0.1)),
-        bend_at=float(rng.uniform(0.45, 0.55)),
-    )
-
-
-def draw_robot(kind: str, rng: np.random.Generator, urdf: Path | None) -> robots.Robot:
-    if kind == "small":
-        return robots.small_humanoid(rng)
-    if kind == "g1":
-        return robots.unitree_g1(rng)
-    if kind == "urdf" and urdf is not None:
-        return robots.from_urdf(urdf, rng)
-    raise BlindError(f"unknown robot {kind!r}; known are small, g1, and urdf with a file")
-
-
-def draw_lens(robot: robots.Robot, rng: np.random.Generator, rich: bool) -> tuple[optics.Lens, optics.Lens]:
-    """The nominal lens, with one radial coefficient as the file tells it, and the real one, which has more
-    of them."""
-    width, height = robot.image_size
-    f = rng.uniform(*robot.focal_px)
-    focal = np.array([f, f * rng.uniform(0.997, 1.003)])
-    center = np.array([width / 2, height / 2]) + rng.uniform(-12, 12, 2)
-    k = np.array([rng.uniform(-0.05, 0.05), 0, 0, 0, 0])
-    nominal = optics.Lens(focal, center, k, robot.image_size)
-    more = rng.normal(size=5) * np.array([0, 2e-4, 4e-6, 4e-6, 2e-4]) if rich else np.zeros(5)
-    return nominal, optics.Lens(focal, center, k + more, robot.image_size)
-
-
-def see(
-    robot: robots.Robot,
-    truth: Truth,
-    lens: optics.Lens,
-    plan: Plan,
-    poses: BodyPoses,
-    mirror: optics.Mirror | None,
-    rng: np.random.Generator,
-) -> tuple[Array, Array, optics.Mirror, NDArray[np.bool_]]:
-    """What the real camera sees, without noise: corners (F, C, 2), blobs (F, M, 2), the mirrors, the frames
-    that can be."""
-    origin, rotation = camera_poses(poses, truth, plan.commands)
-    of = plan.posture_of_frame
-    board = board_points(robot, truth.board_scale, truth.board_warp_per_m)
-    corners_root = poses.board_m[:, None] + np.einsum("pij,cj->pci", poses.board_rotation, board)
-    corners = np.einsum("pji,pcj->pci", rotation, corners_root - origin[:, None])[of]
-    arms = np.einsum("pji,pmj->pmi", rotation, poses.marker_m - origin[:, None])[of]
-    found = np.ones(len(of), dtype=bool)
-    if mirror is None:
-        mirror, found = place_mirrors(robot, rng, lens, corners, arms)
-        mirror.glass_m, mirror.curvature_per_m = truth.glass_m, truth.curvature_per_m
-        corners, arms, mirror = corners[found], arms[found], mirror.rows(np.flatnonzero(found))
-    time = plan.time_of_frame_s[found]
-    factor = np.full(len(time), 1 + truth.focal_scale)
-    if truth.focal_error is not None:
-        factor = factor * (1 + truth.focal_error(time))
-
-    def repeated(k: int) -> tuple[optics.Mirror, Array]:
-        return mirror.rows(np.repeat(np.arange(len(time)), k)), np.repeat(factor, k)
-
-    frames, c, m = len(time), corners.shape[1], arms.shape[1]
-    mirror_c, factor_c = repeated(c)
-    corners_px = lens.image(optics.apparent(mirror_c, corners.reshape(-1, 3)), factor_c).reshape(frames, c, 2)
-    mirror_m, factor_m = repeated(m)
-    blobs = optics.ball_images(lens, mirror_m, arms.reshape(-1, 3), robot.marker_diameter_m / 2, factor_m)
-    return corners_px, blobs.reshape(frames, m, 2), mirror, found
-
-
-def simulate(name: str, kind: str, draws: Sequence[str], rng: np.random.Generator, options: Options) -> Case:
-    """One session with the named causes (of the vocabulary or outside it), in memory."""
-    robot = draw_robot(kind, rng, options.urdf)
-    tilt = rng.normal(0, 0.12, 2) if rng.random() < 0.35 else np.zeros(2)
-    gravity = 9.81 * np.array(
-        [np.sin(tilt[0]), np.cos(tilt[0]) * np.sin(tilt[1]), -np.cos(tilt[0]) * np.cos(tilt[1])]
-    )
-    gravity = np.round(gravity, 6)
-    nominal_lens, real = draw_lens(robot, rng, rich=not options.simple_laws)
-    plan = plan_postures(robot, rng, options.frames)
-    laws = draw_laws(rng, options.simple_laws)
-    noise = draw_noise(rng, robot.image_size[0], options.plain_noise)
-    scene = scene_of(robot, plan, gravity, laws)
-    truth = Truth()
-    causes: list[Cause] = []
-    for effect in draws:
-        causes.append(_draw_apart(effect, rng, scene, truth, causes))
-    lens = optics.Lens(
-        real.focal_px,
-        real.center_px + truth.center_shift_px,
-        real.distortion + truth.distortion,
-        real.size_px,
-        truth.shear,
-    )
-    poses = Body(robot, truth, gravity).run(plan.commands)
-    corners, blobs, mirror, found = see(robot, truth, lens, plan, poses, None, rng)
-    kept = Plan(plan.commands, plan.posture_of_frame[found], plan.time_of_frame_s[found])
-    corners_px = corners + corner_errors(noise, rng, len(corners), robot.board_corners)
-    blobs_px = add_outliers(noise, rng, blobs + blob_errors(noise, rng, *blobs.shape[:2]))
-    size = np.array(robot.image_size)
-    for px in (corners_px, blobs_px):
-        px[np.any(~((px >= 0) & (px <= size - 1)), axis=-1)] = np.nan
-    blobs_px[rng.random(blobs_px.shape[:2]) < rng.choice([0.0, 0.0, 0.03])] = np.nan
-    if truth.pairing is not None:
-        first, last, shift = truth.pairing
-        last = min(last, len(corners_px) - 4)
-        source = np.arange(len(corners_px))
-        source[first : last + 1] += shift
-        corners_px, blobs_px = corners_px[source], blobs_px[source]
-        causes[[c["effect"] for c in causes].index("pairing")]["last_frame"] = last
-    told = round(float((noise.corner_px + noise.blob_px) / 2 * rng.uniform(0.85, 1.2)), 3)
-    nominal = Body(robot, Truth(), gravity).run(plan.commands)
-    gap = marker_gap(poses, nominal, kept.posture_of_frame)
-    case = Case(
-        name,
-        robot,
-        gravity,
-        lens,
-        nominal_lens,
-        kept,
-        told,
-        corners_px,
-        blobs_px,
-        corners,
-        blobs,
-        mirror,
-        noise,
-        truth,
-    )
-    case.answer = {
-        "id": name,
-        "robot": kind,
-        "causes": causes,
-        "pixel_std_corner": noise.corner_px,
-        "pixel_std_blob": noise.blob_px,
-        "outlier_fraction": noise.outlier_fraction,
-        "true_marker_gap_rms_m": gap,
-        "noise": noise.answer(),
-        "laws": vars(laws),
-        "lens": [float(x) for x in lens.distortion],
-        "unsettled_postures": poses.unsettled,
-    }
-    return case
-
-
-def marker_gap(poses: BodyPoses, nominal: BodyPoses, of: NDArray[np.int_]) -> float:
-    """RMS distance of true from nominal markers, both in the root's frame, m."""
-    return float(np.sqrt(np.mean(np.sum((poses.marker_m - nominal.marker_m)[of] ** 2, axis=-1))))
-
-
-def _draw_apart(
-    effect: str, rng: np.random.Generator, scene: Scene, truth: Truth, causes: list[Cause]
-) -> Cause:
-    """Draw an effect at a place that no other cause has taken."""
-    law = VOCABULARY.get(effect) or OUTSIDE.get(effect)
-    if law is None:
-        raise BlindError(f"unknown effect {effect!r}; known are {', '.join([*VOCABULARY, *OUTSIDE])}")
-    taken = {c["at"].split("<-")[0] for c in causes}
-    for _ in range(100):
-        trial = copy.copy(truth)
-        for key, value in vars(truth).items():
-            if isinstance(value, (list, dict)):
-                setattr(trial, key, copy.copy(value))
-        cause = law(rng, scene, trial)
-        if cause["at"].split("<-")[0] not in taken:
-            vars(truth).update(vars(trial))
-            return cause
-    raise BlindError(f"no free place left for {effect!r}")
 
 
 def draw_causes(rng: np.random.Generator, options: Options, vocabulary: Sequence[str]) -> list[str]:
@@ -342,31 +61,74 @@ def save(case: Case, out: Path) -> Path:
     return folder
 
 
+@dataclass(frozen=True)
+class _Job:
+    """All that makes one session: what a process needs to be told."""
+
+    out: Path
+    number: int
+    seed: int
+    options: Options
+    planned: tuple[str, str, tuple[str, ...]] | None
+
+    @property
+    def name(self) -> str:
+        return self.planned[0] if self.planned else f"case-{self.number:04d}"
+
+    @property
+    def is_made(self) -> bool:
+        answer = self.out / "answers" / f"{self.name}.json"
+        return (self.out / self.name / "seal.json").is_file() and answer.is_file()
+
+
+def _make(job: _Job) -> str:
+    rng = np.random.default_rng([job.seed, job.number])
+    if job.planned is None:
+        kind = str(rng.choice(list(job.options.robots)))
+        draws: Sequence[str] = draw_causes(rng, job.options, sorted(VOCABULARY))
+    else:
+        _, kind, draws = job.planned
+    case = simulate(job.name, kind, draws, rng, job.options)
+    case.answer["seed"] = [job.seed, job.number]
+    case.answer |= judge(case)
+    save(case, job.out)
+    return job.name
+
+
 def make_cases(
     out: Path,
     n: int,
     seed: int,
     options: Options | None = None,
     plan: Sequence[tuple[str, str, Sequence[str]]] | None = None,
+    workers: int = 1,
+    progress: Callable[[str, int], None] | None = None,
 ) -> list[Path]:
-    """Make `n` sessions below `out`; the same seed makes the same sessions. `plan` gives (name, robot,
-    effects) instead."""
-    from .identify import judge
+    """Make `n` sessions below `out`; the same seed makes the same sessions, in however many processes. `plan`
+    gives (name, robot, effects) instead.
 
+    What is there is not made again. `progress` is told each session's name and how many are still to be made.
+    """
     options = options or Options()
-    paths = []
-    for i in range(n if plan is None else len(plan)):
-        rng = np.random.default_rng([seed, i])
-        if plan is None:
-            name, kind = f"case-{i:04d}", str(rng.choice(list(options.robots)))
-            draws: Sequence[str] = draw_causes(rng, options, sorted(VOCABULARY))
-        else:
-            name, kind, draws = plan[i]
-        if (out / name / "seal.json").is_file() and (out / "answers" / f"{name}.json").is_file():
-            paths.append(out / name)
-            continue
-        case = simulate(name, kind, draws, rng, options)
-        case.answer["seed"] = [seed, i]
-        case.answer |= judge(case)
-        paths.append(save(case, out))
-    return paths
+    planned = [None] * n if plan is None else [(name, kind, tuple(draws)) for name, kind, draws in plan]
+    jobs = [_Job(out, i, seed, options, p) for i, p in enumerate(planned)]
+    todo = [job for job in jobs if not job.is_made]
+    left = len(todo)
+
+    def told(name: str) -> None:
+        nonlocal left
+        left -= 1
+        if progress is not None:
+            progress(name, left)
+
+    if workers <= 1 or len(todo) <= 1:
+        for job in todo:
+            told(_make(job))
+    else:
+        # Each process computes on one core: the threads of a BLAS would only stand in each other's way.
+        for threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+            os.environ.setdefault(threads, "1")
+        with ProcessPoolExecutor(min(workers, len(todo)), mp_context=get_context("spawn")) as pool:
+            for done in as_completed([pool.submit(_make, job) for job in todo]):
+                told(done.result())
+    return [out / job.name for job in jobs]

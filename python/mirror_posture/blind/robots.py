@@ -1,5 +1,4 @@
-"""Robots of the blind check: own small humanoids of random sizes, Unitree's G1, or any URDF with the mounts
-in it.
+"""A robot of the blind check: the tree below its root, read from a URDF by a parser of this package's own.
 
 A `Robot` is the subtree of a URDF below the link in which gravity is constant, read by this package's own
 parser.
@@ -9,11 +8,10 @@ it.
 
 from __future__ import annotations
 
-import sys
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,6 +62,8 @@ class Robot:
     camera_link: str = "camera_optical"
     board_link: str = "chest_board"
     index: dict[str, int] = field(default_factory=dict)
+    cache: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
+    """What others derive from the robot once, by name."""
 
     def __post_init__(self) -> None:
         self.index = {b.name: i for i, b in enumerate(self.bodies)}
@@ -184,7 +184,7 @@ def read_bodies(urdf: str, root: str) -> list[Body]:
                     kind,
                     _floats(origin.get("xyz") if origin is not None else None, (0, 0, 0)),
                     rotation_rpy(_floats(origin.get("rpy") if origin is not None else None, (0, 0, 0))),
-                    direction / np.linalg.norm(direction),
+                    direction / max(float(np.linalg.norm(direction)), 1e-12),
                     lower,
                     upper,
                     mass,
@@ -196,274 +196,12 @@ def read_bodies(urdf: str, root: str) -> list[Body]:
     return bodies
 
 
-def _mount(
+def mount(
     name: str, parent: str, xyz: Sequence[float] | Array, rpy: Sequence[float] = (0.0, 0.0, 0.0)
 ) -> str:
+    """URDF of a link without mass, fixed to `parent`."""
     return (
         f'  <link name="{name}"/>\n  <joint name="{name}_mount" type="fixed">\n'
         f'    <origin xyz="{" ".join(f"{v:.9g}" for v in xyz)}" rpy="{" ".join(f"{v:.9g}" for v in rpy)}"/>\n'
         f'    <parent link="{parent}"/>\n    <child link="{name}"/>\n  </joint>\n'
     )
-
-
-def small_humanoid(rng: np.random.Generator) -> Robot:
-    """A humanoid of 220 to 300 mm whose limbs, masses, joints and mounts are drawn."""
-    height = rng.uniform(0.22, 0.30)
-    wrist, yaw = rng.random() < 0.5, rng.random() < 0.7
-    shoulder_z, shoulder_y = height * rng.uniform(0.26, 0.30), height * rng.uniform(0.17, 0.20)
-    upper, fore = height * rng.uniform(0.24, 0.29), height * rng.uniform(0.18, 0.22)
-    clavicle, split = height * rng.uniform(0.05, 0.08), rng.uniform(0.55, 0.75)
-    heavy = rng.uniform(0.7, 1.5)
-    parts: list[str] = []
-
-    def link(name: str, mass: float, com: Sequence[float], size: float) -> None:
-        i = mass * size**2 / 12
-        parts.append(
-            f'  <link name="{name}">\n    <inertial>\n'
-            f'      <origin xyz="{com[0]:.6g} {com[1]:.6g} {com[2]:.6g}"/>\n'
-            f'      <mass value="{mass:.5g}"/>\n'
-            f'      <inertia ixx="{i:.4g}" ixy="0" ixz="0" iyy="{i:.4g}" iyz="0" izz="{0.5 * i:.4g}"/>\n'
-            f"    </inertial>\n  </link>\n"
-        )
-
-    def joint(
-        name: str, parent: str, child: str, xyz: Sequence[float], axis: str, low: float, high: float
-    ) -> None:
-        parts.append(
-            f'  <joint name="{name}" type="revolute">\n'
-            f'    <origin xyz="{xyz[0]:.6g} {xyz[1]:.6g} {xyz[2]:.6g}"/>\n'
-            f'    <parent link="{parent}"/>\n    <child link="{child}"/>\n    <axis xyz="{axis}"/>\n'
-            f'    <limit lower="{low:.4g}" upper="{high:.4g}" effort="2" velocity="5"/>\n  </joint>\n'
-        )
-
-    link("chest", 0.4 * heavy, (0, 0, 0.16 * height), 0.4 * height)
-    link("neck", 0.02 * heavy, (0, 0, 0.005), 0.02)
-    link("head", 0.09 * heavy, (0.01, 0, 0.02), 0.06)
-    joint("head_yaw", "chest", "neck", (0, 0, 0.34 * height), "0 0 1", -1.2, 1.2)
-    joint("head_pitch", "neck", "head", (0, 0, 0.05 * height), "0 1 0", -0.6, 0.6)
-    pitch = rng.uniform(0.1, 0.3)
-    still = rng.random() < 0.6
-    ranges = {"head_pitch": (pitch, pitch) if still else (0.0, pitch + 0.1)}
-    if not still and rng.random() < 0.5:
-        ranges["head_yaw"] = (-0.15, 0.15)
-    diameter = rng.choice([0.008, 0.0116, 0.014])
-    for side, sign in (("r", -1.0), ("l", 1.0)):
-        pitch_link, roll_link, arm_link, hand_link = (
-            f"{side}_{n}_link" for n in ("shoulder_pitch", "shoulder_roll", "elbow", "wrist")
-        )
-        link(pitch_link, 0.035 * heavy, (0, sign * 0.3 * clavicle, 0), 0.03)
-        link(roll_link, 0.05 * heavy, (0.003, sign * 0.002, -0.4 * upper), 0.6 * upper)
-        joint(
-            f"{side}_shoulder_pitch",
-            "chest",
-            pitch_link,
-            (0, sign * shoulder_y, shoulder_z),
-            "0 1 0",
-            -2.2,
-            0.4,
-        )
-        low, high = sorted((sign * -0.2, sign * 1.2))
-        joint(f"{side}_shoulder_roll", pitch_link, roll_link, (0, sign * clavicle, 0), "1 0 0", low, high)
-        ranges[f"{side}_shoulder_pitch"] = (-2.1, -0.1)
-        ranges[f"{side}_shoulder_roll"] = (max(low, -0.9), min(high, 0.9))
-        upper_link, left = roll_link, upper
-        if yaw:
-            upper_link, left = f"{side}_upper_arm_yaw_link", upper * (1 - split)
-            link(upper_link, 0.03 * heavy, (0.002, 0, -0.4 * left), 0.02)
-            joint(f"{side}_upper_arm_yaw", roll_link, upper_link, (0, 0, -upper * split), "0 0 1", -0.8, 0.8)
-            ranges[f"{side}_upper_arm_yaw"] = (-0.7, 0.7)
-        link(arm_link, 0.045 * heavy, (0.004, 0, -0.45 * fore), 0.8 * fore)
-        joint(f"{side}_elbow", upper_link, arm_link, (0, 0, -left), "0 1 0", -1.7, 0.1)
-        ranges[f"{side}_elbow"] = (-1.5, 0.0)
-        hand, hand_z = arm_link, -1.25 * fore
-        if wrist:
-            hand, hand_z = hand_link, -0.35 * fore
-            link(hand_link, 0.02 * heavy, (0.002, 0, -0.2 * fore), 0.02)
-            joint(
-                f"{side}_wrist", arm_link, hand_link, (0, 0, -fore), rng.choice(["1 0 0", "0 0 1"]), -0.8, 0.8
-            )
-            ranges[f"{side}_wrist"] = (-0.7, 0.7)
-        jitter = rng.uniform(-0.003, 0.003, (3, 3))
-        parts.append(_mount(f"{side}_hand_marker", hand, np.array([0.006, sign * 0.007, hand_z]) + jitter[0]))
-        parts.append(
-            _mount(
-                f"{side}_forearm_marker", arm_link, np.array([0.012, sign * 0.003, -0.45 * fore]) + jitter[1]
-            )
-        )
-        parts.append(
-            _mount(
-                f"{side}_upper_marker", roll_link, np.array([0.013, sign * 0.004, -0.4 * upper]) + jitter[2]
-            )
-        )
-    optical = (-np.pi / 2, 0.0, -np.pi / 2)
-    parts.append(
-        _mount("camera_optical", "head", (rng.uniform(0.02, 0.035), 0.0, rng.uniform(0.015, 0.03)), optical)
-    )
-    board_z = shoulder_z * rng.uniform(0.45, 0.6)
-    parts.append(
-        _mount("chest_board", "chest", (rng.uniform(0.03, 0.045), 0.0, board_z), (np.pi / 2, 0.0, np.pi / 2))
-    )
-    urdf = '<robot name="small_humanoid">\n' + "".join(parts) + "</robot>\n"
-    corners, square = [((7, 4), 0.014), ((6, 5), 0.011), ((8, 5), 0.010)][rng.integers(3)]
-    return Robot(
-        "small",
-        urdf,
-        "chest",
-        read_bodies(urdf, "chest"),
-        sorted(ranges),
-        ranges,
-        [f"{s}_{m}" for s in "rl" for m in ("hand", "forearm", "upper")],
-        float(diameter),
-        corners,
-        square,
-        (1.15 * height, 2.3 * height),
-        (800, 600),
-        (620.0, 760.0),
-        0.0025,
-    )
-
-
-def unitree_g1(rng: np.random.Generator, urdf_path: Path | None = None) -> Robot:
-    """Unitree's G1 from `example-robot-data`, its torso held still, with drawn mounts of camera, board and
-    markers."""
-    text = (urdf_path or _g1_path()).read_text(encoding="utf-8")
-    tree = ET.fromstring(text)
-    for link in tree.findall("link"):
-        for tag in ("visual", "collision"):
-            for element in link.findall(tag):
-                link.remove(element)
-    for tag in ("mujoco", "transmission", "gazebo"):
-        for element in tree.findall(tag):
-            tree.remove(element)
-    ET.indent(tree)
-    mounts = []
-    ranges: dict[str, tuple[float, float]] = {}
-    for side, sign in (("right", -1.0), ("left", 1.0)):
-        s = side[0]
-        jitter = rng.uniform(-0.015, 0.015, (3, 3))
-        mounts.append(
-            _mount(
-                f"{s}_hand_marker", f"{side}_wrist_yaw_link", np.array([0.11, sign * 0.01, 0.03]) + jitter[0]
-            )
-        )
-        mounts.append(
-            _mount(f"{s}_forearm_marker", f"{side}_elbow_link", np.array([0.07, 0.0, 0.035]) + jitter[1])
-        )
-        mounts.append(
-            _mount(f"{s}_upper_marker", f"{side}_shoulder_yaw_link", np.array([0.045, 0, -0.045]) + jitter[2])
-        )
-        ranges |= {
-            f"{side}_shoulder_pitch_joint": (-1.5, 0.4),
-            f"{side}_shoulder_roll_joint": tuple(sorted((sign * -0.1, sign * 0.9))),
-            f"{side}_shoulder_yaw_joint": (-0.7, 0.7),
-            f"{side}_elbow_joint": (-0.3, 1.4),
-            f"{side}_wrist_roll_joint": (-0.7, 0.7),
-            f"{side}_wrist_pitch_joint": (-0.7, 0.7),
-            f"{side}_wrist_yaw_joint": (-0.7, 0.7),
-        }
-    tilt = rng.uniform(-0.05, 0.25)
-    optical = (-np.pi / 2 - tilt, 0.0, -np.pi / 2)
-    mounts.append(
-        _mount(
-            "camera_optical", "torso_link", (rng.uniform(0.07, 0.1), rng.uniform(-0.02, 0.02), 0.42), optical
-        )
-    )
-    board = (rng.uniform(0.12, 0.14), rng.uniform(-0.03, 0.03), rng.uniform(0.15, 0.24))
-    mounts.append(_mount("chest_board", "torso_link", board, (np.pi / 2, 0.0, np.pi / 2)))
-    urdf = ET.tostring(tree, encoding="unicode").replace("</robot>", "".join(mounts) + "</robot>\n")
-    return Robot(
-        "g1",
-        urdf,
-        "torso_link",
-        read_bodies(urdf, "torso_link"),
-        sorted(ranges),
-        ranges,
-        [f"{s}_{m}" for s in "rl" for m in ("hand", "forearm", "upper")],
-        0.03,
-        (8, 5),
-        float(rng.choice([0.025, 0.03])),
-        (1.0, 1.8),
-        (1280, 960),
-        (930.0, 1100.0),
-        0.005,
-    )
-
-
-def _g1_path() -> Path:
-    relative = "cmeel.prefix/share/example-robot-data/robots/g1_description/urdf/g1_29dof_rev_1_0.urdf"
-    for place in sys.path:
-        if (Path(place) / relative).is_file():
-            return Path(place) / relative
-    raise BlindError(
-        "the G1 needs the package `example-robot-data` (extra `test`); "
-        "or draw other robots: --robot small, --robot URDF"
-    )
-
-
-def from_urdf(path: Path, rng: np.random.Generator) -> Robot:
-    """Any robot whose URDF has a link `camera_optical`, one that ends in `_board`, and markers that end in
-    `_marker`.
-
-    The root is the link that carries the board. Commanded are the joints between the root and the markers.
-    """
-    text = path.read_text(encoding="utf-8")
-    links = [element.get("name", "") for element in ET.fromstring(text).findall("link")]
-    boards = [n for n in links if n.endswith("_board")]
-    markers = [n.removesuffix("_marker") for n in links if n.endswith("_marker")]
-    if "camera_optical" not in links or len(boards) != 1 or not markers:
-        raise BlindError(
-            f"{path}: a robot of the blind check needs the links `camera_optical`, "
-            f"one `…_board` and `…_marker`s; "
-            f"got boards {boards}, markers {markers}"
-        )
-    parents = {
-        j.find("child").get("link"): j  # type: ignore[union-attr]
-        for j in ET.fromstring(text).findall("joint")
-    }
-    root = parents[boards[0]].find("parent").get("link")  # type: ignore[union-attr]
-    while root in parents and parents[root].get("type") == "fixed":
-        root = parents[root].find("parent").get("link")  # type: ignore[union-attr]
-    bodies = read_bodies(text, str(root))
-    robot = Robot(
-        "urdf",
-        text,
-        str(root),
-        bodies,
-        [],
-        {},
-        markers,
-        0.0,
-        (8, 5),
-        0.0,
-        (0, 0),
-        (1280, 960),
-        (930, 1100),
-        0,
-    )
-    robot.board_link = boards[0]
-    missing = [m for m in [*(f"{m}_marker" for m in markers), "camera_optical"] if m not in robot.index]
-    if missing:
-        raise BlindError(
-            f"{path}: {', '.join(missing)} does not hang on {root!r}, the link that carries the board"
-        )
-    used: set[int] = set()
-    for m in markers:
-        used |= set(robot.ancestors(robot.index[f"{m}_marker"]))
-    for i in sorted(used):
-        b = bodies[i]
-        if b.joint_type == "hinge":
-            middle, half = (b.lower + b.upper) / 2, min((b.upper - b.lower) / 2, 1.6) * 0.85
-            robot.ranges[b.joint] = (middle - half, middle + half)
-    robot.commanded = sorted(robot.ranges)
-    reach = max(
-        sum(float(np.linalg.norm(bodies[i].xyz_m)) for i in robot.ancestors(robot.index[f"{m}_marker"]))
-        for m in markers
-    )
-    small = reach < 0.4
-    robot.length_scale_m = 0.0125 * reach
-    robot.marker_diameter_m = 0.0116 if small else 0.03
-    robot.board_square_m = 0.010 if small else 0.03
-    robot.path_length_m = (1.6 * reach, 3.0 * reach) if not small else (1.4 * reach, 2.8 * reach)
-    if small:
-        robot.image_size, robot.focal_px = (800, 600), (620.0, 760.0)
-    return robot

@@ -48,7 +48,7 @@ def plan_postures(robot: Robot, rng: np.random.Generator, frames: tuple[int, int
     else:
         share = rng.random((postures, len(low)))
     of_frame = np.repeat(np.arange(postures), views)
-    time = SECONDS_PER_FRAME * np.arange(len(of_frame))
+    time = SECONDS_PER_FRAME * np.arange(len(of_frame), dtype=np.float64)
     q = np.round(low + share * (high - low), 6)
     return Plan(Commands(list(robot.commanded), q, time[::views].copy()), of_frame, time)
 

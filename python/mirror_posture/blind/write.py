@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from .make import Case
+    from .simulate import Case
 
 
 def write_session(case: Case, folder: Path) -> Path:

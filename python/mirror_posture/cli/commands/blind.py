@@ -4,9 +4,11 @@ score."""
 from __future__ import annotations
 
 import json
+import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -17,6 +19,7 @@ from ..output import JsonOption, Output
 
 ORDER = 90
 PANEL = "Diagnosis"
+CORES = os.cpu_count() or 1
 
 group = typer.Typer(help="Check the diagnosis on sessions whose effect nobody told it.")
 
@@ -56,7 +59,10 @@ def make(
     seed: Annotated[int, typer.Option(min=0, help="The same seed makes the same sessions.")] = 0,
     robot: Annotated[
         list[str] | None,
-        typer.Option(help="`small`, `g1`, or a URDF with the mounts in it; may be repeated."),
+        typer.Option(
+            help="`small`, `g1`, `talos`, `ur10`, `random`, or a URDF or MJCF with the mounts in it; may be repeated. "
+            "All five by default."
+        ),
     ] = None,
     least: Annotated[int, typer.Option(min=0, max=4, help="Least number of causes.")] = 0,
     most: Annotated[int, typer.Option(min=0, max=4, help="Largest number of causes.")] = 4,
@@ -64,6 +70,9 @@ def make(
         float, typer.Option(min=0, max=1, help="Share with an effect outside the vocabulary.")
     ] = 0.15,
     effect: Annotated[str | None, typer.Option(help="Only sessions with this single effect.")] = None,
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Processes at once; all cores by default.")
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Draw robots, postures, causes and noise; simulate; seal the answers.
@@ -74,20 +83,20 @@ def make(
     """
     output = Output(as_json)
     with _told():
-        from ...blind.make import Options, make_cases
+        from ...blind.make import make_cases
+        from ...blind.simulate import Options
 
-        wanted = robot or ["small", "g1"]
-        files = [Path(r) for r in wanted if r not in ("small", "g1")]
-        if len(files) > 1:
-            raise MirrorPostureError(f"one URDF at a time, got {', '.join(map(str, files))}")
-        kinds = [r if r in ("small", "g1") else "urdf" for r in wanted]
-        options = Options(
-            robots=kinds, causes=(least, most), outside_share=outside, urdf=files[0] if files else None
-        )
+        options = Options(causes=(least, most), outside_share=outside)
+        if robot:
+            options = replace(options, robots=tuple(robot))
         plan = None
         if effect is not None:
+            kinds = options.robots
             plan = [(f"case-{i:04d}", kinds[i % len(kinds)], [effect]) for i in range(cases)]
-        made = make_cases(out, cases, seed, options, plan)
+        with output.counting("making", cases) as count:
+            made = make_cases(
+                out, cases, seed, options, plan, workers or CORES, lambda _, left: count(cases - left)
+            )
     output.table(f"{len(made)} sessions in {out}", ["*", "*"], [("answers, sealed", str(out / "answers"))])
     output.result({"sessions": [str(p) for p in made], "answers": str(out / "answers")})
 
