@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,7 +25,7 @@ PAPER_TRIALS = 10
 SECOND_VIEW_DEG = 15.0
 """How much farther the second view is turned: as in the paper's correction experiment."""
 
-TRIANGULATORS: dict[str, Triangulator] = {
+TRIANGULATORS: dict[Estimator, Triangulator] = {
     "pose": "midpoint",
     "point_pair": "midpoint",
     "maximum_likelihood": "maximum_likelihood",
@@ -38,17 +39,17 @@ class PositionErrors:
 
     noise_px: float | None
     trials: int
-    error_mm: dict[str, Floats]
+    error_mm: Mapping[Estimator, Floats]
 
-    def mean(self, estimator: str) -> Floats:
+    def mean(self, estimator: Estimator) -> Floats:
         """(angles,)."""
         return self._over(estimator, 0)
 
-    def std(self, estimator: str) -> Floats:
+    def std(self, estimator: Estimator) -> Floats:
         """(angles,), of a sample."""
         return self._over(estimator, 1)
 
-    def _over(self, estimator: str, ddof: int) -> Floats:
+    def _over(self, estimator: Estimator, ddof: int) -> Floats:
         rows = self.error_mm[estimator]
         out = np.full(len(rows), np.nan)
         for k, row in enumerate(rows):
@@ -107,7 +108,14 @@ def fig10(found: PositionErrors, large: PositionErrors | None) -> Experiment:
     eq1, eq2 = found.mean("pose"), found.mean("point_pair")
     there = np.isfinite(eq1) & np.isfinite(eq2)
     claims = _claims("the mean", "accuracy", eq1[there], eq2[there], found.mean("maximum_likelihood")[there])
-    claims.append(size_claim(50.0, float(np.nanmax(eq1)), large, None if large is None else float(np.nanmax(large.mean("pose")))))
+    claims.append(
+        size_claim(
+            50.0,
+            float(np.nanmax(eq1)),
+            large,
+            None if large is None else float(np.nanmax(large.mean("pose"))),
+        )
+    )
     return Experiment(
         "fig10",
         "Marker position: mean error against angle",
@@ -126,9 +134,18 @@ def fig11(found: PositionErrors, large: PositionErrors | None) -> Experiment:
     """The standard deviation of the error."""
     eq1, eq2 = found.std("pose"), found.std("point_pair")
     there = np.isfinite(eq1) & np.isfinite(eq2)
-    claims = _claims("the deviation", "precision", eq1[there], eq2[there], found.std("maximum_likelihood")[there])
+    claims = _claims(
+        "the deviation", "precision", eq1[there], eq2[there], found.std("maximum_likelihood")[there]
+    )
     if there.any():
-        claims.append(size_claim(25.0, float(np.nanmax(eq1)), large, None if large is None else float(np.nanmax(large.std("pose")))))
+        claims.append(
+            size_claim(
+                25.0,
+                float(np.nanmax(eq1)),
+                large,
+                None if large is None else float(np.nanmax(large.std("pose"))),
+            )
+        )
     return Experiment(
         "fig11",
         "Marker position: deviation of the error against angle",
@@ -159,7 +176,10 @@ def _claims(what: str, gain: str, eq1: Floats, eq2: Floats, ml: Floats) -> list[
             bool(below and ratio > 2.0),
         ),
         Claim(
-            "maximum likelihood", "–", f"{ml.mean():.2f} mm where Eq. 2 has {eq2.mean():.2f} mm, over all angles", "beyond the paper"
+            "maximum likelihood",
+            "–",
+            f"{ml.mean():.2f} mm where Eq. 2 has {eq2.mean():.2f} mm, over all angles",
+            "beyond the paper",
         ),
     ]
 
@@ -173,11 +193,17 @@ def _drawn(
     large: PositionErrors | None,
 ) -> bytes:
     x = np.array(ANGLES_DEG)
-    axes: dict[str, Any] = {"x_label": "Angle with the mirror (deg)", "y_label": y_label, "x_ticks": ANGLES_DEG}
+    axes: dict[str, Any] = {
+        "x_label": "Angle with the mirror (deg)",
+        "y_label": y_label,
+        "x_ticks": ANGLES_DEG,
+    }
 
     def lines(errors: PositionErrors) -> list[Series]:
         return [
-            Series(label, x, getattr(errors, kind)(name), None, color, line, mark, name != "maximum_likelihood")
+            Series(
+                label, x, getattr(errors, kind)(name), None, color, line, mark, name != "maximum_likelihood"
+            )
             for name, label, color, line, mark in LADDER
         ]
 
@@ -199,12 +225,18 @@ def _data(found: PositionErrors, large: PositionErrors | None) -> dict[str, Any]
         return {
             "noise_px": errors.noise_px,
             "measurements": errors.trials,
-            "measured": {name: np.isfinite(rows).sum(axis=1).tolist() for name, rows in errors.error_mm.items()},
+            "measured": {
+                name: np.isfinite(rows).sum(axis=1).tolist() for name, rows in errors.error_mm.items()
+            },
             "mean_mm": {name: errors.mean(name) for name in errors.error_mm},
             "std_mm": {name: errors.std(name) for name in errors.error_mm},
         }
 
-    own = {"angle_deg": ANGLES_DEG, "second_angle_deg": [second_angle_deg(a) for a in ANGLES_DEG], "marker": "P2"}
+    own = {
+        "angle_deg": ANGLES_DEG,
+        "second_angle_deg": [second_angle_deg(a) for a in ANGLES_DEG],
+        "marker": "P2",
+    }
     return own | numbers(found) | ({} if large is None else {"at_the_papers_size": numbers(large)})
 
 

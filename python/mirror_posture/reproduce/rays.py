@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,7 +25,7 @@ ANGLES_DEG = (-15.0, -10.0, -5.0, 0.0, 5.0, 10.0, 15.0, 20.0, 25.0)
 """The ticks of Figs. 10 and 11; Fig. 9 spans the same angles."""
 ANGLE_DISTANCE_M = 0.150
 
-PAPER_SIZE_NOISE_PX = 1.4
+PAPER_SIZE_NOISE_PX = 1.3
 """The corner noise at which Eq. 1 comes near to the top of the axes of Figs. 8 to 11 (90, 12, 50 and 25 mm) all at once: found by a sweep
 over 0.2 to 2 px, docs/reproduce.md. It says how large the paper's errors are in px; nothing of their course depends on it."""
 
@@ -46,23 +46,23 @@ class RayErrors:
 
     noise_px: float | None
     trials: int
-    error_mm: dict[str, Floats]
+    error_mm: Mapping[Estimator, Floats]
 
-    def mean(self, estimator: str) -> Floats:
+    def mean(self, estimator: Estimator) -> Floats:
         """(views, markers); NaN where no trial saw the marker."""
         return _over_trials(np.nanmean, self.error_mm[estimator])
 
-    def std(self, estimator: str) -> Floats:
+    def std(self, estimator: Estimator) -> Floats:
         """(views, markers), between trials."""
         return _over_trials(np.nanstd, self.error_mm[estimator])
 
-    def half_width(self, estimator: str) -> Floats:
+    def half_width(self, estimator: Estimator) -> Floats:
         """(views, markers): half of the mean's 95 % interval."""
         return 1.96 * self.std(estimator) / np.sqrt(np.maximum(self.seen(), 1))
 
     def seen(self) -> npt.NDArray[np.int64]:
         """(views, markers): how many trials gave a ray."""
-        return np.isfinite(self.error_mm["point_pair"]).sum(axis=1)
+        return np.asarray(np.isfinite(self.error_mm["point_pair"]).sum(axis=1))
 
 
 def _over_trials(reduce: Any, error_mm: Floats) -> Floats:
@@ -170,15 +170,13 @@ def fig7(eye: Eye, found: RayErrors, large: RayErrors | None) -> Experiment:
         judged(
             "Eq. 2 against distance",
             "with it the errors were low; the distance had no great effect",
-            f"{row2[0]:.2f} mm at {x[0]:.0f} mm, {row2[-1]:.2f} mm at {x[-1]:.0f} mm: a seventh of Eq. 1 or less everywhere"
-            if np.all(row2 * 7 < row1)
-            else f"{row2[0]:.2f} mm at {x[0]:.0f} mm, {row2[-1]:.2f} mm at {x[-1]:.0f} mm",
+            f"mean of the six {row2[0]:.2f} mm at {x[0]:.0f} mm, {row2[-1]:.2f} mm at {x[-1]:.0f} mm",
             bool(np.nanmax(row2) < np.nanmin(row1)),
         ),
         judged(
             "every marker",
             "both statements are made of all six markers",
-            f"Eq. 1 over Eq. 2 is {np.nanmin(eq1 / eq2):.0f} to {np.nanmax(eq1 / eq2):.0f} for any marker at any distance",
+            f"Eq. 1 over Eq. 2 is {np.nanmin(eq1 / eq2):.0f} to {np.nanmax(eq1 / eq2):.0f}, for any marker at any distance",
             bool(np.nanmin(eq1 / eq2) > 2.0),
         ),
         _beyond(found),
@@ -214,8 +212,23 @@ def fig8(eye: Eye, found: RayErrors, large: RayErrors | None) -> Experiment:
         )
     )
     if large is not None:
-        panels.append(Panel(f"{how(large)}: the paper's axes", series=ladder_series(large, x, 0), y_top=90.0, y_step=10.0, **axes))
-    claims.append(size_claim(90.0, float(np.nanmax(eq1)), large, None if large is None else float(np.nanmax(large.mean("pose")[:, 0]))))
+        panels.append(
+            Panel(
+                f"{how(large)}: the paper's axes",
+                series=ladder_series(large, x, 0),
+                y_top=90.0,
+                y_step=10.0,
+                **axes,
+            )
+        )
+    claims.append(
+        size_claim(
+            90.0,
+            float(np.nanmax(eq1)),
+            large,
+            None if large is None else float(np.nanmax(large.mean("pose")[:, 0])),
+        )
+    )
     return Experiment(
         "fig8",
         "Ray error against distance, P1",
@@ -239,18 +252,24 @@ def fig9(eye: Eye, found: RayErrors, large: RayErrors | None) -> Experiment:
     panels = [Panel(how(found), series=ladder_series(found, x, marker), **axes)]
     if large is not None:
         panels.append(
-            Panel(f"{how(large)}: the paper's axes", series=ladder_series(large, x, marker), y_top=12.0, y_step=2.0, **axes)
+            Panel(
+                f"{how(large)}: the paper's axes",
+                series=ladder_series(large, x, marker),
+                y_top=12.0,
+                y_step=2.0,
+                **axes,
+            )
         )
     eq1, eq2 = found.mean("pose")[:, marker], found.mean("point_pair")[:, marker]
     there = np.isfinite(eq1)
-    peak = int(np.nanargmax(eq1))
-    ends = eq1[there][[0, -1]]
+    # Means over several angles: single ones of a hundred trials scatter by a tenth.
+    near, far = np.nanmean(eq1[np.abs(x) <= 5.0]), np.nanmean(eq1[np.abs(x) >= 15.0])
     claims = [
         judged(
             "Eq. 1 near 0°",
             "without the constraint the error notably increased around 0°",
-            f"largest at {x[peak]:.0f}°, {eq1[peak]:.2f} mm; {ends[0]:.2f} mm at {x[there][0]:.0f}° and {ends[1]:.2f} mm at {x[there][-1]:.0f}°",
-            bool(abs(x[peak]) <= 5.0 and eq1[peak] > 1.2 * ends.max()),
+            f"{near:.2f} mm within 5° of 0°, {far:.2f} mm beyond 15°",
+            bool(near > 1.2 * far),
         ),
         judged(
             "Eq. 2 at all angles",
@@ -260,7 +279,12 @@ def fig9(eye: Eye, found: RayErrors, large: RayErrors | None) -> Experiment:
             else f"{np.nanmin(eq2):.2f} to {np.nanmax(eq2):.2f} mm",
             bool(np.all(eq2[there] < eq1[there]) and np.nanmax(eq2) < 2.0 * np.nanmin(eq2)),
         ),
-        size_claim(12.0, float(eq1[peak]), large, None if large is None else float(np.nanmax(large.mean("pose")[:, marker]))),
+        size_claim(
+            12.0,
+            float(np.nanmax(eq1)),
+            large,
+            None if large is None else float(np.nanmax(large.mean("pose")[:, marker])),
+        ),
     ]
     return Experiment(
         "fig9",
@@ -276,7 +300,16 @@ def fig9(eye: Eye, found: RayErrors, large: RayErrors | None) -> Experiment:
 def ladder_series(found: RayErrors, x: Floats, marker: int) -> list[Series]:
     """The two estimators of the paper, and maximum likelihood, for one marker."""
     return [
-        Series(label, x, found.mean(name)[:, marker], found.half_width(name)[:, marker], color, line, mark, name != "maximum_likelihood")
+        Series(
+            label,
+            x,
+            found.mean(name)[:, marker],
+            found.half_width(name)[:, marker],
+            color,
+            line,
+            mark,
+            name != "maximum_likelihood",
+        )
         for name, label, color, line, mark in LADDER
     ]
 
@@ -292,7 +325,9 @@ def size_claim(top_mm: float, here_mm: float, large: object | None, large_mm: fl
 
 def _beyond(found: RayErrors) -> Claim:
     ml, eq2 = np.nanmean(found.mean("maximum_likelihood")), np.nanmean(found.mean("point_pair"))
-    return Claim("maximum likelihood", "–", f"{ml:.3f} mm where Eq. 2 has {eq2:.3f} mm, over all", "beyond the paper")
+    return Claim(
+        "maximum likelihood", "–", f"{ml:.3f} mm where Eq. 2 has {eq2:.3f} mm, over all", "beyond the paper"
+    )
 
 
 def _missing(there: npt.NDArray[np.bool_], x: Floats) -> tuple[str, ...]:

@@ -76,8 +76,8 @@ class NoisyEye:
         random = np.random.default_rng([self.seed, stream])
         pixels = exact + self.noise_px * random.standard_normal((count, *exact.shape))
         edge = np.array([camera.width_px, camera.height_px]) - 0.5
-        inside = ((pixels > -0.5) & (pixels < edge)).all(axis=-1)
-        pixels = np.where(inside[..., None], pixels, np.nan)
+        inside = np.all((pixels > -0.5) & (pixels < edge), axis=-1, keepdims=True)
+        pixels = np.where(inside, pixels, np.nan)
         if told is not None:
             for _ in range(count):
                 told()

@@ -75,7 +75,9 @@ class Stand:
         """(4, 4)."""
         board = self.nominal.metadata.board
         assert board is not None
-        return np.linalg.solve(self.root_from_camera, self._root_from(board.link))
+        return np.asarray(
+            np.linalg.solve(self.root_from_camera, self._root_from(board.link)), dtype=np.float64
+        )
 
     def plane(self, view: View) -> PlaneInCamera:
         """The mirror of a view, whose distance is that of its front face from the board's centre."""
