@@ -14,7 +14,7 @@ from .._core import MirrorPostureError
 from ..robot import Robot
 from ..session.camera_info import CameraInfo, load_camera_info
 from ..session.metadata import Metadata, load_metadata
-from ..session.types import Frames, Session, Views
+from ..session.types import Frames, MirrorModel, Session, Views
 from .protocol import ImagePoints, JointLimits, Look
 
 EMBEDDED_FOLDER = Path(__file__).parent.parent / "embedded"
@@ -43,6 +43,11 @@ class Nominal:
         if metadata.camera is not None:
             camera = load_camera_info(folder / metadata.camera, metadata.camera)
         return cls(folder, metadata, Robot.from_urdf(folder / metadata.robot), camera)
+
+    def with_mirror(self, glass_thickness_m: float, refractive_index: float = 1.52) -> Nominal:
+        """The same with another belief of the mirror; a thickness of 0 m is a front-surface mirror."""
+        model = MirrorModel(glass_thickness_m, refractive_index)
+        return replace(self, metadata=replace(self.metadata, mirror=model))
 
     @property
     def robot_file(self) -> Path:
