@@ -92,22 +92,32 @@ def _halved(position: Callable[[float], Array]) -> Callable[[Array], Array]:
 
 
 def all_hypotheses(
-    robot: Robot, commands: Commands, gravity: Array, friction_nm: dict[str, float] | None = None
+    robot: Robot,
+    commands: Commands,
+    gravity: Array,
+    friction_nm: dict[str, float] | None = None,
+    only: set[str] | None = None,
 ) -> list[Hypothesis]:
     """Every effect of the vocabulary at every place of this robot, but `geometry`, `pairing` and `none`.
 
-    `friction_nm` adds play with a known friction at the joints that it names.
+    `friction_nm` adds play with a known friction at the joints that it names; `only` leaves out joints that it does
+    not name.
     """
     path = path_commands(commands)
     nominal = chain(robot, path, Change())
     out: list[Hypothesis] = []
     for j in robot.commanded:
-        if robot.moves(j):
+        named = only is None or j in {n.split("<-")[0] for n in only} or _link_of(robot, j) in only
+        if named and robot.moves(j):
             out += _joint(robot, commands, gravity, path, nominal, j, (friction_nm or {}).get(j))
     out += _lengths(robot)
     for m in robot.markers:
         out.append(_marker(robot, m))
     return out + _optics()
+
+
+def _link_of(robot: Robot, joint: str) -> str:
+    return f"link:{robot.bodies[robot.body_of_joint(joint)].name}"
 
 
 def _still(q: Array) -> bool:

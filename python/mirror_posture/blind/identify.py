@@ -27,7 +27,7 @@ import numpy as np
 
 from .fitting import Fit, fit, screen
 from .hypotheses import Hypothesis, all_hypotheses
-from .reference import Reference, reference_of
+from .reference import Reference, clean_pixels, reference_of
 
 if TYPE_CHECKING:
     from .simulate import Case
@@ -48,12 +48,7 @@ def judge(case: Case) -> dict[str, Any]:
     """`detectable`, `identifiable` and `rivals` for the answer: of a single cause, or of each of several."""
     ref = reference_of(case)
     causes = case.answer["causes"]
-    start = case.mirror.normal * case.mirror.distance_m[:, None]
-    if case.truth.pairing is not None:
-        first, last, shift = case.truth.pairing
-        source = np.arange(len(start))
-        source[first : min(last, len(start) - 4) + 1] += shift
-        start = start[source]
+    start = clean_pixels(case)[2]
     empty = fit(ref, [], start)
     report: dict[str, Any] = {"nominal_chi2": empty.chi2, "residuals": ref.size}
     if not causes:
@@ -86,7 +81,7 @@ def _judge_single(
             "rivals": [best.hypotheses[0].name] * explained,
         }
     if cause["effect"] == "unknown":
-        return _judge_outside(ref, empty, everything, ranked)
+        return _judge_outside(ref, empty, everything)
     own = min((fit(ref, [h], empty.planes) for h in truths), key=lambda f: f.bic)
     others = [h for h in _one_per_name(ranked) if h not in truths and not _contains(h, cause)][:REFINED]
     fits = [fit(ref, [h], empty.planes) for h in others]
@@ -96,6 +91,7 @@ def _judge_single(
         "detectable": detectable,
         "identifiable": detectable and not rivals,
         "rivals": rivals,
+        "left_out": _judge_outside(ref, empty, [h for h in everything if h.effect != cause["effect"]]),
         "own_chi2": own.chi2,
         "margin": float(min((f.bic for f in fits), default=math.inf) - own.bic),
     }
@@ -107,10 +103,9 @@ def clearly(better: Fit, worse: Fit) -> bool:
     return margin > MARGIN and margin > CLEAR_DEVIATIONS * scatter
 
 
-def _judge_outside(
-    ref: Reference, empty: Fit, everything: list[Hypothesis], ranked: list[Hypothesis]
-) -> dict[str, Any]:
+def _judge_outside(ref: Reference, empty: Fit, everything: list[Hypothesis]) -> dict[str, Any]:
     """Is there something to see, and do causes of the vocabulary, one or a few, make the same?"""
+    ranked = [h for _, h in screen(ref, empty, everything)]
     shows = MARGIN + FREE_FORM * math.log(ref.size)
     seen = empty.chi2 > shows
     fits = sorted(

@@ -16,6 +16,7 @@ from .effects import VOCABULARY
 from .identify import judge
 from .outside import OUTSIDE
 from .seal import seal
+from .shrinkage import keep_pixels
 from .simulate import Case, Options, simulate
 from .write import write_session
 
@@ -55,8 +56,10 @@ def draw_causes(rng: np.random.Generator, options: Options, vocabulary: Sequence
 
 
 def save(case: Case, out: Path) -> Path:
-    """Write the session to `out/NAME`, its answer to `out/answers/NAME.json`, its seal beside the session."""
+    """Write the session to `out/NAME`, its answer to `out/answers/NAME.json` (and `.npz`, the noise-free pixels), its
+    seal beside the session."""
     folder = write_session(case, out / case.name)
+    case.answer["pixels_sha256"] = keep_pixels(case, out / "answers" / f"{case.name}.npz")
     seal(case.answer, out / "answers" / f"{case.name}.json", folder / "seal.json")
     return folder
 

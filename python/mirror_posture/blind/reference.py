@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from .kinematics import Chain, Change, rotations, settled_chain
 from .optics import Lens, Mirror, apparent
-from .robots import Robot
+from .robots import Robot, board_points
 from .truth import Commands
 
 if TYPE_CHECKING:
@@ -131,17 +131,27 @@ class Reference:
         return np.stack(columns, axis=-1).reshape(*points.shape[:2], 2, 3)
 
 
-def reference_of(case: Case) -> Reference:
-    """The reference of a simulated case: its noise-free pixels, where its measured ones were seen."""
-    from .simulate import board_points
-
-    measured = [np.asarray(np.isfinite(px).all(-1)) for px in (case.corners_px, case.blobs_px)]
+def clean_pixels(case: Case) -> tuple[Array, Array, Array]:
+    """Noise-free corners (F, C, 2) and blobs (F, M, 2) where the measured ones were seen, NaN elsewhere, and the
+    mirrors' planes (F, 3); rows paired as they were measured."""
+    seen = [np.asarray(np.isfinite(px).all(-1)) for px in (case.corners_px, case.blobs_px)]
     corners, blobs = case.clean_corners_px, case.clean_blobs_px
+    planes = case.mirror.normal * case.mirror.distance_m[:, None]
     if case.truth.pairing is not None:
         first, last, shift = case.truth.pairing
         source = np.arange(len(corners))
         source[first : min(last, len(corners) - 4) + 1] += shift
-        corners, blobs = corners[source], blobs[source]
+        corners, blobs, planes = corners[source], blobs[source], planes[source]
+    return (
+        np.where(seen[0][..., None], corners, np.nan),
+        np.where(seen[1][..., None], blobs, np.nan),
+        planes,
+    )
+
+
+def reference_of(case: Case) -> Reference:
+    """The reference of a simulated case: its noise-free pixels, where its measured ones were seen."""
+    corners, blobs, _ = clean_pixels(case)
     return Reference(
         case.robot,
         case.gravity,
@@ -149,8 +159,8 @@ def reference_of(case: Case) -> Reference:
         case.plan.posture_of_frame,
         case.nominal_lens,
         board_points(case.robot),
-        np.where(measured[0][..., None], corners, np.nan),
-        np.where(measured[1][..., None], blobs, np.nan),
+        corners,
+        blobs,
         case.noise.corner_px,
         case.noise.blob_px,
     )

@@ -106,6 +106,18 @@ class Robot:
         return [name for name, i in seen.items() if b in self.ancestors(i)]
 
 
+def board_points(robot: Robot, scale: float = 0.0, warp_per_m: float = 0.0) -> Array:
+    """Inner corners (C, 3) in the board's frame; bent about its y axis by `warp_per_m`."""
+    nx, ny = robot.board_corners
+    side = robot.board_square_m * (1 + scale)
+    x = np.tile((np.arange(nx) - (nx - 1) / 2) * side, ny)
+    y = np.repeat((np.arange(ny) - (ny - 1) / 2) * side, nx)
+    if warp_per_m == 0:
+        return np.column_stack([x, y, np.zeros(nx * ny)])
+    radius = 1 / warp_per_m
+    return np.column_stack([radius * np.sin(x / radius), y, radius * (1 - np.cos(x / radius))])
+
+
 def rotation_rpy(rpy: Sequence[float] | Array) -> Array:
     """Rotation matrix of URDF's roll, pitch, yaw: Rz(yaw) Ry(pitch) Rx(roll)."""
     r, p, y = (float(a) for a in rpy)

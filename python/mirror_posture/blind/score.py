@@ -23,6 +23,7 @@ from typing import Any
 from .errors import BlindError
 from .run import RESULT, sessions_in
 from .seal import unseal
+from .shrinkage import load_pixels, reference_of_folder, true_closed
 from .statistics import Rate, coverage, rate, reliability
 
 CONFIDENT = 0.5
@@ -37,6 +38,8 @@ class Scored:
     answer: dict[str, Any]
     said: dict[str, Any]
     seconds: float | None
+    true_closed: float | None = None
+    """What the named causes truly close, where that can be computed."""
 
     @property
     def truths(self) -> list[dict[str, Any]]:
@@ -67,6 +70,11 @@ def _rivals(case: Scored, truth: dict[str, Any]) -> list[str]:
     return list(truth.get("rivals", case.answer.get("rivals", [])))
 
 
+def true_names(case: Scored) -> set[str]:
+    """Names of the true causes, and of what they bring with them: the droop of a sticking servo is there."""
+    return {_key(t) for t in case.truths} | {_key(x) for t in case.truths for x in t.get("tolerated", [])}
+
+
 def found(case: Scored, truth: dict[str, Any]) -> bool:
     return _key(truth) in {_key(c) for c in case.causes}
 
@@ -80,9 +88,9 @@ def found_or_tied(case: Scored, truth: dict[str, Any]) -> bool:
 
 def invented(case: Scored) -> list[dict[str, Any]]:
     """Named causes that are neither true, nor tolerated, nor a rival of a true one."""
-    fine = {_key(t) for t in case.truths}
+    fine = true_names(case)
     for t in case.truths:
-        fine |= {_key(x) for x in t.get("tolerated", [])} | set(_rivals(case, t))
+        fine |= set(_rivals(case, t))
     return [c for c in case.causes if _key(c) not in fine]
 
 
@@ -125,16 +133,13 @@ def outside_verdict(case: Scored) -> dict[str, bool]:
     }
 
 
-def true_shrinkage(case: Scored) -> float | None:
-    """Share of the gap that a perfect model closes: 1 where everything is in the vocabulary and found, else
-    not known here."""
-    if case.kind in ("single", "several") and all(found(case, t) for t in case.truths):
-        return 1.0
-    return None
-
-
 def without_effect(answer: dict[str, Any], effect: str) -> dict[str, Any]:
-    """The answer as it reads for a vocabulary that lacks `effect`: what has it is outside then."""
+    """The answer as it reads for a vocabulary that lacks `effect`: what has it is outside then.
+
+    Of a single cause the answer tells what the others of the vocabulary can make of it (`left_out`).
+    """
+    if all(c["effect"] != effect for c in answer["causes"]):
+        return answer
     causes = [
         {
             **c,
@@ -146,7 +151,7 @@ def without_effect(answer: dict[str, Any], effect: str) -> dict[str, Any]:
         else c
         for c in answer["causes"]
     ]
-    return {**answer, "causes": causes}
+    return {**answer, **answer.get("left_out", {}), "causes": causes}
 
 
 def load(cases: Path, results: Path, leave_out: str | None = None) -> tuple[list[Scored], list[str]]:
@@ -172,8 +177,16 @@ def load(cases: Path, results: Path, leave_out: str | None = None) -> tuple[list
             )
         clock = path.parent / "time.json"
         seconds = json.loads(clock.read_text(encoding="utf-8"))["seconds"] if clock.is_file() else None
-        scored.append(Scored(session.name, answer, said, seconds))
+        closed = _true_closed(session, answer, said, cases / "answers" / f"{session.name}.npz")
+        scored.append(Scored(session.name, answer, said, seconds, closed))
     return scored, missing
+
+
+def _true_closed(session: Path, answer: dict[str, Any], said: dict[str, Any], pixels: Path) -> float | None:
+    if "pixels_sha256" not in answer or not answer["causes"]:
+        return None
+    kept = load_pixels(pixels, answer["pixels_sha256"])
+    return true_closed(reference_of_folder(session, kept, answer), kept.planes_m, said.get("causes", []))
 
 
 def score(cases: Path, results: Path, leave_out: str | None = None) -> dict[str, Any]:
@@ -189,9 +202,7 @@ def score(cases: Path, results: Path, leave_out: str | None = None) -> dict[str,
     pairs = [(c, t) for c in several for t in c.truths if _identifiable(c, t)]
     verdicts = {c.name: outside_verdict(c) for c in outside}
     clear_outside = [c for c in outside if _identifiable(c, c.truths[0])]
-    claims = [
-        (float(x["probability"]), _key(x) in {_key(t) for t in c.truths}) for c in scored for x in c.causes
-    ]
+    claims = [(float(x["probability"]), _key(x) in true_names(c)) for c in scored for x in c.causes]
     errors = [z for c in scored for z in normalised_errors(c)]
     named, false_names = sum(len(c.causes) for c in several), sum(len(invented(c)) for c in several)
     by_effect = {}
@@ -243,22 +254,32 @@ def confusion(clear: list[Scored]) -> dict[str, dict[str, int]]:
 
 
 def shrinkage(scored: list[Scored]) -> dict[str, Any]:
-    """Claimed against true share of the gap closed, where the truth is known; NaN or missing claims are
-    counted."""
+    """Claimed against true share of the gap that the named causes close; claims that are missing are counted.
+
+    `clear_gaps` are the sessions whose markers are off by more than the blobs' noise: of a smaller gap, any share is of
+    nothing.
+    """
     rows, lacking = [], 0
     for c in scored:
-        true = true_shrinkage(c)
         claimed = c.said.get("gap", {}).get("closed")
-        if true is None:
+        if c.true_closed is None:
             continue
         if not isinstance(claimed, int | float) or not math.isfinite(claimed):
             lacking += 1
             continue
-        interval = c.said["gap"].get("closed_ci95") or [claimed, claimed]
-        rows.append((abs(claimed - true) <= 0.05, interval[0] - 1e-9 <= true <= interval[1] + 1e-9))
+        low, high = c.said["gap"].get("closed_ci95") or [claimed, claimed]
+        before = float(c.said["gap"].get("before_px") or 0.0)
+        rows.append(
+            (
+                abs(claimed - c.true_closed) <= 0.05,
+                low - 1e-9 <= c.true_closed <= high + 1e-9,
+                before > math.sqrt(2) * float(c.answer.get("pixel_std_blob", 0.0)),
+            )
+        )
     return {
-        "within_5_points": rate([a for a, _ in rows]).as_json(),
-        "interval_covers": rate([b for _, b in rows]).as_json(),
+        "within_5_points": rate([a for a, _, _ in rows]).as_json(),
+        "clear_gaps_within_5_points": rate([a for a, _, clear in rows if clear]).as_json(),
+        "interval_covers": rate([b for _, b, _ in rows]).as_json(),
         "without_claim": lacking,
     }
 

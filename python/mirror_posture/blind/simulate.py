@@ -64,18 +64,6 @@ class Case:
     answer: dict[str, Any] = field(default_factory=dict)
 
 
-def board_points(robot: robots.Robot, scale: float = 0.0, warp_per_m: float = 0.0) -> Array:
-    """Inner corners (C, 3) in the board's frame; bent about its y axis by `warp_per_m`."""
-    nx, ny = robot.board_corners
-    side = robot.board_square_m * (1 + scale)
-    x = np.tile((np.arange(nx) - (nx - 1) / 2) * side, ny)
-    y = np.repeat((np.arange(ny) - (ny - 1) / 2) * side, nx)
-    if warp_per_m == 0:
-        return np.column_stack([x, y, np.zeros(nx * ny)])
-    radius = 1 / warp_per_m
-    return np.column_stack([radius * np.sin(x / radius), y, radius * (1 - np.cos(x / radius))])
-
-
 def _exp(turn: Array) -> Array:
     """Rotation matrix of a rotation vector."""
     angle = float(np.linalg.norm(turn))
@@ -185,7 +173,7 @@ def see(
     that can be."""
     origin, rotation = camera_poses(poses, truth, plan.commands)
     of = plan.posture_of_frame
-    board = board_points(robot, truth.board_scale, truth.board_warp_per_m)
+    board = robots.board_points(robot, truth.board_scale, truth.board_warp_per_m)
     corners_root = poses.board_m[:, None] + np.einsum("pij,cj->pci", poses.board_rotation, board)
     corners = np.einsum("pji,pcj->pci", rotation, corners_root - origin[:, None])[of]
     arms = np.einsum("pji,pmj->pmi", rotation, poses.marker_m - origin[:, None])[of]
