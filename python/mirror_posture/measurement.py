@@ -106,6 +106,10 @@ class Markers:
     root_from_camera: Floats
     """(K, 4, 4), in the first frame of the posture: as the model says, or as `joint` has corrected it."""
     reason: tuple[str | None, ...]
+    chi_squared: Floats
+    """(K,): sum of squared normalised residuals of the views' pixels; 0 where there is no degree of freedom."""
+    degrees_of_freedom: npt.NDArray[np.int64]
+    """(K,): of that; 0 where it is not measured, and by `joint`, which has one sum for the whole session."""
 
     def __len__(self) -> int:
         return len(self.posture)
@@ -257,6 +261,8 @@ def _markers(session: Session, done: Measured, correction: Floats) -> Markers:
         _mapped(correction[None], model),
         root_from_camera,
         tuple(done.marker_reason),
+        done.point_chi_squared,
+        done.point_degrees_of_freedom,
     )
 
 

@@ -7,10 +7,12 @@ use mirror_core::correct::{
     CorrectOptions, Corrector, Damping, JacobianSource, JudgeOptions, Reading, StepOptions, StepProblem,
     StepWorkspace, Target, correction_step as core_step,
 };
+use mirror_core::robot::Robot;
 use nalgebra::{DMatrix, Matrix3, Vector3};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use serde::Serialize;
+use std::sync::Arc;
 
 fn damping(mu_m_per_rad: Option<f64>, step_std_rad: Option<f64>) -> Damping {
     match (mu_m_per_rad, step_std_rad) {
@@ -106,6 +108,7 @@ pub fn correction_step(
 #[pyclass(name = "Corrector", module = "mirror_posture._core")]
 pub struct PyCorrector {
     inner: Corrector,
+    robot: Arc<Robot>,
 }
 
 #[pymethods]
@@ -186,7 +189,8 @@ impl PyCorrector {
         )
         .map_err(to_py)?;
         let start = start.map(|s| numbers(&s));
-        Ok(Self { inner: Corrector::new(target, options, start.as_deref()).map_err(to_py)? })
+        let inner = Corrector::new(target, options, start.as_deref()).map_err(to_py)?;
+        Ok(Self { inner, robot: robot.clone() })
     }
 
     /// (M, 3): where the markers are to be, in the board's frame, m.
@@ -194,6 +198,12 @@ impl PyCorrector {
     fn target_in_board_m<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let target = self.inner.target().point_in_frame_m();
         reshaped(py, target.iter().flatten().copied().collect(), [target.len(), 3])
+    }
+
+    /// Narrows a joint's range, rad (m).
+    fn narrow(&mut self, joint: &str, lower: f64, upper: f64) -> PyResult<()> {
+        let position = self.robot.position_index(joint).map_err(to_py)?;
+        self.inner.narrow(position, lower, upper).map_err(to_py)
     }
 
     /// Which positions may move.

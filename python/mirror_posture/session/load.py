@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+import numpy as np
+
 from .._core import MirrorPostureError
 from ..robot import Robot
 from .camera_info import load_camera_info
@@ -15,14 +17,16 @@ from .frames import check_images_exist, read_frames
 from .metadata import FILE, Metadata, load_metadata
 from .points import COLUMNS as POINT_COLUMNS
 from .points import read_points
-from .tables import Table, find_table, read_table
-from .types import UNKNOWN_FRAME, Session, Views
+from .tables import UNFINISHED, Table, find_table, read_table
+from .types import UNKNOWN_FRAME, Frames, Session, Views
 
 
 def load_session(folder: str | os.PathLike[str]) -> Session:
     """Loads a session's folder and validates it as a whole.
 
     Tables may be CSV or Parquet. A session with pictures and no detections table loads with `detected` False.
+
+    A session that is being recorded, or whose recording was cut off, loads with what is complete in it.
 
     Raises `SessionError` (a `MirrorPostureError`) for what cannot be meant: it names the file, the row and the fix.
     Unknown keys and columns are kept, and named in `Session.warnings`.
@@ -45,7 +49,10 @@ def load_session(folder: str | os.PathLike[str]) -> Session:
             folder / "frames.csv", "the file is missing; needed one row for each captured picture"
         )
     frames_name = frames_file.name
-    frames, odd = read_frames(read_table(frames_file), robot, metadata.ordered)
+    unfinished = (folder / UNFINISHED).exists()
+    if unfinished:
+        warnings.append(f"{folder}: is being recorded, or was cut off; what is complete is read")
+    frames, odd = read_frames(read_table(frames_file, unfinished), robot, metadata.ordered)
     warnings += odd
 
     marker_names = tuple(marker.name for marker in metadata.markers)
@@ -67,7 +74,7 @@ def load_session(folder: str | os.PathLike[str]) -> Session:
     corners = 0 if metadata.board is None else metadata.board.columns * metadata.board.rows
     mirror_view, direct_view = (Views.empty(len(frames), corners, len(marker_names)) for _ in range(2))
     if detections_file is not None:
-        table = read_table(detections_file)
+        table = _whole_frames(read_table(detections_file, unfinished), frames, unfinished)
         warnings += _unknown_columns(table, (*DETECTION_COLUMNS, *OPTIONAL_COLUMNS))
         mirror_view, direct_view = read_detections(table, frames, frames_name, metadata.board, marker_names)
     if (mirror_view.any_seen or direct_view.any_seen or pictures) and camera is None:
@@ -86,7 +93,7 @@ def load_session(folder: str | os.PathLike[str]) -> Session:
             raise SessionError(
                 FILE, f"there is {points_file.name} and no [points]; add it with `frame`, a link or unknown"
             )
-        table = read_table(points_file)
+        table = _whole_frames(read_table(points_file, unfinished), frames, unfinished)
         warnings += _unknown_columns(table, POINT_COLUMNS)
         points = read_points(table, frames, frames_name, marker_names, metadata.points_frame)
     elif metadata.points_frame is not None:
@@ -112,6 +119,13 @@ def load_session(folder: str | os.PathLike[str]) -> Session:
         metadata.raw,
         tuple(warnings),
     )
+
+
+def _whole_frames(table: Table, frames: Frames, unfinished: bool) -> Table:
+    """Of an unfinished recording the rows whose frame was written too."""
+    if not unfinished or "frame" not in table.columns:
+        return table
+    return table.only(np.isin(table.integers("frame"), frames.frame))
 
 
 def _inside(folder: Path, name: str, key: str) -> Path:

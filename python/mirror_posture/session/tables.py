@@ -9,6 +9,7 @@ from __future__ import annotations
 import csv
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +21,8 @@ import pyarrow.parquet
 from .errors import SessionError, choices
 
 SUFFIXES = (".csv", ".parquet")
+UNFINISHED = "recording.unfinished"
+"""A file of this name in a session's folder says that it is being recorded, or that the recording was cut off."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +42,12 @@ class Table:
                     f"the column {column!r} is missing; got the columns {choices(self.columns)}; "
                     f"needed {choices(columns)}",
                 )
+
+    def only(self, kept: npt.NDArray[np.bool_]) -> Table:
+        """The rows that are kept."""
+        mask = pa.array(kept)
+        columns = {name: array.filter(mask) for name, array in self.columns.items()}
+        return Table(self.name, columns, int(kept.sum()))
 
     def numbers(self, column: str) -> npt.NDArray[np.float64]:
         """A column as finite doubles."""
@@ -123,11 +132,14 @@ def find_table(folder: Path, stem: str) -> Path | None:
     return found[0] if found else None
 
 
-def read_table(file: Path) -> Table:
-    """Reads a CSV or Parquet file; refuses one that is no table or names a column twice."""
+def read_table(file: Path, unfinished: bool = False) -> Table:
+    """Reads a CSV or Parquet file; refuses one that is no table or names a column twice.
+
+    Of an `unfinished` CSV file what stands after the last end of a line is left out: it was being written.
+    """
     name = file.name
     try:
-        table = _read_csv(file) if file.suffix == ".csv" else pyarrow.parquet.read_table(file)
+        table = _read_csv(file, unfinished) if file.suffix == ".csv" else pyarrow.parquet.read_table(file)
         names = table.column_names
         table.validate(full=file.suffix != ".csv")
     except (pa.ArrowException, csv.Error, OSError, UnicodeDecodeError, ValueError) as error:
@@ -146,8 +158,12 @@ def read_table(file: Path) -> Table:
     return Table(name, columns, table.num_rows)
 
 
-def _read_csv(file: Path) -> pa.Table:
+def _read_csv(file: Path, unfinished: bool) -> pa.Table:
     """Every cell as text; empty cells stay empty text."""
+    source: Path | pa.Buffer = file
+    if unfinished:
+        data = file.read_bytes()
+        source = pa.py_buffer(data[: data.rfind(b"\n") + 1])
     with file.open(encoding="utf-8-sig", newline="") as stream:
         names = next(csv.reader(stream), [])
     convert = pyarrow.csv.ConvertOptions(
@@ -156,13 +172,17 @@ def _read_csv(file: Path) -> pa.Table:
         quoted_strings_can_be_null=False,
     )
     try:
-        return pyarrow.csv.read_csv(file, convert_options=convert)
+        return pyarrow.csv.read_csv(_opened(source), convert_options=convert)
     except pa.ArrowInvalid:
-        _name_ragged_row(file, convert)
+        _name_ragged_row(source, file, convert)
         raise
 
 
-def _name_ragged_row(file: Path, convert: pyarrow.csv.ConvertOptions) -> None:
+def _opened(source: Path | pa.Buffer) -> Any:
+    return source if isinstance(source, Path) else pa.BufferReader(source)
+
+
+def _name_ragged_row(source: Path | pa.Buffer, file: Path, convert: pyarrow.csv.ConvertOptions) -> None:
     """Reads once more, row by row, to say which row has the wrong number of cells."""
 
     ragged: list[pyarrow.csv.InvalidRow] = []
@@ -173,7 +193,7 @@ def _name_ragged_row(file: Path, convert: pyarrow.csv.ConvertOptions) -> None:
         return "skip"
 
     pyarrow.csv.read_csv(
-        file,
+        _opened(source),
         read_options=pyarrow.csv.ReadOptions(use_threads=False),
         parse_options=pyarrow.csv.ParseOptions(invalid_row_handler=remember),
         convert_options=convert,

@@ -204,6 +204,33 @@ impl Corrector {
         &self.target
     }
 
+    /// Narrows the range of a position (rad, m) to what the robot itself allows; the model's limits stay in force.
+    ///
+    /// # Errors
+    /// An index that is no position, a range that the present command is not in.
+    pub fn narrow(&mut self, position: usize, lower: f64, upper: f64) -> Result<()> {
+        let Some(&command) = self.command.get(position) else {
+            return Err(Error::OutOfRange {
+                what: "position to be narrowed".to_owned(),
+                got: position as f64,
+                needed: format!("an index below {}", self.command.len()),
+            });
+        };
+        if !(command >= lower && command <= upper) {
+            let name = self.target.robot.position_names().nth(position).unwrap_or_default().to_owned();
+            return Err(Error::OutOfRange {
+                what: format!("first command, joint {name:?}"),
+                got: command,
+                needed: format!("{lower:.4} to {upper:.4}, which the robot allows"),
+            });
+        }
+        let own = &mut self.target.limits[position];
+        *own = (own.0.max(lower), own.1.min(upper));
+        self.lower[position] = self.lower[position].max(lower);
+        self.upper[position] = self.upper[position].min(upper);
+        Ok(())
+    }
+
     /// The command at which the next look is to be taken, rad (m).
     pub fn command(&self) -> &[f64] {
         &self.command

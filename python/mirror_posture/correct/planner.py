@@ -1,0 +1,168 @@
+"""Which viewpoints show board and markers, and let the rays meet well: predicted from the model before anything is moved."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+import numpy.typing as npt
+
+from ..camera import camera_from_info
+from ..measurement import MeasureOptions, NothingMeasuredError, measure
+from ..optics import see_in_mirror
+from ..robots.protocol import ImagePoints, Look
+from ..viewpoint import View
+from .target import Target
+
+Floats = npt.NDArray[np.float64]
+
+YAWS_RAD = tuple(math.radians(x) for x in (0, -5, 5, -10, 10, -15, 15, -20, 20, -25, 25))
+PITCHES_RAD = tuple(math.radians(x) for x in (0, -5, 5, -10, 10, -15, 15))
+MARGIN_PX = 12.0
+"""Nearer to the picture's edge nothing is planned: the stand may be a few degrees off."""
+STEEPEST_RAD = math.radians(60.0)
+"""A board that is turned farther from the mirror is not planned."""
+USUAL_NOISE_PX = 0.1
+"""Of corners and ball centres, where the session says nothing."""
+EASE = 0.1
+"""How much better (a part of the deviation) a view turned by the farthest angle must be to be taken before one straight ahead."""
+PITCH_APART_RAD = math.radians(5.0)
+"""Of three views or more one has another pitch than the others by at least this: yaw alone leaves one direction of the
+camera–board transform nearly unseen."""
+
+
+@dataclass(frozen=True)
+class Prospect:
+    """A view that shows the whole board and all markers, with the pixels at which it should."""
+
+    view: View
+    points: ImagePoints
+
+
+def prospects(
+    target: Target,
+    start: View,
+    yaws_rad: Sequence[float] = YAWS_RAD,
+    pitches_rad: Sequence[float] = PITCHES_RAD,
+) -> list[Prospect]:
+    """The views around the mirror's distance of `start` that show the board and all of the target's markers."""
+    nominal = target.nominal
+    metadata, robot, info = nominal.metadata, nominal.robot, nominal.camera
+    assert metadata.board is not None and info is not None
+    camera = camera_from_info(info)
+    links = [metadata.root, target.camera_link, target.board_link, *(m.link for m in metadata.markers)]
+    poses = robot.link_poses(target.positions[None], links)[0]
+    camera_from = np.linalg.inv(poses[1]) @ poses
+    board = camera_from[2]
+    corners = metadata.board.corner_in_board_m @ board[:3, :3].T + board[:3, 3]
+    points = np.concatenate([corners, camera_from[3:, :3, 3]])
+    mirror = metadata.mirror
+    glass = (0.0, 1.52) if mirror is None else (mirror.glass_thickness_m, mirror.refractive_index)
+    size = np.array([info.width_px, info.height_px])
+    wanted = [len(corners) + index for index in target.marker_indices]
+    needed = [*range(len(corners)), *wanted]
+    found = []
+    for yaw, pitch in product(yaws_rad, pitches_rad):
+        view = View(yaw, pitch, start.distance_m)
+        normal = camera_from[0, :3, :3] @ view_normal(view)
+        distance = float(normal @ board[:3, 3]) + view.distance_m
+        if distance <= 0.0 or float(normal @ board[:3, 2]) < math.cos(STEEPEST_RAD):
+            continue
+        seen = see_in_mirror(
+            camera, distance * normal, points, glass_thickness_m=glass[0], refractive_index=glass[1]
+        )
+        pixels = np.where(seen.valid[:, None], seen.pixels_px, -1.0)
+        inside = seen.valid & np.all((pixels > MARGIN_PX) & (pixels < size - 1 - MARGIN_PX), axis=1)
+        inside &= points @ normal < distance
+        if not inside[needed].all():
+            continue
+        marker_seen = np.zeros(len(metadata.markers), dtype=bool)
+        marker_seen[target.marker_indices] = True
+        found.append(
+            Prospect(
+                view,
+                ImagePoints(
+                    pixels[: len(corners)],
+                    inside[: len(corners)],
+                    np.where(marker_seen[:, None], pixels[len(corners) :], 0.0),
+                    marker_seen,
+                ),
+            )
+        )
+    return found
+
+
+def predicted_std_m(target: Target, sets: Sequence[Sequence[Prospect]]) -> Floats:
+    """For each set of views the largest deviation that any marker's position would have along its worst axis, m.
+
+    Infinite where a marker could not be measured: rays too nearly parallel, say. All sets are measured in one batch.
+    """
+    noise = target.nominal.metadata.noise.pixel_std_px or USUAL_NOISE_PX
+    commanded = target.by_name(target.positions)
+    looks, posture = [], []
+    for number, views in enumerate(sets):
+        looks += [Look(commanded, 0.0, points=prospect.points) for prospect in views]
+        posture += [number] * len(views)
+    worst = np.zeros(len(sets))
+    try:
+        found = measure(
+            target.nominal.session(looks, posture),
+            MeasureOptions("maximum-likelihood", corner_noise_px=noise, marker_noise_px=noise),
+        ).markers
+    except NothingMeasuredError:
+        return np.full(len(sets), np.inf)
+    spread = np.sqrt(np.linalg.eigvalsh(found.covariance_m2)[:, -1])
+    np.maximum.at(worst, found.posture, np.where(found.measured, spread, np.inf))
+    return worst
+
+
+def propose_views(
+    target: Target, count: int, kept: Sequence[View] = (), start: View | None = None
+) -> list[View]:
+    """`count` views, best first: board and markers in sight, and the markers' worst deviation as small as the model predicts.
+
+    Begins with `kept`, or else with the best pair; then adds one at a time what helps most. Among nearly equal ones the
+    view that is turned less wins. The third differs in pitch where the first two do not. Fewer are returned where the
+    model sees fewer (none, if the markers are not to be seen in this mirror).
+    """
+    start = start or View()
+    options = prospects(target, start)
+    if not options:
+        return list(kept)
+    chosen = [p for view in kept for p in prospects(target, view, (view.yaw_rad,), (view.pitch_rad,))]
+    if len(chosen) < 2:
+        first = chosen or options
+        pairs = [[a, b] for i, a in enumerate(first) for b in (options if chosen else options[i + 1 :])]
+        cost = predicted_std_m(target, pairs) * np.array([_effort(pair) for pair in pairs])
+        if not len(pairs) or not np.isfinite(cost).any():
+            return list(kept)
+        chosen = list(pairs[int(np.argmin(cost))])
+    while len(chosen) < count:
+        rest = [p for p in options if all(p.view != c.view for c in chosen)]
+        pitches = [c.view.pitch_rad for c in chosen]
+        if max(pitches) - min(pitches) < PITCH_APART_RAD:
+            apart = [p for p in rest if abs(p.view.pitch_rad - pitches[0]) >= PITCH_APART_RAD]
+            rest = apart or rest
+        if not rest:
+            break
+        sets = [[*chosen, p] for p in rest]
+        cost = predicted_std_m(target, sets) * np.array([_effort([p]) for p in rest])
+        chosen.append(rest[int(np.argmin(cost))])
+    others = list(kept) + [c.view for c in chosen if c.view not in kept]
+    return others[:count]
+
+
+def _effort(views: Sequence[Prospect]) -> float:
+    farthest = max(max(abs(p.view.yaw_rad), abs(p.view.pitch_rad)) for p in views)
+    return 1.0 + EASE * farthest / YAWS_RAD[-1]
+
+
+def view_normal(view: View) -> Floats:
+    """The mirror's unit normal, from the robot to the mirror, in the root's frame; see `View`."""
+    level = math.cos(view.pitch_rad)
+    return np.array(
+        [level * math.cos(view.yaw_rad), level * math.sin(view.yaw_rad), math.sin(view.pitch_rad)]
+    )

@@ -1,0 +1,87 @@
+"""Changing the viewpoint: the mirror or the stand turned, by hand or by a motor, or the robot turned by its own joints."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from .._core import MirrorPostureError
+from ..robots.protocol import CommandedRobot, TurnsView
+from ..viewpoint import View
+from .options import PAPER_VIEWS, CorrectOptions
+from .planner import propose_views
+from .target import Target
+
+
+@dataclass(frozen=True)
+class Viewpoint:
+    """One viewpoint of a look: where the mirror stands, or where the robot's turning joints go (rad)."""
+
+    view: View | None = None
+    joints: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Viewpoints:
+    """The viewpoints of every look, and further ones for a look that is too uncertain."""
+
+    usual: tuple[Viewpoint, ...]
+    further: tuple[Viewpoint, ...]
+
+    def of_look(self, number: int) -> tuple[Viewpoint, ...]:
+        """Forward and backward in turn, so that the stand is not turned between two looks."""
+        return self.usual if number % 2 == 0 else self.usual[::-1]
+
+
+def choose_viewpoints(robot: CommandedRobot, target: Target, options: CorrectOptions) -> Viewpoints:
+    """The viewpoints of a correction: those that were given, those of joints, or proposed ones.
+
+    A robot that cannot turn has one: enough only where its looks bring marker positions.
+
+    Raises `MirrorPostureError` for a turning joint between camera, board and a marker: it would move what is measured.
+    """
+    if options.view_joints:
+        stations = tuple(Viewpoint(joints=dict(one)) for one in options.view_joints)
+        _check_turning(target, stations)
+        return Viewpoints(stations, stations[::-1])
+    if not isinstance(robot, TurnsView):
+        return Viewpoints((Viewpoint(),), ())
+    views = options.views
+    further: Sequence[View] = ()
+    if views is None or options.extra_views:
+        kept = () if views is None else views
+        count = max(options.views_a_look, len(kept)) if views is None else len(views)
+        proposed = propose_views(target, count + options.extra_views, kept, start=robot.view)
+        views, further = tuple(proposed[:count]), proposed[count:]
+        if len(views) < 2:
+            # Nothing in the model says that any view works: begin as the paper did.
+            views = PAPER_VIEWS
+    return Viewpoints(tuple(Viewpoint(view) for view in views), tuple(Viewpoint(view) for view in further))
+
+
+def _check_turning(target: Target, stations: Sequence[Viewpoint]) -> None:
+    robot = target.nominal.robot
+    measured = {step.joint for step in robot.chain(target.camera_link, target.board_link)}
+    for link in target.marker_links:
+        measured |= {step.joint for step in robot.chain(target.board_link, link)}
+    for station in stations:
+        for joint in station.joints:
+            robot.position_index(joint)
+            if joint in measured:
+                raise MirrorPostureError(
+                    f"view_joints: {joint!r} lies between camera, board and a marker, which must stand still within a look; "
+                    "turn with joints outside of them (waist, legs)"
+                )
+
+
+def go(robot: CommandedRobot, viewpoint: Viewpoint, command: Mapping[str, float]) -> None:
+    """Brings the robot to a viewpoint with its body at this command; moves nothing that is there already.
+
+    Raises `RobotError`s of the robot.
+    """
+    wanted = {**command, **viewpoint.joints}
+    now = robot.commanded
+    if any(now.get(joint) != value for joint, value in wanted.items()):
+        robot.command(wanted)
+    if viewpoint.view is not None and isinstance(robot, TurnsView) and robot.view != viewpoint.view:
+        robot.turn(viewpoint.view)
