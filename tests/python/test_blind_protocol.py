@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
-import sys
+import os
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from functools import partial
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +15,7 @@ import pytest
 
 from mirror_posture.blind import BlindError
 from mirror_posture.blind.page import write_page
-from mirror_posture.blind.run import run_sessions
+from mirror_posture.blind.run import run_sessions, timed
 from mirror_posture.blind.score import score
 from mirror_posture.blind.seal import seal, unseal
 from mirror_posture.blind.statistics import Rate, coverage, reliability
@@ -114,23 +117,44 @@ def test_score_counts_right_wrong_invented_and_false_alarms(tmp_path: Path) -> N
     assert left["outside_met"]["of"] == 5, "two strange ones, two offsets that show, and the pair"
 
 
+def _diagnose(session: Path) -> str:
+    """A stand-in: session `b` fails until it is mended, `c` takes its process with it."""
+    if session.name == "b" and not (session / "mended").exists():
+        raise ValueError("broken")
+    if session.name == "c" and not (session / "mended").exists():
+        os._exit(9)
+    return json.dumps({"name": session.name})
+
+
 def test_run_resumes_and_keeps_failures(tmp_path: Path) -> None:
     cases, results = tmp_path / "cases", tmp_path / "results"
     for name in ("a", "b"):
         _case(cases, name, [])
-    code = (
-        "import sys, pathlib; s, o = map(pathlib.Path, sys.argv[1:]); "
-        "sys.exit('broken') if s.name == 'b' and not (s / 'mended').exists() "
-        "else (o / 'diagnosis.json').write_text('{}')"
+    pool = partial(ThreadPoolExecutor, 2)
+    told: list[tuple[str, bool]] = []
+    first = run_sessions(
+        cases, results, lambda p, s: p.submit(timed, _diagnose, s), pool, lambda *x: told.append(x)
     )
-    command = [sys.executable, "-c", code, "{session}", "{out}"]
-    first = run_sessions(cases, results, command)
     assert (first.done, first.before, first.failed) == (1, 0, ["b"])
+    assert sorted(told) == [("a", True), ("b", False)]
     assert "broken" in json.loads((results / "b" / "failure.json").read_text(encoding="utf-8"))["message"]
     (cases / "b" / "mended").touch()
-    second = run_sessions(cases, results, command)
+    second = run_sessions(cases, results, lambda p, s: p.submit(timed, _diagnose, s), pool)
     assert (second.done, second.before, second.failed) == (1, 1, [])
     assert not (results / "b" / "failure.json").exists()
+    assert json.loads((results / "a" / "time.json").read_text(encoding="utf-8"))["cpu_seconds"] >= 0
+
+
+def test_a_session_that_kills_its_process_costs_no_other(tmp_path: Path) -> None:
+    cases, results = tmp_path / "cases", tmp_path / "results"
+    for name in ("a", "c", "d", "e"):
+        _case(cases, name, [])
+    pool = partial(ProcessPoolExecutor, 1, mp_context=get_context("fork"))
+    report = run_sessions(cases, results, lambda p, s: p.submit(timed, _diagnose, s), pool)
+    assert (report.done, report.failed) == (3, ["c"])
+    assert json.loads((results / "c" / "failure.json").read_text(encoding="utf-8"))["error"] == (
+        "BrokenProcessPool"
+    )
 
 
 def test_wilson_interval_against_its_published_values() -> None:

@@ -93,6 +93,7 @@ def _judge_single(
         "rivals": rivals,
         "left_out": _judge_outside(ref, empty, [h for h in everything if h.effect != cause["effect"]]),
         "own_chi2": own.chi2,
+        "gain": empty.bic - own.bic,
         "margin": float(min((f.bic for f in fits), default=math.inf) - own.bic),
     }
 
@@ -187,6 +188,8 @@ def _judge_several(
             detectable and not rivals,
             rivals,
         )
+        cause["gain"] = without.bic - whole.bic
+        cause["margin"] = min((f.bic for f in fits), default=math.inf) - whole.bic
         judged.append(cause["identifiable"])
     return {
         "detectable": all(c["detectable"] for c in causes),

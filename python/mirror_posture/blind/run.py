@@ -1,25 +1,36 @@
-"""Run a diagnosis over a folder of sealed sessions: resumable, on all cores, one result folder a session.
+"""Run a diagnosis over a folder of sealed sessions: resumable, on all cores or a fleet, one result folder a
+session.
 
-The diagnosis is handed in as a command, so that this package knows nothing of it: `{session}` and `{out}`
-are filled in.
-A session counts as done when its `diagnosis.json` is there; a failure is kept as `failure.json`, and tried
-again next time.
+The diagnosis is handed in as a function of a session's folder that returns the text of `diagnosis.json`, and where it
+runs as an executor, so that this package knows nothing of either. A session counts as done when its
+`diagnosis.json` is there; a failure is kept as `failure.json`, and tried again next time.
 """
 
 from __future__ import annotations
 
 import json
-import os
-import subprocess
 import time
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from collections.abc import Callable, Iterator
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 from .errors import BlindError
 
 RESULT = "diagnosis.json"
+OUTSTANDING = 64
+"""Sessions that are handed out at once: enough for a fleet, few enough to lie in memory."""
+
+
+@dataclass(frozen=True)
+class Diagnosed:
+    """What a worker hands back: the text of diagnosis.json, and how long it took by the clock and by the CPU."""
+
+    document: str
+    seconds: float
+    cpu_seconds: float
 
 
 @dataclass(frozen=True)
@@ -29,6 +40,16 @@ class RunReport:
     done: int
     before: int
     failed: list[str]
+
+
+Session = TypeVar("Session")
+
+
+def timed(diagnose: Callable[[Session], str], session: Session) -> Diagnosed:
+    """One session diagnosed, with its time: what an executor is given to run."""
+    clock, cpu = time.perf_counter(), time.process_time()
+    document = diagnose(session)
+    return Diagnosed(document, time.perf_counter() - clock, time.process_time() - cpu)
 
 
 def sessions_in(folder: Path) -> list[Path]:
@@ -44,49 +65,81 @@ def sessions_in(folder: Path) -> list[Path]:
     return found
 
 
+def sessions_to_do(cases: Path, results: Path) -> list[Path]:
+    """Those that have no result yet."""
+    return [s for s in sessions_in(cases) if not (results / s.name / RESULT).is_file()]
+
+
 def run_sessions(
     cases: Path,
     results: Path,
-    command: Sequence[str],
-    workers: int | None = None,
+    submit: Callable[[Executor, Path], Future[Diagnosed]],
+    executor: Callable[[], AbstractContextManager[Executor]],
     progress: Callable[[str, bool], None] | None = None,
 ) -> RunReport:
-    """Diagnose every session of `cases` that has no result yet, each in a process of its own."""
-    if not any("{session}" in part for part in command) or not any("{out}" in part for part in command):
-        raise BlindError("the command of a diagnosis must have {session} and {out} in it")
-    todo, before = [], 0
-    for session in sessions_in(cases):
-        if (results / session.name / RESULT).is_file():
-            before += 1
-        else:
-            todo.append(session)
+    """Diagnose every session of `cases` that has no result yet.
+
+    `submit` hands one session to an executor that `executor` opens. A pool that a crash has broken is opened
+    again; a session that breaks it a second time, alone, has failed.
+    """
+    todo = sessions_to_do(cases, results)
+    before = len(sessions_in(cases)) - len(todo)
     failed: list[str] = []
-    # Threads only wait for the processes; the diagnoses themselves run in parallel.
-    with ThreadPoolExecutor(workers or os.cpu_count() or 1) as pool:
-        jobs = {
-            pool.submit(_diagnose, session, results / session.name, command): session.name for session in todo
-        }
-        for job in as_completed(jobs):
-            ok = job.result()
-            if not ok:
-                failed.append(jobs[job])
-            if progress is not None:
-                progress(jobs[job], ok)
+
+    def end(session: Path, ok: bool) -> None:
+        if not ok:
+            failed.append(session.name)
+        if progress is not None:
+            progress(session.name, ok)
+
+    crashed: list[Path] = []
+    with executor() as pool:
+        for session, job in _completed(pool, todo, submit):
+            error = job.exception()
+            if isinstance(error, BrokenExecutor):
+                crashed.append(session)
+            else:
+                end(session, _keep(results / session.name, job))
+    for session in crashed:
+        with executor() as pool:
+            ((_, job),) = _completed(pool, [session], submit)
+            end(session, _keep(results / session.name, job))
     return RunReport(len(todo) - len(failed), before, sorted(failed))
 
 
-def _diagnose(session: Path, out: Path, command: Sequence[str]) -> bool:
+def _completed(
+    pool: Executor, todo: list[Path], submit: Callable[[Executor, Path], Future[Diagnosed]]
+) -> Iterator[tuple[Path, Future[Diagnosed]]]:
+    """Sessions and their ended jobs as they end, never more than `OUTSTANDING` under way."""
+    waiting = list(reversed(todo))
+    under_way: dict[Future[Diagnosed], Path] = {}
+    while waiting or under_way:
+        while waiting and len(under_way) < OUTSTANDING:
+            session = waiting.pop()
+            try:
+                under_way[submit(pool, session)] = session
+            except BrokenExecutor as error:
+                broken: Future[Diagnosed] = Future()
+                broken.set_exception(error)
+                under_way[broken] = session
+        for job in wait(under_way, return_when=FIRST_COMPLETED).done:
+            yield under_way.pop(job), job
+
+
+def _keep(out: Path, job: Future[Diagnosed]) -> bool:
     out.mkdir(parents=True, exist_ok=True)
-    filled = [part.replace("{session}", str(session)).replace("{out}", str(out)) for part in command]
-    started = time.perf_counter()
-    ended = subprocess.run(filled, capture_output=True, text=True, check=False)
-    seconds = time.perf_counter() - started
     failure = out / "failure.json"
-    if ended.returncode == 0 and (out / RESULT).is_file():
+    error = job.exception()
+    if error is None:
+        got = job.result()
+        times = {"seconds": got.seconds, "cpu_seconds": got.cpu_seconds}
+        (out / "time.json").write_text(json.dumps(times) + "\n", encoding="utf-8")
+        # The result last and in one move: it is what says that the session is done.
+        part = out / f"{RESULT}.part"
+        part.write_text(got.document, encoding="utf-8")
+        part.replace(out / RESULT)
         failure.unlink(missing_ok=True)
-        (out / "time.json").write_text(json.dumps({"seconds": seconds}) + "\n", encoding="utf-8")
         return True
-    (out / RESULT).unlink(missing_ok=True)
-    body = {"command": filled, "code": ended.returncode, "seconds": seconds, "message": ended.stderr[-4000:]}
+    body = {"error": type(error).__name__, "message": str(error)[-4000:]}
     failure.write_text(json.dumps(body, indent=1) + "\n", encoding="utf-8")
     return False

@@ -27,7 +27,17 @@ from .shrinkage import load_pixels, reference_of_folder, true_closed
 from .statistics import Rate, coverage, rate, reliability
 
 CONFIDENT = 0.5
-NOT_PARAMETERS = {"effect", "at", "kind", "tolerated", "rivals", "detectable", "identifiable", "margin"}
+NOT_PARAMETERS = {
+    "effect",
+    "at",
+    "kind",
+    "tolerated",
+    "rivals",
+    "detectable",
+    "identifiable",
+    "margin",
+    "gain",
+}
 
 
 @dataclass(frozen=True)

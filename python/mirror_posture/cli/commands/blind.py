@@ -3,12 +3,14 @@ score."""
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
-import sys
 from collections.abc import Iterator
+from concurrent.futures import Executor, Future
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -22,17 +24,6 @@ PANEL = "Diagnosis"
 CORES = os.cpu_count() or 1
 
 group = typer.Typer(help="Check the diagnosis on sessions whose effect nobody told it.")
-
-DIAGNOSE = (
-    sys.executable,
-    "-c",
-    "from mirror_posture.cli import main; main()",
-    "diagnose",
-    "{session}",
-    "--out",
-    "{out}",
-)
-"""The diagnosis in a process of its own, as anybody would call it."""
 
 
 @contextmanager
@@ -111,18 +102,37 @@ def run(
     leave_out: Annotated[
         str | None, typer.Option(help="Diagnose with a vocabulary that lacks this effect.")
     ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            help="Address of a Dask scheduler (`tcp://HOST:8786`): its workers diagnose (extra `fleet`)."
+        ),
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Diagnose every session that has no result yet.
+
+    Runs on all cores, or on a fleet; what is done stays done: call it again after a stop.
 
     Example: `mirror-posture blind run blind-set blind-results`
     """
     output = Output(as_json)
     with _told():
-        from ...blind.run import run_sessions
+        from ...blind.run import Diagnosed, run_sessions, sessions_to_do, timed
+        from ...diagnosis.vocabulary import checked_effects
+        from ...fleet import diagnose_folder, diagnose_packed, on_fleet, on_this_machine, pack
 
-        command = [*DIAGNOSE, *(("--leave-out", leave_out) if leave_out else ())]
-        report = run_sessions(cases, results, command, workers)
+        without = checked_effects([leave_out] if leave_out else [])
+        here = partial(timed, partial(diagnose_folder, without=without))
+        there = partial(timed, partial(diagnose_packed, without=without))
+
+        def submit(pool: Executor, session: Path) -> Future[Diagnosed]:
+            return pool.submit(there, pack(session)) if scheduler else pool.submit(here, session)
+
+        where = partial(on_fleet, scheduler) if scheduler else partial(on_this_machine, workers)
+        with output.counting("diagnosing", len(sessions_to_do(cases, results))) as count:
+            done = itertools.count(1)
+            report = run_sessions(cases, results, submit, where, lambda *_: count(next(done)))
     for name in report.failed:
         output.warn(f"{name}: the diagnosis failed; see {results / name / 'failure.json'}")
     rows = [

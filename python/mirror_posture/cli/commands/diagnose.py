@@ -11,6 +11,8 @@ from ..._core import MirrorPostureError
 from ..output import JsonOption, Output
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from ...diagnosis import Diagnosis
     from ...session import Session
 
@@ -43,6 +45,12 @@ def command(
         typer.Option(help="`marker:NAME`: a marker that the fit does not see and that it must then predict."),
     ] = None,
     most_causes: Annotated[int, typer.Option(help="Causes that are looked for at most.", min=1)] = 6,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            help="Address of a Dask scheduler (`tcp://HOST:8786`) whose workers diagnose (extra `fleet`)."
+        ),
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Say where the model is wrong, which effect causes it, and how far the gap shrinks.
@@ -60,17 +68,33 @@ def command(
     output = Output(as_json)
     from ...diagnosis import diagnose
 
-    others = [_loaded(output, folder) for folder in check or ()]
+    others = [_loaded(output, folder) for folder in (check or () if scheduler is None else ())]
+    afar: Iterator[Diagnosis] | None = None
+    if scheduler is not None:
+        from ...fleet import diagnose_on_fleet
+
+        afar = diagnose_on_fleet(
+            sessions,
+            scheduler,
+            without=without or (),
+            check=check or (),
+            withhold=withhold or (),
+            most_causes=most_causes,
+        )
     documents = []
     for folder in sessions:
         loaded = _loaded(output, folder)
         try:
-            found = diagnose(
-                loaded,
-                without=without or (),
-                check=others,
-                withhold=withhold or (),
-                most_causes=most_causes,
+            found = (
+                next(afar)
+                if afar is not None
+                else diagnose(
+                    loaded,
+                    without=without or (),
+                    check=others,
+                    withhold=withhold or (),
+                    most_causes=most_causes,
+                )
             )
         except MirrorPostureError as error:
             raise MirrorPostureError(f"{folder}: {error}") from error
