@@ -6,6 +6,7 @@
 mod calibrate;
 mod camera;
 mod correct;
+mod correct_loop;
 mod gap_effects;
 mod gap_sessions;
 mod gap_world;

@@ -2,6 +2,7 @@
 
 use super::bounds::DistanceBounds;
 use super::bounds::deviate_of_look;
+use super::damping::Damping;
 use super::jacobian::{JacobianSource, broyden_update, marker_jacobian};
 use super::judge::{Errors, grew, rms, stalled};
 use super::options::CorrectOptions;
@@ -420,7 +421,13 @@ impl Corrector {
             self.growths =
                 if grew(&errors, best.error_m, &judge) { self.growths + usize::from(moved) } else { 0 };
             if self.growths >= 2 {
-                return Ok(Decision::Stop { stop: self.diverging(&errors) });
+                // Where a joint stands still, what the others do in its place is no divergence of the loop.
+                let stop = if self.stuck() {
+                    self.stall(StallCause::NotFollowing, &errors, None)
+                } else {
+                    self.diverging(&errors)
+                };
+                return Ok(Decision::Stop { stop });
             }
         }
         if self.best.as_ref().is_none_or(|best| error < best.error_m) {
@@ -439,8 +446,7 @@ impl Corrector {
             return Ok(Decision::Stop { stop });
         }
         if stalled(&self.history_m, &judge) {
-            let stuck = self.responses().iter().any(|r| r.stuck);
-            let cause = if stuck { StallCause::NotFollowing } else { StallCause::NoProgress };
+            let cause = if self.stuck() { StallCause::NotFollowing } else { StallCause::NoProgress };
             return Ok(Decision::Stop { stop: self.stall(cause, &errors, Some(&reach)) });
         }
         self.step(&errors)
@@ -509,7 +515,9 @@ impl Corrector {
         let joints = self.command.len();
         let (low, high) = (vec![f64::NEG_INFINITY; joints], vec![f64::INFINITY; joints]);
         let (lower, upper) = if limited { (&self.lower, &self.upper) } else { (&low, &high) };
-        let options = StepOptions { gain: 1.0, largest_step_rad: f64::MAX, ..self.options.step };
+        // Damping is for steps under noise; what can be reached at all is another question.
+        let damping = Damping::Fixed { mu_m_per_rad: 0.0 };
+        let options = StepOptions { gain: 1.0, largest_step_rad: f64::MAX, damping };
         let mut workspace = self.workspace.clone();
         let step = correction_step(&self.problem(errors, lower, upper), &options, &mut workspace)?;
         let left = errors.error_m.iter().enumerate().map(|(m, e)| {
@@ -560,6 +568,11 @@ impl Corrector {
             left_without_limits_m: free.left.iter().map(Vector3::norm).collect(),
             tolerance_m: judge.tolerance_m,
         })))
+    }
+
+    /// Whether a joint surely does not do what it is told.
+    fn stuck(&self) -> bool {
+        self.responses().iter().any(|r| r.stuck)
     }
 
     fn stall(&self, cause: StallCause, errors: &Errors, reach: Option<&Reach>) -> Stop {

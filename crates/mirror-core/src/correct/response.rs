@@ -5,7 +5,7 @@ use serde::Serialize;
 
 /// How wide a joint's response is taken to lie about 1 before anything is seen.
 const PRIOR_STD: f64 = 1.0;
-/// A joint whose response lies below this, with [`SURE`] standard deviations, does not follow.
+/// A joint whose response lies within this of 0, [`SURE`] standard deviations included, does not follow.
 const FOLLOWS: f64 = 0.5;
 const SURE: f64 = 3.0;
 
@@ -66,7 +66,7 @@ pub(super) fn responses(moves: &[Move], jacobian: &DMatrix<f64>, names: &[&str])
                 response: response[a],
                 std,
                 commanded_rad: moves.iter().map(|m| m.change[j].abs()).sum(),
-                stuck: response[a] + SURE * std < FOLLOWS,
+                stuck: response[a].abs() + SURE * std < FOLLOWS,
             }
         })
         .collect()
