@@ -31,12 +31,11 @@ def statuses(experiment) -> dict[str, str]:
     return {claim.what: claim.status for claim in experiment.claims}
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_figs_7_to_9_of_the_paper(seed: int) -> None:
-    options = Options(seed=seed, only=("fig7", "fig8", "fig9"))
+def test_figs_7_to_9_of_the_paper() -> None:
+    options = Options(seed=1, only=("fig7", "fig8", "fig9"))
     for experiment in Experiments(options, no_bar).each():
         assert experiment.holds, statuses(experiment)
-    eye = NoisyEye(STAND, 0.2, seed)
+    eye = NoisyEye(STAND, 0.2, 2)
     by_distance = rays.against_distance(eye, 200)
     # The known Monte-Carlo of this setting, with other six places and another generator: mm at 150, 200, 250, 300 mm.
     eq1, eq2 = (by_distance.mean(name).mean(axis=1)[::2] for name in ("pose", "point_pair"))
@@ -56,11 +55,12 @@ def test_figs_10_and_11_of_the_paper() -> None:
 
 def test_one_noise_brings_all_four_axes_to_the_papers_size() -> None:
     eye = NoisyEye(STAND, rays.PAPER_SIZE_NOISE_PX, 4)
+    by_position = positions.position_errors(eye, 100)
     largest = {
-        90.0: rays.against_distance(eye, 200).mean("pose")[:, 0].max(),
-        12.0: rays.against_angle(eye, 200).mean("pose")[:, 1].max(),
-        50.0: positions.position_errors(eye, 200).mean("pose").max(),
-        25.0: positions.position_errors(eye, 200).std("pose").max(),
+        90.0: rays.against_distance(eye, 100).mean("pose")[:, 0].max(),
+        12.0: rays.against_angle(eye, 100).mean("pose")[:, 1].max(),
+        50.0: by_position.mean("pose").max(),
+        25.0: by_position.std("pose").max(),
     }
     for top, found in largest.items():
         assert 0.4 * top < found < top, (top, found)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-Status = Literal["holds", "does not hold", "differs in size", "beyond the paper"]
+Status = Literal["holds", "does not hold", "differs", "beyond the paper"]
 
 
 @dataclass(frozen=True)

@@ -81,20 +81,26 @@ def drawn(panels: Sequence[Panel], legend_columns: int = 3) -> bytes:
         axes = figure.subplots(1, len(panels), squeeze=False)
         for ax, panel in zip(axes[0], panels, strict=True):
             _draw(ax, panel)
-        handles, labels = axes[0, 0].get_legend_handles_labels()
+        entries: dict[str, Any] = {}
+        for ax in axes[0]:
+            entries |= {
+                label: handle
+                for handle, label in zip(*ax.get_legend_handles_labels(), strict=True)
+                if label not in entries
+            }
         columns = legend_columns if len(panels) > 1 else min(legend_columns, 2)
-        figure.legend(handles, labels, loc="outside upper center", ncols=columns)
+        figure.legend(entries.values(), entries.keys(), loc="outside upper center", ncols=columns)
         return png(figure)
 
 
-def png(figure: Any) -> bytes:
+def png(figure: Any, colours: int = COLOURS) -> bytes:
     """A matplotlib figure as a small PNG."""
     from PIL import Image
 
     raster, small = io.BytesIO(), io.BytesIO()
     figure.savefig(raster, format="png", dpi=PNG_DPI)
     raster.seek(0)
-    image = Image.open(raster).convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE)
+    image = Image.open(raster).convert("RGB").quantize(colours, dither=Image.Dither.NONE)
     image.save(small, format="png", optimize=True)
     return small.getvalue()
 

@@ -9,12 +9,12 @@ from functools import cached_property
 
 from .._core import MirrorPostureError
 from ..robots import TwinOptions
-from . import body, positions, rays
+from . import body, correction, legs, positions, rays
 from .claims import Experiment
 from .sight import DrawingEye, Eye, NoisyEye, Told
 from .stand import Stand
 
-NAMES = ("fig7", "fig8", "fig9", "fig10", "fig11", "table1")
+NAMES = ("fig7", "fig8", "fig9", "fig10", "fig11", "table1", "fig13", "fig14")
 """What can be asked for, in the paper's order."""
 
 NOISE_PX = 0.2
@@ -119,6 +119,17 @@ class Experiments:
         trials = self.options.repetitions(TABLE_TRIALS)
         with self._told("the hand's error before the correction", 2 * 2 * trials) as told:
             return body.table1(self._twin(self.options.seed), trials, told)
+
+    def _fig13(self) -> Experiment:
+        runs = self.options.repetitions(correction.PAPER_RUNS, picture=1)
+        return correction.fig13(
+            self._twin(self.options.seed), runs, lambda total: self._told("correcting", total)
+        )
+
+    def _fig14(self) -> Experiment:
+        looks = 2 * (correction.CORRECTIONS + 1 + correction.SPARE_LOOKS)
+        with self._told("correcting on its own legs", looks) as told:
+            return legs.fig14(self._twin(self.options.seed), told)
 
     def _twin(self, seed: int) -> TwinOptions:
         return TwinOptions(pictures=self.options.pictures, noise_px=self.options.noise_px, seed=seed)

@@ -35,7 +35,7 @@ def command(
     ] = None,
     only: Annotated[
         str | None,
-        typer.Option(help="Some of fig7,fig8,fig9,fig10,fig11,table1, with commas between."),
+        typer.Option(help="Some of fig7,fig8,fig9,fig10,fig11,table1,fig13,fig14, with commas between."),
     ] = None,
     trials: Annotated[
         int | None,
