@@ -17,7 +17,7 @@ if "DISPLAY" not in os.environ:
 mujoco = pytest.importorskip("mujoco")
 
 from mirror_posture.blind.errors import BlindError  # noqa: E402
-from mirror_posture.blind.robots import unitree_g1  # noqa: E402
+from mirror_posture.blind.known_robots import unitree_g1  # noqa: E402
 from mirror_posture.robots.mujoco import MujocoOptions, MujocoRobot  # noqa: E402
 from mirror_posture.robots.mujoco_model import ServoOptions, read_spec  # noqa: E402
 from mirror_posture.robots.mujoco_picture import opengl_is_there  # noqa: E402
@@ -94,6 +94,20 @@ def test_a_play_keeps_the_side_of_its_last_motion(nominal: Nominal) -> None:
     apart = np.linalg.norm(markers(robot) - from_above, axis=1)
     hand = nominal.robot.points(nominal.robot.positions({}), "r_forearm", "r_hand_marker")[0]
     assert apart[0] == pytest.approx(0.05 * np.hypot(hand[0], hand[2]), rel=0.03)
+
+
+def test_a_play_and_a_spring_at_one_joint_come_to_rest(nominal: Nominal) -> None:
+    hidden = [
+        HiddenEffect("joint_compliance", "joint:r_shoulder_roll", {"compliance_rad_per_nm": 0.39}),
+        HiddenEffect("backlash", "joint:r_shoulder_roll", {"width_rad": 0.02, "friction_nm": 0.0086}),
+    ]
+    moved, still = (
+        MujocoRobot(hidden, STIFF, nominal),
+        TwinRobot(hidden, TwinOptions(pictures=False), nominal),
+    )
+    for robot in (moved, still):
+        robot.command({"r_shoulder_pitch": -0.3, "r_shoulder_roll": 0.8})
+    assert np.abs(markers(moved) - markers(still)).max() < 2e-4
 
 
 def test_encoders_do_not_see_what_lies_behind_them(nominal: Nominal) -> None:

@@ -30,8 +30,8 @@ LEAST_STIFFNESS_NM_PER_RAD = 0.5
 # MuJoCo's soft limits and friction, made stiff: the defaults let a play overshoot and friction creep.
 STIFF_LIMIT = ([0.002, 1.0], [0.999, 0.9999, 0.0001, 0.5, 2.0])
 STIFF_FRICTION = ([0.002, 1.0], [0.9999, 0.9999, 0.001, 0.5, 2.0])
-PART_ARMATURE_KGM2 = 1e-5
-"""Of a play's output shaft, so that massless parts can be moved."""
+PART_ARMATURE_KGM2 = 1e-4
+"""Of what lies between a motor and a part that gives way: with less, a play beside a spring chatters for ever."""
 PLAY_DAMPING_PER_S = 30.0
 STICTION_DROOP_SHARE = 0.15
 """Droop of a sticking servo at its largest load, over its dead band."""
