@@ -367,6 +367,7 @@ def correction_step(
     mu_m_per_rad: float | None = None,
     step_std_rad: float | None = None,
 ) -> CorrectionStep: ...
+
 @final
 class Corrector:
     def __new__(

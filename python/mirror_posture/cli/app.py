@@ -22,7 +22,7 @@ A *session* is a folder: the robot's model, its camera, and the pictures (or ima
 postures before a mirror. `mirror-posture demo` makes one and goes through all the steps in half a minute.
 
 Exit codes: 0 fine; 1 the input cannot be meant (one line says where and why); 2 the command was called wrongly;
-3 nothing could be measured; 4 a fault of this program; 130 stopped with Ctrl-C, what was done is kept.
+3 nothing could be measured, or the target was not reached; 4 a fault of this program; 130 stopped with Ctrl-C, what was done is kept.
 """
 
 _DEBUG_VARIABLE = "MIRROR_POSTURE_DEBUG"

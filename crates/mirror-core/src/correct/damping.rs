@@ -79,12 +79,16 @@ impl Gram<'_> {
     fn amplification(&mut self, mu: f64) -> f64 {
         let n = self.n;
         inverse_of_lower(self.factor, n, self.inverse);
-        let below = |i: usize, j: usize| if i >= j { self.inverse[i * n + j] } else { 0.0 };
+        let inverse = &self.inverse;
+        if mu == 0.0 {
+            // tr A⁻¹ = ‖L⁻¹‖².
+            return (0..n).map(|i| inverse[i * n..=i * n + i].iter().map(|x| x * x).sum::<f64>()).sum();
+        }
         let (mut trace, mut square) = (0.0, 0.0);
         for i in 0..n {
             for j in 0..=i {
                 // A⁻¹ = L⁻ᵀ L⁻¹.
-                let entry: f64 = (i..n).map(|k| below(k, i) * below(k, j)).sum();
+                let entry: f64 = (i..n).map(|k| inverse[k * n + i] * inverse[k * n + j]).sum();
                 if i == j {
                     trace += entry;
                 }

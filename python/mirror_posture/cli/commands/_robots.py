@@ -1,0 +1,203 @@
+"""Robots by name, as the command line opens them."""
+
+from __future__ import annotations
+
+import importlib
+import math
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from ..._core import MirrorPostureError
+from ...robots import CommandedRobot, HiddenEffect, Nominal, TwinOptions, TwinRobot
+
+NAMES = ("twin", "mujoco", "by-hand", "dynamixel")
+
+
+def open_robot(settings: Mapping[str, Any], nominal: Nominal, say: Callable[[str], object]) -> CommandedRobot:
+    """The robot that the settings of `correct` name.
+
+    Raises `MirrorPostureError` for an unknown name, a class that cannot be loaded, an extra that is not installed.
+    """
+    own = settings.get("robot_class")
+    if own:
+        return _own(str(own), nominal)
+    name = settings["robot"]
+    hidden = [hidden_effect(text) for text in settings["hide"]]
+    if hidden and name not in ("twin", "mujoco"):
+        raise MirrorPostureError(f"--hide: only twin and mujoco can hide something, not {name}")
+    if name == "twin":
+        return TwinRobot(
+            hidden,
+            TwinOptions(
+                pictures=settings["pictures"],
+                noise_px=settings["noise_px"],
+                stand_error_rad=math.radians(settings["stand_error_deg"]),
+                seed=settings["seed"],
+            ),
+            nominal,
+        )
+    if name == "mujoco":
+        try:
+            from ...robots.mujoco import MujocoOptions, MujocoRobot
+        except ImportError:
+            raise MirrorPostureError(
+                "mujoco is not installed; pip install 'mirror-posture[mujoco]'"
+            ) from None
+
+        return MujocoRobot(
+            hidden,
+            MujocoOptions(
+                way="auto" if settings["pictures"] else "pixels",
+                noise_px=settings["noise_px"],
+                stand_error_rad=math.radians(settings["stand_error_deg"]),
+                seed=settings["seed"],
+            ),
+            nominal,
+        )
+    if name == "by-hand":
+        from ...robots.by_hand import ByHandRobot
+
+        folder = settings.get("inbox")
+        if not folder:
+            raise MirrorPostureError("by-hand: needs --inbox FOLDER, where the pictures will be saved")
+        return ByHandRobot(nominal, folder, say=say)
+    if name == "dynamixel":
+        try:
+            from ...robots.dynamixel import DynamixelRobot
+        except ImportError:
+            raise MirrorPostureError(
+                "the servos' SDK is not installed; pip install 'mirror-posture[dynamixel]'"
+            ) from None
+
+        if not settings.get("servos"):
+            raise MirrorPostureError(
+                "dynamixel: needs --servos FILE (TOML), which says which servo is which joint"
+            )
+        return DynamixelRobot(nominal, settings["servos"], camera_eye(settings["camera"], nominal))
+    raise MirrorPostureError(
+        f"robot: got {name!r}, needed one of {', '.join(NAMES)}, or --robot-class MODULE:CLASS"
+    )
+
+
+def _own(name: str, nominal: Nominal) -> CommandedRobot:
+    module, colon, kind = name.partition(":")
+    try:
+        made = getattr(importlib.import_module(module), kind) if colon else None
+    except (ImportError, AttributeError) as error:
+        raise MirrorPostureError(f"--robot-class {name}: {error}") from None
+    if made is None:
+        raise MirrorPostureError(f"--robot-class: got {name!r}, needed MODULE:CLASS, as in my_robot:MyRobot")
+    try:
+        robot = made(nominal)
+    except TypeError as error:
+        raise MirrorPostureError(
+            f"--robot-class {name}: is called with the nominal session and nothing else ({error})"
+        ) from None
+    missing = [part for part in ("command", "look", "rest", "close", "nominal") if not hasattr(robot, part)]
+    if missing:
+        raise MirrorPostureError(
+            f"--robot-class {name}: lacks {', '.join(missing)}; derive it from mirror_posture.robots.RobotBase"
+        )
+    return robot  # type: ignore[no-any-return]
+
+
+def hidden_effect(text: str) -> HiddenEffect:
+    """`EFFECT@PLACE:PARAMETER=VALUE[,PARAMETER=VALUE]`, in the words of the vocabulary."""
+    effect, at, rest = text.partition("@")
+    # The place has a colon of its own: joint:r_elbow:offset_rad=0.04.
+    place, colon, values = rest.rpartition(":")
+    try:
+        parameters = {k: float(v) for k, _, v in (part.partition("=") for part in values.split(","))}
+    except ValueError:
+        colon = ""
+    if not (at and colon and place):
+        raise MirrorPostureError(
+            f"--hide: got {text!r}, needed EFFECT@PLACE:PARAMETER=VALUE, as in "
+            "joint_offset@joint:r_elbow:offset_rad=0.04"
+        )
+    return HiddenEffect(effect, place, parameters)
+
+
+def camera_eye(index: int, nominal: Nominal) -> Callable[[], Any]:
+    """A camera of this machine as an eye: one fresh picture a call, BGR.
+
+    Raises `MirrorPostureError` where it cannot be opened.
+    """
+    import cv2
+
+    from ...robots import NoLookError
+
+    capture = cv2.VideoCapture(index)
+    if not capture.isOpened():
+        raise MirrorPostureError(f"--camera {index}: cannot be opened; is it plugged in, and free?")
+    if nominal.camera is not None:
+        capture.set(cv2.CAP_PROP_FRAME_WIDTH, nominal.camera.width_px)
+        capture.set(cv2.CAP_PROP_FRAME_HEIGHT, nominal.camera.height_px)
+
+    def eye() -> Any:
+        # What the driver has buffered was taken before the robot stood still.
+        for _ in range(STALE_PICTURES):
+            capture.grab()
+        good, picture = capture.read()
+        if not good:
+            raise NoLookError(f"camera {index}: gave no picture")
+        return picture
+
+    return eye
+
+
+STALE_PICTURES = 5
+
+
+def parse_joints(texts: list[str], option: str) -> dict[str, float]:
+    """`JOINT=DEGREES`, or with a unit: `JOINT=0.26rad`, `JOINT=12mm` (prismatic); to rad and m."""
+    out: dict[str, float] = {}
+    for text in texts:
+        for part in text.split(","):
+            joint, equals, value = (piece.strip() for piece in part.partition("="))
+            factor, number = math.radians(1.0), value
+            for unit, one in (("rad", 1.0), ("mm", 0.001), ("deg", math.radians(1.0)), ("m", 1.0)):
+                if value.endswith(unit):
+                    factor, number = one, value.removesuffix(unit)
+                    break
+            try:
+                out[joint] = float(number) * factor
+                good = bool(equals) and math.isfinite(out[joint])
+            except ValueError:
+                good = False
+            if not good:
+                raise MirrorPostureError(
+                    f"{option}: got {part!r}, needed JOINT=DEGREES (or a unit: 0.26rad, 12mm), as in r_elbow=15"
+                )
+    return out
+
+
+def read_posture(file: Path) -> dict[str, float]:
+    """A target posture from a file: TOML or JSON with `joint = position`, rad (m for a prismatic joint).
+
+    Raises `MirrorPostureError` for a file that is neither.
+    """
+    import json
+    import sys
+
+    if sys.version_info >= (3, 11):
+        import tomllib
+    else:
+        import tomli as tomllib
+    text = file.read_text(encoding="utf-8")
+    try:
+        tree = json.loads(text) if file.suffix == ".json" else tomllib.loads(text)
+    except ValueError as error:
+        raise MirrorPostureError(
+            f"{file}: cannot be read ({error}); needed `joint = position` in rad, TOML or JSON"
+        ) from None
+    tree = tree.get("joints", tree)
+    bad = [
+        name for name, value in tree.items() if isinstance(value, bool) or not isinstance(value, (int, float))
+    ]
+    if bad or not tree:
+        raise MirrorPostureError(
+            f"{file}: {bad[0] if bad else 'no joint'}: needed `joint = position`, rad (m)"
+        )
+    return {str(name): float(value) for name, value in tree.items()}

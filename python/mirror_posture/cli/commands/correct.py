@@ -1,0 +1,329 @@
+"""`mirror-posture correct`: a robot moves its joints until its markers are where the model wants them."""
+
+from __future__ import annotations
+
+import math
+import signal
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ..._core import MirrorPostureError
+from ..output import ExitCode, JsonOption, Output
+
+if TYPE_CHECKING:
+    from ...correct import CorrectOptions, LookReport, Outcome
+
+ORDER = 50
+PANEL = "Correction"
+MILLIMETRES = 1000.0
+
+
+def command(
+    robot: Annotated[str, typer.Argument(help="twin, mujoco, by-hand, dynamixel; `own` with --robot-class.")],
+    out: Annotated[
+        Path,
+        typer.Option(help="Folder that is made: the session, outcome.json, convergence.png, overlay.png."),
+    ],
+    joint: Annotated[
+        list[str] | None,
+        typer.Option(help="Target: JOINT=DEGREES (or 0.26rad, 12mm); several times, or with commas."),
+    ] = None,
+    target: Annotated[
+        Path | None, typer.Option(help="Target from a file: TOML or JSON, `joint = position`, rad.")
+    ] = None,
+    session: Annotated[
+        Path | None,
+        typer.Option(help="Folder with session.toml, URDF, camera.yaml; the embedded robot by default."),
+    ] = None,
+    marker: Annotated[
+        list[str] | None,
+        typer.Option(help="Marker to be brought to its target; by default one of each limb."),
+    ] = None,
+    hold: Annotated[list[str] | None, typer.Option(help="Joint that is not moved.")] = None,
+    gain: Annotated[
+        float, typer.Option(help="λ, above 0 and at most 1; the paper's smooth one is 0.2.")
+    ] = 0.8,
+    tolerance_mm: Annotated[float, typer.Option(help="ε: how near is near enough, mm.")] = 1.0,
+    looks: Annotated[int, typer.Option(help="The most looks.", min=1)] = 20,
+    jacobian: Annotated[
+        str, typer.Option(help="reference (the paper's), current, or broyden.")
+    ] = "reference",
+    damping: Annotated[
+        float | None, typer.Option(help="μ of the damped pseudo-inverse, m/rad; by default from the noise.")
+    ] = None,
+    estimator: Annotated[
+        str, typer.Option(help="As in `measure`; `joint` where the camera's mount is not known to 0.2 mm.")
+    ] = "maximum-likelihood",
+    view: Annotated[
+        list[str] | None,
+        typer.Option(help="YAW,PITCH of a viewpoint, degrees; at least two. By default they are proposed."),
+    ] = None,
+    turn_by: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Instead: JOINT=DEGREES[,JOINT=DEGREES] of a viewpoint, for a robot on its own legs or waist."
+        ),
+    ] = None,
+    views: Annotated[int, typer.Option(help="How many viewpoints are proposed for a look.", min=2)] = 3,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with what --out holds.")] = False,
+    hide: Annotated[
+        list[str] | None,
+        typer.Option(help="twin, mujoco: hidden effect, as in joint_offset@joint:r_elbow:offset_rad=0.04."),
+    ] = None,
+    pictures: Annotated[
+        bool, typer.Option(help="twin, mujoco: whether looks are pictures, or exact pixels with noise.")
+    ] = True,
+    noise_px: Annotated[float, typer.Option(help="twin, mujoco: noise of exact pixels, px.", min=0.0)] = 0.1,
+    stand_error_deg: Annotated[
+        float, typer.Option(help="twin, mujoco: how far off a hand-turned stand ends, degrees.", min=0.0)
+    ] = 0.5,
+    seed: Annotated[int, typer.Option(help="twin, mujoco: seed.", min=0)] = 0,
+    inbox: Annotated[Path | None, typer.Option(help="by-hand: the folder where pictures are saved.")] = None,
+    servos: Annotated[Path | None, typer.Option(help="dynamixel: which servo is which joint (TOML).")] = None,
+    camera: Annotated[int, typer.Option(help="dynamixel: number of the camera.", min=0)] = 0,
+    robot_class: Annotated[
+        str | None, typer.Option(help="A robot of your own, MODULE:CLASS, called with the nominal session.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Move a robot's joints until its markers are where its model wants them, and say why it ended.
+
+    Each look takes pictures from several viewpoints, measures the markers in the mirror, and either commands a step
+    `Δθ = λ J⁺ (p_ref − p_now)`, looks again, or stops: converged (the measurement's uncertainty counted), stalled, diverging,
+    marker lost, inconsistent readings, limit reached, budget spent, each with its evidence.
+
+    The folder is a session that grows while it runs: whatever ends it, nothing captured is lost, and `--resume` goes on.
+    Ctrl-C brings the robot to rest. Exit code 0 converged, 3 ended otherwise, 130 stopped with Ctrl-C.
+
+    Example: `mirror-posture correct twin --out corrected --joint r_shoulder_pitch=-30,r_shoulder_roll=50,r_elbow=45
+    --hide joint_offset@joint:r_elbow:offset_rad=0.06`
+    """
+    output = Output(as_json)
+    settings: dict[str, Any] = {
+        "robot": robot,
+        "joint": joint or [],
+        "target": None if target is None else str(target.resolve()),
+        "session": None if session is None else str(session.resolve()),
+        "marker": marker or [],
+        "hold": hold or [],
+        "gain": gain,
+        "tolerance_mm": tolerance_mm,
+        "looks": looks,
+        "jacobian": jacobian,
+        "damping": damping,
+        "estimator": estimator,
+        "view": view or [],
+        "turn_by": turn_by or [],
+        "views": views,
+        "hide": hide or [],
+        "pictures": pictures,
+        "noise_px": noise_px,
+        "stand_error_deg": stand_error_deg,
+        "seed": seed,
+        "inbox": None if inbox is None else str(inbox.resolve()),
+        "servos": None if servos is None else str(servos.resolve()),
+        "camera": camera,
+        "robot_class": robot_class,
+    }
+    outcome, options = _run(output, out, settings, resume)
+    written = _pictures(output, out, outcome, options)
+    _tell(output, outcome, written)
+    output.result(
+        {"stop": {"sentence": outcome.stop.sentence, **asdict(outcome.stop)}, **_rest(outcome), "folder": out}
+    )
+    if outcome.stop.kind == "interrupted":
+        raise typer.Exit(ExitCode.STOPPED)
+    if not outcome.converged:
+        raise typer.Exit(ExitCode.NOTHING)
+
+
+def _run(output: Output, out: Path, settings: dict[str, Any], resume: bool) -> tuple[Outcome, CorrectOptions]:
+    from ...correct import Recorder, correct
+    from ...robots import Nominal
+    from ._robots import open_robot
+
+    recorder = None
+    if resume:
+        recorder, header = Recorder.resume(out)
+        asked, settings = settings, header["settings"]
+        if asked["robot"] != settings["robot"]:
+            raise MirrorPostureError(
+                f"--resume: {out} was begun with {settings['robot']!r}, not {asked['robot']!r}"
+            )
+        output.say(f"going on with {len(recorder.past().looks)} pictures in {out}")
+        posture = {str(name): float(value) for name, value in header["posture"].items()}
+        nominal = recorder.nominal
+    else:
+        posture = _posture(settings)
+        nominal = Nominal.load(settings["session"]) if settings["session"] else Nominal.load()
+    options = build_options(settings)
+    with _progress(output) as (say, on_look), _terminable():
+        with open_robot(settings, nominal, say) as machine:
+            if recorder is None:
+                recorder = Recorder.start(
+                    out, nominal, machine.joint_names, {"settings": settings, "posture": posture}
+                )
+            outcome = correct(machine, posture, options, recorder=recorder, on_look=on_look)
+    return outcome, options
+
+
+def _posture(settings: Mapping[str, Any]) -> dict[str, float]:
+    from ._robots import parse_joints, read_posture
+
+    posture = {} if settings["target"] is None else read_posture(Path(settings["target"]))
+    posture |= parse_joints(settings["joint"], "--joint")
+    if not posture:
+        raise MirrorPostureError("no target: needed --joint JOINT=DEGREES, or --target FILE")
+    return posture
+
+
+def build_options(settings: Mapping[str, Any]) -> CorrectOptions:
+    """The options of a correction from the command's settings (which a recording keeps)."""
+    from ...correct import CorrectOptions, MeasureChoice, StepOptions, StopOptions
+    from ...viewpoint import View
+    from ._robots import parse_joints
+
+    views = []
+    for text in settings["view"]:
+        try:
+            yaw, _, pitch = text.partition(",")
+            views.append(View(math.radians(float(yaw)), math.radians(float(pitch or 0.0))))
+        except ValueError:
+            raise MirrorPostureError(
+                f"--view: got {text!r}, needed YAW,PITCH in degrees, as in 15,0"
+            ) from None
+    return CorrectOptions(
+        step=StepOptions(
+            gain=settings["gain"], mu_m_per_rad=settings["damping"], jacobian=settings["jacobian"]
+        ),
+        stop=StopOptions(tolerance_m=settings["tolerance_mm"] / MILLIMETRES, looks=settings["looks"]),
+        measure=MeasureChoice(estimator=settings["estimator"]),
+        markers=tuple(settings["marker"]),
+        held=tuple(settings["hold"]),
+        views=tuple(views) or None,
+        views_a_look=settings["views"],
+        view_joints=tuple(tuple(parse_joints([text], "--turn-by").items()) for text in settings["turn_by"]),
+    )
+
+
+@contextmanager
+def _terminable() -> Iterator[None]:
+    """A polite kill ends as Ctrl-C does: at rest, with everything written."""
+
+    def stop(number: int, frame: object) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGTERM, stop)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+@contextmanager
+def _progress(output: Output) -> Iterator[tuple[Callable[[str], object], Callable[[LookReport], None]]]:
+    """A table that grows by a row a look on a terminal, else a line a look."""
+    from rich.live import Live
+
+    reports: list[LookReport] = []
+    if output.messages.is_terminal and not output.as_json:
+        with Live(console=output.messages, auto_refresh=False) as live:
+
+            def on_look(report: LookReport) -> None:
+                reports.append(report)
+                live.update(_table(reports), refresh=True)
+
+            yield live.console.print, on_look
+        return
+
+    def line(report: LookReport) -> None:
+        markers = "  ".join(f"{m.marker} {_cell(m)}" for m in report.markers)
+        output.errors.print(f"look {report.look}: {markers}: {_next(report)}", markup=False)
+
+    yield output.errors.print, line
+
+
+def _table(reports: list[LookReport]) -> Any:
+    from rich.table import Table
+
+    table = Table(
+        title="Distance from the target, mm (± one standard deviation of its length)", title_justify="left"
+    )
+    for name, justify in (("look", "right"), ("steps", "right"), ("pictures", "right")):
+        table.add_column(name, justify=justify)  # type: ignore[arg-type]
+    for marker in reports[-1].markers:
+        table.add_column(marker.marker, justify="right")
+    table.add_column("then")
+    for report in reports:
+        cells = [str(report.look), str(report.steps), str(report.views), *map(_cell, report.markers)]
+        table.add_row(*cells, _next(report))
+    return table
+
+
+def _cell(marker: Any) -> str:
+    if marker.distance_m is None:
+        return "not seen"
+    spread = math.sqrt(sum(x * x for x in marker.std_m))
+    text = f"{MILLIMETRES * marker.distance_m:.2f} ± {MILLIMETRES * spread:.2f}"
+    return f"{text} (not believed)" if marker.doubt else text
+
+
+def _next(report: LookReport) -> str:
+    if report.decision == "step":
+        return "step" + (f", {', '.join(report.at_limit)} at its limit" if report.at_limit else "")
+    if report.decision == "look_again":
+        return f"look again ({report.why.replace('_', ' ')})"
+    return report.why.replace("_", " ")
+
+
+def _pictures(output: Output, out: Path, outcome: Outcome, options: CorrectOptions) -> list[Path]:
+    from ...correct.pictures import plot_convergence, write_before_and_after
+
+    written = [out / "outcome.json"]
+    if outcome.looks:
+        plot_convergence(outcome, out / "convergence.png", options.stop.tolerance_m)
+        written.append(out / "convergence.png")
+        if write_before_and_after(out, outcome, out / "overlay.png"):
+            written.append(out / "overlay.png")
+    return written
+
+
+def _tell(output: Output, outcome: Outcome, written: list[Path]) -> None:
+    output.say(outcome.stop.sentence, style="green" if outcome.converged else "yellow")
+    for look in outcome.looks:
+        for marker in look.markers:
+            if marker.doubt is not None:
+                output.warn(f"look {look.look}, {marker.marker}: {marker.doubt}")
+            elif marker.error_m is None and marker.reason is not None:
+                output.warn(f"look {look.look}, {marker.marker}: {marker.reason}")
+    rows = []
+    for name, value in outcome.best_command.items():
+        was = outcome.target_posture.get(name, 0.0)
+        if name in outcome.target_posture or value != was:
+            response = next((r for r in outcome.responses if r["joint"] == name), None)
+            shown = "" if response is None else f"{response['response']:.2f} ± {response['std']:.2f}"
+            rows.append(
+                (
+                    name,
+                    f"{math.degrees(was):.3f}",
+                    f"{math.degrees(value):.3f}",
+                    f"{math.degrees(value - was):+.3f}",
+                    shown,
+                )
+            )
+    output.table(
+        "Commands, degrees (a prismatic joint: 57.3 to the metre)",
+        ("*joint", "target", "commanded", "correction", "did of what it was told"),
+        rows,
+    )
+    for file in written:
+        output.say(f"written: {file}")
+
+
+def _rest(outcome: Outcome) -> dict[str, Any]:
+    return {key: value for key, value in asdict(outcome).items() if key != "stop"}
