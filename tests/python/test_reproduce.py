@@ -14,8 +14,9 @@ from typer.testing import CliRunner
 
 from mirror_posture import MirrorPostureError, cli
 from mirror_posture.render import PictureOptions, View
-from mirror_posture.reproduce import Experiments, Options, body, positions, rays
+from mirror_posture.reproduce import Experiments, Options, body, positions, rays, sight
 from mirror_posture.reproduce.sight import DrawingEye, NoisyEye, bounce
+from mirror_posture.reproduce.size import sweep
 from mirror_posture.reproduce.stand import Stand
 
 RUNNER = CliRunner()
@@ -54,16 +55,11 @@ def test_figs_10_and_11_of_the_paper() -> None:
 
 
 def test_one_noise_brings_all_four_axes_to_the_papers_size() -> None:
-    eye = NoisyEye(STAND, rays.PAPER_SIZE_NOISE_PX, 4)
-    by_position = positions.position_errors(eye, 100)
-    largest = {
-        90.0: rays.against_distance(eye, 100).mean("pose")[:, 0].max(),
-        12.0: rays.against_angle(eye, 100).mean("pose")[:, 1].max(),
-        50.0: by_position.mean("pose").max(),
-        25.0: by_position.std("pose").max(),
-    }
-    for top, found in largest.items():
-        assert 0.4 * top < found < top, (top, found)
+    little, paper = sweep(STAND, (0.2, rays.PAPER_SIZE_NOISE_PX), trials=100, seed=4)
+    for name, filled in paper.filled.items():
+        assert 0.4 < filled < 1.0, (name, filled)
+        assert little.filled[name] < 0.15
+        assert paper.eq2_mm[name] < 0.2 * paper.eq1_mm[name]
 
 
 def test_a_statement_that_is_not_so_is_said_not_to_hold() -> None:
@@ -98,8 +94,10 @@ def test_light_takes_the_shortest_way() -> None:
         assert np.all(length(turned + 1e-4 * step) > length(turned))
 
 
-def test_pictures_show_what_the_noisy_eye_computes() -> None:
+def test_pictures_show_what_the_noisy_eye_computes(monkeypatch: pytest.MonkeyPatch) -> None:
     view = View(yaw_rad=math.radians(10.0))
+    monkeypatch.setattr(sight, "STAND_RAD", 0.0)
+    monkeypatch.setattr(sight, "STAND_M", 0.0)
     drawn = DrawingEye(STAND, 0, PictureOptions(glass_thickness_m=0.0)).see(view, 1, 0)
     exact = NoisyEye(STAND, 1e-9, 0).see(view, 1, 0)
     assert np.abs(drawn.corners_px - exact.corners_px).max() < 0.25

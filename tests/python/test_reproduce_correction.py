@@ -93,3 +93,12 @@ def test_the_mirror_stands_still_while_the_torso_turns() -> None:
         at = pose[:3, :3].T @ (np.array(plane.center_in_root_m) - pose[:3, 3])
         planes.append((*normal, normal @ at))
     assert planes[0] == pytest.approx(planes[1], abs=1e-12)
+
+
+def test_a_stop_inside_the_loop_ends_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    def stop(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("mirror_posture.robots.twin.TwinRobot._look", stop)
+    with pytest.raises(KeyboardInterrupt):
+        correction.run_once(correction.PAPER, 0.2, 1, OPTIONS)

@@ -11,11 +11,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from .._core import MirrorPostureError
 from ..correct import (
     PAPER_VIEWS,
     CorrectOptions,
     LookReport,
     MeasureChoice,
+    Outcome,
     StepOptions,
     StopOptions,
     correct,
@@ -54,6 +56,8 @@ TURNED_AND_TILTED = (
 
 ON_AND_ON = StopOptions(tolerance_m=1e-6, patience=1000, divergence=1e6, retries=1000)
 """The paper corrects a fixed number of times: nothing is near enough to stop, and nothing is given up."""
+RUNS_A_SEED = 1000
+"""Runs of one seed never meet those of the next."""
 BESIDE = 0.05
 """How far apart the gains are drawn, corrections."""
 SPARE_LOOKS = 4
@@ -155,13 +159,22 @@ def run_once(way: Way, gain: float, corrections: int, options: TwinOptions) -> t
         measured.setdefault(report.steps, math.nan if distance is None else distance * 1e3)
 
     with robot:
-        correct(robot, TARGET_RAD, way.options(gain, corrections), on_look=on_look)
+        outcome = correct(robot, TARGET_RAD, way.options(gain, corrections), on_look=on_look)
+    not_stopped(outcome)
     errors, distances = [true[0]], [measured[0]]
     for step in range(1, corrections + 1):
         # Where the loop saw nothing to correct it gave no further command: the hand stays where it is.
         errors.append(true.get(step, errors[-1]))
         distances.append(measured.get(step, math.nan))
     return np.array(errors), np.array(distances)
+
+
+def not_stopped(outcome: Outcome) -> None:
+    """The loop ends on Ctrl-C as on any stop; here the whole run shall end. Raises `KeyboardInterrupt`, `MirrorPostureError`."""
+    if outcome.stop.kind == "interrupted":
+        raise KeyboardInterrupt
+    if outcome.stop.kind == "robot_failed":
+        raise MirrorPostureError(outcome.stop.sentence)
 
 
 def runs_of(
@@ -175,7 +188,9 @@ def runs_of(
     """Several runs, each with noise of its own."""
     found = []
     for run in range(runs):
-        found.append(run_once(way, gain, corrections, replace(options, seed=options.seed + run)))
+        found.append(
+            run_once(way, gain, corrections, replace(options, seed=RUNS_A_SEED * options.seed + run))
+        )
         if told is not None:
             told()
     return Runs(np.array([f[0] for f in found]), np.array([f[1] for f in found]))

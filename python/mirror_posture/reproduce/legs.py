@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import math
+import shutil
 from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import yaml
 
 from ..correct import CorrectOptions, LookReport, MeasureChoice, StepOptions, correct
-from ..render import Painter, PictureOptions, View, view_planes
+from ..render import EMBEDDED_FOLDER, Painter, PictureOptions, View, view_planes
 from ..robots import HiddenEffect, Look, TwinOptions, TwinRobot
 from .body import MARKER, PLAY_RAD, TARGET_RAD, Body, error_mm
 from .claims import Experiment, judged
-from .correction import CORRECTIONS, ON_AND_ON, SPARE_LOOKS
+from .correction import CORRECTIONS, ON_AND_ON, SPARE_LOOKS, not_stopped
 from .plots import EQ1, OURS, STYLE, png
 from .sight import Told
 
@@ -30,8 +34,8 @@ VIEW_JOINTS = (tuple((hip, 0.0) for hip in HIPS), tuple((hip, TURN_RAD) for hip 
 """The two viewpoints: both hips straight, and both turned by 15°, as the paper's stand is in Fig. 13."""
 DRAWN = PictureOptions(samples=1, edge_samples=3, full_well_electrons=None)
 """Good enough to look at."""
-ARM_PX, BALL_PX = 190.0, 80.0
-"""How much of the picture is shown: left of the hand's target, and around it."""
+CLOSE_UP, ZOOM = (575, 245, 225, 110), 2
+"""What is shown of the robot's own picture (left, top, width, height, px): the forearm; and how much larger."""
 
 
 class StandingTwin(TwinRobot):
@@ -110,7 +114,8 @@ def on_its_legs(options: TwinOptions, told: Told | None = None) -> tuple[list[St
         extra_views=0,
     )
     with robot:
-        correct(robot, TARGET_RAD, choice, on_look=on_look, on_picture=on_picture)
+        outcome = correct(robot, TARGET_RAD, choice, on_look=on_look, on_picture=on_picture)
+    not_stopped(outcome)
     return [steps[k] for k in sorted(steps) if k <= CORRECTIONS], yaws
 
 
@@ -160,11 +165,11 @@ def _strip(steps: list[Step]) -> bytes:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    painter = Painter.load()
+    painter = _close_up()
     nominal = painter.link_poses(TARGET_RAD)
-    shown = [*steps[: SHOWN + 1]]
-    poses = [step.link_poses for step in shown] + [nominal]
-    names = ["Initial posture", "1st correction", "2nd correction", "3rd correction"][: len(shown)]
+    shown = steps[: SHOWN + 1]
+    poses = [*(step.link_poses for step in shown), nominal]
+    names = ("Initial posture", "1st correction", "2nd correction", "3rd correction")
     titles = [
         f"({letter}) {name}\n{np.linalg.norm(step.error_mm):.1f} mm"
         for letter, name, step in zip("abcd", names, shown, strict=False)
@@ -172,26 +177,37 @@ def _strip(steps: list[Step]) -> bytes:
     titles.append("(e) Target posture\nthe model")
     plane = view_planes([View()], painter.board_in_root_m)[0]
     drawn = [painter.draw(at, plane, DRAWN) for at in poses]
-    hands = [np.array(one.truth["markers"][MARKER]["mirror"]["px"]) for one in drawn]
-    goal = hands[-1]
-    width = drawn[-1].picture.shape[1]
-    left, right = goal[0] - ARM_PX, min(goal[0] + BALL_PX, width - 0.5)
-    top, bottom = goal[1] - BALL_PX, goal[1] + BALL_PX
+    hands = [one.truth["markers"][MARKER]["mirror"]["px"] for one in drawn]
+    height, width = drawn[-1].picture.shape[:2]
+    size = 1.25
     with rc_context(STYLE | {"axes.grid": False}):
-        size = 1.9
-        figure = Figure(
-            figsize=(size * (right - left) / (bottom - top) * len(poses), size + 0.42), layout="constrained"
-        )
+        figure = Figure(figsize=(size * width / height * len(poses), size + 0.5), layout="constrained")
         FigureCanvasAgg(figure)
         axes = figure.subplots(1, len(poses), squeeze=False)[0]
         for ax, one, hand, title in zip(axes, drawn, hands, titles, strict=True):
             ax.imshow(one.picture, interpolation="bilinear")
             ax.plot(
-                *hand, "o", markersize=22, markerfacecolor="none", markeredgecolor=EQ1, markeredgewidth=1.4
+                *hand, "o", markersize=20, markerfacecolor="none", markeredgecolor=EQ1, markeredgewidth=1.4
             )
-            ax.plot(*goal, "+", markersize=16, color=OURS, markeredgewidth=1.8)
-            ax.set_xlim(left, right)
-            ax.set_ylim(bottom, top)
+            ax.plot(*hands[-1], "+", markersize=16, color=OURS, markeredgewidth=1.8)
             ax.set_title(title, fontsize=9)
             ax.axis("off")
         return png(figure, colours=224)
+
+
+def _close_up() -> Painter:
+    """The embedded robot with a camera that sees `CLOSE_UP` of its picture alone, `ZOOM` times as large."""
+    left, top, width, height = CLOSE_UP
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        for file in ("session.toml", "robot.urdf"):
+            shutil.copy(EMBEDDED_FOLDER / file, folder / file)
+        tree = yaml.safe_load((EMBEDDED_FOLDER / "camera.yaml").read_text(encoding="utf-8"))
+        tree["image_width"], tree["image_height"] = ZOOM * width, ZOOM * height
+        fx, skew, cx, _, fy, cy, *last = tree["camera_matrix"]["data"]
+        # Pixel 0 is the centre of a pixel: its left edge, at -0.5, stays where it is.
+        cx, cy = (ZOOM * (c - start + 0.5) - 0.5 for c, start in ((cx, left), (cy, top)))
+        tree["camera_matrix"]["data"] = [ZOOM * fx, skew, cx, 0.0, ZOOM * fy, cy, *last]
+        tree.pop("projection_matrix", None)
+        (folder / "camera.yaml").write_text(yaml.safe_dump(tree), encoding="utf-8")
+        return Painter.load(folder)

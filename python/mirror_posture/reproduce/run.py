@@ -9,7 +9,7 @@ from functools import cached_property
 
 from .._core import MirrorPostureError
 from ..robots import TwinOptions
-from . import body, correction, legs, positions, rays
+from . import body, correction, legs, positions, rays, size
 from .claims import Experiment
 from .sight import DrawingEye, Eye, NoisyEye, Told
 from .stand import Stand
@@ -104,7 +104,8 @@ class Experiments:
         return rays.fig7(self._eye, *self._rays_by_distance)
 
     def _fig8(self) -> Experiment:
-        return rays.fig8(self._eye, *self._rays_by_distance)
+        figure = rays.fig8(self._eye, *self._rays_by_distance)
+        return figure if self.options.pictures else size.added_to(figure, self._eye.stand)
 
     def _fig9(self) -> Experiment:
         return rays.fig9(self._eye, *self._rays_by_angle)

@@ -20,6 +20,9 @@ from .stand import STAND_FOLDER, PlaneInCamera, Stand
 
 Floats = npt.NDArray[np.float64]
 
+STAND_RAD, STAND_M = np.radians(0.3), 0.0005
+"""How exactly a stand is set by hand for a drawn look: angle (yaw and pitch) and distance, standard deviations."""
+
 Told = Callable[[], None]
 """Called once for each look that is done."""
 
@@ -100,9 +103,11 @@ def bounce(plane: PlaneInCamera, points_in_camera_m: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class DrawingEye:
-    """Pictures by the ray tracer, 3 mm of glass as the paper's mirror, and detection. Looks differ by the sensor's noise.
+    """Pictures by the ray tracer, 3 mm of glass as the paper's mirror, and detection.
 
-    A view's pictures are drawn once: another stream sees the same ones.
+    Looks differ by the sensor's noise and by how exactly the stand is set (`STAND_RAD`, `STAND_M`): what a detector does wrong in one
+    picture it does wrong again in the same picture, and only another one tells. A view's pictures are drawn once: another stream sees
+    the same ones.
     """
 
     stand: Stand
@@ -134,9 +139,13 @@ class DrawingEye:
 
     def _draw_and_detect(self, view: View, number: int) -> Sighting:
         # A seed for each picture, and never the same for two views.
-        seed = np.random.SeedSequence([self.seed, number, *_bits(view)]).generate_state(1)[0]
-        poses = self._painter.link_poses({})
-        drawn = self._painter.draw(poses, self.stand.drawn_plane(view), self.options, int(seed))
+        random = np.random.default_rng([self.seed, number, *_bits(view)])
+        yaw, pitch = STAND_RAD * random.standard_normal(2)
+        placed = View(
+            view.yaw_rad + yaw, view.pitch_rad + pitch, view.distance_m + STAND_M * random.standard_normal()
+        )
+        poses, seed = self._painter.link_poses({}), int(random.integers(2**31))
+        drawn = self._painter.draw(poses, self.stand.drawn_plane(placed), self.options, seed)
         session = self.stand.nominal.session([Look({}, 0.0)], [0])
         found = detect_picture(
             drawn.picture[..., ::-1], setup_from_session(session), predictions_from_session(session)[0]
