@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +11,6 @@ import mirror_posture as mp
 from mirror_posture.robots import HiddenEffect, Nominal, TurnsView, TwinOptions, TwinRobot, detect_look
 from mirror_posture.viewpoint import View
 
-if "DISPLAY" not in os.environ:
-    os.environ.setdefault("MUJOCO_GL", "egl")
 mujoco = pytest.importorskip("mujoco")
 
 from mirror_posture.blind.errors import BlindError  # noqa: E402

@@ -47,6 +47,8 @@ MOVE_S = 0.4
 CONTROL_STEPS = 5
 """Simulation steps between two commands of the servos: 200 Hz."""
 SETTLED_RAD_PER_S = 2e-5
+CREEPING_RAD_PER_S = 1e-3
+"""A part that still creeps more slowly when patience ends, its load hardly above its friction, is taken to rest."""
 SETTLE_CHECK_S = 0.05
 SETTLE_LONGEST_S = 5.0
 
@@ -201,16 +203,19 @@ class MujocoRobot(RobotBase):
 
     def _settle(self) -> None:
         model, data = self.model, self.data
-        before = data.qpos.copy()
+        before, rate = data.qpos.copy(), np.inf
         for _ in range(round(SETTLE_LONGEST_S / SETTLE_CHECK_S)):
             mujoco.mj_step(model, data, round(SETTLE_CHECK_S / model.opt.timestep))
             if not np.isfinite(data.qpos).all():
                 raise NotSettledError(
                     f"{self.name}: the simulation became unstable; use softer servos (a larger droop_rad)"
                 )
-            if np.abs(data.qpos - before).max(initial=0.0) < SETTLED_RAD_PER_S * SETTLE_CHECK_S:
+            rate = np.abs(data.qpos - before).max(initial=0.0) / SETTLE_CHECK_S
+            if rate < SETTLED_RAD_PER_S:
                 return
             before = data.qpos.copy()
+        if rate < CREEPING_RAD_PER_S and np.abs(data.qvel).max(initial=0.0) < CREEPING_RAD_PER_S:
+            return
         moving = [
             model.joint(j).name for j in range(model.njnt) if abs(data.qvel[model.jnt_dofadr[j]]) > 1e-4
         ]

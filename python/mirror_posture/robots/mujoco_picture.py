@@ -9,6 +9,7 @@ from __future__ import annotations
 import colorsys
 import functools
 import math
+import os
 import subprocess
 import sys
 
@@ -44,9 +45,16 @@ PROBE_TIMEOUT_S = 60.0
 @functools.cache
 def opengl_is_there() -> bool:
     """Whether MuJoCo can render here, tried in a process of its own: a failing OpenGL may take the process with it."""
+    # By which OpenGL was settled when MuJoCo was first imported; what MUJOCO_GL says now may be too late.
+    backend = getattr(getattr(mujoco, "GLContext", None), "__module__", "").rpartition(".")[2]
+    if not backend:
+        return False
+    environment = {**os.environ, "MUJOCO_GL": backend}
     probe = "import mujoco; mujoco.Renderer(mujoco.MjModel.from_xml_string('<mujoco/>'), 16, 16).close()"
     try:
-        done = subprocess.run([sys.executable, "-c", probe], capture_output=True, timeout=PROBE_TIMEOUT_S)
+        done = subprocess.run(
+            [sys.executable, "-c", probe], capture_output=True, timeout=PROBE_TIMEOUT_S, env=environment
+        )
     except (OSError, subprocess.TimeoutExpired):
         return False
     return done.returncode == 0
