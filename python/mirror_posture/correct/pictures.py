@@ -67,10 +67,10 @@ def plot_convergence(outcome: Outcome, file: Path, tolerance_m: float) -> None:
             axis.plot(
                 look, distance * MILLIMETRES, "x", color=color, markersize=9, label=f"{name}, not believed"
             )
-        for look in [k.look for k, m in rows if m.distance_m is None]:
-            axis.axvline(look, color=color, linewidth=6.0, alpha=0.12)
+        for missed in [k.look for k, m in rows if m.distance_m is None]:
+            axis.axvline(missed, color=color, linewidth=6.0, alpha=0.12)
             axis.annotate(
-                f"{name} not seen", (look, 1.0), xycoords=("data", "axes fraction"), rotation=90, ha="right",
+                f"{name} not seen", (missed, 1.0), xycoords=("data", "axes fraction"), rotation=90, ha="right",
                 va="top", fontsize=8, color=color,
             )  # fmt: skip
     axis.axhline(tolerance_m * MILLIMETRES, color="0.35", linestyle="--", linewidth=1.0)

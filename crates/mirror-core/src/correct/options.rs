@@ -44,7 +44,7 @@ impl Default for JudgeOptions {
     fn default() -> Self {
         Self {
             tolerance_m: 0.001,
-            wrong_converged: 1e-3,
+            wrong_converged: 0.01,
             looks: 20,
             patience: 5,
             least_progress: 0.1,
