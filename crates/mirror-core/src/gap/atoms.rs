@@ -18,6 +18,8 @@ pub(crate) enum Atom {
     Tilt(NodeId, usize),
     /// Rotation of the node about its middle by gravity's transverse moment there, per compliance.
     Bend(NodeId),
+    /// Rotation of the node about its middle along x, y or z of its frame.
+    Turn(NodeId, usize),
     /// Shift along x, y or z of the origins of the joints that the node (or the base: none) carries.
     LinkShift(Option<NodeId>, usize),
     /// Shift of a marker on its mount.
@@ -36,6 +38,8 @@ pub(crate) enum Atom {
     Glass,
     /// Curvature of the mirror.
     Curvature,
+    /// A free-form error of lens, board or mirror.
+    FreeOptics(usize),
     /// Tangent of the pose of the root in the unknown frame of the measured points.
     FramePose(usize),
 }
@@ -52,6 +56,7 @@ impl Atom {
                 | Self::BoardScale
                 | Self::Glass
                 | Self::Curvature
+                | Self::FreeOptics(_)
         )
     }
 }
@@ -113,6 +118,11 @@ pub(crate) fn body_twist(
             let omega = poses.world_from_node[n].r * transverse_moment(scene, frame, n);
             Some(Twist::about(&poses.world_from_node[n].point(&scene.body.nodes[n].bend_pivot), omega))
         }
+        Atom::Turn(n, k) => {
+            let pose = &poses.world_from_node[n];
+            let omega = pose.r.column(k).into_owned();
+            Some(Twist::about(&pose.point(&scene.body.nodes[n].bend_pivot), omega))
+        }
         Atom::LinkShift(n, k) => {
             let axis = Vector3::ith_axis(k).into_inner();
             Some(Twist::along(n.map_or(axis, |n| poses.world_from_node[n].r * axis)))
@@ -125,7 +135,7 @@ pub(crate) fn body_twist(
 #[inline]
 pub(crate) fn moves(atom: Atom, scene: &Scene, node: Option<NodeId>) -> bool {
     match atom {
-        Atom::Joint(n) | Atom::Tilt(n, _) | Atom::Bend(n) => scene.body.carries(n, node),
+        Atom::Joint(n) | Atom::Tilt(n, _) | Atom::Bend(n) | Atom::Turn(n, _) => scene.body.carries(n, node),
         Atom::LinkShift(Some(n), _) => scene.body.carries_beyond(n, node),
         Atom::LinkShift(None, _) => node.is_some(),
         _ => false,
@@ -195,6 +205,12 @@ impl Column {
                     );
                 }
             }
+            Atom::Turn(n, k) => {
+                for f in 0..scene.frames {
+                    let omega = Vector3::ith(k, value * self.weight.at(scene, f));
+                    deformation.add_bend(f, n, omega);
+                }
+            }
             Atom::Tilt(n, k) => deformation.tilt[n][k] += value,
             Atom::LinkShift(n, k) => {
                 let at = n.unwrap_or(scene.nodes());
@@ -208,13 +224,28 @@ impl Column {
                     }
                 }
             },
-            Atom::CameraMount(k) => deformation.camera_mount[k] += value,
-            Atom::Focal => deformation.focal_scale_error += value,
+            Atom::CameraMount(k) => match &self.weight {
+                Weight::One => deformation.camera_mount[k] += value,
+                weight => {
+                    for f in 0..scene.frames {
+                        deformation.add_camera_sway(f, k, value * weight.at(scene, f));
+                    }
+                }
+            },
+            Atom::Focal => match &self.weight {
+                Weight::One => deformation.focal_scale_error += value,
+                weight => {
+                    for f in 0..scene.frames {
+                        deformation.add_focal_wander(f, value * weight.at(scene, f));
+                    }
+                }
+            },
             Atom::Center(k) => deformation.center_px += Vector2::ith(k, value),
             Atom::Dk1 => deformation.dk1 += value,
             Atom::BoardScale => deformation.board_scale_error += value,
             Atom::Glass => deformation.glass_thickness_m += value,
             Atom::Curvature => deformation.curvature_per_m += value,
+            Atom::FreeOptics(k) => deformation.free_optics[k] += value,
             Atom::FramePose(k) => deformation.frame_pose[k] += value,
         }
     }

@@ -1,5 +1,6 @@
 //! What all effects together do to the nominal model: the one thing that the exact forward model reads.
 
+use super::free_optics::FreeValues;
 use nalgebra::{Vector2, Vector3, Vector6};
 
 /// The difference between the nominal and the actual robot, camera, board and mirror. Zero is the nominal model.
@@ -26,6 +27,12 @@ pub(crate) struct Deformation {
     pub board_scale_error: f64,
     pub glass_thickness_m: f64,
     pub curvature_per_m: f64,
+    /// What lens, board and mirror are wrong by beyond the vocabulary.
+    pub free_optics: FreeValues,
+    /// The camera's mount on top of `camera_mount`, by frame; empty where it stands still. The same tangent.
+    camera_sway: Vec<Vector6<f64>>,
+    /// Relative error of the focal lengths on top of `focal_scale_error`, by frame; empty where it is constant.
+    focal_wander: Vec<f64>,
     /// Pose of the root in the unknown frame of `points.csv`: tangent on top of its start, rad and m.
     pub frame_pose: Vector6<f64>,
 }
@@ -47,6 +54,9 @@ impl Deformation {
             board_scale_error: 0.0,
             glass_thickness_m: 0.0,
             curvature_per_m: 0.0,
+            free_optics: FreeValues::zeros(),
+            camera_sway: Vec::new(),
+            focal_wander: Vec::new(),
             frame_pose: Vector6::zeros(),
         }
     }
@@ -83,7 +93,7 @@ impl Deformation {
     pub fn add_marker_shift(&mut self, frame: usize, marker: usize, axis: usize, value: f64) {
         let markers = self.marker_shift.len();
         if self.varying_shift.is_empty() {
-            self.varying_shift = vec![Vector3::zeros(); self.joint_delta.len() / self.nodes.max(1) * markers];
+            self.varying_shift = vec![Vector3::zeros(); self.frames() * markers];
         }
         self.varying_shift[frame * markers + marker][axis] += value;
     }
@@ -115,5 +125,40 @@ impl Deformation {
             || self.board_scale_error != 0.0
             || self.glass_thickness_m != 0.0
             || self.curvature_per_m != 0.0
+            || self.free_optics != FreeValues::zeros()
+            || self.eye_varies()
+    }
+
+    /// Whether the camera is not the same in all frames.
+    pub fn eye_varies(&self) -> bool {
+        !self.camera_sway.is_empty() || !self.focal_wander.is_empty()
+    }
+
+    /// The camera's mount in a frame: rotation vector and shift in the nominal optical frame, rad and m.
+    pub fn camera_mount_in(&self, frame: usize) -> Vector6<f64> {
+        self.camera_mount + self.camera_sway.get(frame).copied().unwrap_or_else(Vector6::zeros)
+    }
+
+    /// Relative error of the focal lengths in a frame.
+    pub fn focal_scale_error_in(&self, frame: usize) -> f64 {
+        self.focal_scale_error + self.focal_wander.get(frame).copied().unwrap_or(0.0)
+    }
+
+    pub fn add_camera_sway(&mut self, frame: usize, k: usize, value: f64) {
+        if self.camera_sway.is_empty() {
+            self.camera_sway = vec![Vector6::zeros(); self.frames()];
+        }
+        self.camera_sway[frame][k] += value;
+    }
+
+    pub fn add_focal_wander(&mut self, frame: usize, value: f64) {
+        if self.focal_wander.is_empty() {
+            self.focal_wander = vec![0.0; self.frames()];
+        }
+        self.focal_wander[frame] += value;
+    }
+
+    fn frames(&self) -> usize {
+        self.joint_delta.len() / self.nodes.max(1)
     }
 }

@@ -9,10 +9,11 @@ use super::hypothesis::{Catalogue, Model, Term};
 use super::noise;
 use super::observations::Recording;
 use super::pairing::{self, Slip};
-use super::problem::{Noise, Problem};
+use super::problem::Problem;
 use super::report::{Checked, Diagnosis};
 use super::search::{Found, Search, SearchOptions};
-use super::unexplained::{Unexplained, best_free_form, unexplained};
+use super::freeform::free_forms;
+use super::unexplained::{Unexplained, beside_free_forms, elsewhere, is_suspicious, log_odds, unexplained};
 use crate::error::Result;
 use crate::robot::Robot;
 use std::sync::Arc;
@@ -58,6 +59,8 @@ const LOG_PRIOR_GEOMETRY: f64 = -10.0;
 const LEAST_HELD_OUT_GAIN: f64 = 0.002;
 /// A remainder smaller than this share (squared: 8 %) of what the causes move is what their laws are wrong by.
 const LAW_REMAINDER: f64 = 0.0064;
+/// More false observations than this are worth a word, and a second look.
+pub(crate) const MANY_FALSE: f64 = 0.015;
 /// Observations farther from the best model than this many deviations are false.
 const FALSE_DEVIATIONS: f64 = 6.0;
 /// The group's shift, squared, as a share of the causes': a smaller group only takes up what the causes' laws are wrong by.
@@ -103,9 +106,14 @@ pub(crate) fn diagnose_with(
         problem.noise = noise::estimate(&problem, &nominal_deformation, stated)?;
     }
     let mut effects = vocabulary();
+    if options.without.iter().any(|w| w == "joint_compliance") {
+        effects.retain(|e| e.name() != "stiction");
+        effects.push(Box::new(super::effects::Stiction { droops: false }));
+    }
     effects.extend(own);
     let catalogue =
         Catalogue::new(&problem.scene, effects.into_iter().map(Arc::from).collect(), &options.without);
+    let all = Catalogue::with_free_forms(&catalogue, &problem.scene, free_forms(&problem.scene));
     let most_causes =
         if options.most_causes == 0 { SearchOptions::default().most_causes } else { options.most_causes };
     let search_options = SearchOptions { most_causes, ..SearchOptions::default() };
@@ -135,36 +143,44 @@ pub(crate) fn diagnose_with(
             found.trace.splice(0..0, first);
         }
     }
+    let (mut clean, mut false_share) = without_false(&search, &found)?;
+    let mut fits_noise = adequacy(&clean, &search.deformation(&found.fit.model), search.measured_noise)?;
+    let named = search.clone();
+    if is_suspicious(&search, &found, &all, &fits_noise, false_share > MANY_FALSE)?
+        && let Some((its_search, its_found)) = beside_free_forms(&search, &found, &all, &nominal)?
+        && !only_their_laws(&search, &found, &its_found, &all)?
+    {
+        search = its_search;
+        found = its_found;
+        (clean, false_share) = without_false(&search, &found)?;
+        fits_noise = adequacy(&clean, &search.deformation(&found.fit.model), search.measured_noise)?;
+    }
     let mut geometry = None;
     let off = options.without.iter().any(|w| w == "geometry");
-    let mut clean =
-        search.problem.without_false(&search.deformation(&found.fit.model), found.noise, FALSE_DEVIATIONS)?;
-    let mut fits_noise = adequacy(&clean, &search.deformation(&found.fit.model), search.measured_noise)?;
     if !off
         && (fits_noise.significant || found.fit.model.terms.len() > MANY_CAUSES)
-        && let Some((with, its_search, its_found)) = with_geometry(&search, &found, &nominal)?
+        && let Some((with, its_search, its_found)) = with_geometry(&named, (&search, &found), &nominal)?
     {
-        let deformation = its_search.deformation(&its_found.fit.model);
-        clean = its_search.problem.without_false(&deformation, its_found.noise, FALSE_DEVIATIONS)?;
-        fits_noise = adequacy(&clean, &deformation, its_search.measured_noise)?;
         geometry = Some(with);
         search = its_search;
         found = its_found;
+        (clean, false_share) = without_false(&search, &found)?;
+        fits_noise = adequacy(&clean, &search.deformation(&found.fit.model), search.measured_noise)?;
     }
     // From here on without the observations that the best model shows to be false.
-    let counted = |p: &Problem| p.frames.iter().map(|f| f.others.len()).sum::<usize>() as f64;
-    let false_share = 1.0 - counted(&clean) / counted(&search.problem).max(1.0);
     search.problem = clean;
     let (before, mut after) = gaps(&search, &nominal, &found)?;
     drop_useless(&mut search, &mut found, &mut after)?;
-    let by_laws = remainder_share(&search, &found, &after)? < LAW_REMAINDER;
-    let unexplained = if by_laws && found.fit.model.terms.len() < 3 {
-        None
-    } else {
-        unexplained(&search, &mut found, &fits_noise)?
-    };
-    if unexplained.is_some() {
-        after = gaps(&search, &nominal, &found)?.1;
+    let free = found.fit.model.terms.iter().any(|t| search.catalogue.is_free(t.hypothesis));
+    let by_laws = !free
+        && found.fit.model.terms.len() <= MANY_CAUSES
+        && remainder_share(&search, &found, &after)? < LAW_REMAINDER;
+    let unexplained = if by_laws { None } else { unexplained(&search, &found, &fits_noise)? };
+    if free {
+        // What has no name cannot be added to a model: the gap that is left is that of the causes alone.
+        let mut causes = found.fit.model.clone();
+        causes.terms.retain(|t| !search.catalogue.is_free(t.hypothesis));
+        after = search.held_out(&causes, found.noise)?;
     }
     let mut findings = Findings { search, found, geometry, slip, before, after, unexplained, false_share };
     let mut checked = Vec::new();
@@ -174,12 +190,35 @@ pub(crate) fn diagnose_with(
     super::words::diagnosis(&mut findings, robot, recording, &ranking, checked)
 }
 
-/// The search beside many small errors; none where single causes alone say it better.
+/// The problem without the observations that the best model shows to be false, and their share.
+fn without_false(search: &Search<'_>, found: &Found) -> Result<(Problem, f64)> {
+    let clean =
+        search.problem.without_false(&search.deformation(&found.fit.model), found.noise, FALSE_DEVIATIONS)?;
+    let counted = |p: &Problem| p.frames.iter().map(|f| f.others.len()).sum::<usize>() as f64;
+    let share = 1.0 - counted(&clean) / counted(&search.problem).max(1.0);
+    Ok((clean, share))
+}
+
+/// Whether free-form errors only say that the causes found have not quite their textbook laws: they sit at the causes' own
+/// places, and what the causes leave is a small part of what they move.
+fn only_their_laws(search: &Search<'_>, found: &Found, with_free: &Found, all: &Catalogue) -> Result<bool> {
+    if found.fit.model.terms.is_empty()
+        || found.fit.model.terms.len() > with_free.fit.model.terms.len()
+        || elsewhere(all, &with_free.fit.model, &found.fit.model)
+    {
+        return Ok(false);
+    }
+    let after = search.held_out(&found.fit.model, found.noise)?;
+    Ok(remainder_share(search, found, &after)? < LAW_REMAINDER)
+}
+
+/// The search beside many small errors; none where what was found without them says it better.
 fn with_geometry<'a>(
     search: &Search<'a>,
-    alone: &Found,
+    without: (&Search<'a>, &Found),
     nominal: &Model,
 ) -> Result<Option<(Geometry, Search<'a>, Found)>> {
+    let (its_search, alone) = without;
     let mut geometry = Geometry::new(&search.problem);
     if geometry.group.columns.is_empty() {
         return Ok(None);
@@ -203,12 +242,7 @@ fn with_geometry<'a>(
     let Some(mut found) = found else { return Ok(None) };
     found.fit =
         fit(&beside.problem, search.catalogue, &beside.group, &start, FitOptions { noise, steps: 6 }, None)?;
-    // Both at the same noise, that of the better of the two.
-    let common = if noise_sum(&noise) < noise_sum(&alone.noise) { noise } else { alone.noise };
-    let options = FitOptions { noise: common, steps: 6 };
-    let single = fit(&search.problem, search.catalogue, &search.group, &alone.fit.model, options, None)?;
-    let grouped = fit(&beside.problem, search.catalogue, &beside.group, &found.fit.model, options, None)?;
-    let odds = beside.log_posterior(&grouped) + LOG_PRIOR_GEOMETRY - search.log_posterior(&single);
+    let odds = log_odds((&beside, &found), (its_search, alone))? + LOG_PRIOR_GEOMETRY;
     found.trace.push(format!(
         "beside geometry (spread {:.3} mm, {:.3} mrad): log odds {odds:.1}",
         geometry.spread_m * 1e3,
@@ -229,21 +263,7 @@ fn with_geometry<'a>(
     };
     let (group_shift, cause_shift) = (sum(&only_causes, &all)?, sum(&neither, &only_causes)?);
     let matters = group_shift > LEAST_GROUP_SHARE * cause_shift;
-    // An unknown law at one joint is not many small errors: the group must beat a free-form error at any one place.
-    let free = best_free_form(search, &alone.fit.model, common)?;
-    if let Some((evidence, place)) = free {
-        let name = place.name(&search.problem.scene);
-        let odds = beside.log_posterior(&grouped) + LOG_PRIOR_GEOMETRY - evidence;
-        found.trace.push(format!("geometry against a free-form error at {name}: log odds {odds:.1}"));
-        if odds < 0.0 {
-            return Ok(None);
-        }
-    }
     Ok((odds > 0.0 && matters).then_some((geometry, beside, found)))
-}
-
-fn noise_sum(noise: &Noise) -> f64 {
-    noise.marker_px + 1e3 * noise.point_m
 }
 
 fn gaps(search: &Search<'_>, nominal: &Model, found: &Found) -> Result<(Vec<PostureGap>, Vec<PostureGap>)> {

@@ -25,8 +25,6 @@ pub(crate) struct FitOptions {
 #[derive(Debug, Clone)]
 pub(crate) struct Fit {
     pub model: Model,
-    /// −2 log likelihood at the optimum.
-    pub cost: f64,
     /// Log marginal likelihood (Laplace), up to a constant that all models of the recording share.
     pub log_evidence: f64,
     /// Covariance of all parameters: nuisances, group, then the terms' in order.
@@ -239,7 +237,6 @@ fn summary(model: Model, normal: &Normal, active: &Active) -> Fit {
     };
     Fit {
         log_evidence: -0.5 * (normal.cost + penalty + log_det),
-        cost: normal.cost,
         covariance,
         first_term: active.first_term,
         model,

@@ -1,48 +1,91 @@
-//! Free-form errors: smooth functions that stand for any law that the vocabulary has not.
+//! Free-form errors: at every place a smooth error without a law. They are never causes: they say where something lives that
+//! the vocabulary has no word for, and on what it depends.
 //!
-//! At each joint the error may be any smooth function of its own position, of its load, of its direction of motion, of time,
-//! or of another joint; at the camera and at each marker any small shift that varies with time or posture. They are never
-//! causes: they say where the unexplained part lives and on what it depends.
+//! | place | error | depends on |
+//! | --- | --- | --- |
+//! | joint | of its position | constant, its position, load, direction of motion, time, another joint's position |
+//! | joint | of its axis | constant |
+//! | link | turn in the moment of gravity; shift | load; constant |
+//! | marker | shift | constant, direction of gravity, time |
+//! | camera | mount; smooth warp of the image; mount and focal length | constant; constant; time, a joint's position |
+//! | board | scale and shape | constant |
+//! | mirror | glass, curvature, astigmatism | constant |
 
 use super::atoms::{Atom, Column, Weight};
+use super::body::NodeId;
 use super::effects::{Effect, Place};
+use super::free_optics::{ASTIGMATISM, BOARD_SHAPE, WARP};
 use super::scene::Scene;
 
-/// What a free-form error depends on.
+/// Smooth functions a dependence has: knots of a piecewise linear function.
+const KNOTS: usize = 6;
+/// The same of a dependence on another place's quantity.
+const FEW_KNOTS: usize = 4;
+/// A common size of an error of an angle, rad.
+const TYPICAL_RAD: f64 = 0.03;
+/// A common size of a shift, m.
+const TYPICAL_M: f64 = 0.005;
+/// A common size of an error of the optics (of the image's size, of the board's size).
+const TYPICAL_SHARE: f64 = 0.02;
+/// A common size of a turn of the camera, rad.
+const TYPICAL_TURN_RAD: f64 = 0.02;
+
+/// On what an error depends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum On {
+    Nothing,
     Position,
     Load,
     Direction,
     Time,
+    /// The direction of gravity.
     Posture,
+    /// The position of another joint.
+    Joint(NodeId),
 }
 
-/// Smooth functions a dependence has.
-const KNOTS: usize = 6;
-
-struct FreeJoint(On);
-
-struct FreeMarker(On);
-
 impl On {
-    fn word(self) -> &'static str {
+    fn words(self, scene: &Scene) -> String {
         match self {
-            Self::Position => "position",
-            Self::Load => "load",
-            Self::Direction => "direction",
-            Self::Time => "time",
-            Self::Posture => "posture",
+            Self::Nothing => "nothing".into(),
+            Self::Position => "position".into(),
+            Self::Load => "load".into(),
+            Self::Direction => "direction".into(),
+            Self::Time => "time".into(),
+            Self::Posture => "posture".into(),
+            Self::Joint(n) => format!("position of joint:{}", scene.body.nodes[n].joint),
         }
     }
 }
 
-/// Hat functions over the range of a quantity: a piecewise linear function with `KNOTS` free values.
-fn hats(values: &[f64]) -> Vec<Vec<f64>> {
+/// What is wrong.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum What {
+    Joint,
+    Axis,
+    LinkTurn,
+    LinkShift,
+    Marker,
+    CameraMount,
+    Image,
+    Focal,
+    Board,
+    Mirror,
+}
+
+/// A smooth error of one kind.
+struct FreeForm {
+    what: What,
+    on: On,
+    words: String,
+}
+
+/// Hat functions over the range of a quantity: a piecewise linear function with as many free values as knots.
+fn hats(values: &[f64], knots: usize) -> Vec<Vec<f64>> {
     let low = values.iter().copied().fold(f64::INFINITY, f64::min);
     let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    let step = (high - low).max(1e-12) / (KNOTS - 1) as f64;
-    (0..KNOTS)
+    let step = (high - low).max(1e-12) / (knots - 1) as f64;
+    (0..knots)
         .map(|k| {
             let knot = low + step * k as f64;
             values.iter().map(|v| (1.0 - (v - knot).abs() / step).max(0.0)).collect()
@@ -50,115 +93,206 @@ fn hats(values: &[f64]) -> Vec<Vec<f64>> {
         .collect()
 }
 
-fn quantity(scene: &Scene, n: usize, on: On) -> Vec<f64> {
-    (0..scene.frames)
-        .map(|f| match on {
-            On::Position | On::Direction => scene.q(f, n),
-            On::Load => scene.torque(f, n),
-            On::Time | On::Posture => scene.time_s[f],
-        })
-        .collect()
+/// Whether two joints move a common marker (or the board): then one can act on the other through the body.
+fn share_a_limb(scene: &Scene, j: NodeId, k: NodeId) -> bool {
+    scene.body.carries(j, Some(k)) || scene.body.carries(k, Some(j))
 }
 
-impl Effect for FreeJoint {
+impl FreeForm {
+    fn new(what: What, on: On, scene: &Scene) -> Self {
+        Self { what, on, words: on.words(scene) }
+    }
+
+    /// The weights of its dependence at a place, one list a column and elementary change.
+    fn weights(&self, scene: &Scene, place: Place) -> Vec<Weight> {
+        let frames = 0..scene.frames;
+        let of = |f: &dyn Fn(usize) -> f64| -> Vec<f64> { frames.clone().map(f).collect() };
+        let table = |rows: Vec<Vec<f64>>| rows.into_iter().map(Weight::Frames).collect();
+        match (self.on, place) {
+            (On::Nothing, _) => vec![Weight::One],
+            (On::Joint(k), Place::Camera) => {
+                let (low, high) = scene.commanded_range[k];
+                let middle = 0.5 * (low + high);
+                let half = (0.5 * (high - low)).max(1e-9);
+                table(vec![of(&|f| (scene.q(f, k) - middle) / half)])
+            }
+            (On::Joint(k), _) => table(hats(&of(&|f| scene.q(f, k)), FEW_KNOTS)),
+            (On::Time, Place::Joint(_)) => table(hats(&scene.time_s, KNOTS)),
+            (On::Time, _) => table(hats(&scene.time_s, FEW_KNOTS)),
+            (On::Position, Place::Joint(n)) => table(hats(&of(&|f| scene.q(f, n)), KNOTS)),
+            (On::Direction, Place::Joint(n)) => {
+                let mut rows = hats(&of(&|f| scene.q(f, n)), FEW_KNOTS);
+                for row in &mut rows {
+                    row.iter_mut().enumerate().for_each(|(f, w)| *w *= scene.direction(f, n));
+                }
+                table(rows)
+            }
+            (On::Load, Place::Joint(n)) => table(hats(&of(&|f| scene.torque(f, n)), KNOTS)),
+            (On::Load, Place::Link(Some(n))) => {
+                let largest = (0..scene.frames).map(|f| scene.moment(f, n).norm()).fold(1e-12, f64::max);
+                table((0..3).map(|k| of(&|f| scene.moment(f, n)[k] / largest)).collect())
+            }
+            (On::Posture, Place::Marker(m)) => {
+                table((0..3).map(|k| of(&|f| scene.down_in_mount(f, m)[k])).collect())
+            }
+            _ => Vec::new(),
+        }
+    }
+
+    /// The elementary changes at a place, each with a common size.
+    fn atoms(&self, scene: &Scene, place: Place) -> Vec<(Atom, f64)> {
+        let optics = |range: core::ops::Range<usize>, size: f64| range.map(move |k| (Atom::FreeOptics(k), size));
+        let path_m = scene.reach_m.max(0.1);
+        match (self.what, place) {
+            (What::Joint, Place::Joint(n)) => {
+                let reach = if scene.body.nodes[n].prismatic { scene.reach_m } else { 1.0 };
+                vec![(Atom::Joint(n), TYPICAL_RAD * reach)]
+            }
+            (What::Axis, Place::Joint(n)) => (0..2).map(|k| (Atom::Tilt(n, k), TYPICAL_RAD)).collect(),
+            (What::LinkTurn, Place::Link(Some(n))) => {
+                (0..3).map(|k| (Atom::Turn(n, k), TYPICAL_RAD)).collect()
+            }
+            (What::LinkShift, Place::Link(n)) => {
+                (0..3).map(|k| (Atom::LinkShift(n, k), TYPICAL_M)).collect()
+            }
+            (What::Marker, Place::Marker(m)) => {
+                (0..3).map(|k| (Atom::MarkerShift(m, k), TYPICAL_M)).collect()
+            }
+            (What::CameraMount, _) if self.on == On::Nothing => (0..6)
+                .map(|k| (Atom::CameraMount(k), if k < 3 { TYPICAL_TURN_RAD } else { TYPICAL_M }))
+                .collect(),
+            (What::CameraMount, _) => (0..3).map(|k| (Atom::CameraMount(k), TYPICAL_TURN_RAD)).collect(),
+            (What::Image, _) => (0..2)
+                .map(|k| (Atom::Center(k), 8.0))
+                .chain(optics(WARP, TYPICAL_SHARE))
+                .collect(),
+            (What::Focal, _) => vec![(Atom::Focal, TYPICAL_SHARE)],
+            (What::Board, _) => core::iter::once((Atom::BoardScale, TYPICAL_SHARE))
+                .chain(optics(BOARD_SHAPE, TYPICAL_SHARE))
+                .collect(),
+            (What::Mirror, _) => [(Atom::Glass, 0.004), (Atom::Curvature, TYPICAL_SHARE / path_m)]
+                .into_iter()
+                .chain(optics(ASTIGMATISM, TYPICAL_SHARE / path_m))
+                .collect(),
+            _ => Vec::new(),
+        }
+    }
+}
+
+impl Effect for FreeForm {
     fn name(&self) -> &str {
-        self.0.word()
+        &self.words
     }
 
     fn parameters(&self) -> Vec<String> {
-        (0..KNOTS).map(|k| format!("value_{k}_rad")).collect()
+        Vec::new()
     }
 
     fn places(&self, scene: &Scene) -> Vec<Place> {
-        (0..scene.nodes())
-            .filter(|&n| scene.relevant[n])
-            .filter(|&n| match self.0 {
-                On::Position => scene.moves(n),
-                On::Direction => scene.ordered && scene.moves(n),
-                On::Load => scene.largest_torque(n) > 1e-6,
-                On::Time | On::Posture => true,
-            })
-            .map(Place::Joint)
-            .collect()
+        let joints = (0..scene.nodes()).filter(|&n| scene.relevant[n]);
+        let on = self.on;
+        match self.what {
+            What::Joint => joints
+                .filter(|&n| match on {
+                    On::Position => scene.moves(n),
+                    On::Direction => scene.ordered && scene.moves(n),
+                    On::Load => scene.largest_torque(n) > 1e-6,
+                    On::Joint(k) => k != n && share_a_limb(scene, n, k),
+                    _ => true,
+                })
+                .map(Place::Joint)
+                .collect(),
+            What::Axis => joints.filter(|&n| scene.moves(n)).map(Place::Joint).collect(),
+            What::LinkTurn => joints
+                .filter(|&n| (0..scene.frames).any(|f| scene.moment(f, n).norm() > 1e-6))
+                .map(|n| Place::Link(Some(n)))
+                .collect(),
+            What::LinkShift => joints.map(|n| Place::Link(Some(n))).collect(),
+            What::Marker => {
+                let known = |m: &usize| on != On::Nothing || scene.mount_known[*m];
+                (0..scene.marker_names.len()).filter(known).map(Place::Marker).collect()
+            }
+            What::CameraMount => {
+                if scene.has_board {
+                    vec![Place::Camera]
+                } else {
+                    Vec::new()
+                }
+            }
+            What::Image | What::Focal => {
+                if scene.has_camera {
+                    vec![Place::Camera]
+                } else {
+                    Vec::new()
+                }
+            }
+            What::Board => {
+                if scene.has_board {
+                    vec![Place::Board]
+                } else {
+                    Vec::new()
+                }
+            }
+            What::Mirror => {
+                if scene.has_mirror {
+                    vec![Place::Mirror]
+                } else {
+                    Vec::new()
+                }
+            }
+        }
     }
 
     fn prior_std(&self, scene: &Scene, place: Place) -> Vec<f64> {
-        let prismatic = place.node().is_some_and(|n| scene.body.nodes[n].prismatic);
-        vec![if prismatic { 0.03 * scene.reach_m } else { 0.03 }; KNOTS]
+        let weights = self.weights(scene, place).len();
+        self.atoms(scene, place).into_iter().flat_map(|(_, size)| vec![size; weights]).collect()
     }
 
     fn columns(&self, scene: &Scene, place: Place, _variant: f64, _parameters: &[f64]) -> Vec<Column> {
-        let Some(n) = place.node() else { return Vec::new() };
-        hats(&quantity(scene, n, self.0))
+        let weights = self.weights(scene, place);
+        self.atoms(scene, place)
             .into_iter()
-            .map(|mut weights| {
-                if self.0 == On::Direction {
-                    for (f, w) in weights.iter_mut().enumerate() {
-                        *w *= scene.direction(f, n);
-                    }
-                }
-                Column { atom: Atom::Joint(n), weight: Weight::Frames(weights) }
-            })
+            .flat_map(|(atom, _)| weights.iter().map(move |w| Column { atom, weight: w.clone() }))
             .collect()
     }
 
-    fn words(&self) -> &str {
-        "a smooth function"
-    }
-}
-
-impl Effect for FreeMarker {
-    fn name(&self) -> &str {
-        self.0.word()
-    }
-
-    fn parameters(&self) -> Vec<String> {
-        (0..3 * 3).map(|k| format!("value_{k}_m")).collect()
-    }
-
-    fn places(&self, scene: &Scene) -> Vec<Place> {
-        (0..scene.marker_names.len()).map(Place::Marker).collect()
-    }
-
-    fn prior_std(&self, _scene: &Scene, _place: Place) -> Vec<f64> {
-        vec![0.005; 9]
-    }
-
-    /// The marker hangs loose: its shift follows the direction of gravity in its mount's frame, linearly; or time.
-    fn columns(&self, scene: &Scene, place: Place, _variant: f64, _parameters: &[f64]) -> Vec<Column> {
-        let Place::Marker(m) = place else { return Vec::new() };
-        let mut out = Vec::new();
-        for k in 0..3 {
-            for axis in 0..3 {
-                let weights = (0..scene.frames)
-                    .map(|f| match self.0 {
-                        On::Posture => scene.down_in_mount(f, m)[axis],
-                        _ => {
-                            let span = (scene.time_s[scene.frames - 1] - scene.time_s[0]).max(1e-9);
-                            let t = (scene.time_s[f] - scene.time_s[0]) / span;
-                            t.powi(axis as i32)
-                        }
-                    })
-                    .collect();
-                out.push(Column { atom: Atom::MarkerShift(m, k), weight: Weight::Frames(weights) });
-            }
-        }
-        out
+    fn depends_on_load(&self) -> bool {
+        self.on == On::Load
     }
 
     fn words(&self) -> &str {
-        "a smooth function"
+        "a smooth error without a law"
     }
 }
 
-/// All free-form errors.
-pub(crate) fn free_forms() -> Vec<Box<dyn Effect>> {
-    vec![
-        Box::new(FreeJoint(On::Position)),
-        Box::new(FreeJoint(On::Load)),
-        Box::new(FreeJoint(On::Direction)),
-        Box::new(FreeJoint(On::Time)),
-        Box::new(FreeMarker(On::Posture)),
-        Box::new(FreeMarker(On::Time)),
-    ]
+/// All free-form errors of a scene.
+pub(crate) fn free_forms(scene: &Scene) -> Vec<Box<dyn Effect>> {
+    use On::{Direction, Joint, Load, Nothing, Position, Posture, Time};
+    let mut kinds = vec![
+        (What::Joint, Nothing),
+        (What::Joint, Position),
+        (What::Joint, Load),
+        (What::Joint, Direction),
+        (What::Joint, Time),
+        (What::Axis, Nothing),
+        (What::LinkTurn, Load),
+        (What::LinkShift, Nothing),
+        (What::Marker, Nothing),
+        (What::Marker, Posture),
+        (What::Marker, Time),
+        (What::CameraMount, Nothing),
+        (What::CameraMount, Time),
+        (What::Image, Nothing),
+        (What::Focal, Time),
+        (What::Board, Nothing),
+        (What::Mirror, Nothing),
+    ];
+    for n in (0..scene.nodes()).filter(|&n| scene.relevant[n] && scene.moves(n)) {
+        kinds.push((What::Joint, Joint(n)));
+        kinds.push((What::CameraMount, Joint(n)));
+    }
+    kinds
+        .into_iter()
+        .map(|(what, on)| Box::new(FreeForm::new(what, on, scene)) as Box<dyn Effect>)
+        .collect()
 }

@@ -28,7 +28,12 @@ pub(crate) struct Hypothesis {
 pub(crate) struct Catalogue {
     pub effects: Vec<Arc<dyn Effect>>,
     pub hypotheses: Vec<Hypothesis>,
+    /// Hypotheses from this one on are free-form errors, not causes.
+    first_free: usize,
 }
+
+/// How much less likely a free-form error is than a cause of the vocabulary (log), beside its share among its kind.
+const LOG_PRIOR_FREE: f64 = -6.0;
 
 impl Catalogue {
     /// All places of all effects; `without` names effects that are switched off.
@@ -49,19 +54,32 @@ impl Catalogue {
                 });
             }
         }
-        Self { effects, hypotheses }
+        Self { effects, first_free: hypotheses.len(), hypotheses }
     }
 
     /// A catalogue with free-form errors behind its own hypotheses, whose indices stay.
     pub fn with_free_forms(base: &Self, scene: &Scene, free: Vec<Box<dyn Effect>>) -> Self {
-        let mut out = Self { effects: Vec::new(), hypotheses: base.hypotheses.clone() };
+        let mut out = Self {
+            effects: Vec::new(),
+            hypotheses: base.hypotheses.clone(),
+            first_free: base.hypotheses.len(),
+        };
         out.effects.extend(base.effects.iter().cloned());
         let first = out.effects.len();
         let added = Self::new(scene, free.into_iter().map(Arc::from).collect(), &[]);
         out.effects.extend(added.effects);
         out.hypotheses
-            .extend(added.hypotheses.into_iter().map(|h| Hypothesis { effect: h.effect + first, ..h }));
+            .extend(added.hypotheses.into_iter().map(|h| Hypothesis {
+                effect: h.effect + first,
+                log_prior: h.log_prior + LOG_PRIOR_FREE,
+                ..h
+            }));
         out
+    }
+
+    /// Whether a hypothesis is a free-form error, not a cause of the vocabulary.
+    pub fn is_free(&self, hypothesis: usize) -> bool {
+        hypothesis >= self.first_free
     }
 
     pub fn effect(&self, hypothesis: usize) -> &dyn Effect {

@@ -8,6 +8,7 @@ mod diagnose;
 mod effects;
 mod fit;
 mod frame;
+mod free_optics;
 mod freeform;
 mod group;
 mod heldout;

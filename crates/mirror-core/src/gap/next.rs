@@ -38,6 +38,9 @@ pub(crate) fn next_postures(
     let mut out = Vec::new();
     let mut drawn: Option<(Recording, Problem, Catalogue)> = None;
     for i in 0..findings.found.fit.model.terms.len() {
+        if search.catalogue.is_free(findings.found.fit.model.terms[i].hypothesis) {
+            continue;
+        }
         let standing = super::rivals::standing(search, &findings.found, i)?;
         let Some(rival) = standing.rivals.first().filter(|r| r.probability > WORTH_AN_EXPERIMENT) else {
             continue;

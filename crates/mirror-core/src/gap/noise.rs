@@ -121,6 +121,7 @@ pub(crate) fn effective(
         noise,
         with_board: problem.needs_fresh_board(deformation),
         gaussian: true,
+            free: false,
     };
     let parts: Vec<(Vec<f64>, Vec<f64>)> = chunks(problem.frames.len())
         .into_par_iter()
@@ -177,8 +178,14 @@ pub(crate) fn corner_excess(problem: &Problem, deformation: &Deformation, noise:
             || FrameWork::new(problem),
             |work, frame| {
                 let nominal = problem.boards.get(frame).copied().flatten()?;
+                let own = if deformation.eye_varies() {
+                    problem.eye_in(deformation, frame).ok().flatten()
+                } else {
+                    None
+                };
                 let fit = if fresh {
-                    work.fit_board(problem, deformation, Some(&eye), frame, Some(nominal.foot))?
+                    let eye = own.as_ref().unwrap_or(&eye);
+                    work.fit_board(problem, deformation, Some(eye), frame, Some(nominal.foot))?
                 } else {
                     nominal
                 };

@@ -50,6 +50,11 @@ fn moves_board(problem: &Problem, atom: super::atoms::Atom, board: Option<usize>
     super::atoms::moves(atom, &problem.scene, board) != super::atoms::moves(atom, &problem.scene, camera)
 }
 
+/// Whether any column is a free-form error of the optics.
+pub(crate) fn has_free(columns: &[Column]) -> bool {
+    columns.iter().any(|c| matches!(c.atom, super::atoms::Atom::FreeOptics(_)))
+}
+
 /// Whether a frame counts.
 pub(crate) fn counts(mask: Option<&[bool]>, frame: usize) -> bool {
     mask.is_none_or(|m| m[frame])
@@ -69,7 +74,7 @@ impl Normal {
         mask: Option<&[bool]>,
     ) -> Result<Self> {
         let eye = problem.eye(deformation)?;
-        let task = Task { deformation, eye: eye.as_ref(), noise, with_board, gaussian: false };
+        let task = Task { deformation, eye: eye.as_ref(), noise, with_board, gaussian: false, free: has_free(columns) };
         let count = columns.len();
         let chunks: Vec<Self> = chunks(problem.frames.len())
             .into_par_iter()

@@ -3,6 +3,7 @@
 use super::body::Site;
 use super::deformation::Deformation;
 use super::frame::FrameWork;
+use super::free_optics::FreeValues;
 use super::kinematics::NodePoses;
 use super::observations::{PointsFrame, Recording, Target, Via};
 use super::pose::Pose;
@@ -12,7 +13,7 @@ use crate::error::Result;
 use crate::geometry::Plane;
 use crate::mirror::{Curvature, GlassPane, MirrorOptics, Sphere};
 use crate::robot::Robot;
-use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector2, Vector3};
+use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector2, Vector3, Vector6};
 use rayon::prelude::*;
 
 /// Frames that are worked on together: a fixed number, so that sums do not depend on the number of cores.
@@ -95,6 +96,8 @@ pub(crate) struct Eye {
     /// `Exp(ω)ᵀ`-related pieces of the mount's derivative.
     pub mount_jacobian: Matrix3<f64>,
     pub nominal_focal: Vector2<f64>,
+    /// Free-form errors of lens, board and mirror, where there are any.
+    pub free: Option<FreeValues>,
 }
 
 impl Problem {
@@ -229,6 +232,23 @@ impl Problem {
     /// # Errors
     /// A camera or a mirror that cannot be (a focal length below zero, say).
     pub fn eye(&self, deformation: &Deformation) -> Result<Option<Eye>> {
+        self.eye_as(deformation, deformation.camera_mount, deformation.focal_scale_error)
+    }
+
+    /// Camera and mirror in one frame, where they vary.
+    ///
+    /// # Errors
+    /// As [`Problem::eye`].
+    pub fn eye_in(&self, deformation: &Deformation, frame: usize) -> Result<Option<Eye>> {
+        self.eye_as(deformation, deformation.camera_mount_in(frame), deformation.focal_scale_error_in(frame))
+    }
+
+    fn eye_as(
+        &self,
+        deformation: &Deformation,
+        mount: Vector6<f64>,
+        focal_scale_error: f64,
+    ) -> Result<Option<Eye>> {
         let Some(nominal) = &self.camera else { return Ok(None) };
         let camera = if deformation.optics_differ() {
             let mut k = nominal.distortion().coefficients();
@@ -239,7 +259,7 @@ impl Problem {
             };
             Camera::new(
                 nominal.size_px(),
-                nominal.focal_px() * (1.0 + deformation.focal_scale_error),
+                nominal.focal_px() * (1.0 + focal_scale_error),
                 nominal.center_px() + deformation.center_px,
                 lens,
             )?
@@ -251,8 +271,8 @@ impl Problem {
             pane: GlassPane::new(thickness, self.refractive_index)?,
             curvature: Curvature::new(deformation.curvature_per_m)?,
         };
-        let omega = deformation.camera_mount.fixed_rows::<3>(0).into_owned();
-        let shift = deformation.camera_mount.fixed_rows::<3>(3).into_owned();
+        let omega = mount.fixed_rows::<3>(0).into_owned();
+        let shift = mount.fixed_rows::<3>(3).into_owned();
         // real camera = nominal ∘ (Exp ω, v): p_real = Exp(ω)ᵀ (p_nominal − v).
         let mount = Pose { r: super::pose::exp(&omega), t: shift };
         Ok(Some(Eye {
@@ -261,6 +281,7 @@ impl Problem {
             camera_from_mount: mount.inverse(),
             mount_jacobian: crate::geometry::rotation::right_jacobian(&omega),
             nominal_focal: nominal.focal_px(),
+            free: (deformation.free_optics != FreeValues::zeros()).then_some(deformation.free_optics),
         }))
     }
 
@@ -340,7 +361,7 @@ impl Problem {
     pub fn without_false(&self, deformation: &Deformation, noise: Noise, deviations: f64) -> Result<Self> {
         let eye = self.eye(deformation)?;
         let with_board = self.needs_fresh_board(deformation);
-        let task = super::frame::Task { deformation, eye: eye.as_ref(), noise, with_board, gaussian: false };
+        let task = super::frame::Task { deformation, eye: eye.as_ref(), noise, with_board, gaussian: false, free: false };
         let mut out = self.clone();
         let mut work = FrameWork::new(self);
         for (f, data) in out.frames.iter_mut().enumerate() {
@@ -373,7 +394,11 @@ impl Problem {
     pub fn has_atom(&self, atom: super::atoms::Atom) -> bool {
         use super::atoms::Atom;
         match atom {
-            Atom::Joint(n) | Atom::Tilt(n, _) | Atom::Bend(n) | Atom::LinkShift(Some(n), _) => {
+            Atom::Joint(n)
+            | Atom::Tilt(n, _)
+            | Atom::Bend(n)
+            | Atom::Turn(n, _)
+            | Atom::LinkShift(Some(n), _) => {
                 n < self.scene.nodes()
             }
             Atom::MarkerShift(m, _) => m < self.marker_sites.len(),

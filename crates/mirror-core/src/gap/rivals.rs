@@ -1,7 +1,7 @@
 //! How sure a cause is: its rivals, each fitted in its place, and their probabilities.
 
 use super::hypothesis::Model;
-use super::search::{Found, Search};
+use super::search::{Found, Search, SearchOptions};
 use crate::error::Result;
 
 /// Rivals that are fitted exactly.
@@ -34,7 +34,8 @@ pub(crate) struct Standing {
 pub(crate) fn standing(search: &Search<'_>, found: &Found, i: usize) -> Result<Standing> {
     let own = found.fit.model.terms[i].hypothesis;
     let rest: Model = found.fit.model.without(i);
-    let rivals = search.candidates(&rest, found.noise, RIVALS)?;
+    let named = Search { options: SearchOptions { named_only: true, ..search.options.clone() }, ..search.clone() };
+    let rivals = named.candidates(&rest, found.noise, RIVALS)?;
     let tolerated = search.log_odds(&found.fit, i, found.noise)?;
     let reference = search.log_posterior(&found.fit);
     // Weights relative to the cause itself.

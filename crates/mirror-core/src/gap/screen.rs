@@ -10,7 +10,7 @@ use super::atoms::{Atom, Column};
 use super::fit::{Active, Group};
 use super::frame::{FrameWork, PROJECTED, Span, Task};
 use super::hypothesis::{Catalogue, Model};
-use super::normal::{Normal, chunks, counts, inner_in, needs_board};
+use super::normal::{Normal, chunks, counts, has_free, inner_in, needs_board};
 use super::problem::{Noise, Problem};
 use crate::error::Result;
 use nalgebra::{DMatrix, DVector};
@@ -101,7 +101,7 @@ pub(crate) fn screen(
         active.columns.iter().cloned().chain(atoms.iter().map(|&a| Column::constant(a))).collect();
     let with_board = needs_board(problem, &everything);
     let eye = problem.eye(&deformation)?;
-    let task = Task { deformation: &deformation, eye: eye.as_ref(), noise, with_board, gaussian: false };
+    let task = Task { deformation: &deformation, eye: eye.as_ref(), noise, with_board, gaussian: false, free: has_free(&everything) };
     let empty = || -> (Normal, Vec<Sums>) {
         let sums = candidates
             .iter()

@@ -16,13 +16,15 @@ pub(crate) struct SearchOptions {
     pub most_causes: usize,
     /// How many of the screened hypotheses are fitted exactly at each step.
     pub refined: usize,
+    /// Whether free-form errors are left alone.
+    pub named_only: bool,
     /// A cause is kept when its log posterior odds against "not there" exceed this: 3 is 20 to 1.
     pub least_log_odds: f64,
 }
 
 impl Default for SearchOptions {
     fn default() -> Self {
-        Self { most_causes: 6, refined: 6, least_log_odds: 3.0 }
+        Self { most_causes: 6, refined: 6, named_only: false, least_log_odds: 3.0 }
     }
 }
 
@@ -173,7 +175,8 @@ impl Search<'_> {
             if chosen.len() == count {
                 break;
             }
-            if !chosen.iter().any(|c| c.hypothesis == score.hypothesis) {
+            let wanted = !(self.options.named_only && self.catalogue.is_free(score.hypothesis));
+            if wanted && !chosen.iter().any(|c| c.hypothesis == score.hypothesis) {
                 chosen.push(score);
             }
         }

@@ -34,7 +34,7 @@ pub(crate) fn free_errors(
 ) -> Result<Vec<FreeError>> {
     let eye = problem.eye(deformation)?;
     let with_board = super::normal::needs_board(problem, &[super::atoms::Column::constant(atom)]);
-    let task = Task { deformation, eye: eye.as_ref(), noise, with_board, gaussian: true };
+    let task = Task { deformation, eye: eye.as_ref(), noise, with_board, gaussian: true, free: false };
     Ok(postures(problem)
         .into_par_iter()
         .map_init(

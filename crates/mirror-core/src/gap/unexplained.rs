@@ -1,215 +1,181 @@
-//! The unexplained part: where it lives, on what it depends, and whether a cause only poses as its explanation.
+//! Beyond the vocabulary: the same search with free-form errors beside the causes, and what is said where they are needed.
+//!
+//! A gap that no effect explains is taken up, piece by piece, by causes that are not there: a lens that nobody modelled by
+//! links of other lengths, an unknown law of a joint by three laws of its neighbours. A free-form error at the one right place
+//! explains it better and with fewer numbers. So the search is repeated with [free forms](super::freeform) as hypotheses like
+//! any other, at longer odds than the vocabulary's; where the best of those models needs one, the vocabulary is not enough.
 
 use super::adequacy::Adequacy;
 use super::effects::Place;
+use super::fit::fit;
 use super::fit::FitOptions;
-use super::freeform::free_forms;
 use super::hypothesis::{Catalogue, Model};
-use super::noise::effective;
 use super::problem::Noise;
 use super::screen::screen;
 use super::search::{Found, Search};
+use super::shift::marker_shift;
 use crate::error::Result;
 
-/// A free-form error must gain this log Bayes factor to say where something lives.
-const LEAST_LOG_BAYES: f64 = 15.0;
-/// A cause that leaves more than this share of what a free-form error at its place explains is of another law.
-const OTHER_LAW: f64 = 0.06;
+/// A free-form error that gains this (log odds) beside the causes found is worth the search.
+const WORTH_A_SEARCH: f64 = 6.0;
+/// Free-form errors must beat causes by this (log odds): laws are never exact, and data that contradict them are many.
+const LEAST_LOG_ODDS: f64 = 10.0;
 /// A remainder whose variance is this many times the noise's is no scatter, wherever it comes from.
 const LARGE_EXCESS: f64 = 1.5;
-/// So many causes at one joint are a crowd.
-const CROWD: usize = 3;
-/// Free forms that are fitted exactly.
-const REFINED: usize = 4;
+/// With so many causes at once, or more, one unknown law may be behind all of them.
+const COMPOSITE: usize = 2;
 
-/// Where the unexplained part lives.
-#[derive(Debug, Clone)]
+/// Where the unexplained part lives: the place that matters most first.
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Unexplained {
-    pub place: Option<Place>,
-    pub depends_on: Option<String>,
+    pub places: Vec<UnexplainedPlace>,
 }
 
-/// Locates what a model leaves; takes causes back whose place shows another law than theirs.
+/// A place at which the vocabulary is not enough.
+#[derive(Debug, Clone)]
+pub(crate) struct UnexplainedPlace {
+    /// None where it could not be found.
+    pub place: Option<Place>,
+    pub depends_on: Option<String>,
+    /// Sum over the markers' observations of the squared shift that the free-form error makes, in variances.
+    pub shift: f64,
+}
+
+/// Whether there is reason to look beyond the vocabulary.
+///
+/// # Errors
+/// A camera or mirror that cannot be.
+pub(crate) fn is_suspicious(
+    search: &Search<'_>,
+    found: &Found,
+    all: &Catalogue,
+    adequacy: &Adequacy,
+    many_false: bool,
+) -> Result<bool> {
+    let terms = found.fit.model.terms.len();
+    if adequacy.significant || adequacy.corners_significant || many_false || terms >= COMPOSITE {
+        return Ok(true);
+    }
+    let scores = screen(&search.problem, all, &search.group, &found.fit.model, found.noise, search.mask)?;
+    Ok(scores
+        .iter()
+        .filter(|s| all.is_free(s.hypothesis))
+        .any(|s| s.log_bayes + all.hypotheses[s.hypothesis].log_prior > WORTH_A_SEARCH))
+}
+
+/// The search with free-form errors beside the vocabulary, from the nominal model and from the causes found; none where they
+/// are no better than the causes.
+///
+/// # Errors
+/// A camera or mirror that cannot be.
+pub(crate) fn beside_free_forms<'a>(
+    search: &Search<'_>,
+    found: &Found,
+    all: &'a Catalogue,
+    nominal: &Model,
+) -> Result<Option<(Search<'a>, Found)>> {
+    let wide = Search {
+        problem: search.problem.clone(),
+        catalogue: all,
+        group: search.group.clone(),
+        measured_noise: search.measured_noise,
+        options: search.options.clone(),
+        mask: None,
+    };
+    let mut best: Option<(Search<'a>, Found)> = None;
+    let starts = if found.fit.model.terms.is_empty() {
+        vec![nominal]
+    } else {
+        vec![nominal, &found.fit.model]
+    };
+    for start in starts {
+        let mut beside = wide.clone();
+        let result = beside.run(start.clone())?;
+        let better = match &best {
+            None => true,
+            Some((other, its)) => log_odds((&beside, &result), (other, its))? > 0.0,
+        };
+        if better {
+            best = Some((beside, result));
+        }
+    }
+    let Some((beside, mut result)) = best else { return Ok(None) };
+    let odds = log_odds((&beside, &result), (search, found))?;
+    let free = result.fit.model.terms.iter().any(|t| all.is_free(t.hypothesis));
+    let needed = if free { LEAST_LOG_ODDS } else { 0.0 };
+    let mut trace = found.trace.clone();
+    trace.push(format!("beside free-form errors: log odds {odds:.1}"));
+    trace.append(&mut result.trace);
+    result.trace = trace;
+    Ok((odds > needed).then_some((beside, result)))
+}
+
+/// Log posterior odds of one search's result against another's, both at the smaller of their noises.
+///
+/// # Errors
+/// A camera or mirror that cannot be.
+pub(crate) fn log_odds(one: (&Search<'_>, &Found), other: (&Search<'_>, &Found)) -> Result<f64> {
+    let noise = smaller(one.1.noise, other.1.noise);
+    let value = |(search, found): (&Search<'_>, &Found)| -> Result<f64> {
+        let options = FitOptions { noise, steps: 6 };
+        let at =
+            fit(&search.problem, search.catalogue, &search.group, &found.fit.model, options, search.mask)?;
+        Ok(search.log_posterior(&at))
+    };
+    Ok(value(one)? - value(other)?)
+}
+
+/// The smaller noise of two.
+pub(crate) fn smaller(a: Noise, b: Noise) -> Noise {
+    let size = |n: &Noise| n.marker_px + 1e3 * n.point_m;
+    if size(&a) < size(&b) { a } else { b }
+}
+
+/// What the result leaves unexplained: its free-form errors, or a remainder that no place explains.
 ///
 /// # Errors
 /// A camera or mirror that cannot be.
 pub(crate) fn unexplained(
     search: &Search<'_>,
-    found: &mut Found,
+    found: &Found,
     adequacy: &Adequacy,
 ) -> Result<Option<Unexplained>> {
-    if let Some(crowd) = crowded(search, found)? {
-        return Ok(Some(crowd));
-    }
-    if !adequacy.significant && !adequacy.corners_significant {
-        return Ok(None);
-    }
-    if !adequacy.significant {
-        return Ok(if adequacy.corners_significant {
-            Some(Unexplained { place: Some(Place::Camera), depends_on: None })
-        } else {
-            None
-        });
-    }
-    let problem = &search.problem;
-    // The search's causes keep their indices in the merged catalogue.
-    let merged = &Catalogue::with_free_forms(search.catalogue, &problem.scene, free_forms());
-    let free_only = search.catalogue.hypotheses.len();
-    // Causes that a free-form error at their own place beats by far.
-    let places: Vec<Option<usize>> = found
-        .fit
-        .model
-        .terms
-        .iter()
-        .map(|t| search.catalogue.hypotheses[t.hypothesis].place.node())
-        .collect();
-    let mut nodes: Vec<usize> = places.iter().flatten().copied().collect();
-    nodes.sort_unstable();
-    nodes.dedup();
-    let mut location = None;
-    for node in nodes {
-        let at = |t: &super::hypothesis::Term| {
-            search.catalogue.hypotheses[t.hypothesis].place.node() == Some(node)
-        };
-        let mut rest = found.fit.model.clone();
-        rest.terms.retain(|t| !at(t));
-        let Some((place, on, share)) = beaten(search, found, &rest, merged, node)? else { continue };
-        let names: Vec<String> = found
-            .fit
-            .model
-            .terms
-            .iter()
-            .filter(|t| at(t))
-            .map(|t| search.catalogue.name(&problem.scene, t.hypothesis))
-            .collect();
-        found.trace.push(format!(
-            "{} left {:.0} % of what a free-form error there explains: another law",
-            names.join(", "),
-            share * 100.0
-        ));
-        location = Some((place, on));
-        found.fit = search.fit(&rest, found.noise, 6)?;
-    }
-    if location.is_none() {
-        let scores = screen(problem, merged, &search.group, &found.fit.model, found.noise, None)?;
-        location =
-            scores.iter().find(|s| s.hypothesis >= free_only).filter(|s| s.log_bayes > LEAST_LOG_BAYES).map(
-                |s| (merged.hypotheses[s.hypothesis].place, merged.effect(s.hypothesis).name().to_owned()),
-            );
-    }
-    // A small remainder that no free form finds a structure in is scatter: coloured noise, postures not quite settled.
-    if location.is_none() && adequacy.excess < LARGE_EXCESS && !adequacy.corners_significant {
-        return Ok(None);
-    }
-    let (place, depends_on) = location.map_or((None, None), |(p, d)| (Some(p), Some(d)));
-    Ok(Some(Unexplained { place, depends_on }))
-}
-
-/// Whether a free-form error at a node, in place of the causes there, explains much more than they do.
-fn beaten(
-    search: &Search<'_>,
-    found: &Found,
-    rest: &Model,
-    merged: &Catalogue,
-    node: usize,
-) -> Result<Option<(Place, String, f64)>> {
-    let problem = &search.problem;
-    let noise = effective(problem, &search.deformation(&found.fit.model), search.measured_noise, None)?;
-    let options = FitOptions { noise, steps: 5 };
-    let without = super::fit::fit(problem, merged, &search.group, rest, options, None)?;
-    let with = super::fit::fit(problem, merged, &search.group, &found.fit.model, options, None)?;
-    let first_free = search.catalogue.hypotheses.len();
-    let mut best: Option<(f64, Place, String)> = None;
-    let mut tried = 0;
-    for (h, hypothesis) in merged.hypotheses.iter().enumerate().skip(first_free) {
-        if hypothesis.place.node() != Some(node) || tried == REFINED {
+    let scene = &search.problem.scene;
+    let all = search.deformation(&found.fit.model);
+    let mut out = Unexplained::default();
+    for (i, term) in found.fit.model.terms.iter().enumerate() {
+        if !search.catalogue.is_free(term.hypothesis) {
             continue;
         }
-        tried += 1;
-        let candidate = rest.with(merged, h, 0.0);
-        let fitted = super::fit::fit(problem, merged, &search.group, &candidate, options, None)?;
-        if best.as_ref().is_none_or(|(cost, ..)| fitted.cost < *cost) {
-            best = Some((fitted.cost, hypothesis.place, merged.effect(h).name().to_owned()));
-        }
-    }
-    Ok(best.and_then(|(cost, place, on)| {
-        let possible = without.cost - cost;
-        let share = (with.cost - cost) / possible.max(1e-9);
-        (possible > 2.0 * LEAST_LOG_BAYES && share > OTHER_LAW).then_some((place, on, share))
-    }))
-}
-
-/// Three or more causes at one joint are no causes: together they only imitate the law that is really there.
-fn crowded(search: &Search<'_>, found: &mut Found) -> Result<Option<Unexplained>> {
-    let place = |t: &super::hypothesis::Term| search.catalogue.hypotheses[t.hypothesis].place;
-    let terms = &found.fit.model.terms;
-    let crowd = terms
-        .iter()
-        .map(place)
-        .filter_map(Place::node)
-        .find(|&node| terms.iter().filter(|t| place(t).node() == Some(node)).count() >= CROWD);
-    let Some(node) = crowd else { return Ok(None) };
-    let mut rest = found.fit.model.clone();
-    rest.terms.retain(|t| place(t).node() != Some(node));
-    let retracted: Vec<String> = terms
-        .iter()
-        .filter(|t| place(t).node() == Some(node))
-        .map(|t| search.catalogue.name(&search.problem.scene, t.hypothesis))
-        .collect();
-    found.trace.push(format!("{} together imitate a law that the vocabulary has not", retracted.join(", ")));
-    found.fit = search.fit(&rest, found.noise, 6)?;
-    let depends_on = Some("position".to_owned());
-    Ok(Some(Unexplained { place: Some(Place::Joint(node)), depends_on }))
-}
-
-/// The best model in which a free-form error at one joint or marker stands in the place of the causes there: its log
-/// posterior (the free form as one more cause) and the place.
-///
-/// # Errors
-/// A camera or mirror that cannot be.
-pub(crate) fn best_free_form(
-    search: &Search<'_>,
-    model: &Model,
-    noise: Noise,
-) -> Result<Option<(f64, Place)>> {
-    let problem = &search.problem;
-    let merged = &Catalogue::with_free_forms(search.catalogue, &problem.scene, free_forms());
-    let first_free = search.catalogue.hypotheses.len();
-    let scores = screen(problem, merged, &search.group, model, noise, None)?;
-    let mut best: Option<(f64, Place)> = None;
-    let mut nodes: Vec<Option<usize>> =
-        model.terms.iter().map(|t| search.catalogue.hypotheses[t.hypothesis].place.node()).collect();
-    nodes.retain(Option::is_some);
-    let from_screen =
-        scores.iter().filter(|s| s.hypothesis >= first_free).take(REFINED).map(|s| s.hypothesis);
-    let at_causes = (first_free..merged.hypotheses.len()).filter(|&h| {
-        let node = merged.hypotheses[h].place.node();
-        node.is_some() && nodes.contains(&node)
-    });
-    let mut tried: Vec<usize> = from_screen.chain(at_causes).collect();
-    tried.sort_unstable();
-    tried.dedup();
-    for h in tried {
-        let place = merged.hypotheses[h].place;
-        let mut rest = model.clone();
-        rest.terms.retain(|t| {
-            let at = search.catalogue.hypotheses[t.hypothesis].place;
-            at != place && (at.node().is_none() || at.node() != place.node())
+        let without = search.deformation(&found.fit.model.without(i));
+        let shift = marker_shift(&search.problem, &without, &all, search.measured_noise)?.iter().sum();
+        out.places.push(UnexplainedPlace {
+            place: Some(search.catalogue.hypotheses[term.hypothesis].place),
+            depends_on: Some(search.catalogue.effect(term.hypothesis).name().to_owned()),
+            shift,
         });
-        let prior: f64 = rest.terms.iter().map(|t| search.catalogue.hypotheses[t.hypothesis].log_prior).sum();
-        let candidate = rest.with(merged, h, 0.0);
-        let fitted = super::fit::fit(
-            problem,
-            merged,
-            &search.group,
-            &candidate,
-            FitOptions { noise, steps: 4 },
-            None,
-        )?;
-        let value = fitted.log_evidence + prior + merged.hypotheses[h].log_prior;
-        if best.as_ref().is_none_or(|(b, _)| value > *b) {
-            best = Some((value, place));
-        }
     }
-    Ok(best)
+    out.places.sort_by(|a, b| b.shift.total_cmp(&a.shift));
+    if out.places.is_empty() {
+        // A small remainder that no free form finds a structure in is scatter: coloured noise, postures not quite settled.
+        let large = adequacy.significant && adequacy.excess >= LARGE_EXCESS;
+        if !large && !adequacy.corners_significant {
+            return Ok(None);
+        }
+        let place = (adequacy.corners_significant && scene.has_camera).then_some(Place::Camera);
+        out.places.push(UnexplainedPlace { place, depends_on: None, shift: 0.0 });
+    }
+    Ok(Some(out))
+}
+
+/// Places of a model's free-form errors that are not places of these causes.
+pub(crate) fn elsewhere(all: &Catalogue, with_free: &Model, causes: &Model) -> bool {
+    let place = |h: usize| all.hypotheses[h].place;
+    with_free.terms.iter().filter(|t| all.is_free(t.hypothesis)).any(|t| {
+        let at = place(t.hypothesis);
+        !causes.terms.iter().any(|c| {
+            let other = place(c.hypothesis);
+            other == at || (other.node().is_some() && other.node() == at.node())
+        })
+    })
 }

@@ -1,7 +1,7 @@
 //! Findings put into words: verdict, causes with probabilities, where the gap lies, before and after.
 
 use super::atoms::Atom;
-use super::diagnose::{Findings, refit, seen_size};
+use super::diagnose::{Findings, MANY_FALSE, refit, seen_size};
 use super::effects::Place;
 use super::heldout::{PostureGap, size};
 use super::observations::Recording;
@@ -22,8 +22,6 @@ const RESAMPLES: usize = 400;
 const FEW_POSTURES: usize = 20;
 /// Hypotheses of the ranking that are written.
 const RANKED: usize = 40;
-/// More false observations than this are worth a word.
-const MANY_FALSE: f64 = 0.015;
 /// A gap smaller than this share of the noise floor is none: there is nothing to close.
 const NO_GAP: f64 = 0.02;
 /// A servo's droop is told as a cause of its own from this many standard deviations on.
@@ -102,6 +100,9 @@ fn causes(findings: &Findings<'_>) -> Result<Vec<Cause>> {
     let mut out = Vec::new();
     let all = search.deformation(&found.fit.model);
     for (i, term) in found.fit.model.terms.iter().enumerate() {
+        if search.catalogue.is_free(term.hypothesis) {
+            continue;
+        }
         let effect = search.catalogue.effect(term.hypothesis);
         let place = search.catalogue.hypotheses[term.hypothesis].place;
         let stds = found.fit.stds(i);
@@ -215,7 +216,6 @@ fn rms_shift(
 fn places(findings: &Findings<'_>, causes: &[Cause]) -> Vec<Where> {
     let mut out: Vec<Where> = Vec::new();
     let explained: f64 = causes.iter().map(|c| c.rms_shift.powi(2)).sum();
-    let before = seen_size(&findings.before).powi(2);
     let after = seen_size(&findings.after).powi(2);
     let floor = {
         let noise = findings.search.measured_noise;
@@ -239,18 +239,21 @@ fn places(findings: &Findings<'_>, causes: &[Cause]) -> Vec<Where> {
     }
     if let Some(unexplained) = &findings.unexplained {
         let scene = &findings.search.problem.scene;
-        let at = unexplained.place.map_or_else(|| "unknown".to_owned(), |p: Place| p.name(scene));
-        let share = if explained == 0.0 { 1.0 } else { left / total };
-        let depends_on = unexplained.depends_on.clone();
-        match out.iter_mut().find(|w| w.at == at) {
-            Some(w) => {
-                w.share += share;
-                w.depends_on = depends_on;
+        let of_all: f64 = unexplained.places.iter().map(|p| p.shift).sum();
+        for place in &unexplained.places {
+            let at = place.place.map_or_else(|| "unknown".to_owned(), |p: Place| p.name(scene));
+            let part = if of_all > 0.0 { place.shift / of_all } else { 1.0 };
+            let share = part * if explained == 0.0 { 1.0 } else { left / total };
+            let depends_on = place.depends_on.clone();
+            match out.iter_mut().find(|w| w.at == at) {
+                Some(w) => {
+                    w.share += share;
+                    w.depends_on = w.depends_on.take().or(depends_on);
+                }
+                None => out.push(Where { at, share, depends_on }),
             }
-            None => out.push(Where { at, share, depends_on }),
         }
     }
-    let _ = before;
     out.sort_by(|a, b| b.share.total_cmp(&a.share));
     out
 }
@@ -349,6 +352,9 @@ fn signatures(findings: &Findings<'_>, causes: &[Cause], recording: &Recording) 
         Ok(())
     };
     for (i, term) in found.fit.model.terms.iter().enumerate() {
+        if search.catalogue.is_free(term.hypothesis) {
+            continue;
+        }
         let place = search.catalogue.hypotheses[term.hypothesis].place;
         let name = (search.catalogue.effect(term.hypothesis).name(), place.name(scene));
         let index = causes.iter().position(|c| c.effect == name.0 && c.at == name.1);
@@ -356,8 +362,17 @@ fn signatures(findings: &Findings<'_>, causes: &[Cause], recording: &Recording) 
             add(n, Some(index), &found.fit.model.without(i), &found.fit.model)?;
         }
     }
-    if let Some(node) = findings.unexplained.as_ref().and_then(|u| u.place).and_then(Place::node) {
-        add(node, None, &found.fit.model, &found.fit.model)?;
+    // What is unexplained at a joint, less the free-form error there; nothing is fitted that could be drawn.
+    let mut drawn = Vec::new();
+    for place in findings.unexplained.iter().flat_map(|u| &u.places).filter_map(|p| p.place) {
+        let Some(node) = place.node().filter(|n| !drawn.contains(n)) else { continue };
+        drawn.push(node);
+        let mut causes = found.fit.model.clone();
+        causes.terms.retain(|t| {
+            let at = search.catalogue.hypotheses[t.hypothesis].place.node();
+            !(search.catalogue.is_free(t.hypothesis) && at == Some(node))
+        });
+        add(node, None, &causes, &causes)?;
     }
     Ok(out)
 }

@@ -24,6 +24,8 @@ mod mirror_curvature;
 mod mirror_glass;
 mod stiction;
 
+pub(crate) use stiction::Stiction;
+
 use super::atoms::Column;
 use super::body::NodeId;
 use super::deformation::Deformation;
@@ -130,7 +132,7 @@ pub(crate) fn vocabulary() -> Vec<Box<dyn Effect>> {
         Box::new(gear_ratio::GearRatio),
         Box::new(gear_eccentricity::GearEccentricity),
         Box::new(backlash::Backlash),
-        Box::new(stiction::Stiction),
+        Box::new(Stiction { droops: true }),
         Box::new(joint_compliance::JointCompliance),
         Box::new(link_bending::LinkBending),
         Box::new(link_length::LinkLength),

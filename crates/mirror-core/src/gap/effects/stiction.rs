@@ -13,7 +13,13 @@ use crate::gap::scene::Scene;
 const LEAST_BAND: f64 = 1e-4;
 
 /// See the module.
-pub(crate) struct Stiction;
+pub(crate) struct Stiction {
+    /// Whether it droops under its load. Not where compliance is left out of the vocabulary: droop is the same at a servo.
+    pub droops: bool,
+}
+
+/// A droop as good as none, rad/(N m).
+const NO_DROOP: f64 = 1e-12;
 
 /// Where the joint rests in a frame, and how that depends on dead band and droop.
 struct Rest {
@@ -59,7 +65,11 @@ impl Effect for Stiction {
 
     fn prior_std(&self, scene: &Scene, place: Place) -> Vec<f64> {
         let n = joint_of(place);
-        let droop = joint_error(scene, n, 0.006) / scene.largest_torque(n).max(LEAST_TORQUE_NM);
+        let droop = if self.droops {
+            joint_error(scene, n, 0.006) / scene.largest_torque(n).max(LEAST_TORQUE_NM)
+        } else {
+            NO_DROOP
+        };
         vec![joint_error(scene, n, 0.02), droop]
     }
 

@@ -85,6 +85,11 @@ impl FrameWork {
                 let velocity = if k < 3 { axis.cross(&in_root) } else { axis };
                 Some(unknown.r * velocity * row.scale)
             }
+            Atom::FreeOptics(k) => {
+                debug_assert!(k < FREE_OPTICS);
+                let column = self.free.get(row.free?)?.column(k);
+                Some(Vector3::new(column[0], column[1], 0.0))
+            }
             _ if atom.is_optical() && !row.measured => {
                 let k = match atom {
                     Atom::CameraMount(k) => k,

@@ -20,6 +20,7 @@ use crate::geometry::Reflection;
 use crate::mirror::MirrorOptics;
 pub(crate) use columns::Span;
 use nalgebra::{Matrix2x3, Matrix3, Point3, SMatrix, Vector2, Vector3};
+use crate::gap::free_optics::{FREE_OPTICS, FreeColumns, corner_point};
 use sight::{mirrored_pixel, start_of_plane};
 
 /// Gauss–Newton steps for a board's plane; it starts within millimetres and converges quadratically.
@@ -48,6 +49,8 @@ struct Rows {
     plane: Matrix3<f64>,
     /// By camera mount (6), focal, cx, cy, k1, board scale, glass, curvature.
     optics: SMatrix<f64, 3, 13>,
+    /// Where its free-form columns stand in [`FrameWork::free`], if they were asked for.
+    free: Option<usize>,
     measured: bool,
 }
 
@@ -70,6 +73,8 @@ pub(crate) struct FrameWork {
     root: Pose,
     unknown: Option<Pose>,
     pub residual: Vec<f64>,
+    /// Free-form columns of the rows, whitened.
+    free: Vec<FreeColumns>,
 }
 
 /// How to evaluate a frame.
@@ -82,6 +87,8 @@ pub(crate) struct Task<'a> {
     pub with_board: bool,
     /// Whether every observation counts in full: needed where the model is known to be far off, so that nothing looks false.
     pub gaussian: bool,
+    /// Whether columns of the optics' free-form errors will be read.
+    pub free: bool,
 }
 
 impl FrameWork {
@@ -100,6 +107,7 @@ impl FrameWork {
             root: Pose::identity(),
             unknown: None,
             residual: Vec::new(),
+            free: Vec::new(),
         }
     }
 
@@ -134,15 +142,18 @@ impl FrameWork {
         self.pose(problem, deformation, frame);
         let camera_from_board = self.camera_from_world(problem, eye).then(&self.poses.site(&board));
         let scale = 1.0 + deformation.board_scale_error;
+        let points: Vec<Vector3<f64>> = corners
+            .iter()
+            .map(|(index, _)| camera_from_board.point(&corner_point(problem, eye, *index, scale)))
+            .collect();
         let mut foot = match start {
             Some(foot) => foot,
             None => start_of_plane(problem, eye, &camera_from_board, frame)?,
         };
         let evaluate = |foot: &Vector3<f64>| -> Option<(f64, Matrix3<f64>, Vector3<f64>)> {
             let (mut chi2, mut information, mut gradient) = (0.0, Matrix3::zeros(), Vector3::zeros());
-            for (index, pixel) in corners {
-                let point = camera_from_board.point(&(problem.corners[*index] * scale));
-                let (at, by_foot) = mirrored_pixel(eye, foot, &point)?;
+            for ((_, pixel), point) in corners.iter().zip(&points) {
+                let (at, by_foot) = mirrored_pixel(eye, foot, point)?;
                 let r = pixel - at;
                 chi2 += r.norm_squared();
                 information += by_foot.tr_mul(&by_foot);
@@ -191,7 +202,7 @@ impl FrameWork {
             .corners
             .iter()
             .filter_map(|(index, pixel)| {
-                let point = camera_from_board.point(&problem.corners[*index]);
+                let point = camera_from_board.point(&corner_point(problem, eye, *index, 1.0));
                 mirrored_pixel(eye, &fit.foot, &point).map(|(at, _)| (*pixel, pixel - at))
             })
             .collect()
@@ -204,6 +215,16 @@ impl FrameWork {
         self.rows.clear();
         self.cost = 0.0;
         self.has_plane = false;
+        // A camera that is not the same in all frames is made anew for this one.
+        let own = if task.deformation.eye_varies() {
+            match problem.eye_in(task.deformation, frame) {
+                Ok(eye) => eye,
+                Err(_) => return false,
+            }
+        } else {
+            None
+        };
+        let task = &Task { eye: own.as_ref().or(task.eye), ..*task };
         self.pose(problem, task.deformation, frame);
         self.unknown = problem.unknown_frame.map(|start| moved(&start, &task.deformation.frame_pose));
         let data = &problem.frames[frame];
@@ -239,6 +260,7 @@ impl FrameWork {
             }
         }
         self.rows.clear();
+        self.free.clear();
         self.cost = 0.0;
         self.board_gradient = Vector3::zeros();
         self.board_excess = 0.0;

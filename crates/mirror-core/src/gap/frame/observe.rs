@@ -1,6 +1,7 @@
 //! The rows of a frame: every observation predicted, whitened, weighted.
 
 use super::sight::sight_of;
+use crate::gap::free_optics::board_columns;
 use super::*;
 
 #[derive(Clone, Copy)]
@@ -123,12 +124,19 @@ impl FrameWork {
         let (local, node, marker) = match seen {
             SeenAt::Marker(m) => (Vector3::zeros(), problem.marker_sites[m].node, Some(m)),
             SeenAt::Corner(c) => {
-                (problem.corners[c.index] * (1.0 + task.deformation.board_scale_error), c.board, None)
+                (
+                    corner_point(problem, eye, c.index, 1.0 + task.deformation.board_scale_error),
+                    c.board,
+                    None,
+                )
             }
         };
         let point = world_from_target.point(&local);
         let in_camera = camera_from_world.point(&point);
-        let Some(sight) = sight_of(eye, via, &self.foot, &in_camera, full && task.with_board) else {
+        let wants_free = full && task.free;
+        let Some(sight) =
+            sight_of(eye, via, &self.foot, &in_camera, full && task.with_board, wants_free)
+        else {
             // What cannot be predicted (behind the mirror, say) is as wrong as a false observation.
             self.cost += mixture.of(f64::INFINITY).cost;
             return;
@@ -167,6 +175,14 @@ impl FrameWork {
             optics.fixed_view_mut::<2, 1>(0, 11).copy_from(&(sight.by_glass * scale));
             optics.fixed_view_mut::<2, 1>(0, 12).copy_from(&(sight.by_curvature * scale));
         }
+        let free = sight.free.filter(|_| wants_free).map(|mut columns| {
+            if let SeenAt::Corner(c) = seen {
+                let by_board = sight.by_point * (camera_from_world.r * world_from_target.r);
+                board_columns(problem, c.index, &by_board, &mut columns);
+            }
+            self.free.push(columns * scale);
+            self.free.len() - 1
+        });
         self.rows.push(Rows {
             count: 2,
             node,
@@ -178,6 +194,7 @@ impl FrameWork {
             point,
             plane,
             optics,
+            free,
             measured: false,
         });
     }
@@ -243,6 +260,7 @@ impl FrameWork {
             point,
             plane: Matrix3::zeros(),
             optics: SMatrix::zeros(),
+            free: None,
             measured: true,
         });
     }

@@ -1,6 +1,7 @@
 //! How an image point depends on where the point is, on the mirror's plane and on the lens.
 
 use super::*;
+use crate::gap::free_optics::SeenPoint;
 
 /// How an image point depends on everything, px.
 pub(super) struct Sight {
@@ -10,6 +11,20 @@ pub(super) struct Sight {
     pub by_glass: Vector2<f64>,
     pub by_curvature: Vector2<f64>,
     pub by_lens: SMatrix<f64, 2, 4>,
+    /// By the optics' free-form errors but the board's shape, where they were asked for.
+    pub free: Option<FreeColumns>,
+}
+
+/// How a seen point's pixel moves with the optics' free-form errors.
+fn free_columns(eye: &Eye, seen: &Vector3<f64>, foot: Option<&Vector3<f64>>) -> Option<FreeColumns> {
+    let (pixel, by_seen) = eye.camera.project_with_point_jacobian(&Point3::from(*seen)).ok()?;
+    Some(SeenPoint { eye, seen, pixel: &pixel, by_seen: &by_seen, foot }.columns())
+}
+
+/// Where a point is seen in the mirror, without the free-form errors.
+fn apparent(eye: &Eye, foot: &Vector3<f64>, point: &Vector3<f64>) -> Option<Vector3<f64>> {
+    let plane = Problem::plane(foot)?;
+    Some(eye.mirror.apparent_point(&plane, &Point3::from(*point)).ok()?.coords)
 }
 
 /// Pixel in the mirror and its derivative by the plane's foot point.
@@ -19,6 +34,11 @@ pub(super) fn mirrored_pixel(
     point: &Vector3<f64>,
 ) -> Option<(Vector2<f64>, Matrix2x3<f64>)> {
     let plane = Problem::plane(foot)?;
+    if let Some(free) = &eye.free {
+        let seen = eye.mirror.project_with_jacobians(&eye.camera, &plane, &Point3::from(*point)).ok()?;
+        let columns = free_columns(eye, &apparent(eye, foot, point)?, Some(foot))?;
+        return Some((seen.pixel + columns * free, seen.by_foot_point));
+    }
     if eye.mirror == MirrorOptics::IDEAL {
         return ideally_mirrored(eye, foot, point).map(|seen| (seen.0, seen.2));
     }
@@ -54,6 +74,28 @@ pub(super) fn sight_of(
     foot: &Vector3<f64>,
     point: &Vector3<f64>,
     lens: bool,
+    free: bool,
+) -> Option<Sight> {
+    let mut sight = without_free_errors(eye, via, foot, point, lens)?;
+    if free || eye.free.is_some() {
+        let columns = match via {
+            Via::Direct => free_columns(eye, point, None)?,
+            Via::Mirror => free_columns(eye, &apparent(eye, foot, point)?, Some(foot))?,
+        };
+        if let Some(values) = &eye.free {
+            sight.pixel += columns * values;
+        }
+        sight.free = Some(columns);
+    }
+    Some(sight)
+}
+
+fn without_free_errors(
+    eye: &Eye,
+    via: Via,
+    foot: &Vector3<f64>,
+    point: &Vector3<f64>,
+    lens: bool,
 ) -> Option<Sight> {
     let point = Point3::from(*point);
     let by_lens = |seen: &Point3<f64>| -> Option<SMatrix<f64, 2, 4>> {
@@ -82,6 +124,7 @@ pub(super) fn sight_of(
                 by_glass: Vector2::zeros(),
                 by_curvature: Vector2::zeros(),
                 by_lens: by_lens(&point)?,
+                free: None,
             })
         }
         Via::Mirror => {
@@ -95,6 +138,7 @@ pub(super) fn sight_of(
                     by_glass: Vector2::zeros(),
                     by_curvature: Vector2::zeros(),
                     by_lens: SMatrix::zeros(),
+                    free: None,
                 });
             }
             let seen = eye.mirror.project_with_jacobians(&eye.camera, &plane, &point).ok()?;
@@ -106,6 +150,7 @@ pub(super) fn sight_of(
                 by_glass: seen.by_thickness,
                 by_curvature: seen.by_curvature,
                 by_lens: by_lens(&apparent)?,
+                free: None,
             })
         }
     }
