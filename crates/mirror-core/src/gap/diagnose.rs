@@ -3,6 +3,7 @@
 use super::adequacy::adequacy;
 use super::effects::{Effect, vocabulary};
 use super::fit::{Fit, FitOptions, fit};
+use super::freeform::free_forms;
 use super::group::Geometry;
 use super::heldout::{PostureGap, held_out, size};
 use super::hypothesis::{Catalogue, Model, Term};
@@ -12,8 +13,9 @@ use super::pairing::{self, Slip};
 use super::problem::Problem;
 use super::report::{Checked, Diagnosis};
 use super::search::{Found, Search, SearchOptions};
-use super::freeform::free_forms;
-use super::unexplained::{Unexplained, beside_free_forms, elsewhere, is_suspicious, log_odds, unexplained};
+use super::unexplained::{
+    Unexplained, beside_free_forms, elsewhere, is_suspicious, log_odds, retract_imitators, unexplained,
+};
 use crate::error::Result;
 use crate::robot::Robot;
 use std::sync::Arc;
@@ -146,12 +148,15 @@ pub(crate) fn diagnose_with(
     let (mut clean, mut false_share) = without_false(&search, &found)?;
     let mut fits_noise = adequacy(&clean, &search.deformation(&found.fit.model), search.measured_noise)?;
     let named = search.clone();
-    if is_suspicious(&search, &found, &all, &fits_noise, false_share > MANY_FALSE)?
-        && let Some((its_search, its_found)) = beside_free_forms(&search, &found, &all, &nominal)?
+    let many_false = false_share > MANY_FALSE;
+    let enough = !fits_noise.significant && !fits_noise.corners_significant && !many_false;
+    if is_suspicious(&search, &found, &all, &fits_noise, many_false)?
+        && let Some((its_search, its_found)) = beside_free_forms(&search, &found, &all, &nominal, enough)?
         && !only_their_laws(&search, &found, &its_found, &all)?
     {
         search = its_search;
         found = its_found;
+        retract_imitators(&search, &mut found)?;
         (clean, false_share) = without_false(&search, &found)?;
         fits_noise = adequacy(&clean, &search.deformation(&found.fit.model), search.measured_noise)?;
     }

@@ -13,7 +13,7 @@
 
 use super::atoms::{Atom, Column, Weight};
 use super::body::NodeId;
-use super::effects::{Effect, Place};
+use super::effects::{Effect, LawFreedom, Place};
 use super::free_optics::{ASTIGMATISM, BOARD_SHAPE, WARP};
 use super::scene::Scene;
 
@@ -141,7 +141,8 @@ impl FreeForm {
 
     /// The elementary changes at a place, each with a common size.
     fn atoms(&self, scene: &Scene, place: Place) -> Vec<(Atom, f64)> {
-        let optics = |range: core::ops::Range<usize>, size: f64| range.map(move |k| (Atom::FreeOptics(k), size));
+        let optics =
+            |range: core::ops::Range<usize>, size: f64| range.map(move |k| (Atom::FreeOptics(k), size));
         let path_m = scene.reach_m.max(0.1);
         match (self.what, place) {
             (What::Joint, Place::Joint(n)) => {
@@ -152,9 +153,7 @@ impl FreeForm {
             (What::LinkTurn, Place::Link(Some(n))) => {
                 (0..3).map(|k| (Atom::Turn(n, k), TYPICAL_RAD)).collect()
             }
-            (What::LinkShift, Place::Link(n)) => {
-                (0..3).map(|k| (Atom::LinkShift(n, k), TYPICAL_M)).collect()
-            }
+            (What::LinkShift, Place::Link(n)) => (0..3).map(|k| (Atom::LinkShift(n, k), TYPICAL_M)).collect(),
             (What::Marker, Place::Marker(m)) => {
                 (0..3).map(|k| (Atom::MarkerShift(m, k), TYPICAL_M)).collect()
             }
@@ -162,10 +161,9 @@ impl FreeForm {
                 .map(|k| (Atom::CameraMount(k), if k < 3 { TYPICAL_TURN_RAD } else { TYPICAL_M }))
                 .collect(),
             (What::CameraMount, _) => (0..3).map(|k| (Atom::CameraMount(k), TYPICAL_TURN_RAD)).collect(),
-            (What::Image, _) => (0..2)
-                .map(|k| (Atom::Center(k), 8.0))
-                .chain(optics(WARP, TYPICAL_SHARE))
-                .collect(),
+            (What::Image, _) => {
+                (0..2).map(|k| (Atom::Center(k), 8.0)).chain(optics(WARP, TYPICAL_SHARE)).collect()
+            }
             (What::Focal, _) => vec![(Atom::Focal, TYPICAL_SHARE)],
             (What::Board, _) => core::iter::once((Atom::BoardScale, TYPICAL_SHARE))
                 .chain(optics(BOARD_SHAPE, TYPICAL_SHARE))
@@ -265,6 +263,21 @@ impl Effect for FreeForm {
     }
 }
 
+/// The columns in which a law may differ from the textbook's, at a cause's place.
+pub(crate) fn law_columns(scene: &Scene, place: Place, freedom: LawFreedom) -> Vec<Column> {
+    let kinds: &[(What, On)] = match freedom {
+        LawFreedom::Exact => &[],
+        LawFreedom::Load => &[(What::Joint, On::Load)],
+        LawFreedom::LoadAndDirection => &[(What::Joint, On::Load), (What::Joint, On::Direction)],
+        LawFreedom::Moment => &[(What::LinkTurn, On::Load)],
+        LawFreedom::Time => &[(What::Joint, On::Time)],
+    };
+    kinds
+        .iter()
+        .flat_map(|&(what, on)| FreeForm::new(what, on, scene).columns(scene, place, 0.0, &[]))
+        .collect()
+}
+
 /// All free-form errors of a scene.
 pub(crate) fn free_forms(scene: &Scene) -> Vec<Box<dyn Effect>> {
     use On::{Direction, Joint, Load, Nothing, Position, Posture, Time};
@@ -291,8 +304,5 @@ pub(crate) fn free_forms(scene: &Scene) -> Vec<Box<dyn Effect>> {
         kinds.push((What::Joint, Joint(n)));
         kinds.push((What::CameraMount, Joint(n)));
     }
-    kinds
-        .into_iter()
-        .map(|(what, on)| Box::new(FreeForm::new(what, on, scene)) as Box<dyn Effect>)
-        .collect()
+    kinds.into_iter().map(|(what, on)| Box::new(FreeForm::new(what, on, scene)) as Box<dyn Effect>).collect()
 }

@@ -68,12 +68,11 @@ impl Catalogue {
         let first = out.effects.len();
         let added = Self::new(scene, free.into_iter().map(Arc::from).collect(), &[]);
         out.effects.extend(added.effects);
-        out.hypotheses
-            .extend(added.hypotheses.into_iter().map(|h| Hypothesis {
-                effect: h.effect + first,
-                log_prior: h.log_prior + LOG_PRIOR_FREE,
-                ..h
-            }));
+        out.hypotheses.extend(added.hypotheses.into_iter().map(|h| Hypothesis {
+            effect: h.effect + first,
+            log_prior: h.log_prior + LOG_PRIOR_FREE,
+            ..h
+        }));
         out
     }
 

@@ -32,6 +32,7 @@ mod screening;
 mod search;
 mod shift;
 mod signature;
+mod slack;
 mod unexplained;
 mod words;
 

@@ -121,7 +121,7 @@ pub(crate) fn effective(
         noise,
         with_board: problem.needs_fresh_board(deformation),
         gaussian: true,
-            free: false,
+        free: false,
     };
     let parts: Vec<(Vec<f64>, Vec<f64>)> = chunks(problem.frames.len())
         .into_par_iter()

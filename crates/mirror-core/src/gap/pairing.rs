@@ -72,8 +72,14 @@ fn costs(problem: &Problem, noise: Noise, shift: i64) -> Result<Vec<Option<f64>>
     }
     let deformation = shifted.nominal();
     let eye = shifted.eye(&deformation)?;
-    let task =
-        Task { deformation: &deformation, eye: eye.as_ref(), noise, with_board: false, gaussian: true, free: false };
+    let task = Task {
+        deformation: &deformation,
+        eye: eye.as_ref(),
+        noise,
+        with_board: false,
+        gaussian: true,
+        free: false,
+    };
     let parts: Vec<Vec<Option<f64>>> = chunks(frames)
         .into_par_iter()
         .map_init(

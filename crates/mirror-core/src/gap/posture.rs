@@ -75,7 +75,7 @@ pub(crate) fn free_markers(
         noise,
         with_board: problem.needs_fresh_board(deformation),
         gaussian,
-            free: false,
+        free: false,
     };
     Ok(postures(problem)
         .into_par_iter()

@@ -361,7 +361,14 @@ impl Problem {
     pub fn without_false(&self, deformation: &Deformation, noise: Noise, deviations: f64) -> Result<Self> {
         let eye = self.eye(deformation)?;
         let with_board = self.needs_fresh_board(deformation);
-        let task = super::frame::Task { deformation, eye: eye.as_ref(), noise, with_board, gaussian: false, free: false };
+        let task = super::frame::Task {
+            deformation,
+            eye: eye.as_ref(),
+            noise,
+            with_board,
+            gaussian: false,
+            free: false,
+        };
         let mut out = self.clone();
         let mut work = FrameWork::new(self);
         for (f, data) in out.frames.iter_mut().enumerate() {
@@ -398,9 +405,7 @@ impl Problem {
             | Atom::Tilt(n, _)
             | Atom::Bend(n)
             | Atom::Turn(n, _)
-            | Atom::LinkShift(Some(n), _) => {
-                n < self.scene.nodes()
-            }
+            | Atom::LinkShift(Some(n), _) => n < self.scene.nodes(),
             Atom::MarkerShift(m, _) => m < self.marker_sites.len(),
             _ => true,
         }

@@ -34,10 +34,12 @@ pub(crate) struct Standing {
 pub(crate) fn standing(search: &Search<'_>, found: &Found, i: usize) -> Result<Standing> {
     let own = found.fit.model.terms[i].hypothesis;
     let rest: Model = found.fit.model.without(i);
-    let named = Search { options: SearchOptions { named_only: true, ..search.options.clone() }, ..search.clone() };
+    let named =
+        Search { options: SearchOptions { named_only: true, ..search.options.clone() }, ..search.clone() };
     let rivals = named.candidates(&rest, found.noise, RIVALS)?;
     let tolerated = search.log_odds(&found.fit, i, found.noise)?;
-    let reference = search.log_posterior(&found.fit);
+    let own_fit = search.fit_with_slack(&found.fit.model, Some(i), found.noise, 6)?;
+    let reference = search.log_posterior(&own_fit);
     // Weights relative to the cause itself.
     let mut weights: Vec<(usize, f64, f64)> = Vec::new();
     for rival in &rivals {

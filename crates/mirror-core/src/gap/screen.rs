@@ -101,7 +101,14 @@ pub(crate) fn screen(
         active.columns.iter().cloned().chain(atoms.iter().map(|&a| Column::constant(a))).collect();
     let with_board = needs_board(problem, &everything);
     let eye = problem.eye(&deformation)?;
-    let task = Task { deformation: &deformation, eye: eye.as_ref(), noise, with_board, gaussian: false, free: has_free(&everything) };
+    let task = Task {
+        deformation: &deformation,
+        eye: eye.as_ref(),
+        noise,
+        with_board,
+        gaussian: false,
+        free: has_free(&everything),
+    };
     let empty = || -> (Normal, Vec<Sums>) {
         let sums = candidates
             .iter()

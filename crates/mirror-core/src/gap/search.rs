@@ -6,6 +6,7 @@ use super::noise::effective;
 use super::problem::{Noise, Problem};
 use super::screen::{Score, screen};
 use super::shift::marker_shift;
+use super::slack::with_slack;
 use crate::error::Result;
 use rayon::prelude::*;
 
@@ -36,18 +37,19 @@ const LOAD_STEPS: usize = 2;
 /// Log of how much less likely a second cause is where there is one already: what looks like two is rather a law that
 /// the vocabulary has not.
 const LOG_PRIOR_SAME_PLACE: f64 = -4.0;
+/// So many causes at one joint are a crowd: together they only imitate the law that is really there.
+const CROWD: usize = 3;
+const LOG_PRIOR_CROWD: f64 = -40.0;
+/// A hypothesis that is less likely than the likeliest by this (log) is no cause in its stead.
+const NEARLY_AS_LIKELY: f64 = 5.0;
 /// Where the likeliest addition is this unlikely a cause, the others need not be tried.
 const HOPELESS_LOG_ODDS: f64 = -3.5;
 /// How many of the best candidates are tried with all their discrete unknowns.
 const VARIANTS_RETRIED: usize = 3;
 /// Share of a common size below which an error is called a tolerance.
-const PRIOR_TOLERANCE: f64 = 0.02;
+const PRIOR_TOLERANCE: f64 = 0.01;
 /// A tolerated error moves the markers by no more than this many standard deviations of the noise.
-const UNSEEN_SHIFT: f64 = 0.25;
-/// By how much a cause's law may be wrong, as a share of the shift that it makes: so much of it may look like a further
-/// cause at the same place, and so much like one elsewhere.
-const LAW_TOLERANCE_HERE: f64 = 0.06;
-const LAW_TOLERANCE_ELSEWHERE: f64 = 0.012;
+const UNSEEN_SHIFT: f64 = 0.15;
 /// Factors on a discrete unknown (a friction torque) that are tried once the cause is found.
 const VARIANT_FACTORS: [f64; 8] = [0.7, 0.8, 0.88, 0.95, 1.06, 1.14, 1.25, 1.4];
 
@@ -78,6 +80,30 @@ impl Search<'_> {
         fit(&self.problem, self.catalogue, &self.group, model, FitOptions { noise, steps }, self.mask)
     }
 
+    /// As [`Search::fit`], while the laws of all causes but the one in question may err a little ([`super::slack`]). The
+    /// fit's model is without the slack's values.
+    pub fn fit_with_slack(
+        &self,
+        model: &Model,
+        in_question: Option<usize>,
+        noise: Noise,
+        steps: usize,
+    ) -> Result<Fit> {
+        let (group, start) = self.loosened(model, in_question);
+        let mut fit =
+            fit(&self.problem, self.catalogue, &group, &start, FitOptions { noise, steps }, self.mask)?;
+        fit.model.group.truncate(model.group.len());
+        Ok(fit)
+    }
+
+    /// The group with the slack of a model's causes, and the model with room for its values.
+    pub fn loosened(&self, model: &Model, in_question: Option<usize>) -> (Group, Model) {
+        let group = with_slack(&self.problem, self.catalogue, &self.group, model, in_question);
+        let mut start = model.clone();
+        start.group.resize(group.columns.len(), 0.0);
+        (group, start)
+    }
+
     pub fn effective(&self, model: &Model) -> Result<Noise> {
         let deformation = model.deformation(&self.problem, self.catalogue, &self.group.columns);
         effective(&self.problem, &deformation, self.measured_noise, self.mask)
@@ -103,13 +129,17 @@ impl Search<'_> {
     fn log_prior(&self, fit: &Fit) -> f64 {
         let place = |t: &Term| self.catalogue.hypotheses[t.hypothesis].place.node();
         let terms = &fit.model.terms;
-        let crowded = (0..terms.len())
-            .filter(|&i| {
-                place(&terms[i]).is_some() && terms[..i].iter().any(|t| place(t) == place(&terms[i]))
+        let named = |t: &&Term| !self.catalogue.is_free(t.hypothesis) && place(t).is_some();
+        let crowding: f64 = terms
+            .iter()
+            .filter(named)
+            .enumerate()
+            .map(|(i, term)| {
+                let same = terms.iter().filter(named).take(i).filter(|t| place(t) == place(term)).count();
+                if same < CROWD - 1 { same as f64 * LOG_PRIOR_SAME_PLACE } else { LOG_PRIOR_CROWD }
             })
-            .count();
-        terms.iter().map(|t| self.catalogue.hypotheses[t.hypothesis].log_prior).sum::<f64>()
-            + crowded as f64 * LOG_PRIOR_SAME_PLACE
+            .sum();
+        terms.iter().map(|t| self.catalogue.hypotheses[t.hypothesis].log_prior).sum::<f64>() + crowding
     }
 
     /// Log of evidence times prior.
@@ -119,7 +149,8 @@ impl Search<'_> {
 
     /// Fits the most promising additions to a model, at a noise; best first.
     pub fn candidates(&self, model: &Model, noise: Noise, count: usize) -> Result<Vec<Fit>> {
-        let scores = screen(&self.problem, self.catalogue, &self.group, model, noise, self.mask)?;
+        let (group, start) = self.loosened(model, None);
+        let scores = screen(&self.problem, self.catalogue, &group, &start, noise, self.mask)?;
         let chosen = self.most_promising(&scores, count);
         let mut fits = chosen
             .par_iter()
@@ -130,7 +161,8 @@ impl Search<'_> {
                     term.parameters =
                         score.parameters.iter().map(|p| if positive { p.max(0.0) } else { *p }).collect();
                 }
-                self.fit(&next, noise, CANDIDATE_STEPS)
+                let last = next.terms.len() - 1;
+                self.fit_with_slack(&next, Some(last), noise, CANDIDATE_STEPS)
             })
             // A linear estimate may lie where no camera or mirror can be: such a hypothesis is no candidate.
             .filter_map(Result::ok)
@@ -158,7 +190,8 @@ impl Search<'_> {
                 if let Some(last) = model.terms.last_mut() {
                     last.variant = variant;
                 }
-                self.fit(&model, noise, CANDIDATE_STEPS)
+                let last = model.terms.len() - 1;
+                self.fit_with_slack(&model, Some(last), noise, CANDIDATE_STEPS)
             })
             .collect::<Result<Vec<Fit>>>()?;
         let best = tried.into_iter().max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence));
@@ -222,50 +255,33 @@ impl Search<'_> {
         Ok(best)
     }
 
-    /// The i-th cause at a size that is tolerated rather than called a cause, all else refitted.
-    ///
-    /// Two things are tolerated: two percent of the size that such an error commonly has, and what the other causes' laws
-    /// may be wrong by: no real spring is linear, no real play is the same under every load, and their remainders look like
-    /// small further causes that move the same markers.
-    pub fn tolerated(&self, fit: &Fit, i: usize, noise: Noise) -> Result<Fit> {
+    /// The i-th cause at a size that is tolerated rather than called a cause, all else refitted: two percent of the size
+    /// that such an error commonly has, and no more than could be seen. The laws of the other causes have their slack.
+    fn tolerated(&self, fit: &Fit, i: usize, noise: Noise) -> Result<Fit> {
         let term = &fit.model.terms[i];
         let stds = &self.catalogue.hypotheses[term.hypothesis].prior_std;
         let multiple = (term.parameters.iter().zip(stds).map(|(p, s)| (p / s).powi(2)).sum::<f64>()
             / stds.len() as f64)
             .sqrt();
-        let of = |model: &Model| model.deformation(&self.problem, self.catalogue, &self.group.columns);
-        let all = of(&fit.model);
-        let node = |t: &Term| self.catalogue.hypotheses[t.hypothesis].place.node();
-        let without = of(&fit.model.without(i));
-        let mut far = fit.model.without(i);
-        far.terms.retain(|t| node(t) != node(term));
-        let mut none = far.clone();
-        none.terms.clear();
-        let (far, none) = (of(&far), of(&none));
+        let (all, without) = (self.deformation(&fit.model), self.deformation(&fit.model.without(i)));
         let own = marker_shift(&self.problem, &without, &all, noise)?;
-        let elsewhere = marker_shift(&self.problem, &none, &far, noise)?;
-        let here = marker_shift(&self.problem, &far, &without, noise)?;
         let own_sum: f64 = own.iter().sum();
-        let shared = |shift: &[f64]| -> f64 {
-            shift.iter().zip(&own).filter(|(_, o)| **o > 1e-4 * own_sum).map(|(s, _)| s).sum::<f64>().sqrt()
-        };
-        let allowed = LAW_TOLERANCE_HERE * shared(&here) + LAW_TOLERANCE_ELSEWHERE * shared(&elsewhere);
-        let by_laws = if own_sum > 0.0 { allowed / own_sum.sqrt() * multiple } else { 0.0 };
-        let mut model = fit.model.clone();
         let own_rms = (own_sum / own.iter().filter(|o| **o > 1e-4 * own_sum).count().max(1) as f64).sqrt();
         let unseen = if own_rms > 0.0 { UNSEEN_SHIFT / own_rms * multiple } else { PRIOR_TOLERANCE };
-        let scale = PRIOR_TOLERANCE.min(unseen).max(by_laws).clamp(1e-6, 1.0);
+        let scale = PRIOR_TOLERANCE.min(unseen).clamp(1e-6, 1.0);
+        let mut model = fit.model.clone();
         model.terms[i].prior_scale = scale;
         model.terms[i].parameters.iter_mut().for_each(|p| *p *= scale.min(0.5));
-        self.fit(&model, noise, FINAL_STEPS)
+        self.fit_with_slack(&model, Some(i), noise, FINAL_STEPS)
     }
 
     /// Log posterior odds of the i-th cause: found, against tolerated.
     pub fn log_odds(&self, fit: &Fit, i: usize, noise: Noise) -> Result<f64> {
         let tolerated = self.tolerated(fit, i, noise)?;
+        let found = self.fit_with_slack(&fit.model, Some(i), noise, FINAL_STEPS)?;
         let rest = Fit { model: fit.model.without(i), ..fit.clone() };
         let prior = self.log_prior(fit) - self.log_prior(&rest);
-        Ok(fit.log_evidence + prior - tolerated.log_evidence)
+        Ok(found.log_evidence + prior - tolerated.log_evidence)
     }
 
     /// Runs the ladder up and down until neither adding, dropping nor exchanging a cause helps.
@@ -286,13 +302,20 @@ impl Search<'_> {
             let refits = candidates
                 .iter()
                 .take(3)
-                .map(|c| self.fit(&c.model, next_noise, FINAL_STEPS))
+                .map(|c| {
+                    let last = c.model.terms.len() - 1;
+                    self.fit_with_slack(&c.model, Some(last), next_noise, FINAL_STEPS)
+                })
                 .collect::<Result<Vec<Fit>>>()?;
             let mut refits = refits;
             refits.sort_by(|a, b| self.log_posterior(b).total_cmp(&self.log_posterior(a)));
             // The likeliest that is a cause: a likelier one whose size is within tolerance leaves the place to the next.
             let mut larger = None;
+            let likeliest = refits.first().map_or(0.0, |r| self.log_posterior(r));
             for refit in refits {
+                if self.log_posterior(&refit) < likeliest - NEARLY_AS_LIKELY {
+                    break;
+                }
                 let odds = self.log_odds(&refit, refit.model.terms.len() - 1, next_noise)?;
                 trace.push(format!(
                     "add {}: log odds {odds:.1} at {:.3} px, {:.3} mm",
@@ -358,8 +381,10 @@ impl Search<'_> {
         for i in 0..best.model.terms.len() - 1 {
             let rivals = self.candidates(&best.model.without(i), noise, self.options.refined)?;
             let Some(rival) = rivals.first() else { continue };
-            let rival = self.fit(&rival.model, noise, FINAL_STEPS)?;
-            if self.log_posterior(&rival) > self.log_posterior(&best) + 1e-6 {
+            let last = rival.model.terms.len() - 1;
+            let rival = self.fit_with_slack(&rival.model, Some(last), noise, FINAL_STEPS)?;
+            let own = self.fit_with_slack(&best.model, Some(i), noise, FINAL_STEPS)?;
+            if self.log_posterior(&rival) > self.log_posterior(&own) + 1e-6 {
                 let old = self.catalogue.name(&self.problem.scene, best.model.terms[i].hypothesis);
                 let new = self.name_of_last(&rival);
                 if old != new {

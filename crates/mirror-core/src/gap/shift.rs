@@ -25,7 +25,7 @@ pub(crate) fn marker_shift(
         noise,
         with_board: problem.needs_fresh_board(deformation) || problem.needs_fresh_board(other),
         gaussian: true,
-            free: false,
+        free: false,
     };
     let (a, b) = (task(from, eye_from.as_ref(), to), task(to, eye_to.as_ref(), from));
     let parts: Vec<Vec<(f64, f64)>> = chunks(problem.frames.len())

@@ -7,12 +7,10 @@
 
 use super::adequacy::Adequacy;
 use super::effects::Place;
-use super::fit::fit;
-use super::fit::FitOptions;
 use super::hypothesis::{Catalogue, Model};
 use super::problem::Noise;
 use super::screen::screen;
-use super::search::{Found, Search};
+use super::search::{Found, Search, SearchOptions};
 use super::shift::marker_shift;
 use crate::error::Result;
 
@@ -22,6 +20,8 @@ const WORTH_A_SEARCH: f64 = 6.0;
 const LEAST_LOG_ODDS: f64 = 10.0;
 /// A remainder whose variance is this many times the noise's is no scatter, wherever it comes from.
 const LARGE_EXCESS: f64 = 1.5;
+/// A cause beside a free-form error at its own joint stands only where its shift, squared, is so many times the error's.
+const IMITATOR_SHARE: f64 = 4.0;
 /// With so many causes at once, or more, one unknown law may be behind all of them.
 const COMPOSITE: usize = 2;
 
@@ -56,7 +56,9 @@ pub(crate) fn is_suspicious(
     if adequacy.significant || adequacy.corners_significant || many_false || terms >= COMPOSITE {
         return Ok(true);
     }
-    let scores = screen(&search.problem, all, &search.group, &found.fit.model, found.noise, search.mask)?;
+    let wide = Search { catalogue: all, ..search.clone() };
+    let (group, start) = wide.loosened(&found.fit.model, None);
+    let scores = screen(&search.problem, all, &group, &start, found.noise, search.mask)?;
     Ok(scores
         .iter()
         .filter(|s| all.is_free(s.hypothesis))
@@ -73,21 +75,21 @@ pub(crate) fn beside_free_forms<'a>(
     found: &Found,
     all: &'a Catalogue,
     nominal: &Model,
+    enough: bool,
 ) -> Result<Option<(Search<'a>, Found)>> {
+    let terms = found.fit.model.terms.len();
+    // Where the causes suffice, free-form errors must do with fewer.
+    let most_causes = if enough { terms.saturating_sub(1).max(1) } else { search.options.most_causes };
     let wide = Search {
         problem: search.problem.clone(),
         catalogue: all,
         group: search.group.clone(),
         measured_noise: search.measured_noise,
-        options: search.options.clone(),
+        options: SearchOptions { most_causes, named_only: false, ..search.options.clone() },
         mask: None,
     };
     let mut best: Option<(Search<'a>, Found)> = None;
-    let starts = if found.fit.model.terms.is_empty() {
-        vec![nominal]
-    } else {
-        vec![nominal, &found.fit.model]
-    };
+    let starts = if enough || terms == 0 { vec![nominal] } else { vec![nominal, &found.fit.model] };
     for start in starts {
         let mut beside = wide.clone();
         let result = beside.run(start.clone())?;
@@ -117,10 +119,9 @@ pub(crate) fn beside_free_forms<'a>(
 pub(crate) fn log_odds(one: (&Search<'_>, &Found), other: (&Search<'_>, &Found)) -> Result<f64> {
     let noise = smaller(one.1.noise, other.1.noise);
     let value = |(search, found): (&Search<'_>, &Found)| -> Result<f64> {
-        let options = FitOptions { noise, steps: 6 };
-        let at =
-            fit(&search.problem, search.catalogue, &search.group, &found.fit.model, options, search.mask)?;
-        Ok(search.log_posterior(&at))
+        let exact = search.fit(&found.fit.model, noise, 6)?;
+        let loose = search.fit_with_slack(&found.fit.model, None, noise, 6)?;
+        Ok(search.log_posterior(&exact).max(search.log_posterior(&loose)))
     };
     Ok(value(one)? - value(other)?)
 }
@@ -166,6 +167,42 @@ pub(crate) fn unexplained(
         out.places.push(UnexplainedPlace { place, depends_on: None, shift: 0.0 });
     }
     Ok(Some(out))
+}
+
+/// Takes causes back that share their joint or link with a free-form error that matters as much: together they imitate a law
+/// that the vocabulary has not, and none of them is to be believed.
+///
+/// # Errors
+/// A camera or mirror that cannot be.
+pub(crate) fn retract_imitators(search: &Search<'_>, found: &mut Found) -> Result<()> {
+    let all = search.deformation(&found.fit.model);
+    let shifts = (0..found.fit.model.terms.len())
+        .map(|i| {
+            let without = search.deformation(&found.fit.model.without(i));
+            Ok(marker_shift(&search.problem, &without, &all, search.measured_noise)?.iter().sum())
+        })
+        .collect::<Result<Vec<f64>>>()?;
+    let terms = &found.fit.model.terms;
+    let node = |i: usize| search.catalogue.hypotheses[terms[i].hypothesis].place.node();
+    let is_free = |i: usize| search.catalogue.is_free(terms[i].hypothesis);
+    let imitates = |i: usize| {
+        !is_free(i)
+            && node(i).is_some()
+            && (0..terms.len())
+                .any(|k| is_free(k) && node(k) == node(i) && shifts[i] < IMITATOR_SHARE * shifts[k])
+    };
+    let retracted: Vec<usize> = (0..terms.len()).filter(|&i| imitates(i)).collect();
+    if retracted.is_empty() {
+        return Ok(());
+    }
+    let mut rest = found.fit.model.clone();
+    for &i in retracted.iter().rev() {
+        let name = search.catalogue.name(&search.problem.scene, terms[i].hypothesis);
+        found.trace.push(format!("{name} imitates a law that the vocabulary has not"));
+        rest.terms.remove(i);
+    }
+    found.fit = search.fit(&rest, found.noise, 8)?;
+    Ok(())
 }
 
 /// Places of a model's free-form errors that are not places of these causes.

@@ -8,7 +8,7 @@
 //! Source: Nordin and Gutman, "Controlling mechanical systems with backlash: a survey" (2002), friction-controlled and
 //! inertia-free model; the load's side by statics.
 
-use super::{Effect, LEAST_TORQUE_NM, Place, joint_error, joint_of, named};
+use super::{Effect, LEAST_TORQUE_NM, LawFreedom, Place, joint_error, joint_of, named};
 use crate::gap::atoms::{Atom, Column, Weight};
 use crate::gap::body::NodeId;
 use crate::gap::deformation::Deformation;
@@ -137,6 +137,10 @@ impl Effect for Backlash {
 
     fn depends_on_load(&self) -> bool {
         true
+    }
+
+    fn law_freedom(&self) -> LawFreedom {
+        LawFreedom::LoadAndDirection
     }
 
     fn words(&self) -> &str {

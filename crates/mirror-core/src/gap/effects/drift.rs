@@ -1,6 +1,6 @@
 //! The zero wanders with time: `θ = q + r t`, t from the first frame.
 
-use super::{Effect, Place, joint_error, joint_of, joints, named};
+use super::{Effect, LawFreedom, Place, joint_error, joint_of, joints, named};
 use crate::gap::atoms::{Atom, Column, Weight};
 use crate::gap::scene::Scene;
 
@@ -30,6 +30,10 @@ impl Effect for Drift {
         let n = joint_of(place);
         let _ = scene;
         vec![Column { atom: Atom::Joint(n), weight: Weight::Time }]
+    }
+
+    fn law_freedom(&self) -> LawFreedom {
+        LawFreedom::Time
     }
 
     fn words(&self) -> &str {

@@ -1,6 +1,6 @@
 //! The joint gives way in proportion to its gravity torque: `θ = q + c τ_g`.
 
-use super::{Effect, Place, joint_error, joint_of, loaded_joints, named};
+use super::{Effect, LawFreedom, Place, joint_error, joint_of, loaded_joints, named};
 use crate::gap::atoms::{Atom, Column, Weight};
 use crate::gap::scene::Scene;
 
@@ -37,6 +37,10 @@ impl Effect for JointCompliance {
 
     fn depends_on_load(&self) -> bool {
         true
+    }
+
+    fn law_freedom(&self) -> LawFreedom {
+        LawFreedom::Load
     }
 
     fn words(&self) -> &str {

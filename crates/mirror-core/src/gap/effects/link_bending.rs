@@ -1,7 +1,7 @@
 //! The link bends in proportion to gravity's moment about its two transverse axes: a rotation `c m_⟂`
 //! about the middle of the link, m the moment there of all that the link carries and of its own mass.
 
-use super::{Effect, LEAST_TORQUE_NM, Place, joint_of, named};
+use super::{Effect, LEAST_TORQUE_NM, LawFreedom, Place, joint_of, named};
 use crate::gap::atoms::{Atom, Column, Weight, transverse_moment};
 use crate::gap::body::NodeId;
 use crate::gap::scene::Scene;
@@ -43,6 +43,10 @@ impl Effect for LinkBending {
 
     fn depends_on_load(&self) -> bool {
         true
+    }
+
+    fn law_freedom(&self) -> LawFreedom {
+        LawFreedom::Moment
     }
 
     fn words(&self) -> &str {

@@ -70,6 +70,21 @@ impl Place {
     }
 }
 
+/// In what the law of an effect may differ from the textbook's.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum LawFreedom {
+    /// In nothing: the law is geometry.
+    Exact,
+    /// In the joint's load: no spring is linear.
+    Load,
+    /// In load and direction: play and friction.
+    LoadAndDirection,
+    /// In the moment on the link.
+    Moment,
+    /// In time.
+    Time,
+}
+
 /// One kind of cause. All effects are linear in their parameters unless they say otherwise by [`Effect::deform`].
 pub(crate) trait Effect: Send + Sync {
     /// Its word in the public vocabulary.
@@ -119,6 +134,11 @@ pub(crate) trait Effect: Send + Sync {
     /// By how much, relatively, the parameter itself is uncertain because real joints obey the law only roughly.
     fn law_uncertainty(&self) -> f64 {
         if self.depends_on_load() { 0.025 } else { 0.0 }
+    }
+
+    /// In what its law may differ from the textbook's.
+    fn law_freedom(&self) -> LawFreedom {
+        LawFreedom::Exact
     }
 
     /// What happens, in a sentence for a person.

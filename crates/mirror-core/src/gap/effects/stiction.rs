@@ -3,7 +3,7 @@
 //!
 //! Moves too small to overcome friction leave it where it was. The same finite stiffness makes it droop under its load: c is the servo's own droop, a part of the effect.
 
-use super::{Effect, LEAST_TORQUE_NM, Place, joint_error, joint_of, moving_joints, named};
+use super::{Effect, LEAST_TORQUE_NM, LawFreedom, Place, joint_error, joint_of, moving_joints, named};
 use crate::gap::atoms::{Atom, Column, Weight};
 use crate::gap::body::NodeId;
 use crate::gap::deformation::Deformation;
@@ -115,6 +115,10 @@ impl Effect for Stiction {
 
     fn is_positive(&self) -> bool {
         true
+    }
+
+    fn law_freedom(&self) -> LawFreedom {
+        LawFreedom::LoadAndDirection
     }
 
     fn words(&self) -> &str {

@@ -11,6 +11,7 @@ mod sight;
 use crate::gap::atoms::{Atom, body_twist, moves};
 use crate::gap::body::NodeId;
 use crate::gap::deformation::Deformation;
+use crate::gap::free_optics::{FREE_OPTICS, FreeColumns, corner_point};
 use crate::gap::kinematics::NodePoses;
 use crate::gap::observations::Via;
 use crate::gap::pose::Pose;
@@ -20,7 +21,6 @@ use crate::geometry::Reflection;
 use crate::mirror::MirrorOptics;
 pub(crate) use columns::Span;
 use nalgebra::{Matrix2x3, Matrix3, Point3, SMatrix, Vector2, Vector3};
-use crate::gap::free_optics::{FREE_OPTICS, FreeColumns, corner_point};
 use sight::{mirrored_pixel, start_of_plane};
 
 /// Gauss–Newton steps for a board's plane; it starts within millimetres and converges quadratically.

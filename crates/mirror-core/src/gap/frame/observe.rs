@@ -1,8 +1,8 @@
 //! The rows of a frame: every observation predicted, whitened, weighted.
 
 use super::sight::sight_of;
-use crate::gap::free_optics::board_columns;
 use super::*;
+use crate::gap::free_optics::board_columns;
 
 #[derive(Clone, Copy)]
 pub(super) struct Corner {
@@ -124,18 +124,13 @@ impl FrameWork {
         let (local, node, marker) = match seen {
             SeenAt::Marker(m) => (Vector3::zeros(), problem.marker_sites[m].node, Some(m)),
             SeenAt::Corner(c) => {
-                (
-                    corner_point(problem, eye, c.index, 1.0 + task.deformation.board_scale_error),
-                    c.board,
-                    None,
-                )
+                (corner_point(problem, eye, c.index, 1.0 + task.deformation.board_scale_error), c.board, None)
             }
         };
         let point = world_from_target.point(&local);
         let in_camera = camera_from_world.point(&point);
         let wants_free = full && task.free;
-        let Some(sight) =
-            sight_of(eye, via, &self.foot, &in_camera, full && task.with_board, wants_free)
+        let Some(sight) = sight_of(eye, via, &self.foot, &in_camera, full && task.with_board, wants_free)
         else {
             // What cannot be predicted (behind the mirror, say) is as wrong as a false observation.
             self.cost += mixture.of(f64::INFINITY).cost;

@@ -72,8 +72,14 @@ fn atoms(problem: &Problem) -> Vec<Atom> {
 /// The frame evaluated at a deformation, its plane at its own optimum there.
 fn evaluated(problem: &Problem, deformation: &Deformation, frame: usize) -> FrameWork {
     let eye = problem.eye(deformation).unwrap();
-    let task =
-        Task { deformation, eye: eye.as_ref(), noise: problem.noise, with_board: true, gaussian: true, free: true };
+    let task = Task {
+        deformation,
+        eye: eye.as_ref(),
+        noise: problem.noise,
+        with_board: true,
+        gaussian: true,
+        free: true,
+    };
     let mut work = FrameWork::new(problem);
     assert!(work.evaluate(problem, &task, frame));
     work
@@ -229,7 +235,7 @@ fn the_ideal_mirrors_short_cut_is_the_general_optics() {
                 noise: problem.noise,
                 with_board: false,
                 gaussian: true,
-            free: true,
+                free: true,
             };
             let mut work = FrameWork::new(&problem);
             assert!(work.evaluate(&problem, &task, frame));
