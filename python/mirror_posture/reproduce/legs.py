@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import yaml
 
 from ..correct import CorrectOptions, LookReport, MeasureChoice, StepOptions, correct
 from ..render import EMBEDDED_FOLDER, Painter, PictureOptions, View, view_planes
 from ..robots import HiddenEffect, Look, TwinOptions, TwinRobot
+from ..session.camera_info import dump_camera_info, load_camera_info
 from .body import MARKER, PLAY_RAD, TARGET_RAD, Body, error_mm
 from .claims import Experiment, judged
 from .correction import CORRECTIONS, ON_AND_ON, SPARE_LOOKS, not_stopped
@@ -202,12 +202,16 @@ def _close_up() -> Painter:
         folder = Path(name)
         for file in ("session.toml", "robot.urdf"):
             shutil.copy(EMBEDDED_FOLDER / file, folder / file)
-        tree = yaml.safe_load((EMBEDDED_FOLDER / "camera.yaml").read_text(encoding="utf-8"))
-        tree["image_width"], tree["image_height"] = ZOOM * width, ZOOM * height
-        fx, skew, cx, _, fy, cy, *last = tree["camera_matrix"]["data"]
-        # Pixel 0 is the centre of a pixel: its left edge, at -0.5, stays where it is.
-        cx, cy = (ZOOM * (c - start + 0.5) - 0.5 for c, start in ((cx, left), (cy, top)))
-        tree["camera_matrix"]["data"] = [ZOOM * fx, skew, cx, 0.0, ZOOM * fy, cy, *last]
-        tree.pop("projection_matrix", None)
-        (folder / "camera.yaml").write_text(yaml.safe_dump(tree), encoding="utf-8")
+        whole = load_camera_info(EMBEDDED_FOLDER / "camera.yaml")
+        part = replace(
+            whole,
+            width_px=ZOOM * width,
+            height_px=ZOOM * height,
+            fx_px=ZOOM * whole.fx_px,
+            fy_px=ZOOM * whole.fy_px,
+            # Pixel 0 is the centre of a pixel: its left edge, at -0.5, stays where it is.
+            cx_px=ZOOM * (whole.cx_px - left + 0.5) - 0.5,
+            cy_px=ZOOM * (whole.cy_px - top + 0.5) - 0.5,
+        )
+        (folder / "camera.yaml").write_text(dump_camera_info(part), encoding="utf-8")
         return Painter.load(folder)

@@ -88,7 +88,7 @@ def drawn(panels: Sequence[Panel], legend_columns: int = 3) -> bytes:
                 for handle, label in zip(*ax.get_legend_handles_labels(), strict=True)
                 if label not in entries
             }
-        columns = legend_columns if len(panels) > 1 else min(legend_columns, 2)
+        columns = legend_columns if len(panels) > 1 else 1
         figure.legend(entries.values(), entries.keys(), loc="outside upper center", ncols=columns)
         return png(figure)
 

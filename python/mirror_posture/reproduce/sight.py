@@ -53,6 +53,11 @@ class Eye(Protocol):
         """Standard deviation of a pixel along one axis, where it was chosen."""
         ...
 
+    @property
+    def widest_deg(self) -> float:
+        """The widest angle of the paper's range at which the board is found."""
+        ...
+
     def see(self, view: View, count: int, stream: int, told: Told | None = None) -> Sighting:
         """`count` looks in a view; looks of another `stream` are independent."""
         ...
@@ -66,6 +71,7 @@ class NoisyEye:
     noise_px: float
     seed: int
     glass_thickness_m: float = 0.0
+    widest_deg: float = 25.0
 
     def see(self, view: View, count: int, stream: int, told: Told | None = None) -> Sighting:
         """All looks at once; what lies beyond the picture's edge is not seen."""
@@ -114,6 +120,8 @@ class DrawingEye:
     seed: int
     options: PictureOptions = field(default_factory=PictureOptions)
     noise_px: None = None
+    widest_deg: float = 20.0
+    """At 25° a part of the board leaves the picture, and it is not detected."""
     _painter: Painter = field(default_factory=lambda: Painter.load(STAND_FOLDER))
     _seen: dict[tuple[View, int], Sighting] = field(default_factory=dict)
 

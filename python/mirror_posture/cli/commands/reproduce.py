@@ -40,7 +40,8 @@ def command(
     trials: Annotated[
         int | None,
         typer.Option(
-            help="Repetitions of every measurement; the paper's by default (with pictures 3).", min=2
+            help="Repetitions of every measurement; the paper's by default (with pictures 5, one correction).",
+            min=2,
         ),
     ] = None,
     seed: Annotated[int, typer.Option(help="Seed of all noise.", min=0)] = 0,
