@@ -55,10 +55,10 @@ def draw_causes(rng: np.random.Generator, options: Options, vocabulary: Sequence
     return names
 
 
-def save(case: Case, out: Path) -> Path:
+def save(case: Case, out: Path, rng: np.random.Generator | None = None) -> Path:
     """Write the session to `out/NAME`, its answer to `out/answers/NAME.json` (and `.npz`, the noise-free pixels), its
     seal beside the session."""
-    folder = write_session(case, out / case.name)
+    folder = write_session(case, out / case.name, rng)
     case.answer["pixels_sha256"] = keep_pixels(case, out / "answers" / f"{case.name}.npz")
     seal(case.answer, out / "answers" / f"{case.name}.json", folder / "seal.json")
     return folder
@@ -94,7 +94,7 @@ def _make(job: _Job) -> str:
     case = simulate(job.name, kind, draws, rng, job.options)
     case.answer["seed"] = [job.seed, job.number]
     case.answer |= judge(case)
-    save(case, job.out)
+    save(case, job.out, rng)
     return job.name
 
 

@@ -126,36 +126,45 @@ def _off_curved(mirror: Mirror, point: Array) -> Array:
     guess = share * (point + 2 * height[:, None] * n) - d * n
     s, t = np.einsum("ni,ni->n", guess, e1), np.einsum("ni,ni->n", guess, e2)
 
-    def gradient(s: Array, t: Array) -> tuple[Array, Array, Array]:
-        # Sag of a sphere (or of a torus' cap): towards the camera for a concave mirror, away from its vertex.
-        bend = 1 - (c1 * s) ** 2 - (c2 * t) ** 2
-        root = np.sqrt(bend)
-        sag = (c1 * s * s + c2 * t * t) / (1 + root)
-        sag_s = (2 * c1 * s + sag * c1 * c1 * s / root) / (1 + root)
-        sag_t = (2 * c2 * t + sag * c2 * c2 * t / root) / (1 + root)
-        at = d * n + s[:, None] * e1 + t[:, None] * e2 - sag[:, None] * n
-        to_point = at - point
-        pull = at / np.linalg.norm(at, axis=1)[:, None] + to_point / np.linalg.norm(to_point, axis=1)[:, None]
-        along_s, along_t = e1 - sag_s[:, None] * n, e2 - sag_t[:, None] * n
-        return np.einsum("ni,ni->n", pull, along_s), np.einsum("ni,ni->n", pull, along_t), at
-
-    h = 1e-6
-    at = d * n
     for _ in range(NEWTON_STEPS):
-        gs, gt, at = gradient(s, t)
-        ps, pt, _ = gradient(s + h, t)
-        ms, mt, _ = gradient(s - h, t)
-        qs, qt, _ = gradient(s, t + h)
-        ns, nt, _ = gradient(s, t - h)
-        a, b, c, e = (ps - ms) / (2 * h), (qs - ns) / (2 * h), (pt - mt) / (2 * h), (qt - nt) / (2 * h)
-        determinant = a * e - b * c
-        ds, dt = (e * gs - b * gt) / determinant, (a * gt - c * gs) / determinant
+        # Sag of a sphere (or of a torus' cap): towards the camera for a concave mirror, away from its vertex.
+        at, (sag_s, sag_t) = _on_cap(d * n, n, e1, e2, (c1, c2), s, t)
+        along_s, along_t = e1 - sag_s[:, None] * n, e2 - sag_t[:, None] * n
+        gs, gt = np.zeros_like(s), np.zeros_like(t)
+        a, b, e = np.zeros_like(s), np.zeros_like(s), np.zeros_like(s)
+        for leg in (at, at - point):
+            length = _lengths(leg)
+            unit = leg / length[:, None]
+            us, ut, un = (np.einsum("ni,ni->n", unit, v) for v in (along_s, along_t, n))
+            gs, gt = gs + us, gt + ut
+            # The cap's own second derivatives are c1 and c2 to second order in its slope: enough for the steps.
+            a += (1 + sag_s**2 - us**2) / length - un * c1
+            b += (sag_s * sag_t - us * ut) / length
+            e += (1 + sag_t**2 - ut**2) / length - un * c2
+        determinant = a * e - b * b
+        ds, dt = (e * gs - b * gt) / determinant, (a * gt - b * gs) / determinant
         s, t = s - ds, t - dt
         if max(np.max(np.abs(ds), initial=0.0), np.max(np.abs(dt), initial=0.0)) < 1e-13:
             break
-    at = gradient(s, t)[2]
-    out, back = np.linalg.norm(at, axis=1), np.linalg.norm(at - point, axis=1)
+    at = _on_cap(d * n, n, e1, e2, (c1, c2), s, t)[0]
+    out, back = _lengths(at), _lengths(at - point)
     return at / out[:, None] * (out + back)[:, None]
+
+
+def _lengths(v: Array) -> Array:
+    return np.sqrt(np.einsum("ni,ni->n", v, v))
+
+
+def _on_cap(
+    vertex: Array, n: Array, e1: Array, e2: Array, curvature: tuple[float, float], s: Array, t: Array
+) -> tuple[Array, tuple[Array, Array]]:
+    """Points of the cap over (s, t), and its slopes along the two directions."""
+    c1, c2 = curvature
+    root = np.sqrt(1 - (c1 * s) ** 2 - (c2 * t) ** 2)
+    sag = (c1 * s * s + c2 * t * t) / (1 + root)
+    slope_s = (2 * c1 * s + sag * c1 * c1 * s / root) / (1 + root)
+    slope_t = (2 * c2 * t + sag * c2 * c2 * t / root) / (1 + root)
+    return vertex + s[:, None] * e1 + t[:, None] * e2 - sag[:, None] * n, (slope_s, slope_t)
 
 
 def ball_images(

@@ -22,10 +22,15 @@ from .given_robots import SUFFIXES, from_file
 from .known_robots import talos, unitree_g1, ur10
 from .noise import Noise, add_outliers, blob_errors, corner_errors, draw_noise
 from .outside import OUTSIDE
+from .pictures import View
 from .truth import Commands, Truth
 from .views import Plan, place_mirrors, plan_postures
 
 Array = NDArray[np.float64]
+
+
+PICTURE_CORNER_PX, PICTURE_BLOB_PX = 0.06, 0.1
+"""What a good detector does on the drawn pictures: the noise that judges what they can show."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +45,10 @@ class Options:
     simple_laws: bool = False
     plain_noise: bool = False
     frames: tuple[int, int] = (120, 310)
+    least_postures: int = 45
+    """However few frames: fewer postures say nothing of a robot."""
+    pictures: bool = False
+    """Whether the session has pictures instead of image points."""
 
 
 @dataclass
@@ -62,6 +71,9 @@ class Case:
     noise: Noise
     truth: Truth
     answer: dict[str, Any] = field(default_factory=dict)
+    view: View | None = None
+    """What pictures are drawn of, where the session is to have them."""
+    picture_of_frame: NDArray[np.int_] | None = None
 
 
 def _exp(turn: Array) -> Array:
@@ -160,6 +172,23 @@ def draw_lens(robot: robots.Robot, rng: np.random.Generator, rich: bool) -> tupl
     return nominal, optics.Lens(focal, center, k + more, robot.image_size)
 
 
+@dataclass
+class Seen:
+    """What the real camera sees, without noise."""
+
+    corners_px: Array
+    """(F, C, 2)"""
+    blobs_px: Array
+    """(F, M, 2)"""
+    view: View
+    found: NDArray[np.bool_]
+    """Which of the planned frames can be seen in a mirror: those that are here."""
+
+    @property
+    def mirror(self) -> optics.Mirror:
+        return self.view.mirror
+
+
 def see(
     robot: robots.Robot,
     truth: Truth,
@@ -168,9 +197,9 @@ def see(
     poses: BodyPoses,
     mirror: optics.Mirror | None,
     rng: np.random.Generator,
-) -> tuple[Array, Array, optics.Mirror, NDArray[np.bool_]]:
-    """What the real camera sees, without noise: corners (F, C, 2), blobs (F, M, 2), the mirrors, the frames
-    that can be."""
+) -> Seen:
+    """The noise-free pixels of a session, and what stands before the camera; mirrors are placed where none are
+    given."""
     origin, rotation = camera_poses(poses, truth, plan.commands)
     of = plan.posture_of_frame
     board = robots.board_points(robot, truth.board_scale, truth.board_warp_per_m)
@@ -195,7 +224,17 @@ def see(
     corners_px = lens.image(optics.apparent(mirror_c, corners.reshape(-1, 3)), factor_c).reshape(frames, c, 2)
     mirror_m, factor_m = repeated(m)
     blobs = optics.ball_images(lens, mirror_m, arms.reshape(-1, 3), robot.marker_diameter_m / 2, factor_m)
-    return corners_px, blobs.reshape(frames, m, 2), mirror, found
+    kept = of[found]
+    view = View(
+        np.einsum("pji,pj->pi", rotation, poses.board_m - origin)[kept],
+        (np.swapaxes(rotation, 1, 2) @ poses.board_rotation)[kept],
+        arms,
+        mirror,
+        factor,
+        robot.board_square_m * (1 + truth.board_scale),
+        truth.board_warp_per_m,
+    )
+    return Seen(corners_px, blobs.reshape(frames, m, 2), view, found)
 
 
 def simulate(name: str, kind: str, draws: Sequence[str], rng: np.random.Generator, options: Options) -> Case:
@@ -207,9 +246,11 @@ def simulate(name: str, kind: str, draws: Sequence[str], rng: np.random.Generato
     )
     gravity = np.round(gravity, 6)
     nominal_lens, real = draw_lens(robot, rng, rich=not options.simple_laws)
-    plan = plan_postures(robot, rng, options.frames)
+    plan = plan_postures(robot, rng, options.frames, options.least_postures)
     laws = draw_laws(rng, options.simple_laws)
     noise = draw_noise(rng, robot.image_size[0], options.plain_noise)
+    if options.pictures:
+        noise = Noise(PICTURE_CORNER_PX, PICTURE_BLOB_PX)
     scene = scene_of(robot, plan, gravity, laws)
     truth = Truth()
     causes: list[Cause] = []
@@ -223,18 +264,19 @@ def simulate(name: str, kind: str, draws: Sequence[str], rng: np.random.Generato
         truth.shear,
     )
     poses = Body(robot, truth, gravity).run(plan.commands)
-    corners, blobs, mirror, found = see(robot, truth, lens, plan, poses, None, rng)
-    kept = Plan(plan.commands, plan.posture_of_frame[found], plan.time_of_frame_s[found])
+    seen = see(robot, truth, lens, plan, poses, None, rng)
+    corners, blobs, mirror = seen.corners_px, seen.blobs_px, seen.mirror
+    kept = Plan(plan.commands, plan.posture_of_frame[seen.found], plan.time_of_frame_s[seen.found])
     corners_px = corners + corner_errors(noise, rng, len(corners), robot.board_corners)
     blobs_px = add_outliers(noise, rng, blobs + blob_errors(noise, rng, *blobs.shape[:2]))
     size = np.array(robot.image_size)
     for px in (corners_px, blobs_px):
         px[np.any(~((px >= 0) & (px <= size - 1)), axis=-1)] = np.nan
     blobs_px[rng.random(blobs_px.shape[:2]) < rng.choice([0.0, 0.0, 0.03])] = np.nan
+    source = np.arange(len(corners_px))
     if truth.pairing is not None:
         first, last, shift = truth.pairing
         last = min(last, len(corners_px) - 4)
-        source = np.arange(len(corners_px))
         source[first : last + 1] += shift
         corners_px, blobs_px = corners_px[source], blobs_px[source]
         causes[[c["effect"] for c in causes].index("pairing")]["last_frame"] = last
@@ -257,6 +299,8 @@ def simulate(name: str, kind: str, draws: Sequence[str], rng: np.random.Generato
         noise,
         truth,
     )
+    if options.pictures:
+        case.view, case.picture_of_frame = seen.view, source
     case.answer = {
         "id": name,
         "robot": robot.kind,

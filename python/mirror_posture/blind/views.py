@@ -29,11 +29,13 @@ class Plan:
     time_of_frame_s: Array
 
 
-def plan_postures(robot: Robot, rng: np.random.Generator, frames: tuple[int, int] = (120, 310)) -> Plan:
+def plan_postures(
+    robot: Robot, rng: np.random.Generator, frames: tuple[int, int] = (120, 310), least: int = 45
+) -> Plan:
     """Postures spread over the joints' ranges, in random order: independent ones, or a walk with rests."""
     views = int(rng.choice([1, 2, 3], p=[0.15, 0.45, 0.40]))
     wanted = int(rng.integers(*frames))
-    postures = max(45, wanted // views)
+    postures = max(least, wanted // views)
     low = np.array([robot.ranges[j][0] for j in robot.commanded])
     high = np.array([robot.ranges[j][1] for j in robot.commanded])
     style = rng.choice(["free", "stratified", "walk"], p=[0.5, 0.3, 0.2])

@@ -7,23 +7,35 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .pictures import hue_tolerance_deg, marker_hue_deg, write_pictures
+
 if TYPE_CHECKING:
     from .simulate import Case
 
 
-def write_session(case: Case, folder: Path) -> Path:
-    """session.toml, robot.urdf, camera.yaml, frames.csv and detections.csv in `folder`; nothing of the
-    truth."""
+def write_session(case: Case, folder: Path, rng: np.random.Generator | None = None) -> Path:
+    """session.toml, robot.urdf, camera.yaml, frames.csv, and detections.csv or images/ in `folder`; nothing of the
+    truth. `rng` draws the pictures' noise."""
     folder.mkdir(parents=True, exist_ok=True)
     robot, plan = case.robot, case.plan
     (folder / "robot.urdf").write_text(robot.urdf, encoding="utf-8")
     (folder / "session.toml").write_text(_metadata(case), encoding="utf-8")
     (folder / "camera.yaml").write_text(_camera(case), encoding="utf-8")
     joints = plan.commands.joints
-    rows = ["frame,posture,time_s," + ",".join(joints)]
+    pictures: list[str] = []
+    if case.view is not None and case.picture_of_frame is not None:
+        clean = (case.clean_corners_px, case.clean_blobs_px)
+        drawn = write_pictures(
+            robot, case.lens, case.view, clean, folder / "images", rng or np.random.default_rng(0)
+        )
+        pictures = [f"images/{drawn[i]}," for i in case.picture_of_frame]
+    rows = ["frame,posture,time_s," + ("image," if pictures else "") + ",".join(joints)]
     for f, (p, t) in enumerate(zip(plan.posture_of_frame, plan.time_of_frame_s, strict=True)):
-        rows.append(f"{f},{p},{t:.3f}," + ",".join(f"{q:.6f}" for q in plan.commands.q_rad[p]))
+        image = pictures[f] if pictures else ""
+        rows.append(f"{f},{p},{t:.3f},{image}" + ",".join(f"{q:.6f}" for q in plan.commands.q_rad[p]))
     (folder / "frames.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
+    if pictures:
+        return folder
     rows = ["frame,target,index,u,v"]
     for f in range(len(case.corners_px)):
         for target, px in [
@@ -49,12 +61,17 @@ def _metadata(case: Case) -> str:
         f"corners = [{robot.board_corners[0]}, {robot.board_corners[1]}]\n"
         f'square = {robot.board_square_m}\npattern = "chessboard"\n\n'
     )
-    for m in robot.markers:
-        text += f'[[markers]]\nname = "{m}"\nlink = "{m}_marker"\ndiameter = {robot.marker_diameter_m}\n\n'
-    return (
-        text + f"[mirror]\nglass_thickness = 0.0\nrefractive_index = 1.52\n\n"
-        f"[noise]\npixel_std = {case.pixel_std_told}\n"
-    )
+    count = len(robot.markers)
+    for k, m in enumerate(robot.markers):
+        text += f'[[markers]]\nname = "{m}"\nlink = "{m}_marker"\ndiameter = {robot.marker_diameter_m}\n'
+        if case.view is not None:
+            text += (
+                f"color = {{ hue = {marker_hue_deg(k, count):.1f}, hue_tolerance = {hue_tolerance_deg(count):.1f}, "
+                "min_saturation = 0.5, min_value = 0.2 }\n"
+            )
+        text += "\n"
+    text += "[mirror]\nglass_thickness = 0.0\nrefractive_index = 1.52\n"
+    return text if case.view is not None else text + f"\n[noise]\npixel_std = {case.pixel_std_told}\n"
 
 
 def _camera(case: Case) -> str:

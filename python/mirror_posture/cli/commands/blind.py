@@ -61,6 +61,12 @@ def make(
         float, typer.Option(min=0, max=1, help="Share with an effect outside the vocabulary.")
     ] = 0.15,
     effect: Annotated[str | None, typer.Option(help="Only sessions with this single effect.")] = None,
+    frames: Annotated[
+        tuple[int, int], typer.Option(help="Least and largest number of frames of a session.")
+    ] = (120, 310),
+    pictures: Annotated[
+        bool, typer.Option("--pictures", help="Pictures instead of image points: they go through detection.")
+    ] = False,
     workers: Annotated[
         int | None, typer.Option(min=1, help="Processes at once; all cores by default.")
     ] = None,
@@ -77,7 +83,7 @@ def make(
         from ...blind.make import make_cases
         from ...blind.simulate import Options
 
-        options = Options(causes=(least, most), outside_share=outside)
+        options = Options(causes=(least, most), outside_share=outside, pictures=pictures, frames=frames)
         if robot:
             options = replace(options, robots=tuple(robot))
         plan = None
