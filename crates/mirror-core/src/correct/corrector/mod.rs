@@ -1,95 +1,21 @@
 //! The state of one correction: readings of the markers in, a decision out.
 
-use super::bounds::DistanceBounds;
-use super::bounds::deviate_of_look;
-use super::damping::Damping;
-use super::jacobian::{JacobianSource, broyden_update, marker_jacobian};
-use super::judge::{Errors, grew, rms, stalled};
+mod belief;
+mod reach;
+mod record;
+
+pub use record::{Decision, LookRecord, MarkerError, Reading};
+
+use super::jacobian::{JacobianSource, marker_jacobian};
+use super::judge::{Errors, grew, stalled};
 use super::options::CorrectOptions;
-use super::plausible::{Expected, Implausible, surprise};
+use super::plausible::Implausible;
 use super::response::{JointResponse, Move, responses};
-use super::step::{StepOptions, StepProblem, StepWorkspace, correction_step};
-use super::stop::*;
+use super::step::{StepProblem, StepWorkspace, correction_step};
+use super::stop::{BudgetSpent, Converged, Inconsistent, MarkerLost, StallCause, Stop};
 use super::target::Target;
 use crate::error::{Error, Result};
 use nalgebra::{DMatrix, Matrix3, Vector3};
-use serde::Serialize;
-
-/// A marker as it was measured at one look.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Reading {
-    /// Position in the board's frame, m.
-    pub point_in_frame_m: Vector3<f64>,
-    /// Its covariance, m².
-    pub covariance_m2: Matrix3<f64>,
-    /// Sum of squared normalised residuals of its rays.
-    pub chi_squared: f64,
-    /// Degrees of freedom of that; 0 where it is not known.
-    pub degrees_of_freedom: usize,
-}
-
-/// What is to be done next.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-#[serde(tag = "do", rename_all = "snake_case")]
-pub enum Decision {
-    /// Command these positions, then look.
-    Step {
-        /// The new command, N positions, rad (m).
-        command: Vec<f64>,
-        /// What it changes, rad (m).
-        change: Vec<f64>,
-        /// Names of the joints that a limit stopped.
-        at_limit: Vec<String>,
-        /// The damping, m/rad.
-        mu_m_per_rad: f64,
-        /// 1, or the factor that shortened the step.
-        scale: f64,
-    },
-    /// Look once more at the same posture.
-    LookAgain {
-        /// Whether the earlier views of this posture are to be left out.
-        fresh: bool,
-        /// Why: `not_seen`, `not_believed`, `uncertain`, `surprising`.
-        why: &'static str,
-    },
-    /// Stop.
-    Stop {
-        /// Why.
-        stop: Stop,
-    },
-}
-
-/// A marker's error at one look.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct MarkerError {
-    /// Its name.
-    pub marker: String,
-    /// Target minus measured in the board's frame, m; none where it was not measured.
-    pub error_m: Option<[f64; 3]>,
-    /// Standard deviations of the three, m.
-    pub std_m: Option<[f64; 3]>,
-    /// The true distance is below this, m.
-    pub below_m: Option<f64>,
-    /// Why it was not believed.
-    pub implausible: Option<Implausible>,
-}
-
-/// What one look saw and what followed.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct LookRecord {
-    /// From 1.
-    pub look: usize,
-    /// Steps commanded before it.
-    pub steps: usize,
-    /// The command at which it was taken, rad (m).
-    pub command: Vec<f64>,
-    /// One for each marker.
-    pub markers: Vec<MarkerError>,
-    /// Root mean square distance, m; none where the look was not believed.
-    pub rms_m: Option<f64>,
-    /// What was decided.
-    pub decision: Decision,
-}
 
 /// One correction: Algorithm 1 with its judgement.
 #[derive(Debug, Clone)]
@@ -128,13 +54,6 @@ struct Best {
     error_m: f64,
     look: usize,
     command: Vec<f64>,
-}
-
-/// What the model says can be reached from here.
-struct Reach {
-    left: Vec<Vector3<f64>>,
-    change: Vec<f64>,
-    at_limit: Vec<bool>,
 }
 
 impl Corrector {
@@ -305,41 +224,6 @@ impl Corrector {
         Ok(decision)
     }
 
-    /// What is wrong with each reading.
-    fn doubts(&self, readings: &[Option<Reading>]) -> Vec<Option<Implausible>> {
-        let one = |(m, reading): (usize, &Option<Reading>)| {
-            let reading = reading.as_ref()?;
-            let expected = self.expected(m);
-            let surprise = surprise(
-                &reading.point_in_frame_m,
-                &reading.covariance_m2,
-                reading.chi_squared,
-                reading.degrees_of_freedom,
-                &expected,
-                &self.options.judge,
-            )?;
-            Some(Implausible { marker: self.target.marker_names[m].clone(), surprise })
-        };
-        readings.iter().enumerate().map(one).collect()
-    }
-
-    fn expected(&self, marker: usize) -> Expected {
-        let Some(last) = &self.last else {
-            return Expected {
-                point_m: self.target.point_in_frame_m[marker],
-                covariance_m2: None,
-                commanded_m: 0.0,
-            };
-        };
-        let (mut point_m, mut commanded_m) = (last.point_m[marker], 0.0);
-        for j in 0..self.command.len() {
-            let way = self.jacobian.fixed_view::<3, 1>(3 * marker, j) * (self.command[j] - last.command[j]);
-            point_m += way;
-            commanded_m += way.norm();
-        }
-        Expected { point_m, covariance_m2: Some(last.covariance_m2[marker]), commanded_m }
-    }
-
     fn errors(&self, readings: &[Option<Reading>], look: usize) -> Errors {
         let (mut error_m, mut covariance_m2) = (Vec::new(), Vec::new());
         for (reading, target) in readings.iter().zip(&self.target.point_in_frame_m) {
@@ -349,27 +233,6 @@ impl Corrector {
             }
         }
         Errors { error_m, covariance_m2, look }
-    }
-
-    fn marker_errors(
-        &self,
-        readings: &[Option<Reading>],
-        doubts: &[Option<Implausible>],
-        look: usize,
-    ) -> Vec<MarkerError> {
-        let z = deviate_of_look(self.options.judge.wrong_converged, look, readings.len());
-        let one = |m: usize| {
-            let error =
-                readings[m].map(|r| (self.target.point_in_frame_m[m] - r.point_in_frame_m, r.covariance_m2));
-            MarkerError {
-                marker: self.target.marker_names[m].clone(),
-                error_m: error.map(|(e, _)| e.into()),
-                std_m: error.map(|(_, c)| [0, 1, 2].map(|i| c[(i, i)].max(0.0).sqrt())),
-                below_m: error.map(|(e, c)| DistanceBounds::new(&e, &c).at(z)),
-                implausible: doubts[m].clone(),
-            }
-        };
-        (0..readings.len()).map(one).collect()
     }
 
     /// A look that cannot be used: once more, or the end.
@@ -446,56 +309,16 @@ impl Corrector {
             return Ok(Decision::Stop { stop });
         }
         if stalled(&self.history_m, &judge) {
-            let cause = if self.stuck() { StallCause::NotFollowing } else { StallCause::NoProgress };
-            return Ok(Decision::Stop { stop: self.stall(cause, &errors, Some(&reach)) });
+            let stop = if self.stuck() {
+                self.stall(StallCause::NotFollowing, &errors, Some(&reach))
+            } else if self.little_to_gain(&errors, &reach) {
+                self.out_of_reach(&errors, &reach)?
+            } else {
+                self.stall(StallCause::NoProgress, &errors, Some(&reach))
+            };
+            return Ok(Decision::Stop { stop });
         }
         self.step(&errors)
-    }
-
-    /// Whether the markers are elsewhere than the last step should have put them, by more than half of it and the tolerance.
-    ///
-    /// A first look surprises always: nothing before it says where the markers should be but the model that is in doubt.
-    fn surprising(&self, readings: &[Option<Reading>]) -> bool {
-        readings.iter().enumerate().any(|(m, reading)| {
-            let (Some(reading), Some(_)) = (reading, &self.last) else { return true };
-            let expected = self.expected(m);
-            let off = (reading.point_in_frame_m - expected.point_m).norm();
-            off > 0.5 * expected.commanded_m + self.options.judge.tolerance_m
-        })
-    }
-
-    /// Remembers the look, what the last step did, and corrects J by it; whether there was a step.
-    fn learn(&mut self, readings: &[Option<Reading>]) -> bool {
-        let now: Vec<Reading> = readings.iter().flatten().copied().collect();
-        let mut moved = false;
-        if let Some(last) = &self.last {
-            let change: Vec<f64> = self.command.iter().zip(&last.command).map(|(a, b)| a - b).collect();
-            moved = change.iter().any(|x| *x != 0.0);
-            if moved {
-                let one = Move {
-                    change,
-                    moved_m: now.iter().zip(&last.point_m).map(|(r, p)| r.point_in_frame_m - p).collect(),
-                    covariance_m2: now
-                        .iter()
-                        .zip(&last.covariance_m2)
-                        .map(|(r, c)| r.covariance_m2 + c)
-                        .collect(),
-                };
-                if self.options.jacobian == JacobianSource::Broyden {
-                    let flat: Vec<f64> = one.moved_m.iter().flatten().copied().collect();
-                    let trace: f64 = one.covariance_m2.iter().map(Matrix3::trace).sum();
-                    let noise_m = (trace / flat.len().max(1) as f64).sqrt();
-                    broyden_update(&mut self.jacobian, &one.change, &flat, noise_m);
-                }
-                self.moves.push(one);
-            }
-        }
-        self.last = Some(Last {
-            point_m: now.iter().map(|r| r.point_in_frame_m).collect(),
-            covariance_m2: now.iter().map(|r| r.covariance_m2).collect(),
-            command: self.command.clone(),
-        });
-        moved
     }
 
     fn problem<'a>(&'a self, errors: &'a Errors, lower: &'a [f64], upper: &'a [f64]) -> StepProblem<'a> {
@@ -508,95 +331,6 @@ impl Corrector {
             upper,
             free: &self.target.free,
         }
-    }
-
-    /// What the joints could do from here by the model, in one step of any size, within the limits or without.
-    fn reach(&self, errors: &Errors, limited: bool) -> Result<Reach> {
-        let joints = self.command.len();
-        let (low, high) = (vec![f64::NEG_INFINITY; joints], vec![f64::INFINITY; joints]);
-        let (lower, upper) = if limited { (&self.lower, &self.upper) } else { (&low, &high) };
-        // Damping is for steps under noise; what can be reached at all is another question.
-        let damping = Damping::Fixed { mu_m_per_rad: 0.0 };
-        let options = StepOptions { gain: 1.0, largest_step_rad: f64::MAX, damping };
-        let mut workspace = self.workspace.clone();
-        let step = correction_step(&self.problem(errors, lower, upper), &options, &mut workspace)?;
-        let left = errors.error_m.iter().enumerate().map(|(m, e)| {
-            (0..joints).fold(*e, |left, j| left - self.jacobian.fixed_view::<3, 1>(3 * m, j) * step.change[j])
-        });
-        Ok(Reach { left: left.collect(), change: step.change.to_vec(), at_limit: step.at_limit.to_vec() })
-    }
-
-    /// Whether, twice in a row, the model sees next to nothing to gain and surely too much left.
-    fn beyond_reach(&mut self, errors: &Errors, reach: &Reach) -> Result<Option<Stop>> {
-        let judge = self.options.judge;
-        let z = -deviate_of_look(judge.wrong_converged, errors.look, errors.error_m.len());
-        let surely_left = reach
-            .left
-            .iter()
-            .zip(&errors.covariance_m2)
-            .any(|(left, covariance)| DistanceBounds::new(left, covariance).at(z) > judge.tolerance_m);
-        let little = rms(&reach.left) > (1.0 - judge.least_progress) * errors.rms_m();
-        self.unreachable = if surely_left && little { self.unreachable + 1 } else { 0 };
-        if self.unreachable < 2 {
-            return Ok(None);
-        }
-        let free = self.reach(errors, false)?;
-        if rms(&free.left) > (1.0 - judge.least_progress) * rms(&reach.left) {
-            return Ok(Some(self.stall(StallCause::OutOfReach, errors, Some(reach))));
-        }
-        let names: Vec<&str> = self.target.robot.position_names().collect();
-        let hit = |j: usize| {
-            let at = self.command[j] + reach.change[j];
-            let upper = free.change[j] > 0.0;
-            let (limit_rad, model) = if upper {
-                (self.upper[j], self.target.limits[j].1)
-            } else {
-                (self.lower[j], self.target.limits[j].0)
-            };
-            LimitHit {
-                joint: names[j].to_owned(),
-                position_rad: at,
-                limit_rad,
-                of_model: limit_rad == model,
-                wanted_rad: self.command[j] + free.change[j],
-            }
-        };
-        Ok(Some(Stop::LimitReached(LimitReached {
-            joints: (0..names.len()).filter(|&j| reach.at_limit[j]).map(hit).collect(),
-            distance_m: errors.distances_m(),
-            left_m: reach.left.iter().map(Vector3::norm).collect(),
-            left_without_limits_m: free.left.iter().map(Vector3::norm).collect(),
-            tolerance_m: judge.tolerance_m,
-        })))
-    }
-
-    /// Whether a joint surely does not do what it is told.
-    fn stuck(&self) -> bool {
-        self.responses().iter().any(|r| r.stuck)
-    }
-
-    fn stall(&self, cause: StallCause, errors: &Errors, reach: Option<&Reach>) -> Stop {
-        Stop::Stalled(Stalled {
-            cause,
-            distance_m: errors.distances_m(),
-            below_m: errors.bounds_m(self.options.judge.wrong_converged, 1.0),
-            history_m: self.history_m.clone(),
-            left_m: reach.map_or_else(Vec::new, |r| r.left.iter().map(Vector3::norm).collect()),
-            responses: self.responses(),
-        })
-    }
-
-    fn diverging(&self, errors: &Errors) -> Stop {
-        let (best_error_m, best_look) =
-            self.best.as_ref().map_or((f64::INFINITY, 0), |b| (b.error_m, b.look));
-        Stop::Diverging(Diverging {
-            error_m: errors.rms_m(),
-            error_std_m: errors.rms_std_m(),
-            best_error_m,
-            best_look,
-            history_m: self.history_m.clone(),
-            responses: self.responses(),
-        })
     }
 
     fn step(&mut self, errors: &Errors) -> Result<Decision> {

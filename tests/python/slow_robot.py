@@ -1,0 +1,22 @@
+"""A robot of somebody's own, as `--robot-class slow_robot:SlowRobot` loads it: a twin that takes its time."""
+
+from __future__ import annotations
+
+import time
+
+from mirror_posture.robots import HiddenEffect, Look, Nominal, TwinOptions, TwinRobot
+
+
+class SlowRobot(TwinRobot):
+    """Looks take a tenth of a second; it says so when it is brought to rest."""
+
+    def __init__(self, nominal: Nominal) -> None:
+        elbow = HiddenEffect("joint_offset", "joint:r_elbow", {"offset_rad": 0.06})
+        super().__init__([elbow], TwinOptions(pictures=False), nominal, name="slow")
+
+    def _look(self) -> Look:
+        time.sleep(0.1)
+        return super()._look()
+
+    def _rest(self) -> None:
+        print("at rest", flush=True)

@@ -1,0 +1,123 @@
+"""`mirror-posture correct` as anybody would call it: files, words, exit codes, Ctrl-C, resuming."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import pytest
+from typer.testing import CliRunner
+
+from mirror_posture import load_session
+from mirror_posture.cli import app
+
+TARGET = ("--joint", "r_shoulder_pitch=-30,r_shoulder_roll=50", "--joint", "r_elbow=0.785rad")
+HIDDEN = ("--hide", "joint_offset@joint:r_elbow:offset_rad=0.06")
+FAST = (*TARGET, *HIDDEN, "--no-pictures")
+
+
+def run(*words: object, code: int = 0):  # type: ignore[no-untyped-def]
+    ended = CliRunner().invoke(app, [str(word) for word in words])
+    assert ended.exit_code == code, f"{ended.exit_code}: {ended.output}\n{ended.exception!r}"
+    return ended
+
+
+def test_a_twin_is_corrected_and_everything_is_in_the_folder(tmp_path: Path) -> None:
+    out = tmp_path / "corrected"
+    ended = run("correct", "twin", "--out", out, *FAST)
+    assert "converged: every marker is below" in ended.output
+    tree = json.loads((out / "outcome.json").read_text())
+    assert tree["stop"]["kind"] == "converged"
+    assert tree["best_command"]["r_elbow"] == pytest.approx(0.785 - 0.06, abs=0.01)
+    assert cv2.imread(str(out / "convergence.png")).shape[1] > 800
+    session = load_session(out)
+    assert session.detected and session.warnings == () and len(session.frames) == tree["views"]
+    # A folder that is there is not written over.
+    assert "is there already" in run("correct", "twin", "--out", out, *FAST, code=1).stderr
+
+
+def test_json_is_one_document_and_a_target_out_of_reach_exits_with_three(tmp_path: Path) -> None:
+    ended = run("correct", "twin", "--out", tmp_path / "a", *FAST, "--hold", "r_elbow", "--json", code=3)
+    tree = json.loads(ended.stdout)
+    assert tree["stop"]["kind"] == "stalled" and tree["stop"]["evidence"]["cause"] == "out_of_reach"
+    assert "no posture of the free joints" in tree["stop"]["sentence"]
+    assert tree["looks"][0]["markers"][0]["marker"] == "r_hand"
+
+
+def test_a_target_from_a_file_and_views_of_ones_own(tmp_path: Path) -> None:
+    file = tmp_path / "posture.toml"
+    file.write_text("r_shoulder_pitch = -0.5\nr_shoulder_roll = 0.9\nr_elbow = 0.7\n")
+    out = tmp_path / "a"
+    words = ("--view", "0,0", "--view", "15", "--view", "-5,9", "--gain", 0.5, "--jacobian", "broyden")
+    run("correct", "twin", "--out", out, "--target", file, *HIDDEN, "--no-pictures", *words)
+    assert load_session(out).frames.commanded[0, 2] == -0.5
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("twin", *TARGET, "--hide", "joint_offset"), "EFFECT@PLACE"),
+        (("twin",), "no target"),
+        (("twin", "--joint", "r_elbow"), "JOINT=DEGREES"),
+        (("twin", "--joint", "r_elbo=3"), "r_elbow"),
+        (("twin", "--joint", "r_elbow=300"), "r_elbow"),
+        (("robbie", *TARGET), "by-hand"),
+        (("by-hand", *TARGET), "--inbox"),
+        (("own", *TARGET, "--robot-class", "nowhere:Robot"), "nowhere"),
+        (("own", *TARGET, "--robot-class", "builtins:str"), "lacks command"),
+        (("twin", *TARGET, "--estimator", "guess", "--no-pictures"), "maximum-likelihood"),
+        (("twin", *TARGET, "--jacobian", "guess", "--no-pictures"), "broyden"),
+        (("twin", *TARGET, "--view", "x", "--no-pictures"), "YAW,PITCH"),
+        (("twin", *TARGET, "--resume"), "no correction"),
+    ],
+)
+def test_bad_input_is_one_clear_line(tmp_path: Path, words: tuple[str, ...], said: str) -> None:
+    ended = run("correct", "--out", tmp_path / "a", *words, code=1)
+    assert said in ended.stderr and ended.stderr.startswith("error: "), ended.stderr
+
+
+def test_ctrl_c_rests_exits_with_130_and_resume_goes_on(tmp_path: Path) -> None:
+    out = tmp_path / "stopped"
+    program = [sys.executable, "-c", "from mirror_posture.cli import main; main()"]
+    words = [
+        "correct",
+        "own",
+        "--robot-class",
+        "slow_robot:SlowRobot",
+        "--out",
+        str(out),
+        *TARGET,
+        "--gain",
+        "0.3",
+    ]
+    here = str(Path(__file__).parent)
+    environment = dict(os.environ) | {"PYTHONPATH": os.pathsep.join([here, os.environ.get("PYTHONPATH", "")])}
+    child = subprocess.Popen(
+        [*program, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment
+    )
+    assert child.stderr is not None and child.stdout is not None
+    told = [child.stderr.readline(), child.stderr.readline()]
+    assert told[1].startswith("look 2"), told
+    child.send_signal(signal.SIGINT)
+    said, _ = child.communicate(timeout=60)
+    assert child.returncode == 130
+    assert "at rest" in said and "interrupted" in said
+    before = load_session(out)
+    assert len(before.frames) >= 6
+    ended = subprocess.run(
+        [*program, *words, "--resume"],
+        capture_output=True,
+        text=True,
+        env=environment,
+        timeout=120,
+        check=False,
+    )
+    assert ended.returncode == 0, ended.stderr
+    assert "going on with" in ended.stdout and "converged" in ended.stdout
+    session = load_session(out)
+    assert len(session.frames) > len(before.frames) and session.warnings == ()
