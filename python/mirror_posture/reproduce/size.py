@@ -15,8 +15,8 @@ from .stand import Stand
 
 PAPER_AXES_MM = {"fig8": 90.0, "fig9": 12.0, "fig10": 50.0, "fig11": 25.0}
 """The largest numbers at the paper's axes."""
-SWEEP_PX = (0.1, 0.2, 0.5, 1.0, 1.3, 1.5, 2.0)
-SWEEP_TRIALS = 100
+SWEEP_PX = (0.1, 0.2, 0.5, 1.0, 1.3, 2.0)
+SWEEP_TRIALS = 50
 
 
 @dataclass(frozen=True)
