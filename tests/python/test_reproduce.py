@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from mirror_posture import MirrorPostureError, cli
 from mirror_posture.render import PictureOptions, View
-from mirror_posture.reproduce import Experiments, Options, body, positions, rays, sight
+from mirror_posture.reproduce import Experiments, Options, body, positions, ray_figures, rays, sight
 from mirror_posture.reproduce.sight import DrawingEye, NoisyEye, bounce
 from mirror_posture.reproduce.size import sweep
 from mirror_posture.reproduce.stand import Stand
@@ -73,11 +73,11 @@ def test_a_statement_that_is_not_so_is_said_not_to_hold() -> None:
             "point_pair": found.error_mm["pose"],
         },
     )
-    assert rays.fig7(eye, found, None).holds
-    assert set(list(statuses(rays.fig7(eye, swapped, None)).values())[:3]) == {"does not hold"}
+    assert ray_figures.fig7(eye, found, None).holds
+    assert set(list(statuses(ray_figures.fig7(eye, swapped, None)).values())[:3]) == {"does not hold"}
     angles = rays.against_angle(eye, 20)
     flat = replace(angles, error_mm={**angles.error_mm, "pose": np.full_like(angles.error_mm["pose"], 1.0)})
-    assert not rays.fig9(eye, flat, None).holds
+    assert not ray_figures.fig9(eye, flat, None).holds
 
 
 def test_light_takes_the_shortest_way() -> None:

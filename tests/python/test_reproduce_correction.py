@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mirror_posture.render import View, view_planes
-from mirror_posture.reproduce import correction, legs
+from mirror_posture.reproduce import correction, correction_figure, legs
 from mirror_posture.robots import TwinOptions
 
 OPTIONS = TwinOptions(pictures=False, noise_px=0.2, seed=50)
@@ -58,14 +58,14 @@ def test_the_joint_estimator_ends_within_a_millimetre() -> None:
 def test_statements_that_are_not_so_are_said_not_to_hold(by_gain: dict[float, correction.Runs]) -> None:
     stays = correction.Runs(np.repeat(by_gain[0.2].error_mm[:, :1], 5, axis=1), by_gain[0.2].measured_mm)
     claims = {
-        c.what: c.status for c in correction._paper_claims(dict.fromkeys(correction.GAINS, stays), None)
+        c.what: c.status for c in correction_figure.paper_claims(dict.fromkeys(correction.GAINS, stays), None)
     }
     assert claims["all gains"] == claims["final error"] == "does not hold"
     assert claims["λ = 0.2 converges, without overshoot"] == "does not hold"
     thrown = by_gain[0.2].error_mm.copy()
     thrown[:, 2] *= -1.0
     past = replace(by_gain[0.2], error_mm=thrown)
-    claims = {c.what: c.status for c in correction._paper_claims(by_gain | {0.2: past}, None)}
+    claims = {c.what: c.status for c in correction_figure.paper_claims(by_gain | {0.2: past}, None)}
     assert claims["λ = 0.2 converges, without overshoot"] == "does not hold"
 
 

@@ -15,7 +15,8 @@ from ..render import View
 from ..triangulate import Triangulator, triangulate
 from .claims import Claim, Experiment, judged
 from .plots import Panel, Series, drawn
-from .rays import ANGLE_DISTANCE_M, ANGLES_DEG, LADDER, size_claim
+from .ray_figures import size_claim
+from .rays import ANGLE_DISTANCE_M, ANGLES_DEG, LADDER
 from .sight import Eye, Told
 
 Floats = npt.NDArray[np.float64]

@@ -9,7 +9,7 @@ from functools import cached_property
 
 from .._core import MirrorPostureError
 from ..robots import TwinOptions
-from . import body, correction, legs, positions, rays, size
+from . import body, correction, correction_figure, legs, positions, ray_figures, rays, size
 from .claims import Experiment
 from .sight import DrawingEye, Eye, NoisyEye, Told
 from .stand import Stand
@@ -101,14 +101,14 @@ class Experiments:
         return _Counter(self._counting(what, total))
 
     def _fig7(self) -> Experiment:
-        return rays.fig7(self._eye, *self._rays_by_distance)
+        return ray_figures.fig7(self._eye, *self._rays_by_distance)
 
     def _fig8(self) -> Experiment:
-        figure = rays.fig8(self._eye, *self._rays_by_distance)
+        figure = ray_figures.fig8(self._eye, *self._rays_by_distance)
         return figure if self.options.pictures else size.added_to(figure, self._eye.stand)
 
     def _fig9(self) -> Experiment:
-        return rays.fig9(self._eye, *self._rays_by_angle)
+        return ray_figures.fig9(self._eye, *self._rays_by_angle)
 
     def _fig10(self) -> Experiment:
         return positions.fig10(*self._positions)
@@ -123,7 +123,7 @@ class Experiments:
 
     def _fig13(self) -> Experiment:
         runs = self.options.repetitions(correction.PAPER_RUNS, picture=1)
-        return correction.fig13(
+        return correction_figure.fig13(
             self._twin(self.options.seed), runs, lambda total: self._told("correcting", total)
         )
 
