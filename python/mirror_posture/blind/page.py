@@ -50,21 +50,45 @@ src="data:image/png;base64,{{ chart }}">{% endif %}
 <h2>Parameters and shrinkage</h2><p>Truth within the claimed 95 %: {{ percent(s.parameters.within_95.rate)
 }} of {{ s.parameters.within_95.of }};
 within 3 deviations: {{ percent(s.parameters.within_3_std.rate) }}. Claimed shrinkage within 5 points of the
-true one: {{ percent(s.shrinkage.within_5_points.rate) }} of {{ s.shrinkage.within_5_points.of }}.</p>
+true one of the named model: {{ percent(s.shrinkage.within_5_points.rate) }} of {{
+s.shrinkage.within_5_points.of }}; where the gap is larger than the noise {{
+percent(s.shrinkage.clear_gaps_within_5_points.rate) }} of {{ s.shrinkage.clear_gaps_within_5_points.of }};
+the claimed interval covers it in {{ percent(s.shrinkage.interval_covers.rate) }}.</p>
 {% if s.seconds %}<p>Time a session: median {{ '%.2f'|format(s.seconds.median) }} s, worst {{
-'%.2f'|format(s.seconds.worst) }} s.</p>{% endif %}
+'%.2f'|format(s.seconds.worst) }} s by the clock{% if s.cpu_seconds %}; CPU median {{
+'%.2f'|format(s.cpu_seconds.median) }} s, mean {{ '%.2f'|format(s.cpu_seconds.mean) }} s{% endif
+%}.</p>{% endif %}
 <h2>By effect (single, identifiable)</h2><table><tr><th>Effect</th><th>Right</th><th>95 %
 interval</th><th>Named instead</th></tr>
 {% for e, r in s.by_effect.items() %}<tr><td>{{ e }}</td><td class="n">{{ r.hits }} / {{ r.of }}</td>
 <td class="n">{{ percent(r.wilson95[0]) }} – {{ percent(r.wilson95[1]) }}</td>
 <td>{% for name, n in s.confusion.get(e, {}).items() if name != e %}{{ name }} × {{ n }} {% endfor
-%}</td></tr>{% endfor %}</table> <h2>Failures</h2>{% if s.failures
+%}</td></tr>{% endfor %}</table> <h2>What failures have in common</h2>
+{% for title, key in breakdowns %}<table><tr><th>{{ title }}</th><th>Found</th><th>Share</th><th>95 %
+interval</th></tr>{% for name, r in s.breakdown[key].items() %}<tr><td>{{ name }}</td><td class="n">{{ r.hits
+}} / {{ r.of }}</td><td class="n">{{ percent(r.rate) }}</td><td class="n">{{ percent(r.wilson95[0]) }} – {{
+percent(r.wilson95[1]) }}</td></tr>{% endfor %}</table>{% endfor %}
+{% if s.breakdown.invented_by_effect %}<p>Named and not there: {% for e, n in
+s.breakdown.invented_by_effect.items() %}{{ e }} × {{ n }} {% endfor %}</p>{% endif %}
+{% if s.breakdown.outside_by_kind %}<table><tr><th>Outside the vocabulary</th><th>Met</th><th>Abstained</th>
+<th>Right place</th><th>Confidently wrong</th></tr>{% for kind, r in s.breakdown.outside_by_kind.items()
+%}<tr><td>{{ kind }}</td>{% for key in ("met", "abstained", "right_place", "confidently_wrong") %}<td
+class="n">{{ r[key].hits }} / {{ r[key].of }}</td>{% endfor %}</tr>{% endfor %}</table>{% endif %}
+<h2>Failures</h2>{% if s.failures
 %}<table><tr><th>Session</th><th>True</th><th>Verdict</th><th>Said</th><th>Where</th></tr>
 {% for f in s.failures %}<tr><td>{{ f.session }}</td><td>{{ f.true|join(', ') or 'nothing' }}</td><td>{{
 f.verdict }}</td>
 <td>{{ f.said|join(', ') }}</td><td>{{ f.where|join(', ') }}</td></tr>{% endfor %}</table>{% else
 %}<p>None.</p>{% endif %}
 <p>A <code>~</code> marks the right effect at another place. Intervals are Wilson's.</p></body></html>"""
+
+
+BREAKDOWNS = (
+    ("Identifiable causes by the margin over their nearest rival (BIC)", "found_by_margin"),
+    ("By effect", "found_by_effect"),
+    ("By the number of causes", "found_by_number_of_causes"),
+    ("By robot", "found_by_robot"),
+)
 
 
 def _percent(value: float | None) -> str:
@@ -107,6 +131,11 @@ def write_page(score: dict[str, Any], path: Path) -> None:
     """Write the page of a score (the result of `score.score`) to `path`."""
     template = Environment(autoescape=True).from_string(TEMPLATE)
     html = template.render(
-        s=score, targets=TARGETS, percent=_percent, verdict=_verdict, chart=_chart(score["calibration"])
+        s=score,
+        targets=TARGETS,
+        breakdowns=BREAKDOWNS,
+        percent=_percent,
+        verdict=_verdict,
+        chart=_chart(score["calibration"]),
     )
     path.write_text(html, encoding="utf-8")

@@ -16,131 +16,27 @@ from __future__ import annotations
 import json
 import math
 from collections import Counter
-from dataclasses import dataclass
 from pathlib import Path
+from statistics import mean, median
 from typing import Any
 
+from .breakdown import breakdown
+from .comparison import (
+    Scored,
+    found,
+    found_or_tied,
+    identifiable,
+    invented,
+    name_of,
+    normalised_errors,
+    outside_verdict,
+    true_names,
+)
 from .errors import BlindError
 from .run import RESULT, sessions_in
 from .seal import unseal
 from .shrinkage import load_pixels, reference_of_folder, true_closed
 from .statistics import Rate, coverage, rate, reliability
-
-CONFIDENT = 0.5
-NOT_PARAMETERS = {
-    "effect",
-    "at",
-    "kind",
-    "tolerated",
-    "rivals",
-    "detectable",
-    "identifiable",
-    "margin",
-    "gain",
-}
-
-
-@dataclass(frozen=True)
-class Scored:
-    """One session: its answer, what was said of it, and how the two compare."""
-
-    name: str
-    answer: dict[str, Any]
-    said: dict[str, Any]
-    seconds: float | None
-    true_closed: float | None = None
-    """What the named causes truly close, where that can be computed."""
-
-    @property
-    def truths(self) -> list[dict[str, Any]]:
-        return list(self.answer["causes"])
-
-    @property
-    def causes(self) -> list[dict[str, Any]]:
-        return list(self.said.get("causes", []))
-
-    @property
-    def kind(self) -> str:
-        if not self.truths:
-            return "none"
-        if any(t["effect"] == "unknown" for t in self.truths):
-            return "outside"
-        return "single" if len(self.truths) == 1 else "several"
-
-
-def _key(cause: dict[str, Any]) -> str:
-    return f"{cause['effect']}@{cause['at']}"
-
-
-def _identifiable(case: Scored, truth: dict[str, Any]) -> bool:
-    return bool(truth.get("identifiable", case.answer.get("identifiable", False)))
-
-
-def _rivals(case: Scored, truth: dict[str, Any]) -> list[str]:
-    return list(truth.get("rivals", case.answer.get("rivals", [])))
-
-
-def true_names(case: Scored) -> set[str]:
-    """Names of the true causes, and of what they bring with them: the droop of a sticking servo is there."""
-    return {_key(t) for t in case.truths} | {_key(x) for t in case.truths for x in t.get("tolerated", [])}
-
-
-def found(case: Scored, truth: dict[str, Any]) -> bool:
-    return _key(truth) in {_key(c) for c in case.causes}
-
-
-def found_or_tied(case: Scored, truth: dict[str, Any]) -> bool:
-    """Named, or a rival of it named, or it named as an alternative."""
-    named = {_key(c) for c in case.causes}
-    alternatives = {_key(a) for c in case.causes for a in c.get("alternatives", [])}
-    return _key(truth) in named | alternatives or bool(named & set(_rivals(case, truth)))
-
-
-def invented(case: Scored) -> list[dict[str, Any]]:
-    """Named causes that are neither true, nor tolerated, nor a rival of a true one."""
-    fine = true_names(case)
-    for t in case.truths:
-        fine |= set(_rivals(case, t))
-    return [c for c in case.causes if _key(c) not in fine]
-
-
-def normalised_errors(case: Scored) -> list[float]:
-    """(value − truth) / std of each parameter of each cause that was found and carries a deviation."""
-    out = []
-    truths = {_key(t): t for t in case.truths}
-    for c in case.causes:
-        truth = truths.get(_key(c))
-        for name, estimate in c.get("parameters", {}).items() if truth else []:
-            true = truth.get(name) if truth else None
-            std = estimate.get("std")
-            if (
-                isinstance(true, int | float)
-                and isinstance(std, int | float)
-                and std > 0
-                and name not in NOT_PARAMETERS
-            ):
-                out.append((estimate["value"] - true) / std)
-    return out
-
-
-def outside_verdict(case: Scored) -> dict[str, bool]:
-    truth = case.truths[0]
-    verdict = case.said.get("verdict")
-    where = [w["at"] for w in case.said.get("where", [])]
-    same = {truth["at"]} | {c["at"] for c in case.causes if c["at"].split("<-")[0] == truth["at"]}
-    rivals = set(_rivals(case, truth))
-    named = {_key(c) for c in case.causes}
-    right_place = bool(where) and where[0].split("<-")[0] in same
-    met = (verdict in ("unknown", "partial") and right_place) or bool(named & rivals)
-    wrong = verdict == "explained" and any(
-        c.get("probability", 1.0) >= CONFIDENT and _key(c) not in rivals for c in case.causes
-    )
-    return {
-        "met": met,
-        "abstained": verdict in ("unknown", "partial"),
-        "right_place": right_place,
-        "confidently_wrong": wrong,
-    }
 
 
 def without_effect(answer: dict[str, Any], effect: str) -> dict[str, Any]:
@@ -186,9 +82,11 @@ def load(cases: Path, results: Path, leave_out: str | None = None) -> tuple[list
                 "needed mirror-posture/diagnosis 1"
             )
         clock = path.parent / "time.json"
-        seconds = json.loads(clock.read_text(encoding="utf-8"))["seconds"] if clock.is_file() else None
+        times = json.loads(clock.read_text(encoding="utf-8")) if clock.is_file() else {}
         closed = _true_closed(session, answer, said, cases / "answers" / f"{session.name}.npz")
-        scored.append(Scored(session.name, answer, said, seconds, closed))
+        scored.append(
+            Scored(session.name, answer, said, times.get("seconds"), times.get("cpu_seconds"), closed)
+        )
     return scored, missing
 
 
@@ -207,19 +105,20 @@ def score(cases: Path, results: Path, leave_out: str | None = None) -> dict[str,
     several = [c for c in scored if c.kind == "several"]
     none = [c for c in scored if c.kind == "none"]
     outside = [c for c in scored if c.kind == "outside"]
-    clear = [c for c in single if _identifiable(c, c.truths[0])]
-    unclear = [c for c in single if not _identifiable(c, c.truths[0])]
-    pairs = [(c, t) for c in several for t in c.truths if _identifiable(c, t)]
+    clear = [c for c in single if identifiable(c, c.truths[0])]
+    unclear = [c for c in single if not identifiable(c, c.truths[0])]
+    pairs = [(c, t) for c in several for t in c.truths if identifiable(c, t)]
     verdicts = {c.name: outside_verdict(c) for c in outside}
-    clear_outside = [c for c in outside if _identifiable(c, c.truths[0])]
-    claims = [(float(x["probability"]), _key(x) in true_names(c)) for c in scored for x in c.causes]
+    clear_outside = [c for c in outside if identifiable(c, c.truths[0])]
+    claims = [(float(x["probability"]), name_of(x) in true_names(c)) for c in scored for x in c.causes]
     errors = [z for c in scored for z in normalised_errors(c)]
     named, false_names = sum(len(c.causes) for c in several), sum(len(invented(c)) for c in several)
     by_effect = {}
     for effect in sorted({c.truths[0]["effect"] for c in single}):
         mine = [c for c in clear if c.truths[0]["effect"] == effect]
         by_effect[effect] = rate([found(c, c.truths[0]) and not invented(c) for c in mine]).as_json()
-    times = sorted(c.seconds for c in scored if c.seconds is not None)
+    times = [c.seconds for c in scored if c.seconds is not None]
+    cpu = [c.cpu_seconds for c in scored if c.cpu_seconds is not None]
     return {
         "format": "mirror-posture/blind-score",
         "version": 1,
@@ -241,11 +140,13 @@ def score(cases: Path, results: Path, leave_out: str | None = None) -> dict[str,
             [verdicts[c.name]["confidently_wrong"] for c in clear_outside]
         ).as_json(),
         "by_effect": by_effect,
+        "breakdown": breakdown(scored),
         "confusion": confusion(clear),
         "calibration": reliability([p for p, _ in claims], [r for _, r in claims]),
         "parameters": coverage(errors),
         "shrinkage": shrinkage(scored),
-        "seconds": {"median": times[len(times) // 2], "worst": times[-1]} if times else None,
+        "seconds": {"median": median(times), "worst": max(times)} if times else None,
+        "cpu_seconds": {"median": median(cpu), "mean": mean(cpu), "worst": max(cpu)} if cpu else None,
         "failures": failures(scored),
     }
 
@@ -301,9 +202,9 @@ def failures(scored: list[Scored]) -> list[dict[str, Any]]:
         if c.kind == "none":
             wrong = c.said.get("verdict") != "none"
         elif c.kind == "outside":
-            wrong = _identifiable(c, c.truths[0]) and not outside_verdict(c)["met"]
+            wrong = identifiable(c, c.truths[0]) and not outside_verdict(c)["met"]
         else:
-            wrong = any(_identifiable(c, t) and not found(c, t) for t in c.truths) or bool(invented(c))
+            wrong = any(identifiable(c, t) and not found(c, t) for t in c.truths) or bool(invented(c))
         if wrong:
             out.append(
                 {
@@ -311,7 +212,7 @@ def failures(scored: list[Scored]) -> list[dict[str, Any]]:
                     "kind": c.kind,
                     "true": [f"{t.get('kind', t['effect'])}@{t['at']}" for t in c.truths],
                     "verdict": c.said.get("verdict"),
-                    "said": [f"{_key(x)} ({x.get('probability', float('nan')):.2f})" for x in c.causes],
+                    "said": [f"{name_of(x)} ({x.get('probability', float('nan')):.2f})" for x in c.causes],
                     "where": [w["at"] for w in c.said.get("where", [])[:2]],
                 }
             )

@@ -1,0 +1,125 @@
+"""One session: what was said against what was true, by the rules of the score."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+CONFIDENT = 0.5
+NOT_PARAMETERS = {
+    "effect",
+    "at",
+    "kind",
+    "tolerated",
+    "rivals",
+    "detectable",
+    "identifiable",
+    "margin",
+    "gain",
+}
+
+
+@dataclass(frozen=True)
+class Scored:
+    """One session: its answer, what was said of it, and how the two compare."""
+
+    name: str
+    answer: dict[str, Any]
+    said: dict[str, Any]
+    seconds: float | None = None
+    cpu_seconds: float | None = None
+    true_closed: float | None = None
+    """What the named causes truly close, where that can be computed."""
+
+    @property
+    def truths(self) -> list[dict[str, Any]]:
+        return list(self.answer["causes"])
+
+    @property
+    def causes(self) -> list[dict[str, Any]]:
+        return list(self.said.get("causes", []))
+
+    @property
+    def kind(self) -> str:
+        if not self.truths:
+            return "none"
+        if any(t["effect"] == "unknown" for t in self.truths):
+            return "outside"
+        return "single" if len(self.truths) == 1 else "several"
+
+
+def name_of(cause: dict[str, Any]) -> str:
+    return f"{cause['effect']}@{cause['at']}"
+
+
+def identifiable(case: Scored, truth: dict[str, Any]) -> bool:
+    return bool(truth.get("identifiable", case.answer.get("identifiable", False)))
+
+
+def rivals_of(case: Scored, truth: dict[str, Any]) -> list[str]:
+    return list(truth.get("rivals", case.answer.get("rivals", [])))
+
+
+def true_names(case: Scored) -> set[str]:
+    """Names of the true causes, and of what they bring with them: the droop of a sticking servo is there."""
+    return {name_of(t) for t in case.truths} | {
+        name_of(x) for t in case.truths for x in t.get("tolerated", [])
+    }
+
+
+def found(case: Scored, truth: dict[str, Any]) -> bool:
+    return name_of(truth) in {name_of(c) for c in case.causes}
+
+
+def found_or_tied(case: Scored, truth: dict[str, Any]) -> bool:
+    """Named, or a rival of it named, or it named as an alternative."""
+    named = {name_of(c) for c in case.causes}
+    alternatives = {name_of(a) for c in case.causes for a in c.get("alternatives", [])}
+    return name_of(truth) in named | alternatives or bool(named & set(rivals_of(case, truth)))
+
+
+def invented(case: Scored) -> list[dict[str, Any]]:
+    """Named causes that are neither true, nor tolerated, nor a rival of a true one."""
+    fine = true_names(case)
+    for t in case.truths:
+        fine |= set(rivals_of(case, t))
+    return [c for c in case.causes if name_of(c) not in fine]
+
+
+def normalised_errors(case: Scored) -> list[float]:
+    """(value − truth) / std of each parameter of each cause that was found and carries a deviation."""
+    out = []
+    truths = {name_of(t): t for t in case.truths}
+    for c in case.causes:
+        truth = truths.get(name_of(c))
+        for name, estimate in c.get("parameters", {}).items() if truth else []:
+            true = truth.get(name) if truth else None
+            std = estimate.get("std")
+            if (
+                isinstance(true, int | float)
+                and isinstance(std, int | float)
+                and std > 0
+                and name not in NOT_PARAMETERS
+            ):
+                out.append((estimate["value"] - true) / std)
+    return out
+
+
+def outside_verdict(case: Scored) -> dict[str, bool]:
+    truth = case.truths[0]
+    verdict = case.said.get("verdict")
+    where = [w["at"] for w in case.said.get("where", [])]
+    same = {truth["at"]} | {c["at"] for c in case.causes if c["at"].split("<-")[0] == truth["at"]}
+    rivals = set(rivals_of(case, truth))
+    named = {name_of(c) for c in case.causes}
+    right_place = bool(where) and where[0].split("<-")[0] in same
+    met = (verdict in ("unknown", "partial") and right_place) or bool(named & rivals)
+    wrong = verdict == "explained" and any(
+        c.get("probability", 1.0) >= CONFIDENT and name_of(c) not in rivals for c in case.causes
+    )
+    return {
+        "met": met,
+        "abstained": verdict in ("unknown", "partial"),
+        "right_place": right_place,
+        "confidently_wrong": wrong,
+    }
