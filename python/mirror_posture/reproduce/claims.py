@@ -42,6 +42,11 @@ class Experiment:
     """What had to be chosen because the paper does not tell, and what could not be had."""
 
     @property
+    def label(self) -> str:
+        """As the paper writes it: `Fig. 7`, `Table I`."""
+        return self.name.replace("fig", "Fig. ").replace("table1", "Table I")
+
+    @property
     def holds(self) -> bool:
         """Whether no statement failed."""
         return all(claim.status != "does not hold" for claim in self.claims)

@@ -121,7 +121,7 @@ def _panel(
 
 def paper_claims(paper: Mapping[float, Runs], long: Runs | None) -> list[Claim]:
     last = {gain: float(runs.mean[-1]) for gain, runs in paper.items()}
-    ends = ", ".join(f"{gain:g}: {mm:.1f}" for gain, mm in last.items())
+    ends = ", ".join(f"{gain:.1f}: {mm:.1f}" for gain, mm in last.items())
     smooth = paper[GAINS[0]]
     falls = bool(np.all(np.diff(smooth.distance_mm, axis=1) < 0.0))
     beyond = _overshot(smooth if long is None else long)
@@ -150,7 +150,7 @@ def paper_claims(paper: Mapping[float, Runs], long: Runs | None) -> list[Claim]:
             "larger gains",
             "a correction that overshoots an angle can harm the convergence",
             "largest overshoot by λ: "
-            + ", ".join(f"{gain:g}: {mm:.1f}" for gain, mm in overshot.items())
+            + ", ".join(f"{gain:.1f}: {mm:.1f}" for gain, mm in overshot.items())
             + " mm",
             overshot[GAINS[-1]] >= overshot[GAINS[0]],
         ),
@@ -172,7 +172,7 @@ def _other_claims(found: Mapping[str, Mapping[float, Runs]]) -> list[Claim]:
     claims = []
     if PLAIN.name in found:
         plain = found[PLAIN.name]
-        ends = ", ".join(f"{gain:g}: {runs.mean[-1]:.1f}" for gain, runs in plain.items())
+        ends = ", ".join(f"{gain:.1f}: {runs.mean[-1]:.1f}" for gain, runs in plain.items())
         all_fall = all(runs.mean[-1] < runs.mean[0] for runs in plain.values())
         claims.append(
             Claim(

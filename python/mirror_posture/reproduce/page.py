@@ -67,7 +67,7 @@ def document(options: Options, done: Sequence[Experiment]) -> dict[str, Any]:
 def rows(done: Sequence[Experiment]) -> list[tuple[str, str, str, str, str]]:
     """The table: figure, what, the paper, here, verdict."""
     return [
-        (experiment.name if first else "", claim.what, claim.paper, claim.here, claim.status)
+        (experiment.label if first else "", claim.what, claim.paper, claim.here, claim.status)
         for experiment in done
         for first, claim in zip((True, *[False] * len(experiment.claims)), experiment.claims, strict=False)
     ]
@@ -89,7 +89,7 @@ def markdown(options: Options, done: Sequence[Experiment]) -> str:
     ]
     lines += ["| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in rows(done)]
     for experiment in done:
-        lines.append(f"\n## {experiment.name}: {experiment.title}\n")
+        lines.append(f"\n## {experiment.label}: {experiment.title}\n")
         lines += [f"![{experiment.title}]({name})" for name in experiment.pictures]
         lines += [f"\n{note}" for note in experiment.notes]
     return "\n".join(lines) + "\n"

@@ -25,7 +25,7 @@ ANGLES_DEG = (-15.0, -10.0, -5.0, 0.0, 5.0, 10.0, 15.0, 20.0, 25.0)
 ANGLE_DISTANCE_M = 0.150
 
 PAPER_SIZE_NOISE_PX = 1.3
-"""The corner noise at which Eq. 1 comes near to the top of the axes of Figs. 8 to 11 (90, 12, 50 and 25 mm) all at once: found by a sweep
+"""The corner noise at which Eq. 1 fills the axes of Figs. 8 to 11 (90, 12, 50 and 25 mm) to between a half and the whole, all at once: found by a sweep
 over 0.2 to 2 px, docs/reproduce.md. It says how large the paper's errors are in px; nothing of their course depends on it."""
 
 WITHOUT = "Without the mirror constraint"

@@ -74,7 +74,7 @@ def command(
     for experiment in Experiments(options, output.counting).each():
         done.append(experiment)
         write(out, options, done)
-        output.say(f"{experiment.name}: {experiment.title}: {_verdict(experiment)}")
+        output.say(f"{experiment.label}: {experiment.title}: {_verdict(experiment)}")
     output.table(
         "What the paper found, and what was found here",
         ("*figure", "~what", "~the paper", "~here", "*"),
