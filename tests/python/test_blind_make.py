@@ -14,12 +14,13 @@ pytest.importorskip("mujoco", reason="blind sessions need MuJoCo")
 
 from mirror_posture.blind import BlindError
 from mirror_posture.blind.effects import VOCABULARY
+from mirror_posture.blind.errors import NoPlaceError
 from mirror_posture.blind.identify import judge
 from mirror_posture.blind.make import make_cases
 from mirror_posture.blind.outside import OUTSIDE
 from mirror_posture.blind.simulate import KINDS, Case, Options, simulate
 
-QUICK = Options(robots=("small",), frames=(80, 81))
+QUICK = Options(robots=("small",), frames=(50, 51), least_postures=25)
 
 
 def _case(effects: list[str], seed: int, options: Options = QUICK) -> Case:
@@ -135,6 +136,26 @@ def test_what_is_seen_twice_as_noisily_is_no_longer_told_apart() -> None:
     noisy = judge(case)
     assert clear["detectable"] and not noisy["detectable"]
     assert noisy["nominal_chi2"] == pytest.approx(clear["nominal_chi2"] / 1e4, rel=0.05)
+
+
+def test_a_robot_that_cannot_have_the_drawn_causes_is_drawn_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(NoPlaceError, match="no free place left for 'geometry'"):
+        _case(["geometry", "geometry"], 0)
+    seeds: list[object] = []
+
+    def refusing(name: str, kind: str, draws: list[str], rng: np.random.Generator, options: Options) -> Case:
+        seeds.append(rng.bit_generator.seed_seq.entropy)  # type: ignore[attr-defined]
+        if len(seeds) < 3:
+            raise NoPlaceError("none")
+        return simulate(name, kind, [], rng, options)
+
+    monkeypatch.setattr("mirror_posture.blind.make.simulate", refusing)
+    make_cases(tmp_path, 1, 7, QUICK)
+    assert seeds == [[7, 0], [7, 0, 1], [7, 0, 2]]
+    answer = json.loads((tmp_path / "answers" / "case-0000.json").read_text(encoding="utf-8"))
+    assert answer["seed"] == [7, 0, 2]
 
 
 def test_an_unknown_effect_is_named_with_those_that_are_known() -> None:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import BlindError
+from .errors import NoPlaceError
 from .robots import Robot
 from .truth import Bend, Commands, Loose, Truth
 
@@ -76,7 +76,7 @@ def _signed(rng: np.random.Generator, low: float, high: float) -> float:
 
 def _pick(rng: np.random.Generator, names: list[str], what: str) -> str:
     if not names:
-        raise BlindError(f"this robot has no place for {what}")
+        raise NoPlaceError(f"this robot has no place for {what}")
     return str(names[int(rng.integers(len(names)))])
 
 

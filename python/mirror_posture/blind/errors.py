@@ -3,3 +3,7 @@
 
 class BlindError(ValueError):
     """A blind check cannot be made, run or scored; the message names the file or the option and the fix."""
+
+
+class NoPlaceError(BlindError):
+    """A drawn effect has no place left on a drawn robot."""

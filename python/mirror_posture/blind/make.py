@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from .effects import VOCABULARY
+from .errors import NoPlaceError
 from .identify import judge
 from .outside import OUTSIDE
 from .seal import seal
@@ -29,6 +30,7 @@ COMBINABLE_ONCE = {
     "mirror_curvature",
 }
 """At most one of these in a session with several causes: two optical ones hide each other."""
+ATTEMPTS = 20
 NOT_AMONG_SEVERAL = {"geometry", "pairing"}
 
 
@@ -85,14 +87,22 @@ class _Job:
 
 
 def _make(job: _Job) -> str:
-    rng = np.random.default_rng([job.seed, job.number])
-    if job.planned is None:
-        kind = str(rng.choice(list(job.options.robots)))
-        draws: Sequence[str] = draw_causes(rng, job.options, sorted(VOCABULARY))
-    else:
-        _, kind, draws = job.planned
-    case = simulate(job.name, kind, draws, rng, job.options)
-    case.answer["seed"] = [job.seed, job.number]
+    for attempt in range(ATTEMPTS):
+        seed = [job.seed, job.number, *([attempt] if attempt else [])]
+        rng = np.random.default_rng(seed)
+        if job.planned is None:
+            kind = str(rng.choice(list(job.options.robots)))
+            draws: Sequence[str] = draw_causes(rng, job.options, sorted(VOCABULARY))
+        else:
+            _, kind, draws = job.planned
+        try:
+            case = simulate(job.name, kind, draws, rng, job.options)
+            break
+        except NoPlaceError:
+            # Three springs on an arm with two loaded joints: this robot cannot have them, another draw is taken.
+            if job.planned is not None or attempt == ATTEMPTS - 1:
+                raise
+    case.answer["seed"] = seed
     case.answer |= judge(case)
     save(case, job.out, rng)
     return job.name

@@ -17,7 +17,7 @@ from . import optics, robots
 from .body import Body, BodyPoses
 from .drawn_robots import random_robot, small_humanoid
 from .effects import VOCABULARY, Cause, Laws, Scene, transverse_axes
-from .errors import BlindError
+from .errors import BlindError, NoPlaceError
 from .given_robots import SUFFIXES, from_file
 from .known_robots import talos, unitree_g1, ur10
 from .noise import Noise, add_outliers, blob_errors, corner_errors, draw_noise
@@ -339,4 +339,4 @@ def _draw_apart(
         if cause["at"].split("<-")[0] not in taken:
             vars(truth).update(vars(trial))
             return cause
-    raise BlindError(f"no free place left for {effect!r}")
+    raise NoPlaceError(f"no free place left for {effect!r}")
