@@ -13,7 +13,7 @@ import json
 import time
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -148,11 +148,13 @@ class Watched(MujocoRobot):
         return super().command(positions)
 
 
-def draw(number: int, nominal: Nominal) -> Body:
-    """Body `number`: the same each time."""
+def draw(
+    number: int, nominal: Nominal, scale: float = 1.0, near_limit_share: float = NEAR_LIMIT_SHARE
+) -> Body:
+    """Body `number`, the same each time; all its effects are `scale` times as large."""
     rng = np.random.default_rng([20261121, number])
     sides = str(rng.choice(["r", "l", "rl"], p=[0.4, 0.4, 0.2]))
-    near_limit = bool(rng.random() < NEAR_LIMIT_SHARE)
+    near_limit = bool(rng.random() < near_limit_share)
     while True:
         posture = {}
         for side in sides:
@@ -166,7 +168,9 @@ def draw(number: int, nominal: Nominal) -> Body:
             break
     hidden = []
     for name in rng.permutation(sorted(EFFECTS))[: int(rng.integers(2, 4))]:
-        hidden.append(EFFECTS[str(name)](rng, sides[int(rng.integers(len(sides)))]))
+        one = EFFECTS[str(name)](rng, sides[int(rng.integers(len(sides)))])
+        larger = {key: p if key == "friction_nm" else scale * p for key, p in one.parameters.items()}
+        hidden.append(replace(one, parameters=larger))
     return Body(number, sides, posture, tuple(hidden), near_limit)
 
 
@@ -244,11 +248,13 @@ def summary(results: list[Result]) -> dict[str, object]:
     unreachable = [r for r in results if not r.reachable]
     return {
         "bodies": len(results),
+        "within_1_mm_before": sum(r.first_m < TOLERANCE_M for r in reachable),
         "reachable": len(reachable),
         "within_1_mm": len(good),
         "within_1_mm_share": len(good) / max(1, len(reachable)),
         "looks_median": float(np.median([r.looks for r in reachable])) if reachable else None,
         "looks_90_percent": float(np.percentile([r.looks for r in reachable], 90)) if reachable else None,
+        "first_mm_largest": 1e3 * max((r.first_m for r in reachable), default=0.0),
         "first_mm_median": 1e3 * float(np.median([r.first_m for r in reachable])) if reachable else None,
         "last_mm_median": 1e3 * float(np.median([r.last_m for r in reachable])) if reachable else None,
         "wrong_converged": sum(not r.good for r in converged),
@@ -267,10 +273,14 @@ def main() -> None:
     parser.add_argument("--bodies", type=int, default=200)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--out", type=Path, help="a JSON file for every body's result")
+    parser.add_argument("--scale", type=float, default=1.0, help="how many times as large the effects are")
+    parser.add_argument(
+        "--near-limit", type=float, default=NEAR_LIMIT_SHARE, help="share of targets near a joint's limit"
+    )
     given = parser.parse_args()
     nominal, results = Nominal.load(), []
     for number in range(given.first, given.first + given.bodies):
-        results.append(run(draw(number, nominal), nominal))
+        results.append(run(draw(number, nominal, given.scale, given.near_limit), nominal))
         r = results[-1]
         if not r.good or r.stop != "converged" or r.looks > 6:
             effects = ", ".join(f"{e.effect} {e.at}" for e in r.body.hidden)

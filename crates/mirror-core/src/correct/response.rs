@@ -28,23 +28,24 @@ pub struct JointResponse {
 #[derive(Debug, Clone)]
 pub(super) struct Move {
     pub change: Vec<f64>,
+    /// The model's J at the middle of the step, 3M×N.
+    pub jacobian: DMatrix<f64>,
     pub moved_m: Vec<Vector3<f64>>,
     pub covariance_m2: Vec<Matrix3<f64>>,
 }
 
 /// The responses r that minimise `Σ ‖Δp − J diag(Δθ) r‖²_Σ + ‖(r − 1) / σ‖²` over all steps; one for each joint that was moved.
 ///
-/// `jacobian` is 3M×N, `names` N.
-pub(super) fn responses(moves: &[Move], jacobian: &DMatrix<f64>, names: &[&str]) -> Vec<JointResponse> {
-    let joints: Vec<usize> =
-        (0..jacobian.ncols()).filter(|&j| moves.iter().any(|m| m.change[j] != 0.0)).collect();
+/// J is each step's own; `names` N.
+pub(super) fn responses(moves: &[Move], names: &[&str]) -> Vec<JointResponse> {
+    let joints: Vec<usize> = (0..names.len()).filter(|&j| moves.iter().any(|m| m.change[j] != 0.0)).collect();
     let n = joints.len();
     let mut information = DMatrix::identity(n, n) / (PRIOR_STD * PRIOR_STD);
     let mut pull = DVector::from_element(n, 1.0 / (PRIOR_STD * PRIOR_STD));
     for one in moves {
         for (m, (moved, covariance)) in one.moved_m.iter().zip(&one.covariance_m2).enumerate() {
             let Some(weight) = covariance.try_inverse() else { continue };
-            let column = |j: usize| jacobian.fixed_view::<3, 1>(3 * m, j).into_owned() * one.change[j];
+            let column = |j: usize| one.jacobian.fixed_view::<3, 1>(3 * m, j).into_owned() * one.change[j];
             for (a, &j) in joints.iter().enumerate() {
                 let weighted = weight * column(j);
                 pull[a] += weighted.dot(moved);

@@ -1,10 +1,11 @@
 //! What a correction believes of its readings, and what it learns from them.
 
 use super::super::bounds::{DistanceBounds, deviate_of_look};
-use super::super::jacobian::{JacobianSource, broyden_update};
+use super::super::jacobian::{JacobianSource, broyden_update, marker_jacobian};
 use super::super::plausible::{Expected, Implausible, surprise};
 use super::super::response::Move;
 use super::{Corrector, Last, MarkerError, Reading};
+use crate::error::Result;
 use nalgebra::Matrix3;
 
 impl Corrector {
@@ -77,15 +78,21 @@ impl Corrector {
     }
 
     /// Remembers the look, what the last step did, and corrects J by it; whether there was a step.
-    pub(super) fn learn(&mut self, readings: &[Option<Reading>]) -> bool {
+    pub(super) fn learn(&mut self, readings: &[Option<Reading>]) -> Result<bool> {
         let now: Vec<Reading> = readings.iter().flatten().copied().collect();
         let mut moved = false;
         if let Some(last) = &self.last {
             let change: Vec<f64> = self.command.iter().zip(&last.command).map(|(a, b)| a - b).collect();
             moved = change.iter().any(|x| *x != 0.0);
             if moved {
+                // At the middle of the way: over a long one, or near a stretched limb, the reference J is not what acted.
+                let middle: Vec<f64> =
+                    self.command.iter().zip(&last.command).map(|(a, b)| 0.5 * (a + b)).collect();
+                let (t, mut jacobian) = (&self.target, self.jacobian.clone());
+                marker_jacobian(&t.robot, &middle, t.frame_link, &t.marker_links, &mut jacobian)?;
                 let one = Move {
                     change,
+                    jacobian,
                     moved_m: now.iter().zip(&last.point_m).map(|(r, p)| r.point_in_frame_m - p).collect(),
                     covariance_m2: now
                         .iter()
@@ -107,6 +114,6 @@ impl Corrector {
             covariance_m2: now.iter().map(|r| r.covariance_m2).collect(),
             command: self.command.clone(),
         });
-        moved
+        Ok(moved)
     }
 }

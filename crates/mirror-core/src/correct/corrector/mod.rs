@@ -169,7 +169,7 @@ impl Corrector {
     /// How far each joint did what it was told so far.
     pub fn responses(&self) -> Vec<JointResponse> {
         let names: Vec<&str> = self.target.robot.position_names().collect();
-        responses(&self.moves, &self.jacobian, &names)
+        responses(&self.moves, &names)
     }
 
     /// Takes the readings of one look at [`Self::command`] (one for each marker, none where it was not measured) and decides.
@@ -258,7 +258,7 @@ impl Corrector {
         self.failures = 0;
         let judge = self.options.judge;
         let surprising = self.surprising(readings);
-        let moved = self.learn(readings);
+        let moved = self.learn(readings)?;
         let below = errors.bounds_m(judge.wrong_converged, 1.0);
         if below.iter().all(|&bound| bound < judge.tolerance_m) {
             if surprising && !self.confirmed {
