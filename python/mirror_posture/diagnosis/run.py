@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 from .._core import MirrorPostureError
 from ..session import Session, load_session
+from .encoders import encoder_witness
 from .markers import marker_of_place, only_markers
 from .recording import to_core
 from .result import Diagnosis
@@ -61,6 +62,9 @@ def diagnose(
             if entry["session"].startswith(WITNESS)
         ]
         tree["gap"]["checked"] = [entry for entry in checked if not entry["session"].startswith(WITNESS)]
+    encoders = encoder_witness(loaded, tree)
+    if encoders:
+        tree["encoder_witness"] = encoders
     return Diagnosis.from_document(tree)
 
 

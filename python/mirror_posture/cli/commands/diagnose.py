@@ -199,6 +199,14 @@ def _show(output: Output, folder: Path, found: Diagnosis) -> None:
         gaps,
         caption=closed,
     )
+    encoders = found.document.get("encoder_witness", ())
+    if encoders:
+        columns = ("before", "after", "before_zero_free", "after_zero_free")
+        output.table(
+            "Encoders that no fit saw: RMS of reading less prediction, mrad (a prismatic joint: mm)",
+            ("*joint", "before", "after", "before, zero free", "after, zero free"),
+            [(e["joint"], *(f"{1e3 * e[key]:.2f}" for key in columns)) for e in encoders],
+        )
     for place in found.where:
         if place.depends_on:
             output.say(
