@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -146,16 +147,21 @@ def run_once(way: Way, gain: float, corrections: int, options: TwinOptions) -> t
         true.setdefault(report.steps, error_mm(robot))
         distance = report.markers[0].distance_m
         measured.setdefault(report.steps, math.nan if distance is None else distance * 1e3)
+        if report.steps >= corrections:
+            raise EnoughCorrectionsError
 
-    with robot:
-        outcome = correct(robot, TARGET_RAD, way.options(gain, corrections), on_look=on_look)
-    not_stopped(outcome)
+    with robot, suppress(EnoughCorrectionsError):
+        not_stopped(correct(robot, TARGET_RAD, way.options(gain, corrections), on_look=on_look))
     errors, distances = [true[0]], [measured[0]]
     for step in range(1, corrections + 1):
         # Where the loop saw nothing to correct it gave no further command: the hand stays where it is.
         errors.append(true.get(step, errors[-1]))
         distances.append(measured.get(step, math.nan))
     return np.array(errors), np.array(distances)
+
+
+class EnoughCorrectionsError(Exception):
+    """As many corrections as the paper made: ends a loop that would go on."""
 
 
 def not_stopped(outcome: Outcome) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import shutil
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -18,7 +19,7 @@ from ..robots import HiddenEffect, Look, TwinOptions, TwinRobot
 from ..session.camera_info import dump_camera_info, load_camera_info
 from .body import MARKER, PLAY_RAD, TARGET_RAD, Body, error_mm
 from .claims import Experiment, judged
-from .correction import CORRECTIONS, ON_AND_ON, SPARE_LOOKS, not_stopped
+from .correction import CORRECTIONS, ON_AND_ON, SPARE_LOOKS, EnoughCorrectionsError, not_stopped
 from .plots import EQ1, OURS, STYLE, png
 from .sight import Told
 
@@ -99,6 +100,8 @@ def on_its_legs(options: TwinOptions, told: Told | None = None) -> tuple[list[St
 
     def on_look(report: LookReport) -> None:
         steps.setdefault(report.steps, Step(error_mm(robot), robot.body.link_poses()))
+        if report.steps >= CORRECTIONS:
+            raise EnoughCorrectionsError
 
     def on_picture(_: Look, __: int) -> None:
         yaws.append(robot.seen_view.yaw_rad)
@@ -113,10 +116,9 @@ def on_its_legs(options: TwinOptions, told: Told | None = None) -> tuple[list[St
         view_joints=VIEW_JOINTS,
         extra_views=0,
     )
-    with robot:
-        outcome = correct(robot, TARGET_RAD, choice, on_look=on_look, on_picture=on_picture)
-    not_stopped(outcome)
-    return [steps[k] for k in sorted(steps) if k <= CORRECTIONS], yaws
+    with robot, suppress(EnoughCorrectionsError):
+        not_stopped(correct(robot, TARGET_RAD, choice, on_look=on_look, on_picture=on_picture))
+    return [steps[k] for k in sorted(steps)], yaws
 
 
 def fig14(options: TwinOptions, told: Told | None = None) -> Experiment:
