@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -22,11 +22,19 @@ Floats = npt.NDArray[np.float64]
 YAWS_RAD = tuple(math.radians(x) for x in (0, -5, 5, -10, 10, -15, 15, -20, 20, -25, 25))
 PITCHES_RAD = tuple(math.radians(x) for x in (0, -5, 5, -10, 10, -15, 15))
 MARGIN_PX = 12.0
-"""Nearer to the picture's edge nothing is planned: the stand may be a few degrees off."""
+"""Nearer to the picture's edge nothing is planned: a ball would be cut."""
+STAND_STD_RAD = math.radians(1.0)
+"""How far off a hand-turned stand ends up. The mirror's picture turns twice as far."""
+RISK = 2.0
+"""How much worse a set of views is for each view that is sure to lose a marker over the picture's edge: a look is spent on it."""
 STEEPEST_RAD = math.radians(60.0)
 """A board that is turned farther from the mirror is not planned."""
 USUAL_NOISE_PX = 0.1
 """Of corners and ball centres, where the session says nothing."""
+RISK_TAKEN = 0.1
+"""A view with more than this chance of losing a marker is not taken while the mirror can stand farther away."""
+FARTHER = (1.25, 1.5, 1.8)
+USUAL_VIEWS = 3
 EASE = 0.1
 """How much better (a part of the deviation) a view turned by the farthest angle must be to be taken before one straight ahead."""
 PITCH_APART_RAD = math.radians(5.0)
@@ -40,6 +48,8 @@ class Prospect:
 
     view: View
     points: ImagePoints
+    risk: float
+    """The probability that the stand's error puts a marker or a corner over the picture's edge."""
 
 
 def prospects(
@@ -79,6 +89,9 @@ def prospects(
         inside &= points @ normal < distance
         if not inside[needed].all():
             continue
+        edge = np.minimum(pixels, size - 1 - pixels)[needed].min() - MARGIN_PX
+        shift = 2.0 * info.fx_px * STAND_STD_RAD
+        risk = 0.5 * math.erfc(float(edge) / shift / math.sqrt(2.0))
         marker_seen = np.zeros(len(metadata.markers), dtype=bool)
         marker_seen[target.marker_indices] = True
         found.append(
@@ -90,6 +103,7 @@ def prospects(
                     np.where(marker_seen[:, None], pixels[len(corners) :], 0.0),
                     marker_seen,
                 ),
+                risk,
             )
         )
     return found
@@ -122,23 +136,45 @@ def predicted_std_m(target: Target, sets: Sequence[Sequence[Prospect]]) -> Float
 def propose_views(
     target: Target, count: int, kept: Sequence[View] = (), start: View | None = None
 ) -> list[View]:
-    """`count` views, best first: board and markers in sight, and the markers' worst deviation as small as the model predicts.
+    """`count` views, best first: board and markers in sight, and the markers' worst deviation as small as the model predicts,
+    weighed with the risk that a marker is lost over the picture's edge.
 
     Begins with `kept`, or else with the best pair; then adds one at a time what helps most. Among nearly equal ones the
-    view that is turned less wins. The third differs in pitch where the first two do not. Fewer are returned where the
+    view that is turned less wins. The third differs in pitch where the first two do not. The mirror stands as far away as
+    in `start`, or farther (all views alike) where the markers do not fit into the picture. Fewer are returned where the
     model sees fewer (none, if the markers are not to be seen in this mirror).
     """
     start = start or View()
+    best = _proposal(target, count, kept, start)
+    for factor in () if kept else FARTHER:
+        if best.risk <= RISK_TAKEN and len(best.views) >= count:
+            break
+        other = _proposal(target, count, kept, replace(start, distance_m=factor * start.distance_m))
+        if len(other.views) > len(best.views) or other.cost < best.cost:
+            best = other
+    return best.views
+
+
+@dataclass(frozen=True)
+class _Proposal:
+    """Views with the cost and the largest risk of those that a look begins with."""
+
+    views: list[View]
+    cost: float = math.inf
+    risk: float = math.inf
+
+
+def _proposal(target: Target, count: int, kept: Sequence[View], start: View) -> _Proposal:
     options = prospects(target, start)
     if not options:
-        return list(kept)
+        return _Proposal(list(kept))
     chosen = [p for view in kept for p in prospects(target, view, (view.yaw_rad,), (view.pitch_rad,))]
     if len(chosen) < 2:
         first = chosen or options
         pairs = [[a, b] for i, a in enumerate(first) for b in (options if chosen else options[i + 1 :])]
         cost = predicted_std_m(target, pairs) * np.array([_effort(pair) for pair in pairs])
         if not len(pairs) or not np.isfinite(cost).any():
-            return list(kept)
+            return _Proposal(list(kept))
         chosen = list(pairs[int(np.argmin(cost))])
     while len(chosen) < count:
         rest = [p for p in options if all(p.view != c.view for c in chosen)]
@@ -151,13 +187,16 @@ def propose_views(
         sets = [[*chosen, p] for p in rest]
         cost = predicted_std_m(target, sets) * np.array([_effort([p]) for p in rest])
         chosen.append(rest[int(np.argmin(cost))])
-    others = list(kept) + [c.view for c in chosen if c.view not in kept]
-    return others[:count]
+    head = chosen[:USUAL_VIEWS]
+    views = (list(kept) + [c.view for c in chosen if c.view not in kept])[:count]
+    cost = float(predicted_std_m(target, [head])[0]) * _effort(head)
+    return _Proposal(views, cost, max(p.risk for p in head))
 
 
 def _effort(views: Sequence[Prospect]) -> float:
+    """What a set of views costs beside its deviation: turning, and markers that may be lost."""
     farthest = max(max(abs(p.view.yaw_rad), abs(p.view.pitch_rad)) for p in views)
-    return 1.0 + EASE * farthest / YAWS_RAD[-1]
+    return (1.0 + EASE * farthest / YAWS_RAD[-1]) * (1.0 + RISK * sum(p.risk for p in views))
 
 
 def view_normal(view: View) -> Floats:

@@ -30,6 +30,12 @@ impl Errors {
         self.error_m.iter().zip(&self.covariance_m2).map(|(e, c)| DistanceBounds::new(e, c).at(z)).collect()
     }
 
+    /// The upper bounds that an error of 0 would have been given with these covariances, m.
+    pub fn bounds_at_zero_m(&self, whole: f64) -> Vec<f64> {
+        let z = deviate_of_look(whole, self.look, self.error_m.len());
+        self.covariance_m2.iter().map(|c| DistanceBounds::new(&Vector3::zeros(), c).at(z)).collect()
+    }
+
     /// Root mean square distance, m.
     pub fn rms_m(&self) -> f64 {
         rms(&self.error_m)

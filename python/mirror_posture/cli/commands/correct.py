@@ -132,7 +132,7 @@ def command(
     }
     outcome, options = _run(output, out, settings, resume)
     written = _pictures(output, out, outcome, options)
-    _tell(output, outcome, written)
+    _tell(output, outcome, _sliding(out), written)
     output.result(
         {"stop": {"sentence": outcome.stop.sentence, **asdict(outcome.stop)}, **_rest(outcome), "folder": out}
     )
@@ -162,13 +162,15 @@ def _run(output: Output, out: Path, settings: dict[str, Any], resume: bool) -> t
         posture = _posture(settings)
         nominal = Nominal.load(settings["session"]) if settings["session"] else Nominal.load()
     options = build_options(settings)
-    with _progress(output) as (say, on_look), _terminable():
+    with _progress(output) as (say, on_look, on_picture), _terminable():
         with open_robot(settings, nominal, say) as machine:
             if recorder is None:
                 recorder = Recorder.start(
                     out, nominal, machine.joint_names, {"settings": settings, "posture": posture}
                 )
-            outcome = correct(machine, posture, options, recorder=recorder, on_look=on_look)
+            outcome = correct(
+                machine, posture, options, recorder=recorder, on_look=on_look, on_picture=on_picture
+            )
     return outcome, options
 
 
@@ -226,7 +228,9 @@ def _terminable() -> Iterator[None]:
 
 
 @contextmanager
-def _progress(output: Output) -> Iterator[tuple[Callable[[str], object], Callable[[LookReport], None]]]:
+def _progress(
+    output: Output,
+) -> Iterator[tuple[Callable[[str], object], Callable[[LookReport], None], Callable[[object, int], None]]]:
     """A table that grows by a row a look on a terminal, else a line a look."""
     from rich.live import Live
 
@@ -238,25 +242,29 @@ def _progress(output: Output) -> Iterator[tuple[Callable[[str], object], Callabl
                 reports.append(report)
                 live.update(_table(reports), refresh=True)
 
-            yield live.console.print, on_look
+            def on_picture(look: object, number: int) -> None:
+                live.update(_table(reports, f"{number} pictures"), refresh=True)
+
+            yield live.console.print, on_look, on_picture
+            if reports:
+                live.update(_table(reports), refresh=True)
         return
 
     def line(report: LookReport) -> None:
         markers = "  ".join(f"{m.marker} {_cell(m)}" for m in report.markers)
         output.errors.print(f"look {report.look}: {markers}: {_next(report)}", markup=False)
 
-    yield output.errors.print, line
+    yield output.errors.print, line, lambda look, number: None
 
 
-def _table(reports: list[LookReport]) -> Any:
+def _table(reports: list[LookReport], caption: str = "") -> Any:
     from rich.table import Table
 
-    table = Table(
-        title="Distance from the target, mm (± one standard deviation of its length)", title_justify="left"
-    )
+    title = "Distance from the target, mm (± one standard deviation of its length)"
+    table = Table(title=title, caption=caption or None, title_justify="left", caption_justify="left")
     for name, justify in (("look", "right"), ("steps", "right"), ("pictures", "right")):
         table.add_column(name, justify=justify)  # type: ignore[arg-type]
-    for marker in reports[-1].markers:
+    for marker in reports[-1].markers if reports else ():
         table.add_column(marker.marker, justify="right")
     table.add_column("then")
     for report in reports:
@@ -293,7 +301,7 @@ def _pictures(output: Output, out: Path, outcome: Outcome, options: CorrectOptio
     return written
 
 
-def _tell(output: Output, outcome: Outcome, written: list[Path]) -> None:
+def _tell(output: Output, outcome: Outcome, sliding: set[str], written: list[Path]) -> None:
     output.say(outcome.stop.sentence, style="green" if outcome.converged else "yellow")
     for look in outcome.looks:
         for marker in look.markers:
@@ -305,24 +313,27 @@ def _tell(output: Output, outcome: Outcome, written: list[Path]) -> None:
     for name, value in outcome.best_command.items():
         was = outcome.target_posture.get(name, 0.0)
         if name in outcome.target_posture or value != was:
+            unit, factor = ("mm", MILLIMETRES) if name in sliding else ("°", math.degrees(1.0))
             response = next((r for r in outcome.responses if r["joint"] == name), None)
             shown = "" if response is None else f"{response['response']:.2f} ± {response['std']:.2f}"
-            rows.append(
-                (
-                    name,
-                    f"{math.degrees(was):.3f}",
-                    f"{math.degrees(value):.3f}",
-                    f"{math.degrees(value - was):+.3f}",
-                    shown,
-                )
+            numbers = (
+                f"{x * factor:{sign}.3f} {unit}" for x, sign in ((was, ""), (value, ""), (value - was, "+"))
             )
+            rows.append((name, *numbers, shown))
     output.table(
-        "Commands, degrees (a prismatic joint: 57.3 to the metre)",
+        "Commands",
         ("*joint", "target", "commanded", "correction", "did of what it was told"),
         rows,
     )
     for file in written:
         output.say(f"written: {file}")
+
+
+def _sliding(out: Path) -> set[str]:
+    """The prismatic joints of the recorded robot: theirs are metres."""
+    from ...robots import Nominal
+
+    return {joint.name for joint in Nominal.load(out).robot.joints if joint.kind == "prismatic"}
 
 
 def _rest(outcome: Outcome) -> dict[str, Any]:

@@ -296,7 +296,10 @@ impl Corrector {
         if self.best.as_ref().is_none_or(|best| error < best.error_m) {
             self.best = Some(Best { error_m: error, look: errors.look, command: self.command.clone() });
         }
-        if errors.indistinct() {
+        // An error within the noise: more views, where even an error of 0 could not be called converged; else a small step may do.
+        if errors.indistinct()
+            && errors.bounds_at_zero_m(judge.wrong_converged).iter().any(|b| *b > judge.tolerance_m)
+        {
             self.uncertain += 1;
             if self.uncertain <= judge.retries {
                 return Ok(Decision::LookAgain { fresh: false, why: "uncertain" });
