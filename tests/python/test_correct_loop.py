@@ -230,6 +230,14 @@ def test_a_lost_robot_ends_it_and_ctrl_c_brings_it_to_rest() -> None:
             raise KeyboardInterrupt
         return look
 
+    def fault(look: Look, number: int) -> Look:
+        raise ZeroDivisionError
+
+    robot = Dying(fault)
+    with pytest.raises(ZeroDivisionError):
+        correct(robot, BENT)
+    assert robot.rests == 1
+
     for spoil, kind in ((cut, "robot_failed"), (interrupt, "interrupted")):
         robot = Dying(spoil)
         outcome = correct(robot, BENT)

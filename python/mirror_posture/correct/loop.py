@@ -115,6 +115,10 @@ class _Run:
         except RobotError as error:
             evidence = {"message": str(error), "error": type(error).__name__}
             stop = Stop("robot_failed", self._at_rest(evidence))
+        except BaseException:
+            # What nobody foresaw is the caller's; the robot does not stand under way for it.
+            self._at_rest({})
+            raise
         outcome = self._outcome(stop)
         if self.recorder is not None:
             self.recorder.end(outcome)
