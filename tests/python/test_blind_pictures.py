@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ from mirror_posture.blind import optics
 from mirror_posture.blind.make import make_cases
 from mirror_posture.blind.pictures import rays, reflected
 from mirror_posture.blind.shrinkage import load_pixels
-from mirror_posture.blind.simulate import Options
+from mirror_posture.blind.simulate import Options, simulate
 
 LENS = optics.Lens(
     np.array([700.0, 702.0]),
@@ -64,3 +65,25 @@ def test_detection_finds_in_the_pictures_what_is_there(tmp_path: Path) -> None:
     assert np.sqrt(np.mean((got.board_px - true.corners_px) ** 2)) < 0.15
     blobs = (got.marker_px - true.blobs_px)[got.marker_seen]
     assert np.sqrt(np.nanmean(blobs**2)) < 0.15
+
+
+def test_mitsuba_draws_the_same_board_at_the_same_place() -> None:
+    """A path tracer that nobody here wrote, through a real pane: same handedness, same squares."""
+    pytest.importorskip("mitsuba", reason="needs the extra `blind`")
+    from mirror_posture.blind import mitsuba_pictures, pictures
+
+    options = Options(pictures=True, frames=(3, 4), least_postures=3)
+    case = simulate("case", "small", ["mirror_glass"], np.random.default_rng(5), options)
+    small = replace(
+        case.lens, focal_px=case.lens.focal_px / 4, center_px=case.lens.center_px / 4, size_px=(200, 150)
+    )
+    assert case.view is not None
+    near = (case.clean_corners_px[0] / 4, case.clean_blobs_px[0] / 4)
+    own = pictures.draw(case.robot, small, case.view, 0, near).mean(axis=2)
+    theirs = mitsuba_pictures.draw(case.robot, small, case.view, 0, paths=8).mean(axis=2)
+    (left, top), (right, bottom) = near[0].min(0).astype(int) - 2, near[0].max(0).astype(int) + 3
+    both = np.corrcoef(own[top:bottom, left:right].ravel(), theirs[top:bottom, left:right].ravel())[0, 1]
+    mirrored = np.corrcoef(
+        own[top:bottom, left:right].ravel(), theirs[top:bottom, left:right][:, ::-1].ravel()
+    )
+    assert both > 0.9 > mirrored[0, 1]

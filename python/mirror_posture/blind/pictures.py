@@ -73,13 +73,19 @@ def write_pictures(
     clean_px: tuple[Array, Array],
     folder: Path,
     rng: np.random.Generator,
+    renderer: str = "own",
 ) -> list[str]:
     """One PNG a frame in `folder`; `clean_px` are corners (F, C, 2) and balls (F, M, 2), to know where to look.
-    Returns the files' names."""
+    `renderer` is `own` or `mitsuba`. Returns the files' names."""
     folder.mkdir(parents=True, exist_ok=True)
     names = []
     for f in range(len(view.board_m)):
-        linear = draw(robot, lens, view, f, (clean_px[0][f], clean_px[1][f]))
+        if renderer == "mitsuba":
+            from .mitsuba_pictures import draw as draw_by_mitsuba
+
+            linear = draw_by_mitsuba(robot, lens, view, f)
+        else:
+            linear = draw(robot, lens, view, f, (clean_px[0][f], clean_px[1][f]))
         blurred = cv2.GaussianBlur(linear, (0, 0), BLUR_PX)
         shown = np.clip(blurred, 0, 1) ** (1 / GAMMA) + rng.normal(0, NOISE, linear.shape)
         name = f"{f:04d}.png"

@@ -49,6 +49,8 @@ class Options:
     """However few frames: fewer postures say nothing of a robot."""
     pictures: bool = False
     """Whether the session has pictures instead of image points."""
+    renderer: str = "own"
+    """What draws them: `own`, or `mitsuba`, which takes a hundred times as long."""
 
 
 @dataclass
@@ -74,6 +76,7 @@ class Case:
     view: View | None = None
     """What pictures are drawn of, where the session is to have them."""
     picture_of_frame: NDArray[np.int_] | None = None
+    renderer: str = "own"
 
 
 def _exp(turn: Array) -> Array:
@@ -300,7 +303,7 @@ def simulate(name: str, kind: str, draws: Sequence[str], rng: np.random.Generato
         truth,
     )
     if options.pictures:
-        case.view, case.picture_of_frame = seen.view, source
+        case.view, case.picture_of_frame, case.renderer = seen.view, source, options.renderer
     case.answer = {
         "id": name,
         "robot": robot.kind,

@@ -26,7 +26,13 @@ def write_session(case: Case, folder: Path, rng: np.random.Generator | None = No
     if case.view is not None and case.picture_of_frame is not None:
         clean = (case.clean_corners_px, case.clean_blobs_px)
         drawn = write_pictures(
-            robot, case.lens, case.view, clean, folder / "images", rng or np.random.default_rng(0)
+            robot,
+            case.lens,
+            case.view,
+            clean,
+            folder / "images",
+            rng or np.random.default_rng(0),
+            case.renderer,
         )
         pictures = [f"images/{drawn[i]}," for i in case.picture_of_frame]
     rows = ["frame,posture,time_s," + ("image," if pictures else "") + ",".join(joints)]

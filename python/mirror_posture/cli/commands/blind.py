@@ -67,6 +67,12 @@ def make(
     pictures: Annotated[
         bool, typer.Option("--pictures", help="Pictures instead of image points: they go through detection.")
     ] = False,
+    renderer: Annotated[
+        str,
+        typer.Option(
+            help="What draws pictures: `own`, or `mitsuba` (a real pane with its ghosts; a minute a frame)."
+        ),
+    ] = "own",
     workers: Annotated[
         int | None, typer.Option(min=1, help="Processes at once; all cores by default.")
     ] = None,
@@ -79,11 +85,15 @@ def make(
     Example: `mirror-posture blind make blind-set --cases 20 --seed 7`
     """
     output = Output(as_json)
+    if renderer not in ("own", "mitsuba"):
+        raise MirrorPostureError(f"--renderer: got {renderer!r}; known are own and mitsuba")
     with _told():
         from ...blind.make import make_cases
         from ...blind.simulate import Options
 
-        options = Options(causes=(least, most), outside_share=outside, pictures=pictures, frames=frames)
+        options = Options(
+            causes=(least, most), outside_share=outside, pictures=pictures, frames=frames, renderer=renderer
+        )
         if robot:
             options = replace(options, robots=tuple(robot))
         plan = None
