@@ -526,6 +526,9 @@ def calibrate_second_camera(
 _ViewArrays = Any
 """An object with board_px (F, corners, 2), board_seen (F, corners), marker_px (F, markers, 2), marker_seen (F, markers)."""
 
+_OwnEffect = Any
+"""An object with name, words, parameters [(name, prior_std, axis or None)] and places [(at, weights (F, parameters))]."""
+
 @final
 class GapRecording:
     def __new__(
@@ -545,5 +548,7 @@ class GapRecording:
         self,
         without: Sequence[str] = ...,
         most_causes: int = 0,
-        others: Sequence[tuple[str, GapRecording]] = ...,
+        others: Sequence[tuple[str, GapRecording, Sequence[_OwnEffect]]] = ...,
+        own: Sequence[_OwnEffect] = ...,
     ) -> str: ...
+    def quantities(self) -> dict[str, Any]: ...

@@ -127,6 +127,14 @@ pub enum Error {
         /// The valid names.
         valid: String,
     },
+    /// A name that is empty or belongs to something else already.
+    #[error("{what}: got the name \"{got}\", which is empty or taken already; needed one of its own")]
+    NameTaken {
+        /// What is named.
+        what: &'static str,
+        /// The name that was got.
+        got: String,
+    },
     /// A mirror that the camera and the board do not both stand before.
     #[error(
         "mirror: got it {offset_m:.4} m before the camera and {board_m:.4} m before the board, needed both above 0; \

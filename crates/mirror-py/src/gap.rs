@@ -1,6 +1,7 @@
 //! The diagnosis: a session's arrays in, the diagnosis as JSON out.
 
 use crate::errors::{MirrorPostureError, to_py};
+use crate::gap_own::{OwnEffectArrays, quantities_to_py};
 use mirror_core::camera::{Camera, Distortion};
 use mirror_core::gap::{
     BoardSpec, DiagnoseOptions, Frame, MarkerSpec, MeasuredPoint, OtherSession, PointsFrame, Recording,
@@ -10,6 +11,7 @@ use mirror_core::robot::Robot;
 use nalgebra::{Point3, Vector2, Vector3};
 use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use serde::Deserialize;
 
 /// What is not an array: names, links, camera, mirror, stated noise.
@@ -211,27 +213,38 @@ impl GapRecording {
         Ok(Self { robot, recording })
     }
 
+    /// The quantities on which own effects may depend, as arrays with the frames first.
+    fn quantities<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let told = py.detach(|| mirror_core::gap::quantities(&self.robot, &self.recording)).map_err(to_py)?;
+        quantities_to_py(py, told)
+    }
+
     /// Diagnoses the recording; `others` are further sessions on which the result is checked. The result is JSON.
-    #[pyo3(signature = (without=Vec::new(), most_causes=0, others=Vec::new()))]
+    #[pyo3(signature = (without=Vec::new(), most_causes=0, others=Vec::new(), own=Vec::new()))]
     fn diagnose(
         &self,
         py: Python<'_>,
         without: Vec<String>,
         most_causes: usize,
-        others: Vec<(String, Py<Self>)>,
+        others: Vec<(String, Py<Self>, Vec<OwnEffectArrays<'_>>)>,
+        own: Vec<OwnEffectArrays<'_>>,
     ) -> PyResult<String> {
-        let others: Vec<OtherSession> = others
+        let tables = |own: &[OwnEffectArrays<'_>]| {
+            own.iter().map(OwnEffectArrays::to_core).collect::<PyResult<Vec<_>>>()
+        };
+        let others = others
             .iter()
-            .map(|(name, other)| {
+            .map(|(name, other, own)| {
                 let other = other.get();
-                OtherSession {
+                Ok(OtherSession {
                     name: name.clone(),
                     robot: other.robot.clone(),
                     recording: other.recording.clone(),
-                }
+                    own: tables(own)?,
+                })
             })
-            .collect();
-        let options = DiagnoseOptions { without, most_causes };
+            .collect::<PyResult<Vec<_>>>()?;
+        let options = DiagnoseOptions { without, most_causes, own: tables(&own)? };
         let diagnosis = py
             .detach(|| mirror_core::gap::diagnose(&self.robot, &self.recording, &options, &others))
             .map_err(to_py)?;

@@ -6,6 +6,7 @@ mod camera;
 mod correct;
 mod errors;
 mod gap;
+mod gap_own;
 mod measure;
 mod mirror;
 mod optics;

@@ -1,7 +1,7 @@
 //! From a recording to a diagnosis: the order in which everything is tried, and what is said of it.
 
 use super::adequacy::adequacy;
-use super::effects::{Effect, vocabulary};
+use super::effects::vocabulary;
 use super::fit::{Fit, FitOptions, fit};
 use super::freeform::free_forms;
 use super::group::Geometry;
@@ -9,6 +9,7 @@ use super::heldout::{PostureGap, held_out, size};
 use super::hypothesis::{Catalogue, Model, Term};
 use super::noise;
 use super::observations::Recording;
+use super::own::{OwnEffect, own_effects};
 use super::pairing::{self, Slip};
 use super::problem::Problem;
 use super::report::{Checked, Diagnosis};
@@ -27,6 +28,8 @@ pub struct DiagnoseOptions {
     pub without: Vec<String>,
     /// No more causes than this; 0 for the usual six.
     pub most_causes: usize,
+    /// Further effects beside the vocabulary.
+    pub own: Vec<OwnEffect>,
 }
 
 /// A further session on which the result is checked.
@@ -38,6 +41,8 @@ pub struct OtherSession {
     pub robot: Robot,
     /// What was recorded.
     pub recording: Recording,
+    /// The options' own effects, with their weights in this session; those that are not here are not predicted.
+    pub own: Vec<OwnEffect>,
 }
 
 /// Everything that was found, before it is put into words.
@@ -82,17 +87,6 @@ pub fn diagnose(
     options: &DiagnoseOptions,
     others: &[OtherSession],
 ) -> Result<Diagnosis> {
-    diagnose_with(robot, recording, options, others, Vec::new())
-}
-
-/// As [`diagnose`], with further effects beside the vocabulary.
-pub(crate) fn diagnose_with(
-    robot: &Robot,
-    recording: &Recording,
-    options: &DiagnoseOptions,
-    others: &[OtherSession],
-    own: Vec<Box<dyn Effect>>,
-) -> Result<Diagnosis> {
     let mut problem = Problem::new(robot, recording)?;
     let stated = problem.noise;
     let nominal_deformation = problem.nominal();
@@ -112,7 +106,7 @@ pub(crate) fn diagnose_with(
         effects.retain(|e| e.name() != "stiction");
         effects.push(Box::new(super::effects::Stiction { droops: false }));
     }
-    effects.extend(own);
+    effects.extend(own_effects(&options.own, &problem.scene)?);
     let catalogue =
         Catalogue::new(&problem.scene, effects.into_iter().map(Arc::from).collect(), &options.without);
     let all = Catalogue::with_free_forms(&catalogue, &problem.scene, free_forms(&problem.scene));
@@ -326,7 +320,9 @@ fn check(findings: &Findings<'_>, other: &OtherSession) -> Result<Checked> {
     let nominal_deformation = problem.nominal();
     problem.noise = noise::estimate(&problem, &nominal_deformation, problem.noise)?;
     let here = &findings.search;
-    let catalogue = Catalogue::new(&problem.scene, vocabulary().into_iter().map(Arc::from).collect(), &[]);
+    let mut effects = vocabulary();
+    effects.extend(own_effects(&other.own, &problem.scene)?);
+    let catalogue = Catalogue::new(&problem.scene, effects.into_iter().map(Arc::from).collect(), &[]);
     let mut model = Model::nominal(&problem);
     model.frozen = true;
     let none = super::fit::Group::default();

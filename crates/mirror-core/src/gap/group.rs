@@ -7,9 +7,12 @@
 //! Source: MacKay, "Bayesian interpolation" (1992), the evidence framework.
 
 use super::atoms::{Atom, Column};
+use super::effects::Place;
 use super::fit::{Fit, FitOptions, Group, fit};
 use super::hypothesis::{Catalogue, Model};
 use super::problem::Problem;
+use super::report::Member;
+use super::scene::Scene;
 use crate::error::Result;
 
 /// Where the spreads start: 1 mm and 0.3°.
@@ -64,6 +67,31 @@ impl Geometry {
         let (m, rad) = (self.spread_m, self.spread_rad);
         self.group.prior_std =
             self.group.columns.iter().map(|c| if is_length(c.atom) { m } else { rad }).collect();
+    }
+
+    /// Each small error of a fit, in the words of single effects, with its standard deviation.
+    pub fn members(&self, fit: &Fit, scene: &Scene) -> Vec<Member> {
+        let first = fit.model.nuisances.len();
+        let told = self.group.columns.iter().zip(&fit.model.group).enumerate();
+        told.filter_map(|(k, (column, value))| {
+            let of_axis = |k: usize| ["dx_m", "dy_m", "dz_m"][k];
+            let (effect, place, parameter) = match column.atom {
+                Atom::Joint(n) => ("joint_offset", Place::Joint(n), "offset_rad"),
+                Atom::Tilt(n, 0) => ("axis_tilt", Place::Joint(n), "tilt_1_rad"),
+                Atom::Tilt(n, _) => ("axis_tilt", Place::Joint(n), "tilt_2_rad"),
+                Atom::LinkShift(n, axis) => ("link_length", Place::Link(n), of_axis(axis)),
+                Atom::MarkerShift(m, axis) => ("marker_mount", Place::Marker(m), of_axis(axis)),
+                _ => return None,
+            };
+            Some(Member {
+                effect: effect.into(),
+                at: place.name(scene),
+                parameter: parameter.into(),
+                value: *value,
+                std: fit.covariance[(first + k, first + k)].max(0.0).sqrt(),
+            })
+        })
+        .collect()
     }
 
     /// Fits a model with the group, and the spreads, in turn.

@@ -18,6 +18,7 @@ mod next;
 mod noise;
 mod normal;
 mod observations;
+mod own;
 mod pairing;
 mod pose;
 mod posture;
@@ -30,6 +31,7 @@ mod scene;
 mod screen;
 mod screening;
 mod search;
+mod sentence;
 mod shift;
 mod signature;
 mod slack;
@@ -43,7 +45,8 @@ pub use diagnose::{DiagnoseOptions, OtherSession, diagnose};
 pub use observations::{
     BoardSpec, Frame, MarkerSpec, MeasuredPoint, PointsFrame, Recording, SightSpec, Sighting, Target, Via,
 };
+pub use own::{OwnAxis, OwnEffect, OwnParameter, OwnPlace, Quantities, quantities};
 pub use report::{
-    Alternative, Cause, Checked, Diagnosis, Estimate, Gap, Ranked, Signature, SignaturePoint, Where,
+    Alternative, Cause, Checked, Diagnosis, Estimate, Gap, Member, Ranked, Signature, SignaturePoint, Where,
 };
 pub use screening::{Screening, screen_once};

@@ -45,6 +45,11 @@ pub(crate) fn next_postures(
         let Some(rival) = standing.rivals.first().filter(|r| r.probability > WORTH_AN_EXPERIMENT) else {
             continue;
         };
+        // What a user's own effect does in further postures, only he knows.
+        let own = |h: usize| search.catalogue.effect(h).is_tabulated();
+        if own(rival.hypothesis) || findings.found.fit.model.terms.iter().any(|t| own(t.hypothesis)) {
+            continue;
+        }
         let rest = findings.found.fit.model.without(i);
         let rival = search.fit(
             &rest.with(search.catalogue, rival.hypothesis, rival.variant),

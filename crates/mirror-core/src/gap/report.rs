@@ -40,6 +40,24 @@ pub struct Cause {
     pub words: String,
     /// Root mean square shift of the markers that it makes, px (m where points were measured).
     pub rms_shift: f64,
+    /// Of a group (`geometry`): each of its small errors, in the words of single effects.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub members: Vec<Member>,
+}
+
+/// One small error of a group.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Member {
+    /// The effect that it would be by itself: `joint_offset`, `axis_tilt`, `link_length` or `marker_mount`.
+    pub effect: String,
+    /// The place.
+    pub at: String,
+    /// The effect's parameter, with its unit as suffix.
+    pub parameter: String,
+    /// Its value under the group's prior.
+    pub value: f64,
+    /// One standard deviation, of the posterior.
+    pub std: f64,
 }
 
 /// Share of the gap at a place.
@@ -101,6 +119,9 @@ pub struct SignaturePoint {
     pub frame: i64,
     /// Commanded position of the joint, rad or m.
     pub position: f64,
+    /// Commanded position of the other joint, where the error depends on one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub other_position: Option<f64>,
     /// Gravity's torque on it, N m.
     pub torque_nm: f64,
     /// Sign of the last motion.
@@ -111,7 +132,7 @@ pub struct SignaturePoint {
     pub error: f64,
     /// Its standard deviation.
     pub std: f64,
-    /// What the fitted cause says.
+    /// What the fitted cause says (of an unexplained part: the free-form error there).
     pub fitted: f64,
 }
 
@@ -122,6 +143,9 @@ pub struct Signature {
     pub cause: Option<usize>,
     /// The place.
     pub at: String,
+    /// The other joint on whose position the error depends, where it does.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub other: Option<String>,
     /// Unit of the error: `rad` or `m`.
     pub unit: String,
     /// One point a posture.

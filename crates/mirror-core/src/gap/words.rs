@@ -10,6 +10,7 @@ use super::report::{
 };
 use super::rivals::standing;
 use super::screen::Score;
+use super::sentence::sentence;
 use super::shift::marker_shift;
 use super::signature::free_errors;
 use crate::error::Result;
@@ -140,6 +141,7 @@ fn causes(findings: &Findings<'_>) -> Result<Vec<Cause>> {
                 .collect(),
             words: effect.words().to_owned(),
             rms_shift: shift,
+            members: Vec::new(),
         });
         // The servo's own droop, told apart: `effects.md` calls it joint_compliance at the same joint.
         if let Some(droop) = droop.filter(|d| d.value > DROOP_DEVIATIONS * d.std) {
@@ -153,6 +155,7 @@ fn causes(findings: &Findings<'_>) -> Result<Vec<Cause>> {
                     alternatives: Vec::new(),
                     words: "the sticking servo droops under the load of gravity".into(),
                     rms_shift: 0.0,
+                    members: Vec::new(),
                 });
             }
         }
@@ -178,6 +181,7 @@ fn causes(findings: &Findings<'_>) -> Result<Vec<Cause>> {
             alternatives: Vec::new(),
             words: "many small errors of links, axes and zeros together: manufacturing tolerance".into(),
             rms_shift: rms_shift(findings, &bare, &all)?,
+            members: geometry.members(&found.fit, scene),
         });
     }
     if let Some(slip) = &findings.slip {
@@ -194,6 +198,7 @@ fn causes(findings: &Findings<'_>) -> Result<Vec<Cause>> {
             alternatives: Vec::new(),
             words: "a run of rows holds the measurement of other rows; it was left out of the fit".into(),
             rms_shift: (slip.gain / (slip.last - slip.first + 1) as f64).sqrt(),
+            members: Vec::new(),
         });
     }
     Ok(out)
@@ -322,7 +327,7 @@ fn signatures(findings: &Findings<'_>, causes: &[Cause], recording: &Recording) 
     let scene = &search.problem.scene;
     let found = &findings.found;
     let mut out = Vec::new();
-    let mut add = |node: usize,
+    let mut add = |(node, other): (usize, Option<usize>),
                    cause: Option<usize>,
                    model: &super::hypothesis::Model,
                    full: &super::hypothesis::Model|
@@ -334,6 +339,7 @@ fn signatures(findings: &Findings<'_>, causes: &[Cause], recording: &Recording) 
             .map(|e| SignaturePoint {
                 frame: recording.frames[e.frame].number,
                 position: scene.q(e.frame, node),
+                other_position: other.map(|k| scene.q(e.frame, k)),
                 torque_nm: scene.torque(e.frame, node),
                 direction: scene.direction(e.frame, node),
                 time_s: scene.time_s[e.frame],
@@ -346,6 +352,7 @@ fn signatures(findings: &Findings<'_>, causes: &[Cause], recording: &Recording) 
         out.push(Signature {
             cause,
             at: format!("joint:{}", scene.body.nodes[node].joint),
+            other: other.map(|k| format!("joint:{}", scene.body.nodes[k].joint)),
             unit: unit.into(),
             points,
         });
@@ -358,21 +365,24 @@ fn signatures(findings: &Findings<'_>, causes: &[Cause], recording: &Recording) 
         let place = search.catalogue.hypotheses[term.hypothesis].place;
         let name = (search.catalogue.effect(term.hypothesis).name(), place.name(scene));
         let index = causes.iter().position(|c| c.effect == name.0 && c.at == name.1);
+        let other = if let Place::JointPair(_, k) = place { Some(k) } else { None };
         if let (Place::Joint(n) | Place::JointPair(n, _), Some(index)) = (place, index) {
-            add(n, Some(index), &found.fit.model.without(i), &found.fit.model)?;
+            add((n, other), Some(index), &found.fit.model.without(i), &found.fit.model)?;
         }
     }
-    // What is unexplained at a joint, less the free-form error there; nothing is fitted that could be drawn.
+    // What is unexplained at a joint, without the free-form error there and as that error has it.
     let mut drawn = Vec::new();
-    for place in findings.unexplained.iter().flat_map(|u| &u.places).filter_map(|p| p.place) {
-        let Some(node) = place.node().filter(|n| !drawn.contains(n)) else { continue };
+    for entry in findings.unexplained.iter().flat_map(|u| &u.places) {
+        let Some(node) = entry.place.and_then(Place::node).filter(|n| !drawn.contains(n)) else { continue };
         drawn.push(node);
+        let on = entry.depends_on.as_deref().and_then(|d| d.strip_prefix("position of joint:"));
+        let other = on.and_then(|name| scene.body.nodes.iter().position(|n| n.joint == name));
         let mut causes = found.fit.model.clone();
         causes.terms.retain(|t| {
             let at = search.catalogue.hypotheses[t.hypothesis].place.node();
             !(search.catalogue.is_free(t.hypothesis) && at == Some(node))
         });
-        add(node, None, &causes, &causes)?;
+        add((node, other), None, &causes, &found.fit.model)?;
     }
     Ok(out)
 }
@@ -413,30 +423,4 @@ fn warnings(findings: &Findings<'_>) -> Vec<String> {
         out.push("no marker was seen together with the board: the body cannot be diagnosed".into());
     }
     out
-}
-
-fn sentence(verdict: &str, causes: &[Cause], places: &[Where], gap: &Gap) -> String {
-    let names: Vec<String> =
-        causes.iter().map(|c| format!("{} at {}", c.effect.replace('_', " "), c.at)).collect();
-    let sizes = format!(
-        "{:.2} mm before, {:.2} mm after, {:.2} mm noise floor, on postures that the fit did not see",
-        gap.before_m * 1e3,
-        gap.after_m * 1e3,
-        gap.noise_floor_m * 1e3
-    );
-    let place = places.first().map_or("an unknown place", |w| w.at.as_str());
-    match verdict {
-        "none" => format!(
-            "Nothing is wrong that these postures could show: the model predicts to the noise floor ({sizes})."
-        ),
-        "explained" => format!("The gap is explained by {} ({sizes}).", names.join(" and ")),
-        "partial" => format!(
-            "{} explain a part of the gap ({sizes}); what is left lies most at {}.",
-            names.join(" and "),
-            places.iter().find(|w| w.depends_on.is_some()).map_or(place, |w| w.at.as_str())
-        ),
-        _ => format!(
-            "There is a gap that no effect of the vocabulary explains; it lives at {place} ({sizes})."
-        ),
-    }
 }

@@ -141,6 +141,11 @@ pub(crate) trait Effect: Send + Sync {
         LawFreedom::Exact
     }
 
+    /// Whether it is known in the session's own frames only.
+    fn is_tabulated(&self) -> bool {
+        false
+    }
+
     /// What happens, in a sentence for a person.
     fn words(&self) -> &str;
 }

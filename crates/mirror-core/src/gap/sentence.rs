@@ -1,0 +1,116 @@
+//! The verdict in one sentence for a person.
+
+use super::report::{Cause, Gap, Where};
+
+/// More causes than this are counted, not named.
+const NAMED: usize = 3;
+
+/// The verdict, what it rests on, and the gap's sizes.
+pub(crate) fn sentence(verdict: &str, causes: &[Cause], places: &[Where], gap: &Gap) -> String {
+    let sizes = format!(
+        "{:.2} mm before, {:.2} mm after, {:.2} mm noise floor, on postures that the fit did not see",
+        gap.before_m * 1e3,
+        gap.after_m * 1e3,
+        gap.noise_floor_m * 1e3
+    );
+    let names: Vec<String> = causes.iter().map(name).collect();
+    let left = places.iter().find(|w| w.depends_on.is_some()).or_else(|| places.first());
+    match verdict {
+        "none" => format!(
+            "Nothing is wrong that these postures could show: the model predicts to the noise floor ({sizes})."
+        ),
+        "explained" => format!("The gap is explained by {} ({sizes}).", listed(&names)),
+        "partial" => {
+            let explain =
+                if causes.len() == 1 && causes[0].effect != "geometry" { "explains" } else { "explain" };
+            format!(
+                "{} {explain} a part of the gap ({sizes}); what is left lies {}.",
+                capitalised(&listed(&names)),
+                where_and_on_what(left)
+            )
+        }
+        _ => format!(
+            "There is a gap that no effect of the vocabulary explains; it lies {} ({sizes}).",
+            where_and_on_what(left)
+        ),
+    }
+}
+
+fn name(cause: &Cause) -> String {
+    match (cause.effect.as_str(), cause.at.split_once("<-")) {
+        ("geometry", _) => "many small errors of the robot's geometry".into(),
+        ("pairing", _) => "rows of the data that hold the measurement of other rows".into(),
+        (_, Some((joint, other))) => format!("{} of {joint} with {other}", cause.effect.replace('_', " ")),
+        (effect, None) => format!("{} at {}", effect.replace('_', " "), cause.at),
+    }
+}
+
+/// `a`, `a and b`, `a, b and c`, `a, b, c and 2 further causes`.
+fn listed(names: &[String]) -> String {
+    let mut shown: Vec<String> = names.iter().take(NAMED).cloned().collect();
+    match names.len().saturating_sub(NAMED) {
+        0 => {}
+        1 => shown.extend(names.last().cloned()),
+        more => shown.push(format!("{more} further causes")),
+    }
+    match shown.split_last() {
+        None => String::new(),
+        Some((last, [])) => last.clone(),
+        Some((last, rest)) => format!("{} and {last}", rest.join(", ")),
+    }
+}
+
+fn capitalised(text: &str) -> String {
+    let mut letters = text.chars();
+    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
+}
+
+/// `at joint:x and depends on its load`.
+fn where_and_on_what(place: Option<&Where>) -> String {
+    let Some(place) = place.filter(|p| p.at != "unknown") else {
+        return "at no single place".into();
+    };
+    let depends = match place.depends_on.as_deref() {
+        None => String::new(),
+        Some("nothing") => ", the same in every posture".into(),
+        Some("position") => " and depends on its position".into(),
+        Some("load") => " and depends on its load".into(),
+        Some("direction") => " and depends on the direction of its last motion".into(),
+        Some("time") => " and depends on time".into(),
+        Some("posture") => " and depends on how gravity pulls at it".into(),
+        Some(other) => format!(" and depends on the {other}"),
+    };
+    format!("at {}{depends}", place.at)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn place(at: &str, on: &str) -> Where {
+        Where { at: at.into(), share: 1.0, depends_on: Some(on.into()) }
+    }
+
+    #[test]
+    fn names_are_listed_as_people_list_them() {
+        let names: Vec<String> = ["a", "b", "c", "d", "e"].map(String::from).into();
+        assert_eq!(listed(&names[..1]), "a");
+        assert_eq!(listed(&names[..2]), "a and b");
+        assert_eq!(listed(&names[..3]), "a, b and c");
+        assert_eq!(listed(&names[..4]), "a, b, c and d");
+        assert_eq!(listed(&names), "a, b, c and 2 further causes");
+    }
+
+    #[test]
+    fn a_place_says_on_what_it_depends() {
+        assert_eq!(
+            where_and_on_what(Some(&place("joint:elbow", "position of joint:knee"))),
+            "at joint:elbow and depends on the position of joint:knee"
+        );
+        assert_eq!(
+            where_and_on_what(Some(&place("marker:hand", "nothing"))),
+            "at marker:hand, the same in every posture"
+        );
+        assert_eq!(where_and_on_what(None), "at no single place");
+    }
+}
