@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -18,8 +18,9 @@ from .recorder import Recorder
 from .target import Target, make_target
 from .viewpoints import Viewpoint, choose_viewpoints, go
 
-CommandForPosture = Callable[[Mapping[str, float]], Mapping[str, float]]
-"""From the posture that is wanted to the first command (a diagnosed model's feed-forward), joint positions, rad (m)."""
+CommandForPosture = Callable[[Mapping[str, float]], Mapping[str, float] | Sequence[Mapping[str, float]]]
+"""From the posture that is wanted to the first command (a diagnosed model's feed-forward), joint positions, rad (m); or to
+several commands, way-points before the first look, of which the last stays."""
 
 RETURN_TO_BEST = ("stalled", "diverging", "budget_spent", "limit_reached")
 """After these the best posture that was seen is commanded; after lost or contradicting readings nothing is moved."""
@@ -39,7 +40,7 @@ def correct(
 
     `θ ← θ + λ J⁺ (p_ref − p_now)`: each look takes pictures from several viewpoints and measures the markers; the core
     decides. `recorder` writes everything while it runs, and hands back what an earlier run has written already.
-    `command_for_posture` gives the first command (by default the posture itself). `on_look(report)` is called after each
+    `command_for_posture` gives the first command (by default the posture itself), or way-points to it. `on_look(report)` is called after each
     look, `on_picture(look, number)` after each picture.
 
     Whatever ends it, the robot is not left in motion: Ctrl-C and errors of the robot bring it to rest and are stops with
@@ -50,10 +51,16 @@ def correct(
     options = options or CorrectOptions()
     options.check()
     target = make_target(robot.nominal, posture, options)
-    start = None
+    start, way = None, []
     if command_for_posture is not None:
-        start = {**target.by_name(target.positions), **command_for_posture(target.posture)}
+        told = command_for_posture(target.posture)
+        commands = [told] if isinstance(told, Mapping) else list(told)
+        if not commands:
+            raise MirrorPostureError("command_for_posture: got no command, needed at least one")
+        way = [{**target.by_name(target.positions), **command} for command in commands]
+        start = way.pop()
     run = _Run(robot, target, options, start, recorder, on_look, on_picture)
+    run.way = way
     return run.go()
 
 
@@ -77,6 +84,8 @@ class _Run:
         self.postures: list[int] = []
         self.posture = 0
         self.reports: list[LookReport] = []
+        self.way: list[dict[str, float]] = []
+        """Commands before the first look: a play is approached from the right side."""
         self._stop = Stop("interrupted", {"message": "before the first look"})
         movable = [
             n
@@ -104,6 +113,9 @@ class _Run:
         """Until a stop."""
         try:
             pending: tuple[Viewpoint, ...] | None = self._recorded()
+            if not self.looks:
+                for point in self.way:
+                    self._command(point)
             while pending is not None:
                 readings = self._look(pending)
                 pending = self._decide(readings)

@@ -10,6 +10,7 @@
 `recording` hands a session to the core, `result` holds what comes back, `page` draws it, `applied` writes the better model.
 """
 
+from .own_effects import OwnEffect, PlaceQuantities
 from .result import (
     Alternative,
     Cause,
@@ -17,6 +18,7 @@ from .result import (
     Diagnosis,
     Estimate,
     Gap,
+    Member,
     Place,
     Ranked,
     Signature,
@@ -31,7 +33,10 @@ __all__ = [
     "Diagnosis",
     "Estimate",
     "Gap",
+    "Member",
+    "OwnEffect",
     "Place",
+    "PlaceQuantities",
     "Ranked",
     "Signature",
     "Witness",

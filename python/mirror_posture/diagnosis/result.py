@@ -38,6 +38,18 @@ class Alternative:
 
 
 @dataclass(frozen=True)
+class Member:
+    """One small error of a group (`geometry`), as the single effect that it would be: `joint_offset`, `axis_tilt`,
+    `link_length` or `marker_mount`; the value is in the unit that the parameter's name says."""
+
+    effect: str
+    at: str
+    parameter: str
+    value: float
+    std: float
+
+
+@dataclass(frozen=True)
 class Cause:
     """An effect at a place. `rms_shift` is the shift of the markers that it makes, px (m where points were measured)."""
 
@@ -48,6 +60,8 @@ class Cause:
     alternatives: tuple[Alternative, ...] = ()
     words: str = ""
     rms_shift: float = 0.0
+    members: tuple[Member, ...] = ()
+    """Of a group (`geometry`): its small errors one by one."""
 
 
 @dataclass(frozen=True)
@@ -107,7 +121,7 @@ class Signature:
     """The error at a place that each posture shows by itself (`error`, with `std`) and what the cause says (`fitted`).
 
     Arrays (K,), one value a posture; `unit` (rad or m) is that of error, std and fitted. `cause` is an index into the
-    causes, or None for the part that no cause explains.
+    causes, or None for the part that no cause explains, of which `fitted` is the free-form error.
     """
 
     at: str
@@ -121,6 +135,10 @@ class Signature:
     error: Floats
     std: Floats
     fitted: Floats
+    other: str | None = None
+    """The other joint on whose position the error depends (`joint:K`), where it does."""
+    other_position: Floats | None = None
+    """(K,) its commanded position, rad (m)."""
 
 
 @dataclass(frozen=True)
@@ -214,7 +232,10 @@ def _known(kind: type[Kind], entry: Mapping[str, Any]) -> Kind:
 def _cause(entry: Mapping[str, Any]) -> Cause:
     parameters = {name: _known(Estimate, value) for name, value in entry["parameters"].items()}
     alternatives = tuple(_known(Alternative, value) for value in entry.get("alternatives", ()))
-    return _known(Cause, {**entry, "parameters": parameters, "alternatives": alternatives})
+    members = tuple(_known(Member, value) for value in entry.get("members", ()))
+    return _known(
+        Cause, {**entry, "parameters": parameters, "alternatives": alternatives, "members": members}
+    )
 
 
 def _gap(entry: Mapping[str, Any]) -> Gap:
@@ -240,6 +261,8 @@ def _signature(entry: Mapping[str, Any]) -> Signature:
         at=entry["at"],
         unit=entry["unit"],
         cause=entry.get("cause"),
+        other=entry.get("other"),
+        other_position=column("other_position") if entry.get("other") else None,
         frame=np.array([point["frame"] for point in points], dtype=np.int64),
         **{name: column(name) for name in names},
     )

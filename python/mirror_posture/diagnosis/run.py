@@ -6,10 +6,11 @@ import json
 import os
 from collections.abc import Sequence
 
-from .._core import MirrorPostureError
+from .._core import GapRecording, MirrorPostureError
 from ..session import Session, load_session
 from .encoders import encoder_witness
 from .markers import marker_of_place, only_markers
+from .own_effects import OwnEffect, Tabulated, tabulate
 from .recording import to_core
 from .result import Diagnosis
 from .vocabulary import checked_effects
@@ -26,19 +27,21 @@ def diagnose(
     check: Sequence[Session | str | os.PathLike[str]] = (),
     withhold: Sequence[str] = (),
     most_causes: int = MOST_CAUSES,
+    effects: Sequence[OwnEffect] = (),
 ) -> Diagnosis:
     """Where the model is wrong, by which effect, and how far the gap shrinks.
 
     `without` are effects that the vocabulary shall lack; `check` further sessions, of which nothing is fitted but
     their own mirrors; `withhold` markers (`marker:NAME`, or the bare name) that the fit does not see and that it then
-    predicts. A session with pictures and no image points is detected first.
+    predicts. `effects` are one's own, tried beside the vocabulary at every place that they name. A session with pictures
+    and no image points is detected first.
 
     Raises:
         MirrorPostureError: a session that cannot be meant, an unknown effect or marker, too little to diagnose.
     """
     left_out = checked_effects(without)
     loaded = _loaded(session)
-    others = [(other.folder.name, to_core(other)) for other in map(_loaded, check)]
+    others = [_other(other.folder.name, to_core(other), effects) for other in map(_loaded, check)]
     names = tuple(dict.fromkeys(marker_of_place(loaded, place) for place in withhold))
     seen = loaded
     if names:
@@ -48,8 +51,9 @@ def diagnose(
                 f"withhold: got all markers ({', '.join(names)}); needed at least one that the fit may see"
             )
         seen = only_markers(loaded, kept)
-        others += [(WITNESS + name, to_core(only_markers(loaded, [name]))) for name in names]
-    tree = json.loads(to_core(seen).diagnose(left_out, most_causes, others))
+        others += [_other(WITNESS + name, to_core(only_markers(loaded, [name])), effects) for name in names]
+    recording = to_core(seen)
+    tree = json.loads(recording.diagnose(left_out, most_causes, others, tabulate(effects, recording)))
     if names:
         checked = tree["gap"].get("checked", [])
         tree["witness"] = [
@@ -66,6 +70,12 @@ def diagnose(
     if encoders:
         tree["encoder_witness"] = encoders
     return Diagnosis.from_document(tree)
+
+
+def _other(
+    name: str, recording: GapRecording, effects: Sequence[OwnEffect]
+) -> tuple[str, GapRecording, list[Tabulated]]:
+    return name, recording, tabulate(effects, recording, other=True)
 
 
 def _loaded(session: Session | str | os.PathLike[str]) -> Session:

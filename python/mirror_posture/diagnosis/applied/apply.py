@@ -10,7 +10,7 @@ import numpy as np
 
 from ...session import Session, write_session
 from .. import people
-from ..result import Cause, Diagnosis
+from ..result import Cause, Diagnosis, Estimate
 from .mjcf import MECHANICAL, write_mjcf
 from .urdf import Urdf, rotation_of_vector
 
@@ -20,7 +20,7 @@ NOT_IN_A_MODEL = {
     "joint_coupling": "neither a URDF nor an actuator of MJCF adds a share of another command; mend the wiring of the command",
     "drift": "an error that grows with time belongs into no model; home the joint, or warm up before use",
     "mirror_curvature": "the session format knows flat mirrors only; use a flatter mirror",
-    "geometry": "the diagnosis tells the spread of many small errors, not each of them",
+    "geometry": "this diagnosis tells the spread of many small errors, not each of them; diagnose anew",
     "pairing": "a fault of the data: mend the rows of the frames table",
 }
 """Why an effect cannot be written, and what to do instead."""
@@ -57,11 +57,16 @@ def apply_diagnosis(
     """
     urdf = Urdf(session.robot_file.read_text(encoding="utf-8-sig"))
     better = session
-    written: list[Written] = []
-    # An offset turns about the real axis: tilts go first.
-    for cause in sorted(found.causes, key=lambda cause: cause.effect != "axis_tilt"):
-        better, entry = _apply(better, urdf, cause)
-        written.append(entry)
+    # Of a group's small errors each is written like a cause of its own. An offset turns about the real axis: tilts go first.
+    parts = [(index, part) for index, cause in enumerate(found.causes) for part in _parts(cause)]
+    entries: dict[int, list[Written]] = {index: [] for index in range(len(found.causes))}
+    for index, part in sorted(parts, key=lambda entry: entry[1].effect != "axis_tilt"):
+        better, entry = _apply(better, urdf, part)
+        entries[index].append(entry)
+    written = [
+        _group_written(cause, entries[index]) if cause.members else entries[index][0]
+        for index, cause in enumerate(found.causes)
+    ]
     target = write_session(better, folder, overwrite=overwrite)
     (target / ROBOT).write_text(urdf.text(), encoding="utf-8")
     mechanical = [entry.cause for entry in written if entry.cause.effect in MECHANICAL]
@@ -77,6 +82,31 @@ def apply_diagnosis(
                     or "URDF cannot say it, and MuJoCo is not installed: pip install 'mirror-posture[mujoco]'",
                 )
     return Applied(target, tuple(written))
+
+
+def _parts(cause: Cause) -> list[Cause]:
+    """The small errors of a group as causes, one a place and effect; any other cause is its own part."""
+    if not cause.members:
+        return [cause]
+    values: dict[tuple[str, str], dict[str, Estimate]] = {}
+    for member in cause.members:
+        values.setdefault((member.effect, member.at), {})[member.parameter] = Estimate(
+            member.value, member.std
+        )
+    return [Cause(effect, at, cause.probability, told) for (effect, at), told in values.items()]
+
+
+def _group_written(cause: Cause, parts: list[Written]) -> Written:
+    """What became of a group, in one line."""
+    counts: dict[str, int] = {}
+    for part in parts:
+        if part.file is not None:
+            counts[part.cause.effect] = counts.get(part.cause.effect, 0) + 1
+    missing = [f"{people.place_in_words(p.cause.at)}: {p.what}" for p in parts if p.file is None]
+    if not counts:
+        return Written(cause, None, "; ".join(missing))
+    told = ", ".join(f"{count} × {people.effect_in_words(effect)}" for effect, count in counts.items())
+    return Written(cause, ROBOT, told + (f"; not written: {'; '.join(missing)}" if missing else ""))
 
 
 def _apply(session: Session, urdf: Urdf, cause: Cause) -> tuple[Session, Written]:
