@@ -17,6 +17,7 @@ from ..output import ExitCode, JsonOption, Output
 
 if TYPE_CHECKING:
     from ...correct import CorrectOptions, LookReport, Outcome
+    from ...robots import CommandedRobot
 
 ORDER = 50
 PANEL = "Correction"
@@ -89,6 +90,12 @@ def command(
     robot_class: Annotated[
         str | None, typer.Option(help="A robot of your own, MODULE:CLASS, called with the nominal session.")
     ] = None,
+    feed_forward: Annotated[
+        Path | None,
+        typer.Option(
+            help="diagnosis.json (or its folder): the first command allows for what was found, play approached from its side."
+        ),
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Move a robot's joints until its markers are where its model wants them, and say why it ended.
@@ -129,6 +136,7 @@ def command(
         "servos": None if servos is None else str(servos.resolve()),
         "camera": camera,
         "robot_class": robot_class,
+        "feed_forward": None if feed_forward is None else str(feed_forward.resolve()),
     }
     outcome, options = _run(output, out, settings, resume)
     written = _pictures(output, out, outcome, options)
@@ -164,14 +172,40 @@ def _run(output: Output, out: Path, settings: dict[str, Any], resume: bool) -> t
     options = build_options(settings)
     with _progress(output) as (say, on_look, on_picture), _terminable():
         with open_robot(settings, nominal, say) as machine:
+            ahead = _ahead(output, settings, machine, posture)
             if recorder is None:
                 recorder = Recorder.start(
                     out, nominal, machine.joint_names, {"settings": settings, "posture": posture}
                 )
             outcome = correct(
-                machine, posture, options, recorder=recorder, on_look=on_look, on_picture=on_picture
+                machine,
+                posture,
+                options,
+                recorder=recorder,
+                command_for_posture=ahead,
+                on_look=on_look,
+                on_picture=on_picture,
             )
     return outcome, options
+
+
+def _ahead(
+    output: Output, settings: dict[str, Any], machine: CommandedRobot, posture: Mapping[str, float]
+) -> Callable[[Mapping[str, float]], list[dict[str, float]]] | None:
+    """The first commands by feed-forward. They go into the settings: what is resumed began with them, whatever became of
+    the diagnosis."""
+    if settings.get("feed_forward") is None:
+        return None
+    if "commands" not in settings:
+        from ...diagnosis import Diagnosis
+        from ...diagnosis.feed_forward import feed_forward
+
+        model = feed_forward(Diagnosis.load(settings["feed_forward"]), machine)
+        for cause in model.left_out:
+            output.warn(f"--feed-forward: no command mends {cause.effect.replace('_', ' ')} at {cause.at}")
+        settings["commands"] = list(model(posture))
+    commands: list[dict[str, float]] = settings["commands"]
+    return lambda _: commands
 
 
 def _posture(settings: Mapping[str, Any]) -> dict[str, float]:
