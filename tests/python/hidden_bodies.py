@@ -204,8 +204,8 @@ def run(body: Body, nominal: Nominal, options: CorrectOptions | None = None) -> 
         len(outcome.looks),
         first,
         last,
-        # Plays and dead bands stop the optimiser short now and then: where the loop came, it can be.
-        min(last, _oracle(body, nominal, options, wanted, names)),
+        # Where the loop came, it can be; the optimiser is asked for the others.
+        last if last < TOLERANCE_M else min(last, _oracle(body, nominal, options, wanted, names)),
         robot.beyond,
         seconds,
     )
