@@ -49,7 +49,9 @@ over {{ s.calibration.number }} named causes.</p>{% if chart %}<img alt="Reliabi
 src="data:image/png;base64,{{ chart }}">{% endif %}
 <h2>Parameters and shrinkage</h2><p>Truth within the claimed 95 %: {{ percent(s.parameters.within_95.rate)
 }} of {{ s.parameters.within_95.of }};
-within 3 deviations: {{ percent(s.parameters.within_3_std.rate) }}. Claimed shrinkage within 5 points of the
+within 3 deviations: {{ percent(s.parameters.within_3_std.rate) }}. Of effects whose true law is just the
+vocabulary's: {{ percent(s.parameters_of_the_vocabularys_laws.within_95.rate) }} of {{
+s.parameters_of_the_vocabularys_laws.within_95.of }}. Claimed shrinkage within 5 points of the
 true one of the named model: {{ percent(s.shrinkage.within_5_points.rate) }} of {{
 s.shrinkage.within_5_points.of }}; where the gap is larger than the noise {{
 percent(s.shrinkage.clear_gaps_within_5_points.rate) }} of {{ s.shrinkage.clear_gaps_within_5_points.of }};

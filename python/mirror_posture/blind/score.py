@@ -22,6 +22,7 @@ from typing import Any
 
 from .breakdown import breakdown
 from .comparison import (
+    OTHER_LAWS,
     Scored,
     found,
     found_or_tied,
@@ -144,6 +145,9 @@ def score(cases: Path, results: Path, leave_out: str | None = None) -> dict[str,
         "confusion": confusion(clear),
         "calibration": reliability([p for p, _ in claims], [r for _, r in claims]),
         "parameters": coverage(errors),
+        "parameters_of_the_vocabularys_laws": coverage(
+            [z for c in scored for z in normalised_errors(c, lambda effect: effect not in OTHER_LAWS)]
+        ),
         "shrinkage": shrinkage(scored),
         "seconds": {"median": median(times), "worst": max(times)} if times else None,
         "cpu_seconds": {"median": median(cpu), "mean": mean(cpu), "worst": max(cpu)} if cpu else None,
