@@ -11,6 +11,7 @@ use super::hypothesis::{Catalogue, Model};
 use super::kinematics::NodePoses;
 use super::observations::Recording;
 use super::problem::Problem;
+use super::rivals::Standing;
 use crate::error::Result;
 use crate::robot::Robot;
 use std::collections::BTreeMap;
@@ -31,18 +32,16 @@ const LEAST_SEPARATION_M: f64 = 1e-5;
 /// A camera or mirror that cannot be.
 pub(crate) fn next_postures(
     findings: &Findings<'_>,
+    standings: &[Option<Standing>],
     robot: &Robot,
     recording: &Recording,
 ) -> Result<Vec<BTreeMap<String, f64>>> {
     let search = &findings.search;
     let mut out = Vec::new();
     let mut drawn: Option<(Recording, Problem, Catalogue)> = None;
-    for i in 0..findings.found.fit.model.terms.len() {
-        if search.catalogue.is_free(findings.found.fit.model.terms[i].hypothesis) {
-            continue;
-        }
-        let standing = super::rivals::standing(search, &findings.found, i)?;
-        let Some(rival) = standing.rivals.first().filter(|r| r.probability > WORTH_AN_EXPERIMENT) else {
+    for (i, standing) in standings.iter().enumerate() {
+        let rival = standing.as_ref().and_then(|s| s.rivals.first());
+        let Some(rival) = rival.filter(|r| r.probability > WORTH_AN_EXPERIMENT) else {
             continue;
         };
         // What a user's own effect does in further postures, only he knows.

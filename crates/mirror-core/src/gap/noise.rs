@@ -1,7 +1,7 @@
 //! The measurement's noise from the data: what no model of the body or of the optics could explain.
 
 use super::deformation::Deformation;
-use super::frame::{FrameWork, Task};
+use super::frame::{FrameWork, Task, Wanted};
 use super::normal::{chunks, counts};
 use super::posture::free_markers;
 use super::problem::{Noise, Problem};
@@ -121,7 +121,7 @@ pub(crate) fn effective(
         noise,
         with_board: problem.needs_fresh_board(deformation),
         gaussian: true,
-        free: false,
+        wanted: Wanted::default(),
     };
     let parts: Vec<(Vec<f64>, Vec<f64>)> = chunks(problem.frames.len())
         .into_par_iter()

@@ -2,7 +2,7 @@
 
 use super::atoms::Column;
 use super::deformation::Deformation;
-use super::frame::{FrameWork, PROJECTED, Span, Task};
+use super::frame::{FrameWork, PROJECTED, Span, Task, Wanted};
 use super::problem::{FRAMES_A_CHUNK, Noise, Problem};
 use crate::error::Result;
 use nalgebra::{DMatrix, DVector};
@@ -66,11 +66,6 @@ fn moves_board(problem: &Problem, atom: super::atoms::Atom, board: Option<usize>
     super::atoms::moves(atom, &problem.scene, board) != super::atoms::moves(atom, &problem.scene, camera)
 }
 
-/// Whether any column is a free-form error of the optics.
-pub(crate) fn has_free(columns: &[Column]) -> bool {
-    columns.iter().any(|c| matches!(c.atom, super::atoms::Atom::FreeOptics(_)))
-}
-
 /// Whether a frame counts.
 pub(crate) fn counts(mask: Option<&[bool]>, frame: usize) -> bool {
     mask.is_none_or(|m| m[frame])
@@ -96,7 +91,7 @@ impl Normal {
             noise,
             with_board,
             gaussian: false,
-            free: has_free(columns),
+            wanted: Wanted::by(columns),
         };
         let count = columns.len();
         let chunks: Vec<Self> = chunks(problem.frames.len())

@@ -3,7 +3,7 @@
 //! For every shift s the frames are also predicted with the commanded posture of s rows away. A run in which that fits far
 //! better than the frame's own posture, and far better than the rest's scatter would do by chance, is a pairing fault.
 
-use super::frame::{FrameWork, Task};
+use super::frame::{FrameWork, Task, Wanted};
 use super::normal::chunks;
 use super::problem::{Noise, Problem};
 use crate::error::Result;
@@ -78,7 +78,7 @@ fn costs(problem: &Problem, noise: Noise, shift: i64) -> Result<Vec<Option<f64>>
         noise,
         with_board: false,
         gaussian: true,
-        free: false,
+        wanted: Wanted::default(),
     };
     let parts: Vec<Vec<Option<f64>>> = chunks(frames)
         .into_par_iter()

@@ -6,7 +6,7 @@
 
 use super::atoms::Atom;
 use super::deformation::Deformation;
-use super::frame::{FrameWork, PROJECTED, Task};
+use super::frame::{FrameWork, PROJECTED, Task, Wanted};
 use super::normal::{counts, inner};
 use super::observations::Via;
 use super::problem::{Noise, Observation, Problem};
@@ -75,7 +75,7 @@ pub(crate) fn free_markers(
         noise,
         with_board: problem.needs_fresh_board(deformation),
         gaussian,
-        free: false,
+        wanted: Wanted::default(),
     };
     Ok(postures(problem)
         .into_par_iter()

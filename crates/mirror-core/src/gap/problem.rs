@@ -367,7 +367,7 @@ impl Problem {
             noise,
             with_board,
             gaussian: false,
-            free: false,
+            wanted: super::frame::Wanted::default(),
         };
         let mut out = self.clone();
         let mut work = FrameWork::new(self);

@@ -8,9 +8,9 @@
 
 use super::atoms::{Atom, Column};
 use super::fit::{Active, Group};
-use super::frame::{FrameWork, PROJECTED, Span, Task};
+use super::frame::{FrameWork, PROJECTED, Span, Task, Wanted};
 use super::hypothesis::{Catalogue, Model};
-use super::normal::{Normal, chunks, counts, has_free, inner_in, needs_board};
+use super::normal::{Normal, chunks, counts, inner_in, needs_board};
 use super::problem::{Noise, Problem};
 use crate::error::Result;
 use nalgebra::{DMatrix, DVector};
@@ -107,7 +107,7 @@ pub(crate) fn screen(
         noise,
         with_board,
         gaussian: false,
-        free: has_free(&everything),
+        wanted: Wanted::by(&everything),
     };
     let empty = || -> (Normal, Vec<Sums>) {
         let sums = candidates

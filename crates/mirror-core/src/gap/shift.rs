@@ -1,7 +1,7 @@
 //! How far causes move what is seen: the size of an effect in the unit of the measurement.
 
 use super::deformation::Deformation;
-use super::frame::{FrameWork, Task};
+use super::frame::{FrameWork, Task, Wanted};
 use super::normal::chunks;
 use super::problem::{Noise, Problem};
 use crate::error::Result;
@@ -25,7 +25,7 @@ pub(crate) fn marker_shift(
         noise,
         with_board: problem.needs_fresh_board(deformation) || problem.needs_fresh_board(other),
         gaussian: true,
-        free: false,
+        wanted: Wanted::default(),
     };
     let (a, b) = (task(from, eye_from.as_ref(), to), task(to, eye_to.as_ref(), from));
     let parts: Vec<Vec<(f64, f64)>> = chunks(problem.frames.len())

@@ -5,7 +5,7 @@
 
 use super::atoms::Atom;
 use super::deformation::Deformation;
-use super::frame::{FrameWork, PROJECTED, Task};
+use super::frame::{FrameWork, PROJECTED, Task, Wanted};
 use super::normal::inner;
 use super::posture::postures;
 use super::problem::{Noise, Problem};
@@ -34,7 +34,8 @@ pub(crate) fn free_errors(
 ) -> Result<Vec<FreeError>> {
     let eye = problem.eye(deformation)?;
     let with_board = super::normal::needs_board(problem, &[super::atoms::Column::constant(atom)]);
-    let task = Task { deformation, eye: eye.as_ref(), noise, with_board, gaussian: true, free: false };
+    let task =
+        Task { deformation, eye: eye.as_ref(), noise, with_board, gaussian: true, wanted: Wanted::default() };
     Ok(postures(problem)
         .into_par_iter()
         .map_init(

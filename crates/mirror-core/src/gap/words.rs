@@ -8,7 +8,7 @@ use super::observations::Recording;
 use super::report::{
     Alternative, Cause, Checked, Diagnosis, Estimate, Gap, Ranked, Signature, SignaturePoint, Where,
 };
-use super::rivals::standing;
+use super::rivals::{Standing, standing};
 use super::screen::Score;
 use super::sentence::sentence;
 use super::shift::marker_shift;
@@ -40,7 +40,13 @@ pub(crate) fn diagnosis(
     checked: Vec<Checked>,
 ) -> Result<Diagnosis> {
     findings.found.fit = refit(findings)?;
-    let mut causes = causes(findings)?;
+    let standings = (0..findings.found.fit.model.terms.len())
+        .map(|i| {
+            let free = findings.search.catalogue.is_free(findings.found.fit.model.terms[i].hypothesis);
+            if free { Ok(None) } else { standing(&findings.search, &findings.found, i).map(Some) }
+        })
+        .collect::<Result<Vec<Option<Standing>>>>()?;
+    let mut causes = causes(findings, &standings)?;
     let gap = gap(findings, checked);
     let places = places(findings, &causes);
     causes.sort_by(|a, b| b.rms_shift.total_cmp(&a.rms_shift));
@@ -84,7 +90,7 @@ pub(crate) fn diagnosis(
         sentence,
         r#where: places,
         gap,
-        next_postures: super::next::next_postures(findings, robot, recording)?,
+        next_postures: super::next::next_postures(findings, &standings, robot, recording)?,
         warnings: warnings(findings),
         noise: noise_map,
         trace: findings.found.trace.clone(),
@@ -94,16 +100,14 @@ pub(crate) fn diagnosis(
     })
 }
 
-fn causes(findings: &Findings<'_>) -> Result<Vec<Cause>> {
+fn causes(findings: &Findings<'_>, standings: &[Option<Standing>]) -> Result<Vec<Cause>> {
     let search = &findings.search;
     let scene = &search.problem.scene;
     let found = &findings.found;
     let mut out = Vec::new();
     let all = search.deformation(&found.fit.model);
     for (i, term) in found.fit.model.terms.iter().enumerate() {
-        if search.catalogue.is_free(term.hypothesis) {
-            continue;
-        }
+        let Some(standing) = &standings[i] else { continue };
         let effect = search.catalogue.effect(term.hypothesis);
         let place = search.catalogue.hypotheses[term.hypothesis].place;
         let stds = found.fit.stds(i);
@@ -122,7 +126,6 @@ fn causes(findings: &Findings<'_>) -> Result<Vec<Cause>> {
             }
         }
         let droop = parameters.remove("droop_rad_per_nm");
-        let standing = standing(search, found, i)?;
         let without = search.deformation(&found.fit.model.without(i));
         let shift = rms_shift(findings, &without, &all)?;
         out.push(Cause {

@@ -21,10 +21,13 @@ use crate::geometry::Reflection;
 use crate::mirror::MirrorOptics;
 pub(crate) use columns::Span;
 use nalgebra::{Matrix2x3, Matrix3, Point3, SMatrix, Vector2, Vector3};
+pub(crate) use sight::Wanted;
 use sight::{mirrored_pixel, start_of_plane};
 
 /// Gauss–Newton steps for a board's plane; it starts within millimetres and converges quadratically.
 const BOARD_STEPS: usize = 12;
+/// Share of a board's χ² below which a further step's gain does not matter.
+const BOARD_GAIN: f64 = 1e-6;
 /// Steps that a plane takes from the board's own optimum to that of the whole frame: a tiny way.
 const PLANE_STEPS: usize = 2;
 /// A board with fewer corners than this does not show a plane with a margin.
@@ -87,8 +90,8 @@ pub(crate) struct Task<'a> {
     pub with_board: bool,
     /// Whether every observation counts in full: needed where the model is known to be far off, so that nothing looks false.
     pub gaussian: bool,
-    /// Whether columns of the optics' free-form errors will be read.
-    pub free: bool,
+    /// Which columns of the optics will be read.
+    pub wanted: Wanted,
 }
 
 impl FrameWork {
@@ -169,6 +172,11 @@ impl FrameWork {
                 damped[(i, i)] *= 1.0 + damping;
             }
             let step = damped.cholesky()?.solve(&gradient);
+            // What is left to gain is next to nothing: the step is taken, its result not looked at.
+            if step.dot(&gradient) < BOARD_GAIN * chi2 {
+                foot += step;
+                break;
+            }
             match evaluate(&(foot + step)) {
                 Some(next) if next.0 <= chi2 => {
                     let done = chi2 - next.0 < 1e-9 * chi2;

@@ -129,9 +129,8 @@ impl FrameWork {
         };
         let point = world_from_target.point(&local);
         let in_camera = camera_from_world.point(&point);
-        let wants_free = full && task.free;
-        let Some(sight) = sight_of(eye, via, &self.foot, &in_camera, full && task.with_board, wants_free)
-        else {
+        let wanted = if full && task.with_board { task.wanted } else { Wanted::default() };
+        let Some(sight) = sight_of(eye, via, &self.foot, &in_camera, wanted) else {
             // What cannot be predicted (behind the mirror, say) is as wrong as a false observation.
             self.cost += mixture.of(f64::INFINITY).cost;
             return;
@@ -170,7 +169,7 @@ impl FrameWork {
             optics.fixed_view_mut::<2, 1>(0, 11).copy_from(&(sight.by_glass * scale));
             optics.fixed_view_mut::<2, 1>(0, 12).copy_from(&(sight.by_curvature * scale));
         }
-        let free = sight.free.filter(|_| wants_free).map(|mut columns| {
+        let free = sight.free.filter(|_| wanted.free).map(|mut columns| {
             if let SeenAt::Corner(c) = seen {
                 let by_board = sight.by_point * (camera_from_world.r * world_from_target.r);
                 board_columns(problem, c.index, &by_board, &mut columns);

@@ -1,7 +1,30 @@
 //! How an image point depends on where the point is, on the mirror's plane and on the lens.
 
 use super::*;
+use crate::gap::atoms::Column;
 use crate::gap::free_optics::SeenPoint;
+use crate::mirror::ApparentPoint;
+
+/// Which columns of the optics will be read: the others are not computed.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(crate) struct Wanted {
+    pub lens: bool,
+    pub mirror: bool,
+    /// Of the free-form errors.
+    pub free: bool,
+}
+
+impl Wanted {
+    /// What these columns need.
+    pub fn by(columns: &[Column]) -> Self {
+        let any = |what: fn(Atom) -> bool| columns.iter().any(|c| what(c.atom));
+        Self {
+            lens: any(|a| matches!(a, Atom::Focal | Atom::Center(_) | Atom::Dk1)),
+            mirror: any(|a| matches!(a, Atom::Glass | Atom::Curvature)),
+            free: any(|a| matches!(a, Atom::FreeOptics(_))),
+        }
+    }
+}
 
 /// How an image point depends on everything, px.
 pub(super) struct Sight {
@@ -15,16 +38,36 @@ pub(super) struct Sight {
     pub free: Option<FreeColumns>,
 }
 
-/// How a seen point's pixel moves with the optics' free-form errors.
-fn free_columns(eye: &Eye, seen: &Vector3<f64>, foot: Option<&Vector3<f64>>) -> Option<FreeColumns> {
-    let (pixel, by_seen) = eye.camera.project_with_point_jacobian(&Point3::from(*seen)).ok()?;
-    Some(SeenPoint { eye, seen, pixel: &pixel, by_seen: &by_seen, foot }.columns())
+/// Where a point is seen, camera frame, and how that depends on the point and on the mirror.
+fn apparent(eye: &Eye, foot: &Vector3<f64>, point: &Vector3<f64>, by_mirror: bool) -> Option<ApparentPoint> {
+    if eye.mirror == MirrorOptics::IDEAL && !by_mirror {
+        return ideally_reflected(foot, point);
+    }
+    let (plane, point) = (Problem::plane(foot)?, Point3::from(*point));
+    if by_mirror {
+        eye.mirror.apparent_point_with_jacobians(&plane, &point).ok()
+    } else {
+        eye.mirror.apparent_point_in_loop(&plane, &point).ok()
+    }
 }
 
-/// Where a point is seen in the mirror, without the free-form errors.
-fn apparent(eye: &Eye, foot: &Vector3<f64>, point: &Vector3<f64>) -> Option<Vector3<f64>> {
-    let plane = Problem::plane(foot)?;
-    Some(eye.mirror.apparent_point(&plane, &Point3::from(*point)).ok()?.coords)
+/// In a flat front-surface mirror of foot point f: `p′ = p + 2 (1 − f·p/f²) f`. The mirror that nearly all sessions have,
+/// without the general optics.
+fn ideally_reflected(foot: &Vector3<f64>, point: &Vector3<f64>) -> Option<ApparentPoint> {
+    let square = foot.norm_squared();
+    let share = foot.dot(point) / square;
+    // Behind the mirror nothing is seen; written so that NaN fails.
+    if !(share < 1.0) {
+        return None;
+    }
+    let share_by_foot = (point - foot * (2.0 * share)) / square;
+    Some(ApparentPoint {
+        point: Point3::from(point + foot * (2.0 * (1.0 - share))),
+        by_point: Matrix3::identity() - foot * foot.transpose() * (2.0 / square),
+        by_foot_point: Matrix3::identity() * (2.0 * (1.0 - share)) - foot * share_by_foot.transpose() * 2.0,
+        by_thickness: Vector3::zeros(),
+        by_curvature: Vector3::zeros(),
+    })
 }
 
 /// Pixel in the mirror and its derivative by the plane's foot point.
@@ -33,127 +76,64 @@ pub(super) fn mirrored_pixel(
     foot: &Vector3<f64>,
     point: &Vector3<f64>,
 ) -> Option<(Vector2<f64>, Matrix2x3<f64>)> {
-    let plane = Problem::plane(foot)?;
+    let seen = apparent(eye, foot, point, false)?;
+    let (mut pixel, by_seen) = eye.camera.project_with_point_jacobian(&seen.point).ok()?;
     if let Some(free) = &eye.free {
-        let seen = eye.mirror.project_with_jacobians(&eye.camera, &plane, &Point3::from(*point)).ok()?;
-        let columns = free_columns(eye, &apparent(eye, foot, point)?, Some(foot))?;
-        return Some((seen.pixel + columns * free, seen.by_foot_point));
+        let at =
+            SeenPoint { eye, seen: &seen.point.coords, pixel: &pixel, by_seen: &by_seen, foot: Some(foot) };
+        pixel += at.columns() * free;
     }
-    if eye.mirror == MirrorOptics::IDEAL {
-        return ideally_mirrored(eye, foot, point).map(|seen| (seen.0, seen.2));
-    }
-    let seen = eye.mirror.project_with_jacobians(&eye.camera, &plane, &Point3::from(*point)).ok()?;
-    Some((seen.pixel, seen.by_foot_point))
+    Some((pixel, by_seen * seen.by_foot_point))
 }
 
-/// Pixel in a flat front-surface mirror and its derivatives by the point and the foot point f:
-/// `p′ = p + 2 (1 − f·p/f²) f`. The mirror that nearly all sessions have, without the general optics' ray tracing.
-pub(super) fn ideally_mirrored(
-    eye: &Eye,
-    foot: &Vector3<f64>,
-    point: &Vector3<f64>,
-) -> Option<(Vector2<f64>, Matrix2x3<f64>, Matrix2x3<f64>)> {
-    let square = foot.norm_squared();
-    let share = foot.dot(point) / square;
-    // Behind the mirror nothing is seen; written so that NaN fails.
-    if !(share < 1.0) {
-        return None;
-    }
-    let seen = Point3::from(point + foot * (2.0 * (1.0 - share)));
-    let (pixel, by_seen) = eye.camera.project_with_point_jacobian(&seen).ok()?;
-    let along = by_seen * foot;
-    let by_point = by_seen - along * foot.transpose() * (2.0 / square);
-    let share_by_foot = (point - foot * (2.0 * share)) / square;
-    let by_foot = by_seen * (2.0 * (1.0 - share)) - along * share_by_foot.transpose() * 2.0;
-    Some((pixel, by_point, by_foot))
-}
-
+/// Where a point is seen in the image, with the columns that are wanted.
 pub(super) fn sight_of(
     eye: &Eye,
     via: Via,
     foot: &Vector3<f64>,
     point: &Vector3<f64>,
-    lens: bool,
-    free: bool,
+    wanted: Wanted,
 ) -> Option<Sight> {
-    let mut sight = without_free_errors(eye, via, foot, point, lens)?;
-    if free || eye.free.is_some() {
-        let columns = match via {
-            Via::Direct => free_columns(eye, point, None)?,
-            Via::Mirror => free_columns(eye, &apparent(eye, foot, point)?, Some(foot))?,
-        };
-        if let Some(values) = &eye.free {
-            sight.pixel += columns * values;
-        }
-        sight.free = Some(columns);
-    }
-    Some(sight)
-}
-
-fn without_free_errors(
-    eye: &Eye,
-    via: Via,
-    foot: &Vector3<f64>,
-    point: &Vector3<f64>,
-    lens: bool,
-) -> Option<Sight> {
-    let point = Point3::from(*point);
-    let by_lens = |seen: &Point3<f64>| -> Option<SMatrix<f64, 2, 4>> {
-        let mut out = SMatrix::<f64, 2, 4>::zeros();
-        if lens {
-            let projection = eye.camera.project_with_jacobians(seen).ok()?;
-            let focal = projection
-                .by_intrinsics
-                .column(0)
-                .component_mul(&Vector2::new(eye.nominal_focal.x, 0.0))
-                + projection.by_intrinsics.column(1).component_mul(&Vector2::new(0.0, eye.nominal_focal.y));
-            out.set_column(0, &focal);
-            out.set_column(1, &projection.by_intrinsics.column(2));
-            out.set_column(2, &projection.by_intrinsics.column(3));
-            out.set_column(3, &projection.by_distortion.column(0));
-        }
-        Some(out)
+    let seen = match via {
+        Via::Mirror => apparent(eye, foot, point, wanted.mirror)?,
+        Via::Direct => ApparentPoint {
+            point: Point3::from(*point),
+            by_point: Matrix3::identity(),
+            by_foot_point: Matrix3::zeros(),
+            by_thickness: Vector3::zeros(),
+            by_curvature: Vector3::zeros(),
+        },
     };
-    match via {
-        Via::Direct => {
-            let (pixel, by_point) = eye.camera.project_with_point_jacobian(&point).ok()?;
-            Some(Sight {
-                pixel,
-                by_point,
-                by_foot: Matrix2x3::zeros(),
-                by_glass: Vector2::zeros(),
-                by_curvature: Vector2::zeros(),
-                by_lens: by_lens(&point)?,
-                free: None,
-            })
-        }
-        Via::Mirror => {
-            let plane = Problem::plane(foot)?;
-            if !lens && eye.mirror == MirrorOptics::IDEAL {
-                let (pixel, by_point, by_foot) = ideally_mirrored(eye, foot, &point.coords)?;
-                return Some(Sight {
-                    pixel,
-                    by_point,
-                    by_foot,
-                    by_glass: Vector2::zeros(),
-                    by_curvature: Vector2::zeros(),
-                    by_lens: SMatrix::zeros(),
-                    free: None,
-                });
-            }
-            let seen = eye.mirror.project_with_jacobians(&eye.camera, &plane, &point).ok()?;
-            let apparent = if lens { eye.mirror.apparent_point(&plane, &point).ok()? } else { point };
-            Some(Sight {
-                pixel: seen.pixel,
-                by_point: seen.by_point,
-                by_foot: seen.by_foot_point,
-                by_glass: seen.by_thickness,
-                by_curvature: seen.by_curvature,
-                by_lens: by_lens(&apparent)?,
-                free: None,
-            })
-        }
+    let mut by_lens = SMatrix::<f64, 2, 4>::zeros();
+    if wanted.lens {
+        let projection = eye.camera.project_with_jacobians(&seen.point).ok()?;
+        let focal = projection.by_intrinsics.column(0).component_mul(&Vector2::new(eye.nominal_focal.x, 0.0))
+            + projection.by_intrinsics.column(1).component_mul(&Vector2::new(0.0, eye.nominal_focal.y));
+        by_lens.set_column(0, &focal);
+        by_lens.set_column(1, &projection.by_intrinsics.column(2));
+        by_lens.set_column(2, &projection.by_intrinsics.column(3));
+        by_lens.set_column(3, &projection.by_distortion.column(0));
     }
+    let (mut pixel, by_seen) = eye.camera.project_with_point_jacobian(&seen.point).ok()?;
+    let mut free = None;
+    if wanted.free || eye.free.is_some() {
+        let foot = (via == Via::Mirror).then_some(foot);
+        let at = SeenPoint { eye, seen: &seen.point.coords, pixel: &pixel, by_seen: &by_seen, foot };
+        let columns = at.columns();
+        if let Some(values) = &eye.free {
+            pixel += columns * values;
+        }
+        free = Some(columns);
+    }
+    Some(Sight {
+        pixel,
+        by_point: by_seen * seen.by_point,
+        by_foot: by_seen * seen.by_foot_point,
+        by_glass: by_seen * seen.by_thickness,
+        by_curvature: by_seen * seen.by_curvature,
+        by_lens,
+        free,
+    })
 }
 
 /// A first plane: the board's reflection lies in the direction of the corners' mean, at the depth at which its picture has

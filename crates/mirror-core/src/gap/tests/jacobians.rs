@@ -4,7 +4,7 @@ use super::gap_world::{Plan, World, Wrong};
 use crate::gap::atoms::{Atom, Column};
 use crate::gap::deformation::Deformation;
 use crate::gap::effects::vocabulary;
-use crate::gap::frame::{FrameWork, PROJECTED, Task};
+use crate::gap::frame::{FrameWork, PROJECTED, Task, Wanted};
 use crate::gap::free_optics::FREE_OPTICS;
 use crate::gap::hypothesis::{Catalogue, Term};
 use crate::gap::normal::inner;
@@ -78,7 +78,7 @@ fn evaluated(problem: &Problem, deformation: &Deformation, frame: usize) -> Fram
         noise: problem.noise,
         with_board: true,
         gaussian: true,
-        free: true,
+        wanted: Wanted { lens: true, mirror: true, free: true },
     };
     let mut work = FrameWork::new(problem);
     assert!(work.evaluate(problem, &task, frame));
@@ -235,7 +235,7 @@ fn the_ideal_mirrors_short_cut_is_the_general_optics() {
                 noise: problem.noise,
                 with_board: false,
                 gaussian: true,
-                free: true,
+                wanted: Wanted { lens: true, mirror: true, free: true },
             };
             let mut work = FrameWork::new(&problem);
             assert!(work.evaluate(&problem, &task, frame));
