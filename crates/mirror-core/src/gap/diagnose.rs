@@ -1,6 +1,7 @@
 //! From a recording to a diagnosis: the order in which everything is tried, and what is said of it.
 
 use super::adequacy::adequacy;
+use super::beside_geometry::beside_geometry;
 use super::effects::vocabulary;
 use super::fit::{Fit, FitOptions, fit};
 use super::freeform::free_forms;
@@ -13,9 +14,10 @@ use super::own::{OwnEffect, own_effects};
 use super::pairing::{self, Slip};
 use super::problem::Problem;
 use super::report::{Checked, Diagnosis};
+use super::rivals::{Standing, settled};
 use super::search::{Found, Search, SearchOptions};
 use super::unexplained::{
-    Unexplained, beside_free_forms, elsewhere, is_suspicious, log_odds, retract_imitators, unexplained,
+    Unexplained, beside_free_forms, elsewhere, is_suspicious, retract_imitators, unexplained,
 };
 use crate::error::Result;
 use crate::robot::Robot;
@@ -54,14 +56,14 @@ pub(crate) struct Findings<'a> {
     pub before: Vec<PostureGap>,
     pub after: Vec<PostureGap>,
     pub unexplained: Option<Unexplained>,
+    /// How sure each cause is; none for free-form errors.
+    pub standings: Vec<Option<Standing>>,
     /// Share of the markers' observations that were left out as false.
     pub false_share: f64,
 }
 
 /// More causes than this at once are rather many small errors.
 const MANY_CAUSES: usize = 3;
-/// Log prior odds of manufacturing tolerance against single causes.
-const LOG_PRIOR_GEOMETRY: f64 = -10.0;
 /// A cause must shrink the held-out gap by this share, or it is dropped.
 const LEAST_HELD_OUT_GAIN: f64 = 0.002;
 /// A remainder smaller than this share (squared: 8 %) of what the causes move is what their laws are wrong by.
@@ -70,8 +72,6 @@ const LAW_REMAINDER: f64 = 0.0064;
 pub(crate) const MANY_FALSE: f64 = 0.015;
 /// Observations farther from the best model than this many deviations are false.
 const FALSE_DEVIATIONS: f64 = 6.0;
-/// The group's shift, squared, as a share of the causes': a smaller group only takes up what the causes' laws are wrong by.
-const LEAST_GROUP_SHARE: f64 = 0.02;
 
 /// Diagnoses a recording: where the model is wrong, which effect causes it, how far the gap shrinks.
 ///
@@ -158,11 +158,11 @@ pub fn diagnose(
     let off = options.without.iter().any(|w| w == "geometry");
     if !off
         && (fits_noise.significant || found.fit.model.terms.len() > MANY_CAUSES)
-        && let Some((with, its_search, its_found)) = with_geometry(&named, (&search, &found), &nominal)?
+        && let Some(beside) = beside_geometry(&named, (&search, &mut found), &nominal)?
     {
-        geometry = Some(with);
-        search = its_search;
-        found = its_found;
+        geometry = Some(beside.geometry);
+        search = beside.search;
+        found = beside.found;
         (clean, false_share) = without_false(&search, &found)?;
         fits_noise = adequacy(&clean, &search.deformation(&found.fit.model), search.measured_noise)?;
     }
@@ -170,6 +170,10 @@ pub fn diagnose(
     search.problem = clean;
     let (before, mut after) = gaps(&search, &nominal, &found)?;
     drop_useless(&mut search, &mut found, &mut after)?;
+    let (standings, changed) = settled(&search, &mut found)?;
+    if changed {
+        after = search.held_out(&found.fit.model, found.noise)?;
+    }
     let free = found.fit.model.terms.iter().any(|t| search.catalogue.is_free(t.hypothesis));
     let by_laws = !free
         && found.fit.model.terms.len() <= MANY_CAUSES
@@ -181,7 +185,8 @@ pub fn diagnose(
         causes.terms.retain(|t| !search.catalogue.is_free(t.hypothesis));
         after = search.held_out(&causes, found.noise)?;
     }
-    let mut findings = Findings { search, found, geometry, slip, before, after, unexplained, false_share };
+    let mut findings =
+        Findings { search, found, geometry, slip, before, after, unexplained, false_share, standings };
     let mut checked = Vec::new();
     for other in others {
         checked.push(check(&findings, other)?);
@@ -209,60 +214,6 @@ fn only_their_laws(search: &Search<'_>, found: &Found, with_free: &Found, all: &
     }
     let after = search.held_out(&found.fit.model, found.noise)?;
     Ok(remainder_share(search, found, &after)? < LAW_REMAINDER)
-}
-
-/// The search beside many small errors; none where what was found without them says it better.
-fn with_geometry<'a>(
-    search: &Search<'a>,
-    without: (&Search<'a>, &Found),
-    nominal: &Model,
-) -> Result<Option<(Geometry, Search<'a>, Found)>> {
-    let (its_search, alone) = without;
-    let mut geometry = Geometry::new(&search.problem);
-    if geometry.group.columns.is_empty() {
-        return Ok(None);
-    }
-    let mut beside = Search { group: geometry.group.clone(), ..search.clone() };
-    // Spreads first at the scatter that single causes leave, then with the causes that stand out from the group.
-    let mut noise = alone.noise;
-    let mut start =
-        geometry.fit(&search.problem, search.catalogue, nominal, FitOptions { noise, steps: 6 }, None)?.model;
-    let mut found = None;
-    for _ in 0..2 {
-        beside.group = geometry.group.clone();
-        let next = beside.run(start.clone())?;
-        noise = next.noise;
-        start = geometry
-            .fit(&beside.problem, search.catalogue, &next.fit.model, FitOptions { noise, steps: 4 }, None)?
-            .model;
-        found = Some(next);
-    }
-    beside.group = geometry.group.clone();
-    let Some(mut found) = found else { return Ok(None) };
-    found.fit =
-        fit(&beside.problem, search.catalogue, &beside.group, &start, FitOptions { noise, steps: 6 }, None)?;
-    let odds = log_odds((&beside, &found), (its_search, alone))? + LOG_PRIOR_GEOMETRY;
-    found.trace.push(format!(
-        "beside geometry (spread {:.3} mm, {:.3} mrad): log odds {odds:.1}",
-        geometry.spread_m * 1e3,
-        geometry.spread_rad * 1e3
-    ));
-    let mut trace = alone.trace.clone();
-    trace.append(&mut found.trace);
-    found.trace = trace;
-    // A group that moves next to nothing beside the causes only takes up what their laws are wrong by.
-    let all = beside.deformation(&found.fit.model);
-    let mut bare = found.fit.model.clone();
-    bare.group.iter_mut().for_each(|g| *g = 0.0);
-    let only_causes = beside.deformation(&bare);
-    bare.terms.clear();
-    let neither = beside.deformation(&bare);
-    let sum = |from, to| -> Result<f64> {
-        Ok(super::shift::marker_shift(&beside.problem, from, to, beside.measured_noise)?.iter().sum())
-    };
-    let (group_shift, cause_shift) = (sum(&only_causes, &all)?, sum(&neither, &only_causes)?);
-    let matters = group_shift > LEAST_GROUP_SHARE * cause_shift;
-    Ok((odds > 0.0 && matters).then_some((geometry, beside, found)))
 }
 
 fn gaps(search: &Search<'_>, nominal: &Model, found: &Found) -> Result<(Vec<PostureGap>, Vec<PostureGap>)> {

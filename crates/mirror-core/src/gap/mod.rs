@@ -2,6 +2,7 @@
 
 mod adequacy;
 mod atoms;
+mod beside_geometry;
 mod body;
 mod deformation;
 mod diagnose;

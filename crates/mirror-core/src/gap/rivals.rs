@@ -60,3 +60,63 @@ pub(crate) fn standing(search: &Search<'_>, found: &Found, i: usize) -> Result<S
     rivals.sort_by(|a, b| b.probability.total_cmp(&a.probability));
     Ok(Standing { probability: scale, rivals })
 }
+
+/// Rounds in which causes give way to their rivals.
+const ROUNDS: usize = 4;
+/// A cause that is less probable than this is none.
+const NO_CAUSE: f64 = 0.05;
+
+/// The standing of every cause, once each has given way to a rival that is more probable than it, or to nothing; none for
+/// free-form errors. Also whether any did.
+///
+/// # Errors
+/// A camera or mirror that cannot be.
+pub(crate) fn settled(search: &Search<'_>, found: &mut Found) -> Result<(Vec<Option<Standing>>, bool)> {
+    let mut changed = false;
+    for _ in 0..ROUNDS {
+        let mut standings = Vec::new();
+        let mut weak = None;
+        for (i, term) in found.fit.model.terms.iter().enumerate() {
+            if search.catalogue.is_free(term.hypothesis) {
+                standings.push(None);
+                continue;
+            }
+            let standing = standing(search, found, i)?;
+            let rival = standing.rivals.first().filter(|r| r.probability > standing.probability).cloned();
+            if weak.is_none() && (rival.is_some() || standing.probability < NO_CAUSE) {
+                weak = Some((i, rival));
+            }
+            standings.push(Some(standing));
+        }
+        let Some((i, rival)) = weak else { return Ok((standings, changed)) };
+        changed = true;
+        let scene = &search.problem.scene;
+        let old = search.catalogue.name(scene, found.fit.model.terms[i].hypothesis);
+        let rest = found.fit.model.without(i);
+        found.fit = search.fit(&rest, found.noise, 8)?;
+        match rival {
+            Some(rival) => {
+                let with = rest.with(search.catalogue, rival.hypothesis, rival.variant);
+                let with = search.fit(&with, found.noise, 12)?;
+                let last = with.model.terms.len() - 1;
+                if search.log_odds(&with, last, found.noise)? >= search.options.least_log_odds {
+                    let new = search.catalogue.name(scene, rival.hypothesis);
+                    found.trace.push(format!("{old} gives way to {new}, which is more probable"));
+                    found.fit = with;
+                } else {
+                    found
+                        .trace
+                        .push(format!("drop {old}: it is improbable, and so is what would take its place"));
+                }
+            }
+            None => found.trace.push(format!("drop {old}: it is improbable beside all else that was found")),
+        }
+    }
+    let standings = (0..found.fit.model.terms.len())
+        .map(|i| {
+            let free = search.catalogue.is_free(found.fit.model.terms[i].hypothesis);
+            if free { Ok(None) } else { standing(search, found, i).map(Some) }
+        })
+        .collect::<Result<Vec<_>>>()?;
+    Ok((standings, changed))
+}

@@ -47,9 +47,9 @@ const HOPELESS_LOG_ODDS: f64 = -3.5;
 /// How many of the best candidates are tried with all their discrete unknowns.
 const VARIANTS_RETRIED: usize = 3;
 /// Share of a common size below which an error is called a tolerance.
-const PRIOR_TOLERANCE: f64 = 0.01;
+const PRIOR_TOLERANCE: f64 = 0.005;
 /// A tolerated error moves the markers by no more than this many standard deviations of the noise.
-const UNSEEN_SHIFT: f64 = 0.15;
+const UNSEEN_SHIFT: f64 = 0.08;
 /// Factors on a discrete unknown (a friction torque) that are tried once the cause is found.
 const VARIANT_FACTORS: [f64; 8] = [0.7, 0.8, 0.88, 0.95, 1.06, 1.14, 1.25, 1.4];
 
@@ -293,6 +293,10 @@ impl Search<'_> {
         let mut noise = self.effective(&start)?;
         let mut best = self.fit(&start, noise, FINAL_STEPS)?;
         noise = self.effective(&best.model)?;
+        if !best.model.terms.is_empty() {
+            best = self.prune(best, noise, &mut trace)?;
+            noise = self.effective(&best.model)?;
+        }
         let mut seen = vec![hypotheses_of(&best)];
         while best.model.terms.len() < self.options.most_causes {
             let candidates = self.candidates(&best.model, noise, self.options.refined)?;
@@ -356,7 +360,7 @@ impl Search<'_> {
     }
 
     /// Drops causes without which the model is no worse.
-    fn prune(&mut self, mut best: Fit, noise: Noise, trace: &mut Vec<String>) -> Result<Fit> {
+    pub fn prune(&mut self, mut best: Fit, noise: Noise, trace: &mut Vec<String>) -> Result<Fit> {
         let mut i = 0;
         while best.model.terms.len() > 1 && i < best.model.terms.len() {
             let odds = self.log_odds(&best, i, noise)?;

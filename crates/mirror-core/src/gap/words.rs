@@ -8,7 +8,7 @@ use super::observations::Recording;
 use super::report::{
     Alternative, Cause, Checked, Diagnosis, Estimate, Gap, Ranked, Signature, SignaturePoint, Where,
 };
-use super::rivals::{Standing, standing};
+use super::rivals::Standing;
 use super::screen::Score;
 use super::sentence::sentence;
 use super::shift::marker_shift;
@@ -40,12 +40,7 @@ pub(crate) fn diagnosis(
     checked: Vec<Checked>,
 ) -> Result<Diagnosis> {
     findings.found.fit = refit(findings)?;
-    let standings = (0..findings.found.fit.model.terms.len())
-        .map(|i| {
-            let free = findings.search.catalogue.is_free(findings.found.fit.model.terms[i].hypothesis);
-            if free { Ok(None) } else { standing(&findings.search, &findings.found, i).map(Some) }
-        })
-        .collect::<Result<Vec<Option<Standing>>>>()?;
+    let standings = core::mem::take(&mut findings.standings);
     let mut causes = causes(findings, &standings)?;
     let gap = gap(findings, checked);
     let places = places(findings, &causes);

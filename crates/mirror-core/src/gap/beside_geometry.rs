@@ -1,0 +1,115 @@
+//! The search for causes beside many small errors: a real robot has both, and neither may hide or pass for the other.
+
+use super::fit::{FitOptions, fit};
+use super::group::Geometry;
+use super::hypothesis::Model;
+use super::problem::Noise;
+use super::screen::screen;
+use super::search::{Found, Search};
+use super::shift::marker_shift;
+use super::unexplained::log_odds;
+use crate::error::Result;
+
+/// Log prior odds of manufacturing tolerance against single causes.
+const LOG_PRIOR_GEOMETRY: f64 = -10.0;
+/// The group's shift, squared, as a share of the causes': a smaller group only takes up what the causes' laws are wrong by.
+const LEAST_GROUP_SHARE: f64 = 0.02;
+/// Joints that are tried as elastic together: one at a time none may stand out from the small errors, all of them do.
+const ELASTIC: usize = 4;
+/// From so many causes and free-form errors on, prediction of held-out regions decides, not evidence: many pieces together
+/// can imitate what they are not.
+const PIECES: usize = 3;
+/// The held-out gap with many small errors must be smaller than without by this factor.
+const LEAST_HELD_OUT_RATIO: f64 = 0.98;
+
+/// Causes beside many small errors.
+pub(crate) struct BesideGeometry<'a> {
+    pub geometry: Geometry,
+    pub search: Search<'a>,
+    pub found: Found,
+}
+
+/// The search beside many small errors; none where what was found without them says it better.
+///
+/// # Errors
+/// A camera or mirror that cannot be.
+pub(crate) fn beside_geometry<'a>(
+    named: &Search<'a>,
+    (its_search, alone): (&Search<'a>, &mut Found),
+    nominal: &Model,
+) -> Result<Option<BesideGeometry<'a>>> {
+    let mut geometry = Geometry::new(&named.problem);
+    if geometry.group.columns.is_empty() {
+        return Ok(None);
+    }
+    let mut search = Search { group: geometry.group.clone(), ..named.clone() };
+    // Spreads first at the scatter that single causes leave, then with the causes that stand out from the group.
+    let mut noise = alone.noise;
+    let at = |noise, steps| FitOptions { noise, steps };
+    let start = geometry.fit(&named.problem, named.catalogue, nominal, at(noise, 6), None)?.model;
+    search.group = geometry.group.clone();
+    let elastic = elastic(&search, &start, noise)?;
+    let mut start = geometry.fit(&named.problem, named.catalogue, &elastic, at(noise, 6), None)?.model;
+    let mut found = None;
+    for _ in 0..2 {
+        search.group = geometry.group.clone();
+        let next = search.run(start.clone())?;
+        noise = next.noise;
+        start = geometry.fit(&search.problem, named.catalogue, &next.fit.model, at(noise, 4), None)?.model;
+        found = Some(next);
+    }
+    search.group = geometry.group.clone();
+    let Some(mut found) = found else { return Ok(None) };
+    found.fit = fit(&search.problem, named.catalogue, &search.group, &start, at(noise, 6), None)?;
+    // Causes that the spreads found last make needless.
+    found.fit = search.prune(found.fit, noise, &mut found.trace)?;
+    let odds = log_odds((&search, &found), (its_search, alone))? + LOG_PRIOR_GEOMETRY;
+    let mut better = odds > 0.0;
+    let mut told = format!(
+        "beside geometry (spread {:.3} mm, {:.3} mrad): log odds {odds:.1}",
+        geometry.spread_m * 1e3,
+        geometry.spread_rad * 1e3
+    );
+    if alone.fit.model.terms.len() >= PIECES {
+        let with = super::diagnose::seen_size(&search.held_out(&found.fit.model, found.noise)?);
+        let without = super::diagnose::seen_size(&its_search.held_out(&alone.fit.model, alone.noise)?);
+        better = with < LEAST_HELD_OUT_RATIO * without;
+        told += &format!(", held-out gap {:.3} of that without", with / without.max(1e-30));
+    }
+    let mut trace = alone.trace.clone();
+    trace.append(&mut found.trace);
+    trace.push(told);
+    alone.trace.clone_from(&trace);
+    found.trace = trace;
+    Ok((better && matters(&search, &found)?).then_some(BesideGeometry { geometry, search, found }))
+}
+
+/// The small errors with the compliance of those joints where gravity shows it best, to be pruned.
+fn elastic(search: &Search<'_>, start: &Model, noise: Noise) -> Result<Model> {
+    let scores = screen(&search.problem, search.catalogue, &search.group, start, noise, search.mask)?;
+    let mut model = start.clone();
+    let springs = scores
+        .iter()
+        .filter(|s| search.catalogue.effect(s.hypothesis).name() == "joint_compliance" && s.log_bayes > 0.0);
+    for score in springs.take(ELASTIC) {
+        model = model.with(search.catalogue, score.hypothesis, score.variant);
+        if let Some(term) = model.terms.last_mut() {
+            term.parameters = score.parameters.iter().map(|p| p.max(0.0)).collect();
+        }
+    }
+    Ok(model)
+}
+
+/// A group that moves next to nothing beside the causes only takes up what their laws are wrong by.
+fn matters(search: &Search<'_>, found: &Found) -> Result<bool> {
+    let all = search.deformation(&found.fit.model);
+    let mut bare = found.fit.model.clone();
+    bare.group.iter_mut().for_each(|g| *g = 0.0);
+    let only_causes = search.deformation(&bare);
+    bare.terms.clear();
+    let neither = search.deformation(&bare);
+    let sum = |from, to| -> Result<f64> {
+        Ok(marker_shift(&search.problem, from, to, search.measured_noise)?.iter().sum())
+    };
+    Ok(sum(&only_causes, &all)? > LEAST_GROUP_SHARE * sum(&neither, &only_causes)?)
+}
