@@ -16,7 +16,7 @@ const LOG_PRIOR_GEOMETRY: f64 = -10.0;
 const LEAST_GROUP_SHARE: f64 = 0.02;
 /// Joints that are tried as elastic together: one at a time none may stand out from the small errors, all of them do.
 const ELASTIC: usize = 4;
-/// From so many causes and free-form errors on, prediction of held-out regions decides, not evidence: many pieces together
+/// From so many places of causes and free-form errors on, prediction of held-out regions decides, not evidence: many pieces together
 /// can imitate what they are not.
 const PIECES: usize = 3;
 /// The held-out gap with many small errors must be smaller than without by this factor.
@@ -70,7 +70,7 @@ pub(crate) fn beside_geometry<'a>(
         geometry.spread_m * 1e3,
         geometry.spread_rad * 1e3
     );
-    if alone.fit.model.terms.len() >= PIECES {
+    if places(its_search, alone) >= PIECES {
         let with = super::diagnose::seen_size(&search.held_out(&found.fit.model, found.noise)?);
         let without = super::diagnose::seen_size(&its_search.held_out(&alone.fit.model, alone.noise)?);
         better = with < LEAST_HELD_OUT_RATIO * without;
@@ -98,6 +98,19 @@ fn elastic(search: &Search<'_>, start: &Model, noise: Noise) -> Result<Model> {
         }
     }
     Ok(model)
+}
+
+/// How many different places the causes and free-form errors have.
+fn places(search: &Search<'_>, found: &Found) -> usize {
+    let mut seen = Vec::new();
+    for term in &found.fit.model.terms {
+        let place = search.catalogue.hypotheses[term.hypothesis].place;
+        let at = place.node().map_or_else(|| Err(place), Ok);
+        if !seen.contains(&at) {
+            seen.push(at);
+        }
+    }
+    seen.len()
 }
 
 /// A group that moves next to nothing beside the causes only takes up what their laws are wrong by.

@@ -66,6 +66,8 @@ pub(crate) struct Findings<'a> {
 const MANY_CAUSES: usize = 3;
 /// A cause must shrink the held-out gap by this share, or it is dropped.
 const LEAST_HELD_OUT_GAIN: f64 = 0.002;
+/// The same beside many small errors, of which a cause must stand out.
+const LEAST_HELD_OUT_GAIN_BESIDE_GEOMETRY: f64 = 0.02;
 /// A remainder smaller than this share (squared: 8 %) of what the causes move is what their laws are wrong by.
 const LAW_REMAINDER: f64 = 0.0064;
 /// More false observations than this are worth a word, and a second look.
@@ -170,10 +172,7 @@ pub fn diagnose(
     search.problem = clean;
     let (before, mut after) = gaps(&search, &nominal, &found)?;
     drop_useless(&mut search, &mut found, &mut after)?;
-    let (standings, changed) = settled(&search, &mut found)?;
-    if changed {
-        after = search.held_out(&found.fit.model, found.noise)?;
-    }
+    let standings = settled(&search, &mut found, &mut after)?;
     let free = found.fit.model.terms.iter().any(|t| search.catalogue.is_free(t.hypothesis));
     let by_laws = !free
         && found.fit.model.terms.len() <= MANY_CAUSES
@@ -232,11 +231,16 @@ pub(crate) fn seen_size(gaps: &[PostureGap]) -> f64 {
 
 /// Drops causes that do not help where they were not fitted.
 fn drop_useless(search: &mut Search<'_>, found: &mut Found, after: &mut Vec<PostureGap>) -> Result<()> {
+    let least = if search.group.columns.is_empty() {
+        LEAST_HELD_OUT_GAIN
+    } else {
+        LEAST_HELD_OUT_GAIN_BESIDE_GEOMETRY
+    };
     let mut i = 0;
     while i < found.fit.model.terms.len() {
         let without = search.fit(&found.fit.model.without(i), found.noise, 6)?;
         let gap = search.held_out(&without.model, found.noise)?;
-        if seen_size(&gap) < seen_size(after) * (1.0 + LEAST_HELD_OUT_GAIN) {
+        if seen_size(&gap) < seen_size(after) * (1.0 + least) {
             let name = search.catalogue.name(&search.problem.scene, found.fit.model.terms[i].hypothesis);
             found.trace.push(format!("drop {name}: no gain on held-out regions"));
             found.fit = without;

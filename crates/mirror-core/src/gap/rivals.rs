@@ -1,5 +1,7 @@
 //! How sure a cause is: its rivals, each fitted in its place, and their probabilities.
 
+use super::diagnose::seen_size;
+use super::heldout::PostureGap;
 use super::hypothesis::Model;
 use super::search::{Found, Search, SearchOptions};
 use crate::error::Result;
@@ -66,57 +68,61 @@ const ROUNDS: usize = 4;
 /// A cause that is less probable than this is none.
 const NO_CAUSE: f64 = 0.05;
 
-/// The standing of every cause, once each has given way to a rival that is more probable than it, or to nothing; none for
-/// free-form errors. Also whether any did.
+/// The standing of every cause, once each has given way to a rival that is more probable and predicts held-out regions no
+/// worse, or to nothing; none for free-form errors. `after` is the held-out gap.
 ///
 /// # Errors
 /// A camera or mirror that cannot be.
-pub(crate) fn settled(search: &Search<'_>, found: &mut Found) -> Result<(Vec<Option<Standing>>, bool)> {
-    let mut changed = false;
+pub(crate) fn settled(
+    search: &Search<'_>,
+    found: &mut Found,
+    after: &mut Vec<PostureGap>,
+) -> Result<Vec<Option<Standing>>> {
     for _ in 0..ROUNDS {
-        let mut standings = Vec::new();
-        let mut weak = None;
-        for (i, term) in found.fit.model.terms.iter().enumerate() {
-            if search.catalogue.is_free(term.hypothesis) {
-                standings.push(None);
+        let standings = standings(search, found)?;
+        let mut changed = false;
+        for (i, standing) in standings.iter().enumerate() {
+            let Some(standing) = standing else { continue };
+            let rival = standing.rivals.first().filter(|r| r.probability > standing.probability);
+            if rival.is_none() && standing.probability >= NO_CAUSE {
                 continue;
             }
-            let standing = standing(search, found, i)?;
-            let rival = standing.rivals.first().filter(|r| r.probability > standing.probability).cloned();
-            if weak.is_none() && (rival.is_some() || standing.probability < NO_CAUSE) {
-                weak = Some((i, rival));
-            }
-            standings.push(Some(standing));
-        }
-        let Some((i, rival)) = weak else { return Ok((standings, changed)) };
-        changed = true;
-        let scene = &search.problem.scene;
-        let old = search.catalogue.name(scene, found.fit.model.terms[i].hypothesis);
-        let rest = found.fit.model.without(i);
-        found.fit = search.fit(&rest, found.noise, 8)?;
-        match rival {
-            Some(rival) => {
-                let with = rest.with(search.catalogue, rival.hypothesis, rival.variant);
-                let with = search.fit(&with, found.noise, 12)?;
-                let last = with.model.terms.len() - 1;
-                if search.log_odds(&with, last, found.noise)? >= search.options.least_log_odds {
-                    let new = search.catalogue.name(scene, rival.hypothesis);
-                    found.trace.push(format!("{old} gives way to {new}, which is more probable"));
-                    found.fit = with;
-                } else {
-                    found
-                        .trace
-                        .push(format!("drop {old}: it is improbable, and so is what would take its place"));
+            let rest = search.fit(&found.fit.model.without(i), found.noise, 8)?;
+            let next = match rival {
+                Some(rival) => {
+                    let with = rest.model.with(search.catalogue, rival.hypothesis, rival.variant);
+                    search.fit(&with, found.noise, 12)?
                 }
+                None => rest,
+            };
+            let gap = search.held_out(&next.model, found.noise)?;
+            if seen_size(&gap) > seen_size(after) * NO_WORSE {
+                continue;
             }
-            None => found.trace.push(format!("drop {old}: it is improbable beside all else that was found")),
+            let name = |h: usize| search.catalogue.name(&search.problem.scene, h);
+            let old = name(found.fit.model.terms[i].hypothesis);
+            let new = rival.map_or_else(|| "nothing".to_owned(), |r| name(r.hypothesis));
+            found.trace.push(format!("{old} gives way to {new}, which is more probable"));
+            found.fit = next;
+            *after = gap;
+            changed = true;
+            break;
+        }
+        if !changed {
+            return Ok(standings);
         }
     }
-    let standings = (0..found.fit.model.terms.len())
+    standings(search, found)
+}
+
+/// The held-out gap may grow by this factor where a more probable cause comes in.
+const NO_WORSE: f64 = 1.002;
+
+fn standings(search: &Search<'_>, found: &Found) -> Result<Vec<Option<Standing>>> {
+    (0..found.fit.model.terms.len())
         .map(|i| {
             let free = search.catalogue.is_free(found.fit.model.terms[i].hypothesis);
             if free { Ok(None) } else { standing(search, found, i).map(Some) }
         })
-        .collect::<Result<Vec<_>>>()?;
-    Ok((standings, changed))
+        .collect()
 }
