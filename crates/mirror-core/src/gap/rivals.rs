@@ -29,6 +29,21 @@ pub(crate) struct Standing {
     pub rivals: Vec<Rival>,
 }
 
+impl Standing {
+    /// Evidence is against the cause, held-out regions are for it: neither can be believed alone.
+    fn dispute(&mut self) {
+        if self.probability < DISPUTED {
+            let rivals: f64 = self.rivals.iter().map(|r| r.probability).sum();
+            let scale = (DISPUTED / rivals.max(DISPUTED)).min(1.0);
+            self.rivals.iter_mut().for_each(|r| r.probability *= scale);
+            self.probability = DISPUTED;
+        }
+    }
+}
+
+/// Probability of a cause that evidence and held-out regions disagree on.
+const DISPUTED: f64 = 0.5;
+
 /// Fits the best rivals in the place of the i-th cause and weighs them.
 ///
 /// # Errors
@@ -79,9 +94,9 @@ pub(crate) fn settled(
     after: &mut Vec<PostureGap>,
 ) -> Result<Vec<Option<Standing>>> {
     for _ in 0..ROUNDS {
-        let standings = standings(search, found)?;
+        let mut standings = standings(search, found)?;
         let mut changed = false;
-        for (i, standing) in standings.iter().enumerate() {
+        for (i, standing) in standings.iter_mut().enumerate() {
             let Some(standing) = standing else { continue };
             let rival = standing.rivals.first().filter(|r| r.probability > standing.probability);
             if rival.is_none() && standing.probability >= NO_CAUSE {
@@ -97,6 +112,7 @@ pub(crate) fn settled(
             };
             let gap = search.held_out(&next.model, found.noise)?;
             if seen_size(&gap) > seen_size(after) * NO_WORSE {
+                standing.dispute();
                 continue;
             }
             let name = |h: usize| search.catalogue.name(&search.problem.scene, h);
