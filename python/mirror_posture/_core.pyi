@@ -550,5 +550,6 @@ class GapRecording:
         most_causes: int = 0,
         others: Sequence[tuple[str, GapRecording, Sequence[_OwnEffect]]] = ...,
         own: Sequence[_OwnEffect] = ...,
+        markers: bool = False,
     ) -> str: ...
     def quantities(self) -> dict[str, Any]: ...

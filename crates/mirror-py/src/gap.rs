@@ -220,7 +220,7 @@ impl GapRecording {
     }
 
     /// Diagnoses the recording; `others` are further sessions on which the result is checked. The result is JSON.
-    #[pyo3(signature = (without=Vec::new(), most_causes=0, others=Vec::new(), own=Vec::new()))]
+    #[pyo3(signature = (without=Vec::new(), most_causes=0, others=Vec::new(), own=Vec::new(), markers=false))]
     fn diagnose(
         &self,
         py: Python<'_>,
@@ -228,6 +228,7 @@ impl GapRecording {
         most_causes: usize,
         others: Vec<(String, Py<Self>, Vec<OwnEffectArrays<'_>>)>,
         own: Vec<OwnEffectArrays<'_>>,
+        markers: bool,
     ) -> PyResult<String> {
         let tables = |own: &[OwnEffectArrays<'_>]| {
             own.iter().map(OwnEffectArrays::to_core).collect::<PyResult<Vec<_>>>()
@@ -244,7 +245,7 @@ impl GapRecording {
                 })
             })
             .collect::<PyResult<Vec<_>>>()?;
-        let options = DiagnoseOptions { without, most_causes, own: tables(&own)? };
+        let options = DiagnoseOptions { without, most_causes, own: tables(&own)?, markers };
         let diagnosis = py
             .detach(|| mirror_core::gap::diagnose(&self.robot, &self.recording, &options, &others))
             .map_err(to_py)?;

@@ -7,9 +7,11 @@
     [(c.effect, c.at, c.probability) for c in found.causes]
     found.gap.before_m, found.gap.after_m
 
-`recording` hands a session to the core, `result` holds what comes back, `page` draws it, `applied` writes the better model.
+`recording` hands a session to the core, `result` holds what comes back, `page` draws it, `applied` writes the better model,
+`feed_forward` commands around what stays, `own_effects` takes laws of one's own.
 """
 
+from .feed_forward import FeedForward, feed_forward
 from .own_effects import OwnEffect, PlaceQuantities
 from .result import (
     Alternative,
@@ -21,6 +23,7 @@ from .result import (
     Member,
     Place,
     Ranked,
+    SeenMarker,
     Signature,
     Witness,
 )
@@ -32,13 +35,16 @@ __all__ = [
     "Checked",
     "Diagnosis",
     "Estimate",
+    "FeedForward",
     "Gap",
     "Member",
     "OwnEffect",
     "Place",
     "PlaceQuantities",
     "Ranked",
+    "SeenMarker",
     "Signature",
     "Witness",
     "diagnose",
+    "feed_forward",
 ]

@@ -205,7 +205,7 @@ def _weights(effect: OwnEffect, quantities: PlaceQuantities) -> Floats:
     except (TypeError, ValueError) as error:
         raise MirrorPostureError(f"{where}: its basis failed: {type(error).__name__}: {error}") from error
     needed = (len(quantities.time_s), len(effect.parameters))
-    if weights.ndim == 1 and needed[1] == 1:
+    if weights.shape == needed[:1] and needed[1] == 1:
         weights = weights[:, None]
     if weights.shape != needed:
         raise MirrorPostureError(

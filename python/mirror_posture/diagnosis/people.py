@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from .result import Cause, Estimate
+from .result import Cause, Diagnosis, Estimate
 
 UNITS = {
     # Longest endings first: `_rad_per_nm` also ends with what others end with.
@@ -63,6 +64,17 @@ def effect_in_words(effect: str) -> str:
     return effect.replace("_", " ")
 
 
+BY_HAND = {
+    "gear_eccentricity": "feed it forward (`correct --feed-forward`), or correct the encoder's reading",
+    "joint_coupling": "feed it forward (`correct --feed-forward`), or mend the coupling",
+    "drift": "home the joint, or warm the robot up before use",
+    "mirror_curvature": "use a flatter mirror",
+    "geometry": "diagnose anew: this document does not tell each of the small errors",
+    "pairing": "mend the rows of the frames table",
+}
+"""Effects that `apply` writes nowhere, and what to do instead."""
+
+
 def place_in_words(at: str) -> str:
     """`joint:r_elbow` as `r_elbow`; `joint:a<-joint:b` as `a from b`."""
     return at.replace("<-", " from ").replace("joint:", "").replace("link:", "").replace("marker:", "")
@@ -83,16 +95,60 @@ def percent(share: float | None) -> str:
     return f"{100.0 * share:.1f} %" if 0.985 < share < 0.9995 else f"{100.0 * share:.0f} %"
 
 
-def next_step(verdict: str, has_alternatives: bool, has_next: bool) -> str:
-    """What to do next, in one sentence."""
+DEPENDENCES = {
+    "nothing": "nothing: it is the same in every posture",
+    "position": "its own position",
+    "load": "its load",
+    "direction": "the direction of its last motion",
+    "time": "time",
+    "posture": "how gravity pulls at it",
+}
+"""Of an unexplained error, on what it depends."""
+
+
+def dependence(depends_on: str) -> str:
+    """On what an unexplained error depends: `load` as `its load`, `position of joint:k` as `the position of k`."""
+    if depends_on in DEPENDENCES:
+        return DEPENDENCES[depends_on]
+    return "the " + place_in_words(depends_on)
+
+
+def next_step(found: Diagnosis) -> str:
+    """What to do next, in one or two sentences."""
+    verdict = found.verdict
     if verdict == "none":
         return "Nothing to mend: the model predicts as well as the measurement's noise allows."
-    if has_alternatives and has_next:
+    rivals = [cause for cause in found.causes if cause.alternatives]
+    if rivals and found.next_postures:
         return "Take the suggested postures and diagnose again: they tell the rivals apart."
-    if has_alternatives:
+    if rivals:
         return "Record further postures, far from those of this session, and diagnose again: rivals remain."
-    if verdict == "explained":
-        return "Write the better model with `mirror-posture apply`, and check it on a session of other postures with --check."
+    if verdict == "unknown":
+        return f"Look at {_unexplained_place(found)}: no effect of the vocabulary explains it. A law of your own can be tried as an own effect."
+    refused = [cause for cause in found.causes if cause.effect in BY_HAND and not cause.members]
+    written = [cause for cause in found.causes if cause not in refused]
+    steps = []
+    if written:
+        steps.append("Write the better model with `mirror-posture apply`")
+    if refused:
+        names = listed([f"{effect_in_words(c.effect)} at {place_in_words(c.at)}" for c in refused])
+        ways = list(dict.fromkeys(BY_HAND[cause.effect] for cause in refused))
+        steps.append(f"{'no' if steps else 'No'} file can hold {names}: {'; '.join(ways)}")
     if verdict == "partial":
-        return "Write what was found back with `mirror-posture apply`; then look at the place of the unexplained part and on what it depends."
-    return "Look at the place and at what the unexplained part depends on: no effect of the vocabulary explains it."
+        return ". ".join(("; ".join(steps), f"Then look at {_unexplained_place(found)}.")) if steps else ""
+    last = "Check it on a session of other postures with --check." if written else "Then diagnose anew."
+    return f"{'; '.join(steps)}. {last}"
+
+
+def listed(names: Sequence[str]) -> str:
+    """`a`, `a and b`, `a, b and c`."""
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+
+
+def _unexplained_place(found: Diagnosis) -> str:
+    left = next((where for where in found.where if where.depends_on), None)
+    if left is None:
+        return "the place that the gap names" if found.where else "the residuals: no single place stands out"
+    if left.depends_on == "nothing":
+        return f"{place_in_words(left.at)}, where what is left is the same in every posture"
+    return f"{place_in_words(left.at)}, where what is left depends on {dependence(left.depends_on or '')}"

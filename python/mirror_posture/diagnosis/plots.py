@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 BEFORE, AFTER, FLOOR = "#b0413e", "#2f6f9f", "#9a9a9a"
+FREE = "#c2185b"
+"""What no cause explains."""
 INK = "#222222"
 PNG_DPI = 140
 MANY_POINTS = 300
@@ -109,13 +111,19 @@ def draw_signature(signature: Signature) -> Drawing:
     angular = signature.unit == "rad"
     factor, unit = (math.degrees(1.0), "°") if angular else (1000.0, "mm")
     error, std, fitted = (factor * a for a in (signature.error, signature.std, signature.fitted))
+    other: tuple[tuple[Any, str], ...] = ()
+    if signature.other is not None and signature.other_position is not None:
+        # What depends on another joint shows its law against that one's position.
+        name = people.place_in_words(signature.other)
+        other = ((math.degrees(1.0) * signature.other_position, f"position of {name}, °"),)
     panels = (
+        *other,
         (math.degrees(1.0) * signature.position, "commanded position, °"),
         (signature.torque_nm, "gravity torque, N m"),
         (signature.direction, "direction of the last motion"),
         (signature.time_s, "time, s"),
     )
-    drawn, axes = figure(11.0, 2.7, columns=4, sharey=True)
+    drawn, axes = figure(11.0, 2.7, columns=len(panels), sharey=True)
     # Postures that hardly show the place have bars that would hide the rest.
     typical = float(np.median(std)) if len(std) else 1.0
     clear = std <= 6.0 * typical
@@ -133,20 +141,21 @@ def draw_signature(signature: Signature) -> Drawing:
             elinewidth=1,
             label="each posture alone, ± 1 std",
         )
-        if signature.cause is not None:
+        if signature.cause is not None or np.any(fitted):
             ax.plot(
                 x[order],
                 fitted[order],
                 ".",
-                color=BEFORE,
+                color=FREE if signature.cause is None else BEFORE,
                 markersize=4,
                 zorder=5,
-                label="what the cause says",
+                label="smooth error without a law" if signature.cause is None else "what the cause says",
             )
         ax.axhline(0.0, color=INK, linewidth=0.6)
         ax.set_xlabel(label)
-    axes[0, 2].set_xticks([-1, 0, 1], ["down", "none", "up"])
-    axes[0, 2].set_xlim(-1.5, 1.5)
+    direction = len(panels) - 2
+    axes[0, direction].set_xticks([-1, 0, 1], ["down", "none", "up"])
+    axes[0, direction].set_xlim(-1.5, 1.5)
     axes[0, 0].set_ylabel(f"error at {people.place_in_words(signature.at)}, {unit}")
     axes[0, 0].legend(fontsize=8, frameon=False, loc="best")
     return finished(drawn, f"signature{signature.cause}{signature.at}".replace(":", "").replace("<-", ""))

@@ -142,6 +142,17 @@ class Signature:
 
 
 @dataclass(frozen=True)
+class SeenMarker:
+    """A marker in one posture, in the root link's frame, m: as measured, by the nominal model, by the one with the causes."""
+
+    frame: int
+    marker: str
+    measured_m: tuple[float, float, float]
+    before_m: tuple[float, float, float]
+    after_m: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
 class Diagnosis:
     """Where the model is wrong, by which effect, and how far the gap shrinks."""
 
@@ -159,6 +170,8 @@ class Diagnosis:
     ranking: tuple[Ranked, ...] = ()
     signatures: tuple[Signature, ...] = ()
     witness: tuple[Witness, ...] = ()
+    markers: tuple[SeenMarker, ...] = ()
+    """Posture by posture, where they were asked for (`markers=True`)."""
     document: Mapping[str, Any] = field(default_factory=dict, repr=False)
     """The JSON tree as the core gave it, with all that the format does not know."""
 
@@ -186,6 +199,7 @@ class Diagnosis:
                 trace=tuple(tree.get("trace", ())),
                 ranking=tuple(_known(Ranked, entry) for entry in tree.get("ranking", ())),
                 signatures=tuple(_signature(entry) for entry in tree.get("signatures", ())),
+                markers=tuple(_known(SeenMarker, entry) for entry in tree.get("markers", ())),
                 witness=tuple(_known(Witness, entry) for entry in tree.get("witness", ())),
                 document=dict(tree),
             )

@@ -28,12 +28,14 @@ def diagnose(
     withhold: Sequence[str] = (),
     most_causes: int = MOST_CAUSES,
     effects: Sequence[OwnEffect] = (),
+    markers: bool = False,
 ) -> Diagnosis:
     """Where the model is wrong, by which effect, and how far the gap shrinks.
 
     `without` are effects that the vocabulary shall lack; `check` further sessions, of which nothing is fitted but
     their own mirrors; `withhold` markers (`marker:NAME`, or the bare name) that the fit does not see and that it then
-    predicts. `effects` are one's own, tried beside the vocabulary at every place that they name. A session with pictures
+    predicts. `effects` are one's own, tried beside the vocabulary at every place that they name; `markers` tells
+    each marker posture by posture, for drawing. A session with pictures
     and no image points is detected first.
 
     Raises:
@@ -53,7 +55,9 @@ def diagnose(
         seen = only_markers(loaded, kept)
         others += [_other(WITNESS + name, to_core(only_markers(loaded, [name])), effects) for name in names]
     recording = to_core(seen)
-    tree = json.loads(recording.diagnose(left_out, most_causes, others, tabulate(effects, recording)))
+    tree = json.loads(
+        recording.diagnose(left_out, most_causes, others, tabulate(effects, recording), markers)
+    )
     if names:
         checked = tree["gap"].get("checked", [])
         tree["witness"] = [

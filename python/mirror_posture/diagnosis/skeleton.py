@@ -9,11 +9,10 @@ import numpy as np
 
 from ..session import Session
 from . import people
-from .plots import BEFORE, FLOOR, INK, Drawing, figure, finished
+from .plots import BEFORE, FLOOR, FREE, INK, Drawing, figure, finished
 from .result import Diagnosis
 
 CAUSE_COLOURS = (BEFORE, "#c77f1a", "#6b4c9a", "#2f7f4f", "#2f6f9f", "#8a5a44")
-UNEXPLAINED = "#c2185b"
 VIEWS = (("the front", 1, 1.0), ("its left", 0, -1.0))
 """Name, the root axis that runs to the right, and its sign on the page: x looks ahead and z up (REP 103)."""
 MARGIN = 0.08
@@ -37,7 +36,7 @@ def draw_robot(session: Session, found: Diagnosis) -> Drawing:
     width = 6.4
     height = float(np.clip(width * span[2] / (span[0] + span[1] + names), 2.8, 7.0))
     drawn, axes = figure(width, height + 0.6, columns=2, width_ratios=[span[1] + names, span[0]], sharey=True)
-    guilty = [entry for entry in _guilty(session, found) if entry[0] in place]
+    marked = [entry for entry in guilty(session, found) if entry[0] in place]
     for ax, (title, axis, sign) in zip(axes[0], VIEWS, strict=True):
 
         def flat(point: np.ndarray, axis: int = axis, sign: float = sign) -> tuple[float, float]:
@@ -69,7 +68,7 @@ def draw_robot(session: Session, found: Diagnosis) -> Drawing:
         named = axis == VIEWS[0][1]
         ax.set_xlim(ends[0] - edge, ends[1] + edge + (names if named else 0.0))
         ax.set_ylim(low[2] - edge, high[2] + edge)
-        _mark(ax, [(flat(place[link]), colour, text) for link, colour, text in guilty], named, ends[1] + edge)
+        _mark(ax, [(flat(place[link]), colour, text) for link, colour, text in marked], named, ends[1] + edge)
         ax.set_title(f"from {title}", color=INK, fontsize=10, loc="left")
         ax.set_aspect("equal")
         ax.tick_params(labelsize=8, colors=FLOOR)
@@ -102,7 +101,7 @@ def _mark(ax: Any, guilty: list[tuple[tuple[float, float], str, str]], named: bo
         )
 
 
-def _guilty(session: Session, found: Diagnosis) -> list[tuple[str, str, str]]:
+def guilty(session: Session, found: Diagnosis) -> list[tuple[str, str, str]]:
     """Link at whose origin a place is drawn, its colour and its label."""
     marked = []
     for index, cause in enumerate(found.causes):
@@ -112,7 +111,7 @@ def _guilty(session: Session, found: Diagnosis) -> list[tuple[str, str, str]]:
     if found.verdict in ("partial", "unknown"):
         for where in found.where:
             if where.depends_on and where.share >= LEAST_SHARE:
-                marked += [(link, UNEXPLAINED, "unexplained") for link in links_of(session, where.at)[:1]]
+                marked += [(link, FREE, "unexplained") for link in links_of(session, where.at)[:1]]
     return marked
 
 

@@ -32,6 +32,8 @@ pub struct DiagnoseOptions {
     pub most_causes: usize,
     /// Further effects beside the vocabulary.
     pub own: Vec<OwnEffect>,
+    /// Whether the markers are told posture by posture.
+    pub markers: bool,
 }
 
 /// A further session on which the result is checked.
@@ -190,7 +192,11 @@ pub fn diagnose(
     for other in others {
         checked.push(check(&findings, other)?);
     }
-    super::words::diagnosis(&mut findings, robot, recording, &ranking, checked)
+    let mut diagnosis = super::words::diagnosis(&mut findings, robot, recording, &ranking, checked)?;
+    if options.markers {
+        diagnosis.markers = super::seen::seen_markers(&findings)?;
+    }
+    Ok(diagnosis)
 }
 
 /// The problem without the observations that the best model shows to be false, and their share.

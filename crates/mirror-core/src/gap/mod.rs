@@ -32,6 +32,7 @@ mod scene;
 mod screen;
 mod screening;
 mod search;
+mod seen;
 mod sentence;
 mod shift;
 mod signature;
@@ -48,6 +49,7 @@ pub use observations::{
 };
 pub use own::{OwnAxis, OwnEffect, OwnParameter, OwnPlace, Quantities, quantities};
 pub use report::{
-    Alternative, Cause, Checked, Diagnosis, Estimate, Gap, Member, Ranked, Signature, SignaturePoint, Where,
+    Alternative, Cause, Checked, Diagnosis, Estimate, Gap, Member, Ranked, SeenMarker, Signature,
+    SignaturePoint, Where,
 };
 pub use screening::{Screening, screen_once};

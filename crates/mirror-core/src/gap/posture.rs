@@ -20,6 +20,8 @@ const FREE_MARKER_STD_M: f64 = 0.05;
 /// A marker of one posture, measured.
 #[derive(Debug, Clone)]
 pub(crate) struct FreeMarker {
+    /// Its index.
+    pub marker: usize,
     /// Measured less predicted position, in the frame of the marker's mount, m.
     pub displacement: Vector3<f64>,
     /// Expected square of the displacement if only noise were left, m².
@@ -172,6 +174,7 @@ fn free_posture(problem: &Problem, task: &Task<'_>, frames: Vec<usize>, work: &m
     out.chi2_free = chi2 - 2.0 * solution.dot(&gradient) + solution.dot(&(&data * &solution));
     for at in 0..seen.len() {
         out.markers.push(FreeMarker {
+            marker: seen[at],
             displacement: solution.fixed_rows::<3>(3 * at).into_owned(),
             noise_m2: scatter.fixed_view::<3, 3>(3 * at, 3 * at).trace(),
         });

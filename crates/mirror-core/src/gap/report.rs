@@ -152,6 +152,21 @@ pub struct Signature {
     pub points: Vec<SignaturePoint>,
 }
 
+/// A marker in one posture, root frame, m.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SeenMarker {
+    /// The posture's first frame.
+    pub frame: i64,
+    /// The marker's name.
+    pub marker: String,
+    /// Where it was measured.
+    pub measured_m: [f64; 3],
+    /// Where the nominal model has it.
+    pub before_m: [f64; 3],
+    /// Where the model with the causes has it.
+    pub after_m: [f64; 3],
+}
+
 /// One hypothesis of the ranking.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Ranked {
@@ -192,4 +207,7 @@ pub struct Diagnosis {
     pub ranking: Vec<Ranked>,
     /// Signatures of causes at joints and of the unexplained part.
     pub signatures: Vec<Signature>,
+    /// The markers posture by posture, where they were asked for.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub markers: Vec<SeenMarker>,
 }

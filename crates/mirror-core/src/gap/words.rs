@@ -92,6 +92,7 @@ pub(crate) fn diagnosis(
         ranking,
         signatures,
         causes,
+        markers: Vec::new(),
     })
 }
 

@@ -51,6 +51,10 @@ def command(
             help="Address of a Dask scheduler (`tcp://HOST:8786`) whose workers diagnose (extra `fleet`)."
         ),
     ] = None,
+    rerun: Annotated[
+        Path | None,
+        typer.Option(help="Write a recording (.rrd) for the Rerun viewer as well (extra `rerun`)."),
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Say where the model is wrong, which effect causes it, and how far the gap shrinks.
@@ -81,6 +85,10 @@ def command(
             withhold=withhold or (),
             most_causes=most_causes,
         )
+    if rerun is not None and (len(sessions) > 1 or afar is not None):
+        raise MirrorPostureError(
+            "--rerun: got several sessions or a fleet, needed one session, diagnosed here"
+        )
     documents = []
     for folder in sessions:
         loaded = _loaded(output, folder)
@@ -94,6 +102,7 @@ def command(
                     check=others,
                     withhold=withhold or (),
                     most_causes=most_causes,
+                    markers=rerun is not None,
                 )
             )
         except MirrorPostureError as error:
@@ -102,6 +111,10 @@ def command(
         if out is not None:
             target = out if len(sessions) == 1 else out / (folder.name or folder.resolve().name)
             _write(output, loaded, found, target)
+        if rerun is not None:
+            from ...diagnosis.rerun_recording import write_recording
+
+            output.say(f"written: {write_recording(loaded, found, rerun)}; look at it with `rerun {rerun}`")
         documents.append(found.document)
     if as_json:
         output.result(documents[0] if len(documents) == 1 else documents)
@@ -142,6 +155,7 @@ def _write(output: Output, session: Session, found: Diagnosis, folder: Path) -> 
 
 def _show(output: Output, folder: Path, found: Diagnosis) -> None:
     from ...diagnosis.people import (
+        dependence,
         effect_in_words,
         millimetres,
         next_step,
@@ -210,9 +224,8 @@ def _show(output: Output, folder: Path, found: Diagnosis) -> None:
     for place in found.where:
         if place.depends_on:
             output.say(
-                f"unexplained at {place.at} ({percent(place.share)} of the gap): depends on {place.depends_on}"
+                f"unexplained at {place.at} ({percent(place.share)} of the gap): depends on {dependence(place.depends_on)}"
             )
     for warning in found.warnings:
         output.warn(warning)
-    rivals = any(cause.alternatives for cause in found.causes)
-    output.say(f"next: {next_step(found.verdict, rivals, bool(found.next_postures))}")
+    output.say(f"next: {next_step(found)}")

@@ -1,0 +1,132 @@
+"""A diagnosis as a recording for the Rerun viewer: the robot posture by posture, its markers before and after, residuals.
+
+Needs the extra `rerun`. The recording is a file; `rerun FILE.rrd` shows it.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .._core import MirrorPostureError
+from ..session import Session
+from .plots import AFTER, BEFORE, FREE
+from .result import Diagnosis
+from .skeleton import CAUSE_COLOURS, guilty
+
+if TYPE_CHECKING:
+    from .result import SeenMarker
+
+MEASURED = "#2f7f4f"
+MARKER_RADIUS_M = 0.004
+BODY_RADIUS_M = 0.002
+TIMELINE = "frame"
+
+
+def write_recording(session: Session, found: Diagnosis, file: Path) -> Path:
+    """Writes the recording; `found` must have been diagnosed with `markers=True`. Everything is in the root link's frame, m.
+
+    | entity | what |
+    | --- | --- |
+    | `robot/links`, `robot/joints`, `robot/guilty` | the nominal model at the commanded posture; places of causes |
+    | `markers/measured`, `/before`, `/after` | as seen, by the nominal model, by the model with the causes |
+    | `markers/error_before`, `/error_after` | arrows from the prediction to what was seen |
+    | `residual/MARKER/before_mm`, `/after_mm` | their lengths, as series over the frames |
+    | `signature/PLACE/error`, `/fitted` | what each posture shows at a place, and what the cause says |
+
+    Raises:
+        MirrorPostureError: the extra `rerun` is not installed; a diagnosis without its markers.
+    """
+    try:
+        import rerun as rr  # type: ignore[import-not-found,import-untyped,unused-ignore]
+    except ImportError:
+        raise MirrorPostureError(
+            "a recording needs Rerun's SDK, which is not installed: pip install 'mirror-posture[rerun]'"
+        ) from None
+    if not found.markers:
+        raise MirrorPostureError(
+            "got a diagnosis without its markers, needed one of `diagnose(…, markers=True)`"
+        )
+    recording: Any = rr.RecordingStream("mirror-posture diagnosis", recording_id=session.folder.name or None)
+    recording.save(file)
+    recording.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    recording.log("verdict", rr.TextDocument(found.sentence), static=True)
+    _log_postures(rr, recording, session, found)
+    _log_signatures(rr, recording, found)
+    recording.flush()
+    recording.disconnect()
+    return file
+
+
+def _log_postures(rr: Any, recording: Any, session: Session, found: Diagnosis) -> None:
+    robot = session.robot
+    row = {int(number): index for index, number in enumerate(session.frames.frame)}
+    by_frame: dict[int, list[SeenMarker]] = {}
+    for entry in found.markers:
+        by_frame.setdefault(entry.frame, []).append(entry)
+    rows = [row[number] for number in by_frame]
+    poses = robot.forward_kinematics(session.positions[rows])
+    root = np.linalg.inv(poses[:, robot.link_index(session.root_link)])
+    places = np.einsum("nij,nlj->nli", root, poses[:, :, :, 3])[:, :, :3]
+    links = [(robot.link_index(j.parent_link), robot.link_index(j.child_link)) for j in robot.joints]
+    moving = [robot.link_index(j.child_link) for j in robot.joints if j.kind != "fixed"]
+    marked = [entry for entry in guilty(session, found) if entry[0] in robot.link_names]
+    for name, colour in (("before", BEFORE), ("after", AFTER)):
+        for marker in session.marker_names:
+            style = rr.SeriesLines(colors=[colour], names=[f"{marker} {name}"])
+            recording.log(f"residual/{marker}/{name}_mm", style, static=True)
+    for at, (number, entries) in zip(places, by_frame.items(), strict=True):
+        recording.set_time(TIMELINE, sequence=number)
+        if session.frames.time_s is not None:
+            recording.set_time("time", duration=float(session.frames.time_s[row[number]]))
+        strips = [np.array([at[a], at[b]]) for a, b in links]
+        recording.log("robot/links", rr.LineStrips3D(strips, colors=["#777777"], radii=BODY_RADIUS_M))
+        recording.log("robot/joints", rr.Points3D(at[moving], colors=["#333333"], radii=1.5 * BODY_RADIUS_M))
+        if marked:
+            recording.log(
+                "robot/guilty",
+                rr.Points3D(
+                    [at[robot.link_index(link)] for link, _, _ in marked],
+                    colors=[colour for _, colour, _ in marked],
+                    labels=[text for _, _, text in marked],
+                    radii=2.0 * MARKER_RADIUS_M,
+                ),
+            )
+        seen, before, after = (
+            np.array([getattr(entry, key) for entry in entries])
+            for key in ("measured_m", "before_m", "after_m")
+        )
+        for name, points, colour in (
+            ("measured", seen, MEASURED),
+            ("before", before, BEFORE),
+            ("after", after, AFTER),
+        ):
+            labels = [entry.marker for entry in entries] if name == "measured" else None
+            recording.log(
+                f"markers/{name}", rr.Points3D(points, colors=[colour], labels=labels, radii=MARKER_RADIUS_M)
+            )
+        for name, points, colour in (("before", before, BEFORE), ("after", after, AFTER)):
+            recording.log(
+                f"markers/error_{name}", rr.Arrows3D(origins=points, vectors=seen - points, colors=[colour])
+            )
+            for entry, length in zip(entries, np.linalg.norm(seen - points, axis=1), strict=True):
+                recording.log(f"residual/{entry.marker}/{name}_mm", rr.Scalars(1000.0 * float(length)))
+
+
+def _log_signatures(rr: Any, recording: Any, found: Diagnosis) -> None:
+    for signature in found.signatures:
+        colour = FREE if signature.cause is None else CAUSE_COLOURS[signature.cause % len(CAUSE_COLOURS)]
+        place = signature.at.replace(":", "/").replace("<-", "_from_")
+        base = f"signature/{place}"
+        recording.log(
+            f"{base}/error", rr.SeriesPoints(colors=["#9a9a9a"], names=[f"{signature.at} error"]), static=True
+        )
+        recording.log(
+            f"{base}/fitted", rr.SeriesPoints(colors=[colour], names=[f"{signature.at} fitted"]), static=True
+        )
+        for frame, error, fitted in zip(signature.frame, signature.error, signature.fitted, strict=True):
+            recording.set_time(TIMELINE, sequence=int(frame))
+            recording.log(f"{base}/error", rr.Scalars(float(error)))
+            recording.log(f"{base}/fitted", rr.Scalars(float(fitted)))
