@@ -40,6 +40,7 @@ def test_markers_are_told_posture_by_posture(tmp_path: Path) -> None:
     assert mp.diagnose(session).markers == ()
 
 
+@pytest.mark.filterwarnings("error::Warning")
 def test_the_command_writes_a_recording(tmp_path: Path) -> None:
     pytest.importorskip("rerun", reason="Rerun's SDK is not installed: the recording is not written")
     folder = write_tracked(tmp_path / "session", 8, with_offset)

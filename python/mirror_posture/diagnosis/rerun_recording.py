@@ -19,7 +19,7 @@ from .skeleton import CAUSE_COLOURS, guilty
 if TYPE_CHECKING:
     from .result import SeenMarker
 
-MEASURED = "#2f7f4f"
+MEASURED, BODY, JOINTS, POINTS = "#2f7f4f", "#777777", "#333333", "#9a9a9a"
 MARKER_RADIUS_M = 0.004
 BODY_RADIUS_M = 0.002
 TIMELINE = "frame"
@@ -75,21 +75,23 @@ def _log_postures(rr: Any, recording: Any, session: Session, found: Diagnosis) -
     marked = [entry for entry in guilty(session, found) if entry[0] in robot.link_names]
     for name, colour in (("before", BEFORE), ("after", AFTER)):
         for marker in session.marker_names:
-            style = rr.SeriesLines(colors=[colour], names=[f"{marker} {name}"])
+            style = rr.SeriesLines(colors=[_rgb(colour)], names=[f"{marker} {name}"])
             recording.log(f"residual/{marker}/{name}_mm", style, static=True)
     for at, (number, entries) in zip(places, by_frame.items(), strict=True):
         recording.set_time(TIMELINE, sequence=number)
         if session.frames.time_s is not None:
             recording.set_time("time", duration=float(session.frames.time_s[row[number]]))
         strips = [np.array([at[a], at[b]]) for a, b in links]
-        recording.log("robot/links", rr.LineStrips3D(strips, colors=["#777777"], radii=BODY_RADIUS_M))
-        recording.log("robot/joints", rr.Points3D(at[moving], colors=["#333333"], radii=1.5 * BODY_RADIUS_M))
+        recording.log("robot/links", rr.LineStrips3D(strips, colors=[_rgb(BODY)], radii=BODY_RADIUS_M))
+        recording.log(
+            "robot/joints", rr.Points3D(at[moving], colors=[_rgb(JOINTS)], radii=1.5 * BODY_RADIUS_M)
+        )
         if marked:
             recording.log(
                 "robot/guilty",
                 rr.Points3D(
                     [at[robot.link_index(link)] for link, _, _ in marked],
-                    colors=[colour for _, colour, _ in marked],
+                    colors=[_rgb(colour) for _, colour, _ in marked],
                     labels=[text for _, _, text in marked],
                     radii=2.0 * MARKER_RADIUS_M,
                 ),
@@ -105,11 +107,13 @@ def _log_postures(rr: Any, recording: Any, session: Session, found: Diagnosis) -
         ):
             labels = [entry.marker for entry in entries] if name == "measured" else None
             recording.log(
-                f"markers/{name}", rr.Points3D(points, colors=[colour], labels=labels, radii=MARKER_RADIUS_M)
+                f"markers/{name}",
+                rr.Points3D(points, colors=[_rgb(colour)], labels=labels, radii=MARKER_RADIUS_M),
             )
         for name, points, colour in (("before", before, BEFORE), ("after", after, AFTER)):
             recording.log(
-                f"markers/error_{name}", rr.Arrows3D(origins=points, vectors=seen - points, colors=[colour])
+                f"markers/error_{name}",
+                rr.Arrows3D(origins=points, vectors=seen - points, colors=[_rgb(colour)]),
             )
             for entry, length in zip(entries, np.linalg.norm(seen - points, axis=1), strict=True):
                 recording.log(f"residual/{entry.marker}/{name}_mm", rr.Scalars(1000.0 * float(length)))
@@ -121,12 +125,21 @@ def _log_signatures(rr: Any, recording: Any, found: Diagnosis) -> None:
         place = signature.at.replace(":", "/").replace("<-", "_from_")
         base = f"signature/{place}"
         recording.log(
-            f"{base}/error", rr.SeriesPoints(colors=["#9a9a9a"], names=[f"{signature.at} error"]), static=True
+            f"{base}/error",
+            rr.SeriesPoints(colors=[_rgb(POINTS)], names=[f"{signature.at} error"]),
+            static=True,
         )
         recording.log(
-            f"{base}/fitted", rr.SeriesPoints(colors=[colour], names=[f"{signature.at} fitted"]), static=True
+            f"{base}/fitted",
+            rr.SeriesPoints(colors=[_rgb(colour)], names=[f"{signature.at} fitted"]),
+            static=True,
         )
         for frame, error, fitted in zip(signature.frame, signature.error, signature.fitted, strict=True):
             recording.set_time(TIMELINE, sequence=int(frame))
             recording.log(f"{base}/error", rr.Scalars(float(error)))
             recording.log(f"{base}/fitted", rr.Scalars(float(fitted)))
+
+
+def _rgb(colour: str) -> tuple[int, int, int]:
+    """`#2f7f4f` as three bytes."""
+    return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
