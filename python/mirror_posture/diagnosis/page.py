@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from importlib import resources
 from pathlib import Path
 
 from jinja2 import Environment, StrictUndefined
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from ..session import Session
 from . import people
@@ -45,9 +46,16 @@ def write_report(session: Session, found: Diagnosis, folder: Path) -> Path:
         headline=HEADLINES[found.verdict],
         svg={name: Markup(drawing.svg) for name, drawing in drawings.items()},
         told=people,
+        code=_code,
+        unexplained=any(place.depends_on for place in found.where),
         rivals=any(cause.alternatives for cause in found.causes),
         joints=sorted({joint for posture in found.next_postures for joint in posture}),
     )
     file = folder / "report.html"
     file.write_text(page, encoding="utf-8")
     return file
+
+
+def _code(text: str) -> Markup:
+    """Words between backticks as code, the rest escaped."""
+    return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(text))))

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from .result import Cause, Diagnosis, Estimate
+from .result import Cause, Diagnosis, Estimate, Member
 
 UNITS = {
     # Longest endings first: `_rad_per_nm` also ends with what others end with.
@@ -35,7 +35,7 @@ class Told:
         return f"{self.name} {self.value} ± {self.std} {self.unit}".rstrip()
 
 
-def tell(name: str, estimate: Estimate) -> Told:
+def tell(name: str, estimate: Estimate | Member) -> Told:
     """A parameter in people's units; the digits follow its standard deviation."""
     unit, factor, short = "", 1.0, name
     for ending, (of_people, times) in UNITS.items():
@@ -149,6 +149,7 @@ def _unexplained_place(found: Diagnosis) -> str:
     left = next((where for where in found.where if where.depends_on), None)
     if left is None:
         return "the place that the gap names" if found.where else "the residuals: no single place stands out"
+    at = f"the {left.at}" if left.at in ("camera", "board", "mirror") else place_in_words(left.at)
     if left.depends_on == "nothing":
-        return f"{place_in_words(left.at)}, where what is left is the same in every posture"
-    return f"{place_in_words(left.at)}, where what is left depends on {dependence(left.depends_on or '')}"
+        return f"{at}, where what is left is the same in every posture"
+    return f"{at}, where what is left depends on {dependence(left.depends_on or '')}"

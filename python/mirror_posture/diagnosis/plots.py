@@ -115,7 +115,7 @@ def draw_signature(signature: Signature) -> Drawing:
     if signature.other is not None and signature.other_position is not None:
         # What depends on another joint shows its law against that one's position.
         name = people.place_in_words(signature.other)
-        other = ((math.degrees(1.0) * signature.other_position, f"position of {name}, °"),)
+        other = ((math.degrees(1.0) * signature.other_position, f"position of\n{name}, °"),)
     panels = (
         *other,
         (math.degrees(1.0) * signature.position, "commanded position, °"),
@@ -156,6 +156,9 @@ def draw_signature(signature: Signature) -> Drawing:
     direction = len(panels) - 2
     axes[0, direction].set_xticks([-1, 0, 1], ["down", "none", "up"])
     axes[0, direction].set_xlim(-1.5, 1.5)
-    axes[0, 0].set_ylabel(f"error at {people.place_in_words(signature.at)}, {unit}")
-    axes[0, 0].legend(fontsize=8, frameon=False, loc="best")
+    axes[0, 0].set_ylabel(f"error, {unit}")
+    # Above the panels: inside one it would hide points.
+    drawn.legend(
+        *axes[0, 0].get_legend_handles_labels(), fontsize=8, frameon=False, loc="outside upper left", ncols=2
+    )
     return finished(drawn, f"signature{signature.cause}{signature.at}".replace(":", "").replace("<-", ""))

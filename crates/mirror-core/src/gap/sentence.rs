@@ -80,7 +80,8 @@ fn where_and_on_what(place: Option<&Where>) -> String {
         Some("posture") => " and depends on how gravity pulls at it".into(),
         Some(other) => format!(" and depends on the {other}"),
     };
-    format!("at {}{depends}", place.at)
+    let the = if matches!(place.at.as_str(), "camera" | "board" | "mirror") { "the " } else { "" };
+    format!("at {the}{}{depends}", place.at)
 }
 
 #[cfg(test)]
@@ -111,6 +112,7 @@ mod tests {
             where_and_on_what(Some(&place("marker:hand", "nothing"))),
             "at marker:hand, the same in every posture"
         );
+        assert_eq!(where_and_on_what(Some(&place("camera", "time"))), "at the camera and depends on time");
         assert_eq!(where_and_on_what(None), "at no single place");
     }
 }
