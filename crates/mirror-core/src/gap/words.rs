@@ -25,6 +25,8 @@ const FEW_POSTURES: usize = 20;
 const RANKED: usize = 40;
 /// A gap smaller than this share of the noise floor is none: there is nothing to close.
 const NO_GAP: f64 = 0.02;
+/// Steps of the fit in which all laws have their slack.
+const LOOSE_STEPS: usize = 6;
 /// A servo's droop is told as a cause of its own from this many standard deviations on.
 const DROOP_DEVIATIONS: f64 = 4.0;
 
@@ -102,11 +104,14 @@ fn causes(findings: &Findings<'_>, standings: &[Option<Standing>]) -> Result<Vec
     let found = &findings.found;
     let mut out = Vec::new();
     let all = search.deformation(&found.fit.model);
+    let loose = search.fit_with_slack(&found.fit.model, None, found.noise, LOOSE_STEPS)?;
     for (i, term) in found.fit.model.terms.iter().enumerate() {
         let Some(standing) = &standings[i] else { continue };
         let effect = search.catalogue.effect(term.hypothesis);
         let place = search.catalogue.hypotheses[term.hypothesis].place;
-        let stds = found.fit.stds(i);
+        // As uncertain as the laws allow: exact ones cost nothing here.
+        let stds: Vec<f64> =
+            found.fit.stds(i).into_iter().zip(loose.stds(i)).map(|(exact, loose)| exact.max(loose)).collect();
         let mut parameters: BTreeMap<String, Estimate> = effect
             .parameters()
             .into_iter()

@@ -151,7 +151,7 @@ def command(
 
 
 def _run(output: Output, out: Path, settings: dict[str, Any], resume: bool) -> tuple[Outcome, CorrectOptions]:
-    from ...correct import Recorder, correct
+    from ...correct import Recorder, correct, make_target
     from ...robots import Nominal
     from ._robots import open_robot
 
@@ -174,6 +174,8 @@ def _run(output: Output, out: Path, settings: dict[str, Any], resume: bool) -> t
         with open_robot(settings, nominal, say) as machine:
             ahead = _ahead(output, settings, machine, posture)
             if recorder is None:
+                # A target that cannot be must not leave a folder behind.
+                make_target(nominal, posture, options)
                 recorder = Recorder.start(
                     out, nominal, machine.joint_names, {"settings": settings, "posture": posture}
                 )

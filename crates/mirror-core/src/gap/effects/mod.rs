@@ -133,7 +133,7 @@ pub(crate) trait Effect: Send + Sync {
 
     /// By how much, relatively, the parameter itself is uncertain because real joints obey the law only roughly.
     fn law_uncertainty(&self) -> f64 {
-        if self.depends_on_load() { 0.025 } else { 0.0 }
+        0.0
     }
 
     /// In what its law may differ from the textbook's.
