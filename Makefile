@@ -25,7 +25,8 @@ test-rust: ## the core's tests; needs no Python
 	cargo test --locked -q
 
 test-python: $(VENV)/installed-for-tests ## build and install the wheel, test it
-	$(BIN)/python -m pytest -q -n 2
+	$(BIN)/python -m pytest -q -n 2 -m "not realtime"
+	$(BIN)/python -m pytest -q -m realtime
 
 lint: $(VENV)/installed-for-tests ## formatting and lints, Rust and Python
 	cargo fmt --all --check

@@ -116,6 +116,7 @@ def open_servos(bus: SimulatedBus, body: HiddenBody, nominal: Nominal, folder: P
     return robot
 
 
+@pytest.mark.realtime
 def test_a_line_cut_during_a_correction_loses_nothing(
     bus: SimulatedBus, nominal: Nominal, tmp_path: Path
 ) -> None:

@@ -35,6 +35,7 @@ from mirror_posture.robots.twin import view_normal
 from mirror_posture.viewpoint import View
 
 pytest.importorskip("dynamixel_sdk")
+pytestmark = pytest.mark.realtime
 
 from mirror_posture.robots.dynamixel import WATCHDOG_S, DynamixelRobot
 from mirror_posture.robots.dynamixel_bus import DynamixelBus, Register

@@ -6,6 +6,7 @@ Protocol 2.0, the X series' control table. The SDK gives result codes, raises wh
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
@@ -14,7 +15,14 @@ from .._core import MirrorPostureError
 from .errors import HardwareFaultError, LostRobotError
 
 try:
-    from dynamixel_sdk import COMM_SUCCESS, GroupSyncRead, GroupSyncWrite, PacketHandler, PortHandler
+    from dynamixel_sdk import (
+        COMM_RX_CORRUPT,
+        COMM_SUCCESS,
+        GroupSyncRead,
+        GroupSyncWrite,
+        PacketHandler,
+        PortHandler,
+    )
 except ImportError:
     raise MirrorPostureError(
         "the Dynamixel SDK is not installed; install the extra: pip install 'mirror-posture[dynamixel]'"
@@ -29,8 +37,12 @@ GARBLED = 3
 """A servo's answer to a packet whose check sum is wrong."""
 READ_WAIT_S = 0.002
 """The SDK polls without a pause; a short wait in each read leaves the processor to others."""
-PATIENCE_MS = 20.0
+PATIENCE_MS = 80.0
 """Beyond the SDK's own 34 ms: USB converters and busy computers are late."""
+
+
+QUIET_S = 0.03
+"""After a lost answer the line is left quiet so long, and emptied: a late answer must not pass for that of the next question."""
 
 
 @dataclass(frozen=True)
@@ -185,10 +197,15 @@ class DynamixelBus:
                 group.addParam(servo_id)
             result = self._safely(group.txRxPacket)
             if result == COMM_SUCCESS:
-                return {
-                    servo_id: _signed(group.getData(servo_id, register.address, register.size), register)
-                    for servo_id in servo_ids
-                }
+                try:
+                    return {
+                        servo_id: _signed(group.getData(servo_id, register.address, register.size), register)
+                        for servo_id in servo_ids
+                    }
+                except IndexError:
+                    # A late answer to an earlier question, shorter than this one's.
+                    result = COMM_RX_CORRUPT
+            self._fall_quiet()
         raise LostRobotError(
             f"{self.port}: {register.name} of servos {', '.join(map(str, servo_ids))}: "
             f"{self._packets.getTxRxResult(result)} {self._advice()}"
@@ -199,6 +216,7 @@ class DynamixelBus:
         for _ in range(TRIES):
             value, result, error = self._safely(once)
             if result != COMM_SUCCESS or error & 0x7F == GARBLED:
+                self._fall_quiet()
                 continue
             # The highest bit only says that the hardware error status is not 0: that is read where it is dealt with.
             if error & 0x7F:
@@ -209,6 +227,10 @@ class DynamixelBus:
         raise LostRobotError(
             f"{self.port}: servo {servo_id}, {what}: {self._packets.getTxRxResult(result) or 'garbled'} {self._advice()}"
         )
+
+    def _fall_quiet(self) -> None:
+        time.sleep(QUIET_S)
+        self._safely(self._port.clearPort)
 
     def _safely(self, call: Callable[[], T]) -> T:
         # After an exception, Ctrl-C's as well, the SDK would take its port for busy for good.
