@@ -35,7 +35,6 @@ from mirror_posture.robots.twin import view_normal
 from mirror_posture.viewpoint import View
 
 pytest.importorskip("dynamixel_sdk")
-pytestmark = pytest.mark.realtime
 
 from mirror_posture.robots.dynamixel import WATCHDOG_S, DynamixelRobot
 from mirror_posture.robots.dynamixel_bus import DynamixelBus, Register
@@ -45,6 +44,8 @@ from mirror_posture.robots.dynamixel_config import (
     Servo,
     load_config,
 )
+
+pytestmark = pytest.mark.realtime
 
 TOML = """
 [bus]
