@@ -13,7 +13,7 @@ from .camera import camera_from_info
 from .detect import read_picture
 from .measurement import Measurement
 from .optics import see_in_mirror
-from .session import Session
+from .session import MirrorModel, Session
 
 Pixels = npt.NDArray[Any]
 """A picture as OpenCV holds it: (H, W, 3) uint8, BGR."""
@@ -100,11 +100,7 @@ def draw_measured_and_model(session: Session, measurement: Measurement, row: int
     markers = measurement.markers
     mine = np.flatnonzero(markers.posture == session.frames.posture[row])
     foot = measurement.mirrors.foot_m[row]
-    mirror = session.mirror
-    glass = {} if mirror is None else {
-        "glass_thickness_m": mirror.glass_thickness_m,
-        "refractive_index": mirror.refractive_index,
-    }  # fmt: skip
+    glass = MirrorModel.glass(session.mirror)
     core = camera_from_info(camera)
     for points, color, shape in (
         (markers.point_in_camera_m, MEASURED_BGR, "ring"),

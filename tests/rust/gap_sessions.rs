@@ -47,6 +47,17 @@ fn run(recording: &Recording) -> Diagnosis {
     diagnosis
 }
 
+/// Too little to diagnose is an error with a message, or no cause and a warning.
+fn refused_or_told(recording: &Recording) {
+    match diagnose(&robot(), recording, &DiagnoseOptions::default(), &[]) {
+        Err(error) => assert!(!error.to_string().is_empty()),
+        Ok(diagnosis) => {
+            is_finite(&diagnosis);
+            assert!(diagnosis.causes.is_empty() && !diagnosis.warnings.is_empty(), "{diagnosis:?}");
+        }
+    }
+}
+
 fn causes(diagnosis: &Diagnosis) -> Vec<(&str, &str)> {
     diagnosis.causes.iter().map(|c| (c.effect.as_str(), c.at.as_str())).collect()
 }
@@ -131,13 +142,7 @@ fn a_mirror_session_without_a_board_is_refused_or_says_what_is_missing() {
     let mut recording = world().record(&Plan { postures: 10, ..Plan::default() });
     recording.sight.as_mut().unwrap().board = None;
     recording.frames.iter_mut().for_each(|f| f.sightings.retain(|s| matches!(s.target, Target::Marker(_))));
-    match diagnose(&robot(), &recording, &DiagnoseOptions::default(), &[]) {
-        Err(error) => assert!(!error.to_string().is_empty()),
-        Ok(diagnosis) => {
-            is_finite(&diagnosis);
-            assert!(diagnosis.causes.is_empty() && !diagnosis.warnings.is_empty(), "{diagnosis:?}");
-        }
-    }
+    refused_or_told(&recording);
 }
 
 #[test]
@@ -158,13 +163,7 @@ fn empty_frames_count_for_nothing() {
     }
     assert_eq!(causes(&run(&recording)), [("joint_offset", "joint:r_shoulder_roll")]);
     recording.frames.iter_mut().for_each(|f| f.sightings.clear());
-    match diagnose(&robot(), &recording, &DiagnoseOptions::default(), &[]) {
-        Err(error) => assert!(!error.to_string().is_empty()),
-        Ok(diagnosis) => {
-            is_finite(&diagnosis);
-            assert!(diagnosis.causes.is_empty() && !diagnosis.warnings.is_empty(), "{diagnosis:?}");
-        }
-    }
+    refused_or_told(&recording);
 }
 
 #[test]

@@ -20,7 +20,7 @@ from ..measurement import (
     nominal_camera_from_board,
 )
 from ..optics import see_in_mirror
-from ..session import Session, load_session
+from ..session import MirrorModel, Session, load_session
 from .outcome import LookReport, Outcome
 
 Pixels = npt.NDArray[Any]
@@ -158,11 +158,7 @@ def _panel(
     camera_from_board = measurement.camera_from_nominal_camera @ nominal_camera_from_board(session)[row]
     target = np.array([outcome.target_in_board_m[name] for name in names])
     error = np.array([_error(look, name) for name in names])
-    mirror = session.mirror
-    glass = {} if mirror is None else {
-        "glass_thickness_m": mirror.glass_thickness_m,
-        "refractive_index": mirror.refractive_index,
-    }  # fmt: skip
+    glass = MirrorModel.glass(session.mirror)
     core = camera_from_info(camera)
 
     def pixels(points_in_board: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:

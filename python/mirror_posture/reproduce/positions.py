@@ -109,54 +109,55 @@ def _errors_mm(
 
 def fig10(found: PositionErrors, large: PositionErrors | None) -> Experiment:
     """The mean error."""
-    eq1, eq2 = found.mean("pose"), found.mean("point_pair")
-    there = np.isfinite(eq1) & np.isfinite(eq2)
-    claims = _claims("the mean", "accuracy", eq1[there], eq2[there], found.mean("maximum_likelihood")[there])
-    claims.append(
-        size_claim(
-            50.0,
-            float(np.nanmax(eq1)),
-            large,
-            None if large is None else float(np.nanmax(large.mean("pose"))),
-        )
-    )
-    return Experiment(
+    return _experiment(
         "fig10",
         "Marker position: mean error against angle",
-        tuple(claims),
-        _data(found, large),
-        {"fig10.png": _drawn("mean", "Error (mm)", 50.0, 5.0, found, large)},
-        (
-            "The paper does not say where its second view stands. Here: 15° farther, as in its correction experiment, or 15° back "
-            "where that would leave the range or the picture.",
-            *_missing(there),
-        ),
+        ("mean", "the mean", "accuracy", "Error (mm)", 50.0),
+        (found, large),
+        "The paper does not say where its second view stands. Here: 15° farther, as in its correction experiment, or 15° back "
+        "where that would leave the range or the picture.",
     )
 
 
 def fig11(found: PositionErrors, large: PositionErrors | None) -> Experiment:
     """The standard deviation of the error."""
-    eq1, eq2 = found.std("pose"), found.std("point_pair")
-    there = np.isfinite(eq1) & np.isfinite(eq2)
-    claims = _claims(
-        "the deviation", "precision", eq1[there], eq2[there], found.std("maximum_likelihood")[there]
-    )
-    if there.any():
-        claims.append(
-            size_claim(
-                25.0,
-                float(np.nanmax(eq1)),
-                large,
-                None if large is None else float(np.nanmax(large.std("pose"))),
-            )
-        )
-    return Experiment(
+    return _experiment(
         "fig11",
         "Marker position: deviation of the error against angle",
+        ("std", "the deviation", "precision", "Standard deviation (mm)", 25.0),
+        (found, large),
+        "Deviation of the error's length, of a sample.",
+    )
+
+
+def _experiment(
+    name: str,
+    title: str,
+    about: tuple[str, str, str, str, float],
+    sizes: tuple[PositionErrors, PositionErrors | None],
+    note: str,
+) -> Experiment:
+    """One figure of a statistic: which (`mean`, `std`), its words, what is gained, the axis' label, the paper's axis, mm."""
+    statistic, words, gain, label, axis_mm = about
+    found, large = sizes
+
+    def of(errors: PositionErrors, estimator: str) -> Floats:
+        values: Floats = getattr(errors, statistic)(estimator)
+        return values
+
+    eq1, eq2 = of(found, "pose"), of(found, "point_pair")
+    there = np.isfinite(eq1) & np.isfinite(eq2)
+    claims = _claims(words, gain, eq1[there], eq2[there], of(found, "maximum_likelihood")[there])
+    if there.any():
+        largest = None if large is None else float(np.nanmax(of(large, "pose")))
+        claims.append(size_claim(axis_mm, float(np.nanmax(eq1)), large, largest))
+    return Experiment(
+        name,
+        title,
         tuple(claims),
         _data(found, large),
-        {"fig11.png": _drawn("std", "Standard deviation (mm)", 25.0, 5.0, found, large)},
-        ("Deviation of the error's length, of a sample.", *_missing(there)),
+        {f"{name}.png": _drawn(statistic, label, axis_mm, 5.0, found, large)},
+        (note, *_missing(there)),
     )
 
 

@@ -6,7 +6,6 @@ there is an OpenGL), the package's traced pictures, or exact pixels with noise.
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -24,6 +23,7 @@ from .hidden import HiddenEffect
 from .nominal import Nominal
 from .pixels import MirrorInRoot, exact_points, lens_of
 from .protocol import JointLimits, Look, Positions
+from .stand import SimulatedStand
 from .twin import view_normal
 
 try:
@@ -72,7 +72,7 @@ class MujocoOptions:
     seed: int = 0
 
 
-class MujocoRobot(RobotBase):
+class MujocoRobot(SimulatedStand, RobotBase):
     """A robot in MuJoCo that can turn before its mirror (`TurnsView`).
 
     `model` is a URDF or MJCF (by default the nominal URDF) with the nominal session's joints, and a body or site for each
@@ -130,21 +130,8 @@ class MujocoRobot(RobotBase):
             self.data.qpos[index] = self._told[joint]
         mujoco.mj_forward(self.model, self.data)
         self._board_in_root = self.link_poses()[metadata.board.link][:3, 3].copy()
-        self.turn(self.options.view)
+        self._stand(self.options.view, self.options.stand_error_rad, self._random)
         self._move(dict(self.commanded))
-
-    @property
-    def view(self) -> View:
-        """Where the mirror is meant to stand."""
-        return self._view
-
-    def turn(self, view: View) -> None:
-        """Has the mirror stand there, but for the stand's error."""
-        if not (view.distance_m > 0.0 and math.isfinite(view.yaw_rad) and math.isfinite(view.pitch_rad)):
-            raise MirrorPostureError(f"{view}: needed finite angles and a distance above 0 m")
-        off = self._random.normal(0.0, self.options.stand_error_rad, 2)
-        self._view = view
-        self._real_view = View(view.yaw_rad + off[0], view.pitch_rad + off[1], view.distance_m)
 
     def link_poses(self) -> dict[str, Floats]:
         """`root_from_link` (4, 4) of the links that looking needs, as they really are."""

@@ -19,6 +19,7 @@ from .hidden import HiddenBody, HiddenEffect
 from .nominal import Nominal
 from .pixels import MirrorInRoot, exact_points, lens_of
 from .protocol import Look, Positions
+from .stand import SimulatedStand
 
 if TYPE_CHECKING:
     from ..render import PictureOptions
@@ -49,7 +50,7 @@ class TwinOptions:
     seed: int = 0
 
 
-class TwinRobot(RobotBase):
+class TwinRobot(SimulatedStand, RobotBase):
     """A robot of a nominal session with hidden effects, that can turn before its mirror (`TurnsView`).
 
     Its session's root link must be the URDF's root when it takes pictures: the tracer draws from there.
@@ -89,21 +90,8 @@ class TwinRobot(RobotBase):
             from ..render import Painter
 
             self._painter = Painter.load(nominal.folder)
-        self.turn(self.options.view)
+        self._stand(self.options.view, self.options.stand_error_rad, self._random)
         self.body.move(self.commanded)
-
-    @property
-    def view(self) -> View:
-        """Where the mirror is meant to stand."""
-        return self._view
-
-    def turn(self, view: View) -> None:
-        """Has the mirror stand there, but for the stand's error."""
-        if not (view.distance_m > 0.0 and math.isfinite(view.yaw_rad) and math.isfinite(view.pitch_rad)):
-            raise MirrorPostureError(f"{view}: needed finite angles and a distance above 0 m")
-        off = self._random.normal(0.0, self.options.stand_error_rad, 2)
-        self._view = view
-        self._real_view = View(view.yaw_rad + off[0], view.pitch_rad + off[1], view.distance_m)
 
     def marker_truth_m(self) -> dict[str, np.ndarray]:
         """Where the balls really are in the root's frame, m: for tests and figures, no robot knows it."""

@@ -74,6 +74,13 @@ class MirrorModel:
     glass_thickness_m: float = 0.0
     refractive_index: float = 1.52
 
+    @staticmethod
+    def glass(mirror: MirrorModel | None) -> dict[str, float]:
+        """The glass of a session's mirror as keyword arguments of the optics; nothing where the session says nothing."""
+        if mirror is None:
+            return {}
+        return {"glass_thickness_m": mirror.glass_thickness_m, "refractive_index": mirror.refractive_index}
+
 
 @dataclass(frozen=True)
 class Noise:

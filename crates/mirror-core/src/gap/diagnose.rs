@@ -79,9 +79,10 @@ const FALSE_DEVIATIONS: f64 = 6.0;
 
 /// Diagnoses a recording: where the model is wrong, which effect causes it, how far the gap shrinks.
 ///
-/// In order: the noise from the data; slipped rows; the search for causes; where that leaves a remainder or many causes, the
-/// same beside many small errors (`geometry`); causes that do not help on held-out regions are dropped; the remainder is
-/// tested against the noise and, where it is significant, located by free-form errors.
+/// In order: the noise from the data; slipped rows; the search for causes; where there is reason for doubt, the same with
+/// free-form errors beside the vocabulary; where that leaves a remainder or many causes, the same beside many small errors
+/// (`geometry`); causes that do not help on held-out regions are dropped, improbable ones give way; the remainder is tested
+/// against the noise.
 ///
 /// # Errors
 /// A recording that is not valid, links that do not exist, a camera that cannot be.

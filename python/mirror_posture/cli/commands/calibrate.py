@@ -52,7 +52,7 @@ def command(
     import numpy as np
 
     from ...measurement import nominal_camera_from_board
-    from .measure import _with_detections
+    from ..detected import load_detected
 
     given = (second_camera, second_pictures, stand)
     if any(item is not None for item in given) and any(item is None for item in given):
@@ -66,7 +66,7 @@ def command(
         nominal = nominal_camera_from_board(loaded)[0]
         found: Any = _by_second_camera(loaded, second_camera, second_pictures, stand)
     else:
-        loaded = _with_detections(output, session)
+        loaded = load_detected(output, session)
         transforms = nominal_camera_from_board(loaded)
         nominal = transforms[0]
         still = np.abs(transforms - nominal).max(axis=(1, 2)) < STILL
@@ -135,16 +135,14 @@ def _by_mirror(loaded: Any, still: np.ndarray) -> Any:
 
     from ...calibrate import Board, calibrate_from_mirror_views
     from ...camera import camera_from_info
+    from ...session import MirrorModel
 
-    board, mirror, seen = loaded.board, loaded.mirror, loaded.mirror_view
+    board, seen = loaded.board, loaded.mirror_view
     corners = np.where((seen.board_seen & still[:, None])[..., None], seen.board_px, np.nan)
     shown = np.flatnonzero(np.isfinite(corners).any(axis=(1, 2)))
     if not len(shown):
         raise MirrorPostureError(f"{loaded.folder}: no frame shows the board in the mirror")
-    glass = {} if mirror is None else {
-        "glass_thickness_m": mirror.glass_thickness_m,
-        "refractive_index": mirror.refractive_index,
-    }  # fmt: skip
+    glass = MirrorModel.glass(loaded.mirror)
     return calibrate_from_mirror_views(
         camera_from_info(loaded.camera), Board((board.columns, board.rows), board.square_m), corners, **glass
     )

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..._core import MirrorPostureError
+from ..detected import load_detected
 from ..output import JsonOption, Output
 
 if TYPE_CHECKING:
@@ -72,7 +73,10 @@ def command(
     output = Output(as_json)
     from ...diagnosis import diagnose
 
-    others = [_loaded(output, folder) for folder in (check or () if scheduler is None else ())]
+    others = [
+        load_detected(output, folder, points_suffice=True)
+        for folder in (check or () if scheduler is None else ())
+    ]
     afar: Iterator[Diagnosis] | None = None
     if scheduler is not None:
         from ...fleet import diagnose_on_fleet
@@ -91,7 +95,7 @@ def command(
         )
     documents = []
     for folder in sessions:
-        loaded = _loaded(output, folder)
+        loaded = load_detected(output, folder, points_suffice=True)
         try:
             found = (
                 next(afar)
@@ -118,24 +122,6 @@ def command(
         documents.append(found.document)
     if as_json:
         output.result(documents[0] if len(documents) == 1 else documents)
-
-
-def _loaded(output: Output, folder: Path) -> Session:
-    from ...session import load_session
-
-    loaded = load_session(folder)
-    for warning in loaded.warnings:
-        output.warn(warning)
-    if loaded.detected or loaded.points is not None or not any(loaded.image_files):
-        return loaded
-    from ...detect import detect_session
-
-    output.say("no detections yet: looking for the board and the balls in the pictures first")
-    found = detect_session(loaded, progress=lambda chunks: output.chunks(chunks, "detecting"))
-    for row, picture in sorted(found.pictures.items()):
-        if picture.error:
-            output.warn(f"frame {loaded.frames.frame[row]}: {picture.error}")
-    return found.session
 
 
 def _write(output: Output, session: Session, found: Diagnosis, folder: Path) -> None:

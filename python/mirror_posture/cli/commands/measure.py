@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..._core import MirrorPostureError
+from ..detected import load_detected
 from ..output import ExitCode, JsonOption, Output, SessionArgument
 
 if TYPE_CHECKING:
@@ -74,7 +75,7 @@ def command(
         raise MirrorPostureError(
             f"--estimator: got {estimator!r}, needed one of {', '.join((*ESTIMATORS, ALL))}"
         )
-    loaded = _with_detections(output, session)
+    loaded = load_detected(output, session)
     options = tuple(
         MeasureOptions(
             name,  # type: ignore[arg-type]
@@ -126,24 +127,6 @@ def command(
             "no marker could be measured: a marker needs two views of one posture before mirrors that stand differently"
         )
         raise typer.Exit(ExitCode.NOTHING)
-
-
-def _with_detections(output: Output, folder: Path) -> Session:
-    from ...session import load_session
-
-    loaded = load_session(folder)
-    for warning in loaded.warnings:
-        output.warn(warning)
-    if loaded.detected or not any(loaded.image_files):
-        return loaded
-    from ...detect import detect_session
-
-    output.say("no detections yet: looking for the board and the balls in the pictures first")
-    found = detect_session(loaded, progress=lambda chunks: output.chunks(chunks, "detecting"))
-    for row, picture in sorted(found.pictures.items()):
-        if picture.error:
-            output.warn(f"frame {loaded.frames.frame[row]}: {picture.error}")
-    return found.session
 
 
 def _read_mount(file: Path) -> Any:

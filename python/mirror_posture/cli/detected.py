@@ -1,0 +1,34 @@
+"""A session for a command that needs image points: loaded, and detected first where it has only pictures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from .output import Output
+
+if TYPE_CHECKING:
+    from ..session import Session
+
+
+def load_detected(output: Output, folder: Path, *, points_suffice: bool = False) -> Session:
+    """The session of a folder with its image points; its warnings and those of the pictures are told.
+
+    `points_suffice`: measured points (`points.csv`) will do, pictures beside them are not looked at.
+    """
+    from ..session import load_session
+
+    loaded = load_session(folder)
+    for warning in loaded.warnings:
+        output.warn(warning)
+    enough = loaded.detected or (points_suffice and loaded.points is not None)
+    if enough or not any(loaded.image_files):
+        return loaded
+    from ..detect import detect_session
+
+    output.say("no detections yet: looking for the board and the balls in the pictures first")
+    found = detect_session(loaded, progress=lambda chunks: output.chunks(chunks, "detecting"))
+    for row, picture in sorted(found.pictures.items()):
+        if picture.error:
+            output.warn(f"frame {loaded.frames.frame[row]}: {picture.error}")
+    return found.session
