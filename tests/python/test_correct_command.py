@@ -79,6 +79,7 @@ def test_a_target_from_a_file_and_views_of_ones_own(tmp_path: Path) -> None:
 def test_bad_input_is_one_clear_line(tmp_path: Path, words: tuple[str, ...], said: str) -> None:
     ended = run("correct", "--out", tmp_path / "a", *words, code=1)
     assert said in ended.stderr and ended.stderr.startswith("error: "), ended.stderr
+    assert not (tmp_path / "a").exists(), "a folder in the way of the next try"
 
 
 def test_ctrl_c_rests_exits_with_130_and_resume_goes_on(tmp_path: Path) -> None:

@@ -170,12 +170,13 @@ def _run(output: Output, out: Path, settings: dict[str, Any], resume: bool) -> t
         posture = _posture(settings)
         nominal = Nominal.load(settings["session"]) if settings["session"] else Nominal.load()
     options = build_options(settings)
+    options.check()
     with _progress(output) as (say, on_look, on_picture), _terminable():
         with open_robot(settings, nominal, say) as machine:
             ahead = _ahead(output, settings, machine, posture)
             if recorder is None:
-                # A target that cannot be must not leave a folder behind.
-                make_target(nominal, posture, options)
+                # A target that cannot be must not leave a folder in the way of the next try.
+                make_target(nominal, posture, options).corrector(options)
                 recorder = Recorder.start(
                     out, nominal, machine.joint_names, {"settings": settings, "posture": posture}
                 )
