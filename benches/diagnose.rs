@@ -8,7 +8,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 #[allow(dead_code)]
-#[path = "../tests/rust/gap_world.rs"]
+#[path = "../tests/rust/gap_world/mod.rs"]
 mod gap_world;
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};

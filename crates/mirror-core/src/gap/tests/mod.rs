@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
-#[path = "../../../../../tests/rust/gap_world.rs"]
+#[path = "../../../../../tests/rust/gap_world/mod.rs"]
 #[allow(dead_code)]
 mod gap_world;
 mod jacobians;
