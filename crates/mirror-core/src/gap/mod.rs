@@ -7,6 +7,7 @@ mod body;
 mod deformation;
 mod diagnose;
 mod effects;
+mod fields;
 mod fit;
 mod frame;
 mod free_optics;
@@ -21,6 +22,7 @@ mod normal;
 mod observations;
 mod own;
 mod pairing;
+mod panels;
 mod pose;
 mod posture;
 mod problem;
@@ -49,7 +51,7 @@ pub use observations::{
 };
 pub use own::{OwnAxis, OwnEffect, OwnParameter, OwnPlace, Quantities, quantities};
 pub use report::{
-    Alternative, Cause, Checked, Diagnosis, Estimate, Gap, Member, Ranked, SeenMarker, Signature,
-    SignaturePoint, Where,
+    Alternative, Cause, Checked, Diagnosis, Estimate, Field, FieldPoint, Gap, Member, Ranked, SeenMarker,
+    Signature, SignaturePoint, Track, TrackAxis, TrackPoint, Where,
 };
 pub use screening::{Screening, screen_once};

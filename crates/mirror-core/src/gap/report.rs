@@ -152,6 +152,82 @@ pub struct Signature {
     pub points: Vec<SignaturePoint>,
 }
 
+/// A quantity against which a track is drawn.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct TrackAxis {
+    /// `time`, `position of joint:J`, `torque of joint:J`, `moment of gravity, x`, `direction of gravity, x`.
+    pub name: String,
+    /// `s`, `rad`, `m`, `N m`; empty of a direction.
+    pub unit: String,
+}
+
+/// One posture of a track.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct TrackPoint {
+    /// The frame's number.
+    pub frame: i64,
+    /// Values of the quantities.
+    pub against: Vec<f64>,
+    /// What each component would have to be for this posture alone, all else as the model has it.
+    pub error: Vec<f64>,
+    /// Their standard deviations.
+    pub std: Vec<f64>,
+    /// What the cause (of an unexplained part: the free-form error) says.
+    pub fitted: Vec<f64>,
+}
+
+/// The signature of an error with a direction: of a marker, a link, an axis, the camera; posture by posture.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Track {
+    /// Index into the causes; absent for the unexplained part.
+    pub cause: Option<usize>,
+    /// The place.
+    pub at: String,
+    /// `shift`, `turn`, `tilt` (of a joint's axis) or `focal` (relative error of the focal length).
+    pub what: String,
+    /// Unit of the errors: `m`, `rad`, or `1` of a ratio.
+    pub unit: String,
+    /// The components' names.
+    pub components: Vec<String>,
+    /// Against what it is told.
+    pub against: Vec<TrackAxis>,
+    /// One point a posture.
+    pub points: Vec<TrackPoint>,
+}
+
+/// A place of a field.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct FieldPoint {
+    /// Where: mean pixel of the cell, or the corner on the board in m.
+    pub at: [f64; 2],
+    /// Corners that were averaged.
+    pub corners: usize,
+    /// Mean residual (seen less predicted) without the cause: u, v in px, or the corner's displacement x, y, z in m.
+    pub without: Vec<f64>,
+    /// With the cause, where there is one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub with: Option<Vec<f64>>,
+    /// Standard deviation by the corners' noise.
+    pub std: Vec<f64>,
+}
+
+/// The signature of wrong optics: what is left of the board's corners, over the image or over the board.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Field {
+    /// Index into the causes; absent for the unexplained part.
+    pub cause: Option<usize>,
+    /// The place.
+    pub at: String,
+    /// `image` or `board`.
+    pub over: String,
+    /// Unit of the residuals: `px` or `m`.
+    pub unit: String,
+    /// Width and height of the image, px, or of the board's corners, m.
+    pub size: [f64; 2],
+    /// The places that were seen often enough.
+    pub points: Vec<FieldPoint>,
+}
+
 /// A marker in one posture, root frame, m.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SeenMarker {
@@ -207,6 +283,12 @@ pub struct Diagnosis {
     pub ranking: Vec<Ranked>,
     /// Signatures of causes at joints and of the unexplained part.
     pub signatures: Vec<Signature>,
+    /// Signatures of errors with a direction: of markers, links, axes, the camera.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub tracks: Vec<Track>,
+    /// Signatures of lens, board and mirror.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub fields: Vec<Field>,
     /// The markers posture by posture, where they were asked for.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub markers: Vec<SeenMarker>,

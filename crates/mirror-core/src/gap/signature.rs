@@ -3,7 +3,7 @@
 //! One number a posture, free of any law: `δ = ⟨x, r⟩ / ⟨x, x⟩` with x the place's column and r the residual of the model
 //! without the cause. Drawn against the joint's position, its load, its direction or time, it shows the law at a glance.
 
-use super::atoms::Atom;
+use super::atoms::{Atom, Column};
 use super::deformation::Deformation;
 use super::frame::{FrameWork, PROJECTED, Task, Wanted};
 use super::normal::inner;
@@ -11,6 +11,16 @@ use super::posture::postures;
 use super::problem::{Noise, Problem};
 use crate::error::Result;
 use rayon::prelude::*;
+
+/// One posture's errors of several atoms, each by itself.
+#[derive(Debug, Clone)]
+pub(crate) struct FreeErrors {
+    /// A frame of the posture.
+    pub frame: usize,
+    /// In the atoms' units.
+    pub values: Vec<f64>,
+    pub stds: Vec<f64>,
+}
 
 /// One posture's error at a place.
 #[derive(Debug, Clone, Copy)]
@@ -32,29 +42,50 @@ pub(crate) fn free_errors(
     noise: Noise,
     atom: Atom,
 ) -> Result<Vec<FreeError>> {
+    let errors = free_errors_of(problem, deformation, noise, &[atom])?;
+    Ok(errors.iter().map(|e| FreeError { frame: e.frame, value: e.values[0], std: e.stds[0] }).collect())
+}
+
+/// The error of each of several atoms, the others held, in each posture that shows all of them.
+///
+/// # Errors
+/// A camera or mirror that cannot be.
+pub(crate) fn free_errors_of(
+    problem: &Problem,
+    deformation: &Deformation,
+    noise: Noise,
+    atoms: &[Atom],
+) -> Result<Vec<FreeErrors>> {
+    let columns: Vec<Column> = atoms.iter().map(|&a| Column::constant(a)).collect();
     let eye = problem.eye(deformation)?;
-    let with_board = super::normal::needs_board(problem, &[super::atoms::Column::constant(atom)]);
-    let task =
-        Task { deformation, eye: eye.as_ref(), noise, with_board, gaussian: true, wanted: Wanted::default() };
+    let with_board = super::normal::needs_board(problem, &columns) || problem.needs_fresh_board(deformation);
+    let wanted = Wanted::by(&columns);
+    let task = Task { deformation, eye: eye.as_ref(), noise, with_board, gaussian: true, wanted };
     Ok(postures(problem)
         .into_par_iter()
         .map_init(
             || (FrameWork::new(problem), Vec::new()),
             |(work, buffer): &mut (FrameWork, Vec<f64>), frames| {
-                let (mut h, mut g, mut at) = (0.0, 0.0, None);
+                let mut sums = vec![(0.0, 0.0); atoms.len()];
+                let mut at = None;
                 for &frame in &frames {
                     if !work.evaluate(problem, &task, frame) {
                         continue;
                     }
-                    let stride = work.row_count + PROJECTED;
-                    buffer.resize(stride, 0.0);
-                    if work.column(problem, deformation, frame, atom, buffer) {
-                        h += inner(buffer, buffer);
-                        g += inner(buffer, &work.residual);
-                        at = at.or(Some(frame));
+                    buffer.resize(work.row_count + PROJECTED, 0.0);
+                    for (atom, (h, g)) in atoms.iter().zip(&mut sums) {
+                        if work.column(problem, deformation, frame, *atom, buffer) {
+                            *h += inner(buffer, buffer);
+                            *g += inner(buffer, &work.residual);
+                            at = at.or(Some(frame));
+                        }
                     }
                 }
-                at.filter(|_| h > 0.0).map(|frame| FreeError { frame, value: g / h, std: h.sqrt().recip() })
+                at.filter(|_| sums.iter().all(|(h, _)| h.is_normal() && *h > 0.0)).map(|frame| FreeErrors {
+                    frame,
+                    values: sums.iter().map(|(h, g)| g / h).collect(),
+                    stds: sums.iter().map(|(h, _)| h.sqrt().recip()).collect(),
+                })
             },
         )
         .flatten()

@@ -54,6 +54,7 @@ pub(crate) fn diagnosis(
         (false, Some(_)) => "partial",
     };
     let signatures = signatures(findings, &causes, recording)?;
+    let panels = super::panels::panels(findings, &causes)?;
     let search = &findings.search;
     let scene = &search.problem.scene;
     let mut seen = Vec::new();
@@ -93,6 +94,8 @@ pub(crate) fn diagnosis(
         trace: findings.found.trace.clone(),
         ranking,
         signatures,
+        tracks: panels.tracks,
+        fields: panels.fields,
         causes,
         markers: Vec::new(),
     })
@@ -366,6 +369,10 @@ fn signatures(findings: &Findings<'_>, causes: &[Cause], recording: &Recording) 
         if search.catalogue.is_free(term.hypothesis) {
             continue;
         }
+        // What turns an axis does not move the position: it has a track.
+        if !search.catalogue.columns(scene, term).iter().any(|c| matches!(c.atom, Atom::Joint(_))) {
+            continue;
+        }
         let place = search.catalogue.hypotheses[term.hypothesis].place;
         let name = (search.catalogue.effect(term.hypothesis).name(), place.name(scene));
         let index = causes.iter().position(|c| c.effect == name.0 && c.at == name.1);
@@ -377,7 +384,10 @@ fn signatures(findings: &Findings<'_>, causes: &[Cause], recording: &Recording) 
     // What is unexplained at a joint, without the free-form error there and as that error has it.
     let mut drawn = Vec::new();
     for entry in findings.unexplained.iter().flat_map(|u| &u.places) {
-        let Some(node) = entry.place.and_then(Place::node).filter(|n| !drawn.contains(n)) else { continue };
+        let Some(Place::Joint(node)) = entry.place else { continue };
+        if drawn.contains(&node) {
+            continue;
+        }
         drawn.push(node);
         let on = entry.depends_on.as_deref().and_then(|d| d.strip_prefix("position of joint:"));
         let other = on.and_then(|name| scene.body.nodes.iter().position(|n| n.joint == name));

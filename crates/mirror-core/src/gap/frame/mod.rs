@@ -5,6 +5,7 @@
 //! `⟨x, y⟩ = x·y − (L⁻¹Dᵀx)·(L⁻¹Dᵀy)`: each vector is stored as its rows followed by the three numbers `L⁻¹Dᵀx`.
 
 mod columns;
+mod corners;
 mod observe;
 mod sight;
 
