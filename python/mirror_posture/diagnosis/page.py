@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from markupsafe import Markup, escape
 
 from ..session import Session
 from . import people
+from .panel_plots import draw_field, draw_track
 from .plots import Drawing, draw_gap, draw_signature
 from .result import Diagnosis
 from .skeleton import draw_robot
@@ -27,8 +29,8 @@ HEADLINES = {
 def write_report(session: Session, found: Diagnosis, folder: Path) -> Path:
     """Writes `report.html` and `pictures/*.png` into a folder that is there; returns the page."""
     drawings: dict[str, Drawing] = {"gap": draw_gap(found.gap), "robot": draw_robot(session, found)}
-    for index, signature in enumerate(found.signatures):
-        drawings[f"signature-{index}"] = draw_signature(signature)
+    panels = signature_panels(found)
+    drawings |= {panel.name: panel.drawing for panel in panels}
     pictures = folder / "pictures"
     pictures.mkdir(exist_ok=True)
     for name, drawing in drawings.items():
@@ -46,6 +48,7 @@ def write_report(session: Session, found: Diagnosis, folder: Path) -> Path:
         headline=HEADLINES[found.verdict],
         svg={name: Markup(drawing.svg) for name, drawing in drawings.items()},
         told=people,
+        panels=panels,
         code=_code,
         unexplained=any(place.depends_on for place in found.where),
         rivals=any(cause.alternatives for cause in found.causes),
@@ -54,6 +57,48 @@ def write_report(session: Session, found: Diagnosis, folder: Path) -> Path:
     file = folder / "report.html"
     file.write_text(page, encoding="utf-8")
     return file
+
+
+@dataclass(frozen=True)
+class Panel:
+    """A signature as the page shows it; `name` is that of its PNG."""
+
+    name: str
+    cause: int | None
+    at: str
+    caption: str
+    drawing: Drawing
+
+
+def signature_panels(found: Diagnosis) -> list[Panel]:
+    """All signatures, as the causes stand; those of the unexplained part last, the largest share first."""
+    panels = [
+        Panel(f"signature-{k}", s.cause, s.at, "", draw_signature(s)) for k, s in enumerate(found.signatures)
+    ]
+    panels += [
+        Panel(f"track-{k}", t.cause, t.at, people.track_caption(t.at, t.what), draw_track(t, k))
+        for k, t in enumerate(found.tracks)
+        if len(t.frame)
+    ]
+    panels += [
+        Panel(
+            f"field-{k}",
+            f.cause,
+            f.at,
+            people.field_caption(f.over, f.with_cause is not None),
+            draw_field(f, k),
+        )
+        for k, f in enumerate(found.fields)
+        if len(f.at_points)
+    ]
+    places = [place.at for place in found.where]
+
+    def rank(panel: Panel) -> tuple[int, int]:
+        if panel.cause is not None:
+            return panel.cause, 0
+        return len(found.causes), places.index(panel.at) if panel.at in places else len(places)
+
+    return sorted(panels, key=rank)
 
 
 def _code(text: str) -> Markup:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -59,6 +60,12 @@ def tell_all(cause: Cause) -> list[Told]:
     return [tell(name, estimate) for name, estimate in cause.parameters.items()]
 
 
+KINDS = r"\b(joint|link|marker):"
+"""Kinds of places that have names."""
+WHOLE = ("camera", "board", "mirror", "robot", "data")
+"""Places that need none: there is one of each."""
+
+
 def effect_in_words(effect: str) -> str:
     """`joint_offset` as `joint offset`."""
     return effect.replace("_", " ")
@@ -80,6 +87,22 @@ def place_in_words(at: str) -> str:
     return at.replace("<-", " from ").replace("joint:", "").replace("link:", "").replace("marker:", "")
 
 
+def place_with_article(at: str) -> str:
+    """A place with what it is: `the camera`, `joint r_elbow`, `marker r_hand`, `joint a from joint b`."""
+    return f"the {at}" if at in WHOLE else re.sub(KINDS, r"\1 ", at.replace("<-", " from "))
+
+
+def share(part: float) -> str:
+    """A share as per cent."""
+    return f"{100.0 * part:.0f} %"
+
+
+def sentence(text: str) -> str:
+    """A sentence of the core for a page: a capital at its start, `joint:r_elbow` as `joint r_elbow`."""
+    plain = re.sub(KINDS, r"\1 ", text)
+    return plain[:1].upper() + plain[1:]
+
+
 def millimetres(value_m: float | None) -> str:
     """A length in mm with digits enough to compare; empty where there is none."""
     if value_m is None:
@@ -93,6 +116,31 @@ def percent(share: float | None) -> str:
     if share is None:
         return ""
     return f"{100.0 * share:.1f} %" if 0.985 < share < 0.9995 else f"{100.0 * share:.0f} %"
+
+
+TRACKS = {
+    ("marker", "shift"): "By how much the marker is off its mount, in the frame of the link that carries it",
+    ("link", "shift"): "By how much the joints and markers that the link carries are shifted, in its frame",
+    ("link", "turn"): "By how much the link is bent in its middle, about the axes of its frame",
+    ("joint", "tilt"): "By how much the joint's axis leans, in two directions across it",
+    ("camera", "turn"): "By how much the camera is turned, about its own axes (x right, y down, z ahead)",
+    ("camera", "shift"): "By how much the camera is shifted, along its own axes (x right, y down, z ahead)",
+    ("camera", "focal"): "Relative error of the focal length",
+}
+"""What a track shows, by kind of place and what is off."""
+
+
+def track_caption(at: str, what: str) -> str:
+    """What a track shows."""
+    return TRACKS[at.partition(":")[0], what] + "; each component by itself, all else as the model has it."
+
+
+def field_caption(over: str, compared: bool) -> str:
+    """What a field shows."""
+    both = " Left without what is told here, right with it, both on one scale." if compared else ""
+    if over == "image":
+        return f"Where the board's corners and the markers (blue) are seen, less where they are predicted, on average over the picture (px).{both} Grey arrows are within the noise."
+    return f"By how much each corner of the board is displaced, on average, facing the print: arrows in its plane, dots out of it (mm).{both} What the mirror's position can take up is not in it."
 
 
 DEPENDENCES = {
@@ -148,8 +196,9 @@ def listed(names: Sequence[str]) -> str:
 def _unexplained_place(found: Diagnosis) -> str:
     left = next((where for where in found.where if where.depends_on), None)
     if left is None:
-        return "the place that the gap names" if found.where else "the residuals: no single place stands out"
-    at = f"the {left.at}" if left.at in ("camera", "board", "mirror") else place_in_words(left.at)
+        camera = all(where.at != "unknown" for where in found.where)
+        return "the camera" if camera else "the residuals, which no single place explains"
+    at = place_with_article(left.at)
     if left.depends_on == "nothing":
         return f"{at}, where what is left is the same in every posture"
     return f"{at}, where what is left depends on {dependence(left.depends_on or '')}"

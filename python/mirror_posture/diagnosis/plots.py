@@ -23,6 +23,8 @@ INK = "#222222"
 PNG_DPI = 140
 MANY_POINTS = 300
 """More points than this are drawn small, so that their law shows."""
+MOSTLY_NOISE = 1.5
+"""A gap in space below so many noise floors is mostly noise: the same bound as the core's for `closed`."""
 STYLE: Any = {
     "font.size": 10,
     "axes.spines.top": False,
@@ -73,9 +75,25 @@ def finished(drawn: Figure, name: str) -> Drawing:
     return Drawing(svg, raster.getvalue())
 
 
+def gap_told(gap: Gap) -> tuple[list[float], str, str]:
+    """Before, after and noise floor in the unit that shows the gap, the unit, and what it is.
+
+    Where triangulated positions are mostly noise (their depth), the picture shows the gap better; `closed` is of it, too.
+    """
+    in_pixels = (gap.before_px, gap.after_px, gap.noise_floor_px)
+    if gap.before_m < MOSTLY_NOISE * gap.noise_floor_m and None not in in_pixels:
+        return (
+            [v for v in in_pixels if v is not None],
+            "px",
+            "RMS distance of predicted from seen markers, px",
+        )
+    in_space = (gap.before_m, gap.after_m, gap.noise_floor_m)
+    return [1000.0 * v for v in in_space], "mm", "RMS distance of predicted from observed markers, mm"
+
+
 def draw_gap(gap: Gap) -> Drawing:
     """Bars: the gap before and after on held-out postures, with the interval of what was closed, and the noise floor."""
-    values = [1000.0 * v for v in (gap.before_m, gap.after_m, gap.noise_floor_m)]
+    values, unit, label = gap_told(gap)
     drawn, axes = figure(5.2, 2.1)
     ax = axes[0, 0]
     ends = values[1]
@@ -99,10 +117,10 @@ def draw_gap(gap: Gap) -> Drawing:
     for row, (value, end) in enumerate(
         zip(values, (values[0], max(values[1], ends), values[2]), strict=True)
     ):
-        ax.text(end + 0.02 * width, row, f"{value:.2f} mm", va="center")
+        ax.text(end + 0.02 * width, row, f"{value:.2f} {unit}", va="center")
     ax.set_xlim(0.0, 1.25 * width)
     ax.invert_yaxis()
-    ax.set_xlabel("RMS distance of predicted from observed markers, mm")
+    ax.set_xlabel(label)
     return finished(drawn, "gap")
 
 

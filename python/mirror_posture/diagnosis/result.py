@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
+from dataclasses import fields as fields_of
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -142,6 +143,51 @@ class Signature:
 
 
 @dataclass(frozen=True)
+class Track:
+    """The error of a marker, a link, a joint's axis or the camera that each posture shows by itself, component by component.
+
+    `error`, `std` and `fitted` are (K, C) arrays in `unit` (`m`, `rad`, or `1` of a ratio), one column a name in
+    `components`; `values` is (K, Q), one column a quantity in `against`. `what` is `shift`, `turn`, `tilt` or `focal`. Shifts and
+    turns are in the frame of the place: of the mount's link, of the link, of the camera. `cause` as in `Signature`.
+    """
+
+    at: str
+    what: str
+    unit: str
+    cause: int | None
+    components: tuple[str, ...]
+    against: tuple[str, ...]
+    against_units: tuple[str, ...]
+    frame: npt.NDArray[np.int64]
+    values: Floats
+    error: Floats
+    std: Floats
+    fitted: Floats
+
+
+@dataclass(frozen=True)
+class Field:
+    """What is left on average of corners and markers over the image, or of corners over the board: the signature of optics.
+
+    Over the image, `at_points` (K, 2) are px and residuals (K, 2) px, seen less predicted. Over the board, `at_points` are m
+    in its frame and residuals (K, 3) m, each corner's displacement. `of` names what was averaged at each
+    place, `corners` or `markers`, and `count` (K,) how often; `size` (2,) is that of the image, or of the board's corners. `with_cause` is None where there is no cause to take away.
+    """
+
+    at: str
+    over: str
+    unit: str
+    cause: int | None
+    size: Floats
+    at_points: Floats
+    of: tuple[str, ...]
+    count: npt.NDArray[np.int64]
+    without: Floats
+    std: Floats
+    with_cause: Floats | None = None
+
+
+@dataclass(frozen=True)
 class SeenMarker:
     """A marker in one posture, in the root link's frame, m: as measured, by the nominal model, by the one with the causes."""
 
@@ -169,6 +215,10 @@ class Diagnosis:
     trace: tuple[str, ...] = ()
     ranking: tuple[Ranked, ...] = ()
     signatures: tuple[Signature, ...] = ()
+    tracks: tuple[Track, ...] = ()
+    """Signatures of errors with a direction."""
+    fields: tuple[Field, ...] = ()
+    """Signatures of lens, board and mirror."""
     witness: tuple[Witness, ...] = ()
     markers: tuple[SeenMarker, ...] = ()
     """Posture by posture, where they were asked for (`markers=True`)."""
@@ -199,6 +249,8 @@ class Diagnosis:
                 trace=tuple(tree.get("trace", ())),
                 ranking=tuple(_known(Ranked, entry) for entry in tree.get("ranking", ())),
                 signatures=tuple(_signature(entry) for entry in tree.get("signatures", ())),
+                tracks=tuple(_track(entry) for entry in tree.get("tracks", ())),
+                fields=tuple(_field(entry) for entry in tree.get("fields", ())),
                 markers=tuple(_known(SeenMarker, entry) for entry in tree.get("markers", ())),
                 witness=tuple(_known(Witness, entry) for entry in tree.get("witness", ())),
                 document=dict(tree),
@@ -239,7 +291,7 @@ class Diagnosis:
 
 def _known(kind: type[Kind], entry: Mapping[str, Any]) -> Kind:
     """A dataclass from the keys that it knows; a newer core may say more."""
-    names = {f.name for f in fields(kind)}  # type: ignore[arg-type]
+    names = {f.name for f in fields_of(kind)}  # type: ignore[arg-type]
     return kind(**{key: value for key, value in entry.items() if key in names})
 
 
@@ -279,4 +331,46 @@ def _signature(entry: Mapping[str, Any]) -> Signature:
         other_position=column("other_position") if entry.get("other") else None,
         frame=np.array([point["frame"] for point in points], dtype=np.int64),
         **{name: column(name) for name in names},
+    )
+
+
+def _track(entry: Mapping[str, Any]) -> Track:
+    points, components, against = entry["points"], entry["components"], entry["against"]
+
+    def table(name: str, columns: int) -> Floats:
+        return np.array([point[name] for point in points], dtype=float).reshape(len(points), columns)
+
+    return Track(
+        at=entry["at"],
+        what=entry["what"],
+        unit=entry["unit"],
+        cause=entry.get("cause"),
+        components=tuple(components),
+        against=tuple(axis["name"] for axis in against),
+        against_units=tuple(axis["unit"] for axis in against),
+        frame=np.array([point["frame"] for point in points], dtype=np.int64),
+        values=table("against", len(against)),
+        **{name: table(name, len(components)) for name in ("error", "std", "fitted")},
+    )
+
+
+def _field(entry: Mapping[str, Any]) -> Field:
+    points = entry["points"]
+    axes = 2 if entry["over"] == "image" else 3
+
+    def table(name: str, columns: int) -> Floats:
+        return np.array([point[name] for point in points], dtype=float).reshape(len(points), columns)
+
+    return Field(
+        at=entry["at"],
+        over=entry["over"],
+        unit=entry["unit"],
+        cause=entry.get("cause"),
+        size=np.array(entry["size"], dtype=float),
+        at_points=table("at", 2),
+        of=tuple(point["of"] for point in points),
+        count=np.array([point["count"] for point in points], dtype=np.int64),
+        without=table("without", axes),
+        std=table("std", axes),
+        with_cause=table("with", axes) if points and "with" in points[0] else None,
     )

@@ -72,8 +72,19 @@ def draw_robot(session: Session, found: Diagnosis) -> Drawing:
         ax.set_title(f"from {title}", color=INK, fontsize=10, loc="left")
         ax.set_aspect("equal")
         ax.tick_params(labelsize=8, colors=FLOOR)
-        ax.set_xlabel("mm", color=FLOOR, fontsize=8)
+        # The axis ends with the robot: beside it stand names.
+        ax.set_xticks([t for t in ax.get_xticks() if ends[0] - edge <= t <= ends[1] + edge])
+        ax.spines.bottom.set_bounds(ends[0] - edge, ends[1] + edge)
+        for side in ("left", "bottom"):
+            ax.spines[side].set_color(FLOOR)
+        ax.set_xlabel("mm", color=FLOOR, fontsize=8, x=0.5 * (ends[1] - ends[0] + 2 * edge) / span_of(ax))
     return finished(drawn, "robot")
+
+
+def span_of(ax: Any) -> float:
+    """Width of an axis' range."""
+    left, right = ax.get_xlim()
+    return float(right - left)
 
 
 def _mark(ax: Any, guilty: list[tuple[tuple[float, float], str, str]], named: bool, column: float) -> None:

@@ -1,7 +1,8 @@
-//! Fields: what is left of the board's corners over the image, and over the board, on average of all frames.
+//! Fields: what is left of corners and markers over the image, and of corners over the board, on average of all frames.
 //!
-//! In each frame the mirror's plane is fitted to what the frame shows, and the corners' residuals are averaged. Over the image
-//! they are averaged as they are, in cells of a grid: a wrong lens moves what is seen at a place of the picture. Over the
+//! In each frame the mirror's plane is fitted to what the frame shows, and the residuals are averaged. Over the image
+//! they are averaged as they are, in cells of a grid, corners and markers apart: a wrong lens moves what is seen at a place
+//! of the picture, a wrong mirror above all the markers, since its plane is fitted to the corners. Over the
 //! board they are told as the displacement of each corner by itself, `d = (Σ JᵀJ)⁻¹ Σ Jᵀ r` with J the pixel's derivative by
 //! the corner in the board's frame: a wrong board moves its corners. What a shift of the mirror can take up is not in either.
 
@@ -16,7 +17,7 @@ use rayon::prelude::*;
 
 /// Cells of the image's grid from left to right.
 const CELLS_ACROSS: usize = 16;
-/// A cell with fewer corners than this shows noise.
+/// A cell with fewer observations than this shows noise.
 const FEWEST_IN_CELL: usize = 6;
 /// How far a corner may be displaced, m: keeps what hardly shows (its height over the board) finite.
 const DISPLACEMENT_STD_M: f64 = 0.02;
@@ -28,7 +29,7 @@ pub(crate) enum Over {
     Board,
 }
 
-/// The corners' residuals in a cell of the image.
+/// Residuals in a cell of the image.
 #[derive(Debug, Clone, Copy)]
 struct Cell {
     count: usize,
@@ -47,7 +48,8 @@ struct Corner {
 /// Sums over all frames.
 #[derive(Debug, Clone)]
 struct Sums {
-    cells: Vec<Cell>,
+    /// Of corners, then of markers.
+    cells: [Vec<Cell>; 2],
     corners: Vec<Corner>,
 }
 
@@ -55,11 +57,11 @@ impl Sums {
     fn zero(cells: usize, corners: usize) -> Self {
         let cell = Cell { count: 0, at_px: Vector2::zeros(), residual_px: Vector2::zeros() };
         let corner = Corner { count: 0, information: Matrix3::zeros(), gradient: Vector3::zeros() };
-        Self { cells: vec![cell; cells], corners: vec![corner; corners] }
+        Self { cells: [vec![cell; cells], vec![cell; cells]], corners: vec![corner; corners] }
     }
 
     fn add(&mut self, other: &Self) {
-        for (sum, part) in self.cells.iter_mut().zip(&other.cells) {
+        for (sum, part) in self.cells.iter_mut().flatten().zip(other.cells.iter().flatten()) {
             sum.count += part.count;
             sum.at_px += part.at_px;
             sum.residual_px += part.residual_px;
@@ -72,7 +74,7 @@ impl Sums {
     }
 }
 
-/// What is left of the corners without a cause, and with it.
+/// What is left of corners and markers without a cause, and with it.
 ///
 /// None where the session has no camera or no board.
 ///
@@ -99,15 +101,35 @@ pub(crate) fn field(
     }))
 }
 
-/// The grid's side, px, and how many cells stand above one another.
-fn grid(size_px: Vector2<f64>) -> (f64, usize) {
-    let side = (size_px.x / CELLS_ACROSS as f64).max(1.0);
-    (side, (size_px.y / side).ceil().max(1.0) as usize)
+/// Square cells that cover the image.
+struct Grid {
+    side_px: f64,
+    down: usize,
+}
+
+impl Grid {
+    fn new(size_px: Vector2<f64>) -> Self {
+        let side_px = (size_px.x / CELLS_ACROSS as f64).max(1.0);
+        Self { side_px, down: (size_px.y / side_px).ceil().max(1.0) as usize }
+    }
+
+    /// The cell of a pixel; beyond the edge the nearest.
+    fn cell(&self, pixel: &Vector2<f64>) -> usize {
+        let index = |at: f64, cells: usize| ((at / self.side_px).max(0.0) as usize).min(cells - 1);
+        index(pixel.y, self.down) * CELLS_ACROSS + index(pixel.x, CELLS_ACROSS)
+    }
+}
+
+fn add_to_cell(cells: &mut [Cell], grid: &Grid, pixel: &Vector2<f64>, residual_px: &Vector2<f64>) {
+    let cell = &mut cells[grid.cell(pixel)];
+    cell.count += 1;
+    cell.at_px += pixel;
+    cell.residual_px += residual_px;
 }
 
 fn sums(problem: &Problem, deformation: &Deformation, noise: Noise, size_px: Vector2<f64>) -> Result<Sums> {
-    let (side, down) = grid(size_px);
-    let zero = Sums::zero(CELLS_ACROSS * down, problem.corners.len());
+    let grid = Grid::new(size_px);
+    let zero = Sums::zero(CELLS_ACROSS * grid.down, problem.corners.len());
     let eye = problem.eye(deformation)?;
     let task = Task {
         deformation,
@@ -128,16 +150,14 @@ fn sums(problem: &Problem, deformation: &Deformation, noise: Noise, size_px: Vec
                         continue;
                     }
                     for corner in work.seen_corners(problem) {
-                        let index = |at: f64, cells: usize| ((at / side).max(0.0) as usize).min(cells - 1);
-                        let (x, y) = (index(corner.pixel.x, CELLS_ACROSS), index(corner.pixel.y, down));
-                        let cell = &mut out.cells[y * CELLS_ACROSS + x];
-                        cell.count += 1;
-                        cell.at_px += corner.pixel;
-                        cell.residual_px += corner.residual_px;
+                        add_to_cell(&mut out.cells[0], &grid, &corner.pixel, &corner.residual_px);
                         let sum = &mut out.corners[corner.index];
                         sum.count += 1;
                         sum.information += corner.by_board.tr_mul(&corner.by_board);
                         sum.gradient += corner.by_board.tr_mul(&corner.residual_px);
+                    }
+                    for marker in work.pictured_markers(problem) {
+                        add_to_cell(&mut out.cells[1], &grid, &marker.pixel, &marker.residual_px);
                     }
                 }
                 out
@@ -151,22 +171,26 @@ fn sums(problem: &Problem, deformation: &Deformation, noise: Noise, size_px: Vec
 
 fn over_image(first: &Sums, second: Option<&Sums>, noise: Noise, size_px: Vector2<f64>) -> Field {
     let mean = |cell: &Cell| -> Vec<f64> { (cell.residual_px / cell.count as f64).as_slice().to_vec() };
-    let points = first
-        .cells
-        .iter()
-        .enumerate()
-        .filter(|(i, cell)| {
+    let mut points = Vec::new();
+    for (k, (of, std_px)) in
+        [("corners", noise.corner_px), ("markers", noise.marker_px)].into_iter().enumerate()
+    {
+        for (i, cell) in first.cells[k].iter().enumerate() {
             // With the cause a frame may be predicted that is not without it, or the other way round.
-            cell.count >= FEWEST_IN_CELL && second.is_none_or(|s| s.cells[*i].count >= FEWEST_IN_CELL)
-        })
-        .map(|(i, cell)| FieldPoint {
-            at: (cell.at_px / cell.count as f64).into(),
-            corners: cell.count,
-            without: mean(cell),
-            with: second.map(|s| mean(&s.cells[i])),
-            std: vec![noise.corner_px / (cell.count as f64).sqrt(); 2],
-        })
-        .collect();
+            let other = second.map(|s| &s.cells[k][i]);
+            if cell.count < FEWEST_IN_CELL || other.is_some_and(|c| c.count < FEWEST_IN_CELL) {
+                continue;
+            }
+            points.push(FieldPoint {
+                of: of.into(),
+                at: (cell.at_px / cell.count as f64).into(),
+                count: cell.count,
+                without: mean(cell),
+                with: other.map(mean),
+                std: vec![std_px / (cell.count as f64).sqrt(); 2],
+            });
+        }
+    }
     Field {
         cause: None,
         at: String::new(),
@@ -196,8 +220,9 @@ fn over_board(problem: &Problem, first: &Sums, second: Option<&Sums>, noise: Noi
                 return None;
             }
             Some(FieldPoint {
+                of: "corners".into(),
                 at: problem.corners[i].xy().into(),
-                corners: corner.count,
+                count: corner.count,
                 without: without.as_slice().to_vec(),
                 with: with.flatten().map(|w| w.0.as_slice().to_vec()),
                 std: std.as_slice().to_vec(),

@@ -112,6 +112,17 @@ pub struct Gap {
     pub checked: Vec<Checked>,
 }
 
+/// A gap in space below so many noise floors is mostly the noise of depth: the picture shows it better.
+pub(crate) const MOSTLY_NOISE: f64 = 1.5;
+
+impl Gap {
+    /// Before, after and noise floor in px, where triangulated positions are mostly noise and there are pictures.
+    pub(crate) fn in_pixels(&self) -> Option<[f64; 3]> {
+        let noisy = self.before_m < MOSTLY_NOISE * self.noise_floor_m;
+        noisy.then_some([self.before_px?, self.after_px?, self.noise_floor_px?])
+    }
+}
+
 /// One point of a signature plot: the error at a place that one posture alone shows.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct SignaturePoint {
@@ -198,20 +209,22 @@ pub struct Track {
 /// A place of a field.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FieldPoint {
+    /// `corners` (of the board) or `markers`.
+    pub of: String,
     /// Where: mean pixel of the cell, or the corner on the board in m.
     pub at: [f64; 2],
-    /// Corners that were averaged.
-    pub corners: usize,
+    /// How many observations were averaged.
+    pub count: usize,
     /// Mean residual (seen less predicted) without the cause: u, v in px, or the corner's displacement x, y, z in m.
     pub without: Vec<f64>,
     /// With the cause, where there is one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub with: Option<Vec<f64>>,
-    /// Standard deviation by the corners' noise.
+    /// Standard deviation by the measurement's noise.
     pub std: Vec<f64>,
 }
 
-/// The signature of wrong optics: what is left of the board's corners, over the image or over the board.
+/// The signature of wrong optics: what is left of corners and markers over the image, or of corners over the board.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Field {
     /// Index into the causes; absent for the unexplained part.

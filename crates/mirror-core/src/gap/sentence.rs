@@ -7,14 +7,20 @@ const NAMED: usize = 3;
 
 /// The verdict, what it rests on, and the gap's sizes.
 pub(crate) fn sentence(verdict: &str, causes: &[Cause], places: &[Where], gap: &Gap) -> String {
-    let sizes = format!(
-        "{:.2} mm before, {:.2} mm after, {:.2} mm noise floor, on postures that the fit did not see",
-        gap.before_m * 1e3,
-        gap.after_m * 1e3,
-        gap.noise_floor_m * 1e3
-    );
+    let sizes = match gap.in_pixels() {
+        Some([before, after, floor]) => {
+            format!("{before:.2} px before, {after:.2} px after, {floor:.2} px noise floor")
+        }
+        None => format!(
+            "{:.2} mm before, {:.2} mm after, {:.2} mm noise floor",
+            gap.before_m * 1e3,
+            gap.after_m * 1e3,
+            gap.noise_floor_m * 1e3
+        ),
+    };
+    let sizes = format!("{sizes}, on postures that the fit did not see");
     let names: Vec<String> = causes.iter().map(name).collect();
-    let left = places.iter().find(|w| w.depends_on.is_some()).or_else(|| places.first());
+    let left = unexplained_place(places);
     match verdict {
         "none" => format!(
             "Nothing is wrong that these postures could show: the model predicts to the noise floor ({sizes})."
@@ -36,12 +42,19 @@ pub(crate) fn sentence(verdict: &str, causes: &[Cause], places: &[Where], gap: &
     }
 }
 
+/// Where the unexplained part lies: the place of a free-form error; else no single place, or the optics of which only the
+/// corners' remainder tells.
+fn unexplained_place(places: &[Where]) -> Option<&Where> {
+    let at = |name: &str| places.iter().find(|w| w.at == name);
+    places.iter().find(|w| w.depends_on.is_some()).or_else(|| at("unknown")).or_else(|| at("camera"))
+}
+
 fn name(cause: &Cause) -> String {
     match (cause.effect.as_str(), cause.at.split_once("<-")) {
         ("geometry", _) => "many small errors of the robot's geometry".into(),
         ("pairing", _) => "rows of the data that hold the measurement of other rows".into(),
         (_, Some((joint, other))) => format!("{} of {joint} with {other}", cause.effect.replace('_', " ")),
-        (effect, None) => format!("{} at {}", effect.replace('_', " "), cause.at),
+        (effect, None) => format!("{} at {}{}", effect.replace('_', " "), article(&cause.at), cause.at),
     }
 }
 
@@ -80,8 +93,12 @@ fn where_and_on_what(place: Option<&Where>) -> String {
         Some("posture") => " and depends on how gravity pulls at it".into(),
         Some(other) => format!(" and depends on the {other}"),
     };
-    let the = if matches!(place.at.as_str(), "camera" | "board" | "mirror") { "the " } else { "" };
-    format!("at {the}{}{depends}", place.at)
+    format!("at {}{}{depends}", article(&place.at), place.at)
+}
+
+/// `the ` before a place of which there is one.
+fn article(at: &str) -> &'static str {
+    if matches!(at, "camera" | "board" | "mirror") { "the " } else { "" }
 }
 
 #[cfg(test)]
@@ -100,6 +117,17 @@ mod tests {
         assert_eq!(listed(&names[..3]), "a, b and c");
         assert_eq!(listed(&names[..4]), "a, b, c and d");
         assert_eq!(listed(&names), "a, b, c and 2 further causes");
+    }
+
+    #[test]
+    fn what_is_left_at_no_place_is_not_laid_at_a_cause() {
+        let cause = Where { at: "robot".into(), share: 0.9, depends_on: None };
+        let nowhere = Where { at: "unknown".into(), share: 0.1, depends_on: None };
+        let left = unexplained_place(&[cause.clone(), nowhere.clone()]).map(|w| w.at.clone());
+        assert_eq!(left.as_deref(), Some("unknown"));
+        let found = place("joint:elbow", "load");
+        let left = unexplained_place(&[cause, nowhere, found]).map(|w| w.at.clone());
+        assert_eq!(left.as_deref(), Some("joint:elbow"));
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! The board's corners of an evaluated frame: what is left of each.
+//! Corners and markers of an evaluated frame, in the picture: what is left of each.
 
 use super::*;
 
@@ -15,25 +15,46 @@ pub(crate) struct SeenCorner {
     pub by_board: Matrix2x3<f64>,
 }
 
+/// A marker in the picture.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct PicturedMarker {
+    /// Where it was seen, px.
+    pub pixel: Vector2<f64>,
+    /// Seen less predicted, px.
+    pub residual_px: Vector2<f64>,
+}
+
 impl FrameWork {
-    /// The corners of the frame that was evaluated last, with its board; none where one of them cannot be predicted.
-    pub fn seen_corners<'a>(&'a self, problem: &'a Problem) -> impl Iterator<Item = SeenCorner> + 'a {
+    /// Whether each observation of the frame that was evaluated last, with its board, has its row: one that cannot be
+    /// predicted has none.
+    fn in_step(&self, problem: &Problem) -> bool {
         let data = &problem.frames[self.frame];
-        let mirrored = data.corners.len();
-        let direct =
-            data.others.iter().filter(|o| matches!(o, Observation::Pixel { seen: Seen::Corner(_), .. }));
-        // A corner that cannot be predicted has no row: then rows and corners are not in step.
-        let in_step = self.rows.iter().filter(|r| r.marker.is_none()).count() == mirrored + direct.count();
-        let world_from_board =
-            problem.board.map(|b| self.poses.site(&b).r).filter(|_| in_step && self.has_plane);
-        let rows = self.rows.iter().take(mirrored);
+        self.has_plane && self.rows.len() == data.corners.len() + data.others.len()
+    }
+
+    /// The mirrored corners of the frame that was evaluated last, with its board; none where rows and corners are not in step.
+    pub fn seen_corners<'a>(&'a self, problem: &'a Problem) -> impl Iterator<Item = SeenCorner> + 'a {
+        let corners = &problem.frames[self.frame].corners;
+        let world_from_board = problem.board.map(|b| self.poses.site(&b).r).filter(|_| self.in_step(problem));
         world_from_board.into_iter().flat_map(move |world_from_board| {
-            rows.clone().zip(&data.corners).map(move |(row, (index, pixel))| SeenCorner {
+            self.rows.iter().zip(corners).map(move |(row, (index, pixel))| SeenCorner {
                 index: *index,
                 pixel: *pixel,
                 residual_px: row.residual.xy() / row.scale,
                 by_board: (row.by_world * world_from_board).fixed_rows::<2>(0) / row.scale,
             })
+        })
+    }
+
+    /// The mirrored markers of the frame that was evaluated last, with its board.
+    pub fn pictured_markers<'a>(&'a self, problem: &'a Problem) -> impl Iterator<Item = PicturedMarker> + 'a {
+        let data = &problem.frames[self.frame];
+        let first = if self.in_step(problem) { data.corners.len() } else { self.rows.len() };
+        self.rows[first..].iter().zip(&data.others).filter_map(|(row, observation)| match observation {
+            Observation::Pixel { seen: Seen::Marker(_), via: Via::Mirror, pixel } => {
+                Some(PicturedMarker { pixel: *pixel, residual_px: row.residual.xy() / row.scale })
+            }
+            _ => None,
         })
     }
 }
