@@ -38,6 +38,12 @@ fn is_finite(diagnosis: &Diagnosis) {
     for p in diagnosis.signatures.iter().flat_map(|s| &s.points) {
         numbers.extend([p.position, p.torque_nm, p.direction, p.time_s, p.error, p.std, p.fitted]);
     }
+    for p in diagnosis.tracks.iter().flat_map(|t| &t.points) {
+        numbers.extend([&p.against, &p.error, &p.std, &p.fitted].into_iter().flatten());
+    }
+    for p in diagnosis.fields.iter().flat_map(|f| &f.points) {
+        numbers.extend(p.without.iter().chain(p.with.iter().flatten()).chain(&p.std));
+    }
     assert!(numbers.iter().all(|x| x.is_finite()), "{diagnosis:?}");
 }
 

@@ -8,6 +8,7 @@ mod camera;
 mod correct;
 mod correct_loop;
 mod gap_effects;
+mod gap_panels;
 mod gap_sessions;
 mod gap_world;
 mod glass;

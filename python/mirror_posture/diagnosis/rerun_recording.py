@@ -23,6 +23,8 @@ MEASURED, BODY, JOINTS, POINTS = "#2f7f4f", "#777777", "#333333", "#9a9a9a"
 MARKER_RADIUS_M = 0.004
 BODY_RADIUS_M = 0.002
 TIMELINE = "frame"
+ARROW_FACTOR = 100.0
+"""Residuals over the picture are drawn so many times as long as they are: tenths of a pixel must be seen."""
 
 
 def write_recording(session: Session, found: Diagnosis, file: Path) -> Path:
@@ -34,7 +36,11 @@ def write_recording(session: Session, found: Diagnosis, file: Path) -> Path:
     | `markers/measured`, `/before`, `/after` | as seen, by the nominal model, by the model with the causes |
     | `markers/error_before`, `/error_after` | arrows from the prediction to what was seen |
     | `residual/MARKER/before_mm`, `/after_mm` | their lengths, as series over the frames |
-    | `signature/PLACE/error`, `/fitted` | what each posture shows at a place, and what the cause says |
+    | `signature/PLACE/error_UNIT`, `/fitted_UNIT` | what each posture shows at a joint, and what the cause says; rad or m |
+    | `signature/PLACE/WHAT/COMPONENT/error_UNIT`, … | the same of a marker, a link, an axis, the camera; `ratio` of a focal length |
+    | `field/PLACE/without_px`, `/with_px` | mean residuals over the picture, as arrows that are drawn longer; corners over a board: `_m`, in space |
+
+    Timelines are `frame` and, where the session has times, `time`.
 
     Raises:
         MirrorPostureError: the extra `rerun` is not installed; a diagnosis without its markers.
@@ -51,10 +57,14 @@ def write_recording(session: Session, found: Diagnosis, file: Path) -> Path:
         )
     recording: Any = rr.RecordingStream("mirror-posture diagnosis", recording_id=session.folder.name or None)
     recording.save(file)
+    # When this file was written says nothing of the robot.
+    recording.set_log_time_enabled(False)
+    recording.send_blueprint(_layout(found))
     recording.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     recording.log("verdict", rr.TextDocument(found.sentence), static=True)
     _log_postures(rr, recording, session, found)
-    _log_signatures(rr, recording, found)
+    _log_signatures(rr, recording, session, found)
+    _log_fields(rr, recording, found)
     recording.flush()
     recording.disconnect()
     return file
@@ -119,25 +129,64 @@ def _log_postures(rr: Any, recording: Any, session: Session, found: Diagnosis) -
                 recording.log(f"residual/{entry.marker}/{name}_mm", rr.Scalars(1000.0 * float(length)))
 
 
-def _log_signatures(rr: Any, recording: Any, found: Diagnosis) -> None:
+def _layout(found: Diagnosis) -> Any:
+    """What the viewer opens with: the robot beside the sentence, the residuals and the signatures."""
+    import rerun.blueprint as rrb  # type: ignore[import-not-found,import-untyped,unused-ignore]
+
+    series = [rrb.TimeSeriesView(origin="residual", name="distance to the measured marker, mm")]
+    if found.signatures or found.tracks:
+        series.append(rrb.TimeSeriesView(origin="signature", name="signatures"))
+    views = [rrb.TextDocumentView(origin="verdict", name="verdict"), *series]
+    if any(field.over == "image" for field in found.fields):
+        views.append(rrb.Spatial2DView(origin="field", name="mean residuals over the picture"))
+    robot = rrb.Spatial3DView(origin="/", contents=["robot/**", "markers/**"], name="robot")
+    return rrb.Blueprint(rrb.Horizontal(robot, rrb.Vertical(*views), column_shares=[3, 2]))
+
+
+def _log_signatures(rr: Any, recording: Any, session: Session, found: Diagnosis) -> None:
+    frames = session.frames
+    times = {} if frames.time_s is None else dict(zip(frames.frame.tolist(), frames.time_s, strict=True))
+    series: list[tuple[str, str, int | None, Any, Any, Any]] = []
     for signature in found.signatures:
-        colour = FREE if signature.cause is None else CAUSE_COLOURS[signature.cause % len(CAUSE_COLOURS)]
-        place = signature.at.replace(":", "/").replace("<-", "_from_")
-        base = f"signature/{place}"
-        recording.log(
-            f"{base}/error",
-            rr.SeriesPoints(colors=[_rgb(POINTS)], names=[f"{signature.at} error"]),
-            static=True,
-        )
-        recording.log(
-            f"{base}/fitted",
-            rr.SeriesPoints(colors=[_rgb(colour)], names=[f"{signature.at} fitted"]),
-            static=True,
-        )
-        for frame, error, fitted in zip(signature.frame, signature.error, signature.fitted, strict=True):
-            recording.set_time(TIMELINE, sequence=int(frame))
-            recording.log(f"{base}/error", rr.Scalars(float(error)))
-            recording.log(f"{base}/fitted", rr.Scalars(float(fitted)))
+        base, unit = f"signature/{_entity(signature.at)}", signature.unit
+        series.append((base, unit, signature.cause, signature.frame, signature.error, signature.fitted))
+    for track in found.tracks:
+        for column, component in enumerate(track.components):
+            base = f"signature/{_entity(track.at)}/{track.what}/{component.replace(' ', '_')}"
+            unit = "ratio" if track.unit == "1" else track.unit
+            told = (track.error[:, column], track.fitted[:, column])
+            series.append((base, unit, track.cause, track.frame, *told))
+    for base, unit, cause, numbers, error, fitted in series:
+        colour = FREE if cause is None else CAUSE_COLOURS[cause % len(CAUSE_COLOURS)]
+        name = base.removeprefix("signature/")
+        for what, values, shade in (("error", error, POINTS), ("fitted", fitted, colour)):
+            entity = f"{base}/{what}_{unit}"
+            style = rr.SeriesPoints(colors=[_rgb(shade)], names=[f"{name} {what}, {unit}"])
+            recording.log(entity, style, static=True)
+            for frame, value in zip(numbers.tolist(), values, strict=True):
+                recording.set_time(TIMELINE, sequence=frame)
+                if frame in times:
+                    recording.set_time("time", duration=float(times[frame]))
+                recording.log(entity, rr.Scalars(float(value)))
+
+
+def _log_fields(rr: Any, recording: Any, found: Diagnosis) -> None:
+    for field in found.fields:
+        base = f"field/{_entity(field.at)}"
+        for name, residual in (("without", field.without), ("with", field.with_cause)):
+            if residual is None or not len(residual):
+                continue
+            if field.over == "board":
+                at = np.column_stack([field.at_points, np.zeros(len(field.at_points))])
+                arrows = rr.Arrows3D(origins=at, vectors=residual)
+            else:
+                arrows = rr.Arrows2D(origins=field.at_points, vectors=ARROW_FACTOR * residual)
+            recording.log(f"{base}/{name}_{field.unit}", arrows, static=True)
+
+
+def _entity(at: str) -> str:
+    """A place as the path of an entity."""
+    return at.replace("<-", "_from_").replace(":", "/")
 
 
 def _rgb(colour: str) -> tuple[int, int, int]:
