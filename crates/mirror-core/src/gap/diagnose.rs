@@ -6,7 +6,7 @@ use super::effects::vocabulary;
 use super::fit::{Fit, FitOptions, fit};
 use super::freeform::free_forms;
 use super::group::Geometry;
-use super::heldout::{PostureGap, held_out, size};
+use super::heldout::{PostureGap, held_out, in_sample, size};
 use super::hypothesis::{Catalogue, Model, Term};
 use super::noise;
 use super::observations::Recording;
@@ -68,6 +68,8 @@ pub(crate) struct Findings<'a> {
 const MANY_CAUSES: usize = 3;
 /// A cause must shrink the held-out gap by this share, or it is dropped.
 const LEAST_HELD_OUT_GAIN: f64 = 0.002;
+/// Held-out gaps are larger than fitted ones: one that is already larger by so many times the least gain decides.
+const SURELY_WORSE: f64 = 2.0;
 /// The same beside many small errors, of which a cause must stand out.
 const LEAST_HELD_OUT_GAIN_BESIDE_GEOMETRY: f64 = 0.02;
 /// A remainder smaller than this share (squared: 8 %) of what the causes move is what their laws are wrong by.
@@ -246,6 +248,12 @@ fn drop_useless(search: &mut Search<'_>, found: &mut Found, after: &mut Vec<Post
     let mut i = 0;
     while i < found.fit.model.terms.len() {
         let without = search.fit(&found.fit.model.without(i), found.noise, 6)?;
+        // Where even the fitted postures are worse off, those held out need not be looked at.
+        let fitted = in_sample(&search.problem, &search.deformation(&without.model), search.measured_noise)?;
+        if seen_size(&fitted) >= seen_size(after) * (1.0 + SURELY_WORSE * least) {
+            i += 1;
+            continue;
+        }
         let gap = search.held_out(&without.model, found.noise)?;
         if seen_size(&gap) < seen_size(after) * (1.0 + least) {
             let name = search.catalogue.name(&search.problem.scene, found.fit.model.terms[i].hypothesis);

@@ -5,6 +5,7 @@ use super::hypothesis::{Catalogue, Model, nuisances};
 use super::normal::{Normal, needs_board};
 use super::problem::{Noise, Problem};
 use crate::error::Result;
+use core::ops::Range;
 use nalgebra::{DMatrix, DVector};
 
 /// The group of many small errors that is fitted beside the causes: columns with a common spread each.
@@ -20,6 +21,10 @@ pub(crate) struct FitOptions {
     pub noise: Noise,
     pub steps: usize,
 }
+
+/// A step that gains less than this (in −2 log likelihood) is taken without looking at its result: what it leaves is of second
+/// order, and log evidence need not be known better than to a hundredth.
+const LAST_GAIN: f64 = 0.02;
 
 /// A fitted model.
 #[derive(Debug, Clone)]
@@ -144,7 +149,7 @@ pub(crate) fn fit(
         let current = normal.cost + active.penalty(&active.values);
         let mut moved = false;
         for _ in 0..6 {
-            let Some(step) = step(&normal, &active, damping) else { break };
+            let Some((step, gain)) = step(&normal, &active, damping) else { break };
             let values: Vec<f64> = active
                 .values
                 .iter()
@@ -153,6 +158,11 @@ pub(crate) fn fit(
                 .map(|((v, s), positive)| if *positive { (v + s).max(0.0) } else { v + s })
                 .collect();
             let next = active.model(&model, &values);
+            if gain < LAST_GAIN {
+                normal.cost = current - gain - active.penalty(&values);
+                (model, active.values) = (next, values);
+                break;
+            }
             let Ok((next_normal, next_active)) =
                 linearise(problem, catalogue, group, &next, options.noise, mask)
             else {
@@ -176,6 +186,55 @@ pub(crate) fn fit(
     Ok(summary(model, &normal, &active))
 }
 
+/// A model's normal equations where it stands: for questions that need no fit.
+pub(crate) struct Linearised {
+    normal: Normal,
+    active: Active,
+}
+
+impl Linearised {
+    /// Linearises a model at its own parameters.
+    ///
+    /// # Errors
+    /// A camera or mirror that cannot be.
+    pub fn at(
+        problem: &Problem,
+        catalogue: &Catalogue,
+        group: &Group,
+        model: &Model,
+        options: FitOptions,
+        mask: Option<&[bool]>,
+    ) -> Result<Self> {
+        let (normal, active) = linearise(problem, catalogue, group, model, options.noise, mask)?;
+        Ok(Self { normal, active })
+    }
+
+    /// Which of the parameters are the i-th cause's.
+    pub fn of_term(&self, model: &Model, i: usize) -> Range<usize> {
+        let before: usize = model.terms[..i].iter().map(|t| t.parameters.len()).sum();
+        let first = self.active.first_term + before;
+        first..first + model.terms[i].parameters.len()
+    }
+
+    /// Log evidence at the best parameters of the linear model, the prior deviations of some of them scaled; none where numbers
+    /// overflow.
+    pub fn log_evidence(&self, scaled: Range<usize>, scale: f64) -> Option<f64> {
+        let (active, h) = (&self.active, &self.normal.h);
+        let count = active.values.len();
+        let s: Vec<f64> =
+            (0..count).map(|i| active.prior_std[i] * if scaled.contains(&i) { scale } else { 1.0 }).collect();
+        let v = DVector::from_fn(count, |i, _| active.values[i] / s[i]);
+        let b = DVector::from_fn(count, |i, _| self.normal.g[i] * s[i] - v[i]);
+        let whitened =
+            DMatrix::from_fn(count, count, |i, j| h[(i, j)] * s[i] * s[j] + if i == j { 1.0 } else { 0.0 });
+        let factor = whitened.cholesky()?;
+        let gain = b.dot(&factor.solve(&b));
+        let log_det = 2.0 * factor.l_dirty().diagonal().iter().map(|x| x.ln()).sum::<f64>();
+        let value = -0.5 * (self.normal.cost + v.norm_squared() - gain + log_det);
+        value.is_finite().then_some(value)
+    }
+}
+
 fn linearise(
     problem: &Problem,
     catalogue: &Catalogue,
@@ -192,8 +251,8 @@ fn linearise(
 }
 
 /// The step in coordinates scaled by the priors, in which damping treats all parameters alike; parameters that rest at 0
-/// and are pushed below it are left out.
-fn step(normal: &Normal, active: &Active, damping: f64) -> Option<DVector<f64>> {
+/// and are pushed below it are left out. With it what it gains if all is linear, `gᵀ H⁻¹ g`.
+fn step(normal: &Normal, active: &Active, damping: f64) -> Option<(DVector<f64>, f64)> {
     let count = active.values.len();
     let s = DVector::from_column_slice(&active.prior_std);
     let mut g = DVector::from_fn(count, |i, _| (normal.g[i] - active.values[i] / (s[i] * s[i])) * s[i]);
@@ -209,7 +268,9 @@ fn step(normal: &Normal, active: &Active, damping: f64) -> Option<DVector<f64>> 
             g[i] = 0.0;
         }
     }
-    h.cholesky().map(|c| c.solve(&g).component_mul(&s))
+    let scaled = h.cholesky()?.solve(&g);
+    let gain = scaled.dot(&g);
+    Some((scaled.component_mul(&s), gain))
 }
 
 fn summary(model: Model, normal: &Normal, active: &Active) -> Fit {

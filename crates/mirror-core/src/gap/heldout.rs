@@ -1,5 +1,6 @@
 //! The gap on postures that the fit did not see.
 
+use super::deformation::Deformation;
 use super::fit::{Fit, FitOptions, Group, fit};
 use super::hypothesis::{Catalogue, Model};
 use super::posture::{FreePosture, free_markers};
@@ -55,6 +56,18 @@ pub(crate) fn held_out(
     let mut out = parts.concat();
     out.sort_by_key(|g| g.frame);
     Ok(out)
+}
+
+/// The gap of a deformation on all postures as it stands: one entry a posture.
+///
+/// # Errors
+/// A camera or mirror that cannot be.
+pub(crate) fn in_sample(
+    problem: &Problem,
+    deformation: &Deformation,
+    measured: Noise,
+) -> Result<Vec<PostureGap>> {
+    Ok(free_markers(problem, deformation, measured, true, None)?.iter().map(gap_of).collect())
 }
 
 /// A posture's gap: what lies along a single view's ray is not seen and does not count.

@@ -20,6 +20,7 @@ mod next;
 mod noise;
 mod normal;
 mod observations;
+mod odds;
 mod own;
 mod pairing;
 mod panels;

@@ -53,10 +53,13 @@ pub(crate) fn standing(search: &Search<'_>, found: &Found, i: usize) -> Result<S
     let rest: Model = found.fit.model.without(i);
     let named =
         Search { options: SearchOptions { named_only: true, ..search.options.clone() }, ..search.clone() };
-    let rivals = named.candidates(&rest, found.noise, RIVALS)?;
+    let rivals = named.candidates(&rest, found.noise, RIVALS, Some(own))?;
     let tolerated = search.log_odds(&found.fit, i, found.noise)?;
-    let own_fit = search.fit_with_slack(&found.fit.model, Some(i), found.noise, 6)?;
-    let reference = search.log_posterior(&own_fit);
+    let reference = if rivals.is_empty() {
+        0.0
+    } else {
+        search.log_posterior(&search.fit_with_slack(&found.fit.model, Some(i), found.noise, 6)?)
+    };
     // Weights relative to the cause itself.
     let mut weights: Vec<(usize, f64, f64)> = Vec::new();
     for rival in &rivals {

@@ -5,7 +5,6 @@ use super::hypothesis::{Catalogue, Model, Term};
 use super::noise::effective;
 use super::problem::{Noise, Problem};
 use super::screen::{Score, screen};
-use super::shift::marker_shift;
 use super::slack::with_slack;
 use crate::error::Result;
 use rayon::prelude::*;
@@ -31,25 +30,21 @@ impl Default for SearchOptions {
 
 /// Gauss–Newton steps of a candidate, and of the model that is kept.
 const CANDIDATE_STEPS: usize = 4;
-const FINAL_STEPS: usize = 12;
+pub(crate) const FINAL_STEPS: usize = 12;
 /// Loads and postures are taken in turn this often: each turn leaves the share by which the droop changes the load.
 const LOAD_STEPS: usize = 2;
-/// Log of how much less likely a second cause is where there is one already: what looks like two is rather a law that
-/// the vocabulary has not.
-const LOG_PRIOR_SAME_PLACE: f64 = -4.0;
-/// So many causes at one joint are a crowd: together they only imitate the law that is really there.
-const CROWD: usize = 3;
-const LOG_PRIOR_CROWD: f64 = -40.0;
 /// A hypothesis that is less likely than the likeliest by this (log) is no cause in its stead.
 const NEARLY_AS_LIKELY: f64 = 5.0;
 /// Where the likeliest addition is this unlikely a cause, the others need not be tried.
 const HOPELESS_LOG_ODDS: f64 = -3.5;
 /// How many of the best candidates are tried with all their discrete unknowns.
 const VARIANTS_RETRIED: usize = 3;
-/// Share of a common size below which an error is called a tolerance.
-const PRIOR_TOLERANCE: f64 = 0.005;
-/// A tolerated error moves the markers by no more than this many standard deviations of the noise.
-const UNSEEN_SHIFT: f64 = 0.08;
+/// The score test is of the linearised model: a hypothesis that it puts lower than the best by more than this (log), and by
+/// more than this share of the best's, is not the best when fitted either.
+const LEAST_REACH: f64 = 25.0;
+const REACH: f64 = 0.15;
+/// The same for hypotheses with a discrete unknown, which the score test takes at a play of no width.
+const REACH_OF_VARIANTS: f64 = 0.5;
 /// Factors on a discrete unknown (a friction torque) that are tried once the cause is found.
 const VARIANT_FACTORS: [f64; 8] = [0.7, 0.8, 0.88, 0.95, 1.06, 1.14, 1.25, 1.4];
 
@@ -126,32 +121,18 @@ impl Search<'_> {
         )
     }
 
-    fn log_prior(&self, fit: &Fit) -> f64 {
-        let place = |t: &Term| self.catalogue.hypotheses[t.hypothesis].place.node();
-        let terms = &fit.model.terms;
-        let named = |t: &&Term| !self.catalogue.is_free(t.hypothesis) && place(t).is_some();
-        let crowding: f64 = terms
-            .iter()
-            .filter(named)
-            .enumerate()
-            .map(|(i, term)| {
-                let same = terms.iter().filter(named).take(i).filter(|t| place(t) == place(term)).count();
-                if same < CROWD - 1 { same as f64 * LOG_PRIOR_SAME_PLACE } else { LOG_PRIOR_CROWD }
-            })
-            .sum();
-        terms.iter().map(|t| self.catalogue.hypotheses[t.hypothesis].log_prior).sum::<f64>() + crowding
-    }
-
-    /// Log of evidence times prior.
-    pub fn log_posterior(&self, fit: &Fit) -> f64 {
-        fit.log_evidence + self.log_prior(fit)
-    }
-
-    /// Fits the most promising additions to a model, at a noise; best first.
-    pub fn candidates(&self, model: &Model, noise: Noise, count: usize) -> Result<Vec<Fit>> {
+    /// Fits the most promising additions to a model, at a noise; best first. `but` is left out, if it stands in the model's
+    /// place by itself already.
+    pub fn candidates(
+        &self,
+        model: &Model,
+        noise: Noise,
+        count: usize,
+        but: Option<usize>,
+    ) -> Result<Vec<Fit>> {
         let (group, start) = self.loosened(model, None);
         let scores = screen(&self.problem, self.catalogue, &group, &start, noise, self.mask)?;
-        let chosen = self.most_promising(&scores, count);
+        let chosen = self.most_promising(&scores, count, but);
         let mut fits = chosen
             .par_iter()
             .map(|score| {
@@ -198,18 +179,24 @@ impl Search<'_> {
         Ok(best.filter(|b| b.log_evidence > fit.log_evidence).unwrap_or_else(|| fit.clone()))
     }
 
-    /// The best variant of each of the `count` best hypotheses.
-    fn most_promising<'s>(&self, scores: &'s [Score], count: usize) -> Vec<&'s Score> {
+    /// The best variant of each of the `count` best hypotheses that could be the best when fitted exactly.
+    fn most_promising<'s>(&self, scores: &'s [Score], count: usize, but: Option<usize>) -> Vec<&'s Score> {
         let value = |s: &Score| s.log_bayes + self.catalogue.hypotheses[s.hypothesis].log_prior;
-        let mut sorted: Vec<&Score> = scores.iter().collect();
+        let wanted = |s: &&Score| !(self.options.named_only && self.catalogue.is_free(s.hypothesis));
+        let mut sorted: Vec<&Score> = scores.iter().filter(wanted).collect();
         sorted.sort_by(|a, b| value(b).total_cmp(&value(a)));
+        let best = sorted.first().map_or(0.0, |s| value(s));
+        let several = |s: &Score| self.catalogue.hypotheses[s.hypothesis].variants.len() > 1;
         let mut chosen: Vec<&Score> = Vec::new();
         for score in sorted {
-            if chosen.len() == count {
-                break;
-            }
-            let wanted = !(self.options.named_only && self.catalogue.is_free(score.hypothesis));
-            if wanted && !chosen.iter().any(|c| c.hypothesis == score.hypothesis) {
+            let share = if several(score) { REACH_OF_VARIANTS } else { REACH };
+            let in_reach = value(score) >= best - LEAST_REACH - share * best.max(0.0);
+            let known = but == Some(score.hypothesis) && !several(score);
+            if chosen.len() < count
+                && in_reach
+                && !known
+                && !chosen.iter().any(|c| c.hypothesis == score.hypothesis)
+            {
                 chosen.push(score);
             }
         }
@@ -255,35 +242,6 @@ impl Search<'_> {
         Ok(best)
     }
 
-    /// The i-th cause at a size that is tolerated rather than called a cause, all else refitted: two percent of the size
-    /// that such an error commonly has, and no more than could be seen. The laws of the other causes have their slack.
-    fn tolerated(&self, fit: &Fit, i: usize, noise: Noise) -> Result<Fit> {
-        let term = &fit.model.terms[i];
-        let stds = &self.catalogue.hypotheses[term.hypothesis].prior_std;
-        let multiple = (term.parameters.iter().zip(stds).map(|(p, s)| (p / s).powi(2)).sum::<f64>()
-            / stds.len() as f64)
-            .sqrt();
-        let (all, without) = (self.deformation(&fit.model), self.deformation(&fit.model.without(i)));
-        let own = marker_shift(&self.problem, &without, &all, noise)?;
-        let own_sum: f64 = own.iter().sum();
-        let own_rms = (own_sum / own.iter().filter(|o| **o > 1e-4 * own_sum).count().max(1) as f64).sqrt();
-        let unseen = if own_rms > 0.0 { UNSEEN_SHIFT / own_rms * multiple } else { PRIOR_TOLERANCE };
-        let scale = PRIOR_TOLERANCE.min(unseen).clamp(1e-6, 1.0);
-        let mut model = fit.model.clone();
-        model.terms[i].prior_scale = scale;
-        model.terms[i].parameters.iter_mut().for_each(|p| *p *= scale.min(0.5));
-        self.fit_with_slack(&model, Some(i), noise, FINAL_STEPS)
-    }
-
-    /// Log posterior odds of the i-th cause: found, against tolerated.
-    pub fn log_odds(&self, fit: &Fit, i: usize, noise: Noise) -> Result<f64> {
-        let tolerated = self.tolerated(fit, i, noise)?;
-        let found = self.fit_with_slack(&fit.model, Some(i), noise, FINAL_STEPS)?;
-        let rest = Fit { model: fit.model.without(i), ..fit.clone() };
-        let prior = self.log_prior(fit) - self.log_prior(&rest);
-        Ok(found.log_evidence + prior - tolerated.log_evidence)
-    }
-
     /// Runs the ladder up and down until neither adding, dropping nor exchanging a cause helps.
     ///
     /// # Errors
@@ -299,7 +257,7 @@ impl Search<'_> {
         }
         let mut seen = vec![hypotheses_of(&best)];
         while best.model.terms.len() < self.options.most_causes {
-            let candidates = self.candidates(&best.model, noise, self.options.refined)?;
+            let candidates = self.candidates(&best.model, noise, self.options.refined, None)?;
             let Some(first) = candidates.first() else { break };
             // Weighed at the noise that the larger model leaves: the smaller one must not hide behind its own misfit.
             let next_noise = self.effective(&first.model)?;
@@ -383,7 +341,8 @@ impl Search<'_> {
             return Ok(best);
         }
         for i in 0..best.model.terms.len() - 1 {
-            let rivals = self.candidates(&best.model.without(i), noise, self.options.refined)?;
+            let own = best.model.terms[i].hypothesis;
+            let rivals = self.candidates(&best.model.without(i), noise, self.options.refined, Some(own))?;
             let Some(rival) = rivals.first() else { continue };
             let last = rival.model.terms.len() - 1;
             let rival = self.fit_with_slack(&rival.model, Some(last), noise, FINAL_STEPS)?;

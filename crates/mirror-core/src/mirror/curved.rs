@@ -14,8 +14,8 @@ const LARGEST_FOCUS: f64 = 0.7;
 const LARGEST_SLOPE: f64 = 0.5;
 /// Newton needs 2 to 5 steps.
 const REFLECTION_STEPS: usize = 50;
-/// Newton stops at relative steps below this.
-const REFLECTION_TOLERANCE: f64 = 1e-15;
+/// After a relative step below this Newton's next would be below rounding: it converges quadratically.
+const LAST_STEP: f64 = 1e-8;
 
 /// The curvature κ = 1/R (1/m) of a spherical mirror; positive is concave as the camera sees it, 0 is flat.
 ///
@@ -75,6 +75,18 @@ impl Trial {
         let a = curvature * sigma * (1.0 - sigma) * lateral_squared + c * (height - distance - w);
         let g = sigma * (height - 2.0 * a * c) - (distance + w) * (1.0 - 2.0 * a * curvature * sigma);
         Some(Self { sigma, lateral_squared, height, distance, curvature, c, w, a, g })
+    }
+
+    /// `∂g/∂σ`: [`Trial::differential`] of a change of σ alone, which Newton asks for many times.
+    #[inline]
+    fn slope(&self) -> f64 {
+        let Self { sigma, lateral_squared: p, height, distance, curvature: k, c, w, a, .. } = *self;
+        let k_ds2 = 2.0 * k * sigma * p;
+        let dc = -0.5 * k * k_ds2 / c;
+        let dw = -0.5 * k_ds2 / c;
+        let da = k * (1.0 - 2.0 * sigma) * p + dc * (height - distance - w) - c * dw;
+        height - 2.0 * a * c - 2.0 * sigma * (da * c + a * dc) - dw * (1.0 - 2.0 * a * k * sigma)
+            + 2.0 * (distance + w) * k * (da * sigma + a)
     }
 
     /// The differentials `(dw, dg)` of a change.
@@ -140,19 +152,21 @@ impl Curvature {
         }
         // The paraxial mirror equation starts it.
         let mut sigma = distance / (distance + before - 2.0 * k * distance * before);
+        if k == 0.0 {
+            return Trial::at(sigma, lateral_squared, height, distance, k).map_or_else(|| self.refuse(), Ok);
+        }
         for _ in 0..REFLECTION_STEPS {
             let Some(trial) = Trial::at(sigma, lateral_squared, height, distance, k) else {
                 return self.refuse();
             };
-            let (_, slope) = trial.differential(&Change { sigma: 1.0, ..Change::default() });
-            let step = trial.g / slope;
-            if step.abs() <= REFLECTION_TOLERANCE * sigma.abs() {
-                return Ok(trial);
-            }
+            let step = trial.g / trial.slope();
+            let last = step.abs() <= LAST_STEP * sigma.abs();
             // σ stays positive: the reflection lies on the point's side of the axis.
             sigma = (sigma - step).clamp(0.5 * sigma, 2.0 * sigma);
+            if last {
+                break;
+            }
         }
-        // The last digit may flicker for ever: near enough is enough.
         match Trial::at(sigma, lateral_squared, height, distance, k) {
             Some(trial) if trial.g.abs() <= 1e-12 * distance => Ok(trial),
             _ => self.refuse(),

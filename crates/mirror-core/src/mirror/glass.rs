@@ -11,8 +11,8 @@ const THICKEST_PANE_M: f64 = 0.1;
 const LARGEST_INDEX: f64 = 3.0;
 /// Newton runs monotonically to the root and needs 2 to 4 steps; the rest is for grazing rays.
 const SNELL_STEPS: usize = 60;
-/// Newton stops at steps below this, relative to 1 + tan α.
-const SNELL_TOLERANCE: f64 = 1e-15;
+/// After a step below this, relative to 1 + tan α, the next would be below rounding: Newton converges quadratically.
+const SNELL_TOLERANCE: f64 = 1e-8;
 
 /// A pane of glass of thickness t (m) and refractive index n, silvered at its back.
 ///

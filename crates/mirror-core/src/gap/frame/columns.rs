@@ -100,7 +100,8 @@ impl FrameWork {
                     Atom::Glass => 11,
                     _ => 12,
                 };
-                Some(row.optics.column(k).into_owned())
+                let column = self.optics.get(row.optics?)?.column(k);
+                Some(Vector3::new(column[0], column[1], 0.0))
             }
             _ => None,
         }

@@ -28,7 +28,7 @@ use sight::{mirrored_pixel, start_of_plane};
 /// Gauss–Newton steps for a board's plane; it starts within millimetres and converges quadratically.
 const BOARD_STEPS: usize = 12;
 /// Share of a board's χ² below which a further step's gain does not matter.
-const BOARD_GAIN: f64 = 1e-6;
+const BOARD_GAIN: f64 = 1e-4;
 /// Steps that a plane takes from the board's own optimum to that of the whole frame: a tiny way.
 const PLANE_STEPS: usize = 2;
 /// A board with fewer corners than this does not show a plane with a margin.
@@ -51,8 +51,8 @@ struct Rows {
     /// The point in the world.
     point: Vector3<f64>,
     plane: Matrix3<f64>,
-    /// By camera mount (6), focal, cx, cy, k1, board scale, glass, curvature.
-    optics: SMatrix<f64, 3, 13>,
+    /// Where its columns by the optics stand in [`FrameWork::optics`], if they were asked for.
+    optics: Option<usize>,
     /// Where its free-form columns stand in [`FrameWork::free`], if they were asked for.
     free: Option<usize>,
     measured: bool,
@@ -77,9 +77,14 @@ pub(crate) struct FrameWork {
     root: Pose,
     unknown: Option<Pose>,
     pub residual: Vec<f64>,
+    /// The rows by the optics, whitened.
+    optics: Vec<OpticsColumns>,
     /// Free-form columns of the rows, whitened.
     free: Vec<FreeColumns>,
 }
+
+/// Two rows by camera mount (6), focal, cx, cy, k1, board scale, glass, curvature.
+type OpticsColumns = SMatrix<f64, 2, 13>;
 
 /// How to evaluate a frame.
 #[derive(Debug, Clone, Copy)]
@@ -111,6 +116,7 @@ impl FrameWork {
             root: Pose::identity(),
             unknown: None,
             residual: Vec::new(),
+            optics: Vec::new(),
             free: Vec::new(),
         }
     }
@@ -269,6 +275,7 @@ impl FrameWork {
             }
         }
         self.rows.clear();
+        self.optics.clear();
         self.free.clear();
         self.cost = 0.0;
         self.board_gradient = Vector3::zeros();

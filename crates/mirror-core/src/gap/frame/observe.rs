@@ -147,28 +147,24 @@ impl FrameWork {
         if via == Via::Mirror {
             plane.fixed_view_mut::<2, 3>(0, 0).copy_from(&(sight.by_foot * scale));
         }
-        let mut optics = SMatrix::<f64, 3, 13>::zeros();
-        if full && task.with_board {
+        let optics = (full && task.with_board && wanted.optics).then(|| {
+            let by_camera = by_camera.fixed_rows::<2>(0);
+            let mut optics = OpticsColumns::zeros();
             // p_real = Exp(ω)ᵀ (p − v): ∂/∂ω = p̂ J_r(ω), ∂/∂v = −Exp(ω)ᵀ.
-            let by_rotation = by_camera * in_camera.cross_matrix() * eye.mount_jacobian;
-            let by_shift = -(by_camera * eye.camera_from_mount.r);
-            optics.fixed_view_mut::<3, 3>(0, 0).copy_from(&by_rotation);
-            optics.fixed_view_mut::<3, 3>(0, 3).copy_from(&by_shift);
-            for k in 0..4 {
-                optics.fixed_view_mut::<2, 1>(0, 6 + k).copy_from(&(sight.by_lens.column(k) * scale));
-            }
-            if marker.is_none() {
-                let by_scale = camera_from_world.r
-                    * (world_from_target.r
-                        * problem.corners[match seen {
-                            SeenAt::Corner(c) => c.index,
-                            SeenAt::Marker(_) => 0,
-                        }]);
+            optics
+                .fixed_columns_mut::<3>(0)
+                .copy_from(&(by_camera * (in_camera.cross_matrix() * eye.mount_jacobian)));
+            optics.fixed_columns_mut::<3>(3).copy_from(&-(by_camera * eye.camera_from_mount.r));
+            optics.fixed_columns_mut::<4>(6).copy_from(&(sight.by_lens * scale));
+            if let SeenAt::Corner(c) = seen {
+                let by_scale = camera_from_world.r * (world_from_target.r * problem.corners[c.index]);
                 optics.set_column(10, &(by_camera * by_scale));
             }
-            optics.fixed_view_mut::<2, 1>(0, 11).copy_from(&(sight.by_glass * scale));
-            optics.fixed_view_mut::<2, 1>(0, 12).copy_from(&(sight.by_curvature * scale));
-        }
+            optics.set_column(11, &(sight.by_glass * scale));
+            optics.set_column(12, &(sight.by_curvature * scale));
+            self.optics.push(optics);
+            self.optics.len() - 1
+        });
         let free = sight.free.filter(|_| wanted.free).map(|mut columns| {
             if let SeenAt::Corner(c) = seen {
                 let by_board = sight.by_point * (camera_from_world.r * world_from_target.r);
@@ -253,7 +249,7 @@ impl FrameWork {
             by_world: observed_from_world * scale,
             point,
             plane: Matrix3::zeros(),
-            optics: SMatrix::zeros(),
+            optics: None,
             free: None,
             measured: true,
         });

@@ -8,6 +8,8 @@ use crate::mirror::ApparentPoint;
 /// Which columns of the optics will be read: the others are not computed.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(crate) struct Wanted {
+    /// Of the optics at all.
+    pub optics: bool,
     pub lens: bool,
     pub mirror: bool,
     /// Of the free-form errors.
@@ -19,6 +21,7 @@ impl Wanted {
     pub fn by(columns: &[Column]) -> Self {
         let any = |what: fn(Atom) -> bool| columns.iter().any(|c| what(c.atom));
         Self {
+            optics: any(Atom::is_optical),
             lens: any(|a| matches!(a, Atom::Focal | Atom::Center(_) | Atom::Dk1)),
             mirror: any(|a| matches!(a, Atom::Glass | Atom::Curvature)),
             free: any(|a| matches!(a, Atom::FreeOptics(_))),

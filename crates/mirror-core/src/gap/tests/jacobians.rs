@@ -78,7 +78,7 @@ fn evaluated(problem: &Problem, deformation: &Deformation, frame: usize) -> Fram
         noise: problem.noise,
         with_board: true,
         gaussian: true,
-        wanted: Wanted { lens: true, mirror: true, free: true },
+        wanted: Wanted { optics: true, lens: true, mirror: true, free: true },
     };
     let mut work = FrameWork::new(problem);
     assert!(work.evaluate(problem, &task, frame));
@@ -235,7 +235,7 @@ fn the_ideal_mirrors_short_cut_is_the_general_optics() {
                 noise: problem.noise,
                 with_board: false,
                 gaussian: true,
-                wanted: Wanted { lens: true, mirror: true, free: true },
+                wanted: Wanted { optics: true, lens: true, mirror: true, free: true },
             };
             let mut work = FrameWork::new(&problem);
             assert!(work.evaluate(&problem, &task, frame));
