@@ -2,11 +2,13 @@
 
 use super::atoms::Column;
 use super::hypothesis::{Catalogue, Model, nuisances};
-use super::normal::{Normal, needs_board};
+use super::normal::{Feet, Normal, needs_board};
 use super::problem::{Noise, Problem};
 use crate::error::Result;
+
 use core::ops::Range;
 use nalgebra::{DMatrix, DVector};
+use std::sync::Arc;
 
 /// The group of many small errors that is fitted beside the causes: columns with a common spread each.
 #[derive(Debug, Clone, Default)]
@@ -141,7 +143,9 @@ pub(crate) fn fit(
 ) -> Result<Fit> {
     let mut model = start.clone();
     let mut damping = 1e-9;
-    let (mut normal, mut active) = linearise(problem, catalogue, group, &model, options.noise, mask)?;
+    let start = model.planes.take();
+    let (mut normal, mut active) =
+        linearise(problem, catalogue, group, &model, options.noise, start.as_deref(), mask)?;
     for _ in 0..options.steps {
         if active.values.is_empty() {
             break;
@@ -163,8 +167,10 @@ pub(crate) fn fit(
                 (model, active.values) = (next, values);
                 break;
             }
+            let change: Vec<f64> = values.iter().zip(&active.values).map(|(new, old)| new - old).collect();
+            let planes = (!normal.planes.feet.is_empty()).then(|| normal.planes.after(&change));
             let Ok((next_normal, next_active)) =
-                linearise(problem, catalogue, group, &next, options.noise, mask)
+                linearise(problem, catalogue, group, &next, options.noise, planes.as_ref(), mask)
             else {
                 damping = (damping * 100.0).max(1e-4);
                 continue;
@@ -182,6 +188,10 @@ pub(crate) fn fit(
         if !moved {
             break;
         }
+    }
+    // The planes of frames that did not count are not known.
+    if mask.is_none() && !normal.planes.feet.is_empty() {
+        model.planes = Some(Arc::new(core::mem::take(&mut normal.planes.feet)));
     }
     Ok(summary(model, &normal, &active))
 }
@@ -205,7 +215,8 @@ impl Linearised {
         options: FitOptions,
         mask: Option<&[bool]>,
     ) -> Result<Self> {
-        let (normal, active) = linearise(problem, catalogue, group, model, options.noise, mask)?;
+        let (normal, active) =
+            linearise(problem, catalogue, group, model, options.noise, model.planes.as_deref(), mask)?;
         Ok(Self { normal, active })
     }
 
@@ -241,12 +252,13 @@ fn linearise(
     group: &Group,
     model: &Model,
     noise: Noise,
+    planes: Option<&Feet>,
     mask: Option<&[bool]>,
 ) -> Result<(Normal, Active)> {
     let active = Active::of(problem, catalogue, group, model);
     let deformation = model.deformation(problem, catalogue, &group.columns);
     let with_board = needs_board(problem, &active.columns);
-    let normal = Normal::at(problem, &deformation, noise, &active.columns, with_board, mask)?;
+    let normal = Normal::at(problem, &deformation, noise, &active.columns, with_board, planes, mask)?;
     Ok((normal, active))
 }
 

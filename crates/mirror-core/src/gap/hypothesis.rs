@@ -3,6 +3,7 @@
 use super::atoms::{Atom, Column};
 use super::deformation::Deformation;
 use super::effects::{Effect, Place};
+use super::normal::Feet;
 use super::problem::Problem;
 use super::scene::Scene;
 use std::sync::Arc;
@@ -107,7 +108,7 @@ pub(crate) struct Term {
 }
 
 /// Causes and nuisances: everything that deforms the nominal model.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub(crate) struct Model {
     /// Values of [`nuisances`], in their order.
     pub nuisances: Vec<f64>,
@@ -116,6 +117,8 @@ pub(crate) struct Model {
     pub terms: Vec<Term>,
     /// Whether causes and group are held as they are and only nuisances are fitted.
     pub frozen: bool,
+    /// Where the frames' mirrors were when this model, or one like it, was fitted last: where the next fit starts.
+    pub planes: Option<Arc<Feet>>,
 }
 
 /// What is unknown in any case: mounts said to be unknown, the frame of the measured points. Columns with their prior.
@@ -142,6 +145,7 @@ impl Model {
             group: Vec::new(),
             terms: Vec::new(),
             frozen: false,
+            planes: None,
         }
     }
 

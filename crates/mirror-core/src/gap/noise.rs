@@ -122,6 +122,7 @@ pub(crate) fn effective(
         with_board: problem.needs_fresh_board(deformation),
         gaussian: true,
         wanted: Wanted::default(),
+        planes: None,
     };
     let parts: Vec<(Vec<f64>, Vec<f64>)> = chunks(problem.frames.len())
         .into_par_iter()

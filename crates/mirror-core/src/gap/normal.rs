@@ -5,7 +5,7 @@ use super::deformation::Deformation;
 use super::frame::{FrameWork, PROJECTED, Span, Task, Wanted};
 use super::problem::{FRAMES_A_CHUNK, Noise, Problem};
 use crate::error::Result;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Vector3};
 use rayon::prelude::*;
 
 /// `H = Σ ⟨x, xᵀ⟩`, `g = Σ ⟨x, r⟩`, and the cost (−2 log likelihood).
@@ -14,6 +14,28 @@ pub(crate) struct Normal {
     pub h: DMatrix<f64>,
     pub g: DVector<f64>,
     pub cost: f64,
+    /// Each frame's plane, and how it moves with the columns' parameters; none where no column needs fresh boards.
+    pub planes: Planes,
+}
+
+/// The mirror's foot point in each frame at its best, m.
+pub(crate) type Feet = Vec<Option<Vector3<f64>>>;
+
+/// The frames' mirror planes to first order in the parameters.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Planes {
+    pub feet: Feet,
+    /// By frame, then by column.
+    by_parameter: Vec<Vector3<f64>>,
+}
+
+impl Planes {
+    /// Where the planes will be once the parameters have moved by `step`.
+    pub fn after(&self, step: &[f64]) -> Feet {
+        let by_frame = self.by_parameter.chunks(step.len().max(1));
+        let moved = |by: &[Vector3<f64>]| by.iter().zip(step).map(|(b, s)| b * *s).sum::<Vector3<f64>>();
+        self.feet.iter().zip(by_frame).map(|(foot, by)| foot.map(|f| f + moved(by))).collect()
+    }
 }
 
 /// Sums that a dot product keeps apart, so that it need not wait for each addition and can use vector registers.
@@ -72,6 +94,16 @@ pub(crate) fn counts(mask: Option<&[bool]>, frame: usize) -> bool {
 }
 
 impl Normal {
+    /// Of no frame, by so many parameters.
+    pub fn zeros(count: usize) -> Self {
+        Self {
+            h: DMatrix::zeros(count, count),
+            g: DVector::zeros(count),
+            cost: 0.0,
+            planes: Planes::default(),
+        }
+    }
+
     /// Linearises all frames that `mask` lets count, at a deformation, by the given columns.
     ///
     /// # Errors
@@ -82,6 +114,7 @@ impl Normal {
         noise: Noise,
         columns: &[Column],
         with_board: bool,
+        planes: Option<&Feet>,
         mask: Option<&[bool]>,
     ) -> Result<Self> {
         let eye = problem.eye(deformation)?;
@@ -92,27 +125,36 @@ impl Normal {
             with_board,
             gaussian: false,
             wanted: Wanted::by(columns),
+            planes: planes.map(Vec::as_slice),
         };
         let count = columns.len();
+        let fresh = with_board && problem.needs_fresh_board(deformation);
         let chunks: Vec<Self> = chunks(problem.frames.len())
             .into_par_iter()
             .map_init(
                 || (FrameWork::new(problem), Vec::new()),
                 |(work, buffer), frames| {
-                    let mut sum =
-                        Self { h: DMatrix::zeros(count, count), g: DVector::zeros(count), cost: 0.0 };
-                    for frame in frames.filter(|&f| counts(mask, f)) {
-                        sum.add_frame(problem, &task, columns, frame, work, buffer);
+                    let mut sum = Self::zeros(count);
+                    for frame in frames {
+                        if fresh {
+                            sum.planes.feet.push(None);
+                            sum.planes.by_parameter.resize(sum.planes.feet.len() * count, Vector3::zeros());
+                        }
+                        if counts(mask, frame) {
+                            sum.add_frame(problem, &task, columns, frame, work, buffer);
+                        }
                     }
                     sum
                 },
             )
             .collect();
-        let mut total = Self { h: DMatrix::zeros(count, count), g: DVector::zeros(count), cost: 0.0 };
+        let mut total = Self::zeros(count);
         for chunk in chunks {
             total.h += chunk.h;
             total.g += chunk.g;
             total.cost += chunk.cost;
+            total.planes.feet.extend(chunk.planes.feet);
+            total.planes.by_parameter.extend(chunk.planes.by_parameter);
         }
         total.h.fill_lower_triangle_with_upper_triangle();
         Ok(total)
@@ -131,6 +173,11 @@ impl Normal {
             return;
         }
         self.cost += work.cost;
+        let with_plane = work.has_plane() && !self.planes.feet.is_empty();
+        if let Some(foot) = self.planes.feet.last_mut().filter(|_| with_plane) {
+            *foot = Some(work.best_foot());
+        }
+        let of_frame = self.planes.by_parameter.len().saturating_sub(columns.len());
         let stride = work.row_count + PROJECTED;
         buffer.resize(stride * columns.len(), 0.0);
         let mut present: Vec<(usize, Span)> = Vec::with_capacity(columns.len());
@@ -145,6 +192,9 @@ impl Normal {
                     out.iter_mut().for_each(|x| *x *= weight);
                 }
                 present.push((i, span));
+                if with_plane {
+                    self.planes.by_parameter[of_frame + i] = work.foot_by(out);
+                }
             }
         }
         let everywhere = Span { start: 0, end: work.row_count };

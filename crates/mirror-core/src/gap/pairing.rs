@@ -79,6 +79,7 @@ fn costs(problem: &Problem, noise: Noise, shift: i64) -> Result<Vec<Option<f64>>
         with_board: false,
         gaussian: true,
         wanted: Wanted::default(),
+        planes: None,
     };
     let parts: Vec<Vec<Option<f64>>> = chunks(frames)
         .into_par_iter()

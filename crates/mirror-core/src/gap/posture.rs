@@ -78,6 +78,7 @@ pub(crate) fn free_markers(
         with_board: problem.needs_fresh_board(deformation),
         gaussian,
         wanted: Wanted::default(),
+        planes: None,
     };
     Ok(postures(problem)
         .into_par_iter()

@@ -368,6 +368,7 @@ impl Problem {
             with_board,
             gaussian: false,
             wanted: super::frame::Wanted::default(),
+            planes: None,
         };
         let mut out = self.clone();
         let mut work = FrameWork::new(self);

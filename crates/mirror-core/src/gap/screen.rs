@@ -108,6 +108,7 @@ pub(crate) fn screen(
         with_board,
         gaussian: false,
         wanted: Wanted::by(&everything),
+        planes: model.planes.as_deref().map(Vec::as_slice),
     };
     let empty = || -> (Normal, Vec<Sums>) {
         let sums = candidates
@@ -117,7 +118,7 @@ pub(crate) fn screen(
                 Sums { a: DMatrix::zeros(k, k), b: DMatrix::zeros(k, count), g: DVector::zeros(k) }
             })
             .collect();
-        (Normal { h: DMatrix::zeros(count, count), g: DVector::zeros(count), cost: 0.0 }, sums)
+        (Normal::zeros(count), sums)
     };
     let parts: Vec<(Normal, Vec<Sums>)> = chunks(problem.frames.len())
         .into_par_iter()

@@ -26,6 +26,7 @@ pub(crate) fn marker_shift(
         with_board: problem.needs_fresh_board(deformation) || problem.needs_fresh_board(other),
         gaussian: true,
         wanted: Wanted::default(),
+        planes: None,
     };
     let (a, b) = (task(from, eye_from.as_ref(), to), task(to, eye_to.as_ref(), from));
     let parts: Vec<Vec<(f64, f64)>> = chunks(problem.frames.len())

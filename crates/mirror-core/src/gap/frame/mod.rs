@@ -31,6 +31,11 @@ const BOARD_STEPS: usize = 12;
 const BOARD_GAIN: f64 = 1e-4;
 /// Steps that a plane takes from the board's own optimum to that of the whole frame: a tiny way.
 const PLANE_STEPS: usize = 2;
+/// A plane from nearby is good where the next step would gain less than this (in −2 log likelihood), and is not near where it
+/// would gain more than that: good observations could look false from there.
+const LAST_PLANE_GAIN: f64 = 0.01;
+const NEARBY_GAIN: f64 = 30.0;
+const NEARBY_STEPS: usize = 4;
 /// A board with fewer corners than this does not show a plane with a margin.
 const FEWEST_CORNERS: usize = 4;
 /// Extra numbers behind a column's rows: its projection on the plane's three parameters.
@@ -98,6 +103,9 @@ pub(crate) struct Task<'a> {
     pub gaussian: bool,
     /// Which columns of the optics will be read.
     pub wanted: Wanted,
+    /// Foot points from which the planes of frames with fresh boards start, where they are nearly known: boards are not fitted
+    /// by themselves first then, and [`FrameWork::board_excess`] is not told.
+    pub planes: Option<&'a [Option<Vector3<f64>>]>,
 }
 
 impl FrameWork {
@@ -247,7 +255,18 @@ impl FrameWork {
         let mut board = None;
         if let (Some(eye), Some(start)) = (task.eye, nominal_board) {
             let fit = if task.with_board && problem.needs_fresh_board_in(task.deformation, frame) {
-                self.fit_board(problem, task.deformation, Some(eye), frame, Some(start.foot))
+                let known = task.planes.and_then(|p| p[frame]);
+                if let Some(foot) = known {
+                    self.foot = foot;
+                    self.has_plane = true;
+                    if self.from_nearby_plane(problem, task, data) {
+                        return self.row_count > 0;
+                    }
+                    self.has_plane = false;
+                }
+                let from = known.unwrap_or(start.foot);
+                self.fit_board(problem, task.deformation, Some(eye), frame, Some(from))
+                    .or_else(|| self.fit_board(problem, task.deformation, Some(eye), frame, Some(start.foot)))
             } else {
                 Some(start)
             };
@@ -309,18 +328,77 @@ impl FrameWork {
                 None => return false,
             }
         }
+        self.collect_residual(if task.with_board { Vector3::zeros() } else { self.board_gradient });
+        self.row_count > 0 || self.cost > 0.0
+    }
+
+    /// The residual with its projection on the plane's parameters; `gradient` is that of what has no rows.
+    fn collect_residual(&mut self, mut gradient: Vector3<f64>) {
         self.row_count = self.rows.iter().map(|r| r.count).sum();
-        let mut residual = core::mem::take(&mut self.residual);
-        residual.clear();
-        let mut gradient = if task.with_board { Vector3::zeros() } else { self.board_gradient };
+        self.residual.clear();
         for row in &self.rows {
-            residual.extend_from_slice(&row.residual.as_slice()[..row.count]);
+            self.residual.extend_from_slice(&row.residual.as_slice()[..row.count]);
             gradient += row.plane.tr_mul(&row.residual);
         }
         let projected = self.plane_inverse_factor * gradient;
-        residual.extend_from_slice(if self.has_plane { projected.as_slice() } else { &[0.0; PROJECTED] });
-        self.residual = residual;
-        self.row_count > 0 || self.cost > 0.0
+        self.residual.extend_from_slice(if self.has_plane {
+            projected.as_slice()
+        } else {
+            &[0.0; PROJECTED]
+        });
+    }
+
+    /// Evaluates a frame with all its rows from a plane that is nearly the best: Gauss–Newton on the whole frame, until the next
+    /// step would gain next to nothing; the cost is that after it. False where the plane was not near.
+    fn from_nearby_plane(
+        &mut self,
+        problem: &Problem,
+        task: &Task<'_>,
+        data: &crate::gap::problem::FrameData,
+    ) -> bool {
+        for _ in 0..NEARBY_STEPS {
+            self.rows.clear();
+            self.optics.clear();
+            self.free.clear();
+            self.cost = 0.0;
+            self.board_excess = 0.0;
+            self.observe_board(problem, task, data);
+            self.observe(problem, task, data, true);
+            let g: Matrix3<f64> = self.rows.iter().map(|r| r.plane.tr_mul(&r.plane)).sum();
+            let Some(inverse) = g.cholesky().and_then(|c| c.l().try_inverse()) else { return false };
+            self.plane_inverse_factor = inverse;
+            self.collect_residual(Vector3::zeros());
+            let projected = self.projected_residual();
+            let gain = projected.norm_squared();
+            if gain < LAST_PLANE_GAIN {
+                self.cost -= gain;
+                return true;
+            }
+            if !(gain < NEARBY_GAIN) {
+                return false;
+            }
+            self.foot = self.best_foot();
+        }
+        false
+    }
+
+    fn projected_residual(&self) -> Vector3<f64> {
+        Vector3::from_column_slice(&self.residual[self.row_count..])
+    }
+
+    /// The foot point of the plane after a last Gauss–Newton step from where the frame was evaluated, `f + L⁻ᵀ (L⁻¹Dᵀr)`.
+    pub fn best_foot(&self) -> Vector3<f64> {
+        self.foot + self.plane_inverse_factor.tr_mul(&self.projected_residual())
+    }
+
+    /// How the best foot point moves with a column's parameter: `−L⁻ᵀ (L⁻¹Dᵀx)`.
+    pub fn foot_by(&self, column: &[f64]) -> Vector3<f64> {
+        -self.plane_inverse_factor.tr_mul(&Vector3::from_column_slice(&column[self.row_count..]))
+    }
+
+    /// Whether the mirror's plane was found in the frame that was evaluated.
+    pub fn has_plane(&self) -> bool {
+        self.has_plane
     }
 
     /// The rows by the plane's foot point, one row each.

@@ -79,6 +79,7 @@ fn evaluated(problem: &Problem, deformation: &Deformation, frame: usize) -> Fram
         with_board: true,
         gaussian: true,
         wanted: Wanted { optics: true, lens: true, mirror: true, free: true },
+        planes: None,
     };
     let mut work = FrameWork::new(problem);
     assert!(work.evaluate(problem, &task, frame));
@@ -236,6 +237,7 @@ fn the_ideal_mirrors_short_cut_is_the_general_optics() {
                 with_board: false,
                 gaussian: true,
                 wanted: Wanted { optics: true, lens: true, mirror: true, free: true },
+                planes: None,
             };
             let mut work = FrameWork::new(&problem);
             assert!(work.evaluate(&problem, &task, frame));
