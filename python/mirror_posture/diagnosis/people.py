@@ -148,6 +148,7 @@ DEPENDENCES = {
     "position": "its own position",
     "load": "its load",
     "direction": "the direction of its last motion",
+    "history": "the path that it came along",
     "time": "time",
     "posture": "how gravity pulls at it",
 }
@@ -158,6 +159,9 @@ def dependence(depends_on: str) -> str:
     """On what an unexplained error depends: `load` as `its load`, `position of joint:k` as `the position of k`."""
     if depends_on in DEPENDENCES:
         return DEPENDENCES[depends_on]
+    both, own, other = depends_on.partition("position and position of ")
+    if own and not both:
+        return f"its own position and that of {place_in_words(other)}"
     return "the " + place_in_words(depends_on)
 
 

@@ -3,7 +3,7 @@
 //!
 //! | place | error | depends on |
 //! | --- | --- | --- |
-//! | joint | of its position | constant, its position, load, direction of motion, time, another joint's position |
+//! | joint | of its position | constant, its position, load, direction of motion, its path (hysteresis), time, another joint's position, both joints' positions |
 //! | joint | of its axis | constant |
 //! | link | turn in the moment of gravity; shift | load; constant |
 //! | marker | shift | constant, direction of gravity, time |
@@ -21,6 +21,12 @@ use super::scene::Scene;
 const KNOTS: usize = 6;
 /// The same of a dependence on another place's quantity.
 const FEW_KNOTS: usize = 4;
+/// The same of the camera's on time: lenses and mounts warm up, breathe and come back within a recording.
+const CAMERA_TIME_KNOTS: usize = 10;
+/// Along each of two joints' positions.
+const KNOTS_A_SIDE: usize = 3;
+/// How far hysteresis reaches back, as shares of the range that the joint moves through.
+const HYSTERESIS_REACH: [f64; 4] = [0.04, 0.12, 0.3, 0.6];
 /// A common size of an error of an angle, rad.
 const TYPICAL_RAD: f64 = 0.03;
 /// A common size of a shift, m.
@@ -37,11 +43,15 @@ enum On {
     Position,
     Load,
     Direction,
+    /// The path that the joint came along.
+    History,
     Time,
     /// The direction of gravity.
     Posture,
     /// The position of another joint.
     Joint(NodeId),
+    /// The joint's own position and another's.
+    Both(NodeId),
 }
 
 impl On {
@@ -51,9 +61,11 @@ impl On {
             Self::Position => "position".into(),
             Self::Load => "load".into(),
             Self::Direction => "direction".into(),
+            Self::History => "history".into(),
             Self::Time => "time".into(),
             Self::Posture => "posture".into(),
             Self::Joint(n) => format!("position of joint:{}", scene.body.nodes[n].joint),
+            Self::Both(n) => format!("position and position of joint:{}", scene.body.nodes[n].joint),
         }
     }
 }
@@ -93,6 +105,18 @@ fn hats(values: &[f64], knots: usize) -> Vec<Vec<f64>> {
         .collect()
 }
 
+/// The stop operator of a path that starts at `from`: how far it is from a slack of half width `reach` that it drags along, −reach to reach. Sums
+/// of a few are any rate-independent hysteresis that Prandtl and Ishlinskii describe: play, Bouc–Wen's law nearly.
+fn stop(from: f64, path: &[f64], reach: f64) -> Vec<f64> {
+    let mut dragged = from;
+    path.iter()
+        .map(|&q| {
+            dragged = dragged.clamp(q - reach, q + reach);
+            (q - dragged) / reach
+        })
+        .collect()
+}
+
 /// Whether two joints move a common marker (or the board): then one can act on the other through the body.
 fn share_a_limb(scene: &Scene, j: NodeId, k: NodeId) -> bool {
     scene.body.carries(j, Some(k)) || scene.body.carries(k, Some(j))
@@ -117,7 +141,14 @@ impl FreeForm {
                 table(vec![of(&|f| (scene.q(f, k) - middle) / half)])
             }
             (On::Joint(k), _) => table(hats(&of(&|f| scene.q(f, k)), FEW_KNOTS)),
+            (On::Both(k), Place::Joint(n)) => {
+                let own = hats(&of(&|f| scene.q(f, n)), KNOTS_A_SIDE);
+                let other = hats(&of(&|f| scene.q(f, k)), KNOTS_A_SIDE);
+                let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).collect();
+                table(own.iter().flat_map(|a| other.iter().map(move |b| product(a, b))).collect())
+            }
             (On::Time, Place::Joint(_)) => table(hats(&scene.time_s, KNOTS)),
+            (On::Time, Place::Camera) => table(hats(&scene.time_s, CAMERA_TIME_KNOTS)),
             (On::Time, _) => table(hats(&scene.time_s, FEW_KNOTS)),
             (On::Position, Place::Joint(n)) => table(hats(&of(&|f| scene.q(f, n)), KNOTS)),
             (On::Direction, Place::Joint(n)) => {
@@ -126,6 +157,15 @@ impl FreeForm {
                     row.iter_mut().enumerate().for_each(|(f, w)| *w *= scene.direction(f, n));
                 }
                 table(rows)
+            }
+            (On::History, Place::Joint(n)) => {
+                let path = of(&|f| scene.q(f, n));
+                let (low, high) = scene.commanded_range[n];
+                let range = (high - low).max(1e-9);
+                let at_rest = scene.body.nodes[n].command.2;
+                let own = path.iter().map(|q| (q - 0.5 * (low + high)) / (0.5 * range)).collect();
+                let stops = HYSTERESIS_REACH.iter().map(|reach| stop(at_rest, &path, reach * range));
+                table(core::iter::once(own).chain(stops).collect())
             }
             (On::Load, Place::Joint(n)) => table(hats(&of(&|f| scene.torque(f, n)), KNOTS)),
             (On::Load, Place::Link(Some(n))) => {
@@ -193,9 +233,10 @@ impl Effect for FreeForm {
             What::Joint => joints
                 .filter(|&n| match on {
                     On::Position => scene.moves(n),
-                    On::Direction => scene.ordered && scene.moves(n),
+                    On::Direction | On::History => scene.ordered && scene.moves(n),
                     On::Load => scene.largest_torque(n) > 1e-6,
                     On::Joint(k) => k != n && share_a_limb(scene, n, k),
+                    On::Both(k) => k != n && scene.moves(n) && share_a_limb(scene, n, k),
                     _ => true,
                 })
                 .map(Place::Joint)
@@ -280,12 +321,13 @@ pub(crate) fn law_columns(scene: &Scene, place: Place, freedom: LawFreedom) -> V
 
 /// All free-form errors of a scene.
 pub(crate) fn free_forms(scene: &Scene) -> Vec<Box<dyn Effect>> {
-    use On::{Direction, Joint, Load, Nothing, Position, Posture, Time};
+    use On::{Both, Direction, History, Joint, Load, Nothing, Position, Posture, Time};
     let mut kinds = vec![
         (What::Joint, Nothing),
         (What::Joint, Position),
         (What::Joint, Load),
         (What::Joint, Direction),
+        (What::Joint, History),
         (What::Joint, Time),
         (What::Axis, Nothing),
         (What::LinkTurn, Load),
@@ -302,6 +344,7 @@ pub(crate) fn free_forms(scene: &Scene) -> Vec<Box<dyn Effect>> {
     ];
     for n in (0..scene.nodes()).filter(|&n| scene.relevant[n] && scene.moves(n)) {
         kinds.push((What::Joint, Joint(n)));
+        kinds.push((What::Joint, Both(n)));
         kinds.push((What::CameraMount, Joint(n)));
     }
     kinds.into_iter().map(|(what, on)| Box::new(FreeForm::new(what, on, scene)) as Box<dyn Effect>).collect()

@@ -5,6 +5,7 @@ use super::deformation::Deformation;
 use super::frame::{FrameWork, PROJECTED, Span, Task, Wanted};
 use super::problem::{FRAMES_A_CHUNK, Noise, Problem};
 use crate::error::Result;
+use multiversion::multiversion;
 use nalgebra::{DMatrix, DVector, Vector3};
 use rayon::prelude::*;
 
@@ -42,7 +43,7 @@ impl Planes {
 const LANES: usize = 8;
 
 /// The dot product.
-#[inline]
+#[inline(always)]
 fn dot(x: &[f64], y: &[f64]) -> f64 {
     let (xs, ys) = (x.chunks_exact(LANES), y.chunks_exact(LANES));
     let rest: f64 = xs.remainder().iter().zip(ys.remainder()).map(|(a, b)| a * b).sum();
@@ -65,7 +66,7 @@ pub(crate) fn inner(x: &[f64], y: &[f64]) -> f64 {
 }
 
 /// [`inner`] of two columns that are 0 outside their spans.
-#[inline]
+#[inline(always)]
 pub(crate) fn inner_in(x: &[f64], in_x: Span, y: &[f64], in_y: Span) -> f64 {
     let rows = x.len() - PROJECTED;
     let (start, end) = (in_x.start.max(in_y.start), in_x.end.min(in_y.end));
@@ -197,13 +198,26 @@ impl Normal {
                 }
             }
         }
-        let everywhere = Span { start: 0, end: work.row_count };
-        for (at, &(i, span)) in present.iter().enumerate() {
-            let x = &buffer[i * stride..(i + 1) * stride];
-            self.g[i] += inner_in(x, span, &work.residual, everywhere);
-            for &(j, other) in &present[at..] {
-                self.h[(i, j)] += inner_in(x, span, &buffer[j * stride..(j + 1) * stride], other);
-            }
+        add_products(buffer, stride, &present, &work.residual, &mut self.h, &mut self.g);
+    }
+}
+
+/// Adds a frame's products of columns with columns (the upper triangle) and with the residual.
+#[multiversion(targets("x86_64+avx512f", "x86_64+avx2"))]
+fn add_products(
+    columns: &[f64],
+    stride: usize,
+    present: &[(usize, Span)],
+    residual: &[f64],
+    h: &mut DMatrix<f64>,
+    g: &mut DVector<f64>,
+) {
+    let everywhere = Span { start: 0, end: stride - PROJECTED };
+    for (at, &(i, span)) in present.iter().enumerate() {
+        let x = &columns[i * stride..(i + 1) * stride];
+        g[i] += inner_in(x, span, residual, everywhere);
+        for &(j, other) in &present[at..] {
+            h[(i, j)] += inner_in(x, span, &columns[j * stride..(j + 1) * stride], other);
         }
     }
 }

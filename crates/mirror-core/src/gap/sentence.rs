@@ -89,9 +89,13 @@ fn where_and_on_what(place: Option<&Where>) -> String {
         Some("position") => " and depends on its position".into(),
         Some("load") => " and depends on its load".into(),
         Some("direction") => " and depends on the direction of its last motion".into(),
+        Some("history") => " and depends on the path that it came along".into(),
         Some("time") => " and depends on time".into(),
         Some("posture") => " and depends on how gravity pulls at it".into(),
-        Some(other) => format!(" and depends on the {other}"),
+        Some(other) => match other.strip_prefix("position and ") {
+            Some(others) => format!(" and depends on its position and the {others}"),
+            None => format!(" and depends on the {other}"),
+        },
     };
     format!("at {}{}{depends}", article(&place.at), place.at)
 }

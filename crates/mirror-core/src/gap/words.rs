@@ -389,7 +389,7 @@ fn signatures(findings: &Findings<'_>, causes: &[Cause], recording: &Recording) 
             continue;
         }
         drawn.push(node);
-        let on = entry.depends_on.as_deref().and_then(|d| d.strip_prefix("position of joint:"));
+        let on = entry.depends_on.as_deref().and_then(|d| d.split_once("position of joint:")).map(|d| d.1);
         let other = on.and_then(|name| scene.body.nodes.iter().position(|n| n.joint == name));
         let mut causes = found.fit.model.clone();
         causes.terms.retain(|t| {
