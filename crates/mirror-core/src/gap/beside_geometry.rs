@@ -22,6 +22,9 @@ const PIECES: usize = 3;
 /// The held-out gap with many small errors must be smaller than without by this factor.
 const LEAST_HELD_OUT_RATIO: f64 = 0.98;
 
+/// Spreads that changed by less than this (log) since the causes were searched need no second search.
+const SPREADS_SETTLED: f64 = 0.15;
+
 /// Causes beside many small errors.
 pub(crate) struct BesideGeometry<'a> {
     pub geometry: Geometry,
@@ -53,10 +56,16 @@ pub(crate) fn beside_geometry<'a>(
     let mut found = None;
     for _ in 0..2 {
         search.group = geometry.group.clone();
+        let spreads = (geometry.spread_m, geometry.spread_rad);
         let next = search.run(start.clone())?;
         noise = next.noise;
         start = geometry.fit(&search.problem, named.catalogue, &next.fit.model, at(noise, 4), None)?.model;
         found = Some(next);
+        let change =
+            (geometry.spread_m / spreads.0).ln().abs() + (geometry.spread_rad / spreads.1).ln().abs();
+        if change < SPREADS_SETTLED {
+            break;
+        }
     }
     search.group = geometry.group.clone();
     let Some(mut found) = found else { return Ok(None) };

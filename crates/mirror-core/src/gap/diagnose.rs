@@ -74,6 +74,8 @@ const SURELY_WORSE: f64 = 2.0;
 const LEAST_HELD_OUT_GAIN_BESIDE_GEOMETRY: f64 = 0.02;
 /// A remainder smaller than this share (squared: 8 %) of what the causes move is what their laws are wrong by.
 const LAW_REMAINDER: f64 = 0.0064;
+/// A cause beside free-form errors may leave the gap larger by this factor: it may be small beside them.
+const NO_LARGER: f64 = 1.0005;
 /// More false observations than this are worth a word, and a second look.
 pub(crate) const MANY_FALSE: f64 = 0.015;
 /// Observations farther from the best model than this many deviations are false.
@@ -177,17 +179,14 @@ pub fn diagnose(
     search.problem = clean;
     let (before, mut after) = gaps(&search, &nominal, &found)?;
     drop_useless(&mut search, &mut found, &mut after)?;
-    let standings = settled(&search, &mut found, &mut after)?;
+    let mut standings = settled(&search, &mut found, &mut after)?;
     let free = found.fit.model.terms.iter().any(|t| search.catalogue.is_free(t.hypothesis));
     let by_laws = !free
         && found.fit.model.terms.len() <= MANY_CAUSES
         && remainder_share(&search, &found, &after)? < LAW_REMAINDER;
     let unexplained = if by_laws { None } else { unexplained(&search, &found, &fits_noise)? };
     if free {
-        // What has no name cannot be added to a model: the gap that is left is that of the causes alone.
-        let mut causes = found.fit.model.clone();
-        causes.terms.retain(|t| !search.catalogue.is_free(t.hypothesis));
-        after = search.held_out(&causes, found.noise)?;
+        after = without_names(&search, &mut found, &mut standings, &before)?;
     }
     let mut findings =
         Findings { search, found, geometry, slip, before, after, unexplained, false_share, standings };
@@ -266,6 +265,49 @@ fn drop_useless(search: &mut Search<'_>, found: &mut Found, after: &mut Vec<Post
         }
     }
     Ok(())
+}
+
+/// The held-out gap of the named causes alone: what has no name cannot be added to a model, so what it leaves is left. A cause
+/// that makes the gap no smaller by itself only served the free-form errors, and is taken back.
+fn without_names(
+    search: &Search<'_>,
+    found: &mut Found,
+    standings: &mut Vec<Option<Standing>>,
+    before: &[PostureGap],
+) -> Result<Vec<PostureGap>> {
+    let is_free = |t: &Term| search.catalogue.is_free(t.hypothesis);
+    let gap_of = |model: &Model| -> Result<Vec<PostureGap>> {
+        let mut causes = model.clone();
+        causes.terms.retain(|t| !is_free(t));
+        if causes.terms.is_empty() && causes.group.is_empty() {
+            return Ok(before.to_vec());
+        }
+        search.held_out(&causes, found.noise)
+    };
+    let mut model = found.fit.model.clone();
+    let mut after = gap_of(&model)?;
+    let mut i = 0;
+    while i < model.terms.len() {
+        let rest = model.without(i);
+        if is_free(&model.terms[i]) {
+            i += 1;
+            continue;
+        }
+        let without = gap_of(&rest)?;
+        if seen_size(&after) <= seen_size(&without) * NO_LARGER {
+            i += 1;
+            continue;
+        }
+        let name = search.catalogue.name(&search.problem.scene, model.terms[i].hypothesis);
+        found.trace.push(format!("drop {name}: by itself it does not make the gap smaller"));
+        (model, after) = (rest, without);
+        standings.remove(i);
+        i = 0;
+    }
+    if model.terms.len() < found.fit.model.terms.len() {
+        found.fit = search.fit(&model, found.noise, 8)?;
+    }
+    Ok(after)
 }
 
 /// What is left above the noise, squared, as a share of what the causes move.
