@@ -22,6 +22,8 @@ pub(crate) enum Atom {
     Turn(NodeId, usize),
     /// Shift along x, y or z of the origins of the joints that the node (or the base: none) carries.
     LinkShift(Option<NodeId>, usize),
+    /// Shift of a joint's own origin along an axis of the frame of what carries it: one of several joints that a link carries.
+    OriginShift(NodeId, usize),
     /// Shift of a marker on its mount.
     MarkerShift(usize, usize),
     /// Tangent of the camera's mount: rotation 0 to 2, translation 3 to 5.
@@ -61,9 +63,6 @@ impl Atom {
     }
 }
 
-/// A link shorter than this (m) has no long axis.
-const SHORTEST_LINK_M: f64 = 1e-4;
-
 /// The velocity field `x ↦ ω × x + b` (world frame) of a moving part, and which part moves.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Twist {
@@ -83,10 +82,11 @@ impl Twist {
 
 /// The part of `moment` transverse to the node's long axis: what bends the link (twisting about its axis does not).
 ///
-/// The long axis points from the node's origin to that of the joint (or, at the chain's end, the marker) which it carries.
+/// The long axis points from the node's origin to that of the joint (or, at the chain's end, the marker) which it carries, or, where
+/// that is the same place, to the next beyond.
 pub(crate) fn transverse_moment(scene: &Scene, frame: usize, node: NodeId) -> Vector3<f64> {
     let moment = scene.moment(frame, node);
-    match scene.body.nodes[node].bend_pivot.try_normalize(SHORTEST_LINK_M) {
+    match scene.body.nodes[node].long_axis {
         Some(axis) => moment - axis * axis.dot(moment),
         None => *moment,
     }
@@ -127,6 +127,11 @@ pub(crate) fn body_twist(
             let axis = Vector3::ith_axis(k).into_inner();
             Some(Twist::along(n.map_or(axis, |n| poses.world_from_node[n].r * axis)))
         }
+        Atom::OriginShift(n, k) => {
+            let axis = Vector3::ith_axis(k).into_inner();
+            let carrier = scene.body.nodes[n].parent;
+            Some(Twist::along(carrier.map_or(axis, |p| poses.world_from_node[p].r * axis)))
+        }
         _ => None,
     }
 }
@@ -135,7 +140,9 @@ pub(crate) fn body_twist(
 #[inline]
 pub(crate) fn moves(atom: Atom, scene: &Scene, node: Option<NodeId>) -> bool {
     match atom {
-        Atom::Joint(n) | Atom::Tilt(n, _) | Atom::Bend(n) | Atom::Turn(n, _) => scene.body.carries(n, node),
+        Atom::Joint(n) | Atom::Tilt(n, _) | Atom::Bend(n) | Atom::Turn(n, _) | Atom::OriginShift(n, _) => {
+            scene.body.carries(n, node)
+        }
         Atom::LinkShift(Some(n), _) => scene.body.carries_beyond(n, node),
         Atom::LinkShift(None, _) => node.is_some(),
         _ => false,
@@ -212,6 +219,7 @@ impl Column {
                 }
             }
             Atom::Tilt(n, k) => deformation.tilt[n][k] += value,
+            Atom::OriginShift(n, k) => deformation.origin_shift[n][k] += value,
             Atom::LinkShift(n, k) => {
                 let at = n.unwrap_or(scene.nodes());
                 deformation.link_shift[at][k] += value;

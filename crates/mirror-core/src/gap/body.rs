@@ -27,6 +27,8 @@ pub(crate) struct Node {
     ///
     /// The bending of a uniform beam acts at its end as if it were lumped in its middle.
     pub bend_pivot: Vector3<f64>,
+    /// Unit vector along the link in the node's frame; none where nothing says which way it goes.
+    pub long_axis: Option<Vector3<f64>>,
     /// Index into the commanded positions, and `position ↦ multiplier · position + offset` (mimic joints).
     pub command: (usize, f64, f64),
     /// Mass (kg) and mass times centre (kg m, in the node's frame) of the body.
@@ -92,6 +94,7 @@ impl Body {
                 tilt_directions: tilt_directions(&axis),
                 prismatic: joint.kind == JointKind::Prismatic,
                 bend_pivot: Vector3::zeros(),
+                long_axis: None,
                 command: joint.drive.map_or((0, 0.0, 0.0), |d| (d.position, d.multiplier, d.offset)),
                 mass: 0.0,
                 mass_moment: Vector3::zeros(),

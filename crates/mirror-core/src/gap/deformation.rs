@@ -15,6 +15,8 @@ pub(crate) struct Deformation {
     pub tilt: Vec<Vector2<f64>>,
     /// Shift of the origins of the joints that the node carries, in the node's frame, m. The last entry is the base's.
     pub link_shift: Vec<Vector3<f64>>,
+    /// Shift of each joint's own origin, in the frame of what carries it, m.
+    pub origin_shift: Vec<Vector3<f64>>,
     /// Shift of each marker in the frame of its mount's link, m.
     pub marker_shift: Vec<Vector3<f64>>,
     /// Shift of a marker that varies, `[frame * markers + marker]`, m. Empty where none does.
@@ -45,6 +47,7 @@ impl Deformation {
             bend: Vec::new(),
             tilt: vec![Vector2::zeros(); nodes],
             link_shift: vec![Vector3::zeros(); nodes + 1],
+            origin_shift: vec![Vector3::zeros(); nodes],
             marker_shift: vec![Vector3::zeros(); markers],
             varying_shift: Vec::new(),
             camera_mount: Vector6::zeros(),
@@ -103,6 +106,7 @@ impl Deformation {
         nodes.iter().any(|&n| {
             self.tilt[n] != Vector2::zeros()
                 || self.link_shift[n] != Vector3::zeros()
+                || self.origin_shift[n] != Vector3::zeros()
                 || self.joint_delta.iter().skip(n).step_by(self.nodes).any(|d| *d != 0.0)
                 || self.bend.iter().skip(n).step_by(self.nodes).any(|b| *b != Vector3::zeros())
         })
@@ -112,6 +116,7 @@ impl Deformation {
     pub fn moves_in(&self, frame: usize, node: usize) -> bool {
         self.tilt[node] != Vector2::zeros()
             || self.link_shift[node] != Vector3::zeros()
+            || self.origin_shift[node] != Vector3::zeros()
             || self.joint_delta(frame, node) != 0.0
             || self.bend(frame, node).is_some_and(|b| *b != Vector3::zeros())
     }

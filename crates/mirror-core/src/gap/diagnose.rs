@@ -65,7 +65,7 @@ pub(crate) struct Findings<'a> {
 }
 
 /// More causes than this at once are rather many small errors.
-const MANY_CAUSES: usize = 3;
+const MANY_CAUSES: usize = 4;
 /// A cause must shrink the held-out gap by this share, or it is dropped.
 const LEAST_HELD_OUT_GAIN: f64 = 0.002;
 /// Held-out gaps are larger than fitted ones: one that is already larger by so many times the least gain decides.

@@ -16,6 +16,7 @@ use super::body::NodeId;
 use super::effects::{Effect, LawFreedom, Place};
 use super::free_optics::{ASTIGMATISM, BOARD_SHAPE, WARP};
 use super::scene::Scene;
+use nalgebra::Vector3;
 
 /// Smooth functions a dependence has: knots of a piecewise linear function.
 const KNOTS: usize = 6;
@@ -313,9 +314,31 @@ pub(crate) fn law_columns(scene: &Scene, place: Place, freedom: LawFreedom) -> V
         LawFreedom::Moment => &[(What::LinkTurn, On::Load)],
         LawFreedom::Time => &[(What::Joint, On::Time)],
     };
-    kinds
+    let mut columns: Vec<Column> = kinds
         .iter()
         .flat_map(|&(what, on)| FreeForm::new(what, on, scene).columns(scene, place, 0.0, &[]))
+        .collect();
+    if let (LawFreedom::Moment, Place::Link(Some(n))) = (freedom, place) {
+        columns.extend(beyond_linear(scene, n));
+    }
+    columns
+}
+
+/// What a bending link does beyond the linear law: about each axis the moment's cube (springs stiffen), and the product of the
+/// moments about the other two (two turns, one after the other, make a third).
+fn beyond_linear(scene: &Scene, n: NodeId) -> Vec<Column> {
+    let largest = (0..scene.frames).map(|f| scene.moment(f, n).norm()).fold(1e-12, f64::max);
+    let weight = |of: &dyn Fn(&Vector3<f64>) -> f64| {
+        Weight::Frames((0..scene.frames).map(|f| of(&(scene.moment(f, n) / largest))).collect())
+    };
+    (0..3)
+        .flat_map(|k| {
+            let atom = Atom::Turn(n, k);
+            [
+                Column { atom, weight: weight(&|m| m[k] * m.norm_squared()) },
+                Column { atom, weight: weight(&|m| m[(k + 1) % 3] * m[(k + 2) % 3]) },
+            ]
+        })
         .collect()
 }
 

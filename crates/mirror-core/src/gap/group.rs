@@ -32,7 +32,7 @@ pub(crate) struct Geometry {
 }
 
 fn is_length(atom: Atom) -> bool {
-    matches!(atom, Atom::LinkShift(..) | Atom::MarkerShift(..))
+    matches!(atom, Atom::LinkShift(..) | Atom::OriginShift(..) | Atom::MarkerShift(..))
 }
 
 impl Geometry {
@@ -46,10 +46,13 @@ impl Geometry {
                 columns.extend((0..2).map(|k| Column::constant(Atom::Tilt(n, k))));
             }
             let parent = scene.body.nodes[n].parent;
-            let first_child = !(0..n).any(|k| scene.relevant[k] && scene.body.nodes[k].parent == parent);
-            if first_child {
-                columns.extend((0..3).map(|k| Column::constant(Atom::LinkShift(parent, k))));
-            }
+            // Of several joints on one link each has its own place there.
+            let only_child = (0..scene.nodes())
+                .filter(|&k| scene.relevant[k] && scene.body.nodes[k].parent == parent)
+                .count()
+                == 1;
+            let shift = |k| if only_child { Atom::LinkShift(parent, k) } else { Atom::OriginShift(n, k) };
+            columns.extend((0..3).map(|k| Column::constant(shift(k))));
         }
         for m in (0..scene.marker_names.len()).filter(|&m| scene.mount_known[m]) {
             columns.extend((0..3).map(|k| Column::constant(Atom::MarkerShift(m, k))));
@@ -80,6 +83,7 @@ impl Geometry {
                 Atom::Tilt(n, 0) => ("axis_tilt", Place::Joint(n), "tilt_1_rad"),
                 Atom::Tilt(n, _) => ("axis_tilt", Place::Joint(n), "tilt_2_rad"),
                 Atom::LinkShift(n, axis) => ("link_length", Place::Link(n), of_axis(axis)),
+                Atom::OriginShift(n, axis) => ("joint_origin", Place::Joint(n), of_axis(axis)),
                 Atom::MarkerShift(m, axis) => ("marker_mount", Place::Marker(m), of_axis(axis)),
                 _ => return None,
             };

@@ -49,7 +49,7 @@ impl NodePoses {
         let base = body.nodes.len();
         for (n, node) in body.nodes.iter().enumerate() {
             let mut joint = node.parent_from_joint;
-            joint.t += deformation.link_shift[node.parent.unwrap_or(base)];
+            joint.t += deformation.link_shift[node.parent.unwrap_or(base)] + deformation.origin_shift[n];
             let world_from_joint = match node.parent {
                 Some(p) => self.world_from_node[p].then(&joint),
                 None => joint,

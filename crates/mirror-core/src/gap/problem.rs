@@ -406,6 +406,7 @@ impl Problem {
             | Atom::Tilt(n, _)
             | Atom::Bend(n)
             | Atom::Turn(n, _)
+            | Atom::OriginShift(n, _)
             | Atom::LinkShift(Some(n), _) => n < self.scene.nodes(),
             Atom::MarkerShift(m, _) => m < self.marker_sites.len(),
             _ => true,

@@ -11,6 +11,9 @@ use nalgebra::Vector3;
 /// Commanded motions smaller than this (rad or m) leave the last direction as it was.
 const STILL: f64 = 1e-9;
 
+/// A link shorter than this (m) does not say which way it goes.
+const SHORTEST_LINK_M: f64 = 1e-4;
+
 /// The quantities that tell effects apart, frame by frame and node by node (`[frame * nodes + node]`).
 #[derive(Debug, Clone)]
 pub(crate) struct Scene {
@@ -121,16 +124,25 @@ impl Scene {
             for marker in markers.iter().filter(|m| self.body.carries(n, m.node)) {
                 self.reach_m = self.reach_m.max((poses.site(marker).t - poses.origin[n]).norm());
             }
-            let next_joint = (0..nodes)
-                .find(|&k| self.relevant[k] && self.body.nodes[k].parent == Some(n))
-                .map(|k| self.body.nodes[k].parent_from_joint.t);
-            let farthest_marker = markers
-                .iter()
-                .filter(|m| m.node == Some(n))
-                .map(|m| m.node_from_site.t)
-                .max_by(|a, b| a.norm().total_cmp(&b.norm()));
-            self.body.nodes[n].bend_pivot =
-                next_joint.or(farthest_marker).map_or_else(Vector3::zeros, |tip| tip * 0.5);
+            let next_joint =
+                |n: NodeId| (0..nodes).find(|&k| self.relevant[k] && self.body.nodes[k].parent == Some(n));
+            // Tips in the world at rest: of the link, and of those beyond it.
+            let tip_of = |n: NodeId| match next_joint(n) {
+                Some(k) => Some(poses.origin[k]),
+                None => markers
+                    .iter()
+                    .filter(|m| m.node == Some(n))
+                    .map(|m| poses.site(m).t)
+                    .max_by(|a, b| (a - poses.origin[n]).norm().total_cmp(&(b - poses.origin[n]).norm())),
+            };
+            let in_node = |tip: Vector3<f64>| poses.world_from_node[n].inverse_point(&tip);
+            let tip = tip_of(n).map_or_else(Vector3::zeros, in_node);
+            // Joints at one place: the link between them has no length, and lies along the limb that follows.
+            let chain = core::iter::successors(Some(n), |&k| next_joint(k));
+            let along =
+                chain.filter_map(tip_of).map(in_node).find_map(|tip| tip.try_normalize(SHORTEST_LINK_M));
+            self.body.nodes[n].bend_pivot = tip * 0.5;
+            self.body.nodes[n].long_axis = along;
         }
     }
 

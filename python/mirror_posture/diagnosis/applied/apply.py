@@ -133,6 +133,9 @@ def _apply(session: Session, urdf: Urdf, cause: Cause) -> tuple[Session, Written
         if not moved:
             return refused(f"link {name} carries no moving joint")
         return in_robot(f"origin of joint {', '.join(moved)}")
+    if cause.effect == "joint_origin":
+        urdf.shift_origin(name, vector("d", "m"))
+        return in_robot(f"origin of joint {name}")
     if cause.effect == "marker_mount":
         link = next((marker.link for marker in session.markers if marker.name == name), name)
         mount = urdf.shift_mount(link, vector("d", "m"))

@@ -118,7 +118,12 @@ class Urdf:
         name = self.joint_of_child.get(link)
         if name is None or self.kind(name) != "fixed":
             return None
-        # Fixed joints between the mount and the moving link may turn the frame.
+        self.shift_origin(name, shift_m)
+        return name
+
+    def shift_origin(self, name: str, shift_m: Floats) -> None:
+        """Moves the origin of a joint, told in the frame of the moving link that carries it."""
+        # Fixed joints between the joint and the moving link may turn the frame.
         carrier_from_parent = np.eye(3)
         above = self.joint_of_child.get(_link(self.joints[name], "parent"))
         while above is not None and self.kind(above) == "fixed":
@@ -127,7 +132,6 @@ class Urdf:
         pose = self.origin(name)
         pose[:3, 3] += carrier_from_parent.T @ shift_m
         self.set_origin(name, pose)
-        return name
 
     def move_mount(self, link: str, nominal_from_real: Floats) -> str | None:
         """Composes the fixed mount of a link with a motion in the link's own frame; returns the joint's name."""

@@ -33,6 +33,7 @@ fn somewhere(problem: &Problem) -> Deformation {
         d.tilt[n].x = 0.01;
         d.tilt[n].y = -0.02;
         d.link_shift[n] = Vector3::new(0.001, -0.002, 0.001);
+        d.origin_shift[n] = Vector3::new(-0.001, 0.001, 0.002);
         for f in 0..problem.scene.frames {
             d.add_joint_delta(f, n, 0.01 * (n as f64 - 4.0));
             d.add_bend(f, n, Vector3::new(0.002, -0.003, 0.001));
@@ -59,6 +60,7 @@ fn atoms(problem: &Problem) -> Vec<Atom> {
     for k in 0..3 {
         out.extend((0..nodes).map(|n| Atom::LinkShift(Some(n), k)));
         out.push(Atom::LinkShift(None, k));
+        out.extend((0..nodes).map(|n| Atom::OriginShift(n, k)));
         out.extend((0..problem.marker_sites.len()).map(|m| Atom::MarkerShift(m, k)));
     }
     out.extend((0..6).map(Atom::CameraMount));
@@ -195,7 +197,7 @@ fn flat(problem: &Problem, d: &Deformation) -> DVector<f64> {
         }
     }
     out.extend(d.tilt.iter().flat_map(|t| [t.x, t.y]));
-    out.extend(d.link_shift.iter().flat_map(|s| [s.x, s.y, s.z]));
+    out.extend(d.link_shift.iter().chain(&d.origin_shift).flat_map(|s| [s.x, s.y, s.z]));
     out.extend(d.camera_mount.iter());
     out.extend([d.focal_scale_error, d.center_px.x, d.center_px.y, d.dk1, d.board_scale_error]);
     out.extend([d.glass_thickness_m, d.curvature_per_m]);
