@@ -138,6 +138,7 @@ fn sums(problem: &Problem, deformation: &Deformation, noise: Noise, size_px: Vec
         with_board: true,
         gaussian: true,
         wanted: Wanted::default(),
+        planes: None,
     };
     let parts: Vec<Sums> = chunks(problem.frames.len())
         .into_par_iter()
