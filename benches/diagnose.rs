@@ -10,6 +10,8 @@
 #[allow(dead_code)]
 #[path = "../tests/rust/gap_world/mod.rs"]
 mod gap_world;
+#[path = "../tests/rust/memory/resident.rs"]
+mod memory;
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use gap_world::{Plan, World, Wrong};
@@ -48,15 +50,34 @@ fn bench_diagnose(c: &mut Criterion) {
     group.finish();
 }
 
-/// The score test of all hypotheses alone, the recording arranged and its mirrors fitted beforehand.
+/// Frames and joints an arm: frames alone, then joints alone, then both at their most.
+const SCREENED: [(usize, usize); 10] = [
+    (100, 7),
+    (200, 7),
+    (400, 7),
+    (1_000, 7),
+    (3_000, 7),
+    (10_000, 7),
+    (1_000, 4),
+    (1_000, 14),
+    (1_000, 20),
+    (10_000, 20),
+];
+
+/// The score test of all hypotheses alone, the recording arranged and its mirrors fitted beforehand; elements are frames
+/// times hypotheses. Prints how much memory one run takes beside what is there already.
 fn bench_screen(c: &mut Criterion) {
     let mut group = c.benchmark_group("screen");
-    group.sample_size(20).warm_up_time(Duration::from_millis(300)).measurement_time(Duration::from_secs(2));
-    for (frames, an_arm) in [(100, 7), (200, 7), (400, 7), (1_000, 7), (200, 4), (200, 14), (200, 20)] {
+    group.sample_size(10).warm_up_time(Duration::from_millis(300)).measurement_time(Duration::from_secs(2));
+    for (frames, an_arm) in SCREENED {
         let (robot, recording) = session(frames, an_arm);
         let screening = screen_once(&robot, &recording).unwrap();
-        group.throughput(Throughput::Elements(screening.hypotheses() as u64));
-        let name = format!("{}_joints_{}_hypotheses", 2 * an_arm, screening.hypotheses());
+        let hypotheses = screening.hypotheses();
+        group.throughput(Throughput::Elements((frames * hypotheses) as u64));
+        let name = format!("{}_joints_{hypotheses}_hypotheses", 2 * an_arm);
+        if let Some(took) = memory::taken_by(|| screening.run().unwrap()) {
+            println!("screen/{name}/{frames}: {:.1} MB of memory", took.peak_bytes as f64 / 1e6);
+        }
         group.bench_function(BenchmarkId::new(name, frames), |b| {
             b.iter(|| black_box(&screening).run().unwrap());
         });

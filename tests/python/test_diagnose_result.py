@@ -82,7 +82,9 @@ def test_what_is_no_diagnosis_is_refused_by_file_and_reason(
     [
         ("offset_rad", 0.0608593, 0.00014840, "offset +3.4870 ± 0.0085 °"),
         ("dx_m", -0.0042893, 0.00005, "dx -4.289 ± 0.050 mm"),
-        ("compliance_rad_per_nm", 0.01, 0.001, "compliance +0.573 ± 0.057 °/N m"),
+        ("compliance_rad_per_nm", 0.01, 0.001, "compliance 0.573 ± 0.057 °/N m"),
+        # Thousandths where zeros behind the point could not be counted at a glance.
+        ("compliance_rad_per_nm", 1e-5, 2e-6, "compliance 0.57 ± 0.11 ·10⁻³ °/N m"),
         ("rate_rad_per_s", 1e-5, 1e-6, "rate +2.06 ± 0.21 °/h"),
         ("scale_error", 0.0395, 0.0006, "scale error +3.950 ± 0.060 %"),
         ("curvature_per_m", 0.02, 0.001, "curvature +0.0200 ± 0.0010 1/m"),

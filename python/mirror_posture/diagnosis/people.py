@@ -23,6 +23,12 @@ UNITS = {
 """Ending of a parameter's name, its unit for people, and the factor from the SI unit."""
 
 
+TINY = 0.01
+"""Values smaller than this are told in thousandths: zeros behind the point cannot be counted at a glance."""
+SIZES = ("width", "spread", "deadband", "thickness", "friction", "compliance")
+"""Parameters that cannot be negative: a sign would say nothing."""
+
+
 @dataclass(frozen=True)
 class Told:
     """A parameter as people read it."""
@@ -45,6 +51,9 @@ def tell(name: str, estimate: Estimate | Member) -> Told:
             short = name.removesuffix(ending) or name
             break
     value, std = factor * estimate.value, factor * estimate.std
+    power = ""
+    if 0.0 < max(abs(value), std) < TINY:
+        value, std, power = 1000.0 * value, 1000.0 * std, "·10⁻³ "
     # Two digits of the standard deviation; a value without one keeps four of its own.
     size = std / 10.0 if std > 0.0 else abs(value) / 1000.0
     digits = max(0, min(6, -math.floor(math.log10(size)))) if size > 0.0 else 2
@@ -52,7 +61,8 @@ def tell(name: str, estimate: Estimate | Member) -> Told:
     whole = name in ("first_frame", "last_frame", "shift_rows")
     if whole:
         return Told(spaced, f"{value:.0f}", f"{std:.1f}", "")
-    return Told(spaced, f"{value:+.{digits}f}", f"{std:.{digits}f}", unit)
+    sign = "" if spaced in SIZES else "+"
+    return Told(spaced, f"{value:{sign}.{digits}f}", f"{std:.{digits}f}", power + unit)
 
 
 def tell_all(cause: Cause) -> list[Told]:
@@ -101,6 +111,13 @@ def sentence(text: str) -> str:
     """A sentence of the core for a page: a capital at its start, `joint:r_elbow` as `joint r_elbow`."""
     plain = re.sub(KINDS, r"\1 ", text)
     return plain[:1].upper() + plain[1:]
+
+
+def noise(name: str, value: float) -> str:
+    """`corner_px` as `corners 0.18 px`, `point_m` as `points 0.03 mm`."""
+    what, _, unit = name.rpartition("_")
+    told, factor = UNITS[f"_{unit}"]
+    return f"{what}s {factor * value:.2g} {told}"
 
 
 def millimetres(value_m: float | None) -> str:

@@ -69,7 +69,7 @@ def draw_robot(session: Session, found: Diagnosis) -> Drawing:
         ax.set_xlim(ends[0] - edge, ends[1] + edge + (names if named else 0.0))
         ax.set_ylim(low[2] - edge, high[2] + edge)
         _mark(ax, [(flat(place[link]), colour, text) for link, colour, text in marked], named, ends[1] + edge)
-        ax.set_title(f"from {title}", color=INK, fontsize=10, loc="left")
+        ax.set_title(f"from {title}, mm", color=INK, fontsize=10, loc="left")
         ax.set_aspect("equal")
         ax.tick_params(labelsize=8, colors=FLOOR)
         # The axis ends with the robot: beside it stand names.
@@ -77,14 +77,7 @@ def draw_robot(session: Session, found: Diagnosis) -> Drawing:
         ax.spines.bottom.set_bounds(ends[0] - edge, ends[1] + edge)
         for side in ("left", "bottom"):
             ax.spines[side].set_color(FLOOR)
-        ax.set_xlabel("mm", color=FLOOR, fontsize=8, x=0.5 * (ends[1] - ends[0] + 2 * edge) / span_of(ax))
     return finished(drawn, "robot")
-
-
-def span_of(ax: Any) -> float:
-    """Width of an axis' range."""
-    left, right = ax.get_xlim()
-    return float(right - left)
 
 
 def _mark(ax: Any, guilty: list[tuple[tuple[float, float], str, str]], named: bool, column: float) -> None:

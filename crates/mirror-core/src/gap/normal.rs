@@ -228,3 +228,14 @@ pub(crate) fn chunks(frames: usize) -> Vec<core::ops::Range<usize>> {
         .map(|c| c * FRAMES_A_CHUNK..((c + 1) * FRAMES_A_CHUNK).min(frames))
         .collect()
 }
+
+/// Chunks whose sums are held at once: enough for many cores, and no more memory for long sessions than for short ones.
+const CHUNKS_A_ROUND: usize = 16;
+
+/// The chunks in rounds: each round's sums are added up, in order, before the next begins.
+pub(crate) fn rounds(frames: usize) -> impl Iterator<Item = Vec<core::ops::Range<usize>>> {
+    let chunks = chunks(frames);
+    (0..chunks.len())
+        .step_by(CHUNKS_A_ROUND)
+        .map(move |first| chunks[first..(first + CHUNKS_A_ROUND).min(chunks.len())].to_vec())
+}

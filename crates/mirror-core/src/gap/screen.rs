@@ -10,7 +10,7 @@ use super::atoms::{Atom, Column};
 use super::fit::{Active, Group};
 use super::frame::{FrameWork, PROJECTED, Span, Task, Wanted};
 use super::hypothesis::{Catalogue, Model};
-use super::normal::{Normal, chunks, counts, inner_in, needs_board};
+use super::normal::{Normal, counts, inner_in, needs_board, rounds};
 use super::problem::{Noise, Problem};
 use crate::error::Result;
 use nalgebra::{DMatrix, DVector};
@@ -120,37 +120,39 @@ pub(crate) fn screen(
             .collect();
         (Normal::zeros(count), sums)
     };
-    let parts: Vec<(Normal, Vec<Sums>)> = chunks(problem.frames.len())
-        .into_par_iter()
-        .map_init(
-            || Scratch::new(problem),
-            |scratch, frames| {
-                let (mut normal, mut sums) = empty();
-                for frame in frames.filter(|&f| counts(mask, f)) {
-                    scratch.add_frame(
-                        problem,
-                        &task,
-                        &active,
-                        &atoms,
-                        &pairs,
-                        &candidates,
-                        frame,
-                        &mut normal,
-                        &mut sums,
-                    );
-                }
-                (normal, sums)
-            },
-        )
-        .collect();
     let (mut normal, mut sums) = empty();
-    for (n, s) in parts {
-        normal.h += n.h;
-        normal.g += n.g;
-        for (total, part) in sums.iter_mut().zip(s) {
-            total.a += part.a;
-            total.b += part.b;
-            total.g += part.g;
+    for round in rounds(problem.frames.len()) {
+        let parts: Vec<(Normal, Vec<Sums>)> = round
+            .into_par_iter()
+            .map_init(
+                || Scratch::new(problem),
+                |scratch, frames| {
+                    let (mut normal, mut sums) = empty();
+                    for frame in frames.filter(|&f| counts(mask, f)) {
+                        scratch.add_frame(
+                            problem,
+                            &task,
+                            &active,
+                            &atoms,
+                            &pairs,
+                            &candidates,
+                            frame,
+                            &mut normal,
+                            &mut sums,
+                        );
+                    }
+                    (normal, sums)
+                },
+            )
+            .collect();
+        for (n, s) in parts {
+            normal.h += n.h;
+            normal.g += n.g;
+            for (total, part) in sums.iter_mut().zip(s) {
+                total.a += part.a;
+                total.b += part.b;
+                total.g += part.g;
+            }
         }
     }
     normal.h.fill_lower_triangle_with_upper_triangle();
