@@ -175,3 +175,6 @@ def test_places_say_what_they_are() -> None:
     assert "no single place" in next_step(nowhere)
     corners = Diagnosis.from_document(document(where=[{"at": "camera", "share": 1.0}]))
     assert "Look at the camera:" in next_step(corners)
+    slipped = {"effect": "pairing", "at": "data", "probability": 0.98, "parameters": {}}
+    rows = Diagnosis.from_document(document(verdict="explained", causes=[slipped]))
+    assert next_step(rows).startswith("Mend the rows")

@@ -51,6 +51,7 @@ def write_report(session: Session, found: Diagnosis, folder: Path) -> Path:
         panels=panels,
         code=_code,
         unexplained=any(place.depends_on for place in found.where),
+        slipped=any(cause.effect == "pairing" for cause in found.causes),
         rivals=any(cause.alternatives for cause in found.causes),
         joints=sorted({joint for posture in found.next_postures for joint in posture}),
     )

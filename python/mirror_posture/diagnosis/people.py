@@ -87,7 +87,6 @@ BY_HAND = {
     "drift": "home the joint, or warm the robot up before use",
     "mirror_curvature": "use a flatter mirror",
     "geometry": "diagnose anew: this document does not tell each of the small errors",
-    "pairing": "mend the rows of the frames table",
 }
 """Effects that `apply` writes nowhere, and what to do instead."""
 
@@ -117,7 +116,7 @@ def noise(name: str, value: float) -> str:
     """`corner_px` as `corners 0.18 px`, `point_m` as `points 0.03 mm`."""
     what, _, unit = name.rpartition("_")
     told, factor = UNITS[f"_{unit}"]
-    return f"{what}s {factor * value:.2g} {told}"
+    return f"{what}s {factor * value:#.2g} {told}"
 
 
 def millimetres(value_m: float | None) -> str:
@@ -194,6 +193,8 @@ def next_step(found: Diagnosis) -> str:
         return "Record further postures, far from those of this session, and diagnose again: rivals remain."
     if verdict == "unknown":
         return f"Look at {_unexplained_place(found)}: no effect of the vocabulary explains it. A law of your own can be tried as an own effect."
+    if any(cause.effect == "pairing" for cause in found.causes):
+        return "Mend the rows of the frames table that hold other rows' measurement, then diagnose again."
     refused = [cause for cause in found.causes if cause.effect in BY_HAND and not cause.members]
     written = [cause for cause in found.causes if cause not in refused]
     steps = []

@@ -32,11 +32,11 @@ def draw_robot(session: Session, found: Diagnosis) -> Drawing:
     low, high = points.min(axis=0), points.max(axis=0)
     edge = MARGIN * float((high - low).max()) + 1.0
     span = high - low + 2.0 * edge
-    names = 0.3 * float(span[1] + span[0])
+    marked = [entry for entry in guilty(session, found) if entry[0] in place]
+    names = 0.3 * float(span[1] + span[0]) if marked else 0.0
     width = 6.4
     height = float(np.clip(width * span[2] / (span[0] + span[1] + names), 2.8, 7.0))
     drawn, axes = figure(width, height + 0.6, columns=2, width_ratios=[span[1] + names, span[0]], sharey=True)
-    marked = [entry for entry in guilty(session, found) if entry[0] in place]
     for ax, (title, axis, sign) in zip(axes[0], VIEWS, strict=True):
 
         def flat(point: np.ndarray, axis: int = axis, sign: float = sign) -> tuple[float, float]:
