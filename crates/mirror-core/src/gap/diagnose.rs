@@ -226,7 +226,8 @@ fn only_their_laws(search: &Search<'_>, found: &Found, with_free: &Found, all: &
 fn gaps(search: &Search<'_>, nominal: &Model, found: &Found) -> Result<(Vec<PostureGap>, Vec<PostureGap>)> {
     let none = super::fit::Group::default();
     let scatter = search.effective(nominal)?;
-    let before = held_out(&search.problem, search.catalogue, &none, nominal, scatter, search.measured_noise)?;
+    let measured = search.measured_noise;
+    let before = held_out(&search.problem, search.catalogue, &none, nominal, scatter, measured, false)?;
     let after = search.held_out(&found.fit.model, found.noise)?;
     Ok((before, after))
 }
@@ -307,7 +308,12 @@ fn without_names(
     if model.terms.len() < found.fit.model.terms.len() {
         found.fit = search.fit(&model, found.noise, 8)?;
     }
-    Ok(after)
+    if model.group.is_empty() && model.terms.iter().all(is_free) {
+        return Ok(after);
+    }
+    // The gap that is claimed is that of the parameters that are claimed: those found beside what has no name.
+    let (s, measured) = (search, search.measured_noise);
+    held_out(&s.problem, s.catalogue, &s.group, &found.fit.model, found.noise, measured, true)
 }
 
 /// What is left above the noise, squared, as a share of what the causes move.

@@ -23,6 +23,9 @@ pub(crate) struct PostureGap {
 
 /// Predicts every region with the parameters fitted to all others: one entry a posture.
 ///
+/// Free-form errors are fitted with the rest and left out of the prediction where it is `of_causes_alone`: what has no name
+/// cannot be added to a model, but the causes' parameters are those that were found beside it.
+///
 /// # Errors
 /// A camera or mirror that cannot be.
 pub(crate) fn held_out(
@@ -32,6 +35,7 @@ pub(crate) fn held_out(
     model: &Model,
     noise: Noise,
     measured: Noise,
+    of_causes_alone: bool,
 ) -> Result<Vec<PostureGap>> {
     let labels = regions(problem);
     let count = labels.iter().max().map_or(0, |m| m + 1);
@@ -41,13 +45,16 @@ pub(crate) fn held_out(
         .map(|region| -> Result<Vec<PostureGap>> {
             let train: Vec<bool> = labels.iter().map(|l| *l != region || count == 1).collect();
             let test: Vec<bool> = labels.iter().map(|l| *l == region).collect();
-            let fitted = if nothing_to_fit {
+            let mut fitted = if nothing_to_fit {
                 model.clone()
             } else {
                 let options = FitOptions { noise, steps: 4 };
                 let fit: Fit = fit(problem, catalogue, group, model, options, Some(&train))?;
                 fit.model
             };
+            if of_causes_alone {
+                fitted.terms.retain(|t| !catalogue.is_free(t.hypothesis));
+            }
             let deformation = fitted.deformation(problem, catalogue, &group.columns);
             let postures = free_markers(problem, &deformation, measured, true, Some(&test))?;
             Ok(postures.iter().map(gap_of).collect())
@@ -71,7 +78,7 @@ pub(crate) fn in_sample(
 }
 
 /// A posture's gap: what lies along a single view's ray is not seen and does not count.
-fn gap_of(posture: &FreePosture) -> PostureGap {
+pub(crate) fn gap_of(posture: &FreePosture) -> PostureGap {
     let mut out = PostureGap {
         frame: posture.frames.first().copied().unwrap_or(0),
         square_sum_px2: posture.pixel_square_sum,

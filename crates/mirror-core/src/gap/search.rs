@@ -118,6 +118,7 @@ impl Search<'_> {
             model,
             noise,
             self.measured_noise,
+            false,
         )
     }
 

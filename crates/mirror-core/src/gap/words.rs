@@ -3,7 +3,7 @@
 use super::atoms::Atom;
 use super::diagnose::{Findings, MANY_FALSE, refit, seen_size};
 use super::effects::Place;
-use super::heldout::{PostureGap, size};
+use super::floor::Floor;
 use super::observations::Recording;
 use super::report::{
     Alternative, Cause, Checked, Diagnosis, Estimate, Gap, Ranked, Signature, SignaturePoint, Where,
@@ -12,19 +12,16 @@ use super::rivals::Standing;
 use super::screen::Score;
 use super::sentence::sentence;
 use super::shift::marker_shift;
+use super::shrinkage::gap_over;
 use super::signature::free_errors;
 use crate::error::Result;
 use crate::robot::Robot;
 use std::collections::BTreeMap;
 
-/// Bootstrap resamples over postures.
-const RESAMPLES: usize = 400;
 /// With fewer postures than this little can be told apart.
 const FEW_POSTURES: usize = 20;
 /// Hypotheses of the ranking that are written.
 const RANKED: usize = 40;
-/// A gap smaller than this share of the noise floor is none: there is nothing to close.
-const NO_GAP: f64 = 0.02;
 /// Steps of the fit in which all laws have their slack.
 const LOOSE_STEPS: usize = 6;
 /// A servo's droop is told as a cause of its own from this many standard deviations on.
@@ -44,7 +41,7 @@ pub(crate) fn diagnosis(
     findings.found.fit = refit(findings)?;
     let standings = core::mem::take(&mut findings.standings);
     let mut causes = causes(findings, &standings)?;
-    let gap = gap(findings, checked);
+    let gap = gap(findings, checked)?;
     let places = places(findings, &causes);
     causes.sort_by(|a, b| b.rms_shift.total_cmp(&a.rms_shift));
     let verdict = match (causes.is_empty(), &findings.unexplained) {
@@ -107,14 +104,22 @@ fn causes(findings: &Findings<'_>, standings: &[Option<Standing>]) -> Result<Vec
     let found = &findings.found;
     let mut out = Vec::new();
     let all = search.deformation(&found.fit.model);
-    let loose = search.fit_with_slack(&found.fit.model, None, found.noise, LOOSE_STEPS)?;
+    let noise = super::colour::of_means(&search.problem, &all, found.noise)?;
+    let loose = search.fit_with_slack(&found.fit.model, None, noise, LOOSE_STEPS)?;
     for (i, term) in found.fit.model.terms.iter().enumerate() {
         let Some(standing) = &standings[i] else { continue };
         let effect = search.catalogue.effect(term.hypothesis);
         let place = search.catalogue.hypotheses[term.hypothesis].place;
-        // As uncertain as the laws allow: exact ones cost nothing here.
-        let stds: Vec<f64> =
-            found.fit.stds(i).into_iter().zip(loose.stds(i)).map(|(exact, loose)| exact.max(loose)).collect();
+        // As uncertain as the laws and the noise's colour allow, and as far as both would move the value.
+        let moved = term.parameters.iter().zip(&loose.model.terms[i].parameters).map(|(a, b)| a - b);
+        let stds: Vec<f64> = found
+            .fit
+            .stds(i)
+            .into_iter()
+            .zip(loose.stds(i))
+            .zip(moved)
+            .map(|((exact, loose), moved)| exact.max(loose).hypot(moved))
+            .collect();
         let mut parameters: BTreeMap<String, Estimate> = effect
             .parameters()
             .into_iter()
@@ -270,63 +275,9 @@ fn places(findings: &Findings<'_>, causes: &[Cause]) -> Vec<Where> {
     out
 }
 
-fn gap(findings: &Findings<'_>, checked: Vec<Checked>) -> Gap {
-    let (before, after) = (size(&findings.before), size(&findings.after));
-    let floor_m = after.floor_m;
-    let floor_px = findings.search.measured_noise.marker_px * core::f64::consts::SQRT_2;
-    let use_px = before.rms_px.is_some();
-    let closed = |b: &[PostureGap], a: &[PostureGap]| -> Option<f64> {
-        let (b, a) = (size(b), size(a));
-        let (before, after, floor) = match (b.rms_px, a.rms_px) {
-            (Some(bp), Some(ap)) if use_px && b.rms_m < 1.5 * b.floor_m => (bp, ap, floor_px),
-            _ => (b.rms_m, a.rms_m, a.floor_m),
-        };
-        let room = before - floor;
-        // Noise can carry the figure a little beyond 1.
-        (room > NO_GAP * floor).then(|| ((before - after) / room).min(1.0))
-    };
-    let point = closed(&findings.before, &findings.after);
-    let interval = point.and_then(|_| bootstrap(&findings.before, &findings.after, closed));
-    Gap {
-        before_m: before.rms_m,
-        after_m: after.rms_m,
-        noise_floor_m: floor_m,
-        closed: point,
-        closed_ci95: interval,
-        before_px: before.rms_px,
-        after_px: after.rms_px,
-        noise_floor_px: before.rms_px.map(|_| floor_px),
-        held_out_postures: findings.after.len(),
-        checked,
-    }
-}
-
-/// 95 % interval of a figure of two gaps, by resampling postures with a fixed generator.
-fn bootstrap(
-    before: &[PostureGap],
-    after: &[PostureGap],
-    figure: impl Fn(&[PostureGap], &[PostureGap]) -> Option<f64>,
-) -> Option<[f64; 2]> {
-    let count = before.len().min(after.len());
-    if count < 3 {
-        return None;
-    }
-    // Numbers from a small linear congruential generator (Knuth, MMIX): resampling needs no more.
-    let mut state: u64 = 0x2545_F491_4F6C_DD1D;
-    let mut next = || {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        ((state >> 33) as usize) % count
-    };
-    let mut values: Vec<f64> = (0..RESAMPLES)
-        .filter_map(|_| {
-            let rows: Vec<usize> = (0..count).map(|_| next()).collect();
-            let pick = |g: &[PostureGap]| rows.iter().map(|&i| g[i]).collect::<Vec<_>>();
-            figure(&pick(before), &pick(after))
-        })
-        .collect();
-    values.sort_by(f64::total_cmp);
-    let at = |share: f64| values.get(((values.len() as f64 - 1.0) * share).round() as usize).copied();
-    Some([at(0.025)?, at(0.975)?])
+fn gap(findings: &Findings<'_>, checked: Vec<Checked>) -> Result<Gap> {
+    let floor = Floor::new(&findings.search, &findings.found.fit, findings.unexplained.is_none())?;
+    Ok(gap_over(&findings.before, &findings.after, &floor, checked))
 }
 
 fn signatures(findings: &Findings<'_>, causes: &[Cause], recording: &Recording) -> Result<Vec<Signature>> {
