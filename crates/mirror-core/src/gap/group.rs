@@ -1,7 +1,7 @@
 //! Many small errors everywhere: manufacturing tolerance, fitted as a group with a common spread.
 //!
-//! Every relevant joint's zero and axis and every link's shape may be a little off: `θ_k ~ N(0, s²)`, one s for lengths and
-//! one for angles. The spreads are found by maximising the marginal likelihood (empirical Bayes, by expectation and
+//! Every relevant joint's zero and axis and every link's shape may be a little off: `θ_k ~ N(0, s²)`, one s for angles, one
+//! for the links' lengths and one for the markers' places. The spreads are found by maximising the marginal likelihood (empirical Bayes, by expectation and
 //! maximisation), so that the group takes what is spread over the robot and leaves what is concentrated to a single cause.
 //!
 //! Source: MacKay, "Bayesian interpolation" (1992), the evidence framework.
@@ -29,10 +29,20 @@ pub(crate) struct Geometry {
     pub group: Group,
     pub spread_m: f64,
     pub spread_rad: f64,
+    /// Of the markers' places on their links.
+    pub mount_spread_m: f64,
 }
 
-fn is_length(atom: Atom) -> bool {
-    matches!(atom, Atom::LinkShift(..) | Atom::OriginShift(..) | Atom::MarkerShift(..))
+/// Angles, lengths of links, places of markers: each kind has its own spread. A marker is mounted by other hands, and by
+/// another tolerance, than the links are made.
+const KINDS: usize = 3;
+
+fn kind(atom: Atom) -> usize {
+    match atom {
+        Atom::LinkShift(..) | Atom::OriginShift(..) => 1,
+        Atom::MarkerShift(..) => 2,
+        _ => 0,
+    }
 }
 
 impl Geometry {
@@ -61,15 +71,28 @@ impl Geometry {
             group: Group { columns, prior_std: Vec::new() },
             spread_m: START_SPREAD_M,
             spread_rad: START_SPREAD_RAD,
+            mount_spread_m: START_SPREAD_M,
         };
         out.set_priors();
         out
     }
 
     fn set_priors(&mut self) {
-        let (m, rad) = (self.spread_m, self.spread_rad);
-        self.group.prior_std =
-            self.group.columns.iter().map(|c| if is_length(c.atom) { m } else { rad }).collect();
+        let spreads = [self.spread_rad, self.spread_m, self.mount_spread_m];
+        self.group.prior_std = self.group.columns.iter().map(|c| spreads[kind(c.atom)]).collect();
+    }
+
+    /// Standard deviations of the spreads of angles and of links' lengths. A spread found from n values is known to one part
+    /// in √(2 n); a value of which the data tell only a share counts by that share's square.
+    pub fn spread_stds(&self, fit: &Fit) -> [f64; 2] {
+        let first = fit.model.nuisances.len();
+        let mut told = [0.0; KINDS];
+        for (k, (column, prior)) in self.group.columns.iter().zip(&self.group.prior_std).enumerate() {
+            let share = 1.0 - (fit.covariance[(first + k, first + k)] / (prior * prior)).clamp(0.0, 1.0);
+            told[kind(column.atom)] += share * share;
+        }
+        let std = |spread: f64, told: f64| spread * (2.0 * told).max(1.0).sqrt().recip();
+        [std(self.spread_rad, told[0]), std(self.spread_m, told[1])]
     }
 
     /// Each small error of a fit, in the words of single effects, with its standard deviation.
@@ -115,16 +138,18 @@ impl Geometry {
         let mut best = fit(problem, catalogue, &self.group, &model, options, mask)?;
         for _ in 0..SPREAD_STEPS {
             let first = best.model.nuisances.len();
-            let (mut sum, mut count) = ([0.0; 2], [0.0; 2]);
+            let (mut sum, mut count) = ([0.0; KINDS], [0.0; KINDS]);
             for (k, column) in self.group.columns.iter().enumerate() {
-                let kind = usize::from(is_length(column.atom));
+                let kind = kind(column.atom);
                 let variance = best.covariance[(first + k, first + k)];
                 sum[kind] += best.model.group[k].powi(2) + variance;
                 count[kind] += 1.0;
             }
             let (old_rad, old_m) = (self.spread_rad, self.spread_m);
-            self.spread_rad = (sum[0] / f64::max(count[0], 1.0)).sqrt().max(LEAST_SPREAD_RAD);
-            self.spread_m = (sum[1] / f64::max(count[1], 1.0)).sqrt().max(LEAST_SPREAD_M);
+            let spread = |kind: usize| (sum[kind] / f64::max(count[kind], 1.0)).sqrt();
+            self.spread_rad = spread(0).max(LEAST_SPREAD_RAD);
+            self.spread_m = spread(1).max(LEAST_SPREAD_M);
+            self.mount_spread_m = spread(2).max(LEAST_SPREAD_M);
             self.set_priors();
             best =
                 fit(problem, catalogue, &self.group, &best.model, FitOptions { steps: 3, ..options }, mask)?;

@@ -6,6 +6,7 @@ mod beside_geometry;
 mod body;
 mod colour;
 mod deformation;
+mod deviations;
 mod diagnose;
 mod effects;
 mod fields;

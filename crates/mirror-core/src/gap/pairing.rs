@@ -30,6 +30,27 @@ pub(crate) struct Slip {
     pub gain: f64,
 }
 
+/// Standard deviation of a whole number of frames that is clear.
+pub(crate) const WHOLE_FRAME_STD: f64 = 0.5;
+
+impl Slip {
+    /// Standard deviations of its first and its last frame: a frame whose measurement belongs to another one of the same
+    /// posture shows no slip, so that a run may begin anywhere among such frames at its edge.
+    pub fn edge_stds(&self, posture: &[i64]) -> [f64; 2] {
+        let silent = |frame: i64| {
+            let of = |f: i64| usize::try_from(f).ok().and_then(|f| posture.get(f));
+            of(frame).is_some() && of(frame) == of(frame + self.shift)
+        };
+        let run = |from: usize, step: i64| {
+            (1..).map(|k| from as i64 + step * k).take_while(|&f| silent(f)).count() as f64
+        };
+        // From one end of n + 1 equally likely places the root mean square distance is about n / √3.
+        let std = |outside: f64, inside: f64| WHOLE_FRAME_STD.hypot(outside.max(inside) / 3f64.sqrt());
+        let inward = |at: usize, step: i64| if silent(at as i64) { 1.0 + run(at, step) } else { 0.0 };
+        [std(run(self.first, -1), inward(self.first, 1)), std(run(self.last, 1), inward(self.last, -1))]
+    }
+}
+
 /// Looks for the best run of slipped rows at the nominal model's own scatter.
 ///
 /// # Errors

@@ -15,23 +15,25 @@ const FEWEST_POSTURES: usize = 3;
 /// A gap smaller than this share of the noise floor is none: there is nothing to close.
 const NO_GAP: f64 = 0.02;
 
-/// The gap before and after, its floor, and the share that is closed.
+/// The gap before and after, its floor, and the share that is closed; `law_shifts` are mean squares by which the causes' laws
+/// may move the markers otherwise than was found.
 pub(crate) fn gap_over(
     before: &[PostureGap],
     after: &[PostureGap],
     floor: &Floor,
+    law_shifts: &[f64],
     checked: Vec<Checked>,
 ) -> Gap {
     let (from, to) = (size(before), size(after));
     let bottom = floor.of(&floor.fitted, 0.0);
-    let closed = closed(before, after, &floor.fitted, floor, 0.0);
+    let closed = closed(before, after, &floor.fitted, floor, 0.0, 0.0);
     Gap {
         before_m: from.rms_m,
         after_m: to.rms_m,
         noise_floor_m: bottom.m,
         // Noise can carry the figure a little beyond 1.
         closed: closed.map(|c| c.min(1.0)),
-        closed_ci95: closed.and_then(|_| interval(before, after, floor)),
+        closed_ci95: closed.and_then(|_| interval(before, after, floor, law_shifts)),
         before_px: from.rms_px,
         after_px: to.rms_px,
         noise_floor_px: from.rms_px.map(|_| bottom.px),
@@ -46,19 +48,26 @@ fn closed(
     fitted: &[PostureGap],
     floor: &Floor,
     deviation: f64,
+    law_square: f64,
 ) -> Option<f64> {
     let (b, a, bottom) = (size(before), size(after), floor.of(fitted, deviation));
     let (before, after, bottom) = match (b.rms_px, a.rms_px) {
         (Some(before), Some(after)) => (before, after, bottom.px),
         _ => (b.rms_m, a.rms_m, bottom.m),
     };
+    let after = after.hypot(law_square.sqrt());
     let room = before - bottom;
     (room > NO_GAP * bottom).then(|| (before - after) / room)
 }
 
-/// 95 % interval by resampling postures with a fixed generator: gaps and floor of the same postures, and the independent
-/// witness of the floor off by its own uncertainty.
-fn interval(before: &[PostureGap], after: &[PostureGap], floor: &Floor) -> Option<[f64; 2]> {
+/// 95 % interval by resampling postures with a fixed generator: gaps and floor of the same postures, the independent
+/// witness of the floor off by its own uncertainty, and the laws by theirs.
+fn interval(
+    before: &[PostureGap],
+    after: &[PostureGap],
+    floor: &Floor,
+    law_shifts: &[f64],
+) -> Option<[f64; 2]> {
     let fitted: HashMap<usize, PostureGap> = floor.fitted.iter().map(|g| (g.frame, *g)).collect();
     let both: HashMap<usize, PostureGap> = after.iter().map(|g| (g.frame, *g)).collect();
     let rows: Vec<[PostureGap; 3]> =
@@ -72,7 +81,8 @@ fn interval(before: &[PostureGap], after: &[PostureGap], floor: &Floor) -> Optio
             let picked: Vec<[PostureGap; 3]> =
                 (0..rows.len()).map(|_| rows[random.below(rows.len())]).collect();
             let of = |k: usize| picked.iter().map(|row| row[k]).collect::<Vec<_>>();
-            closed(&of(0), &of(1), &of(2), floor, random.normal())
+            let law: f64 = law_shifts.iter().map(|square| square * random.normal().powi(2)).sum();
+            closed(&of(0), &of(1), &of(2), floor, random.normal(), law)
         })
         .collect();
     values.sort_by(f64::total_cmp);

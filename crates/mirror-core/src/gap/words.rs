@@ -1,10 +1,12 @@
 //! Findings put into words: verdict, causes with probabilities, where the gap lies, before and after.
 
 use super::atoms::Atom;
+use super::deviations::{Deviations, deviations};
 use super::diagnose::{Findings, MANY_FALSE, refit, seen_size};
 use super::effects::Place;
 use super::floor::Floor;
 use super::observations::Recording;
+use super::pairing::WHOLE_FRAME_STD;
 use super::report::{
     Alternative, Cause, Checked, Diagnosis, Estimate, Gap, Ranked, Signature, SignaturePoint, Where,
 };
@@ -22,8 +24,6 @@ use std::collections::BTreeMap;
 const FEW_POSTURES: usize = 20;
 /// Hypotheses of the ranking that are written.
 const RANKED: usize = 40;
-/// Steps of the fit in which all laws have their slack.
-const LOOSE_STEPS: usize = 6;
 /// A servo's droop is told as a cause of its own from this many standard deviations on.
 const DROOP_DEVIATIONS: f64 = 4.0;
 
@@ -40,8 +40,9 @@ pub(crate) fn diagnosis(
 ) -> Result<Diagnosis> {
     findings.found.fit = refit(findings)?;
     let standings = core::mem::take(&mut findings.standings);
-    let mut causes = causes(findings, &standings)?;
-    let gap = gap(findings, checked)?;
+    let deviations = deviations(findings)?;
+    let mut causes = causes(findings, &standings, &deviations)?;
+    let gap = gap(findings, &deviations, checked)?;
     let places = places(findings, &causes);
     causes.sort_by(|a, b| b.rms_shift.total_cmp(&a.rms_shift));
     let verdict = match (causes.is_empty(), &findings.unexplained) {
@@ -98,35 +99,25 @@ pub(crate) fn diagnosis(
     })
 }
 
-fn causes(findings: &Findings<'_>, standings: &[Option<Standing>]) -> Result<Vec<Cause>> {
+fn causes(
+    findings: &Findings<'_>,
+    standings: &[Option<Standing>],
+    deviations: &Deviations,
+) -> Result<Vec<Cause>> {
     let search = &findings.search;
     let scene = &search.problem.scene;
     let found = &findings.found;
     let mut out = Vec::new();
     let all = search.deformation(&found.fit.model);
-    let noise = super::colour::of_means(&search.problem, &all, found.noise)?;
-    let loose = search.fit_with_slack(&found.fit.model, None, noise, LOOSE_STEPS)?;
     for (i, term) in found.fit.model.terms.iter().enumerate() {
         let Some(standing) = &standings[i] else { continue };
         let effect = search.catalogue.effect(term.hypothesis);
         let place = search.catalogue.hypotheses[term.hypothesis].place;
-        // As uncertain as the laws and the noise's colour allow, and as far as both would move the value.
-        let moved = term.parameters.iter().zip(&loose.model.terms[i].parameters).map(|(a, b)| a - b);
-        let stds: Vec<f64> = found
-            .fit
-            .stds(i)
-            .into_iter()
-            .zip(loose.stds(i))
-            .zip(moved)
-            .map(|((exact, loose), moved)| exact.max(loose).hypot(moved))
-            .collect();
         let mut parameters: BTreeMap<String, Estimate> = effect
             .parameters()
             .into_iter()
-            .zip(term.parameters.iter().zip(&stds))
-            .map(|(name, (value, std))| {
-                (name, Estimate { value: *value, std: std.hypot(effect.law_uncertainty() * value) })
-            })
+            .zip(term.parameters.iter().zip(&deviations.stds[i]))
+            .map(|(name, (value, std))| (name, Estimate { value: *value, std: *std }))
             .collect();
         if effect.name() == "mirror_glass" {
             // The vocabulary's parameter is the pane's thickness, not what it exceeds the session's by.
@@ -178,17 +169,14 @@ fn causes(findings: &Findings<'_>, standings: &[Option<Standing>]) -> Result<Vec
             m.group.iter_mut().for_each(|g| *g = 0.0);
             search.deformation(&m)
         };
-        let count = geometry.group.columns.len() as f64;
-        // A spread found from n values is known to one part in √(2 n).
-        let relative = (2.0 * count).sqrt().recip();
-        let estimate = |value: f64| Estimate { value, std: value * relative };
+        let [std_rad, std_m] = geometry.spread_stds(&found.fit);
         out.push(Cause {
             effect: "geometry".into(),
             at: "robot".into(),
             probability: 0.95,
             parameters: BTreeMap::from([
-                ("spread_m".to_owned(), estimate(geometry.spread_m)),
-                ("spread_rad".to_owned(), estimate(geometry.spread_rad)),
+                ("spread_m".to_owned(), Estimate { value: geometry.spread_m, std: std_m }),
+                ("spread_rad".to_owned(), Estimate { value: geometry.spread_rad, std: std_rad }),
             ]),
             alternatives: Vec::new(),
             words: "many small errors of links, axes and zeros together: manufacturing tolerance".into(),
@@ -197,15 +185,17 @@ fn causes(findings: &Findings<'_>, standings: &[Option<Standing>]) -> Result<Vec
         });
     }
     if let Some(slip) = &findings.slip {
-        let exact = |value: f64| Estimate { value, std: 0.5 };
+        let whole = |value: f64, std: f64| Estimate { value, std };
+        let number = |frame: usize| findings.search.problem.frame_numbers[frame] as f64;
+        let [first_std, last_std] = slip.edge_stds(&findings.search.problem.posture);
         out.push(Cause {
             effect: "pairing".into(),
             at: "data".into(),
             probability: 0.98,
             parameters: BTreeMap::from([
-                ("first_frame".to_owned(), exact(findings.search.problem.frame_numbers[slip.first] as f64)),
-                ("last_frame".to_owned(), exact(findings.search.problem.frame_numbers[slip.last] as f64)),
-                ("shift_rows".to_owned(), exact(slip.shift as f64)),
+                ("first_frame".to_owned(), whole(number(slip.first), first_std)),
+                ("last_frame".to_owned(), whole(number(slip.last), last_std)),
+                ("shift_rows".to_owned(), whole(slip.shift as f64, WHOLE_FRAME_STD)),
             ]),
             alternatives: Vec::new(),
             words: "a run of rows holds the measurement of other rows; it was left out of the fit".into(),
@@ -275,9 +265,9 @@ fn places(findings: &Findings<'_>, causes: &[Cause]) -> Vec<Where> {
     out
 }
 
-fn gap(findings: &Findings<'_>, checked: Vec<Checked>) -> Result<Gap> {
+fn gap(findings: &Findings<'_>, deviations: &Deviations, checked: Vec<Checked>) -> Result<Gap> {
     let floor = Floor::new(&findings.search, &findings.found.fit, findings.unexplained.is_none())?;
-    Ok(gap_over(&findings.before, &findings.after, &floor, checked))
+    Ok(gap_over(&findings.before, &findings.after, &floor, &deviations.law_shifts, checked))
 }
 
 fn signatures(findings: &Findings<'_>, causes: &[Cause], recording: &Recording) -> Result<Vec<Signature>> {
