@@ -7,6 +7,7 @@ mod calibrate;
 mod camera;
 mod correct;
 mod correct_loop;
+mod gap_claims;
 mod gap_effects;
 mod gap_panels;
 mod gap_sessions;

@@ -153,6 +153,17 @@ impl World {
             for w in &plan.wrong {
                 match *w {
                     Wrong::Compliance(j, c) => theta[j] += c * self.joint_torque(j, &poses),
+                    Wrong::Stiffening(j, c, share, reference) => {
+                        let soft = c * self.joint_torque(j, &poses);
+                        // The force grows with the way: halving finds where they balance.
+                        let (mut low, mut high) = (0.0, soft.abs());
+                        for _ in 0..50 {
+                            let way = 0.5 * (low + high);
+                            let force = way * (1.0 + share * f64::powi(way / reference, 2));
+                            if force < soft.abs() { low = way } else { high = way }
+                        }
+                        theta[j] += low.copysign(soft);
+                    }
                     Wrong::Bending(b, c) => {
                         let middle = poses[b] * Point3::from(self.tip(b) / 2.0);
                         let load = poses[b].rotation.inverse() * self.load_about(b, &poses, &middle);

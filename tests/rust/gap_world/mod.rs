@@ -43,6 +43,8 @@ pub enum Wrong {
     Backlash(usize, f64, f64),
     Stiction(usize, f64),
     Compliance(usize, f64),
+    /// A spring that stiffens: compliance when unloaded, share s and reference r, rad: `δ (1 + s (δ/r)²) = c τ`.
+    Stiffening(usize, f64, f64, f64),
     Bending(usize, f64),
     Length(Option<usize>, [f64; 3]),
     Tilt(usize, f64, f64),

@@ -17,8 +17,9 @@ use crate::error::Result;
 
 /// With fewer redundant rows than this the views do not tell the noise.
 const FEWEST_REDUNDANT_ROWS: f64 = 40.0;
-/// A stated noise is a rule of thumb: relative, one standard deviation.
-const STATED_LOG_STD: f64 = 0.15;
+/// A stated noise is a rule of thumb, one figure for corners and blobs, which differ by two commonly: relative, one
+/// standard deviation.
+const STATED_LOG_STD: f64 = 0.3;
 /// The views' noise is what it seems but for what their planes share (one mirror a view, its board's corners), relative.
 const VIEWS_LOG_STD: f64 = 0.04;
 /// Rounds in which the views' noise and the weights that it gives the planes settle.
@@ -47,6 +48,8 @@ pub(crate) struct Floor {
     loss: f64,
     /// What the floor is by the independent witness, as a share of the measured noise that `fitted` was weighed with.
     independent: Known,
+    /// What the whole model leaves, as a multiple of the measured noise, freedom allowed for.
+    pub fitted_scale: f64,
     /// Size of the pixel residuals that one measured noise makes.
     unit_px: f64,
     /// How well the fitted residuals tell it: standard deviation of the logarithm.
@@ -75,6 +78,7 @@ impl Floor {
         let unit_px = if pixels > 0.0 && whitened > 0.0 { (raw / whitened).sqrt() } else { 0.0 };
         Ok(Self {
             loss,
+            fitted_scale: whitened.max(0.0).sqrt() * loss,
             independent: independent(problem, &deformation, noise, &postures)?,
             unit_px,
             fitted_log_std: log_std(&fitted),

@@ -8,7 +8,7 @@ use super::floor::Floor;
 use super::observations::Recording;
 use super::pairing::WHOLE_FRAME_STD;
 use super::report::{
-    Alternative, Cause, Checked, Diagnosis, Estimate, Gap, Ranked, Signature, SignaturePoint, Where,
+    Alternative, Cause, Checked, Diagnosis, Estimate, Ranked, Signature, SignaturePoint, Where,
 };
 use super::rivals::Standing;
 use super::screen::Score;
@@ -40,9 +40,10 @@ pub(crate) fn diagnosis(
 ) -> Result<Diagnosis> {
     findings.found.fit = refit(findings)?;
     let standings = core::mem::take(&mut findings.standings);
-    let deviations = deviations(findings)?;
+    let floor = Floor::new(&findings.search, &findings.found.fit, findings.unexplained.is_none())?;
+    let deviations = deviations(findings, &floor)?;
     let mut causes = causes(findings, &standings, &deviations)?;
-    let gap = gap(findings, &deviations, checked)?;
+    let gap = gap_over(&findings.before, &findings.after, &floor, &deviations.law_shifts, checked);
     let places = places(findings, &causes);
     causes.sort_by(|a, b| b.rms_shift.total_cmp(&a.rms_shift));
     let verdict = match (causes.is_empty(), &findings.unexplained) {
@@ -263,11 +264,6 @@ fn places(findings: &Findings<'_>, causes: &[Cause]) -> Vec<Where> {
     }
     out.sort_by(|a, b| b.share.total_cmp(&a.share));
     out
-}
-
-fn gap(findings: &Findings<'_>, deviations: &Deviations, checked: Vec<Checked>) -> Result<Gap> {
-    let floor = Floor::new(&findings.search, &findings.found.fit, findings.unexplained.is_none())?;
-    Ok(gap_over(&findings.before, &findings.after, &floor, &deviations.law_shifts, checked))
 }
 
 fn signatures(findings: &Findings<'_>, causes: &[Cause], recording: &Recording) -> Result<Vec<Signature>> {

@@ -1,0 +1,185 @@
+//! What a diagnosis claims of itself: how far the gap closes, its noise floor, and how uncertain parameters are; on worlds
+//! whose blobs are false now and then, have heavy tails or linger, whose corners go together, and whose stated noise is off.
+
+use crate::gap_world::{Plan, World, Wrong};
+use mirror_core::gap::{Cause, DiagnoseOptions, Diagnosis, Recording, Target, diagnose};
+use mirror_core::robot::Robot;
+use nalgebra::Vector2;
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal, StudentT};
+
+/// How a session's noise departs from white, normal and told.
+#[derive(Clone, Copy, Debug)]
+struct Spoilt {
+    blob_px: f64,
+    corner_px: f64,
+    /// Correlation of a blob's errors in successive frames.
+    lingering: f64,
+    /// Of neighbouring corners.
+    together: f64,
+    heavy_tails: bool,
+    false_share: f64,
+    stated_px: f64,
+}
+
+const FREEDOM: f64 = 5.0;
+const BOARD: (usize, usize) = (7, 5);
+
+/// A recording without noise, spoilt.
+fn spoilt(mut clean: Recording, how: Spoilt, seed: u64) -> Recording {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let tails = StudentT::new(FREEDOM).unwrap();
+    let mut last = vec![Vector2::zeros(); clean.markers.len()];
+    for frame in &mut clean.frames {
+        let corners = neighbours(&mut rng, how.together);
+        for sighting in &mut frame.sightings {
+            match sighting.target {
+                Target::Corner(i) => sighting.pixel += corners[i] * how.corner_px,
+                Target::Marker(m) => {
+                    let mut one = || {
+                        if how.heavy_tails {
+                            tails.sample(&mut rng) / (FREEDOM / (FREEDOM - 2.0)).sqrt()
+                        } else {
+                            StandardNormal.sample(&mut rng)
+                        }
+                    };
+                    let fresh = Vector2::new(one(), one());
+                    last[m] = last[m] * how.lingering + fresh * (1.0 - how.lingering.powi(2)).sqrt();
+                    sighting.pixel += last[m] * how.blob_px;
+                    if rng.random_range(0.0..1.0) < how.false_share {
+                        let angle: f64 = rng.random_range(0.0..core::f64::consts::TAU);
+                        let away = rng.random_range(4f64.ln()..40f64.ln()).exp();
+                        sighting.pixel += Vector2::new(angle.cos(), angle.sin()) * away;
+                    }
+                }
+            }
+        }
+    }
+    clean.pixel_std_px = Some(how.stated_px);
+    clean
+}
+
+/// Errors of a board's corners of which neighbours correlate along rows and columns.
+fn neighbours(rng: &mut ChaCha8Rng, correlation: f64) -> Vec<Vector2<f64>> {
+    let mut field: Vec<Vector2<f64>> = (0..BOARD.0 * BOARD.1)
+        .map(|_| Vector2::new(StandardNormal.sample(rng), StandardNormal.sample(rng)))
+        .collect();
+    let keep = (1.0 - correlation.powi(2)).sqrt();
+    for y in 0..BOARD.1 {
+        for x in 1..BOARD.0 {
+            let i = y * BOARD.0 + x;
+            field[i] = field[i - 1] * correlation + field[i] * keep;
+        }
+    }
+    for i in BOARD.0..field.len() {
+        field[i] = field[i - BOARD.0] * correlation + field[i] * keep;
+    }
+    field
+}
+
+/// A named cause in the world's words.
+fn wrong(world: &World, cause: &Cause) -> Wrong {
+    let joint = world.bone(cause.at.strip_prefix("joint:").unwrap());
+    let value = |name: &str| cause.parameters[name].value;
+    match cause.effect.as_str() {
+        "joint_offset" => Wrong::Offset(joint, value("offset_rad")),
+        "gear_eccentricity" => Wrong::Eccentric(joint, value("sin_rad"), value("cos_rad")),
+        "gear_ratio" => Wrong::Ratio(joint, value("scale_error")),
+        "joint_compliance" => Wrong::Compliance(joint, value("compliance_rad_per_nm")),
+        other => panic!("{other} was not put in"),
+    }
+}
+
+/// Root mean square distance of two recordings' blobs, px.
+fn apart_px(a: &Recording, b: &Recording) -> f64 {
+    let (mut sum, mut count) = (0.0, 0.0);
+    for (a, b) in a.frames.iter().zip(&b.frames) {
+        for one in a.sightings.iter().filter(|s| matches!(s.target, Target::Marker(_))) {
+            if let Some(other) = b.sightings.iter().find(|s| s.target == one.target) {
+                sum += (one.pixel - other.pixel).norm_squared();
+                count += 1.0;
+            }
+        }
+    }
+    (sum / f64::max(count, 1.0)).sqrt()
+}
+
+/// What the named causes close in truth, told by the world's own pictures without noise.
+fn truly_closed(world: &World, plan: &Plan, diagnosis: &Diagnosis, blob_px: f64) -> f64 {
+    let clean = |wrong: Vec<Wrong>| world.record(&Plan { wrong, noise_px: 0.0, ..plan.clone() });
+    let truth = clean(plan.wrong.clone());
+    let named = diagnosis.causes.iter().map(|c| wrong(world, c)).collect();
+    let noise = blob_px * core::f64::consts::SQRT_2;
+    let before = apart_px(&truth, &clean(Vec::new())).hypot(noise);
+    let after = apart_px(&truth, &clean(named)).hypot(noise);
+    (before - after) / (before - noise)
+}
+
+fn diagnosed(world: &World, recording: &Recording) -> Diagnosis {
+    let robot = Robot::from_urdf_str(&world.urdf()).unwrap();
+    diagnose(&robot, recording, &DiagnoseOptions::default(), &[]).unwrap()
+}
+
+#[test]
+fn the_closed_share_and_its_interval_hold_the_truth() {
+    let world = World::new(4, false);
+    let joint = world.bone("r_shoulder_roll");
+    let (mut covered, mut count) = (0, 0);
+    for seed in 0..8 {
+        // One view a posture and two in turn: with one, nothing but the stated noise, which is off, is independent.
+        let how = Spoilt {
+            blob_px: 0.25,
+            corner_px: 0.12,
+            lingering: if seed % 4 == 1 { 0.35 } else { 0.0 },
+            together: if seed % 3 == 0 { 0.4 } else { 0.0 },
+            heavy_tails: seed % 2 == 0,
+            false_share: if seed % 4 < 2 { 0.01 } else { 0.0 },
+            stated_px: [0.18, 0.25, 0.3][seed as usize % 3],
+        };
+        let cause = if seed % 2 == 0 { Wrong::Offset(joint, 0.008) } else { Wrong::Ratio(joint, 0.04) };
+        let plan = Plan {
+            postures: 50,
+            views: 1 + (seed as usize / 2) % 2,
+            noise_px: 0.0,
+            seed: 300 + seed,
+            wrong: vec![cause],
+        };
+        let diagnosis = diagnosed(&world, &spoilt(world.record(&plan), how, seed));
+        let said = format!("{how:?} {} {:?} {:?}", diagnosis.verdict, diagnosis.causes, diagnosis.gap);
+        assert_eq!((diagnosis.verdict.as_str(), diagnosis.causes.len()), ("explained", 1), "{said}");
+        let truth = truly_closed(&world, &plan, &diagnosis, how.blob_px);
+        let gap = &diagnosis.gap;
+        let (closed, [low, high]) = (gap.closed.unwrap(), gap.closed_ci95.unwrap());
+        println!("{truth:.4} {closed:.4} [{low:.4}, {high:.4}] floor {:?}", gap.noise_floor_px);
+        assert!((closed - truth).abs() < 0.05, "{truth}: {said}");
+        let (after, floor) = (gap.after_px.unwrap(), gap.noise_floor_px.unwrap());
+        assert!((after / floor - 1.0).abs() < 0.05, "{said}");
+        // The floor is the noise that was put in, not what was stated; 10 %: a hundred frames' own scatter.
+        assert!((floor / (how.blob_px * core::f64::consts::SQRT_2) - 1.0).abs() < 0.1, "{said}");
+        covered += usize::from(low <= truth && truth <= high);
+        count += 1;
+    }
+    assert!(covered + 1 >= count, "{covered} of {count} intervals hold the truth");
+}
+
+#[test]
+fn a_spring_that_stiffens_is_as_uncertain_as_its_law() {
+    let world = World::new(4, false);
+    let joint = world.bone("r_shoulder_pitch");
+    let compliance = 0.03;
+    for (seed, stiffening) in [(1, 0.0), (2, 0.05), (3, 0.1), (4, 0.15)] {
+        let plan = Plan {
+            seed: 400 + seed,
+            wrong: vec![Wrong::Stiffening(joint, compliance, stiffening, 0.03)],
+            ..Plan::default()
+        };
+        let diagnosis = diagnosed(&world, &world.record(&plan));
+        let said = format!("{stiffening}: {} {:?}", diagnosis.verdict, diagnosis.causes);
+        let cause = diagnosis.causes.iter().find(|c| c.effect == "joint_compliance").expect(&said);
+        let found = cause.parameters["compliance_rad_per_nm"];
+        println!("{stiffening} {found:?} {}", (found.value - compliance) / found.std);
+        assert!((found.value - compliance).abs() < 2.0 * found.std, "{said}");
+        assert!(found.std < 0.12 * compliance, "{said}");
+    }
+}
