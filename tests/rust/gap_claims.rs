@@ -180,6 +180,6 @@ fn a_spring_that_stiffens_is_as_uncertain_as_its_law() {
         let found = cause.parameters["compliance_rad_per_nm"];
         println!("{stiffening} {found:?} {}", (found.value - compliance) / found.std);
         assert!((found.value - compliance).abs() < 2.0 * found.std, "{said}");
-        assert!(found.std < 0.12 * compliance, "{said}");
+        assert!(found.std < 0.15 * compliance, "{said}");
     }
 }

@@ -6,6 +6,7 @@
 //!
 //! What gives way under load is told by its compliance when hardly loaded. A spring that stiffens, `δ = c τ (1 − s τ²/τ_max²)`,
 //! is softer there than the straight law that fits best: with s fitted beside c, the value moves by what the two laws differ.
+//! A link does not bend just in its middle: fitted with the bend off it, the value moves as levers do.
 
 use super::atoms::{Atom, Column, Weight, transverse_moment};
 use super::colour;
@@ -13,6 +14,7 @@ use super::diagnose::Findings;
 use super::effects::{LawFreedom, Place};
 use super::fit::{Fit, FitOptions, Group, fit};
 use super::floor::Floor;
+use super::hypothesis::Term;
 use super::problem::Noise;
 use super::shift::marker_shift;
 use crate::error::Result;
@@ -22,6 +24,9 @@ const LOOSE_STEPS: usize = 6;
 
 /// By how much a spring may be stiffer under its largest load than when hardly loaded: one standard deviation of s.
 const STIFFENING_STD: f64 = 0.15;
+
+/// By how much of its way from the joint to the middle a link's bend may be off: 5 % of the link's length.
+const OFF_THE_MIDDLE: f64 = 0.1;
 
 /// Of each term of a model.
 #[derive(Debug, Clone, Default)]
@@ -53,6 +58,8 @@ pub(crate) fn deviations(findings: &Findings<'_>, floor: &Floor) -> Result<Devia
         let effect = search.catalogue.effect(term.hypothesis);
         let own_law = effect.law_freedom() != LawFreedom::Exact || effect.law_uncertainty() > 0.0;
         let (exact, slack) = (found.fit.stds(i), loose.stds(i));
+        let by_place = elsewhere_bent(findings, term, noise)?;
+        let by_place = by_place.as_ref();
         let mut stds = Vec::with_capacity(exact.len());
         for (k, value) in term.parameters.iter().enumerate() {
             let moved = value - loose.model.terms[i].parameters[k];
@@ -62,7 +69,9 @@ pub(crate) fn deviations(findings: &Findings<'_>, floor: &Floor) -> Result<Devia
                 std = std.max(fit.stds(i)[k]);
                 moved = moved.max((value - fit.model.terms[i].parameters[k]).abs());
             }
-            let std = std.hypot(moved).hypot(effect.law_uncertainty() * value);
+            let std =
+                std.hypot(moved).hypot(by_place.map_or(0.0, |fit| value - fit.model.terms[i].parameters[k]));
+            let std = std.hypot(effect.law_uncertainty() * value);
             stds.push(std);
             let beyond = (std * std - exact[k] * exact[k]).max(0.0).sqrt();
             if own_law && beyond > 0.0 && !search.catalogue.is_free(term.hypothesis) {
@@ -75,6 +84,22 @@ pub(crate) fn deviations(findings: &Findings<'_>, floor: &Floor) -> Result<Devia
         out.stds.push(stds);
     }
     Ok(out)
+}
+
+/// The model fitted once more with a link's bend off its middle; none where the term is no bending link.
+fn elsewhere_bent(findings: &Findings<'_>, term: &Term, noise: Noise) -> Result<Option<Fit>> {
+    let here = &findings.search;
+    let Place::Link(Some(node)) = here.catalogue.hypotheses[term.hypothesis].place else { return Ok(None) };
+    let effect = here.catalogue.effect(term.hypothesis);
+    if effect.law_freedom() != LawFreedom::Moment || here.catalogue.is_free(term.hypothesis) {
+        return Ok(None);
+    }
+    let model = &findings.found.fit.model;
+    let mut search = here.clone();
+    search.problem.scene.body.nodes[node].bend_pivot *= 1.0 + OFF_THE_MIDDLE;
+    let deformation = search.deformation(model);
+    search.problem.scene.update_loads(&deformation);
+    search.fit(model, noise, LOOSE_STEPS).map(Some)
 }
 
 /// Whether a law is one of springs.

@@ -45,11 +45,6 @@ impl Effect for LinkBending {
         true
     }
 
-    /// A link does not bend exactly in its middle: off by 5 % of its length, the lever to what it carries is by about as much.
-    fn law_uncertainty(&self) -> f64 {
-        0.05
-    }
-
     fn law_freedom(&self) -> LawFreedom {
         LawFreedom::Moment
     }
