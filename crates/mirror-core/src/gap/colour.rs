@@ -160,6 +160,7 @@ pub(crate) fn successive_correlation(
         with_board: problem.needs_fresh_board(deformation),
         gaussian: true,
         wanted: Wanted::default(),
+        planes: None,
     };
     let mut work = FrameWork::new(problem);
     let markers = problem.marker_sites.len();
