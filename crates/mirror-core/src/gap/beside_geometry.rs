@@ -2,7 +2,7 @@
 
 use super::fit::{FitOptions, fit};
 use super::group::Geometry;
-use super::hypothesis::Model;
+use super::hypothesis::{Model, Term};
 use super::problem::Noise;
 use super::screen::screen;
 use super::search::{Found, Search};
@@ -22,6 +22,8 @@ const PIECES: usize = 3;
 /// The held-out gap with many small errors must be smaller than without by this factor.
 const LEAST_HELD_OUT_RATIO: f64 = 0.98;
 
+/// A gear's error beside small errors reaches so many times their spread either way, or is one of them.
+const STANDS_OUT: f64 = 1.5;
 /// Spreads that changed by less than this (log) since the causes were searched need no second search.
 const SPREADS_SETTLED: f64 = 0.15;
 
@@ -72,6 +74,7 @@ pub(crate) fn beside_geometry<'a>(
     found.fit = fit(&search.problem, named.catalogue, &search.group, &start, at(noise, 6), None)?;
     // Causes that the spreads found last make needless.
     found.fit = search.prune(found.fit, noise, &mut found.trace)?;
+    drop_tolerances(&search, &geometry, &mut found)?;
     let odds = log_odds((&search, &found), (its_search, alone))? + LOG_PRIOR_GEOMETRY;
     let mut better = odds > 0.0;
     let mut told = format!(
@@ -91,6 +94,36 @@ pub(crate) fn beside_geometry<'a>(
     alone.trace.clone_from(&trace);
     found.trace = trace;
     Ok((better && matters(&search, &found)?).then_some(BesideGeometry { geometry, search, found }))
+}
+
+/// Drops errors of gears that vary no more than the tolerance that every joint has: they do not stand out from it.
+fn drop_tolerances(search: &Search<'_>, geometry: &Geometry, found: &mut Found) -> Result<()> {
+    let frames = 0..search.problem.scene.frames;
+    let within = |term: &Term| {
+        let node = search.catalogue.hypotheses[term.hypothesis].place.node();
+        let Some(node) = node.filter(|_| search.catalogue.effect(term.hypothesis).is_tolerance()) else {
+            return false;
+        };
+        let alone = Model { terms: vec![term.clone()], ..Model::nominal(&search.problem) };
+        let error = search.deformation(&alone);
+        let (low, high) = frames
+            .clone()
+            .map(|f| error.joint_delta(f, node))
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
+        !search.problem.scene.body.nodes[node].prismatic
+            && 0.5 * (high - low) < STANDS_OUT * geometry.spread_rad
+    };
+    let mut rest = found.fit.model.clone();
+    let scene = &search.problem.scene;
+    for term in rest.terms.iter().filter(|t| within(t)) {
+        let name = search.catalogue.name(scene, term.hypothesis);
+        found.trace.push(format!("drop {name}: no larger than the tolerance all around"));
+    }
+    rest.terms.retain(|t| !within(t));
+    if rest.terms.len() < found.fit.model.terms.len() {
+        found.fit = search.fit(&rest, found.noise, 6)?;
+    }
+    Ok(())
 }
 
 /// The small errors with the compliance of those joints where gravity shows it best, to be pruned.

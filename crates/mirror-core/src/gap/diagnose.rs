@@ -179,6 +179,7 @@ pub fn diagnose(
     search.problem = clean;
     let (before, mut after) = gaps(&search, &nominal, &found)?;
     drop_useless(&mut search, &mut found, &mut after)?;
+    comes_down(&search, &mut found, &mut after)?;
     let mut standings = settled(&search, &mut found, &mut after)?;
     let free = found.fit.model.terms.iter().any(|t| search.catalogue.is_free(t.hypothesis));
     let by_laws = !free
@@ -236,6 +237,31 @@ fn gaps(search: &Search<'_>, nominal: &Model, found: &Found) -> Result<(Vec<Post
 pub(crate) fn seen_size(gaps: &[PostureGap]) -> f64 {
     let size = size(gaps);
     size.rms_px.unwrap_or(size.rms_m)
+}
+
+/// Calls causes by the simpler name that they come down to: stiction without a dead band is compliance.
+fn comes_down(search: &Search<'_>, found: &mut Found, after: &mut Vec<PostureGap>) -> Result<()> {
+    let catalogue = search.catalogue;
+    let mut model = found.fit.model.clone();
+    let mut changed = false;
+    for term in &mut model.terms {
+        let place = catalogue.hypotheses[term.hypothesis].place;
+        let Some((effect, parameters)) = catalogue.effect(term.hypothesis).comes_down_to(&term.parameters)
+        else {
+            continue;
+        };
+        let simpler = (0..catalogue.hypotheses.len())
+            .find(|&h| catalogue.hypotheses[h].place == place && catalogue.effect(h).name() == effect);
+        if let Some(hypothesis) = simpler {
+            *term = Term { hypothesis, variant: 0.0, parameters, prior_scale: 1.0 };
+            changed = true;
+        }
+    }
+    if changed {
+        found.fit = search.fit(&model, found.noise, 8)?;
+        *after = search.held_out(&found.fit.model, found.noise)?;
+    }
+    Ok(())
 }
 
 /// Drops causes that do not help where they were not fitted.

@@ -64,7 +64,9 @@ pub(crate) fn standing(search: &Search<'_>, found: &Found, i: usize) -> Result<S
     let mut weights: Vec<(usize, f64, f64)> = Vec::new();
     for rival in &rivals {
         let Some(term) = rival.model.terms.last() else { continue };
-        if term.hypothesis != own {
+        // What comes down to a simpler rival is that rival.
+        let is_another = search.catalogue.effect(term.hypothesis).comes_down_to(&term.parameters).is_some();
+        if term.hypothesis != own && !is_another {
             let log = TEMPER * (search.log_posterior(rival) - reference);
             weights.push((term.hypothesis, term.variant, log.min(50.0).exp()));
         }
@@ -114,7 +116,8 @@ pub(crate) fn settled(
                 None => rest,
             };
             let gap = search.held_out(&next.model, found.noise)?;
-            if seen_size(&gap) > seen_size(after) * NO_WORSE {
+            let worse = if search.group.columns.is_empty() { NO_WORSE } else { NO_WORSE_BESIDE_GEOMETRY };
+            if seen_size(&gap) > seen_size(after) * worse {
                 standing.dispute();
                 continue;
             }
@@ -136,6 +139,8 @@ pub(crate) fn settled(
 
 /// The held-out gap may grow by this factor where a more probable cause comes in.
 const NO_WORSE: f64 = 1.002;
+/// The same beside many small errors, of which a cause must stand out.
+const NO_WORSE_BESIDE_GEOMETRY: f64 = 1.02;
 
 fn standings(search: &Search<'_>, found: &Found) -> Result<Vec<Option<Standing>>> {
     (0..found.fit.model.terms.len())

@@ -33,6 +33,10 @@ impl Effect for GearEccentricity {
         ]
     }
 
+    fn is_tolerance(&self) -> bool {
+        true
+    }
+
     fn words(&self) -> &str {
         "the gear runs out of round: the error comes back once a turn"
     }

@@ -31,6 +31,10 @@ impl Effect for GearRatio {
         vec![Column { atom: Atom::Joint(n), weight: Weight::Position(n) }]
     }
 
+    fn is_tolerance(&self) -> bool {
+        true
+    }
+
     fn words(&self) -> &str {
         "the joint turns by a fixed percentage too much or too little"
     }

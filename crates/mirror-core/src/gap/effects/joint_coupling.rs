@@ -42,6 +42,10 @@ impl Effect for JointCoupling {
         vec![Column { atom: Atom::Joint(joint_of(place)), weight: Weight::Position(driver) }]
     }
 
+    fn is_tolerance(&self) -> bool {
+        true
+    }
+
     fn words(&self) -> &str {
         "the joint moves along when another one moves"
     }

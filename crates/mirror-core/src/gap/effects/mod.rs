@@ -141,6 +141,16 @@ pub(crate) trait Effect: Send + Sync {
         LawFreedom::Exact
     }
 
+    /// Whether every joint has a little of it by manufacture: then little of it is no cause beside `geometry`.
+    fn is_tolerance(&self) -> bool {
+        false
+    }
+
+    /// The other effect that it comes down to at these parameters, and that one's: where its own part rests at 0.
+    fn comes_down_to(&self, _parameters: &[f64]) -> Option<(&'static str, Vec<f64>)> {
+        None
+    }
+
     /// Whether it is known in the session's own frames only.
     fn is_tabulated(&self) -> bool {
         false

@@ -117,6 +117,11 @@ impl Effect for Stiction {
         true
     }
 
+    fn comes_down_to(&self, parameters: &[f64]) -> Option<(&'static str, Vec<f64>)> {
+        let droop = parameters.get(1).copied().filter(|droop| *droop > NO_DROOP)?;
+        (parameters[0] <= LEAST_BAND).then(|| ("joint_compliance", vec![droop]))
+    }
+
     fn law_freedom(&self) -> LawFreedom {
         LawFreedom::LoadAndDirection
     }
