@@ -3,6 +3,7 @@
 use super::fit::{FitOptions, fit};
 use super::group::Geometry;
 use super::hypothesis::{Model, Term};
+use super::outlying::name_outlying;
 use super::problem::Noise;
 use super::screen::screen;
 use super::search::{Found, Search};
@@ -24,6 +25,8 @@ const LEAST_HELD_OUT_RATIO: f64 = 0.98;
 
 /// A gear's error beside small errors reaches so many times their spread either way, or is one of them.
 const STANDS_OUT: f64 = 1.5;
+/// Errors that are taken out of the group because they outweigh it.
+const MOST_OUTLYING: usize = 3;
 /// Spreads that changed by less than this (log) since the causes were searched need no second search.
 const SPREADS_SETTLED: f64 = 0.15;
 
@@ -34,13 +37,14 @@ pub(crate) struct BesideGeometry<'a> {
     pub found: Found,
 }
 
-/// The search beside many small errors; none where what was found without them says it better.
+/// The search beside many small errors; none where what was found without them says it better. Causes that it finds among the
+/// small errors, and that are better without these than what was found before, take that one's place.
 ///
 /// # Errors
 /// A camera or mirror that cannot be.
 pub(crate) fn beside_geometry<'a>(
     named: &Search<'a>,
-    (its_search, alone): (&Search<'a>, &mut Found),
+    (its_search, alone): (&mut Search<'a>, &mut Found),
     nominal: &Model,
 ) -> Result<Option<BesideGeometry<'a>>> {
     let mut geometry = Geometry::new(&named.problem);
@@ -71,10 +75,31 @@ pub(crate) fn beside_geometry<'a>(
     }
     search.group = geometry.group.clone();
     let Some(mut found) = found else { return Ok(None) };
+    let mut hidden = false;
+    for _ in 0..MOST_OUTLYING {
+        if !name_outlying(&geometry, named.catalogue, &mut start) {
+            break;
+        }
+        hidden = true;
+        start = geometry.fit(&search.problem, named.catalogue, &start, at(noise, 6), None)?.model;
+        search.group = geometry.group.clone();
+    }
     found.fit = fit(&search.problem, named.catalogue, &search.group, &start, at(noise, 6), None)?;
     // Causes that the spreads found last make needless.
     found.fit = search.prune(found.fit, noise, &mut found.trace)?;
     drop_tolerances(&search, &geometry, &mut found)?;
+    if hidden {
+        // The causes that stand out may be all that there is.
+        let mut bare = named.clone();
+        let causes = Model { group: Vec::new(), ..found.fit.model.clone() };
+        let mut without = bare.run(causes)?;
+        if log_odds((&bare, &without), (its_search, alone))? > 0.0 {
+            alone.trace.push("causes that stood out of the small errors, without these:".into());
+            alone.trace.append(&mut without.trace);
+            without.trace = core::mem::take(&mut alone.trace);
+            (*its_search, *alone) = (bare, without);
+        }
+    }
     let odds = log_odds((&search, &found), (its_search, alone))? + LOG_PRIOR_GEOMETRY;
     let mut better = odds > 0.0;
     let mut told = format!(

@@ -165,13 +165,12 @@ pub fn diagnose(
     }
     let mut geometry = None;
     let off = options.without.iter().any(|w| w == "geometry");
-    if !off
-        && (fits_noise.significant || found.fit.model.terms.len() > MANY_CAUSES)
-        && let Some(beside) = beside_geometry(&named, (&search, &mut found), &nominal)?
-    {
-        geometry = Some(beside.geometry);
-        search = beside.search;
-        found = beside.found;
+    if !off && (fits_noise.significant || found.fit.model.terms.len() > MANY_CAUSES) {
+        if let Some(beside) = beside_geometry(&named, (&mut search, &mut found), &nominal)? {
+            geometry = Some(beside.geometry);
+            search = beside.search;
+            found = beside.found;
+        }
         (clean, false_share) = without_false(&search, &found)?;
         fits_noise = adequacy(&clean, &search.deformation(&found.fit.model), search.measured_noise)?;
     }

@@ -35,14 +35,29 @@ pub(crate) struct Geometry {
 
 /// Angles, lengths of links, places of markers: each kind has its own spread. A marker is mounted by other hands, and by
 /// another tolerance, than the links are made.
-const KINDS: usize = 3;
+pub(crate) const KINDS: usize = 3;
 
-fn kind(atom: Atom) -> usize {
+/// Which kind an elementary small error is of, below [`KINDS`].
+pub(crate) fn kind(atom: Atom) -> usize {
     match atom {
         Atom::LinkShift(..) | Atom::OriginShift(..) => 1,
         Atom::MarkerShift(..) => 2,
         _ => 0,
     }
+}
+
+/// An elementary small error in the words of a single effect: its name, place and parameter.
+pub(crate) fn single_effect(atom: Atom) -> Option<(&'static str, Place, &'static str)> {
+    let of_axis = |k: usize| ["dx_m", "dy_m", "dz_m"][k];
+    Some(match atom {
+        Atom::Joint(n) => ("joint_offset", Place::Joint(n), "offset_rad"),
+        Atom::Tilt(n, 0) => ("axis_tilt", Place::Joint(n), "tilt_1_rad"),
+        Atom::Tilt(n, _) => ("axis_tilt", Place::Joint(n), "tilt_2_rad"),
+        Atom::LinkShift(n, axis) => ("link_length", Place::Link(n), of_axis(axis)),
+        Atom::OriginShift(n, axis) => ("joint_origin", Place::Joint(n), of_axis(axis)),
+        Atom::MarkerShift(m, axis) => ("marker_mount", Place::Marker(m), of_axis(axis)),
+        _ => return None,
+    })
 }
 
 impl Geometry {
@@ -100,16 +115,7 @@ impl Geometry {
         let first = fit.model.nuisances.len();
         let told = self.group.columns.iter().zip(&fit.model.group).enumerate();
         told.filter_map(|(k, (column, value))| {
-            let of_axis = |k: usize| ["dx_m", "dy_m", "dz_m"][k];
-            let (effect, place, parameter) = match column.atom {
-                Atom::Joint(n) => ("joint_offset", Place::Joint(n), "offset_rad"),
-                Atom::Tilt(n, 0) => ("axis_tilt", Place::Joint(n), "tilt_1_rad"),
-                Atom::Tilt(n, _) => ("axis_tilt", Place::Joint(n), "tilt_2_rad"),
-                Atom::LinkShift(n, axis) => ("link_length", Place::Link(n), of_axis(axis)),
-                Atom::OriginShift(n, axis) => ("joint_origin", Place::Joint(n), of_axis(axis)),
-                Atom::MarkerShift(m, axis) => ("marker_mount", Place::Marker(m), of_axis(axis)),
-                _ => return None,
-            };
+            let (effect, place, parameter) = single_effect(column.atom)?;
             Some(Member {
                 effect: effect.into(),
                 at: place.name(scene),

@@ -24,6 +24,7 @@ mod noise;
 mod normal;
 mod observations;
 mod odds;
+mod outlying;
 mod own;
 mod pairing;
 mod panels;

@@ -299,6 +299,7 @@ impl Search<'_> {
             noise = self.effective(&best.model)?;
             best = self.fit(&best.model, noise, FINAL_STEPS)?;
             best = self.exchange(best, noise, &mut trace)?;
+            best = self.merge(best, noise, &mut trace)?;
             best = self.prune(best, noise, &mut trace)?;
             noise = self.effective(&best.model)?;
             // Adding and dropping must not go in circles.
@@ -356,6 +357,34 @@ impl Search<'_> {
                 }
                 best = self.settle(rival, noise)?;
             }
+        }
+        Ok(best)
+    }
+}
+
+impl Search<'_> {
+    /// Two causes at one joint give way to one that is as likely: stiction with its droop is not play beside a spring.
+    fn merge(&mut self, mut best: Fit, noise: Noise, trace: &mut Vec<String>) -> Result<Fit> {
+        let node = |t: &Term| self.catalogue.hypotheses[t.hypothesis].place.node();
+        let free = |t: &Term| self.catalogue.is_free(t.hypothesis);
+        let terms = &best.model.terms;
+        let pair = (0..terms.len()).flat_map(|i| (0..i).map(move |k| (i, k))).find(|&(i, k)| {
+            node(&terms[i]).is_some()
+                && node(&terms[i]) == node(&terms[k])
+                && !free(&terms[i])
+                && !free(&terms[k])
+        });
+        let Some((i, k)) = pair else { return Ok(best) };
+        let rest = best.model.without(i).without(k);
+        let merged = self.candidates(&rest, noise, self.options.refined, None)?;
+        let same_place = |f: &&Fit| f.model.terms.last().is_some_and(|t| node(t) == node(&terms[i]));
+        let Some(one) = merged.iter().find(same_place) else { return Ok(best) };
+        let one = self.fit_with_slack(&one.model, Some(one.model.terms.len() - 1), noise, FINAL_STEPS)?;
+        let two = self.fit_with_slack(&best.model, Some(i), noise, FINAL_STEPS)?;
+        if self.log_posterior(&one) > self.log_posterior(&two) {
+            let name = |t: usize| self.catalogue.name(&self.problem.scene, terms[t].hypothesis);
+            trace.push(format!("{} for {} and {}", self.name_of_last(&one), name(k), name(i)));
+            best = self.settle(one, noise)?;
         }
         Ok(best)
     }
