@@ -155,7 +155,7 @@ pub fn diagnose(
     let enough = !fits_noise.significant && !fits_noise.corners_significant && !many_false;
     if is_suspicious(&search, &found, &all, &fits_noise, many_false)?
         && let Some((its_search, its_found)) = beside_free_forms(&search, &found, &all, &nominal, enough)?
-        && !only_their_laws(&search, &found, &its_found, &all)?
+        && !only_their_laws(&search, &found, (&its_search, &its_found), &all)?
     {
         search = its_search;
         found = its_found;
@@ -183,7 +183,7 @@ pub fn diagnose(
     let free = found.fit.model.terms.iter().any(|t| search.catalogue.is_free(t.hypothesis));
     let by_laws = !free
         && found.fit.model.terms.len() <= MANY_CAUSES
-        && remainder_share(&search, &found, &after)? < LAW_REMAINDER;
+        && remainder_share(&search, &found, &after, None)? < LAW_REMAINDER;
     let unexplained = if by_laws { None } else { unexplained(&search, &found, &fits_noise)? };
     if free {
         after = without_names(&search, &mut found, &mut standings, &before)?;
@@ -211,8 +211,13 @@ fn without_false(search: &Search<'_>, found: &Found) -> Result<(Problem, f64)> {
 }
 
 /// Whether free-form errors only say that the causes found have not quite their textbook laws: they sit at the causes' own
-/// places, and what the causes leave is a small part of what they move.
-fn only_their_laws(search: &Search<'_>, found: &Found, with_free: &Found, all: &Catalogue) -> Result<bool> {
+/// places, and what they take up beyond the causes is a small part of what the causes move.
+fn only_their_laws(
+    search: &Search<'_>,
+    found: &Found,
+    (its_search, with_free): (&Search<'_>, &Found),
+    all: &Catalogue,
+) -> Result<bool> {
     if found.fit.model.terms.is_empty()
         || found.fit.model.terms.len() > with_free.fit.model.terms.len()
         || elsewhere(all, &with_free.fit.model, &found.fit.model)
@@ -220,7 +225,8 @@ fn only_their_laws(search: &Search<'_>, found: &Found, with_free: &Found, all: &
         return Ok(false);
     }
     let after = search.held_out(&found.fit.model, found.noise)?;
-    Ok(remainder_share(search, found, &after)? < LAW_REMAINDER)
+    let after_free = its_search.held_out(&with_free.fit.model, with_free.noise)?;
+    Ok(remainder_share(search, found, &after, Some(&after_free))? < LAW_REMAINDER)
 }
 
 fn gaps(search: &Search<'_>, nominal: &Model, found: &Found) -> Result<(Vec<PostureGap>, Vec<PostureGap>)> {
@@ -341,8 +347,13 @@ fn without_names(
     held_out(&s.problem, s.catalogue, &s.group, &found.fit.model, found.noise, measured, true)
 }
 
-/// What is left above the noise, squared, as a share of what the causes move.
-fn remainder_share(search: &Search<'_>, found: &Found, after: &[PostureGap]) -> Result<f64> {
+/// What is left above the noise (or above `least`, another model's remainder), squared, as a share of what the causes move.
+fn remainder_share(
+    search: &Search<'_>,
+    found: &Found,
+    after: &[PostureGap],
+    least: Option<&[PostureGap]>,
+) -> Result<f64> {
     let mut none = found.fit.model.clone();
     none.terms.clear();
     none.group.iter_mut().for_each(|g| *g = 0.0);
@@ -352,7 +363,8 @@ fn remainder_share(search: &Search<'_>, found: &Found, after: &[PostureGap]) -> 
     let moved = moved.iter().sum::<f64>() / moved.len().max(1) as f64;
     let unit = if search.problem.camera.is_some() { noise.marker_px } else { noise.point_m };
     let axes = if search.problem.camera.is_some() { 2.0 } else { 3.0 };
-    let left = (seen_size(after) / unit).powi(2) - axes;
+    let square = |gaps: &[PostureGap]| (seen_size(gaps) / unit).powi(2);
+    let left = square(after) - least.map_or(axes, |gaps| square(gaps).max(axes));
     Ok(if moved > 0.0 { left.max(0.0) / moved } else { f64::INFINITY })
 }
 
