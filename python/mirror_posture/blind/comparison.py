@@ -31,6 +31,8 @@ class Scored:
     cpu_seconds: float | None = None
     true_closed: float | None = None
     """What the named causes truly close, where that can be computed."""
+    judged: bool = True
+    """Whether the judge's own model closes the gap with the true causes."""
 
     @property
     def truths(self) -> list[dict[str, Any]]:

@@ -36,7 +36,7 @@ from .comparison import (
 from .errors import BlindError
 from .run import RESULT, sessions_in
 from .seal import unseal
-from .shrinkage import load_pixels, reference_of_folder, true_closed
+from .shrinkage import frictions_of, is_judge, load_pixels, reference_of_folder, true_closed
 from .statistics import Rate, coverage, rate, reliability
 
 
@@ -84,18 +84,23 @@ def load(cases: Path, results: Path, leave_out: str | None = None) -> tuple[list
             )
         clock = path.parent / "time.json"
         times = json.loads(clock.read_text(encoding="utf-8")) if clock.is_file() else {}
-        closed = _true_closed(session, answer, said, cases / "answers" / f"{session.name}.npz")
-        scored.append(
-            Scored(session.name, answer, said, times.get("seconds"), times.get("cpu_seconds"), closed)
-        )
+        judged, closed = _true_closed(session, answer, said, cases / "answers" / f"{session.name}.npz")
+        seconds, cpu_seconds = times.get("seconds"), times.get("cpu_seconds")
+        scored.append(Scored(session.name, answer, said, seconds, cpu_seconds, closed, judged))
     return scored, missing
 
 
-def _true_closed(session: Path, answer: dict[str, Any], said: dict[str, Any], pixels: Path) -> float | None:
+def _true_closed(
+    session: Path, answer: dict[str, Any], said: dict[str, Any], pixels: Path
+) -> tuple[bool, float | None]:
+    """Whether the true shrinkage can be judged, and what it is."""
     if "pixels_sha256" not in answer or not answer["causes"]:
-        return None
+        return True, None
     kept = load_pixels(pixels, answer["pixels_sha256"])
-    return true_closed(reference_of_folder(session, kept, answer), kept.planes_m, said.get("causes", []))
+    ref, truths = reference_of_folder(session, kept, answer), answer["causes"]
+    if not is_judge(ref, kept.planes_m, truths):
+        return False, None
+    return True, true_closed(ref, kept.planes_m, said.get("causes", []), frictions_of(truths))
 
 
 def score(cases: Path, results: Path, leave_out: str | None = None) -> dict[str, Any]:
@@ -196,6 +201,7 @@ def shrinkage(scored: list[Scored]) -> dict[str, Any]:
         "clear_gaps_within_5_points": rate([a for a, _, clear in rows if clear]).as_json(),
         "interval_covers": rate([b for _, b, _ in rows]).as_json(),
         "without_claim": lacking,
+        "without_judge": sum(not c.judged for c in scored),
     }
 
 

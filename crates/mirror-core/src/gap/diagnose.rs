@@ -218,8 +218,9 @@ fn only_their_laws(
     (its_search, with_free): (&Search<'_>, &Found),
     all: &Catalogue,
 ) -> Result<bool> {
-    if found.fit.model.terms.is_empty()
-        || found.fit.model.terms.len() > with_free.fit.model.terms.len()
+    let terms = found.fit.model.terms.len();
+    if !(1..=MANY_CAUSES).contains(&terms)
+        || terms > with_free.fit.model.terms.len()
         || elsewhere(all, &with_free.fit.model, &found.fit.model)
     {
         return Ok(false);

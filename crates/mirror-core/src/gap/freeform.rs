@@ -372,3 +372,15 @@ pub(crate) fn free_forms(scene: &Scene) -> Vec<Box<dyn Effect>> {
     }
     kinds.into_iter().map(|(what, on)| Box::new(FreeForm::new(what, on, scene)) as Box<dyn Effect>).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::stop;
+
+    #[test]
+    fn a_stop_drags_its_slack_along_and_remembers_the_way() {
+        // Forth by ten reaches, back by one: the slack is left half taken up; back by ten more: on the other side.
+        let told = stop(0.0, &[0.0, 10.0, 9.0, -1.0], 1.0);
+        assert_eq!(told, vec![0.0, 1.0, 0.0, -1.0]);
+    }
+}

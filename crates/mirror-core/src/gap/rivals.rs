@@ -1,6 +1,7 @@
 //! How sure a cause is: its rivals, each fitted in its place, and their probabilities.
 
 use super::diagnose::seen_size;
+use super::fit::Fit;
 use super::heldout::PostureGap;
 use super::hypothesis::Model;
 use super::search::{Found, Search, SearchOptions};
@@ -12,6 +13,8 @@ const RIVALS: usize = 8;
 pub(crate) const LEAST_PROBABILITY: f64 = 0.01;
 /// Evidence is taken to this power: laws are never exact, so that data speak less than they seem to.
 const TEMPER: f64 = 0.35;
+/// A rival that is less likely than the cause by this (log) is none.
+const FAR_BEHIND: f64 = 40.0;
 /// What is kept back for a cause that nobody thought of.
 const UNTHOUGHT_OF: f64 = 0.01;
 
@@ -53,7 +56,7 @@ pub(crate) fn standing(search: &Search<'_>, found: &Found, i: usize) -> Result<S
     let rest: Model = found.fit.model.without(i);
     let named =
         Search { options: SearchOptions { named_only: true, ..search.options.clone() }, ..search.clone() };
-    let rivals = named.candidates(&rest, found.noise, RIVALS, Some(own))?;
+    let rivals = rivals_at_all_noises(&named, found, i, &rest, own)?;
     let tolerated = search.log_odds(&found.fit, i, found.noise)?;
     let reference = if rivals.is_empty() {
         0.0
@@ -64,12 +67,8 @@ pub(crate) fn standing(search: &Search<'_>, found: &Found, i: usize) -> Result<S
     let mut weights: Vec<(usize, f64, f64)> = Vec::new();
     for rival in &rivals {
         let Some(term) = rival.model.terms.last() else { continue };
-        // What comes down to a simpler rival is that rival.
-        let is_another = search.catalogue.effect(term.hypothesis).comes_down_to(&term.parameters).is_some();
-        if term.hypothesis != own && !is_another {
-            let log = TEMPER * (search.log_posterior(rival) - reference);
-            weights.push((term.hypothesis, term.variant, log.min(50.0).exp()));
-        }
+        let log = TEMPER * (search.log_posterior(rival) - reference);
+        weights.push((term.hypothesis, term.variant, log.min(50.0).exp()));
     }
     let nothing = (-TEMPER * tolerated).min(50.0).exp();
     let total = 1.0 + nothing + weights.iter().map(|w| w.2).sum::<f64>();
@@ -81,6 +80,39 @@ pub(crate) fn standing(search: &Search<'_>, found: &Found, i: usize) -> Result<S
     rivals.retain(|r| r.probability >= LEAST_PROBABILITY);
     rivals.sort_by(|a, b| b.probability.total_cmp(&a.probability));
     Ok(Standing { probability: scale, rivals })
+}
+
+/// The best rivals in the place of the i-th cause, fitted. First at the noise as large as the model without the cause leaves it:
+/// at the measurement's own, all that the cause explains would look false, and no rival would ever get near.
+fn rivals_at_all_noises(
+    named: &Search<'_>,
+    found: &Found,
+    i: usize,
+    rest: &Model,
+    own: usize,
+) -> Result<Vec<Fit>> {
+    let coarse = named.effective(rest)?;
+    let candidates = named.candidates(rest, coarse, RIVALS, Some(own))?;
+    let is_rival = |fit: &&Fit| {
+        fit.model.terms.last().is_some_and(|term| {
+            // What comes down to a simpler rival is that rival.
+            let effect = named.catalogue.effect(term.hypothesis);
+            term.hypothesis != own && effect.comes_down_to(&term.parameters).is_none()
+        })
+    };
+    if !candidates.iter().any(|fit| is_rival(&fit)) {
+        return Ok(Vec::new());
+    }
+    let own_fit = named.fit_with_slack(&found.fit.model, Some(i), coarse, 4)?;
+    let reference = named.log_posterior(&own_fit);
+    let ratio = (coarse.marker_px / found.noise.marker_px).max(coarse.point_m / found.noise.point_m);
+    candidates
+        .iter()
+        .filter(is_rival)
+        // What is behind here is farther behind at the finer noise.
+        .filter(|fit| (reference - named.log_posterior(fit)) * ratio * ratio < FAR_BEHIND)
+        .map(|fit| named.fit_with_slack(&fit.model, Some(fit.model.terms.len() - 1), found.noise, 8))
+        .collect()
 }
 
 /// Rounds in which causes give way to their rivals.

@@ -6,4 +6,5 @@
 #[allow(dead_code)]
 mod gap_world;
 mod jacobians;
+mod shortcuts;
 mod statistics;
