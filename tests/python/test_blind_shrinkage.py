@@ -14,7 +14,14 @@ pytest.importorskip("mujoco", reason="blind sessions need MuJoCo")
 from mirror_posture.blind import BlindError
 from mirror_posture.blind.make import make_cases
 from mirror_posture.blind.reference import Reference
-from mirror_posture.blind.shrinkage import TruePixels, load_pixels, reference_of_folder, true_closed
+from mirror_posture.blind.shrinkage import (
+    TruePixels,
+    frictions_of,
+    is_judge,
+    load_pixels,
+    reference_of_folder,
+    true_closed,
+)
 from mirror_posture.blind.simulate import Options
 
 PLAN = [("pair", "small", ("camera_focal", "joint_offset"))]
@@ -52,6 +59,22 @@ def test_what_cannot_be_applied_is_not_known(made: Any) -> None:
     _, _, ref, pixels = made
     geometry = {"effect": "geometry", "at": "robot", "parameters": {"spread_m": {"value": 1e-4}}}
     assert true_closed(ref, pixels.planes_m, [geometry]) is None
+
+
+@pytest.mark.parametrize(("seed", "loaded"), [(1, True), (3, False)])
+def test_a_play_is_judged_only_where_the_judge_follows_it(tmp_path: Path, seed: int, loaded: bool) -> None:
+    # At a wrist on which hardly any gravity acts, the other joints' motion throws the play about: no law of rest tells where.
+    make_cases(
+        tmp_path, 1, seed, Options(frames=(80, 81), simple_laws=True), [("play", "small", ("backlash",))]
+    )
+    answer = json.loads((tmp_path / "answers" / "play.json").read_text(encoding="utf-8"))
+    pixels = load_pixels(tmp_path / "answers" / "play.npz", answer["pixels_sha256"])
+    ref = reference_of_folder(tmp_path / "play", pixels, answer)
+    (play,) = answer["causes"]
+    own = true_closed(ref, pixels.planes_m, [_named(play)], frictions_of([play]))
+    assert own is not None and (own > 0.99 if loaded else own < 0.9)
+    assert is_judge(ref, pixels.planes_m, [play]) is loaded
+    assert not is_judge(ref, pixels.planes_m, [{**play, "width_rad": 0.3 * play["width_rad"]}])
 
 
 def test_changed_pixels_are_refused(made: Any, tmp_path: Path) -> None:
