@@ -55,7 +55,8 @@ s.parameters_of_the_vocabularys_laws.within_95.of }}. Claimed shrinkage within 5
 true one of the named model: {{ percent(s.shrinkage.within_5_points.rate) }} of {{
 s.shrinkage.within_5_points.of }}; where the gap is larger than the noise {{
 percent(s.shrinkage.clear_gaps_within_5_points.rate) }} of {{ s.shrinkage.clear_gaps_within_5_points.of }};
-the claimed interval covers it in {{ percent(s.shrinkage.interval_covers.rate) }}.</p>
+the claimed interval covers it in {{ percent(s.shrinkage.interval_covers.rate) }}. Not judged, because the judge's
+own model does not follow the simulated body even with the true causes: {{ s.shrinkage.without_judge }}.</p>
 {% if s.seconds %}<p>Time a session: median {{ '%.2f'|format(s.seconds.median) }} s, worst {{
 '%.2f'|format(s.seconds.worst) }} s by the clock{% if s.cpu_seconds %}; CPU median {{
 '%.2f'|format(s.cpu_seconds.median) }} s, mean {{ '%.2f'|format(s.cpu_seconds.mean) }} s{% endif
