@@ -73,11 +73,15 @@ def with_detections(session: Session, pictures: dict[int, PictureDetections]) ->
             seen = np.ones(corners, dtype=bool) if board.visible is None else board.visible
             views[board.via].board_seen[row] = seen
             views[board.via].board_px[row] = np.where(seen[:, None], board.corners_px, 0.0)
-            views[board.via].board_std_px[row] = np.where(seen, board.std_px, 0.0)
+            board_stds = views[board.via].board_std_px
+            assert board_stds is not None  # made above
+            board_stds[row] = np.where(seen, board.std_px, 0.0)
         for marker in picture.markers:
             if marker.ok and marker.pixel_px is not None:
                 index = names.index(marker.name)
                 views["mirror"].marker_seen[row, index] = True
                 views["mirror"].marker_px[row, index] = marker.pixel_px
-                views["mirror"].marker_std_px[row, index] = marker.std_px or 0.0
+                marker_stds = views["mirror"].marker_std_px
+                assert marker_stds is not None
+                marker_stds[row, index] = marker.std_px or 0.0
     return replace(session, mirror_view=views["mirror"], direct_view=views["direct"], detected=True)

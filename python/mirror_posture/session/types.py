@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 import numpy.typing as npt
@@ -67,6 +67,13 @@ class Board:
         return np.stack([x, y, np.zeros_like(x)], axis=1)
 
 
+class GlassArguments(TypedDict, total=False):
+    """What the optics' functions take of a mirror's glass."""
+
+    glass_thickness_m: float
+    refractive_index: float
+
+
 @dataclass(frozen=True)
 class MirrorModel:
     """What the model assumes of the mirror; a thickness of 0 is a front-surface mirror."""
@@ -75,7 +82,7 @@ class MirrorModel:
     refractive_index: float = 1.52
 
     @staticmethod
-    def glass(mirror: MirrorModel | None) -> dict[str, float]:
+    def glass(mirror: MirrorModel | None) -> GlassArguments:
         """The glass of a session's mirror as keyword arguments of the optics; nothing where the session says nothing."""
         if mirror is None:
             return {}

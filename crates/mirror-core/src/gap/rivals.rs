@@ -33,6 +33,16 @@ pub(crate) struct Standing {
 }
 
 impl Standing {
+    /// The rival that is likelier than the cause.
+    fn likelier(&self) -> Option<&Rival> {
+        self.rivals.first().filter(|r| r.probability > self.probability)
+    }
+
+    /// Whether something else, or nothing, is likelier.
+    fn gives_way(&self) -> bool {
+        self.likelier().is_some() || self.probability < NO_CAUSE
+    }
+
     /// Evidence is against the cause, held-out regions are for it: neither can be believed alone.
     fn dispute(&mut self) {
         if self.probability < DISPUTED {
@@ -135,10 +145,10 @@ pub(crate) fn settled(
         let mut changed = false;
         for (i, standing) in standings.iter_mut().enumerate() {
             let Some(standing) = standing else { continue };
-            let rival = standing.rivals.first().filter(|r| r.probability > standing.probability);
-            if rival.is_none() && standing.probability >= NO_CAUSE {
+            if !standing.gives_way() {
                 continue;
             }
+            let rival = standing.likelier();
             let rest = search.fit(&found.fit.model.without(i), found.noise, 8)?;
             let next = match rival {
                 Some(rival) => {
@@ -166,7 +176,10 @@ pub(crate) fn settled(
             return Ok(standings);
         }
     }
-    standings(search, found)
+    // Still not at rest: what would give way again is not to be believed.
+    let mut last = standings(search, found)?;
+    last.iter_mut().flatten().filter(|s| s.gives_way()).for_each(Standing::dispute);
+    Ok(last)
 }
 
 /// The held-out gap may grow by this factor where a more probable cause comes in.

@@ -259,7 +259,7 @@ impl FrameWork {
                 if let Some(foot) = known {
                     self.foot = foot;
                     self.has_plane = true;
-                    if self.from_nearby_plane(problem, task, data) {
+                    if self.evaluate_nearby(problem, task, data) {
                         return self.row_count > 0;
                     }
                     self.has_plane = false;
@@ -350,7 +350,7 @@ impl FrameWork {
 
     /// Evaluates a frame with all its rows from a plane that is nearly the best: Gauss–Newton on the whole frame, until the next
     /// step would gain next to nothing; the cost is that after it. False where the plane was not near.
-    fn from_nearby_plane(
+    fn evaluate_nearby(
         &mut self,
         problem: &Problem,
         task: &Task<'_>,
