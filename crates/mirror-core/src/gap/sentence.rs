@@ -2,6 +2,9 @@
 
 use super::report::{Cause, Gap, Where};
 
+/// A cause that is less probable than this is told together with its likeliest rival, if that is at least this probable.
+const TOLD_ALONE: f64 = 0.8;
+const WORTH_NAMING: f64 = 0.1;
 /// More causes than this are counted, not named.
 const NAMED: usize = 3;
 
@@ -49,12 +52,28 @@ fn unexplained_place(places: &[Where]) -> Option<&Where> {
     places.iter().find(|w| w.depends_on.is_some()).or_else(|| at("unknown")).or_else(|| at("camera"))
 }
 
+/// `effect at place`, or, where the postures cannot tell it from its rival, `effect or other effect at place`.
 fn name(cause: &Cause) -> String {
-    match (cause.effect.as_str(), cause.at.split_once("<-")) {
+    let rival = cause.alternatives.first().filter(|r| r.probability >= WORTH_NAMING);
+    let own = of_place(&cause.effect, &cause.at);
+    match rival.filter(|_| cause.probability < TOLD_ALONE) {
+        None => own,
+        Some(rival) if rival.at == cause.at && !cause.at.contains("<-") => {
+            of_place(&format!("{} or {}", cause.effect, rival.effect), &cause.at)
+        }
+        Some(rival) if rival.effect == cause.effect && !cause.at.contains("<-") => {
+            format!("{own} or {}{}", article(&rival.at), rival.at)
+        }
+        Some(rival) => format!("{own} or {}", of_place(&rival.effect, &rival.at)),
+    }
+}
+
+fn of_place(effect: &str, at: &str) -> String {
+    match (effect, at.split_once("<-")) {
         ("geometry", _) => "many small errors of the robot's geometry".into(),
         ("pairing", _) => "rows of the data that hold the measurement of other rows".into(),
-        (_, Some((joint, other))) => format!("{} of {joint} with {other}", cause.effect.replace('_', " ")),
-        (effect, None) => format!("{} at {}{}", effect.replace('_', " "), article(&cause.at), cause.at),
+        (effect, Some((joint, other))) => format!("{} of {joint} with {other}", effect.replace('_', " ")),
+        (effect, None) => format!("{} at {}{at}", effect.replace('_', " "), article(at)),
     }
 }
 
@@ -108,6 +127,7 @@ fn article(at: &str) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::gap::report::Alternative;
 
     fn place(at: &str, on: &str) -> Where {
         Where { at: at.into(), share: 1.0, depends_on: Some(on.into()) }
@@ -121,6 +141,31 @@ mod tests {
         assert_eq!(listed(&names[..3]), "a, b and c");
         assert_eq!(listed(&names[..4]), "a, b, c and d");
         assert_eq!(listed(&names), "a, b, c and 2 further causes");
+    }
+
+    #[test]
+    fn what_cannot_be_told_apart_is_told_together() {
+        let told = |probability, effect: &str, at: &str| {
+            let alternatives =
+                vec![Alternative { effect: effect.into(), at: at.into(), probability: 0.98 - probability }];
+            name(&Cause {
+                effect: "backlash".into(),
+                at: "joint:elbow".into(),
+                probability,
+                alternatives,
+                parameters: Default::default(),
+                words: String::new(),
+                rms_shift: 1.0,
+                members: Vec::new(),
+            })
+        };
+        assert_eq!(told(0.6, "stiction", "joint:elbow"), "backlash or stiction at joint:elbow");
+        assert_eq!(told(0.6, "backlash", "joint:knee"), "backlash at joint:elbow or joint:knee");
+        assert_eq!(
+            told(0.6, "camera_mount", "camera"),
+            "backlash at joint:elbow or camera mount at the camera"
+        );
+        assert_eq!(told(0.9, "stiction", "joint:elbow"), "backlash at joint:elbow");
     }
 
     #[test]
