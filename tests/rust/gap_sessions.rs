@@ -143,6 +143,48 @@ fn a_third_of_false_markers_does_not_change_the_cause() {
     }
 }
 
+/// Whatever is told as all but certain is true.
+fn nothing_false_is_certain(diagnosis: &Diagnosis, truth: &[(&str, &str)]) {
+    for cause in diagnosis.causes.iter().filter(|c| c.probability >= 0.9) {
+        assert!(truth.contains(&(cause.effect.as_str(), cause.at.as_str())), "{cause:?}");
+    }
+}
+
+#[test]
+fn two_causes_that_cancel_are_both_found_or_neither_is_certain() {
+    let world = world();
+    let offset = |name: &str, a| Wrong::Offset(world.bone(name), a);
+    // The forearm is parallel to where it should be; the hand is off by the upper arm's part alone.
+    let elbow = vec![offset("r_shoulder_pitch", 0.02), offset("r_elbow", -0.02)];
+    let diagnosis = run(&world.record(&Plan { wrong: elbow, ..Plan::default() }));
+    let truth = [("joint_offset", "joint:r_shoulder_pitch"), ("joint_offset", "joint:r_elbow")];
+    nothing_false_is_certain(&diagnosis, &truth);
+    assert!(truth.iter().all(|t| causes(&diagnosis).contains(t)), "{diagnosis:?}");
+    // At one distance of the mirror a larger board looks like a longer focal length.
+    let optics = vec![Wrong::Focal(0.01), Wrong::BoardScale(0.01)];
+    let diagnosis = run(&world.record(&Plan { wrong: optics, ..Plan::default() }));
+    nothing_false_is_certain(&diagnosis, &[("camera_focal", "camera"), ("board_scale", "board")]);
+}
+
+#[test]
+fn postures_all_from_one_side_make_no_false_cause_certain() {
+    let truth = [("joint_offset", "joint:r_shoulder_roll")];
+    let mut recording = world().record(&elbow_off(Plan { postures: 500, views: 1, ..Plan::default() }));
+    let names: Vec<String> = robot().position_names().map(String::from).collect();
+    let at = |name: &str| names.iter().position(|n| n == name).unwrap();
+    let (roll, elbow) = (at("r_shoulder_roll"), at("r_elbow"));
+    recording.frames.retain(|f| f.commanded[roll] > 0.3 && f.commanded[elbow] > 0.0);
+    assert!(recording.frames.len() > 20);
+    let diagnosis = run(&recording);
+    nothing_false_is_certain(&diagnosis, &truth);
+    let cause = diagnosis.causes.first();
+    let told = cause.is_some_and(|c| {
+        (c.effect.as_str(), c.at.as_str()) == truth[0]
+            || c.alternatives.iter().any(|a| (a.effect.as_str(), a.at.as_str()) == truth[0])
+    });
+    assert!(told, "{diagnosis:?}");
+}
+
 #[test]
 fn a_mirror_session_without_a_board_is_refused_or_says_what_is_missing() {
     let mut recording = world().record(&Plan { postures: 10, ..Plan::default() });

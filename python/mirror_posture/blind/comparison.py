@@ -117,7 +117,9 @@ def outside_verdict(case: Scored) -> dict[str, bool]:
     truth = case.truths[0]
     verdict = case.said.get("verdict")
     where = [w["at"] for w in case.said.get("where", [])]
-    same = {truth["at"]} | {c["at"] for c in case.causes if c["at"].split("<-")[0] == truth["at"]}
+    # A coupling that has no name lives at the joint that is driven.
+    at = truth["at"].split("<-")[0]
+    same = {at} | {c["at"] for c in case.causes if c["at"].split("<-")[0] == at}
     rivals = set(rivals_of(case, truth))
     named = {name_of(c) for c in case.causes}
     right_place = bool(where) and where[0].split("<-")[0] in same

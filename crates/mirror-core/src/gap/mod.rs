@@ -27,6 +27,7 @@ mod odds;
 mod outlying;
 mod own;
 mod pairing;
+mod pairs;
 mod panels;
 mod pose;
 mod posture;

@@ -13,8 +13,8 @@ const RIVALS: usize = 8;
 pub(crate) const LEAST_PROBABILITY: f64 = 0.01;
 /// Evidence is taken to this power: laws are never exact, so that data speak less than they seem to.
 const TEMPER: f64 = 0.35;
-/// A rival that is less likely than the cause by this (log) is none.
-const FAR_BEHIND: f64 = 40.0;
+/// A rival that is less likely than the cause by this (log) at a coarse noise is none.
+const FAR_BEHIND: f64 = 8.0;
 /// What is kept back for a cause that nobody thought of.
 const UNTHOUGHT_OF: f64 = 0.01;
 
@@ -115,12 +115,11 @@ fn rivals_at_all_noises(
     }
     let own_fit = named.fit_with_slack(&found.fit.model, Some(i), coarse, 4)?;
     let reference = named.log_posterior(&own_fit);
-    let ratio = (coarse.marker_px / found.noise.marker_px).max(coarse.point_m / found.noise.point_m);
     candidates
         .iter()
         .filter(is_rival)
-        // What is behind here is farther behind at the finer noise.
-        .filter(|fit| (reference - named.log_posterior(fit)) * ratio * ratio < FAR_BEHIND)
+        // What fits worse here fits worse by far at the finer noise; what only has more parameters does not.
+        .filter(|fit| reference - named.log_posterior(fit) < FAR_BEHIND)
         .map(|fit| named.fit_with_slack(&fit.model, Some(fit.model.terms.len() - 1), found.noise, 8))
         .collect()
 }

@@ -1,0 +1,104 @@
+//! Pairs of causes that nearly cancel: each alone shows next to nothing, so that no search which adds one at a time begins
+//! with either.
+//!
+//! One linearisation has the normal equations of all one-parameter hypotheses at once; from them each pair's evidence is a matter
+//! of two rows and columns: with the base (nuisances) projected out, `A = XᵀX − B H⁻¹ Bᵀ`, scaled by the priors,
+//! `log BF = ½ gᵀ(I + A)⁻¹ g − ½ log det(I + A)`, 2 × 2.
+
+use super::atoms::Column;
+use super::fit::Active;
+use super::hypothesis::Model;
+use super::normal::{Normal, needs_board};
+use super::problem::Noise;
+use super::search::Search;
+use crate::error::Result;
+use nalgebra::{DMatrix, DVector};
+
+/// Two hypotheses, likeliest together.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Pair {
+    pub hypotheses: [usize; 2],
+    pub parameters: [f64; 2],
+    pub log_bayes: f64,
+}
+
+/// The likeliest pair of one-parameter causes beside a model, linearised there; none where there are fewer than two.
+///
+/// # Errors
+/// A camera or mirror that cannot be.
+pub(crate) fn likeliest_pair(search: &Search<'_>, model: &Model, noise: Noise) -> Result<Option<Pair>> {
+    let (problem, catalogue) = (&search.problem, search.catalogue);
+    let base = Active::of(problem, catalogue, &search.group, model);
+    let singles: Vec<usize> = (0..catalogue.hypotheses.len())
+        .filter(|&h| {
+            let hypothesis = &catalogue.hypotheses[h];
+            !catalogue.is_free(h)
+                && hypothesis.prior_std.len() == 1
+                && hypothesis.variants.len() == 1
+                && !model.terms.iter().any(|t| t.hypothesis == h)
+        })
+        .collect();
+    let column = |h: usize| -> Option<Column> {
+        let hypothesis = &catalogue.hypotheses[h];
+        let columns =
+            catalogue.effect(h).columns(&problem.scene, hypothesis.place, hypothesis.variants[0], &[0.0]);
+        columns.into_iter().next()
+    };
+    let (singles, columns): (Vec<usize>, Vec<Column>) =
+        singles.into_iter().filter_map(|h| column(h).map(|c| (h, c))).unzip();
+    let first = base.columns.len();
+    let everything: Vec<Column> = base.columns.iter().cloned().chain(columns).collect();
+    let deformation = search.deformation(model);
+    let with_board = needs_board(problem, &everything);
+    let planes = model.planes.as_deref();
+    let normal = Normal::at(problem, &deformation, noise, &everything, with_board, planes, search.mask)?;
+    let (a, g) = reduced(&normal, &base, first);
+    let s: Vec<f64> = singles.iter().map(|&h| catalogue.hypotheses[h].prior_std[0]).collect();
+    let positive: Vec<bool> = singles.iter().map(|&h| catalogue.effect(h).is_positive()).collect();
+    let mut best: Option<Pair> = None;
+    for i in 0..singles.len() {
+        for j in 0..i {
+            let (aii, ajj) = (1.0 + a[(i, i)] * s[i] * s[i], 1.0 + a[(j, j)] * s[j] * s[j]);
+            let aij = a[(i, j)] * s[i] * s[j];
+            let det = aii * ajj - aij * aij;
+            let (gi, gj) = (g[i] * s[i], g[j] * s[j]);
+            let (x, y) = ((ajj * gi - aij * gj) / det, (aii * gj - aij * gi) / det);
+            let impossible = (positive[i] && x <= 0.0) || (positive[j] && y <= 0.0);
+            let prior =
+                catalogue.hypotheses[singles[i]].log_prior + catalogue.hypotheses[singles[j]].log_prior;
+            let log_bayes = 0.5 * (x * gi + y * gj) - 0.5 * det.ln() + prior;
+            // Written so that NaN fails.
+            if !impossible && best.is_none_or(|b| log_bayes > b.log_bayes) && log_bayes.is_finite() {
+                best = Some(Pair {
+                    hypotheses: [singles[i], singles[j]],
+                    parameters: [x * s[i], y * s[j]],
+                    log_bayes,
+                });
+            }
+        }
+    }
+    Ok(best)
+}
+
+/// Information and gradient of the parameters from `first` on, those before it projected out at their priors.
+fn reduced(normal: &Normal, base: &Active, first: usize) -> (DMatrix<f64>, DVector<f64>) {
+    let count = normal.g.len() - first;
+    let mut a = normal.h.view((first, first), (count, count)).into_owned();
+    let mut g = normal.g.rows(first, count).into_owned();
+    if first == 0 {
+        return (a, g);
+    }
+    let mut h = normal.h.view((0, 0), (first, first)).into_owned();
+    let mut own = normal.g.rows(0, first).into_owned();
+    for i in 0..first {
+        let weight = base.prior_std[i].powi(-2);
+        h[(i, i)] += weight;
+        own[i] -= base.values[i] * weight;
+    }
+    if let Some(factor) = h.cholesky() {
+        let b = normal.h.view((first, 0), (count, first)).into_owned();
+        a -= &b * factor.solve(&b.transpose());
+        g -= &b * factor.solve(&own);
+    }
+    (a, g)
+}
