@@ -116,6 +116,12 @@ def write_folder(folder: Path, **changed: str | None) -> Path:
     return folder
 
 
+def with_accelerometer(link: str) -> str:
+    """The frames table with an accelerometer on a link, which was not read in the second frame."""
+    cells = [",".join(f"accelerometer:{link}:{axis}" for axis in "xyz"), "0.1,0.2,9.8", ",, ", "0.3,0.4,9.7"]
+    return "".join(f"{line},{more}\n" for line, more in zip(FRAMES.splitlines(), cells, strict=True))
+
+
 def replaced(text: str, old: str, new: str) -> str:
     """The text with one part replaced, which must be there."""
     assert old in text, f"{old!r} is not in the text: the test would prove nothing"

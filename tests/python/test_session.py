@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pyarrow as pa
@@ -12,6 +13,7 @@ import pyarrow.parquet
 import pytest
 
 from mirror_posture import MirrorPostureError, SessionError, load_session
+from mirror_posture.session import write_session
 from session_folder import (
     CAMERA,
     DATA,
@@ -21,6 +23,7 @@ from session_folder import (
     SESSION,
     URDF,
     replaced,
+    with_accelerometer,
     write_folder,
 )
 
@@ -118,6 +121,17 @@ def test_a_joint_without_column_and_a_frame_without_points_are_fine(tmp_path: Pa
     assert not session.mirror_view.marker_seen[3].any()
 
 
+@pytest.mark.parametrize("tables", ["csv", "parquet"])
+def test_accelerometers_are_read_and_written(tables: Literal["csv", "parquet"], tmp_path: Path) -> None:
+    session = load_session(write_folder(tmp_path / "given", frames=with_accelerometer("lower")))
+    again = load_session(write_session(session, tmp_path / "again", tables=tables))
+    for frames in (session.frames, again.frames):
+        assert frames.accelerometer_links == ("lower",) and frames.measured_names == ("elbow",)
+        assert frames.accelerometer_read.tolist() == [[True], [False], [True]]
+        assert frames.accelerometer_m_per_s2[:, 0].tolist() == [[0.1, 0.2, 9.8], [0, 0, 0], [0.3, 0.4, 9.7]]
+    assert not session.warnings and not again.warnings
+
+
 # What is changed, and what the refusal must say: the file, the row where there is one, and the fix.
 REFUSALS = {
     # A file or column that is missing.
@@ -159,6 +173,48 @@ REFUSALS = {
         "frames.csv",
         None,
         "no joint 'wrist'",
+    ),
+    "accelerometer on no link": (
+        {"frames": with_accelerometer("wrist")},
+        "frames.csv",
+        None,
+        "no link 'wrist'; its links: base, upper, lower",
+    ),
+    "accelerometer without z": (
+        {"frames": replaced(with_accelerometer("lower"), "accelerometer:lower:z", "measured:shoulder")},
+        "frames.csv",
+        None,
+        "'accelerometer:lower:z': the column is missing; needed accelerometer:<link>:x, :y and :z",
+    ),
+    "accelerometer's axis": (
+        {"frames": replaced(with_accelerometer("lower"), "accelerometer:lower:z", "accelerometer:lower:w")},
+        "frames.csv",
+        None,
+        "names no axis of a link; needed accelerometer:<link>:x, :y and :z",
+    ),
+    "accelerometer in part": (
+        {"frames": replaced(with_accelerometer("lower"), "0.1,0.2,9.8\n", "0.1,,9.8\n")},
+        "frames.csv",
+        1,
+        "'accelerometer:lower:y': got an empty cell beside others",
+    ),
+    "accelerometer nan": (
+        {"frames": replaced(with_accelerometer("lower"), "0.3,0.4,9.7", "0.3,nan,9.7")},
+        "frames.csv",
+        3,
+        "column 'accelerometer:lower:y': got 'nan', needed a finite number",
+    ),
+    "accelerometer text": (
+        {"frames": replaced(with_accelerometer("lower"), "0.3,0.4,9.7", "0.3,down,9.7")},
+        "frames.csv",
+        3,
+        "column 'accelerometer:lower:y': got 'down', needed a finite number",
+    ),
+    "accelerometer of zero": (
+        {"frames": replaced(with_accelerometer("lower"), "0.3,0.4,9.7", "0,0,0")},
+        "frames.csv",
+        3,
+        "a reading of zero",
     ),
     "fixed joint": ({"frames": replaced(FRAMES, ",elbow,", ",chest,")}, "frames.csv", None, "is fixed"),
     # A non-finite or unparsable number.

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 from .._core import GapRecording, MirrorPostureError
 from ..session import Session, load_session
+from .accelerometers import accelerometer_witness
 from .encoders import encoder_witness
 from .markers import marker_of_place, only_markers
 from .own_effects import OwnEffect, Tabulated, tabulate
@@ -73,6 +74,12 @@ def diagnose(
     encoders = encoder_witness(loaded, tree)
     if encoders:
         tree["encoder_witness"] = encoders
+    found = Diagnosis.from_document(tree)
+    accelerometers = accelerometer_witness(loaded, found)
+    if not accelerometers.entries and not accelerometers.warnings:
+        return found
+    tree["accelerometer_witness"] = list(accelerometers.entries)
+    tree["warnings"] = [*tree.get("warnings", ()), *accelerometers.warnings]
     return Diagnosis.from_document(tree)
 
 

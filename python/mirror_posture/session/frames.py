@@ -7,6 +7,7 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 
 from ..robot import Joint, Robot
+from .accelerometers import is_accelerometer, read_accelerometers
 from .errors import SessionError, choices
 from .tables import Table
 from .types import Frames
@@ -49,7 +50,9 @@ def read_frames(table: Table, robot: Robot, ordered: bool) -> tuple[Frames, list
         )
     image = _images(table) if "image" in table.columns else None
 
-    columns = [name for name in table.columns if name not in OWN_COLUMNS]
+    columns = [
+        name for name in table.columns if name not in OWN_COLUMNS and not is_accelerometer(name, robot)
+    ]
     joints = [name for name in columns if not name.startswith(MEASURED)]
     measured = [name for name in columns if name.startswith(MEASURED)]
     by_name = {joint.name: joint for joint in robot.joints}
@@ -62,6 +65,7 @@ def read_frames(table: Table, robot: Robot, ordered: bool) -> tuple[Frames, list
     commanded = _stack(table, joints)
     for index, name in enumerate(joints):
         _check_unit(table, by_name[name], commanded[:, index])
+    accelerometers = read_accelerometers(table, robot)
     frames = Frames(
         frame,
         posture,
@@ -72,6 +76,9 @@ def read_frames(table: Table, robot: Robot, ordered: bool) -> tuple[Frames, list
         time_s,
         image,
         ordered,
+        accelerometers.links,
+        accelerometers.force_m_per_s2,
+        accelerometers.read,
     )
     return frames, warnings
 

@@ -57,6 +57,24 @@ class Table:
             raise self._bad_cell(column, int(bad[0]), "a finite number")
         return values
 
+    def numbers_in(self, column: str, rows: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
+        """Some rows of a column as finite doubles; a bad cell is named by its row in the whole table."""
+        part = Table(self.name, {column: self.columns[column].take(pa.array(rows))}, len(rows))
+        try:
+            return part.numbers(column)
+        except SessionError as error:
+            if error.row is None:
+                raise
+            raise self._bad_cell(column, int(rows[error.row - 1]), "a finite number") from None
+
+    def blank(self, column: str) -> npt.NDArray[np.bool_]:
+        """(rows,): whether a cell of a column is empty (null, or text of blanks only)."""
+        array = self.columns[column]
+        empty = array.is_null()
+        if pa.types.is_string(array.type) or pa.types.is_large_string(array.type):
+            empty = pc.or_(empty, pc.equal(pc.utf8_trim_whitespace(array.fill_null("")), ""))
+        return empty.to_numpy(zero_copy_only=False).astype(bool)
+
     def integers(self, column: str) -> npt.NDArray[np.int64]:
         """A column as whole numbers."""
         return self._cast(column, pa.int64(), "a whole number")

@@ -119,6 +119,12 @@ class Frames:
     """Paths of the pictures relative to the folder; None for the whole table or for a frame without one."""
     ordered: bool = True
     """False: the rows are not in the order of execution, so no direction of arrival is known."""
+    accelerometer_links: tuple[str, ...] = ()
+    """The links with columns `accelerometer:<link>:x`, `:y`, `:z`."""
+    accelerometer_m_per_s2: Floats = field(default_factory=lambda: np.zeros((0, 0, 3)))
+    """(F, accelerometer links, 3): specific force at rest in the link's frame (it points up), m/s²."""
+    accelerometer_read: Mask = field(default_factory=lambda: np.zeros((0, 0), dtype=bool))
+    """(F, accelerometer links): whether there is a reading."""
 
     def __len__(self) -> int:
         return len(self.frame)

@@ -16,6 +16,7 @@ import pyarrow.csv
 import pyarrow.parquet
 import tomli_w
 
+from .accelerometers import accelerometer_columns
 from .camera_info import dump_camera_info
 from .errors import SessionError
 from .frames import MEASURED
@@ -86,6 +87,7 @@ def frames_table(session: Session) -> pa.Table:
         columns["image"] = pa.array([name or "" for name in frames.image], pa.string())
     columns |= {name: frames.commanded[:, i] for i, name in enumerate(frames.joint_names)}
     columns |= {MEASURED + name: frames.measured[:, i] for i, name in enumerate(frames.measured_names)}
+    columns |= accelerometer_columns(frames)
     return pa.table(columns)
 
 

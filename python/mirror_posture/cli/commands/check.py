@@ -28,6 +28,7 @@ def command(session: SessionArgument, as_json: JsonOption = False) -> None:
         "postures": len(set(frames.posture.tolist())),
         "joints_commanded": len(frames.joint_names),
         "joints_measured": len(frames.measured_names),
+        "accelerometers": list(frames.accelerometer_links),
         "markers": list(loaded.marker_names),
         "pictures": pictures,
         "detected": loaded.detected,

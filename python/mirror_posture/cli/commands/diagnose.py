@@ -207,6 +207,21 @@ def _show(output: Output, folder: Path, found: Diagnosis) -> None:
             ("*joint", "before", "after", "before, zero free", "after, zero free"),
             [(e["joint"], *(f"{1e3 * e[key]:.2f}" for key in columns)) for e in encoders],
         )
+    accelerometers = found.document.get("accelerometer_witness", ())
+    if accelerometers:
+        columns = ("before_rad", "after_rad", "before_mount_free_rad", "after_mount_free_rad")
+        output.table(
+            "Accelerometers that no fit saw: RMS angle between reading and prediction, mrad",
+            ("*link", "frames", "before", "after", "before, mount free", "after, mount free"),
+            [
+                (
+                    a["link"],
+                    str(a["frames"]),
+                    *("" if a[key] is None else f"{1e3 * a[key]:.2f}" for key in columns),
+                )
+                for a in accelerometers
+            ],
+        )
     for place in found.where:
         if place.depends_on:
             output.say(

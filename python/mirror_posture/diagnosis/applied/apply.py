@@ -58,7 +58,7 @@ def apply_diagnosis(
     urdf = Urdf(session.robot_file.read_text(encoding="utf-8-sig"))
     better = session
     # Of a group's small errors each is written like a cause of its own. An offset turns about the real axis: tilts go first.
-    parts = [(index, part) for index, cause in enumerate(found.causes) for part in _parts(cause)]
+    parts = [(index, part) for index, cause in enumerate(found.causes) for part in parts_of(cause)]
     entries: dict[int, list[Written]] = {index: [] for index in range(len(found.causes))}
     for index, part in sorted(parts, key=lambda entry: entry[1].effect != "axis_tilt"):
         better, entry = _apply(better, urdf, part)
@@ -84,7 +84,7 @@ def apply_diagnosis(
     return Applied(target, tuple(written))
 
 
-def _parts(cause: Cause) -> list[Cause]:
+def parts_of(cause: Cause) -> list[Cause]:
     """The small errors of a group as causes, one a place and effect; any other cause is its own part."""
     if not cause.members:
         return [cause]
