@@ -24,6 +24,7 @@ from mirror_posture.blind.write import write_session
 from mirror_posture.cli.app import app
 from mirror_posture.diagnosis import Cause, Diagnosis, Estimate, diagnose
 from mirror_posture.diagnosis.accelerometers import accelerometer_witness
+from mirror_posture.robots.hidden import HiddenBody, HiddenEffect
 from mirror_posture.session import load_session
 from tracked_session import JOINTS, write_tracked
 
@@ -168,6 +169,37 @@ def test_a_tilted_axis_is_predicted_by_the_corrected_urdf(tmp_path: Path) -> Non
     right = found.document["accelerometer_witness"][0]
     assert right["before_mount_free_rad"] > 3.0 * NOISE_RAD
     assert right["after_mount_free_rad"] == pytest.approx(NOISE_RAD, rel=0.15)
+
+
+@pytest.mark.parametrize(
+    "hidden",
+    [
+        [HiddenEffect("link_bending", "link:r_upper_arm", {"compliance_rad_per_nm": 0.6})],
+        [
+            HiddenEffect("joint_compliance", "joint:r_shoulder_pitch", {"compliance_rad_per_nm": 0.3}),
+            HiddenEffect("axis_tilt", "joint:r_elbow", {"tilt_1_rad": 0.05, "tilt_2_rad": -0.03}),
+        ],
+    ],
+    ids=["bending", "compliance and tilt"],
+)
+def test_what_yields_under_load_is_predicted_posture_by_posture(
+    hidden: list[HiddenEffect], tmp_path: Path
+) -> None:
+    folder = write_tracked(tmp_path / "session", 11, hidden=hidden)
+    nominal = load_session(folder)
+    body = HiddenBody(
+        nominal.robot_file.read_text("utf-8"), nominal.root_link, nominal.gravity_m_per_s2, hidden
+    )
+    force = []
+    for q in nominal.frames.commanded:
+        body.move(dict(zip(nominal.frames.joint_names, q, strict=True)))
+        force.append(-body.link_poses()["r_forearm"][:3, :3].T @ nominal.gravity_m_per_s2)
+    found = diagnose(add_columns(folder, {"r_forearm": np.array(force)}))
+    assert {(c.effect, c.at) for c in found.causes} == {(one.effect, one.at) for one in hidden}
+    (witness,) = found.document["accelerometer_witness"]
+    for way in ("", "_mount_free"):
+        assert witness[f"before{way}_rad"] > 2.5 * NOISE_RAD
+        assert witness[f"after{way}_rad"] == pytest.approx(NOISE_RAD, rel=0.15)
 
 
 @pytest.mark.parametrize(

@@ -5,13 +5,13 @@ The body is the hidden one of the simulated robots: plain NumPy that shares noth
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from mirror_posture.robots import Nominal
-from mirror_posture.robots.hidden import HiddenBody
+from mirror_posture.robots.hidden import HiddenBody, HiddenEffect
 
 JOINTS = ("r_shoulder_pitch", "r_shoulder_roll", "r_elbow")
 MARKERS = ("r_hand", "r_forearm")
@@ -46,8 +46,9 @@ def write_tracked(
     seed: int,
     actual: Callable[[dict[str, float]], dict[str, float]] = lambda q: q,
     true_urdf: str | None = None,
+    hidden: Sequence[HiddenEffect] = (),
 ) -> Path:
-    """Random postures of the embedded robot's right arm; `actual` gives the joints' real positions, `true_urdf` the real body."""
+    """Random postures of the embedded robot's right arm; `actual` gives the joints' real positions, `true_urdf` and `hidden` the real body."""
     nominal = Nominal.load()
     text = nominal.robot_file.read_text(encoding="utf-8")
     rng = np.random.default_rng(seed)
@@ -55,7 +56,7 @@ def write_tracked(
     low = np.array([max(limits[j].lower, -1.5) for j in JOINTS])
     high = np.array([min(limits[j].upper, 1.5) for j in JOINTS])
     metadata = nominal.metadata
-    true = HiddenBody(true_urdf or text, metadata.root, metadata.gravity_m_per_s2)
+    true = HiddenBody(true_urdf or text, metadata.root, metadata.gravity_m_per_s2, hidden)
     frames, points = [f"frame,posture,time_s,{','.join(JOINTS)}"], ["frame,marker,x,y,z"]
     for number in range(POSTURES):
         q = rng.uniform(low, high)
