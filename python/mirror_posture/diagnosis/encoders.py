@@ -26,7 +26,8 @@ def encoder_witness(session: Session, document: Mapping[str, Any]) -> list[dict[
     fitted: dict[str, dict[int, float]] = {}
     for signature in document.get("signatures", ()):
         place = str(signature["at"]).split("<-")[0]
-        if not place.startswith("joint:"):
+        # What is unexplained there is no cause, and predicts nothing.
+        if signature.get("cause") is None or not place.startswith("joint:"):
             continue
         at = fitted.setdefault(place.removeprefix("joint:"), {})
         for point in signature["points"]:
