@@ -6,7 +6,7 @@
 //! mirror's motion makes.
 
 use super::deformation::Deformation;
-use super::frame::{FrameWork, Task, Wanted};
+use super::frame::{FrameWork, Task};
 use super::problem::{Noise, Problem};
 use crate::error::Result;
 use nalgebra::{DMatrix, DVector, Vector3};
@@ -153,15 +153,7 @@ pub(crate) fn successive_correlation(
     noise: Noise,
 ) -> Result<f64> {
     let eye = problem.eye(deformation)?;
-    let task = Task {
-        deformation,
-        eye: eye.as_ref(),
-        noise,
-        with_board: problem.needs_fresh_board(deformation),
-        gaussian: true,
-        wanted: Wanted::default(),
-        planes: None,
-    };
+    let task = Task::of_residuals(problem, deformation, eye.as_ref(), noise);
     let mut work = FrameWork::new(problem);
     let markers = problem.marker_sites.len();
     let mut last: Vec<Option<Vector3<f64>>> = vec![None; markers];

@@ -12,13 +12,13 @@ use super::noise;
 use super::observations::Recording;
 use super::own::{OwnEffect, own_effects};
 use super::pairing::{self, Slip};
-use super::pairs::likeliest_pair;
+use super::pairs::from_a_pair;
 use super::problem::Problem;
 use super::report::{Checked, Diagnosis};
 use super::rivals::{Standing, settled};
 use super::search::{Found, Search, SearchOptions};
 use super::unexplained::{
-    Unexplained, beside_free_forms, elsewhere, is_suspicious, log_odds, retract_imitators, unexplained,
+    Unexplained, beside_free_forms, elsewhere, is_suspicious, retract_imitators, unexplained,
 };
 use crate::error::Result;
 use crate::robot::Robot;
@@ -67,8 +67,6 @@ pub(crate) struct Findings<'a> {
 
 /// More causes than this at once are rather many small errors.
 const MANY_CAUSES: usize = 4;
-/// So many causes may be the ladder's way round two that nearly cancel.
-const PERHAPS_A_PAIR: usize = 3;
 /// A cause must shrink the held-out gap by this share, or it is dropped.
 const LEAST_HELD_OUT_GAIN: f64 = 0.002;
 /// Held-out gaps are larger than fitted ones: one that is already larger by so many times the least gain decides.
@@ -207,38 +205,6 @@ pub fn diagnose(
     Ok(diagnosis)
 }
 
-/// The search from the likeliest pair of causes, where the ladder ended with several others instead; none where these are better.
-fn from_a_pair<'a>(
-    search: &Search<'a>,
-    found: &Found,
-    nominal: &Model,
-) -> Result<Option<(Search<'a>, Found)>> {
-    if found.fit.model.terms.len() < PERHAPS_A_PAIR {
-        return Ok(None);
-    }
-    let scatter = search.effective(nominal)?;
-    let Some(pair) = likeliest_pair(search, nominal, scatter)? else { return Ok(None) };
-    let known = |h: usize| found.fit.model.terms.iter().any(|t| t.hypothesis == h);
-    if pair.hypotheses.iter().all(|&h| known(h)) {
-        return Ok(None);
-    }
-    let mut start = nominal.clone();
-    for (&hypothesis, &parameter) in pair.hypotheses.iter().zip(&pair.parameters) {
-        start = start.with(search.catalogue, hypothesis, search.catalogue.hypotheses[hypothesis].variants[0]);
-        if let Some(term) = start.terms.last_mut() {
-            term.parameters = vec![parameter];
-        }
-    }
-    let mut other = search.clone();
-    let mut result = other.run(start)?;
-    let odds = log_odds((&other, &result), (search, found))?;
-    let mut trace = found.trace.clone();
-    trace.push(format!("from the likeliest pair instead: log odds {odds:.1}"));
-    trace.append(&mut result.trace);
-    result.trace = trace;
-    Ok((odds > 0.0).then_some((other, result)))
-}
-
 /// The problem without the observations that the best model shows to be false, and their share.
 fn without_false(search: &Search<'_>, found: &Found) -> Result<(Problem, f64)> {
     let clean =
@@ -294,9 +260,7 @@ fn comes_down(search: &Search<'_>, found: &mut Found, after: &mut Vec<PostureGap
         else {
             continue;
         };
-        let simpler = (0..catalogue.hypotheses.len())
-            .find(|&h| catalogue.hypotheses[h].place == place && catalogue.effect(h).name() == effect);
-        if let Some(hypothesis) = simpler {
+        if let Some(hypothesis) = catalogue.find(effect, place) {
             *term = Term { hypothesis, variant: 0.0, parameters, prior_scale: 1.0 };
             changed = true;
         }

@@ -7,7 +7,7 @@
 //! the corner in the board's frame: a wrong board moves its corners. What a shift of the mirror can take up is not in either.
 
 use super::deformation::Deformation;
-use super::frame::{FrameWork, Task, Wanted};
+use super::frame::{FrameWork, Task};
 use super::normal::chunks;
 use super::problem::{Noise, Problem};
 use super::report::{Field, FieldPoint};
@@ -131,15 +131,7 @@ fn sums(problem: &Problem, deformation: &Deformation, noise: Noise, size_px: Vec
     let grid = Grid::new(size_px);
     let zero = Sums::zero(CELLS_ACROSS * grid.down, problem.corners.len());
     let eye = problem.eye(deformation)?;
-    let task = Task {
-        deformation,
-        eye: eye.as_ref(),
-        noise,
-        with_board: true,
-        gaussian: true,
-        wanted: Wanted::default(),
-        planes: None,
-    };
+    let task = Task { with_board: true, ..Task::of_residuals(problem, deformation, eye.as_ref(), noise) };
     let parts: Vec<Sums> = chunks(problem.frames.len())
         .into_par_iter()
         .map_init(

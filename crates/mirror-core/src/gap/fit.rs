@@ -103,6 +103,15 @@ impl Active {
         self.positive.push(positive);
     }
 
+    /// Adds the priors to normal equations whose first columns are these.
+    pub fn add_priors(&self, h: &mut DMatrix<f64>, g: &mut DVector<f64>) {
+        for (i, (value, std)) in self.values.iter().zip(&self.prior_std).enumerate() {
+            let weight = std.powi(-2);
+            h[(i, i)] += weight;
+            g[i] -= value * weight;
+        }
+    }
+
     fn penalty(&self, values: &[f64]) -> f64 {
         values.iter().zip(&self.prior_std).map(|(v, s)| (v / s).powi(2)).sum()
     }

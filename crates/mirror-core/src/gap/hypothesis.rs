@@ -91,6 +91,12 @@ impl Catalogue {
         self.effect(term.hypothesis).columns(scene, place, term.variant, &term.parameters)
     }
 
+    /// The hypothesis of an effect by its name at a place.
+    pub fn find(&self, effect: &str, place: Place) -> Option<usize> {
+        (0..self.hypotheses.len())
+            .find(|&h| self.hypotheses[h].place == place && self.effect(h).name() == effect)
+    }
+
     /// `effect@place`, as in the public vocabulary.
     pub fn name(&self, scene: &Scene, hypothesis: usize) -> String {
         format!("{}@{}", self.effect(hypothesis).name(), self.hypotheses[hypothesis].place.name(scene))

@@ -1,7 +1,7 @@
 //! The measurement's noise from the data: what no model of the body or of the optics could explain.
 
 use super::deformation::Deformation;
-use super::frame::{FrameWork, Task, Wanted};
+use super::frame::{FrameWork, Task};
 use super::normal::{chunks, counts};
 use super::posture::free_markers;
 use super::problem::{Noise, Problem};
@@ -115,15 +115,7 @@ pub(crate) fn effective(
     mask: Option<&[bool]>,
 ) -> Result<Noise> {
     let eye = problem.eye(deformation)?;
-    let task = Task {
-        deformation,
-        eye: eye.as_ref(),
-        noise,
-        with_board: problem.needs_fresh_board(deformation),
-        gaussian: true,
-        wanted: Wanted::default(),
-        planes: None,
-    };
+    let task = Task::of_residuals(problem, deformation, eye.as_ref(), noise);
     let parts: Vec<(Vec<f64>, Vec<f64>)> = chunks(problem.frames.len())
         .into_par_iter()
         .map_init(

@@ -1,7 +1,7 @@
 //! How likely a model is, and each of its causes: priors, evidence, and what is tolerated rather than called a cause.
 
 use super::fit::{Fit, FitOptions, Linearised};
-use super::hypothesis::Term;
+use super::hypothesis::{Model, Term};
 use super::problem::Noise;
 use super::search::{FINAL_STEPS, Search};
 use super::shift::marker_shift;
@@ -22,9 +22,9 @@ const UNSEEN_SHIFT: f64 = 0.08;
 const CLEAR_ODDS: f64 = 60.0;
 
 impl Search<'_> {
-    fn log_prior(&self, fit: &Fit) -> f64 {
+    fn log_prior(&self, model: &Model) -> f64 {
         let place = |t: &Term| self.catalogue.hypotheses[t.hypothesis].place.node();
-        let terms = &fit.model.terms;
+        let terms = &model.terms;
         let named = |t: &&Term| !self.catalogue.is_free(t.hypothesis) && place(t).is_some();
         let crowding: f64 = terms
             .iter()
@@ -40,7 +40,7 @@ impl Search<'_> {
 
     /// Log of evidence times prior.
     pub fn log_posterior(&self, fit: &Fit) -> f64 {
-        fit.log_evidence + self.log_prior(fit)
+        fit.log_evidence + self.log_prior(&fit.model)
     }
 
     /// The i-th cause at a size that is tolerated rather than called a cause, all else refitted: two percent of the size
@@ -70,13 +70,12 @@ impl Search<'_> {
         }
         let tolerated = self.tolerated(fit, i, noise)?;
         let found = self.fit_with_slack(&fit.model, Some(i), noise, FINAL_STEPS)?;
-        Ok(found.log_evidence + self.log_prior_of(fit, i) - tolerated.log_evidence)
+        Ok(found.log_evidence + self.log_prior_of(&fit.model, i) - tolerated.log_evidence)
     }
 
     /// Log prior odds of the i-th cause beside the others.
-    fn log_prior_of(&self, fit: &Fit, i: usize) -> f64 {
-        let rest = Fit { model: fit.model.without(i), ..fit.clone() };
-        self.log_prior(fit) - self.log_prior(&rest)
+    fn log_prior_of(&self, model: &Model, i: usize) -> f64 {
+        self.log_prior(model) - self.log_prior(&model.without(i))
     }
 
     /// The odds of the linearised model where they leave no doubt: nothing need be fitted then. At the largest and the
@@ -89,7 +88,7 @@ impl Search<'_> {
         let Some(found) = here.log_evidence(own.clone(), 1.0) else { return Ok(None) };
         let tolerated = [PRIOR_TOLERANCE, LEAST_TOLERANCE].map(|scale| here.log_evidence(own.clone(), scale));
         let [Some(large), Some(small)] = tolerated else { return Ok(None) };
-        let odds = found + self.log_prior_of(fit, i) - large.max(small);
+        let odds = found + self.log_prior_of(&fit.model, i) - large.max(small);
         Ok((odds > CLEAR_ODDS).then_some(odds))
     }
 }

@@ -20,9 +20,7 @@ pub(crate) fn name_outlying(geometry: &Geometry, catalogue: &Catalogue, model: &
         let its_kind = kind(column.atom);
         totals[its_kind] += model.group[k].powi(2);
         let Some((effect, place, _)) = single_effect(column.atom) else { continue };
-        let single = (0..catalogue.hypotheses.len())
-            .find(|&h| catalogue.hypotheses[h].place == place && catalogue.effect(h).name() == effect);
-        if let Some(h) = single {
+        if let Some(h) = catalogue.find(effect, place) {
             errors.entry(h).or_insert((its_kind, Vec::new())).1.push(k);
         }
     }

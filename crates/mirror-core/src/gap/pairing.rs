@@ -3,7 +3,7 @@
 //! For every shift s the frames are also predicted with the commanded posture of s rows away. A run in which that fits far
 //! better than the frame's own posture, and far better than the rest's scatter would do by chance, is a pairing fault.
 
-use super::frame::{FrameWork, Task, Wanted};
+use super::frame::{FrameWork, Task};
 use super::normal::chunks;
 use super::problem::{Noise, Problem};
 use crate::error::Result;
@@ -93,15 +93,7 @@ fn costs(problem: &Problem, noise: Noise, shift: i64) -> Result<Vec<Option<f64>>
     }
     let deformation = shifted.nominal();
     let eye = shifted.eye(&deformation)?;
-    let task = Task {
-        deformation: &deformation,
-        eye: eye.as_ref(),
-        noise,
-        with_board: false,
-        gaussian: true,
-        wanted: Wanted::default(),
-        planes: None,
-    };
+    let task = Task { with_board: false, ..Task::of_residuals(problem, &deformation, eye.as_ref(), noise) };
     let parts: Vec<Vec<Option<f64>>> = chunks(frames)
         .into_par_iter()
         .map_init(

@@ -10,23 +10,62 @@ use super::fit::Active;
 use super::hypothesis::Model;
 use super::normal::{Normal, needs_board};
 use super::problem::Noise;
-use super::search::Search;
+use super::search::{Found, Search};
+use super::unexplained::log_odds;
 use crate::error::Result;
 use nalgebra::{DMatrix, DVector};
 
+/// So many causes may be the ladder's way round two that nearly cancel.
+const PERHAPS_A_PAIR: usize = 3;
+
 /// Two hypotheses, likeliest together.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Pair {
-    pub hypotheses: [usize; 2],
-    pub parameters: [f64; 2],
-    pub log_bayes: f64,
+struct Pair {
+    hypotheses: [usize; 2],
+    parameters: [f64; 2],
+    log_bayes: f64,
+}
+
+/// The search from the likeliest pair of causes, where the ladder ended with several others instead; none where these are better.
+///
+/// # Errors
+/// A camera or mirror that cannot be.
+pub(crate) fn from_a_pair<'a>(
+    search: &Search<'a>,
+    found: &Found,
+    nominal: &Model,
+) -> Result<Option<(Search<'a>, Found)>> {
+    if found.fit.model.terms.len() < PERHAPS_A_PAIR {
+        return Ok(None);
+    }
+    let scatter = search.effective(nominal)?;
+    let Some(pair) = likeliest_pair(search, nominal, scatter)? else { return Ok(None) };
+    let known = |h: usize| found.fit.model.terms.iter().any(|t| t.hypothesis == h);
+    if pair.hypotheses.iter().all(|&h| known(h)) {
+        return Ok(None);
+    }
+    let mut start = nominal.clone();
+    for (&hypothesis, &parameter) in pair.hypotheses.iter().zip(&pair.parameters) {
+        start = start.with(search.catalogue, hypothesis, search.catalogue.hypotheses[hypothesis].variants[0]);
+        if let Some(term) = start.terms.last_mut() {
+            term.parameters = vec![parameter];
+        }
+    }
+    let mut other = search.clone();
+    let mut result = other.run(start)?;
+    let odds = log_odds((&other, &result), (search, found))?;
+    let mut trace = found.trace.clone();
+    trace.push(format!("from the likeliest pair instead: log odds {odds:.1}"));
+    trace.append(&mut result.trace);
+    result.trace = trace;
+    Ok((odds > 0.0).then_some((other, result)))
 }
 
 /// The likeliest pair of one-parameter causes beside a model, linearised there; none where there are fewer than two.
 ///
 /// # Errors
 /// A camera or mirror that cannot be.
-pub(crate) fn likeliest_pair(search: &Search<'_>, model: &Model, noise: Noise) -> Result<Option<Pair>> {
+fn likeliest_pair(search: &Search<'_>, model: &Model, noise: Noise) -> Result<Option<Pair>> {
     let (problem, catalogue) = (&search.problem, search.catalogue);
     let base = Active::of(problem, catalogue, &search.group, model);
     let singles: Vec<usize> = (0..catalogue.hypotheses.len())
@@ -90,11 +129,7 @@ fn reduced(normal: &Normal, base: &Active, first: usize) -> (DMatrix<f64>, DVect
     }
     let mut h = normal.h.view((0, 0), (first, first)).into_owned();
     let mut own = normal.g.rows(0, first).into_owned();
-    for i in 0..first {
-        let weight = base.prior_std[i].powi(-2);
-        h[(i, i)] += weight;
-        own[i] -= base.values[i] * weight;
-    }
+    base.add_priors(&mut h, &mut own);
     if let Some(factor) = h.cholesky() {
         let b = normal.h.view((first, 0), (count, first)).into_owned();
         a -= &b * factor.solve(&b.transpose());

@@ -6,7 +6,7 @@
 
 use super::atoms::Atom;
 use super::deformation::Deformation;
-use super::frame::{FrameWork, PROJECTED, Task, Wanted};
+use super::frame::{FrameWork, PROJECTED, Task};
 use super::normal::{counts, inner};
 use super::observations::Via;
 use super::problem::{Noise, Observation, Problem};
@@ -71,15 +71,7 @@ pub(crate) fn free_markers(
     mask: Option<&[bool]>,
 ) -> Result<Vec<FreePosture>> {
     let eye = problem.eye(deformation)?;
-    let task = Task {
-        deformation,
-        eye: eye.as_ref(),
-        noise,
-        with_board: problem.needs_fresh_board(deformation),
-        gaussian,
-        wanted: Wanted::default(),
-        planes: None,
-    };
+    let task = Task { gaussian, ..Task::of_residuals(problem, deformation, eye.as_ref(), noise) };
     Ok(postures(problem)
         .into_par_iter()
         .map_init(

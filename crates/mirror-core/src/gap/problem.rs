@@ -2,7 +2,7 @@
 
 use super::body::Site;
 use super::deformation::Deformation;
-use super::frame::FrameWork;
+use super::frame::{FrameWork, Task};
 use super::free_optics::FreeValues;
 use super::kinematics::NodePoses;
 use super::observations::{PointsFrame, Recording, Target, Via};
@@ -360,16 +360,7 @@ impl Problem {
     /// A camera or mirror that cannot be.
     pub fn without_false(&self, deformation: &Deformation, noise: Noise, deviations: f64) -> Result<Self> {
         let eye = self.eye(deformation)?;
-        let with_board = self.needs_fresh_board(deformation);
-        let task = super::frame::Task {
-            deformation,
-            eye: eye.as_ref(),
-            noise,
-            with_board,
-            gaussian: false,
-            wanted: super::frame::Wanted::default(),
-            planes: None,
-        };
+        let task = Task { gaussian: false, ..Task::of_residuals(self, deformation, eye.as_ref(), noise) };
         let mut out = self.clone();
         let mut work = FrameWork::new(self);
         for (f, data) in out.frames.iter_mut().enumerate() {

@@ -156,11 +156,7 @@ pub(crate) fn screen(
         }
     }
     normal.h.fill_lower_triangle_with_upper_triangle();
-    for i in 0..count {
-        let weight = active.prior_std[i].powi(-2);
-        normal.h[(i, i)] += weight;
-        normal.g[i] -= active.values[i] * weight;
-    }
+    active.add_priors(&mut normal.h, &mut normal.g);
     let base = normal.h.clone().cholesky();
     let mut scores: Vec<Score> = candidates
         .iter()

@@ -360,9 +360,7 @@ impl Search<'_> {
         }
         Ok(best)
     }
-}
 
-impl Search<'_> {
     /// Two causes at one joint give way to one that is as likely: stiction with its droop is not play beside a spring.
     fn merge(&mut self, mut best: Fit, noise: Noise, trace: &mut Vec<String>) -> Result<Fit> {
         let node = |t: &Term| self.catalogue.hypotheses[t.hypothesis].place.node();

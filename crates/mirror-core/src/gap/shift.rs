@@ -1,7 +1,7 @@
 //! How far causes move what is seen: the size of an effect in the unit of the measurement.
 
 use super::deformation::Deformation;
-use super::frame::{FrameWork, Task, Wanted};
+use super::frame::{FrameWork, Task};
 use super::normal::chunks;
 use super::problem::{Noise, Problem};
 use crate::error::Result;
@@ -19,14 +19,9 @@ pub(crate) fn marker_shift(
 ) -> Result<Vec<f64>> {
     let (eye_from, eye_to) = (problem.eye(from)?, problem.eye(to)?);
     let markers = problem.marker_sites.len();
-    let task = |deformation, eye, other: &Deformation| Task {
-        deformation,
-        eye,
-        noise,
-        with_board: problem.needs_fresh_board(deformation) || problem.needs_fresh_board(other),
-        gaussian: true,
-        wanted: Wanted::default(),
-        planes: None,
+    let task = |deformation, eye, other: &Deformation| {
+        let alone = Task::of_residuals(problem, deformation, eye, noise);
+        Task { with_board: alone.with_board || problem.needs_fresh_board(other), ..alone }
     };
     let (a, b) = (task(from, eye_from.as_ref(), to), task(to, eye_to.as_ref(), from));
     let parts: Vec<Vec<(f64, f64)>> = chunks(problem.frames.len())

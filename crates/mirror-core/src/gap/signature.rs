@@ -60,8 +60,7 @@ pub(crate) fn free_errors_of(
     let eye = problem.eye(deformation)?;
     let with_board = super::normal::needs_board(problem, &columns) || problem.needs_fresh_board(deformation);
     let wanted = Wanted::by(&columns);
-    let task =
-        Task { deformation, eye: eye.as_ref(), noise, with_board, gaussian: true, wanted, planes: None };
+    let task = Task { with_board, wanted, ..Task::of_residuals(problem, deformation, eye.as_ref(), noise) };
     Ok(postures(problem)
         .into_par_iter()
         .map_init(

@@ -108,6 +108,26 @@ pub(crate) struct Task<'a> {
     pub planes: Option<&'a [Option<Vector3<f64>>]>,
 }
 
+impl<'a> Task<'a> {
+    /// For residuals alone: every observation in full, no column, the board where the deformation changes how it is seen.
+    pub fn of_residuals(
+        problem: &Problem,
+        deformation: &'a Deformation,
+        eye: Option<&'a Eye>,
+        noise: Noise,
+    ) -> Self {
+        Self {
+            deformation,
+            eye,
+            noise,
+            with_board: problem.needs_fresh_board(deformation),
+            gaussian: true,
+            wanted: Wanted::default(),
+            planes: None,
+        }
+    }
+}
+
 impl FrameWork {
     pub fn new(problem: &Problem) -> Self {
         Self {
