@@ -15,7 +15,7 @@ mod memory;
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use gap_world::{Plan, World, Wrong};
-use mirror_core::gap::{DiagnoseOptions, Recording, diagnose, screen_once};
+use mirror_core::diagnose::{DiagnoseOptions, Recording, diagnose, screen_once};
 use mirror_core::robot::Robot;
 use std::hint::black_box;
 use std::time::Duration;

@@ -2,7 +2,7 @@
 //! whose blobs are false now and then, have heavy tails or linger, whose corners go together, and whose stated noise is off.
 
 use crate::gap_world::{Plan, World, Wrong};
-use mirror_core::gap::{Cause, DiagnoseOptions, Diagnosis, Recording, Target, diagnose};
+use mirror_core::diagnose::{Cause, DiagnoseOptions, Diagnosis, Recording, Target, diagnose};
 use mirror_core::robot::Robot;
 use nalgebra::Vector2;
 use rand::{Rng, SeedableRng};

@@ -1,7 +1,7 @@
 //! The diagnosis on recordings made without its formulas: each effect at its place, nothing where there is nothing.
 
 use crate::gap_world::{Plan, World, Wrong};
-use mirror_core::gap::{Cause, DiagnoseOptions, Diagnosis, diagnose};
+use mirror_core::diagnose::{Cause, DiagnoseOptions, Diagnosis, diagnose};
 use mirror_core::robot::Robot;
 
 fn diagnosed(world: &World, plan: &Plan) -> Diagnosis {

@@ -2,7 +2,7 @@
 //! to the noise with the right cause.
 
 use crate::gap_world::{Plan, World, Wrong};
-use mirror_core::gap::{DiagnoseOptions, Diagnosis, Field, FieldPoint, Track, diagnose};
+use mirror_core::diagnose::{DiagnoseOptions, Diagnosis, Field, FieldPoint, Track, diagnose};
 use mirror_core::robot::Robot;
 
 fn diagnosed(world: &World, wrong: Wrong, without: &[&str]) -> Diagnosis {

@@ -2,7 +2,7 @@
 
 use crate::gap_world::{Plan, World, Wrong};
 use mirror_core::Error;
-use mirror_core::gap::{DiagnoseOptions, Diagnosis, MarkerSpec, Recording, Target, diagnose};
+use mirror_core::diagnose::{DiagnoseOptions, Diagnosis, MarkerSpec, Recording, Target, diagnose};
 use mirror_core::robot::Robot;
 use nalgebra::Vector2;
 use rand::{Rng, SeedableRng};

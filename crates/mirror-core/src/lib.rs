@@ -15,7 +15,7 @@
 //! | [`measure`] | a session by one estimator of the ladder: mirrors, then markers |
 //! | [`robot`] | URDF to a validated tree; kinematics, Jacobians, gravity torques |
 //! | [`correct`] | the posture loop: damped steps from marker errors to commands, and its stops |
-//! | [`gap`] | the diagnosis: forward model, effects, screening, search, evidence, verdict |
+//! | [`diagnose`] | the diagnosis: forward model, effects, screening, search, evidence, verdict |
 //!
 //! Conventions (tested, and told in full in `docs/conventions.md`): `a_from_b` maps coordinates in frame b to
 //! coordinates in frame a; `point_in_a`; SI units; a camera's optical frame has z forward, x right, y down;
@@ -28,8 +28,8 @@ extern crate self as mirror_core;
 pub mod calibrate;
 pub mod camera;
 pub mod correct;
+pub mod diagnose;
 mod error;
-pub mod gap;
 pub mod geometry;
 pub mod joint;
 pub mod measure;

@@ -3,7 +3,7 @@
 use crate::errors::{MirrorPostureError, to_py};
 use crate::gap_own::{OwnEffectArrays, quantities_to_py};
 use mirror_core::camera::{Camera, Distortion};
-use mirror_core::gap::{
+use mirror_core::diagnose::{
     BoardSpec, DiagnoseOptions, Frame, MarkerSpec, MeasuredPoint, OtherSession, PointsFrame, Recording,
     SightSpec, Sighting, Target, Via,
 };
@@ -215,7 +215,8 @@ impl GapRecording {
 
     /// The quantities on which own effects may depend, as arrays with the frames first.
     fn quantities<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let told = py.detach(|| mirror_core::gap::quantities(&self.robot, &self.recording)).map_err(to_py)?;
+        let told =
+            py.detach(|| mirror_core::diagnose::quantities(&self.robot, &self.recording)).map_err(to_py)?;
         quantities_to_py(py, told)
     }
 
@@ -247,7 +248,7 @@ impl GapRecording {
             .collect::<PyResult<Vec<_>>>()?;
         let options = DiagnoseOptions { without, most_causes, own: tables(&own)?, markers };
         let diagnosis = py
-            .detach(|| mirror_core::gap::diagnose(&self.robot, &self.recording, &options, &others))
+            .detach(|| mirror_core::diagnose::diagnose(&self.robot, &self.recording, &options, &others))
             .map_err(to_py)?;
         serde_json::to_string(&diagnosis).map_err(json_error("diagnosis"))
     }

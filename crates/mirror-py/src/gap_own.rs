@@ -2,7 +2,7 @@
 
 use crate::arrays::{reshaped, shape_error};
 use crate::errors::MirrorPostureError;
-use mirror_core::gap::{OwnAxis, OwnEffect, OwnParameter, OwnPlace, Quantities};
+use mirror_core::diagnose::{OwnAxis, OwnEffect, OwnParameter, OwnPlace, Quantities};
 use numpy::{PyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;

@@ -6,7 +6,7 @@ use super::{
     isometry,
 };
 use mirror_core::camera::{Camera, Distortion};
-use mirror_core::gap::{
+use mirror_core::diagnose::{
     BoardSpec, Frame, MarkerSpec, MeasuredPoint, PointsFrame, Recording, SightSpec, Sighting, Target, Via,
 };
 use nalgebra::{Isometry3, Point3, Vector2, Vector3};

@@ -9,7 +9,7 @@ mod gap_world;
 mod resident;
 
 use gap_world::{Plan, World, Wrong};
-use mirror_core::gap::screen_once;
+use mirror_core::diagnose::screen_once;
 use mirror_core::robot::Robot;
 
 /// What eight times as many frames may take beside, bytes a frame: causes tabulated frame by frame and the deformation, not

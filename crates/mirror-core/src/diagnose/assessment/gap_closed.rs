@@ -1,0 +1,115 @@
+//! By how much the causes close the gap, and how sure that is.
+//!
+//! `closed = (before − after) / (before − floor)`, of root mean squares in the unit in which was measured: pixels where there
+//! are pictures. In metres a direction that the views hardly see would outweigh all others.
+
+use crate::diagnose::assessment::noise_floor::Floor;
+use crate::diagnose::criteria::cross_validation::{PostureGap, size};
+use crate::diagnose::data::diagnosis::{Checked, Gap};
+use std::collections::HashMap;
+
+/// Bootstrap resamples over postures.
+const RESAMPLES: usize = 400;
+/// With fewer postures than this there is no interval.
+const FEWEST_POSTURES: usize = 3;
+/// A gap smaller than this share of the noise floor is none: there is nothing to close.
+const NO_GAP: f64 = 0.02;
+
+/// The gap before and after, its floor, and the share that is closed; `law_shifts` are mean squares by which the causes' laws
+/// may move the markers otherwise than was found.
+pub(crate) fn gap_over(
+    before: &[PostureGap],
+    after: &[PostureGap],
+    floor: &Floor,
+    law_shifts: &[f64],
+    checked: Vec<Checked>,
+) -> Gap {
+    let (from, to) = (size(before), size(after));
+    let bottom = floor.of(&floor.fitted, 0.0);
+    let closed = closed(before, after, &floor.fitted, floor, 0.0, 0.0);
+    Gap {
+        before_m: from.rms_m,
+        after_m: to.rms_m,
+        noise_floor_m: bottom.m,
+        // Noise can carry the figure a little beyond 1.
+        closed: closed.map(|c| c.min(1.0)),
+        closed_ci95: closed.and_then(|_| interval(before, after, floor, law_shifts)),
+        before_px: from.rms_px,
+        after_px: to.rms_px,
+        noise_floor_px: from.rms_px.map(|_| bottom.px),
+        held_out_postures: after.len(),
+        checked,
+    }
+}
+
+fn closed(
+    before: &[PostureGap],
+    after: &[PostureGap],
+    fitted: &[PostureGap],
+    floor: &Floor,
+    deviation: f64,
+    law_square: f64,
+) -> Option<f64> {
+    let (b, a, bottom) = (size(before), size(after), floor.of(fitted, deviation));
+    let (before, after, bottom) = match (b.rms_px, a.rms_px) {
+        (Some(before), Some(after)) => (before, after, bottom.px),
+        _ => (b.rms_m, a.rms_m, bottom.m),
+    };
+    let after = after.hypot(law_square.sqrt());
+    let room = before - bottom;
+    (room > NO_GAP * bottom).then(|| (before - after) / room)
+}
+
+/// 95 % interval by resampling postures with a fixed generator: gaps and floor of the same postures, the independent
+/// witness of the floor off by its own uncertainty, and the laws by theirs.
+fn interval(
+    before: &[PostureGap],
+    after: &[PostureGap],
+    floor: &Floor,
+    law_shifts: &[f64],
+) -> Option<[f64; 2]> {
+    let fitted: HashMap<usize, PostureGap> = floor.fitted.iter().map(|g| (g.frame, *g)).collect();
+    let both: HashMap<usize, PostureGap> = after.iter().map(|g| (g.frame, *g)).collect();
+    let rows: Vec<[PostureGap; 3]> =
+        before.iter().filter_map(|b| Some([*b, *both.get(&b.frame)?, *fitted.get(&b.frame)?])).collect();
+    if rows.len() < FEWEST_POSTURES {
+        return None;
+    }
+    let mut random = Random::new();
+    let mut values: Vec<f64> = (0..RESAMPLES)
+        .filter_map(|_| {
+            let picked: Vec<[PostureGap; 3]> =
+                (0..rows.len()).map(|_| rows[random.below(rows.len())]).collect();
+            let of = |k: usize| picked.iter().map(|row| row[k]).collect::<Vec<_>>();
+            let law: f64 = law_shifts.iter().map(|square| square * random.normal().powi(2)).sum();
+            closed(&of(0), &of(1), &of(2), floor, random.normal(), law)
+        })
+        .collect();
+    values.sort_by(f64::total_cmp);
+    let at = |share: f64| values.get(((values.len() as f64 - 1.0) * share).round() as usize).copied();
+    Some([at(0.025)?.min(1.0), at(0.975)?.min(1.0)])
+}
+
+/// Numbers from a linear congruential generator (Knuth, MMIX): resampling needs no more.
+struct Random(u64);
+
+impl Random {
+    fn new() -> Self {
+        Self(0x2545_F491_4F6C_DD1D)
+    }
+
+    fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        self.0 >> 33
+    }
+
+    fn below(&mut self, count: usize) -> usize {
+        self.next() as usize % count
+    }
+
+    /// Standard normal: twelve uniform numbers less their mean.
+    fn normal(&mut self) -> f64 {
+        let uniform = |n: u64| n as f64 / (1u64 << 31) as f64;
+        (0..12).map(|_| uniform(self.next())).sum::<f64>() - 6.0
+    }
+}

@@ -1,0 +1,183 @@
+//! How large a gap would be if only the measurement's noise were left.
+//!
+//! Two witnesses tell it. *Independent* of any model of the body: what the views of one posture disagree on (or, where
+//! postures have one view, what the session states of its noise). And what the *whole* model, free-form errors included,
+//! leaves of the postures that it was fitted to: with n rows and p parameters, `σ² = Σ r² / (n − p)`. The second is no smaller
+//! than the noise, and it is the noise where nothing significant is left. Both are taken of the very residuals of which the
+//! gap after is made, tails, detector and all, so that gap and floor are sizes of the same kind.
+
+use crate::diagnose::criteria::cross_validation::{PostureGap, gap_of, size};
+use crate::diagnose::likelihood::fit::Fit;
+use crate::diagnose::likelihood::noise_correlation::successive_correlation;
+use crate::diagnose::likelihood::saturated::{FreePosture, free_markers};
+use crate::diagnose::model::deformation::Deformation;
+use crate::diagnose::model::problem::{Noise, Problem};
+use crate::diagnose::selection::search::Search;
+use crate::error::Result;
+
+/// With fewer redundant rows than this the views do not tell the noise.
+const FEWEST_REDUNDANT_ROWS: f64 = 40.0;
+/// A stated noise is a rule of thumb, one figure for corners and blobs, which differ by two commonly: relative, one
+/// standard deviation.
+const STATED_LOG_STD: f64 = 0.3;
+/// The views' noise is what it seems but for what their planes share (one mirror a view, its board's corners), relative.
+const VIEWS_LOG_STD: f64 = 0.04;
+/// Rounds in which the views' noise and the weights that it gives the planes settle.
+const ROUNDS: usize = 3;
+
+/// A figure known by itself: its value and the standard deviation of its logarithm.
+#[derive(Debug, Clone, Copy)]
+struct Known {
+    value: f64,
+    log_std: f64,
+}
+
+/// Sizes of a floor.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct FloorSize {
+    pub m: f64,
+    pub px: f64,
+}
+
+/// What tells the floor.
+#[derive(Debug, Clone)]
+pub(crate) struct Floor {
+    /// The whole model's gap on the postures that it was fitted to.
+    pub fitted: Vec<PostureGap>,
+    /// Root of `n / (n − p)`.
+    loss: f64,
+    /// What the floor is by the independent witness, as a share of the measured noise that `fitted` was weighed with.
+    independent: Known,
+    /// What the whole model leaves, as a multiple of the measured noise, freedom allowed for.
+    pub fitted_scale: f64,
+    /// Size of the pixel residuals that one measured noise makes.
+    unit_px: f64,
+    /// How well the fitted residuals tell it: standard deviation of the logarithm.
+    fitted_log_std: f64,
+    /// Whether tests found nothing significant left: the fitted residuals are noise then, and no mere upper bound.
+    nothing_left: bool,
+}
+
+impl Floor {
+    /// The floor of a model's gaps.
+    ///
+    /// # Errors
+    /// A camera or mirror that cannot be.
+    pub fn new(search: &Search<'_>, fit: &Fit, nothing_left: bool) -> Result<Self> {
+        let problem = &search.problem;
+        let deformation = search.deformation(&fit.model);
+        let noise = search.measured_noise;
+        let postures = free_markers(problem, &deformation, noise, true, None)?;
+        let fitted: Vec<PostureGap> = postures.iter().map(gap_of).collect();
+        let rows: f64 = postures.iter().map(|p| p.freedom_left + p.freedom_taken).sum();
+        let loss = (rows / (rows - spent(search, fit)).max(0.2 * rows).max(1.0)).sqrt().max(1.0);
+        let pixels: f64 = fitted.iter().map(|g| g.pixels).sum();
+        // Raw residuals are a little smaller than the noise: their frame's plane has given way to them.
+        let whitened = postures.iter().map(|p| p.chi2_predicted).sum::<f64>() / rows.max(1.0);
+        let raw = fitted.iter().map(|g| g.square_sum_px2).sum::<f64>() / pixels.max(1.0);
+        let unit_px = if pixels > 0.0 && whitened > 0.0 { (raw / whitened).sqrt() } else { 0.0 };
+        Ok(Self {
+            loss,
+            fitted_scale: whitened.max(0.0).sqrt() * loss,
+            independent: independent(problem, &deformation, noise, &postures)?,
+            unit_px,
+            fitted_log_std: log_std(&fitted),
+            nothing_left,
+            fitted,
+        })
+    }
+
+    /// The floor over some of the postures (`fitted`), the independent witness `deviation` standard deviations off.
+    pub fn of(&self, fitted: &[PostureGap], deviation: f64) -> FloorSize {
+        let seen = size(fitted);
+        let known = self.independent.value * (self.independent.log_std * deviation).exp();
+        FloorSize {
+            m: self.together(seen.rms_m * self.loss, seen.floor_m * known),
+            px: self.together(seen.rms_px.unwrap_or(0.0) * self.loss, self.unit_px * known),
+        }
+    }
+
+    /// Mean of the two witnesses' logarithms by their precision; of an upper bound the smaller.
+    fn together(&self, fitted: f64, independent: f64) -> f64 {
+        if fitted <= 0.0 || independent <= 0.0 {
+            return fitted.max(independent);
+        }
+        if !self.nothing_left {
+            return fitted.min(independent);
+        }
+        let (a, b) = (self.fitted_log_std.powi(-2), self.independent.log_std.powi(-2));
+        ((a * fitted.ln() + b * independent.ln()) / (a + b)).exp()
+    }
+}
+
+/// How many parameters a fit has taken from the data: of one under a prior, the share that the data tell.
+fn spent(search: &Search<'_>, fit: &Fit) -> f64 {
+    let told = |at: usize, prior: f64| 1.0 - (fit.covariance[(at, at)] / (prior * prior)).clamp(0.0, 1.0);
+    let first_group = fit.model.nuisances.len();
+    let of_group = search.group.prior_std.iter().take(fit.model.group.len()).enumerate();
+    let of_group: f64 = of_group.map(|(k, prior)| told(first_group + k, *prior)).sum();
+    let mut at = fit.first_term;
+    let mut of_terms = 0.0;
+    for term in &fit.model.terms {
+        for prior in search.catalogue.hypotheses[term.hypothesis].prior_std.iter().take(term.parameters.len())
+        {
+            of_terms += told(at, prior * term.prior_scale);
+            at += 1;
+        }
+    }
+    first_group as f64 + of_group + of_terms
+}
+
+/// Standard deviation of the logarithm of a root mean square, from the scatter of the postures that make it.
+fn log_std(gaps: &[PostureGap]) -> f64 {
+    let pixels = gaps.iter().any(|g| g.pixels > 0.0);
+    let of =
+        |g: &PostureGap| if pixels { (g.square_sum_px2, g.pixels) } else { (g.square_sum_m2, g.markers) };
+    let (sum, count) = gaps.iter().map(of).fold((0.0, 0.0), |(s, c), (a, b)| (s + a, c + b));
+    if sum <= 0.0 {
+        return STATED_LOG_STD;
+    }
+    let mean = sum / count;
+    let scatter: f64 = gaps.iter().map(of).map(|(s, c)| (s - mean * c).powi(2)).sum();
+    (0.5 * scatter.sqrt() / sum).max(1e-3)
+}
+
+fn independent(
+    problem: &Problem,
+    deformation: &Deformation,
+    noise: Noise,
+    postures: &[FreePosture],
+) -> Result<Known> {
+    let redundant = |p: &[FreePosture]| p.iter().map(|p| p.freedom_left.max(0.0)).sum::<f64>();
+    let stated = Known { value: 1.0, log_std: STATED_LOG_STD };
+    if problem.camera.is_none() || redundant(postures) < FEWEST_REDUNDANT_ROWS {
+        return Ok(stated);
+    }
+    let mut at = noise;
+    let mut postures = postures.to_vec();
+    for _ in 0..ROUNDS {
+        let variance = postures.iter().map(|p| p.chi2_free.max(0.0)).sum::<f64>() / redundant(&postures);
+        if variance <= 0.0 {
+            return Ok(stated);
+        }
+        at.marker_px *= variance.sqrt();
+        postures = free_markers(problem, deformation, at, true, None)?;
+    }
+    let correlation = successive_correlation(problem, deformation, noise)?;
+    let views = postures.iter().map(|p| p.frames.len()).sum::<usize>() as f64 / postures.len().max(1) as f64;
+    // Views of one posture follow each other: of errors that linger they show only the difference.
+    let shared = shared_by_views(correlation, views);
+    let sampling = (2.0 * redundant(&postures)).sqrt().recip();
+    Ok(Known {
+        value: at.marker_px / noise.marker_px / (1.0 - shared).sqrt(),
+        log_std: VIEWS_LOG_STD.hypot(sampling).hypot(0.25 * shared),
+    })
+}
+
+/// Mean correlation between two of n successive errors whose neighbours correlate by r: r^|i − j|.
+fn shared_by_views(correlation: f64, views: f64) -> f64 {
+    let n = views.round().max(1.0) as i32;
+    let pairs: f64 = (1..n).map(|lag| f64::from(n - lag)).sum();
+    let sum: f64 = (1..n).map(|lag| f64::from(n - lag) * correlation.powi(lag)).sum();
+    if pairs > 0.0 { sum / pairs } else { 0.0 }
+}

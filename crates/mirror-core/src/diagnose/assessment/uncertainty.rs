@@ -1,0 +1,149 @@
+//! How uncertain the causes' parameters are, and what that uncertainty moves.
+//!
+//! A parameter is as uncertain as the fit says, or as it says when the laws have their slack and the noise its colour,
+//! whichever is more; beside that, by as far as slack and colour move its value, and by what real joints are known to depart
+//! from a law that no data show. The noise is what the whole model leaves, where that is more than was thought.
+//!
+//! What gives way under load is told by its compliance when hardly loaded. A spring that stiffens, `δ = c τ (1 − s τ²/τ_max²)`,
+//! is softer there than the straight law that fits best: with s fitted beside c, the value moves by what the two laws differ.
+//! A link does not bend just in its middle: fitted with the bend off it, the value moves as levers do.
+
+use crate::diagnose::assessment::noise_floor::Floor;
+use crate::diagnose::criteria::marker_shift::marker_shift;
+use crate::diagnose::effects::hypothesis::Term;
+use crate::diagnose::effects::{LawFreedom, Place};
+use crate::diagnose::likelihood::fit::{Fit, FitOptions, Group, fit};
+use crate::diagnose::likelihood::noise_correlation;
+use crate::diagnose::model::elementary::{Atom, Column, Weight, transverse_moment};
+use crate::diagnose::model::problem::Noise;
+use crate::diagnose::pipeline::Findings;
+use crate::error::Result;
+
+/// Steps of the fit in which all laws have their slack.
+const LOOSE_STEPS: usize = 6;
+
+/// By how much a spring may be stiffer under its largest load than when hardly loaded: one standard deviation of s.
+const STIFFENING_STD: f64 = 0.15;
+
+/// By how much of its way from the joint to the middle a link's bend may be off: 5 % of the link's length.
+const OFF_THE_MIDDLE: f64 = 0.1;
+
+/// Of each term of a model.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Deviations {
+    /// Standard deviations of its parameters.
+    pub stds: Vec<Vec<f64>>,
+    /// Mean square shift of the markers (px², or m² where points were measured) by what laws may be wrong by, one entry a
+    /// parameter whose law is not exact.
+    pub law_shifts: Vec<f64>,
+}
+
+/// The deviations of what was found.
+///
+/// # Errors
+/// A camera or mirror that cannot be.
+pub(crate) fn deviations(findings: &Findings<'_>, floor: &Floor) -> Result<Deviations> {
+    let search = &findings.search;
+    let found = &findings.found;
+    let all = search.deformation(&found.fit.model);
+    let left = search.measured_noise.marker_px * floor.fitted_scale;
+    let seen = Noise { marker_px: found.noise.marker_px.max(left), ..found.noise };
+    let noise = noise_correlation::of_means(&search.problem, &all, seen)?;
+    let loose = search.fit_with_slack(&found.fit.model, None, noise, LOOSE_STEPS)?;
+    let stiffening = fit_of_stiffening(findings, noise)?;
+    let measured = search.measured_noise;
+    let unit = if search.problem.camera.is_some() { measured.marker_px } else { measured.point_m };
+    let mut out = Deviations::default();
+    for (i, term) in found.fit.model.terms.iter().enumerate() {
+        let effect = search.catalogue.effect(term.hypothesis);
+        let own_law = effect.law_freedom() != LawFreedom::Exact || effect.law_uncertainty() > 0.0;
+        let (exact, slack) = (found.fit.stds(i), loose.stds(i));
+        let by_place = elsewhere_bent(findings, term, noise)?;
+        let by_place = by_place.as_ref();
+        let mut stds = Vec::with_capacity(exact.len());
+        for (k, value) in term.parameters.iter().enumerate() {
+            let moved = value - loose.model.terms[i].parameters[k];
+            let mut std = exact[k].max(slack[k]);
+            let mut moved = moved.abs();
+            if let Some(fit) = stiffening.as_ref().filter(|_| may_stiffen(effect.law_freedom())) {
+                std = std.max(fit.stds(i)[k]);
+                moved = moved.max((value - fit.model.terms[i].parameters[k]).abs());
+            }
+            let std =
+                std.hypot(moved).hypot(by_place.map_or(0.0, |fit| value - fit.model.terms[i].parameters[k]));
+            let std = std.hypot(effect.law_uncertainty() * value);
+            stds.push(std);
+            let beyond = (std * std - exact[k] * exact[k]).max(0.0).sqrt();
+            if own_law && beyond > 0.0 && !search.catalogue.is_free(term.hypothesis) {
+                let mut other = found.fit.model.clone();
+                other.terms[i].parameters[k] += beyond;
+                let shifts = marker_shift(&search.problem, &all, &search.deformation(&other), measured)?;
+                out.law_shifts.push(shifts.iter().sum::<f64>() / shifts.len().max(1) as f64 * unit * unit);
+            }
+        }
+        out.stds.push(stds);
+    }
+    Ok(out)
+}
+
+/// The model fitted once more with a link's bend off its middle; none where the term is no bending link.
+fn elsewhere_bent(findings: &Findings<'_>, term: &Term, noise: Noise) -> Result<Option<Fit>> {
+    let here = &findings.search;
+    let Place::Link(Some(node)) = here.catalogue.hypotheses[term.hypothesis].place else { return Ok(None) };
+    let effect = here.catalogue.effect(term.hypothesis);
+    if effect.law_freedom() != LawFreedom::Moment || here.catalogue.is_free(term.hypothesis) {
+        return Ok(None);
+    }
+    let model = &findings.found.fit.model;
+    let mut search = here.clone();
+    search.problem.scene.body.nodes[node].bend_pivot *= 1.0 + OFF_THE_MIDDLE;
+    let deformation = search.deformation(model);
+    search.problem.scene.update_loads(&deformation);
+    search.fit(model, noise, LOOSE_STEPS).map(Some)
+}
+
+/// Whether a law is one of springs.
+fn may_stiffen(freedom: LawFreedom) -> bool {
+    matches!(freedom, LawFreedom::Load | LawFreedom::Moment)
+}
+
+/// The model fitted once more with every spring free to stiffen; none where there is no spring.
+fn fit_of_stiffening(findings: &Findings<'_>, noise: Noise) -> Result<Option<Fit>> {
+    let search = &findings.search;
+    let model = &findings.found.fit.model;
+    let scene = &search.problem.scene;
+    let mut group = if model.group.is_empty() { Group::default() } else { search.group.clone() };
+    let before = group.columns.len();
+    for term in &model.terms {
+        let effect = search.catalogue.effect(term.hypothesis);
+        let place = search.catalogue.hypotheses[term.hypothesis].place;
+        let (Some(node), Some(compliance)) = (place.node(), term.parameters.first()) else { continue };
+        let free = search.catalogue.is_free(term.hypothesis);
+        if free || !may_stiffen(effect.law_freedom()) || *compliance <= 0.0 {
+            continue;
+        }
+        let loads: Vec<f64> = match place {
+            Place::Link(_) => (0..scene.frames).map(|f| transverse_moment(scene, f, node).norm()).collect(),
+            _ => (0..scene.frames).map(|f| scene.torque(f, node)).collect(),
+        };
+        let largest = loads.iter().fold(0.0, |most: f64, load| most.max(load.abs()));
+        if largest <= 0.0 {
+            continue;
+        }
+        let share = |load: &f64| (load / largest).powi(2);
+        let (atom, weights) = match place {
+            // A bend's column has the moment in it.
+            Place::Link(_) => (Atom::Bend(node), loads.iter().map(share).collect()),
+            _ => (Atom::Joint(node), loads.iter().map(|load| load * share(load)).collect()),
+        };
+        group.columns.push(Column { atom, weight: Weight::Frames(weights) });
+        group.prior_std.push(STIFFENING_STD * compliance);
+    }
+    if group.columns.len() == before {
+        return Ok(None);
+    }
+    let mut start = model.clone();
+    start.group.resize(group.columns.len(), 0.0);
+    let options = FitOptions { noise, steps: LOOSE_STEPS };
+    fit(&search.problem, search.catalogue, &group, &start, options, search.mask).map(Some)
+}

@@ -1,0 +1,114 @@
+//! The gap on postures that the fit did not see.
+
+use crate::diagnose::criteria::regions::regions;
+use crate::diagnose::effects::hypothesis::{Catalogue, Model};
+use crate::diagnose::likelihood::fit::{Fit, FitOptions, Group, fit};
+use crate::diagnose::likelihood::saturated::{FreePosture, free_markers};
+use crate::diagnose::model::deformation::Deformation;
+use crate::diagnose::model::problem::{Noise, Problem};
+use crate::error::Result;
+use rayon::prelude::*;
+
+/// One posture's squared distances between predicted and measured markers, and their count.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct PostureGap {
+    pub frame: usize,
+    pub square_sum_m2: f64,
+    /// What noise alone would give, m².
+    pub noise_sum_m2: f64,
+    pub markers: f64,
+    pub square_sum_px2: f64,
+    pub pixels: f64,
+}
+
+/// Predicts every region with the parameters fitted to all others: one entry a posture.
+///
+/// Free-form errors are fitted with the rest and left out of the prediction where it is `of_causes_alone`: what has no name
+/// cannot be added to a model, but the causes' parameters are those that were found beside it.
+///
+/// # Errors
+/// A camera or mirror that cannot be.
+pub(crate) fn held_out(
+    problem: &Problem,
+    catalogue: &Catalogue,
+    group: &Group,
+    model: &Model,
+    noise: Noise,
+    measured: Noise,
+    of_causes_alone: bool,
+) -> Result<Vec<PostureGap>> {
+    let labels = regions(problem);
+    let count = labels.iter().max().map_or(0, |m| m + 1);
+    let nothing_to_fit = model.terms.is_empty() && model.nuisances.is_empty() && model.group.is_empty();
+    let parts = (0..count)
+        .into_par_iter()
+        .map(|region| -> Result<Vec<PostureGap>> {
+            let train: Vec<bool> = labels.iter().map(|l| *l != region || count == 1).collect();
+            let test: Vec<bool> = labels.iter().map(|l| *l == region).collect();
+            let mut fitted = if nothing_to_fit {
+                model.clone()
+            } else {
+                let options = FitOptions { noise, steps: 4 };
+                let fit: Fit = fit(problem, catalogue, group, model, options, Some(&train))?;
+                fit.model
+            };
+            if of_causes_alone {
+                fitted.terms.retain(|t| !catalogue.is_free(t.hypothesis));
+            }
+            let deformation = fitted.deformation(problem, catalogue, &group.columns);
+            let postures = free_markers(problem, &deformation, measured, true, Some(&test))?;
+            Ok(postures.iter().map(gap_of).collect())
+        })
+        .collect::<Result<Vec<_>>>()?;
+    let mut out = parts.concat();
+    out.sort_by_key(|g| g.frame);
+    Ok(out)
+}
+
+/// The gap of a deformation on all postures as it stands: one entry a posture.
+///
+/// # Errors
+/// A camera or mirror that cannot be.
+pub(crate) fn in_sample(
+    problem: &Problem,
+    deformation: &Deformation,
+    measured: Noise,
+) -> Result<Vec<PostureGap>> {
+    Ok(free_markers(problem, deformation, measured, true, None)?.iter().map(gap_of).collect())
+}
+
+/// A posture's gap: what lies along a single view's ray is not seen and does not count.
+pub(crate) fn gap_of(posture: &FreePosture) -> PostureGap {
+    let mut out = PostureGap {
+        frame: posture.frames.first().copied().unwrap_or(0),
+        square_sum_px2: posture.pixel_square_sum,
+        pixels: posture.pixel_count as f64,
+        ..PostureGap::default()
+    };
+    for marker in &posture.markers {
+        out.square_sum_m2 += marker.displacement.norm_squared();
+        out.noise_sum_m2 += marker.noise_m2;
+        out.markers += 1.0;
+    }
+    out
+}
+
+/// Root mean squares over postures.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct GapSize {
+    pub rms_m: f64,
+    pub floor_m: f64,
+    pub rms_px: Option<f64>,
+}
+
+/// The size of a gap, false observations (postures far beyond the others) included: they are part of what was seen.
+pub(crate) fn size(gaps: &[PostureGap]) -> GapSize {
+    let sum = |f: fn(&PostureGap) -> f64| gaps.iter().map(f).sum::<f64>();
+    let markers = sum(|g| g.markers).max(1.0);
+    let pixels = sum(|g| g.pixels);
+    GapSize {
+        rms_m: (sum(|g| g.square_sum_m2) / markers).sqrt(),
+        floor_m: (sum(|g| g.noise_sum_m2) / markers).sqrt(),
+        rms_px: (pixels > 0.0).then(|| (sum(|g| g.square_sum_px2) / pixels).sqrt()),
+    }
+}

@@ -1,0 +1,57 @@
+//! Whether what a model leaves is more than noise: the lack-of-fit test on free markers.
+
+use crate::diagnose::likelihood::saturated::free_markers;
+use crate::diagnose::model::deformation::Deformation;
+use crate::diagnose::model::problem::{Noise, Problem};
+use crate::error::Result;
+
+/// Quantile of the postures' misfit that is compared with that of χ² (Wilson and Hilferty), and its normal deviate.
+const QUANTILE: f64 = 0.7;
+const QUANTILE_DEVIATION: f64 = 0.524;
+/// The excess must be this many standard deviations of its own scatter, and this share of the noise's variance: smaller
+/// remainders are real but do not matter (12 % of the noise's standard deviation).
+const SIGNIFICANT_DEVIATIONS: f64 = 6.0;
+const NOTICEABLE_EXCESS: f64 = 0.25;
+/// Corners above their noise by this share of its variance show wrong optics.
+const NOTICEABLE_CORNER_EXCESS: f64 = 0.5;
+
+/// What is left of a gap, against the noise.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Adequacy {
+    /// Variance of what free markers take up, over the noise's, less 1.
+    pub excess: f64,
+    pub significant: bool,
+    pub corners_significant: bool,
+}
+
+/// Tests a model: under noise alone, what setting the markers free gains is χ² of as many degrees as it takes up.
+///
+/// # Errors
+/// A camera or mirror that cannot be.
+pub(crate) fn adequacy(problem: &Problem, deformation: &Deformation, noise: Noise) -> Result<Adequacy> {
+    let mut postures = free_markers(problem, deformation, noise, true, None)?;
+    let ratio = |p: &crate::diagnose::likelihood::saturated::FreePosture| {
+        (p.chi2_predicted - p.chi2_free) / p.freedom_taken.max(1e-9)
+    };
+    postures.retain(|p| p.freedom_taken > 0.5);
+    postures.sort_by(|a, b| ratio(a).total_cmp(&ratio(b)));
+    // A quantile instead of a sum: postures with false observations, or that had not settled, lie beyond it.
+    let at = ((postures.len() as f64 * QUANTILE) as usize).min(postures.len().saturating_sub(1));
+    let excess = postures.get(at).map_or(0.0, |p| {
+        let freedom = p.freedom_taken;
+        let unit = 2.0 / (9.0 * freedom);
+        let expected = (1.0 - unit + QUANTILE_DEVIATION * unit.sqrt()).powi(3);
+        ratio(p) / expected - 1.0
+    });
+    let taken: f64 = postures.iter().map(|p| p.freedom_taken).sum();
+    let kept = &postures;
+    let left: f64 = kept.iter().map(|p| p.freedom_left.max(0.0)).sum();
+    // The noise is itself known from as many degrees as the views leave.
+    let scatter = (2.0 / taken.max(1.0) + if left > 20.0 { 2.0 / left } else { 0.02 }).sqrt();
+    let corner_excess = crate::diagnose::likelihood::noise::corner_excess(problem, deformation, noise)?;
+    Ok(Adequacy {
+        excess,
+        significant: excess > NOTICEABLE_EXCESS && excess > SIGNIFICANT_DEVIATIONS * scatter,
+        corners_significant: corner_excess > NOTICEABLE_CORNER_EXCESS,
+    })
+}

@@ -1,0 +1,4 @@
+//! What goes in (a recording) and what comes out (a diagnosis).
+
+pub(super) mod diagnosis;
+pub(super) mod recording;

@@ -1,0 +1,149 @@
+//! Play of width b: the output lies on the side to which its load or, unloaded, its last motion pushes it.
+//!
+//! With the friction torque τ_f as the discrete unknown:
+//! * `|τ_g| > τ_f`: the load wins, `θ = q + sign(τ_g) b/2`;
+//! * otherwise friction holds the output where the motor left it (the play operator): a motor that moves up pushes the
+//!   output from below, so that it lags behind, `θ = q − b/2`; moving down, `θ = q + b/2`; and within the play it stays.
+//!
+//! Source: Nordin and Gutman, "Controlling mechanical systems with backlash: a survey" (2002), friction-controlled and
+//! inertia-free model; the load's side by statics.
+
+use super::{Effect, LEAST_TORQUE_NM, LawFreedom, Place, joint_error, joint_of, named};
+use crate::diagnose::model::body::NodeId;
+use crate::diagnose::model::deformation::Deformation;
+use crate::diagnose::model::elementary::{Atom, Column, Weight};
+use crate::diagnose::model::scene::Scene;
+
+/// Friction torques that are tried, as shares of the joint's largest gravity torque; 0 is pure load, infinity pure motion.
+const FRICTION_SHARES: [f64; 12] = [0.0, 0.03, 0.06, 0.1, 0.16, 0.23, 0.31, 0.4, 0.5, 0.62, 0.75, 0.9];
+/// The play (rad) at which the basis of a play of no width is taken.
+const LEAST_WIDTH: f64 = 1e-4;
+
+/// See the module.
+pub(crate) struct Backlash;
+
+impl Backlash {
+    /// Where the output lies in its play (rad, from the commanded position) in each frame, and how that moves with b.
+    ///
+    /// Followed along the way between the rows: the load may push the output over in passing, and friction then keeps it
+    /// there. Position and torque are taken as linear between rows.
+    fn followed(scene: &Scene, n: NodeId, friction_nm: f64, width: f64) -> (Vec<f64>, Vec<f64>) {
+        let half = width.max(LEAST_WIDTH) / 2.0;
+        let (mut positions, mut slopes) =
+            (Vec::with_capacity(scene.frames), Vec::with_capacity(scene.frames));
+        // Before the first row the joint rests at 0; where in its play is unknown, taken as the middle.
+        let (mut output, mut slope) = (0.0_f64, 0.0);
+        let (mut last_q, mut last_torque) = (0.0, scene.torque(0, n));
+        for f in 0..scene.frames {
+            let (q_end, torque_end) = (scene.q(f, n), scene.torque(f, n));
+            // The way is cut where the load takes over from friction or hands back to it.
+            let change = torque_end - last_torque;
+            let mut cuts = [1.0; 3];
+            if change.abs() > LEAST_TORQUE_NM {
+                for (cut, level) in cuts.iter_mut().zip([friction_nm, -friction_nm]) {
+                    let share = (level - last_torque) / change;
+                    *cut = if share > 0.0 && share < 1.0 { share } else { 1.0 };
+                }
+            }
+            cuts.sort_by(f64::total_cmp);
+            let mut from = 0.0;
+            for to in cuts {
+                let q = last_q + (q_end - last_q) * to;
+                let torque = last_torque + change * (from + to) / 2.0;
+                if torque.abs() > friction_nm && torque.abs() > LEAST_TORQUE_NM {
+                    output = q + torque.signum() * half;
+                    slope = torque.signum() / 2.0;
+                } else if output > q + half {
+                    output = q + half;
+                    slope = 0.5;
+                } else if output < q - half {
+                    output = q - half;
+                    slope = -0.5;
+                }
+                from = to;
+            }
+            (last_q, last_torque) = (q_end, torque_end);
+            positions.push(output - q_end);
+            slopes.push(slope);
+        }
+        (positions, slopes)
+    }
+}
+
+impl Effect for Backlash {
+    fn name(&self) -> &str {
+        "backlash"
+    }
+
+    fn parameters(&self) -> Vec<String> {
+        named(&["width_rad"])
+    }
+
+    /// Joints that move in order, or on which gravity pulls to both sides.
+    fn places(&self, scene: &Scene) -> Vec<Place> {
+        (0..scene.nodes())
+            .filter(|&n| {
+                scene.relevant[n] && scene.moves(n) && !self.variants(scene, Place::Joint(n)).is_empty()
+            })
+            .map(Place::Joint)
+            .collect()
+    }
+
+    fn prior_std(&self, scene: &Scene, place: Place) -> Vec<f64> {
+        vec![joint_error(scene, joint_of(place), 0.05)]
+    }
+
+    fn variants(&self, scene: &Scene, place: Place) -> Vec<f64> {
+        let n = joint_of(place);
+        let largest = scene.largest_torque(n);
+        let loaded = largest > LEAST_TORQUE_NM;
+        match (scene.ordered, loaded) {
+            (true, true) => {
+                FRICTION_SHARES.iter().map(|s| s * largest).chain(core::iter::once(f64::INFINITY)).collect()
+            }
+            (true, false) => vec![f64::INFINITY],
+            (false, true) => vec![0.0],
+            (false, false) => Vec::new(),
+        }
+    }
+
+    fn columns(&self, scene: &Scene, place: Place, variant: f64, parameters: &[f64]) -> Vec<Column> {
+        let n = joint_of(place);
+        let (_, slope) = Self::followed(scene, n, variant, parameters[0]);
+        vec![Column { atom: Atom::Joint(n), weight: Weight::Frames(slope) }]
+    }
+
+    fn deform(
+        &self,
+        scene: &Scene,
+        place: Place,
+        variant: f64,
+        parameters: &[f64],
+        deformation: &mut Deformation,
+    ) {
+        let n = joint_of(place);
+        let (position, _) = Self::followed(scene, n, variant, parameters[0]);
+        if parameters[0] <= 0.0 {
+            return;
+        }
+        for (f, delta) in position.iter().enumerate() {
+            deformation.add_joint_delta(f, n, *delta);
+        }
+    }
+
+    fn is_positive(&self) -> bool {
+        true
+    }
+
+    fn depends_on_load(&self) -> bool {
+        true
+    }
+
+    fn law_freedom(&self) -> LawFreedom {
+        LawFreedom::LoadAndDirection
+    }
+
+    fn words(&self) -> &str {
+        "the gear has play: the joint lies on the side to which its load or its last motion pushes it"
+    }
+}

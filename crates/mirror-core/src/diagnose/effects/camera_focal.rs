@@ -1,0 +1,34 @@
+//! The focal length is off by a factor 1 + e.
+
+use super::{Effect, Place, named};
+use crate::diagnose::model::elementary::{Atom, Column};
+use crate::diagnose::model::scene::Scene;
+
+/// See the module.
+pub(crate) struct CameraFocal;
+
+impl Effect for CameraFocal {
+    fn name(&self) -> &str {
+        "camera_focal"
+    }
+
+    fn parameters(&self) -> Vec<String> {
+        named(&["scale_error"])
+    }
+
+    fn places(&self, scene: &Scene) -> Vec<Place> {
+        if scene.has_camera { vec![Place::Camera] } else { Vec::new() }
+    }
+
+    fn prior_std(&self, _scene: &Scene, _place: Place) -> Vec<f64> {
+        vec![0.02]
+    }
+
+    fn columns(&self, _scene: &Scene, _place: Place, _variant: f64, _parameters: &[f64]) -> Vec<Column> {
+        vec![Column::constant(Atom::Focal)]
+    }
+
+    fn words(&self) -> &str {
+        "the focal length is off"
+    }
+}

@@ -1,0 +1,34 @@
+//! The camera sits elsewhere relative to the board: real camera = nominal ∘ (Exp ω, v).
+
+use super::{Effect, Place, named};
+use crate::diagnose::model::elementary::{Atom, Column};
+use crate::diagnose::model::scene::Scene;
+
+/// See the module.
+pub(crate) struct CameraMount;
+
+impl Effect for CameraMount {
+    fn name(&self) -> &str {
+        "camera_mount"
+    }
+
+    fn parameters(&self) -> Vec<String> {
+        named(&["rx_rad", "ry_rad", "rz_rad", "dx_m", "dy_m", "dz_m"])
+    }
+
+    fn places(&self, scene: &Scene) -> Vec<Place> {
+        if scene.has_camera { vec![Place::Camera] } else { Vec::new() }
+    }
+
+    fn prior_std(&self, _scene: &Scene, _place: Place) -> Vec<f64> {
+        vec![0.02, 0.02, 0.02, 0.004, 0.004, 0.004]
+    }
+
+    fn columns(&self, _scene: &Scene, _place: Place, _variant: f64, _parameters: &[f64]) -> Vec<Column> {
+        (0..6).map(|k| Column::constant(Atom::CameraMount(k))).collect()
+    }
+
+    fn words(&self) -> &str {
+        "the camera sits elsewhere relative to the board"
+    }
+}

@@ -1,0 +1,42 @@
+//! The zero wanders with time: `θ = q + r t`, t from the first frame.
+
+use super::{Effect, LawFreedom, Place, joint_error, joint_of, joints, named};
+use crate::diagnose::model::elementary::{Atom, Column, Weight};
+use crate::diagnose::model::scene::Scene;
+
+/// See the module.
+pub(crate) struct Drift;
+
+impl Effect for Drift {
+    fn name(&self) -> &str {
+        "drift"
+    }
+
+    fn parameters(&self) -> Vec<String> {
+        named(&["rate_rad_per_s"])
+    }
+
+    fn places(&self, scene: &Scene) -> Vec<Place> {
+        joints(scene)
+    }
+
+    fn prior_std(&self, scene: &Scene, place: Place) -> Vec<f64> {
+        let duration =
+            scene.time_s.last().zip(scene.time_s.first()).map_or(1.0, |(b, a)| (b - a).abs().max(1e-9));
+        vec![joint_error(scene, joint_of(place), 0.04) / duration]
+    }
+
+    fn columns(&self, scene: &Scene, place: Place, _variant: f64, _parameters: &[f64]) -> Vec<Column> {
+        let n = joint_of(place);
+        let _ = scene;
+        vec![Column { atom: Atom::Joint(n), weight: Weight::Time }]
+    }
+
+    fn law_freedom(&self) -> LawFreedom {
+        LawFreedom::Time
+    }
+
+    fn words(&self) -> &str {
+        "the zero of the joint wanders with time"
+    }
+}

@@ -1,0 +1,43 @@
+//! A periodic transmission error, once a turn of the output: `θ = q + s sin q + c cos q − c`.
+
+use super::{Effect, Place, joint_error, joint_of, moving_joints, named};
+use crate::diagnose::model::elementary::{Atom, Column, Weight};
+use crate::diagnose::model::scene::Scene;
+
+/// See the module.
+pub(crate) struct GearEccentricity;
+
+impl Effect for GearEccentricity {
+    fn name(&self) -> &str {
+        "gear_eccentricity"
+    }
+
+    fn parameters(&self) -> Vec<String> {
+        named(&["sin_rad", "cos_rad"])
+    }
+
+    fn places(&self, scene: &Scene) -> Vec<Place> {
+        moving_joints(scene)
+    }
+
+    fn prior_std(&self, scene: &Scene, place: Place) -> Vec<f64> {
+        vec![joint_error(scene, joint_of(place), 0.03); 2]
+    }
+
+    fn columns(&self, scene: &Scene, place: Place, _variant: f64, _parameters: &[f64]) -> Vec<Column> {
+        let n = joint_of(place);
+        let _ = scene;
+        vec![
+            Column { atom: Atom::Joint(n), weight: Weight::Sine(n) },
+            Column { atom: Atom::Joint(n), weight: Weight::CosineLessOne(n) },
+        ]
+    }
+
+    fn is_tolerance(&self) -> bool {
+        true
+    }
+
+    fn words(&self) -> &str {
+        "the gear runs out of round: the error comes back once a turn"
+    }
+}

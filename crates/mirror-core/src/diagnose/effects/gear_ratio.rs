@@ -1,0 +1,41 @@
+//! A proportional transmission error: `θ = (1 + e) q`.
+
+use super::{Effect, Place, joint_error, joint_of, moving_joints, named};
+use crate::diagnose::model::elementary::{Atom, Column, Weight};
+use crate::diagnose::model::scene::Scene;
+
+/// See the module.
+pub(crate) struct GearRatio;
+
+impl Effect for GearRatio {
+    fn name(&self) -> &str {
+        "gear_ratio"
+    }
+
+    fn parameters(&self) -> Vec<String> {
+        named(&["scale_error"])
+    }
+
+    fn places(&self, scene: &Scene) -> Vec<Place> {
+        moving_joints(scene)
+    }
+
+    fn prior_std(&self, scene: &Scene, place: Place) -> Vec<f64> {
+        let _ = (scene, joint_error as fn(&Scene, usize, f64) -> f64, place);
+        vec![0.04]
+    }
+
+    fn columns(&self, scene: &Scene, place: Place, _variant: f64, _parameters: &[f64]) -> Vec<Column> {
+        let n = joint_of(place);
+        let _ = scene;
+        vec![Column { atom: Atom::Joint(n), weight: Weight::Position(n) }]
+    }
+
+    fn is_tolerance(&self) -> bool {
+        true
+    }
+
+    fn words(&self) -> &str {
+        "the joint turns by a fixed percentage too much or too little"
+    }
+}

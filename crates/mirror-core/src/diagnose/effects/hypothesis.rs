@@ -1,0 +1,194 @@
+//! Hypotheses, effect × place, and models: a set of causes with their parameters.
+
+use crate::diagnose::effects::{Effect, Place};
+use crate::diagnose::likelihood::normal_equations::Feet;
+use crate::diagnose::model::deformation::Deformation;
+use crate::diagnose::model::elementary::{Atom, Column};
+use crate::diagnose::model::problem::Problem;
+use crate::diagnose::model::scene::Scene;
+use std::sync::Arc;
+
+/// An unknown mount may be this far from where the URDF starts it, m.
+const UNKNOWN_MOUNT_STD_M: f64 = 0.3;
+/// The pose of an unknown frame may be this far from its closed-form start, rad and m.
+const UNKNOWN_FRAME_STD: f64 = 1.0;
+
+/// An effect at a place.
+#[derive(Debug, Clone)]
+pub(crate) struct Hypothesis {
+    /// Index into [`Catalogue::effects`].
+    pub effect: usize,
+    pub place: Place,
+    pub variants: Vec<f64>,
+    pub prior_std: Vec<f64>,
+    /// Log of the prior probability of this cause among all: effects are equally likely, and so are an effect's places.
+    pub log_prior: f64,
+}
+
+/// All hypotheses of a scene.
+pub(crate) struct Catalogue {
+    pub effects: Vec<Arc<dyn Effect>>,
+    pub hypotheses: Vec<Hypothesis>,
+    /// Hypotheses from this one on are free-form errors, not causes.
+    first_free: usize,
+}
+
+/// How much less likely a free-form error is than a cause of the vocabulary (log), beside its share among its kind.
+const LOG_PRIOR_FREE: f64 = -6.0;
+
+impl Catalogue {
+    /// All places of all effects; `without` names effects that are switched off.
+    pub fn new(scene: &Scene, effects: Vec<Arc<dyn Effect>>, without: &[String]) -> Self {
+        let mut hypotheses = Vec::new();
+        let on: Vec<usize> =
+            (0..effects.len()).filter(|&e| !without.iter().any(|w| w == effects[e].name())).collect();
+        for &effect in &on {
+            let places = effects[effect].places(scene);
+            let log_prior = -((on.len() * places.len().max(1)) as f64).ln();
+            for place in places {
+                hypotheses.push(Hypothesis {
+                    effect,
+                    place,
+                    variants: effects[effect].variants(scene, place),
+                    prior_std: effects[effect].prior_std(scene, place),
+                    log_prior,
+                });
+            }
+        }
+        Self { effects, first_free: hypotheses.len(), hypotheses }
+    }
+
+    /// A catalogue with free-form errors behind its own hypotheses, whose indices stay.
+    pub fn with_free_forms(base: &Self, scene: &Scene, free: Vec<Box<dyn Effect>>) -> Self {
+        let mut out = Self {
+            effects: Vec::new(),
+            hypotheses: base.hypotheses.clone(),
+            first_free: base.hypotheses.len(),
+        };
+        out.effects.extend(base.effects.iter().cloned());
+        let first = out.effects.len();
+        let added = Self::new(scene, free.into_iter().map(Arc::from).collect(), &[]);
+        out.effects.extend(added.effects);
+        out.hypotheses.extend(added.hypotheses.into_iter().map(|h| Hypothesis {
+            effect: h.effect + first,
+            log_prior: h.log_prior + LOG_PRIOR_FREE,
+            ..h
+        }));
+        out
+    }
+
+    /// Whether a hypothesis is a free-form error, not a cause of the vocabulary.
+    pub fn is_free(&self, hypothesis: usize) -> bool {
+        hypothesis >= self.first_free
+    }
+
+    pub fn effect(&self, hypothesis: usize) -> &dyn Effect {
+        self.effects[self.hypotheses[hypothesis].effect].as_ref()
+    }
+
+    pub fn columns(&self, scene: &Scene, term: &Term) -> Vec<Column> {
+        let place = self.hypotheses[term.hypothesis].place;
+        self.effect(term.hypothesis).columns(scene, place, term.variant, &term.parameters)
+    }
+
+    /// The hypothesis of an effect by its name at a place.
+    pub fn find(&self, effect: &str, place: Place) -> Option<usize> {
+        (0..self.hypotheses.len())
+            .find(|&h| self.hypotheses[h].place == place && self.effect(h).name() == effect)
+    }
+
+    /// `effect@place`, as in the public vocabulary.
+    pub fn name(&self, scene: &Scene, hypothesis: usize) -> String {
+        format!("{}@{}", self.effect(hypothesis).name(), self.hypotheses[hypothesis].place.name(scene))
+    }
+}
+
+/// A cause with its parameters.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Term {
+    pub hypothesis: usize,
+    pub variant: f64,
+    pub parameters: Vec<f64>,
+    /// Factor on the prior's standard deviations: below 1 for a cause that is only tolerated, not found.
+    pub prior_scale: f64,
+}
+
+/// Causes and nuisances: everything that deforms the nominal model.
+#[derive(Debug, Clone)]
+pub(crate) struct Model {
+    /// Values of [`nuisances`], in their order.
+    pub nuisances: Vec<f64>,
+    /// Values of the group of small errors (`geometry`), in the order of its columns; empty where it is not in the model.
+    pub group: Vec<f64>,
+    pub terms: Vec<Term>,
+    /// Whether causes and group are held as they are and only nuisances are fitted.
+    pub frozen: bool,
+    /// Where the frames' mirrors were when this model, or one like it, was fitted last: where the next fit starts.
+    pub planes: Option<Arc<Feet>>,
+}
+
+/// What is unknown in any case: mounts said to be unknown, the frame of the measured points. Columns with their prior.
+pub(crate) fn nuisances(problem: &Problem) -> Vec<(Column, f64)> {
+    let mut out = Vec::new();
+    for m in (0..problem.marker_sites.len()).filter(|&m| !problem.scene.mount_known[m]) {
+        for k in 0..3 {
+            out.push((Column::constant(Atom::MarkerShift(m, k)), UNKNOWN_MOUNT_STD_M));
+        }
+    }
+    if problem.unknown_frame.is_some() {
+        for k in 0..6 {
+            out.push((Column::constant(Atom::FramePose(k)), UNKNOWN_FRAME_STD));
+        }
+    }
+    out
+}
+
+impl Model {
+    /// The nominal model.
+    pub fn nominal(problem: &Problem) -> Self {
+        Self {
+            nuisances: vec![0.0; nuisances(problem).len()],
+            group: Vec::new(),
+            terms: Vec::new(),
+            frozen: false,
+            planes: None,
+        }
+    }
+
+    /// This model with one more cause, at zero.
+    pub fn with(&self, catalogue: &Catalogue, hypothesis: usize, variant: f64) -> Self {
+        let parameters = vec![0.0; catalogue.hypotheses[hypothesis].prior_std.len()];
+        let mut next = self.clone();
+        next.terms.push(Term { hypothesis, variant, parameters, prior_scale: 1.0 });
+        next
+    }
+
+    /// This model without its i-th cause.
+    pub fn without(&self, i: usize) -> Self {
+        let mut next = self.clone();
+        next.terms.remove(i);
+        next
+    }
+
+    /// Everything together, as the forward model reads it.
+    pub fn deformation(&self, problem: &Problem, catalogue: &Catalogue, group: &[Column]) -> Deformation {
+        let mut deformation = problem.nominal();
+        for ((column, _), value) in nuisances(problem).iter().zip(&self.nuisances) {
+            column.add(*value, &problem.scene, &mut deformation);
+        }
+        for (column, value) in group.iter().zip(&self.group) {
+            column.add(*value, &problem.scene, &mut deformation);
+        }
+        for term in &self.terms {
+            let place = catalogue.hypotheses[term.hypothesis].place;
+            catalogue.effect(term.hypothesis).deform(
+                &problem.scene,
+                place,
+                term.variant,
+                &term.parameters,
+                &mut deformation,
+            );
+        }
+        deformation
+    }
+}

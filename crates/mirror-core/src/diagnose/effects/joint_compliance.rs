@@ -1,0 +1,49 @@
+//! The joint gives way in proportion to its gravity torque: `θ = q + c τ_g`.
+
+use super::{Effect, LawFreedom, Place, joint_error, joint_of, loaded_joints, named};
+use crate::diagnose::model::elementary::{Atom, Column, Weight};
+use crate::diagnose::model::scene::Scene;
+
+/// See the module.
+pub(crate) struct JointCompliance;
+
+impl Effect for JointCompliance {
+    fn name(&self) -> &str {
+        "joint_compliance"
+    }
+
+    fn parameters(&self) -> Vec<String> {
+        named(&["compliance_rad_per_nm"])
+    }
+
+    fn places(&self, scene: &Scene) -> Vec<Place> {
+        loaded_joints(scene)
+    }
+
+    fn prior_std(&self, scene: &Scene, place: Place) -> Vec<f64> {
+        let n = joint_of(place);
+        vec![joint_error(scene, n, 0.04) / scene.largest_torque(n)]
+    }
+
+    fn columns(&self, scene: &Scene, place: Place, _variant: f64, _parameters: &[f64]) -> Vec<Column> {
+        let n = joint_of(place);
+        let _ = scene;
+        vec![Column { atom: Atom::Joint(n), weight: Weight::Torque(n) }]
+    }
+
+    fn is_positive(&self) -> bool {
+        true
+    }
+
+    fn depends_on_load(&self) -> bool {
+        true
+    }
+
+    fn law_freedom(&self) -> LawFreedom {
+        LawFreedom::Load
+    }
+
+    fn words(&self) -> &str {
+        "the joint gives way under the load of gravity"
+    }
+}

@@ -1,0 +1,52 @@
+//! The joint moves along with another: `θ_J = q_J + c q_K`.
+
+use super::{Effect, Place, joint_of, named};
+use crate::diagnose::model::elementary::{Atom, Column, Weight};
+use crate::diagnose::model::scene::Scene;
+
+/// See the module.
+pub(crate) struct JointCoupling;
+
+impl Effect for JointCoupling {
+    fn name(&self) -> &str {
+        "joint_coupling"
+    }
+
+    fn parameters(&self) -> Vec<String> {
+        named(&["coupling"])
+    }
+
+    /// All ordered pairs of joints of one limb (one carries the other): cables and gears run along a limb.
+    fn places(&self, scene: &Scene) -> Vec<Place> {
+        let nodes = scene.nodes();
+        let mut places = Vec::new();
+        for j in (0..nodes).filter(|&j| scene.relevant[j]) {
+            for k in (0..nodes).filter(|&k| k != j && scene.moves(k)) {
+                if scene.body.nodes[j].ancestors[k] || scene.body.nodes[k].ancestors[j] {
+                    places.push(Place::JointPair(j, k));
+                }
+            }
+        }
+        places
+    }
+
+    fn prior_std(&self, _scene: &Scene, _place: Place) -> Vec<f64> {
+        vec![0.05]
+    }
+
+    fn columns(&self, _scene: &Scene, place: Place, _variant: f64, _parameters: &[f64]) -> Vec<Column> {
+        let driver = match place {
+            Place::JointPair(_, k) => k,
+            _ => joint_of(place),
+        };
+        vec![Column { atom: Atom::Joint(joint_of(place)), weight: Weight::Position(driver) }]
+    }
+
+    fn is_tolerance(&self) -> bool {
+        true
+    }
+
+    fn words(&self) -> &str {
+        "the joint moves along when another one moves"
+    }
+}

@@ -1,0 +1,36 @@
+//! A wrong zero: `θ = q + a`.
+
+use super::{Effect, Place, joint_error, joint_of, joints, named};
+use crate::diagnose::model::elementary::{Atom, Column, Weight};
+use crate::diagnose::model::scene::Scene;
+
+/// See the module.
+pub(crate) struct JointOffset;
+
+impl Effect for JointOffset {
+    fn name(&self) -> &str {
+        "joint_offset"
+    }
+
+    fn parameters(&self) -> Vec<String> {
+        named(&["offset_rad"])
+    }
+
+    fn places(&self, scene: &Scene) -> Vec<Place> {
+        joints(scene)
+    }
+
+    fn prior_std(&self, scene: &Scene, place: Place) -> Vec<f64> {
+        vec![joint_error(scene, joint_of(place), 0.05)]
+    }
+
+    fn columns(&self, scene: &Scene, place: Place, _variant: f64, _parameters: &[f64]) -> Vec<Column> {
+        let n = joint_of(place);
+        let _ = scene;
+        vec![Column { atom: Atom::Joint(n), weight: Weight::One }]
+    }
+
+    fn words(&self) -> &str {
+        "the zero of the joint is wrong by a constant"
+    }
+}

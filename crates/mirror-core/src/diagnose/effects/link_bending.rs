@@ -1,0 +1,55 @@
+//! The link bends in proportion to gravity's moment about its two transverse axes: a rotation `c m_⟂`
+//! about the middle of the link, m the moment there of all that the link carries and of its own mass.
+
+use super::{Effect, LEAST_TORQUE_NM, LawFreedom, Place, joint_of, named};
+use crate::diagnose::model::body::NodeId;
+use crate::diagnose::model::elementary::{Atom, Column, Weight, transverse_moment};
+use crate::diagnose::model::scene::Scene;
+
+/// See the module.
+pub(crate) struct LinkBending;
+
+fn largest_moment(scene: &Scene, n: NodeId) -> f64 {
+    (0..scene.frames).map(|f| transverse_moment(scene, f, n).norm()).fold(0.0, f64::max)
+}
+
+impl Effect for LinkBending {
+    fn name(&self) -> &str {
+        "link_bending"
+    }
+
+    fn parameters(&self) -> Vec<String> {
+        named(&["compliance_rad_per_nm"])
+    }
+
+    fn places(&self, scene: &Scene) -> Vec<Place> {
+        (0..scene.nodes())
+            .filter(|&n| scene.relevant[n] && largest_moment(scene, n) > LEAST_TORQUE_NM)
+            .map(|n| Place::Link(Some(n)))
+            .collect()
+    }
+
+    fn prior_std(&self, scene: &Scene, place: Place) -> Vec<f64> {
+        vec![0.03 / largest_moment(scene, joint_of(place))]
+    }
+
+    fn columns(&self, _scene: &Scene, place: Place, _variant: f64, _parameters: &[f64]) -> Vec<Column> {
+        vec![Column { atom: Atom::Bend(joint_of(place)), weight: Weight::One }]
+    }
+
+    fn is_positive(&self) -> bool {
+        true
+    }
+
+    fn depends_on_load(&self) -> bool {
+        true
+    }
+
+    fn law_freedom(&self) -> LawFreedom {
+        LawFreedom::Moment
+    }
+
+    fn words(&self) -> &str {
+        "the link bends under the load of gravity"
+    }
+}

@@ -1,0 +1,41 @@
+//! The origin of what the link carries next in the chain lies off, in the link's frame.
+
+use super::{Effect, Place, named, place_error_m};
+use crate::diagnose::model::elementary::{Atom, Column};
+use crate::diagnose::model::scene::Scene;
+
+/// See the module.
+pub(crate) struct LinkLength;
+
+impl Effect for LinkLength {
+    fn name(&self) -> &str {
+        "link_length"
+    }
+
+    fn parameters(&self) -> Vec<String> {
+        named(&["dx_m", "dy_m", "dz_m"])
+    }
+
+    /// Links that carry a relevant joint; what the last link of a chain carries is a marker, and its place is `marker_mount`.
+    fn places(&self, scene: &Scene) -> Vec<Place> {
+        let nodes = scene.nodes();
+        (0..nodes)
+            .map(Some)
+            .chain(core::iter::once(None))
+            .filter(|&parent| (0..nodes).any(|k| scene.relevant[k] && scene.body.nodes[k].parent == parent))
+            .map(Place::Link)
+            .collect()
+    }
+
+    fn prior_std(&self, scene: &Scene, _place: Place) -> Vec<f64> {
+        vec![place_error_m(scene); 3]
+    }
+
+    fn columns(&self, _scene: &Scene, place: Place, _variant: f64, _parameters: &[f64]) -> Vec<Column> {
+        (0..3).map(|k| Column::constant(Atom::LinkShift(place.node(), k))).collect()
+    }
+
+    fn words(&self) -> &str {
+        "the link is longer, shorter or of other shape than the model's: what it carries sits elsewhere"
+    }
+}

@@ -1,0 +1,34 @@
+//! The reflecting coat lies behind a pane of glass, which refracts: the parameter is how much thicker it is than the session says.
+
+use super::{Effect, Place, named};
+use crate::diagnose::model::elementary::{Atom, Column};
+use crate::diagnose::model::scene::Scene;
+
+/// See the module.
+pub(crate) struct MirrorGlass;
+
+impl Effect for MirrorGlass {
+    fn name(&self) -> &str {
+        "mirror_glass"
+    }
+
+    fn parameters(&self) -> Vec<String> {
+        named(&["thickness_m"])
+    }
+
+    fn places(&self, scene: &Scene) -> Vec<Place> {
+        if scene.has_mirror { vec![Place::Mirror] } else { Vec::new() }
+    }
+
+    fn prior_std(&self, _scene: &Scene, _place: Place) -> Vec<f64> {
+        vec![0.005]
+    }
+
+    fn columns(&self, _scene: &Scene, _place: Place, _variant: f64, _parameters: &[f64]) -> Vec<Column> {
+        vec![Column::constant(Atom::Glass)]
+    }
+
+    fn words(&self) -> &str {
+        "the silver lies behind a pane of glass that refracts"
+    }
+}

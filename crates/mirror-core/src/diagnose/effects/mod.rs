@@ -1,0 +1,232 @@
+//! The vocabulary of causes: one file an effect, one line here.
+//!
+//! An effect is a name, the places where it can be, its parameters with their prior range, and its columns: which
+//! elementary change ([`Atom`]) each parameter makes, and how strongly in each frame. Adding an effect is a file and a line
+//! in [`vocabulary`].
+
+mod axis_tilt;
+mod backlash;
+mod board_scale;
+mod camera_center;
+mod camera_focal;
+mod camera_mount;
+mod drift;
+mod gear_eccentricity;
+mod gear_ratio;
+pub(super) mod hypothesis;
+mod joint_compliance;
+mod joint_coupling;
+mod joint_offset;
+mod lens_distortion;
+mod link_bending;
+mod link_length;
+mod marker_mount;
+mod mirror_curvature;
+mod mirror_glass;
+pub(super) mod own;
+mod stiction;
+
+pub(crate) use stiction::Stiction;
+
+use crate::diagnose::model::body::NodeId;
+use crate::diagnose::model::deformation::Deformation;
+use crate::diagnose::model::elementary::Column;
+use crate::diagnose::model::scene::Scene;
+
+/// Where a cause can be.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub(crate) enum Place {
+    Joint(NodeId),
+    /// The first joint's error depends on the second's position.
+    JointPair(NodeId, NodeId),
+    /// The body that a joint moves; none is the base.
+    Link(Option<NodeId>),
+    Marker(usize),
+    Camera,
+    Board,
+    Mirror,
+}
+
+impl Place {
+    /// The place in the public vocabulary: `joint:J`, `link:L`, `marker:M`, `camera`, ….
+    pub fn name(self, scene: &Scene) -> String {
+        let joint = |n: NodeId| format!("joint:{}", scene.body.nodes[n].joint);
+        match self {
+            Self::Joint(n) => joint(n),
+            Self::JointPair(j, k) => format!("{}<-{}", joint(j), joint(k)),
+            Self::Link(n) => format!("link:{}", scene.body.node_link_name(n)),
+            Self::Marker(m) => format!("marker:{}", scene.marker_names[m]),
+            Self::Camera => "camera".into(),
+            Self::Board => "board".into(),
+            Self::Mirror => "mirror".into(),
+        }
+    }
+
+    /// The node where the place sits in the chain, if it is of the body.
+    pub fn node(self) -> Option<NodeId> {
+        match self {
+            Self::Joint(n) | Self::JointPair(n, _) => Some(n),
+            Self::Link(n) => n,
+            _ => None,
+        }
+    }
+}
+
+/// In what the law of an effect may differ from the textbook's.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum LawFreedom {
+    /// In nothing: the law is geometry.
+    Exact,
+    /// In the joint's load: no spring is linear.
+    Load,
+    /// In load and direction: play and friction.
+    LoadAndDirection,
+    /// In the moment on the link.
+    Moment,
+    /// In time.
+    Time,
+}
+
+/// One kind of cause. All effects are linear in their parameters unless they say otherwise by [`Effect::deform`].
+pub(crate) trait Effect: Send + Sync {
+    /// Its word in the public vocabulary.
+    fn name(&self) -> &str;
+
+    /// The words of its parameters, in order, each with its unit as suffix.
+    fn parameters(&self) -> Vec<String>;
+
+    /// Where it can be in this scene.
+    fn places(&self, scene: &Scene) -> Vec<Place>;
+
+    /// Standard deviation of the prior of each parameter at a place: the size that such an error commonly has.
+    fn prior_std(&self, scene: &Scene, place: Place) -> Vec<f64>;
+
+    /// A further, discrete unknown of the effect (a friction torque, say): the values that are tried. Most have none.
+    fn variants(&self, _scene: &Scene, _place: Place) -> Vec<f64> {
+        vec![0.0]
+    }
+
+    /// Each parameter's column, at the given parameters.
+    fn columns(&self, scene: &Scene, place: Place, variant: f64, parameters: &[f64]) -> Vec<Column>;
+
+    /// Adds the effect to a deformation.
+    fn deform(
+        &self,
+        scene: &Scene,
+        place: Place,
+        variant: f64,
+        parameters: &[f64],
+        deformation: &mut Deformation,
+    ) {
+        for (column, value) in self.columns(scene, place, variant, parameters).iter().zip(parameters) {
+            column.add(*value, scene, deformation);
+        }
+    }
+
+    /// Whether its (only) parameter cannot be negative.
+    fn is_positive(&self) -> bool {
+        false
+    }
+
+    /// Whether the scene must be told gravity's loads anew when it is large: its basis depends on the actual posture.
+    fn depends_on_load(&self) -> bool {
+        false
+    }
+
+    /// By how much, relatively, the parameter itself is uncertain because real joints obey the law only roughly.
+    fn law_uncertainty(&self) -> f64 {
+        0.0
+    }
+
+    /// In what its law may differ from the textbook's.
+    fn law_freedom(&self) -> LawFreedom {
+        LawFreedom::Exact
+    }
+
+    /// Whether every joint has a little of it by manufacture: then little of it is no cause beside `geometry`.
+    fn is_tolerance(&self) -> bool {
+        false
+    }
+
+    /// The other effect that it comes down to at these parameters, and that one's: where its own part rests at 0.
+    fn comes_down_to(&self, _parameters: &[f64]) -> Option<(&'static str, Vec<f64>)> {
+        None
+    }
+
+    /// Whether it is known in the session's own frames only.
+    fn is_tabulated(&self) -> bool {
+        false
+    }
+
+    /// What happens, in a sentence for a person.
+    fn words(&self) -> &str;
+}
+
+/// All effects of `effects.md` but the groups (`geometry`) and faults of the data (`pairing`), which are not one place's twist.
+pub(crate) fn vocabulary() -> Vec<Box<dyn Effect>> {
+    vec![
+        Box::new(joint_offset::JointOffset),
+        Box::new(gear_ratio::GearRatio),
+        Box::new(gear_eccentricity::GearEccentricity),
+        Box::new(backlash::Backlash),
+        Box::new(Stiction { droops: true }),
+        Box::new(joint_compliance::JointCompliance),
+        Box::new(link_bending::LinkBending),
+        Box::new(link_length::LinkLength),
+        Box::new(axis_tilt::AxisTilt),
+        Box::new(joint_coupling::JointCoupling),
+        Box::new(drift::Drift),
+        Box::new(marker_mount::MarkerMount),
+        Box::new(camera_mount::CameraMount),
+        Box::new(camera_focal::CameraFocal),
+        Box::new(camera_center::CameraCenter),
+        Box::new(lens_distortion::LensDistortion),
+        Box::new(board_scale::BoardScale),
+        Box::new(mirror_glass::MirrorGlass),
+        Box::new(mirror_curvature::MirrorCurvature),
+    ]
+}
+
+/// Relevant joints as places.
+fn joints(scene: &Scene) -> Vec<Place> {
+    (0..scene.nodes()).filter(|&n| scene.relevant[n]).map(Place::Joint).collect()
+}
+
+/// Relevant joints that were commanded to more than one position.
+fn moving_joints(scene: &Scene) -> Vec<Place> {
+    (0..scene.nodes()).filter(|&n| scene.relevant[n] && scene.moves(n)).map(Place::Joint).collect()
+}
+
+/// The joint of a place; places of joint effects always have one.
+fn joint_of(place: Place) -> NodeId {
+    match place {
+        Place::Joint(n) | Place::JointPair(n, _) | Place::Link(Some(n)) => n,
+        _ => 0,
+    }
+}
+
+/// A common size of an angular error at a joint, rad (about 3°); of a prismatic joint the same displacement at the reach, m.
+fn joint_error(scene: &Scene, node: NodeId, typical_rad: f64) -> f64 {
+    if scene.body.nodes[node].prismatic { typical_rad * scene.reach_m.max(0.05) } else { typical_rad }
+}
+
+/// Unit of a joint's position: `rad`, as the vocabulary has it (`m` joints share the names).
+fn named(names: &[&str]) -> Vec<String> {
+    names.iter().map(|n| (*n).to_owned()).collect()
+}
+
+/// A common size of a place error, m: of a small robot some millimetres, of a large one two percent of its reach.
+fn place_error_m(scene: &Scene) -> f64 {
+    (0.02 * scene.reach_m).clamp(0.004, 0.012)
+}
+
+/// Torques (N m) below this do nothing that could be seen.
+const LEAST_TORQUE_NM: f64 = 1e-6;
+
+/// Relevant joints on which gravity pulls.
+fn loaded_joints(scene: &Scene) -> Vec<Place> {
+    (0..scene.nodes())
+        .filter(|&n| scene.relevant[n] && scene.largest_torque(n) > LEAST_TORQUE_NM)
+        .map(Place::Joint)
+        .collect()
+}

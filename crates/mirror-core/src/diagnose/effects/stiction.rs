@@ -1,0 +1,132 @@
+//! A servo of finite stiffness stops short of its target, on the side from which it came:
+//! `θ = q − d sign(last motion) + c τ_g`.
+//!
+//! Moves too small to overcome friction leave it where it was. The same finite stiffness makes it droop under its load: c is the servo's own droop, a part of the effect.
+
+use super::{Effect, LEAST_TORQUE_NM, LawFreedom, Place, joint_error, joint_of, moving_joints, named};
+use crate::diagnose::model::body::NodeId;
+use crate::diagnose::model::deformation::Deformation;
+use crate::diagnose::model::elementary::{Atom, Column, Weight};
+use crate::diagnose::model::scene::Scene;
+
+/// The dead band (rad) at which the basis of none is taken.
+const LEAST_BAND: f64 = 1e-4;
+
+/// See the module.
+pub(crate) struct Stiction {
+    /// Whether it droops under its load. Not where compliance is left out of the vocabulary: droop is the same at a servo.
+    pub droops: bool,
+}
+
+/// A droop as good as none, rad/(N m).
+const NO_DROOP: f64 = 1e-12;
+
+/// Where the joint rests in a frame, and how that depends on dead band and droop.
+struct Rest {
+    error: f64,
+    by_band: f64,
+    by_droop: f64,
+}
+
+impl Stiction {
+    /// Follows the joint from row to row: it moves only as far as the servo's pull exceeds friction, so that it comes to rest
+    /// within `± d` of where the drooping servo would hold it without friction, and stays there while it can.
+    fn followed(scene: &Scene, n: NodeId, band: f64, droop: f64) -> Vec<Rest> {
+        let band = band.max(LEAST_BAND);
+        // Before the first row the joint rests at 0.
+        let (mut theta, mut by_band, mut by_droop) = (0.0_f64, 0.0, 0.0);
+        (0..scene.frames)
+            .map(|f| {
+                let (q, torque) = (scene.q(f, n), scene.torque(f, n));
+                let hold = q + droop * torque;
+                if theta > hold + band {
+                    (theta, by_band, by_droop) = (hold + band, 1.0, torque);
+                } else if theta < hold - band {
+                    (theta, by_band, by_droop) = (hold - band, -1.0, torque);
+                }
+                Rest { error: theta - q, by_band, by_droop }
+            })
+            .collect()
+    }
+}
+
+impl Effect for Stiction {
+    fn name(&self) -> &str {
+        "stiction"
+    }
+
+    fn parameters(&self) -> Vec<String> {
+        named(&["deadband_rad", "droop_rad_per_nm"])
+    }
+
+    fn places(&self, scene: &Scene) -> Vec<Place> {
+        if scene.ordered { moving_joints(scene) } else { Vec::new() }
+    }
+
+    fn prior_std(&self, scene: &Scene, place: Place) -> Vec<f64> {
+        let n = joint_of(place);
+        let droop = if self.droops {
+            joint_error(scene, n, 0.006) / scene.largest_torque(n).max(LEAST_TORQUE_NM)
+        } else {
+            NO_DROOP
+        };
+        vec![joint_error(scene, n, 0.02), droop]
+    }
+
+    fn columns(&self, scene: &Scene, place: Place, _variant: f64, parameters: &[f64]) -> Vec<Column> {
+        let n = joint_of(place);
+        let rests = Self::followed(scene, n, parameters[0], parameters[1]);
+        let (mut by_band, mut by_droop) = (Vec::new(), Vec::new());
+        for rest in rests {
+            by_band.push(rest.by_band);
+            by_droop.push(rest.by_droop);
+        }
+        vec![
+            Column { atom: Atom::Joint(n), weight: Weight::Frames(by_band) },
+            Column { atom: Atom::Joint(n), weight: Weight::Frames(by_droop) },
+        ]
+    }
+
+    fn deform(
+        &self,
+        scene: &Scene,
+        place: Place,
+        _variant: f64,
+        parameters: &[f64],
+        deformation: &mut Deformation,
+    ) {
+        let n = joint_of(place);
+        if parameters[0] <= 0.0 && parameters[1] == 0.0 {
+            return;
+        }
+        for (f, rest) in Self::followed(scene, n, parameters[0], parameters[1]).iter().enumerate() {
+            deformation.add_joint_delta(f, n, rest.error);
+        }
+    }
+
+    fn depends_on_load(&self) -> bool {
+        true
+    }
+
+    /// Friction scatters: where a servo stops within its dead band differs from motion to motion.
+    fn law_uncertainty(&self) -> f64 {
+        0.05
+    }
+
+    fn is_positive(&self) -> bool {
+        true
+    }
+
+    fn comes_down_to(&self, parameters: &[f64]) -> Option<(&'static str, Vec<f64>)> {
+        let droop = parameters.get(1).copied().filter(|droop| *droop > NO_DROOP)?;
+        (parameters[0] <= LEAST_BAND).then(|| ("joint_compliance", vec![droop]))
+    }
+
+    fn law_freedom(&self) -> LawFreedom {
+        LawFreedom::LoadAndDirection
+    }
+
+    fn words(&self) -> &str {
+        "friction stops the joint short of its target, on the side from which it came"
+    }
+}

@@ -1,0 +1,192 @@
+//! The measurement's noise from the data: what no model of the body or of the optics could explain.
+
+use crate::diagnose::likelihood::normal_equations::{chunks, counts};
+use crate::diagnose::likelihood::saturated::free_markers;
+use crate::diagnose::model::deformation::Deformation;
+use crate::diagnose::model::frame::{FrameWork, Task};
+use crate::diagnose::model::problem::{Noise, Problem};
+use crate::error::Result;
+use nalgebra::{SMatrix, SVector, Vector2};
+use rayon::prelude::*;
+
+/// Noise below this is not believed (px): the tables are rounded at 1e-4 px, and noise-free sessions must not divide by 0.
+const LEAST_PIXEL_STD_PX: f64 = 0.005;
+/// As above, m.
+const LEAST_POINT_STD_M: f64 = 1e-6;
+/// With fewer redundant rows than this the stated noise is believed instead of the views' disagreement.
+const FEWEST_REDUNDANT_ROWS: f64 = 40.0;
+/// Share of the largest residuals that is left out where a scale is estimated: false observations.
+const TRIMMED_SHARE: f64 = 0.02;
+
+/// Estimates the noise of corners and markers.
+///
+/// * Corners: residuals of each board at its best plane, less a smooth picture of any wrong optics (the eight columns of a
+///   homography), pooled by the median over frames.
+/// * Markers: what the views of one posture disagree on when every marker is set free, pooled by the median over postures;
+///   where postures have one view only, what the session states, or the corners' noise.
+///
+/// # Errors
+/// A camera or mirror that cannot be.
+pub(crate) fn estimate(problem: &Problem, deformation: &Deformation, stated: Noise) -> Result<Noise> {
+    let mut noise = stated;
+    if let Some(corner) = corner_noise(problem)? {
+        noise.corner_px = corner.max(LEAST_PIXEL_STD_PX);
+    }
+    if problem.camera.is_some() {
+        // The markers' share of the rows' variance depends on the planes', which the corners' noise sets: iterate.
+        for _ in 0..3 {
+            let postures = free_markers(problem, deformation, noise, true, None)?;
+            let redundant: f64 = postures.iter().map(|p| p.freedom_left).sum();
+            let ratios =
+                postures.iter().filter(|p| p.freedom_left > 1.5).map(|p| (p.chi2_free, p.freedom_left));
+            if redundant < FEWEST_REDUNDANT_ROWS {
+                break;
+            }
+            if let Some(scale) = median_variance(ratios.collect()) {
+                noise.marker_px = (noise.marker_px * scale.sqrt()).max(LEAST_PIXEL_STD_PX);
+            }
+        }
+    }
+    noise.point_m = noise.point_m.max(LEAST_POINT_STD_M);
+    Ok(noise)
+}
+
+/// The variance ratio whose χ² medians match the data's: the median of `χ²/ν` over the median of a χ² of that many degrees
+/// of freedom (Wilson and Hilferty), each group weighted alike.
+fn median_variance(mut groups: Vec<(f64, f64)>) -> Option<f64> {
+    if groups.is_empty() {
+        return None;
+    }
+    let ratio = |(chi2, freedom): &(f64, f64)| {
+        let median = freedom * (1.0 - 2.0 / (9.0 * freedom)).powi(3);
+        chi2 / median
+    };
+    groups.sort_by(|a, b| ratio(a).total_cmp(&ratio(b)));
+    Some(ratio(&groups[groups.len() / 2]))
+}
+
+fn corner_noise(problem: &Problem) -> Result<Option<f64>> {
+    let nominal = problem.nominal();
+    let Some(eye) = problem.eye(&nominal)? else { return Ok(None) };
+    let mut work = FrameWork::new(problem);
+    let groups = (0..problem.frames.len())
+        .filter_map(|frame| {
+            let residuals = work.board_residuals(problem, &nominal, &eye, frame);
+            smooth_part_removed(&residuals)
+        })
+        .collect();
+    Ok(median_variance(groups).map(f64::sqrt))
+}
+
+/// Sum of squares of what a homography's eight columns leave of a residual field, and its degrees of freedom.
+fn smooth_part_removed(residuals: &[(Vector2<f64>, Vector2<f64>)]) -> Option<(f64, f64)> {
+    let count = residuals.len();
+    if count < 8 {
+        return None;
+    }
+    let center = residuals.iter().map(|r| r.0).sum::<Vector2<f64>>() / count as f64;
+    let size = residuals.iter().map(|r| (r.0 - center).norm()).fold(1e-9, f64::max);
+    let mut h = SMatrix::<f64, 8, 8>::zeros();
+    let mut g = SVector::<f64, 8>::zeros();
+    let mut total = 0.0;
+    for (at, r) in residuals {
+        let p = (at - center) / size;
+        let u = SVector::<f64, 8>::from([1.0, p.x, p.y, 0.0, 0.0, 0.0, p.x * p.x, p.x * p.y]);
+        let v = SVector::<f64, 8>::from([0.0, 0.0, 0.0, 1.0, p.x, p.y, p.x * p.y, p.y * p.y]);
+        h += u * u.transpose() + v * v.transpose();
+        g += u * r.x + v * r.y;
+        total += r.norm_squared();
+    }
+    let solution = h.cholesky()?.solve(&g);
+    Some(((total - solution.dot(&g)).max(0.0), (2 * count - 8) as f64))
+}
+
+/// The noise at which a model's residuals would be as large as they are: never below the measurement's own.
+///
+/// While causes are missing, the residuals are far above the measurement's noise, and good observations must not look
+/// false because of it. The scale is a root mean square without the largest 2 %.
+///
+/// # Errors
+/// A camera or mirror that cannot be.
+pub(crate) fn effective(
+    problem: &Problem,
+    deformation: &Deformation,
+    noise: Noise,
+    mask: Option<&[bool]>,
+) -> Result<Noise> {
+    let eye = problem.eye(deformation)?;
+    let task = Task::of_residuals(problem, deformation, eye.as_ref(), noise);
+    let parts: Vec<(Vec<f64>, Vec<f64>)> = chunks(problem.frames.len())
+        .into_par_iter()
+        .map_init(
+            || FrameWork::new(problem),
+            |work, frames| {
+                let (mut pixels, mut points) = (Vec::new(), Vec::new());
+                for frame in frames.filter(|&f| counts(mask, f)) {
+                    if work.evaluate(problem, &task, frame) {
+                        work.raw_residuals(|_, measured, r| {
+                            if measured {
+                                points.push(r.norm_squared())
+                            } else {
+                                pixels.push(r.norm_squared())
+                            }
+                        });
+                    }
+                }
+                (pixels, points)
+            },
+        )
+        .collect();
+    let (mut pixels, mut points): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
+    for (a, b) in parts {
+        pixels.extend(a);
+        points.extend(b);
+    }
+    Ok(Noise {
+        corner_px: noise.corner_px,
+        marker_px: trimmed_std(&mut pixels, 2.0).map_or(noise.marker_px, |s| s.max(noise.marker_px)),
+        point_m: trimmed_std(&mut points, 3.0).map_or(noise.point_m, |s| s.max(noise.point_m)),
+    })
+}
+
+fn trimmed_std(squares: &mut [f64], dimensions: f64) -> Option<f64> {
+    if squares.is_empty() {
+        return None;
+    }
+    squares.sort_by(f64::total_cmp);
+    let kept = ((squares.len() as f64 * (1.0 - TRIMMED_SHARE)).ceil() as usize).clamp(1, squares.len());
+    Some((squares[..kept].iter().sum::<f64>() / kept as f64 / dimensions).sqrt())
+}
+
+/// Variance of the board corners' residuals at their own best planes over the noise's, less 1: what the optics leave.
+///
+/// # Errors
+/// A camera or mirror that cannot be.
+pub(crate) fn corner_excess(problem: &Problem, deformation: &Deformation, noise: Noise) -> Result<f64> {
+    let Some(eye) = problem.eye(deformation)? else { return Ok(0.0) };
+    let fresh = problem.needs_fresh_board(deformation);
+    let groups: Vec<(f64, f64)> = (0..problem.frames.len())
+        .into_par_iter()
+        .map_init(
+            || FrameWork::new(problem),
+            |work, frame| {
+                let nominal = problem.boards.get(frame).copied().flatten()?;
+                let own = if deformation.eye_varies() {
+                    problem.eye_in(deformation, frame).ok().flatten()
+                } else {
+                    None
+                };
+                let fit = if fresh {
+                    let eye = own.as_ref().unwrap_or(&eye);
+                    work.fit_board(problem, deformation, Some(eye), frame, Some(nominal.foot))?
+                } else {
+                    nominal
+                };
+                Some((fit.chi2_px2, 2.0 * fit.corners as f64 - 3.0))
+            },
+        )
+        .flatten()
+        .filter(|(_, freedom)| *freedom > 1.0)
+        .collect();
+    Ok(median_variance(groups).map_or(0.0, |v| v / noise.corner_px.powi(2) - 1.0))
+}

@@ -1,0 +1,182 @@
+//! Colour of the measurement's noise: errors of neighbouring corners, and of successive frames, that go together.
+//!
+//! The fit weighs observations as independent of each other. Where they are not, a mean over many is less certain than it
+//! seems: by `√((1 + r)/(1 − r))` where successive errors correlate by r; over a board whose neighbours correlate by r along
+//! rows and columns (`R_ij = r^(|Δx| + |Δy|)`) by `√(bᵀ R b / bᵀ b)` for a smooth change b of the picture, such as the
+//! mirror's motion makes.
+
+use crate::diagnose::model::deformation::Deformation;
+use crate::diagnose::model::frame::{FrameWork, Task};
+use crate::diagnose::model::problem::{Noise, Problem};
+use crate::error::Result;
+use nalgebra::{DMatrix, DVector, Vector3};
+
+/// No correlation is believed beyond this: a slow error is no noise.
+const MOST_CORRELATION: f64 = 0.6;
+/// A correlation is believed from this many of its standard deviations on.
+const CLEAR_DEVIATIONS: f64 = 2.0;
+/// Correlations of neighbouring corners that are tried.
+const CORRELATION_STEP: f64 = 0.02;
+/// Smooth functions of a corner's place that wrong optics may make, for each coordinate: 1, x, y, x², x y, y².
+const SMOOTH: usize = 6;
+/// Smooth changes by the mirror's motion: the first three.
+const BY_MIRROR: usize = 3;
+/// A board with fewer corners tells no correlation.
+const FEWEST_CORNERS: usize = 12;
+
+/// The noise at which means over many observations are as uncertain as they are.
+///
+/// # Errors
+/// A camera or mirror that cannot be.
+pub(crate) fn of_means(problem: &Problem, deformation: &Deformation, noise: Noise) -> Result<Noise> {
+    let successive = successive_correlation(problem, deformation, noise)?;
+    let lingering = ((1.0 + successive) / (1.0 - successive)).sqrt();
+    Ok(Noise {
+        corner_px: noise.corner_px * corners_together(problem)?,
+        marker_px: noise.marker_px * lingering,
+        point_m: noise.point_m * lingering,
+    })
+}
+
+/// By how much a smooth change of the board's picture is less certain than independent corners would make it; 1 where
+/// neighbours do not correlate.
+fn corners_together(problem: &Problem) -> Result<f64> {
+    let nominal = problem.nominal();
+    let (Some(eye), Some(grid)) = (problem.eye(&nominal)?, grid(&problem.corners)) else { return Ok(1.0) };
+    let smooth = &grid.smooth;
+    let mut work = FrameWork::new(problem);
+    let (mut product, mut squares, mut frames) = (0.0, 0.0, 0.0);
+    for (frame, data) in problem.frames.iter().enumerate() {
+        let residuals = work.board_residuals(problem, &nominal, &eye, frame);
+        if residuals.len() != problem.corners.len() || data.corners.len() != residuals.len() {
+            continue;
+        }
+        frames += 1.0;
+        for axis in 0..2 {
+            let mut r = DVector::zeros(residuals.len());
+            for ((index, _), (_, residual)) in data.corners.iter().zip(&residuals) {
+                r[*index] = residual[axis];
+            }
+            let left = &r - smooth * (smooth.transpose() * &r);
+            squares += left.norm_squared();
+            product += grid.neighbours.iter().map(|&(i, j)| left[i] * left[j]).sum::<f64>();
+        }
+    }
+    if squares <= 0.0 {
+        return Ok(1.0);
+    }
+    let seen = product / squares;
+    let scatter = (2.0 * frames * grid.neighbours.len() as f64).sqrt().recip()
+        * (grid.neighbours.len() as f64 / problem.corners.len() as f64);
+    // The smooth part that was taken away held more of correlated noise than of white: what is seen is compared with what
+    // each correlation would leave.
+    let none = grid.left_of(0.0);
+    if seen < none.ratio() + CLEAR_DEVIATIONS * scatter {
+        return Ok(1.0);
+    }
+    let steps = (MOST_CORRELATION / CORRELATION_STEP) as usize;
+    let found =
+        (1..=steps).map(|k| grid.left_of(k as f64 * CORRELATION_STEP)).find(|left| left.ratio() >= seen);
+    let found = found.unwrap_or_else(|| grid.left_of(MOST_CORRELATION));
+    Ok((found.by_mirror / (found.squares / none.squares)).sqrt().max(1.0))
+}
+
+/// The board's corners as a grid.
+struct Grid {
+    steps: Vec<(f64, f64)>,
+    neighbours: Vec<(usize, usize)>,
+    /// Orthonormal columns, the mirror's first.
+    smooth: DMatrix<f64>,
+}
+
+/// Expectations over a board of noise of variance 1, the smooth part taken away.
+struct Left {
+    product: f64,
+    squares: f64,
+    /// Variance of a smooth change by the mirror's motion, over that of white noise.
+    by_mirror: f64,
+}
+
+impl Left {
+    fn ratio(&self) -> f64 {
+        self.product / self.squares
+    }
+}
+
+fn grid(corners: &[Vector3<f64>]) -> Option<Grid> {
+    if corners.len() < FEWEST_CORNERS {
+        return None;
+    }
+    let edge = corners.iter().skip(1).map(|c| (c - corners[0]).norm()).fold(f64::INFINITY, f64::min);
+    let steps: Vec<(f64, f64)> = corners.iter().map(|c| (c.x / edge, c.y / edge)).collect();
+    let apart = |i: usize, j: usize| (steps[i].0 - steps[j].0).abs() + (steps[i].1 - steps[j].1).abs();
+    let count = steps.len();
+    let neighbours = (0..count)
+        .flat_map(|i| (i + 1..count).map(move |j| (i, j)))
+        .filter(|&(i, j)| (apart(i, j) - 1.0).abs() < 0.1)
+        .collect();
+    let raw = DMatrix::from_fn(count, SMOOTH, |i, k| {
+        let (x, y) = steps[i];
+        [1.0, x, y, x * x, x * y, y * y][k]
+    });
+    let smooth = raw.qr().q();
+    Some(Grid { steps, neighbours, smooth })
+}
+
+impl Grid {
+    fn left_of(&self, correlation: f64) -> Left {
+        let count = self.steps.len();
+        let r = DMatrix::from_fn(count, count, |i, j| {
+            let (a, b) = (self.steps[i], self.steps[j]);
+            let apart = (a.0 - b.0).abs() + (a.1 - b.1).abs();
+            if apart < 0.5 { 1.0 } else { correlation.powf(apart) }
+        });
+        let q = DMatrix::identity(count, count) - &self.smooth * self.smooth.transpose();
+        let left = &q * &r * &q;
+        let mirror = self.smooth.columns(0, BY_MIRROR);
+        Left {
+            product: self.neighbours.iter().map(|&(i, j)| left[(i, j)]).sum(),
+            squares: left.trace(),
+            by_mirror: (mirror.transpose() * &r * mirror).trace() / BY_MIRROR as f64,
+        }
+    }
+}
+
+/// Correlation of a marker's residuals in successive frames of different postures: of an error of the detector that
+/// lingers, not of one of the body, which the next posture changes. 0 where it is not clear.
+///
+/// # Errors
+/// A camera or mirror that cannot be.
+pub(crate) fn successive_correlation(
+    problem: &Problem,
+    deformation: &Deformation,
+    noise: Noise,
+) -> Result<f64> {
+    let eye = problem.eye(deformation)?;
+    let task = Task::of_residuals(problem, deformation, eye.as_ref(), noise);
+    let mut work = FrameWork::new(problem);
+    let markers = problem.marker_sites.len();
+    let mut last: Vec<Option<Vector3<f64>>> = vec![None; markers];
+    let (mut product, mut squares, mut count) = (0.0, 0.0, 0.0);
+    for frame in 0..problem.frames.len() {
+        let mut now = vec![None; markers];
+        if work.evaluate(problem, &task, frame) {
+            work.raw_residuals(|marker, _, r| {
+                if let Some(m) = marker {
+                    now[m] = Some(r);
+                }
+            });
+        }
+        if frame > 0 && problem.posture[frame] != problem.posture[frame - 1] {
+            for (a, b) in last.iter().zip(&now).filter_map(|(a, b)| a.zip(*b)) {
+                product += a.dot(&b);
+                squares += 0.5 * (a.norm_squared() + b.norm_squared());
+                count += 2.0;
+            }
+        }
+        last = now;
+    }
+    let correlation = if squares > 0.0 { product / squares } else { 0.0 };
+    let clear = correlation > CLEAR_DEVIATIONS / f64::max(count, 1.0).sqrt();
+    Ok(if clear { correlation.min(MOST_CORRELATION) } else { 0.0 })
+}

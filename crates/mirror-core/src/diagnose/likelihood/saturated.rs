@@ -1,0 +1,176 @@
+//! What the data say without any model of the body: each posture's markers, set free.
+//!
+//! In the frames of one posture every marker may sit anywhere: three free parameters a marker, shared by the posture's
+//! views. Its estimate against the model's prediction is the gap there; what the views then still disagree on is the
+//! measurement's noise (and the optics). So noise and gap come apart without knowing any cause.
+
+use crate::diagnose::data::recording::Via;
+use crate::diagnose::likelihood::normal_equations::{counts, inner};
+use crate::diagnose::model::deformation::Deformation;
+use crate::diagnose::model::elementary::Atom;
+use crate::diagnose::model::frame::{FrameWork, PROJECTED, Task};
+use crate::diagnose::model::problem::{Noise, Observation, Problem};
+use crate::error::Result;
+use nalgebra::{DMatrix, DVector, Vector3};
+use rayon::prelude::*;
+
+/// How far a free marker may be from its prediction (m): keeps the depth of a marker that only one view shows finite.
+const FREE_MARKER_STD_M: f64 = 0.05;
+
+/// A marker of one posture, measured.
+#[derive(Debug, Clone)]
+pub(crate) struct FreeMarker {
+    /// Its index.
+    pub marker: usize,
+    /// Measured less predicted position, in the frame of the marker's mount, m.
+    pub displacement: Vector3<f64>,
+    /// Expected square of the displacement if only noise were left, m².
+    pub noise_m2: f64,
+}
+
+/// One posture.
+#[derive(Debug, Clone)]
+pub(crate) struct FreePosture {
+    pub frames: Vec<usize>,
+    pub markers: Vec<FreeMarker>,
+    /// χ² of the markers' rows with the markers at their prediction, and set free.
+    pub chi2_predicted: f64,
+    pub chi2_free: f64,
+    /// Rows less what the free markers take up.
+    pub freedom_left: f64,
+    /// What the free markers take up.
+    pub freedom_taken: f64,
+    /// RMS pixel residual of the markers (none without image points), sum of squares and count.
+    pub pixel_square_sum: f64,
+    pub pixel_count: usize,
+}
+
+/// Groups of frames that share a posture.
+pub(crate) fn postures(problem: &Problem) -> Vec<Vec<usize>> {
+    let mut order: Vec<i64> = Vec::new();
+    let mut groups: std::collections::HashMap<i64, Vec<usize>> = std::collections::HashMap::new();
+    for (frame, posture) in problem.posture.iter().enumerate() {
+        let group = groups.entry(*posture).or_default();
+        if group.is_empty() {
+            order.push(*posture);
+        }
+        group.push(frame);
+    }
+    order.iter().filter_map(|p| groups.remove(p)).collect()
+}
+
+/// Sets the markers of every posture free, at a deformation.
+///
+/// # Errors
+/// A camera or mirror that cannot be.
+pub(crate) fn free_markers(
+    problem: &Problem,
+    deformation: &Deformation,
+    noise: Noise,
+    gaussian: bool,
+    mask: Option<&[bool]>,
+) -> Result<Vec<FreePosture>> {
+    let eye = problem.eye(deformation)?;
+    let task = Task { gaussian, ..Task::of_residuals(problem, deformation, eye.as_ref(), noise) };
+    Ok(postures(problem)
+        .into_par_iter()
+        .map_init(
+            || FrameWork::new(problem),
+            |work, frames| {
+                let frames: Vec<usize> = frames.into_iter().filter(|&f| counts(mask, f)).collect();
+                free_posture(problem, &task, frames, work)
+            },
+        )
+        .filter(|p| !p.markers.is_empty())
+        .collect())
+}
+
+fn free_posture(problem: &Problem, task: &Task<'_>, frames: Vec<usize>, work: &mut FrameWork) -> FreePosture {
+    let markers = problem.marker_sites.len();
+    let mut h = DMatrix::<f64>::zeros(3 * markers, 3 * markers);
+    let mut g = DVector::<f64>::zeros(3 * markers);
+    let mut views = vec![0; markers];
+    let (mut chi2, mut rows) = (0.0, 0);
+    let (mut pixel_square_sum, mut pixel_count) = (0.0, 0);
+    let mut buffer = Vec::new();
+    for &frame in &frames {
+        if !work.evaluate(problem, task, frame) {
+            continue;
+        }
+        let stride = work.row_count + PROJECTED;
+        buffer.resize(stride * 3 * markers, 0.0);
+        let mut present = vec![false; 3 * markers];
+        for m in 0..markers {
+            for k in 0..3 {
+                let i = 3 * m + k;
+                let out = &mut buffer[i * stride..(i + 1) * stride];
+                present[i] = work.column(problem, task.deformation, frame, Atom::MarkerShift(m, k), out);
+            }
+            if present[3 * m] {
+                views[m] += 1;
+            }
+        }
+        for i in (0..3 * markers).filter(|&i| present[i]) {
+            let x = &buffer[i * stride..(i + 1) * stride];
+            g[i] += inner(x, &work.residual);
+            for j in (i..3 * markers).filter(|&j| present[j]) {
+                h[(i, j)] += inner(x, &buffer[j * stride..(j + 1) * stride]);
+            }
+        }
+        let marker_rows: usize = problem.frames[frame]
+            .others
+            .iter()
+            .map(|o| match o {
+                Observation::Pixel { via: Via::Mirror, .. } | Observation::Pixel { .. } => 2,
+                Observation::Point { .. } => 3,
+            })
+            .sum();
+        rows += marker_rows;
+        let first = work.row_count - marker_rows.min(work.row_count);
+        let projected = &work.residual[work.row_count..];
+        chi2 += work.residual[first..work.row_count].iter().map(|r| r * r).sum::<f64>()
+            - projected.iter().map(|r| r * r).sum::<f64>()
+            + work.board_excess;
+        work.raw_residuals(|_, measured, r| {
+            if !measured {
+                pixel_square_sum += r.norm_squared();
+                pixel_count += 1;
+            }
+        });
+    }
+    h.fill_lower_triangle_with_upper_triangle();
+    let mut out = FreePosture {
+        frames,
+        markers: Vec::new(),
+        chi2_predicted: chi2,
+        chi2_free: chi2,
+        freedom_left: rows as f64,
+        freedom_taken: 0.0,
+        pixel_square_sum,
+        pixel_count,
+    };
+    let seen: Vec<usize> = (0..markers).filter(|&m| views[m] > 0).collect();
+    let index: Vec<usize> = seen.iter().flat_map(|m| [3 * m, 3 * m + 1, 3 * m + 2]).collect();
+    let n = index.len();
+    let prior = FREE_MARKER_STD_M.powi(-2);
+    let data = DMatrix::from_fn(n, n, |i, j| h[(index[i], index[j])]);
+    let gradient = DVector::from_fn(n, |i, _| g[index[i]]);
+    let Some(factor) = (&data + DMatrix::identity(n, n) * prior).cholesky() else { return out };
+    let solution = factor.solve(&gradient);
+    let covariance = factor.inverse();
+    // The estimate's scatter under noise alone: C H C, smaller than C where the prior holds it.
+    let scatter = &covariance * &data * &covariance;
+    // Effective number of parameters: trace of the hat matrix.
+    let taken = (&covariance * &data).trace();
+    out.freedom_taken = taken;
+    out.freedom_left = rows as f64 - taken;
+    out.chi2_free = chi2 - 2.0 * solution.dot(&gradient) + solution.dot(&(&data * &solution));
+    for at in 0..seen.len() {
+        out.markers.push(FreeMarker {
+            marker: seen[at],
+            displacement: solution.fixed_rows::<3>(3 * at).into_owned(),
+            noise_m2: scatter.fixed_view::<3, 3>(3 * at, 3 * at).trace(),
+        });
+    }
+    out
+}

@@ -1,0 +1,28 @@
+//! The sim-to-real gap: where the model is wrong, which effect causes it, how far the gap shrinks once it is added.
+
+mod assessment;
+mod criteria;
+mod data;
+mod effects;
+mod likelihood;
+mod model;
+mod pipeline;
+mod prepare;
+mod random_effects;
+mod report;
+mod screening;
+mod selection;
+
+#[cfg(test)]
+mod tests;
+
+pub use data::diagnosis::{
+    Alternative, Cause, Checked, Diagnosis, Estimate, Field, FieldPoint, Gap, Member, Ranked, SeenMarker,
+    Signature, SignaturePoint, Track, TrackAxis, TrackPoint, Where,
+};
+pub use data::recording::{
+    BoardSpec, Frame, MarkerSpec, MeasuredPoint, PointsFrame, Recording, SightSpec, Sighting, Target, Via,
+};
+pub use effects::own::{OwnAxis, OwnEffect, OwnParameter, OwnPlace, Quantities, quantities};
+pub use pipeline::{DiagnoseOptions, OtherSession, diagnose};
+pub use screening::{Screening, screen_once};

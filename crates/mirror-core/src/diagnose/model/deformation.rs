@@ -1,0 +1,169 @@
+//! What all effects together do to the nominal model: the one thing that the exact forward model reads.
+
+use crate::diagnose::model::free_optics::FreeValues;
+use nalgebra::{Vector2, Vector3, Vector6};
+
+/// The difference between the nominal and the actual robot, camera, board and mirror. Zero is the nominal model.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Deformation {
+    nodes: usize,
+    /// Added to the joint's commanded position, `[frame * nodes + node]`, rad or m.
+    joint_delta: Vec<f64>,
+    /// Rotation vector at the node's origin, in the node's frame, `[frame * nodes + node]`, rad. Empty where nothing bends.
+    bend: Vec<Vector3<f64>>,
+    /// `(tilt_1, tilt_2)` of each node's axis, rad.
+    pub tilt: Vec<Vector2<f64>>,
+    /// Shift of the origins of the joints that the node carries, in the node's frame, m. The last entry is the base's.
+    pub link_shift: Vec<Vector3<f64>>,
+    /// Shift of each joint's own origin, in the frame of what carries it, m.
+    pub origin_shift: Vec<Vector3<f64>>,
+    /// Shift of each marker in the frame of its mount's link, m.
+    pub marker_shift: Vec<Vector3<f64>>,
+    /// Shift of a marker that varies, `[frame * markers + marker]`, m. Empty where none does.
+    varying_shift: Vec<Vector3<f64>>,
+    /// Rotation vector and shift of the real camera in the nominal optical frame, rad and m.
+    pub camera_mount: Vector6<f64>,
+    pub focal_scale_error: f64,
+    pub center_px: Vector2<f64>,
+    pub dk1: f64,
+    pub board_scale_error: f64,
+    pub glass_thickness_m: f64,
+    pub curvature_per_m: f64,
+    /// What lens, board and mirror are wrong by beyond the vocabulary.
+    pub free_optics: FreeValues,
+    /// The camera's mount on top of `camera_mount`, by frame; empty where it stands still. The same tangent.
+    camera_sway: Vec<Vector6<f64>>,
+    /// Relative error of the focal lengths on top of `focal_scale_error`, by frame; empty where it is constant.
+    focal_wander: Vec<f64>,
+    /// Pose of the root in the unknown frame of `points.csv`: tangent on top of its start, rad and m.
+    pub frame_pose: Vector6<f64>,
+}
+
+impl Deformation {
+    pub fn nominal(frames: usize, nodes: usize, markers: usize) -> Self {
+        Self {
+            nodes,
+            joint_delta: vec![0.0; frames * nodes],
+            bend: Vec::new(),
+            tilt: vec![Vector2::zeros(); nodes],
+            link_shift: vec![Vector3::zeros(); nodes + 1],
+            origin_shift: vec![Vector3::zeros(); nodes],
+            marker_shift: vec![Vector3::zeros(); markers],
+            varying_shift: Vec::new(),
+            camera_mount: Vector6::zeros(),
+            focal_scale_error: 0.0,
+            center_px: Vector2::zeros(),
+            dk1: 0.0,
+            board_scale_error: 0.0,
+            glass_thickness_m: 0.0,
+            curvature_per_m: 0.0,
+            free_optics: FreeValues::zeros(),
+            camera_sway: Vec::new(),
+            focal_wander: Vec::new(),
+            frame_pose: Vector6::zeros(),
+        }
+    }
+
+    #[inline]
+    pub fn joint_delta(&self, frame: usize, node: usize) -> f64 {
+        self.joint_delta[frame * self.nodes + node]
+    }
+
+    #[inline]
+    pub fn add_joint_delta(&mut self, frame: usize, node: usize, delta: f64) {
+        self.joint_delta[frame * self.nodes + node] += delta;
+    }
+
+    #[inline]
+    pub fn bend(&self, frame: usize, node: usize) -> Option<&Vector3<f64>> {
+        self.bend.get(frame * self.nodes + node)
+    }
+
+    pub fn add_bend(&mut self, frame: usize, node: usize, omega: Vector3<f64>) {
+        if self.bend.is_empty() {
+            self.bend = vec![Vector3::zeros(); self.joint_delta.len()];
+        }
+        self.bend[frame * self.nodes + node] += omega;
+    }
+
+    /// Shift of a marker in a frame, m, in the frame of its mount's link.
+    #[inline]
+    pub fn marker_shift_in(&self, frame: usize, marker: usize) -> Vector3<f64> {
+        let varying = self.varying_shift.get(frame * self.marker_shift.len() + marker);
+        self.marker_shift[marker] + varying.copied().unwrap_or_else(Vector3::zeros)
+    }
+
+    pub fn add_marker_shift(&mut self, frame: usize, marker: usize, axis: usize, value: f64) {
+        let markers = self.marker_shift.len();
+        if self.varying_shift.is_empty() {
+            self.varying_shift = vec![Vector3::zeros(); self.frames() * markers];
+        }
+        self.varying_shift[frame * markers + marker][axis] += value;
+    }
+
+    /// Whether any of these nodes is not where the nominal model has it.
+    pub fn moves_any(&self, nodes: &[usize]) -> bool {
+        nodes.iter().any(|&n| {
+            self.tilt[n] != Vector2::zeros()
+                || self.link_shift[n] != Vector3::zeros()
+                || self.origin_shift[n] != Vector3::zeros()
+                || self.joint_delta.iter().skip(n).step_by(self.nodes).any(|d| *d != 0.0)
+                || self.bend.iter().skip(n).step_by(self.nodes).any(|b| *b != Vector3::zeros())
+        })
+    }
+
+    /// Whether a node is not where the nominal model has it in one frame.
+    pub fn moves_in(&self, frame: usize, node: usize) -> bool {
+        self.tilt[node] != Vector2::zeros()
+            || self.link_shift[node] != Vector3::zeros()
+            || self.origin_shift[node] != Vector3::zeros()
+            || self.joint_delta(frame, node) != 0.0
+            || self.bend(frame, node).is_some_and(|b| *b != Vector3::zeros())
+    }
+
+    /// Whether camera, lens, board or mirror differ from the nominal: then the board's corners must be predicted anew.
+    pub fn optics_differ(&self) -> bool {
+        self.camera_mount != Vector6::zeros()
+            || self.focal_scale_error != 0.0
+            || self.center_px != Vector2::zeros()
+            || self.dk1 != 0.0
+            || self.board_scale_error != 0.0
+            || self.glass_thickness_m != 0.0
+            || self.curvature_per_m != 0.0
+            || self.free_optics != FreeValues::zeros()
+            || self.eye_varies()
+    }
+
+    /// Whether the camera is not the same in all frames.
+    pub fn eye_varies(&self) -> bool {
+        !self.camera_sway.is_empty() || !self.focal_wander.is_empty()
+    }
+
+    /// The camera's mount in a frame: rotation vector and shift in the nominal optical frame, rad and m.
+    pub fn camera_mount_in(&self, frame: usize) -> Vector6<f64> {
+        self.camera_mount + self.camera_sway.get(frame).copied().unwrap_or_else(Vector6::zeros)
+    }
+
+    /// Relative error of the focal lengths in a frame.
+    pub fn focal_scale_error_in(&self, frame: usize) -> f64 {
+        self.focal_scale_error + self.focal_wander.get(frame).copied().unwrap_or(0.0)
+    }
+
+    pub fn add_camera_sway(&mut self, frame: usize, k: usize, value: f64) {
+        if self.camera_sway.is_empty() {
+            self.camera_sway = vec![Vector6::zeros(); self.frames()];
+        }
+        self.camera_sway[frame][k] += value;
+    }
+
+    pub fn add_focal_wander(&mut self, frame: usize, value: f64) {
+        if self.focal_wander.is_empty() {
+            self.focal_wander = vec![0.0; self.frames()];
+        }
+        self.focal_wander[frame] += value;
+    }
+
+    fn frames(&self) -> usize {
+        self.joint_delta.len() / self.nodes.max(1)
+    }
+}

@@ -1,0 +1,260 @@
+//! Atoms: the elementary ways in which a model can be wrong, and where each moves a point.
+//!
+//! Every effect of the body is a twist at one place of the chain, times a basis that varies from frame to frame. The
+//! twist is the atom; its derivative is computed once a frame and shared by all effects at that place.
+
+use crate::diagnose::model::body::NodeId;
+use crate::diagnose::model::deformation::Deformation;
+use crate::diagnose::model::kinematics::{NodePoses, tilted_axis};
+use crate::diagnose::model::scene::Scene;
+use nalgebra::{Vector2, Vector3};
+
+/// An elementary change of the model.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub(crate) enum Atom {
+    /// The joint's position.
+    Joint(NodeId),
+    /// The axis' tilt 0 or 1.
+    Tilt(NodeId, usize),
+    /// Rotation of the node about its middle by gravity's transverse moment there, per compliance.
+    Bend(NodeId),
+    /// Rotation of the node about its middle along x, y or z of its frame.
+    Turn(NodeId, usize),
+    /// Shift along x, y or z of the origins of the joints that the node (or the base: none) carries.
+    LinkShift(Option<NodeId>, usize),
+    /// Shift of a joint's own origin along an axis of the frame of what carries it: one of several joints that a link carries.
+    OriginShift(NodeId, usize),
+    /// Shift of a marker on its mount.
+    MarkerShift(usize, usize),
+    /// Tangent of the camera's mount: rotation 0 to 2, translation 3 to 5.
+    CameraMount(usize),
+    /// Relative error of the focal lengths.
+    Focal,
+    /// Shift of the principal point along u or v.
+    Center(usize),
+    /// Radial distortion k1.
+    Dk1,
+    /// Relative error of the board's squares.
+    BoardScale,
+    /// Thickness of the pane.
+    Glass,
+    /// Curvature of the mirror.
+    Curvature,
+    /// A free-form error of lens, board or mirror.
+    FreeOptics(usize),
+    /// Tangent of the pose of the root in the unknown frame of the measured points.
+    FramePose(usize),
+}
+
+impl Atom {
+    /// Whether the atom is of the camera, its lens, the board's print or the mirror: it changes how corners are seen.
+    pub fn is_optical(self) -> bool {
+        matches!(
+            self,
+            Self::CameraMount(_)
+                | Self::Focal
+                | Self::Center(_)
+                | Self::Dk1
+                | Self::BoardScale
+                | Self::Glass
+                | Self::Curvature
+                | Self::FreeOptics(_)
+        )
+    }
+}
+
+/// The velocity field `x ↦ ω × x + b` (world frame) of a moving part, and which part moves.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Twist {
+    pub omega: Vector3<f64>,
+    pub shift: Vector3<f64>,
+}
+
+impl Twist {
+    fn about(origin: &Vector3<f64>, omega: Vector3<f64>) -> Self {
+        Self { omega, shift: origin.cross(&omega) }
+    }
+
+    fn along(shift: Vector3<f64>) -> Self {
+        Self { omega: Vector3::zeros(), shift }
+    }
+}
+
+/// The part of `moment` transverse to the node's long axis: what bends the link (twisting about its axis does not).
+///
+/// The long axis points from the node's origin to that of the joint (or, at the chain's end, the marker) which it carries, or, where
+/// that is the same place, to the next beyond.
+pub(crate) fn transverse_moment(scene: &Scene, frame: usize, node: NodeId) -> Vector3<f64> {
+    let moment = scene.moment(frame, node);
+    match scene.body.nodes[node].long_axis {
+        Some(axis) => moment - axis * axis.dot(moment),
+        None => *moment,
+    }
+}
+
+/// The twist of an atom of the body in one frame; none for the others.
+pub(crate) fn body_twist(
+    atom: Atom,
+    scene: &Scene,
+    poses: &NodePoses,
+    deformation: &Deformation,
+    frame: usize,
+) -> Option<Twist> {
+    match atom {
+        Atom::Joint(n) if scene.body.nodes[n].prismatic => Some(Twist::along(poses.axis[n])),
+        Atom::Joint(n) => Some(Twist::about(&poses.origin[n], poses.axis[n])),
+        Atom::Tilt(n, k) => {
+            let node = &scene.body.nodes[n];
+            let (axis, by_tilt) = tilted_axis(&node.axis, &node.tilt_directions, &deformation.tilt[n]);
+            if node.prismatic {
+                return Some(Twist::along(poses.world_from_joint[n] * by_tilt[k] * poses.theta[n]));
+            }
+            // dR(a, θ) Rᵀ = hat(sin θ da + (1 − cos θ) a × da) for da ⟂ a.
+            let (s, c) = poses.theta[n].sin_cos();
+            let omega = by_tilt[k] * s + axis.cross(&by_tilt[k]) * (1.0 - c);
+            Some(Twist::about(&poses.origin[n], poses.world_from_joint[n] * omega))
+        }
+        Atom::Bend(n) => {
+            let omega = poses.world_from_node[n].r * transverse_moment(scene, frame, n);
+            Some(Twist::about(&poses.world_from_node[n].point(&scene.body.nodes[n].bend_pivot), omega))
+        }
+        Atom::Turn(n, k) => {
+            let pose = &poses.world_from_node[n];
+            let omega = pose.r.column(k).into_owned();
+            Some(Twist::about(&pose.point(&scene.body.nodes[n].bend_pivot), omega))
+        }
+        Atom::LinkShift(n, k) => {
+            let axis = Vector3::ith_axis(k).into_inner();
+            Some(Twist::along(n.map_or(axis, |n| poses.world_from_node[n].r * axis)))
+        }
+        Atom::OriginShift(n, k) => {
+            let axis = Vector3::ith_axis(k).into_inner();
+            let carrier = scene.body.nodes[n].parent;
+            Some(Twist::along(carrier.map_or(axis, |p| poses.world_from_node[p].r * axis)))
+        }
+        _ => None,
+    }
+}
+
+/// Whether an atom of the body moves a site that rides on `node`.
+#[inline]
+pub(crate) fn moves(atom: Atom, scene: &Scene, node: Option<NodeId>) -> bool {
+    match atom {
+        Atom::Joint(n) | Atom::Tilt(n, _) | Atom::Bend(n) | Atom::Turn(n, _) | Atom::OriginShift(n, _) => {
+            scene.body.carries(n, node)
+        }
+        Atom::LinkShift(Some(n), _) => scene.body.carries_beyond(n, node),
+        Atom::LinkShift(None, _) => node.is_some(),
+        _ => false,
+    }
+}
+
+/// How strongly an atom acts in a frame: the basis of an effect.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum Weight {
+    /// 1 in every frame.
+    One,
+    /// The commanded position of a node's joint.
+    Position(NodeId),
+    /// Its sine.
+    Sine(NodeId),
+    /// Its cosine less 1.
+    CosineLessOne(NodeId),
+    /// Gravity's torque on the joint, N m.
+    Torque(NodeId),
+    /// Time since the first frame, s.
+    Time,
+    /// A number for each frame.
+    Frames(Vec<f64>),
+}
+
+impl Weight {
+    #[inline]
+    pub fn at(&self, scene: &Scene, frame: usize) -> f64 {
+        match self {
+            Self::One => 1.0,
+            Self::Position(n) => scene.q(frame, *n),
+            Self::Sine(n) => scene.q(frame, *n).sin(),
+            Self::CosineLessOne(n) => scene.q(frame, *n).cos() - 1.0,
+            Self::Torque(n) => scene.torque(frame, *n),
+            Self::Time => scene.time_s[frame] - scene.time_s[0],
+            Self::Frames(values) => values[frame],
+        }
+    }
+}
+
+/// One parameter's derivative: an atom and how strongly it acts in each frame.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Column {
+    pub atom: Atom,
+    pub weight: Weight,
+}
+
+impl Column {
+    pub fn constant(atom: Atom) -> Self {
+        Self { atom, weight: Weight::One }
+    }
+
+    /// Adds `value` of this column to a deformation: exact for every effect that is linear in its parameters.
+    pub fn add(&self, value: f64, scene: &Scene, deformation: &mut Deformation) {
+        match self.atom {
+            Atom::Joint(n) => {
+                for f in 0..scene.frames {
+                    deformation.add_joint_delta(f, n, value * self.weight.at(scene, f));
+                }
+            }
+            Atom::Bend(n) => {
+                for f in 0..scene.frames {
+                    deformation.add_bend(
+                        f,
+                        n,
+                        transverse_moment(scene, f, n) * (value * self.weight.at(scene, f)),
+                    );
+                }
+            }
+            Atom::Turn(n, k) => {
+                for f in 0..scene.frames {
+                    let omega = Vector3::ith(k, value * self.weight.at(scene, f));
+                    deformation.add_bend(f, n, omega);
+                }
+            }
+            Atom::Tilt(n, k) => deformation.tilt[n][k] += value,
+            Atom::OriginShift(n, k) => deformation.origin_shift[n][k] += value,
+            Atom::LinkShift(n, k) => {
+                let at = n.unwrap_or(scene.nodes());
+                deformation.link_shift[at][k] += value;
+            }
+            Atom::MarkerShift(m, k) => match &self.weight {
+                Weight::One => deformation.marker_shift[m][k] += value,
+                weight => {
+                    for f in 0..scene.frames {
+                        deformation.add_marker_shift(f, m, k, value * weight.at(scene, f));
+                    }
+                }
+            },
+            Atom::CameraMount(k) => match &self.weight {
+                Weight::One => deformation.camera_mount[k] += value,
+                weight => {
+                    for f in 0..scene.frames {
+                        deformation.add_camera_sway(f, k, value * weight.at(scene, f));
+                    }
+                }
+            },
+            Atom::Focal => match &self.weight {
+                Weight::One => deformation.focal_scale_error += value,
+                weight => {
+                    for f in 0..scene.frames {
+                        deformation.add_focal_wander(f, value * weight.at(scene, f));
+                    }
+                }
+            },
+            Atom::Center(k) => deformation.center_px += Vector2::ith(k, value),
+            Atom::Dk1 => deformation.dk1 += value,
+            Atom::BoardScale => deformation.board_scale_error += value,
+            Atom::Glass => deformation.glass_thickness_m += value,
+            Atom::Curvature => deformation.curvature_per_m += value,
+            Atom::FreeOptics(k) => deformation.free_optics[k] += value,
+            Atom::FramePose(k) => deformation.frame_pose[k] += value,
+        }
+    }
+}

@@ -1,0 +1,257 @@
+//! The rows of a frame: every observation predicted, whitened, weighted.
+
+use super::sight::sight_of;
+use super::*;
+use crate::diagnose::model::free_optics::board_columns;
+
+#[derive(Clone, Copy)]
+pub(super) struct Corner {
+    index: usize,
+    board: Option<NodeId>,
+}
+
+#[derive(Clone, Copy)]
+pub(super) enum SeenAt {
+    Marker(usize),
+    Corner(Corner),
+}
+
+fn pixel_mixture(eye: &Eye, std: f64) -> Mixture {
+    let (w, h) = eye.camera.size_px();
+    Mixture::new(std, 2, f64::from(w) * f64::from(h))
+}
+
+impl FrameWork {
+    pub(super) fn observe_board(
+        &mut self,
+        problem: &Problem,
+        task: &Task<'_>,
+        data: &crate::diagnose::model::problem::FrameData,
+    ) {
+        let (Some(eye), Some(board)) = (task.eye, problem.board) else { return };
+        let camera_from_world = self.camera_from_world(problem, eye);
+        let world_from_board = self.poses.site(&board);
+        let mixture = pixel_mixture(eye, task.noise.corner_px);
+        for (index, pixel) in &data.corners {
+            let seen = Corner { index: *index, board: board.node };
+            self.push_pixel(
+                problem,
+                task,
+                eye,
+                &camera_from_world,
+                &world_from_board,
+                Via::Mirror,
+                SeenAt::Corner(seen),
+                pixel,
+                task.noise.corner_px,
+                &mixture,
+                true,
+            );
+        }
+    }
+
+    pub(super) fn observe(
+        &mut self,
+        problem: &Problem,
+        task: &Task<'_>,
+        data: &crate::diagnose::model::problem::FrameData,
+        full: bool,
+    ) {
+        for observation in &data.others {
+            match observation {
+                Observation::Pixel { seen, via, pixel } => {
+                    let Some(eye) = task.eye else { continue };
+                    if *via == Via::Mirror && !self.has_plane {
+                        continue;
+                    }
+                    let camera_from_world = self.camera_from_world(problem, eye);
+                    let (at, world_from, std) = match seen {
+                        Seen::Marker(m) => (
+                            SeenAt::Marker(*m),
+                            self.marker_mount_pose(problem, task, *m),
+                            task.noise.marker_px,
+                        ),
+                        Seen::Corner(index) => {
+                            let Some(board) = problem.board else { continue };
+                            let corner = Corner { index: *index, board: board.node };
+                            (SeenAt::Corner(corner), self.poses.site(&board), task.noise.corner_px)
+                        }
+                    };
+                    let mixture = pixel_mixture(eye, std);
+                    self.push_pixel(
+                        problem,
+                        task,
+                        eye,
+                        &camera_from_world,
+                        &world_from,
+                        *via,
+                        at,
+                        pixel,
+                        std,
+                        &mixture,
+                        full,
+                    );
+                }
+                Observation::Point { marker, position } => self.push_point(problem, task, *marker, position),
+            }
+        }
+    }
+
+    /// Pose of the frame of a marker's centre, its shift included.
+    pub(super) fn marker_mount_pose(&self, problem: &Problem, task: &Task<'_>, marker: usize) -> Pose {
+        let shift = task.deformation.marker_shift_in(self.frame, marker);
+        let mut pose = self.poses.site(&problem.marker_sites[marker]);
+        if shift != Vector3::zeros() {
+            pose.t += self.poses.site(&problem.marker_mounts[marker]).r * shift;
+        }
+        pose
+    }
+
+    pub(super) fn push_pixel(
+        &mut self,
+        problem: &Problem,
+        task: &Task<'_>,
+        eye: &Eye,
+        camera_from_world: &Pose,
+        world_from_target: &Pose,
+        via: Via,
+        seen: SeenAt,
+        pixel: &Vector2<f64>,
+        std: f64,
+        mixture: &Mixture,
+        full: bool,
+    ) {
+        let (local, node, marker) = match seen {
+            SeenAt::Marker(m) => (Vector3::zeros(), problem.marker_sites[m].node, Some(m)),
+            SeenAt::Corner(c) => {
+                (corner_point(problem, eye, c.index, 1.0 + task.deformation.board_scale_error), c.board, None)
+            }
+        };
+        let point = world_from_target.point(&local);
+        let in_camera = camera_from_world.point(&point);
+        let wanted = if full && task.with_board { task.wanted } else { Wanted::default() };
+        let Some(sight) = sight_of(eye, via, &self.foot, &in_camera, wanted) else {
+            // What cannot be predicted (behind the mirror, say) is as wrong as a false observation.
+            self.cost += mixture.of(f64::INFINITY).cost;
+            return;
+        };
+        let r = (pixel - sight.pixel - self.outline_offset(problem, eye, via, marker, &in_camera)) / std;
+        let robust =
+            if task.gaussian { Robust::gaussian(r.norm_squared()) } else { mixture.of(r.norm_squared()) };
+        self.cost += robust.cost;
+        let root_weight = robust.weight.sqrt();
+        let scale = root_weight / std;
+        let mut by_camera = Matrix3::zeros();
+        by_camera.fixed_view_mut::<2, 3>(0, 0).copy_from(&(sight.by_point * scale));
+        let mut plane = Matrix3::zeros();
+        if via == Via::Mirror {
+            plane.fixed_view_mut::<2, 3>(0, 0).copy_from(&(sight.by_foot * scale));
+        }
+        let optics = (full && task.with_board && wanted.optics).then(|| {
+            let by_camera = by_camera.fixed_rows::<2>(0);
+            let mut optics = OpticsColumns::zeros();
+            // p_real = Exp(ω)ᵀ (p − v): ∂/∂ω = p̂ J_r(ω), ∂/∂v = −Exp(ω)ᵀ.
+            optics
+                .fixed_columns_mut::<3>(0)
+                .copy_from(&(by_camera * (in_camera.cross_matrix() * eye.mount_jacobian)));
+            optics.fixed_columns_mut::<3>(3).copy_from(&-(by_camera * eye.camera_from_mount.r));
+            optics.fixed_columns_mut::<4>(6).copy_from(&(sight.by_lens * scale));
+            if let SeenAt::Corner(c) = seen {
+                let by_scale = camera_from_world.r * (world_from_target.r * problem.corners[c.index]);
+                optics.set_column(10, &(by_camera * by_scale));
+            }
+            optics.set_column(11, &(sight.by_glass * scale));
+            optics.set_column(12, &(sight.by_curvature * scale));
+            self.optics.push(optics);
+            self.optics.len() - 1
+        });
+        let free = sight.free.filter(|_| wanted.free).map(|mut columns| {
+            if let SeenAt::Corner(c) = seen {
+                let by_board = sight.by_point * (camera_from_world.r * world_from_target.r);
+                board_columns(problem, c.index, &by_board, &mut columns);
+            }
+            self.free.push(columns * scale);
+            self.free.len() - 1
+        });
+        self.rows.push(Rows {
+            count: 2,
+            node,
+            observer: problem.camera_site.and_then(|s| s.node),
+            marker,
+            residual: Vector3::new(r.x * root_weight, r.y * root_weight, 0.0),
+            scale,
+            by_world: by_camera * camera_from_world.r,
+            point,
+            plane,
+            optics,
+            free,
+            measured: false,
+        });
+    }
+
+    /// From the picture of a ball's centre to the centroid of its outline, px; 0 where the session's points are of centres.
+    pub(super) fn outline_offset(
+        &self,
+        problem: &Problem,
+        eye: &Eye,
+        via: Via,
+        marker: Option<usize>,
+        in_camera: &Vector3<f64>,
+    ) -> Vector2<f64> {
+        let Some(ball) = marker.filter(|_| problem.outlines).map(|m| problem.balls[m]) else {
+            return Vector2::zeros();
+        };
+        if ball.radius_m() == 0.0 {
+            return Vector2::zeros();
+        }
+        let seen = match (via, Problem::plane(&self.foot)) {
+            (Via::Mirror, Some(plane)) => Reflection::across(plane).point(&Point3::from(*in_camera)),
+            _ => Point3::from(*in_camera),
+        };
+        match (ball.project(&eye.camera, &seen), eye.camera.project(&seen)) {
+            (Ok(centroid), Ok(center)) => centroid - center,
+            _ => Vector2::zeros(),
+        }
+    }
+
+    pub(super) fn push_point(
+        &mut self,
+        problem: &Problem,
+        task: &Task<'_>,
+        marker: usize,
+        position: &Vector3<f64>,
+    ) {
+        let Some(site) = problem.points_site else { return };
+        let observer = self.poses.site(&site);
+        let point = self.marker_mount_pose(problem, task, marker).t;
+        let mut in_observer = observer.inverse_point(&point);
+        let mut observed_from_world = observer.r.transpose();
+        if let Some(unknown) = &self.unknown {
+            in_observer = unknown.point(&in_observer);
+            observed_from_world = unknown.r * observed_from_world;
+        }
+        let std = task.noise.point_m;
+        let r = (position - in_observer) / std;
+        // False points fill a cube of a metre.
+        let squared = r.norm_squared();
+        let robust =
+            if task.gaussian { Robust::gaussian(squared) } else { Mixture::new(std, 3, 1.0).of(squared) };
+        self.cost += robust.cost;
+        let root_weight = robust.weight.sqrt();
+        let scale = root_weight / std;
+        self.rows.push(Rows {
+            count: 3,
+            node: problem.marker_sites[marker].node,
+            observer: site.node,
+            marker: Some(marker),
+            residual: r * root_weight,
+            scale,
+            by_world: observed_from_world * scale,
+            point,
+            plane: Matrix3::zeros(),
+            optics: None,
+            free: None,
+            measured: true,
+        });
+    }
+}

@@ -1,0 +1,145 @@
+//! Exact kinematics of the deformed robot, and gravity's loads in it.
+
+use crate::diagnose::model::body::Body;
+use crate::diagnose::model::deformation::Deformation;
+use crate::diagnose::model::pose::{Pose, exp, rotation_about};
+use nalgebra::{Matrix3, Vector2, Vector3};
+
+/// Where each node is in the URDF root's frame ("world"), and what its joint turns about.
+#[derive(Debug, Clone)]
+pub(crate) struct NodePoses {
+    pub world_from_node: Vec<Pose>,
+    /// The joint's origin, m.
+    pub origin: Vec<Vector3<f64>>,
+    /// The joint's real (tilted) unit axis.
+    pub axis: Vec<Vector3<f64>>,
+    /// Rotation of the joint's frame, before its motion.
+    pub world_from_joint: Vec<Matrix3<f64>>,
+    /// The actual position, rad or m.
+    pub theta: Vec<f64>,
+}
+
+/// The tilted unit axis and its derivative by (tilt_1, tilt_2), in the joint's frame: `unit(a + tan t₁ u + tan t₂ v)`.
+pub(crate) fn tilted_axis(
+    axis: &Vector3<f64>,
+    [u, v]: &[Vector3<f64>; 2],
+    tilt: &Vector2<f64>,
+) -> (Vector3<f64>, [Vector3<f64>; 2]) {
+    let (t1, t2) = (tilt.x.tan(), tilt.y.tan());
+    let raw = axis + u * t1 + v * t2;
+    let length = raw.norm();
+    let unit = raw / length;
+    let project = |d: Vector3<f64>| (d - unit * unit.dot(&d)) / length;
+    (unit, [project(u * (1.0 + t1 * t1)), project(v * (1.0 + t2 * t2))])
+}
+
+impl NodePoses {
+    pub fn new(nodes: usize) -> Self {
+        Self {
+            world_from_node: vec![Pose::identity(); nodes],
+            origin: vec![Vector3::zeros(); nodes],
+            axis: vec![Vector3::z(); nodes],
+            world_from_joint: vec![Matrix3::identity(); nodes],
+            theta: vec![0.0; nodes],
+        }
+    }
+
+    /// Poses all nodes of one frame: parent · shift · fixed · motion about the real axis · bend.
+    pub fn update(&mut self, body: &Body, commanded: &[f64], deformation: &Deformation, frame: usize) {
+        let base = body.nodes.len();
+        for (n, node) in body.nodes.iter().enumerate() {
+            let mut joint = node.parent_from_joint;
+            joint.t += deformation.link_shift[node.parent.unwrap_or(base)] + deformation.origin_shift[n];
+            let world_from_joint = match node.parent {
+                Some(p) => self.world_from_node[p].then(&joint),
+                None => joint,
+            };
+            let tilt = &deformation.tilt[n];
+            let axis = if tilt.x == 0.0 && tilt.y == 0.0 {
+                node.axis
+            } else {
+                tilted_axis(&node.axis, &node.tilt_directions, tilt).0
+            };
+            let theta = commanded[n] + deformation.joint_delta(frame, n);
+            let motion = if node.prismatic {
+                Pose { r: Matrix3::identity(), t: axis * theta }
+            } else {
+                Pose { r: rotation_about(&axis, theta), t: Vector3::zeros() }
+            };
+            let mut world_from_node = world_from_joint.then(&motion);
+            if let Some(omega) = deformation.bend(frame, n) {
+                let middle = world_from_node.point(&node.bend_pivot);
+                world_from_node.r *= exp(omega);
+                world_from_node.t = middle - world_from_node.r * node.bend_pivot;
+            }
+            self.origin[n] = world_from_joint.t;
+            self.axis[n] = world_from_joint.r * axis;
+            self.world_from_joint[n] = world_from_joint.r;
+            self.theta[n] = theta;
+            self.world_from_node[n] = world_from_node;
+        }
+    }
+
+    /// Pose of a site in the world.
+    #[inline]
+    pub fn site(&self, site: &crate::diagnose::model::body::Site) -> Pose {
+        match site.node {
+            Some(n) => self.world_from_node[n].then(&site.node_from_site),
+            None => site.node_from_site,
+        }
+    }
+}
+
+/// Gravity's torque on each joint's position and its moment about the middle of each node's link (in the node's frame), N m.
+///
+/// `τ = a · Σ (c − o) × m g` over all that moves when the joint turns while the root link stands still: what the node
+/// carries, or, where the root rides on the node, all the rest with the opposite sign.
+pub(crate) fn loads(
+    body: &Body,
+    poses: &NodePoses,
+    gravity_in_root: &Vector3<f64>,
+    torque: &mut [f64],
+    moment: &mut [Vector3<f64>],
+) {
+    let gravity = poses.site(&body.root).r * gravity_in_root;
+    let nodes = body.nodes.len();
+    // Mass and mass times centre of each node's subtree, in the world; leaves first.
+    let mut mass: Vec<f64> = body.nodes.iter().map(|n| n.mass).collect();
+    let mut first: Vec<Vector3<f64>> = (0..nodes)
+        .map(|n| {
+            let pose = &poses.world_from_node[n];
+            pose.r * body.nodes[n].mass_moment + pose.t * body.nodes[n].mass
+        })
+        .collect();
+    let (mut total_mass, mut total_first) = (body.base_mass, body.base_mass_moment);
+    for n in (0..nodes).rev() {
+        match body.nodes[n].parent {
+            Some(p) => {
+                let (m, f) = (mass[n], first[n]);
+                mass[p] += m;
+                first[p] += f;
+            }
+            None => {
+                total_mass += mass[n];
+                total_first += first[n];
+            }
+        }
+    }
+    for n in 0..nodes {
+        let origin = poses.origin[n];
+        let holds_root = body.carries(n, body.root.node);
+        let (m, f, sign) = if holds_root {
+            (total_mass - mass[n], total_first - first[n], -1.0)
+        } else {
+            (mass[n], first[n], 1.0)
+        };
+        let about_origin = (f - origin * m).cross(&gravity);
+        torque[n] = if body.nodes[n].prismatic {
+            sign * m * poses.axis[n].dot(&gravity)
+        } else {
+            sign * poses.axis[n].dot(&about_origin)
+        };
+        let middle = poses.world_from_node[n].point(&body.nodes[n].bend_pivot);
+        moment[n] = poses.world_from_node[n].r.tr_mul(&((f - middle * m).cross(&gravity) * sign));
+    }
+}

@@ -1,0 +1,215 @@
+//! What effects may look at: the robot's nodes, the commanded motion and its history, and gravity's loads.
+
+use crate::diagnose::data::recording::Recording;
+use crate::diagnose::model::body::{Body, NodeId, Site};
+use crate::diagnose::model::deformation::Deformation;
+use crate::diagnose::model::kinematics::{NodePoses, loads};
+use crate::error::Result;
+use crate::robot::Robot;
+use nalgebra::Vector3;
+
+/// Commanded motions smaller than this (rad or m) leave the last direction as it was.
+const STILL: f64 = 1e-9;
+
+/// A link shorter than this (m) does not say which way it goes.
+const SHORTEST_LINK_M: f64 = 1e-4;
+
+/// The quantities that tell effects apart, frame by frame and node by node (`[frame * nodes + node]`).
+#[derive(Debug, Clone)]
+pub(crate) struct Scene {
+    pub body: Body,
+    pub frames: usize,
+    /// Commanded positions of the nodes' joints, rad or m.
+    pub commanded: Vec<f64>,
+    /// Sign of the last commanded change (0 before the first), all 0 where the rows are not in order.
+    pub direction: Vec<f64>,
+    pub ordered: bool,
+    /// Torque that gravity puts on the joint, N m (positive pushes the position upward).
+    pub torque: Vec<f64>,
+    /// Moment of gravity of all that the node carries, about the middle of its link, in its frame, N m.
+    pub moment: Vec<Vector3<f64>>,
+    pub time_s: Vec<f64>,
+    pub gravity: Vector3<f64>,
+    pub marker_names: Vec<String>,
+    /// Whether the mount is known, by marker.
+    pub mount_known: Vec<bool>,
+    /// Nodes whose joint moves a marker (or the board) against the observer.
+    pub relevant: Vec<bool>,
+    /// Nodes with a column in the session, or that move at all.
+    pub commanded_range: Vec<(f64, f64)>,
+    /// Direction of gravity in the frame of each marker's mount, `[frame * markers + marker]`.
+    pub down: Vec<Vector3<f64>>,
+    pub has_camera: bool,
+    pub has_board: bool,
+    pub has_mirror: bool,
+    /// Largest distance between a relevant joint and the farthest relevant marker at the nominal zero posture, m.
+    pub reach_m: f64,
+    pub glass_thickness_m: f64,
+}
+
+impl Scene {
+    /// Tabulates the commanded motion and gravity's loads at the nominal postures.
+    ///
+    /// # Errors
+    /// An unknown link.
+    pub fn new(robot: &Robot, recording: &Recording) -> Result<Self> {
+        let body = Body::new(robot, &recording.root_link)?;
+        let (frames, nodes) = (recording.frames.len(), body.nodes.len());
+        let mut commanded = vec![0.0; frames * nodes];
+        let mut direction = vec![0.0; frames * nodes];
+        for (n, node) in body.nodes.iter().enumerate() {
+            let (index, multiplier, offset) = node.command;
+            // Before the first row all joints rest at 0.
+            let (mut last, mut sign) = (offset, 0.0);
+            for (f, frame) in recording.frames.iter().enumerate() {
+                let q = multiplier * frame.commanded[index] + offset;
+                if (q - last).abs() > STILL {
+                    sign = (q - last).signum();
+                }
+                last = q;
+                commanded[f * nodes + n] = q;
+                direction[f * nodes + n] = if recording.ordered { sign } else { 0.0 };
+            }
+        }
+        let commanded_range = (0..nodes)
+            .map(|n| {
+                (0..frames)
+                    .map(|f| commanded[f * nodes + n])
+                    .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), q| (a.min(q), b.max(q)))
+            })
+            .collect();
+        let sight = recording.sight.as_ref();
+        let mut scene = Self {
+            relevant: vec![false; nodes],
+            body,
+            frames,
+            commanded,
+            direction,
+            ordered: recording.ordered,
+            torque: vec![0.0; frames * nodes],
+            moment: vec![Vector3::zeros(); frames * nodes],
+            time_s: recording.frames.iter().map(|f| f.time_s).collect(),
+            gravity: recording.gravity,
+            marker_names: recording.markers.iter().map(|m| m.name.clone()).collect(),
+            mount_known: recording.markers.iter().map(|m| m.mount_known).collect(),
+            commanded_range,
+            down: Vec::new(),
+            has_camera: sight.is_some(),
+            has_board: sight.is_some_and(|s| s.board.is_some()),
+            has_mirror: sight.is_some_and(|s| s.board.is_some()),
+            reach_m: 0.0,
+            glass_thickness_m: sight.map_or(0.0, |s| s.glass_thickness_m),
+        };
+        scene.update_loads(&Deformation::nominal(frames, nodes, recording.markers.len()));
+        Ok(scene)
+    }
+
+    /// Finds which nodes move what is seen against who sees it, how far they reach, and where each bends.
+    pub fn find_relevant(
+        &mut self,
+        observers: &[Option<NodeId>],
+        targets: &[Option<NodeId>],
+        markers: &[Site],
+    ) {
+        let nodes = self.nodes();
+        for n in 0..nodes {
+            self.relevant[n] = observers.iter().any(|&observer| {
+                targets.iter().any(|&target| self.body.carries(n, target) != self.body.carries(n, observer))
+            });
+        }
+        let mut poses = NodePoses::new(nodes);
+        let nominal = Deformation::nominal(1, nodes, markers.len());
+        poses.update(&self.body, &vec![0.0; nodes], &nominal, 0);
+        for n in (0..nodes).filter(|&n| self.relevant[n]) {
+            for marker in markers.iter().filter(|m| self.body.carries(n, m.node)) {
+                self.reach_m = self.reach_m.max((poses.site(marker).t - poses.origin[n]).norm());
+            }
+            let next_joint =
+                |n: NodeId| (0..nodes).find(|&k| self.relevant[k] && self.body.nodes[k].parent == Some(n));
+            // Tips in the world at rest: of the link, and of those beyond it.
+            let tip_of = |n: NodeId| match next_joint(n) {
+                Some(k) => Some(poses.origin[k]),
+                None => markers
+                    .iter()
+                    .filter(|m| m.node == Some(n))
+                    .map(|m| poses.site(m).t)
+                    .max_by(|a, b| (a - poses.origin[n]).norm().total_cmp(&(b - poses.origin[n]).norm())),
+            };
+            let in_node = |tip: Vector3<f64>| poses.world_from_node[n].inverse_point(&tip);
+            let tip = tip_of(n).map_or_else(Vector3::zeros, in_node);
+            // Joints at one place: the link between them has no length, and lies along the limb that follows.
+            let chain = core::iter::successors(Some(n), |&k| next_joint(k));
+            let along =
+                chain.filter_map(tip_of).map(in_node).find_map(|tip| tip.try_normalize(SHORTEST_LINK_M));
+            self.body.nodes[n].bend_pivot = tip * 0.5;
+            self.body.nodes[n].long_axis = along;
+        }
+    }
+
+    /// Computes gravity's loads anew at the actual postures of a deformation.
+    pub fn update_loads(&mut self, deformation: &Deformation) {
+        let nodes = self.body.nodes.len();
+        let mut poses = NodePoses::new(nodes);
+        for frame in 0..self.frames {
+            poses.update(&self.body, &self.commanded[frame * nodes..(frame + 1) * nodes], deformation, frame);
+            let at = frame * nodes..(frame + 1) * nodes;
+            loads(&self.body, &poses, &self.gravity, &mut self.torque[at.clone()], &mut self.moment[at]);
+        }
+    }
+
+    /// Tabulates gravity's direction in the frames of the markers' mounts, at the nominal postures.
+    pub fn tabulate_down(&mut self, mounts: &[Site]) {
+        let nodes = self.nodes();
+        let nominal = Deformation::nominal(self.frames, nodes, mounts.len());
+        let mut poses = NodePoses::new(nodes);
+        self.down.clear();
+        for frame in 0..self.frames {
+            poses.update(&self.body, &self.commanded[frame * nodes..(frame + 1) * nodes], &nominal, frame);
+            let gravity = poses.site(&self.body.root).r * self.gravity;
+            let down = gravity.try_normalize(1e-9).unwrap_or_else(Vector3::zeros);
+            for mount in mounts {
+                self.down.push(poses.site(mount).r.tr_mul(&down));
+            }
+        }
+    }
+
+    #[inline]
+    pub fn down_in_mount(&self, frame: usize, marker: usize) -> &Vector3<f64> {
+        &self.down[frame * self.marker_names.len() + marker]
+    }
+
+    pub fn nodes(&self) -> usize {
+        self.body.nodes.len()
+    }
+
+    #[inline]
+    pub fn q(&self, frame: usize, node: NodeId) -> f64 {
+        self.commanded[frame * self.body.nodes.len() + node]
+    }
+
+    #[inline]
+    pub fn direction(&self, frame: usize, node: NodeId) -> f64 {
+        self.direction[frame * self.body.nodes.len() + node]
+    }
+
+    #[inline]
+    pub fn torque(&self, frame: usize, node: NodeId) -> f64 {
+        self.torque[frame * self.body.nodes.len() + node]
+    }
+
+    #[inline]
+    pub fn moment(&self, frame: usize, node: NodeId) -> &Vector3<f64> {
+        &self.moment[frame * self.body.nodes.len() + node]
+    }
+
+    /// Whether the joint was commanded to more than one position.
+    pub fn moves(&self, node: NodeId) -> bool {
+        let (low, high) = self.commanded_range[node];
+        high - low > STILL
+    }
+
+    /// Largest torque (N m, absolute) that gravity puts on a joint in this session.
+    pub fn largest_torque(&self, node: NodeId) -> f64 {
+        (0..self.frames).map(|f| self.torque(f, node).abs()).fold(0.0, f64::max)
+    }
+}

@@ -1,0 +1,3 @@
+//! Before anything is explained: what in the data is not to be used.
+
+pub(super) mod row_slip;

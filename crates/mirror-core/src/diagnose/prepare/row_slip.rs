@@ -1,0 +1,113 @@
+//! A fault of the data: a run of rows that holds the picture or the measurement of another row.
+//!
+//! For every shift s the frames are also predicted with the commanded posture of s rows away. A run in which that fits far
+//! better than the frame's own posture, and far better than the rest's scatter would do by chance, is a pairing fault.
+
+use crate::diagnose::likelihood::normal_equations::chunks;
+use crate::diagnose::model::frame::{FrameWork, Task};
+use crate::diagnose::model::problem::{Noise, Problem};
+use crate::error::Result;
+use rayon::prelude::*;
+
+/// Rows that a measurement may have slipped.
+const LARGEST_SHIFT: i64 = 6;
+/// The cost that a frame may gain at most: no single frame decides.
+const MOST_GAIN_A_FRAME: f64 = 60.0;
+/// A run must gain this much cost (−2 log likelihood) in all: 2 log of the number of runs and shifts tried, and a margin.
+const LEAST_GAIN: f64 = 120.0;
+/// A run of fewer frames is an outlier, not a slip.
+const SHORTEST_RUN: usize = 3;
+
+/// A run of slipped rows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Slip {
+    /// Indices of frames, inclusive.
+    pub first: usize,
+    pub last: usize,
+    /// The measurement of row i belongs to row i + shift.
+    pub shift: i64,
+    /// Gain in −2 log likelihood.
+    pub gain: f64,
+}
+
+/// Standard deviation of a whole number of frames that is clear.
+pub(crate) const WHOLE_FRAME_STD: f64 = 0.5;
+
+impl Slip {
+    /// Standard deviations of its first and its last frame: a frame whose measurement belongs to another one of the same
+    /// posture shows no slip, so that a run may begin anywhere among such frames at its edge.
+    pub fn edge_stds(&self, posture: &[i64]) -> [f64; 2] {
+        let silent = |frame: i64| {
+            let of = |f: i64| usize::try_from(f).ok().and_then(|f| posture.get(f));
+            of(frame).is_some() && of(frame) == of(frame + self.shift)
+        };
+        let run = |from: usize, step: i64| {
+            (1..).map(|k| from as i64 + step * k).take_while(|&f| silent(f)).count() as f64
+        };
+        // From one end of n + 1 equally likely places the root mean square distance is about n / √3.
+        let std = |outside: f64, inside: f64| WHOLE_FRAME_STD.hypot(outside.max(inside) / 3f64.sqrt());
+        let inward = |at: usize, step: i64| if silent(at as i64) { 1.0 + run(at, step) } else { 0.0 };
+        [std(run(self.first, -1), inward(self.first, 1)), std(run(self.last, 1), inward(self.last, -1))]
+    }
+}
+
+/// Looks for the best run of slipped rows at the nominal model's own scatter.
+///
+/// # Errors
+/// A camera or mirror that cannot be.
+pub(crate) fn find(problem: &Problem, noise: Noise) -> Result<Option<Slip>> {
+    let frames = problem.frames.len();
+    let shifts: Vec<i64> = (-LARGEST_SHIFT..=LARGEST_SHIFT).filter(|s| *s != 0).collect();
+    let own = costs(problem, noise, 0)?;
+    let mut best: Option<Slip> = None;
+    for shift in shifts {
+        let other = costs(problem, noise, shift)?;
+        // The run with the largest sum of gains (Kadane). Frames whose posture is the same both ways gain nothing.
+        let (mut start, mut sum) = (0, 0.0);
+        for f in 0..frames {
+            let gain = match (own[f], other[f]) {
+                (Some(a), Some(b)) => (a - b).clamp(-MOST_GAIN_A_FRAME, MOST_GAIN_A_FRAME),
+                _ => -MOST_GAIN_A_FRAME,
+            };
+            if sum <= 0.0 {
+                (start, sum) = (f, 0.0);
+            }
+            sum += gain;
+            if sum > best.map_or(LEAST_GAIN, |b| b.gain) && f + 1 - start >= SHORTEST_RUN {
+                best = Some(Slip { first: start, last: f, shift, gain: sum });
+            }
+        }
+    }
+    Ok(best)
+}
+
+/// Cost of each frame under the commanded posture of `shift` rows away; none where there is no such row or observation.
+fn costs(problem: &Problem, noise: Noise, shift: i64) -> Result<Vec<Option<f64>>> {
+    let frames = problem.frames.len();
+    let nodes = problem.scene.nodes();
+    let mut shifted = problem.clone();
+    for f in 0..frames {
+        let from = (f as i64 + shift).clamp(0, frames as i64 - 1) as usize;
+        let row = problem.scene.commanded[from * nodes..(from + 1) * nodes].to_vec();
+        shifted.scene.commanded[f * nodes..(f + 1) * nodes].copy_from_slice(&row);
+    }
+    let deformation = shifted.nominal();
+    let eye = shifted.eye(&deformation)?;
+    let task = Task { with_board: false, ..Task::of_residuals(problem, &deformation, eye.as_ref(), noise) };
+    let parts: Vec<Vec<Option<f64>>> = chunks(frames)
+        .into_par_iter()
+        .map_init(
+            || FrameWork::new(&shifted),
+            |work, range| {
+                range
+                    .map(|f| {
+                        let from = f as i64 + shift;
+                        let there = from >= 0 && from < frames as i64;
+                        (there && work.evaluate(&shifted, &task, f)).then_some(work.cost)
+                    })
+                    .collect()
+            },
+        )
+        .collect();
+    Ok(parts.concat())
+}

@@ -1,0 +1,386 @@
+//! Free-form errors: at every place a smooth error without a law. They are never causes: they say where something lives that
+//! the vocabulary has no word for, and on what it depends.
+//!
+//! | place | error | depends on |
+//! | --- | --- | --- |
+//! | joint | of its position | constant, its position, load, direction of motion, its path (hysteresis), time, another joint's position, both joints' positions |
+//! | joint | of its axis | constant |
+//! | link | turn in the moment of gravity; shift | load; constant |
+//! | marker | shift | constant, direction of gravity, time |
+//! | camera | mount; smooth warp of the image; mount and focal length | constant; constant; time, a joint's position |
+//! | board | scale and shape | constant |
+//! | mirror | glass, curvature, astigmatism | constant |
+
+use crate::diagnose::effects::{Effect, LawFreedom, Place};
+use crate::diagnose::model::body::NodeId;
+use crate::diagnose::model::elementary::{Atom, Column, Weight};
+use crate::diagnose::model::free_optics::{ASTIGMATISM, BOARD_SHAPE, WARP};
+use crate::diagnose::model::scene::Scene;
+use nalgebra::Vector3;
+
+/// Smooth functions a dependence has: knots of a piecewise linear function.
+const KNOTS: usize = 6;
+/// The same of a dependence on another place's quantity.
+const FEW_KNOTS: usize = 4;
+/// The same of the camera's on time: lenses and mounts warm up, breathe and come back within a recording.
+const CAMERA_TIME_KNOTS: usize = 10;
+/// Along each of two joints' positions.
+const KNOTS_A_SIDE: usize = 3;
+/// How far hysteresis reaches back, as shares of the range that the joint moves through.
+const HYSTERESIS_REACH: [f64; 4] = [0.04, 0.12, 0.3, 0.6];
+/// A common size of an error of an angle, rad.
+const TYPICAL_RAD: f64 = 0.03;
+/// A common size of a shift, m.
+const TYPICAL_M: f64 = 0.005;
+/// A common size of an error of the optics (of the image's size, of the board's size).
+const TYPICAL_SHARE: f64 = 0.02;
+/// A common size of a turn of the camera, rad.
+const TYPICAL_TURN_RAD: f64 = 0.02;
+
+/// On what an error depends.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum On {
+    Nothing,
+    Position,
+    Load,
+    Direction,
+    /// The path that the joint came along.
+    History,
+    Time,
+    /// The direction of gravity.
+    Posture,
+    /// The position of another joint.
+    Joint(NodeId),
+    /// The joint's own position and another's.
+    Both(NodeId),
+}
+
+impl On {
+    fn words(self, scene: &Scene) -> String {
+        match self {
+            Self::Nothing => "nothing".into(),
+            Self::Position => "position".into(),
+            Self::Load => "load".into(),
+            Self::Direction => "direction".into(),
+            Self::History => "history".into(),
+            Self::Time => "time".into(),
+            Self::Posture => "posture".into(),
+            Self::Joint(n) => format!("position of joint:{}", scene.body.nodes[n].joint),
+            Self::Both(n) => format!("position and position of joint:{}", scene.body.nodes[n].joint),
+        }
+    }
+}
+
+/// What is wrong.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum What {
+    Joint,
+    Axis,
+    LinkTurn,
+    LinkShift,
+    Marker,
+    CameraMount,
+    Image,
+    Focal,
+    Board,
+    Mirror,
+}
+
+/// A smooth error of one kind.
+struct FreeForm {
+    what: What,
+    on: On,
+    words: String,
+}
+
+/// Hat functions over the range of a quantity: a piecewise linear function with as many free values as knots.
+fn hats(values: &[f64], knots: usize) -> Vec<Vec<f64>> {
+    let low = values.iter().copied().fold(f64::INFINITY, f64::min);
+    let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let step = (high - low).max(1e-12) / (knots - 1) as f64;
+    (0..knots)
+        .map(|k| {
+            let knot = low + step * k as f64;
+            values.iter().map(|v| (1.0 - (v - knot).abs() / step).max(0.0)).collect()
+        })
+        .collect()
+}
+
+/// The stop operator of a path that starts at `from`: how far it is from a slack of half width `reach` that it drags along, −reach to reach. Sums
+/// of a few are any rate-independent hysteresis that Prandtl and Ishlinskii describe: play, Bouc–Wen's law nearly.
+fn stop(from: f64, path: &[f64], reach: f64) -> Vec<f64> {
+    let mut dragged = from;
+    path.iter()
+        .map(|&q| {
+            dragged = dragged.clamp(q - reach, q + reach);
+            (q - dragged) / reach
+        })
+        .collect()
+}
+
+/// Whether two joints move a common marker (or the board): then one can act on the other through the body.
+fn share_a_limb(scene: &Scene, j: NodeId, k: NodeId) -> bool {
+    scene.body.carries(j, Some(k)) || scene.body.carries(k, Some(j))
+}
+
+impl FreeForm {
+    fn new(what: What, on: On, scene: &Scene) -> Self {
+        Self { what, on, words: on.words(scene) }
+    }
+
+    /// The weights of its dependence at a place, one list a column and elementary change.
+    fn weights(&self, scene: &Scene, place: Place) -> Vec<Weight> {
+        let frames = 0..scene.frames;
+        let of = |f: &dyn Fn(usize) -> f64| -> Vec<f64> { frames.clone().map(f).collect() };
+        let table = |rows: Vec<Vec<f64>>| rows.into_iter().map(Weight::Frames).collect();
+        match (self.on, place) {
+            (On::Nothing, _) => vec![Weight::One],
+            (On::Joint(k), Place::Camera) => {
+                let (low, high) = scene.commanded_range[k];
+                let middle = 0.5 * (low + high);
+                let half = (0.5 * (high - low)).max(1e-9);
+                table(vec![of(&|f| (scene.q(f, k) - middle) / half)])
+            }
+            (On::Joint(k), _) => table(hats(&of(&|f| scene.q(f, k)), FEW_KNOTS)),
+            (On::Both(k), Place::Joint(n)) => {
+                let own = hats(&of(&|f| scene.q(f, n)), KNOTS_A_SIDE);
+                let other = hats(&of(&|f| scene.q(f, k)), KNOTS_A_SIDE);
+                let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).collect();
+                table(own.iter().flat_map(|a| other.iter().map(move |b| product(a, b))).collect())
+            }
+            (On::Time, Place::Joint(_)) => table(hats(&scene.time_s, KNOTS)),
+            (On::Time, Place::Camera) => table(hats(&scene.time_s, CAMERA_TIME_KNOTS)),
+            (On::Time, _) => table(hats(&scene.time_s, FEW_KNOTS)),
+            (On::Position, Place::Joint(n)) => table(hats(&of(&|f| scene.q(f, n)), KNOTS)),
+            (On::Direction, Place::Joint(n)) => {
+                let mut rows = hats(&of(&|f| scene.q(f, n)), FEW_KNOTS);
+                for row in &mut rows {
+                    row.iter_mut().enumerate().for_each(|(f, w)| *w *= scene.direction(f, n));
+                }
+                table(rows)
+            }
+            (On::History, Place::Joint(n)) => {
+                let path = of(&|f| scene.q(f, n));
+                let (low, high) = scene.commanded_range[n];
+                let range = (high - low).max(1e-9);
+                let at_rest = scene.body.nodes[n].command.2;
+                let own = path.iter().map(|q| (q - 0.5 * (low + high)) / (0.5 * range)).collect();
+                let stops = HYSTERESIS_REACH.iter().map(|reach| stop(at_rest, &path, reach * range));
+                table(core::iter::once(own).chain(stops).collect())
+            }
+            (On::Load, Place::Joint(n)) => table(hats(&of(&|f| scene.torque(f, n)), KNOTS)),
+            (On::Load, Place::Link(Some(n))) => {
+                let largest = (0..scene.frames).map(|f| scene.moment(f, n).norm()).fold(1e-12, f64::max);
+                table((0..3).map(|k| of(&|f| scene.moment(f, n)[k] / largest)).collect())
+            }
+            (On::Posture, Place::Marker(m)) => {
+                table((0..3).map(|k| of(&|f| scene.down_in_mount(f, m)[k])).collect())
+            }
+            _ => Vec::new(),
+        }
+    }
+
+    /// The elementary changes at a place, each with a common size.
+    fn atoms(&self, scene: &Scene, place: Place) -> Vec<(Atom, f64)> {
+        let optics =
+            |range: core::ops::Range<usize>, size: f64| range.map(move |k| (Atom::FreeOptics(k), size));
+        let path_m = scene.reach_m.max(0.1);
+        match (self.what, place) {
+            (What::Joint, Place::Joint(n)) => {
+                let reach = if scene.body.nodes[n].prismatic { scene.reach_m } else { 1.0 };
+                vec![(Atom::Joint(n), TYPICAL_RAD * reach)]
+            }
+            (What::Axis, Place::Joint(n)) => (0..2).map(|k| (Atom::Tilt(n, k), TYPICAL_RAD)).collect(),
+            (What::LinkTurn, Place::Link(Some(n))) => {
+                (0..3).map(|k| (Atom::Turn(n, k), TYPICAL_RAD)).collect()
+            }
+            (What::LinkShift, Place::Link(n)) => (0..3).map(|k| (Atom::LinkShift(n, k), TYPICAL_M)).collect(),
+            (What::Marker, Place::Marker(m)) => {
+                (0..3).map(|k| (Atom::MarkerShift(m, k), TYPICAL_M)).collect()
+            }
+            (What::CameraMount, _) if self.on == On::Nothing => (0..6)
+                .map(|k| (Atom::CameraMount(k), if k < 3 { TYPICAL_TURN_RAD } else { TYPICAL_M }))
+                .collect(),
+            (What::CameraMount, _) => (0..3).map(|k| (Atom::CameraMount(k), TYPICAL_TURN_RAD)).collect(),
+            (What::Image, _) => {
+                (0..2).map(|k| (Atom::Center(k), 8.0)).chain(optics(WARP, TYPICAL_SHARE)).collect()
+            }
+            (What::Focal, _) => vec![(Atom::Focal, TYPICAL_SHARE)],
+            (What::Board, _) => core::iter::once((Atom::BoardScale, TYPICAL_SHARE))
+                .chain(optics(BOARD_SHAPE, TYPICAL_SHARE))
+                .collect(),
+            (What::Mirror, _) => [(Atom::Glass, 0.004), (Atom::Curvature, TYPICAL_SHARE / path_m)]
+                .into_iter()
+                .chain(optics(ASTIGMATISM, TYPICAL_SHARE / path_m))
+                .collect(),
+            _ => Vec::new(),
+        }
+    }
+}
+
+impl Effect for FreeForm {
+    fn name(&self) -> &str {
+        &self.words
+    }
+
+    fn parameters(&self) -> Vec<String> {
+        Vec::new()
+    }
+
+    fn places(&self, scene: &Scene) -> Vec<Place> {
+        let joints = (0..scene.nodes()).filter(|&n| scene.relevant[n]);
+        let on = self.on;
+        match self.what {
+            What::Joint => joints
+                .filter(|&n| match on {
+                    On::Position => scene.moves(n),
+                    On::Direction | On::History => scene.ordered && scene.moves(n),
+                    On::Load => scene.largest_torque(n) > 1e-6,
+                    On::Joint(k) => k != n && share_a_limb(scene, n, k),
+                    On::Both(k) => k != n && scene.moves(n) && share_a_limb(scene, n, k),
+                    _ => true,
+                })
+                .map(Place::Joint)
+                .collect(),
+            What::Axis => joints.filter(|&n| scene.moves(n)).map(Place::Joint).collect(),
+            What::LinkTurn => joints
+                .filter(|&n| (0..scene.frames).any(|f| scene.moment(f, n).norm() > 1e-6))
+                .map(|n| Place::Link(Some(n)))
+                .collect(),
+            What::LinkShift => joints.map(|n| Place::Link(Some(n))).collect(),
+            What::Marker => {
+                let known = |m: &usize| on != On::Nothing || scene.mount_known[*m];
+                (0..scene.marker_names.len()).filter(known).map(Place::Marker).collect()
+            }
+            What::CameraMount => {
+                if scene.has_board {
+                    vec![Place::Camera]
+                } else {
+                    Vec::new()
+                }
+            }
+            What::Image | What::Focal => {
+                if scene.has_camera {
+                    vec![Place::Camera]
+                } else {
+                    Vec::new()
+                }
+            }
+            What::Board => {
+                if scene.has_board {
+                    vec![Place::Board]
+                } else {
+                    Vec::new()
+                }
+            }
+            What::Mirror => {
+                if scene.has_mirror {
+                    vec![Place::Mirror]
+                } else {
+                    Vec::new()
+                }
+            }
+        }
+    }
+
+    fn prior_std(&self, scene: &Scene, place: Place) -> Vec<f64> {
+        let weights = self.weights(scene, place).len();
+        self.atoms(scene, place).into_iter().flat_map(|(_, size)| vec![size; weights]).collect()
+    }
+
+    fn columns(&self, scene: &Scene, place: Place, _variant: f64, _parameters: &[f64]) -> Vec<Column> {
+        let weights = self.weights(scene, place);
+        self.atoms(scene, place)
+            .into_iter()
+            .flat_map(|(atom, _)| weights.iter().map(move |w| Column { atom, weight: w.clone() }))
+            .collect()
+    }
+
+    fn depends_on_load(&self) -> bool {
+        self.on == On::Load
+    }
+
+    fn words(&self) -> &str {
+        "a smooth error without a law"
+    }
+}
+
+/// The columns in which a law may differ from the textbook's, at a cause's place.
+pub(crate) fn law_columns(scene: &Scene, place: Place, freedom: LawFreedom) -> Vec<Column> {
+    let kinds: &[(What, On)] = match freedom {
+        LawFreedom::Exact => &[],
+        LawFreedom::Load => &[(What::Joint, On::Load)],
+        LawFreedom::LoadAndDirection => &[(What::Joint, On::Load), (What::Joint, On::Direction)],
+        LawFreedom::Moment => &[(What::LinkTurn, On::Load)],
+        LawFreedom::Time => &[(What::Joint, On::Time)],
+    };
+    let mut columns: Vec<Column> = kinds
+        .iter()
+        .flat_map(|&(what, on)| FreeForm::new(what, on, scene).columns(scene, place, 0.0, &[]))
+        .collect();
+    if let (LawFreedom::Moment, Place::Link(Some(n))) = (freedom, place) {
+        columns.extend(beyond_linear(scene, n));
+    }
+    columns
+}
+
+/// What a bending link does beyond the linear law: about each axis the moment's cube (springs stiffen), and the product of the
+/// moments about the other two (two turns, one after the other, make a third).
+fn beyond_linear(scene: &Scene, n: NodeId) -> Vec<Column> {
+    let largest = (0..scene.frames).map(|f| scene.moment(f, n).norm()).fold(1e-12, f64::max);
+    let weight = |of: &dyn Fn(&Vector3<f64>) -> f64| {
+        Weight::Frames((0..scene.frames).map(|f| of(&(scene.moment(f, n) / largest))).collect())
+    };
+    (0..3)
+        .flat_map(|k| {
+            let atom = Atom::Turn(n, k);
+            [
+                Column { atom, weight: weight(&|m| m[k] * m.norm_squared()) },
+                Column { atom, weight: weight(&|m| m[(k + 1) % 3] * m[(k + 2) % 3]) },
+            ]
+        })
+        .collect()
+}
+
+/// All free-form errors of a scene.
+pub(crate) fn free_forms(scene: &Scene) -> Vec<Box<dyn Effect>> {
+    use On::{Both, Direction, History, Joint, Load, Nothing, Position, Posture, Time};
+    let mut kinds = vec![
+        (What::Joint, Nothing),
+        (What::Joint, Position),
+        (What::Joint, Load),
+        (What::Joint, Direction),
+        (What::Joint, History),
+        (What::Joint, Time),
+        (What::Axis, Nothing),
+        (What::LinkTurn, Load),
+        (What::LinkShift, Nothing),
+        (What::Marker, Nothing),
+        (What::Marker, Posture),
+        (What::Marker, Time),
+        (What::CameraMount, Nothing),
+        (What::CameraMount, Time),
+        (What::Image, Nothing),
+        (What::Focal, Time),
+        (What::Board, Nothing),
+        (What::Mirror, Nothing),
+    ];
+    for n in (0..scene.nodes()).filter(|&n| scene.relevant[n] && scene.moves(n)) {
+        kinds.push((What::Joint, Joint(n)));
+        kinds.push((What::Joint, Both(n)));
+        kinds.push((What::CameraMount, Joint(n)));
+    }
+    kinds.into_iter().map(|(what, on)| Box::new(FreeForm::new(what, on, scene)) as Box<dyn Effect>).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::stop;
+
+    #[test]
+    fn a_stop_drags_its_slack_along_and_remembers_the_way() {
+        // Forth by ten reaches, back by one: the slack is left half taken up; back by ten more: on the other side.
+        let told = stop(0.0, &[0.0, 10.0, 9.0, -1.0], 1.0);
+        assert_eq!(told, vec![0.0, 1.0, 0.0, -1.0]);
+    }
+}

@@ -1,0 +1,51 @@
+//! Slack of the causes' laws: no real spring is linear, no real play is the same under every load.
+//!
+//! What a cause's real law differs from its textbook law by looks like small further causes that move the same markers. So
+//! wherever a further cause is weighed, the laws of those there may already err smoothly, in load, direction or time, by a
+//! share of what they move: a column for each knot, with that share as its prior. What only the slack could tell from a
+//! further cause is no evidence for it; what it cannot imitate (the board's corners by a joint's law, say) counts in full.
+
+use crate::diagnose::effects::LawFreedom;
+use crate::diagnose::effects::hypothesis::{Catalogue, Model};
+use crate::diagnose::likelihood::fit::Group;
+use crate::diagnose::model::elementary::Column;
+use crate::diagnose::model::problem::Problem;
+use crate::diagnose::random_effects::free_form::law_columns;
+
+/// By how much a law may be wrong, as a share of the largest error that its cause makes (one standard deviation a knot).
+const LAW_SHARE: f64 = 0.07;
+
+/// A group with the slack of a model's causes behind its own columns, but that of the cause that is `in_question`.
+pub(crate) fn with_slack(
+    problem: &Problem,
+    catalogue: &Catalogue,
+    group: &Group,
+    model: &Model,
+    in_question: Option<usize>,
+) -> Group {
+    let mut out = group.clone();
+    if model.group.is_empty() {
+        // A group that is not in the model has no values that its columns could take.
+        out = Group::default();
+    }
+    for (i, term) in model.terms.iter().enumerate() {
+        let effect = catalogue.effect(term.hypothesis);
+        let freedom = effect.law_freedom();
+        let place = catalogue.hypotheses[term.hypothesis].place;
+        let Some(node) = place.node().filter(|_| freedom != LawFreedom::Exact && in_question != Some(i))
+        else {
+            continue;
+        };
+        let mut alone = problem.nominal();
+        effect.deform(&problem.scene, place, term.variant, &term.parameters, &mut alone);
+        let largest = (0..problem.scene.frames)
+            .map(|f| alone.joint_delta(f, node).abs() + alone.bend(f, node).map_or(0.0, |b| b.norm()))
+            .fold(0.0, f64::max);
+        if largest > 0.0 {
+            let columns: Vec<Column> = law_columns(&problem.scene, place, freedom);
+            out.prior_std.extend(core::iter::repeat_n(LAW_SHARE * largest, columns.len()));
+            out.columns.extend(columns);
+        }
+    }
+    out
+}

@@ -1,0 +1,379 @@
+//! Findings put into words: verdict, causes with probabilities, where the gap lies, before and after.
+
+use crate::diagnose::assessment::gap_closed::gap_over;
+use crate::diagnose::assessment::noise_floor::Floor;
+use crate::diagnose::assessment::uncertainty::{Deviations, deviations};
+use crate::diagnose::criteria::marker_shift::marker_shift;
+use crate::diagnose::data::diagnosis::{
+    Alternative, Cause, Checked, Diagnosis, Estimate, Ranked, Signature, SignaturePoint, Where,
+};
+use crate::diagnose::data::recording::Recording;
+use crate::diagnose::effects::Place;
+use crate::diagnose::likelihood::score_test::Score;
+use crate::diagnose::model::elementary::Atom;
+use crate::diagnose::pipeline::{Findings, MANY_FALSE, refit, seen_size};
+use crate::diagnose::prepare::row_slip::WHOLE_FRAME_STD;
+use crate::diagnose::report::sentence::sentence;
+use crate::diagnose::report::signature::free_errors;
+use crate::diagnose::selection::alternatives::Standing;
+use crate::error::Result;
+use crate::robot::Robot;
+use std::collections::BTreeMap;
+
+/// With fewer postures than this little can be told apart.
+const FEW_POSTURES: usize = 20;
+/// Hypotheses of the ranking that are written.
+const RANKED: usize = 40;
+/// A servo's droop is told as a cause of its own from this many standard deviations on.
+const DROOP_DEVIATIONS: f64 = 4.0;
+
+/// Puts findings into words.
+///
+/// # Errors
+/// A camera or mirror that cannot be.
+pub(crate) fn diagnosis(
+    findings: &mut Findings<'_>,
+    robot: &Robot,
+    recording: &Recording,
+    ranking: &[Score],
+    checked: Vec<Checked>,
+) -> Result<Diagnosis> {
+    findings.found.fit = refit(findings)?;
+    let standings = core::mem::take(&mut findings.standings);
+    let floor = Floor::new(&findings.search, &findings.found.fit, findings.unexplained.is_none())?;
+    let deviations = deviations(findings, &floor)?;
+    let mut causes = causes(findings, &standings, &deviations)?;
+    let gap = gap_over(&findings.before, &findings.after, &floor, &deviations.law_shifts, checked);
+    let places = places(findings, &causes);
+    causes.sort_by(|a, b| b.rms_shift.total_cmp(&a.rms_shift));
+    let verdict = match (causes.is_empty(), &findings.unexplained) {
+        (true, None) => "none",
+        (true, Some(_)) => "unknown",
+        (false, None) => "explained",
+        (false, Some(_)) => "partial",
+    };
+    let signatures = signatures(findings, &causes, recording)?;
+    let panels = crate::diagnose::report::plots::panels(findings, &causes)?;
+    let search = &findings.search;
+    let scene = &search.problem.scene;
+    let mut seen = Vec::new();
+    let ranking = ranking
+        .iter()
+        .filter(|s| {
+            let new = !seen.contains(&s.hypothesis);
+            seen.push(s.hypothesis);
+            new
+        })
+        .take(RANKED)
+        .map(|s| Ranked {
+            effect: search.catalogue.effect(s.hypothesis).name().to_owned(),
+            at: search.catalogue.hypotheses[s.hypothesis].place.name(scene),
+            log_bayes: s.log_bayes,
+        })
+        .collect();
+    let noise = search.measured_noise;
+    let mut noise_map = BTreeMap::new();
+    if scene.has_camera {
+        noise_map.insert("corner_px".to_owned(), noise.corner_px);
+        noise_map.insert("marker_px".to_owned(), noise.marker_px);
+    } else {
+        noise_map.insert("point_m".to_owned(), noise.point_m);
+    }
+    let sentence = sentence(verdict, &causes, &places, &gap);
+    Ok(Diagnosis {
+        format: "mirror-posture/diagnosis".into(),
+        version: 1,
+        verdict: verdict.into(),
+        sentence,
+        r#where: places,
+        gap,
+        next_postures: crate::diagnose::assessment::design::next_postures(
+            findings, &standings, robot, recording,
+        )?,
+        warnings: warnings(findings),
+        noise: noise_map,
+        trace: findings.found.trace.clone(),
+        ranking,
+        signatures,
+        tracks: panels.tracks,
+        fields: panels.fields,
+        causes,
+        markers: Vec::new(),
+    })
+}
+
+fn causes(
+    findings: &Findings<'_>,
+    standings: &[Option<Standing>],
+    deviations: &Deviations,
+) -> Result<Vec<Cause>> {
+    let search = &findings.search;
+    let scene = &search.problem.scene;
+    let found = &findings.found;
+    let mut out = Vec::new();
+    let all = search.deformation(&found.fit.model);
+    for (i, term) in found.fit.model.terms.iter().enumerate() {
+        let Some(standing) = &standings[i] else { continue };
+        let effect = search.catalogue.effect(term.hypothesis);
+        let place = search.catalogue.hypotheses[term.hypothesis].place;
+        let mut parameters: BTreeMap<String, Estimate> = effect
+            .parameters()
+            .into_iter()
+            .zip(term.parameters.iter().zip(&deviations.stds[i]))
+            .map(|(name, (value, std))| (name, Estimate { value: *value, std: *std }))
+            .collect();
+        if effect.name() == "mirror_glass" {
+            // The vocabulary's parameter is the pane's thickness, not what it exceeds the session's by.
+            if let Some(thickness) = parameters.get_mut("thickness_m") {
+                thickness.value = (thickness.value + scene.glass_thickness_m).max(0.0);
+            }
+        }
+        let droop = parameters.remove("droop_rad_per_nm");
+        let without = search.deformation(&found.fit.model.without(i));
+        let shift = rms_shift(findings, &without, &all)?;
+        out.push(Cause {
+            effect: effect.name().to_owned(),
+            at: place.name(scene),
+            probability: standing.probability,
+            parameters,
+            alternatives: standing
+                .rivals
+                .iter()
+                .map(|r| Alternative {
+                    effect: search.catalogue.effect(r.hypothesis).name().to_owned(),
+                    at: search.catalogue.hypotheses[r.hypothesis].place.name(scene),
+                    probability: r.probability,
+                })
+                .collect(),
+            words: effect.words().to_owned(),
+            rms_shift: shift,
+            members: Vec::new(),
+        });
+        // The servo's own droop, told apart: `effects.md` calls it joint_compliance at the same joint.
+        if let Some(droop) = droop.filter(|d| d.value > DROOP_DEVIATIONS * d.std) {
+            let largest = place.node().map_or(0.0, |n| scene.largest_torque(n));
+            if droop.value * largest > 0.1 * term.parameters[0] {
+                out.push(Cause {
+                    effect: "joint_compliance".into(),
+                    at: place.name(scene),
+                    probability: standing.probability,
+                    parameters: BTreeMap::from([("compliance_rad_per_nm".to_owned(), droop)]),
+                    alternatives: Vec::new(),
+                    words: "the sticking servo droops under the load of gravity".into(),
+                    rms_shift: 0.0,
+                    members: Vec::new(),
+                });
+            }
+        }
+    }
+    if let Some(geometry) = &findings.geometry {
+        let bare = {
+            let mut m = found.fit.model.clone();
+            m.group.iter_mut().for_each(|g| *g = 0.0);
+            search.deformation(&m)
+        };
+        let [std_rad, std_m] = geometry.spread_stds(&found.fit);
+        out.push(Cause {
+            effect: "geometry".into(),
+            at: "robot".into(),
+            probability: 0.95,
+            parameters: BTreeMap::from([
+                ("spread_m".to_owned(), Estimate { value: geometry.spread_m, std: std_m }),
+                ("spread_rad".to_owned(), Estimate { value: geometry.spread_rad, std: std_rad }),
+            ]),
+            alternatives: Vec::new(),
+            words: "many small errors of links, axes and zeros together: manufacturing tolerance".into(),
+            rms_shift: rms_shift(findings, &bare, &all)?,
+            members: geometry.members(&found.fit, scene),
+        });
+    }
+    if let Some(slip) = &findings.slip {
+        let whole = |value: f64, std: f64| Estimate { value, std };
+        let number = |frame: usize| findings.search.problem.frame_numbers[frame] as f64;
+        let [first_std, last_std] = slip.edge_stds(&findings.search.problem.posture);
+        out.push(Cause {
+            effect: "pairing".into(),
+            at: "data".into(),
+            probability: 0.98,
+            parameters: BTreeMap::from([
+                ("first_frame".to_owned(), whole(number(slip.first), first_std)),
+                ("last_frame".to_owned(), whole(number(slip.last), last_std)),
+                ("shift_rows".to_owned(), whole(slip.shift as f64, WHOLE_FRAME_STD)),
+            ]),
+            alternatives: Vec::new(),
+            words: "a run of rows holds the measurement of other rows; it was left out of the fit".into(),
+            rms_shift: (slip.gain / (slip.last - slip.first + 1) as f64).sqrt(),
+            members: Vec::new(),
+        });
+    }
+    Ok(out)
+}
+
+/// RMS over markers of the shift between two deformations, in the unit of what was seen.
+fn rms_shift(
+    findings: &Findings<'_>,
+    from: &crate::diagnose::model::deformation::Deformation,
+    to: &crate::diagnose::model::deformation::Deformation,
+) -> Result<f64> {
+    let search = &findings.search;
+    let noise = search.measured_noise;
+    let squares = marker_shift(&search.problem, from, to, noise)?;
+    let unit = if search.problem.camera.is_some() { noise.marker_px } else { noise.point_m };
+    Ok((squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt() * unit)
+}
+
+/// Shares of the gap by place: what each cause moves, and what is unexplained.
+fn places(findings: &Findings<'_>, causes: &[Cause]) -> Vec<Where> {
+    let mut out: Vec<Where> = Vec::new();
+    let explained: f64 = causes.iter().map(|c| c.rms_shift.powi(2)).sum();
+    let after = seen_size(&findings.after).powi(2);
+    let floor = {
+        let noise = findings.search.measured_noise;
+        if findings.search.problem.camera.is_some() {
+            2.0 * noise.marker_px.powi(2)
+        } else {
+            3.0 * noise.point_m.powi(2)
+        }
+    };
+    let left = if findings.unexplained.is_some() { (after - floor).max(0.0) } else { 0.0 };
+    let total = (explained + left).max(1e-30);
+    for cause in causes {
+        match out.iter_mut().find(|w| w.at == cause.at) {
+            Some(w) => w.share += cause.rms_shift.powi(2) / total,
+            None => out.push(Where {
+                at: cause.at.clone(),
+                share: cause.rms_shift.powi(2) / total,
+                depends_on: None,
+            }),
+        }
+    }
+    if let Some(unexplained) = &findings.unexplained {
+        let scene = &findings.search.problem.scene;
+        let of_all: f64 = unexplained.places.iter().map(|p| p.shift).sum();
+        for place in &unexplained.places {
+            let at = place.place.map_or_else(|| "unknown".to_owned(), |p: Place| p.name(scene));
+            let part = if of_all > 0.0 { place.shift / of_all } else { 1.0 };
+            let share = part * if explained == 0.0 { 1.0 } else { left / total };
+            let depends_on = place.depends_on.clone();
+            match out.iter_mut().find(|w| w.at == at) {
+                Some(w) => {
+                    w.share += share;
+                    w.depends_on = w.depends_on.take().or(depends_on);
+                }
+                None => out.push(Where { at, share, depends_on }),
+            }
+        }
+    }
+    out.sort_by(|a, b| b.share.total_cmp(&a.share));
+    out
+}
+
+fn signatures(findings: &Findings<'_>, causes: &[Cause], recording: &Recording) -> Result<Vec<Signature>> {
+    let search = &findings.search;
+    let scene = &search.problem.scene;
+    let found = &findings.found;
+    let mut out = Vec::new();
+    let mut add = |(node, other): (usize, Option<usize>),
+                   cause: Option<usize>,
+                   model: &crate::diagnose::effects::hypothesis::Model,
+                   full: &crate::diagnose::effects::hypothesis::Model|
+     -> Result<()> {
+        let bare = search.deformation(model);
+        let with = search.deformation(full);
+        let points = free_errors(&search.problem, &bare, search.measured_noise, Atom::Joint(node))?
+            .iter()
+            .map(|e| SignaturePoint {
+                frame: recording.frames[e.frame].number,
+                position: scene.q(e.frame, node),
+                other_position: other.map(|k| scene.q(e.frame, k)),
+                torque_nm: scene.torque(e.frame, node),
+                direction: scene.direction(e.frame, node),
+                time_s: scene.time_s[e.frame],
+                error: e.value,
+                std: e.std,
+                fitted: with.joint_delta(e.frame, node) - bare.joint_delta(e.frame, node),
+            })
+            .collect();
+        let unit = if scene.body.nodes[node].prismatic { "m" } else { "rad" };
+        out.push(Signature {
+            cause,
+            at: format!("joint:{}", scene.body.nodes[node].joint),
+            other: other.map(|k| format!("joint:{}", scene.body.nodes[k].joint)),
+            unit: unit.into(),
+            points,
+        });
+        Ok(())
+    };
+    for (i, term) in found.fit.model.terms.iter().enumerate() {
+        if search.catalogue.is_free(term.hypothesis) {
+            continue;
+        }
+        // What turns an axis does not move the position: it has a track.
+        if !search.catalogue.columns(scene, term).iter().any(|c| matches!(c.atom, Atom::Joint(_))) {
+            continue;
+        }
+        let place = search.catalogue.hypotheses[term.hypothesis].place;
+        let name = (search.catalogue.effect(term.hypothesis).name(), place.name(scene));
+        let index = causes.iter().position(|c| c.effect == name.0 && c.at == name.1);
+        let other = if let Place::JointPair(_, k) = place { Some(k) } else { None };
+        if let (Place::Joint(n) | Place::JointPair(n, _), Some(index)) = (place, index) {
+            add((n, other), Some(index), &found.fit.model.without(i), &found.fit.model)?;
+        }
+    }
+    // What is unexplained at a joint, without the free-form error there and as that error has it.
+    let mut drawn = Vec::new();
+    for entry in findings.unexplained.iter().flat_map(|u| &u.places) {
+        let Some(Place::Joint(node)) = entry.place else { continue };
+        if drawn.contains(&node) {
+            continue;
+        }
+        drawn.push(node);
+        let on = entry.depends_on.as_deref().and_then(|d| d.split_once("position of joint:")).map(|d| d.1);
+        let other = on.and_then(|name| scene.body.nodes.iter().position(|n| n.joint == name));
+        let mut causes = found.fit.model.clone();
+        causes.terms.retain(|t| {
+            let at = search.catalogue.hypotheses[t.hypothesis].place.node();
+            !(search.catalogue.is_free(t.hypothesis) && at == Some(node))
+        });
+        add((node, other), None, &causes, &found.fit.model)?;
+    }
+    Ok(out)
+}
+
+fn warnings(findings: &Findings<'_>) -> Vec<String> {
+    let problem = &findings.search.problem;
+    let scene = &problem.scene;
+    let mut out = Vec::new();
+    let postures = findings.after.len();
+    if postures < FEW_POSTURES {
+        out.push(format!(
+            "only {postures} postures: record at least {FEW_POSTURES}, better 60, spread over the joints' ranges; few causes can be told apart with so few"
+        ));
+    }
+    if scene.marker_names.len() == 1 {
+        out.push("one marker only: joints behind one another are hard to tell apart; add a marker on each link of interest".into());
+    }
+    if findings.false_share > MANY_FALSE {
+        out.push(format!(
+            "{:.1} % of the markers' observations are far from the best model and were left out as false: look at them",
+            findings.false_share * 100.0
+        ));
+    }
+    if !scene.ordered {
+        out.push("the rows are not in the order of execution: play and stiction by direction of motion cannot be seen".into());
+    }
+    let still: Vec<&str> = (0..scene.nodes())
+        .filter(|&n| scene.relevant[n] && !scene.moves(n))
+        .map(|n| scene.body.nodes[n].joint.as_str())
+        .collect();
+    if !still.is_empty() {
+        out.push(format!(
+            "joints that never moved: {}; of them only a constant error can be seen",
+            still.join(", ")
+        ));
+    }
+    if problem.camera.is_some() && findings.after.iter().all(|g| g.markers == 0.0) {
+        out.push("no marker was seen together with the board: the body cannot be diagnosed".into());
+    }
+    out
+}

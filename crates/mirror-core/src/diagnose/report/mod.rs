@@ -1,0 +1,8 @@
+//! From what was found to what is said and drawn.
+
+pub(super) mod build;
+pub(super) mod fields;
+pub(super) mod plots;
+pub(super) mod seen_markers;
+pub(super) mod sentence;
+pub(super) mod signature;

@@ -1,0 +1,195 @@
+//! The verdict in one sentence for a person.
+
+use crate::diagnose::data::diagnosis::{Cause, Gap, Where};
+
+/// A cause that is less probable than this is told together with its likeliest rival, if that is at least this probable.
+const TOLD_ALONE: f64 = 0.8;
+const WORTH_NAMING: f64 = 0.1;
+/// More causes than this are counted, not named.
+const NAMED: usize = 3;
+
+/// The verdict, what it rests on, and the gap's sizes.
+pub(crate) fn sentence(verdict: &str, causes: &[Cause], places: &[Where], gap: &Gap) -> String {
+    let sizes = match gap.in_pixels() {
+        Some([before, after, floor]) => {
+            format!("{before:.2} px before, {after:.2} px after, {floor:.2} px noise floor")
+        }
+        None => format!(
+            "{:.2} mm before, {:.2} mm after, {:.2} mm noise floor",
+            gap.before_m * 1e3,
+            gap.after_m * 1e3,
+            gap.noise_floor_m * 1e3
+        ),
+    };
+    let sizes = format!("{sizes}, on postures that the fit did not see");
+    let names: Vec<String> = causes.iter().map(name).collect();
+    let left = unexplained_place(places);
+    match verdict {
+        "none" => format!(
+            "Nothing is wrong that these postures could show: the model predicts to the noise floor ({sizes})."
+        ),
+        "explained" => format!("The gap is explained by {} ({sizes}).", listed(&names)),
+        "partial" => {
+            let explain =
+                if causes.len() == 1 && causes[0].effect != "geometry" { "explains" } else { "explain" };
+            format!(
+                "{} {explain} a part of the gap ({sizes}); what is left lies {}.",
+                capitalised(&listed(&names)),
+                where_and_on_what(left)
+            )
+        }
+        _ => format!(
+            "There is a gap that no effect of the vocabulary explains; it lies {} ({sizes}).",
+            where_and_on_what(left)
+        ),
+    }
+}
+
+/// Where the unexplained part lies: the place of a free-form error; else no single place, or the optics of which only the
+/// corners' remainder tells.
+fn unexplained_place(places: &[Where]) -> Option<&Where> {
+    let at = |name: &str| places.iter().find(|w| w.at == name);
+    places.iter().find(|w| w.depends_on.is_some()).or_else(|| at("unknown")).or_else(|| at("camera"))
+}
+
+/// `effect at place`, or, where the postures cannot tell it from its rival, `effect or other effect at place`.
+fn name(cause: &Cause) -> String {
+    let rival = cause.alternatives.first().filter(|r| r.probability >= WORTH_NAMING);
+    let own = of_place(&cause.effect, &cause.at);
+    match rival.filter(|_| cause.probability < TOLD_ALONE) {
+        None => own,
+        Some(rival) if rival.at == cause.at && !cause.at.contains("<-") => {
+            of_place(&format!("{} or {}", cause.effect, rival.effect), &cause.at)
+        }
+        Some(rival) if rival.effect == cause.effect && !cause.at.contains("<-") => {
+            format!("{own} or {}{}", article(&rival.at), rival.at)
+        }
+        Some(rival) => format!("{own} or {}", of_place(&rival.effect, &rival.at)),
+    }
+}
+
+fn of_place(effect: &str, at: &str) -> String {
+    match (effect, at.split_once("<-")) {
+        ("geometry", _) => "many small errors of the robot's geometry".into(),
+        ("pairing", _) => "rows of the data that hold the measurement of other rows".into(),
+        (effect, Some((joint, other))) => format!("{} of {joint} with {other}", effect.replace('_', " ")),
+        (effect, None) => format!("{} at {}{at}", effect.replace('_', " "), article(at)),
+    }
+}
+
+/// `a`, `a and b`, `a, b and c`, `a, b, c and 2 further causes`.
+fn listed(names: &[String]) -> String {
+    let mut shown: Vec<String> = names.iter().take(NAMED).cloned().collect();
+    match names.len().saturating_sub(NAMED) {
+        0 => {}
+        1 => shown.extend(names.last().cloned()),
+        more => shown.push(format!("{more} further causes")),
+    }
+    match shown.split_last() {
+        None => String::new(),
+        Some((last, [])) => last.clone(),
+        Some((last, rest)) => format!("{} and {last}", rest.join(", ")),
+    }
+}
+
+fn capitalised(text: &str) -> String {
+    let mut letters = text.chars();
+    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
+}
+
+/// `at joint:x and depends on its load`.
+fn where_and_on_what(place: Option<&Where>) -> String {
+    let Some(place) = place.filter(|p| p.at != "unknown") else {
+        return "at no single place".into();
+    };
+    let depends = match place.depends_on.as_deref() {
+        None => String::new(),
+        Some("nothing") => ", the same in every posture".into(),
+        Some("position") => " and depends on its position".into(),
+        Some("load") => " and depends on its load".into(),
+        Some("direction") => " and depends on the direction of its last motion".into(),
+        Some("history") => " and depends on the path that it came along".into(),
+        Some("time") => " and depends on time".into(),
+        Some("posture") => " and depends on how gravity pulls at it".into(),
+        Some(other) => match other.strip_prefix("position and ") {
+            Some(others) => format!(" and depends on its position and the {others}"),
+            None => format!(" and depends on the {other}"),
+        },
+    };
+    format!("at {}{}{depends}", article(&place.at), place.at)
+}
+
+/// `the ` before a place of which there is one.
+fn article(at: &str) -> &'static str {
+    if matches!(at, "camera" | "board" | "mirror") { "the " } else { "" }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::diagnose::data::diagnosis::Alternative;
+
+    fn place(at: &str, on: &str) -> Where {
+        Where { at: at.into(), share: 1.0, depends_on: Some(on.into()) }
+    }
+
+    #[test]
+    fn names_are_listed_as_people_list_them() {
+        let names: Vec<String> = ["a", "b", "c", "d", "e"].map(String::from).into();
+        assert_eq!(listed(&names[..1]), "a");
+        assert_eq!(listed(&names[..2]), "a and b");
+        assert_eq!(listed(&names[..3]), "a, b and c");
+        assert_eq!(listed(&names[..4]), "a, b, c and d");
+        assert_eq!(listed(&names), "a, b, c and 2 further causes");
+    }
+
+    #[test]
+    fn what_cannot_be_told_apart_is_told_together() {
+        let told = |probability, effect: &str, at: &str| {
+            let alternatives =
+                vec![Alternative { effect: effect.into(), at: at.into(), probability: 0.98 - probability }];
+            name(&Cause {
+                effect: "backlash".into(),
+                at: "joint:elbow".into(),
+                probability,
+                alternatives,
+                parameters: Default::default(),
+                words: String::new(),
+                rms_shift: 1.0,
+                members: Vec::new(),
+            })
+        };
+        assert_eq!(told(0.6, "stiction", "joint:elbow"), "backlash or stiction at joint:elbow");
+        assert_eq!(told(0.6, "backlash", "joint:knee"), "backlash at joint:elbow or joint:knee");
+        assert_eq!(
+            told(0.6, "camera_mount", "camera"),
+            "backlash at joint:elbow or camera mount at the camera"
+        );
+        assert_eq!(told(0.9, "stiction", "joint:elbow"), "backlash at joint:elbow");
+    }
+
+    #[test]
+    fn what_is_left_at_no_place_is_not_laid_at_a_cause() {
+        let cause = Where { at: "robot".into(), share: 0.9, depends_on: None };
+        let nowhere = Where { at: "unknown".into(), share: 0.1, depends_on: None };
+        let left = unexplained_place(&[cause.clone(), nowhere.clone()]).map(|w| w.at.clone());
+        assert_eq!(left.as_deref(), Some("unknown"));
+        let found = place("joint:elbow", "load");
+        let left = unexplained_place(&[cause, nowhere, found]).map(|w| w.at.clone());
+        assert_eq!(left.as_deref(), Some("joint:elbow"));
+    }
+
+    #[test]
+    fn a_place_says_on_what_it_depends() {
+        assert_eq!(
+            where_and_on_what(Some(&place("joint:elbow", "position of joint:knee"))),
+            "at joint:elbow and depends on the position of joint:knee"
+        );
+        assert_eq!(
+            where_and_on_what(Some(&place("marker:hand", "nothing"))),
+            "at marker:hand, the same in every posture"
+        );
+        assert_eq!(where_and_on_what(Some(&place("camera", "time"))), "at the camera and depends on time");
+        assert_eq!(where_and_on_what(None), "at no single place");
+    }
+}

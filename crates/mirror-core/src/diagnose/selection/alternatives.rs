@@ -1,0 +1,196 @@
+//! How sure a cause is: its rivals, each fitted in its place, and their probabilities.
+
+use crate::diagnose::criteria::cross_validation::PostureGap;
+use crate::diagnose::effects::hypothesis::Model;
+use crate::diagnose::likelihood::fit::Fit;
+use crate::diagnose::pipeline::seen_size;
+use crate::diagnose::selection::search::{Found, Search, SearchOptions};
+use crate::error::Result;
+
+/// Rivals that are fitted exactly.
+const RIVALS: usize = 8;
+/// Rivals below this are not worth a word.
+pub(crate) const LEAST_PROBABILITY: f64 = 0.01;
+/// Evidence is taken to this power: laws are never exact, so that data speak less than they seem to.
+const TEMPER: f64 = 0.35;
+/// A rival that is less likely than the cause by this (log) at a coarse noise is none.
+const FAR_BEHIND: f64 = 8.0;
+/// What is kept back for a cause that nobody thought of.
+const UNTHOUGHT_OF: f64 = 0.01;
+
+/// A hypothesis with its probability.
+#[derive(Debug, Clone)]
+pub(crate) struct Rival {
+    pub hypothesis: usize,
+    pub variant: f64,
+    pub probability: f64,
+}
+
+/// The probability of the i-th cause and of its rivals, best first; and of there being nothing.
+pub(crate) struct Standing {
+    pub probability: f64,
+    pub rivals: Vec<Rival>,
+}
+
+impl Standing {
+    /// The rival that is likelier than the cause.
+    fn likelier(&self) -> Option<&Rival> {
+        self.rivals.first().filter(|r| r.probability > self.probability)
+    }
+
+    /// Whether something else, or nothing, is likelier.
+    fn gives_way(&self) -> bool {
+        self.likelier().is_some() || self.probability < NO_CAUSE
+    }
+
+    /// Evidence is against the cause, held-out regions are for it: neither can be believed alone.
+    fn dispute(&mut self) {
+        if self.probability < DISPUTED {
+            let rivals: f64 = self.rivals.iter().map(|r| r.probability).sum();
+            let scale = (DISPUTED / rivals.max(DISPUTED)).min(1.0);
+            self.rivals.iter_mut().for_each(|r| r.probability *= scale);
+            self.probability = DISPUTED;
+        }
+    }
+}
+
+/// Probability of a cause that evidence and held-out regions disagree on.
+const DISPUTED: f64 = 0.5;
+
+/// Fits the best rivals in the place of the i-th cause and weighs them.
+///
+/// # Errors
+/// A camera or mirror that cannot be.
+pub(crate) fn standing(search: &Search<'_>, found: &Found, i: usize) -> Result<Standing> {
+    let own = found.fit.model.terms[i].hypothesis;
+    let rest: Model = found.fit.model.without(i);
+    let named =
+        Search { options: SearchOptions { named_only: true, ..search.options.clone() }, ..search.clone() };
+    let rivals = rivals_at_all_noises(&named, found, i, &rest, own)?;
+    let tolerated = search.log_odds(&found.fit, i, found.noise)?;
+    let reference = if rivals.is_empty() {
+        0.0
+    } else {
+        search.log_posterior(&search.fit_with_slack(&found.fit.model, Some(i), found.noise, 6)?)
+    };
+    // Weights relative to the cause itself.
+    let mut weights: Vec<(usize, f64, f64)> = Vec::new();
+    for rival in &rivals {
+        let Some(term) = rival.model.terms.last() else { continue };
+        let log = TEMPER * (search.log_posterior(rival) - reference);
+        weights.push((term.hypothesis, term.variant, log.min(50.0).exp()));
+    }
+    let nothing = (-TEMPER * tolerated).min(50.0).exp();
+    let total = 1.0 + nothing + weights.iter().map(|w| w.2).sum::<f64>();
+    let scale = (1.0 - UNTHOUGHT_OF) / total;
+    let mut rivals: Vec<Rival> = weights
+        .into_iter()
+        .map(|(hypothesis, variant, w)| Rival { hypothesis, variant, probability: w * scale })
+        .collect();
+    rivals.retain(|r| r.probability >= LEAST_PROBABILITY);
+    rivals.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+    Ok(Standing { probability: scale, rivals })
+}
+
+/// The best rivals in the place of the i-th cause, fitted. First at the noise as large as the model without the cause leaves it:
+/// at the measurement's own, all that the cause explains would look false, and no rival would ever get near.
+fn rivals_at_all_noises(
+    named: &Search<'_>,
+    found: &Found,
+    i: usize,
+    rest: &Model,
+    own: usize,
+) -> Result<Vec<Fit>> {
+    let coarse = named.effective(rest)?;
+    let candidates = named.candidates(rest, coarse, RIVALS, Some(own))?;
+    let is_rival = |fit: &&Fit| {
+        fit.model.terms.last().is_some_and(|term| {
+            // What comes down to a simpler rival is that rival.
+            let effect = named.catalogue.effect(term.hypothesis);
+            term.hypothesis != own && effect.comes_down_to(&term.parameters).is_none()
+        })
+    };
+    if !candidates.iter().any(|fit| is_rival(&fit)) {
+        return Ok(Vec::new());
+    }
+    let own_fit = named.fit_with_slack(&found.fit.model, Some(i), coarse, 4)?;
+    let reference = named.log_posterior(&own_fit);
+    candidates
+        .iter()
+        .filter(is_rival)
+        // What fits worse here fits worse by far at the finer noise; what only has more parameters does not.
+        .filter(|fit| reference - named.log_posterior(fit) < FAR_BEHIND)
+        .map(|fit| named.fit_with_slack(&fit.model, Some(fit.model.terms.len() - 1), found.noise, 8))
+        .collect()
+}
+
+/// Rounds in which causes give way to their rivals.
+const ROUNDS: usize = 4;
+/// A cause that is less probable than this is none.
+const NO_CAUSE: f64 = 0.05;
+
+/// The standing of every cause, once each has given way to a rival that is more probable and predicts held-out regions no
+/// worse, or to nothing; none for free-form errors. `after` is the held-out gap.
+///
+/// # Errors
+/// A camera or mirror that cannot be.
+pub(crate) fn settled(
+    search: &Search<'_>,
+    found: &mut Found,
+    after: &mut Vec<PostureGap>,
+) -> Result<Vec<Option<Standing>>> {
+    for _ in 0..ROUNDS {
+        let mut standings = standings(search, found)?;
+        let mut changed = false;
+        for (i, standing) in standings.iter_mut().enumerate() {
+            let Some(standing) = standing else { continue };
+            if !standing.gives_way() {
+                continue;
+            }
+            let rival = standing.likelier();
+            let rest = search.fit(&found.fit.model.without(i), found.noise, 8)?;
+            let next = match rival {
+                Some(rival) => {
+                    let with = rest.model.with(search.catalogue, rival.hypothesis, rival.variant);
+                    search.fit(&with, found.noise, 12)?
+                }
+                None => rest,
+            };
+            let gap = search.held_out(&next.model, found.noise)?;
+            let worse = if search.group.columns.is_empty() { NO_WORSE } else { NO_WORSE_BESIDE_GEOMETRY };
+            if seen_size(&gap) > seen_size(after) * worse {
+                standing.dispute();
+                continue;
+            }
+            let name = |h: usize| search.catalogue.name(&search.problem.scene, h);
+            let old = name(found.fit.model.terms[i].hypothesis);
+            let new = rival.map_or_else(|| "nothing".to_owned(), |r| name(r.hypothesis));
+            found.trace.push(format!("{old} gives way to {new}, which is more probable"));
+            found.fit = next;
+            *after = gap;
+            changed = true;
+            break;
+        }
+        if !changed {
+            return Ok(standings);
+        }
+    }
+    // Still not at rest: what would give way again is not to be believed.
+    let mut last = standings(search, found)?;
+    last.iter_mut().flatten().filter(|s| s.gives_way()).for_each(Standing::dispute);
+    Ok(last)
+}
+
+/// The held-out gap may grow by this factor where a more probable cause comes in.
+const NO_WORSE: f64 = 1.002;
+/// The same beside many small errors, of which a cause must stand out.
+const NO_WORSE_BESIDE_GEOMETRY: f64 = 1.02;
+
+fn standings(search: &Search<'_>, found: &Found) -> Result<Vec<Option<Standing>>> {
+    (0..found.fit.model.terms.len())
+        .map(|i| {
+            let free = search.catalogue.is_free(found.fit.model.terms[i].hypothesis);
+            if free { Ok(None) } else { standing(search, found, i).map(Some) }
+        })
+        .collect()
+}

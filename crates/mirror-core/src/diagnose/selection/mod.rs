@@ -1,0 +1,8 @@
+//! Which causes: prior and posterior odds, the search and its moves, alternatives.
+
+pub(super) mod alternatives;
+pub(super) mod nonparametric;
+pub(super) mod pairwise_start;
+pub(super) mod posterior_odds;
+pub(super) mod search;
+pub(super) mod with_tolerances;

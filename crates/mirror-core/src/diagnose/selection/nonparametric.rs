@@ -1,0 +1,218 @@
+//! Beyond the vocabulary: the same search with free-form errors beside the causes, and what is said where they are needed.
+//!
+//! A gap that no effect explains is taken up, piece by piece, by causes that are not there: a lens that nobody modelled by
+//! links of other lengths, an unknown law of a joint by three laws of its neighbours. A free-form error at the one right place
+//! explains it better and with fewer numbers. So the search is repeated with [free forms](crate::diagnose::random_effects::free_form) as hypotheses like
+//! any other, at longer odds than the vocabulary's; where the best of those models needs one, the vocabulary is not enough.
+
+use crate::diagnose::criteria::lack_of_fit::Adequacy;
+use crate::diagnose::criteria::marker_shift::marker_shift;
+use crate::diagnose::effects::Place;
+use crate::diagnose::effects::hypothesis::{Catalogue, Model};
+use crate::diagnose::likelihood::score_test::screen;
+use crate::diagnose::model::problem::Noise;
+use crate::diagnose::selection::search::{Found, Search, SearchOptions};
+use crate::error::Result;
+
+/// A free-form error that gains this (log odds) beside the causes found is worth the search.
+const WORTH_A_SEARCH: f64 = 6.0;
+/// Free-form errors must beat causes by this (log odds): laws are never exact, and data that contradict them are many.
+const LEAST_LOG_ODDS: f64 = 10.0;
+/// A remainder whose variance is this many times the noise's is no scatter, wherever it comes from.
+const LARGE_EXCESS: f64 = 1.5;
+/// A cause beside a free-form error at its own joint stands only where its shift, squared, is so many times the error's.
+const IMITATOR_SHARE: f64 = 4.0;
+/// With so many causes at once, or more, one unknown law may be behind all of them.
+const COMPOSITE: usize = 2;
+
+/// Where the unexplained part lives: the place that matters most first.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Unexplained {
+    pub places: Vec<UnexplainedPlace>,
+}
+
+/// A place at which the vocabulary is not enough.
+#[derive(Debug, Clone)]
+pub(crate) struct UnexplainedPlace {
+    /// None where it could not be found.
+    pub place: Option<Place>,
+    pub depends_on: Option<String>,
+    /// Sum over the markers' observations of the squared shift that the free-form error makes, in variances.
+    pub shift: f64,
+}
+
+/// Whether there is reason to look beyond the vocabulary.
+///
+/// # Errors
+/// A camera or mirror that cannot be.
+pub(crate) fn is_suspicious(
+    search: &Search<'_>,
+    found: &Found,
+    all: &Catalogue,
+    adequacy: &Adequacy,
+    many_false: bool,
+) -> Result<bool> {
+    let terms = found.fit.model.terms.len();
+    if adequacy.significant || adequacy.corners_significant || many_false || terms >= COMPOSITE {
+        return Ok(true);
+    }
+    let wide = Search { catalogue: all, ..search.clone() };
+    let (group, start) = wide.loosened(&found.fit.model, None);
+    let scores = screen(&search.problem, all, &group, &start, found.noise, search.mask)?;
+    Ok(scores
+        .iter()
+        .filter(|s| all.is_free(s.hypothesis))
+        .any(|s| s.log_bayes + all.hypotheses[s.hypothesis].log_prior > WORTH_A_SEARCH))
+}
+
+/// The search with free-form errors beside the vocabulary, from the nominal model and from the causes found; none where they
+/// are no better than the causes.
+///
+/// # Errors
+/// A camera or mirror that cannot be.
+pub(crate) fn beside_free_forms<'a>(
+    search: &Search<'_>,
+    found: &Found,
+    all: &'a Catalogue,
+    nominal: &Model,
+    enough: bool,
+) -> Result<Option<(Search<'a>, Found)>> {
+    let terms = found.fit.model.terms.len();
+    // Where the causes suffice, free-form errors must do with fewer.
+    let most_causes = if enough { terms.saturating_sub(1).max(1) } else { search.options.most_causes };
+    let wide = Search {
+        problem: search.problem.clone(),
+        catalogue: all,
+        group: search.group.clone(),
+        measured_noise: search.measured_noise,
+        options: SearchOptions { most_causes, named_only: false, ..search.options.clone() },
+        mask: None,
+    };
+    let mut best: Option<(Search<'a>, Found)> = None;
+    let starts = if enough || terms == 0 { vec![nominal] } else { vec![nominal, &found.fit.model] };
+    for start in starts {
+        let mut beside = wide.clone();
+        let result = beside.run(start.clone())?;
+        let better = match &best {
+            None => true,
+            Some((other, its)) => log_odds((&beside, &result), (other, its))? > 0.0,
+        };
+        if better {
+            best = Some((beside, result));
+        }
+    }
+    let Some((beside, mut result)) = best else { return Ok(None) };
+    let odds = log_odds((&beside, &result), (search, found))?;
+    let free = result.fit.model.terms.iter().any(|t| all.is_free(t.hypothesis));
+    let needed = if free { LEAST_LOG_ODDS } else { 0.0 };
+    let mut trace = found.trace.clone();
+    trace.push(format!("beside free-form errors: log odds {odds:.1}"));
+    trace.append(&mut result.trace);
+    result.trace = trace;
+    Ok((odds > needed).then_some((beside, result)))
+}
+
+/// Log posterior odds of one search's result against another's, both at the smaller of their noises.
+///
+/// # Errors
+/// A camera or mirror that cannot be.
+pub(crate) fn log_odds(one: (&Search<'_>, &Found), other: (&Search<'_>, &Found)) -> Result<f64> {
+    let noise = smaller(one.1.noise, other.1.noise);
+    let value = |(search, found): (&Search<'_>, &Found)| -> Result<f64> {
+        let exact = search.fit(&found.fit.model, noise, 6)?;
+        let loose = search.fit_with_slack(&found.fit.model, None, noise, 6)?;
+        Ok(search.log_posterior(&exact).max(search.log_posterior(&loose)))
+    };
+    Ok(value(one)? - value(other)?)
+}
+
+/// The smaller noise of two.
+pub(crate) fn smaller(a: Noise, b: Noise) -> Noise {
+    let size = |n: &Noise| n.marker_px + 1e3 * n.point_m;
+    if size(&a) < size(&b) { a } else { b }
+}
+
+/// What the result leaves unexplained: its free-form errors, or a remainder that no place explains.
+///
+/// # Errors
+/// A camera or mirror that cannot be.
+pub(crate) fn unexplained(
+    search: &Search<'_>,
+    found: &Found,
+    adequacy: &Adequacy,
+) -> Result<Option<Unexplained>> {
+    let scene = &search.problem.scene;
+    let all = search.deformation(&found.fit.model);
+    let mut out = Unexplained::default();
+    for (i, term) in found.fit.model.terms.iter().enumerate() {
+        if !search.catalogue.is_free(term.hypothesis) {
+            continue;
+        }
+        let without = search.deformation(&found.fit.model.without(i));
+        let shift = marker_shift(&search.problem, &without, &all, search.measured_noise)?.iter().sum();
+        out.places.push(UnexplainedPlace {
+            place: Some(search.catalogue.hypotheses[term.hypothesis].place),
+            depends_on: Some(search.catalogue.effect(term.hypothesis).name().to_owned()),
+            shift,
+        });
+    }
+    out.places.sort_by(|a, b| b.shift.total_cmp(&a.shift));
+    if out.places.is_empty() {
+        // A small remainder that no free form finds a structure in is scatter: coloured noise, postures not quite settled.
+        let large = adequacy.significant && adequacy.excess >= LARGE_EXCESS;
+        if !large && !adequacy.corners_significant {
+            return Ok(None);
+        }
+        let place = (adequacy.corners_significant && scene.has_camera).then_some(Place::Camera);
+        out.places.push(UnexplainedPlace { place, depends_on: None, shift: 0.0 });
+    }
+    Ok(Some(out))
+}
+
+/// Takes causes back that share their joint or link with a free-form error that matters as much: together they imitate a law
+/// that the vocabulary has not, and none of them is to be believed.
+///
+/// # Errors
+/// A camera or mirror that cannot be.
+pub(crate) fn retract_imitators(search: &Search<'_>, found: &mut Found) -> Result<()> {
+    let all = search.deformation(&found.fit.model);
+    let shifts = (0..found.fit.model.terms.len())
+        .map(|i| {
+            let without = search.deformation(&found.fit.model.without(i));
+            Ok(marker_shift(&search.problem, &without, &all, search.measured_noise)?.iter().sum())
+        })
+        .collect::<Result<Vec<f64>>>()?;
+    let terms = &found.fit.model.terms;
+    let node = |i: usize| search.catalogue.hypotheses[terms[i].hypothesis].place.node();
+    let is_free = |i: usize| search.catalogue.is_free(terms[i].hypothesis);
+    let imitates = |i: usize| {
+        !is_free(i)
+            && node(i).is_some()
+            && (0..terms.len())
+                .any(|k| is_free(k) && node(k) == node(i) && shifts[i] < IMITATOR_SHARE * shifts[k])
+    };
+    let retracted: Vec<usize> = (0..terms.len()).filter(|&i| imitates(i)).collect();
+    if retracted.is_empty() {
+        return Ok(());
+    }
+    let mut rest = found.fit.model.clone();
+    for &i in retracted.iter().rev() {
+        let name = search.catalogue.name(&search.problem.scene, terms[i].hypothesis);
+        found.trace.push(format!("{name} imitates a law that the vocabulary has not"));
+        rest.terms.remove(i);
+    }
+    found.fit = search.fit(&rest, found.noise, 8)?;
+    Ok(())
+}
+
+/// Places of a model's free-form errors that are not places of these causes.
+pub(crate) fn elsewhere(all: &Catalogue, with_free: &Model, causes: &Model) -> bool {
+    let place = |h: usize| all.hypotheses[h].place;
+    with_free.terms.iter().filter(|t| all.is_free(t.hypothesis)).any(|t| {
+        let at = place(t.hypothesis);
+        !causes.terms.iter().any(|c| {
+            let other = place(c.hypothesis);
+            other == at || (other.node().is_some() && other.node() == at.node())
+        })
+    })
+}

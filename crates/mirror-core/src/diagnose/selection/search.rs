@@ -1,0 +1,400 @@
+//! The search for causes: added one at a time, each tried again for dropping and against its rivals.
+
+use crate::diagnose::effects::hypothesis::{Catalogue, Model, Term};
+use crate::diagnose::likelihood::fit::{Fit, FitOptions, Group, fit};
+use crate::diagnose::likelihood::noise::effective;
+use crate::diagnose::likelihood::score_test::{Score, screen};
+use crate::diagnose::model::problem::{Noise, Problem};
+use crate::diagnose::random_effects::law_discrepancy::with_slack;
+use crate::error::Result;
+use rayon::prelude::*;
+
+/// How the search goes.
+#[derive(Debug, Clone)]
+pub(crate) struct SearchOptions {
+    /// No more causes than this.
+    pub most_causes: usize,
+    /// How many of the screened hypotheses are fitted exactly at each step.
+    pub refined: usize,
+    /// Whether free-form errors are left alone.
+    pub named_only: bool,
+    /// A cause is kept when its log posterior odds against "not there" exceed this: 3 is 20 to 1.
+    pub least_log_odds: f64,
+}
+
+impl Default for SearchOptions {
+    fn default() -> Self {
+        Self { most_causes: 6, refined: 6, named_only: false, least_log_odds: 3.0 }
+    }
+}
+
+/// Gauss–Newton steps of a candidate, and of the model that is kept.
+const CANDIDATE_STEPS: usize = 4;
+pub(crate) const FINAL_STEPS: usize = 12;
+/// Loads and postures are taken in turn this often: each turn leaves the share by which the droop changes the load.
+const LOAD_STEPS: usize = 2;
+/// A hypothesis that is less likely than the likeliest by this (log) is no cause in its stead.
+const NEARLY_AS_LIKELY: f64 = 5.0;
+/// Where the likeliest addition is this unlikely a cause, the others need not be tried.
+const HOPELESS_LOG_ODDS: f64 = -3.5;
+/// How many of the best candidates are tried with all their discrete unknowns.
+const VARIANTS_RETRIED: usize = 3;
+/// The score test is of the linearised model: a hypothesis that it puts lower than the best by more than this (log), and by
+/// more than this share of the best's, is not the best when fitted either.
+const LEAST_REACH: f64 = 25.0;
+const REACH: f64 = 0.15;
+/// The same for hypotheses with a discrete unknown, which the score test takes at a play of no width.
+const REACH_OF_VARIANTS: f64 = 0.5;
+/// Factors on a discrete unknown (a friction torque) that are tried once the cause is found.
+const VARIANT_FACTORS: [f64; 8] = [0.7, 0.8, 0.88, 0.95, 1.06, 1.14, 1.25, 1.4];
+
+/// A model that the search ended with.
+#[derive(Debug, Clone)]
+pub(crate) struct Found {
+    pub fit: Fit,
+    /// The noise at which the evidence was weighed: the measurement's, or more where the model leaves more.
+    pub noise: Noise,
+    /// One line a step, for people who want to know how it went.
+    pub trace: Vec<String>,
+}
+
+/// Everything that the search looks at.
+#[derive(Clone)]
+pub(crate) struct Search<'a> {
+    /// Owned: gravity's loads in its scene follow the actual postures of the model found so far.
+    pub problem: Problem,
+    pub catalogue: &'a Catalogue,
+    pub group: Group,
+    pub measured_noise: Noise,
+    pub options: SearchOptions,
+    pub mask: Option<&'a [bool]>,
+}
+
+impl Search<'_> {
+    pub fn fit(&self, model: &Model, noise: Noise, steps: usize) -> Result<Fit> {
+        fit(&self.problem, self.catalogue, &self.group, model, FitOptions { noise, steps }, self.mask)
+    }
+
+    /// As [`Search::fit`], while the laws of all causes but the one in question may err a little ([`crate::diagnose::random_effects::law_discrepancy`]). The
+    /// fit's model is without the slack's values.
+    pub fn fit_with_slack(
+        &self,
+        model: &Model,
+        in_question: Option<usize>,
+        noise: Noise,
+        steps: usize,
+    ) -> Result<Fit> {
+        let (group, start) = self.loosened(model, in_question);
+        let mut fit =
+            fit(&self.problem, self.catalogue, &group, &start, FitOptions { noise, steps }, self.mask)?;
+        fit.model.group.truncate(model.group.len());
+        Ok(fit)
+    }
+
+    /// The group with the slack of a model's causes, and the model with room for its values.
+    pub fn loosened(&self, model: &Model, in_question: Option<usize>) -> (Group, Model) {
+        let group = with_slack(&self.problem, self.catalogue, &self.group, model, in_question);
+        let mut start = model.clone();
+        start.group.resize(group.columns.len(), 0.0);
+        (group, start)
+    }
+
+    pub fn effective(&self, model: &Model) -> Result<Noise> {
+        let deformation = model.deformation(&self.problem, self.catalogue, &self.group.columns);
+        effective(&self.problem, &deformation, self.measured_noise, self.mask)
+    }
+
+    /// Everything that a model says, as the forward model reads it.
+    pub fn deformation(&self, model: &Model) -> crate::diagnose::model::deformation::Deformation {
+        model.deformation(&self.problem, self.catalogue, &self.group.columns)
+    }
+
+    /// The gap of a model on regions that its parameters did not see.
+    pub fn held_out(
+        &self,
+        model: &Model,
+        noise: Noise,
+    ) -> Result<Vec<crate::diagnose::criteria::cross_validation::PostureGap>> {
+        crate::diagnose::criteria::cross_validation::held_out(
+            &self.problem,
+            self.catalogue,
+            &self.group,
+            model,
+            noise,
+            self.measured_noise,
+            false,
+        )
+    }
+
+    /// Fits the most promising additions to a model, at a noise; best first. `but` is left out, if it stands in the model's
+    /// place by itself already.
+    pub fn candidates(
+        &self,
+        model: &Model,
+        noise: Noise,
+        count: usize,
+        but: Option<usize>,
+    ) -> Result<Vec<Fit>> {
+        let (group, start) = self.loosened(model, None);
+        let scores = screen(&self.problem, self.catalogue, &group, &start, noise, self.mask)?;
+        let chosen = self.most_promising(&scores, count, but);
+        let mut fits = chosen
+            .par_iter()
+            .map(|score| {
+                let mut next = model.with(self.catalogue, score.hypothesis, score.variant);
+                if let Some(term) = next.terms.last_mut() {
+                    let positive = self.catalogue.effect(score.hypothesis).is_positive();
+                    term.parameters =
+                        score.parameters.iter().map(|p| if positive { p.max(0.0) } else { *p }).collect();
+                }
+                let last = next.terms.len() - 1;
+                self.fit_with_slack(&next, Some(last), noise, CANDIDATE_STEPS)
+            })
+            // A linear estimate may lie where no camera or mirror can be: such a hypothesis is no candidate.
+            .filter_map(Result::ok)
+            .collect::<Vec<Fit>>();
+        fits.sort_by(|a, b| self.log_posterior(b).total_cmp(&self.log_posterior(a)));
+        // The score test takes a play of no width; of its real width another friction may fit far better.
+        for fit in fits.iter_mut().take(VARIANTS_RETRIED) {
+            *fit = self.best_variant(fit, noise)?;
+        }
+        fits.sort_by(|a, b| self.log_posterior(b).total_cmp(&self.log_posterior(a)));
+        Ok(fits)
+    }
+
+    /// The last cause with the best of all its discrete unknowns, each fitted.
+    fn best_variant(&self, fit: &Fit, noise: Noise) -> Result<Fit> {
+        let Some(term) = fit.model.terms.last() else { return Ok(fit.clone()) };
+        let variants = &self.catalogue.hypotheses[term.hypothesis].variants;
+        if variants.len() < 2 {
+            return Ok(fit.clone());
+        }
+        let tried = variants
+            .par_iter()
+            .map(|&variant| {
+                let mut model = fit.model.clone();
+                if let Some(last) = model.terms.last_mut() {
+                    last.variant = variant;
+                }
+                let last = model.terms.len() - 1;
+                self.fit_with_slack(&model, Some(last), noise, CANDIDATE_STEPS)
+            })
+            .collect::<Result<Vec<Fit>>>()?;
+        let best = tried.into_iter().max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence));
+        Ok(best.filter(|b| b.log_evidence > fit.log_evidence).unwrap_or_else(|| fit.clone()))
+    }
+
+    /// The best variant of each of the `count` best hypotheses that could be the best when fitted exactly.
+    fn most_promising<'s>(&self, scores: &'s [Score], count: usize, but: Option<usize>) -> Vec<&'s Score> {
+        let value = |s: &Score| s.log_bayes + self.catalogue.hypotheses[s.hypothesis].log_prior;
+        let wanted = |s: &&Score| !(self.options.named_only && self.catalogue.is_free(s.hypothesis));
+        let mut sorted: Vec<&Score> = scores.iter().filter(wanted).collect();
+        sorted.sort_by(|a, b| value(b).total_cmp(&value(a)));
+        let best = sorted.first().map_or(0.0, |s| value(s));
+        let several = |s: &Score| self.catalogue.hypotheses[s.hypothesis].variants.len() > 1;
+        let mut chosen: Vec<&Score> = Vec::new();
+        for score in sorted {
+            let share = if several(score) { REACH_OF_VARIANTS } else { REACH };
+            let in_reach = value(score) >= best - LEAST_REACH - share * best.max(0.0);
+            let known = but == Some(score.hypothesis) && !several(score);
+            if chosen.len() < count
+                && in_reach
+                && !known
+                && !chosen.iter().any(|c| c.hypothesis == score.hypothesis)
+            {
+                chosen.push(score);
+            }
+        }
+        chosen
+    }
+
+    /// Fits a model with gravity's loads taken at its own postures: load and posture are found in turn.
+    fn settle(&mut self, mut best: Fit, noise: Noise) -> Result<Fit> {
+        let by_load = |t: &Term| self.catalogue.effect(t.hypothesis).depends_on_load();
+        let loaded = best.model.terms.iter().any(by_load);
+        for _ in 0..if loaded { LOAD_STEPS } else { 0 } {
+            let deformation = best.model.deformation(&self.problem, self.catalogue, &self.group.columns);
+            self.problem.scene.update_loads(&deformation);
+            best = self.fit(&best.model, noise, FINAL_STEPS)?;
+        }
+        self.refine_variants(best, noise)
+    }
+
+    /// Refines discrete unknowns (friction torques) between the values that were screened.
+    fn refine_variants(&self, mut best: Fit, noise: Noise) -> Result<Fit> {
+        for i in 0..best.model.terms.len() {
+            let term = &best.model.terms[i];
+            if self.catalogue.hypotheses[term.hypothesis].variants.len() < 2
+                || !term.variant.is_finite()
+                || term.variant == 0.0
+            {
+                continue;
+            }
+            let tried = VARIANT_FACTORS
+                .par_iter()
+                .map(|factor| {
+                    let mut model = best.model.clone();
+                    model.terms[i].variant *= factor;
+                    self.fit(&model, noise, CANDIDATE_STEPS)
+                })
+                .collect::<Result<Vec<Fit>>>()?;
+            if let Some(better) = tried.into_iter().max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
+                && better.log_evidence > best.log_evidence
+            {
+                best = better;
+            }
+        }
+        Ok(best)
+    }
+
+    /// Runs the ladder up and down until neither adding, dropping nor exchanging a cause helps.
+    ///
+    /// # Errors
+    /// A camera or mirror that cannot be.
+    pub fn run(&mut self, start: Model) -> Result<Found> {
+        let mut trace = Vec::new();
+        let mut noise = self.effective(&start)?;
+        let mut best = self.fit(&start, noise, FINAL_STEPS)?;
+        noise = self.effective(&best.model)?;
+        if !best.model.terms.is_empty() {
+            best = self.prune(best, noise, &mut trace)?;
+            noise = self.effective(&best.model)?;
+        }
+        let mut seen = vec![hypotheses_of(&best)];
+        while best.model.terms.len() < self.options.most_causes {
+            let candidates = self.candidates(&best.model, noise, self.options.refined, None)?;
+            let Some(first) = candidates.first() else { break };
+            // Weighed at the noise that the larger model leaves: the smaller one must not hide behind its own misfit.
+            let next_noise = self.effective(&first.model)?;
+            let refits = candidates
+                .iter()
+                .take(3)
+                .map(|c| {
+                    let last = c.model.terms.len() - 1;
+                    self.fit_with_slack(&c.model, Some(last), next_noise, FINAL_STEPS)
+                })
+                .collect::<Result<Vec<Fit>>>()?;
+            let mut refits = refits;
+            refits.sort_by(|a, b| self.log_posterior(b).total_cmp(&self.log_posterior(a)));
+            // The likeliest that is a cause: a likelier one whose size is within tolerance leaves the place to the next.
+            let mut larger = None;
+            let likeliest = refits.first().map_or(0.0, |r| self.log_posterior(r));
+            for refit in refits {
+                if self.log_posterior(&refit) < likeliest - NEARLY_AS_LIKELY {
+                    break;
+                }
+                let odds = self.log_odds(&refit, refit.model.terms.len() - 1, next_noise)?;
+                trace.push(format!(
+                    "add {}: log odds {odds:.1} at {:.3} px, {:.3} mm",
+                    self.name_of_last(&refit),
+                    next_noise.marker_px,
+                    next_noise.point_m * 1e3
+                ));
+                if odds >= self.options.least_log_odds {
+                    larger = Some(refit);
+                    break;
+                }
+                if odds < HOPELESS_LOG_ODDS {
+                    break;
+                }
+            }
+            let Some(larger) = larger else { break };
+            best = self.settle(larger, next_noise)?;
+            noise = self.effective(&best.model)?;
+            best = self.fit(&best.model, noise, FINAL_STEPS)?;
+            best = self.exchange(best, noise, &mut trace)?;
+            best = self.merge(best, noise, &mut trace)?;
+            best = self.prune(best, noise, &mut trace)?;
+            noise = self.effective(&best.model)?;
+            // Adding and dropping must not go in circles.
+            let now = hypotheses_of(&best);
+            if seen.contains(&now) {
+                break;
+            }
+            seen.push(now);
+        }
+        Ok(Found { fit: best, noise, trace })
+    }
+
+    fn name_of_last(&self, fit: &Fit) -> String {
+        fit.model
+            .terms
+            .last()
+            .map_or_else(String::new, |t| self.catalogue.name(&self.problem.scene, t.hypothesis))
+    }
+
+    /// Drops causes without which the model is no worse.
+    pub fn prune(&mut self, mut best: Fit, noise: Noise, trace: &mut Vec<String>) -> Result<Fit> {
+        let mut i = 0;
+        while best.model.terms.len() > 1 && i < best.model.terms.len() {
+            let odds = self.log_odds(&best, i, noise)?;
+            if odds < self.options.least_log_odds {
+                let name = self.catalogue.name(&self.problem.scene, best.model.terms[i].hypothesis);
+                trace.push(format!("drop {name}: log odds {odds:.1}"));
+                let without = self.fit(&best.model.without(i), noise, FINAL_STEPS)?;
+                best = self.settle(without, noise)?;
+                i = 0;
+            } else {
+                i += 1;
+            }
+        }
+        Ok(best)
+    }
+
+    /// Replaces causes by better rivals, now that the others are there.
+    fn exchange(&mut self, mut best: Fit, noise: Noise, trace: &mut Vec<String>) -> Result<Fit> {
+        if best.model.terms.len() < 2 {
+            return Ok(best);
+        }
+        for i in 0..best.model.terms.len() - 1 {
+            let own = best.model.terms[i].hypothesis;
+            let rivals = self.candidates(&best.model.without(i), noise, self.options.refined, Some(own))?;
+            let Some(rival) = rivals.first() else { continue };
+            let last = rival.model.terms.len() - 1;
+            let rival = self.fit_with_slack(&rival.model, Some(last), noise, FINAL_STEPS)?;
+            let own = self.fit_with_slack(&best.model, Some(i), noise, FINAL_STEPS)?;
+            if self.log_posterior(&rival) > self.log_posterior(&own) + 1e-6 {
+                let old = self.catalogue.name(&self.problem.scene, best.model.terms[i].hypothesis);
+                let new = self.name_of_last(&rival);
+                if old != new {
+                    trace.push(format!("exchange {old} for {new}"));
+                }
+                best = self.settle(rival, noise)?;
+            }
+        }
+        Ok(best)
+    }
+
+    /// Two causes at one joint give way to one that is as likely: stiction with its droop is not play beside a spring.
+    fn merge(&mut self, mut best: Fit, noise: Noise, trace: &mut Vec<String>) -> Result<Fit> {
+        let node = |t: &Term| self.catalogue.hypotheses[t.hypothesis].place.node();
+        let free = |t: &Term| self.catalogue.is_free(t.hypothesis);
+        let terms = &best.model.terms;
+        let pair = (0..terms.len()).flat_map(|i| (0..i).map(move |k| (i, k))).find(|&(i, k)| {
+            node(&terms[i]).is_some()
+                && node(&terms[i]) == node(&terms[k])
+                && !free(&terms[i])
+                && !free(&terms[k])
+        });
+        let Some((i, k)) = pair else { return Ok(best) };
+        let rest = best.model.without(i).without(k);
+        let merged = self.candidates(&rest, noise, self.options.refined, None)?;
+        let same_place = |f: &&Fit| f.model.terms.last().is_some_and(|t| node(t) == node(&terms[i]));
+        let Some(one) = merged.iter().find(same_place) else { return Ok(best) };
+        let one = self.fit_with_slack(&one.model, Some(one.model.terms.len() - 1), noise, FINAL_STEPS)?;
+        let two = self.fit_with_slack(&best.model, Some(i), noise, FINAL_STEPS)?;
+        if self.log_posterior(&one) > self.log_posterior(&two) {
+            let name = |t: usize| self.catalogue.name(&self.problem.scene, terms[t].hypothesis);
+            trace.push(format!("{} for {} and {}", self.name_of_last(&one), name(k), name(i)));
+            best = self.settle(one, noise)?;
+        }
+        Ok(best)
+    }
+}
+
+/// The causes of a model, in a fixed order.
+fn hypotheses_of(fit: &Fit) -> Vec<usize> {
+    let mut out: Vec<usize> = fit.model.terms.iter().map(|t| t.hypothesis).collect();
+    out.sort_unstable();
+    out
+}

@@ -1,0 +1,196 @@
+//! The search for causes beside many small errors: a real robot has both, and neither may hide or pass for the other.
+
+use crate::diagnose::criteria::marker_shift::marker_shift;
+use crate::diagnose::effects::hypothesis::{Model, Term};
+use crate::diagnose::likelihood::fit::{FitOptions, fit};
+use crate::diagnose::likelihood::score_test::screen;
+use crate::diagnose::model::problem::Noise;
+use crate::diagnose::random_effects::geometric_tolerances::Geometry;
+use crate::diagnose::random_effects::outlier_tolerances::name_outlying;
+use crate::diagnose::selection::nonparametric::log_odds;
+use crate::diagnose::selection::search::{Found, Search};
+use crate::error::Result;
+
+/// Log prior odds of manufacturing tolerance against single causes.
+const LOG_PRIOR_GEOMETRY: f64 = -10.0;
+/// The group's shift, squared, as a share of the causes': a smaller group only takes up what the causes' laws are wrong by.
+const LEAST_GROUP_SHARE: f64 = 0.02;
+/// Joints that are tried as elastic together: one at a time none may stand out from the small errors, all of them do.
+const ELASTIC: usize = 4;
+/// From so many places of causes and free-form errors on, prediction of held-out regions decides, not evidence: many pieces together
+/// can imitate what they are not.
+const PIECES: usize = 3;
+/// The held-out gap with many small errors must be smaller than without by this factor.
+const LEAST_HELD_OUT_RATIO: f64 = 0.98;
+
+/// A gear's error beside small errors reaches so many times their spread either way, or is one of them.
+const STANDS_OUT: f64 = 1.5;
+/// Errors that are taken out of the group because they outweigh it.
+const MOST_OUTLYING: usize = 3;
+/// Spreads that changed by less than this (log) since the causes were searched need no second search.
+const SPREADS_SETTLED: f64 = 0.15;
+
+/// Causes beside many small errors.
+pub(crate) struct BesideGeometry<'a> {
+    pub geometry: Geometry,
+    pub search: Search<'a>,
+    pub found: Found,
+}
+
+/// The search beside many small errors; none where what was found without them says it better. Causes that it finds among the
+/// small errors, and that are better without these than what was found before, take that one's place.
+///
+/// # Errors
+/// A camera or mirror that cannot be.
+pub(crate) fn beside_geometry<'a>(
+    named: &Search<'a>,
+    (its_search, alone): (&mut Search<'a>, &mut Found),
+    nominal: &Model,
+) -> Result<Option<BesideGeometry<'a>>> {
+    let mut geometry = Geometry::new(&named.problem);
+    if geometry.group.columns.is_empty() {
+        return Ok(None);
+    }
+    let mut search = Search { group: geometry.group.clone(), ..named.clone() };
+    // Spreads first at the scatter that single causes leave, then with the causes that stand out from the group.
+    let mut noise = alone.noise;
+    let at = |noise, steps| FitOptions { noise, steps };
+    let start = geometry.fit(&named.problem, named.catalogue, nominal, at(noise, 6), None)?.model;
+    search.group = geometry.group.clone();
+    let elastic = elastic(&search, &start, noise)?;
+    let mut start = geometry.fit(&named.problem, named.catalogue, &elastic, at(noise, 6), None)?.model;
+    let mut found = None;
+    for _ in 0..2 {
+        search.group = geometry.group.clone();
+        let spreads = (geometry.spread_m, geometry.spread_rad);
+        let next = search.run(start.clone())?;
+        noise = next.noise;
+        start = geometry.fit(&search.problem, named.catalogue, &next.fit.model, at(noise, 4), None)?.model;
+        found = Some(next);
+        let change =
+            (geometry.spread_m / spreads.0).ln().abs() + (geometry.spread_rad / spreads.1).ln().abs();
+        if change < SPREADS_SETTLED {
+            break;
+        }
+    }
+    search.group = geometry.group.clone();
+    let Some(mut found) = found else { return Ok(None) };
+    let mut hidden = false;
+    for _ in 0..MOST_OUTLYING {
+        if !name_outlying(&geometry, named.catalogue, &mut start) {
+            break;
+        }
+        hidden = true;
+        start = geometry.fit(&search.problem, named.catalogue, &start, at(noise, 6), None)?.model;
+        search.group = geometry.group.clone();
+    }
+    found.fit = fit(&search.problem, named.catalogue, &search.group, &start, at(noise, 6), None)?;
+    // Causes that the spreads found last make needless.
+    found.fit = search.prune(found.fit, noise, &mut found.trace)?;
+    drop_tolerances(&search, &geometry, &mut found)?;
+    if hidden {
+        // The causes that stand out may be all that there is.
+        let mut bare = named.clone();
+        let causes = Model { group: Vec::new(), ..found.fit.model.clone() };
+        let mut without = bare.run(causes)?;
+        if log_odds((&bare, &without), (its_search, alone))? > 0.0 {
+            alone.trace.push("causes that stood out of the small errors, without these:".into());
+            alone.trace.append(&mut without.trace);
+            without.trace = core::mem::take(&mut alone.trace);
+            (*its_search, *alone) = (bare, without);
+        }
+    }
+    let odds = log_odds((&search, &found), (its_search, alone))? + LOG_PRIOR_GEOMETRY;
+    let mut better = odds > 0.0;
+    let mut told = format!(
+        "beside geometry (spread {:.3} mm, {:.3} mrad): log odds {odds:.1}",
+        geometry.spread_m * 1e3,
+        geometry.spread_rad * 1e3
+    );
+    if places(its_search, alone) >= PIECES {
+        let with = crate::diagnose::pipeline::seen_size(&search.held_out(&found.fit.model, found.noise)?);
+        let without =
+            crate::diagnose::pipeline::seen_size(&its_search.held_out(&alone.fit.model, alone.noise)?);
+        better = with < LEAST_HELD_OUT_RATIO * without;
+        told += &format!(", held-out gap {:.3} of that without", with / without.max(1e-30));
+    }
+    let mut trace = alone.trace.clone();
+    trace.append(&mut found.trace);
+    trace.push(told);
+    alone.trace.clone_from(&trace);
+    found.trace = trace;
+    Ok((better && matters(&search, &found)?).then_some(BesideGeometry { geometry, search, found }))
+}
+
+/// Drops errors of gears that vary no more than the tolerance that every joint has: they do not stand out from it.
+fn drop_tolerances(search: &Search<'_>, geometry: &Geometry, found: &mut Found) -> Result<()> {
+    let frames = 0..search.problem.scene.frames;
+    let within = |term: &Term| {
+        let node = search.catalogue.hypotheses[term.hypothesis].place.node();
+        let Some(node) = node.filter(|_| search.catalogue.effect(term.hypothesis).is_tolerance()) else {
+            return false;
+        };
+        let alone = Model { terms: vec![term.clone()], ..Model::nominal(&search.problem) };
+        let error = search.deformation(&alone);
+        let (low, high) = frames
+            .clone()
+            .map(|f| error.joint_delta(f, node))
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
+        !search.problem.scene.body.nodes[node].prismatic
+            && 0.5 * (high - low) < STANDS_OUT * geometry.spread_rad
+    };
+    let mut rest = found.fit.model.clone();
+    let scene = &search.problem.scene;
+    for term in rest.terms.iter().filter(|t| within(t)) {
+        let name = search.catalogue.name(scene, term.hypothesis);
+        found.trace.push(format!("drop {name}: no larger than the tolerance all around"));
+    }
+    rest.terms.retain(|t| !within(t));
+    if rest.terms.len() < found.fit.model.terms.len() {
+        found.fit = search.fit(&rest, found.noise, 6)?;
+    }
+    Ok(())
+}
+
+/// The small errors with the compliance of those joints where gravity shows it best, to be pruned.
+fn elastic(search: &Search<'_>, start: &Model, noise: Noise) -> Result<Model> {
+    let scores = screen(&search.problem, search.catalogue, &search.group, start, noise, search.mask)?;
+    let mut model = start.clone();
+    let springs = scores
+        .iter()
+        .filter(|s| search.catalogue.effect(s.hypothesis).name() == "joint_compliance" && s.log_bayes > 0.0);
+    for score in springs.take(ELASTIC) {
+        model = model.with(search.catalogue, score.hypothesis, score.variant);
+        if let Some(term) = model.terms.last_mut() {
+            term.parameters = score.parameters.iter().map(|p| p.max(0.0)).collect();
+        }
+    }
+    Ok(model)
+}
+
+/// How many different places the causes and free-form errors have.
+fn places(search: &Search<'_>, found: &Found) -> usize {
+    let mut seen = Vec::new();
+    for term in &found.fit.model.terms {
+        let place = search.catalogue.hypotheses[term.hypothesis].place;
+        let at = place.node().map_or_else(|| Err(place), Ok);
+        if !seen.contains(&at) {
+            seen.push(at);
+        }
+    }
+    seen.len()
+}
+
+/// A group that moves next to nothing beside the causes only takes up what their laws are wrong by.
+fn matters(search: &Search<'_>, found: &Found) -> Result<bool> {
+    let all = search.deformation(&found.fit.model);
+    let mut bare = found.fit.model.clone();
+    bare.group.iter_mut().for_each(|g| *g = 0.0);
+    let only_causes = search.deformation(&bare);
+    bare.terms.clear();
+    let neither = search.deformation(&bare);
+    let sum = |from, to| -> Result<f64> {
+        Ok(marker_shift(&search.problem, from, to, search.measured_noise)?.iter().sum())
+    };
+    Ok(sum(&only_causes, &all)? > LEAST_GROUP_SHARE * sum(&neither, &only_causes)?)
+}

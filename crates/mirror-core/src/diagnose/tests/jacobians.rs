@@ -1,0 +1,253 @@
+//! Every column against central differences of the exact forward model, the mirror's plane free in both.
+
+use super::gap_world::{Plan, World, Wrong};
+use crate::diagnose::effects::hypothesis::{Catalogue, Term};
+use crate::diagnose::effects::vocabulary;
+use crate::diagnose::likelihood::normal_equations::inner;
+use crate::diagnose::model::deformation::Deformation;
+use crate::diagnose::model::elementary::{Atom, Column};
+use crate::diagnose::model::frame::{FrameWork, PROJECTED, Task, Wanted};
+use crate::diagnose::model::free_optics::FREE_OPTICS;
+use crate::diagnose::model::problem::Problem;
+use crate::robot::Robot;
+use nalgebra::{DMatrix, DVector, Vector3};
+use std::sync::Arc;
+
+/// A small session with a neck between camera and board, so that body atoms move the board's corners too.
+fn problem() -> Problem {
+    let world = World::new(4, true);
+    let robot = Robot::from_urdf_str(&world.urdf()).unwrap();
+    let plan = Plan {
+        postures: 3,
+        noise_px: 0.0,
+        wrong: vec![Wrong::Offset(world.bone("r_elbow"), 0.002)],
+        ..Plan::default()
+    };
+    Problem::new(&robot, &world.record(&plan)).unwrap()
+}
+
+/// A deformation away from zero in everything, so that no derivative is taken at a point of symmetry.
+fn somewhere(problem: &Problem) -> Deformation {
+    let mut d = problem.nominal();
+    for n in 0..problem.scene.nodes() {
+        d.tilt[n].x = 0.01;
+        d.tilt[n].y = -0.02;
+        d.link_shift[n] = Vector3::new(0.001, -0.002, 0.001);
+        d.origin_shift[n] = Vector3::new(-0.001, 0.001, 0.002);
+        for f in 0..problem.scene.frames {
+            d.add_joint_delta(f, n, 0.01 * (n as f64 - 4.0));
+            d.add_bend(f, n, Vector3::new(0.002, -0.003, 0.001));
+        }
+    }
+    d.marker_shift[1] = Vector3::new(0.002, 0.001, -0.001);
+    d.camera_mount[1] = 0.004;
+    d.camera_mount[3] = 0.002;
+    d.focal_scale_error = 0.003;
+    d.dk1 = 0.01;
+    d.board_scale_error = 0.002;
+    d.glass_thickness_m = 0.002;
+    d.curvature_per_m = 0.004;
+    d.add_camera_sway(1, 2, 0.003);
+    d.add_focal_wander(2, 0.002);
+    d
+}
+
+fn atoms(problem: &Problem) -> Vec<Atom> {
+    let nodes = problem.scene.nodes();
+    let mut out: Vec<Atom> = (0..nodes)
+        .flat_map(|n| [Atom::Joint(n), Atom::Tilt(n, 0), Atom::Tilt(n, 1), Atom::Bend(n)])
+        .collect();
+    for k in 0..3 {
+        out.extend((0..nodes).map(|n| Atom::LinkShift(Some(n), k)));
+        out.push(Atom::LinkShift(None, k));
+        out.extend((0..nodes).map(|n| Atom::OriginShift(n, k)));
+        out.extend((0..problem.marker_sites.len()).map(|m| Atom::MarkerShift(m, k)));
+    }
+    out.extend((0..6).map(Atom::CameraMount));
+    out.extend([Atom::Focal, Atom::Center(0), Atom::Center(1), Atom::Dk1, Atom::BoardScale]);
+    out.extend([Atom::Glass, Atom::Curvature]);
+    out.extend((0..nodes).flat_map(|n| (0..3).map(move |k| Atom::Turn(n, k))));
+    out.extend((0..FREE_OPTICS).map(Atom::FreeOptics));
+    out
+}
+
+/// The frame evaluated at a deformation, its plane at its own optimum there.
+fn evaluated(problem: &Problem, deformation: &Deformation, frame: usize) -> FrameWork {
+    let eye = problem.eye(deformation).unwrap();
+    let task = Task {
+        deformation,
+        eye: eye.as_ref(),
+        noise: problem.noise,
+        with_board: true,
+        gaussian: true,
+        wanted: Wanted { optics: true, lens: true, mirror: true, free: true },
+        planes: None,
+    };
+    let mut work = FrameWork::new(problem);
+    assert!(work.evaluate(problem, &task, frame));
+    work
+}
+
+/// The rows without their projected part.
+fn rows(work: &FrameWork, x: &[f64]) -> DVector<f64> {
+    DVector::from_column_slice(&x[..work.row_count])
+}
+
+fn column(
+    work: &FrameWork,
+    problem: &Problem,
+    d: &Deformation,
+    frame: usize,
+    atom: Atom,
+) -> Option<Vec<f64>> {
+    let mut out = vec![0.0; work.row_count + PROJECTED];
+    work.column(problem, d, frame, atom, &mut out).then_some(out)
+}
+
+/// Off the plane's directions: `I − D (DᵀD)⁻¹ Dᵀ`. The plane's own small motion under a change lies along them.
+fn off_plane(work: &FrameWork) -> DMatrix<f64> {
+    let plane = work.plane_rows();
+    let inverse = (plane.transpose() * &plane).try_inverse().unwrap();
+    DMatrix::identity(work.row_count, work.row_count) - &plane * inverse * plane.transpose()
+}
+
+#[test]
+fn every_atoms_column_is_the_derivative_of_the_exact_model() {
+    let problem = problem();
+    let deformation = somewhere(&problem);
+    for frame in [0, 3] {
+        let work = evaluated(&problem, &deformation, frame);
+        let off = off_plane(&work);
+        let mut checked = 0;
+        for atom in atoms(&problem) {
+            let h = if matches!(atom, Atom::Center(_)) { 0.05 } else { 1e-5 };
+            let moved = |sign: f64| {
+                let mut d = deformation.clone();
+                Column::constant(atom).add(sign * h, &problem.scene, &mut d);
+                let work = evaluated(&problem, &d, frame);
+                rows(&work, &work.residual)
+            };
+            let difference = &off * (moved(-1.0) - moved(1.0)) / (2.0 * h);
+            let claimed = column(&work, &problem, &deformation, frame, atom)
+                .map_or_else(|| DVector::zeros(work.row_count), |c| &off * rows(&work, &c));
+            let scale = difference.norm().max(claimed.norm());
+            if scale < 1e-3 {
+                continue;
+            }
+            checked += 1;
+            // A bend on top of a bend (3 mrad here) turns about axes that the first one turned: first order in it.
+            let tolerance = if matches!(atom, Atom::Bend(_) | Atom::Turn(..)) { 1e-2 } else { 1e-3 };
+            let miss = (&difference - &claimed).norm() / scale;
+            assert!(miss < tolerance, "{atom:?} in frame {frame}: {miss:e} of {scale:e}");
+        }
+        assert!(checked > 60, "{checked}");
+    }
+}
+
+#[test]
+fn every_effects_columns_are_the_derivative_of_its_deformation() {
+    let problem = problem();
+    let scene = &problem.scene;
+    let catalogue = Catalogue::new(scene, vocabulary().into_iter().map(Arc::from).collect(), &[]);
+    for (h, hypothesis) in catalogue.hypotheses.iter().enumerate() {
+        let effect = catalogue.effect(h);
+        for &variant in hypothesis.variants.iter().take(4) {
+            // Away from zero and from kinks; a play keeps its contacts under so small a change.
+            let at: Vec<f64> = hypothesis.prior_std.iter().map(|s| 0.3 * s).collect();
+            let term = Term { hypothesis: h, variant, parameters: at.clone(), prior_scale: 1.0 };
+            let columns = catalogue.columns(scene, &term);
+            assert_eq!(columns.len(), at.len());
+            for (k, column) in columns.iter().enumerate() {
+                let step = 1e-6 * hypothesis.prior_std[k].max(1e-9);
+                let deformed = |sign: f64| {
+                    let mut d = problem.nominal();
+                    let mut parameters = at.clone();
+                    parameters[k] += sign * step;
+                    effect.deform(scene, hypothesis.place, variant, &parameters, &mut d);
+                    d
+                };
+                let mut claimed = problem.nominal();
+                column.add(1.0, scene, &mut claimed);
+                let (plus, minus) = (flat(&problem, &deformed(1.0)), flat(&problem, &deformed(-1.0)));
+                let claimed = flat(&problem, &claimed);
+                let difference = (plus - minus) / (2.0 * step);
+                let scale = claimed.norm().max(1e-9);
+                assert!(
+                    (&difference - &claimed).norm() < 1e-4 * scale,
+                    "{} parameter {k} variant {variant}: {}",
+                    catalogue.name(scene, h),
+                    (&difference - &claimed).norm() / scale
+                );
+            }
+        }
+    }
+}
+
+/// All numbers of a deformation in one vector.
+fn flat(problem: &Problem, d: &Deformation) -> DVector<f64> {
+    let (frames, nodes) = (problem.scene.frames, problem.scene.nodes());
+    let mut out = Vec::new();
+    for f in 0..frames {
+        for n in 0..nodes {
+            out.push(d.joint_delta(f, n));
+            out.extend(d.bend(f, n).copied().unwrap_or_else(Vector3::zeros).iter());
+        }
+        for m in 0..problem.marker_sites.len() {
+            out.extend(d.marker_shift_in(f, m).iter());
+        }
+    }
+    out.extend(d.tilt.iter().flat_map(|t| [t.x, t.y]));
+    out.extend(d.link_shift.iter().chain(&d.origin_shift).flat_map(|s| [s.x, s.y, s.z]));
+    out.extend(d.camera_mount.iter());
+    out.extend([d.focal_scale_error, d.center_px.x, d.center_px.y, d.dk1, d.board_scale_error]);
+    out.extend([d.glass_thickness_m, d.curvature_per_m]);
+    DVector::from_vec(out)
+}
+
+#[test]
+fn the_inner_product_is_that_of_the_projected_columns() {
+    let problem = problem();
+    let deformation = somewhere(&problem);
+    let work = evaluated(&problem, &deformation, 1);
+    let off = off_plane(&work);
+    let columns: Vec<Vec<f64>> =
+        atoms(&problem).into_iter().filter_map(|a| column(&work, &problem, &deformation, 1, a)).collect();
+    for x in &columns {
+        let projected = &off * rows(&work, x);
+        for y in &columns {
+            let exact = projected.dot(&rows(&work, y));
+            let scale = rows(&work, x).norm() * rows(&work, y).norm();
+            assert!((inner(x, y) - exact).abs() < 1e-9 * scale);
+        }
+    }
+}
+
+#[test]
+fn the_ideal_mirrors_short_cut_is_the_general_optics() {
+    // The same session by the short cut, and by the general optics through a pane of no thickness worth the name.
+    let problem = problem();
+    let short = problem.nominal();
+    let mut long = problem.nominal();
+    long.glass_thickness_m = 1e-12;
+    for frame in 0..problem.frames.len() {
+        let run = |d: &Deformation| {
+            let eye = problem.eye(d).unwrap();
+            let task = Task {
+                deformation: d,
+                eye: eye.as_ref(),
+                noise: problem.noise,
+                with_board: false,
+                gaussian: true,
+                wanted: Wanted { optics: true, lens: true, mirror: true, free: true },
+                planes: None,
+            };
+            let mut work = FrameWork::new(&problem);
+            assert!(work.evaluate(&problem, &task, frame));
+            (work.residual.clone(), work.foot, work.plane_rows())
+        };
+        let ((a, foot_a, rows_a), (b, foot_b, rows_b)) = (run(&short), run(&long));
+        assert!((foot_a - foot_b).norm() < 1e-9);
+        assert!((&rows_a - &rows_b).norm() < 1e-7 * rows_a.norm());
+        assert!(a.iter().zip(&b).all(|(x, y)| (x - y).abs() < 1e-6));
+    }
+}

@@ -1,0 +1,92 @@
+//! Shortcuts of the search against the long way: planes from nearby, evidence without a fit.
+
+use super::gap_world::{Plan, World, Wrong};
+use crate::diagnose::effects::hypothesis::{Catalogue, Model};
+use crate::diagnose::effects::vocabulary;
+use crate::diagnose::likelihood::fit::{FitOptions, Group, Linearised, fit};
+use crate::diagnose::likelihood::normal_equations::Normal;
+use crate::diagnose::model::elementary::{Atom, Column};
+use crate::diagnose::model::problem::{Noise, Problem};
+use crate::robot::Robot;
+use std::sync::Arc;
+
+const NOISE: Noise = Noise { corner_px: 0.15, marker_px: 0.15, point_m: 1.0 };
+
+fn problem() -> Problem {
+    let world = World::new(4, true);
+    let robot = Robot::from_urdf_str(&world.urdf()).unwrap();
+    let wrong = vec![Wrong::Offset(world.bone("r_elbow"), 0.01)];
+    let plan = Plan { postures: 12, noise_px: 0.15, wrong, ..Plan::default() };
+    Problem::new(&robot, &world.record(&plan)).unwrap()
+}
+
+fn catalogue(problem: &Problem) -> Catalogue {
+    Catalogue::new(&problem.scene, vocabulary().into_iter().map(Arc::from).collect(), &[])
+}
+
+#[test]
+fn planes_from_nearby_give_the_equations_of_planes_from_afar() {
+    let problem = problem();
+    let columns = [Atom::Focal, Atom::Curvature, Atom::CameraMount(1)].map(Column::constant);
+    let at = |share: f64| {
+        let mut d = problem.nominal();
+        for (column, size) in columns.iter().zip([1e-3, 5e-4, 1e-3]) {
+            column.add(share * size, &problem.scene, &mut d);
+        }
+        d
+    };
+    let linearise =
+        |share: f64, planes| Normal::at(&problem, &at(share), NOISE, &columns, true, planes, None).unwrap();
+    let before = linearise(0.5, None);
+    // The planes that the linear model foretells for a step of half the errors again.
+    let feet = before.planes.after(&[2.5e-4, 1.25e-4, 2.5e-4]);
+    let (near, far) = (linearise(0.75, Some(&feet)), linearise(0.75, None));
+    let scale = far.h.diagonal().max();
+    assert!((near.cost - far.cost).abs() < 0.2, "{} {}", near.cost, far.cost);
+    assert!((&near.h - &far.h).abs().max() < 1e-4 * scale, "{}", (&near.h - &far.h).abs().max() / scale);
+    assert!((&near.g - &far.g).abs().max() < 1e-3 * far.g.abs().max());
+    for (foretold, found) in feet.iter().zip(&far.planes.feet) {
+        let miss = (foretold.unwrap() - found.unwrap()).norm();
+        assert!(miss < 3e-5, "{miss:e} m");
+    }
+}
+
+#[test]
+fn evidence_without_a_fit_is_that_of_the_fit() {
+    let problem = problem();
+    let catalogue = catalogue(&problem);
+    let named = |name: &str| {
+        (0..catalogue.hypotheses.len()).find(|&h| catalogue.name(&problem.scene, h) == name).unwrap()
+    };
+    let nominal = Model::nominal(&problem);
+    let offset = named("joint_offset@joint:r_elbow");
+    let start = nominal.with(&catalogue, offset, 0.0).with(&catalogue, named("camera_focal@camera"), 0.0);
+    let options = |steps| FitOptions { noise: NOISE, steps };
+    let none = Group::default();
+    let found = fit(&problem, &catalogue, &none, &start, options(12), None).unwrap();
+    let here = Linearised::at(&problem, &catalogue, &none, &found.model, options(0), None).unwrap();
+    let all = here.log_evidence(here.of_term(&found.model, 0), 1.0).unwrap();
+    assert!((all - found.log_evidence).abs() < 0.1, "{all} {}", found.log_evidence);
+    // The other cause held at next to nothing: as if it were not there.
+    let small = here.log_evidence(here.of_term(&found.model, 1), 1e-6).unwrap();
+    let without = fit(&problem, &catalogue, &none, &found.model.without(1), options(12), None).unwrap();
+    assert!((small - without.log_evidence).abs() < 0.2, "{small} {}", without.log_evidence);
+}
+
+#[test]
+fn a_link_without_length_lies_along_the_limb_that_follows() {
+    let world = World::new(4, true);
+    let urdf = world.urdf();
+    let joint = urdf.find("name=\"r_elbow\"").unwrap();
+    let origin = joint + urdf[joint..].find("xyz=\"").unwrap() + 5;
+    let end = origin + urdf[origin..].find('"').unwrap();
+    let without_length = format!("{}0 0 0{}", &urdf[..origin], &urdf[end..]);
+    let robot = Robot::from_urdf_str(&without_length).unwrap();
+    let problem = Problem::new(&robot, &world.record(&Plan::default())).unwrap();
+    let nodes = &problem.scene.body.nodes;
+    let elbow = nodes.iter().find(|n| n.joint == "r_elbow").unwrap();
+    let upper_arm = &nodes[elbow.parent.unwrap()];
+    assert!(upper_arm.bend_pivot.norm() < 1e-12);
+    let beyond = elbow.parent_from_joint.r * elbow.bend_pivot.normalize();
+    assert!((upper_arm.long_axis.unwrap() - beyond).norm() < 1e-9);
+}
