@@ -8,7 +8,7 @@ OUT ?= out
 PROFILE ?= dev
 WHEELS := target/wheels
 
-SOURCES := $(shell find crates python -name '*.rs' -o -name '*.py' -o -name '*.pyi' -o -name '*.toml' -o -name '*.urdf') \
+SOURCES := $(shell find crates python -name '*.rs' -o -name '*.py' -o -name '*.pyi' -o -name '*.toml' -o -name '*.urdf' -o -name '*.yaml' -o -name '*.j2') \
   Cargo.toml Cargo.lock pyproject.toml README.md
 
 .PHONY: help demo test test-rust test-python lint wheel bench clean
@@ -34,8 +34,9 @@ lint: $(VENV)/installed-for-tests ## formatting and lints, Rust and Python
 	$(BIN)/ruff format --check python tests/python benches
 	$(BIN)/ruff check python tests/python benches
 
-wheel: $(VENV)/tools ## the wheel that is given away: fully optimised, for Python 3.10 and later
+wheel: $(VENV)/tools ## the wheels that are given away: fully optimised, for Python 3.10 and later
 	$(BIN)/maturin build --release --locked --out dist
+	$(BIN)/python -m pip wheel -q --disable-pip-version-check --no-deps --wheel-dir dist ./python/mirror_lab
 
 bench: ## throughput of the core; benches/README.md says what was measured
 	cargo bench --locked
@@ -51,15 +52,16 @@ $(VENV)/tools: pyproject.toml
 $(VENV)/wheel: $(VENV)/tools $(SOURCES)
 	rm -rf $(WHEELS)
 	$(BIN)/maturin build -q --profile $(PROFILE) --locked --out $(WHEELS)
+	$(BIN)/python -m pip wheel -q --disable-pip-version-check --no-deps --wheel-dir $(WHEELS) ./python/mirror_lab
 	touch $@
 
-# Installed as a user installs it, with its dependencies; the sources are not on the path. The second command
-# replaces an older wheel of the same version.
+# Installed as a user installs it, with its dependencies and the distribution mirror-posture-lab; the sources are not
+# on the path. The second command replaces older wheels of the same version.
 $(VENV)/installed: $(VENV)/wheel
 	$(BIN)/python -m pip install -q --disable-pip-version-check $(WHEELS)/*.whl
 	$(BIN)/python -m pip install -q --disable-pip-version-check --no-deps --force-reinstall $(WHEELS)/*.whl
 	touch $@
 
 $(VENV)/installed-for-tests: $(VENV)/installed
-	$(BIN)/python -m pip install -q --disable-pip-version-check "$$(ls $(WHEELS)/*.whl)[test]"
+	$(BIN)/python -m pip install -q --disable-pip-version-check --find-links $(WHEELS) "$$(ls $(WHEELS)/mirror_posture-*.whl)[test]"
 	touch $@

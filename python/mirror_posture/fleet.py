@@ -65,6 +65,17 @@ def pack(folder: Path) -> PackedSession:
     return PackedSession(name, {p.relative_to(folder).as_posix(): p.read_bytes() for p in files})
 
 
+def checked_effects(names: Sequence[str]) -> list[str]:
+    """The names of effects, where all are of the vocabulary.
+
+    Raises:
+        MirrorPostureError: an effect that is none; the message lists those that are.
+    """
+    from .diagnosis.vocabulary import checked_effects as checked
+
+    return checked(names)
+
+
 def diagnose_folder(
     folder: Path, without: Sequence[str] = (), check: Sequence[Path] = (), withhold: Sequence[str] = (),
     most_causes: int | None = None,

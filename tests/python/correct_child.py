@@ -6,8 +6,9 @@ import sys
 import time
 from pathlib import Path
 
+from mirror_lab.robots import HiddenEffect, TwinOptions, TwinRobot
 from mirror_posture.correct import CorrectOptions, Recorder, StepOptions, StopOptions, correct
-from mirror_posture.robots import HiddenEffect, Look, TwinOptions, TwinRobot
+from mirror_posture.robots import Look
 
 POSTURE = {"r_shoulder_pitch": -0.5, "r_shoulder_roll": 0.9, "r_elbow": 0.8}
 HIDDEN = (HiddenEffect("joint_offset", "joint:r_elbow", {"offset_rad": 0.06}),)

@@ -17,9 +17,10 @@ from types import TracebackType
 import cv2
 import numpy as np
 
+from mirror_lab.robots import HiddenEffect
+from mirror_lab.robots.mujoco import MujocoOptions, MujocoRobot
 from mirror_posture.correct import CorrectOptions, Recorder, correct, make_target
-from mirror_posture.robots import Arrival, HiddenEffect, Look, NoLookError, Nominal
-from mirror_posture.robots.mujoco import MujocoOptions, MujocoRobot
+from mirror_posture.robots import Arrival, Look, NoLookError, Nominal
 from mirror_posture.viewpoint import View
 
 POSTURE = {"r_shoulder_pitch": -0.26, "r_shoulder_roll": 1.2, "r_elbow": 0.3}

@@ -19,9 +19,10 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import least_squares
 
+from mirror_lab.robots import HiddenEffect
+from mirror_lab.robots.mujoco import MujocoOptions, MujocoRobot
 from mirror_posture.correct import CorrectOptions, correct, make_target, propose_views
-from mirror_posture.robots import HiddenEffect, Nominal
-from mirror_posture.robots.mujoco import MujocoOptions, MujocoRobot
+from mirror_posture.robots import Nominal
 
 NOISE_PX = 0.1
 TOLERANCE_M = 0.001

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import time
 
-from mirror_posture.robots import HiddenEffect, Look, Nominal, TwinOptions, TwinRobot
+from mirror_lab.robots import HiddenEffect, TwinOptions, TwinRobot
+from mirror_posture.robots import Look, Nominal
 
 
 class SlowRobot(TwinRobot):

@@ -18,13 +18,13 @@ pytest.importorskip("mujoco", reason="what the sensors read comes from MuJoCo")
 import mujoco
 from typer.testing import CliRunner
 
-from mirror_posture.blind.body import Body
-from mirror_posture.blind.simulate import Options, simulate
-from mirror_posture.blind.write import write_session
+from mirror_lab.blind.body import Body
+from mirror_lab.blind.simulate import Options, simulate
+from mirror_lab.blind.write import write_session
+from mirror_lab.robots.hidden import HiddenBody, HiddenEffect
 from mirror_posture.cli.app import app
 from mirror_posture.diagnosis import Cause, Diagnosis, Estimate, diagnose
 from mirror_posture.diagnosis.accelerometers import accelerometer_witness
-from mirror_posture.robots.hidden import HiddenBody, HiddenEffect
 from mirror_posture.session import load_session
 from tracked_session import JOINTS, write_tracked
 

@@ -10,12 +10,12 @@ import pytest
 
 pytest.importorskip("mujoco", reason="blind sessions need MuJoCo")
 
-from mirror_posture.blind import BlindError
-from mirror_posture.blind.given_robots import from_file
-from mirror_posture.blind.identify import judge
-from mirror_posture.blind.kinematics import Change, chain, moments
-from mirror_posture.blind.simulate import Options, simulate
-from mirror_posture.blind.truth import Commands
+from mirror_lab.blind import BlindError
+from mirror_lab.blind.given_robots import from_file
+from mirror_lab.blind.identify import judge
+from mirror_lab.blind.kinematics import Change, chain, moments
+from mirror_lab.blind.simulate import Options, simulate
+from mirror_lab.blind.truth import Commands
 
 MJCF = """<mujoco><compiler angle="radian"/><worldbody><body name="base" pos="0 0 1"><freejoint/>
 <geom type="box" size=".1 .1 .2" mass="5"/>

@@ -8,24 +8,25 @@ import subprocess
 import sys
 from pathlib import Path
 
-PACKAGE = Path(__file__).resolve().parents[2] / "python" / "mirror_posture"
+PACKAGE = Path(__file__).resolve().parents[2] / "python" / "mirror_lab"
 BLIND = PACKAGE / "blind"
 
 BARRED = """
 import importlib, importlib.abc, sys, types
-parent = types.ModuleType("mirror_posture")
+parent = types.ModuleType("mirror_lab")
 parent.__path__ = [{package!r}]
-sys.modules["mirror_posture"] = parent
+sys.modules["mirror_lab"] = parent
 
 class Barrier(importlib.abc.MetaPathFinder):
     def find_spec(self, name, path=None, target=None):
-        if name.startswith("mirror_posture.") and not name.startswith("mirror_posture.blind"):
+        ours = name.partition(".")[0] in ("mirror_posture", "mirror_lab")
+        if ours and not name.startswith("mirror_lab.blind"):
             raise ImportError("barred: " + name)
         return None
 
 sys.meta_path.insert(0, Barrier())
 for module in {modules!r}:
-    importlib.import_module("mirror_posture.blind." + module)
+    importlib.import_module("mirror_lab.blind." + module)
 try:
     importlib.import_module("mirror_posture._core")
 except ImportError as error:
@@ -41,7 +42,7 @@ def _modules() -> list[str]:
 
 
 def run_barred(body: str = "") -> subprocess.CompletedProcess[str]:
-    """Run `body` where nothing of mirror_posture but mirror_posture.blind can be imported."""
+    """Run `body` where nothing of this project but mirror_lab.blind can be imported."""
     code = BARRED.format(package=str(PACKAGE), modules=_modules(), body=body)
     return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
 
@@ -55,12 +56,12 @@ def test_every_module_imports_with_the_rest_of_the_package_barred() -> None:
 def test_a_session_is_made_with_the_rest_of_the_package_barred(tmp_path: Path) -> None:
     body = f"""
 from pathlib import Path
-from mirror_posture.blind.make import make_cases
-from mirror_posture.blind.simulate import Options
+from mirror_lab.blind.make import make_cases
+from mirror_lab.blind.simulate import Options
 one = [("one", "small", ["backlash"])]
 made = make_cases(Path({str(tmp_path)!r}), 1, 3, Options(robots=("small",), frames=(60, 61)), one)
 assert (made[0] / "detections.csv").is_file()
-ours, blind = "mirror_posture.", "mirror_posture.blind"
+ours, blind = ("mirror_posture", "mirror_lab."), "mirror_lab.blind"
 loaded = [m for m in sys.modules if m.startswith(ours) and not m.startswith(blind)]
 assert not loaded, loaded
 """
@@ -72,7 +73,7 @@ def test_no_source_line_names_a_module_of_the_rest() -> None:
     for path in BLIND.glob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Import):
-                assert not any(a.name.startswith("mirror_posture") for a in node.names), path
+                assert not any(a.name.startswith("mirror_") for a in node.names), path
             if isinstance(node, ast.ImportFrom):
                 assert node.level <= 1, f"{path.name} reaches out of the blind package"
-                assert not (node.module or "").startswith("mirror_posture") or node.level == 1, path
+                assert not (node.module or "").startswith("mirror_") or node.level == 1, path

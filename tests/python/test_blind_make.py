@@ -12,15 +12,15 @@ import pytest
 
 pytest.importorskip("mujoco", reason="blind sessions need MuJoCo")
 
-from mirror_posture.blind import BlindError
-from mirror_posture.blind.effects import VOCABULARY
-from mirror_posture.blind.errors import NoPlaceError
-from mirror_posture.blind.fitting import fit
-from mirror_posture.blind.identify import judge
-from mirror_posture.blind.make import make_cases
-from mirror_posture.blind.outside import OUTSIDE
-from mirror_posture.blind.reference import clean_pixels, reference_of
-from mirror_posture.blind.simulate import KINDS, Case, Options, simulate
+from mirror_lab.blind import BlindError
+from mirror_lab.blind.effects import VOCABULARY
+from mirror_lab.blind.errors import NoPlaceError
+from mirror_lab.blind.fitting import fit
+from mirror_lab.blind.identify import judge
+from mirror_lab.blind.make import make_cases
+from mirror_lab.blind.outside import OUTSIDE
+from mirror_lab.blind.reference import clean_pixels, reference_of
+from mirror_lab.blind.simulate import KINDS, Case, Options, simulate
 
 QUICK = Options(robots=("small",), frames=(50, 51), least_postures=25)
 
@@ -154,7 +154,7 @@ def test_a_robot_that_cannot_have_the_drawn_causes_is_drawn_again(
             raise NoPlaceError("none")
         return simulate(name, kind, [], rng, options)
 
-    monkeypatch.setattr("mirror_posture.blind.make.simulate", refusing)
+    monkeypatch.setattr("mirror_lab.blind.make.simulate", refusing)
     make_cases(tmp_path, 1, 7, QUICK)
     assert seeds == [[7, 0], [7, 0, 1], [7, 0, 2]]
     answer = json.loads((tmp_path / "answers" / "case-0000.json").read_text(encoding="utf-8"))

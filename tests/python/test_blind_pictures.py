@@ -12,11 +12,11 @@ import pytest
 
 pytest.importorskip("mujoco", reason="blind sessions need MuJoCo")
 
-from mirror_posture.blind import optics
-from mirror_posture.blind.make import make_cases
-from mirror_posture.blind.pictures import rays, reflected
-from mirror_posture.blind.shrinkage import load_pixels
-from mirror_posture.blind.simulate import Options, simulate
+from mirror_lab.blind import optics
+from mirror_lab.blind.drawing import rays, reflected
+from mirror_lab.blind.make import make_cases
+from mirror_lab.blind.shrinkage import load_pixels
+from mirror_lab.blind.simulate import Options, simulate
 
 LENS = optics.Lens(
     np.array([700.0, 702.0]),
@@ -70,7 +70,7 @@ def test_detection_finds_in_the_pictures_what_is_there(tmp_path: Path) -> None:
 def test_mitsuba_draws_the_same_board_at_the_same_place() -> None:
     """A path tracer that nobody here wrote, through a real pane: same handedness, same squares."""
     pytest.importorskip("mitsuba", reason="needs the extra `blind`")
-    from mirror_posture.blind import mitsuba_pictures, pictures
+    from mirror_lab.blind import drawing, mitsuba_pictures
 
     options = Options(pictures=True, frames=(3, 4), least_postures=3)
     case = simulate("case", "small", ["mirror_glass"], np.random.default_rng(5), options)
@@ -79,7 +79,7 @@ def test_mitsuba_draws_the_same_board_at_the_same_place() -> None:
     )
     assert case.view is not None
     near = (case.clean_corners_px[0] / 4, case.clean_blobs_px[0] / 4)
-    own = pictures.draw(case.robot, small, case.view, 0, near).mean(axis=2)
+    own = drawing.draw(case.robot, small, case.view, 0, near).mean(axis=2)
     theirs = mitsuba_pictures.draw(case.robot, small, case.view, 0, paths=8).mean(axis=2)
     (left, top), (right, bottom) = near[0].min(0).astype(int) - 2, near[0].max(0).astype(int) + 3
     both = np.corrcoef(own[top:bottom, left:right].ravel(), theirs[top:bottom, left:right].ravel())[0, 1]

@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mirror_posture.blind import BlindError
-from mirror_posture.blind.page import write_page
-from mirror_posture.blind.run import run_sessions, timed
-from mirror_posture.blind.score import score
-from mirror_posture.blind.seal import seal, unseal
-from mirror_posture.blind.statistics import Rate, coverage, reliability
+from mirror_lab.blind import BlindError
+from mirror_lab.blind.runner import run_sessions, timed
+from mirror_lab.blind.score import score
+from mirror_lab.blind.score_page import write_page
+from mirror_lab.blind.seal import seal, unseal
+from mirror_lab.blind.statistics import Rate, coverage, reliability
 
 
 def _case(folder: Path, name: str, causes: list[dict[str, Any]], **more: Any) -> None:

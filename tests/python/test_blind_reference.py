@@ -7,12 +7,12 @@ import pytest
 
 pytest.importorskip("mujoco", reason="blind sessions need MuJoCo")
 
-from mirror_posture.blind.fitting import fit, screen
-from mirror_posture.blind.hypotheses import all_hypotheses
-from mirror_posture.blind.kinematics import Change
-from mirror_posture.blind.linear import Linear
-from mirror_posture.blind.reference import Reference, reference_of
-from mirror_posture.blind.simulate import Case, Options, simulate
+from mirror_lab.blind.fitting import fit, screen
+from mirror_lab.blind.hypotheses import all_hypotheses
+from mirror_lab.blind.kinematics import Change
+from mirror_lab.blind.linear import Linear
+from mirror_lab.blind.reference import Reference, reference_of
+from mirror_lab.blind.simulate import Case, Options, simulate
 
 
 @pytest.fixture(scope="module")

@@ -11,10 +11,10 @@ import pytest
 
 pytest.importorskip("mujoco", reason="blind sessions need MuJoCo")
 
-from mirror_posture.blind import BlindError
-from mirror_posture.blind.make import make_cases
-from mirror_posture.blind.reference import Reference
-from mirror_posture.blind.shrinkage import (
+from mirror_lab.blind import BlindError
+from mirror_lab.blind.make import make_cases
+from mirror_lab.blind.reference import Reference
+from mirror_lab.blind.shrinkage import (
     TruePixels,
     frictions_of,
     is_judge,
@@ -22,7 +22,7 @@ from mirror_posture.blind.shrinkage import (
     reference_of_folder,
     true_closed,
 )
-from mirror_posture.blind.simulate import Options
+from mirror_lab.blind.simulate import Options
 
 PLAN = [("pair", "small", ("camera_focal", "joint_offset"))]
 

@@ -7,11 +7,11 @@ import pytest
 
 pytest.importorskip("mujoco", reason="blind sessions need MuJoCo")
 
-from mirror_posture.blind import optics, robots
-from mirror_posture.blind.body import Body
-from mirror_posture.blind.drawn_robots import small_humanoid
-from mirror_posture.blind.kinematics import Change, chain, moments
-from mirror_posture.blind.truth import Commands, Loose, Truth
+from mirror_lab.blind import optics, robots
+from mirror_lab.blind.body import Body
+from mirror_lab.blind.drawn_robots import small_humanoid
+from mirror_lab.blind.kinematics import Change, chain, moments
+from mirror_lab.blind.truth import Commands, Loose, Truth
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
 JOINT = "r_shoulder_pitch"

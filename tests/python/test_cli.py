@@ -13,14 +13,16 @@ from types import ModuleType
 import pytest
 from typer.testing import CliRunner
 
+import mirror_lab.commands
 from mirror_posture import cli
 from mirror_posture.cli import commands
 from session_folder import DETECTIONS, replaced, write_folder
 
 MODULES = [
-    importlib.import_module(f"{commands.__name__}.{found.name}")
-    for found in pkgutil.iter_modules(commands.__path__)
-    if not found.name.startswith("_")
+    importlib.import_module(f"{package.__name__}.{found.name}")
+    for package in (commands, mirror_lab.commands)
+    for found in pkgutil.iter_modules(package.__path__)
+    if not found.name.startswith("_") and found.name != "robots"
 ]
 
 

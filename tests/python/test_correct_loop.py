@@ -14,6 +14,7 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
+from mirror_lab.robots import HiddenEffect, TwinOptions, TwinRobot
 from mirror_posture import MirrorPostureError
 from mirror_posture.correct import (
     PAPER_VIEWS,
@@ -28,17 +29,7 @@ from mirror_posture.correct import (
     propose_views,
 )
 from mirror_posture.correct.planner import predicted_std_m, prospects
-from mirror_posture.robots import (
-    HiddenEffect,
-    Look,
-    LostRobotError,
-    MarkerPoints,
-    NoLookError,
-    Nominal,
-    RobotBase,
-    TwinOptions,
-    TwinRobot,
-)
+from mirror_posture.robots import Look, LostRobotError, MarkerPoints, NoLookError, Nominal, RobotBase
 from mirror_posture.viewpoint import View
 
 PAPER = {
@@ -381,7 +372,7 @@ def test_the_predicted_deviation_is_the_one_that_comes() -> None:
     predicted = float(predicted_std_m(target, [chosen])[0])
     robot = twin((), noise_px=0.1)
     robot.command(BENT)
-    from mirror_posture.correct.reading import read
+    from mirror_posture.correct.observation import read
 
     truth = target.corrector(CorrectOptions()).target_in_board_m[0]
     misses = []

@@ -15,10 +15,11 @@ import numpy as np
 import pytest
 
 from correct_child import HIDDEN, OPTIONS, POSTURE
+from mirror_lab.robots import TwinOptions, TwinRobot
 from mirror_posture import MirrorPostureError, load_session, measure
 from mirror_posture.correct import CorrectOptions, Recorder, correct
 from mirror_posture.render import PictureOptions
-from mirror_posture.robots import Look, TwinOptions, TwinRobot
+from mirror_posture.robots import Look
 
 CHILD = Path(__file__).parent / "correct_child.py"
 

@@ -10,9 +10,9 @@ import pytest
 
 import mirror_posture as mp
 from mirror_posture.diagnosis import Diagnosis, Estimate
+from mirror_posture.diagnosis.formatting import percent, tell
 from mirror_posture.diagnosis.markers import marker_of_place, only_markers
 from mirror_posture.diagnosis.next_postures import write_next_postures
-from mirror_posture.diagnosis.people import percent, tell
 from mirror_posture.session.frames import read_frames
 from mirror_posture.session.tables import read_table
 from session_folder import write_folder

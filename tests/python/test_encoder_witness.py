@@ -11,9 +11,9 @@ pytest.importorskip("mujoco", reason="the session comes from the blind simulator
 
 from typer.testing import CliRunner
 
-from mirror_posture.blind.body import Body
-from mirror_posture.blind.simulate import Options, simulate
-from mirror_posture.blind.write import write_session
+from mirror_lab.blind.body import Body
+from mirror_lab.blind.simulate import Options, simulate
+from mirror_lab.blind.write import write_session
 from mirror_posture.cli.app import app
 from mirror_posture.diagnosis import diagnose
 

@@ -14,16 +14,17 @@ import numpy as np
 import pytest
 
 from dynamixel_bus import SimulatedBus, SimulatedServo
+from mirror_lab.robots import HiddenBody, HiddenEffect
+from mirror_lab.robots.pixels import MirrorInRoot, exact_points, lens_of
+from mirror_lab.robots.twin import view_normal
 from mirror_posture.correct import CorrectOptions, Recorder, correct
-from mirror_posture.robots import HiddenBody, HiddenEffect, ImagePoints, Nominal
-from mirror_posture.robots.pixels import MirrorInRoot, exact_points, lens_of
-from mirror_posture.robots.twin import view_normal
+from mirror_posture.robots import ImagePoints, Nominal
 from mirror_posture.viewpoint import View
 
 pytest.importorskip("mujoco")
 
 from faulty_robot import PIXEL_FAULTS, POSTURE, Blurred, Fault, HiddenForGood, SpotOnTheArm, trial
-from mirror_posture.robots.mujoco_picture import opengl_is_there
+from mirror_lab.robots.mujoco_picture import opengl_is_there
 
 
 @pytest.fixture(scope="module")
@@ -157,7 +158,8 @@ def test_a_line_cut_during_a_correction_loses_nothing(
 CHILD = """
 import sys, time
 from mirror_posture.correct import Recorder, correct
-from mirror_posture.robots import HiddenEffect, Nominal, TwinOptions, TwinRobot
+from mirror_lab.robots import HiddenEffect, TwinOptions, TwinRobot
+from mirror_posture.robots import Nominal
 nominal = Nominal.load()
 hidden = [HiddenEffect("joint_offset", "joint:r_elbow", {"offset_rad": 0.05}),
           HiddenEffect("backlash", "joint:r_shoulder_roll", {"width_rad": 0.04})]
@@ -173,7 +175,7 @@ with TwinRobot(hidden, TwinOptions(pictures=False, seed=7)) as robot:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_a_process_killed_at_any_moment_loses_nothing(nominal: Nominal, tmp_path: Path, seed: int) -> None:
-    from mirror_posture.robots import TwinOptions, TwinRobot
+    from mirror_lab.robots import TwinOptions, TwinRobot
 
     rng = random.Random(seed)
     after, moment_s = rng.randrange(0, 7), rng.uniform(0.0, 0.02)

@@ -10,13 +10,14 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from mirror_lab.robots import HiddenEffect, TwinOptions, TwinRobot
+from mirror_lab.robots.hidden import HiddenBody
 from mirror_posture import MirrorPostureError
 from mirror_posture.cli import app
 from mirror_posture.correct import correct
 from mirror_posture.diagnosis import Cause, Diagnosis, Estimate, Gap, Member
 from mirror_posture.diagnosis.feed_forward import feed_forward
-from mirror_posture.robots import CommandedRobot, HiddenEffect, Nominal, TwinOptions, TwinRobot
-from mirror_posture.robots.hidden import HiddenBody
+from mirror_posture.robots import CommandedRobot, Nominal
 
 POSTURES = (
     {"r_shoulder_pitch": -0.5, "r_shoulder_roll": 0.9, "r_elbow": 0.8},
@@ -147,7 +148,7 @@ def opened(kind: str, hidden: Sequence[HiddenEffect]) -> CommandedRobot:
     if kind == "twin":
         return TwinRobot(hidden, TwinOptions(pictures=False, seed=3))
     pytest.importorskip("mujoco")
-    from mirror_posture.robots.mujoco import MujocoOptions, MujocoRobot
+    from mirror_lab.robots.mujoco import MujocoOptions, MujocoRobot
 
     return MujocoRobot(hidden, MujocoOptions(way="pixels", noise_px=0.1, seed=3))
 

@@ -21,10 +21,10 @@ pytest.importorskip("mujoco", reason="blind sessions need MuJoCo")
 
 from typer.testing import CliRunner
 
+from mirror_lab.blind.make import make_cases
+from mirror_lab.blind.runner import Diagnosed, run_sessions, timed
+from mirror_lab.blind.simulate import Options
 from mirror_posture import MirrorPostureError
-from mirror_posture.blind.make import make_cases
-from mirror_posture.blind.run import Diagnosed, run_sessions, timed
-from mirror_posture.blind.simulate import Options
 from mirror_posture.cli.app import app
 from mirror_posture.fleet import (
     diagnose_folder,

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from mirror_lab.reproduce import Experiments, Options, body, observation, positions, ray_figures, rays
+from mirror_lab.reproduce.observation import DrawingEye, NoisyEye, bounce
+from mirror_lab.reproduce.size import sweep
+from mirror_lab.reproduce.stand import Stand
 from mirror_posture import MirrorPostureError, cli
 from mirror_posture.render import PictureOptions, View
-from mirror_posture.reproduce import Experiments, Options, body, positions, ray_figures, rays, sight
-from mirror_posture.reproduce.sight import DrawingEye, NoisyEye, bounce
-from mirror_posture.reproduce.size import sweep
-from mirror_posture.reproduce.stand import Stand
 
 RUNNER = CliRunner()
 STAND = Stand.load()
@@ -96,8 +96,8 @@ def test_light_takes_the_shortest_way() -> None:
 
 def test_pictures_show_what_the_noisy_eye_computes(monkeypatch: pytest.MonkeyPatch) -> None:
     view = View(yaw_rad=math.radians(10.0))
-    monkeypatch.setattr(sight, "STAND_RAD", 0.0)
-    monkeypatch.setattr(sight, "STAND_M", 0.0)
+    monkeypatch.setattr(observation, "STAND_RAD", 0.0)
+    monkeypatch.setattr(observation, "STAND_M", 0.0)
     drawn = DrawingEye(STAND, 0, PictureOptions(glass_thickness_m=0.0)).see(view, 1, 0)
     exact = NoisyEye(STAND, 1e-9, 0).see(view, 1, 0)
     assert np.abs(drawn.corners_px - exact.corners_px).max() < 0.25

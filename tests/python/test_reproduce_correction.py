@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mirror_lab.reproduce import correction, correction_figure, self_rotation
+from mirror_lab.robots import TwinOptions
 from mirror_posture.render import View, view_planes
-from mirror_posture.reproduce import correction, correction_figure, legs
-from mirror_posture.robots import TwinOptions
 
 OPTIONS = TwinOptions(pictures=False, noise_px=0.2, seed=50)
 
@@ -70,7 +70,7 @@ def test_statements_that_are_not_so_are_said_not_to_hold(by_gain: dict[float, co
 
 
 def test_on_its_own_legs() -> None:
-    steps, yaws = legs.on_its_legs(OPTIONS)
+    steps, yaws = self_rotation.on_its_legs(OPTIONS)
     distances = [float(np.linalg.norm(step.error_mm)) for step in steps]
     assert len(distances) == 5 and distances[0] == pytest.approx(9.3, abs=0.05)
     assert np.all(np.diff(distances) < 0.0) and distances[-1] < 5.0
@@ -79,12 +79,12 @@ def test_on_its_own_legs() -> None:
 
 
 def test_the_mirror_stands_still_while_the_torso_turns() -> None:
-    robot = legs.StandingTwin((), OPTIONS)
+    robot = self_rotation.StandingTwin((), OPTIONS)
     assert robot.seen_view.yaw_rad == pytest.approx(0.0, abs=1e-12)
     assert robot.seen_view.distance_m == pytest.approx(0.15)
-    before = robot.body.link_poses()[legs.FOOT]
-    robot.command(dict.fromkeys(legs.HIPS, legs.TURN_RAD))
-    after = robot.body.link_poses()[legs.FOOT]
+    before = robot.body.link_poses()[self_rotation.FOOT]
+    robot.command(dict.fromkeys(self_rotation.HIPS, self_rotation.TURN_RAD))
+    after = robot.body.link_poses()[self_rotation.FOOT]
     # Both planes, taken to the foot, are one.
     planes = []
     for pose, view in ((before, View()), (after, robot.seen_view)):
@@ -99,6 +99,6 @@ def test_a_stop_inside_the_loop_ends_the_run(monkeypatch: pytest.MonkeyPatch) ->
     def stop(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("mirror_posture.robots.twin.TwinRobot._look", stop)
+    monkeypatch.setattr("mirror_lab.robots.twin.TwinRobot._look", stop)
     with pytest.raises(KeyboardInterrupt):
         correction.run_once(correction.PAPER, 0.2, 1, OPTIONS)

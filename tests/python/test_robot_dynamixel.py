@@ -18,10 +18,11 @@ import pytest
 
 import mirror_posture as mp
 from dynamixel_bus import SimulatedBus, SimulatedServo, crc16, packet, stuffed, unstuffed
+from mirror_lab.robots import HiddenBody, HiddenEffect
+from mirror_lab.robots.pixels import MirrorInRoot, exact_points, lens_of
+from mirror_lab.robots.twin import view_normal
 from mirror_posture.robots import (
     HardwareFaultError,
-    HiddenBody,
-    HiddenEffect,
     ImagePoints,
     JointLimits,
     LostRobotError,
@@ -30,8 +31,6 @@ from mirror_posture.robots import (
     NotSettledError,
     UnsafeCommandError,
 )
-from mirror_posture.robots.pixels import MirrorInRoot, exact_points, lens_of
-from mirror_posture.robots.twin import view_normal
 from mirror_posture.viewpoint import View
 
 pytest.importorskip("dynamixel_sdk")

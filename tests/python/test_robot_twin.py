@@ -8,19 +8,16 @@ import numpy as np
 import pytest
 
 import mirror_posture as mp
+from mirror_lab.robots import HiddenBody, HiddenEffect, TwinOptions, TwinRobot
 from mirror_posture.render import PictureOptions
 from mirror_posture.robots import (
     ClosedRobotError,
     CommandedRobot,
-    HiddenBody,
-    HiddenEffect,
     Look,
     Nominal,
     RobotBase,
     RobotError,
     TurnsView,
-    TwinOptions,
-    TwinRobot,
     UnsafeCommandError,
     detect_look,
 )

@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mirror_lab.robots import HiddenEffect, TwinOptions, TwinRobot
 from mirror_posture.correct import PAPER_VIEWS, CorrectOptions, StopOptions, correct
 from mirror_posture.render import PictureOptions
-from mirror_posture.robots import HiddenEffect, Nominal, TurnsView, TwinOptions, TwinRobot
+from mirror_posture.robots import Nominal, TurnsView
 from mirror_posture.viewpoint import View
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "robots.md"

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
+from mirror_lab.robots.hidden import HiddenBody, HiddenEffect
 from mirror_posture.robots import Nominal
-from mirror_posture.robots.hidden import HiddenBody, HiddenEffect
 
 JOINTS = ("r_shoulder_pitch", "r_shoulder_roll", "r_elbow")
 MARKERS = ("r_hand", "r_forearm")

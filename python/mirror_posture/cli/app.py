@@ -14,6 +14,7 @@ from typer.core import TyperGroup
 from .._core import MirrorPostureError
 from . import commands
 from .output import ExitCode, Output
+from .plugins import COMMAND_GROUP, plugins
 
 _HELP = """
 Measure, correct and diagnose a robot's posture in a flat mirror.
@@ -98,13 +99,21 @@ def _options(
 
 
 def _register() -> None:
-    """Adds every module of `commands`: its `command`, or its `group` of commands, under its name."""
+    """Adds every module of `commands` and of other distributions: its `command`, or its `group` of commands."""
     names = [
         found.name for found in pkgutil.iter_modules(commands.__path__) if not found.name.startswith("_")
     ]
-    modules = [importlib.import_module(f"{commands.__name__}.{name}") for name in names]
-    for module in sorted(modules, key=lambda module: module.ORDER):
-        name = module.__name__.rpartition(".")[2].replace("_", "-")
+    modules = {name: importlib.import_module(f"{commands.__name__}.{name}") for name in names}
+    for name, point in plugins(COMMAND_GROUP).items():
+        try:
+            modules.setdefault(name, point.load())
+        except ImportError as error:
+            # A broken plug-in takes its own command away, not the others.
+            print(
+                f"warning: the command {name!r} of {point.value} cannot be loaded: {error}", file=sys.stderr
+            )
+    for name, module in sorted(modules.items(), key=lambda item: item[1].ORDER):
+        name = name.replace("_", "-")
         if hasattr(module, "group"):
             app.add_typer(module.group, name=name, rich_help_panel=module.PANEL, no_args_is_help=True)
             continue

@@ -11,9 +11,9 @@ from .._core import MirrorPostureError
 from ..robots.errors import NoLookError, RobotError
 from ..robots.nominal import detect_look
 from ..robots.protocol import CommandedRobot, Look
+from .observation import Readings, read
 from .options import CorrectOptions
 from .outcome import LookReport, MarkerError, Outcome, Stop, doubt_in_words
-from .reading import Readings, read
 from .recorder import Recorder
 from .target import Target, make_target
 from .viewpoints import Viewpoint, choose_viewpoints, go

@@ -27,8 +27,8 @@ from ..session.metadata import FILE
 from ..session.tables import UNFINISHED
 from ..session.types import Session
 from ..session.write import metadata_tree
+from .observation import Readings
 from .outcome import Outcome
-from .reading import Readings
 
 HEADER, READINGS, RESULT = "correction.json", "readings.jsonl", "outcome.json"
 FRAMES, DETECTIONS, POINTS = "frames.csv", "detections.csv", "points.csv"

@@ -11,7 +11,7 @@ from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup, escape
 
 from ..session import Session
-from . import people
+from . import formatting
 from .panel_plots import draw_field, draw_track
 from .plots import Drawing, draw_gap, draw_signature
 from .result import Diagnosis
@@ -47,7 +47,7 @@ def write_report(session: Session, found: Diagnosis, folder: Path) -> Path:
         frames=len(session.frames),
         headline=HEADLINES[found.verdict],
         svg={name: Markup(drawing.svg) for name, drawing in drawings.items()},
-        told=people,
+        told=formatting,
         panels=panels,
         code=_code,
         unexplained=any(place.depends_on for place in found.where),
@@ -77,7 +77,7 @@ def signature_panels(found: Diagnosis) -> list[Panel]:
         Panel(f"signature-{k}", s.cause, s.at, "", draw_signature(s)) for k, s in enumerate(found.signatures)
     ]
     panels += [
-        Panel(f"track-{k}", t.cause, t.at, people.track_caption(t.at, t.what), draw_track(t, k))
+        Panel(f"track-{k}", t.cause, t.at, formatting.track_caption(t.at, t.what), draw_track(t, k))
         for k, t in enumerate(found.tracks)
         if len(t.frame)
     ]
@@ -86,7 +86,7 @@ def signature_panels(found: Diagnosis) -> list[Panel]:
             f"field-{k}",
             f.cause,
             f.at,
-            people.field_caption(f.over, f.with_cause is not None),
+            formatting.field_caption(f.over, f.with_cause is not None),
             draw_field(f, k),
         )
         for k, f in enumerate(found.fields)

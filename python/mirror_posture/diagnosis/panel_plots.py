@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from . import people
+from . import formatting
 from .plots import AFTER, BEFORE, FLOOR, FREE, INK, MANY_POINTS, Drawing, figure, finished
 from .result import Field, Floats, Track
 
@@ -112,7 +112,7 @@ def _quantity(track: Track, column: int) -> tuple[Floats, str]:
     """Values and label of a quantity, in people's units."""
     name, unit, values = track.against[column], track.against_units[column], track.values[:, column]
     told, factor = UNITS.get(unit, (unit, 1.0))
-    name = people.place_in_words(name)
+    name = formatting.place_in_words(name)
     # A long name in two lines: four of them stand side by side.
     for start in ("position of ", "torque of "):
         if name.startswith(start):

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from . import people
+from . import formatting
 from .result import Gap, Signature
 
 if TYPE_CHECKING:
@@ -132,7 +132,7 @@ def draw_signature(signature: Signature) -> Drawing:
     other: tuple[tuple[Any, str], ...] = ()
     if signature.other is not None and signature.other_position is not None:
         # What depends on another joint shows its law against that one's position.
-        name = people.place_in_words(signature.other)
+        name = formatting.place_in_words(signature.other)
         other = ((math.degrees(1.0) * signature.other_position, f"position of\n{name}, °"),)
     panels = (
         *other,

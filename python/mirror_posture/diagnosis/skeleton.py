@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..session import Session
-from . import people
+from . import formatting
 from .plots import BEFORE, FLOOR, FREE, INK, Drawing, figure, finished
 from .result import Diagnosis
 
@@ -109,7 +109,7 @@ def guilty(session: Session, found: Diagnosis) -> list[tuple[str, str, str]]:
     """Link at whose origin a place is drawn, its colour and its label."""
     marked = []
     for index, cause in enumerate(found.causes):
-        label = f"{index + 1}  {people.effect_in_words(cause.effect)}"
+        label = f"{index + 1}  {formatting.effect_in_words(cause.effect)}"
         for link in links_of(session, cause.at)[:1]:
             marked.append((link, CAUSE_COLOURS[index % len(CAUSE_COLOURS)], label))
     if found.verdict in ("partial", "unknown"):

@@ -14,7 +14,6 @@ from .errors import (
     RobotError,
     UnsafeCommandError,
 )
-from .hidden import HiddenBody, HiddenEffect
 from .nominal import Nominal, detect_look
 from .protocol import (
     Arrival,
@@ -27,15 +26,12 @@ from .protocol import (
     TurnsView,
     check_command,
 )
-from .twin import TwinOptions, TwinRobot
 
 __all__ = [
     "Arrival",
     "ClosedRobotError",
     "CommandedRobot",
     "HardwareFaultError",
-    "HiddenBody",
-    "HiddenEffect",
     "ImagePoints",
     "JointLimits",
     "Look",
@@ -48,8 +44,6 @@ __all__ = [
     "RobotBase",
     "RobotError",
     "TurnsView",
-    "TwinOptions",
-    "TwinRobot",
     "UnsafeCommandError",
     "check_command",
     "detect_look",

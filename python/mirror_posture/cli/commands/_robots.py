@@ -9,9 +9,14 @@ from pathlib import Path
 from typing import Any
 
 from ..._core import MirrorPostureError
-from ...robots import CommandedRobot, HiddenEffect, Nominal, TwinOptions, TwinRobot
+from ...robots import CommandedRobot, Nominal
+from ..plugins import plugins
 
-NAMES = ("twin", "mujoco", "by-hand", "dynamixel")
+ROBOT_GROUP = "mirror_posture.robots"
+"""Entry points of this group open robots by name: called with the settings, the nominal session, and what talks to the user."""
+SIMULATED = ("twin", "mujoco")
+"""Robots of the distribution mirror-posture-lab."""
+NAMES = (*SIMULATED, "by-hand", "dynamixel")
 
 
 def open_robot(settings: Mapping[str, Any], nominal: Nominal, say: Callable[[str], object]) -> CommandedRobot:
@@ -23,37 +28,16 @@ def open_robot(settings: Mapping[str, Any], nominal: Nominal, say: Callable[[str
     if own:
         return _own(str(own), nominal)
     name = settings["robot"]
-    hidden = [hidden_effect(text) for text in settings["hide"]]
-    if hidden and name not in ("twin", "mujoco"):
-        raise MirrorPostureError(f"--hide: only twin and mujoco can hide something, not {name}")
-    if name == "twin":
-        return TwinRobot(
-            hidden,
-            TwinOptions(
-                pictures=settings["pictures"],
-                noise_px=settings["noise_px"],
-                stand_error_rad=math.radians(settings["stand_error_deg"]),
-                seed=settings["seed"],
-            ),
-            nominal,
+    joined = plugins(ROBOT_GROUP)
+    if settings["hide"] and name not in joined:
+        raise MirrorPostureError(
+            f"--hide: only simulated robots ({', '.join(SIMULATED)}) can hide something, not {name}"
         )
-    if name == "mujoco":
-        try:
-            from ...robots.mujoco import MujocoOptions, MujocoRobot
-        except ImportError:
-            raise MirrorPostureError(
-                "mujoco is not installed; pip install 'mirror-posture[mujoco]'"
-            ) from None
-
-        return MujocoRobot(
-            hidden,
-            MujocoOptions(
-                way="auto" if settings["pictures"] else "pixels",
-                noise_px=settings["noise_px"],
-                stand_error_rad=math.radians(settings["stand_error_deg"]),
-                seed=settings["seed"],
-            ),
-            nominal,
+    if name in joined:
+        return joined[name].load()(settings, nominal, say)  # type: ignore[no-any-return]
+    if name in SIMULATED:
+        raise MirrorPostureError(
+            f"{name}: simulated robots are not installed; pip install 'mirror-posture[lab]'"
         )
     if name == "by-hand":
         from ...robots.by_hand import ByHandRobot
@@ -100,23 +84,6 @@ def _own(name: str, nominal: Nominal) -> CommandedRobot:
             f"--robot-class {name}: lacks {', '.join(missing)}; derive it from mirror_posture.robots.RobotBase"
         )
     return robot  # type: ignore[no-any-return]
-
-
-def hidden_effect(text: str) -> HiddenEffect:
-    """`EFFECT@PLACE:PARAMETER=VALUE[,PARAMETER=VALUE]`, in the words of the vocabulary."""
-    effect, at, rest = text.partition("@")
-    # The place has a colon of its own: joint:r_elbow:offset_rad=0.04.
-    place, colon, values = rest.rpartition(":")
-    try:
-        parameters = {k: float(v) for k, _, v in (part.partition("=") for part in values.split(","))}
-    except ValueError:
-        colon = ""
-    if not (at and colon and place):
-        raise MirrorPostureError(
-            f"--hide: got {text!r}, needed EFFECT@PLACE:PARAMETER=VALUE, as in "
-            "joint_offset@joint:r_elbow:offset_rad=0.04"
-        )
-    return HiddenEffect(effect, place, parameters)
 
 
 def camera_eye(index: int, nominal: Nominal) -> Callable[[], Any]:

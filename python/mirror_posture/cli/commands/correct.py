@@ -327,7 +327,7 @@ def _next(report: LookReport) -> str:
 
 
 def _pictures(output: Output, out: Path, outcome: Outcome, options: CorrectOptions) -> list[Path]:
-    from ...correct.pictures import plot_convergence, write_before_and_after
+    from ...correct.figures import plot_convergence, write_before_and_after
 
     written = [out / "outcome.json"]
     if outcome.looks:

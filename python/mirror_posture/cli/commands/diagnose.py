@@ -140,7 +140,7 @@ def _write(output: Output, session: Session, found: Diagnosis, folder: Path) -> 
 
 
 def _show(output: Output, folder: Path, found: Diagnosis) -> None:
-    from ...diagnosis.people import (
+    from ...diagnosis.formatting import (
         dependence,
         effect_in_words,
         millimetres,

@@ -110,7 +110,7 @@ def command(
             write_marker_table(chosen, out)
         written.append(out)
     if plot is not None:
-        from ...measurement_pictures import plot_measured_against_model
+        from ...measurement_figures import plot_measured_against_model
 
         plot_measured_against_model(chosen, plot)
         written.append(plot)
@@ -242,7 +242,7 @@ def _show_comparison(output: Output, measurements: list[Measurement]) -> None:
 
 
 def _write_overlays(output: Output, session: Session, measurement: Measurement, folder: Path) -> list[Path]:
-    from ...measurement_pictures import write_measured_and_model
+    from ...measurement_figures import write_measured_and_model
 
     folder.mkdir(parents=True, exist_ok=True)
     written = []

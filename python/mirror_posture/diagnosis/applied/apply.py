@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ...session import Session, write_session
-from .. import people
+from .. import formatting
 from ..result import Cause, Diagnosis, Estimate
 from .mjcf import MECHANICAL, write_mjcf
 from .urdf import Urdf, rotation_of_vector
@@ -102,10 +102,10 @@ def _group_written(cause: Cause, parts: list[Written]) -> Written:
     for part in parts:
         if part.file is not None:
             counts[part.cause.effect] = counts.get(part.cause.effect, 0) + 1
-    missing = [f"{people.place_in_words(p.cause.at)}: {p.what}" for p in parts if p.file is None]
+    missing = [f"{formatting.place_in_words(p.cause.at)}: {p.what}" for p in parts if p.file is None]
     if not counts:
         return Written(cause, None, "; ".join(missing))
-    told = ", ".join(f"{count} × {people.effect_in_words(effect)}" for effect, count in counts.items())
+    told = ", ".join(f"{count} × {formatting.effect_in_words(effect)}" for effect, count in counts.items())
     return Written(cause, ROBOT, told + (f"; not written: {'; '.join(missing)}" if missing else ""))
 
 
@@ -193,8 +193,8 @@ def rows_for_people(applied: Applied) -> list[tuple[str, str, str, str]]:
     """Rows of a table: cause, parameters, file, what was written or why not."""
     return [
         (
-            f"{people.effect_in_words(entry.cause.effect)} at {people.place_in_words(entry.cause.at)}",
-            "\n".join(map(str, people.tell_all(entry.cause))),
+            f"{formatting.effect_in_words(entry.cause.effect)} at {formatting.place_in_words(entry.cause.at)}",
+            "\n".join(map(str, formatting.tell_all(entry.cause))),
             entry.file or "not written",
             entry.what,
         )

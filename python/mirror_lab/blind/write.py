@@ -1,0 +1,96 @@
+"""Write a simulated case as a session folder, to the letter of the session format."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .drawing import hue_tolerance_deg, marker_hue_deg, write_pictures
+
+if TYPE_CHECKING:
+    from .simulate import Case
+
+
+def write_session(case: Case, folder: Path, rng: np.random.Generator | None = None) -> Path:
+    """session.toml, robot.urdf, camera.yaml, frames.csv, and detections.csv or images/ in `folder`; nothing of the
+    truth. `rng` draws the pictures' noise."""
+    folder.mkdir(parents=True, exist_ok=True)
+    robot, plan = case.robot, case.plan
+    (folder / "robot.urdf").write_text(robot.urdf, encoding="utf-8")
+    (folder / "session.toml").write_text(_metadata(case), encoding="utf-8")
+    (folder / "camera.yaml").write_text(_camera(case), encoding="utf-8")
+    joints = plan.commands.joints
+    pictures: list[str] = []
+    if case.view is not None and case.picture_of_frame is not None:
+        clean = (case.clean_corners_px, case.clean_blobs_px)
+        drawn = write_pictures(
+            robot,
+            case.lens,
+            case.view,
+            clean,
+            folder / "images",
+            rng or np.random.default_rng(0),
+            case.renderer,
+        )
+        pictures = [f"images/{drawn[i]}," for i in case.picture_of_frame]
+    rows = ["frame,posture,time_s," + ("image," if pictures else "") + ",".join(joints)]
+    for f, (p, t) in enumerate(zip(plan.posture_of_frame, plan.time_of_frame_s, strict=True)):
+        image = pictures[f] if pictures else ""
+        rows.append(f"{f},{p},{t:.3f},{image}" + ",".join(f"{q:.6f}" for q in plan.commands.q_rad[p]))
+    (folder / "frames.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
+    if pictures:
+        return folder
+    rows = ["frame,target,index,u,v"]
+    for f in range(len(case.corners_px)):
+        for target, px in [
+            ("board", case.corners_px[f]),
+            *((m, case.blobs_px[f, k : k + 1]) for k, m in enumerate(robot.markers)),
+        ]:
+            rows += [
+                f"{f},{target},{i},{u:.4f},{v:.4f}"
+                for i, (u, v) in enumerate(px)
+                if np.isfinite(u) and np.isfinite(v)
+            ]
+    (folder / "detections.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
+    return folder
+
+
+def _metadata(case: Case) -> str:
+    robot = case.robot
+    g = ", ".join(f"{v:.6f}" for v in case.gravity)
+    text = (
+        f'format = "mirror-posture/session"\nversion = 1\nrobot = "robot.urdf"\ncamera = "camera.yaml"\n'
+        f'root = "{robot.root}"\ngravity = [{g}]\n\n[camera_mount]\nlink = "{robot.camera_link}"\n\n'
+        f'[board]\nlink = "{robot.board_link}"\n'
+        f"corners = [{robot.board_corners[0]}, {robot.board_corners[1]}]\n"
+        f'square = {robot.board_square_m}\npattern = "chessboard"\n\n'
+    )
+    count = len(robot.markers)
+    for k, m in enumerate(robot.markers):
+        text += f'[[markers]]\nname = "{m}"\nlink = "{m}_marker"\ndiameter = {robot.marker_diameter_m}\n'
+        if case.view is not None:
+            text += (
+                f"color = {{ hue = {marker_hue_deg(k, count):.1f}, hue_tolerance = {hue_tolerance_deg(count):.1f}, "
+                "min_saturation = 0.5, min_value = 0.2 }\n"
+            )
+        text += "\n"
+    text += "[mirror]\nglass_thickness = 0.0\nrefractive_index = 1.52\n"
+    return text if case.view is not None else text + f"\n[noise]\npixel_std = {case.pixel_std_told}\n"
+
+
+def _camera(case: Case) -> str:
+    lens = case.nominal_lens
+    (fx, fy), (cx, cy) = lens.focal_px, lens.center_px
+    distortion = ", ".join(f"{k:.8f}" for k in lens.distortion)
+    return (
+        f"image_width: {lens.size_px[0]}\nimage_height: {lens.size_px[1]}\ncamera_name: head\n"
+        f"camera_matrix:\n  rows: 3\n  cols: 3\n"
+        f"  data: [{fx:.6f}, 0.0, {cx:.6f}, 0.0, {fy:.6f}, {cy:.6f}, 0.0, 0.0, 1.0]\n"
+        f"distortion_model: plumb_bob\ndistortion_coefficients:\n  rows: 1\n  cols: 5\n"
+        f"  data: [{distortion}]\n"
+        "rectification_matrix:\n  rows: 3\n  cols: 3\n  data: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]\n"
+        "projection_matrix:\n  rows: 3\n  cols: 4\n"
+        f"  data: [{fx:.6f}, 0.0, {cx:.6f}, 0.0, 0.0, {fy:.6f}, {cy:.6f}, 0.0, 0.0, 0.0, 1.0, 0.0]\n"
+    )

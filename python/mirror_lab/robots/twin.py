@@ -1,0 +1,152 @@
+"""The twin: the embedded robot (or any session's) with hidden effects, before a traced mirror or in exact pixels.
+
+With pictures it looks as a real robot would, through rendering and detection; without, a look takes milliseconds.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mirror_posture._core import MirrorPostureError
+from mirror_posture.robots.base import RobotBase
+from mirror_posture.robots.nominal import Nominal
+from mirror_posture.robots.protocol import Look, Positions
+from mirror_posture.viewpoint import View
+
+from .hidden import HiddenBody, HiddenEffect
+from .pixels import MirrorInRoot, exact_points, lens_of
+from .stand import SimulatedStand
+
+if TYPE_CHECKING:
+    from mirror_posture.render import PictureOptions
+
+SECONDS_A_COMMAND = 1.0
+SECONDS_A_LOOK = 0.5
+"""The twin's own time, by which a drift wanders: a small servo's motion, a camera's picture."""
+
+
+@dataclass(frozen=True)
+class TwinOptions:
+    """How a twin looks."""
+
+    pictures: bool = True
+    """False: exact pixels with noise, no rendering and no detection."""
+    noise_px: float = 0.1
+    """Of exact pixels: standard deviation, one axis."""
+    view: View = field(default_factory=View)
+    """Where the mirror stands at first."""
+    stand_error_rad: float = 0.0
+    """A stand that is turned by hand ends up this far (standard deviation) from where it was meant, in yaw and pitch."""
+    glass_thickness_m: float | None = None
+    """Of the real mirror; None: as the nominal session has it."""
+    curvature_per_m: float = 0.0
+    """Of the real mirror; positive is concave."""
+    camera: PictureOptions | None = None
+    """How pictures are taken (blur, noise, samples); None: as by default. The mirror's make is told above."""
+    seed: int = 0
+
+
+class TwinRobot(SimulatedStand, RobotBase):
+    """A robot of a nominal session with hidden effects, that can turn before its mirror (`TurnsView`).
+
+    Its session's root link must be the URDF's root when it takes pictures: the tracer draws from there.
+    """
+
+    def __init__(
+        self,
+        hidden: Sequence[HiddenEffect] = (),
+        options: TwinOptions | None = None,
+        nominal: Nominal | None = None,
+        *,
+        name: str = "twin",
+    ) -> None:
+        nominal = nominal or Nominal.load()
+        super().__init__(nominal, name=name)
+        self.options = options or TwinOptions()
+        metadata = nominal.metadata
+        if metadata.board is None:
+            raise MirrorPostureError(
+                f"{nominal.folder}: has no [board]; a twin looks into a mirror, which needs one"
+            )
+        self.body = HiddenBody(
+            nominal.robot_file.read_text(encoding="utf-8"), metadata.root, metadata.gravity_m_per_s2, hidden
+        )
+        self._lens = lens_of(nominal)
+        self._random = np.random.default_rng(self.options.seed)
+        self._board_in_root = self.body.link_poses()[metadata.board.link][:3, 3].copy()
+        self._time_s = 0.0
+        self._looks = 0
+        self._painter = None
+        if self.options.pictures:
+            if metadata.root != nominal.robot.link_names[0]:
+                raise MirrorPostureError(
+                    f"{nominal.folder}: a twin with pictures needs root = {nominal.robot.link_names[0]!r} (the URDF's root), "
+                    f"got {metadata.root!r}; use pictures=False"
+                )
+            from mirror_posture.render import Painter
+
+            self._painter = Painter.load(nominal.folder)
+        self._stand(self.options.view, self.options.stand_error_rad, self._random)
+        self.body.move(self.commanded)
+
+    def marker_truth_m(self) -> dict[str, np.ndarray]:
+        """Where the balls really are in the root's frame, m: for tests and figures, no robot knows it."""
+        poses = self.body.link_poses()
+        return {marker.name: poses[marker.link][:3, 3].copy() for marker in self.nominal.metadata.markers}
+
+    def _move(self, positions: dict[str, float]) -> Positions:
+        self._time_s += SECONDS_A_COMMAND
+        self.body.move(positions, self._time_s)
+        return {}
+
+    def _look(self) -> Look:
+        self._time_s += SECONDS_A_LOOK
+        self._looks += 1
+        poses = self.body.link_poses()
+        metadata, options = self.nominal.metadata, self.options
+        claimed = metadata.mirror
+        glass = options.glass_thickness_m
+        if glass is None:
+            glass = 0.0 if claimed is None else claimed.glass_thickness_m
+        index = 1.52 if claimed is None else claimed.refractive_index
+        if self._painter is not None:
+            from mirror_posture.render import PictureOptions, view_planes
+
+            drawn = self._painter.draw(
+                poses,
+                view_planes([self._real_view], self._board_in_root)[0],
+                replace(
+                    options.camera or PictureOptions(),
+                    glass_thickness_m=glass,
+                    refractive_index=index,
+                    curvature_per_m=options.curvature_per_m,
+                ),
+                seed=options.seed * 100_003 + self._looks,
+            )
+            picture = np.ascontiguousarray(drawn.picture[..., ::-1])
+            return Look(self.commanded, self._time_s, view=self._view, picture_bgr=picture)
+        normal = view_normal(self._real_view)
+        distance = float(normal @ self._board_in_root) + self._real_view.distance_m
+        mirror = MirrorInRoot(normal, distance, glass, index, options.curvature_per_m)
+        points = exact_points(self.nominal, self._lens, poses, mirror, options.noise_px, self._random)
+        return Look(self.commanded, self._time_s, view=self._view, points=points)
+
+    def _rest(self) -> None:
+        # A simulated body is safe where it stands.
+        return
+
+    def _now_s(self) -> float:
+        return self._time_s
+
+
+def view_normal(view: View) -> np.ndarray:
+    """The mirror's unit normal, from the robot to the mirror, in the root's frame; see `View`."""
+    level = math.cos(view.pitch_rad)
+    return np.array(
+        [level * math.cos(view.yaw_rad), level * math.sin(view.yaw_rad), math.sin(view.pitch_rad)]
+    )
