@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -11,7 +12,9 @@ import numpy.typing as npt
 
 from ._core import Measured, MeasureInput, MirrorPostureError
 from .camera import camera_from_info
+from .measurement_residuals import WIDEN_ABOVE, Assumed, excess_of_markers, judge_views, widen_markers
 from .session import Session
+from .view_check import refuse_mistakes
 
 Floats = npt.NDArray[np.float64]
 Estimator = Literal["pose", "pose-snapped", "point-pair", "maximum-likelihood", "joint"]
@@ -158,6 +161,8 @@ class Measurement:
     """(6, 6): of the camera–board transform, rotation (rad) before translation (m); None where it is taken as exact."""
     chi_squared: float | None = None
     degrees_of_freedom: int | None = None
+    warnings: tuple[str, ...] = ()
+    """What was widened, and why: residuals above the stated noise."""
 
 
 def measure(session: Session, options: MeasureOptions | None = None) -> Measurement:
@@ -166,8 +171,12 @@ def measure(session: Session, options: MeasureOptions | None = None) -> Measurem
     A marker needs two views (frames of one `posture`) before mirrors that stand differently; all its views are used. Positions
     are in the camera frame of the posture; covariances contain the noise of the pixels, the mirrors' and the mount's.
 
-    Raises `MirrorPostureError` for a session without camera or board or without detections, `NothingMeasuredError` where no
-    mirror at all can be estimated. What concerns one frame or marker is a mask with a reason.
+    Each view's residual is tested against the noise: a view or marker that is far off is masked, what is off throughout
+    widens the covariances and stands in `warnings`.
+
+    Raises `MirrorPostureError` for a session without camera or board or without detections, or whose pictures are mirrored, turned, of
+    another board or of another camera (`view_check`); `NothingMeasuredError` where no mirror at all can be estimated. What concerns one
+    frame or marker is a mask with a reason.
     """
     return measure_all(session, (options or MeasureOptions(),))[0]
 
@@ -184,6 +193,7 @@ def measure_all(session: Session, options: tuple[MeasureOptions, ...]) -> list[M
         raise MirrorPostureError(
             f"{session.folder}: has pictures and no detections yet; run `mirror-posture detect` on it first"
         )
+    refuse_mistakes(session)
     return [_measure(session, nominal, one) for one in options]
 
 
@@ -205,14 +215,14 @@ def _measure(session: Session, nominal: Floats, options: MeasureOptions) -> Meas
         translation = options.mount_std_m if stated else JOINT_MOUNT_STD_M
         stds = np.array([rotation or 0.0] * 3 + [translation or 0.0] * 3)
         mount = np.diag(np.maximum(stds, EXACT_STD) ** 2)
-    shared: dict[str, Any] = {
-        "corner_noise_px": corner_noise,
-        "marker_noise_px": marker_noise,
-        "least_parallax_rad": options.least_parallax_rad,
-        "camera_from_board_covariance": mount,
-    }
-    done = core.joint(**shared) if joint else core.ladder(options.estimator.replace("-", "_"), **shared)
-    mirror_reason = tuple(done.mirror_reason)
+    parallax = options.least_parallax_rad
+    tested = judge_views(session, core, Assumed(corner_noise, marker_noise, mount), parallax, joint)
+    if tested.left_out:
+        session = _without_boards(session, tested.left_out)
+        core = _core_input(session, calibrated @ nominal)
+    name = options.estimator.replace("-", "_")
+    done, assumed, warnings = _run(core, name, tested.assumed, parallax)
+    mirror_reason = tuple(tested.left_out.get(row, reason) for row, reason in enumerate(done.mirror_reason))
     mirrors = Mirrors(
         np.array([reason is None for reason in mirror_reason], dtype=bool),
         done.foot_m,
@@ -222,8 +232,8 @@ def _measure(session: Session, nominal: Floats, options: MeasureOptions) -> Meas
     )
     return Measurement(
         options.estimator,
-        corner_noise,
-        marker_noise,
+        assumed.corner_noise_px,
+        assumed.marker_noise_px,
         session.marker_names,
         mirrors,
         _markers(session, done, done.camera_from_nominal_camera @ calibrated),
@@ -231,7 +241,48 @@ def _measure(session: Session, nominal: Floats, options: MeasureOptions) -> Meas
         done.camera_from_board_covariance,
         done.chi_squared,
         done.degrees_of_freedom,
+        (*tested.warnings, *warnings),
     )
+
+
+def _run(
+    core: MeasureInput, estimator: str, assumed: Assumed, least_parallax_rad: float
+) -> tuple[Measured, Assumed, list[str]]:
+    """Measures, and once more with the noise that the residuals show where that is larger than assumed."""
+
+    def once(noise: Assumed) -> Measured:
+        shared: dict[str, Any] = {
+            "corner_noise_px": noise.corner_noise_px,
+            "marker_noise_px": noise.marker_noise_px,
+            "least_parallax_rad": least_parallax_rad,
+            "camera_from_board_covariance": noise.mount_covariance,
+        }
+        return core.joint(**shared) if estimator == "joint" else core.ladder(estimator, **shared)
+
+    done = once(assumed)
+    if estimator == "joint":
+        ratio = (
+            math.sqrt(done.chi_squared / max(done.degrees_of_freedom or 1, 1)) if done.chi_squared else 1.0
+        )
+        wider = replace(
+            assumed,
+            corner_noise_px=assumed.corner_noise_px * ratio,
+            marker_noise_px=assumed.marker_noise_px * ratio,
+        )
+    else:
+        ratio = excess_of_markers(done.point_chi_squared, done.point_degrees_of_freedom)
+        wider = replace(assumed, marker_noise_px=assumed.marker_noise_px * ratio)
+    if ratio <= WIDEN_ABOVE:
+        return done, assumed, []
+    what = "corners and balls" if estimator == "joint" else "balls"
+    warning = f"the residuals of {what} are {ratio:.1f} times the noise that was stated or detected: ± is widened by it"
+    return once(wider), wider, [warning]
+
+
+def _without_boards(session: Session, rows: Iterable[int]) -> Session:
+    seen = session.mirror_view.board_seen.copy()
+    seen[list(rows)] = False
+    return replace(session, mirror_view=replace(session.mirror_view, board_seen=seen))
 
 
 def _markers(session: Session, done: Measured, correction: Floats) -> Markers:
@@ -251,16 +302,21 @@ def _markers(session: Session, done: Measured, correction: Floats) -> Markers:
         model[mine] = session.robot.points(session.positions[row[mine]], camera_link, spec.link)
     # The board is where the model says; where the camera sits elsewhere, it is the camera that moved.
     root_from_camera = _a_from_b(session, session.root_link, camera_link)[row] @ np.linalg.inv(correction)
+    covariance, disagree = widen_markers(
+        done.point_covariance_m2, done.point_chi_squared, done.point_degrees_of_freedom
+    )
+    reason = tuple(why or other for why, other in zip(done.marker_reason, disagree, strict=True))
+    measured = np.array([why is None for why in reason], dtype=bool)
     return Markers(
         posture,
         marker,
         views,
-        np.array([reason is None for reason in done.marker_reason], dtype=bool),
-        done.point_in_camera_m,
-        done.point_covariance_m2,
+        measured,
+        np.where(measured[:, None], done.point_in_camera_m, 0.0),
+        covariance,
         _mapped(correction[None], model),
         root_from_camera,
-        tuple(done.marker_reason),
+        reason,
         done.point_chi_squared,
         done.point_degrees_of_freedom,
     )
@@ -331,11 +387,7 @@ def _noise_px(session: Session, core: MeasureInput, options: MeasureOptions) -> 
             marker_noise_px=corner,
             least_parallax_rad=options.least_parallax_rad,
         )
-        free = done.point_degrees_of_freedom
-        # Chi-squared of k degrees of freedom has its median at about k (1 − 2/(9k))³ (Wilson and Hilferty).
-        usual = free * (1.0 - 2.0 / (9.0 * np.maximum(free, 1))) ** 3
-        excess = done.point_chi_squared[free > 0] / usual[free > 0]
-        marker = corner * math.sqrt(max(1.0, float(np.median(excess)))) if len(excess) else corner
+        marker = corner * excess_of_markers(done.point_chi_squared, done.point_degrees_of_freedom)
     return corner, marker
 
 

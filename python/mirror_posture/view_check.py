@@ -59,6 +59,7 @@ class Reading:
     board_from_meant: Floats = field(default_factory=lambda: np.eye(4))
     camera_from_meant: Floats = field(default_factory=lambda: np.eye(4))
     camera_factor: float = 1.0
+    focal_factor: float = 1.0
     square_factor: float = 1.0
 
 
@@ -105,7 +106,7 @@ def check_views(session: Session) -> ViewCheck | None:
     if not doubted:
         return ViewCheck(own, noise)
     fits = [views.fit(reading) for reading in _readings(views)]
-    fits += views.best_factors(own)
+    fits += views.best_factors()
     better = [fit for fit in fits if _explains(fit, own, noise)]
     if not better:
         return ViewCheck(own, noise)
@@ -114,9 +115,7 @@ def check_views(session: Session) -> ViewCheck | None:
     best = max(simple, key=lambda fit: fit.gain_over(own, noise))
     # What explains the views as well as the best one cannot be told from it.
     equal = [fit for fit in simple if best.gain_over(fit, noise) < WORSE and fit is not best]
-    return ViewCheck(
-        own, noise, _said(own, best, equal), (best.reading, *(fit.reading for fit in equal))
-    )
+    return ViewCheck(own, noise, _said(own, best, equal), (best.reading, *(fit.reading for fit in equal)))
 
 
 def refuse_mistakes(session: Session) -> ViewCheck | None:
@@ -271,9 +270,7 @@ class _Views:
         rows = rows[np.unique(np.linspace(0, len(rows) - 1, min(len(rows), MOST_VIEWS)).round().astype(int))]
         robot, positions = session.robot, session.positions[rows]
         poses = robot.forward_kinematics(positions)
-        root_from_camera, root_from_board = (
-            poses[:, robot.link_index(name)] for name in (link, board.link)
-        )
+        root_from_camera, root_from_board = (poses[:, robot.link_index(name)] for name in (link, board.link))
         markers = [robot.points(positions, link, marker.link) for marker in session.markers]
         glass = MirrorModel.glass(session.mirror)
         return cls(
@@ -304,7 +301,7 @@ class _Views:
             grid = board_px.reshape(-1, ny, nx, 2)
             grid = grid[:, :, ::-1] if reading.labels.endswith("x") else grid[:, ::-1]
             board_px = np.ascontiguousarray(grid).reshape(board_px.shape)
-        camera = self.camera if reading.camera_factor == 1.0 else self._scaled(reading.camera_factor)
+        camera = self._scaled(reading.camera_factor, reading.focal_factor)
         poses = reading.camera_from_meant @ self.camera_from_board @ reading.board_from_meant
         rms = np.full(len(board_px), np.inf)
         foot = np.full((len(board_px), 3), np.nan)
@@ -344,24 +341,22 @@ class _Views:
         away = np.linalg.norm(expected.pixels_px - seen, axis=1)
         return float(np.median(np.where(expected.valid, away, float(width))))
 
-    def _scaled(self, factor: float) -> Camera:
-        """The camera of the same picture at another resolution: pixel centres are whole numbers, hence the halves."""
+    def _scaled(self, factor: float, focal_factor: float) -> Camera:
+        """The camera of the same picture at another resolution (pixel centres are whole numbers, hence the halves), or with another lens."""
+        if factor == 1.0 and focal_factor == 1.0:
+            return self.camera
         (fx, fy), (cx, cy), size = self.camera.focal_px, self.camera.center_px, self.camera.size_px
-        lens = list(self.camera.distortion)
-        model, count = {
-            "plumb_bob": ("plumb_bob", 5),
-            "rational_polynomial": ("rational_polynomial", 8),
-        }.get(self.distortion_model, ("none", 0))
+        count = {"plumb_bob": 5, "rational_polynomial": 8}.get(self.distortion_model, 0)
         return Camera(
             (max(1, round(size[0] * factor)), max(1, round(size[1] * factor))),
-            (fx * factor, fy * factor),
+            (fx * factor * focal_factor, fy * factor * focal_factor),
             ((cx + 0.5) * factor - 0.5, (cy + 0.5) * factor - 0.5),
-            model,
-            lens[:count],
+            self.distortion_model if count else "none",
+            list(self.camera.distortion)[:count],
         )
 
-    def best_factors(self, own: Fit) -> list[Fit]:
-        """The best factor of the squares' side and of the camera's resolution, each alone, where it is far from 1."""
+    def best_factors(self) -> list[Fit]:
+        """The best factor of the squares' side, of the camera's resolution and of its focal length, each alone, where it is far from 1."""
 
         def of_board(factor: float) -> Reading:
             return Reading(
@@ -381,8 +376,17 @@ class _Views:
                 camera_factor=factor,
             )
 
+        def of_lens(factor: float) -> Reading:
+            return Reading(
+                "camera of another focal length",
+                f"the camera file is another camera's, or the pictures are cropped or zoomed: {factor:.2f} times its focal length fits",
+                "give the camera file of this camera as it took these pictures",
+                1,
+                focal_factor=factor,
+            )
+
         found = []
-        for reading in (of_board, of_camera):
+        for reading in (of_board, of_camera, of_lens):
             factor = _least(lambda log, reading=reading: self.fit(reading(math.exp(log))).board_rms_px)  # type: ignore[misc]
             if factor is not None and abs(math.log(factor)) > LEAST_SCALE:
                 found.append(self.fit(reading(factor)))

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..session.types import Session, Views
+from ..view_check import check_views
 from .from_session import predictions_from_session, setup_from_session
 from .pictures import DetectionOptions, detect_pictures
 from .types import DetectionError, PictureDetections
@@ -31,13 +32,15 @@ def detect_session(
     *,
     progress: Callable[[Iterable[list[int]]], Iterable[list[int]]] | None = None,
     done: dict[int, PictureDetections] | None = None,
+    check: bool = True,
 ) -> DetectedSession:
     """Detects the board and the balls in every picture of a session.
 
     A picture that cannot be used, and a view that cannot be trusted, is masked with its reason. `progress` wraps the
     chunks of rows as they are worked on; `done` is filled as pictures are finished, so that a stop loses none of them.
 
-    Raises `DetectionError` for a session without pictures, or with a marker that has no colour.
+    Raises `DetectionError` for a session without pictures, or with a marker that has no colour, and, unless `check` is False, for pictures that are
+    mirrored, turned, of another board or of another camera (`mirror_posture.view_check`).
     """
     rows = [row for row, file in enumerate(session.image_files) if file is not None]
     if not rows:
@@ -50,7 +53,11 @@ def detect_session(
         files = [file for row in chunk if (file := session.image_files[row]) is not None]
         found = detect_pictures(files, setup, [predictions[row] for row in chunk], options)
         pictures.update(zip(chunk, found, strict=True))
-    return DetectedSession(with_detections(session, pictures), pictures)
+    detected = with_detections(session, pictures)
+    checked = check_views(detected) if check else None
+    if checked is not None and checked.mistake:
+        raise DetectionError(f"{session.folder}: {checked.mistake}")
+    return DetectedSession(detected, pictures)
 
 
 def with_detections(session: Session, pictures: dict[int, PictureDetections]) -> Session:

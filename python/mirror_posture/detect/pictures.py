@@ -19,7 +19,7 @@ from .board import BoardOptions, detect_boards
 from .charuco import detect_charuco
 from .markers import MarkerOptions, SizeBounds, detect_markers
 from .pose import board_pose
-from .reading import Picture, as_picture, read_picture
+from .reading import Picture, PictureFile, as_picture, read_picture_file
 from .types import (
     CHARUCO,
     BoardPrediction,
@@ -69,16 +69,24 @@ def detect_picture(
     prediction = prediction or PicturePrediction()
     if isinstance(picture, (str, Path)):
         source = name or str(picture)
-        bgr = read_picture(picture)
+        file = read_picture_file(picture)
     else:
         source = name or "picture"
-        bgr = as_picture(picture, source)
+        file = PictureFile(as_picture(picture, source))
+    bgr = file.pixels
     height, width = bgr.shape[:2]
-    _check_size(width, height, setup.camera, source)
+    _check_size(width, height, setup.camera, source, file.exif_turn)
+    warnings = (
+        (
+            f"its EXIF tag says that it is shown {file.exif_turn}: pixels are used as stored; the camera file must be of stored pixels too",
+        )
+        if file.exif_turn
+        else ()
+    )
     boards = _boards(bgr, setup, prediction, options)
     bounds = _size_bounds(boards, setup)
     markers = detect_markers(bgr, setup.markers, setup.camera, prediction.markers, bounds, options.marker)
-    return PictureDetections(source, width, height, boards, markers)
+    return PictureDetections(source, width, height, boards, markers, warnings=warnings)
 
 
 def detect_pictures(
@@ -119,12 +127,26 @@ def detect_pictures(
     return tuple(result for result in results if result is not None)
 
 
-def _check_size(width: int, height: int, camera: CameraSpec | None, source: str) -> None:
+def _check_size(width: int, height: int, camera: CameraSpec | None, source: str, exif_turn: str = "") -> None:
+    """Refuses a picture of another size than its camera's, and says what its size looks like."""
     if camera is None or (camera.width_px, camera.height_px) == (width, height):
         return
+    across, down = width / camera.width_px, height / camera.height_px
+    if (height, width) == (camera.width_px, camera.height_px):
+        tagged = f" (its EXIF tag says: shown {exif_turn})" if exif_turn else ""
+        guess = (
+            f"turned by 90°{tagged}; turn the pictures back, or give the camera file of the turned picture"
+        )
+    elif abs(across - down) < 0.01 * across:
+        guess = f"{across:.3g} times as large: resized, or taken at another resolution; give the camera file of this resolution"
+    elif across <= 1.0 and down <= 1.0:
+        guess = "cropped, or another camera's; give whole pictures, or the camera file of the cropped ones"
+    else:
+        guess = (
+            "another camera's or another resolution's; give the camera file of this camera at this resolution"
+        )
     raise DetectionError(
-        f"{source}: is {width} × {height} px, but the camera file is for {camera.width_px} × {camera.height_px} px; give the camera file "
-        "of this camera at this resolution (do not resize the pictures)"
+        f"{source}: is {width} × {height} px, but the camera file is for {camera.width_px} × {camera.height_px} px; it is {guess}"
     )
 
 

@@ -1,49 +1,62 @@
 """Reads pictures, and says in one line what is wrong with one that cannot be read.
 
-The picture libraries behind OpenCV write to the process's standard error by themselves, for broken files that they return as if
-nothing were wrong too. What they say is caught, and makes the picture an error.
+Pixels are taken as they are stored: a picture is never turned by its EXIF tag, since the camera file is of stored pixels. What the tag says is kept, to name it where
+a picture's size does not fit.
 """
 
 from __future__ import annotations
 
-import os
-import sys
-import tempfile
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
+import io
+import warnings
+from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
 import numpy as np
 import numpy.typing as npt
+from PIL import Image, JpegImagePlugin, UnidentifiedImageError
 
 from .types import DetectionError
 
 Picture = npt.NDArray[np.uint8]
 
 PICTURE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".pgm", ".ppm")
-# How the decoders' own messages begin.
-_DECODER_MESSAGES = (
-    "Corrupt JPEG",
-    "Premature end of JPEG",
-    "Invalid JPEG",
-    "Unsupported JPEG",
-    "Bogus",
-    "libpng",
-    "TIFF",
-)
 MIN_SIDE_PX = 16
-MAX_PIXELS = 200_000_000
+MAX_PIXELS = 150_000_000
 
-_stderr_lock = threading.Lock()
+EXIF_ORIENTATION = 0x0112
+EXIF_TURNS = {
+    2: "mirrored left-right",
+    3: "turned by 180°",
+    4: "mirrored up-down",
+    5: "mirrored and turned by 90°",
+    6: "turned by 90°",
+    7: "mirrored and turned by 90°",
+    8: "turned by 90°",
+}
+
+
+@dataclass(frozen=True)
+class PictureFile:
+    """A picture's pixels as stored, BGR `(H, W, 3)` uint8, and what its file says of them.
+
+    `exif_turn`: how a viewer would show it ("" as stored). `chroma_step_px`: pixels that share a colour, across and down: (2, 2) in a JPEG of 4:2:0.
+    """
+
+    pixels: Picture
+    exif_turn: str = ""
+    chroma_step_px: tuple[int, int] = (1, 1)
 
 
 def read_picture(path: Path | str) -> Picture:
-    """A picture as BGR `(H, W, 3)` uint8.
+    """A picture as BGR `(H, W, 3)` uint8, as stored (EXIF turns are not applied).
 
-    Raises `DetectionError` naming the file for one that is missing, empty, broken (also half broken) or no picture.
+    Raises `DetectionError` naming the file for one that is missing, empty, broken (also half broken), too large or no picture.
     """
+    return read_picture_file(path).pixels
+
+
+def read_picture_file(path: Path | str) -> PictureFile:
+    """A picture with what its file says of it. Raises as `read_picture`; the size is checked before anything is decoded."""
     file = Path(path)
     try:
         content = file.read_bytes()
@@ -53,18 +66,74 @@ def read_picture(path: Path | str) -> Picture:
         raise DetectionError(f"{file}: the picture cannot be read: {error.strerror or error}") from None
     if not content:
         raise DetectionError(f"{file}: the picture is empty (0 bytes); take or copy it again")
-    picture, message = _decode(content)
-    if picture is None:
-        kind = (
-            "broken"
-            if file.suffix.lower() in PICTURE_SUFFIXES
-            else "no picture (known: PNG, JPEG, BMP, TIFF, WebP)"
+    known = file.suffix.lower() in PICTURE_SUFFIXES
+    try:
+        with warnings.catch_warnings():
+            # Pillow's own warning of large pictures: the limit below is the one that counts.
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+            picture = Image.open(io.BytesIO(content))
+    except Image.DecompressionBombError:
+        raise DetectionError(
+            f"{file}: the picture has far more than {MAX_PIXELS // 10**6} million pixels"
+        ) from None
+    except (UnidentifiedImageError, OSError, ValueError, SyntaxError):
+        kind = "broken" if known else "no picture (known: PNG, JPEG, BMP, TIFF, WebP)"
+        raise DetectionError(f"{file}: the picture is {kind}; take or copy it again") from None
+    _check_size(*picture.size, str(file))
+    try:
+        turn = EXIF_TURNS.get(picture.getexif().get(EXIF_ORIENTATION, 1), "")
+        pixels = _jpeg(content, str(file)) if _is_plain_jpeg(picture) else _bgr(picture)
+    # Decoders fail with errors of many kinds, broken metadata included.
+    except DetectionError:
+        raise
+    except (OSError, ValueError, SyntaxError, IndexError, TypeError, EOFError, MemoryError) as error:
+        detail = " ".join(str(error).split())
+        raise DetectionError(f"{file}: the picture is broken ({detail}); take or copy it again") from None
+    return PictureFile(as_picture(pixels, str(file)), turn, _chroma_step(picture))
+
+
+def _is_plain_jpeg(picture: Image.Image) -> bool:
+    return isinstance(picture, JpegImagePlugin.JpegImageFile) and picture.mode in ("RGB", "L")
+
+
+def _jpeg(content: bytes, name: str) -> Picture:
+    """A JPEG by libjpeg-turbo, strictly: Pillow returns a scratched one as if nothing were wrong."""
+    import simplejpeg
+
+    try:
+        pixels: Picture = simplejpeg.decode_jpeg(content, "BGR", strict=True)
+    except ValueError as error:
+        raise DetectionError(
+            f"{name}: the picture is broken in part ({' '.join(str(error).split())}); take or copy it again"
+        ) from None
+    return pixels
+
+
+def _bgr(picture: Image.Image) -> npt.NDArray[np.generic]:
+    if picture.mode in ("I;16", "I;16B", "I;16L"):
+        return np.asarray(picture).astype(np.uint16)
+    if picture.mode == "F":
+        return np.asarray(picture)
+    if picture.mode in ("1", "L"):
+        return np.asarray(picture.convert("L"))
+    return np.asarray(picture.convert("RGB"))[..., ::-1]
+
+
+def _chroma_step(picture: Image.Image) -> tuple[int, int]:
+    if not isinstance(picture, JpegImagePlugin.JpegImageFile) or picture.mode != "RGB":
+        return (1, 1)
+    # Components as (id, horizontal, vertical, table): the first is the luma.
+    layers = picture.layer
+    if len(layers) != 3:
+        return (1, 1)
+    return max(1, layers[0][1] // max(layers[1][1], 1)), max(1, layers[0][2] // max(layers[1][2], 1))
+
+
+def _check_size(width: int, height: int, name: str) -> None:
+    if height < MIN_SIDE_PX or width < MIN_SIDE_PX or height * width > MAX_PIXELS:
+        raise DetectionError(
+            f"{name}: is {width} × {height} px; needed at least {MIN_SIDE_PX} px a side and at most {MAX_PIXELS // 10**6} million pixels"
         )
-        detail = f" ({message})" if message else ""
-        raise DetectionError(f"{file}: the picture is {kind}{detail}; take or copy it again")
-    if message:
-        raise DetectionError(f"{file}: the picture is broken in part ({message}); take or copy it again")
-    return as_picture(picture, str(file))
 
 
 def as_picture(values: npt.ArrayLike, name: str = "picture") -> Picture:
@@ -74,11 +143,7 @@ def as_picture(values: npt.ArrayLike, name: str = "picture") -> Picture:
         array = array[..., 0]
     if array.ndim not in (2, 3) or (array.ndim == 3 and array.shape[2] not in (3, 4)):
         raise DetectionError(f"{name}: has shape {array.shape}; needed (H, W) grey or (H, W, 3) BGR")
-    height, width = array.shape[:2]
-    if height < MIN_SIDE_PX or width < MIN_SIDE_PX or height * width > MAX_PIXELS:
-        raise DetectionError(
-            f"{name}: is {width} × {height} px; needed at least {MIN_SIDE_PX} px a side and at most {MAX_PIXELS // 10**6} million pixels"
-        )
+    _check_size(array.shape[1], array.shape[0], name)
     if array.dtype == np.uint16:
         array = (array >> 8).astype(np.uint8)
     elif array.dtype == np.bool_:
@@ -110,47 +175,3 @@ def list_pictures(folder: Path | str) -> tuple[Path, ...]:
     if not found:
         raise DetectionError(f"{place}: holds no pictures (known: {', '.join(PICTURE_SUFFIXES)})")
     return found
-
-
-def _decode(content: bytes) -> tuple[npt.NDArray | None, str]:
-    """The decoded picture or None, and what the decoder had to say."""
-    with _caught_decoder_messages() as messages:
-        try:
-            picture = cv2.imdecode(np.frombuffer(content, dtype=np.uint8), cv2.IMREAD_COLOR)
-        except cv2.error as error:
-            picture = None
-            messages.append(str(error.err) if hasattr(error, "err") else "the decoder refused it")
-    return picture, "; ".join(dict.fromkeys(messages))
-
-
-@contextmanager
-def _caught_decoder_messages() -> Iterator[list[str]]:
-    """Collects what native decoders write to standard error; lines of anybody else are passed on."""
-    messages: list[str] = []
-    with _stderr_lock:
-        level = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
-        try:
-            saved = os.dup(2)
-        except OSError:
-            # No standard error at all: nothing to keep quiet.
-            try:
-                yield messages
-            finally:
-                cv2.utils.logging.setLogLevel(level)
-            return
-        caught = tempfile.TemporaryFile()
-        try:
-            sys.stderr.flush()
-            os.dup2(caught.fileno(), 2)
-            yield messages
-        finally:
-            os.dup2(saved, 2)
-            os.close(saved)
-            cv2.utils.logging.setLogLevel(level)
-            caught.seek(0)
-            for line in caught.read().decode("utf-8", "replace").splitlines():
-                if line.startswith(_DECODER_MESSAGES):
-                    messages.append(line.strip())
-                elif line.strip():
-                    os.write(2, (line + "\n").encode())
-            caught.close()

@@ -2,22 +2,31 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from ..output import JsonOption, Output, SessionArgument
+
+if TYPE_CHECKING:
+    from ...session import Session
 
 ORDER = 10
 PANEL = "Sessions"
+PICTURES_TRIED = 6
+"""Pictures of a session without detections in which the board is looked for."""
 
 
 def command(session: SessionArgument, as_json: JsonOption = False) -> None:
     """Check a session's folder and say what is in it.
 
     Every table is read and validated as all other commands do it. The first thing that cannot be meant is named with
-    its file, row and fix.
+    its file, row and fix. The board's views (of some pictures, where nothing is detected yet) are tested for pictures that are
+    mirrored, turned, of another board or of another camera.
 
     Example: `mirror-posture check my-session`
     """
     output = Output(as_json)
     from ...session import load_session
+    from ...view_check import refuse_mistakes
 
     loaded = load_session(session)
     frames, seen, direct = loaded.frames, loaded.mirror_view, loaded.direct_view
@@ -40,6 +49,7 @@ def command(session: SessionArgument, as_json: JsonOption = False) -> None:
     }
     for warning in loaded.warnings:
         output.warn(warning)
+    refuse_mistakes(loaded if loaded.detected else _some_detected(loaded))
     rows = [
         (key.replace("_", " "), ", ".join(value) if isinstance(value, list) else str(value))
         for key, value in summary.items()
@@ -47,3 +57,32 @@ def command(session: SessionArgument, as_json: JsonOption = False) -> None:
     ]
     output.table(f"{session} is a session", ["*", "~"], rows)
     output.result(summary)
+
+
+def _some_detected(session: Session) -> Session:
+    """A session of pictures with a few of them detected, spread over it."""
+    from ...detect import (
+        DetectionError,
+        detect_pictures,
+        predictions_from_session,
+        setup_from_session,
+        with_detections,
+    )
+
+    with_picture = [row for row, file in enumerate(session.image_files) if file is not None]
+    if not with_picture or session.board is None or session.camera is None:
+        return session
+    step = max(1, -(-len(with_picture) // PICTURES_TRIED))
+    rows = with_picture[::step]
+    expected = predictions_from_session(session)
+    found = detect_pictures(
+        [session.folder / file for row in rows if (file := session.image_files[row]) is not None],
+        setup_from_session(session),
+        [expected[row] for row in rows],
+    )
+    if all(picture.error for picture in found):
+        raise DetectionError(found[0].error)
+    for row, picture in zip(rows, found, strict=True):
+        if picture.error:
+            Output.current().warn(f"frame {session.frames.frame[row]}: {picture.error}")
+    return with_detections(session, dict(zip(rows, found, strict=True)))

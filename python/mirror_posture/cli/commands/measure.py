@@ -94,6 +94,8 @@ def command(
         _show_comparison(output, measurements)
     _show_rows(output, chosen, rows)
     _show_summary(output, chosen)
+    for warning in chosen.warnings:
+        output.warn(warning)
     for row, reason in enumerate(chosen.mirrors.reason):
         if reason is not None:
             output.warn(f"frame {loaded.frames.frame[row]}: no mirror ({reason})")
