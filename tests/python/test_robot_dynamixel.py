@@ -35,14 +35,17 @@ from mirror_posture.viewpoint import View
 
 pytest.importorskip("dynamixel_sdk")
 
-from mirror_posture.robots.dynamixel import WATCHDOG_S, DynamixelRobot
-from mirror_posture.robots.dynamixel_bus import DynamixelBus, Register
-from mirror_posture.robots.dynamixel_config import (
+from mirror_posture.robots.dynamixel import DynamixelDrive, DynamixelRobot
+from mirror_posture.robots.interruption import Interrupted
+from mirror_posture.robots.servo_config import (
     SPEED_UNIT_RAD_PER_S,
-    DynamixelConfig,
     Servo,
+    ServoConfig,
     load_config,
 )
+from mirror_posture.robots.servo_line import Register
+from mirror_posture.robots.servo_robot import KEEP_S, WATCHDOG_S
+from mirror_posture.robots.servo_state import State, Torque
 
 pytestmark = pytest.mark.realtime
 
@@ -79,7 +82,7 @@ def bus() -> Iterator[SimulatedBus]:
 
 
 @pytest.fixture
-def config(bus: SimulatedBus, nominal: Nominal, tmp_path: Path) -> DynamixelConfig:
+def config(bus: SimulatedBus, nominal: Nominal, tmp_path: Path) -> ServoConfig:
     file = tmp_path / "servos.toml"
     file.write_text(TOML.format(port=bus.port))
     return load_config(file, nominal)
@@ -109,7 +112,8 @@ def test_the_simulated_bus_speaks_protocol_2() -> None:
 
 def test_stuffed_answers_are_read_right(bus: SimulatedBus) -> None:
     bus.servos[1].set(224, 4, 0x01FDFFFF)
-    line = DynamixelBus(bus.port, 1_000_000)
+    servos = (Servo("r_elbow", 1, 2048, 1, JointLimits(-1.0, 1.0)),)
+    line = DynamixelDrive(ServoConfig(bus.port, servos)).line
     assert line.read(1, Register("test", 224, 4)) == 0x01FDFFFF
     line.close()
 
@@ -118,14 +122,14 @@ def test_stuffed_answers_are_read_right(bus: SimulatedBus) -> None:
 
 
 def test_limits_are_in_force_before_torque_and_nothing_jumps(
-    bus: SimulatedBus, config: DynamixelConfig, nominal: Nominal
+    bus: SimulatedBus, config: ServoConfig, nominal: Nominal
 ) -> None:
     with DynamixelRobot(nominal, config, blind) as robot:
         assert robot.torque_is_on() and not bus.all_off()
         assert [on["id"] for on in bus.torque_on] == [1, 2]
         for on in bus.torque_on:
-            assert on["mode"] == 5 and on["current"] == round(0.3 / 0.00269)
-            assert on["speed"] == round(2.0 / SPEED_UNIT_RAD_PER_S) > 0 and on["acceleration"] > 0
+            assert on["mode"] == 5 and on["current"] == math.floor(0.3 / 0.00269)
+            assert on["speed"] == math.floor(2.0 / SPEED_UNIT_RAD_PER_S) > 0 and on["acceleration"] > 0
             assert on["jump"] == 0
         assert bus.positions() == {1: 1100.0, 2: 2000.0}
         assert robot.commanded["r_elbow"] == pytest.approx(48 * 2 * math.pi / 4096)
@@ -133,24 +137,24 @@ def test_limits_are_in_force_before_torque_and_nothing_jumps(
 
 
 def test_without_current_control_the_pwm_is_limited(
-    bus: SimulatedBus, config: DynamixelConfig, nominal: Nominal
+    bus: SimulatedBus, config: ServoConfig, nominal: Nominal
 ) -> None:
     with DynamixelRobot(nominal, replace(config, current_a=None, pwm_share=0.4), blind):
         assert {(on["mode"], on["pwm"]) for on in bus.torque_on} == {(3, 354)}
 
 
 def test_a_missing_servo_is_named_and_the_others_are_left_without_torque(
-    bus: SimulatedBus, config: DynamixelConfig, nominal: Nominal
+    bus: SimulatedBus, config: ServoConfig, nominal: Nominal
 ) -> None:
     bus.servos[1].table[64] = 1
-    del bus.servos[2]
+    bus.remove(2)
     with pytest.raises(LostRobotError, match="servo 2, ping"):
         DynamixelRobot(nominal, config, blind)
     assert bus.all_off() and not bus.torque_on
 
 
 def test_a_current_beyond_the_servos_own_limit_is_refused_before_torque(
-    bus: SimulatedBus, config: DynamixelConfig, nominal: Nominal
+    bus: SimulatedBus, config: ServoConfig, nominal: Nominal
 ) -> None:
     bus.servos[2].set(38, 2, 50)
     with pytest.raises(HardwareFaultError, match="servo 2 refuses goal current"):
@@ -158,15 +162,79 @@ def test_a_current_beyond_the_servos_own_limit_is_refused_before_torque(
     assert bus.all_off() and not bus.torque_on
 
 
-def test_no_line_at_all(config: DynamixelConfig, nominal: Nominal) -> None:
+def test_no_line_at_all(config: ServoConfig, nominal: Nominal) -> None:
     with pytest.raises(LostRobotError, match="cannot be opened"):
         DynamixelRobot(nominal, replace(config, port="/dev/no-such-line"), blind)
+
+
+def test_a_time_based_profile_becomes_one_of_speed(
+    bus: SimulatedBus, config: ServoConfig, nominal: Nominal
+) -> None:
+    """Under a time-based profile the same number is milliseconds: 21 of them for any way."""
+    for servo in bus.servos.values():
+        servo.table[10] = 4 | 8
+    with DynamixelRobot(nominal, replace(config, speed_rad_per_s=0.5), blind) as robot:
+        assert {on["drive_mode"] for on in bus.torque_on} == {0}
+        robot.command({"r_elbow": 0.3})
+        assert 0 < bus.fastest() <= 0.5 * 4096 / (2 * math.pi)
+
+
+@pytest.mark.parametrize(
+    ("address", "value", "words"),
+    [
+        (0, b"\xff\xff", "model number 65535 is not known"),
+        (0, b"\x24\x04", "XL430-W250 cannot limit its current"),
+        (0, b"\xb0\x04", None),
+        (6, b"\x25", "firmware 37, needed 38"),
+        (10, b"\x01", "would go the wrong way"),
+        (10, b"\x02", "slave of a dual joint"),
+        (12, b"\x01", "also obeys to id 1"),
+        (48, b"\xb8\x0b\x00\x00", None),
+        (48, b"\xb8\x06\x00\x00", "own position limits are 0 to 1720"),
+    ],
+)
+def test_what_a_servo_is_is_known_before_it_gets_torque(
+    bus: SimulatedBus, config: ServoConfig, nominal: Nominal, address: int, value: bytes, words: str | None
+) -> None:
+    bus.servos[2].table[address : address + len(value)] = value
+    if words is None:
+        with DynamixelRobot(nominal, config, blind) as robot:
+            assert robot.identities["r_shoulder_roll"].model == "XM430-W350"
+            if address == 0:
+                assert bus.torque_on[-1]["current"] == 300, "an XL330 counts milliamperes"
+        return
+    with pytest.raises(HardwareFaultError, match=rf"r_elbow \(servo 2\): .*{words}"):
+        DynamixelRobot(nominal, config, blind)
+    assert bus.all_off() and not bus.torque_on
+
+
+def test_the_file_may_say_which_servo_is_meant(
+    bus: SimulatedBus, config: ServoConfig, nominal: Nominal
+) -> None:
+    first, second = config.servos
+    told = replace(config, servos=(replace(first, model="xm430-w350", firmware="45"), second))
+    DynamixelRobot(nominal, told, blind).close()
+    told = replace(config, servos=(first, replace(second, firmware="46")))
+    with pytest.raises(HardwareFaultError, match="firmware is 45, and the file says 46"):
+        DynamixelRobot(nominal, told, blind)
+    assert bus.all_off()
+
+
+def test_two_servos_with_one_id(nominal: Nominal, tmp_path: Path) -> None:
+    """Their answers overlay each other, and no check sum is right."""
+    servos = (SimulatedServo(1, 1100.0), SimulatedServo(2, 2000.0), SimulatedServo(2, 2900.0))
+    with SimulatedBus(*servos) as bus:
+        file = tmp_path / "servos.toml"
+        file.write_text(TOML.format(port=bus.port))
+        with pytest.raises(LostRobotError, match="no two servos have the same id"):
+            DynamixelRobot(nominal, file, blind)
+        assert bus.all_off() and not bus.torque_on
 
 
 # Moving.
 
 
-def test_zero_and_direction_in_and_out(bus: SimulatedBus, config: DynamixelConfig, nominal: Nominal) -> None:
+def test_zero_and_direction_in_and_out(bus: SimulatedBus, config: ServoConfig, nominal: Nominal) -> None:
     with DynamixelRobot(nominal, config, blind) as robot:
         arrival = robot.command({"r_elbow": 0.5, "r_shoulder_roll": 1.0})
         assert bus.positions()[2] == pytest.approx(2048 - 0.5 * 4096 / (2 * math.pi), abs=0.6)
@@ -175,11 +243,11 @@ def test_zero_and_direction_in_and_out(bus: SimulatedBus, config: DynamixelConfi
         assert robot.look().measured["r_shoulder_roll"] == pytest.approx(1.0, abs=0.001)
         limit = 2.0 * 4096 / (2 * math.pi)
         assert 0.9 * limit < max(servo.fastest for servo in bus.servos.values()) < 1.02 * limit
-        assert bus.servos[1].table[98] == 0, "the watchdog sleeps while the robot stands"
+        assert bus.servos[1].table[98] == 125, "the watchdog is patient while the robot stands"
 
 
 def test_nothing_is_sent_for_a_command_beyond_the_limits(
-    bus: SimulatedBus, config: DynamixelConfig, nominal: Nominal
+    bus: SimulatedBus, config: ServoConfig, nominal: Nominal
 ) -> None:
     with DynamixelRobot(nominal, config, blind) as robot:
         before = len(bus.instructions)
@@ -196,7 +264,7 @@ def test_nothing_is_sent_for_a_command_beyond_the_limits(
 
 
 def test_lost_and_garbled_answers_are_asked_for_again(
-    bus: SimulatedBus, config: DynamixelConfig, nominal: Nominal
+    bus: SimulatedBus, config: ServoConfig, nominal: Nominal
 ) -> None:
     with DynamixelRobot(nominal, config, blind) as robot:
         bus.drop = 2
@@ -208,8 +276,103 @@ def test_lost_and_garbled_answers_are_asked_for_again(
 # Failures.
 
 
+@pytest.mark.parametrize("startup", [0, 1])
+def test_a_brown_out_between_two_motions_is_found_before_the_next(
+    bus: SimulatedBus, config: ServoConfig, nominal: Nominal, startup: int
+) -> None:
+    """A servo whose power dipped has no limits any more, and with start-up torque it holds as if nothing had happened."""
+    with DynamixelRobot(nominal, replace(config, speed_rad_per_s=0.5), blind) as robot:
+        robot._keeper.join(0.0)
+        bus.servos[2].table[60] = startup
+        bus.brown_out(2)
+        with pytest.raises(HardwareFaultError, match="a dip of its power"):
+            robot.command({"r_elbow": 1.0})
+        assert bus.all_off() and robot.standing.torque is Torque.OFF
+        assert bus.fastest() <= 0.5 * 4096 / (2 * math.pi)
+
+
+def test_a_brown_out_while_it_stands_is_found_by_itself(
+    bus: SimulatedBus, config: ServoConfig, nominal: Nominal
+) -> None:
+    with DynamixelRobot(nominal, replace(config, at_end="hold"), blind) as robot:
+        bus.servos[2].table[60] = 1
+        bus.brown_out(2)
+        time.sleep(2.0 * KEEP_S)
+        assert robot.standing.state is State.STOPPED
+        assert bus.all_off(), "without its limits nothing is held"
+        with pytest.raises(HardwareFaultError, match="not held, as configured"):
+            robot.command({"r_elbow": 0.5})
+
+
+def test_a_brown_out_in_a_motion(bus: SimulatedBus, config: ServoConfig, nominal: Nominal) -> None:
+    with DynamixelRobot(nominal, replace(config, speed_rad_per_s=0.5), blind) as robot:
+        timer = soon(lambda: bus.brown_out(2, 0.3), 0.3)
+        with pytest.raises((HardwareFaultError, LostRobotError)):
+            robot.command({"r_elbow": 1.0, "r_shoulder_roll": 1.0})
+        timer.join()
+        assert bus.all_off() and robot.standing.torque is Torque.OFF
+
+
+def test_held_at_the_end_where_the_file_says_so(
+    bus: SimulatedBus, config: ServoConfig, nominal: Nominal
+) -> None:
+    slow = replace(config, at_end="hold", speed_rad_per_s=0.5)
+    with DynamixelRobot(nominal, slow, blind) as robot:
+        timer = soon(lambda: os.kill(os.getpid(), signal.SIGTERM), 0.3)
+        with pytest.raises(Interrupted, match="SIGTERM"):
+            robot.command({"r_shoulder_roll": 1.5})
+        timer.join()
+        here = bus.positions()
+        assert robot.standing.sentence == "stopped, torque is held: Interrupted: SIGTERM"
+        assert all(bus.torques()) and max(map(abs, bus.speeds().values())) == 0.0
+        assert 1110.0 < here[1] < 1024 + 1.0 * 4096 / (2 * math.pi)
+    time.sleep(0.1)
+    assert all(bus.torques()) and bus.positions() == here
+    assert bus.servos[1].table[98] == 0, "nobody is there to keep a watchdog awake"
+
+
+def test_a_dead_parent_ends_the_motion(bus: SimulatedBus, config: ServoConfig, nominal: Nominal) -> None:
+    with DynamixelRobot(nominal, replace(config, speed_rad_per_s=0.5), blind) as robot:
+
+        def orphaned() -> None:
+            robot._parent = 1 << 30  # nobody's number: as if this process had been handed on
+
+        timer = soon(orphaned, 0.3)
+        with pytest.raises(LostRobotError, match="process that started this one has ended"):
+            robot.command({"r_shoulder_roll": 1.5})
+        timer.join()
+        assert bus.all_off() and robot.standing.torque is Torque.OFF
+
+
+def test_a_setting_that_another_program_changed(
+    bus: SimulatedBus, config: ServoConfig, nominal: Nominal
+) -> None:
+    with DynamixelRobot(nominal, config, blind) as robot:
+        bus.servos[1].table[10] = 4
+        with pytest.raises(HardwareFaultError, match="drive mode is 4 and was 0"):
+            robot.command({"r_shoulder_roll": 0.5})
+        assert bus.all_off()
+
+
+def test_a_goal_that_was_not_heard_is_sent_again(
+    bus: SimulatedBus, config: ServoConfig, nominal: Nominal
+) -> None:
+    with DynamixelRobot(nominal, config, blind) as robot:
+        write_all, lost = robot._drive.line.write_all, []
+
+        def deaf(register: Register, values: dict[int, int]) -> None:
+            if register.address == 116 and not lost:
+                lost.append(values)
+            else:
+                write_all(register, values)
+
+        robot._drive.line.write_all = deaf  # type: ignore[method-assign]
+        assert robot.command({"r_elbow": 0.4}).measured["r_elbow"] == pytest.approx(0.4, abs=0.001)
+        assert lost
+
+
 def test_a_joint_that_does_not_move_is_named_and_torque_goes_off(
-    bus: SimulatedBus, config: DynamixelConfig, nominal: Nominal
+    bus: SimulatedBus, config: ServoConfig, nominal: Nominal
 ) -> None:
     with DynamixelRobot(nominal, config, blind) as robot:
         bus.servos[2].jammed = True
@@ -217,12 +380,12 @@ def test_a_joint_that_does_not_move_is_named_and_torque_goes_off(
             robot.command({"r_elbow": 0.5, "r_shoulder_roll": 0.5})
         assert caught.value.joints == ("r_elbow",)
         assert bus.all_off() and not robot.torque_is_on()
-        with pytest.raises(HardwareFaultError, match=r"torque is off .*r_elbow"):
+        with pytest.raises(HardwareFaultError, match=r"torque is off: .*r_elbow"):
             robot.command({"r_shoulder_roll": 0.6})
 
 
 def test_a_load_beyond_the_torque_limit_is_not_fought(
-    bus: SimulatedBus, config: DynamixelConfig, nominal: Nominal
+    bus: SimulatedBus, config: ServoConfig, nominal: Nominal
 ) -> None:
     bus.servos[1].needed_current = 500
     with (
@@ -234,7 +397,7 @@ def test_a_load_beyond_the_torque_limit_is_not_fought(
 
 
 def test_an_overload_under_way_takes_all_torque_off(
-    bus: SimulatedBus, config: DynamixelConfig, nominal: Nominal
+    bus: SimulatedBus, config: ServoConfig, nominal: Nominal
 ) -> None:
     with DynamixelRobot(nominal, config, blind) as robot:
         timer = soon(lambda: bus.fault(1, 0x20), 0.2)
@@ -247,7 +410,7 @@ def test_an_overload_under_way_takes_all_torque_off(
 
 @pytest.mark.parametrize("how", ["cut", "mute"])
 def test_a_line_cut_in_the_middle_ends_the_motion(
-    bus: SimulatedBus, config: DynamixelConfig, nominal: Nominal, how: str
+    bus: SimulatedBus, config: ServoConfig, nominal: Nominal, how: str
 ) -> None:
     slow = replace(config, speed_rad_per_s=0.5)
 
@@ -277,9 +440,7 @@ def test_a_line_cut_in_the_middle_ends_the_motion(
     robot.close()
 
 
-def test_after_a_cut_the_robot_opens_again(
-    bus: SimulatedBus, config: DynamixelConfig, nominal: Nominal
-) -> None:
+def test_after_a_cut_the_robot_opens_again(bus: SimulatedBus, config: ServoConfig, nominal: Nominal) -> None:
     robot = DynamixelRobot(nominal, replace(config, speed_rad_per_s=0.5), blind)
     timer = soon(lambda: setattr(bus, "mute", True), 0.2)
     with pytest.raises(LostRobotError):
@@ -294,7 +455,7 @@ def test_after_a_cut_the_robot_opens_again(
         again.command({"r_shoulder_roll": 0.3})
 
 
-def test_ctrl_c_takes_torque_off(bus: SimulatedBus, config: DynamixelConfig, nominal: Nominal) -> None:
+def test_ctrl_c_takes_torque_off(bus: SimulatedBus, config: ServoConfig, nominal: Nominal) -> None:
     slow = replace(config, speed_rad_per_s=0.5)
     with DynamixelRobot(nominal, slow, blind) as robot:
         timer = soon(lambda: os.kill(os.getpid(), signal.SIGINT), 0.3)
@@ -305,7 +466,7 @@ def test_ctrl_c_takes_torque_off(bus: SimulatedBus, config: DynamixelConfig, nom
         assert bus.positions()[1] < 1024 + 1.0 * 4096 / (2 * math.pi)
 
 
-def test_a_failing_camera_ends_in_rest(bus: SimulatedBus, config: DynamixelConfig, nominal: Nominal) -> None:
+def test_a_failing_camera_ends_in_rest(bus: SimulatedBus, config: ServoConfig, nominal: Nominal) -> None:
     def dark() -> ImagePoints:
         raise NoLookError("no picture")
 
@@ -317,30 +478,62 @@ def test_a_failing_camera_ends_in_rest(bus: SimulatedBus, config: DynamixelConfi
     assert bus.positions()[1] == pytest.approx(1024 + 0.1 * 4096 / (2 * math.pi), abs=1.0)
 
 
+ORPHAN = """
+import os, sys, time
+if os.fork():
+    time.sleep(0.8)
+    os._exit(0)
+from mirror_posture.robots import Nominal
+from mirror_posture.robots.dynamixel import DynamixelRobot
+with DynamixelRobot(Nominal.load(), sys.argv[1], lambda: None) as robot:
+    print("open", flush=True)
+    time.sleep(20)
+"""
+
+
+def test_a_robot_whose_program_lost_its_parent(bus: SimulatedBus, tmp_path: Path) -> None:
+    file = tmp_path / "child.toml"
+    file.write_text(TOML.format(port=bus.port))
+    child = subprocess.Popen(
+        [sys.executable, "-c", ORPHAN.replace("0.8", "2.5"), str(file)], stdout=subprocess.PIPE, text=True
+    )
+    assert child.stdout is not None and child.stdout.readline() == "open\n"
+    assert not bus.all_off()
+    child.wait(20.0)
+    time.sleep(2.0 * KEEP_S)
+    assert bus.all_off()
+
+
 CHILD = """
 import sys, time
 from dataclasses import replace
 from mirror_posture.robots import ImagePoints, Nominal
 from mirror_posture.robots.dynamixel import DynamixelRobot
-from mirror_posture.robots.dynamixel_config import load_config
+from mirror_posture.robots.servo_config import load_config
 nominal = Nominal.load()
 robot = DynamixelRobot(nominal, load_config(sys.argv[1], nominal), lambda: None)
 print("open", flush=True)
+if sys.argv[2] == "wait":
+    time.sleep(20)
 if sys.argv[2] == "move":
     robot.command({"r_shoulder_roll": 1.5})
 sys.exit(3)
 """
 
 
-@pytest.mark.parametrize("how", ["ends", "killed"])
+@pytest.mark.parametrize("how", ["ends", "killed", "SIGTERM", "SIGHUP", "SIGINT", "SIGHUP at rest"])
 def test_a_process_that_ends_or_is_killed(
     bus: SimulatedBus, nominal: Nominal, tmp_path: Path, how: str
 ) -> None:
+    """Without a context, too: the signal comes in the middle of a motion, or while the robot stands."""
     file = tmp_path / "child.toml"
     file.write_text(TOML.format(port=bus.port).replace("speed_rad_per_s = 2.0", "speed_rad_per_s = 0.5"))
-    moves = "move" if how == "killed" else "stand"
+    moves = {"ends": "stand", "SIGHUP at rest": "wait"}.get(how, "move")
     child = subprocess.Popen(
-        [sys.executable, "-c", CHILD, str(file), moves], stdout=subprocess.PIPE, text=True
+        [sys.executable, "-c", CHILD, str(file), moves],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
     )
     assert child.stdout is not None and child.stdout.readline() == "open\n"
     if how == "ends":
@@ -348,11 +541,17 @@ def test_a_process_that_ends_or_is_killed(
         assert bus.all_off()
         return
     time.sleep(0.3)
-    child.kill()
-    child.wait(20.0)
-    time.sleep(WATCHDOG_S + 0.1)
+    if how == "killed":
+        child.kill()
+    else:
+        child.send_signal(getattr(signal, how.split()[0]))
+    _, said = child.communicate(timeout=20.0)
+    if how == "killed":
+        time.sleep(WATCHDOG_S + 0.1)
+    else:
+        assert bus.all_off() and "torque is off" in said
     stopped = bus.positions()[1]
-    assert 1110.0 < stopped < 1024 + 1.2 * 4096 / (2 * math.pi)
+    assert moves == "wait" or 1110.0 < stopped < 1024 + 1.2 * 4096 / (2 * math.pi)
     time.sleep(0.2)
     assert bus.positions()[1] == stopped
 
@@ -360,9 +559,7 @@ def test_a_process_that_ends_or_is_killed(
 # With a body behind it.
 
 
-def test_it_sees_itself_through_its_servos(
-    bus: SimulatedBus, config: DynamixelConfig, nominal: Nominal
-) -> None:
+def test_it_sees_itself_through_its_servos(bus: SimulatedBus, config: ServoConfig, nominal: Nominal) -> None:
     """Servos with a hidden body on them, before a mirror: commands go in, image points come out."""
     hidden = [HiddenEffect("joint_offset", "joint:r_elbow", {"offset_rad": 0.05})]
     body = HiddenBody(nominal.robot_file.read_text(), "base_link", nominal.metadata.gravity_m_per_s2, hidden)
@@ -398,6 +595,11 @@ def test_it_sees_itself_through_its_servos(
         ("current_a = 0.3", "pwm_share = 2.0", "share from 0 to 1"),
         ("speed_rad_per_s = 2.0", "speed_rad_per_s = 0.005", "0 would mean no limit"),
         ("speed_rad_per_s = 2.0", "speed_rad_per_s = -1", "above 0"),
+        ("current_a = 0.3", 'current_a = 0.3\nat_end = "on"', 'needed "off" or "hold"'),
+        ("current_a = 0.3", "torque_share = 0.3", "torque_share: is no key"),
+        ("id = 2", "id = 2\nfirmware = 45", "needed a text"),
+        ("id = 2", "id = 2\nhoming_offset = 45", "is no key"),
+        ("[joints", "rest = 3\n[joints", "rest: is no key"),
         ("id = 2", "id = 1", "each only once"),
         ("id = 2", "", "joints.r_elbow.id: got None"),
         ("direction = -1", "direction = 2", "needed 1 or -1"),

@@ -41,7 +41,7 @@ def test_the_page_s_robot_by_hand_runs(capsys: pytest.CaptureFixture[str]) -> No
 
 
 def test_the_page_s_servo_file_is_read(tmp_path: Path) -> None:
-    from mirror_posture.robots.dynamixel_config import load_config
+    from mirror_posture.robots.servo_config import load_config
 
     (tmp_path / "servos.toml").write_text(printed("toml", "[bus]"))
     config = load_config(tmp_path / "servos.toml", Nominal.load())

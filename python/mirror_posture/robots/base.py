@@ -9,6 +9,7 @@ from types import MappingProxyType, TracebackType
 from typing import TypeVar
 
 from .errors import ClosedRobotError, RobotError
+from .interruption import handle_ending_signals, let_signals_end
 from .nominal import Nominal
 from .protocol import Arrival, JointLimits, Look, Positions, check_command
 
@@ -36,7 +37,7 @@ class RobotBase(ABC):
         at_zero = {joint: min(max(0.0, x.lower), x.upper) for joint, x in self._limits.items()}
         self._commanded = at_zero | check_command(start, self._limits, name)
         self._opened_s = time.monotonic()
-        self._closed = False
+        self._closed = self._entered = False
 
     # What a new robot says.
 
@@ -113,6 +114,8 @@ class RobotBase(ABC):
             self._close()
 
     def __enter__(self: Self) -> Self:
+        # A polite kill ends the block as Ctrl-C does: at rest.
+        self._entered = handle_ending_signals()
         return self
 
     def __exit__(
@@ -131,6 +134,9 @@ class RobotBase(ABC):
                 error.add_note(f"it could not be brought to rest either: {failed}")
         finally:
             self.close()
+            if self._entered:
+                self._entered = False
+                let_signals_end()
 
     # Helpers of subclasses.
 

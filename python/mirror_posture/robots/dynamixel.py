@@ -1,274 +1,249 @@
-"""Dynamixel servos over a serial line: limits of speed and torque first, torque off on any failure.
+"""Dynamixel servos of the X series, protocol 2.0: their registers, and what must be true of one before it gets torque.
 
-Needs the extra `dynamixel` (the vendor's SDK). Servos of the X series, protocol 2.0; which servo is which joint says a TOML
-file, see docs/robots.md.
+Needs the extra `dynamixel` (the vendor's SDK). Which servo is which joint says a TOML file, see docs/robots.md. Source of
+registers, models and units: the vendor's e-Manual, X series.
 """
 
 from __future__ import annotations
 
-import atexit
+import math
 import os
-import signal
-import threading
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from dataclasses import dataclass
 
-import numpy as np
-import numpy.typing as npt
-
-from .base import RobotBase
-from .dynamixel_bus import (
-    BUS_WATCHDOG,
-    CURRENT_BASED_POSITION_CONTROL,
-    GOAL_CURRENT,
-    GOAL_POSITION,
-    GOAL_PWM,
-    HARDWARE_ERROR,
-    OPERATING_MODE,
-    POSITION_CONTROL,
-    PRESENT_POSITION,
-    PRESENT_VELOCITY,
-    PROFILE_ACCELERATION,
-    PROFILE_VELOCITY,
-    TORQUE_ENABLE,
-    WATCHDOG_UNIT_S,
-    DynamixelBus,
-    fault_words,
-)
-from .dynamixel_config import PWM_COUNTS, DynamixelConfig, Servo, load_config
-from .errors import HardwareFaultError, LostRobotError, NotSettledError, RobotError
+from .._core import MirrorPostureError
+from .errors import HardwareFaultError
 from .nominal import Nominal
-from .protocol import ImagePoints, Look, Positions
+from .servo_config import (
+    ACCELERATION_UNIT_RAD_PER_S2,
+    SPEED_UNIT_RAD_PER_S,
+    Servo,
+    ServoConfig,
+    load_config,
+)
+from .servo_drive import Identity, ServoDrive
+from .servo_line import Register, Sdk, ServoLine
+from .servo_robot import Eye, ServoRobot
 
-Eye = Callable[[], "npt.NDArray[np.uint8] | ImagePoints"]
-"""Takes a picture (BGR) when called, or gives what was detected in one."""
+try:
+    import dynamixel_sdk
+except ImportError:
+    raise MirrorPostureError(
+        "the Dynamixel SDK is not installed; install the extra: pip install 'mirror-posture[dynamixel]'"
+    ) from None
 
-WATCHDOG_S = 0.5
-"""While the robot moves: servos that hear nothing for so long stop by themselves. A cut line then ends the motion."""
-POLL_S = 0.02
-STILL_READS = 3
-"""So many reads in a row at rest are rest."""
-STILL_UNITS = 1
-"""Of present velocity, 0.229 turns a minute: a servo's own noise."""
-PATIENCE_S = 2.0
-"""Beyond the time that the motion should take."""
-OFF_TRIES = 3
+FIRMWARE = Register("firmware version", 6, 1)
+DRIVE_MODE = Register("drive mode", 10, 1)
+OPERATING_MODE = Register("operating mode", 11, 1)
+SECONDARY_ID = Register("secondary id", 12, 1)
+MAX_POSITION = Register("max position limit", 48, 4, True)
+MIN_POSITION = Register("min position limit", 52, 4, True)
+STARTUP = Register("startup configuration", 60, 1)
+TORQUE_ENABLE = Register("torque enable", 64, 1)
+HARDWARE_ERROR = Register("hardware error status", 70, 1)
+BUS_WATCHDOG = Register("bus watchdog", 98, 1)
+GOAL_PWM = Register("goal PWM", 100, 2, True)
+GOAL_CURRENT = Register("goal current", 102, 2, True)
+PROFILE_ACCELERATION = Register("profile acceleration", 108, 4)
+PROFILE_VELOCITY = Register("profile velocity", 112, 4)
+GOAL_POSITION = Register("goal position", 116, 4, True)
+PRESENT_VELOCITY = Register("present velocity", 128, 4, True)
+PRESENT_POSITION = Register("present position", 132, 4, True)
+
+POSITION_CONTROL = 3
+CURRENT_BASED_POSITION_CONTROL = 5
+REVERSE, SLAVE, TIME_BASED, TORQUE_BY_GOAL = 1, 2, 4, 8
+"""Bits of the drive mode."""
+TORQUE_AT_STARTUP = 1
+"""Bit of the startup configuration."""
+NO_SECONDARY_ID = 253
+"""From here on the secondary id is none."""
+OLDEST_FIRMWARE = 38
+"""Below it there is no bus watchdog."""
+STARTUP_FIRMWARE = 45
+"""Below it there is no startup configuration, and no torque by goal."""
+
+PWM_COUNTS = 885
+"""Full PWM, 100 %."""
+
+HARDWARE_FAULTS = {
+    0: "input voltage",
+    2: "overheating",
+    3: "motor encoder",
+    4: "electrical shock",
+    5: "overload",
+}
+GARBLED = 3
+"""A servo's answer to a packet whose check sum is wrong."""
 
 
-@contextmanager
-def _deaf_to_ctrl_c() -> Iterator[None]:
-    """An impatient second Ctrl-C does not end what makes the robot safe."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
+@dataclass(frozen=True)
+class Model:
+    """A model of the series."""
+
+    name: str
+    current_unit_a: float | None
+    """None: it cannot limit its current."""
 
 
-class DynamixelRobot(RobotBase):
-    """A robot of Dynamixel servos. Use it as a context: at its end it rests, with torque off.
+_M, _L = 0.00269, 0.001
+MODELS = {
+    number: Model(name, unit)
+    for number, name, unit in (
+        (1000, "XH430-W350", _M),
+        (1010, "XH430-W210", _M),
+        (1020, "XM430-W350", _M),
+        (1030, "XM430-W210", _M),
+        (1040, "XH430-V350", _M),
+        (1050, "XH430-V210", _M),
+        (1060, "XL430-W250", None),
+        (1070, "XC430-W150", None),
+        (1080, "XC430-W240", None),
+        (1090, "2XL430-W250", None),
+        (1100, "XH540-W270", _M),
+        (1110, "XH540-W150", _M),
+        (1120, "XM540-W270", _M),
+        (1130, "XM540-W150", _M),
+        (1140, "XH540-V270", _M),
+        (1150, "XH540-V150", _M),
+        (1160, "2XC430-W250", None),
+        (1170, "XW540-T260", _M),
+        (1180, "XW540-T140", _M),
+        (1190, "XL330-M077", _L),
+        (1200, "XL330-M288", _L),
+        (1210, "XC330-T181", _L),
+        (1220, "XC330-T288", _L),
+        (1230, "XC330-M181", _L),
+        (1240, "XC330-M288", _L),
+        (1270, "XW430-T333", _M),
+        (1280, "XW430-T200", _M),
+    )
+}
+"""By model number; current units in A."""
 
-    At opening every servo is asked for, torque is taken off, the torque and speed limits are written and read back, and
-    only then is torque put on, at the place where each joint stands. Any failure under way, Ctrl-C included, takes torque
-    off at once; then the robot has to be opened again.
-    """
+
+class DynamixelDrive(ServoDrive):
+    """X series."""
+
+    make = "Dynamixel"
+    torque, goal = TORQUE_ENABLE, GOAL_POSITION
+    position, speed, fault = PRESENT_POSITION, PRESENT_VELOCITY, HARDWARE_ERROR
+    watchdog, watchdog_unit_s = BUS_WATCHDOG, 0.02
+    still_units = 1
+    speed_unit_rad_per_s = SPEED_UNIT_RAD_PER_S
+    standing = (DRIVE_MODE, OPERATING_MODE, SECONDARY_ID)
+    position_limits = (MIN_POSITION, MAX_POSITION)
+
+    def __init__(self, config: ServoConfig) -> None:
+        packets = dynamixel_sdk.PacketHandler(2.0)
+        sdk = Sdk(
+            module=dynamixel_sdk,
+            packets=packets,
+            payload_bytes=lambda packet: packet[5] + 256 * packet[6] - 4,
+            garbled=lambda error: error & 0x7F == GARBLED,
+            # The highest bit only says that the hardware error status is not 0: that is read where it is dealt with.
+            refused=lambda error: packets.getRxPacketError(error & 0x7F) if error & 0x7F else "",
+        )
+        super().__init__(config, ServoLine(sdk, config.port, config.baudrate))
+
+    def verify(self, servo: Servo, model_number: int) -> Identity:
+        """Model, firmware, drive mode, operating mode, start-up; see docs/robots.md."""
+        who, config, line = f"{servo.joint} (servo {servo.servo_id})", self.config, self.line
+        model = MODELS.get(model_number)
+        if model is None:
+            raise HardwareFaultError(
+                f"{who}: model number {model_number} is not known; known are {', '.join(m.name for m in MODELS.values())}"
+            )
+        firmware = line.read(servo.servo_id, FIRMWARE)
+        if firmware < OLDEST_FIRMWARE:
+            raise HardwareFaultError(
+                f"{who}: {model.name} has firmware {firmware}, needed {OLDEST_FIRMWARE} or later, which stops by itself when the "
+                "line is cut; update it"
+            )
+        if config.current_a is not None:
+            if model.current_unit_a is None:
+                raise HardwareFaultError(
+                    f"{who}: {model.name} cannot limit its current; give pwm_share in place of current_a"
+                )
+            if config.current_unit_a is not None and config.current_unit_a != model.current_unit_a:
+                raise HardwareFaultError(
+                    f"{who}: {model.name} counts current in {model.current_unit_a:g} A, and current_unit_a says "
+                    f"{config.current_unit_a:g}; leave it out"
+                )
+        mode = line.read(servo.servo_id, DRIVE_MODE)
+        if mode & SLAVE:
+            raise HardwareFaultError(
+                f"{who}: is the slave of a dual joint (drive mode {mode}); name its master"
+            )
+        if bool(mode & REVERSE) != servo.reversed:
+            raise HardwareFaultError(
+                f"{who}: drive mode {mode} {'turns' if mode & REVERSE else 'does not turn'} its positive sense round, and the "
+                f"file says reversed = {str(servo.reversed).lower()}: it would go the wrong way. Correct the file, or the servo"
+            )
+        if firmware >= STARTUP_FIRMWARE:
+            startup = line.read(servo.servo_id, STARTUP)
+            self._set(servo, STARTUP, startup & ~TORQUE_AT_STARTUP, "no torque after a dip of its power")
+        self._set(
+            servo,
+            DRIVE_MODE,
+            mode & ~(TIME_BASED | TORQUE_BY_GOAL),
+            "its profile is a speed, not a time, and a goal alone puts no torque on",
+        )
+        by_current = config.current_a is not None
+        self._set(
+            servo,
+            OPERATING_MODE,
+            CURRENT_BASED_POSITION_CONTROL if by_current else POSITION_CONTROL,
+            "position control within a torque limit",
+            usual=True,
+        )
+        secondary = line.read(servo.servo_id, SECONDARY_ID)
+        if secondary < NO_SECONDARY_ID and secondary in self.ids:
+            raise HardwareFaultError(
+                f"{who}: also obeys to id {secondary} (secondary id), which is another joint's; set it to 255"
+            )
+        return Identity(model.name, str(firmware))
+
+    def limits(self, servo: Servo) -> dict[Register, int]:
+        """Profile and torque; rounded down: a limit is never exceeded."""
+        config = self.config
+        found = {
+            # 0 would mean no limit.
+            PROFILE_ACCELERATION: max(
+                1, math.floor(config.acceleration_rad_per_s2 / ACCELERATION_UNIT_RAD_PER_S2)
+            ),
+            PROFILE_VELOCITY: max(1, math.floor(config.speed_rad_per_s / SPEED_UNIT_RAD_PER_S)),
+        }
+        if config.current_a is not None:
+            unit = next(
+                m.current_unit_a
+                for m in MODELS.values()
+                if m.name == self._model_of(servo) and m.current_unit_a
+            )
+            found[GOAL_CURRENT] = max(1, math.floor(config.current_a / unit))
+        elif config.pwm_share is not None:
+            found[GOAL_PWM] = max(1, math.floor(config.pwm_share * PWM_COUNTS))
+        return found
+
+    def _model_of(self, servo: Servo) -> str:
+        return self.identities[servo.servo_id].model
+
+    def fault_words(self, status: int) -> str:
+        """What a hardware error status says."""
+        words = ", ".join(word for bit, word in HARDWARE_FAULTS.items() if status & (1 << bit))
+        return words or f"hardware error {status}"
+
+
+class DynamixelRobot(ServoRobot):
+    """A robot of Dynamixel servos; see `ServoRobot`."""
 
     def __init__(
         self,
         nominal: Nominal,
-        config: DynamixelConfig | str | os.PathLike[str],
+        config: ServoConfig | str | os.PathLike[str],
         eye: Eye,
         *,
         name: str = "dynamixel",
     ) -> None:
-        self.config = config if isinstance(config, DynamixelConfig) else load_config(config, nominal)
-        self._eye = eye
-        self._servos: dict[str, Servo] = {servo.joint: servo for servo in self.config.servos}
-        self._ids = [servo.servo_id for servo in self.config.servos]
-        self._torque = False
-        self._why_off = "it was never put on"
-        super().__init__(nominal, name=name, limits={joint: s.limits for joint, s in self._servos.items()})
-        self._bus = DynamixelBus(self.config.port, self.config.baudrate)
-        # For a program that ends without closing.
-        atexit.register(self._at_exit)
-        try:
-            self._prepare()
-        except BaseException as error:
-            self._off(error)
-            self._bus.close()
-            atexit.unregister(self._at_exit)
-            raise
-
-    def torque_is_on(self) -> bool:
-        """Whether the robot holds itself, as far as is known here."""
-        return self._torque
-
-    # From opening to torque.
-
-    def _prepare(self) -> None:
-        bus, config = self._bus, self.config
-        for servo_id in self._ids:
-            bus.ping(servo_id)
-        self._check_faults()
-        bus.write_everywhere(TORQUE_ENABLE, 0)
-        by_current = config.current_a is not None
-        mode = CURRENT_BASED_POSITION_CONTROL if by_current else POSITION_CONTROL
-        for servo_id in self._ids:
-            # Torque off first: the operating mode cannot be written under torque, and no limit is in force yet.
-            bus.write(servo_id, TORQUE_ENABLE, 0)
-            bus.write(servo_id, BUS_WATCHDOG, 0)
-            if bus.read(servo_id, OPERATING_MODE) != mode:
-                bus.write(servo_id, OPERATING_MODE, mode)
-            bus.write(servo_id, PROFILE_ACCELERATION, config.acceleration_units)
-            bus.write(servo_id, PROFILE_VELOCITY, config.speed_units)
-            if config.current_a is not None:
-                bus.write(servo_id, GOAL_CURRENT, max(1, round(config.current_a / config.current_unit_a)))
-            elif config.pwm_share is not None:
-                bus.write(servo_id, GOAL_PWM, max(1, round(config.pwm_share * PWM_COUNTS)))
-        here = bus.read_all(PRESENT_POSITION, self._ids)
-        for servo_id in self._ids:
-            # Where it stands: putting torque on moves nothing.
-            bus.write(servo_id, GOAL_POSITION, here[servo_id])
-            bus.write(servo_id, TORQUE_ENABLE, 1)
-        self._torque, self._why_off = True, ""
-        measured = self._measured(here)
-        self._commanded = {
-            j: min(max(q, self.limits[j].lower), self.limits[j].upper) for j, q in measured.items()
-        }
-
-    def _measured(self, counts: dict[int, int]) -> dict[str, float]:
-        return {joint: servo.position_rad(counts[servo.servo_id]) for joint, servo in self._servos.items()}
-
-    # What `RobotBase` asks for.
-
-    def _move(self, positions: dict[str, float]) -> Positions:
-        if not self._torque:
-            raise HardwareFaultError(
-                f"{self.name}: torque is off ({self._why_off}); see to the robot and open it again"
-            )
-        try:
-            return self._go(positions)
-        except BaseException as error:
-            self._off(error)
-            raise
-
-    def _go(self, positions: dict[str, float]) -> Positions:
-        bus = self._bus
-        here = bus.read_all(PRESENT_POSITION, self._ids)
-        goal = {s.servo_id: s.counts(positions[joint]) for joint, s in self._servos.items()}
-        farthest = max(abs(positions[j] - q) for j, q in self._measured(here).items())
-        watchdog = round(WATCHDOG_S / WATCHDOG_UNIT_S)
-        bus.write_all(BUS_WATCHDOG, dict.fromkeys(self._ids, watchdog))
-        bus.write_all(GOAL_POSITION, goal)
-        ramp = self.config.speed_rad_per_s / self.config.acceleration_rad_per_s2
-        deadline = time.monotonic() + farthest / self.config.speed_rad_per_s + ramp + PATIENCE_S
-        still = 0
-        while still < STILL_READS:
-            time.sleep(POLL_S)
-            self._check_faults()
-            speed = bus.read_all(PRESENT_VELOCITY, self._ids)
-            still = still + 1 if max(abs(v) for v in speed.values()) <= STILL_UNITS else 0
-            if time.monotonic() > deadline:
-                moving = tuple(j for j, s in self._servos.items() if abs(speed[s.servo_id]) > STILL_UNITS)
-                raise NotSettledError(
-                    f"{self.name}: {', '.join(moving) or 'a joint'} still moved long after it should have arrived",
-                    joints=moving,
-                )
-        bus.write_all(BUS_WATCHDOG, dict.fromkeys(self._ids, 0))
-        # A sync write is not answered: what arrived is asked for.
-        kept = bus.read_all(GOAL_POSITION, self._ids)
-        measured = self._measured(bus.read_all(PRESENT_POSITION, self._ids))
-        off = tuple(
-            joint
-            for joint, servo in self._servos.items()
-            if kept[servo.servo_id] != goal[servo.servo_id]
-            or abs(measured[joint] - positions[joint]) > self.config.tolerance_rad
-        )
-        if off:
-            told = ", ".join(f"{j} at {measured[j]:.4f} rad instead of {positions[j]:.4f}" for j in off)
-            raise NotSettledError(
-                f"{self.name}: {told}: blocked, too weak for its torque limit, or the goal was lost",
-                joints=off,
-            )
-        return measured
-
-    def _look(self) -> Look:
-        seen = self._eye()
-        measured: Positions = {}
-        if self._torque:
-            try:
-                self._check_faults()
-                measured = self._measured(self._bus.read_all(PRESENT_POSITION, self._ids))
-            except BaseException as error:
-                self._off(error)
-                raise
-        if isinstance(seen, ImagePoints):
-            return Look(self.commanded, self._now_s(), measured=measured, points=seen)
-        return Look(self.commanded, self._now_s(), measured=measured, picture_bgr=seen)
-
-    def _rest(self) -> None:
-        if self._torque and self.config.rest:
-            try:
-                self._go(self._commanded | dict(self.config.rest))
-                self._commanded |= dict(self.config.rest)
-            except BaseException as error:
-                self._off(error)
-                raise
-        self._off(None)
-
-    def _close(self) -> None:
-        atexit.unregister(self._at_exit)
-        self._bus.close()
-
-    def _at_exit(self) -> None:
-        if self._torque:
-            self._off(None)
-        self._bus.close()
-
-    # Failures.
-
-    def _check_faults(self) -> None:
-        faults = {i: status for i, status in self._bus.read_all(HARDWARE_ERROR, self._ids).items() if status}
-        if faults:
-            told = "; ".join(
-                f"{joint} (servo {s.servo_id}): {fault_words(faults[s.servo_id])}"
-                for joint, s in self._servos.items()
-                if s.servo_id in faults
-            )
-            raise HardwareFaultError(
-                f"{self.name}: {told}; torque is taken off. Let it cool, free it, and reboot it"
-            )
-
-    def _off(self, why: BaseException | None) -> None:
-        """Takes torque off every servo on the line and makes sure of it.
-
-        Raises `LostRobotError` where nobody answers any more; says so beside `why`, which is what is then told.
-        """
-        failed: RobotError | None = None
-        with _deaf_to_ctrl_c():
-            for _ in range(OFF_TRIES):
-                try:
-                    self._bus.write_everywhere(TORQUE_ENABLE, 0)
-                    on = [i for i, value in self._bus.read_all(TORQUE_ENABLE, self._ids).items() if value]
-                    failed = HardwareFaultError(f"{self.name}: servos {on} keep their torque") if on else None
-                    if not on:
-                        break
-                except RobotError as error:
-                    failed = error
-        self._why_off = "it rests" if why is None else f"{type(why).__name__}: {why}"
-        was_on, self._torque = self._torque, False
-        if failed is None or not was_on:
-            return
-        note = (
-            f"{self.name}: torque could not be taken off ({failed}). Servos under way stop by themselves after {WATCHDOG_S:g} s "
-            "and hold with limited torque: switch their power off"
-        )
-        self._why_off = note
-        if why is None:
-            raise LostRobotError(note)
-        if hasattr(why, "add_note"):
-            why.add_note(note)
+        if not isinstance(config, ServoConfig):
+            config = load_config(config, nominal, "dynamixel")
+        super().__init__(nominal, config, DynamixelDrive, eye, name=name)
