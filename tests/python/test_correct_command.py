@@ -82,6 +82,26 @@ def test_bad_input_is_one_clear_line(tmp_path: Path, words: tuple[str, ...], sai
     assert not (tmp_path / "a").exists(), "a folder in the way of the next try"
 
 
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP"])
+def test_a_signal_that_ends_the_program_rests_first(tmp_path: Path, name: str) -> None:
+    out = tmp_path / "stopped"
+    words = ["correct", "own", "--robot-class", "slow_robot:SlowRobot", "--out", str(out), *TARGET]
+    path = os.pathsep.join([str(Path(__file__).parent), os.environ.get("PYTHONPATH", "")])
+    child = subprocess.Popen(
+        [sys.executable, "-c", "from mirror_posture.cli import main; main()", *words, "--gain", "0.3"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=dict(os.environ) | {"PYTHONPATH": path},
+    )
+    assert child.stderr is not None and child.stderr.readline().startswith("look 1")
+    child.send_signal(getattr(signal, name))
+    said, _ = child.communicate(timeout=60)
+    assert child.returncode == 130
+    assert "at rest" in said and f"interrupted: {name}" in said
+    assert len(load_session(out).frames) >= 3
+
+
 def test_ctrl_c_rests_exits_with_130_and_resume_goes_on(tmp_path: Path) -> None:
     out = tmp_path / "stopped"
     program = [sys.executable, "-c", "from mirror_posture.cli import main; main()"]

@@ -40,12 +40,21 @@ def test_the_page_s_robot_by_hand_runs(capsys: pytest.CaptureFixture[str]) -> No
     assert "+17.189°  +0.30000 rad" in capsys.readouterr().out
 
 
-def test_the_page_s_servo_file_is_read(tmp_path: Path) -> None:
+def test_the_page_s_servo_files_are_read(tmp_path: Path) -> None:
     from mirror_posture.robots.servo_config import load_config
 
-    (tmp_path / "servos.toml").write_text(printed("toml", "[bus]"))
+    (tmp_path / "servos.toml").write_text(printed("toml", "[joints.r_elbow]"))
     config = load_config(tmp_path / "servos.toml", Nominal.load())
     assert config.servos[0].joint == "r_elbow" and config.rest == {"r_elbow": 0.0}
+    # What is commented out can be said, too.
+    said = re.sub(r"(?m)^# (?=\w+ = )", "", printed("toml", "[joints.r_elbow]"))
+    (tmp_path / "servos.toml").write_text(said)
+    config = load_config(tmp_path / "servos.toml", Nominal.load())
+    assert config.at_end == "hold" and not config.end_with_parent and config.servos[0].reversed
+    feetech = printed("toml", "torque_share").replace("shoulder_pan", "r_elbow")
+    (tmp_path / "servos.toml").write_text(feetech)
+    config = load_config(tmp_path / "servos.toml", Nominal.load(), "feetech")
+    assert config.servos[0].homing_offset == -85 and config.torque_share == 0.4
 
 
 class Client:

@@ -9,6 +9,7 @@ from typing import Any
 
 from .._core import MirrorPostureError
 from ..robots.errors import NoLookError, RobotError
+from ..robots.interruption import Interrupted, ending_signals
 from ..robots.nominal import detect_look
 from ..robots.protocol import CommandedRobot, Look
 from .observation import Readings, read
@@ -43,8 +44,8 @@ def correct(
     `command_for_posture` gives the first command (by default the posture itself), or way-points to it. `on_look(report)` is called after each
     look, `on_picture(look, number)` after each picture.
 
-    Whatever ends it, the robot is not left in motion: Ctrl-C and errors of the robot bring it to rest and are stops with
-    their evidence, not exceptions. Using the robot as a context, to rest and close it, is the caller's.
+    Whatever ends it, the robot is not left in motion: Ctrl-C, `SIGTERM`, `SIGHUP` and errors of the robot bring it to rest and
+    are stops with their evidence, not exceptions. Using the robot as a context, to rest and close it, is the caller's.
 
     Raises `MirrorPostureError` for input that cannot be meant: an unknown joint or marker, a target outside limits.
     """
@@ -61,7 +62,8 @@ def correct(
         start = way.pop()
     run = _Run(robot, target, options, start, recorder, on_look, on_picture)
     run.way = way
-    return run.go()
+    with ending_signals():
+        return run.go()
 
 
 class _Run:
@@ -122,8 +124,8 @@ class _Run:
             stop = self._stop
             if stop.kind in RETURN_TO_BEST and self.corrector.best_command is not None:
                 self._command(self.target.by_name(self.corrector.best_command))
-        except KeyboardInterrupt:
-            stop = Stop("interrupted", self._at_rest({"message": "Ctrl-C"}))
+        except (KeyboardInterrupt, Interrupted) as signal:
+            stop = Stop("interrupted", self._at_rest({"message": str(signal) or "Ctrl-C"}))
         except RobotError as error:
             evidence = {"message": str(error), "error": type(error).__name__}
             stop = Stop("robot_failed", self._at_rest(evidence))
@@ -143,6 +145,9 @@ class _Run:
             evidence["at_rest"] = True
         except RobotError as error:
             evidence |= {"at_rest": False, "rest_failed": str(error)}
+        if (standing := getattr(self.robot, "standing", None)) is not None:
+            # Robots of servos: what became of the torque, and why.
+            evidence["standing"] = standing.sentence
         return evidence
 
     # What an earlier run has recorded.

@@ -182,7 +182,12 @@ def _budget(e: Mapping[str, Any]) -> str:
 
 
 def _interrupted(e: Mapping[str, Any]) -> str:
-    return f"interrupted: {e.get('message') or 'Ctrl-C'}; everything captured is written, the robot was brought to rest"
+    rest = (
+        "the robot was brought to rest"
+        if e.get("at_rest", True)
+        else f"at rest it is not: {e['rest_failed']}"
+    )
+    return f"interrupted: {e.get('message') or 'Ctrl-C'}; everything captured is written, {rest}"
 
 
 def _failed(e: Mapping[str, Any]) -> str:

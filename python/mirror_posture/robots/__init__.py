@@ -14,6 +14,7 @@ from .errors import (
     RobotError,
     UnsafeCommandError,
 )
+from .interruption import Interrupted, ending_signals
 from .nominal import Nominal, detect_look
 from .protocol import (
     Arrival,
@@ -33,6 +34,7 @@ __all__ = [
     "CommandedRobot",
     "HardwareFaultError",
     "ImagePoints",
+    "Interrupted",
     "JointLimits",
     "Look",
     "LostRobotError",
@@ -47,4 +49,5 @@ __all__ = [
     "UnsafeCommandError",
     "check_command",
     "detect_look",
+    "ending_signals",
 ]

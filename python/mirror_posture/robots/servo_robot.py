@@ -208,12 +208,11 @@ class ServoRobot(RobotBase):
             reading = drive.read()
             self._check_motion(reading)
             there = all(sent[i] == goal[i] == reading.goal[i] for i in goal)
-            if there and all(abs(v) <= drive.still_units for v in reading.speed.values()):
-                still += 1
-                if still >= (STILL_READS if not self._astray(reading, positions) else BLOCKED_READS):
-                    break
-            else:
-                still = 0
+            quiet = all(abs(v) <= drive.still_units for v in reading.speed.values())
+            still = still + 1 if quiet else 0
+            arrived = there and not self._astray(reading, positions)
+            if still >= (STILL_READS if arrived else BLOCKED_READS):
+                break
             if time.monotonic() > deadline:
                 moving = tuple(
                     j for j, s in self._servos.items() if abs(reading.speed[s.servo_id]) > drive.still_units

@@ -16,7 +16,9 @@ ROBOT_GROUP = "mirror_posture.robots"
 """Entry points of this group open robots by name: called with the settings, the nominal session, and what talks to the user."""
 SIMULATED = ("twin", "mujoco")
 """Robots of the distribution mirror-posture-lab."""
-NAMES = (*SIMULATED, "by-hand", "dynamixel")
+SERVOS = {"dynamixel": "DynamixelRobot", "feetech": "FeetechRobot"}
+"""Makes of servos: a module of `robots` each, and its robot."""
+NAMES = (*SIMULATED, "by-hand", *SERVOS)
 
 
 def open_robot(settings: Mapping[str, Any], nominal: Nominal, say: Callable[[str], object]) -> CommandedRobot:
@@ -46,19 +48,20 @@ def open_robot(settings: Mapping[str, Any], nominal: Nominal, say: Callable[[str
         if not folder:
             raise MirrorPostureError("by-hand: needs --inbox FOLDER, where the pictures will be saved")
         return ByHandRobot(nominal, folder, say=say)
-    if name == "dynamixel":
+    if name in SERVOS:
         try:
-            from ...robots.dynamixel import DynamixelRobot
+            made = getattr(importlib.import_module(f"...robots.{name}", __package__), SERVOS[name])
         except ImportError:
             raise MirrorPostureError(
-                "the servos' SDK is not installed; pip install 'mirror-posture[dynamixel]'"
+                f"the servos' SDK is not installed; pip install 'mirror-posture[{name}]'"
             ) from None
 
         if not settings.get("servos"):
             raise MirrorPostureError(
-                "dynamixel: needs --servos FILE (TOML), which says which servo is which joint"
+                f"{name}: needs --servos FILE (TOML), which says which servo is which joint"
             )
-        return DynamixelRobot(nominal, settings["servos"], camera_eye(settings["camera"], nominal))
+        robot = made(nominal, settings["servos"], camera_eye(settings["camera"], nominal))
+        return robot  # type: ignore[no-any-return]
     raise MirrorPostureError(
         f"robot: got {name!r}, needed one of {', '.join(NAMES)}, or --robot-class MODULE:CLASS"
     )

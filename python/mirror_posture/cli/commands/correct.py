@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import signal
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict
@@ -25,7 +24,9 @@ MILLIMETRES = 1000.0
 
 
 def command(
-    robot: Annotated[str, typer.Argument(help="twin, mujoco, by-hand, dynamixel; `own` with --robot-class.")],
+    robot: Annotated[
+        str, typer.Argument(help="twin, mujoco, by-hand, dynamixel, feetech; `own` with --robot-class.")
+    ],
     out: Annotated[
         Path,
         typer.Option(help="Folder that is made: the session, outcome.json, convergence.png, overlay.png."),
@@ -85,8 +86,10 @@ def command(
     ] = 0.5,
     seed: Annotated[int, typer.Option(help="twin, mujoco: seed.", min=0)] = 0,
     inbox: Annotated[Path | None, typer.Option(help="by-hand: the folder where pictures are saved.")] = None,
-    servos: Annotated[Path | None, typer.Option(help="dynamixel: which servo is which joint (TOML).")] = None,
-    camera: Annotated[int, typer.Option(help="dynamixel: number of the camera.", min=0)] = 0,
+    servos: Annotated[
+        Path | None, typer.Option(help="dynamixel, feetech: which servo is which joint (TOML).")
+    ] = None,
+    camera: Annotated[int, typer.Option(help="dynamixel, feetech: number of the camera.", min=0)] = 0,
     robot_class: Annotated[
         str | None, typer.Option(help="A robot of your own, MODULE:CLASS, called with the nominal session.")
     ] = None,
@@ -105,7 +108,7 @@ def command(
     marker lost, inconsistent readings, limit reached, budget spent, each with its evidence.
 
     The folder is a session that grows while it runs: whatever ends it, nothing captured is lost, and `--resume` goes on.
-    Ctrl-C brings the robot to rest. Exit code 0 converged, 3 ended otherwise, 130 stopped with Ctrl-C.
+    Ctrl-C, SIGTERM and SIGHUP bring the robot to rest, and it says what became of the torque. Exit code 0 converged, 3 ended otherwise, 130 stopped with Ctrl-C.
 
     Example: `mirror-posture correct twin --out corrected --joint r_shoulder_pitch=-30,r_shoulder_roll=50,r_elbow=45
     --hide joint_offset@joint:r_elbow:offset_rad=0.06`
@@ -152,7 +155,7 @@ def command(
 
 def _run(output: Output, out: Path, settings: dict[str, Any], resume: bool) -> tuple[Outcome, CorrectOptions]:
     from ...correct import Recorder, correct, make_target
-    from ...robots import Nominal
+    from ...robots import Nominal, ending_signals
     from ._robots import open_robot
 
     recorder = None
@@ -171,7 +174,7 @@ def _run(output: Output, out: Path, settings: dict[str, Any], resume: bool) -> t
         nominal = Nominal.load(settings["session"]) if settings["session"] else Nominal.load()
     options = build_options(settings)
     options.check()
-    with _progress(output) as (say, on_look, on_picture), _terminable():
+    with _progress(output) as (say, on_look, on_picture), ending_signals():
         with open_robot(settings, nominal, say) as machine:
             ahead = _ahead(output, settings, machine, posture)
             if recorder is None:
@@ -189,6 +192,8 @@ def _run(output: Output, out: Path, settings: dict[str, Any], resume: bool) -> t
                 on_look=on_look,
                 on_picture=on_picture,
             )
+        if (standing := getattr(machine, "standing", None)) is not None:
+            output.say(f"{machine.name}: {standing.sentence}")
     return outcome, options
 
 
@@ -248,20 +253,6 @@ def build_options(settings: Mapping[str, Any]) -> CorrectOptions:
         views_a_look=settings["views"],
         view_joints=tuple(tuple(parse_joints([text], "--turn-by").items()) for text in settings["turn_by"]),
     )
-
-
-@contextmanager
-def _terminable() -> Iterator[None]:
-    """A polite kill ends as Ctrl-C does: at rest, with everything written."""
-
-    def stop(number: int, frame: object) -> None:
-        raise KeyboardInterrupt
-
-    before = signal.signal(signal.SIGTERM, stop)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
 
 
 @contextmanager
