@@ -1,21 +1,22 @@
 //! From a recording to a diagnosis: the order in which everything is tried, and what is said of it.
 
-use crate::diagnose::criteria::cross_validation::{PostureGap, held_out, in_sample, size};
+use crate::diagnose::assessment::findings::Findings;
+use crate::diagnose::criteria::cross_validation::{PostureGap, held_out, in_sample, seen_size};
 use crate::diagnose::criteria::lack_of_fit::adequacy;
 use crate::diagnose::data::diagnosis::{Checked, Diagnosis};
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::effects::hypothesis::{Catalogue, Model, Term};
 use crate::diagnose::effects::own::{OwnEffect, own_effects};
 use crate::diagnose::effects::vocabulary;
-use crate::diagnose::likelihood::fit::{Fit, FitOptions, fit};
+use crate::diagnose::likelihood::fit::{FitOptions, fit};
 use crate::diagnose::likelihood::noise;
 use crate::diagnose::model::problem::Problem;
-use crate::diagnose::prepare::row_slip::{self, Slip};
+use crate::diagnose::prepare::false_observations::{MANY_FALSE, without_false};
+use crate::diagnose::prepare::row_slip;
 use crate::diagnose::random_effects::free_form::free_forms;
-use crate::diagnose::random_effects::geometric_tolerances::Geometry;
 use crate::diagnose::selection::alternatives::{Standing, settled};
 use crate::diagnose::selection::nonparametric::{
-    Unexplained, beside_free_forms, elsewhere, is_suspicious, retract_imitators, unexplained,
+    beside_free_forms, elsewhere, is_suspicious, retract_imitators, unexplained,
 };
 use crate::diagnose::selection::pairwise_start::from_a_pair;
 use crate::diagnose::selection::search::{Found, Search, SearchOptions};
@@ -50,21 +51,6 @@ pub struct OtherSession {
     pub own: Vec<OwnEffect>,
 }
 
-/// Everything that was found, before it is put into words.
-pub(crate) struct Findings<'a> {
-    pub search: Search<'a>,
-    pub found: Found,
-    pub geometry: Option<Geometry>,
-    pub slip: Option<Slip>,
-    pub before: Vec<PostureGap>,
-    pub after: Vec<PostureGap>,
-    pub unexplained: Option<Unexplained>,
-    /// How sure each cause is; none for free-form errors.
-    pub standings: Vec<Option<Standing>>,
-    /// Share of the markers' observations that were left out as false.
-    pub false_share: f64,
-}
-
 /// More causes than this at once are rather many small errors.
 const MANY_CAUSES: usize = 4;
 /// A cause must shrink the held-out gap by this share, or it is dropped.
@@ -77,11 +63,6 @@ const LEAST_HELD_OUT_GAIN_BESIDE_GEOMETRY: f64 = 0.02;
 const LAW_REMAINDER: f64 = 0.0064;
 /// A cause beside free-form errors may leave the gap larger by this factor: it may be small beside them.
 const NO_LARGER: f64 = 1.0005;
-/// More false observations than this are worth a word, and a second look.
-pub(crate) const MANY_FALSE: f64 = 0.015;
-/// Observations farther from the best model than this many deviations are false.
-const FALSE_DEVIATIONS: f64 = 6.0;
-
 /// Diagnoses a recording: where the model is wrong, which effect causes it, how far the gap shrinks.
 ///
 /// In order: the noise from the data; slipped rows; the search for causes; where there is reason for doubt, the same with
@@ -159,7 +140,8 @@ pub fn diagnose(
             found.trace.splice(0..0, first);
         }
     }
-    let (mut clean, mut false_share) = without_false(&search, &found)?;
+    let (mut clean, mut false_share) =
+        without_false(&search.problem, &search.deformation(&found.fit.model), found.noise)?;
     let mut fits_noise = adequacy(&clean, &search.deformation(&found.fit.model), search.measured_noise)?;
     let named = search.clone();
     let many_false = false_share > MANY_FALSE;
@@ -171,7 +153,8 @@ pub fn diagnose(
         search = its_search;
         found = its_found;
         retract_imitators(&search, &mut found)?;
-        (clean, false_share) = without_false(&search, &found)?;
+        (clean, false_share) =
+            without_false(&search.problem, &search.deformation(&found.fit.model), found.noise)?;
         fits_noise = adequacy(&clean, &search.deformation(&found.fit.model), search.measured_noise)?;
     }
     let mut geometry = None;
@@ -182,7 +165,8 @@ pub fn diagnose(
             search = beside.search;
             found = beside.found;
         }
-        (clean, false_share) = without_false(&search, &found)?;
+        (clean, false_share) =
+            without_false(&search.problem, &search.deformation(&found.fit.model), found.noise)?;
         fits_noise = adequacy(&clean, &search.deformation(&found.fit.model), search.measured_noise)?;
     }
     // From here on without the observations that the best model shows to be false.
@@ -213,15 +197,6 @@ pub fn diagnose(
     Ok(diagnosis)
 }
 
-/// The problem without the observations that the best model shows to be false, and their share.
-fn without_false(search: &Search<'_>, found: &Found) -> Result<(Problem, f64)> {
-    let clean =
-        search.problem.without_false(&search.deformation(&found.fit.model), found.noise, FALSE_DEVIATIONS)?;
-    let counted = |p: &Problem| p.frames.iter().map(|f| f.others.len()).sum::<usize>() as f64;
-    let share = 1.0 - counted(&clean) / counted(&search.problem).max(1.0);
-    Ok((clean, share))
-}
-
 /// Whether free-form errors only say that the causes found have not quite their textbook laws: they sit at the causes' own
 /// places, and what they take up beyond the causes is a small part of what the causes move.
 fn only_their_laws(
@@ -249,12 +224,6 @@ fn gaps(search: &Search<'_>, nominal: &Model, found: &Found) -> Result<(Vec<Post
     let before = held_out(&search.problem, search.catalogue, &none, nominal, scatter, measured, false)?;
     let after = search.held_out(&found.fit.model, found.noise)?;
     Ok((before, after))
-}
-
-/// Size of a gap in the unit of what was seen: pixels where there are pictures.
-pub(crate) fn seen_size(gaps: &[PostureGap]) -> f64 {
-    let size = size(gaps);
-    size.rms_px.unwrap_or(size.rms_m)
 }
 
 /// Calls causes by the simpler name that they come down to: stiction without a dead band is compliance.
@@ -419,7 +388,11 @@ fn check(findings: &Findings<'_>, other: &OtherSession) -> Result<Checked> {
             Ok((sum / f64::max(count, 1.0)).sqrt())
         };
     let before_m = measure(&problem, &model, &none)?;
-    model.terms = carried_over(&findings.found.fit.model, here, &catalogue, &problem);
+    model.terms = findings
+        .found
+        .fit
+        .model
+        .causes_in((here.catalogue, &here.problem.scene), (&catalogue, &problem.scene));
     let group =
         if here.group.columns.iter().all(|c| problem.has_atom(c.atom)) { here.group.clone() } else { none };
     if group.columns.len() == findings.found.fit.model.group.len() {
@@ -427,28 +400,4 @@ fn check(findings: &Findings<'_>, other: &OtherSession) -> Result<Checked> {
     }
     let after_m = measure(&problem, &model, &group)?;
     Ok(Checked { session: other.name.clone(), before_m, after_m })
-}
-
-/// The causes of a model, in the catalogue of another scene of the same robot.
-pub(crate) fn carried_over(
-    model: &Model,
-    from: &Search<'_>,
-    catalogue: &Catalogue,
-    to: &Problem,
-) -> Vec<Term> {
-    model
-        .terms
-        .iter()
-        .filter_map(|term| {
-            let name = from.catalogue.name(&from.problem.scene, term.hypothesis);
-            let hypothesis =
-                (0..catalogue.hypotheses.len()).find(|&h| catalogue.name(&to.scene, h) == name)?;
-            Some(Term { hypothesis, ..term.clone() })
-        })
-        .collect()
-}
-
-/// A fit of the findings' model, for those who need its covariance anew.
-pub(crate) fn refit(findings: &Findings<'_>) -> Result<Fit> {
-    findings.search.fit(&findings.found.fit.model, findings.found.noise, 6)
 }

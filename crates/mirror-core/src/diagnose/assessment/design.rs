@@ -5,12 +5,12 @@
 //! (T-optimal design: Atkinson and Fedorov 1975). The postures are to be taken in the order given: for play and friction it
 //! matters from which side a joint arrives.
 
+use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::effects::hypothesis::{Catalogue, Model};
 use crate::diagnose::effects::vocabulary;
 use crate::diagnose::model::kinematics::NodePoses;
 use crate::diagnose::model::problem::Problem;
-use crate::diagnose::pipeline::{Findings, carried_over};
 use crate::diagnose::selection::alternatives::Standing;
 use crate::error::Result;
 use crate::robot::Robot;
@@ -125,7 +125,7 @@ fn positions(
     search: &crate::diagnose::selection::search::Search<'_>,
 ) -> Vec<Vec<nalgebra::Vector3<f64>>> {
     let mut here = Model::nominal(problem);
-    here.terms = carried_over(model, search, catalogue, problem);
+    here.terms = model.causes_in((search.catalogue, &search.problem.scene), (catalogue, &problem.scene));
     let deformation = here.deformation(problem, catalogue, &[]);
     let nodes = problem.scene.nodes();
     let mut poses = NodePoses::new(nodes);

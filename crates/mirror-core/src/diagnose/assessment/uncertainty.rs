@@ -8,6 +8,7 @@
 //! is softer there than the straight law that fits best: with s fitted beside c, the value moves by what the two laws differ.
 //! A link does not bend just in its middle: fitted with the bend off it, the value moves as levers do.
 
+use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::assessment::noise_floor::Floor;
 use crate::diagnose::criteria::marker_shift::marker_shift;
 use crate::diagnose::effects::hypothesis::Term;
@@ -16,7 +17,6 @@ use crate::diagnose::likelihood::fit::{Fit, FitOptions, Group, fit};
 use crate::diagnose::likelihood::noise_correlation;
 use crate::diagnose::model::elementary::{Atom, Column, Weight, transverse_moment};
 use crate::diagnose::model::problem::Noise;
-use crate::diagnose::pipeline::Findings;
 use crate::error::Result;
 
 /// Steps of the fit in which all laws have their slack.

@@ -112,3 +112,9 @@ pub(crate) fn size(gaps: &[PostureGap]) -> GapSize {
         rms_px: (pixels > 0.0).then(|| (sum(|g| g.square_sum_px2) / pixels).sqrt()),
     }
 }
+
+/// Size of a gap in the unit of what was seen: pixels where there are pictures.
+pub(crate) fn seen_size(gaps: &[PostureGap]) -> f64 {
+    let size = size(gaps);
+    size.rms_px.unwrap_or(size.rms_m)
+}

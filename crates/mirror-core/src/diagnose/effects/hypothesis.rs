@@ -191,4 +191,19 @@ impl Model {
         }
         deformation
     }
+
+    /// The causes of this model in the catalogue of another scene of the same robot, by their names; those that it lacks are
+    /// left out.
+    pub fn causes_in(
+        &self,
+        (catalogue, scene): (&Catalogue, &Scene),
+        (other, other_scene): (&Catalogue, &Scene),
+    ) -> Vec<Term> {
+        let find = |term: &Term| {
+            let name = catalogue.name(scene, term.hypothesis);
+            let hypothesis = (0..other.hypotheses.len()).find(|&h| other.name(other_scene, h) == name)?;
+            Some(Term { hypothesis, ..term.clone() })
+        };
+        self.terms.iter().filter_map(find).collect()
+    }
 }

@@ -1,6 +1,6 @@
 //! What all effects together do to the nominal model: the one thing that the exact forward model reads.
 
-use crate::diagnose::model::free_optics::FreeValues;
+use crate::diagnose::model::free_values::FreeValues;
 use nalgebra::{Vector2, Vector3, Vector6};
 
 /// The difference between the nominal and the actual robot, camera, board and mirror. Zero is the nominal model.

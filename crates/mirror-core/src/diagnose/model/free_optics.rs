@@ -7,20 +7,11 @@
 //! * Mirror: astigmatism, heights `½ κ_a (x² − y²) + κ_b x y` over its plane. The seen point shifts sideways by `2 h ∇`, h the
 //!   distance of the point from the mirror and ∇ the height's gradient where the ray meets it.
 
-use crate::diagnose::model::problem::{Eye, Problem};
-use nalgebra::{Matrix2x3, SMatrix, SVector, Vector2, Vector3};
+use crate::diagnose::model::camera_and_mirror::Eye;
+use crate::diagnose::model::free_values::{ASTIGMATISM, BOARD_SHAPE, FREE_OPTICS, MONOMIALS};
+use crate::diagnose::model::problem::Problem;
+use nalgebra::{Matrix2x3, SMatrix, Vector2, Vector3};
 
-/// Monomials of the image's warp in each of u and v.
-const MONOMIALS: usize = 9;
-/// Numbers of the lens' warp, of the board's shape and of the mirror's astigmatism.
-pub(crate) const WARP: core::ops::Range<usize> = 0..2 * MONOMIALS;
-pub(crate) const BOARD_SHAPE: core::ops::Range<usize> = WARP.end..WARP.end + 5;
-pub(crate) const ASTIGMATISM: core::ops::Range<usize> = BOARD_SHAPE.end..BOARD_SHAPE.end + 2;
-/// All of them.
-pub(crate) const FREE_OPTICS: usize = ASTIGMATISM.end;
-
-/// Values of all free-form errors of the optics.
-pub(crate) type FreeValues = SVector<f64, FREE_OPTICS>;
 /// How a pixel moves with each of them, px.
 pub(crate) type FreeColumns = SMatrix<f64, 2, FREE_OPTICS>;
 

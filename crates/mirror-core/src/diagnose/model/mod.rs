@@ -1,12 +1,15 @@
 //! The forward model: from a posture and a deformation to pixels, with derivatives.
 
 pub(super) mod body;
+pub(super) mod camera_and_mirror;
 pub(super) mod deformation;
 pub(super) mod elementary;
 pub(super) mod frame;
 pub(super) mod free_optics;
+pub(super) mod free_values;
 pub(super) mod kinematics;
 pub(super) mod pose;
 pub(super) mod problem;
 pub(super) mod robust;
 pub(super) mod scene;
+pub(super) mod start;

@@ -1,20 +1,17 @@
 //! The recording arranged for estimation: sites, observations frame by frame, noise, and each frame's board.
 
-use crate::camera::{Camera, Distortion};
+use crate::camera::Camera;
 use crate::diagnose::data::recording::{PointsFrame, Recording, Target, Via};
 use crate::diagnose::model::body::Site;
 use crate::diagnose::model::deformation::Deformation;
-use crate::diagnose::model::frame::{FrameWork, Task};
-use crate::diagnose::model::free_optics::FreeValues;
-use crate::diagnose::model::kinematics::NodePoses;
+use crate::diagnose::model::elementary::Atom;
 use crate::diagnose::model::pose::Pose;
 use crate::diagnose::model::scene::Scene;
 use crate::error::Result;
 use crate::geometry::Plane;
-use crate::mirror::{Curvature, GlassPane, MirrorOptics, Sphere};
+use crate::mirror::Sphere;
 use crate::robot::Robot;
-use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector2, Vector3, Vector6};
-use rayon::prelude::*;
+use nalgebra::{Matrix3, Vector2, Vector3};
 
 /// Frames that are worked on together: a fixed number, so that sums do not depend on the number of cores.
 pub(crate) const FRAMES_A_CHUNK: usize = 32;
@@ -87,25 +84,13 @@ pub(crate) struct Problem {
     pub between_camera_and_board: Vec<usize>,
 }
 
-/// The camera and the mirror of a deformation.
-#[derive(Debug, Clone)]
-pub(crate) struct Eye {
-    pub camera: Camera,
-    pub mirror: MirrorOptics,
-    pub camera_from_mount: Pose,
-    /// `Exp(ω)ᵀ`-related pieces of the mount's derivative.
-    pub mount_jacobian: Matrix3<f64>,
-    pub nominal_focal: Vector2<f64>,
-    /// Free-form errors of lens, board and mirror, where there are any.
-    pub free: Option<FreeValues>,
-}
-
 impl Problem {
-    /// Arranges a validated recording.
+    /// A validated recording arranged, before anything is estimated: no frame's mirror is known yet, and the unknown frame of
+    /// measured points lies on the root ([`Problem::new`] finds both).
     ///
     /// # Errors
-    /// Unknown links; a mirror that no frame's board shows.
-    pub fn new(robot: &Robot, recording: &Recording) -> Result<Self> {
+    /// Unknown links.
+    pub(super) fn arranged(robot: &Robot, recording: &Recording) -> Result<Self> {
         let mut scene = Scene::new(robot, recording)?;
         let site = |link: &str| -> Result<(usize, Site)> {
             let index = robot.link_index(link)?;
@@ -175,7 +160,7 @@ impl Problem {
             })
             .collect();
         let pixel_std = recording.pixel_std_px.unwrap_or(0.25);
-        let mut problem = Self {
+        Ok(Self {
             frames,
             posture: recording.frames.iter().map(|f| f.posture).collect(),
             frame_numbers: recording.frames.iter().map(|f| f.number).collect(),
@@ -189,7 +174,7 @@ impl Problem {
             camera: sight.map(|s| s.camera.clone()),
             refractive_index: sight.map_or(1.52, |s| s.refractive_index),
             points_site,
-            unknown_frame: None,
+            unknown_frame: unknown.then(Pose::identity),
             noise: Noise {
                 corner_px: pixel_std,
                 marker_px: pixel_std,
@@ -198,127 +183,12 @@ impl Problem {
             boards: Vec::new(),
             between_camera_and_board,
             scene,
-        };
-        if unknown {
-            problem.unknown_frame = Some(problem.start_of_unknown_frame());
-        }
-        problem.fit_boards()?;
-        Ok(problem)
+        })
     }
 
     /// The nominal deformation of this recording.
     pub fn nominal(&self) -> Deformation {
         Deformation::nominal(self.scene.frames, self.scene.nodes(), self.marker_sites.len())
-    }
-
-    /// Fits each frame's mirror to its board with nominal optics.
-    fn fit_boards(&mut self) -> Result<()> {
-        let nominal = self.nominal();
-        let eye = self.eye(&nominal)?;
-        let fits: Vec<Option<BoardFit>> = (0..self.frames.len())
-            .into_par_iter()
-            .with_min_len(FRAMES_A_CHUNK)
-            .map_init(
-                || FrameWork::new(self),
-                |work, frame| work.fit_board(self, &nominal, eye.as_ref(), frame, None),
-            )
-            .collect();
-        self.boards = fits;
-        Ok(())
-    }
-
-    /// Camera and mirror of a deformation; none where the session has no camera.
-    ///
-    /// # Errors
-    /// A camera or a mirror that cannot be (a focal length below zero, say).
-    pub fn eye(&self, deformation: &Deformation) -> Result<Option<Eye>> {
-        self.eye_as(deformation, deformation.camera_mount, deformation.focal_scale_error)
-    }
-
-    /// Camera and mirror in one frame, where they vary.
-    ///
-    /// # Errors
-    /// As [`Problem::eye`].
-    pub fn eye_in(&self, deformation: &Deformation, frame: usize) -> Result<Option<Eye>> {
-        self.eye_as(deformation, deformation.camera_mount_in(frame), deformation.focal_scale_error_in(frame))
-    }
-
-    fn eye_as(
-        &self,
-        deformation: &Deformation,
-        mount: Vector6<f64>,
-        focal_scale_error: f64,
-    ) -> Result<Option<Eye>> {
-        let Some(nominal) = &self.camera else { return Ok(None) };
-        let camera = if deformation.optics_differ() {
-            let mut k = nominal.distortion().coefficients();
-            k[0] += deformation.dk1;
-            let lens = match nominal.distortion() {
-                Distortion::RationalPolynomial(_) => Distortion::RationalPolynomial(k),
-                _ => Distortion::PlumbBob([k[0], k[1], k[2], k[3], k[4]]),
-            };
-            Camera::new(
-                nominal.size_px(),
-                nominal.focal_px() * (1.0 + focal_scale_error),
-                nominal.center_px() + deformation.center_px,
-                lens,
-            )?
-        } else {
-            nominal.clone()
-        };
-        let thickness = (self.scene.glass_thickness_m + deformation.glass_thickness_m).max(0.0);
-        let mirror = MirrorOptics {
-            pane: GlassPane::new(thickness, self.refractive_index)?,
-            curvature: Curvature::new(deformation.curvature_per_m)?,
-        };
-        let omega = mount.fixed_rows::<3>(0).into_owned();
-        let shift = mount.fixed_rows::<3>(3).into_owned();
-        // real camera = nominal ∘ (Exp ω, v): p_real = Exp(ω)ᵀ (p_nominal − v).
-        let mount = Pose { r: crate::diagnose::model::pose::exp(&omega), t: shift };
-        Ok(Some(Eye {
-            camera,
-            mirror,
-            camera_from_mount: mount.inverse(),
-            mount_jacobian: crate::geometry::rotation::right_jacobian(&omega),
-            nominal_focal: nominal.focal_px(),
-            free: (deformation.free_optics != FreeValues::zeros()).then_some(deformation.free_optics),
-        }))
-    }
-
-    /// Pose of the root in the unknown frame that fits the nominal model best (Umeyama 1991, without scale).
-    fn start_of_unknown_frame(&self) -> Pose {
-        let nominal = self.nominal();
-        let nodes = self.scene.nodes();
-        let mut poses = NodePoses::new(nodes);
-        let (mut pairs, mut mean_a, mut mean_b) = (Vec::new(), Vector3::zeros(), Vector3::zeros());
-        for (f, data) in self.frames.iter().enumerate() {
-            poses.update(&self.scene.body, &self.scene.commanded[f * nodes..(f + 1) * nodes], &nominal, f);
-            let root = poses.site(&self.scene.body.root);
-            for observation in &data.others {
-                if let Observation::Point { marker, position } = observation {
-                    let in_root = root.inverse_point(&poses.site(&self.marker_sites[*marker]).t);
-                    mean_a += position;
-                    mean_b += in_root;
-                    pairs.push((*position, in_root));
-                }
-            }
-        }
-        let count = pairs.len().max(1) as f64;
-        mean_a /= count;
-        mean_b /= count;
-        let covariance: Matrix3<f64> =
-            pairs.iter().map(|(a, b)| (a - mean_a) * (b - mean_b).transpose()).sum();
-        let svd = covariance.svd(true, true);
-        let rotation = match (svd.u, svd.v_t) {
-            (Some(u), Some(v_t)) => {
-                let sign = (u * v_t).determinant().signum();
-                u * Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, sign)) * v_t
-            }
-            _ => Matrix3::identity(),
-        };
-        let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rotation));
-        let translation = Translation3::from(mean_a - rotation * mean_b);
-        Pose::from(&Isometry3::from_parts(translation, rotation))
     }
 
     /// Whether a deformation changes how the board's corners are seen: its optics, or a joint between camera and board.
@@ -354,44 +224,8 @@ impl Problem {
         }
     }
 
-    /// This problem without the observations that a model shows to be false: farther off than `deviations` of the noise.
-    ///
-    /// # Errors
-    /// A camera or mirror that cannot be.
-    pub fn without_false(&self, deformation: &Deformation, noise: Noise, deviations: f64) -> Result<Self> {
-        let eye = self.eye(deformation)?;
-        let task = Task { gaussian: false, ..Task::of_residuals(self, deformation, eye.as_ref(), noise) };
-        let mut out = self.clone();
-        let mut work = FrameWork::new(self);
-        for (f, data) in out.frames.iter_mut().enumerate() {
-            if !work.evaluate(self, &task, f) {
-                continue;
-            }
-            let mut residuals = Vec::new();
-            work.raw_residuals(|marker, measured, r| residuals.push((marker, measured, r.norm())));
-            let mut at = 0;
-            data.others.retain(|observation| {
-                let (marker, std) = match observation {
-                    Observation::Pixel { seen: Seen::Marker(m), .. } => (*m, noise.marker_px),
-                    Observation::Point { marker, .. } => (*marker, noise.point_m),
-                    Observation::Pixel { .. } => return true,
-                };
-                match residuals.get(at) {
-                    Some((Some(m), _, size)) if *m == marker => {
-                        at += 1;
-                        *size <= deviations * std
-                    }
-                    // Not predicted at all: as false as can be.
-                    _ => false,
-                }
-            });
-        }
-        Ok(out)
-    }
-
     /// Whether an atom's node or marker exists here.
-    pub fn has_atom(&self, atom: crate::diagnose::model::elementary::Atom) -> bool {
-        use crate::diagnose::model::elementary::Atom;
+    pub fn has_atom(&self, atom: Atom) -> bool {
         match atom {
             Atom::Joint(n)
             | Atom::Tilt(n, _)

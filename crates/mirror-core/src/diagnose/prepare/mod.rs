@@ -1,3 +1,4 @@
 //! Before anything is explained: what in the data is not to be used.
 
+pub(super) mod false_observations;
 pub(super) mod row_slip;

@@ -14,7 +14,7 @@
 use crate::diagnose::effects::{Effect, LawFreedom, Place};
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
-use crate::diagnose::model::free_optics::{ASTIGMATISM, BOARD_SHAPE, WARP};
+use crate::diagnose::model::free_values::{ASTIGMATISM, BOARD_SHAPE, WARP};
 use crate::diagnose::model::scene::Scene;
 use nalgebra::Vector3;
 

@@ -1,8 +1,10 @@
 //! Findings put into words: verdict, causes with probabilities, where the gap lies, before and after.
 
+use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::assessment::gap_closed::gap_over;
 use crate::diagnose::assessment::noise_floor::Floor;
 use crate::diagnose::assessment::uncertainty::{Deviations, deviations};
+use crate::diagnose::criteria::cross_validation::seen_size;
 use crate::diagnose::criteria::marker_shift::marker_shift;
 use crate::diagnose::data::diagnosis::{
     Alternative, Cause, Checked, Diagnosis, Estimate, Ranked, Signature, SignaturePoint, Where,
@@ -11,7 +13,7 @@ use crate::diagnose::data::recording::Recording;
 use crate::diagnose::effects::Place;
 use crate::diagnose::likelihood::score_test::Score;
 use crate::diagnose::model::elementary::Atom;
-use crate::diagnose::pipeline::{Findings, MANY_FALSE, refit, seen_size};
+use crate::diagnose::prepare::false_observations::MANY_FALSE;
 use crate::diagnose::prepare::row_slip::WHOLE_FRAME_STD;
 use crate::diagnose::report::sentence::sentence;
 use crate::diagnose::report::signature::free_errors;
@@ -38,7 +40,7 @@ pub(crate) fn diagnosis(
     ranking: &[Score],
     checked: Vec<Checked>,
 ) -> Result<Diagnosis> {
-    findings.found.fit = refit(findings)?;
+    findings.found.fit = findings.refit()?;
     let standings = core::mem::take(&mut findings.standings);
     let floor = Floor::new(&findings.search, &findings.found.fit, findings.unexplained.is_none())?;
     let deviations = deviations(findings, &floor)?;

@@ -4,13 +4,13 @@
 //! A track tells for each posture what a component alone would have to be there: the fitted value and what the posture's own
 //! residual adds to it, `δ_k = fitted_k + ⟨x_k, r⟩ / ⟨x_k, x_k⟩`, all else as the model has it (a partial residual plot).
 
+use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::data::diagnosis::{Cause, Field, Track, TrackAxis, TrackPoint};
 use crate::diagnose::effects::Place;
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::{Atom, Weight};
 use crate::diagnose::model::scene::Scene;
-use crate::diagnose::pipeline::Findings;
 use crate::diagnose::report::fields::{Over, field};
 use crate::diagnose::report::signature::free_errors_of;
 use crate::error::Result;

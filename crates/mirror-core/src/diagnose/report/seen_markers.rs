@@ -1,11 +1,11 @@
 //! Where the markers are, posture by posture: measured, as the nominal model has them, and with the causes. For drawing.
 
+use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::data::diagnosis::SeenMarker;
 use crate::diagnose::effects::hypothesis::Model;
 use crate::diagnose::likelihood::saturated::free_markers;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::kinematics::NodePoses;
-use crate::diagnose::pipeline::Findings;
 use crate::error::Result;
 use std::collections::HashMap;
 

@@ -1,9 +1,9 @@
 //! How sure a cause is: its rivals, each fitted in its place, and their probabilities.
 
 use crate::diagnose::criteria::cross_validation::PostureGap;
+use crate::diagnose::criteria::cross_validation::seen_size;
 use crate::diagnose::effects::hypothesis::Model;
 use crate::diagnose::likelihood::fit::Fit;
-use crate::diagnose::pipeline::seen_size;
 use crate::diagnose::selection::search::{Found, Search, SearchOptions};
 use crate::error::Result;
 

@@ -1,5 +1,6 @@
 //! The search for causes beside many small errors: a real robot has both, and neither may hide or pass for the other.
 
+use crate::diagnose::criteria::cross_validation::seen_size;
 use crate::diagnose::criteria::marker_shift::marker_shift;
 use crate::diagnose::effects::hypothesis::{Model, Term};
 use crate::diagnose::likelihood::fit::{FitOptions, fit};
@@ -108,9 +109,8 @@ pub(crate) fn beside_geometry<'a>(
         geometry.spread_rad * 1e3
     );
     if places(its_search, alone) >= PIECES {
-        let with = crate::diagnose::pipeline::seen_size(&search.held_out(&found.fit.model, found.noise)?);
-        let without =
-            crate::diagnose::pipeline::seen_size(&its_search.held_out(&alone.fit.model, alone.noise)?);
+        let with = seen_size(&search.held_out(&found.fit.model, found.noise)?);
+        let without = seen_size(&its_search.held_out(&alone.fit.model, alone.noise)?);
         better = with < LEAST_HELD_OUT_RATIO * without;
         told += &format!(", held-out gap {:.3} of that without", with / without.max(1e-30));
     }

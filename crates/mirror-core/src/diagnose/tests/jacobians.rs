@@ -7,7 +7,7 @@ use crate::diagnose::likelihood::normal_equations::inner;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::{Atom, Column};
 use crate::diagnose::model::frame::{FrameWork, PROJECTED, Task, Wanted};
-use crate::diagnose::model::free_optics::FREE_OPTICS;
+use crate::diagnose::model::free_values::FREE_OPTICS;
 use crate::diagnose::model::problem::Problem;
 use crate::robot::Robot;
 use nalgebra::{DMatrix, DVector, Vector3};

@@ -1,6 +1,11 @@
 //! The columns of a frame: how its rows move with an elementary change of the model.
 
-use super::*;
+use super::work::{FrameWork, PROJECTED, Rows};
+use crate::diagnose::model::deformation::Deformation;
+use crate::diagnose::model::elementary::{Atom, body_twist, moves};
+use crate::diagnose::model::free_values::FREE_OPTICS;
+use crate::diagnose::model::problem::Problem;
+use nalgebra::Vector3;
 
 /// The rows of a column that are not 0, from `start` to before `end`.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]

@@ -1,6 +1,9 @@
 //! Corners and markers of an evaluated frame, in the picture: what is left of each.
 
-use super::*;
+use super::work::FrameWork;
+use crate::diagnose::data::recording::Via;
+use crate::diagnose::model::problem::{Observation, Problem, Seen};
+use nalgebra::{Matrix2x3, Vector2};
 
 /// A corner of the board, seen in the mirror.
 #[derive(Debug, Clone, Copy)]

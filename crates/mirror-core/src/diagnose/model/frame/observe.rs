@@ -1,8 +1,17 @@
 //! The rows of a frame: every observation predicted, whitened, weighted.
 
+use super::sight::Wanted;
 use super::sight::sight_of;
-use super::*;
-use crate::diagnose::model::free_optics::board_columns;
+use super::work::{FrameWork, OpticsColumns, Rows, Task};
+use crate::diagnose::data::recording::Via;
+use crate::diagnose::model::body::NodeId;
+use crate::diagnose::model::camera_and_mirror::Eye;
+use crate::diagnose::model::free_optics::{board_columns, corner_point};
+use crate::diagnose::model::pose::Pose;
+use crate::diagnose::model::problem::{FrameData, Observation, Problem, Seen};
+use crate::diagnose::model::robust::{Mixture, Robust};
+use crate::geometry::Reflection;
+use nalgebra::{Matrix3, Point3, Vector2, Vector3};
 
 #[derive(Clone, Copy)]
 pub(super) struct Corner {
@@ -22,12 +31,7 @@ fn pixel_mixture(eye: &Eye, std: f64) -> Mixture {
 }
 
 impl FrameWork {
-    pub(super) fn observe_board(
-        &mut self,
-        problem: &Problem,
-        task: &Task<'_>,
-        data: &crate::diagnose::model::problem::FrameData,
-    ) {
+    pub(super) fn observe_board(&mut self, problem: &Problem, task: &Task<'_>, data: &FrameData) {
         let (Some(eye), Some(board)) = (task.eye, problem.board) else { return };
         let camera_from_world = self.camera_from_world(problem, eye);
         let world_from_board = self.poses.site(&board);
@@ -50,13 +54,7 @@ impl FrameWork {
         }
     }
 
-    pub(super) fn observe(
-        &mut self,
-        problem: &Problem,
-        task: &Task<'_>,
-        data: &crate::diagnose::model::problem::FrameData,
-        full: bool,
-    ) {
+    pub(super) fn observe(&mut self, problem: &Problem, task: &Task<'_>, data: &FrameData, full: bool) {
         for observation in &data.others {
             match observation {
                 Observation::Pixel { seen, via, pixel } => {

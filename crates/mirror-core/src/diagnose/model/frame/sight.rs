@@ -1,9 +1,14 @@
 //! How an image point depends on where the point is, on the mirror's plane and on the lens.
 
-use super::*;
-use crate::diagnose::model::elementary::Column;
-use crate::diagnose::model::free_optics::SeenPoint;
+use crate::diagnose::data::recording::Via;
+use crate::diagnose::model::camera_and_mirror::Eye;
+use crate::diagnose::model::elementary::{Atom, Column};
+use crate::diagnose::model::free_optics::{FreeColumns, SeenPoint};
+use crate::diagnose::model::pose::Pose;
+use crate::diagnose::model::problem::Problem;
 use crate::mirror::ApparentPoint;
+use crate::mirror::MirrorOptics;
+use nalgebra::{Matrix2x3, Matrix3, Point3, SMatrix, Vector2, Vector3};
 
 /// Which columns of the optics will be read: the others are not computed.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]

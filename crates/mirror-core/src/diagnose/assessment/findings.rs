@@ -1,0 +1,35 @@
+//! Everything that was found, before it is put into words.
+
+use crate::diagnose::criteria::cross_validation::PostureGap;
+use crate::diagnose::likelihood::fit::Fit;
+use crate::diagnose::prepare::row_slip::Slip;
+use crate::diagnose::random_effects::geometric_tolerances::Geometry;
+use crate::diagnose::selection::alternatives::Standing;
+use crate::diagnose::selection::nonparametric::Unexplained;
+use crate::diagnose::selection::search::{Found, Search};
+use crate::error::Result;
+
+/// Everything that was found, before it is put into words.
+pub(crate) struct Findings<'a> {
+    pub search: Search<'a>,
+    pub found: Found,
+    pub geometry: Option<Geometry>,
+    pub slip: Option<Slip>,
+    pub before: Vec<PostureGap>,
+    pub after: Vec<PostureGap>,
+    pub unexplained: Option<Unexplained>,
+    /// How sure each cause is; none for free-form errors.
+    pub standings: Vec<Option<Standing>>,
+    /// Share of the markers' observations that were left out as false.
+    pub false_share: f64,
+}
+
+impl Findings<'_> {
+    /// A fit of the findings' model, for those who need its covariance anew.
+    ///
+    /// # Errors
+    /// A camera or mirror that cannot be.
+    pub fn refit(&self) -> Result<Fit> {
+        self.search.fit(&self.found.fit.model, self.found.noise, 6)
+    }
+}

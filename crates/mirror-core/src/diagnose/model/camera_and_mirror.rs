@@ -1,0 +1,83 @@
+//! The camera and the mirror of a deformation.
+
+use crate::camera::{Camera, Distortion};
+use crate::diagnose::model::deformation::Deformation;
+use crate::diagnose::model::free_values::FreeValues;
+use crate::diagnose::model::pose::{self, Pose};
+use crate::diagnose::model::problem::Problem;
+use crate::error::Result;
+use crate::mirror::{Curvature, GlassPane, MirrorOptics};
+use nalgebra::{Matrix3, Vector2, Vector6};
+
+/// The camera and the mirror of a deformation.
+#[derive(Debug, Clone)]
+pub(crate) struct Eye {
+    pub camera: Camera,
+    pub mirror: MirrorOptics,
+    pub camera_from_mount: Pose,
+    /// `Exp(ω)ᵀ`-related pieces of the mount's derivative.
+    pub mount_jacobian: Matrix3<f64>,
+    pub nominal_focal: Vector2<f64>,
+    /// Free-form errors of lens, board and mirror, where there are any.
+    pub free: Option<FreeValues>,
+}
+
+impl Problem {
+    /// Camera and mirror of a deformation; none where the session has no camera.
+    ///
+    /// # Errors
+    /// A camera or a mirror that cannot be (a focal length below zero, say).
+    pub fn eye(&self, deformation: &Deformation) -> Result<Option<Eye>> {
+        self.eye_as(deformation, deformation.camera_mount, deformation.focal_scale_error)
+    }
+
+    /// Camera and mirror in one frame, where they vary.
+    ///
+    /// # Errors
+    /// As [`Problem::eye`].
+    pub fn eye_in(&self, deformation: &Deformation, frame: usize) -> Result<Option<Eye>> {
+        self.eye_as(deformation, deformation.camera_mount_in(frame), deformation.focal_scale_error_in(frame))
+    }
+
+    fn eye_as(
+        &self,
+        deformation: &Deformation,
+        mount: Vector6<f64>,
+        focal_scale_error: f64,
+    ) -> Result<Option<Eye>> {
+        let Some(nominal) = &self.camera else { return Ok(None) };
+        let camera = if deformation.optics_differ() {
+            let mut k = nominal.distortion().coefficients();
+            k[0] += deformation.dk1;
+            let lens = match nominal.distortion() {
+                Distortion::RationalPolynomial(_) => Distortion::RationalPolynomial(k),
+                _ => Distortion::PlumbBob([k[0], k[1], k[2], k[3], k[4]]),
+            };
+            Camera::new(
+                nominal.size_px(),
+                nominal.focal_px() * (1.0 + focal_scale_error),
+                nominal.center_px() + deformation.center_px,
+                lens,
+            )?
+        } else {
+            nominal.clone()
+        };
+        let thickness = (self.scene.glass_thickness_m + deformation.glass_thickness_m).max(0.0);
+        let mirror = MirrorOptics {
+            pane: GlassPane::new(thickness, self.refractive_index)?,
+            curvature: Curvature::new(deformation.curvature_per_m)?,
+        };
+        let omega = mount.fixed_rows::<3>(0).into_owned();
+        let shift = mount.fixed_rows::<3>(3).into_owned();
+        // real camera = nominal ∘ (Exp ω, v): p_real = Exp(ω)ᵀ (p_nominal − v).
+        let mount = Pose { r: pose::exp(&omega), t: shift };
+        Ok(Some(Eye {
+            camera,
+            mirror,
+            camera_from_mount: mount.inverse(),
+            mount_jacobian: crate::geometry::rotation::right_jacobian(&omega),
+            nominal_focal: nominal.focal_px(),
+            free: (deformation.free_optics != FreeValues::zeros()).then_some(deformation.free_optics),
+        }))
+    }
+}

@@ -1,0 +1,15 @@
+//! Numbers of the free-form errors of lens, board and mirror, and where each stands ([`super::free_optics`] has their equations).
+
+use nalgebra::SVector;
+
+/// Monomials of the image's warp in each of u and v.
+pub(crate) const MONOMIALS: usize = 9;
+/// Numbers of the lens' warp, of the board's shape and of the mirror's astigmatism.
+pub(crate) const WARP: core::ops::Range<usize> = 0..2 * MONOMIALS;
+pub(crate) const BOARD_SHAPE: core::ops::Range<usize> = WARP.end..WARP.end + 5;
+pub(crate) const ASTIGMATISM: core::ops::Range<usize> = BOARD_SHAPE.end..BOARD_SHAPE.end + 2;
+/// All of them.
+pub(crate) const FREE_OPTICS: usize = ASTIGMATISM.end;
+
+/// Values of all free-form errors of the optics.
+pub(crate) type FreeValues = SVector<f64, FREE_OPTICS>;
