@@ -1,6 +1,7 @@
 //! An isometry that turns handedness, reflection or not.
 
-use super::{Plane, Reflection};
+use super::plane::Plane;
+use super::reflection::Reflection;
 use crate::error::{Error, Result};
 use nalgebra::{Isometry3, Matrix3, Matrix4, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
@@ -123,5 +124,12 @@ impl ImproperIsometry {
         let normal: Vector3<f64> = eigen.eigenvectors.column(smallest).into_owned();
         let plane = Plane::new(normal, normal.dot(&self.translation) / 2.0)?;
         Ok(Reflection::across(plane.facing_away_from_origin()))
+    }
+}
+
+impl Reflection {
+    /// This reflection as a general orientation-reversing isometry.
+    pub fn to_improper(&self) -> ImproperIsometry {
+        ImproperIsometry::new_unchecked(self.linear(), self.translation())
     }
 }

@@ -1,6 +1,7 @@
 //! Reflection across a plane: a type of its own, that can't be mistaken for a rigid motion.
 
-use super::{ImproperIsometry, Plane, Ray};
+use super::plane::Plane;
+use super::ray::Ray;
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, Unit, UnitQuaternion, Vector3};
 
 /// The reflection across a plane, `x ↦ H x + 2 d n` with `H = I − 2 n nᵀ` (det H = −1, H² = I).
@@ -63,10 +64,5 @@ impl Reflection {
     /// The same reflection in frame a, of a reflection given in frame b: conjugation by `a_from_b`.
     pub fn transformed(&self, a_from_b: &Isometry3<f64>) -> Self {
         Self { plane: self.plane.transformed(a_from_b) }
-    }
-
-    /// This reflection as a general orientation-reversing isometry.
-    pub fn to_improper(&self) -> ImproperIsometry {
-        ImproperIsometry::new_unchecked(self.linear(), self.translation())
     }
 }

@@ -1,9 +1,10 @@
 //! Many views at once, on all cores.
 
 use super::board::{Board, BoardView, DetectedCorner};
-use super::estimate::{MirrorEstimate, MirrorEstimator, Rig};
+use super::estimate::{MirrorEstimate, MirrorEstimator};
 use super::options::EstimatorOptions;
 use super::planar::{PlanarPose, planar_pose};
+use super::rig::Rig;
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 use nalgebra::Vector2;

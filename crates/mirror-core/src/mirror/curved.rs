@@ -1,6 +1,6 @@
 //! A slightly spherical mirror: what a flat one becomes when its frame bends it.
 
-use super::optics::{AxialDepth, IncidentRay};
+use super::axial::{AxialDepth, IncidentRay};
 use crate::error::{Error, Result, finite};
 use crate::geometry::{Plane, Ray};
 use nalgebra::{Point3, Unit, Vector3};

@@ -1,6 +1,6 @@
 //! A pane of glass silvered at its back: refracted in, reflected, refracted out.
 
-use super::optics::{AxialDepth, IncidentRay};
+use super::axial::{AxialDepth, IncidentRay};
 use crate::error::{Error, Result, finite};
 use crate::geometry::{Plane, Ray, Reflection};
 use nalgebra::{Unit, Vector3};

@@ -4,11 +4,13 @@
 //! A mirror is a [`crate::geometry::Plane`] in the camera frame with its normal away from the camera; its three
 //! parameters are the foot point `f = d n` (m), its covariance is 3×3 in m².
 
+mod axial;
 mod batch;
 mod board;
 mod corner_fit;
 mod curved;
 mod estimate;
+mod estimators;
 mod glass;
 mod least_squares;
 mod likelihood;
@@ -19,19 +21,21 @@ mod planar;
 mod planar_start;
 mod point_pair;
 mod pose_map;
+mod rig;
 mod sphere;
 mod virtual_camera;
 
 pub use batch::{estimate_rows, planar_pose_rows, view_from_row};
 pub use board::{Board, BoardView, DetectedCorner, FEWEST_CORNERS, SeenCorner};
 pub use curved::Curvature;
-pub use estimate::{MirrorEstimate, MirrorEstimator, Rig};
+pub use estimate::{MirrorEstimate, MirrorEstimator};
 pub use glass::GlassPane;
 pub use loss::Loss;
 pub use optics::{ApparentPoint, MirrorOptics, SeenPixel};
 pub use options::EstimatorOptions;
 pub use planar::{AlternativePose, PlanarPose, planar_pose};
 pub use point_pair::{PointPairPlane, point_pair_plane};
+pub use rig::Rig;
 pub use sphere::{Sphere, SphereProjection};
 pub use virtual_camera::{
     ImproperEstimate, RayJacobians, VirtualCamera, VirtualRay, virtual_ray, virtual_ray_with_jacobians,

@@ -1,13 +1,12 @@
 //! The forward optics of a mirror: where the camera sees a point in it, with all Jacobians.
 
-use super::{Curvature, GlassPane};
+use super::axial::{AxialDepth, IncidentRay};
+use super::curved::Curvature;
+use super::glass::GlassPane;
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::geometry::{Plane, Ray};
 use nalgebra::{Matrix2x3, Matrix3, Point3, Unit, Vector2, Vector3};
-
-/// A ray flatter than this to the mirror (cosine with its normal) meets it nowhere that could be trusted.
-const GRAZING_COSINE: f64 = 1e-6;
 
 /// What a mirror is made of, beyond its plane: a pane of glass before the silver, a slight curvature.
 ///
@@ -57,42 +56,6 @@ pub struct SeenPixel {
     pub by_thickness: Vector2<f64>,
     /// `∂(u, v)/∂κ`, px·m, by the curvature.
     pub by_curvature: Vector2<f64>,
-}
-
-/// A depth along the mirror's axis with its derivatives.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct AxialDepth {
-    pub depth: f64,
-    /// By ρ², the square of the point's distance from the axis.
-    pub by_lateral_squared: f64,
-    /// By h = n·p.
-    pub by_height: f64,
-    /// By d.
-    pub by_distance: f64,
-    /// By the thickness or the curvature.
-    pub by_parameter: f64,
-}
-
-/// A camera ray split at the mirror's normal.
-pub(super) struct IncidentRay {
-    pub cosine: f64,
-    pub lateral: Vector3<f64>,
-}
-
-impl IncidentRay {
-    pub(super) fn new(plane: &Plane, direction: &Unit<Vector3<f64>>) -> Result<Self> {
-        let cosine = plane.normal().dot(direction);
-        if !(cosine > GRAZING_COSINE && plane.offset_m() > 0.0) {
-            return Err(Error::OutOfRange {
-                what: "cosine between a camera ray and the mirror's normal".into(),
-                got: cosine,
-                needed: format!(
-                    "above {GRAZING_COSINE:e}, and a mirror whose normal points away from the camera (d > 0)"
-                ),
-            });
-        }
-        Ok(Self { cosine, lateral: direction.into_inner() - plane.normal().into_inner() * cosine })
-    }
 }
 
 /// A point in the mirror's axial coordinates.

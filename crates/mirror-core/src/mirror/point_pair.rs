@@ -1,10 +1,11 @@
 //! Eq. 2 of the paper: the mirror from one point and its reflection.
 
 use super::board::BoardView;
-use super::estimate::{Found, MirrorEstimate, MirrorEstimator, Rig, before_both, reflected_rms_px};
+use super::estimate::{Found, MirrorEstimate, MirrorEstimator, before_both, reflected_rms_px};
 use super::optics::MirrorOptics;
 use super::options::EstimatorOptions;
 use super::planar::planar_pose;
+use super::rig::Rig;
 use crate::error::{Error, Result};
 use crate::geometry::Plane;
 use nalgebra::{Matrix3, Point3, SMatrix};

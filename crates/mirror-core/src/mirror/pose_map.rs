@@ -1,10 +1,11 @@
 //! Eq. 1 of the paper: the mirror from the whole pose of the reflected board, as it is there and snapped to a reflection.
 
 use super::board::BoardView;
-use super::estimate::{Found, MirrorEstimate, MirrorEstimator, Rig, before_both, reflected_rms_px};
+use super::estimate::{Found, MirrorEstimate, MirrorEstimator, before_both, reflected_rms_px};
 use super::optics::MirrorOptics;
 use super::options::EstimatorOptions;
 use super::planar::{PlanarPose, planar_pose};
+use super::rig::Rig;
 use super::virtual_camera::ImproperEstimate;
 use crate::error::{Error, Result};
 use crate::geometry::rotation::hat;

@@ -10,6 +10,7 @@
 
 mod dress;
 mod eye;
+mod lamps;
 mod light;
 mod pane;
 mod render;
@@ -20,7 +21,7 @@ mod truth;
 
 pub use dress::{Dress, DressedVisual};
 pub use eye::Eye;
-pub use light::{Lamp, Lights};
+pub use lamps::{Lamp, Lights};
 pub use pane::{Pane, PaneOptions, PanePath};
 pub use render::{LightField, Sampling, render};
 pub use scene::{Body, Material, Paint, Scene, furnish};

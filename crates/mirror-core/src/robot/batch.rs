@@ -3,8 +3,9 @@
 //! Postures are the rows of `q`, (N, nq), and results are arrays in C order, their first axis the posture. Each row's
 //! result depends on that row alone.
 
+use super::joint::JointKind;
 use super::lanes::{LANES, Lane, Lane3, LanePoses, cross, lane_of, minus, scaled, sum};
-use super::model::{JointKind, Robot};
+use super::model::Robot;
 use crate::error::{Error, Result, finite};
 use multiversion::multiversion;
 use nalgebra::{Point3, Vector3};

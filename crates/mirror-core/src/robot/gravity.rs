@@ -1,6 +1,7 @@
 //! What gravity does to each joint while any one link is held still.
 
-use super::model::{JointKind, Robot};
+use super::joint::JointKind;
+use super::model::Robot;
 use super::poses::Poses;
 use crate::error::{Error, Result, finite};
 use nalgebra::Vector3;

@@ -1,6 +1,7 @@
 //! Jacobians: of a point on any link in any link's frame, and of all joints at once.
 
-use super::model::{JointKind, Robot};
+use super::joint::JointKind;
+use super::model::Robot;
 use super::poses::Poses;
 use crate::error::{Error, Result};
 use crate::geometry::rotation::hat;

@@ -1,7 +1,8 @@
 //! Several postures at once: one posture a lane of a vector.
 
 use super::frame::{Column, Frame};
-use super::model::{JointKind, Robot};
+use super::joint::JointKind;
+use super::model::Robot;
 use super::sine;
 use super::step::{Motion, Step};
 use core::ops::{Add, Mul, Neg, Sub};

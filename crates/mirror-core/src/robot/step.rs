@@ -1,7 +1,7 @@
 //! Each joint prepared for the kernels: constants folded once, so that a posture costs few operations.
 
 use super::frame::{Frame, mix};
-use super::model::{Joint, JointKind};
+use super::joint::{Joint, JointKind};
 use nalgebra::Matrix3;
 
 /// What a joint does to its parent's frame, by the cheapest formula that is exact.

@@ -1,12 +1,21 @@
 //! Named links and joints grown into a tree: order, parents, mimic joints; what is no tree is refused.
 
 use super::fault::{ModelFault, nearest};
-use super::model::{Drive, Link, Mimic, Robot};
+use super::joint::{Drive, Joint, Mimic};
+use super::model::{Link, Robot};
 use super::step::Step;
-use super::urdf::NamedJoint;
 use std::collections::HashMap;
 
 type Result<T> = core::result::Result<T, ModelFault>;
+
+/// A joint as the file has it: links and mimicked joint by name.
+pub(super) struct NamedJoint {
+    pub joint: Joint,
+    pub parent: String,
+    pub child: String,
+    /// Name of the joint that it mimics, multiplier, offset.
+    pub mimic: Option<(String, f64, f64)>,
+}
 
 fn by_name<'a>(kind: &'static str, names: impl Iterator<Item = &'a str>) -> Result<HashMap<String, usize>> {
     let mut index = HashMap::new();

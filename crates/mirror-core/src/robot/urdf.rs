@@ -1,9 +1,10 @@
 //! From URDF text to a validated robot.
 
 use super::fault::ModelFault;
-use super::model::{Joint, JointKind, Limits, Link, Robot};
+use super::joint::{Joint, JointKind, Limits};
+use super::model::{Link, Robot};
 use super::tidy::tidy;
-use super::tree;
+use super::tree::{self, NamedJoint};
 use crate::error::Result;
 use nalgebra::{Isometry3, Point3, Translation3, Unit, UnitQuaternion, Vector3};
 use std::path::Path;
@@ -45,15 +46,6 @@ impl Robot {
             .map_err(|e| ModelFault::File { path: path.display().to_string(), reason: e.to_string() })?;
         Self::from_urdf_str(&text)
     }
-}
-
-/// A joint as the file has it: links and mimicked joint by name.
-pub(super) struct NamedJoint {
-    pub joint: Joint,
-    pub parent: String,
-    pub child: String,
-    /// Name of the joint that it mimics, multiplier, offset.
-    pub mimic: Option<(String, f64, f64)>,
 }
 
 fn within(
