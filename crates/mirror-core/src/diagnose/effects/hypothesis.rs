@@ -1,7 +1,7 @@
 //! Hypotheses, effect × place, and models: a set of causes with their parameters.
 
 use crate::diagnose::effects::{Effect, Place};
-use crate::diagnose::likelihood::normal_equations::Feet;
+use crate::diagnose::model::camera_and_mirror::FootPoints;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::{Atom, Column};
 use crate::diagnose::model::problem::Problem;
@@ -124,7 +124,7 @@ pub(crate) struct Model {
     /// Whether causes and group are held as they are and only nuisances are fitted.
     pub frozen: bool,
     /// Where the frames' mirrors were when this model, or one like it, was fitted last: where the next fit starts.
-    pub planes: Option<Arc<Feet>>,
+    pub planes: Option<Arc<FootPoints>>,
 }
 
 /// What is unknown in any case: mounts said to be unknown, the frame of the measured points. Columns with their prior.

@@ -1,7 +1,8 @@
 //! The exact fit of a model: damped Gauss–Newton on all causes and nuisances at once, and its marginal likelihood.
 
 use crate::diagnose::effects::hypothesis::{Catalogue, Model, nuisances};
-use crate::diagnose::likelihood::normal_equations::{Feet, Normal, needs_board};
+use crate::diagnose::likelihood::normal_equations::{Normal, needs_board};
+use crate::diagnose::model::camera_and_mirror::FootPoints;
 use crate::diagnose::model::elementary::Column;
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::error::Result;
@@ -261,7 +262,7 @@ fn linearise(
     group: &Group,
     model: &Model,
     noise: Noise,
-    planes: Option<&Feet>,
+    planes: Option<&FootPoints>,
     mask: Option<&[bool]>,
 ) -> Result<(Normal, Active)> {
     let active = Active::of(problem, catalogue, group, model);

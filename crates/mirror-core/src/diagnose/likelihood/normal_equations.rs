@@ -1,5 +1,6 @@
 //! Reduced normal equations over all frames: the mirror of each frame is projected out on the way.
 
+use crate::diagnose::model::camera_and_mirror::FootPoints;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::Column;
 use crate::diagnose::model::frame::{FrameWork, PROJECTED, Span, Task, Wanted};
@@ -19,20 +20,17 @@ pub(crate) struct Normal {
     pub planes: Planes,
 }
 
-/// The mirror's foot point in each frame at its best, m.
-pub(crate) type Feet = Vec<Option<Vector3<f64>>>;
-
 /// The frames' mirror planes to first order in the parameters.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Planes {
-    pub feet: Feet,
+    pub feet: FootPoints,
     /// By frame, then by column.
     by_parameter: Vec<Vector3<f64>>,
 }
 
 impl Planes {
     /// Where the planes will be once the parameters have moved by `step`.
-    pub fn after(&self, step: &[f64]) -> Feet {
+    pub fn after(&self, step: &[f64]) -> FootPoints {
         let by_frame = self.by_parameter.chunks(step.len().max(1));
         let moved = |by: &[Vector3<f64>]| by.iter().zip(step).map(|(b, s)| b * *s).sum::<Vector3<f64>>();
         self.feet.iter().zip(by_frame).map(|(foot, by)| foot.map(|f| f + moved(by))).collect()
@@ -120,7 +118,7 @@ impl Normal {
         noise: Noise,
         columns: &[Column],
         with_board: bool,
-        planes: Option<&Feet>,
+        planes: Option<&FootPoints>,
         mask: Option<&[bool]>,
     ) -> Result<Self> {
         let eye = problem.eye(deformation)?;

@@ -7,7 +7,10 @@ use crate::diagnose::model::pose::{self, Pose};
 use crate::diagnose::model::problem::Problem;
 use crate::error::Result;
 use crate::mirror::{Curvature, GlassPane, MirrorOptics};
-use nalgebra::{Matrix3, Vector2, Vector6};
+use nalgebra::{Matrix3, Vector2, Vector3, Vector6};
+
+/// The mirror's foot point in each frame at its best, m.
+pub(crate) type FootPoints = Vec<Option<Vector3<f64>>>;
 
 /// The camera and the mirror of a deformation.
 #[derive(Debug, Clone)]
