@@ -18,7 +18,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from mirror_posture.camera import Camera
+from mirror_posture import Board, Camera
 from mirror_posture.mirror import Rig, estimate_mirrors
 from mirror_posture.triangulate import two_view_markers
 
@@ -146,7 +146,7 @@ def mirrors_report(camera: Camera, count: int) -> Report:
     corners = corners.reshape(count, 35, 2) + rng.normal(0.0, 0.2, (count, 35, 2))
     camera_from_board = np.eye(4)
     camera_from_board[:3, 3] = BOARD_M
-    rig = Rig(camera, (7, 5), 0.014, camera_from_board)
+    rig = Rig(camera, Board(7, 5, 0.014), camera_from_board)
     ours_s, ours = best_s(lambda: estimate_mirrors(rig, corners))
     pair_s, pair = best_s(lambda: estimate_mirrors(rig, corners, estimator="point_pair"))
 

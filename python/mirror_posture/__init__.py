@@ -18,22 +18,31 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from ._core import Camera, MirrorPostureError, __version__
+from ._core import MirrorPostureError, __version__
 
 if TYPE_CHECKING:
+    from .board import Board
     from .calibrate import calibrate_from_mirror_views, calibrate_with_second_camera
+    from .camera import Camera
     from .detect import detect_picture, detect_session
     from .diagnosis import Diagnosis, diagnose
+    from .marker import ColorRange, Marker
     from .measurement import Measurement, MeasureOptions, measure, measure_all
+    from .mirror import Mirror
     from .render import render_session
     from .robot import Robot
     from .session import Session, SessionError, load_session, write_session
 
 # Loaded when first asked for: OpenCV and Arrow take longer to load than most commands run.
 _HOME = {
+    "Board": "board",
+    "Camera": "camera",
+    "ColorRange": "marker",
     "Diagnosis": "diagnosis",
+    "Marker": "marker",
     "MeasureOptions": "measurement",
     "Measurement": "measurement",
+    "Mirror": "mirror",
     "Robot": "robot",
     "Session": "session",
     "SessionError": "session",
@@ -50,10 +59,14 @@ _HOME = {
 }
 
 __all__ = [
+    "Board",
     "Camera",
+    "ColorRange",
     "Diagnosis",
+    "Marker",
     "MeasureOptions",
     "Measurement",
+    "Mirror",
     "MirrorPostureError",
     "Robot",
     "Session",
@@ -72,7 +85,14 @@ __all__ = [
 ]
 
 
+_MODULES = frozenset(
+    "calibrate camera correct detect diagnosis measurement mirror optics render robot robots session triangulate".split()
+)
+
+
 def __getattr__(name: str) -> Any:
+    if name in _MODULES:
+        return importlib.import_module(f".{name}", __name__)
     if name not in _HOME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     value = getattr(importlib.import_module(f".{_HOME[name]}", __name__), name)
@@ -81,4 +101,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    return sorted({*globals(), *__all__, *_MODULES})

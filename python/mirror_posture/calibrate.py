@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _core
+from .board import Board
 from .camera import Camera
 from .mirror import FLOAT_GLASS_INDEX, Loss
 
@@ -22,14 +23,6 @@ Array = npt.NDArray[np.float64]
 
 DEFAULT_GATE_PX = 1.0
 """A view whose own best flat board leaves more than this (px RMS) is refused."""
-
-
-@dataclass(frozen=True)
-class Board:
-    """A chessboard: inner corners (nx, ny) and the side of its squares, m."""
-
-    corners: tuple[int, int]
-    square_m: float
 
 
 @dataclass(frozen=True)
@@ -121,7 +114,7 @@ def calibrate_from_mirror_views(
     estimates the corners' noise from the residual.
     """
     core = _core.calibrate_mirror_views(
-        camera,
+        camera.core,
         board.corners,
         board.square_m,
         corners_px,
@@ -169,8 +162,8 @@ def calibrate_with_second_camera(
     snapshots the second camera and the standing board may move. Corners are `(K, n, 2)` px of each board in each picture.
     """
     core = _core.calibrate_second_camera(
-        robot_camera,
-        second_camera,
+        robot_camera.core,
+        second_camera.core,
         (*chest_board.corners, chest_board.square_m),
         (*stand_board.corners, stand_board.square_m),
         stand_in_robot_camera_px,

@@ -1,24 +1,157 @@
-"""The camera: pinhole with lens distortion; points to pixels and pixels to rays in batches.
-
-`Camera(size_px, focal_px, center_px, distortion_model, distortion)`: optical frame with z forward, x right, y down; pixel
-(0, 0) is the centre of the top-left pixel; `distortion_model` is `none`, `plumb_bob` (k1 k2 p1 p2 k3) or
-`rational_polynomial` (k1 k2 p1 p2 k3 k4 k5 k6).
-"""
+"""The camera: pinhole with lens distortion; points to pixels and pixels to rays in batches."""
 
 from __future__ import annotations
 
-from ._core import Camera
-from .session.camera_info import CameraInfo
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
-__all__ = ["Camera", "camera_from_info"]
+import numpy as np
+import numpy.typing as npt
+
+from . import _core
+from ._core import MirrorPostureError
+
+Array = npt.NDArray[np.float64]
+
+__all__ = ["Camera"]
 
 
-def camera_from_info(info: CameraInfo) -> Camera:
-    """The camera of a session's `camera.yaml`. Raises `MirrorPostureError` for numbers that make no camera."""
-    return Camera(
-        (info.width_px, info.height_px),
-        (info.fx_px, info.fy_px),
-        (info.cx_px, info.cy_px),
-        info.distortion_model,
-        list(info.distortion),
-    )
+@dataclass(frozen=True)
+class Camera:
+    """A pinhole camera with lens distortion.
+
+    Optical frame with z forward, x right, y down; pixel (0, 0) is the centre of the top-left pixel. `distortion_model` is
+    `none`, `plumb_bob` (k1 k2 p1 p2 k3) or `rational_polynomial` (k1 k2 p1 p2 k3 k4 k5 k6), in OpenCV's meaning of them.
+
+    Raises `MirrorPostureError` for numbers that make no camera: sizes and focal lengths above 0, as many finite
+    coefficients as the lens model has, and a distortion that can be inverted all over the picture.
+    """
+
+    size_px: tuple[int, int]
+    """Width and height of the picture."""
+    focal_px: tuple[float, float]
+    center_px: tuple[float, float]
+    """The principal point."""
+    distortion_model: str = "none"
+    distortion: tuple[float, ...] = ()
+    name: str = "camera"
+
+    def __post_init__(self) -> None:
+        try:
+            width, height = (int(n) for n in self.size_px)
+            fx, fy = (float(n) for n in self.focal_px)
+            cx, cy = (float(n) for n in self.center_px)
+            coefficients = tuple(float(k) for k in self.distortion)
+            if (width, height) != tuple(self.size_px) or width <= 0 or height <= 0:
+                raise ValueError
+        except (TypeError, ValueError, OverflowError):
+            raise MirrorPostureError(
+                f"camera: got size {self.size_px!r}, focal lengths {self.focal_px!r}, centre {self.center_px!r}, distortion "
+                f"{self.distortion!r}; needed two whole numbers above 0, two numbers, two numbers, a list of numbers (px)"
+            ) from None
+        object.__setattr__(self, "size_px", (width, height))
+        object.__setattr__(self, "focal_px", (fx, fy))
+        object.__setattr__(self, "center_px", (cx, cy))
+        object.__setattr__(self, "distortion", coefficients)
+        core = _core.Camera(
+            self.size_px, self.focal_px, self.center_px, self.distortion_model, list(coefficients)
+        )
+        object.__setattr__(self, "_core", core)
+
+    @classmethod
+    def from_matrix(
+        cls,
+        matrix_px: npt.ArrayLike,
+        distortion: npt.ArrayLike | Sequence[float],
+        size_px: tuple[int, int],
+        name: str = "camera",
+    ) -> Camera:
+        """From OpenCV's camera matrix (3, 3) and its 0, 4, 5 or 8 distortion coefficients.
+
+        Raises `MirrorPostureError` for another shape or number of coefficients.
+        """
+        try:
+            matrix = np.asarray(matrix_px, dtype=np.float64).reshape(3, 3)
+            coefficients = np.asarray(distortion, dtype=np.float64).reshape(-1).tolist()
+        except (TypeError, ValueError) as error:
+            raise MirrorPostureError(
+                f"camera: needed a camera matrix (3, 3) and a list of coefficients ({error})"
+            ) from None
+        if len(coefficients) == 4:
+            coefficients.append(0.0)
+        model = {0: "none", 5: "plumb_bob", 8: "rational_polynomial"}.get(len(coefficients))
+        if model is None:
+            raise MirrorPostureError(
+                f"camera: distortion has {len(coefficients)} numbers; needed none, 4 or 5 (plumb_bob) or 8 (rational_polynomial)"
+            )
+        focal, center = (matrix[0, 0], matrix[1, 1]), (matrix[0, 2], matrix[1, 2])
+        return cls(size_px, focal, center, model, tuple(coefficients), name)
+
+    def __getstate__(self) -> dict[str, Any]:
+        # The compiled camera and what was cached are made again.
+        return {name: getattr(self, name) for name in self.__dataclass_fields__}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        for name, value in state.items():
+            object.__setattr__(self, name, value)
+        self.__post_init__()
+
+    @property
+    def core(self) -> _core.Camera:
+        """The compiled camera."""
+        return self._core  # type: ignore[attr-defined, no-any-return]
+
+    @property
+    def width_px(self) -> int:
+        """Width of the picture."""
+        return self.size_px[0]
+
+    @property
+    def height_px(self) -> int:
+        """Height of the picture."""
+        return self.size_px[1]
+
+    @property
+    def fx_px(self) -> float:
+        """Focal length along u."""
+        return self.focal_px[0]
+
+    @property
+    def fy_px(self) -> float:
+        """Focal length along v."""
+        return self.focal_px[1]
+
+    @property
+    def cx_px(self) -> float:
+        """Principal point, u."""
+        return self.center_px[0]
+
+    @property
+    def cy_px(self) -> float:
+        """Principal point, v."""
+        return self.center_px[1]
+
+    @property
+    def mean_focal_px(self) -> float:
+        """The geometric mean of both focal lengths."""
+        return float(np.sqrt(self.fx_px * self.fy_px))
+
+    @cached_property
+    def matrix_px(self) -> Array:
+        """The camera matrix (3, 3)."""
+        return np.array([[self.fx_px, 0.0, self.cx_px], [0.0, self.fy_px, self.cy_px], [0.0, 0.0, 1.0]])
+
+    @cached_property
+    def opencv_distortion(self) -> Array:
+        """The coefficients as OpenCV's functions take them; five zeros where there are none."""
+        return np.array(self.distortion or (0.0,) * 5)
+
+    def project(self, points_in_camera_m: npt.ArrayLike) -> Array:
+        """Pixels (N, 2) of points (N, 3) in the camera frame, m; a point behind the camera is an error."""
+        return self.core.project(points_in_camera_m)
+
+    def unproject(self, pixels_px: npt.ArrayLike) -> Array:
+        """Unit directions (N, 3) of the rays of pixels (N, 2)."""
+        return self.core.unproject(pixels_px)

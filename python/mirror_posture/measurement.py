@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ._core import Measured, MeasureInput, MirrorPostureError
-from .camera import camera_from_info
+from .mirror import IDEAL_MIRROR
 from .measurement_residuals import WIDEN_ABOVE, Assumed, excess_of_markers, judge_views, widen_markers
 from .session import Session
 from .view_check import refuse_mistakes
@@ -348,15 +348,13 @@ def _a_from_b(session: Session, link_a: str, link_b: str) -> Floats:
 def _core_input(session: Session, camera_from_board: Floats) -> MeasureInput:
     camera, board = session.camera, session.board
     assert camera is not None and board is not None
-    mirror = session.mirror
     seen, direct = session.mirror_view, session.direct_view
     return MeasureInput(
-        camera=camera_from_info(camera),
-        board_corners=(board.columns, board.rows),
+        camera=camera.core,
+        board_corners=board.corners,
         square_m=board.square_m,
         diameters_m=[marker.diameter_m for marker in session.markers],
-        glass_thickness_m=mirror.glass_thickness_m if mirror else 0.0,
-        refractive_index=mirror.refractive_index if mirror else 1.52,
+        **(session.mirror or IDEAL_MIRROR).glass,
         posture=session.frames.posture.tolist(),
         camera_from_board=camera_from_board,
         board_px=seen.board_px,

@@ -9,11 +9,11 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from .camera import camera_from_info
 from .detect import read_picture
 from .measurement import Measurement
+from .mirror import IDEAL_MIRROR
 from .optics import see_in_mirror
-from .session import MirrorModel, Session
+from .session import Session
 
 Pixels = npt.NDArray[Any]
 """A picture as OpenCV holds it: (H, W, 3) uint8, BGR."""
@@ -100,15 +100,14 @@ def draw_measured_and_model(session: Session, measurement: Measurement, row: int
     markers = measurement.markers
     mine = np.flatnonzero(markers.posture == session.frames.posture[row])
     foot = measurement.mirrors.foot_m[row]
-    glass = MirrorModel.glass(session.mirror)
-    core = camera_from_info(camera)
+    glass = (session.mirror or IDEAL_MIRROR).glass
     for points, color, shape in (
         (markers.point_in_camera_m, MEASURED_BGR, "ring"),
         (markers.model_in_camera_m, MODEL_BGR, "cross"),
     ):
         if not len(mine):
             continue
-        seen = see_in_mirror(core, foot, points[mine], **glass)
+        seen = see_in_mirror(camera, foot, points[mine], **glass)
         pixels = np.where(seen.valid[:, None], seen.pixels_px, -np.inf)
         # From left to right, the names alternately above and below, so that neighbours do not cover each other.
         for order, i in enumerate(np.argsort(pixels[:, 0])):

@@ -10,12 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, TypedDict
 
 import numpy as np
 import numpy.typing as npt
 
 from . import _core
+from .board import Board
 from .camera import Camera
 
 Array = npt.NDArray[np.float64]
@@ -30,19 +31,42 @@ FLOAT_GLASS_INDEX = 1.52
 """Refractive index of the glass that mirrors are made of."""
 
 
+class GlassArguments(TypedDict, total=False):
+    """What the optics' functions take of a mirror's glass."""
+
+    glass_thickness_m: float
+    refractive_index: float
+
+
+@dataclass(frozen=True)
+class Mirror:
+    """How a mirror is made: a pane of glass, silvered behind; a thickness of 0 m is a front-surface mirror."""
+
+    glass_thickness_m: float = 0.0
+    refractive_index: float = FLOAT_GLASS_INDEX
+
+    @property
+    def glass(self) -> GlassArguments:
+        """The glass as keyword arguments of the optics' functions."""
+        return {"glass_thickness_m": self.glass_thickness_m, "refractive_index": self.refractive_index}
+
+
+IDEAL_MIRROR = Mirror()
+"""A front-surface mirror: what is assumed where a session says nothing."""
+
+
 @dataclass(frozen=True)
 class Rig:
     """What stays the same in all views: camera, board, how they are fixed to each other, the mirror's glass.
 
-    `corners` are the board's inner corners (nx, ny), `square_m` its squares' side; `camera_from_board` is (4, 4);
+    `camera_from_board` is (4, 4);
     `camera_from_board_covariance` (6, 6) in the tangent `camera_from_board ∘ (Exp ω, v)`, rotation first (rad, m), None
     for "exact". Maximum likelihood uses the glass; the paper's estimators take every mirror as ideal.
     Raises `MirrorPostureError` for what cannot be meant.
     """
 
     camera: Camera
-    corners: tuple[int, int]
-    square_m: float
+    board: Board
     camera_from_board: Array
     camera_from_board_covariance: Array | None = None
     glass_thickness_m: float = 0.0
@@ -51,9 +75,9 @@ class Rig:
 
     def __post_init__(self) -> None:
         core = _core.Rig(
-            self.camera,
-            self.corners,
-            self.square_m,
+            self.camera.core,
+            self.board.corners,
+            self.board.square_m,
             self.camera_from_board,
             self.camera_from_board_covariance,
             self.glass_thickness_m,
@@ -169,15 +193,14 @@ def virtual_rays(
 
 def planar_poses(
     camera: Camera,
-    corners: tuple[int, int],
-    square_m: float,
+    board: Board,
     corners_px: npt.ArrayLike,
     *,
     noise_px: float | None = None,
     loss: Loss = "squared",
 ) -> PlanarPoses:
-    """The poses of a flat board of (nx, ny) inner corners from `(N, nx * ny, 2)` px: closed form, then refinement."""
-    core = _core.planar_poses(camera, corners, square_m, corners_px, noise_px, loss)
+    """The poses of a flat board from the pixels of its corners `(N, columns * rows, 2)`: closed form, then refinement."""
+    core = _core.planar_poses(camera.core, board.corners, board.square_m, corners_px, noise_px, loss)
     return PlanarPoses(
         camera_from_pattern=core.camera_from_pattern,
         covariances=core.covariances,

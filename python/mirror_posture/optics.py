@@ -54,7 +54,7 @@ def see_in_mirror(
 ) -> SeenInMirror:
     """The pixels of points (N, 3) in mirrors (N, 3), or all in one mirror (3,); curvature is positive for a concave mirror."""
     core = _core.see_in_mirror(
-        camera,
+        camera.core,
         np.atleast_2d(np.asarray(foot_points_m, dtype=np.float64)),
         points_in_camera_m,
         glass_thickness_m,
@@ -74,7 +74,7 @@ def see_in_mirror(
 
 def ball_centroids(camera: Camera, centers_in_camera_m: npt.ArrayLike, diameter_m: float) -> Pixels:
     """The centroids of balls' pictures, px, from their centres (N, 3); a ball in a mirror is a ball behind it."""
-    return Pixels(*_core.ball_centroids(camera, centers_in_camera_m, diameter_m))
+    return Pixels(*_core.ball_centroids(camera.core, centers_in_camera_m, diameter_m))
 
 
 def ball_center_pixels(
@@ -82,4 +82,4 @@ def ball_center_pixels(
 ) -> Pixels:
     """From the centroids of balls' pictures (N, 2) to the pictures of their centres: the correction that lets a ball be
     triangulated as a point. `distances_m` (N,) are the lengths of the light's paths; rough ones do."""
-    return Pixels(*_core.ball_center_pixels(camera, centroids_px, diameter_m, distances_m))
+    return Pixels(*_core.ball_center_pixels(camera.core, centroids_px, diameter_m, distances_m))

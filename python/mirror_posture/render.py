@@ -20,10 +20,11 @@ import numpy as np
 import numpy.typing as npt
 
 from ._core import MirrorPostureError, PictureMaker
+from .camera import Camera
 from .robot import Robot
-from .session.camera_info import CameraInfo, load_camera_info
+from .session.camera_info import load_camera_info
 from .session.metadata import Metadata, load_metadata
-from .session.types import Frames, MirrorModel, Session, Views
+from .session.types import Frames, Mirror, Session, Views
 from .session.write import replace_folder, write_session_files
 from .viewpoint import View as View
 
@@ -122,7 +123,7 @@ class Painter:
     folder: Path
     """The folder of the template: session.toml, robot.urdf, camera.yaml."""
     metadata: Metadata
-    camera: CameraInfo
+    camera: Camera
     maker: PictureMaker = field(repr=False)
 
     @classmethod
@@ -154,9 +155,9 @@ class Painter:
             balls.append((marker.name, marker.link, marker.diameter_m, list(rgb)))
         maker = PictureMaker(
             (folder / metadata.robot).read_text(encoding="utf-8"),
-            size_px=(camera.width_px, camera.height_px),
-            focal_px=(camera.fx_px, camera.fy_px),
-            center_px=(camera.cx_px, camera.cy_px),
+            size_px=camera.size_px,
+            focal_px=camera.focal_px,
+            center_px=camera.center_px,
             distortion=list(camera.distortion),
             camera_link=metadata.camera_link,
             board=None if board is None else (board.link, board.columns, board.rows, board.square_m),
@@ -398,7 +399,7 @@ def _session(
         camera=painter.camera,
         camera_link=metadata.camera_link,
         board=metadata.board,
-        mirror=MirrorModel(claimed, options.refractive_index),
+        mirror=Mirror(claimed, options.refractive_index),
         noise=metadata.noise,
         detected=False,
     )

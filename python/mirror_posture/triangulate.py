@@ -107,6 +107,6 @@ def two_view_markers(
     `pixels_px` (N, 2, 2) the marker in both views.
     """
     core = _core.two_view_markers(
-        camera, board_in_camera_m, reflected_boards_m, pixels_px, least_parallax_rad
+        camera.core, board_in_camera_m, reflected_boards_m, pixels_px, least_parallax_rad
     )
     return TwoViewMarkers(core.points_in_camera_m, core.valid, core.reasons)

@@ -6,14 +6,13 @@ import cv2
 import numpy as np
 import pytest
 
-from mirror_posture import MirrorPostureError
-from mirror_posture.calibrate import Board, calibrate_from_mirror_views, calibrate_with_second_camera
-from mirror_posture.camera import Camera
+from mirror_posture import Board, Camera, MirrorPostureError
+from mirror_posture.calibrate import calibrate_from_mirror_views, calibrate_with_second_camera
 
 K = np.array([[693.0, 0.0, 399.5], [0.0, 693.0, 299.5], [0.0, 0.0, 1.0]])
 LENS = np.array([-0.1, 0.03, 5e-4, -3e-4, 0.0])
-CHEST = Board((7, 5), 0.014)
-STAND = Board((9, 6), 0.02)
+CHEST = Board(7, 5, 0.014)
+STAND = Board(9, 6, 0.02)
 NOISE_PX = 0.1
 
 

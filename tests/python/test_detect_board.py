@@ -9,7 +9,8 @@ import cv2
 import numpy as np
 import pytest
 
-from mirror_posture.detect import BoardOptions, BoardSpec, CameraSpec, detect_boards, measure_grid
+from mirror_posture import Board, Camera
+from mirror_posture.detect import BoardOptions, detect_boards, measure_grid
 from mirror_posture.detect.gate import board_residual
 
 PICTURES = Path(__file__).resolve().parents[3] / "shared" / "data" / "pictures"
@@ -28,16 +29,14 @@ def gray(path: Path) -> np.ndarray:
     return picture
 
 
-def glass_camera() -> CameraSpec:
-    return CameraSpec(
-        np.array([[701.872, 0.0, 405.576], [0.0, 701.872, 302.685], [0.0, 0.0, 1.0]]), np.zeros(5), 800, 600
-    )
+def glass_camera() -> Camera:
+    return Camera((800, 600), (701.872, 701.872), (405.576, 302.685))
 
 
 def test_rendered_mirror_boards_are_found_labelled_and_accurate() -> None:
     folder = need(GLASS)
     truth = json.loads((folder / "truth.json").read_text())
-    board = BoardSpec(7, 4, 0.01)
+    board = Board(7, 4, 0.01)
     errors, normalised = [], []
     for frame in truth["frames"]:
         (view,) = detect_boards(gray(folder / frame["image"]), board, glass_camera())
@@ -56,7 +55,7 @@ def test_rendered_mirror_boards_are_found_labelled_and_accurate() -> None:
 @pytest.mark.parametrize("side", ["left", "right"])
 def test_all_thirteen_stereo_boards_are_found(side: str) -> None:
     folder = need(PICTURES / "opencv-samples-calib")
-    board = BoardSpec(9, 6, 0.025)
+    board = Board(9, 6, 0.025)
     paths = sorted(folder.glob(f"{side}[0-9][0-9].jpg"))
     assert len(paths) == 13
     for path in paths:
@@ -66,9 +65,9 @@ def test_all_thirteen_stereo_boards_are_found(side: str) -> None:
 
 def test_lcd_board_seen_in_five_mirrors_has_the_published_labels() -> None:
     folder = need(PICTURES / "tnm")
-    camera = CameraSpec(np.loadtxt(folder / "camera.txt", delimiter=","), np.zeros(5), 1600, 1200)
+    camera = Camera.from_matrix(np.loadtxt(folder / "camera.txt", delimiter=","), np.zeros(5), (1600, 1200))
     for number in range(1, 6):
-        (view,) = detect_boards(gray(folder / f"input{number}.jpg"), BoardSpec(10, 7, 0.0275), camera)
+        (view,) = detect_boards(gray(folder / f"input{number}.jpg"), Board(10, 7, 0.0275), camera)
         assert view.ok, (number, view.reason)
         # The published frame has z into the board and its origin at another corner: x runs the other way.
         ours = view.corners_px.reshape(7, 10, 2)[:, ::-1].reshape(-1, 2)
@@ -80,12 +79,12 @@ def test_lcd_board_seen_in_five_mirrors_has_the_published_labels() -> None:
 def test_direct_and_mirrored_views_of_one_board_get_the_same_physical_labels(number: int) -> None:
     folder = need(PICTURES / "lcma-two-mirrors")
     stored = np.load(folder / "corners_raw_px.npz")
-    camera = CameraSpec(stored["K"], stored["dist"], 3264, 1470)
+    camera = Camera.from_matrix(stored["K"], stored["dist"], (3264, 1470))
     names = [key.split("|")[1] for key in stored.files if key.startswith(f"Image{number}.jpg|")]
     options = BoardOptions(
         views=tuple("direct" if name == "direct" else "mirror" for name in names), strict_count=False
     )
-    views = detect_boards(gray(folder / f"Image{number}.jpg"), BoardSpec(7, 6, 1.0), camera, options=options)
+    views = detect_boards(gray(folder / f"Image{number}.jpg"), Board(7, 6, 1.0), camera, options=options)
     assert [view.via for view in views] == ["direct"] + ["mirror"] * (len(names) - 1)
     matched = set()
     for view in views:
@@ -102,8 +101,8 @@ def test_direct_and_mirrored_views_of_one_board_get_the_same_physical_labels(num
 def test_the_wrong_grid_of_a_public_detector_is_refused_by_its_residual_and_the_right_one_found() -> None:
     folder = need(PICTURES / "lcma-two-mirrors")
     stored = np.load(folder / "corners_raw_px.npz")
-    camera = CameraSpec(stored["K"], stored["dist"], 3264, 1470)
-    board = BoardSpec(7, 6, 1.0)
+    camera = Camera.from_matrix(stored["K"], stored["dist"], (3264, 1470))
+    board = Board(7, 6, 1.0)
     picture = gray(folder / "Image9.jpg")
     found, corners = cv2.findChessboardCorners(picture, (7, 6))
     assert found, "the public detector claims success on this picture: that is the trap"
@@ -127,7 +126,7 @@ def test_a_grid_shifted_by_a_row_or_column_is_refused_without_any_calibration(st
     for frame in truth["frames"][:6]:
         grid = np.array(frame["corners_px"]).reshape(4, 7, 2)
         shifted = grid + step[0] * np.gradient(grid, axis=1) + step[1] * np.gradient(grid, axis=0)
-        view = measure_grid(gray(folder / frame["image"]), shifted, BoardSpec(7, 4, 0.01))
+        view = measure_grid(gray(folder / frame["image"]), shifted, Board(7, 4, 0.01))
         assert not view.ok
         assert "shifted by a" in view.reason, view.reason
 
@@ -135,7 +134,7 @@ def test_a_grid_shifted_by_a_row_or_column_is_refused_without_any_calibration(st
 def test_a_camera_file_of_another_camera_is_noticed() -> None:
     folder = need(GLASS)
     matrix = np.array([[701.872, 0.0, 405.576], [0.0, 380.0, 302.685], [0.0, 0.0, 1.0]])
-    camera = CameraSpec(matrix, np.zeros(5), 800, 600)
-    (view,) = detect_boards(gray(folder / "images" / "000.png"), BoardSpec(7, 4, 0.01), camera)
+    camera = Camera.from_matrix(matrix, np.zeros(5), (800, 600))
+    (view,) = detect_boards(gray(folder / "images" / "000.png"), Board(7, 4, 0.01), camera)
     assert not view.ok
     assert "reprojection residual" in view.reason and "camera file" in view.reason

@@ -6,19 +6,20 @@ import cv2
 import numpy as np
 import pytest
 
-from mirror_posture.detect import BoardOptions, BoardSpec, DetectionError, detect_charuco
+from mirror_posture import Board
+from mirror_posture.detect import BoardOptions, DetectionError, detect_charuco
 
-BOARD = BoardSpec(6, 5, 0.02, "charuco", 0.015, "DICT_4X4_50")
+BOARD = Board(6, 5, 0.02, "charuco", 0.015, "DICT_4X4_50")
 
 
-def drawn(board: BoardSpec, mirrored: bool) -> tuple[np.ndarray, np.ndarray]:
+def drawn(board: Board, mirrored: bool) -> tuple[np.ndarray, np.ndarray]:
     """A board drawn by OpenCV, and its true corners in the session's order, both turned and, if asked, mirrored by a homography."""
     dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, board.dictionary))
     made = cv2.aruco.CharucoBoard(
-        (board.corners_x + 1, board.corners_y + 1), board.square_m, board.marker_size_m, dictionary
+        (board.columns + 1, board.rows + 1), board.square_m, board.marker_size_m, dictionary
     )
     scale = 160
-    flat = made.generateImage(((board.corners_x + 1) * scale, (board.corners_y + 1) * scale), marginSize=0)
+    flat = made.generateImage(((board.columns + 1) * scale, (board.rows + 1) * scale), marginSize=0)
     flat = cv2.copyMakeBorder(flat, scale, scale, scale, scale, cv2.BORDER_CONSTANT, value=255)
     pixel_from_print = np.array([[0.23, 0.05, 60.0], [-0.04, 0.24, 90.0], [2e-5, 4e-5, 1.0]])
     if mirrored:
@@ -29,11 +30,11 @@ def drawn(board: BoardSpec, mirrored: bool) -> tuple[np.ndarray, np.ndarray]:
     large = cv2.warpPerspective(flat, grow @ pixel_from_print, (480 * fine, 400 * fine), borderValue=128)
     picture = cv2.resize(large, (480, 400), interpolation=cv2.INTER_AREA)
     printed = []
-    for iy in range(board.corners_y):
-        for ix in range(board.corners_x):
+    for iy in range(board.rows):
+        for ix in range(board.columns):
             # z out of the printed face: y runs up on the paper, against the picture's rows.
-            printed.append(((ix + 2) * scale - 0.5, (board.corners_y - iy + 1) * scale - 0.5, 1.0))
-    if board.corners_y % 2 == 1 and board.corners_x % 2 == 0:
+            printed.append(((ix + 2) * scale - 0.5, (board.rows - iy + 1) * scale - 0.5, 1.0))
+    if board.rows % 2 == 1 and board.columns % 2 == 0:
         # Turned by 180° so that the square beyond corner 0 is dark: the top left square of the print is.
         printed = printed[::-1]
     projected = pixel_from_print @ np.array(printed).T
@@ -43,7 +44,7 @@ def drawn(board: BoardSpec, mirrored: bool) -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("mirrored", [False, True])
 @pytest.mark.parametrize("counts", [(6, 5), (5, 6), (7, 5)])
 def test_charuco_boards_are_found_with_their_labels(mirrored: bool, counts: tuple[int, int]) -> None:
-    board = BoardSpec(*counts, 0.02, "charuco", 0.015, "DICT_4X4_50")
+    board = Board(*counts, 0.02, "charuco", 0.015, "DICT_4X4_50")
     picture, truth = drawn(board, mirrored)
     via = "mirror" if mirrored else "direct"
     (view,) = detect_charuco(picture, board, options=BoardOptions(views=(via,)))
@@ -77,12 +78,12 @@ def test_a_part_of_the_board_is_enough() -> None:
 
 
 def test_an_unknown_dictionary_lists_the_valid_ones() -> None:
-    board = BoardSpec(6, 5, 0.02, "charuco", 0.015, "DICT_9X9")
+    board = Board(6, 5, 0.02, "charuco", 0.015, "DICT_9X9")
     with pytest.raises(DetectionError, match="DICT_4X4_50"):
         detect_charuco(np.zeros((100, 100), np.uint8), board)
 
 
 def test_a_dictionary_with_too_few_markers_is_refused() -> None:
-    board = BoardSpec(20, 20, 0.02, "charuco", 0.015, "DICT_4X4_50")
+    board = Board(20, 20, 0.02, "charuco", 0.015, "DICT_4X4_50")
     with pytest.raises(DetectionError, match="holds 50 markers"):
         detect_charuco(np.zeros((100, 100), np.uint8), board)

@@ -6,13 +6,8 @@ import numpy as np
 import pytest
 
 from board_drawing import chessboard_picture, corners_px, view
-from mirror_posture.detect import (
-    BoardOptions,
-    BoardPrediction,
-    BoardSpec,
-    CameraSpec,
-    detect_boards,
-)
+from mirror_posture import Board, Camera
+from mirror_posture.detect import BoardOptions, BoardPrediction, detect_boards
 
 # No turn is along the pixels' rows: point sampling would put those edges off by up to half a sample.
 TURNS = [0.07, 1.7, 3.0, -0.9]
@@ -20,7 +15,7 @@ TURNS = [0.07, 1.7, 3.0, -0.9]
 
 def detected(picture: np.ndarray, nx: int, ny: int, via: str, prediction: BoardPrediction | None = None):
     (found,) = detect_boards(
-        picture, BoardSpec(nx, ny, 0.02), prediction=prediction, options=BoardOptions(views=(via,))
+        picture, Board(nx, ny, 0.02), prediction=prediction, options=BoardOptions(views=(via,))
     )
     return found
 
@@ -82,9 +77,7 @@ def test_a_prediction_between_two_labellings_does_not_settle_them() -> None:
 
 @pytest.mark.parametrize("upside_down", [False, True])
 def test_the_camera_board_transform_settles_a_mirrored_board(upside_down: bool) -> None:
-    camera = CameraSpec(
-        np.array([[500.0, 0.0, 239.5], [0.0, 500.0, 179.5], [0.0, 0.0, 1.0]]), np.zeros(5), 480, 360
-    )
+    camera = Camera((480, 360), (500.0, 500.0), (239.5, 179.5))
     spin = np.diag([-1.0, -1.0, 1.0]) if upside_down else np.eye(3)
     # The board looks where the camera looks (z forward), below it, with x to the robot's left or right.
     camera_from_board = np.eye(4)
@@ -99,7 +92,7 @@ def test_the_camera_board_transform_settles_a_mirrored_board(upside_down: bool) 
     picture = chessboard_picture(7, 5, homography)
     options = BoardOptions(views=("mirror",))
     prediction = BoardPrediction(camera_from_board=camera_from_board)
-    (found,) = detect_boards(picture, BoardSpec(7, 5, 0.014), camera, prediction, options)
+    (found,) = detect_boards(picture, Board(7, 5, 0.014), camera, prediction, options)
     assert found.ok, found.reason
     assert np.abs(found.corners_px - corners_px(7, 5, homography)).max() < 0.5
 
@@ -140,14 +133,12 @@ def test_two_boards_where_one_was_expected_are_masked_unless_the_place_is_predic
     picture = np.where(
         np.arange(480) < 245, chessboard_picture(7, 4, left, seed=1), chessboard_picture(7, 4, right, seed=2)
     )
-    views = detect_boards(picture, BoardSpec(7, 4, 0.02))
+    views = detect_boards(picture, Board(7, 4, 0.02))
     assert len(views) == 2
     assert not any(found.ok for found in views)
     assert "2 boards found where 1 was expected" in views[0].reason
     truth = corners_px(7, 4, right)
-    (found,) = detect_boards(
-        picture, BoardSpec(7, 4, 0.02), prediction=BoardPrediction(corners_px=truth + 12.0)
-    )
+    (found,) = detect_boards(picture, Board(7, 4, 0.02), prediction=BoardPrediction(corners_px=truth + 12.0))
     assert found.ok, found.reason
     assert np.abs(found.corners_px - truth).max() < 0.5
 

@@ -9,11 +9,8 @@ import cv2
 import numpy as np
 import pytest
 
+from mirror_posture import Camera, ColorRange, Marker, MirrorPostureError
 from mirror_posture.detect import (
-    CameraSpec,
-    ColorSpec,
-    DetectionError,
-    MarkerSpec,
     PredictedMarker,
     detect_markers,
     detect_pictures,
@@ -28,8 +25,8 @@ PICTURES = Path(__file__).resolve().parents[3] / "shared" / "data" / "pictures"
 GLASS = PICTURES / "mitsuba-glass-a"
 SMARTIES = PICTURES / "opencv-colour-blobs" / "smarties.png"
 
-RED = ColorSpec(0.0, 12.0, 0.5, 0.25)
-GREEN = ColorSpec(120.0, 15.0, 0.5, 0.25)
+RED = ColorRange(0.0, 12.0, 0.5, 0.25)
+GREEN = ColorRange(120.0, 15.0, 0.5, 0.25)
 
 
 def need(path: Path) -> Path:
@@ -114,7 +111,7 @@ def test_the_outline_beats_the_regions_centroid(glass) -> None:
 )
 def test_largest_regions_of_real_sweets_match_the_published_figures(hue, tolerance, area, centroid) -> None:
     picture = cv2.imread(str(need(SMARTIES)))
-    found = largest_region(to_hsv(picture), ColorSpec(hue, tolerance, 89.5 / 255.0, 59.5 / 255.0), 150)
+    found = largest_region(to_hsv(picture), ColorRange(hue, tolerance, 89.5 / 255.0, 59.5 / 255.0), 150)
     assert found is not None
     assert found.area_px == area
     assert found.centroid_px == pytest.approx(centroid, abs=0.1)
@@ -125,7 +122,7 @@ def test_hue_wraps_around() -> None:
     hsv[0, :, 0] = (355.0, 5.0, 340.0, 20.0)
     hsv[..., 1:] = 1.0
     assert color_mask(hsv, RED).tolist() == [[True, True, False, False]]
-    assert color_mask(hsv, ColorSpec(350.0, 16.0)).tolist() == [[True, True, True, False]]
+    assert color_mask(hsv, ColorRange(350.0, 16.0)).tolist() == [[True, True, True, False]]
 
 
 def ball_picture(balls: list[tuple[float, float, float]], color=(40, 30, 200), size=(320, 240)) -> np.ndarray:
@@ -144,7 +141,9 @@ def ball_picture(balls: list[tuple[float, float, float]], color=(40, 30, 200), s
 
 def test_drawn_discs_are_located_to_a_few_hundredths() -> None:
     for x, y, radius in [(100.3, 80.7, 9.4), (201.1, 120.45, 6.2), (150.0, 60.5, 21.3)]:
-        (view,) = detect_markers(ball_picture([(x, y, radius)]), (MarkerSpec("hand", 0.0116, RED),))
+        (view,) = detect_markers(
+            ball_picture([(x, y, radius)]), (Marker("hand", diameter_m=0.0116, color=RED),)
+        )
         assert view.ok, view.reason
         assert view.pixel_px == pytest.approx((x, y), abs=0.06)
         mean_radius = np.sqrt(view.outline.semi_major_px * view.outline.semi_minor_px)
@@ -153,7 +152,7 @@ def test_drawn_discs_are_located_to_a_few_hundredths() -> None:
 
 def test_markers_of_one_colour_are_told_apart_by_their_predicted_places() -> None:
     picture = ball_picture([(90.0, 80.0, 9.0), (200.0, 150.0, 9.0), (260.0, 60.0, 14.0)])
-    markers = (MarkerSpec("left", 0.0116, RED), MarkerSpec("right", 0.0116, RED))
+    markers = (Marker("left", diameter_m=0.0116, color=RED), Marker("right", diameter_m=0.0116, color=RED))
     places = (PredictedMarker("left", (205.0, 140.0), 40.0), PredictedMarker("right", (95.0, 90.0), 40.0))
     left, right = detect_markers(picture, markers, predictions=places)
     assert left.ok and right.ok
@@ -166,7 +165,7 @@ def test_markers_of_one_colour_are_told_apart_by_their_predicted_places() -> Non
 
 def test_two_like_regions_without_a_prediction_are_masked() -> None:
     picture = ball_picture([(90.0, 80.0, 9.0), (200.0, 150.0, 10.0)])
-    (view,) = detect_markers(picture, (MarkerSpec("hand", 0.0116, RED),))
+    (view,) = detect_markers(picture, (Marker("hand", diameter_m=0.0116, color=RED),))
     assert not view.ok
     assert "2 regions of its colour and of like size" in view.reason
 
@@ -174,23 +173,25 @@ def test_two_like_regions_without_a_prediction_are_masked() -> None:
 def test_nothing_near_the_predicted_place_is_masked() -> None:
     picture = ball_picture([(90.0, 80.0, 9.0)])
     place = PredictedMarker("hand", (250.0, 200.0), 30.0)
-    (view,) = detect_markers(picture, (MarkerSpec("hand", 0.0116, RED),), predictions=(place,))
+    (view,) = detect_markers(picture, (Marker("hand", diameter_m=0.0116, color=RED),), predictions=(place,))
     assert not view.ok
     assert "within 30 px of its predicted place (250, 200)" in view.reason
 
 
 def test_a_missing_colour_and_a_blown_out_picture_say_so() -> None:
-    (view,) = detect_markers(ball_picture([(90.0, 80.0, 9.0)]), (MarkerSpec("hand", 0.0116, GREEN),))
+    (view,) = detect_markers(
+        ball_picture([(90.0, 80.0, 9.0)]), (Marker("hand", diameter_m=0.0116, color=GREEN),)
+    )
     assert not view.ok and "no region of its colour" in view.reason
     blown = np.full((120, 160, 3), 255, np.uint8)
-    (view,) = detect_markers(blown, (MarkerSpec("hand", 0.0116, RED),))
+    (view,) = detect_markers(blown, (Marker("hand", diameter_m=0.0116, color=RED),))
     assert not view.ok and "blown out: lower the exposure" in view.reason
 
 
 def test_a_coloured_bar_is_no_ball() -> None:
     picture = np.full((200, 200, 3), 120, np.uint8)
     picture[60:72, 30:160] = (40, 30, 200)
-    (view,) = detect_markers(picture, (MarkerSpec("hand", 0.0116, RED),))
+    (view,) = detect_markers(picture, (Marker("hand", diameter_m=0.0116, color=RED),))
     assert not view.ok
 
 
@@ -209,10 +210,10 @@ def test_an_off_axis_spheres_centre_is_not_its_outlines() -> None:
     picture = np.rint(
         255.0 * (share * (np.array([40, 30, 200]) / 255.0) ** 2.2 + (1 - share) * 0.2) ** (1 / 2.2)
     )
-    camera = CameraSpec(
-        np.array([[focal, 0, 239.5], [0, focal, 179.5], [0, 0, 1.0]]), np.zeros(5), width, height
+    camera = Camera((width, height), (focal, focal), (239.5, 179.5))
+    (view,) = detect_markers(
+        picture.astype(np.uint8), (Marker("hand", diameter_m=2 * radius, color=RED),), camera
     )
-    (view,) = detect_markers(picture.astype(np.uint8), (MarkerSpec("hand", 2 * radius, RED),), camera)
     assert view.ok, view.reason
     truth = focal * center[:2] / center[2] + (239.5, 179.5)
     rows, columns = np.nonzero(share[..., 0])
@@ -224,15 +225,15 @@ def test_an_off_axis_spheres_centre_is_not_its_outlines() -> None:
 
 
 @pytest.mark.parametrize("bad", [{"hue_deg": 400.0}, {"hue_tolerance_deg": 0.0}, {"min_saturation": 128.0}])
-def test_colours_that_cannot_be_meant_are_refused(bad: dict[str, float]) -> None:
-    with pytest.raises(DetectionError, match="color"):
-        ColorSpec(**{"hue_deg": 10.0, "hue_tolerance_deg": 10.0, **bad})
+def test_invalid_colours_are_refused(bad: dict[str, float]) -> None:
+    with pytest.raises(MirrorPostureError, match="color"):
+        ColorRange(**{"hue_deg": 10.0, "hue_tolerance_deg": 10.0, **bad})
 
 
 def test_the_robots_own_hand_seen_without_the_mirror_is_not_taken_for_its_reflection() -> None:
     # The nearer, direct view is the larger region: the largest would be the wrong one.
     picture = ball_picture([(90.0, 80.0, 9.0), (220.0, 150.0, 24.0)])
-    marker = MarkerSpec("hand", 0.0116, RED)
+    marker = Marker("hand", diameter_m=0.0116, color=RED)
     (view,) = detect_markers(picture, (marker,), bounds={"hand": SizeBounds(5.0, 16.0)})
     assert view.ok, view.reason
     assert view.pixel_px == pytest.approx((90.0, 80.0), abs=0.1)

@@ -16,23 +16,23 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from board_drawing import chessboard_picture, view
-from mirror_posture import MirrorPostureError
+from mirror_posture import Board, Camera, ColorRange, Marker, MirrorPostureError, load_session
 from mirror_posture.detect import (
-    BoardSpec,
-    CameraSpec,
-    ColorSpec,
     DetectionError,
     DetectionSetup,
-    MarkerSpec,
     detect_picture,
     detect_pictures,
     draw_overlay,
     list_pictures,
+    predictions_from_session,
     read_picture,
     write_overlay,
 )
+from session_folder import URDF, replaced, write_folder
 
-SETUP = DetectionSetup(BoardSpec(7, 4, 0.01), (MarkerSpec("hand", 0.0116, ColorSpec(0.0, 12.0, 0.5, 0.25)),))
+SETUP = DetectionSetup(
+    Board(7, 4, 0.01), (Marker("hand", diameter_m=0.0116, color=ColorRange(0.0, 12.0, 0.5, 0.25)),)
+)
 
 
 def good_picture() -> np.ndarray:
@@ -110,7 +110,9 @@ def test_decoders_do_not_write_to_the_users_terminal(tmp_path: Path) -> None:
 
 
 def test_a_camera_file_of_another_size_names_both_sizes() -> None:
-    camera = CameraSpec(np.array([[500.0, 0, 400], [0, 500, 300], [0, 0, 1]]), np.zeros(5), 800, 600)
+    camera = Camera.from_matrix(
+        np.array([[500.0, 0, 400], [0, 500, 300], [0, 0, 1]]), np.zeros(5), (800, 600)
+    )
     with pytest.raises(DetectionError, match="480 × 360 px, but the camera file is for 800 × 600 px"):
         detect_picture(good_picture(), DetectionSetup(SETUP.board, (), camera))
 
@@ -254,3 +256,16 @@ def test_mangled_files_give_pictures_or_our_error(tmp_path: Path, suffix: str, d
 SMALL = {
     suffix: cv2.imencode(suffix, good_picture()[:80, :90])[1].tobytes() for suffix in (".png", ".jpg", ".bmp")
 }
+
+
+def test_a_column_of_a_mimic_joint_is_no_obstacle(tmp_path: Path) -> None:
+    """Loading warns of such a column and leaves the joint to the one that drives it; so does detection."""
+    mimic = '<joint name="elbow" type="continuous">\n    <mimic joint="shoulder" multiplier="2"/>'
+    urdf = replaced(URDF, '<joint name="elbow" type="continuous">', mimic)
+    session = load_session(write_folder(tmp_path, robot=urdf))
+    assert "elbow" in session.frames.joint_names and "elbow" not in session.robot.position_names
+    poses = predictions_from_session(session)
+    # By hand: camera and board are both fixed to the base, at its origin.
+    for pose in poses:
+        assert pose is not None and pose.board is not None
+        np.testing.assert_allclose(pose.board.camera_from_board, np.eye(4), atol=1e-12)

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from mirror_posture import MirrorPostureError
-from mirror_posture.camera import Camera
+from mirror_posture import Board, Camera, MirrorPostureError
 from mirror_posture.mirror import ESTIMATORS, Rig, estimate_mirrors, planar_poses, virtual_rays
 from mirror_posture.triangulate import TRIANGULATORS, triangulate, two_view_markers
 
-CORNERS, SQUARE_M, FOCAL_PX = (7, 5), 0.014, 693.0
+SQUARE_M, FOCAL_PX = 0.014, 693.0
+BOARD = Board(7, 5, SQUARE_M)
 CENTER_PX = np.array([399.5, 299.5])
 BOARD_M = np.array([0.004, 0.075, 0.01])
 MARKER_M = np.array([0.06, 0.05, 0.03])
@@ -40,9 +40,7 @@ def edges(yaw: float) -> np.ndarray:
 def rig() -> Rig:
     camera_from_board = np.eye(4)
     camera_from_board[:3, 3] = BOARD_M
-    return Rig(
-        Camera((800, 600), (FOCAL_PX, FOCAL_PX), tuple(CENTER_PX)), CORNERS, SQUARE_M, camera_from_board
-    )
+    return Rig(Camera((800, 600), (FOCAL_PX, FOCAL_PX), tuple(CENTER_PX)), BOARD, camera_from_board)
 
 
 @pytest.fixture(scope="module")
@@ -81,7 +79,7 @@ def test_rays_and_poses_agree_with_the_scene(rig, traced):
     offset = MARKER_M - rays.origins_m
     distance = np.linalg.norm(np.cross(offset, rays.directions), axis=1)
     assert distance.max() < 1e-5
-    poses = planar_poses(rig.camera, CORNERS, SQUARE_M, corners)
+    poses = planar_poses(rig.camera, BOARD, corners)
     # The first mirror is squarely before the camera: the board appears at 2 * 0.16 m less its own depth.
     np.testing.assert_allclose(
         poses.camera_from_pattern[0, :3, 3], [*BOARD_M[:2], 0.32 - BOARD_M[2]], atol=1e-5
@@ -119,10 +117,10 @@ def test_bad_arguments_name_what_was_got_and_needed(rig, traced):
         ),
         (lambda: estimate_mirrors(rig, corners, estimator="best"), "pose, pose_snapped, point_pair, maximum"),
         (lambda: estimate_mirrors(rig, corners, noise_px=-1.0), "noise of a corner"),
-        (lambda: Rig(rig.camera, (7, 5), -1.0, np.eye(4)), "side of a square"),
-        (lambda: Rig(rig.camera, (7, 5), 0.014, np.diag([1.0, 1, -1, 1])), "not a rigid transform"),
-        (lambda: Rig(rig.camera, (7, 5), 0.014, np.eye(4), -np.eye(6)), "positive semi-definite"),
-        (lambda: Rig(rig.camera, (7, 5), 0.014, np.eye(4), glass_thickness_m=3.0), "not millimetres"),
+        (lambda: Board(7, 5, -1.0), "side of a square above 0 m"),
+        (lambda: Rig(rig.camera, BOARD, np.diag([1.0, 1, -1, 1])), "not a rigid transform"),
+        (lambda: Rig(rig.camera, BOARD, np.eye(4), -np.eye(6)), "positive semi-definite"),
+        (lambda: Rig(rig.camera, BOARD, np.eye(4), glass_thickness_m=3.0), "not millimetres"),
         (
             lambda: Camera((800, 600), (693, 693), (400, 300), "fisheye"),
             "none, plumb_bob, rational_polynomial",

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 import yaml
 
-from mirror_posture import MirrorPostureError
-from mirror_posture.camera import Camera
+from mirror_posture import Camera, MirrorPostureError
 from mirror_posture.optics import ball_center_pixels, ball_centroids, see_in_mirror
 
 RENDERED = Path(__file__).resolve().parents[3] / "shared" / "data" / "pictures" / "mitsuba-glass-a"

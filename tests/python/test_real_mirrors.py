@@ -12,15 +12,9 @@ import cv2
 import numpy as np
 import pytest
 
-from mirror_posture import MirrorPostureError
-from mirror_posture.calibrate import (
-    DEFAULT_GATE_PX,
-    Board,
-    CameraBoardCalibration,
-    calibrate_from_mirror_views,
-)
-from mirror_posture.camera import Camera
-from mirror_posture.detect import BoardSpec, CameraSpec, detect_boards
+from mirror_posture import Board, Camera, MirrorPostureError
+from mirror_posture.calibrate import DEFAULT_GATE_PX, CameraBoardCalibration, calibrate_from_mirror_views
+from mirror_posture.detect import detect_boards
 from mirror_posture.mirror import Rig, estimate_mirrors, planar_poses
 
 PICTURES = Path(__file__).resolve().parents[3] / "shared" / "data" / "pictures"
@@ -40,7 +34,7 @@ def tnm(count: int, **options: object) -> CameraBoardCalibration:
     k = np.loadtxt(data / "camera.txt", delimiter=",")
     camera = Camera((1600, 1200), (k[0, 0], k[1, 1]), (k[0, 2], k[1, 2]))
     corners = np.stack([np.loadtxt(data / f"input{i}.txt") for i in range(1, count + 1)])
-    return calibrate_from_mirror_views(camera, Board((10, 7), 0.0275), corners, **options)  # type: ignore[arg-type]
+    return calibrate_from_mirror_views(camera, Board(10, 7, 0.0275), corners, **options)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(("count", "figure_px"), [(5, 0.640), (3, 0.689)])
@@ -57,15 +51,15 @@ def test_tnm_reprojection_from_the_pictures_is_as_good(count: int, figure_px: fl
     """The same, with the corners found in the pictures."""
     data = folder("tnm")
     k = np.loadtxt(data / "camera.txt", delimiter=",")
-    spec = CameraSpec(k, np.zeros(5), 1600, 1200)
+    spec = Camera.from_matrix(k, np.zeros(5), (1600, 1200))
     corners = []
     for number in range(1, count + 1):
         picture = cv2.imread(str(data / f"input{number}.jpg"), cv2.IMREAD_GRAYSCALE)
-        (view,) = detect_boards(picture, BoardSpec(10, 7, 0.0275), spec)
+        (view,) = detect_boards(picture, Board(10, 7, 0.0275), spec)
         assert view.ok, (number, view.reason)
         corners.append(view.corners_px)
     camera = Camera((1600, 1200), (k[0, 0], k[1, 1]), (k[0, 2], k[1, 2]))
-    found = calibrate_from_mirror_views(camera, Board((10, 7), 0.0275), np.stack(corners))
+    found = calibrate_from_mirror_views(camera, Board(10, 7, 0.0275), np.stack(corners))
     assert found.views.tolist() == list(range(count)) and not found.reasons
     assert found.reprojection_mean_px <= figure_px
 
@@ -108,7 +102,7 @@ class TwoMirrors:
 
     def pose(self, image: str) -> np.ndarray:
         return planar_poses(
-            self.camera, (7, 6), 1.0, self.corners[image, "direct"][None]
+            self.camera, Board(7, 6, 1.0), self.corners[image, "direct"][None]
         ).camera_from_pattern[0]
 
     def images(self, side: str) -> list[str]:
@@ -120,7 +114,7 @@ class TwoMirrors:
         normals, offsets = [], []
         for image in self.images(side):
             mirror = estimate_mirrors(
-                Rig(self.camera, (7, 6), 1.0, self.pose(image)), self.corners[image, side][None]
+                Rig(self.camera, Board(7, 6, 1.0), self.pose(image)), self.corners[image, side][None]
             )
             assert mirror.valid.all(), mirror.reasons
             normals.append(mirror.normals[0])
@@ -171,7 +165,7 @@ def test_virtual_rays_of_the_other_images_mirror_pass_through_the_board(two_mirr
 def test_the_shifted_grid_of_image9_is_refused_with_its_reason(two_mirrors: TwoMirrors) -> None:
     """A public detector returns success for Image9 with a grid shifted by a row; good views pass the same gate."""
     for key, corners in two_mirrors.corners.items():
-        free = planar_poses(two_mirrors.camera, (7, 6), 1.0, corners[None])
+        free = planar_poses(two_mirrors.camera, Board(7, 6, 1.0), corners[None])
         assert free.rms_px[0] < 0.6 * DEFAULT_GATE_PX, (key, free.rms_px)
     picture = cv2.imread(str(folder("lcma-two-mirrors") / "Image9.jpg"), cv2.IMREAD_GRAYSCALE)
     found, corners = cv2.findChessboardCorners(picture, (7, 6))
@@ -182,4 +176,4 @@ def test_the_shifted_grid_of_image9_is_refused_with_its_reason(two_mirrors: TwoM
     with pytest.raises(
         MirrorPostureError, match=r"view 2: residual .* px RMS, needed at most 1.00 px; the grid is wrong"
     ):
-        calibrate_from_mirror_views(two_mirrors.camera, Board((7, 6), 1.0), np.stack([*good, refined]))
+        calibrate_from_mirror_views(two_mirrors.camera, Board(7, 6, 1.0), np.stack([*good, refined]))

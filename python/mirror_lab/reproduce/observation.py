@@ -81,7 +81,7 @@ class NoisyEye:
         plane = self.stand.plane(view)
         points = np.concatenate([self.stand.corners_in_camera_m, self.stand.markers_in_camera_m])
         sight = bounce(plane, points)
-        focal, center = (camera.fx_px, camera.fy_px), (camera.cx_px, camera.cy_px)
+        focal, center = camera.focal_px, camera.center_px
         exact = sight[:, :2] / sight[:, 2:] * focal + center
         random = np.random.default_rng([self.seed, stream])
         pixels = exact + self.noise_px * random.standard_normal((count, *exact.shape))

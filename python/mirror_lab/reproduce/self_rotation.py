@@ -209,13 +209,13 @@ def _close_up() -> Painter:
         whole = load_camera_info(EMBEDDED_FOLDER / "camera.yaml")
         part = replace(
             whole,
-            width_px=ZOOM * width,
-            height_px=ZOOM * height,
-            fx_px=ZOOM * whole.fx_px,
-            fy_px=ZOOM * whole.fy_px,
+            size_px=(ZOOM * width, ZOOM * height),
+            focal_px=(ZOOM * whole.fx_px, ZOOM * whole.fy_px),
             # Pixel 0 is the centre of a pixel: its left edge, at -0.5, stays where it is.
-            cx_px=ZOOM * (whole.cx_px - left + 0.5) - 0.5,
-            cy_px=ZOOM * (whole.cy_px - top + 0.5) - 0.5,
+            center_px=(
+                ZOOM * (whole.cx_px - left + 0.5) - 0.5,
+                ZOOM * (whole.cy_px - top + 0.5) - 0.5,
+            ),
         )
         (folder / "camera.yaml").write_text(dump_camera_info(part), encoding="utf-8")
         return Painter.load(folder)

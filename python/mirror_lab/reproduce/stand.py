@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from mirror_posture.camera import camera_from_info
 from mirror_posture.mirror import Rig
 from mirror_posture.render import MirrorPlane, View, view_planes
 from mirror_posture.robots import Nominal
@@ -99,9 +98,8 @@ class Stand:
         board, camera = self.nominal.metadata.board, self.nominal.camera
         assert board is not None and camera is not None
         return Rig(
-            camera_from_info(camera),
-            (board.columns, board.rows),
-            board.square_m,
+            camera,
+            board,
             self.camera_from_board,
             glass_thickness_m=glass_thickness_m,
         )

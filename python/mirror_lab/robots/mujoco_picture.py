@@ -158,9 +158,7 @@ def _rays(nominal: Nominal) -> Floats:
     u, v = ((np.arange(size * FINER) + 0.5) / FINER - 0.5 for size in (camera.width_px, camera.height_px))
     pixels = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 1, 2)
     criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 40, 1e-7)
-    rays = cv2.undistortPoints(
-        pixels, camera.matrix_px, np.asarray(camera.distortion, dtype=float), criteria=criteria
-    )
+    rays = cv2.undistortPoints(pixels, camera.matrix_px, camera.opencv_distortion, criteria=criteria)
     return np.asarray(rays, dtype=np.float64).reshape(camera.height_px * FINER, camera.width_px * FINER, 2)
 
 

@@ -10,7 +10,6 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from ..camera import camera_from_info
 from ..detect import read_picture
 from ..measurement import (
     Measurement,
@@ -19,8 +18,9 @@ from ..measurement import (
     measure,
     nominal_camera_from_board,
 )
+from ..mirror import IDEAL_MIRROR
 from ..optics import see_in_mirror
-from ..session import MirrorModel, Session, load_session
+from ..session import Session, load_session
 from .outcome import LookReport, Outcome
 
 Pixels = npt.NDArray[Any]
@@ -158,12 +158,11 @@ def _panel(
     camera_from_board = measurement.camera_from_nominal_camera @ nominal_camera_from_board(session)[row]
     target = np.array([outcome.target_in_board_m[name] for name in names])
     error = np.array([_error(look, name) for name in names])
-    glass = MirrorModel.glass(session.mirror)
-    core = camera_from_info(camera)
+    glass = (session.mirror or IDEAL_MIRROR).glass
 
     def pixels(points_in_board: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         in_camera = points_in_board @ camera_from_board[:3, :3].T + camera_from_board[:3, 3]
-        seen = see_in_mirror(core, measurement.mirrors.foot_m[row], in_camera, **glass)
+        seen = see_in_mirror(camera, measurement.mirrors.foot_m[row], in_camera, **glass)
         return np.where(seen.valid[:, None], seen.pixels_px, np.nan)
 
     wanted, measured = pixels(target), pixels(target - np.nan_to_num(error))

@@ -10,8 +10,8 @@ from itertools import product
 import numpy as np
 import numpy.typing as npt
 
-from ..camera import camera_from_info
 from ..measurement import MeasureOptions, NothingMeasuredError, measure
+from ..mirror import IDEAL_MIRROR
 from ..optics import see_in_mirror
 from ..robots.protocol import ImagePoints, Look
 from ..viewpoint import View
@@ -60,18 +60,16 @@ def prospects(
 ) -> list[Prospect]:
     """The views around the mirror's distance of `start` that show the board and all of the target's markers."""
     nominal = target.nominal
-    metadata, robot, info = nominal.metadata, nominal.robot, nominal.camera
-    assert metadata.board is not None and info is not None
-    camera = camera_from_info(info)
+    metadata, robot, camera = nominal.metadata, nominal.robot, nominal.camera
+    assert metadata.board is not None and camera is not None
     links = [metadata.root, target.camera_link, target.board_link, *(m.link for m in metadata.markers)]
     poses = robot.link_poses(target.positions[None], links)[0]
     camera_from = np.linalg.inv(poses[1]) @ poses
     board = camera_from[2]
     corners = metadata.board.corner_in_board_m @ board[:3, :3].T + board[:3, 3]
     points = np.concatenate([corners, camera_from[3:, :3, 3]])
-    mirror = metadata.mirror
-    glass = (0.0, 1.52) if mirror is None else (mirror.glass_thickness_m, mirror.refractive_index)
-    size = np.array([info.width_px, info.height_px])
+    glass = (metadata.mirror or IDEAL_MIRROR).glass
+    size = np.array(camera.size_px)
     wanted = [len(corners) + index for index in target.marker_indices]
     needed = [*range(len(corners)), *wanted]
     found = []
@@ -81,16 +79,14 @@ def prospects(
         distance = float(normal @ board[:3, 3]) + view.distance_m
         if distance <= 0.0 or float(normal @ board[:3, 2]) < math.cos(STEEPEST_RAD):
             continue
-        seen = see_in_mirror(
-            camera, distance * normal, points, glass_thickness_m=glass[0], refractive_index=glass[1]
-        )
+        seen = see_in_mirror(camera, distance * normal, points, **glass)
         pixels = np.where(seen.valid[:, None], seen.pixels_px, -1.0)
         inside = seen.valid & np.all((pixels > MARGIN_PX) & (pixels < size - 1 - MARGIN_PX), axis=1)
         inside &= points @ normal < distance
         if not inside[needed].all():
             continue
         edge = np.minimum(pixels, size - 1 - pixels)[needed].min() - MARGIN_PX
-        shift = 2.0 * info.fx_px * STAND_STD_RAD
+        shift = 2.0 * camera.fx_px * STAND_STD_RAD
         risk = 0.5 * math.erfc(float(edge) / shift / math.sqrt(2.0))
         marker_seen = np.zeros(len(metadata.markers), dtype=bool)
         marker_seen[target.marker_indices] = True

@@ -6,23 +6,24 @@ session's pictures hold. `read_picture` and `list_pictures` read, `draw_overlay`
 
 from .board import BoardOptions, detect_boards, measure_grid
 from .charuco import detect_charuco
-from .from_session import predictions_from_session, setup_from_session
 from .gate import GateOptions
-from .into_session import DetectedSession, detect_session, with_detections
+from .into_session import (
+    DetectedSession,
+    detect_session,
+    predictions_from_session,
+    setup_from_session,
+    with_detections,
+)
 from .markers import MarkerOptions, detect_markers
 from .overlay import draw_overlay, write_overlay
 from .pictures import DetectionOptions, PicturePrediction, detect_picture, detect_pictures
 from .reading import list_pictures, read_picture
 from .types import (
     BoardPrediction,
-    BoardSpec,
     BoardView,
-    CameraSpec,
-    ColorSpec,
     DetectionError,
     DetectionSetup,
     Ellipse,
-    MarkerSpec,
     MarkerView,
     PictureDetections,
     PredictedMarker,
@@ -31,10 +32,7 @@ from .types import (
 __all__ = [
     "BoardOptions",
     "BoardPrediction",
-    "BoardSpec",
     "BoardView",
-    "CameraSpec",
-    "ColorSpec",
     "DetectedSession",
     "DetectionError",
     "DetectionOptions",
@@ -42,7 +40,6 @@ __all__ = [
     "Ellipse",
     "GateOptions",
     "MarkerOptions",
-    "MarkerSpec",
     "MarkerView",
     "PictureDetections",
     "PicturePrediction",

@@ -12,7 +12,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from .types import ColorSpec, FloatArray
+from ..marker import ColorRange
+from .types import FloatArray
 
 # Regions smaller than this are noise or too small to measure.
 MIN_REGION_AREA_PX = 12
@@ -47,7 +48,7 @@ def hue_distance_deg(hue_deg: npt.NDArray[np.float32], center_deg: float) -> npt
     )
 
 
-def color_mask(hsv: npt.NDArray[np.float32], color: ColorSpec) -> npt.NDArray[np.bool_]:
+def color_mask(hsv: npt.NDArray[np.float32], color: ColorRange) -> npt.NDArray[np.bool_]:
     """Pixels of the colour, `(H, W)`."""
     return (
         (hsv[..., 1] >= color.min_saturation)
@@ -83,7 +84,7 @@ def label_regions(mask: npt.NDArray[np.bool_], min_area_px: int = MIN_REGION_ARE
 
 
 def largest_region(
-    hsv: npt.NDArray[np.float32], color: ColorSpec, min_area_px: int = MIN_REGION_AREA_PX
+    hsv: npt.NDArray[np.float32], color: ColorRange, min_area_px: int = MIN_REGION_AREA_PX
 ) -> Region | None:
     """The paper's detection: the largest region of the colour, or None."""
     regions = label_regions(color_mask(hsv, color), min_area_px)

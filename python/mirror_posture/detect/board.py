@@ -13,9 +13,11 @@ from dataclasses import dataclass, field, replace
 import cv2
 import numpy as np
 
+from ..board import Board
+from ..camera import Camera
 from . import corners, gate, labels, pattern
 from .prediction import predicted_corners_px
-from .types import BoardPrediction, BoardSpec, BoardView, CameraSpec, FloatArray, Pixels, Via
+from .types import BoardPrediction, BoardView, FloatArray, Pixels, Via, check_board
 
 # Larger pictures are searched at about this width first: the detectors look for squares of tens of pixels.
 SEARCH_WIDTH_PX = 1632
@@ -49,8 +51,8 @@ class _Found:
 
 def detect_boards(
     gray: Pixels,
-    board: BoardSpec,
-    camera: CameraSpec | None = None,
+    board: Board,
+    camera: Camera | None = None,
     prediction: BoardPrediction | None = None,
     options: BoardOptions | None = None,
 ) -> tuple[BoardView, ...]:
@@ -58,6 +60,7 @@ def detect_boards(
 
     Returns one `BoardView` for each expected view, direct first where one is expected, the others by falling size.
     """
+    check_board(board)
     options = options or BoardOptions()
     attempts: list[str] = []
     found, failed = _search_all(gray, board, camera, options, attempts)
@@ -105,8 +108,8 @@ def detect_boards(
 def measure_grid(
     gray: Pixels,
     grid: FloatArray,
-    board: BoardSpec,
-    camera: CameraSpec | None = None,
+    board: Board,
+    camera: Camera | None = None,
     via: Via = "mirror",
     prediction: BoardPrediction | None = None,
     options: BoardOptions | None = None,
@@ -119,15 +122,15 @@ def measure_grid(
     return _label(gray, item, via, board, camera, prediction, options)
 
 
-def _nothing_found(board: BoardSpec) -> str:
+def _nothing_found(board: Board) -> str:
     return (
-        f"no chessboard of {board.corners_x} × {board.corners_y} inner corners found: it is not in the picture, cut off, hidden, too small, "
+        f"no chessboard of {board.columns} × {board.rows} inner corners found: it is not in the picture, cut off, hidden, too small, "
         "blurred or badly lit; or [board] corners is not its count of inner corners"
     )
 
 
 def _search_all(
-    gray: Pixels, board: BoardSpec, camera: CameraSpec | None, options: BoardOptions, attempts: list[str]
+    gray: Pixels, board: Board, camera: Camera | None, options: BoardOptions, attempts: list[str]
 ) -> tuple[list[_Found], _Found | None]:
     """All boards of the picture, the found ones painted over one by one, and the best grid that failed a check."""
     found: list[_Found] = []
@@ -154,7 +157,7 @@ def _search_all(
     return found, failed
 
 
-def _candidates(gray: Pixels, board: BoardSpec, quick: bool) -> Iterator[tuple[str, FloatArray]]:
+def _candidates(gray: Pixels, board: Board, quick: bool) -> Iterator[tuple[str, FloatArray]]:
     """Grids (ny, nx, 2) by detector and preparation, the best and fastest first."""
     width = gray.shape[1]
     scale = min(1.0, SEARCH_WIDTH_PX / width)
@@ -198,17 +201,17 @@ def _run(
     name: str,
     gray: Pixels,
     scale: float,
-    board: BoardSpec,
+    board: Board,
     detector: Callable[[Pixels, tuple[int, int]], Pixels | None],
 ) -> Iterator[tuple[str, FloatArray]]:
     try:
-        points = detector(gray, (board.corners_x, board.corners_y))
+        points = detector(gray, (board.columns, board.rows))
     except cv2.error:
         # OpenCV's detectors assert on some degenerate pictures (a few pixels high, say): nothing to find in those.
         return
     if points is None or points.size != 2 * board.corner_count or not np.isfinite(points).all():
         return
-    grid = points.reshape(board.corners_y, board.corners_x, 2).astype(np.float64)
+    grid = points.reshape(board.rows, board.columns, 2).astype(np.float64)
     # Pixel centres, not corners, are whole numbers: a resized picture is shifted by half a pixel.
     yield name, (grid + 0.5) / scale - 0.5
 
@@ -217,8 +220,8 @@ def _examine(
     gray: Pixels,
     grid: FloatArray,
     method: str,
-    board: BoardSpec,
-    camera: CameraSpec | None,
+    board: Board,
+    camera: Camera | None,
     options: BoardOptions,
 ) -> _Found:
     """Refines a grid and runs the checks that do not need labels."""
@@ -239,8 +242,8 @@ def _label(
     gray: Pixels,
     item: _Found,
     via: Via,
-    board: BoardSpec,
-    camera: CameraSpec | None,
+    board: Board,
+    camera: Camera | None,
     prediction: BoardPrediction | None,
     options: BoardOptions,
 ) -> BoardView:
@@ -263,7 +266,7 @@ def _label(
         residual_rms_px=residual.rms_px if calibrated.rms_px is None else calibrated.rms_px,
         residual_limit_px=residual.limit_px,
         method=item.method,
-        corners_x=board.corners_x,
+        corners_x=board.columns,
     )
 
 

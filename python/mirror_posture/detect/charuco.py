@@ -13,31 +13,34 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from ..board import Board
+from ..camera import Camera
 from . import corners
 from .board import BoardOptions
-from .types import BoardSpec, BoardView, CameraSpec, DetectionError, Pixels, Via
+from .types import BoardView, DetectionError, Pixels, Via, check_board
 
 # Fewer corners than this cannot show a residual against a plane.
 MIN_CORNERS = 6
 
 
 def detect_charuco(
-    gray: Pixels, board: BoardSpec, camera: CameraSpec | None = None, options: BoardOptions | None = None
+    gray: Pixels, board: Board, camera: Camera | None = None, options: BoardOptions | None = None
 ) -> tuple[BoardView, ...]:
     """Detects the expected views of a ChArUco board in a grey picture (H, W) uint8, one view of each kind."""
+    check_board(board)
     options = options or BoardOptions()
     detector = cv2.aruco.CharucoDetector(charuco_board(board))
     return tuple(_detect_view(gray, board, detector, camera, via, options) for via in options.views)
 
 
-def charuco_board(board: BoardSpec) -> cv2.aruco.CharucoBoard:
+def charuco_board(board: Board) -> cv2.aruco.CharucoBoard:
     """OpenCV's board for a session's `[board]`. Raises `DetectionError` for a dictionary that OpenCV does not have."""
     name = str(board.dictionary)
     names = sorted(one for one in dir(cv2.aruco) if one.startswith("DICT_"))
     if name not in names:
         raise DetectionError(f"board dictionary = {name!r}: valid are {', '.join(names)}")
     dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name))
-    size = (board.corners_x + 1, board.corners_y + 1)
+    size = (board.columns + 1, board.rows + 1)
     needed = size[0] * size[1] // 2
     held = len(dictionary.bytesList)
     if needed > held:
@@ -49,9 +52,9 @@ def charuco_board(board: BoardSpec) -> cv2.aruco.CharucoBoard:
 
 def _detect_view(
     gray: Pixels,
-    board: BoardSpec,
+    board: Board,
     detector: cv2.aruco.CharucoDetector,
-    camera: CameraSpec | None,
+    camera: Camera | None,
     via: Via,
     options: BoardOptions,
 ) -> BoardView:
@@ -74,13 +77,13 @@ def _detect_view(
     points = np.asarray(found, dtype=np.float64).reshape(-1, 2)
     if mirrored:
         points[:, 0] = gray.shape[1] - 1 - points[:, 0]
-    ix, iy = np.asarray(ids).reshape(-1) % board.corners_x, np.asarray(ids).reshape(-1) // board.corners_x
+    ix, iy = np.asarray(ids).reshape(-1) % board.columns, np.asarray(ids).reshape(-1) // board.columns
     # The pattern's top left square is dark; a corner square is dark again after an even count of squares.
-    if board.corners_y % 2 == 1 and board.corners_x % 2 == 0:
-        ix = board.corners_x - 1 - ix
+    if board.rows % 2 == 1 and board.columns % 2 == 0:
+        ix = board.columns - 1 - ix
     else:
-        iy = board.corners_y - 1 - iy
-    index = iy * board.corners_x + ix
+        iy = board.rows - 1 - iy
+    index = iy * board.columns + ix
     pixels = np.zeros((board.corner_count, 2))
     pixels[index] = points
     visible = np.zeros(board.corner_count, dtype=bool)
@@ -99,5 +102,5 @@ def _detect_view(
         residual_rms_px=refined.residual.rms_px,
         residual_limit_px=refined.residual.limit_px,
         method="charuco",
-        corners_x=board.corners_x,
+        corners_x=board.columns,
     )

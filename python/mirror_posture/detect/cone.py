@@ -12,9 +12,10 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from ..camera import Camera
 from .gate import undistort
 from .outline import INLIER_PX, MIN_EDGE_POINTS, Circle
-from .types import CameraSpec, Ellipse, FloatArray
+from .types import Ellipse, FloatArray
 
 OUTLINE_SAMPLES = 72
 # Steps of the robust refit: inliers are chosen again from the last fit.
@@ -40,7 +41,7 @@ class OutlineFit:
 
 
 def fit_outline(
-    points: FloatArray, std_px: FloatArray, start: Circle, camera: CameraSpec, rays: int
+    points: FloatArray, std_px: FloatArray, start: Circle, camera: Camera, rays: int
 ) -> OutlineFit | None:
     """Robust weighted fit of a ball's outline to edge points `(N, 2)` px, started from a circle. `rays` is the count of all rays cast."""
     if len(points) < MIN_EDGE_POINTS:
@@ -58,7 +59,7 @@ def fit_outline(
         parameters, _, rank, _ = np.linalg.lstsq(scaled, target[inlier] * weight[inlier], rcond=None)
         if rank < 3:
             return None
-        away = _distances_px(rows, parameters, camera.focal_px)
+        away = _distances_px(rows, parameters, camera.mean_focal_px)
         if away is None:
             return None
         distance = away
@@ -72,7 +73,7 @@ def fit_outline(
     freedom = max(int(inlier.sum()) - 3, 1)
     whitened = distance[inlier] * weight[inlier]
     variance = float(np.sum(whitened**2)) / freedom * _correlation_factor(whitened)
-    gradient = _distance_gradient(rows[inlier], parameters, camera.focal_px) * weight[inlier, None]
+    gradient = _distance_gradient(rows[inlier], parameters, camera.mean_focal_px) * weight[inlier, None]
     normal = gradient.T @ gradient
     if not np.isfinite(normal).all() or np.linalg.cond(normal) > 1e14:
         return None
@@ -117,17 +118,17 @@ def _correlation_factor(residuals: FloatArray) -> float:
     return factor
 
 
-def unit_rays(points: FloatArray, camera: CameraSpec) -> FloatArray:
+def unit_rays(points: FloatArray, camera: Camera) -> FloatArray:
     """Unit ray directions `(N, 3)` of pixels in the camera frame."""
     ideal = undistort(points, camera)
-    rays = np.column_stack([ideal, np.ones(len(ideal))]) @ np.linalg.inv(camera.matrix).T
+    rays = np.column_stack([ideal, np.ones(len(ideal))]) @ np.linalg.inv(camera.matrix_px).T
     return rays / np.linalg.norm(rays, axis=1, keepdims=True)
 
 
-def project_rays(rays: FloatArray, camera: CameraSpec) -> FloatArray:
+def project_rays(rays: FloatArray, camera: Camera) -> FloatArray:
     """Pixels `(N, 2)` of ray directions in front of the camera."""
     pixels, _ = cv2.projectPoints(
-        rays.reshape(-1, 1, 3), np.zeros(3), np.zeros(3), camera.matrix, camera.distortion
+        rays.reshape(-1, 1, 3), np.zeros(3), np.zeros(3), camera.matrix_px, camera.opencv_distortion
     )
     return pixels.reshape(-1, 2).astype(np.float64)
 
@@ -157,7 +158,7 @@ def _distance_gradient(rows: FloatArray, parameters: FloatArray, focal_px: float
     return gradient
 
 
-def _boundary(parameters: FloatArray, camera: CameraSpec) -> FloatArray | None:
+def _boundary(parameters: FloatArray, camera: Camera) -> FloatArray | None:
     """The outline in the picture as a polygon `(OUTLINE_SAMPLES, 2)`."""
     turn = np.arange(OUTLINE_SAMPLES) * (2.0 * np.pi / OUTLINE_SAMPLES)
     length = float(np.linalg.norm(parameters))

@@ -17,8 +17,10 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from ..board import Board
+from ..camera import Camera
 from .gate import GateOptions, GateResult, board_residual
-from .types import BoardSpec, CameraSpec, FloatArray, Pixels
+from .types import FloatArray, Pixels
 
 # The windows' half sides as fractions of the distance to the nearest neighbour: the next corners' edges stay outside of them.
 WINDOW_FRACTIONS = (0.5, 0.35, 0.25, 0.16)
@@ -47,8 +49,8 @@ class Refined:
 def refine(
     gray: Pixels,
     corners_px: FloatArray,
-    board: BoardSpec,
-    camera: CameraSpec | None,
+    board: Board,
+    camera: Camera | None,
     options: GateOptions | None = None,
     visible: npt.NDArray[np.bool_] | None = None,
 ) -> Refined:
@@ -70,17 +72,17 @@ def refine(
     return min(tried, key=lambda one: one.residual.rms_px)
 
 
-def _window_halves_px(corners_px: FloatArray, board: BoardSpec, seen: npt.NDArray[np.bool_]) -> list[int]:
+def _window_halves_px(corners_px: FloatArray, board: Board, seen: npt.NDArray[np.bool_]) -> list[int]:
     """Half sides of the refinement windows to try, px, the largest first."""
     nearest = _nearest_step_px(corners_px, board, seen)
     halves = {int(np.clip(round(part * nearest), MIN_WINDOW_PX, MAX_WINDOW_PX)) for part in WINDOW_FRACTIONS}
     return sorted(halves, reverse=True)
 
 
-def _nearest_step_px(corners_px: FloatArray, board: BoardSpec, seen: npt.NDArray[np.bool_]) -> float:
+def _nearest_step_px(corners_px: FloatArray, board: Board, seen: npt.NDArray[np.bool_]) -> float:
     """Smallest distance between two neighbouring corners that are both seen, px."""
-    grid = corners_px.reshape(board.corners_y, board.corners_x, 2)
-    mask = seen.reshape(board.corners_y, board.corners_x)
+    grid = corners_px.reshape(board.rows, board.columns, 2)
+    mask = seen.reshape(board.rows, board.columns)
     steps = []
     for axis in (0, 1):
         both = mask.take(range(1, mask.shape[axis]), axis) & mask.take(range(mask.shape[axis] - 1), axis)
@@ -93,7 +95,7 @@ def noise_covariances(
     gray: Pixels,
     corners_px: FloatArray,
     half: int,
-    board: BoardSpec,
+    board: Board,
     visible: npt.NDArray[np.bool_] | None = None,
 ) -> FloatArray:
     """Covariance `(N, 2, 2)` px² of each corner from the picture's own noise and the gradients in its window; zero where not visible."""
@@ -124,11 +126,11 @@ def noise_covariances(
 
 
 def picture_noise_levels(
-    gray: Pixels, corners_px: FloatArray, board: BoardSpec, seen: npt.NDArray[np.bool_], reach: int
+    gray: Pixels, corners_px: FloatArray, board: Board, seen: npt.NDArray[np.bool_], reach: int
 ) -> float:
     """Standard deviation of the picture's noise inside of the squares, grey levels, rounding included."""
-    grid = corners_px.reshape(board.corners_y, board.corners_x, 2)
-    mask = seen.reshape(board.corners_y, board.corners_x)
+    grid = corners_px.reshape(board.rows, board.columns, 2)
+    mask = seen.reshape(board.rows, board.columns)
     whole = mask[:-1, :-1] & mask[1:, :-1] & mask[:-1, 1:] & mask[1:, 1:]
     middles = (0.25 * (grid[:-1, :-1] + grid[1:, :-1] + grid[:-1, 1:] + grid[1:, 1:]))[whole]
     deviations = []

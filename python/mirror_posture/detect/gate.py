@@ -18,8 +18,10 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from ..board import Board
+from ..camera import Camera
 from .pose import board_pose
-from .types import BoardSpec, CameraSpec, FloatArray
+from .types import FloatArray
 
 # Good views of real phone and machine-vision cameras leave 0.2 to 0.5 px (RMS distance), a grid shifted by a row or with one misplaced
 # line 1.7 to 2.6 px.
@@ -60,14 +62,14 @@ class GateResult:
 
 def board_residual(
     corners_px: FloatArray,
-    board: BoardSpec,
-    camera: CameraSpec | None,
+    board: Board,
+    camera: Camera | None,
     options: GateOptions | None = None,
     visible: npt.NDArray[np.bool_] | None = None,
 ) -> GateResult:
     """Residual of labelled corners `(N, 2)` against the flat board, of the visible ones `(N,)` if not all are."""
     options = options or GateOptions()
-    plane = board.points_in_board_m()[:, :2] / board.square_m
+    plane = board.corner_in_board_m[:, :2] / board.square_m
     pixels = corners_px
     if visible is not None:
         plane, pixels = plane[visible], pixels[visible]
@@ -100,7 +102,7 @@ class PoseGate:
 
 
 def pose_gate(
-    corners_px: FloatArray, board: BoardSpec, camera: CameraSpec | None, options: GateOptions | None = None
+    corners_px: FloatArray, board: Board, camera: Camera | None, options: GateOptions | None = None
 ) -> PoseGate:
     """Gates a whole view on its reprojection from the best pose of the board before this camera."""
     if camera is None:
@@ -120,12 +122,12 @@ def pose_gate(
     )
 
 
-def undistort(pixels: FloatArray, camera: CameraSpec) -> FloatArray:
+def undistort(pixels: FloatArray, camera: Camera) -> FloatArray:
     """Pixels `(N, 2)` of the same camera without distortion."""
     criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-10)
     points = np.ascontiguousarray(pixels, dtype=np.float64).reshape(-1, 1, 2)
     undistorted = cv2.undistortPoints(
-        points, camera.matrix, camera.distortion, None, None, camera.matrix, criteria
+        points, camera.matrix_px, camera.opencv_distortion, None, None, camera.matrix_px, criteria
     )
     return undistorted.reshape(-1, 2).astype(np.float64)
 

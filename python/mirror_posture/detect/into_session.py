@@ -9,12 +9,28 @@ import numpy as np
 
 from ..session.types import Session, Views
 from ..view_check import check_views
-from .from_session import predictions_from_session, setup_from_session
-from .pictures import DetectionOptions, detect_pictures
-from .types import DetectionError, PictureDetections
+from .pictures import DetectionOptions, PicturePrediction, detect_pictures
+from .types import BoardPrediction, DetectionError, DetectionSetup, PictureDetections
 
 CHUNK = 16
 """Pictures handed to the detector at once: enough to keep all cores busy, few enough to stop soon."""
+
+
+def setup_from_session(session: Session) -> DetectionSetup:
+    """The board, the markers and the camera of a session. Raises `DetectionError` for a marker without a colour."""
+    return DetectionSetup(session.board, session.markers, session.camera)
+
+
+def predictions_from_session(session: Session) -> tuple[PicturePrediction | None, ...]:
+    """The board's nominal pose before the camera in each frame, from the robot model at the commanded posture.
+
+    It settles the labels of a board that looks the same turned by 180°. None for each frame where the session has no board or camera.
+    """
+    if session.board is None or session.camera_link is None:
+        return (None,) * len(session.frames)
+    poses = session.robot.link_poses(session.positions, [session.camera_link, session.board.link])
+    camera_from_board = np.linalg.solve(poses[:, 0], poses[:, 1])
+    return tuple(PicturePrediction(BoardPrediction(camera_from_board=pose)) for pose in camera_from_board)
 
 
 @dataclass(frozen=True)

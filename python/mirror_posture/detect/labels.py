@@ -18,7 +18,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .types import BoardSpec, FloatArray, Via
+from ..board import Board
+from .types import FloatArray, Via
 
 # A predicted place chooses a labelling only if the second best is at least this much farther off.
 MIN_PREDICTION_RATIO = 2.0
@@ -42,7 +43,7 @@ def handedness(grid: FloatArray) -> float:
 
 
 def settle_labels(
-    grid: FloatArray, dark_first: bool, board: BoardSpec, via: Via, predicted_px: FloatArray | None = None
+    grid: FloatArray, dark_first: bool, board: Board, via: Via, predicted_px: FloatArray | None = None
 ) -> LabelledGrid:
     """Labels a detected grid `(ny, nx, 2)` whose square beyond (0, 0) is dark or not.
 
@@ -52,7 +53,7 @@ def settle_labels(
     right_hand = [
         (turned, dark)
         for turned, dark in _symmetries(grid, dark_first)
-        if turned.shape[:2] == (board.corners_y, board.corners_x) and handedness(turned) == wanted_hand
+        if turned.shape[:2] == (board.rows, board.columns) and handedness(turned) == wanted_hand
     ]
     candidates = tuple(turned.reshape(-1, 2) for turned, dark in right_hand if dark)
     if len(candidates) == 1:
@@ -94,18 +95,18 @@ def _same_colour_at_far_corner(flip_x: bool, flip_y: bool, nx: int, ny: int) -> 
     return steps % 2 == 0
 
 
-def _colour_reason(board: BoardSpec, via: Via) -> str:
-    if board.corners_x % 2 == 1 and board.corners_y % 2 == 1:
+def _colour_reason(board: Board, via: Via) -> str:
+    if board.columns % 2 == 1 and board.rows % 2 == 1:
         other = "direct" if via == "mirror" else "mirror"
         return f"the squares' colours say that this view is '{other}', not '{via}'"
     return (
         "the square diagonally beyond corner 0 (towards −x, −y) is light at every possible corner 0; the session format wants it dark: "
-        f"check [board] corners = [{board.corners_x}, {board.corners_y}]"
+        f"check [board] corners = [{board.columns}, {board.rows}]"
     )
 
 
-def _ambiguous_reason(board: BoardSpec) -> str:
+def _ambiguous_reason(board: Board) -> str:
     return (
-        f"labels ambiguous: a board of {board.corners_x} × {board.corners_y} inner corners looks the same turned by 180°; predict its place "
+        f"labels ambiguous: a board of {board.columns} × {board.rows} inner corners looks the same turned by 180°; predict its place "
         "(from the camera–board transform), or print a board with an odd and an even count"
     )

@@ -14,10 +14,12 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from ..camera import Camera
+from ..marker import Marker
 from . import outline
 from .blobs import Region, color_mask, contour_px, hue_distance_deg, label_regions, to_hsv
 from .cone import OutlineFit, fit_outline
-from .types import CameraSpec, MarkerSpec, MarkerView, PredictedMarker
+from .types import MarkerView, PredictedMarker, color_of
 
 # A ball that is seen less than half is masked. The estimate of the seen share is itself good to a few hundredths (the hidden part is
 # inferred from the outline), so the limit stands a little above one half.
@@ -64,8 +66,8 @@ class _Choice:
 
 def detect_markers(
     bgr: npt.NDArray[np.uint8],
-    markers: tuple[MarkerSpec, ...],
-    camera: CameraSpec | None = None,
+    markers: tuple[Marker, ...],
+    camera: Camera | None = None,
     predictions: tuple[PredictedMarker, ...] = (),
     bounds: dict[str, SizeBounds] | None = None,
     options: MarkerOptions | None = None,
@@ -78,7 +80,7 @@ def detect_markers(
     hsv = to_hsv(bgr)
     linear = outline.to_linear(bgr)
     predicted = {one.name: one for one in predictions}
-    candidates = {marker.name: label_regions(color_mask(hsv, marker.color)) for marker in markers}
+    candidates = {marker.name: label_regions(color_mask(hsv, color_of(marker))) for marker in markers}
     choices = _assign(markers, candidates, predicted, bounds)
     views = []
     for marker in markers:
@@ -97,20 +99,17 @@ def detect_markers(
     return tuple(views)
 
 
-def nominal_camera(width_px: int, height_px: int) -> CameraSpec:
+def nominal_camera(width_px: int, height_px: int) -> Camera:
     """A camera of ordinary field of view (focal length = the picture's width), for fitting outlines where none is known.
 
     It only shapes the outline, how long an off-axis ball's ellipse is; a sphere's centre is not read from it.
     """
     focal = float(max(width_px, height_px))
-    matrix = np.array(
-        [[focal, 0.0, (width_px - 1) / 2.0], [0.0, focal, (height_px - 1) / 2.0], [0.0, 0.0, 1.0]]
-    )
-    return CameraSpec(matrix, np.zeros(5), width_px, height_px)
+    return Camera((width_px, height_px), (focal, focal), ((width_px - 1) / 2.0, (height_px - 1) / 2.0))
 
 
 def _assign(
-    markers: tuple[MarkerSpec, ...],
+    markers: tuple[Marker, ...],
     candidates: dict[str, tuple[Region, ...]],
     predicted: dict[str, PredictedMarker],
     bounds: dict[str, SizeBounds],
@@ -153,18 +152,19 @@ def _assign(
 
 
 def _largest(
-    marker: MarkerSpec,
-    markers: tuple[MarkerSpec, ...],
+    marker: Marker,
+    markers: tuple[Marker, ...],
     regions: tuple[Region, ...],
     bounds: SizeBounds | None,
     taken: dict[tuple[int, int, int, int], str],
 ) -> _Choice:
+    color = color_of(marker)
     twins = [
         other.name
         for other in markers
         if other.name != marker.name
-        and float(hue_distance_deg(np.float32(other.color.hue_deg), marker.color.hue_deg))
-        <= max(other.color.hue_tolerance_deg, marker.color.hue_tolerance_deg)
+        and float(hue_distance_deg(np.float32(color_of(other).hue_deg), color.hue_deg))
+        <= max(color_of(other).hue_tolerance_deg, color.hue_tolerance_deg)
     ]
     fitting = [region for region in regions if region.box_px not in taken and _size_fits(region, bounds)]
     if not fitting:
@@ -198,9 +198,9 @@ def _size_fits(region: Region, bounds: SizeBounds | None) -> bool:
     return 0.45 * bounds.min_radius_px <= radius <= 1.05 * bounds.max_radius_px
 
 
-def _nothing_reason(bgr: npt.NDArray[np.uint8], marker: MarkerSpec) -> str:
+def _nothing_reason(bgr: npt.NDArray[np.uint8], marker: Marker) -> str:
     blown = float(np.mean(np.all(bgr >= BLOWN_OUT_LEVEL, axis=2)))
-    color = marker.color
+    color = color_of(marker)
     text = (
         f"no region of its colour (hue {color.hue_deg:.0f} ± {color.hue_tolerance_deg:.0f}°, saturation ≥ {color.min_saturation:.2f}, "
         f"value ≥ {color.min_value:.2f})"
@@ -210,7 +210,7 @@ def _nothing_reason(bgr: npt.NDArray[np.uint8], marker: MarkerSpec) -> str:
     return f"{text}: hidden, out of the picture, or the colour's box does not fit the light"
 
 
-def _masked(marker: MarkerSpec, reason: str, region: Region | None, **fields: Any) -> MarkerView:
+def _masked(marker: Marker, reason: str, region: Region | None, **fields: Any) -> MarkerView:
     if region is not None:
         fields.setdefault("pixel_px", region.centroid_px)
         fields.setdefault("center_kind", "region_centroid")
@@ -219,7 +219,7 @@ def _masked(marker: MarkerSpec, reason: str, region: Region | None, **fields: An
     return MarkerView(marker.name, False, reason, **fields)
 
 
-def _from_region(marker: MarkerSpec, region: Region) -> MarkerView:
+def _from_region(marker: Marker, region: Region) -> MarkerView:
     # The boundary's pixels are each in or out by chance: uniform over ±1/2 px along the outline, 2 π r of them.
     radius = max(region.equivalent_radius_px, 1.0)
     variance = (1.0 / 12.0) * (2.0 * np.pi * radius) / (
@@ -240,9 +240,9 @@ def _from_region(marker: MarkerSpec, region: Region) -> MarkerView:
 def _from_outline(
     hsv: npt.NDArray[np.float32],
     linear: np.ndarray,
-    marker: MarkerSpec,
+    marker: Marker,
     region: Region,
-    camera: CameraSpec,
+    camera: Camera,
     bounds: SizeBounds | None,
     options: MarkerOptions,
 ) -> MarkerView:
@@ -272,7 +272,7 @@ def _from_outline(
 
 
 def measure_outline(
-    linear: np.ndarray, region: Region, camera: CameraSpec, bounds: SizeBounds | None = None
+    linear: np.ndarray, region: Region, camera: Camera, bounds: SizeBounds | None = None
 ) -> OutlineFit | None:
     """Fits a ball's outline to a region: a robust circle through its contour, then sub-pixel edges and the cone of rays."""
     coarse = region.equivalent_radius_px
@@ -297,7 +297,7 @@ def measure_outline(
     return fit
 
 
-def _visible_fraction(hsv: npt.NDArray[np.float32], marker: MarkerSpec, fit: OutlineFit) -> float:
+def _visible_fraction(hsv: npt.NDArray[np.float32], marker: Marker, fit: OutlineFit) -> float:
     """Share of the outline's area that shows the ball's colour, dark parts included (only hue and saturation count)."""
     height, width = hsv.shape[:2]
     low = np.floor(fit.boundary_px.min(axis=0)).astype(int) - 1
@@ -318,8 +318,9 @@ def _visible_fraction(hsv: npt.NDArray[np.float32], marker: MarkerSpec, fit: Out
         return 0.0
     patch = hsv[top:bottom, left:right]
     part = inside[top - low[1] : bottom - low[1], left - low[0] : right - low[0]].astype(bool)
-    coloured = (patch[..., 1] >= 0.5 * marker.color.min_saturation) & (
-        hue_distance_deg(patch[..., 0], marker.color.hue_deg) <= 1.5 * marker.color.hue_tolerance_deg
+    color = color_of(marker)
+    coloured = (patch[..., 1] >= 0.5 * color.min_saturation) & (
+        hue_distance_deg(patch[..., 0], color.hue_deg) <= 1.5 * color.hue_tolerance_deg
     )
     # A highlight is white but lies within the ball: what the coloured part encloses counts as seen.
     seen = cv2.morphologyEx((coloured & part).astype(np.uint8), cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))

@@ -15,16 +15,16 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from ..board import CHARUCO
+from ..camera import Camera
 from .board import BoardOptions, detect_boards
 from .charuco import detect_charuco
 from .markers import MarkerOptions, SizeBounds, detect_markers
 from .pose import board_pose
 from .reading import Picture, PictureFile, as_picture, read_picture_file
 from .types import (
-    CHARUCO,
     BoardPrediction,
     BoardView,
-    CameraSpec,
     DetectionError,
     DetectionSetup,
     PictureDetections,
@@ -127,7 +127,7 @@ def detect_pictures(
     return tuple(result for result in results if result is not None)
 
 
-def _check_size(width: int, height: int, camera: CameraSpec | None, source: str, exif_turn: str = "") -> None:
+def _check_size(width: int, height: int, camera: Camera | None, source: str, exif_turn: str = "") -> None:
     """Refuses a picture of another size than its camera's, and says what its size looks like."""
     if camera is None or (camera.width_px, camera.height_px) == (width, height):
         return
@@ -177,8 +177,8 @@ def _size_bounds(boards: tuple[BoardView, ...], setup: DetectionSetup) -> dict[s
     distance = float(np.linalg.norm(pose.center_in_camera_m))
     return {
         marker.name: SizeBounds(
-            setup.camera.focal_px * 0.5 * marker.diameter_m / (FARTHEST_BALL * distance),
-            setup.camera.focal_px
+            setup.camera.mean_focal_px * 0.5 * marker.diameter_m / (FARTHEST_BALL * distance),
+            setup.camera.mean_focal_px
             * 0.5
             * marker.diameter_m
             / (NEAREST_BALL * distance)
@@ -189,7 +189,7 @@ def _size_bounds(boards: tuple[BoardView, ...], setup: DetectionSetup) -> dict[s
     }
 
 
-def _off_axis(camera: CameraSpec) -> float:
+def _off_axis(camera: Camera) -> float:
     """How much larger than in its middle a ball appears at the corner of the picture at most (area's root: cos^-3/2 of the angle)."""
-    corner = np.hypot(camera.width_px, camera.height_px) / (2.0 * camera.focal_px)
+    corner = np.hypot(camera.width_px, camera.height_px) / (2.0 * camera.mean_focal_px)
     return float((1.0 + corner**2) ** 0.75)

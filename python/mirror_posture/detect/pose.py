@@ -11,7 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from .. import _core
-from .types import BoardSpec, CameraSpec, FloatArray
+from ..board import Board
+from ..camera import Camera
+from .types import FloatArray
 
 
 @dataclass(frozen=True)
@@ -22,26 +24,9 @@ class BoardPose:
     rms_px: float
 
 
-def board_pose(corners_px: FloatArray, board: BoardSpec, camera: CameraSpec) -> BoardPose | None:
+def board_pose(corners_px: FloatArray, board: Board, camera: Camera) -> BoardPose | None:
     """Pose of a whole view, corners `(N, 2)` in any of the board's orders; None where the solver finds none."""
-    poses = _core.planar_poses(
-        core_camera(camera), (board.corners_x, board.corners_y), board.square_m, corners_px.reshape(1, -1, 2)
-    )
+    poses = _core.planar_poses(camera.core, board.corners, board.square_m, corners_px.reshape(1, -1, 2))
     if not poses.valid[0]:
         return None
     return BoardPose(np.asarray(poses.camera_from_pattern)[0, :3, 3], float(poses.rms_px[0]))
-
-
-def core_camera(camera: CameraSpec) -> _core.Camera:
-    """The core's camera of the same intrinsics."""
-    matrix = camera.matrix
-    coefficients = [float(value) for value in camera.distortion]
-    model = "plumb_bob" if len(coefficients) <= 5 else "rational_polynomial"
-    count = 5 if model == "plumb_bob" else 8
-    return _core.Camera(
-        (camera.width_px, camera.height_px),
-        (float(matrix[0, 0]), float(matrix[1, 1])),
-        (float(matrix[0, 2]), float(matrix[1, 2])),
-        model,
-        coefficients + [0.0] * (count - len(coefficients)),
-    )

@@ -5,14 +5,16 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from ..board import Board
+from ..camera import Camera
 from .pose import board_pose
-from .types import BoardPrediction, BoardSpec, CameraSpec, FloatArray, Via
+from .types import BoardPrediction, FloatArray, Via
 
 
 def predicted_corners_px(
     grid: FloatArray,
-    board: BoardSpec,
-    camera: CameraSpec | None,
+    board: Board,
+    camera: Camera | None,
     prediction: BoardPrediction | None,
     via: Via,
 ) -> FloatArray | None:
@@ -29,7 +31,7 @@ def predicted_corners_px(
     if prediction.camera_from_board is None or camera is None:
         return None
     camera_from_board = np.asarray(prediction.camera_from_board, dtype=np.float64)
-    points = board.points_in_board_m() @ camera_from_board[:3, :3].T + camera_from_board[:3, 3]
+    points = board.corner_in_board_m @ camera_from_board[:3, :3].T + camera_from_board[:3, 3]
     if via == "mirror":
         centre = camera_from_board[:3, 3]
         pose = board_pose(grid.reshape(-1, 2), board, camera)
@@ -43,5 +45,7 @@ def predicted_corners_px(
         points = points + 2.0 * (offset - points @ normal)[:, None] * normal
     if np.any(points[:, 2] <= 0.0):
         return None
-    projected, _ = cv2.projectPoints(points, np.zeros(3), np.zeros(3), camera.matrix, camera.distortion)
+    projected, _ = cv2.projectPoints(
+        points, np.zeros(3), np.zeros(3), camera.matrix_px, camera.opencv_distortion
+    )
     return projected.reshape(-1, 2).astype(np.float64)

@@ -6,7 +6,6 @@ format, `index = iy * corners_x + ix`; the board frame has z out of the printed 
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -14,6 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from .._core import MirrorPostureError
+from ..board import Board
+from ..camera import Camera
+from ..marker import ColorRange, Marker
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -22,113 +24,31 @@ Pixels = npt.NDArray[Any]
 Via = Literal["mirror", "direct"]
 CentreKind = Literal["outline_centroid", "region_centroid"]
 
-CHESSBOARD = "chessboard"
-CHARUCO = "charuco"
+LEAST_CORNERS = 3
+"""The fewest inner corners each way of a board that the detectors find."""
 
 
 class DetectionError(MirrorPostureError):
     """Input that detection cannot work with: what was got, what is needed, and the fix."""
 
 
-@dataclass(frozen=True)
-class BoardSpec:
-    """The printed board: inner corners along x and y, side of a square in m."""
-
-    corners_x: int
-    corners_y: int
-    square_m: float
-    pattern: str = CHESSBOARD
-    marker_size_m: float | None = None
-    dictionary: str | None = None
-
-    def __post_init__(self) -> None:
-        if self.corners_x < 3 or self.corners_y < 3:
-            raise DetectionError(
-                f"board corners = [{self.corners_x}, {self.corners_y}]: detection needs at least 3 inner corners each way; "
-                "count the points where four squares meet, not the squares"
-            )
-        if not (math.isfinite(self.square_m) and self.square_m > 0.0):
-            raise DetectionError(f"board square = {self.square_m}: needs a positive side in m")
-        if self.pattern not in (CHESSBOARD, CHARUCO):
-            raise DetectionError(
-                f"board pattern = {self.pattern!r}: valid are {CHESSBOARD!r} and {CHARUCO!r}"
-            )
-        if self.pattern == CHARUCO:
-            if self.marker_size_m is None or self.dictionary is None:
-                raise DetectionError(
-                    'a "charuco" board needs marker_size (m) and dictionary (such as "DICT_4X4_50")'
-                )
-            if not 0.0 < self.marker_size_m < self.square_m:
-                raise DetectionError(
-                    f"board marker_size = {self.marker_size_m}: must lie between 0 and the square's side {self.square_m}"
-                )
-
-    @property
-    def corner_count(self) -> int:
-        return self.corners_x * self.corners_y
-
-    def points_in_board_m(self) -> FloatArray:
-        """Corner positions in the board frame, `(N, 3)` in m, origin at the board's centre."""
-        index = np.arange(self.corner_count)
-        x = (index % self.corners_x - (self.corners_x - 1) / 2.0) * self.square_m
-        y = (index // self.corners_x - (self.corners_y - 1) / 2.0) * self.square_m
-        return np.stack([x, y, np.zeros(self.corner_count)], axis=1)
+def check_board(board: Board) -> None:
+    """Raises `DetectionError` for a board that is too small to be found by its pattern."""
+    if min(board.corners) < LEAST_CORNERS:
+        raise DetectionError(
+            f"board corners = {list(board.corners)}: detection needs at least {LEAST_CORNERS} inner corners each way; "
+            "count the points where four squares meet, not the squares"
+        )
 
 
-@dataclass(frozen=True)
-class ColorSpec:
-    """A marker's colour as a box in HSV: hue in degrees (circular), saturation and value in 0..1."""
-
-    hue_deg: float
-    hue_tolerance_deg: float
-    min_saturation: float = 0.5
-    min_value: float = 0.25
-
-    def __post_init__(self) -> None:
-        if not (math.isfinite(self.hue_deg) and 0.0 <= self.hue_deg < 360.0):
-            raise DetectionError(f"color hue = {self.hue_deg}: needs degrees in [0, 360)")
-        if not (math.isfinite(self.hue_tolerance_deg) and 0.0 < self.hue_tolerance_deg <= 180.0):
-            raise DetectionError(f"color hue_tolerance = {self.hue_tolerance_deg}: needs degrees in (0, 180]")
-        for name, value in (("min_saturation", self.min_saturation), ("min_value", self.min_value)):
-            if not (math.isfinite(value) and 0.0 <= value <= 1.0):
-                raise DetectionError(f"color {name} = {value}: needs a number in [0, 1] (not 0 to 255)")
-
-
-@dataclass(frozen=True)
-class MarkerSpec:
-    """A coloured ball: name, diameter in m (0 for an ideal point), colour."""
-
-    name: str
-    diameter_m: float
-    color: ColorSpec
-
-
-@dataclass(frozen=True)
-class CameraSpec:
-    """The camera's intrinsics as OpenCV uses them: `K` (3, 3), distortion (none, 4, 5 or 8 numbers), size in px."""
-
-    matrix: FloatArray
-    distortion: FloatArray
-    width_px: int
-    height_px: int
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "matrix", np.asarray(self.matrix, dtype=np.float64).reshape(3, 3))
-        object.__setattr__(self, "distortion", np.asarray(self.distortion, dtype=np.float64).reshape(-1))
-        if not (np.isfinite(self.matrix).all() and np.isfinite(self.distortion).all()):
-            raise DetectionError("camera: a number of the camera matrix or of the distortion is not finite")
-        if len(self.distortion) not in (0, 4, 5, 8):
-            raise DetectionError(
-                f"camera: distortion has {len(self.distortion)} numbers; needed none, 4 or 5 (plumb_bob) or 8 (rational_polynomial)"
-            )
-        if self.matrix[0, 0] <= 0.0 or self.matrix[1, 1] <= 0.0:
-            raise DetectionError(
-                "camera: the focal lengths camera_matrix[0][0] and [1][1] must be positive (px)"
-            )
-
-    @property
-    def focal_px(self) -> float:
-        return float(np.sqrt(self.matrix[0, 0] * self.matrix[1, 1]))
+def color_of(marker: Marker) -> ColorRange:
+    """The marker's colour. Raises `DetectionError` where it has none."""
+    if marker.color is None:
+        raise DetectionError(
+            f"marker {marker.name!r} has no color, and pictures need one; add in session.toml "
+            "color = { hue = …, hue_tolerance = …, min_saturation = …, min_value = … }"
+        )
+    return marker.color
 
 
 @dataclass(frozen=True)
@@ -155,11 +75,20 @@ class BoardPrediction:
 
 @dataclass(frozen=True)
 class DetectionSetup:
-    """What to look for: the board (or None), the markers, the camera (or None: no calibrated gate)."""
+    """What to look for: the board (or None), the markers, the camera (or None: no calibrated gate).
 
-    board: BoardSpec | None = None
-    markers: tuple[MarkerSpec, ...] = ()
-    camera: CameraSpec | None = None
+    Raises `DetectionError` for a board with fewer than 3 corners each way, or a marker without a colour.
+    """
+
+    board: Board | None = None
+    markers: tuple[Marker, ...] = ()
+    camera: Camera | None = None
+
+    def __post_init__(self) -> None:
+        if self.board is not None:
+            check_board(self.board)
+        for marker in self.markers:
+            color_of(marker)
 
 
 @dataclass(frozen=True)

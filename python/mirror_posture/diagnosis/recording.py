@@ -7,6 +7,7 @@ import json
 import numpy as np
 
 from .._core import GapRecording
+from ..mirror import IDEAL_MIRROR
 from ..session import Session
 
 
@@ -18,16 +19,15 @@ def to_core(session: Session) -> GapRecording:
     """
     frames = session.frames
     camera = session.camera
-    mirror = session.mirror
     header = {
         "root_link": session.root_link,
         "gravity_m_per_s2": list(map(float, session.gravity_m_per_s2)),
         "camera": None
         if camera is None
         else {
-            "size_px": [camera.width_px, camera.height_px],
-            "focal_px": [camera.fx_px, camera.fy_px],
-            "center_px": [camera.cx_px, camera.cy_px],
+            "size_px": list(camera.size_px),
+            "focal_px": list(camera.focal_px),
+            "center_px": list(camera.center_px),
             "model": camera.distortion_model,
             "distortion": list(map(float, camera.distortion)),
         },
@@ -36,11 +36,10 @@ def to_core(session: Session) -> GapRecording:
         if session.board is None
         else {
             "link": session.board.link,
-            "corners": [session.board.columns, session.board.rows],
+            "corners": list(session.board.corners),
             "square_m": session.board.square_m,
         },
-        "glass_thickness_m": mirror.glass_thickness_m if mirror else 0.0,
-        "refractive_index": mirror.refractive_index if mirror else 1.52,
+        **(session.mirror or IDEAL_MIRROR).glass,
         "markers": [
             {"name": m.name, "link": m.link, "diameter_m": m.diameter_m, "mount_known": m.mount_known}
             for m in session.markers

@@ -11,10 +11,12 @@ from pathlib import Path
 import numpy as np
 
 from .._core import MirrorPostureError
+from ..camera import Camera
+from ..mirror import FLOAT_GLASS_INDEX
 from ..robot import Robot
-from ..session.camera_info import CameraInfo, load_camera_info
+from ..session.camera_info import load_camera_info
 from ..session.metadata import Metadata, load_metadata
-from ..session.types import Frames, MirrorModel, Session, Views
+from ..session.types import Frames, Mirror, Session, Views
 from .protocol import ImagePoints, JointLimits, Look
 
 EMBEDDED_FOLDER = Path(__file__).parent.parent / "embedded"
@@ -29,7 +31,7 @@ class Nominal:
     """Where session.toml, the URDF and camera.yaml are; a whole session will do as well."""
     metadata: Metadata
     robot: Robot
-    camera: CameraInfo | None
+    camera: Camera | None
 
     @classmethod
     def load(cls, folder: str | os.PathLike[str] = EMBEDDED_FOLDER) -> Nominal:
@@ -44,9 +46,9 @@ class Nominal:
             camera = load_camera_info(folder / metadata.camera, metadata.camera)
         return cls(folder, metadata, Robot.from_urdf(folder / metadata.robot), camera)
 
-    def with_mirror(self, glass_thickness_m: float, refractive_index: float = 1.52) -> Nominal:
+    def with_mirror(self, glass_thickness_m: float, refractive_index: float = FLOAT_GLASS_INDEX) -> Nominal:
         """The same with another belief of the mirror; a thickness of 0 m is a front-surface mirror."""
-        model = MirrorModel(glass_thickness_m, refractive_index)
+        model = Mirror(glass_thickness_m, refractive_index)
         return replace(self, metadata=replace(self.metadata, mirror=model))
 
     @property
@@ -63,7 +65,7 @@ class Nominal:
     def corner_count(self) -> int:
         """How many corners the board has; 0 without a board."""
         board = self.metadata.board
-        return 0 if board is None else board.columns * board.rows
+        return 0 if board is None else board.corner_count
 
     @cached_property
     def joint_limits(self) -> dict[str, JointLimits]:

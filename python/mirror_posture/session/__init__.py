@@ -1,15 +1,14 @@
 """Sessions: folders with a robot model, a camera and what was seen, read, validated and written."""
 
-from .camera_info import CameraInfo, dump_camera_info, load_camera_info
+from ..board import Board
+from ..marker import ColorRange, Marker
+from ..mirror import Mirror
+from .camera_info import dump_camera_info, load_camera_info
 from .errors import SessionError
 from .load import load_session
 from .types import (
     UNKNOWN_FRAME,
-    Board,
-    ColorRange,
     Frames,
-    Marker,
-    MirrorModel,
     Noise,
     Points,
     Session,
@@ -20,11 +19,10 @@ from .write import write_detections, write_session
 __all__ = [
     "UNKNOWN_FRAME",
     "Board",
-    "CameraInfo",
     "ColorRange",
     "Frames",
     "Marker",
-    "MirrorModel",
+    "Mirror",
     "Noise",
     "Points",
     "Session",

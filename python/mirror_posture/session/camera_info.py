@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
 import yaml
 
+from .._core import MirrorPostureError
+from ..camera import Camera
 from .errors import SessionError, choices
 
 COEFFICIENT_NAMES = {
@@ -21,28 +20,7 @@ COEFFICIENT_NAMES = {
 """Coefficients of the lens models that are read, in the file's (ROS and OpenCV) order."""
 
 
-@dataclass(frozen=True)
-class CameraInfo:
-    """A camera's intrinsics: picture size, focal lengths, principal point and lens, all px."""
-
-    width_px: int
-    height_px: int
-    fx_px: float
-    fy_px: float
-    cx_px: float
-    cy_px: float
-    distortion_model: str = "plumb_bob"
-    distortion: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0)
-    """In the order of `COEFFICIENT_NAMES`."""
-    name: str = "camera"
-
-    @property
-    def matrix_px(self) -> npt.NDArray[np.float64]:
-        """The 3×3 camera matrix."""
-        return np.array([[self.fx_px, 0.0, self.cx_px], [0.0, self.fy_px, self.cy_px], [0.0, 0.0, 1.0]])
-
-
-def load_camera_info(file: Path, shown_as: str | None = None) -> CameraInfo:
+def load_camera_info(file: Path, shown_as: str | None = None) -> Camera:
     """Reads and validates a ROS `camera_info` YAML file.
 
     `shown_as` is the file's name in error messages. Raises `SessionError` for a file that is missing, is no YAML,
@@ -77,23 +55,30 @@ def load_camera_info(file: Path, shown_as: str | None = None) -> CameraInfo:
         raise SessionError(name, "camera_matrix: needed [fx, 0, cx, 0, fy, cy, 0, 0, 1] (no skew)")
     model, coefficients = _lens(name, tree)
     camera_name = tree.get("camera_name", "camera")
-    return CameraInfo(width, height, fx, fy, cx, cy, model, coefficients, str(camera_name))
+    try:
+        return Camera((width, height), (fx, fy), (cx, cy), model, coefficients, str(camera_name))
+    except MirrorPostureError as error:
+        raise SessionError(name, str(error)) from None
 
 
-def dump_camera_info(camera: CameraInfo) -> str:
+def dump_camera_info(camera: Camera) -> str:
     """The camera as ROS `camera_info` YAML; `load_camera_info` reads the same numbers back."""
 
     def block(rows: int, columns: int, data: list[float]) -> dict[str, Any]:
         return {"rows": rows, "cols": columns, "data": data}
 
-    fx, fy, cx, cy = camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px
+    (fx, fy), (cx, cy) = camera.focal_px, camera.center_px
+    model, coefficients = camera.distortion_model, list(camera.distortion)
+    if model == "none":
+        # ROS has no lens without a model.
+        model, coefficients = "plumb_bob", [0.0] * 5
     tree = {
         "image_width": camera.width_px,
         "image_height": camera.height_px,
         "camera_name": camera.name,
         "camera_matrix": block(3, 3, [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]),
-        "distortion_model": camera.distortion_model,
-        "distortion_coefficients": block(1, len(camera.distortion), list(camera.distortion)),
+        "distortion_model": model,
+        "distortion_coefficients": block(1, len(coefficients), coefficients),
         "rectification_matrix": block(3, 3, [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]),
         "projection_matrix": block(3, 4, [fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0]),
     }

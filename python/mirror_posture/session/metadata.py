@@ -11,8 +11,11 @@ from typing import Any
 
 import numpy as np
 
+from ..board import CHESSBOARD, PATTERNS, Board
+from ..marker import ColorRange, Marker
+from ..mirror import FLOAT_GLASS_INDEX, Mirror
 from .errors import SessionError, choices
-from .types import Board, ColorRange, Floats, Marker, MirrorModel, Noise
+from .types import Floats, Noise
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -22,7 +25,6 @@ else:  # pragma: no cover
 FILE = "session.toml"
 FORMAT = "mirror-posture/session"
 VERSION = 1
-PATTERNS = ("chessboard", "charuco")
 MOUNTS = ("known", "unknown")
 RESERVED_TARGET = "board"
 """The name that detections.csv gives the board: no marker can have it."""
@@ -41,7 +43,7 @@ class Metadata:
     camera_link: str | None
     board: Board | None
     markers: tuple[Marker, ...]
-    mirror: MirrorModel | None
+    mirror: Mirror | None
     noise: Noise
     points_frame: str | None
     ordered: bool
@@ -91,9 +93,9 @@ def _check(raw: dict[str, Any]) -> Metadata:
     mirror_section = top.section("mirror")
     mirror = None
     if mirror_section:
-        mirror = MirrorModel(
+        mirror = Mirror(
             mirror_section.number("glass_thickness", 0.0, at_least=0.0),
-            mirror_section.number("refractive_index", 1.52, at_least=1.0),
+            mirror_section.number("refractive_index", FLOAT_GLASS_INDEX, at_least=1.0),
         )
     noise_section = top.section("noise")
     noise = Noise()
@@ -132,7 +134,7 @@ def _board(section: _Section | None) -> Board | None:
         raise SessionError(
             FILE, f"board.corners: got {corners}, needed at least 2 inner corners along x and y"
         )
-    pattern = section.text("pattern", "chessboard", one_of=PATTERNS)
+    pattern = section.text("pattern", CHESSBOARD, one_of=PATTERNS)
     marker_size = section.number("marker_size", None, above=0.0)
     dictionary = section.text("dictionary", None)
     if pattern == "charuco" and (marker_size is None or dictionary is None):
@@ -144,7 +146,7 @@ def _board(section: _Section | None) -> Board | None:
         raise SessionError(
             FILE, f"board.marker_size: got {marker_size:g} m, needed less than the square ({square:g})"
         )
-    board = Board(section.text("link"), corners[0], corners[1], square, pattern, marker_size, dictionary)
+    board = Board(corners[0], corners[1], square, pattern, marker_size, dictionary, section.text("link"))
     section.close()
     return board
 

@@ -9,13 +9,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, TypedDict
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from ..board import Board
+from ..camera import Camera
+from ..marker import Marker
+from ..mirror import Mirror
 from ..robot import Robot
-from .camera_info import CameraInfo
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -23,70 +26,6 @@ Mask = npt.NDArray[np.bool_]
 
 UNKNOWN_FRAME = "unknown"
 """The `[points] frame` of a fixed frame whose pose is estimated along with the rest."""
-
-
-@dataclass(frozen=True)
-class ColorRange:
-    """The colour of a ball, as hue, saturation and value."""
-
-    hue_deg: float
-    hue_tolerance_deg: float
-    min_saturation: float
-    min_value: float
-
-
-@dataclass(frozen=True)
-class Marker:
-    """A ball (or an ideal point, `diameter_m` 0) on a link."""
-
-    name: str
-    link: str
-    diameter_m: float = 0.0
-    mount_known: bool = True
-    color: ColorRange | None = None
-
-
-@dataclass(frozen=True)
-class Board:
-    """The board on the robot: `columns × rows` inner corners, origin at the centre, z out of the printed face."""
-
-    link: str
-    columns: int
-    rows: int
-    square_m: float
-    pattern: str = "chessboard"
-    marker_size_m: float | None = None
-    dictionary: str | None = None
-
-    @cached_property
-    def corner_in_board_m(self) -> Floats:
-        """The corners, (columns · rows, 3), m, in the board's frame: index `iy · columns + ix`."""
-        iy, ix = np.divmod(np.arange(self.columns * self.rows), self.columns)
-        x = (ix - (self.columns - 1) / 2) * self.square_m
-        y = (iy - (self.rows - 1) / 2) * self.square_m
-        return np.stack([x, y, np.zeros_like(x)], axis=1)
-
-
-class GlassArguments(TypedDict, total=False):
-    """What the optics' functions take of a mirror's glass."""
-
-    glass_thickness_m: float
-    refractive_index: float
-
-
-@dataclass(frozen=True)
-class MirrorModel:
-    """What the model assumes of the mirror; a thickness of 0 is a front-surface mirror."""
-
-    glass_thickness_m: float = 0.0
-    refractive_index: float = 1.52
-
-    @staticmethod
-    def glass(mirror: MirrorModel | None) -> GlassArguments:
-        """The glass of a session's mirror as keyword arguments of the optics; nothing where the session says nothing."""
-        if mirror is None:
-            return {}
-        return {"glass_thickness_m": mirror.glass_thickness_m, "refractive_index": mirror.refractive_index}
 
 
 @dataclass(frozen=True)
@@ -193,10 +132,10 @@ class Session:
     """What was seen in the mirror."""
     direct_view: Views
     """What was seen without it."""
-    camera: CameraInfo | None = None
+    camera: Camera | None = None
     camera_link: str | None = None
     board: Board | None = None
-    mirror: MirrorModel | None = None
+    mirror: Mirror | None = None
     noise: Noise = Noise()
     points: Points | None = None
     detected: bool = True

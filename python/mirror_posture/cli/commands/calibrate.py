@@ -13,6 +13,9 @@ from ..output import JsonOption, Output, SessionArgument
 if TYPE_CHECKING:
     import numpy as np
 
+    from ...board import Board
+    from ...camera import Camera
+
 ORDER = 50
 PANEL = "Measuring"
 STILL = 1e-6
@@ -133,40 +136,35 @@ def command(
 def _by_mirror(loaded: Any, still: np.ndarray) -> Any:
     import numpy as np
 
-    from ...calibrate import Board, calibrate_from_mirror_views
-    from ...camera import camera_from_info
-    from ...session import MirrorModel
+    from ...calibrate import calibrate_from_mirror_views
+    from ...mirror import IDEAL_MIRROR
 
-    board, seen = loaded.board, loaded.mirror_view
+    seen = loaded.mirror_view
     corners = np.where((seen.board_seen & still[:, None])[..., None], seen.board_px, np.nan)
     shown = np.flatnonzero(np.isfinite(corners).any(axis=(1, 2)))
     if not len(shown):
         raise MirrorPostureError(f"{loaded.folder}: no frame shows the board in the mirror")
-    glass = MirrorModel.glass(loaded.mirror)
-    return calibrate_from_mirror_views(
-        camera_from_info(loaded.camera), Board((board.columns, board.rows), board.square_m), corners, **glass
-    )
+    glass = (loaded.mirror or IDEAL_MIRROR).glass
+    return calibrate_from_mirror_views(loaded.camera, loaded.board, corners, **glass)
 
 
 def _by_second_camera(loaded: Any, camera_file: Path, folder: Path, stand_text: str) -> Any:
     import numpy as np
 
-    from ...calibrate import Board, calibrate_with_second_camera
-    from ...camera import camera_from_info
+    from ...board import Board
+    from ...calibrate import calibrate_with_second_camera
     from ...detect import list_pictures
-    from ...detect.types import BoardSpec
     from ...session import load_camera_info
 
     try:
         nx, ny, millimetres = stand_text.lower().split("x")
-        stand = BoardSpec(int(nx), int(ny), float(millimetres) / 1000.0)
+        stand = Board(int(nx), int(ny), float(millimetres) / 1000.0)
     except ValueError:
         raise MirrorPostureError(f"--stand: got {stand_text!r}, needed NXxNYxMM, as in 9x6x20") from None
-    board = loaded.board
-    chest = BoardSpec(board.columns, board.rows, board.square_m)
-    if {stand.corners_x, stand.corners_y} == {chest.corners_x, chest.corners_y}:
+    chest = loaded.board
+    if set(stand.corners) == set(chest.corners):
         raise MirrorPostureError(
-            f"--stand: both boards have {chest.corners_x} × {chest.corners_y} corners and cannot be told apart; use another board"
+            f"--stand: both boards have {chest.columns} × {chest.rows} corners and cannot be told apart; use another board"
         )
     second = load_camera_info(camera_file)
     names = [file.name for file in list_pictures(folder / "robot")]
@@ -180,30 +178,25 @@ def _by_second_camera(loaded: Any, camera_file: Path, folder: Path, stand_text: 
         stand_second.append(_direct_corners(folder / "second" / name, stand, second))
         chest_second.append(_direct_corners(folder / "second" / name, chest, second))
     return calibrate_with_second_camera(
-        camera_from_info(loaded.camera),
-        camera_from_info(second),
-        Board((chest.corners_x, chest.corners_y), chest.square_m),
-        Board((stand.corners_x, stand.corners_y), stand.square_m),
+        loaded.camera,
+        second,
+        chest,
+        stand,
         stand_in_robot_camera_px=np.stack(stand_robot),
         stand_in_second_camera_px=np.stack(stand_second),
         chest_in_second_camera_px=np.stack(chest_second),
     )
 
 
-def _direct_corners(file: Path, board: Any, info: Any) -> Any:
-    import numpy as np
+def _direct_corners(file: Path, board: Board, camera: Camera) -> Any:
+    from ...detect import BoardOptions, DetectionOptions, DetectionSetup, detect_picture
 
-    from ...detect import BoardOptions, CameraSpec, DetectionOptions, DetectionSetup, detect_picture
-
-    spec = CameraSpec(info.matrix_px, np.asarray(info.distortion), info.width_px, info.height_px)
     options = DetectionOptions(board=BoardOptions(views=("direct",)))
-    views = detect_picture(file, DetectionSetup(board, (), spec), options=options).boards
+    views = detect_picture(file, DetectionSetup(board, (), camera), options=options).boards
     good = next((view for view in views if view.ok), None)
     if good is None:
         reason = next(
             (view.reason for view in views if not view.ok), "it is seen in a mirror, needed directly"
         )
-        raise MirrorPostureError(
-            f"{file}: the {board.corners_x} × {board.corners_y} board was not found: {reason}"
-        )
+        raise MirrorPostureError(f"{file}: the {board.columns} × {board.rows} board was not found: {reason}")
     return good.corners_px

@@ -173,14 +173,16 @@ def _apply_to_camera(session: Session, cause: Cause, value: dict[str, float]) ->
     assert camera is not None
     if cause.effect == "camera_focal":
         factor = 1.0 + value["scale_error"]
-        camera = replace(camera, fx_px=factor * camera.fx_px, fy_px=factor * camera.fy_px)
+        camera = replace(camera, focal_px=(factor * camera.fx_px, factor * camera.fy_px))
         what = f"fx = {camera.fx_px:.3f} px, fy = {camera.fy_px:.3f} px"
     elif cause.effect == "camera_center":
-        camera = replace(camera, cx_px=camera.cx_px + value["du_px"], cy_px=camera.cy_px + value["dv_px"])
+        camera = replace(camera, center_px=(camera.cx_px + value["du_px"], camera.cy_px + value["dv_px"]))
         what = f"cx = {camera.cx_px:.3f} px, cy = {camera.cy_px:.3f} px"
     elif cause.effect == "lens_distortion":
-        coefficients = (camera.distortion[0] + value["dk1"], *camera.distortion[1:])
-        camera = replace(camera, distortion=coefficients)
+        k1, *others = camera.distortion or (0.0,) * 5
+        coefficients = (k1 + value["dk1"], *others)
+        model = "plumb_bob" if camera.distortion_model == "none" else camera.distortion_model
+        camera = replace(camera, distortion_model=model, distortion=coefficients)
         what = f"k1 = {coefficients[0]:.6f}"
     else:
         return session, Written(

@@ -1,0 +1,50 @@
+"""Markers: balls on the robot's links, and the colours that they are found by."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from ._core import MirrorPostureError
+
+
+@dataclass(frozen=True)
+class ColorRange:
+    """A marker's colour as a box in HSV: hue in degrees (circular), saturation and value in 0..1.
+
+    Raises `MirrorPostureError` for a number outside its range.
+    """
+
+    hue_deg: float
+    hue_tolerance_deg: float
+    min_saturation: float = 0.5
+    min_value: float = 0.25
+
+    def __post_init__(self) -> None:
+        if not (_is_number(self.hue_deg) and 0.0 <= self.hue_deg < 360.0):
+            raise MirrorPostureError(f"color hue = {self.hue_deg}: needs degrees in [0, 360)")
+        if not (_is_number(self.hue_tolerance_deg) and 0.0 < self.hue_tolerance_deg <= 180.0):
+            raise MirrorPostureError(
+                f"color hue_tolerance = {self.hue_tolerance_deg}: needs degrees in (0, 180]"
+            )
+        for name, value in (("min_saturation", self.min_saturation), ("min_value", self.min_value)):
+            if not (_is_number(value) and 0.0 <= value <= 1.0):
+                raise MirrorPostureError(f"color {name} = {value}: needs a number in [0, 1] (not 0 to 255)")
+
+
+@dataclass(frozen=True)
+class Marker:
+    """A ball (or an ideal point, `diameter_m` 0) on a link."""
+
+    name: str
+    link: str = ""
+    """The link whose origin is the ball's centre; empty where there is no robot."""
+    diameter_m: float = 0.0
+    mount_known: bool = True
+    """Whether its place on the link is known: an unknown one is estimated along with the causes."""
+    color: ColorRange | None = None
+    """None for a marker that is not looked for in pictures."""
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
