@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ._core import Measured, MeasureInput, MirrorPostureError
-from .mirror import IDEAL_MIRROR
 from .measurement_residuals import WIDEN_ABOVE, Assumed, excess_of_markers, judge_views, widen_markers
+from .mirror import IDEAL_MIRROR
 from .session import Session
 from .view_check import refuse_mistakes
 

@@ -21,6 +21,7 @@ import numpy.typing as npt
 
 from ._core import MirrorPostureError, PictureMaker
 from .camera import Camera
+from .mirror import FLOAT_GLASS_INDEX
 from .robot import Robot
 from .session.camera_info import load_camera_info
 from .session.metadata import Metadata, load_metadata
@@ -62,7 +63,7 @@ class PictureOptions:
     """How the mirror is made, and how the camera takes its pictures."""
 
     glass_thickness_m: float = 0.003
-    refractive_index: float = 1.52
+    refractive_index: float = FLOAT_GLASS_INDEX
     curvature_per_m: float = 0.0
     """Positive is concave as the camera sees it."""
     mirror_width_m: float = 0.42

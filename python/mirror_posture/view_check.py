@@ -15,11 +15,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
-from ._core import Camera, MirrorPostureError
-from .camera import camera_from_info
-from .mirror import FLOAT_GLASS_INDEX, Rig, estimate_mirrors
+from ._core import MirrorPostureError
+from .board import Board
+from .camera import Camera
+from .mirror import FLOAT_GLASS_INDEX, IDEAL_MIRROR, Rig, estimate_mirrors
 from .optics import see_in_mirror
-from .session.types import MirrorModel, Session
+from .session.types import Session
 
 Floats = npt.NDArray[np.float64]
 PixelMap = Callable[[Floats, float, float], Floats]
@@ -182,7 +183,7 @@ _OPTICAL_FROM_BODY = np.array([[0.0, -1.0, 0, 0], [0.0, 0, -1.0, 0], [1.0, 0, 0,
 
 
 def _readings(views: _Views) -> Iterator[Reading]:
-    nx, ny = views.corners
+    nx, ny = views.board.corners
     pixels = [*_FLIPS, "turned by 180°", *(_QUARTERS if views.square_picture else ())]
     for name in pixels:
         one = Reading(name, f"the pictures are {name}", _FLIP_FIX[name], 1, pixels=name)
@@ -246,9 +247,7 @@ class _Views:
     """Some of a session's views, as arrays."""
 
     camera: Camera
-    distortion_model: str
-    corners: tuple[int, int]
-    square_m: float
+    board: Board
     camera_from_board: Floats
     board_px: Floats
     """(V, N, 2); NaN where a corner was not seen."""
@@ -272,13 +271,11 @@ class _Views:
         poses = robot.forward_kinematics(positions)
         root_from_camera, root_from_board = (poses[:, robot.link_index(name)] for name in (link, board.link))
         markers = [robot.points(positions, link, marker.link) for marker in session.markers]
-        glass = MirrorModel.glass(session.mirror)
+        glass = (session.mirror or IDEAL_MIRROR).glass
         return cls(
-            camera_from_info(camera),
-            camera.distortion_model,
-            (board.columns, board.rows),
-            board.square_m,
-            np.linalg.solve(root_from_camera, root_from_board),
+            camera,
+            board,
+            np.linalg.solve(root_from_camera, root_from_board).astype(np.float64, copy=False),
             np.where(seen.board_seen[rows, :, None], seen.board_px[rows], np.nan),
             seen.marker_px[rows],
             seen.marker_seen[rows],
@@ -294,7 +291,7 @@ class _Views:
 
     def fit(self, reading: Reading) -> Fit:
         """Medians over the views of the board's residual in the best mirror and of the markers' distances from the model's in that mirror."""
-        nx, ny = self.corners
+        nx, ny = self.board.corners
         width, height = self.camera.size_px
         board_px = _PIXELS[reading.pixels](self.board_px, width, height)
         if reading.labels != "as they are":
@@ -312,8 +309,7 @@ class _Views:
             mine = np.flatnonzero(group.reshape(-1) == number)
             rig = Rig(
                 camera,
-                self.corners,
-                self.square_m * reading.square_factor,
+                Board(*self.board.corners, self.board.square_m * reading.square_factor),
                 poses[row],
                 None,
                 self.glass_thickness_m,
@@ -325,7 +321,7 @@ class _Views:
         return Fit(reading, float(np.median(rms)), self._markers_px(reading, camera, foot))
 
     def _markers_px(self, reading: Reading, camera: Camera, foot: Floats) -> float | None:
-        view, marker = np.nonzero(self.marker_seen & np.isfinite(foot).all(axis=1)[:, None])
+        view, marker = np.nonzero(self.marker_seen & np.isfinite(foot).all(axis=1, keepdims=True))
         if len(view) == 0:
             return None
         width, height = self.camera.size_px
@@ -346,13 +342,11 @@ class _Views:
         if factor == 1.0 and focal_factor == 1.0:
             return self.camera
         (fx, fy), (cx, cy), size = self.camera.focal_px, self.camera.center_px, self.camera.size_px
-        count = {"plumb_bob": 5, "rational_polynomial": 8}.get(self.distortion_model, 0)
-        return Camera(
-            (max(1, round(size[0] * factor)), max(1, round(size[1] * factor))),
-            (fx * factor * focal_factor, fy * factor * focal_factor),
-            ((cx + 0.5) * factor - 0.5, (cy + 0.5) * factor - 0.5),
-            self.distortion_model if count else "none",
-            list(self.camera.distortion)[:count],
+        return replace(
+            self.camera,
+            size_px=(max(1, round(size[0] * factor)), max(1, round(size[1] * factor))),
+            focal_px=(fx * factor * focal_factor, fy * factor * focal_factor),
+            center_px=((cx + 0.5) * factor - 0.5, (cy + 0.5) * factor - 0.5),
         )
 
     def best_factors(self) -> list[Fit]:
@@ -361,7 +355,7 @@ class _Views:
         def of_board(factor: float) -> Reading:
             return Reading(
                 "another board",
-                f"the board is another one: its squares measure {1000.0 * factor * self.square_m:.2f} mm, not {1000.0 * self.square_m:.2f} mm",
+                f"the board is another one: its squares measure {1000.0 * factor * self.board.square_m:.2f} mm, not {1000.0 * self.board.square_m:.2f} mm",
                 "measure the printed squares and correct [board] square",
                 1,
                 square_factor=factor,

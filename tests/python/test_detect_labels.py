@@ -88,7 +88,9 @@ def test_the_camera_board_transform_settles_a_mirrored_board(upside_down: bool) 
     reflection = np.eye(3) - 2.0 * np.outer(normal, normal)
     reflected = reflection @ camera_from_board[:3, :3]
     centre = reflection @ camera_from_board[:3, 3] + 2.0 * 0.24 * normal
-    homography = camera.matrix_px @ np.column_stack([0.014 * reflected[:, 0], 0.014 * reflected[:, 1], centre])
+    homography = camera.matrix_px @ np.column_stack(
+        [0.014 * reflected[:, 0], 0.014 * reflected[:, 1], centre]
+    )
     picture = chessboard_picture(7, 5, homography)
     options = BoardOptions(views=("mirror",))
     prediction = BoardPrediction(camera_from_board=camera_from_board)

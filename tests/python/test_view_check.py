@@ -86,13 +86,7 @@ def test_a_camera_file_of_another_camera_is_named(
     session: Session, factor: float, center: tuple[float, float]
 ) -> None:
     assert session.camera is not None
-    camera = replace(
-        session.camera,
-        fx_px=693.0 * factor,
-        fy_px=693.0 * factor,
-        cx_px=center[0],
-        cy_px=center[1],
-    )
+    camera = replace(session.camera, focal_px=(693.0 * factor, 693.0 * factor), center_px=center)
     checked = check_views(replace(session, camera=camera))
     assert checked is not None and "camera file" in checked.mistake, checked
 

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mirror_posture._core import MirrorPostureError
+from mirror_posture.mirror import FLOAT_GLASS_INDEX
 from mirror_posture.robots.base import RobotBase
 from mirror_posture.robots.errors import NotSettledError
 from mirror_posture.robots.nominal import Nominal
@@ -219,7 +220,7 @@ class MujocoRobot(SimulatedStand, RobotBase):
         glass = self.options.glass_thickness_m
         if glass is None:
             glass = 0.0 if claimed is None else claimed.glass_thickness_m
-        index = 1.52 if claimed is None else claimed.refractive_index
+        index = FLOAT_GLASS_INDEX if claimed is None else claimed.refractive_index
         normal = view_normal(self._real_view)
         if self._lens is not None:
             distance = float(normal @ self._board_in_root) + self._real_view.distance_m

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mirror_posture._core import MirrorPostureError
+from mirror_posture.mirror import FLOAT_GLASS_INDEX
 from mirror_posture.robots.base import RobotBase
 from mirror_posture.robots.nominal import Nominal
 from mirror_posture.robots.protocol import Look, Positions
@@ -113,7 +114,7 @@ class TwinRobot(SimulatedStand, RobotBase):
         glass = options.glass_thickness_m
         if glass is None:
             glass = 0.0 if claimed is None else claimed.glass_thickness_m
-        index = 1.52 if claimed is None else claimed.refractive_index
+        index = FLOAT_GLASS_INDEX if claimed is None else claimed.refractive_index
         if self._painter is not None:
             from mirror_posture.render import PictureOptions, view_planes
 
