@@ -1,0 +1,243 @@
+"""The session's robot as a MuJoCo model: a URDF, or the user's own MJCF with everything in it, on position servos.
+
+What the session needs and the model lacks (the frames of camera, board and markers) is added as sites, placed as the
+session's URDF places them. The nominal model is an ideal positioner: its servos are so stiff that gravity bends them by
+`DROOP_RAD` at most. Position servos that the user's MJCF has already are kept as they are: they are part of that simulator.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import numpy.typing as npt
+
+from .._core import MirrorPostureError
+from ..session import Session
+
+Floats = npt.NDArray[np.float64]
+
+TIMESTEP_S = 0.001
+DROOP_RAD = 2e-5
+"""Droop of a servo under the largest torque that gravity puts on it: a hundredth of a small cause."""
+LEAST_STIFFNESS_NM_PER_RAD = 1.0
+SERVO_RATE_PER_S = 80.0
+"""Natural frequency that the armature gives a servo; the statics do not depend on it."""
+LEAST_MASS_KG, LEAST_INERTIA_KGM2 = 1e-6, 1e-9
+STIFF_FRICTION = ([0.002, 1.0], [0.9999, 0.9999, 0.001, 0.5, 2.0])
+"""MuJoCo's soft friction made hard: its defaults creep, and lose all hysteresis."""
+FRAMES_DIFFER_M = 1e-3
+"""A model whose frames lie farther from the URDF's than this is not the robot that the session describes."""
+
+
+@dataclass
+class Simulator:
+    """A MuJoCo specification with what tells its parts apart. `stiffness` is by joint, N m/rad (N/m)."""
+
+    spec: Any
+    joints: tuple[str, ...]
+    stiffness: dict[str, float]
+    gravity_in_root_m_per_s2: Floats
+    root_link: str
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def angle_unit(self) -> float:
+        """What an angle in rad must be multiplied by to be written into the specification."""
+        return float(np.degrees(1.0)) if self.spec.compiler.degree else 1.0
+
+    def compiled(self) -> mujoco.MjModel:
+        """The compiled model, gravity turned into the world's frame. Raises `MirrorPostureError` where MuJoCo refuses it."""
+        try:
+            model = self.spec.compile()
+        except ValueError as error:
+            raise MirrorPostureError(f"MuJoCo refuses the model: {' '.join(str(error).split())}") from None
+        data = mujoco.MjData(model)
+        mujoco.mj_kinematics(model, data)
+        model.opt.gravity[:] = frame_of(model, data, self.root_link)[:3, :3] @ self.gravity_in_root_m_per_s2
+        return model
+
+
+def build(session: Session, model_file: Path | None = None) -> Simulator:
+    """The nominal simulator of a session: from its URDF, or from the user's own model.
+
+    Raises:
+        MirrorPostureError: a file that MuJoCo cannot load; a joint of the session that the model does not have; a link
+            that neither the model nor the session's URDF can place.
+    """
+    spec, is_urdf = _read(model_file or session.robot_file)
+    notes: list[str] = []
+    for free in [joint for joint in spec.joints if joint.type == mujoco.mjtJoint.mjJNT_FREE]:
+        spec.delete(free)
+        notes.append("the free joint of the root is removed: the session's root stands still")
+    joints = tuple(session.robot.position_names)
+    missing = [name for name in session.frames.joint_names if name in joints and spec.joint(name) is None]
+    if missing:
+        names = ", ".join(joint.name for joint in spec.joints)
+        raise MirrorPostureError(
+            f"{model_file}: has no joint {missing[0]!r} of the session; its joints: {names}"
+        )
+    joints = tuple(name for name in joints if spec.joint(name) is not None)
+    spec.compiler.boundmass, spec.compiler.boundinertia = LEAST_MASS_KG, LEAST_INERTIA_KGM2
+    spec.option.timestep = TIMESTEP_S
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    spec.option.noslip_iterations = 8
+    # Limbs that touch would push each other: the session's postures were taken free in the air.
+    spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    for link in needed_links(session):
+        _ensure_frame(spec, session, link)
+    stiffness = _servo_stiffness(session, joints)
+    kept = _add_servos(spec, joints, stiffness)
+    if kept:
+        notes.append(f"position servos of the model are kept: {', '.join(sorted(kept))}")
+    simulator = Simulator(
+        spec, joints, stiffness, np.asarray(session.gravity_m_per_s2, float), session.root_link, notes
+    )
+    if not is_urdf:
+        _check_frames(simulator, session, model_file)
+    return simulator
+
+
+def needed_links(session: Session) -> tuple[str, ...]:
+    """The links whose frames the session needs: root, camera, board, markers."""
+    links = [session.root_link]
+    if session.camera_link:
+        links.append(session.camera_link)
+    if session.board is not None:
+        links.append(session.board.link)
+    return tuple(dict.fromkeys([*links, *(marker.link for marker in session.markers)]))
+
+
+def frame_of(model: mujoco.MjModel, data: mujoco.MjData, link: str) -> Floats:
+    """Pose (4, 4) `world_from_link` of a body, else of the site of that name."""
+    pose = np.eye(4)
+    body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, link)
+    if body >= 0:
+        pose[:3, :3], pose[:3, 3] = data.xmat[body].reshape(3, 3), data.xpos[body]
+        return pose
+    site = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, link)
+    pose[:3, :3], pose[:3, 3] = data.site_xmat[site].reshape(3, 3), data.site_xpos[site]
+    return pose
+
+
+def element_of(spec: Any, link: str) -> Any:
+    """The body of a link, else the site of that name; None where there is neither."""
+    return spec.body(link) or spec.site(link)
+
+
+def _read(file: Path) -> tuple[Any, bool]:
+    """The specification of a model file, and whether it is a URDF."""
+    try:
+        text = file.read_text(encoding="utf-8-sig")
+        root = ET.fromstring(text)
+        if root.tag != "robot":
+            return mujoco.MjSpec.from_file(str(file)), False
+        for tag in ("mujoco", "transmission", "gazebo"):
+            for element in root.findall(tag):
+                root.remove(element)
+        for link in root.findall("link"):
+            # Mesh files may lie elsewhere, and shapes do not matter to the statics.
+            for tag in ("visual", "collision"):
+                for element in link.findall(tag):
+                    link.remove(element)
+        settings = ET.SubElement(root, "mujoco")
+        ET.SubElement(settings, "compiler", fusestatic="false", balanceinertia="true")
+        return mujoco.MjSpec.from_string(ET.tostring(root, encoding="unicode")), True
+    except (OSError, UnicodeDecodeError, ET.ParseError, ValueError) as error:
+        raise MirrorPostureError(f"{file}: MuJoCo cannot load it: {' '.join(str(error).split())}") from None
+
+
+def _ensure_frame(spec: Any, session: Session, link: str) -> None:
+    """Adds a site for a link that the model lacks, where the URDF has it on the nearest body that the model has."""
+    if element_of(spec, link) is not None:
+        return
+    robot = session.robot
+    body_from_link = np.eye(4)
+    index = robot.link_index(link)
+    while True:
+        joint = robot.links[index].parent_joint
+        if joint is None:
+            if index == 0 and robot.link_names[0] != link:
+                break
+            # The URDF's root is the world of an MJCF whose first body is not named after it.
+            body_from_link = body_from_link if index == 0 else np.eye(4)
+            spec.worldbody.add_site(name=link, pos=body_from_link[:3, 3], quat=_quaternion(body_from_link))
+            return
+        joint_of = robot.joints[joint]
+        if joint_of.kind != "fixed":
+            break
+        body_from_link = joint_of.parent_from_joint @ body_from_link
+        index = robot.link_index(joint_of.parent_link)
+        body = spec.body(joint_of.parent_link)
+        if body is not None:
+            body.add_site(name=link, pos=body_from_link[:3, 3], quat=_quaternion(body_from_link))
+            return
+    names = ", ".join(body.name for body in spec.bodies[1:])
+    raise MirrorPostureError(
+        f"the model has neither {link!r} nor a body that the session's URDF fixes it to; its bodies: {names}; "
+        f"add a site {link!r} to the model"
+    )
+
+
+def _quaternion(pose: Floats) -> Floats:
+    out = np.zeros(4)
+    mujoco.mju_mat2Quat(out, np.ascontiguousarray(pose[:3, :3]).ravel())
+    return out
+
+
+def _servo_stiffness(session: Session, joints: tuple[str, ...]) -> dict[str, float]:
+    robot = session.robot
+    torque = np.abs(
+        robot.gravity_torques(session.positions, session.gravity_m_per_s2, session.root_link)
+    ).max(axis=0)
+    largest = dict(zip(robot.position_names, torque, strict=True))
+    return {name: max(LEAST_STIFFNESS_NM_PER_RAD, float(largest[name]) / DROOP_RAD) for name in joints}
+
+
+def _holds_positions(actuator: Any) -> bool:
+    """Whether an actuator is a position servo: force = k (command − position), damping besides."""
+    gain, bias = float(actuator.gainprm[0]), float(actuator.biasprm[1])
+    return actuator.biastype == mujoco.mjtBias.mjBIAS_AFFINE and gain > 0.0 and abs(gain + bias) < 1e-9 * gain
+
+
+def _add_servos(spec: Any, joints: tuple[str, ...], stiffness: dict[str, float]) -> set[str]:
+    kept = {actuator.target for actuator in spec.actuators if _holds_positions(actuator)} & set(joints)
+    for actuator in [a for a in spec.actuators if a.target in joints and a.target not in kept]:
+        spec.delete(actuator)
+    for name in joints:
+        if name in kept:
+            continue
+        joint = spec.joint(name)
+        joint.armature = max(float(joint.armature), stiffness[name] / SERVO_RATE_PER_S**2)
+        joint.frictionloss = 0.0
+        # A zero that is off by a little must not run into the file's stop, nor its effort limit let the load win.
+        joint.limited = joint.actfrclimited = mujoco.mjtLimited.mjLIMITED_FALSE
+        servo = spec.add_actuator(name=f"servo_{name}", target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        servo.set_to_position(kp=stiffness[name], kv=2.0 * stiffness[name] / SERVO_RATE_PER_S)
+    return kept
+
+
+def _check_frames(simulator: Simulator, session: Session, file: Path | None) -> None:
+    """Compares where the user's model and the session's URDF have camera, board and markers at the first posture."""
+    model = simulator.compiled()
+    data = mujoco.MjData(model)
+    row = dict(zip(session.robot.position_names, session.positions[0], strict=True))
+    for name in simulator.joints:
+        data.qpos[model.joint(name).qposadr[0]] = row[name] + model.qpos0[model.joint(name).qposadr[0]]
+    mujoco.mj_kinematics(model, data)
+    links = needed_links(session)
+    root = np.linalg.inv(frame_of(model, data, session.root_link))
+    here = np.array([(root @ frame_of(model, data, link))[:3, 3] for link in links])
+    there = session.robot.link_poses(session.positions[:1], links)[0]
+    there = np.linalg.solve(there[0], there)[:, :3, 3]
+    far = np.linalg.norm(here - there, axis=1)
+    worst = int(far.argmax())
+    if far[worst] > FRAMES_DIFFER_M:
+        simulator.notes.append(
+            f"{file}: at the first posture {links[worst]} lies {far[worst] * 1e3:.1f} mm from where the session's URDF has it: "
+            "the two files describe different robots"
+        )

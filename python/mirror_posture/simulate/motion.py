@@ -1,0 +1,94 @@
+"""MuJoCo executes a session's commands in their order and comes to rest after each: what the body then is.
+
+Each row moves every joint straight from the last command to the next, waits until nothing moves, and is told as the poses
+of camera, board and markers in the root's frame. Rows with the same command as the row before are the same rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+import numpy.typing as npt
+
+from .._core import MirrorPostureError
+from ..session import Session
+from .model import Simulator, frame_of, needed_links
+
+Floats = npt.NDArray[np.float64]
+Drive = Callable[[Mapping[str, Floats], Floats], Floats]
+"""What a faulty drive adds to a joint's command: from all commands (F,) by joint and the time (F,) s to (F,) rad."""
+
+MOVE_S, CHUNK_S, LONGEST_REST_S = 0.3, 0.05, 3.0
+STILL_RAD_PER_S = 2e-4
+RAMP_PARTS = 15
+
+
+@dataclass(frozen=True)
+class Rest:
+    """Where the simulated body rests in each frame: `root_from_link` (F, 4, 4) by link, and whether all came to rest."""
+
+    root_from_link: Mapping[str, Floats]
+    still: npt.NDArray[np.bool_]
+
+
+def execute(simulator: Simulator, session: Session, drives: Mapping[str, list[Drive]]) -> Rest:
+    """Executes all rows of a session. Raises `MirrorPostureError` where the simulation diverges."""
+    model = simulator.compiled()
+    data = mujoco.MjData(model)
+    commands = _commands(simulator, session, drives)
+    actuator = _actuators(model, simulator)
+    links = needed_links(session)
+    frames = len(session.frames)
+    poses = {link: np.empty((frames, 4, 4)) for link in links}
+    still = np.ones(frames, dtype=bool)
+    # Before the first row all joints rest at 0.
+    now = np.zeros(len(simulator.joints))
+    data.ctrl[actuator] = now
+    _settle(model, data)
+    for row, target in enumerate(commands):
+        if not np.array_equal(target, now):
+            for share in np.linspace(0.0, 1.0, RAMP_PARTS + 1)[1:]:
+                data.ctrl[actuator] = now + share * (target - now)
+                mujoco.mj_step(model, data, nstep=max(1, int(MOVE_S / RAMP_PARTS / model.opt.timestep)))
+            now = target
+            still[row] = _settle(model, data)
+        elif row:
+            still[row] = still[row - 1]
+        if not np.isfinite(data.qpos).all() or data.warning[mujoco.mjtWarning.mjWARN_BADQACC].number:
+            raise MirrorPostureError(f"frame {session.frames.frame[row]}: the simulation diverges")
+        mujoco.mj_kinematics(model, data)
+        root_from_world = np.linalg.inv(frame_of(model, data, session.root_link))
+        for link in links:
+            poses[link][row] = root_from_world @ frame_of(model, data, link)
+    return Rest(poses, still)
+
+
+def _commands(simulator: Simulator, session: Session, drives: Mapping[str, list[Drive]]) -> Floats:
+    """(F, joints): what each servo is told, faults of its drive included."""
+    positions = dict(zip(session.robot.position_names, session.positions.T, strict=True))
+    times = session.frames.time_s
+    time_s = session.frames.frame.astype(float) if times is None else np.asarray(times, float)
+    time_s = time_s - time_s[0]
+    columns = []
+    for name in simulator.joints:
+        told = positions[name].astype(float)
+        columns.append(told + sum(drive(positions, time_s) for drive in drives.get(name, ())))
+    return np.stack(columns, axis=1)
+
+
+def _actuators(model: mujoco.MjModel, simulator: Simulator) -> npt.NDArray[np.int64]:
+    of_joint = {int(model.actuator_trnid[a, 0]): a for a in range(model.nu)}
+    return np.array([of_joint[model.joint(name).id] for name in simulator.joints], dtype=np.int64)
+
+
+def _settle(model: mujoco.MjModel, data: mujoco.MjData) -> bool:
+    """Steps until nothing moves; False where it still does after the longest time."""
+    steps = max(1, int(CHUNK_S / model.opt.timestep))
+    for _ in range(int(LONGEST_REST_S / CHUNK_S)):
+        mujoco.mj_step(model, data, nstep=steps)
+        if float(np.abs(data.qvel).max(initial=0.0)) < STILL_RAD_PER_S:
+            return True
+    return False

@@ -1,0 +1,187 @@
+"""The staircase: the simulator's gap as it is, and with each cause of a diagnosis added to that simulator in turn."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .._core import MirrorPostureError
+from ..diagnosis.applied.apply import parts_of
+from ..diagnosis.result import Cause, Diagnosis
+from ..session import Session, load_session
+from .causes import LAWS, PLAY_FRICTION_SHARES, Changed
+from .gap import SimulatedGap, simulated_gap
+from .model import build
+from .motion import execute
+
+
+@dataclass(frozen=True)
+class Stair:
+    """The simulator with the causes up to `added` (None: as the model stands). `what` says what was changed; where
+    `simulated` is False no simulator can hold the cause, and the gap is the one before it."""
+
+    added: str | None
+    what: str
+    gap: SimulatedGap
+    simulated: bool = True
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """A session's commands executed in MuJoCo, cause by cause."""
+
+    model_file: Path
+    stairs: tuple[Stair, ...]
+    marker_names: tuple[str, ...]
+    notes: tuple[str, ...]
+    model_xml: str
+    """The patched model, with a comment at each change."""
+    told_before_m: float | None = None
+    told_after_m: float | None = None
+    told_before_px: float | None = None
+    told_after_px: float | None = None
+    """What the diagnosis told of its own gap, on postures held out of its fit."""
+
+    def to_tree(self) -> dict[str, Any]:
+        """As JSON."""
+        return {
+            "format": "mirror-posture/simulation",
+            "version": 1,
+            "model": str(self.model_file),
+            "steps": [
+                {
+                    "added": stair.added,
+                    "what": stair.what,
+                    "simulated": stair.simulated,
+                    "rms_m": stair.gap.rms_m,
+                    "rms_px": stair.gap.rms_px,
+                    "markers": [
+                        {"marker": name, "rms_m": _number(m), "rms_px": _number(px)}
+                        for name, m, px in zip(
+                            self.marker_names, stair.gap.marker_rms_m, stair.gap.marker_rms_px, strict=True
+                        )
+                    ],
+                }
+                for stair in self.stairs
+            ],
+            "diagnosis": {
+                "before_m": self.told_before_m,
+                "after_m": self.told_after_m,
+                "before_px": self.told_before_px,
+                "after_px": self.told_after_px,
+            },
+            "notes": list(self.notes),
+        }
+
+
+def simulate(
+    session: Session | str | os.PathLike[str],
+    *,
+    model: str | os.PathLike[str] | None = None,
+    found: Diagnosis | None = None,
+    workers: int = 0,
+    progress: Callable[[str], None] | None = None,
+) -> Simulation:
+    """Executes a session in MuJoCo: the nominal model, then with each cause of a diagnosis added to that model.
+
+    `model` is the user's own MJCF or URDF; None takes the session's URDF. Causes are added in the order told.
+
+    Raises:
+        MirrorPostureError: a session without camera and board; a model that MuJoCo cannot load, or that lacks a joint or
+            link of the session.
+    """
+    loaded = session if isinstance(session, Session) else load_session(session)
+    if loaded.camera is None or loaded.board is None:
+        raise MirrorPostureError(
+            f"{loaded.folder}: has no camera and board; the simulator's gap is told in the mirror's pictures"
+        )
+    file = Path(model) if model is not None else None
+    causes = list(found.causes) if found is not None else []
+    torque = np.abs(loaded.robot.gravity_torques(loaded.positions, loaded.gravity_m_per_s2, loaded.root_link))
+    largest = dict(zip(loaded.robot.position_names, torque.max(axis=0).tolist(), strict=True))
+    has_play = any(part.effect == "backlash" for cause in causes for part in parts_of(cause))
+    shares = PLAY_FRICTION_SHARES if has_play else PLAY_FRICTION_SHARES[:1]
+
+    def run(count: int, share: float) -> tuple[SimulatedGap, list[str | None], Changed]:
+        """The simulator with the first `count` causes."""
+        changed = Changed(build(loaded, file), loaded, largest, share)
+        told = [_add(changed, cause) for cause in causes[:count]]
+        rest = execute(changed.simulator, loaded, changed.drives)
+        if not rest.still.all():
+            changed.simulator.notes.append(
+                f"{int((~rest.still).sum())} of {len(rest.still)} frames had not come to rest"
+            )
+        gap = simulated_gap(changed.session, rest)
+        if progress is not None:
+            progress(_name(causes[count - 1]) if count else "nominal")
+        return gap, told, changed
+
+    with ThreadPoolExecutor(workers or os.cpu_count() or 1) as pool:
+        nominal = pool.submit(run, 0, shares[0])
+        # The friction in a play is simulated with all causes, and the one that comes nearest is kept.
+        last = [pool.submit(run, len(causes), share) for share in shares] if causes else []
+        tried = [future.result() for future in last]
+        best = min(range(len(tried)), key=lambda i: tried[i][0].rms_px or np.inf) if tried else 0
+        between = [pool.submit(run, count, shares[best]) for count in range(1, len(causes))]
+        results = [nominal.result(), *(future.result() for future in between), *tried[best : best + 1]]
+    final = results[-1][2]
+    stairs = [Stair(None, "the model as it is", results[0][0])]
+    for cause, (gap, told, _) in zip(causes, results[1:], strict=True):
+        what = told[-1]
+        stairs.append(
+            Stair(_name(cause), what or "no simulator can hold it: left out", gap, what is not None)
+        )
+    return Simulation(
+        file or loaded.robot_file,
+        tuple(stairs),
+        loaded.marker_names,
+        tuple(dict.fromkeys(note for result in results for note in result[2].simulator.notes)),
+        _commented(final),
+        *(
+            (None,) * 4
+            if found is None
+            else (found.gap.before_m, found.gap.after_m, found.gap.before_px, found.gap.after_px)
+        ),
+    )
+
+
+def can_hold(cause: Cause) -> bool:
+    """Whether a simulator can hold a cause, all its members if it is a group."""
+    return all(part.effect in LAWS for part in parts_of(cause))
+
+
+def _add(changed: Changed, cause: Cause) -> str | None:
+    said = [changed.add(part) for part in parts_of(cause)]
+    done = [line for line in said if line is not None]
+    if not done:
+        return None
+    if not cause.members:
+        return done[0]
+    missing = len(said) - len(done)
+    return f"{len(done)} small errors" + (f", {missing} left out" if missing else "")
+
+
+def _name(cause: Cause) -> str:
+    return f"{cause.effect}@{cause.at}"
+
+
+def _commented(changed: Changed) -> str:
+    """The model's XML, with a comment before each element that a cause changed (or, of optics, at the top)."""
+    changed.simulator.compiled()
+    lines = changed.simulator.spec.to_xml().splitlines()
+    for element, comment in changed.comments:
+        text = comment.replace("--", "- -")
+        at = next((i for i, line in enumerate(lines) if element and f'name="{element}"' in line), 0)
+        indent = lines[at][: len(lines[at]) - len(lines[at].lstrip())]
+        lines.insert(at, f"{indent}<!-- {text} -->")
+    return "\n".join(lines) + "\n"
+
+
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
