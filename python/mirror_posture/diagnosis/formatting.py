@@ -15,6 +15,7 @@ UNITS = {
     "_rad_per_s": ("°/h", math.degrees(1.0) * 3600.0),
     "_per_m": ("1/m", 1.0),
     "_rad": ("°", math.degrees(1.0)),
+    "_nm": ("N m", 1.0),
     "_px": ("px", 1.0),
     "_m": ("mm", 1000.0),
     "scale_error": ("%", 100.0),

@@ -28,9 +28,8 @@ PART_ARMATURE_KGM2 = 1e-4
 """Of what lies between a motor and a part that gives way; with less a play beside a spring chatters."""
 STIFF_LIMIT = ([0.002, 1.0], [0.999, 0.9999, 0.0001, 0.5, 2.0])
 """The ends of a play: MuJoCo's own defaults give way by a fifth of a typical play."""
-PLAY_FRICTION_SHARES = (0.02, 0.1, 0.25, 0.5)
-"""Friction that holds an unloaded output in its play, as shares of the joint's largest torque: a diagnosis tells the
-width alone, so each is simulated and the one that comes nearest is kept."""
+FRICTION_BEYOND_LOAD = 1.2
+"""Friction in a play, as a share of the joint's largest torque, where the diagnosis found that its load never decides the side."""
 LEAST_FRICTION_NM = 1e-4
 DAMPING_PER_STIFFNESS_S = 0.02
 BEARING_DAMPING_S = 5.0
@@ -44,7 +43,6 @@ class Changed:
     simulator: Simulator
     session: Session
     largest_torque_nm: Mapping[str, float]
-    friction_share: float = PLAY_FRICTION_SHARES[0]
     drives: dict[str, list[Drive]] = field(default_factory=dict)
     comments: list[tuple[str, str]] = field(default_factory=list)
     """Name of the changed element of the model, and what was changed."""
@@ -129,7 +127,8 @@ def _backlash(changed: Changed, name: str, value: Values) -> tuple[str, str]:
     unit = changed.simulator.angle_unit
     play.limited, play.range = mujoco.mjtLimited.mjLIMITED_TRUE, [-half * unit, half * unit]
     play.solref_limit, play.solimp_limit = STIFF_LIMIT
-    friction = max(LEAST_FRICTION_NM, changed.friction_share * changed.largest_torque_nm.get(name, 0.0))
+    beyond = FRICTION_BEYOND_LOAD * changed.largest_torque_nm.get(name, 0.0)
+    friction = max(LEAST_FRICTION_NM, value.get("friction_nm", beyond))
     # Friction holds the output against the frame, not against the motor that turns within the play.
     bearing = changed.simulator.spec.add_tendon(name=f"{name}_bearing")
     bearing.wrap_joint(name, 1.0)

@@ -90,7 +90,7 @@ def build(session: Session, model_file: Path | None = None) -> Simulator:
     spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
     for link in needed_links(session):
         _ensure_frame(spec, session, link)
-    stiffness = _servo_stiffness(session, joints)
+    stiffness = _servo_stiffness(spec, joints, float(np.linalg.norm(session.gravity_m_per_s2)))
     kept = _add_servos(spec, joints, stiffness)
     if kept:
         notes.append(f"position servos of the model are kept: {', '.join(sorted(kept))}")
@@ -189,13 +189,23 @@ def _quaternion(pose: Floats) -> Floats:
     return out
 
 
-def _servo_stiffness(session: Session, joints: tuple[str, ...]) -> dict[str, float]:
-    robot = session.robot
-    torque = np.abs(
-        robot.gravity_torques(session.positions, session.gravity_m_per_s2, session.root_link)
-    ).max(axis=0)
-    largest = dict(zip(robot.position_names, torque, strict=True))
-    return {name: max(LEAST_STIFFNESS_NM_PER_RAD, float(largest[name]) / DROOP_RAD) for name in joints}
+def _servo_stiffness(spec: Any, joints: tuple[str, ...], gravity_m_per_s2: float) -> dict[str, float]:
+    """From the torque (force) on each joint with all that it carries held out level."""
+    try:
+        model = spec.compile()
+    except ValueError as error:
+        raise MirrorPostureError(f"MuJoCo refuses the model: {' '.join(str(error).split())}") from None
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    out = {}
+    for name in joints:
+        joint = model.joint(name).id
+        body = model.jnt_bodyid[joint]
+        weight = gravity_m_per_s2 * float(model.body_subtreemass[body])
+        is_slide = model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE
+        arm = 1.0 if is_slide else float(np.linalg.norm(data.subtree_com[body] - data.xanchor[joint]))
+        out[name] = max(LEAST_STIFFNESS_NM_PER_RAD, weight * arm / DROOP_RAD)
+    return out
 
 
 def _holds_positions(actuator: Any) -> bool:

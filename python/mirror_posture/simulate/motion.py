@@ -21,9 +21,11 @@ Floats = npt.NDArray[np.float64]
 Drive = Callable[[Mapping[str, Floats], Floats], Floats]
 """What a faulty drive adds to a joint's command: from all commands (F,) by joint and the time (F,) s to (F,) rad."""
 
-MOVE_S, CHUNK_S, LONGEST_REST_S = 0.3, 0.05, 3.0
-STILL_RAD_PER_S = 2e-4
-RAMP_PARTS = 15
+MOVE_S, CHUNK_S, LONGEST_REST_S = 1.0, 0.1, 3.0
+"""A second for a move: faster, and the limbs' inertia throws a play over, which the session's own robot may not have done."""
+STILL_RAD_PER_S = 5e-4
+"""Mean speed over a chunk: friction that holds a load quivers, and goes nowhere."""
+RAMP_PARTS = 100
 
 
 @dataclass(frozen=True)
@@ -87,8 +89,10 @@ def _actuators(model: mujoco.MjModel, simulator: Simulator) -> npt.NDArray[np.in
 def _settle(model: mujoco.MjModel, data: mujoco.MjData) -> bool:
     """Steps until nothing moves; False where it still does after the longest time."""
     steps = max(1, int(CHUNK_S / model.opt.timestep))
+    before = data.qpos.copy()
     for _ in range(int(LONGEST_REST_S / CHUNK_S)):
         mujoco.mj_step(model, data, nstep=steps)
-        if float(np.abs(data.qvel).max(initial=0.0)) < STILL_RAD_PER_S:
+        if float(np.abs(data.qpos - before).max(initial=0.0)) < STILL_RAD_PER_S * CHUNK_S:
             return True
+        before[:] = data.qpos
     return False

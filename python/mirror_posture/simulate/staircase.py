@@ -15,7 +15,7 @@ from .._core import MirrorPostureError
 from ..diagnosis.applied.apply import parts_of
 from ..diagnosis.result import Cause, Diagnosis
 from ..session import Session, load_session
-from .causes import LAWS, PLAY_FRICTION_SHARES, Changed
+from .causes import LAWS, Changed
 from .gap import SimulatedGap, simulated_gap
 from .model import build
 from .motion import execute
@@ -105,12 +105,10 @@ def simulate(
     causes = list(found.causes) if found is not None else []
     torque = np.abs(loaded.robot.gravity_torques(loaded.positions, loaded.gravity_m_per_s2, loaded.root_link))
     largest = dict(zip(loaded.robot.position_names, torque.max(axis=0).tolist(), strict=True))
-    has_play = any(part.effect == "backlash" for cause in causes for part in parts_of(cause))
-    shares = PLAY_FRICTION_SHARES if has_play else PLAY_FRICTION_SHARES[:1]
 
-    def run(count: int, share: float) -> tuple[SimulatedGap, list[str | None], Changed]:
+    def run(count: int) -> tuple[SimulatedGap, list[str | None], Changed]:
         """The simulator with the first `count` causes."""
-        changed = Changed(build(loaded, file), loaded, largest, share)
+        changed = Changed(build(loaded, file), loaded, largest)
         told = [_add(changed, cause) for cause in causes[:count]]
         rest = execute(changed.simulator, loaded, changed.drives)
         if not rest.still.all():
@@ -123,13 +121,7 @@ def simulate(
         return gap, told, changed
 
     with ThreadPoolExecutor(workers or os.cpu_count() or 1) as pool:
-        nominal = pool.submit(run, 0, shares[0])
-        # The friction in a play is simulated with all causes, and the one that comes nearest is kept.
-        last = [pool.submit(run, len(causes), share) for share in shares] if causes else []
-        tried = [future.result() for future in last]
-        best = min(range(len(tried)), key=lambda i: tried[i][0].rms_px or np.inf) if tried else 0
-        between = [pool.submit(run, count, shares[best]) for count in range(1, len(causes))]
-        results = [nominal.result(), *(future.result() for future in between), *tried[best : best + 1]]
+        results = list(pool.map(run, range(len(causes) + 1)))
     final = results[-1][2]
     stairs = [Stair(None, "the model as it is", results[0][0])]
     for cause, (gap, told, _) in zip(causes, results[1:], strict=True):

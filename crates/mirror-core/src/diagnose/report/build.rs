@@ -28,6 +28,8 @@ const FEW_POSTURES: usize = 20;
 const RANKED: usize = 40;
 /// A servo's droop is told as a cause of its own from this many standard deviations on.
 const DROOP_DEVIATIONS: f64 = 4.0;
+/// How finely a play's friction is searched, as a share of it: told as its standard deviation.
+const FRICTION_RESOLUTION: f64 = 0.1;
 
 /// Puts findings into words.
 ///
@@ -131,6 +133,11 @@ fn causes(
             }
         }
         let droop = parameters.remove("droop_rad_per_nm");
+        if effect.name() == "backlash" && term.variant.is_finite() {
+            // A simulator needs it beside the width: below it friction, above it gravity's torque decides the side.
+            let std = FRICTION_RESOLUTION * term.variant;
+            parameters.insert("friction_nm".to_owned(), Estimate { value: term.variant, std });
+        }
         let without = search.deformation(&found.fit.model.without(i));
         let shift = rms_shift(findings, &without, &all)?;
         out.push(Cause {
