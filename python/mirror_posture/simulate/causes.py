@@ -280,7 +280,7 @@ def _mirror_glass(changed: Changed, name: str, value: Values) -> tuple[str, str]
     mirror = changed.session.mirror
     if mirror is None:
         raise MirrorPostureError("the session has no mirror; a cause at the mirror is of another session")
-    thickness = max(0.0, mirror.glass_thickness_m + value["thickness_m"])
+    thickness = max(0.0, value["thickness_m"])
     changed.session = replace(changed.session, mirror=replace(mirror, glass_thickness_m=thickness))
     return "", f"mirror: {thickness * 1e3:.3f} mm of glass"
 

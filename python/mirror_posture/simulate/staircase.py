@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -101,6 +101,8 @@ def simulate(
         raise MirrorPostureError(
             f"{loaded.folder}: has no camera and board; the simulator's gap is told in the mirror's pictures"
         )
+    if found is not None:
+        loaded = _without_left_out(loaded, found)
     file = Path(model) if model is not None else None
     causes = list(found.causes) if found is not None else []
     torque = np.abs(loaded.robot.gravity_torques(loaded.positions, loaded.gravity_m_per_s2, loaded.root_link))
@@ -141,6 +143,25 @@ def simulate(
             else (found.gap.before_m, found.gap.after_m, found.gap.before_px, found.gap.after_px)
         ),
     )
+
+
+def _without_left_out(session: Session, found: Diagnosis) -> Session:
+    """The session without the observations that the diagnosis left out as false: its own gap does not count them."""
+    left_out = found.document.get("data", {}).get("left_out", [])
+    rows = {int(number): row for row, number in enumerate(session.frames.frame)}
+    names = {name: index for index, name in enumerate(session.marker_names)}
+    marker_seen, board_seen = session.mirror_view.marker_seen.copy(), session.mirror_view.board_seen.copy()
+    for entry in left_out:
+        row, target = rows.get(int(entry["frame"])), str(entry["target"])
+        if row is None:
+            continue
+        target = target.removeprefix("marker:")
+        if target in names:
+            marker_seen[row, names[target]] = False
+        elif target == "board":
+            board_seen[row] = False
+    view = replace(session.mirror_view, marker_seen=marker_seen, board_seen=board_seen)
+    return replace(session, mirror_view=view)
 
 
 def can_hold(cause: Cause) -> bool:

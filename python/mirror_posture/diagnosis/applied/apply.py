@@ -159,7 +159,7 @@ def _apply(session: Session, urdf: Urdf, cause: Cause) -> tuple[Session, Written
         what = f"board.square = {better.square_m:.8g} m"
         return replace(session, board=better), Written(cause, "session.toml", what)
     if cause.effect == "mirror_glass" and session.mirror is not None:
-        thickness = max(0.0, session.mirror.glass_thickness_m + value["thickness_m"])
+        thickness = max(0.0, value["thickness_m"])
         mirror = replace(session.mirror, glass_thickness_m=thickness)
         what = f"mirror.glass_thickness = {thickness:.6g} m"
         return replace(session, mirror=mirror), Written(cause, "session.toml", what)

@@ -1,0 +1,127 @@
+"""The staircase: bodies made by the judge's own simulator, whose true causes close the gap in the product's."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import mirror_posture as mp
+from mirror_posture.diagnosis.result import Cause, Diagnosis, Estimate, Gap
+
+mujoco = pytest.importorskip("mujoco")
+pytest.importorskip("mirror_lab")
+
+SIMULATED = ("gear_ratio", "link_length", "axis_tilt")
+
+
+def _made(folder: Path, effect: str, seed: int) -> tuple[Path, list[Cause]]:
+    """A session with one cause, from the judge's simulator, and the true cause."""
+    from mirror_posture.cli.app import app
+
+    made = CliRunner().invoke(
+        app,
+        f"blind make {folder} --cases 1 --seed {seed} --robot small --least 1 --most 1 --effect {effect} "
+        "--frames 24 30 --workers 1".split(),
+    )
+    assert made.exit_code == 0, made.output
+    answer = json.loads((folder / "answers" / "case-0000.json").read_text())
+    causes = [
+        Cause(
+            cause["effect"],
+            cause["at"],
+            1.0,
+            {
+                name: Estimate(value, 0.0)
+                for name, value in cause.items()
+                if name.endswith(("_rad", "_m", "_error", "_per_nm"))
+            },
+        )
+        for cause in answer["causes"]
+    ]
+    return folder / "case-0000", causes
+
+
+def _diagnosis(causes: list[Cause]) -> Diagnosis:
+    return Diagnosis("explained", "", tuple(causes), (), Gap(0.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("effect", "seed"), [(effect, seed) for seed, effect in enumerate(SIMULATED, start=4)]
+)
+def test_the_true_cause_closes_the_gap_in_the_simulator(tmp_path: Path, effect: str, seed: int) -> None:
+    from mirror_posture.simulate import simulate
+
+    session, causes = _made(tmp_path, effect, seed)
+    simulation = simulate(session, found=_diagnosis(causes))
+    before, after = (stair.gap.rms_px for stair in simulation.stairs)
+    assert before is not None and after is not None
+    noise = mp.load_session(session).noise.pixel_std_px or 0.3
+    # Both axes, and what the mirror's fit adds; the seeds are of sessions without outliers.
+    assert after < 2.2 * noise, f"{effect}: {before:.3f} -> {after:.3f} px at a noise of {noise:.3f}"
+    assert after < before
+
+
+def test_a_spring_closes_most_of_the_gap_of_a_spring_that_stiffens(tmp_path: Path) -> None:
+    from mirror_posture.simulate import simulate
+
+    session, causes = _made(tmp_path, "joint_compliance", 3)
+    before, after = (stair.gap.rms_px for stair in simulate(session, found=_diagnosis(causes)).stairs)
+    assert before is not None and after is not None and after < 0.4 * before
+
+
+def test_a_wrong_cause_does_not(tmp_path: Path) -> None:
+    from mirror_posture.simulate import simulate
+
+    session, causes = _made(tmp_path, "joint_offset", 11)
+    wrong = [
+        Cause(c.effect, c.at, 1.0, {"offset_rad": Estimate(-c.parameters["offset_rad"].value, 0.0)})
+        for c in causes
+    ]
+    simulation = simulate(session, found=_diagnosis(wrong))
+    before, after = (stair.gap.rms_px for stair in simulation.stairs)
+    assert before is not None and after is not None and after > 1.3 * before
+
+
+def test_the_users_own_model_keeps_its_geoms_and_is_told_where_it_differs(tmp_path: Path) -> None:
+    from mirror_posture.simulate import simulate
+
+    session, causes = _made(tmp_path, "joint_compliance", 3)
+    loaded = mp.load_session(session)
+    spec = mujoco.MjSpec.from_file(str(loaded.robot_file))
+    spec.compiler.fusestatic = False
+    joint = causes[0].at.partition(":")[2]
+    body = spec.joint(joint).parent
+    body.add_geom(name="shell", type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[0.01, 0, 0], mass=0.0)
+    spec.compile()
+    own = tmp_path / "own.xml"
+    own.write_text(spec.to_xml())
+    simulation = simulate(session, model=own, found=_diagnosis(causes))
+    tree = ElementTree.fromstring(simulation.model_xml)
+    assert tree.findall(".//geom[@name='shell']")
+    assert f"joint_compliance at {causes[0].at}" in simulation.model_xml
+    assert mujoco.MjModel.from_xml_string(simulation.model_xml).joint(f"{joint}_spring")
+    assert not [note for note in simulation.notes if "different robots" in note]
+
+
+def test_the_command_writes_the_staircase_and_names_a_missing_joint(tmp_path: Path) -> None:
+    from mirror_posture.cli.app import app
+
+    session, _ = _made(tmp_path, "joint_offset", 11)
+    done = CliRunner().invoke(app, ["simulate", str(session), "--out", str(tmp_path / "out")])
+    assert done.exit_code == 0, done.output
+    tree = json.loads((tmp_path / "out" / "simulation.json").read_text())
+    assert [step["added"] for step in tree["steps"]] == [None]
+    assert np.isfinite(tree["steps"][0]["rms_px"])
+    assert (tmp_path / "out" / "staircase.png").stat().st_size > 5000
+    other = tmp_path / "other.xml"
+    other.write_text(
+        "<mujoco><worldbody><body name='b'><joint name='hinge'/><geom size='0.1'/></body></worldbody></mujoco>"
+    )
+    refused = CliRunner().invoke(app, ["simulate", str(session), "--model", str(other)])
+    assert refused.exit_code == 1
+    assert "has no joint" in refused.output and "hinge" in refused.output
