@@ -33,6 +33,7 @@ lint: $(VENV)/installed-for-tests ## formatting and lints, Rust and Python
 	cargo clippy --locked -q --workspace --all-targets -- -D warnings
 	$(BIN)/ruff format --check python tests/python benches
 	$(BIN)/ruff check python tests/python benches
+	MYPYPATH=python $(BIN)/mypy
 
 wheel: $(VENV)/tools ## the wheels that are given away: fully optimised, for Python 3.10 and later
 	$(BIN)/maturin build --release --locked --out dist

@@ -80,7 +80,8 @@ class Mirrors:
     @property
     def distance_m(self) -> Floats:
         """(F,), from the camera."""
-        return np.linalg.norm(self.foot_m, axis=1)
+        result: Floats = np.linalg.norm(self.foot_m, axis=1)
+        return result
 
     @property
     def normal(self) -> Floats:
@@ -131,17 +132,22 @@ class Markers:
     def covariance_in_root_m2(self) -> Floats:
         """(K, 3, 3)."""
         turn = self.root_from_camera[:, :3, :3]
-        return turn @ self.covariance_m2 @ turn.swapaxes(1, 2)
+        result: Floats = turn @ self.covariance_m2 @ turn.swapaxes(1, 2)
+        return result
 
     @property
     def std_m(self) -> Floats:
         """(K,): one standard deviation of the position's length of error, `sqrt(trace covariance)`."""
-        return np.sqrt(np.trace(self.covariance_m2, axis1=1, axis2=2))
+        result: Floats = np.sqrt(np.trace(self.covariance_m2, axis1=1, axis2=2))
+        return result
 
     @property
     def distance_m(self) -> Floats:
         """(K,): from the model's position to the measured one; 0 where it is not measured."""
-        return np.linalg.norm(self.point_in_camera_m - self.model_in_camera_m, axis=1) * self.measured
+        result: Floats = (
+            np.linalg.norm(self.point_in_camera_m - self.model_in_camera_m, axis=1) * self.measured
+        )
+        return result
 
 
 @dataclass(frozen=True)
@@ -410,4 +416,5 @@ def _corner_noise_px(session: Session, core: MeasureInput, options: MeasureOptio
 
 
 def _mapped(a_from_b: Floats, point_in_b: Floats) -> Floats:
-    return np.einsum("kij,kj->ki", a_from_b[:, :3, :3], point_in_b) + a_from_b[:, :3, 3]
+    result: Floats = np.einsum("kij,kj->ki", a_from_b[:, :3, :3], point_in_b) + a_from_b[:, :3, 3]
+    return result

@@ -21,11 +21,11 @@ import numpy.typing as npt
 
 from ._core import MirrorPostureError, PictureMaker
 from .camera import Camera
-from .mirror import FLOAT_GLASS_INDEX
+from .mirror import FLOAT_GLASS_INDEX, Mirror
 from .robot import Robot
 from .session.camera_info import load_camera_info
 from .session.metadata import Metadata, load_metadata
-from .session.types import Frames, Mirror, Session, Views
+from .session.types import Frames, Session, Views
 from .session.write import replace_folder, write_session_files
 from .viewpoint import View as View
 

@@ -69,3 +69,95 @@ def test_both_distributions_have_one_version() -> None:
         assert version("mirror-posture-lab") == mirror_posture.__version__
     except PackageNotFoundError:
         pytest.skip("run from the sources, not from installed wheels")
+
+
+def graph(top: Path) -> dict[str, set[str]]:
+    """The modules of a package and which of them each imports, in functions too; imports for types alone do not count."""
+    files = {}
+    for file in top.rglob("*.py"):
+        name = ".".join(file.relative_to(PYTHON).with_suffix("").parts).removesuffix(".__init__")
+        files[name] = file
+    return {name: {m for m in _modules(file) if m in files and m != name} for name, file in files.items()}
+
+
+def _modules(file: Path) -> set[str]:
+    """Modules that a file imports: `from package import module` counts for the module, not for the package."""
+    package = file.relative_to(PYTHON).parts[:-1]
+    found: set[str] = set()
+
+    def read(node: ast.AST) -> None:
+        for child in ast.iter_child_nodes(node):
+            if isinstance(child, ast.If) and "TYPE_CHECKING" in ast.unparse(child.test):
+                continue
+            if isinstance(child, ast.Import):
+                found.update(alias.name for alias in child.names)
+            if isinstance(child, ast.ImportFrom):
+                above = package[: len(package) - (child.level - 1)] if child.level else ()
+                base = ".".join((*above, *((child.module or "").split("."))))
+                base = base.strip(".")
+                for alias in child.names:
+                    inside = PYTHON.joinpath(*base.split("."), alias.name)
+                    whole = inside.with_suffix(".py").is_file() or inside.is_dir()
+                    found.add(f"{base}.{alias.name}" if whole else base)
+            read(child)
+
+    read(ast.parse(file.read_text(encoding="utf-8")))
+    return found
+
+
+def circles(modules: dict[str, set[str]]) -> list[list[str]]:
+    """What is left when modules that import none of the others are taken away, again and again, from both ends."""
+    left = {name: set(others) for name, others in modules.items()}
+    while True:
+        ends = {name for name, others in left.items() if not others & left.keys()}
+        ends |= {name for name in left if not any(name in others for others in left.values())}
+        if not ends:
+            return [sorted(left)] if left else []
+        for name in ends:
+            del left[name]
+
+
+def test_the_search_for_circles_finds_one() -> None:
+    assert circles({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}}) == [["a", "b", "c"]]
+    assert circles({"a": {"b", "c"}, "b": {"c"}, "c": set()}) == []
+
+
+@pytest.mark.parametrize("top", [PRODUCT, LAB], ids=["mirror_posture", "mirror_lab"])
+def test_no_circle_of_imports(top: Path) -> None:
+    assert circles(graph(top)) == []
+
+
+# Who stands on whom: a package may import those of its own level (never in a circle) and of those before it.
+LEVELS = (
+    ("_core", "board", "camera", "marker", "viewpoint"),
+    ("mirror", "robot", "triangulate", "calibrate", "optics"),
+    ("session",),
+    ("view_check", "detect", "render", "measurement_residuals"),
+    ("measurement", "robots"),
+    ("measurement_table", "measurement_figures", "correct", "diagnosis"),
+    ("fleet",),
+    ("cli",),
+    ("__main__",),
+)
+
+
+def test_no_arrow_points_upward() -> None:
+    level = {name: height for height, names in enumerate(LEVELS) for name in names}
+    wrong = []
+    for name, others in graph(PRODUCT).items():
+        own = name.split(".")[1] if "." in name else None
+        for other in others:
+            part = other.split(".")[1] if "." in other else None
+            if own is None or part is None or own == part:
+                continue
+            if level.get(part, -1) > level.get(own, len(LEVELS)):
+                wrong.append(f"{name} -> {other}")
+    assert not wrong
+
+
+def test_correction_and_diagnosis_do_not_import_each_other() -> None:
+    modules = graph(PRODUCT)
+    for own, other in (("correct", "diagnosis"), ("diagnosis", "correct")):
+        for name in modules:
+            if within(name, f"mirror_posture.{own}"):
+                assert not any(within(m, f"mirror_posture.{other}") for m in modules[name]), name

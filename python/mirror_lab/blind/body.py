@@ -11,6 +11,7 @@ frame.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -187,7 +188,12 @@ class Body:
         return poses
 
     def _step(
-        self, at: Array, qpos: NDArray[np.int_], columns: NDArray[np.int_], free: list, widest: dict
+        self,
+        at: Array,
+        qpos: NDArray[np.int_],
+        columns: NDArray[np.int_],
+        free: list[Any],
+        widest: dict[Any, Any],
     ) -> None:
         m, d = self.model, self.data
         d.qpos[qpos] = at[columns]
@@ -206,7 +212,12 @@ class Body:
         mujoco.mj_step(m, d)
 
     def _settle(
-        self, at: Array, qpos: NDArray[np.int_], columns: NDArray[np.int_], free: list, widest: dict
+        self,
+        at: Array,
+        qpos: NDArray[np.int_],
+        columns: NDArray[np.int_],
+        free: list[Any],
+        widest: dict[Any, Any],
     ) -> bool:
         moving = np.setdiff1d(np.arange(self.model.nv), qpos)
         for _ in range(SETTLE_MOST_CHUNKS):

@@ -10,9 +10,7 @@ from __future__ import annotations
 
 import colorsys
 from dataclasses import dataclass
-from pathlib import Path
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -66,34 +64,6 @@ def hue_tolerance_deg(count: int) -> float:
     return min(15.0, 180.0 / count - 1.0)
 
 
-def write_pictures(
-    robot: Robot,
-    lens: Lens,
-    view: View,
-    clean_px: tuple[Array, Array],
-    folder: Path,
-    rng: np.random.Generator,
-    renderer: str = "own",
-) -> list[str]:
-    """One PNG a frame in `folder`; `clean_px` are corners (F, C, 2) and balls (F, M, 2), to know where to look.
-    `renderer` is `own` or `mitsuba`. Returns the files' names."""
-    folder.mkdir(parents=True, exist_ok=True)
-    names = []
-    for f in range(len(view.board_m)):
-        if renderer == "mitsuba":
-            from .mitsuba_pictures import draw as draw_by_mitsuba
-
-            linear = draw_by_mitsuba(robot, lens, view, f)
-        else:
-            linear = draw(robot, lens, view, f, (clean_px[0][f], clean_px[1][f]))
-        blurred = cv2.GaussianBlur(linear, (0, 0), BLUR_PX)
-        shown = np.clip(blurred, 0, 1) ** (1 / GAMMA) + rng.normal(0, NOISE, linear.shape)
-        name = f"{f:04d}.png"
-        cv2.imwrite(str(folder / name), np.clip(np.round(255 * shown[..., ::-1]), 0, 255).astype(np.uint8))
-        names.append(name)
-    return names
-
-
 def draw(robot: Robot, lens: Lens, view: View, frame: int, near_px: tuple[Array, Array]) -> Array:
     """A frame's picture (H, W, 3), linear RGB, without blur and noise."""
     width, height = lens.size_px
@@ -124,7 +94,8 @@ def rays(lens: Lens, px: Array, focal_factor: float) -> Array:
         dx, dy = 2 * p1 * x * y + p2 * (s + 2 * x * x), p1 * (s + 2 * y * y) + 2 * p2 * x * y
         x, y = (target[:, 0] - dx) / radial, (target[:, 1] - dy) / radial
     direction = np.column_stack([x, y, np.ones_like(x)])
-    return direction / np.linalg.norm(direction, axis=1)[:, None]
+    result: Array = direction / np.linalg.norm(direction, axis=1)[:, None]
+    return result
 
 
 def reflected(mirror: Mirror, frame: int, direction: Array) -> tuple[Array, Array]:

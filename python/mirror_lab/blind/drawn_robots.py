@@ -211,4 +211,5 @@ def random_robot(rng: np.random.Generator) -> Robot:
 
 
 def _unit(v: Array) -> Array:
-    return v / np.linalg.norm(v)
+    result: Array = v / np.linalg.norm(v)
+    return result

@@ -82,7 +82,8 @@ def _pick(rng: np.random.Generator, names: list[str], what: str) -> str:
 
 def _direction(rng: np.random.Generator) -> Array:
     v = rng.normal(size=3)
-    return v / np.linalg.norm(v)
+    result: Array = v / np.linalg.norm(v)
+    return result
 
 
 def joint_offset(rng: np.random.Generator, scene: Scene, truth: Truth) -> Cause:

@@ -50,7 +50,10 @@ def _columns(linear: Linear, hypotheses: list[Hypothesis], parameters: list[Arra
 
 
 def _without(basis: Array, columns: Array) -> Array:
-    return columns - np.einsum("fkp,fp...->fk...", basis, np.einsum("fkp,fk...->fp...", basis, columns))
+    result: Array = columns - np.einsum(
+        "fkp,fp...->fk...", basis, np.einsum("fkp,fk...->fp...", basis, columns)
+    )
+    return result
 
 
 def fit(ref: Reference, hypotheses: list[Hypothesis], planes: Array, start: list[Array] | None = None) -> Fit:

@@ -135,7 +135,10 @@ def rotations(vectors: Array) -> Array:
     x, y, z = (vectors / np.where(angle > 0, angle, 1.0)[:, None]).T
     zero = np.zeros_like(x)
     k = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=1).reshape(-1, 3, 3)
-    return np.eye(3) + np.sin(angle)[:, None, None] * k + (1 - np.cos(angle))[:, None, None] * (k @ k)
+    result: Array = (
+        np.eye(3) + np.sin(angle)[:, None, None] * k + (1 - np.cos(angle))[:, None, None] * (k @ k)
+    )
+    return result
 
 
 def cross_matrix(v: Array) -> Array:
@@ -192,7 +195,8 @@ def moments(robot: Robot, at: Chain, gravity: Array, body: int, pivot_m: Array |
         about = about + turn @ pivot_m
     mass = np.where(bones.above[body, bones.carrier], bones.mass_kg, 0.0)
     arm = np.tensordot(mass, at.centers_m, 1) - mass.sum() * about
-    return (np.cross(arm, gravity)[:, None, :] @ turn)[:, 0]
+    result: Array = (np.cross(arm, gravity)[:, None, :] @ turn)[:, 0]
+    return result
 
 
 def settled_chain(robot: Robot, commands: Commands, change: Change, gravity: Array) -> Chain:

@@ -82,7 +82,8 @@ class Linear:
                 still = False
         if not still:
             world -= eye[:, None] + np.cross(sight[:, None], self.world[:, first:] - self.eye[:, None])
-        return world @ self.turn
+        result: Array = world @ self.turn
+        return result
 
     def _twists(self, moved: Change) -> list[tuple[int, Array | None, Array, Array | None]]:
         """Body, turn (P, 3) and what it is about (P, 3), slide (P, 3): all in the root's frame."""

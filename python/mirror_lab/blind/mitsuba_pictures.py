@@ -85,7 +85,8 @@ def _scene(
     origin = d * n
 
     def mm(point: Array) -> Array:
-        return 1e3 * (point - origin)
+        result: Array = 1e3 * (point - origin)
+        return result
 
     def placed(turn: Array, at_mm: Array, scale: tuple[float, float, float] = (1, 1, 1)) -> Any:
         matrix = np.eye(4)

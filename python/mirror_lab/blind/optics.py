@@ -42,7 +42,8 @@ class Lens:
         v = y * radial + p1 * (s + 2 * y * y) + 2 * p2 * x * y
         px = np.stack([u, v], axis=-1) * self.focal_px * np.asarray(focal_factor)[..., None] + self.center_px
         px[..., 0] += self.shear * (px[..., 1] - self.center_px[1])
-        return px
+        result: Array = px
+        return result
 
 
 @dataclass
@@ -76,7 +77,8 @@ def apparent(mirror: Mirror, point: Array) -> Array:
         return _off_curved(mirror, point)
     # Flat and bare: the law of reflection splits the path where the perpendicular distances say.
     height = mirror.distance_m - np.einsum("ni,ni->n", mirror.normal, point)
-    return point + 2 * height[:, None] * mirror.normal
+    result: Array = point + 2 * height[:, None] * mirror.normal
+    return result
 
 
 def _through_glass(mirror: Mirror, point: Array) -> Array:
@@ -102,7 +104,8 @@ def _through_glass(mirror: Mirror, point: Array) -> Array:
     direction = sine[:, None] * across / safe + cosine[:, None] * n
     inside = np.sqrt(1 - (sine / index) ** 2)
     length = air / cosine + glass * index / inside
-    return direction * length[:, None]
+    result: Array = direction * length[:, None]
+    return result
 
 
 def _across(normal: Array) -> tuple[Array, Array]:
@@ -152,7 +155,8 @@ def _off_curved(mirror: Mirror, point: Array) -> Array:
 
 
 def _lengths(v: Array) -> Array:
-    return np.sqrt(np.einsum("ni,ni->n", v, v))
+    result: Array = np.sqrt(np.einsum("ni,ni->n", v, v))
+    return result
 
 
 def _on_cap(
@@ -191,4 +195,5 @@ def ball_images(
     px = lens.image(outline, np.repeat(factor[:, None], OUTLINE_POINTS, axis=1))
     following = np.roll(px, -1, axis=1)
     cross = px[..., 0] * following[..., 1] - following[..., 0] * px[..., 1]
-    return ((px + following) * cross[..., None]).sum(axis=1) / (3 * cross.sum(axis=1))[:, None]
+    result: Array = ((px + following) * cross[..., None]).sum(axis=1) / (3 * cross.sum(axis=1))[:, None]
+    return result

@@ -69,7 +69,8 @@ class Reference:
             "pij,cj->pci", at.rotation[board], self.board_points * (1 + change.board_scale)
         )
         arms = np.stack([at.position_m[m] for m in markers], axis=1)
-        return (np.concatenate([corners, arms], axis=1) - origin[:, None]) @ turn
+        result: Array = (np.concatenate([corners, arms], axis=1) - origin[:, None]) @ turn
+        return result
 
     def project(self, points: Array, planes: Array, change: Change) -> Array:
         """Pixels (F, K, 2); `planes` (F, 3) are the feet of the perpendiculars from the camera to the

@@ -58,4 +58,5 @@ def unseal(answer_path: Path, seal_path: Path) -> dict[str, Any]:
         raise BlindError(
             f"{answer_path} is not the answer that {seal_path} sealed: it was changed afterwards"
         )
-    return answer
+    result: dict[str, Any] = answer
+    return result

@@ -86,7 +86,8 @@ def _exp(turn: Array) -> Array:
         return np.eye(3)
     x, y, z = turn / angle
     k = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.eye(3) + np.sin(angle) * k + (1 - np.cos(angle)) * k @ k
+    result: Array = np.eye(3) + np.sin(angle) * k + (1 - np.cos(angle)) * k @ k
+    return result
 
 
 def camera_poses(poses: BodyPoses, truth: Truth, commands: Commands) -> tuple[Array, Array]:

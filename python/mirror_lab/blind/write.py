@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .drawing import hue_tolerance_deg, marker_hue_deg, write_pictures
+from .drawing import hue_tolerance_deg, marker_hue_deg
+from .picture_files import write_pictures
 
 if TYPE_CHECKING:
     from .simulate import Case

@@ -86,20 +86,23 @@ class Body:
 
 def target_in_board_m(nominal: Nominal) -> Floats:
     """Where the model wants the hand marker, (3,): p_ref."""
-    return nominal.robot.points(nominal.robot.positions(TARGET_RAD), BOARD, HAND)[0]
+    result: Floats = nominal.robot.points(nominal.robot.positions(TARGET_RAD), BOARD, HAND)[0]
+    return result
 
 
 def hand_in_board_m(robot: TwinRobot) -> Floats:
     """Where the hand marker really is, (3,): the twin tells, no robot knows."""
     poses = robot.body.link_poses()
     root_from_board = poses[BOARD]
-    return root_from_board[:3, :3].T @ (poses[HAND][:3, 3] - root_from_board[:3, 3])
+    result: Floats = root_from_board[:3, :3].T @ (poses[HAND][:3, 3] - root_from_board[:3, 3])
+    return result
 
 
 def error_mm(robot: TwinRobot) -> Floats:
     """The hand's true error in the paper's axes, (3,)."""
     off = hand_in_board_m(robot) - target_in_board_m(robot.nominal)
-    return BOARD_FROM_PAPER.T @ off * 1e3
+    result: Floats = BOARD_FROM_PAPER.T @ off * 1e3
+    return result
 
 
 def at_target(body: Body, options: TwinOptions | None = None) -> TwinRobot:
@@ -115,7 +118,8 @@ def solve_body() -> Body:
     steps = np.array([1e-3, 1e-4, 1e-6])
 
     def off(values: Floats) -> Floats:
-        return error_mm(at_target(Body(*map(float, values)))) - TABLE_1_MM
+        result: Floats = error_mm(at_target(Body(*map(float, values)))) - TABLE_1_MM
+        return result
 
     for _ in range(20):
         here = off(unknown)
@@ -147,7 +151,8 @@ def measured_error_mm(robot: TwinRobot, estimator: Estimator, told: Told | None 
     poses = nominal.link_poses(nominal.positions(TARGET_RAD), [camera, BOARD])[0]
     board_from_camera = poses[1][:3, :3].T @ poses[0][:3, :3]
     off = board_from_camera @ (markers.point_in_camera_m[row] - markers.model_in_camera_m[row])
-    return BOARD_FROM_PAPER.T @ off * 1e3
+    result: Floats = BOARD_FROM_PAPER.T @ off * 1e3
+    return result
 
 
 def table1(options: TwinOptions, trials: int, told: Told | None = None) -> Experiment:

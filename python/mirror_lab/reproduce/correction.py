@@ -134,7 +134,8 @@ class Runs:
     def along(self) -> Floats:
         """(runs, corrections + 1): the error along its first direction; below 0 it is overshot."""
         first = self.error_mm[:, 0] / np.linalg.norm(self.error_mm[:, 0], axis=1)[:, None]
-        return np.einsum("rki,ri->rk", self.error_mm, first)
+        result: Floats = np.einsum("rki,ri->rk", self.error_mm, first)
+        return result
 
 
 def run_once(way: Way, gain: float, corrections: int, options: TwinOptions) -> tuple[Floats, Floats]:

@@ -56,7 +56,8 @@ class Stand:
         """(6, 3): where the balls are."""
         inverse = np.linalg.inv(self.root_from_camera)
         centers = [self._root_from(marker.link)[:3, 3] for marker in self.nominal.metadata.markers]
-        return np.array(centers) @ inverse[:3, :3].T + inverse[:3, 3]
+        result: Floats = np.array(centers) @ inverse[:3, :3].T + inverse[:3, 3]
+        return result
 
     @cached_property
     def corners_in_camera_m(self) -> Floats:
@@ -67,7 +68,8 @@ class Stand:
         x = (column.ravel() - (board.columns - 1) / 2) * board.square_m
         y = (row.ravel() - (board.rows - 1) / 2) * board.square_m
         points = np.stack([x, y, np.zeros_like(x)], axis=1)
-        return points @ self.camera_from_board[:3, :3].T + self.camera_from_board[:3, 3]
+        result: Floats = points @ self.camera_from_board[:3, :3].T + self.camera_from_board[:3, 3]
+        return result
 
     @cached_property
     def camera_from_board(self) -> Floats:
@@ -107,4 +109,5 @@ class Stand:
     def _root_from(self, link: str) -> Floats:
         robot = self.nominal.robot
         poses = robot.forward_kinematics(np.zeros((1, len(robot.position_names))))
-        return poses[0, robot.link_index(link)]
+        result: Floats = poses[0, robot.link_index(link)]
+        return result

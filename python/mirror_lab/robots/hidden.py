@@ -85,7 +85,8 @@ def tilted_axis(axis: Floats, tilt_1_rad: float, tilt_2_rad: float) -> Floats:
     u = np.cross(axis, helper)
     u /= np.linalg.norm(u)
     tilted = axis + np.tan(tilt_1_rad) * u + np.tan(tilt_2_rad) * np.cross(axis, u)
-    return tilted / np.linalg.norm(tilted)
+    result: Floats = tilted / np.linalg.norm(tilted)
+    return result
 
 
 class HiddenBody:
@@ -309,7 +310,8 @@ class HiddenBody:
             if carried.mass_kg > 0.0:
                 at = poses[i][:3, :3] @ carried.com_m + poses[i][:3, 3]
                 moment += np.cross(at - about, carried.mass_kg * self.gravity)
-        return poses[body][:3, :3].T @ moment
+        result: Floats = poses[body][:3, :3].T @ moment
+        return result
 
     def _torque(self, poses: Sequence[Floats], body: int) -> float:
         if self.bodies[body].joint_type == "slide":

@@ -86,7 +86,8 @@ def exact_points(
         size = np.array(lens.size_px)
         with np.errstate(invalid="ignore"):
             inside = np.all((pixels > MARGIN_PX) & (pixels < size - 1 - MARGIN_PX), axis=1)
-        return inside & (distance > 0.0) & (points @ normal < distance)
+        result: npt.NDArray[np.bool_] = inside & (distance > 0.0) & (points @ normal < distance)
+        return result
 
     reasons = []
     board_px, board_seen = np.zeros((nominal.corner_count, 2)), np.zeros(nominal.corner_count, dtype=bool)

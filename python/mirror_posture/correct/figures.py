@@ -212,7 +212,8 @@ def _crop(
 
     def enlarged(pixel: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         # Pixel centres: (0, 0) is the middle of the top-left pixel, in both pictures.
-        return (pixel - corner + 0.5) * ZOOM - 0.5
+        result: npt.NDArray[np.float64] = (pixel - corner + 0.5) * ZOOM - 0.5
+        return result
 
     if measured is not None and np.isfinite(measured).all():
         if np.isfinite(wanted).all():

@@ -38,14 +38,18 @@ class Region:
 
 def to_hsv(bgr: npt.NDArray[np.uint8]) -> npt.NDArray[np.float32]:
     """HSV of a colour picture, `(H, W, 3)` float32: hue in degrees [0, 360), saturation and value in 0..1."""
-    return cv2.cvtColor(bgr.astype(np.float32) * np.float32(1.0 / 255.0), cv2.COLOR_BGR2HSV)
+    result: npt.NDArray[np.float32] = cv2.cvtColor(
+        bgr.astype(np.float32) * np.float32(1.0 / 255.0), cv2.COLOR_BGR2HSV
+    )
+    return result
 
 
 def hue_distance_deg(hue_deg: npt.NDArray[np.float32], center_deg: float) -> npt.NDArray[np.float32]:
     """Circular distance of hues, degrees in [0, 180]."""
-    return np.abs(
+    result: npt.NDArray[np.float32] = np.abs(
         (hue_deg - np.float32(center_deg) + np.float32(180.0)) % np.float32(360.0) - np.float32(180.0)
     )
+    return result
 
 
 def color_mask(hsv: npt.NDArray[np.float32], color: ColorRange) -> npt.NDArray[np.bool_]:
@@ -96,4 +100,5 @@ def contour_px(region: Region) -> FloatArray:
     left, top, _, _ = region.box_px
     contours, _ = cv2.findContours(region.mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     longest = max(contours, key=len)
-    return longest.reshape(-1, 2).astype(np.float64) + np.array([left, top])
+    result: FloatArray = longest.reshape(-1, 2).astype(np.float64) + np.array([left, top])
+    return result

@@ -282,4 +282,5 @@ def _cover(gray: Pixels, grid: FloatArray) -> Pixels:
     grown = middle + (outline - middle) * (1.0 + 2.4 / (min(nx, ny) - 1))
     covered = gray.copy()
     cv2.fillConvexPoly(covered, np.rint(grown).astype(np.int32), int(np.median(gray)))
-    return covered
+    result: Pixels = covered
+    return result

@@ -122,7 +122,8 @@ def unit_rays(points: FloatArray, camera: Camera) -> FloatArray:
     """Unit ray directions `(N, 3)` of pixels in the camera frame."""
     ideal = undistort(points, camera)
     rays = np.column_stack([ideal, np.ones(len(ideal))]) @ np.linalg.inv(camera.matrix_px).T
-    return rays / np.linalg.norm(rays, axis=1, keepdims=True)
+    result: FloatArray = rays / np.linalg.norm(rays, axis=1, keepdims=True)
+    return result
 
 
 def project_rays(rays: FloatArray, camera: Camera) -> FloatArray:
@@ -139,7 +140,8 @@ def _distances_px(rows: FloatArray, parameters: FloatArray, focal_px: float) -> 
     if length <= 1.0 or parameters[2] <= 0.0:
         return None
     angle = np.arccos(np.clip(rows @ parameters / length, -1.0, 1.0))
-    return (angle - np.arccos(1.0 / length)) * focal_px
+    result: FloatArray | None = (angle - np.arccos(1.0 / length)) * focal_px
+    return result
 
 
 def _distance_gradient(rows: FloatArray, parameters: FloatArray, focal_px: float) -> FloatArray:
@@ -185,7 +187,8 @@ def _polygon_centroid(polygon: FloatArray) -> FloatArray:
     local = polygon - middle
     following = np.roll(local, -1, axis=0)
     cross = local[:, 0] * following[:, 1] - local[:, 1] * following[:, 0]
-    return middle + ((local + following) * cross[:, None]).sum(axis=0) / (3.0 * cross.sum())
+    result: FloatArray = middle + ((local + following) * cross[:, None]).sum(axis=0) / (3.0 * cross.sum())
+    return result
 
 
 def _ellipse(boundary: FloatArray) -> Ellipse:

@@ -58,7 +58,8 @@ class Edges:
 
 def to_linear(bgr: np.ndarray) -> np.ndarray:
     """Linear light from 8-bit sRGB (IEC 61966-2-1), float32 (H, W, 3). Cameras differ a little; what matters is the curve's bend."""
-    return _SRGB_TABLE[bgr]
+    result: np.ndarray = _SRGB_TABLE[bgr]
+    return result
 
 
 def _srgb_table() -> np.ndarray:
@@ -129,14 +130,16 @@ def _coverage(
 def _mean_where(values: FloatArray, where: np.ndarray) -> FloatArray:
     weight = where.astype(np.float64)
     total = np.maximum(weight.sum(axis=1), 1e-9)
-    return np.einsum("nsc,ns->nc", values, weight) / total[:, None]
+    result: FloatArray = np.einsum("nsc,ns->nc", values, weight) / total[:, None]
+    return result
 
 
 def _variance_where(values: FloatArray, where: np.ndarray) -> FloatArray:
     weight = where.astype(np.float64)
     total = np.maximum(weight.sum(axis=1), 1e-9)
     mean = (values * weight).sum(axis=1) / total
-    return ((values - mean[:, None]) ** 2 * weight).sum(axis=1) / total
+    result: FloatArray = ((values - mean[:, None]) ** 2 * weight).sum(axis=1) / total
+    return result
 
 
 def _edge_radius(coverage: FloatArray, radii: FloatArray) -> FloatArray:
@@ -149,7 +152,8 @@ def _edge_radius(coverage: FloatArray, radii: FloatArray) -> FloatArray:
     index = np.clip(last[:, None] + offsets, 0, coverage.shape[1] - 1)
     local = np.take_along_axis(coverage, index, axis=1)
     start = radii[np.clip(last - window, 0, len(radii) - 1)]
-    return start + (local.sum(axis=1) - 0.5) * STEP_PX
+    result: FloatArray = start + (local.sum(axis=1) - 0.5) * STEP_PX
+    return result
 
 
 def fit_circle_robustly(

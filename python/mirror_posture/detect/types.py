@@ -125,7 +125,8 @@ class BoardView:
         """Standard deviation of one axis of each corner, px: the root of half the covariance's trace."""
         if self.covariances_px2 is None:
             return None
-        return np.sqrt(0.5 * np.trace(self.covariances_px2, axis1=1, axis2=2))
+        result: FloatArray | None = np.sqrt(0.5 * np.trace(self.covariances_px2, axis1=1, axis2=2))
+        return result
 
 
 @dataclass(frozen=True)

@@ -211,7 +211,8 @@ def _up(
 
     gravity = session.gravity_m_per_s2 / np.linalg.norm(session.gravity_m_per_s2)
     down = base_from(session.root_link) @ gravity
-    return -np.einsum("nji,nj->ni", base_from(link), down)
+    result: Floats = -np.einsum("nji,nj->ni", base_from(link), down)
+    return result
 
 
 def _mounted(predicted: Floats, read: Floats) -> Floats:

@@ -12,11 +12,11 @@ import numpy as np
 
 from .._core import MirrorPostureError
 from ..camera import Camera
-from ..mirror import FLOAT_GLASS_INDEX
+from ..mirror import FLOAT_GLASS_INDEX, Mirror
 from ..robot import Robot
 from ..session.camera_info import load_camera_info
 from ..session.metadata import Metadata, load_metadata
-from ..session.types import Frames, Mirror, Session, Views
+from ..session.types import Frames, Session, Views
 from .protocol import ImagePoints, JointLimits, Look
 
 EMBEDDED_FOLDER = Path(__file__).parent.parent / "embedded"

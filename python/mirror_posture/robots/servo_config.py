@@ -159,7 +159,7 @@ def load_config(file: str | os.PathLike[str], nominal: Nominal, make: Make = "dy
         at_end=at_end,
         end_with_parent=end_with_parent,
         rest=rest,
-        **numbers,  # type: ignore[arg-type]
+        **numbers,
     )
     speed, acceleration = STEPS[make]
     if config.speed_rad_per_s < speed or config.acceleration_rad_per_s2 < acceleration:

@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..board import Board
 from .errors import SessionError, choices
 from .metadata import RESERVED_TARGET
 from .tables import Table
-from .types import Board, Frames, Views
+from .types import Frames, Views
 
 COLUMNS = ("frame", "target", "index", "u", "v")
 OPTIONAL_COLUMNS = ("via", "std_px")

@@ -73,7 +73,8 @@ class Table:
         empty = array.is_null()
         if pa.types.is_string(array.type) or pa.types.is_large_string(array.type):
             empty = pc.or_(empty, pc.equal(pc.utf8_trim_whitespace(array.fill_null("")), ""))
-        return empty.to_numpy(zero_copy_only=False).astype(bool)
+        result: npt.NDArray[np.bool_] = empty.to_numpy(zero_copy_only=False).astype(bool)
+        return result
 
     def integers(self, column: str) -> npt.NDArray[np.int64]:
         """A column as whole numbers."""
@@ -100,7 +101,7 @@ class Table:
             )
         return array
 
-    def _cast(self, column: str, kind: pa.DataType, needed: str) -> npt.NDArray:
+    def _cast(self, column: str, kind: pa.DataType, needed: str) -> npt.NDArray[Any]:
         array = self._filled(column, needed)
         if pa.types.is_boolean(array.type) or pa.types.is_temporal(array.type):
             raise SessionError(self.name, f"got values of type {array.type}, needed {needed}", column=column)
@@ -111,7 +112,8 @@ class Table:
                     break
                 attempt = array = pc.utf8_trim_whitespace(array)
             try:
-                return attempt.cast(kind).to_numpy(zero_copy_only=False)
+                result: npt.NDArray[Any] = attempt.cast(kind).to_numpy(zero_copy_only=False)
+                return result
             except (pa.ArrowInvalid, pa.ArrowNotImplementedError):
                 continue
         raise self._bad_cell(column, self._first_that_fails(array, kind), needed)

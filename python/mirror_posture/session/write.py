@@ -16,13 +16,14 @@ import pyarrow.csv
 import pyarrow.parquet
 import tomli_w
 
+from ..marker import Marker
 from .accelerometers import accelerometer_columns
 from .camera_info import dump_camera_info
 from .errors import SessionError
 from .frames import MEASURED
 from .metadata import FILE, FORMAT, RESERVED_TARGET, VERSION
 from .tables import SUFFIXES
-from .types import Marker, Session, Views
+from .types import Session, Views
 
 TableFormat = Literal["csv", "parquet"]
 

@@ -42,7 +42,7 @@ def write_mjcf(
         MirrorPostureError: a robot that MuJoCo cannot load.
     """
     try:
-        import mujoco  # type: ignore[import-untyped]
+        import mujoco
     except ImportError:
         return {}
     try:

@@ -50,7 +50,8 @@ class Urdf:
         """The joint's unit axis in its own frame; x where the file says nothing."""
         entry = self.joint(name).find("axis")
         axis = _numbers(None if entry is None else entry.get("xyz"), (1.0, 0.0, 0.0))
-        return axis / np.linalg.norm(axis)
+        result: Floats = axis / np.linalg.norm(axis)
+        return result
 
     def set_axis(self, name: str, axis: Floats) -> None:
         """Writes the joint's axis."""
@@ -188,7 +189,10 @@ def rotation_of_vector(vector_rad: Floats) -> Floats:
     angle = float(np.linalg.norm(vector_rad))
     k = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     # sinc and its half-angle form are exact at 0.
-    return np.eye(3) + np.sinc(angle / math.pi) * k + 0.5 * np.sinc(angle / (2.0 * math.pi)) ** 2 * (k @ k)
+    result: Floats = (
+        np.eye(3) + np.sinc(angle / math.pi) * k + 0.5 * np.sinc(angle / (2.0 * math.pi)) ** 2 * (k @ k)
+    )
+    return result
 
 
 def _link(joint: ElementTree.Element, role: str) -> str:
