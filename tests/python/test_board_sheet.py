@@ -13,7 +13,6 @@ from typer.testing import CliRunner
 from mirror_posture import MirrorPostureError, cli
 from mirror_posture.board_sheet import BoardSheet, recommend, write_board_pdf
 from mirror_posture.detect import BoardOptions, DetectionOptions, DetectionSetup, detect_picture
-from mirror_posture.detect.types import BoardSpec
 
 pypdfium2 = pytest.importorskip("pypdfium2")
 pytest.importorskip("reportlab")
@@ -26,17 +25,11 @@ def rendered(file: Path, dpi: int = DPI) -> np.ndarray:
     return cv2.cvtColor(page.render(scale=dpi / 72.0).to_numpy(), cv2.COLOR_BGR2GRAY)
 
 
-def spec_of(sheet: BoardSheet) -> BoardSpec:
-    return BoardSpec(
-        sheet.corners_x, sheet.corners_y, sheet.square_m, sheet.pattern, sheet.marker_size_m, sheet.dictionary
-    )
-
-
 def corners_in(picture: np.ndarray, sheet: BoardSheet, via: str, tmp_path: Path) -> np.ndarray:
     file = tmp_path / "picture.png"
     cv2.imwrite(str(file), picture)
     options = DetectionOptions(board=BoardOptions(views=(via,)))  # type: ignore[arg-type]
-    view = detect_picture(file, DetectionSetup(spec_of(sheet), (), None), options=options).boards[0]
+    view = detect_picture(file, DetectionSetup(sheet.board(), (), None), options=options).boards[0]
     assert view.ok, view.reason
     assert view.corners_px is not None and (view.visible is None or np.all(view.visible))
     return view.corners_px

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .._core import MirrorPostureError
+from ..board import Board
 
 Rectangle = tuple[float, float, float, float]
 """Left, bottom, width, height, m, from the sheet's lower left corner; y is up."""
@@ -133,6 +134,18 @@ class BoardSheet:
                     found.append((left + x0 + start * cell, top - y0 - (row + 1) * cell, length * cell, cell))
         return found
 
+    def board(self, link: str = "") -> Board:
+        """The board as the detectors and a session know it."""
+        return Board(
+            self.corners_x,
+            self.corners_y,
+            self.square_m,
+            self.pattern,
+            self.marker_size_m,
+            self.dictionary,
+            link,
+        )
+
     def metadata(self, link: str = "board") -> dict[str, object]:
         """The section `[board]` of session.toml for this board."""
         told: dict[str, object] = {
@@ -158,18 +171,8 @@ class Placement:
 def _charuco(sheet: BoardSheet) -> cv2.aruco.CharucoBoard:
     """OpenCV's board of a sheet; a dictionary that is missing or too small is refused by the detector's own check."""
     from ..detect.charuco import charuco_board
-    from ..detect.types import BoardSpec
 
-    return charuco_board(
-        BoardSpec(
-            sheet.corners_x,
-            sheet.corners_y,
-            sheet.square_m,
-            "charuco",
-            sheet.marker_size_m,
-            sheet.dictionary,
-        )
-    )
+    return charuco_board(sheet.board())
 
 
 def _runs(black: npt.NDArray[np.bool_]) -> list[tuple[int, int]]:
