@@ -148,6 +148,9 @@ fn numbers_that_cannot_be_meant_are_refused_with_their_owner() {
     for bad in [
         "<origin xyz=\"inf 0 0\"/>",
         "<origin xyz=\"1e300 0 0\"/>",
+        // Millimetres and degrees.
+        "<origin xyz=\"0 0 75.5\"/>",
+        "<origin rpy=\"0 90 0\"/>",
         "<axis xyz=\"1e308 1e308 0\"/>",
         "<limit lower=\"2\" upper=\"1\"/>",
         "<mimic joint=\"j1\" multiplier=\"inf\"/>",
@@ -185,6 +188,44 @@ fn depth_beyond_reason_does_not_overflow_the_stack() {
         .collect();
     let chain = Robot::from_urdf_str(&format!("<robot>{links}{joints}</robot>")).unwrap();
     assert_eq!(chain.position_count(), 4_999);
+}
+
+#[test]
+fn a_chain_of_mimic_joints_is_followed_once() {
+    let count = 4_000;
+    let links: String = (0..=count).map(|k| format!("<link name=\"l{k}\"/>")).collect();
+    let joints: String = (0..count)
+        .map(|k| {
+            let tag = format!("<mimic joint=\"j{}\" multiplier=\"-1\" offset=\"0.5\"/>", k + 1);
+            let inside = if k + 1 < count { tag } else { String::new() };
+            joint(&format!("j{k}"), "revolute", &format!("l{k}"), &format!("l{}", k + 1), &inside)
+        })
+        .collect();
+    let begun = std::time::Instant::now();
+    let robot = Robot::from_urdf_str(&format!("<robot>{links}{joints}</robot>")).unwrap();
+    // Quadratic, this took ten seconds; the bound leaves room for a busy machine.
+    assert!(begun.elapsed().as_secs_f64() < 5.0, "{:?}", begun.elapsed());
+    assert_eq!(robot.position_count(), 1);
+    let drive = robot.joints()[0].drive.unwrap();
+    // An odd number of reflections about 0.25.
+    assert_eq!((drive.position, drive.multiplier, drive.offset), (0, -1.0, 0.5));
+    assert_eq!(robot.joints()[1].drive.unwrap().multiplier, 1.0);
+}
+
+#[test]
+fn more_than_a_robot_has_is_refused_at_once() {
+    let many: String = (0..200_000).map(|k| format!(" a{k}=\"1\"")).collect();
+    let begun = std::time::Instant::now();
+    for text in [
+        format!("<robot><link name=\"a\"{many}/></robot>"),
+        format!("<robot{many}/>"),
+        format!("<robot>{}</robot>", "<link name=\"a\"/>".repeat(20_000)),
+        format!("<robot>{}</robot>", " ".repeat(64_000_001)),
+    ] {
+        let error = Robot::from_urdf_str(&text).unwrap_err();
+        assert!(error.to_string().contains("needed"), "{error}");
+    }
+    assert!(begun.elapsed().as_secs_f64() < 5.0, "{:?}", begun.elapsed());
 }
 
 /// Reads text; where it is a robot, its kinematics must be finite.

@@ -203,6 +203,9 @@ pub enum Error {
         /// What it was refused for.
         source: Box<Error>,
     },
+    /// A computation that was stopped from outside, by its [`crate::Cancel`].
+    #[error("stopped before the end, as was asked")]
+    Cancelled,
     /// A picture that could not be made.
     #[error("{what}: {why}")]
     Picture {

@@ -27,6 +27,7 @@ extern crate self as mirror_core;
 
 pub mod calibrate;
 pub mod camera;
+mod cancel;
 pub mod correct;
 pub mod diagnose;
 mod error;
@@ -38,4 +39,5 @@ pub mod picture;
 pub mod robot;
 pub mod triangulate;
 
+pub use cancel::Cancel;
 pub use error::{Error, Result};

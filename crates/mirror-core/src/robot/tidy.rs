@@ -36,6 +36,13 @@ fn kept(parent: &str, element: &str) -> Option<&'static [(&'static str, Holds)]>
 /// The joint types that are modelled.
 const JOINT_TYPES: [&str; 4] = ["revolute", "continuous", "prismatic", "fixed"];
 
+/// Bytes of a URDF text at most: the largest known ones, with all their pictures, have a few million.
+const MOST_BYTES: usize = 64_000_000;
+/// Links and joints at most, together: each posture takes a matrix for every link.
+const MOST_PARTS: usize = 10_000;
+/// Attributes of one element at most: the parser compares each with all before it.
+const MOST_ATTRIBUTES: usize = 100;
+
 /// An attribute by its exact name, its entities resolved.
 fn attribute(tag: &BytesStart<'_>, name: &str, at_byte: u64) -> Result<Option<String>, ModelFault> {
     let not_xml = |reason: String| ModelFault::NotUrdf { at_byte, reason };
@@ -89,6 +96,12 @@ impl Tidy {
             self.dropped += 1;
             return Ok(());
         }
+        if tag.attributes().with_checks(false).take(MOST_ATTRIBUTES + 1).count() > MOST_ATTRIBUTES {
+            return Err(ModelFault::NotUrdf {
+                at_byte,
+                reason: format!("an element has more than {MOST_ATTRIBUTES} attributes, needed fewer"),
+            });
+        }
         let raw = tag.name();
         let name = core::str::from_utf8(raw.as_ref()).unwrap_or_default();
         let parent = self.open.last().map_or("", String::as_str);
@@ -126,6 +139,12 @@ impl Tidy {
     /// `<link>` or `<joint>`.
     fn part(&mut self, tag: &BytesStart<'_>, kind: &str, at_byte: u64) -> Result<(), ModelFault> {
         self.seen += 1;
+        if self.seen > MOST_PARTS {
+            return Err(ModelFault::NotUrdf {
+                at_byte,
+                reason: format!("there are more than {MOST_PARTS} links and joints, needed a robot of fewer"),
+            });
+        }
         let name =
             attribute(tag, "name", at_byte)?.filter(|name| !name.trim().is_empty()).ok_or_else(|| {
                 ModelFault::Element {
@@ -191,6 +210,12 @@ impl Tidy {
 /// [`ModelFault::NotUrdf`] where the text is no XML or has another root, [`ModelFault::Element`] where a name is
 /// missing or a number cannot be read, [`ModelFault::UnsupportedJoint`].
 pub(super) fn tidy(text: &str) -> Result<String, ModelFault> {
+    if text.len() > MOST_BYTES {
+        return Err(ModelFault::NotUrdf {
+            at_byte: MOST_BYTES as u64,
+            reason: format!("it has {} bytes, needed at most {MOST_BYTES}", text.len()),
+        });
+    }
     let mut reader = Reader::from_str(text.trim_start_matches('\u{feff}'));
     let mut walk = Tidy {
         out: String::with_capacity(text.len() / 2),

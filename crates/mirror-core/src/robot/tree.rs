@@ -114,24 +114,40 @@ fn depth_first(links: &[Link], joints: &[NamedJoint], edges: &Edges) -> Result<(
     }
 }
 
-/// Follows a joint's chain of `<mimic>` tags to the joint that moves by itself.
-fn follow(
-    start: usize,
-    mimics: &[Option<Mimic>],
-    name: &dyn Fn(usize) -> String,
-) -> Result<(usize, f64, f64)> {
-    let (mut at, mut multiplier, mut offset) = (start, 1.0, 0.0);
-    let mut path = vec![start];
-    while let Some(mimic) = mimics[at] {
-        offset += multiplier * mimic.offset;
-        multiplier *= mimic.multiplier;
-        at = mimic.joint;
-        if let Some(first) = path.iter().position(|&p| p == at) {
-            return Err(ModelFault::MimicCycle { joints: path[first..].iter().map(|&j| name(j)).collect() });
+/// The joint that moves a joint by itself, multiplier and offset, for each joint: chains of `<mimic>` tags are followed
+/// once, in time linear in the number of joints.
+fn drivers(mimics: &[Option<Mimic>], name: &dyn Fn(usize) -> String) -> Result<Vec<(usize, f64, f64)>> {
+    let mut known: Vec<Option<(usize, f64, f64)>> =
+        mimics.iter().enumerate().map(|(j, mimic)| mimic.is_none().then_some((j, 1.0, 0.0))).collect();
+    // Which walk has passed a joint: a walk that meets itself is a circle.
+    let mut passed_by = vec![usize::MAX; mimics.len()];
+    for start in 0..mimics.len() {
+        let mut path: Vec<(usize, Mimic)> = Vec::new();
+        let mut at = start;
+        let (mut driver, mut multiplier, mut offset) = loop {
+            match (known[at], mimics[at]) {
+                (Some(found), _) => break found,
+                (None, Some(mimic)) => {
+                    if passed_by[at] == start {
+                        let first = path.iter().position(|&(j, _)| j == at).unwrap_or(0);
+                        return Err(ModelFault::MimicCycle {
+                            joints: path[first..].iter().map(|&(j, _)| name(j)).collect(),
+                        });
+                    }
+                    passed_by[at] = start;
+                    path.push((at, mimic));
+                    at = mimic.joint;
+                }
+                (None, None) => break (at, 1.0, 0.0),
+            }
+        };
+        for (j, mimic) in path.into_iter().rev() {
+            (driver, multiplier, offset) =
+                (driver, mimic.multiplier * multiplier, mimic.multiplier * offset + mimic.offset);
+            known[j] = Some((driver, multiplier, offset));
         }
-        path.push(at);
     }
-    Ok((at, multiplier, offset))
+    Ok(known.into_iter().enumerate().map(|(j, found)| found.unwrap_or((j, 1.0, 0.0))).collect())
 }
 
 /// Grows the tree.
@@ -183,9 +199,9 @@ pub(super) fn grow(name: String, links: Vec<Link>, joints: Vec<NamedJoint>) -> R
             position_joints.push(j);
         }
     }
-    for j in 0..new_joints.len() {
+    let drivers = drivers(&mimics, &|j| new_joints[j].name.clone())?;
+    for (j, &(driver, multiplier, offset)) in drivers.iter().enumerate() {
         if new_joints[j].kind.moves() {
-            let (driver, multiplier, offset) = follow(j, &mimics, &|j| new_joints[j].name.clone())?;
             if !(multiplier.is_finite() && offset.is_finite()) {
                 return Err(ModelFault::Number {
                     element: format!("joint {:?}", new_joints[j].name),

@@ -9,8 +9,12 @@ use crate::error::Result;
 use nalgebra::{Isometry3, Point3, Translation3, Unit, UnitQuaternion, Vector3};
 use std::path::Path;
 
-/// Largest coordinate of an origin or a centre of mass, m: beyond it a unit is wrong, and numbers may overflow.
-const LONGEST_M: f64 = 1e6;
+/// Largest coordinate of an origin or a centre of mass, m: beyond it the unit is another, mm most likely.
+const LONGEST_M: f64 = 50.0;
+/// Largest angle of an origin, rad: a whole turn, and what rounding adds. Beyond it these are degrees.
+const LARGEST_ANGLE: f64 = 1.001 * core::f64::consts::TAU;
+/// Largest coordinate of an axis, whose length has no meaning.
+const LARGEST_AXIS: f64 = 1e6;
 /// Largest mass of a link, kg.
 const HEAVIEST_KG: f64 = 1e9;
 /// Largest factor or offset of a mimic joint.
@@ -63,10 +67,22 @@ fn within(
 
 fn pose(element: &str, origin: &urdf_rs::Pose) -> core::result::Result<Isometry3<f64>, ModelFault> {
     for x in *origin.xyz {
-        within(element, "a coordinate of its origin", x, LONGEST_M, "a finite length in m, at most 1e6")?;
+        within(
+            element,
+            "a coordinate of its origin",
+            x,
+            LONGEST_M,
+            "a length in m, at most 50: is it in mm?",
+        )?;
     }
     for x in *origin.rpy {
-        within(element, "an angle of its origin", x, LONGEST_M, "a finite angle in rad, at most 1e6")?;
+        within(
+            element,
+            "an angle of its origin",
+            x,
+            LARGEST_ANGLE,
+            "an angle in rad, at most a whole turn: is it in degrees?",
+        )?;
     }
     let ([x, y, z], [roll, pitch, yaw]) = (*origin.xyz, *origin.rpy);
     Ok(Isometry3::from_parts(Translation3::new(x, y, z), UnitQuaternion::from_euler_angles(roll, pitch, yaw)))
@@ -97,7 +113,7 @@ fn axis(name: &str, urdf: &urdf_rs::Joint) -> core::result::Result<Unit<Vector3<
     let element = format!("joint {name:?}");
     let [x, y, z] = *urdf.axis.xyz;
     for value in [x, y, z] {
-        within(&element, "a coordinate of its axis", value, LONGEST_M, "a finite number, at most 1e6")?;
+        within(&element, "a coordinate of its axis", value, LARGEST_AXIS, "a finite number, at most 1e6")?;
     }
     Unit::try_new(Vector3::new(x, y, z), SHORTEST_AXIS).ok_or_else(|| ModelFault::ZeroAxis {
         joint: name.to_owned(),
