@@ -35,6 +35,9 @@ class Board:
     """Of a ChArUco board: OpenCV's name of its markers' dictionary, as `DICT_4X4_50`."""
     link: str = ""
     """The link that it is fixed to; empty where there is no robot."""
+    tolerance_m: float | None = None
+    """One standard deviation by which the real place may differ from the URDF's; 0: exact; None: not said."""
+    tolerance_rad: float | None = None
 
     def __post_init__(self) -> None:
         counts = (self.columns, self.rows)

@@ -44,6 +44,8 @@ class Marker:
     """Whether its place on the link is known: an unknown one is estimated along with the causes."""
     color: ColorRange | None = None
     """None for a marker that is not looked for in pictures."""
+    tolerance_m: float | None = None
+    """One standard deviation by which the real place may differ from the URDF's; 0: exact; None: not said."""
 
 
 def _is_number(value: object) -> bool:

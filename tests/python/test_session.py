@@ -478,7 +478,7 @@ def test_a_joint_that_follows_another_is_kept_without_effect(tmp_path: Path) -> 
 
 
 def test_positions_are_in_the_robots_order(tmp_path: Path) -> None:
-    session = load_session(write_folder(tmp_path, frames="frame,posture,elbow\n0,0,0.2\n1,0,0.3\n5,1,0.4\n"))
+    session = load_session(write_folder(tmp_path, frames="frame,posture,elbow\n0,0,0.2\n1,2,0.3\n5,1,0.4\n"))
     assert session.robot.position_names == ("shoulder", "elbow")
     assert session.positions.tolist() == [[0.0, 0.2], [0.0, 0.3], [0.0, 0.4]]
 
@@ -498,7 +498,9 @@ def test_loads_every_stored_session() -> None:
     assert len(folders) > 30
     for folder in folders:
         session = load_session(folder)
-        assert session.warnings == (), folder
+        # One of the first day's mistakes is a joint in degrees.
+        assert all("are these degrees?" in warning for warning in session.warnings), folder
+        assert not session.warnings or folder.parent.name == "first-day", folder
         rows = (
             sum(1 for _ in (folder / "detections.csv").open()) - 1
             if (folder / "detections.csv").exists()

@@ -32,7 +32,7 @@ def assert_same(a: Session, b: Session) -> None:
     assert a.robot_file.read_bytes() == b.robot_file.read_bytes()
 
 
-pixels = st.floats(-1e6, 1e6, allow_nan=False)
+pixels = st.floats(-0.5, 599.0, allow_nan=False)
 joints = st.floats(-1.9, 1.9, allow_nan=False)
 
 
@@ -59,6 +59,7 @@ def test_round_trip(tmp_path: Path, data: st.DataObject, tables: str) -> None:
     frames = dataclasses.replace(
         session.frames,
         frame=np.cumsum(data.draw(npst.arrays(np.int64, 3, elements=st.integers(1, 1000)))),
+        posture=np.arange(3),
         commanded=data.draw(npst.arrays(float, (3, 2), elements=joints)),
         time_s=data.draw(st.none() | st.just(np.array([0.0, 1 / 3, 2e9 / 7]))),
         ordered=data.draw(st.booleans()),

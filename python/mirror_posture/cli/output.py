@@ -128,12 +128,18 @@ class Output:
             task = bar.add_task(what, total=total)
             yield lambda done: bar.update(task, completed=done)
 
+    def problem(self, text: str) -> None:
+        """One of several errors, on stderr."""
+        self.errors.print(f"[red]error:[/red] {escape(text)}")
+
     def fail(self, message: str, error: BaseException, code: int) -> None:
         """An error as one line on stderr and, where JSON was asked for, as a document on stdout."""
-        self.errors.print(f"[red]error:[/red] {escape(message)}")
+        self.problem(message)
         if self.as_json:
             place = {name: getattr(error, name, None) for name in ("file", "row", "column")}
-            self.result({"error": {"message": message, "exit_code": int(code), **place}})
+            others = [str(other) for other in getattr(error, "problems", ())[1:]]
+            more = {"others": others} if others else {}
+            self.result({"error": {"message": message, "exit_code": int(code), **place, **more}})
 
 
 def _console(stderr: bool) -> Console:

@@ -12,6 +12,7 @@ from .types import (
     Noise,
     Points,
     Session,
+    States,
     Views,
 )
 from .write import write_detections, write_session
@@ -27,6 +28,7 @@ __all__ = [
     "Points",
     "Session",
     "SessionError",
+    "States",
     "Views",
     "dump_camera_info",
     "load_camera_info",

@@ -12,6 +12,7 @@ import yaml
 from .._core import MirrorPostureError
 from ..camera import Camera
 from .errors import SessionError, choices
+from .input_files import parse_yaml, read_text, reason
 
 COEFFICIENT_NAMES = {
     "plumb_bob": ("k1", "k2", "p1", "p2", "k3"),
@@ -28,17 +29,14 @@ def load_camera_info(file: Path, shown_as: str | None = None) -> Camera:
     """
     name = shown_as or str(file)
     try:
-        text = file.read_text(encoding="utf-8-sig")
+        text = read_text(file)
     except FileNotFoundError:
         raise SessionError(name, "the file is missing; save the camera's ROS camera_info there") from None
     except (OSError, UnicodeDecodeError) as error:
-        raise SessionError(name, f"cannot be read ({error}); needed a ROS camera_info YAML file") from None
-    try:
-        tree = yaml.safe_load(text)
-    # Odd scalars (dates, huge integers) and deep nesting fail with errors of Python's own.
-    except (yaml.YAMLError, ValueError, RecursionError, OverflowError) as error:
-        problem = " ".join(str(error).split())
-        raise SessionError(name, f"is no YAML ({problem}); needed a ROS camera_info file") from None
+        raise SessionError(
+            name, f"cannot be read ({reason(error)}); needed a ROS camera_info YAML file"
+        ) from None
+    tree = parse_yaml(text, name, "a ROS camera_info file")
     if not isinstance(tree, Mapping):
         raise SessionError(name, f"got a {type(tree).__name__}, needed the keys of a ROS camera_info file")
 

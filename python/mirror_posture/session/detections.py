@@ -16,6 +16,8 @@ COLUMNS = ("frame", "target", "index", "u", "v")
 OPTIONAL_COLUMNS = ("via", "std_px")
 """`std_px`: the detector's standard deviation of u and of v, a column of this package's own."""
 WAYS = ("mirror", "direct")
+EDGE_PX = 1.0
+"""A point is measured so far beyond the picture's edge at most: what is cut off has its middle within."""
 
 
 def frame_rows(table: Table, frames: Frames, frames_name: str) -> np.ndarray:
@@ -48,9 +50,10 @@ def refuse_twice(table: Table, key: np.ndarray, what: str) -> None:
 
 
 def read_detections(
-    table: Table, frames: Frames, frames_name: str, board: Board | None, marker_names: tuple[str, ...]
-) -> tuple[Views, Views]:
-    """What was seen in the mirror, and directly."""
+    table: Table, frames: Frames, frames_name: str, board: Board | None, marker_names: tuple[str, ...],
+    picture_px: tuple[int, int] | None = None,
+) -> tuple[Views, Views]:  # fmt: skip
+    """What was seen in the mirror, and directly; `picture_px` is the picture's width and height, outside of which nothing is."""
     table.require(*COLUMNS)
     corners = 0 if board is None else board.columns * board.rows
     mirror, direct = (Views.empty(len(frames), corners, len(marker_names)) for _ in range(2))
@@ -60,6 +63,8 @@ def read_detections(
     target = _targets(table, board, marker_names)
     index = table.integers("index")
     pixel = np.stack([table.numbers("u"), table.numbers("v")], axis=1)
+    if picture_px is not None:
+        _check_inside(table, pixel, picture_px)
     is_direct = _ways(table)
 
     count = np.where(target < 0, corners, 1)
@@ -106,13 +111,29 @@ def read_detections(
     return mirror, direct
 
 
+def _check_inside(table: Table, pixel: np.ndarray, picture_px: tuple[int, int]) -> None:
+    outside = (pixel < -0.5 - EDGE_PX) | (pixel > np.array(picture_px) - 0.5 + EDGE_PX)
+    rows = np.flatnonzero(outside.any(axis=1))
+    if len(rows):
+        row = int(rows[0])
+        axis = int(np.flatnonzero(outside[row])[0])
+        raise SessionError(
+            table.name,
+            f"got {pixel[row, axis]:g} px, outside the camera's picture of {picture_px[0]} × {picture_px[1]} px ({len(rows)} rows "
+            "are); is the camera file that of these pictures, at their resolution?",
+            row=row + 1,
+            column="uv"[axis],
+        )
+
+
 def _targets(table: Table, board: Board | None, marker_names: tuple[str, ...]) -> np.ndarray:
     """The marker's number of each row, -1 for the board."""
     codes, names = table.texts("target")
     numbers = np.zeros(len(names), dtype=np.int64)
+    number = {name: m for m, name in enumerate(marker_names)}
     for code, name in enumerate(names):
-        if name in marker_names:
-            numbers[code] = marker_names.index(name)
+        if name in number:
+            numbers[code] = number[name]
         elif name == RESERVED_TARGET and board is not None:
             numbers[code] = -1
         else:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from .._core import MirrorPostureError
@@ -11,8 +13,11 @@ class SessionError(MirrorPostureError):
     """A session that cannot be meant as it stands.
 
     The message is one line: place, what was got, what was needed, the fix. `file`, `row` (counted from 1 below
-    the header) and `column` say the place again for programs; they are None where they do not apply.
+    the header) and `column` say the place again for programs; they are None where they do not apply. `problems` are all
+    that were found in the session, this one first.
     """
+
+    problems: tuple[SessionError, ...] = ()
 
     def __init__(
         self, file: Path | str, problem: str, *, row: int | None = None, column: str | None = None
@@ -27,6 +32,27 @@ class SessionError(MirrorPostureError):
         if column is not None:
             place += f", column {column!r}"
         super().__init__(f"{place}: {problem}")
+
+
+class Problems:
+    """All that is wrong with a session: what can still be judged after a problem is judged."""
+
+    def __init__(self) -> None:
+        self.found: list[SessionError] = []
+
+    @contextmanager
+    def kept(self) -> Iterator[None]:
+        """A part of the work whose `SessionError` is kept for the end."""
+        try:
+            yield
+        except SessionError as error:
+            self.found.append(error)
+
+    def end(self) -> None:
+        """Raises the first problem, with all of them in its `problems`."""
+        if self.found:
+            self.found[0].problems = tuple(self.found)
+            raise self.found[0]
 
 
 def choices(names: object, limit: int = 40) -> str:

@@ -8,7 +8,8 @@ import numpy as np
 
 from ..robot import Joint, Robot
 from .accelerometers import is_accelerometer, read_accelerometers
-from .errors import SessionError, choices
+from .errors import Problems, SessionError, choices
+from .input_files import path_inside
 from .tables import Table
 from .types import Frames
 
@@ -16,10 +17,13 @@ OWN_COLUMNS = ("frame", "posture", "time_s", "image")
 MEASURED = "measured:"
 LIMIT_FACTOR = 4.0
 """A command beyond this many times the joint's limit cannot be meant: degrees, most likely (a factor of 57)."""
+MANY_TURNS, LARGEST_POSITION = 100.0, 1e5
+"""rad (m): where a joint without a limit stands beyond sixteen turns it is odd; beyond the second it cannot be meant."""
 
 
 def read_frames(table: Table, robot: Robot, ordered: bool) -> tuple[Frames, list[str]]:
     """The frames table, checked against the robot; second, what is odd and was kept."""
+    problems = Problems()
     table.require("frame", "posture")
     if table.rows == 0:
         raise SessionError(table.name, "has no rows; needed one row for each captured picture")
@@ -57,22 +61,33 @@ def read_frames(table: Table, robot: Robot, ordered: bool) -> tuple[Frames, list
     measured = [name for name in columns if name.startswith(MEASURED)]
     by_name = {joint.name: joint for joint in robot.joints}
     for column in columns:
-        joint = _joint(table, column, by_name)
+        with problems.kept():
+            _joint(table, column, by_name)
+    problems.end()
+    for column in columns:
+        joint = by_name[column.removeprefix(MEASURED)]
         if joint.name not in robot.position_names and column == joint.name:
             warnings.append(
                 f"{table.name}: {column!r} follows another joint (mimic); its column has no effect"
             )
-    commanded = _stack(table, joints)
-    for index, name in enumerate(joints):
-        _check_unit(table, by_name[name], commanded[:, index])
-    accelerometers = read_accelerometers(table, robot)
+    accelerometers = None
+    with problems.kept():
+        accelerometers = read_accelerometers(table, robot)
+    commanded, read = _stack(table, joints, problems), _stack(table, measured, problems)
+    problems.end()
+    for name, values in (*zip(joints, commanded.T, strict=True), *zip(measured, read.T, strict=True)):
+        with problems.kept():
+            warnings += _check_unit(table, name, by_name[name.removeprefix(MEASURED)], values)
+    problems.end()
+    if accelerometers is None:
+        raise AssertionError("accelerometers that cannot be read are a problem")
     frames = Frames(
         frame,
         posture,
         tuple(joints),
         commanded,
         tuple(name.removeprefix(MEASURED) for name in measured),
-        _stack(table, measured),
+        read,
         time_s,
         image,
         ordered,
@@ -83,10 +98,12 @@ def read_frames(table: Table, robot: Robot, ordered: bool) -> tuple[Frames, list
     return frames, warnings
 
 
-def _stack(table: Table, columns: list[str]) -> np.ndarray:
-    if not columns:
-        return np.zeros((table.rows, 0))
-    return np.stack([table.numbers(column) for column in columns], axis=1)
+def _stack(table: Table, columns: list[str], problems: Problems) -> np.ndarray:
+    stack = np.zeros((table.rows, len(columns)))
+    for index, column in enumerate(columns):
+        with problems.kept():
+            stack[:, index] = table.numbers(column)
+    return stack
 
 
 def _joint(table: Table, column: str, by_name: dict[str, Joint]) -> Joint:
@@ -107,22 +124,27 @@ def _joint(table: Table, column: str, by_name: dict[str, Joint]) -> Joint:
     return joint
 
 
-def _check_unit(table: Table, joint: Joint, commanded: np.ndarray) -> None:
+def _check_unit(table: Table, column: str, joint: Joint, positions: np.ndarray) -> list[str]:
+    """Refuses positions in a unit that cannot be meant; returns warnings."""
     largest = max(abs(joint.lower), abs(joint.upper))
+    unit, other = ("m", "mm") if joint.kind == "prismatic" else ("rad", "degrees")
     # Limits that are infinite or both zero limit nothing.
-    if not 0.0 < largest < np.inf:
-        return
-    beyond = np.flatnonzero(np.abs(commanded) > LIMIT_FACTOR * largest)
-    if len(beyond):
-        row = int(beyond[0])
-        unit, other = ("m", "mm") if joint.kind == "prismatic" else ("rad", "degrees")
+    if 0.0 < largest < MANY_TURNS:
+        most = LIMIT_FACTOR * largest
+        told = f"more than {LIMIT_FACTOR:g} times the joint's limit of {largest:g} {unit} in the URDF; needed {unit}"
+    else:
+        most, told = LARGEST_POSITION, f"needed at most {LARGEST_POSITION:g} {unit}"
+    row = int(np.argmax(np.abs(positions) > min(most, MANY_TURNS)))
+    got = abs(float(positions[row]))
+    if got > most:
         raise SessionError(
-            table.name,
-            f"got {commanded[row]:g}, more than {LIMIT_FACTOR:g} times the joint's limit of {largest:g} {unit} in the "
-            f"URDF; needed {unit}: are these {other}?",
-            row=row + 1,
-            column=joint.name,
+            table.name, f"got {positions[row]:g}, {told}: are these {other}?", row=row + 1, column=column
         )
+    if got > MANY_TURNS:
+        return [
+            f"{table.name}, row {row + 1}, column {column!r}: got {positions[row]:g} {unit}: are these {other}?"
+        ]
+    return []
 
 
 def _images(table: Table) -> tuple[str | None, ...]:
@@ -143,7 +165,14 @@ def _images(table: Table) -> tuple[str | None, ...]:
 def check_images_exist(folder: Path, table_name: str, frames: Frames) -> None:
     """Refuses a frame whose picture is missing."""
     for row, name in enumerate(frames.image or ()):
-        if name is not None and not (folder / name).is_file():
+        if name is None:
+            continue
+        if path_inside(folder, name) is None:
+            raise SessionError(
+                table_name, f"the picture {name} is a link that leads out of the session's folder; put the file itself there",
+                row=row + 1, column="image",
+            )  # fmt: skip
+        if not (folder / name).is_file():
             raise SessionError(
                 table_name, f"the picture {name} is missing; put it there, or leave the cell empty", row=row + 1,
                 column="image",

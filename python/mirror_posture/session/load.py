@@ -3,22 +3,29 @@
 from __future__ import annotations
 
 import os
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from .._core import MirrorPostureError
 from ..robot import Robot
-from .camera_info import load_camera_info
+from .camera_info import CameraInfo, load_camera_info
 from .detections import COLUMNS as DETECTION_COLUMNS
 from .detections import OPTIONAL_COLUMNS, read_detections
-from .errors import SessionError, choices
+from .errors import Problems, SessionError, choices
 from .frames import check_images_exist, read_frames
+from .input_files import LARGEST_MODEL, path_inside, read_text, reason
 from .metadata import FILE, Metadata, load_metadata
+from .plausibility import check_plausible
 from .points import COLUMNS as POINT_COLUMNS
 from .points import read_points
+from .states import read_states, with_states
 from .tables import UNFINISHED, Table, find_table, read_table
-from .types import UNKNOWN_FRAME, Frames, Session, Views
+from .types import UNKNOWN_FRAME, Frames, Points, Session, States, Views
+
+MOST_VIEW_POINTS = 10_000_000
+"""Frames times board corners and markers at most: each takes 34 bytes."""
 
 
 def load_session(folder: str | os.PathLike[str]) -> Session:
@@ -28,7 +35,8 @@ def load_session(folder: str | os.PathLike[str]) -> Session:
 
     A session that is being recorded, or whose recording was cut off, loads with what is complete in it.
 
-    Raises `SessionError` (a `MirrorPostureError`) for what cannot be meant: it names the file, the row and the fix.
+    Raises `SessionError` (a `MirrorPostureError`) for what cannot be meant: it names the file, the row and the fix; in its
+    `problems` stands all that was found.
     Unknown keys and columns are kept, and named in `Session.warnings`.
     """
     folder = Path(folder)
@@ -36,70 +44,44 @@ def load_session(folder: str | os.PathLike[str]) -> Session:
         raise SessionError(folder, "is no folder; a session is one folder with a session.toml in it")
     metadata = load_metadata(folder)
     warnings = list(metadata.warnings)
+    problems = Problems()
     robot_file = _inside(folder, metadata.robot, "robot")
-    robot = _load_robot(robot_file, metadata.robot)
-    _check_links(metadata, robot)
+    robot: Robot | None = None
+    with problems.kept():
+        robot = _load_robot(robot_file, metadata.robot)
+        _check_links(metadata, robot)
     camera = None
     if metadata.camera is not None:
-        camera = load_camera_info(_inside(folder, metadata.camera, "camera"), metadata.camera)
+        with problems.kept():
+            camera = load_camera_info(_inside(folder, metadata.camera, "camera"), metadata.camera)
 
     frames_file = find_table(folder, "frames")
     if frames_file is None:
         raise SessionError(
             folder / "frames.csv", "the file is missing; needed one row for each captured picture"
         )
-    frames_name = frames_file.name
+    if robot is None:
+        problems.end()
+        raise AssertionError("a robot that is missing is a problem")
     unfinished = (folder / UNFINISHED).exists()
     if unfinished:
         warnings.append(f"{folder}: is being recorded, or was cut off; what is complete is read")
-    frames, odd = read_frames(read_table(frames_file, unfinished), robot, metadata.ordered)
+    try:
+        states = _states(folder, robot)
+        table = read_table(frames_file, unfinished)
+        if states is not None:
+            table = with_states(table, states, "states.csv")
+        frames, odd = read_frames(table, robot, metadata.ordered)
+    except SessionError as error:
+        # Without frames no other table can be judged.
+        problems.found += error.problems or (error,)
+        problems.end()
+        raise
     warnings += odd
-
-    marker_names = tuple(marker.name for marker in metadata.markers)
-    detections_file = find_table(folder, "detections")
-    points_file = find_table(folder, "points")
-    pictures = any(name is not None for name in frames.image or ())
-    if detections_file is None and points_file is None and not pictures:
-        raise SessionError(
-            folder / "detections.csv",
-            "the file is missing, and so are points.csv and pictures (an `image` column in the frames table): "
-            "nothing was observed; add one of them",
-        )
-    # Pictures are optional beside a detections table: a session may be passed on without them, as a whole.
-    if pictures and (detections_file is None or (folder / "images").is_dir()):
-        check_images_exist(folder, frames_name, frames)
-    elif pictures:
-        warnings.append(f"{frames_name}: the column 'image' names pictures, and there is no folder images/")
-
-    corners = 0 if metadata.board is None else metadata.board.columns * metadata.board.rows
-    mirror_view, direct_view = (Views.empty(len(frames), corners, len(marker_names)) for _ in range(2))
-    if detections_file is not None:
-        table = _whole_frames(read_table(detections_file, unfinished), frames, unfinished)
-        warnings += _unknown_columns(table, (*DETECTION_COLUMNS, *OPTIONAL_COLUMNS))
-        mirror_view, direct_view = read_detections(table, frames, frames_name, metadata.board, marker_names)
-    if (mirror_view.any_seen or direct_view.any_seen or pictures) and camera is None:
-        raise SessionError(
-            FILE, "there are pictures or detections and no camera; add `camera` and [camera_mount]"
-        )
-    if mirror_view.any_seen and metadata.board is None:
-        raise SessionError(
-            FILE,
-            "points were seen in the mirror and there is no [board], whose reflection tells where the mirror stands; "
-            f"add it, or write `direct` in the column via of {detections_file.name if detections_file else ''}",
-        )
-    points = None
-    if points_file is not None:
-        if metadata.points_frame is None:
-            raise SessionError(
-                FILE, f"there is {points_file.name} and no [points]; add it with `frame`, a link or unknown"
-            )
-        table = _whole_frames(read_table(points_file, unfinished), frames, unfinished)
-        warnings += _unknown_columns(table, POINT_COLUMNS)
-        points = read_points(table, frames, frames_name, marker_names, metadata.points_frame)
-    elif metadata.points_frame is not None:
-        raise SessionError(folder / "points.csv", "the file is missing; session.toml has a section [points]")
-
-    return Session(
+    tables = _Tables(folder, metadata, frames, frames_file.name, unfinished, camera, warnings, problems)
+    detected, (mirror_view, direct_view), points = tables.read()
+    problems.end()
+    session = Session(
         folder,
         robot_file,
         robot,
@@ -115,10 +97,107 @@ def load_session(folder: str | os.PathLike[str]) -> Session:
         metadata.mirror,
         metadata.noise,
         points,
-        detections_file is not None,
+        states,
+        *metadata.camera_tolerance,
+        detected,
         metadata.raw,
-        tuple(warnings),
     )
+    warnings += check_plausible(session, problems)
+    problems.end()
+    return replace(session, warnings=tuple(warnings))
+
+
+def _states(folder: Path, robot: Robot) -> States | None:
+    file = find_table(folder, "states")
+    return None if file is None else read_states(read_table(file), robot)
+
+
+@dataclass(frozen=True)
+class _Tables:
+    """The tables of what was seen, read against the frames."""
+
+    folder: Path
+    metadata: Metadata
+    frames: Frames
+    frames_name: str
+    unfinished: bool
+    camera: CameraInfo | None
+    warnings: list[str]
+    problems: Problems
+
+    def read(self) -> tuple[bool, tuple[Views, Views], Points | None]:
+        """Whether there is a detections table, what was seen in the mirror and directly, and measured points."""
+        folder, metadata, frames = self.folder, self.metadata, self.frames
+        detections_file, points_file = find_table(folder, "detections"), find_table(folder, "points")
+        pictures = any(name is not None for name in frames.image or ())
+        if detections_file is None and points_file is None and not pictures:
+            raise SessionError(
+                folder / "detections.csv",
+                "the file is missing, and so are points.csv and pictures (an `image` column in the frames table): "
+                "nothing was observed; add one of them",
+            )
+        # Pictures are optional beside a detections table: a session may be passed on without them, as a whole.
+        if pictures and (detections_file is None or (folder / "images").is_dir()):
+            with self.problems.kept():
+                check_images_exist(folder, self.frames_name, frames)
+        elif pictures:
+            self.warnings.append(
+                f"{self.frames_name}: the column 'image' names pictures, and there is no folder images/"
+            )
+        views = self._views(detections_file)
+        seen = views[0].any_seen or views[1].any_seen or pictures
+        if seen and metadata.camera is None:
+            raise SessionError(
+                FILE, "there are pictures or detections and no camera; add `camera` and [camera_mount]"
+            )
+        if views[0].any_seen and metadata.board is None:
+            raise SessionError(
+                FILE,
+                "points were seen in the mirror and there is no [board], whose reflection tells where the mirror stands; add "
+                f"it, or write `direct` in the column via of {detections_file.name if detections_file else ''}",
+            )
+        return detections_file is not None, views, self._points(points_file)
+
+    def _views(self, file: Path | None) -> tuple[Views, Views]:
+        board, markers = self.metadata.board, tuple(marker.name for marker in self.metadata.markers)
+        corners = 0 if board is None else board.columns * board.rows
+        count = len(self.frames)
+        if count * (corners + len(markers)) > MOST_VIEW_POINTS:
+            raise SessionError(
+                self.frames_name,
+                f"got {count} frames of up to {corners + len(markers)} points each, needed at most {MOST_VIEW_POINTS} points; "
+                "split the session",
+            )
+        views = (Views.empty(count, corners, len(markers)), Views.empty(count, corners, len(markers)))
+        if file is None:
+            return views
+        with self.problems.kept():
+            table = _whole_frames(read_table(file, self.unfinished), self.frames, self.unfinished)
+            self.warnings.extend(_unknown_columns(table, (*DETECTION_COLUMNS, *OPTIONAL_COLUMNS)))
+            camera = self.camera
+            size = None if camera is None else (camera.width_px, camera.height_px)
+            views = read_detections(table, self.frames, self.frames_name, board, markers, size)
+        return views
+
+    def _points(self, file: Path | None) -> Points | None:
+        frame = self.metadata.points_frame
+        if file is None:
+            if frame is not None:
+                raise SessionError(
+                    self.folder / "points.csv", "the file is missing; session.toml has a section [points]"
+                )
+            return None
+        if frame is None:
+            raise SessionError(
+                FILE, f"there is {file.name} and no [points]; add it with `frame`, a link or unknown"
+            )
+        points = None
+        with self.problems.kept():
+            table = _whole_frames(read_table(file, self.unfinished), self.frames, self.unfinished)
+            self.warnings.extend(_unknown_columns(table, POINT_COLUMNS))
+            names = tuple(marker.name for marker in self.metadata.markers)
+            points = read_points(table, self.frames, self.frames_name, names, frame)
+        return points
 
 
 def _whole_frames(table: Table, frames: Frames, unfinished: bool) -> Table:
@@ -130,19 +209,23 @@ def _whole_frames(table: Table, frames: Frames, unfinished: bool) -> Table:
 
 def _inside(folder: Path, name: str, key: str) -> Path:
     """A file that session.toml names: it lies in the session's folder, so that the folder can be passed on."""
-    path = Path(name)
-    if path.is_absolute() or ".." in path.parts or "\0" in name:
-        raise SessionError(FILE, f"{key}: got {name!r}, needed a path inside the session's folder")
-    return folder / path
+    path = path_inside(folder, name)
+    if path is None:
+        raise SessionError(
+            FILE, f"{key}: got {name!r}, needed a path inside the session's folder, that no link leads out of"
+        )
+    return path
 
 
 def _load_robot(file: Path, shown_as: str) -> Robot:
-    if not file.is_file():
-        raise SessionError(shown_as, "the file is missing; save the robot's nominal URDF there")
     try:
-        return Robot.from_urdf_text(file.read_text(encoding="utf-8-sig"))
+        return Robot.from_urdf_text(read_text(file, LARGEST_MODEL))
+    except FileNotFoundError:
+        raise SessionError(shown_as, "the file is missing; save the robot's nominal URDF there") from None
     except (OSError, UnicodeDecodeError) as error:
-        raise SessionError(shown_as, f"cannot be read as text ({error}); needed a URDF in UTF-8") from None
+        raise SessionError(
+            shown_as, f"cannot be read as text ({reason(error)}); needed a URDF in UTF-8"
+        ) from None
     except MirrorPostureError as error:
         raise SessionError(shown_as, " ".join(str(error).split())) from None
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,6 +16,7 @@ from ..board import CHESSBOARD, PATTERNS, Board
 from ..marker import ColorRange, Marker
 from ..mirror import FLOAT_GLASS_INDEX, Mirror
 from .errors import SessionError, choices
+from .input_files import path_inside, read_text, reason
 from .types import Floats, Noise
 
 if sys.version_info >= (3, 11):
@@ -29,6 +31,19 @@ MOUNTS = ("known", "unknown")
 RESERVED_TARGET = "board"
 """The name that detections.csv gives the board: no marker can have it."""
 
+MOST_MARKERS = 1000
+STANDARD_GRAVITY = 9.80665
+GRAVITY_TOLERANCE = 0.05
+"""On Earth gravity differs by 0.3 %; what is off by more than this share is in another unit."""
+GRAVITY_UNITS = {"m/s^2": 1.0, "cm/s^2": 1e-2, "mm/s^2": 1e-3, "g": STANDARD_GRAVITY}
+LARGEST_GRAVITY = 300.0
+"""m/s²: that of the sun. Beyond it a unit is wrong."""
+LARGEST_SQUARE_M, LARGEST_MARKER_M, THICKEST_GLASS_M = 0.5, 0.5, 0.05
+"""Beyond these a length is in mm."""
+LARGEST_INDEX = 3.0
+"""Diamond has 2.4."""
+LARGEST_PIXEL_STD, LARGEST_POINT_STD_M, LARGEST_TOLERANCE_M = 100.0, 0.5, 0.5
+
 _MISSING = object()
 
 
@@ -41,6 +56,8 @@ class Metadata:
     gravity_m_per_s2: Floats
     camera: str | None
     camera_link: str | None
+    camera_tolerance: tuple[float | None, float | None]
+    """m and rad, one standard deviation; None: not said."""
     board: Board | None
     markers: tuple[Marker, ...]
     mirror: Mirror | None
@@ -55,13 +72,17 @@ def load_metadata(folder: Path) -> Metadata:
     """Reads `session.toml` of a folder; raises `SessionError` with the key, what was got and what was needed."""
     file = folder / FILE
     try:
-        raw = tomllib.loads(file.read_text(encoding="utf-8-sig"))
+        if file.is_symlink() and path_inside(folder, FILE) is None:
+            raise SessionError(
+                FILE, "is a link that leads out of the session's folder; needed the file itself"
+            )
+        raw = tomllib.loads(read_text(file))
     except FileNotFoundError:
         raise SessionError(
             file, "the file is missing; a session is one folder with a session.toml in it"
         ) from None
     except (OSError, UnicodeDecodeError) as error:
-        raise SessionError(FILE, f"cannot be read ({error})") from None
+        raise SessionError(FILE, f"cannot be read ({reason(error)}); needed a text file in UTF-8") from None
     # A very deep or odd document can fail below the parser with errors of Python's own.
     except (tomllib.TOMLDecodeError, ValueError, RecursionError) as error:
         raise SessionError(FILE, f"is not valid TOML: {error}") from None
@@ -78,31 +99,34 @@ def _check(raw: dict[str, Any]) -> Metadata:
     if version != VERSION:
         raise SessionError(FILE, f"version: got {version}, needed {VERSION}; this release reads no other")
     robot, root = top.text("robot"), top.text("root")
-    gravity = np.array(top.numbers("gravity", 3))
+    gravity = _gravity(raw, top)
     camera = top.text("camera", None)
 
     mount = top.section("camera_mount")
     camera_link = mount.text("link") if mount else None
+    camera_tolerance = _tolerances(mount) if mount else (None, None)
     board = _board(top.section("board"))
     markers = tuple(_marker(section) for section in top.sections("markers"))
-    names = [marker.name for marker in markers]
-    for name in names:
-        if name == RESERVED_TARGET or names.count(name) > 1:
+    if len(markers) > MOST_MARKERS:
+        raise SessionError(FILE, f"markers: got {len(markers)}, needed at most {MOST_MARKERS}")
+    names = Counter(marker.name for marker in markers)
+    for name, count in names.items():
+        if name == RESERVED_TARGET or count > 1:
             problem = "is the board's own name" if name == RESERVED_TARGET else "is given twice"
             raise SessionError(FILE, f"markers: the name {name!r} {problem}; give every marker its own")
     mirror_section = top.section("mirror")
     mirror = None
     if mirror_section:
         mirror = Mirror(
-            mirror_section.number("glass_thickness", 0.0, at_least=0.0),
-            mirror_section.number("refractive_index", FLOAT_GLASS_INDEX, at_least=1.0),
+            mirror_section.number("glass_thickness", 0.0, at_least=0.0, below=THICKEST_GLASS_M),
+            mirror_section.number("refractive_index", FLOAT_GLASS_INDEX, at_least=1.0, below=LARGEST_INDEX),
         )
     noise_section = top.section("noise")
     noise = Noise()
     if noise_section:
         noise = Noise(
-            noise_section.number("pixel_std", None, above=0.0),
-            noise_section.number("point_std", None, above=0.0),
+            noise_section.number("pixel_std", None, above=0.0, below=LARGEST_PIXEL_STD),
+            noise_section.number("point_std", None, above=0.0, below=LARGEST_POINT_STD_M),
         )
     points = top.section("points")
     points_frame = points.text("frame") if points else None
@@ -121,7 +145,7 @@ def _check(raw: dict[str, Any]) -> Metadata:
     if camera is None and camera_link is not None:
         raise SessionError(FILE, 'there is a [camera_mount] and no camera; add `camera = "camera.yaml"`')
     return Metadata(
-        robot, root, gravity, camera, camera_link, board, markers, mirror, noise, points_frame, ordered, raw,
+        robot, root, gravity, camera, camera_link, camera_tolerance, board, markers, mirror, noise, points_frame, ordered, raw,
         tuple(warnings),
     )  # fmt: skip
 
@@ -141,12 +165,21 @@ def _board(section: _Section | None) -> Board | None:
         raise SessionError(
             FILE, "board: pattern charuco needs `marker_size` (m) and `dictionary` (OpenCV's name)"
         )
-    square = section.number("square", above=0.0)
+    square = section.number("square", above=0.0, below=LARGEST_SQUARE_M)
     if marker_size is not None and marker_size >= square:
         raise SessionError(
             FILE, f"board.marker_size: got {marker_size:g} m, needed less than the square ({square:g})"
         )
-    board = Board(corners[0], corners[1], square, pattern, marker_size, dictionary, section.text("link"))
+    board = Board(
+        corners[0],
+        corners[1],
+        square,
+        pattern,
+        marker_size,
+        dictionary,
+        section.text("link"),
+        *_tolerances(section),
+    )
     section.close()
     return board
 
@@ -165,12 +198,47 @@ def _marker(section: _Section) -> Marker:
     marker = Marker(
         section.text("name"),
         section.text("link"),
-        section.number("diameter", 0.0, at_least=0.0),
+        section.number("diameter", 0.0, at_least=0.0, below=LARGEST_MARKER_M),
         section.text("mount", "known", one_of=MOUNTS) == "known",
         color,
+        section.number("tolerance_m", None, at_least=0.0, below=LARGEST_TOLERANCE_M),
     )
     section.close()
     return marker
+
+
+def _tolerances(section: _Section) -> tuple[float | None, float | None]:
+    """One standard deviation by which the real place may differ from the URDF's, m and rad; None where not said."""
+    return (
+        section.number("tolerance_m", None, at_least=0.0, below=LARGEST_TOLERANCE_M),
+        section.number("tolerance_rad", None, at_least=0.0, below=math.pi),
+    )
+
+
+def _gravity(raw: dict[str, Any], top: _Section) -> Floats:
+    """Gravity, m/s²: a list, or a section with `vector` and `unit`, which says that another length is meant."""
+    section = top.section("gravity") if isinstance(raw.get("gravity"), dict) else None
+    if section is not None:
+        vector = (
+            np.array(section.numbers("vector", 3))
+            * GRAVITY_UNITS[section.text("unit", one_of=tuple(GRAVITY_UNITS))]
+        )
+        section.close()
+        length = float(np.linalg.norm(vector))
+        if length > LARGEST_GRAVITY:
+            raise SessionError(
+                FILE, f"gravity: got a length of {length:g} m/s², needed at most {LARGEST_GRAVITY:g}"
+            )
+        return vector
+    vector = np.array(top.numbers("gravity", 3))
+    length = float(np.linalg.norm(vector))
+    if abs(length - STANDARD_GRAVITY) > GRAVITY_TOLERANCE * STANDARD_GRAVITY:
+        raise SessionError(
+            FILE,
+            f"gravity: got a length of {length:g}, needed about {STANDARD_GRAVITY:g} m/s²; if another unit or place is meant, "
+            f"write a section [gravity] with vector and unit ({choices(GRAVITY_UNITS)})",
+        )
+    return vector
 
 
 class _Section:

@@ -34,7 +34,8 @@ def read_points(
                 row=int(np.flatnonzero(codes == code)[0]) + 1,
                 column="marker",
             )
-    marker = np.array([marker_names.index(name) for name in names])[codes]
+    number = {name: m for m, name in enumerate(marker_names)}
+    marker = np.array([number[name] for name in names])[codes]
     refuse_twice(table, row * len(marker_names) + marker, "this marker of this frame")
     points.point_m[row, marker] = np.stack([table.numbers(axis) for axis in "xyz"], axis=1)
     points.seen[row, marker] = True

@@ -7,9 +7,11 @@ stands in the file without a loop over the good ones.
 from __future__ import annotations
 
 import csv
+import io
+import os
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -19,8 +21,13 @@ import pyarrow.csv
 import pyarrow.parquet
 
 from .errors import SessionError, choices
+from .input_files import LARGEST_TABLE, path_inside, read_regular, reason
 
 SUFFIXES = (".csv", ".parquet")
+MOST_COLUMNS, MOST_CELLS = 5_000, 30_000_000
+"""Of a table at most."""
+LARGEST_NUMBER = 1e12
+"""A number beyond this is no length, angle, pixel or time, and its square would overflow."""
 UNFINISHED = "recording.unfinished"
 """A file of this name in a session's folder says that it is being recorded, or that the recording was cut off."""
 
@@ -52,9 +59,9 @@ class Table:
     def numbers(self, column: str) -> npt.NDArray[np.float64]:
         """A column as finite doubles."""
         values = self._cast(column, pa.float64(), "a finite number")
-        bad = np.flatnonzero(~np.isfinite(values))
+        bad = np.flatnonzero(~(np.abs(values) <= LARGEST_NUMBER))
         if len(bad):
-            raise self._bad_cell(column, int(bad[0]), "a finite number")
+            raise self._bad_cell(column, int(bad[0]), f"a finite number of at most {LARGEST_NUMBER:g}")
         return values
 
     def numbers_in(self, column: str, rows: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
@@ -144,7 +151,8 @@ class Table:
 
 def find_table(folder: Path, stem: str) -> Path | None:
     """The file of a table, `<stem>.csv` or `<stem>.parquet`; None where there is neither; both is refused."""
-    found = [folder / (stem + suffix) for suffix in SUFFIXES if (folder / (stem + suffix)).is_file()]
+    # What is there and no file (a pipe, a broken link) is found too: reading it says what is wrong with it.
+    found = [folder / (stem + suffix) for suffix in SUFFIXES if os.path.lexists(folder / (stem + suffix))]
     if len(found) > 1:
         raise SessionError(
             f"{stem}.csv", f"there is also {stem}.parquet; remove one, it cannot be known which is meant"
@@ -159,14 +167,25 @@ def read_table(file: Path, unfinished: bool = False) -> Table:
     """
     name = file.name
     try:
-        table = _read_csv(file, unfinished) if file.suffix == ".csv" else pyarrow.parquet.read_table(file)
+        if path_inside(file.parent, name) is None:
+            raise SessionError(
+                name, "is a link that leads out of the session's folder; needed the file itself"
+            )
+        data = read_regular(file, LARGEST_TABLE)
+        table = _read_csv(data, name, unfinished) if file.suffix == ".csv" else _read_parquet(data, name)
         names = table.column_names
         table.validate(full=file.suffix != ".csv")
+    except SessionError:
+        raise
     except (pa.ArrowException, csv.Error, OSError, UnicodeDecodeError, ValueError) as error:
-        raise SessionError(name, f"cannot be read as a table ({_first_line(error)})") from None
-    twice = next((column for column in names if names.count(column) > 1), None)
+        raise SessionError(name, f"cannot be read as a table ({_first_line(reason(error))})") from None
+    # Blanks around a name are left out: two names that are the same then would overwrite each other.
+    twice = next((column for column, count in Counter(map(str.strip, names)).items() if count > 1), None)
     if twice is not None:
-        raise SessionError(name, f"the column {twice!r} stands there twice; remove or rename one")
+        raise SessionError(
+            name,
+            f"the column {twice!r} stands there twice (blanks around a name do not count); remove or rename one",
+        )
     columns = {}
     for column, chunked in zip(names, table.columns, strict=True):
         array = chunked.combine_chunks()
@@ -178,31 +197,44 @@ def read_table(file: Path, unfinished: bool = False) -> Table:
     return Table(name, columns, table.num_rows)
 
 
-def _read_csv(file: Path, unfinished: bool) -> pa.Table:
+def _check_size(name: str, columns: int, rows: int) -> None:
+    if columns > MOST_COLUMNS or columns * rows > MOST_CELLS:
+        raise SessionError(
+            name,
+            f"has {columns} columns and {rows} rows, needed at most {MOST_COLUMNS} columns and {MOST_CELLS} cells",
+        )
+
+
+def _read_parquet(data: bytes, name: str) -> pa.Table:
+    """A few bytes of Parquet can unfold to any size: what it says of itself is looked at first."""
+    file = pyarrow.parquet.ParquetFile(pa.BufferReader(data))
+    _check_size(name, file.metadata.num_columns, file.metadata.num_rows)
+    size = sum(file.metadata.row_group(i).total_byte_size for i in range(file.metadata.num_row_groups))
+    if size > LARGEST_TABLE:
+        raise SessionError(name, f"unfolds to {size} bytes, needed at most {LARGEST_TABLE}")
+    return file.read()
+
+
+def _read_csv(data: bytes, name: str, unfinished: bool) -> pa.Table:
     """Every cell as text; empty cells stay empty text."""
-    source: Path | pa.Buffer = file
     if unfinished:
-        data = file.read_bytes()
-        source = pa.py_buffer(data[: data.rfind(b"\n") + 1])
-    with file.open(encoding="utf-8-sig", newline="") as stream:
-        names = next(csv.reader(stream), [])
+        data = data[: data.rfind(b"\n") + 1]
+    # The header may hold ends of lines between quotes: it is read as a row, of a text that is not copied as a whole.
+    names = next(csv.reader(io.TextIOWrapper(io.BytesIO(data), encoding="utf-8-sig", newline="")), [])
+    _check_size(name, len(names), data.count(b"\n"))
     convert = pyarrow.csv.ConvertOptions(
         column_types=dict.fromkeys(names, pa.string()),
         strings_can_be_null=False,
         quoted_strings_can_be_null=False,
     )
     try:
-        return pyarrow.csv.read_csv(_opened(source), convert_options=convert)
+        return pyarrow.csv.read_csv(pa.BufferReader(data), convert_options=convert)
     except pa.ArrowInvalid:
-        _name_ragged_row(source, file, convert)
+        _name_ragged_row(data, name, convert)
         raise
 
 
-def _opened(source: Path | pa.Buffer) -> Any:
-    return source if isinstance(source, Path) else pa.BufferReader(source)
-
-
-def _name_ragged_row(source: Path | pa.Buffer, file: Path, convert: pyarrow.csv.ConvertOptions) -> None:
+def _name_ragged_row(data: bytes, name: str, convert: pyarrow.csv.ConvertOptions) -> None:
     """Reads once more, row by row, to say which row has the wrong number of cells."""
 
     ragged: list[pyarrow.csv.InvalidRow] = []
@@ -213,7 +245,7 @@ def _name_ragged_row(source: Path | pa.Buffer, file: Path, convert: pyarrow.csv.
         return "skip"
 
     pyarrow.csv.read_csv(
-        _opened(source),
+        pa.BufferReader(data),
         read_options=pyarrow.csv.ReadOptions(use_threads=False),
         parse_options=pyarrow.csv.ParseOptions(invalid_row_handler=remember),
         convert_options=convert,
@@ -221,12 +253,12 @@ def _name_ragged_row(source: Path | pa.Buffer, file: Path, convert: pyarrow.csv.
     if ragged:
         row = ragged[0]
         raise SessionError(
-            file.name,
+            name,
             f"got {row.actual_columns} cells, needed {row.expected_columns} as in the header; mend the row",
             # The reader counts the header as row 1.
             row=row.number - 1,
         )
 
 
-def _first_line(error: Exception) -> str:
-    return str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
+def _first_line(text: str) -> str:
+    return text.splitlines()[0]

@@ -115,6 +115,20 @@ class Points:
 
 
 @dataclass(frozen=True)
+class States:
+    """A denser log of the joints than the pictures (states.csv)."""
+
+    time_s: Floats
+    """(S,), rising."""
+    joint_names: tuple[str, ...]
+    commanded: Floats
+    """(S, joints), rad (m for a prismatic joint)."""
+    measured_names: tuple[str, ...] = ()
+    measured: Floats = field(default_factory=lambda: np.zeros((0, 0)))
+    """(S, measured joints), rad (m for a prismatic joint)."""
+
+
+@dataclass(frozen=True)
 class Session:
     """A robot model, a camera, and what was seen while the robot held a sequence of postures."""
 
@@ -138,6 +152,10 @@ class Session:
     mirror: Mirror | None = None
     noise: Noise = Noise()
     points: Points | None = None
+    states: States | None = None
+    camera_tolerance_m: float | None = None
+    """One standard deviation by which the camera's real place may differ from the URDF's; 0: exact; None: not said."""
+    camera_tolerance_rad: float | None = None
     detected: bool = True
     """False: there is no detections table yet, only pictures."""
     metadata: Mapping[str, Any] = field(default_factory=dict)

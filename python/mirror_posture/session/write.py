@@ -22,6 +22,7 @@ from .camera_info import dump_camera_info
 from .errors import SessionError
 from .frames import MEASURED
 from .metadata import FILE, FORMAT, RESERVED_TARGET, VERSION
+from .states import states_table
 from .tables import SUFFIXES
 from .types import Session, Views
 
@@ -156,7 +157,11 @@ def metadata_tree(session: Session) -> dict[str, Any]:
     if session.camera is not None:
         tree["camera"] = "camera.yaml"
     tree["root"] = session.root_link
-    tree["gravity"] = [float(g) for g in session.gravity_m_per_s2]
+    gravity = [float(g) for g in session.gravity_m_per_s2]
+    # What was given in a unit of its own is written in the format's.
+    tree["gravity"] = (
+        {"vector": gravity, "unit": "m/s^2"} if isinstance(raw.get("gravity"), dict) else gravity
+    )
 
     def put(key: str, values: dict[str, Any] | None) -> None:
         """A section with the session's values; None removes it."""
@@ -164,7 +169,16 @@ def metadata_tree(session: Session) -> dict[str, Any]:
             kept = raw.get(key, {})
             tree[key] = {**kept, **{name: value for name, value in values.items() if value is not None}}
 
-    put("camera_mount", None if session.camera_link is None else {"link": session.camera_link})
+    put(
+        "camera_mount",
+        None
+        if session.camera_link is None
+        else {
+            "link": session.camera_link,
+            "tolerance_m": session.camera_tolerance_m,
+            "tolerance_rad": session.camera_tolerance_rad,
+        },
+    )
     board = session.board
     put(
         "board",
@@ -177,6 +191,8 @@ def metadata_tree(session: Session) -> dict[str, Any]:
             "pattern": board.pattern,
             "marker_size": board.marker_size_m,
             "dictionary": board.dictionary,
+            "tolerance_m": board.tolerance_m,
+            "tolerance_rad": board.tolerance_rad,
         },
     )
     if session.markers:
@@ -206,6 +222,8 @@ def _marker_tree(marker: Marker) -> dict[str, Any]:
         "diameter": marker.diameter_m,
         "mount": "known" if marker.mount_known else "unknown",
     }
+    if marker.tolerance_m is not None:
+        tree["tolerance_m"] = marker.tolerance_m
     if marker.color is not None:
         tree["color"] = {
             "hue": marker.color.hue_deg,
@@ -227,6 +245,8 @@ def write_session_files(session: Session, target: Path, tables: TableFormat = "c
         write_table(detections_table(session), target / f"detections.{tables}")
     if session.points is not None:
         write_table(points_table(session), target / f"points.{tables}")
+    if session.states is not None:
+        write_table(states_table(session.states), target / f"states.{tables}")
     for name, picture in zip(session.frames.image or (), session.image_files, strict=False):
         if name is not None and picture is not None and picture != target / name and picture.is_file():
             (target / name).parent.mkdir(parents=True, exist_ok=True)

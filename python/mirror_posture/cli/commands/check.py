@@ -18,17 +18,22 @@ PICTURES_TRIED = 6
 def command(session: SessionArgument, as_json: JsonOption = False) -> None:
     """Check a session's folder and say what is in it.
 
-    Every table is read and validated as all other commands do it. The first thing that cannot be meant is named with
-    its file, row and fix. The board's views (of some pictures, where nothing is detected yet) are tested for pictures that are
-    mirrored, turned, of another board or of another camera.
+    Every table is read and validated as all other commands do it. All that cannot be meant is named, each with its
+    file, row and fix; what is only odd is a warning. The board's views (of some pictures, where nothing is detected yet) are
+    tested for pictures that are mirrored, turned, of another board or of another camera.
 
     Example: `mirror-posture check my-session`
     """
     output = Output(as_json)
-    from ...session import load_session
+    from ...session import SessionError, load_session
     from ...view_check import refuse_mistakes
 
-    loaded = load_session(session)
+    try:
+        loaded = load_session(session)
+    except SessionError as error:
+        for problem in error.problems[1:][::-1]:
+            output.problem(str(problem))
+        raise
     frames, seen, direct = loaded.frames, loaded.mirror_view, loaded.direct_view
     pictures = sum(name is not None for name in frames.image or ())
     summary = {

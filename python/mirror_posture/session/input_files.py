@@ -1,0 +1,103 @@
+"""Input files, read within bounds: regular files inside their folder only, of a size that can be meant.
+
+A named pipe would be waited for forever, a link could hand out a file of somebody else, and a few kilobytes of YAML
+aliases unfold to gigabytes: each is refused before anything of it is read.
+"""
+
+from __future__ import annotations
+
+import os
+import stat
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from .errors import SessionError
+
+LARGEST_TEXT = 1_000_000
+"""Bytes of a text of keys (TOML, YAML) at most: the largest known ones have some ten thousand."""
+LARGEST_MODEL = 64_000_000
+"""Bytes of a URDF at most, as in the core."""
+LARGEST_TABLE = 512_000_000
+"""Bytes of a table at most; text cells take about twice as much in memory."""
+MOST_YAML_PARTS = 20_000
+"""Keys, values and lists of a YAML text at most."""
+DEEPEST_YAML = 20
+"""Lists and keys within each other at most."""
+
+
+def path_inside(folder: Path, name: str) -> Path | None:
+    """The path of a file that a session names, or None where it leaves the session's folder, by name or by a link."""
+    path = Path(name)
+    if path.is_absolute() or ".." in path.parts or "\\" in name or "\0" in name:
+        return None
+    found = folder / path
+    try:
+        inside = found.resolve().is_relative_to(folder.resolve())
+    except (OSError, RuntimeError):
+        # A circle of links.
+        return None
+    return found if inside else None
+
+
+def read_regular(file: Path, largest: int) -> bytes:
+    """The bytes of a regular file.
+
+    Raises:
+        OSError: it is missing, cannot be read, is no regular file, or has more than `largest` bytes.
+    """
+    # Without O_NONBLOCK, opening a named pipe waits for somebody to write to it.
+    handle = os.open(file, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+    with os.fdopen(handle, "rb") as stream:
+        kind = os.fstat(handle)
+        if not stat.S_ISREG(kind.st_mode):
+            raise OSError(None, "is no regular file (a folder, a pipe or a device); needed a file")
+        if kind.st_size > largest:
+            raise OSError(None, f"has {kind.st_size} bytes, needed at most {largest}")
+        # A file that grows meanwhile is still bounded.
+        data = stream.read(largest + 1)
+    if len(data) > largest:
+        raise OSError(None, f"has more than {largest} bytes, needed at most {largest}")
+    return data
+
+
+def read_text(file: Path, largest: int = LARGEST_TEXT) -> str:
+    """The text of a regular file in UTF-8, with or without a byte order mark.
+
+    Raises:
+        OSError: as `read_regular`.
+        UnicodeDecodeError: it is no UTF-8.
+    """
+    return read_regular(file, largest).decode("utf-8-sig")
+
+
+def reason(error: Exception) -> str:
+    """What an error of reading says, in one line, without the path."""
+    text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+    return " ".join(text.split()) or type(error).__name__
+
+
+def parse_yaml(text: str, shown_as: str, needed: str) -> Any:
+    """A YAML document as plain values, in time and memory linear in its size.
+
+    Raises:
+        SessionError: no YAML, or YAML with aliases, too many parts or too deep: they can unfold without end, and nothing
+            that is read here needs them.
+    """
+    try:
+        depth = 0
+        for count, event in enumerate(yaml.parse(text, Loader=yaml.SafeLoader)):
+            depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+            if isinstance(event, yaml.AliasEvent):
+                raise SessionError(
+                    shown_as,
+                    f"line {event.start_mark.line + 1}: got a YAML alias (*{event.anchor}), needed the value itself",
+                )
+            if count > MOST_YAML_PARTS or depth > DEEPEST_YAML:
+                raise SessionError(shown_as, f"got YAML of very many or deep parts, needed {needed}")
+        return yaml.safe_load(text)
+    # Odd scalars (dates, huge integers) and deep nesting fail with errors of Python's own.
+    except (yaml.YAMLError, ValueError, RecursionError, OverflowError) as error:
+        problem = " ".join(str(error).split())
+        raise SessionError(shown_as, f"is no YAML ({problem}); needed {needed}") from None
