@@ -13,6 +13,7 @@ from .detect import read_picture
 from .measurement import Measurement
 from .mirror import IDEAL_MIRROR
 from .optics import see_in_mirror
+from .output_files import new_file, write_file
 from .session import Session
 
 Pixels = npt.NDArray[Any]
@@ -82,7 +83,8 @@ def plot_measured_against_model(measurement: Measurement, file: Path) -> None:
     figure.suptitle(
         f"Markers measured in the mirror ({measurement.estimator}); root frame; bars: one standard deviation"
     )
-    figure.savefig(file, dpi=110)
+    with new_file(file) as part:
+        figure.savefig(part, dpi=110)
     plt.close(figure)
 
 
@@ -131,7 +133,7 @@ def write_measured_and_model(session: Session, measurement: Measurement, row: in
     if canvas is None:
         return False
     _, content = cv2.imencode(file.suffix, canvas)
-    file.write_bytes(content.tobytes())
+    write_file(file, content.tobytes())
     return True
 
 

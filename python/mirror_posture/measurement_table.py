@@ -11,6 +11,7 @@ import pyarrow as pa
 
 from ._core import MirrorPostureError
 from .measurement import Measurement
+from .output_files import new_file
 from .session.write import write_table
 
 AXES = "xyz"
@@ -55,7 +56,8 @@ def write_marker_table(measurement: Measurement, file: Path) -> None:
     """Writes `marker_table` as CSV or Parquet, by the file's name."""
     if file.suffix not in (".csv", ".parquet"):
         raise MirrorPostureError(f"{file}: got the ending {file.suffix!r}, needed .csv, .parquet or .json")
-    write_table(marker_table(measurement), file)
+    with new_file(file) as part:
+        write_table(marker_table(measurement), part)
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from .._core import MirrorPostureError
 from . import commands
 from .output import ExitCode, Output
 from .plugins import COMMAND_GROUP, plugins
+from .streams import end, make_patient
 
 _HELP = """
 Measure, correct and diagnose a robot's posture in a flat mirror.
@@ -127,9 +128,17 @@ _register()
 
 def main() -> None:
     """Entry point of the command `mirror-posture`."""
-    # Pipes that close early (`| head`) are no error.
+    out = make_patient()
+    code: object = 0
     try:
         app()
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(0)
+    except SystemExit as error:
+        code = error.code
+    finally:
+        why = end(out)
+    if why is not None:
+        print(
+            f"error: standard output: cannot be written ({why}); files are written all the same",
+            file=sys.stderr,
+        )
+    sys.exit(code or (int(ExitCode.INPUT) if why is not None else 0))

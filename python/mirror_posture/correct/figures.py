@@ -20,6 +20,7 @@ from ..measurement import (
 )
 from ..mirror import IDEAL_MIRROR
 from ..optics import see_in_mirror
+from ..output_files import new_file, write_file
 from ..session import Session, load_session
 from .outcome import LookReport, Outcome
 
@@ -93,7 +94,8 @@ def plot_convergence(outcome: Outcome, file: Path, tolerance_m: float) -> None:
         axis.legend(loc="upper right", fontsize=9)
     title = outcome.stop.sentence
     axis.set_title(_folded(title, 105), fontsize=9, loc="left")
-    figure.savefig(file, dpi=120)
+    with new_file(file) as part:
+        figure.savefig(part, dpi=120)
     plt.close(figure)
 
 
@@ -130,7 +132,7 @@ def write_before_and_after(folder: Path, outcome: Outcome, file: Path) -> bool:
         for p in panels
     ]
     _, content = cv2.imencode(file.suffix, np.hstack(padded))
-    file.write_bytes(content.tobytes())
+    write_file(file, content.tobytes())
     return True
 
 

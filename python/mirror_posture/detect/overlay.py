@@ -13,6 +13,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from ..output_files import write_file
 from .reading import Picture, as_picture
 from .types import BoardView, DetectionError, FloatArray, MarkerView, PictureDetections, Pixels
 
@@ -48,7 +49,7 @@ def draw_overlay(picture: Picture, detections: PictureDetections) -> Picture:
 
 
 def write_overlay(path: Path | str, picture: Picture, detections: PictureDetections) -> None:
-    """Writes the overlay as a picture file. Raises `DetectionError` if it cannot be written."""
+    """Writes the overlay as a picture file. Raises `MirrorPostureError` if it cannot be written."""
     file = Path(path)
     suffix = file.suffix or ".png"
     try:
@@ -57,10 +58,7 @@ def write_overlay(path: Path | str, picture: Picture, detections: PictureDetecti
         done = False
     if not done:
         raise DetectionError(f"{file}: no picture format {suffix!r}; use .png or .jpg")
-    try:
-        file.write_bytes(content.tobytes())
-    except OSError as error:
-        raise DetectionError(f"{file}: the overlay cannot be written: {error.strerror or error}") from None
+    write_file(file, content.tobytes())
 
 
 class _Pen:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import shutil
-import tempfile
 from collections.abc import Callable
 from copy import deepcopy
 from pathlib import Path
@@ -17,6 +16,7 @@ import pyarrow.parquet
 import tomli_w
 
 from ..marker import Marker
+from ..output_files import new_file, new_folder
 from .accelerometers import accelerometer_columns
 from .camera_info import dump_camera_info
 from .errors import SessionError
@@ -57,15 +57,8 @@ def write_detections(session: Session, file: str | os.PathLike[str]) -> Path:
     file = Path(file)
     if file.suffix not in SUFFIXES:
         raise SessionError(file, f"got the ending {file.suffix!r}, needed one of {', '.join(SUFFIXES)}")
-    handle, name = tempfile.mkstemp(dir=file.parent, prefix=f".{file.stem}-", suffix=file.suffix)
-    os.close(handle)
-    try:
-        write_table(detections_table(session), Path(name))
-        os.chmod(name, 0o666 & ~_umask())
-        os.replace(name, file)
-    except BaseException:
-        os.unlink(name)
-        raise
+    with new_file(file) as part:
+        write_table(detections_table(session), part)
     return file
 
 
@@ -257,30 +250,5 @@ def replace_folder(folder: Path, fill: Callable[[Path], None], overwrite: bool) 
     """Fills a folder beside its place, then renames it there; on any error the place is as it was."""
     if folder.exists() and not overwrite:
         raise SessionError(folder, "is there already; give another folder, or ask to overwrite it")
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    # Beside its place: a rename is one step only within one file system.
-    new = Path(tempfile.mkdtemp(dir=folder.parent, prefix=f".{folder.name}-"))
-    try:
+    with new_folder(folder) as new:
         fill(new)
-        os.chmod(new, 0o777 & ~_umask())
-        if folder.exists():
-            old = Path(tempfile.mkdtemp(dir=folder.parent, prefix=f".{folder.name}-old-"))
-            os.replace(folder, old)
-            try:
-                os.replace(new, folder)
-            except BaseException:
-                os.replace(old, folder)
-                raise
-            shutil.rmtree(old)
-        else:
-            os.replace(new, folder)
-    except BaseException:
-        shutil.rmtree(new, ignore_errors=True)
-        raise
-
-
-def _umask() -> int:
-    """The process's mask of permissions; temporary files start without any for others."""
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask

@@ -125,9 +125,10 @@ def command(
     if out is not None:
         import json
 
+        from ...output_files import write_file
         from ..output import plain
 
-        out.write_text(json.dumps(plain(result), indent=1, allow_nan=False), encoding="utf-8")
+        write_file(out, json.dumps(plain(result), indent=1, allow_nan=False))
         output.say(f"written: {out}")
         output.say(f"next: mirror-posture measure {session} --mount {out}")
     output.result(result)

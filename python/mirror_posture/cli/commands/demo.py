@@ -13,6 +13,8 @@ from ..output import JsonOption, Output
 ORDER = 5
 PANEL = "Start here"
 NEEDS_ARGUMENTS = False
+PICTURES = ("[0-9]*.png",)
+"""The pictures of an earlier run that make room."""
 
 
 def command(
@@ -37,6 +39,7 @@ def command(
     from ...measurement import ESTIMATORS, MeasureOptions, measure_all
     from ...measurement_figures import plot_measured_against_model, write_measured_and_model
     from ...measurement_table import document, write_marker_table
+    from ...output_files import new_folder, write_file
     from ...render import DEMO_OFFSETS_RAD, DEMO_POSTURES, DEMO_VIEWS, TRUTH_FILE, render_session
     from ...session import load_session, write_detections
     from ..output import plain
@@ -62,23 +65,21 @@ def command(
     found = detect_session(load_session(folder), progress=lambda chunks: output.chunks(chunks, "detecting"))
     session = found.session
     write_detections(session, folder / "detections.csv")
-    (out / "detected").mkdir(exist_ok=True)
-    for row, picture in found.pictures.items():
-        file = session.image_files[row]
-        if file is not None and picture.ok:
-            write_overlay(out / "detected" / f"{row:04d}.png", read_picture(file), picture)
+    with new_folder(out / "detected", PICTURES) as part:
+        for row, picture in found.pictures.items():
+            file = session.image_files[row]
+            if file is not None and picture.ok:
+                write_overlay(part / f"{row:04d}.png", read_picture(file), picture)
 
     output.say("3. measuring the markers by every estimator")
     measurements = measure_all(session, tuple(MeasureOptions(name) for name in ESTIMATORS))
     best = measurements[ESTIMATORS.index("maximum-likelihood")]
     write_marker_table(best, out / "markers.csv")
-    (out / "markers.json").write_text(
-        json.dumps(plain(document(best)), indent=1, allow_nan=False), encoding="utf-8"
-    )
+    write_file(out / "markers.json", json.dumps(plain(document(best)), indent=1, allow_nan=False))
     plot_measured_against_model(best, out / "measured_against_model.png")
-    (out / "measured").mkdir(exist_ok=True)
-    for row in range(len(session.frames)):
-        write_measured_and_model(session, best, row, out / "measured" / f"{row:04d}.png")
+    with new_folder(out / "measured", PICTURES) as part:
+        for row in range(len(session.frames)):
+            write_measured_and_model(session, best, row, part / f"{row:04d}.png")
 
     truth = json.loads((folder / TRUTH_FILE).read_text(encoding="utf-8"))
     errors = {m.estimator: _errors_m(session, m, truth) for m in measurements}

@@ -41,6 +41,7 @@ def command(
     import json
 
     from ...detect import detect_session, read_picture, with_detections, write_overlay
+    from ...output_files import new_folder, write_file
     from ...session import SessionError, load_session, write_detections, write_session
     from ...session.tables import find_table
     from ..output import ExitCode, plain
@@ -68,16 +69,14 @@ def command(
     report = {
         str(loaded.frames.frame[row]): picture.to_json() for row, picture in sorted(found.pictures.items())
     }
-    (target / "detections.json").write_text(
-        json.dumps(plain(report), indent=1, allow_nan=False), encoding="utf-8"
-    )
+    write_file(target / "detections.json", json.dumps(plain(report), indent=1, allow_nan=False))
     if overlays:
-        (target / "overlays").mkdir(exist_ok=True)
-        for row in output.progress(sorted(found.pictures), "overlays", len(found.pictures)):
-            file = loaded.image_files[row]
-            if file is not None and found.pictures[row].ok:
-                name = f"{loaded.frames.frame[row]:04d}.png"
-                write_overlay(target / "overlays" / name, read_picture(file), found.pictures[row])
+        with new_folder(target / "overlays", ("[0-9]*.png",)) as part:
+            for row in output.progress(sorted(found.pictures), "overlays", len(found.pictures)):
+                file = loaded.image_files[row]
+                if file is not None and found.pictures[row].ok:
+                    name = f"{loaded.frames.frame[row]:04d}.png"
+                    write_overlay(part / name, read_picture(file), found.pictures[row])
 
     rows, refused = [], []
     for row, picture in sorted(found.pictures.items()):

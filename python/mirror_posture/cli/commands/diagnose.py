@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 
 ORDER = 60
 PANEL = "Diagnosis"
+NEXT_POSTURES = "next-postures.csv"
+OWN_FILES = ("diagnosis.json", "report.html", "pictures", NEXT_POSTURES)
+"""What --out writes: of an earlier run in the same folder nothing of it stays."""
 
 
 def command(
@@ -125,17 +128,19 @@ def command(
 
 
 def _write(output: Output, session: Session, found: Diagnosis, folder: Path) -> None:
+    from ...diagnosis.next_postures import write_next_postures
     from ...diagnosis.page import write_report
+    from ...output_files import new_folder
 
-    folder.mkdir(parents=True, exist_ok=True)
-    # The document first: it is what programs wait for, and stands even where a picture cannot be drawn.
-    (folder / "diagnosis.json").write_text(found.to_json(), encoding="utf-8")
-    write_report(session, found, folder)
+    with new_folder(folder, OWN_FILES) as part:
+        (part / "diagnosis.json").write_text(found.to_json(), encoding="utf-8")
+        write_report(session, found, part)
+        if found.next_postures:
+            write_next_postures(found, part / NEXT_POSTURES)
     if found.next_postures:
-        from ...diagnosis.next_postures import write_next_postures
-
-        file = write_next_postures(found, folder / "next-postures.csv")
-        output.say(f"written: {file}, {len(found.next_postures)} postures that would tell the rivals apart")
+        output.say(
+            f"written: {folder / NEXT_POSTURES}, {len(found.next_postures)} postures that would tell the rivals apart"
+        )
     output.say(f"written: {folder / 'diagnosis.json'}, {folder / 'report.html'}, {folder / 'pictures'}")
 
 

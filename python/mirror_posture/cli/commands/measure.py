@@ -105,9 +105,10 @@ def command(
         if out.suffix == ".json":
             import json
 
+            from ...output_files import write_file
             from ..output import plain
 
-            out.write_text(json.dumps(plain(document(chosen)), indent=1, allow_nan=False), encoding="utf-8")
+            write_file(out, json.dumps(plain(document(chosen)), indent=1, allow_nan=False))
         else:
             write_marker_table(chosen, out)
         written.append(out)
@@ -245,13 +246,13 @@ def _show_comparison(output: Output, measurements: list[Measurement]) -> None:
 
 def _write_overlays(output: Output, session: Session, measurement: Measurement, folder: Path) -> list[Path]:
     from ...measurement_figures import write_measured_and_model
+    from ...output_files import new_folder
 
-    folder.mkdir(parents=True, exist_ok=True)
-    written = []
-    for row in output.progress(range(len(session.frames)), "overlays", len(session.frames)):
-        file = folder / f"{session.frames.frame[row]:04d}.png"
-        if write_measured_and_model(session, measurement, row, file):
-            written.append(file)
+    written = False
+    with new_folder(folder, ("[0-9]*.png",)) as part:
+        for row in output.progress(range(len(session.frames)), "overlays", len(session.frames)):
+            file = part / f"{session.frames.frame[row]:04d}.png"
+            written |= write_measured_and_model(session, measurement, row, file)
     if not written:
         output.warn("overlays: this session has no pictures")
         return []

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ...session import Session, write_session
+from ...session import Session
+from ...session.write import replace_folder, write_session_files
 from .. import formatting
 from ..result import Cause, Diagnosis, Estimate
 from .mjcf import MECHANICAL, write_mjcf
@@ -67,11 +68,18 @@ def apply_diagnosis(
         _group_written(cause, entries[index]) if cause.members else entries[index][0]
         for index, cause in enumerate(found.causes)
     ]
-    target = write_session(better, folder, overwrite=overwrite)
-    (target / ROBOT).write_text(urdf.text(), encoding="utf-8")
     mechanical = [entry.cause for entry in written if entry.cause.effect in MECHANICAL]
+    told: dict[tuple[str, str], str] = {}
+
+    def fill(part: Path) -> None:
+        write_session_files(better, part)
+        (part / ROBOT).write_text(urdf.text(), encoding="utf-8")
+        if mechanical:
+            told.update(write_mjcf(session, urdf.text(), mechanical, part / MJCF))
+
+    target = Path(folder)
+    replace_folder(target, fill, overwrite)
     if mechanical:
-        told = write_mjcf(session, urdf.text(), mechanical, target / MJCF)
         for index, entry in enumerate(written):
             if entry.cause.effect in MECHANICAL:
                 done = told.get((entry.cause.effect, entry.cause.at))

@@ -1,0 +1,64 @@
+"""Standard output and error that cannot fail in the middle of the work.
+
+Whoever reads them may stop (`| head`), and a disk behind them may be full: what else a command writes is written all the
+same. A reader that stopped is no error; any other failure is told once the work is done.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import sys
+from typing import Any, TextIO
+
+
+class Patient:
+    """A text stream that goes quiet at its first failure, and remembers why."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+        self.failure: OSError | None = None
+
+    def write(self, text: str) -> int:
+        """As of any text stream; nothing happens after a failure."""
+        if self.failure is None:
+            try:
+                return self._stream.write(text)
+            except OSError as error:
+                self._end(error)
+        return len(text)
+
+    def flush(self) -> None:
+        """As of any text stream."""
+        if self.failure is None:
+            try:
+                self._stream.flush()
+            except OSError as error:
+                self._end(error)
+
+    def _end(self, error: OSError) -> None:
+        self.failure = error
+        # What is buffered still would be tried again at the end of the process.
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, self._stream.fileno())
+        os.close(nowhere)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+
+def make_patient() -> Patient:
+    """Puts both streams of the process behind `Patient` ones; returns that of standard output."""
+    out = Patient(sys.stdout)
+    sys.stdout, sys.stderr = out, Patient(sys.stderr)  # type: ignore[assignment]
+    return out
+
+
+def end(out: Patient) -> str | None:
+    """Writes what is buffered; why standard output failed, or None where it did not, or where its reader stopped."""
+    out.flush()
+    sys.stderr.flush()
+    error = out.failure
+    if error is None or error.errno in (errno.EPIPE, errno.ESHUTDOWN):
+        return None
+    return error.strerror or str(error)
