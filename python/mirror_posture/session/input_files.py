@@ -19,7 +19,7 @@ LARGEST_TEXT = 1_000_000
 """Bytes of a text of keys (TOML, YAML) at most: the largest known ones have some ten thousand."""
 LARGEST_MODEL = 64_000_000
 """Bytes of a URDF at most, as in the core."""
-LARGEST_TABLE = 512_000_000
+LARGEST_TABLE = 256_000_000
 """Bytes of a table at most; text cells take about twice as much in memory."""
 MOST_YAML_PARTS = 20_000
 """Keys, values and lists of a YAML text at most."""
