@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from .._core import MirrorPostureError
+from ..camera import Camera
 from ..robot import Robot
-from .camera_info import CameraInfo, load_camera_info
+from .camera_info import load_camera_info
 from .detections import COLUMNS as DETECTION_COLUMNS
 from .detections import OPTIONAL_COLUMNS, read_detections
 from .errors import Problems, SessionError, choices
@@ -121,7 +122,7 @@ class _Tables:
     frames: Frames
     frames_name: str
     unfinished: bool
-    camera: CameraInfo | None
+    camera: Camera | None
     warnings: list[str]
     problems: Problems
 
