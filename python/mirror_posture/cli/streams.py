@@ -50,7 +50,7 @@ class Patient:
 def make_patient() -> Patient:
     """Puts both streams of the process behind `Patient` ones; returns that of standard output."""
     out = Patient(sys.stdout)
-    sys.stdout, sys.stderr = out, Patient(sys.stderr)  # type: ignore[assignment]
+    sys.stdout, sys.stderr = out, Patient(sys.stderr)
     return out
 
 

@@ -92,7 +92,7 @@ def parse_yaml(text: str, shown_as: str, needed: str) -> Any:
             if isinstance(event, yaml.AliasEvent):
                 raise SessionError(
                     shown_as,
-                    f"line {event.start_mark.line + 1}: got a YAML alias (*{event.anchor}), needed the value itself",
+                    f"line {event.start_mark.line + 1 if event.start_mark else 0}: got a YAML alias (*{event.anchor}), needed the value itself",
                 )
             if count > MOST_YAML_PARTS or depth > DEEPEST_YAML:
                 raise SessionError(shown_as, f"got YAML of very many or deep parts, needed {needed}")
