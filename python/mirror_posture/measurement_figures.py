@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .detect import read_picture
+from .figure_text import literal
 from .measurement import Measurement
 from .mirror import IDEAL_MIRROR
 from .optics import see_in_mirror
@@ -83,6 +84,7 @@ def plot_measured_against_model(measurement: Measurement, file: Path) -> None:
     figure.suptitle(
         f"Markers measured in the mirror ({measurement.estimator}); root frame; bars: one standard deviation"
     )
+    literal(figure)
     with new_file(file) as part:
         figure.savefig(part, dpi=110)
     plt.close(figure)

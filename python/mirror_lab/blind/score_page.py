@@ -28,7 +28,8 @@ TARGETS = {
 }
 """What is asked for, as the page's head shows it."""
 
-TEMPLATE = """<!doctype html><html lang="en"><head><meta charset="utf-8"><title>Blind check</title><style>
+TEMPLATE = """<!doctype html><html lang="en"><head><meta charset="utf-8">
+<meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'; img-src data:"><title>Blind check</title><style>
 body{font:16px/1.45 system-ui,sans-serif;max-width:64rem;margin:2rem auto;padding:0 1rem;color:#1c2430}
 table{border-collapse:collapse;margin:.6rem 0 1.4rem}td,th{border-bottom:1px solid #d5dae2;padding:.25rem
 .7rem;text-align:left}

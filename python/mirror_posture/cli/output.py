@@ -18,9 +18,14 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
+from rich.text import Text
 
 WIDEST, NARROW = 400, 125
 """Columns of a page without edge, and of a terminal on which the long tables do not fit."""
+CONTROLS = {
+    chr(c) for c in (*range(32), *range(127, 160), *range(0x202A, 0x202F), *range(0x2066, 0x206A))
+} - {"\n", "\t"}
+"""What moves a terminal's cursor, changes its title or turns the direction of its text."""
 Item = TypeVar("Item")
 
 
@@ -71,11 +76,11 @@ class Output:
 
     def say(self, text: str, style: str | None = None) -> None:
         """One line for a person."""
-        self.messages.print(escape(text), style=style)
+        self.messages.print(Text(shown(text)), style=style)
 
     def warn(self, text: str) -> None:
         """A line that a person must not miss, on stderr."""
-        self.errors.print(f"[yellow]warning:[/yellow] {escape(text)}")
+        self.errors.print(f"[yellow]warning:[/yellow] {escape(shown(text))}")
 
     def table(
         self, title: str, columns: Iterable[str], rows: Iterable[Iterable[str]], caption: str = ""
@@ -85,8 +90,8 @@ class Output:
             return
         columns = list(columns)
         table = Table(
-            title=title,
-            caption=caption or None,
+            title=Text(shown(title), style="table.title"),
+            caption=Text(shown(caption), style="table.caption") if caption else None,
             title_justify="left",
             caption_justify="left",
             show_header=any(column.strip("*~") for column in columns),
@@ -97,7 +102,8 @@ class Output:
                 column.lstrip("*~"), justify="left" if text else "right", no_wrap=not column.startswith("~")
             )
         for row in rows:
-            table.add_row(*row)
+            # Cells are words, never markup: a name may look like it.
+            table.add_row(*(Text(shown(cell)) for cell in row))
         self.messages.print(table, soft_wrap=False)
 
     def result(self, document: Any) -> None:
@@ -109,7 +115,7 @@ class Output:
     def progress(self, items: Iterable[Item], what: str, total: int | None = None) -> Iterable[Item]:
         """The items, with a bar on stderr while they are worked on (where stderr is a terminal)."""
         with _bar() as bar:
-            yield from bar.track(items, description=what, total=total)
+            yield from bar.track(items, description=escape(what), total=total)
 
     def chunks(self, chunks: Iterable[list[int]], what: str) -> Iterable[list[int]]:
         """Lists of items, with a bar that counts the items."""
@@ -125,12 +131,12 @@ class Output:
     def counting(self, what: str, total: int) -> Iterator[Callable[[int], None]]:
         """A bar on stderr (where that is a terminal) for work that says itself how much is done."""
         with _bar() as bar:
-            task = bar.add_task(what, total=total)
+            task = bar.add_task(escape(what), total=total)
             yield lambda done: bar.update(task, completed=done)
 
     def problem(self, text: str) -> None:
         """One of several errors, on stderr."""
-        self.errors.print(f"[red]error:[/red] {escape(text)}")
+        self.errors.print(f"[red]error:[/red] {escape(shown(text))}")
 
     def fail(self, message: str, error: BaseException, code: int) -> None:
         """An error as one line on stderr and, where JSON was asked for, as a document on stdout."""
@@ -140,6 +146,11 @@ class Output:
             others = [str(other) for other in getattr(error, "problems", ())[1:]]
             more = {"others": others} if others else {}
             self.result({"error": {"message": message, "exit_code": int(code), **place, **more}})
+
+
+def shown(text: str) -> str:
+    """A text as a terminal may get it: control characters, which could move its cursor or change its title, are replaced."""
+    return "".join("\N{REPLACEMENT CHARACTER}" if c in CONTROLS else c for c in text)
 
 
 def _console(stderr: bool) -> Console:

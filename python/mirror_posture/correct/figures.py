@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..detect import read_picture
+from ..figure_text import literal
 from ..measurement import (
     Measurement,
     MeasureOptions,
@@ -94,6 +95,7 @@ def plot_convergence(outcome: Outcome, file: Path, tolerance_m: float) -> None:
         axis.legend(loc="upper right", fontsize=9)
     title = outcome.stop.sentence
     axis.set_title(_folded(title, 105), fontsize=9, loc="left")
+    literal(figure)
     with new_file(file) as part:
         figure.savefig(part, dpi=120)
     plt.close(figure)

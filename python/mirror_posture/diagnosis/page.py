@@ -74,7 +74,8 @@ class Panel:
 def signature_panels(found: Diagnosis) -> list[Panel]:
     """All signatures, as the causes stand; those of the unexplained part last, the largest share first."""
     panels = [
-        Panel(f"signature-{k}", s.cause, s.at, "", draw_signature(s)) for k, s in enumerate(found.signatures)
+        Panel(f"signature-{k}", s.cause, s.at, "", draw_signature(s, k))
+        for k, s in enumerate(found.signatures)
     ]
     panels += [
         Panel(f"track-{k}", t.cause, t.at, formatting.track_caption(t.at, t.what), draw_track(t, k))

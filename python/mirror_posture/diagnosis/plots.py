@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..figure_text import literal
 from . import formatting
 from .result import Gap, Signature
 
@@ -32,6 +33,8 @@ STYLE: Any = {
     "svg.fonttype": "none",
     "svg.hashsalt": "mirror-posture",
     "font.family": "sans-serif",
+    # A dollar in a name is a dollar.
+    "text.parse_math": False,
     "text.color": INK,
     "axes.labelcolor": INK,
 }
@@ -64,14 +67,17 @@ def finished(drawn: Figure, name: str) -> Drawing:
     """The figure as SVG (ids made unique by the name, since a page has several) and PNG."""
     from matplotlib import rc_context
 
+    literal(drawn)
     with rc_context(STYLE):
         vector, raster = io.StringIO(), io.BytesIO()
         drawn.savefig(vector, format="svg", metadata={"Date": None})
         drawn.savefig(raster, format="png", dpi=PNG_DPI)
     svg = vector.getvalue()
     svg = svg[svg.index("<svg") :]
-    svg = re.sub(r'id="([^"]+)"', rf'id="{name}-\1"', svg)
-    svg = re.sub(r'(xlink:href="#|url\(#)', rf"\g<1>{name}-", svg)
+    # Names of robots end up here, and may hold anything.
+    prefix = re.sub(r"[^A-Za-z0-9]", "", name) + "-"
+    svg = re.sub(r'id="([^"]+)"', lambda found: f'id="{prefix}{found[1]}"', svg)
+    svg = re.sub(r'(xlink:href="#|url\(#)', lambda found: found[1] + prefix, svg)
     return Drawing(svg, raster.getvalue())
 
 
@@ -124,7 +130,7 @@ def draw_gap(gap: Gap) -> Drawing:
     return finished(drawn, "gap")
 
 
-def draw_signature(signature: Signature) -> Drawing:
+def draw_signature(signature: Signature, index: int) -> Drawing:
     """Four panels: the error that each posture shows by itself against position, load, direction and time."""
     angular = signature.unit == "rad"
     factor, unit = (math.degrees(1.0), "°") if angular else (1000.0, "mm")
@@ -179,4 +185,4 @@ def draw_signature(signature: Signature) -> Drawing:
     drawn.legend(
         *axes[0, 0].get_legend_handles_labels(), fontsize=8, frameon=False, loc="outside upper left", ncols=2
     )
-    return finished(drawn, f"signature{signature.cause}{signature.at}".replace(":", "").replace("<-", ""))
+    return finished(drawn, f"signature{index}")

@@ -86,7 +86,7 @@ def _log_postures(rr: Any, recording: Any, session: Session, found: Diagnosis) -
     for name, colour in (("before", BEFORE), ("after", AFTER)):
         for marker in session.marker_names:
             style = rr.SeriesLines(colors=[_rgb(colour)], names=[f"{marker} {name}"])
-            recording.log(f"residual/{marker}/{name}_mm", style, static=True)
+            recording.log(f"residual/{rr.escape_entity_path_part(marker)}/{name}_mm", style, static=True)
     for at, (number, entries) in zip(places, by_frame.items(), strict=True):
         recording.set_time(TIMELINE, sequence=number)
         if session.frames.time_s is not None:
@@ -126,7 +126,10 @@ def _log_postures(rr: Any, recording: Any, session: Session, found: Diagnosis) -
                 rr.Arrows3D(origins=points, vectors=seen - points, colors=[_rgb(colour)]),
             )
             for entry, length in zip(entries, np.linalg.norm(seen - points, axis=1), strict=True):
-                recording.log(f"residual/{entry.marker}/{name}_mm", rr.Scalars(1000.0 * float(length)))
+                recording.log(
+                    f"residual/{rr.escape_entity_path_part(entry.marker)}/{name}_mm",
+                    rr.Scalars(1000.0 * float(length)),
+                )
 
 
 def _layout(found: Diagnosis) -> Any:
