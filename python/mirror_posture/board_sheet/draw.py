@@ -27,7 +27,7 @@ def write_board_pdf(sheet: BoardSheet, file: str | os.PathLike[str]) -> Path:
         MirrorPostureError: reportlab is not installed.
     """
     try:
-        from reportlab.pdfgen import canvas  # type: ignore[import-untyped]
+        from reportlab.pdfgen import canvas
     except ImportError:
         raise MirrorPostureError(
             "a PDF needs the package reportlab: pip install 'mirror-posture[print]'"

@@ -125,7 +125,7 @@ class BoardSheet:
         dictionary = board.getDictionary()
         cells = dictionary.markerSize + 2
         found: list[Rectangle] = []
-        for identity, corners in zip(board.getIds().ravel(), board.getObjPoints(), strict=True):
+        for identity, corners in zip(np.asarray(board.getIds()).ravel(), board.getObjPoints(), strict=True):
             picture = cv2.aruco.generateImageMarker(dictionary, int(identity), cells)
             x0, y0 = np.asarray(corners)[:, :2].min(axis=0)
             cell = float(self.marker_size_m or 0.0) / cells

@@ -28,6 +28,7 @@ from ..robot import Robot
 from ..session import Session
 from .applied.apply import parts_of
 from .applied.urdf import Urdf
+from .applied.xml_text import read_xml
 from .result import Diagnosis
 
 Floats = npt.NDArray[np.float64]
@@ -128,7 +129,7 @@ class _Errors:
     def of(cls, session: Session, found: Diagnosis) -> _Errors:
         joint_of_link = {joint.child_link: joint.name for joint in session.robot.joints}
         turning = {joint.name for joint in session.robot.joints if joint.kind in ("revolute", "continuous")}
-        urdf = Urdf(session.robot_file.read_text(encoding="utf-8-sig"))
+        urdf = Urdf(read_xml(session.robot_file))
         constant = [p for cause in found.causes for p in parts_of(cause) if p.effect in IN_URDF]
         corrected = set()
         for part in sorted(constant, key=lambda p: IN_URDF.index(p.effect)):

@@ -10,6 +10,7 @@ from .._core import GapRecording, MirrorPostureError
 from ..session import Session, load_session
 from .accelerometers import accelerometer_witness
 from .encoders import encoder_witness
+from .fingerprint import KEY, fingerprint
 from .markers import marker_of_place, only_markers
 from .own_effects import OwnEffect, Tabulated, tabulate
 from .recording import to_core
@@ -59,6 +60,7 @@ def diagnose(
     tree = json.loads(
         recording.diagnose(left_out, most_causes, others, tabulate(effects, recording), markers)
     )
+    tree[KEY] = fingerprint(loaded)
     if names:
         checked = tree["gap"].get("checked", [])
         tree["witness"] = [

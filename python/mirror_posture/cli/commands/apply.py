@@ -22,6 +22,18 @@ def command(
         Path,
         typer.Option(help="Folder for the corrected session: a session itself, with the same observations."),
     ],
+    urdf: Annotated[
+        Path | None, typer.Option(help="Your own URDF: a corrected copy and a patch are written for it.")
+    ] = None,
+    mjcf: Annotated[
+        Path | None, typer.Option(help="Your own MJCF: meshes, geoms, sites and comments stay.")
+    ] = None,
+    lerobot: Annotated[
+        Path | None, typer.Option(help="Your LeRobot calibration (.json): homing offsets, in ticks.")
+    ] = None,
+    motors: Annotated[
+        str, typer.Option(help="Make of the motors of --lerobot: feetech or dynamixel.")
+    ] = "feetech",
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace the folder where it is there.")
     ] = False,
@@ -33,18 +45,23 @@ def command(
     lens into camera.yaml; squares and glass into session.toml. Play, friction, springs and gear ratios, which URDF
     cannot say, go into robot.mjcf.xml, which MuJoCo loads. What no file can hold is named, with what to do instead.
 
+    Of your own files only the numbers that change are changed: a corrected copy and a .patch are written to the folder,
+    the files themselves stay as they are. A diagnosis of another session is refused.
+
     The folder is a session with the same observations: diagnose it again to see what is left.
 
-    Example: `mirror-posture apply my-session diagnosis --out better-session`
+    Example: `mirror-posture apply my-session diagnosis --out better-session --urdf my_robot.urdf`
     """
     output = Output(as_json)
     from ...diagnosis import Diagnosis
-    from ...diagnosis.applied import apply_diagnosis
+    from ...diagnosis.applied import apply_diagnosis, write_own_files
     from ...diagnosis.applied.apply import rows_for_people
     from ...session import load_session
 
     loaded = load_session(session)
-    applied = apply_diagnosis(loaded, Diagnosis.load(diagnosis), out, overwrite=overwrite)
+    found = Diagnosis.load(diagnosis)
+    applied = apply_diagnosis(loaded, found, out, overwrite=overwrite)
+    own = write_own_files(loaded, found, applied.folder, urdf=urdf, mjcf=mjcf, lerobot=lerobot, motors=motors)
     if applied.written:
         output.table(
             f"Written to {applied.folder}",
@@ -53,12 +70,19 @@ def command(
         )
     else:
         output.say(f"the diagnosis names no cause: {applied.folder} holds the model as it was")
+    for entry in own:
+        output.say(f"written: {entry.file}, {entry.patch}")
+        for line in entry.told or ("nothing of what was found belongs into it",):
+            output.say(f"  {line}")
     output.result(
         {
             "folder": applied.folder,
             "written": [
                 {"effect": w.cause.effect, "at": w.cause.at, "file": w.file, "what": w.what}
                 for w in applied.written
+            ],
+            "own_files": [
+                {"file": entry.file, "patch": entry.patch, "told": list(entry.told)} for entry in own
             ],
         }
     )

@@ -11,9 +11,11 @@ import numpy as np
 from ...session import Session
 from ...session.write import replace_folder, write_session_files
 from .. import formatting
+from ..fingerprint import require_same
 from ..result import Cause, Diagnosis, Estimate
 from .mjcf import MECHANICAL, write_mjcf
 from .urdf import Urdf, rotation_of_vector
+from .xml_text import read_xml
 
 ROBOT, MJCF = "robot.urdf", "robot.mjcf.xml"
 NOT_IN_A_MODEL = {
@@ -54,9 +56,10 @@ def apply_diagnosis(
     extra `mujoco`). The observations stay as they are, so that the folder can be diagnosed again.
 
     Raises:
-        MirrorPostureError: a place that the session does not have; a folder that is there already.
+        MirrorPostureError: a diagnosis of another session, a place that the session does not have, a folder that is there already.
     """
-    urdf = Urdf(session.robot_file.read_text(encoding="utf-8-sig"))
+    require_same(session, dict(found.document))
+    urdf = Urdf(read_xml(session.robot_file), str(session.robot_file))
     better = session
     # Of a group's small errors each is written like a cause of its own. An offset turns about the real axis: tilts go first.
     parts = [(index, part) for index, cause in enumerate(found.causes) for part in parts_of(cause)]
@@ -73,7 +76,8 @@ def apply_diagnosis(
 
     def fill(part: Path) -> None:
         write_session_files(better, part)
-        (part / ROBOT).write_text(urdf.text(), encoding="utf-8")
+        # As bytes: line ends stay as they were.
+        (part / ROBOT).write_bytes(urdf.text().encode("utf-8"))
         if mechanical:
             told.update(write_mjcf(session, urdf.text(), mechanical, part / MJCF))
 

@@ -1,40 +1,72 @@
-"""A URDF edited in place: origins and axes change, names, order and comments stay."""
+"""A URDF edited in place: single numbers of origins and axes change, every other character stays."""
 
 from __future__ import annotations
 
 import math
-from io import StringIO
-from xml.etree import ElementTree
 
 import numpy as np
 import numpy.typing as npt
 
 from ..._core import MirrorPostureError
+from .xml_text import Element, XmlText
 
 Floats = npt.NDArray[np.float64]
+ZERO = (0.0, 0.0, 0.0)
+UNCHANGED = 1e-10
+"""rad or m: what differs by less is rounding, and stays as it was written."""
 TURNING = ("revolute", "continuous")
 NEARLY_X = 0.8
 """From this x component on an axis is tilted against y (the vocabulary's convention of `axis_tilt`)."""
 
 
 class Urdf:
-    """The XML of a robot with its joints by name."""
+    """The text of a robot with its joints by name."""
 
-    def __init__(self, text: str) -> None:
-        for _, (prefix, uri) in ElementTree.iterparse(StringIO(text), events=["start-ns"]):
-            ElementTree.register_namespace(prefix, uri)
-        builder = ElementTree.TreeBuilder(insert_comments=True)
-        self.robot = ElementTree.fromstring(text, ElementTree.XMLParser(target=builder))
-        # What stands before the robot (declaration, licence) is no part of the tree.
-        self.prolog = text[: text.index("<robot")]
-        self.joints = {joint.get("name", ""): joint for joint in self.robot.findall("joint")}
+    def __init__(self, text: str, file: str = "robot.urdf") -> None:
+        self._text = text
+        joints = [child for child in XmlText(text, file).root.children if child.tag == "joint"]
+        self.joints = {joint.attributes.get("name", ""): joint for joint in joints}
         self.joint_of_child = {_link(joint, "child"): name for name, joint in self.joints.items()}
+        self._origins: dict[str, Floats] = {}
+        self._axes: dict[str, Floats] = {}
 
     def text(self) -> str:
-        """The edited file."""
-        return self.prolog + ElementTree.tostring(self.robot, encoding="unicode") + "\n"
+        """The edited file: what did not change stays to the letter."""
+        document = XmlText(self._text)
+        for name, axis in self._axes.items():
+            self._write(document, name, "axis", {"xyz": (axis, self._read_axis(name))})
+        for name, pose in self._origins.items():
+            was = self._read_origin(name)
+            # Numbers that say the same rotation in another way would be changes without a change.
+            same = np.allclose(pose[:3, :3], was[:3, :3], rtol=0.0, atol=UNCHANGED)
+            rpy_was = self._numbers_of(name, "origin", "rpy", ZERO)
+            rpy = rpy_was if same else nearest_rpy(pose[:3, :3], rpy_was)
+            xyz = (pose[:3, 3], was[:3, 3])
+            self._write(document, name, "origin", {"xyz": xyz, "rpy": (rpy, rpy_was)})
+        return document.text()
 
-    def joint(self, name: str) -> ElementTree.Element:
+    def _write(
+        self, document: XmlText, name: str, tag: str, values: dict[str, tuple[Floats, Floats]]
+    ) -> None:
+        joint = self.joint(name)
+        element = joint.find(tag)
+        changed = {
+            key: _written(new, old, None if element is None else element.attributes.get(key))
+            for key, (new, old) in values.items()
+            if not np.allclose(new, old, rtol=0.0, atol=UNCHANGED)
+        }
+        if element is None:
+            if changed:
+                document.insert_in(joint, tag, changed)
+            return
+        for key, value in changed.items():
+            document.set(element, key, value)
+
+    def _numbers_of(self, name: str, tag: str, key: str, default: tuple[float, float, float]) -> Floats:
+        element = self.joint(name).find(tag)
+        return _numbers(None if element is None else element.attributes.get(key), default)
+
+    def joint(self, name: str) -> Element:
         """A joint by name. Raises `MirrorPostureError` for one that the robot does not have."""
         if name not in self.joints:
             raise MirrorPostureError(
@@ -44,41 +76,35 @@ class Urdf:
 
     def kind(self, name: str) -> str:
         """The joint's type as the file has it."""
-        return self.joint(name).get("type", "")
+        return self.joint(name).attributes.get("type", "")
 
     def axis(self, name: str) -> Floats:
         """The joint's unit axis in its own frame; x where the file says nothing."""
-        entry = self.joint(name).find("axis")
-        axis = _numbers(None if entry is None else entry.get("xyz"), (1.0, 0.0, 0.0))
-        result: Floats = axis / np.linalg.norm(axis)
-        return result
+        axis = self._axes[name] if name in self._axes else self._read_axis(name)
+        unit: Floats = axis / np.linalg.norm(axis)
+        return unit
+
+    def _read_axis(self, name: str) -> Floats:
+        return self._numbers_of(name, "axis", "xyz", (1.0, 0.0, 0.0))
 
     def set_axis(self, name: str, axis: Floats) -> None:
-        """Writes the joint's axis."""
-        joint = self.joint(name)
-        entry = joint.find("axis")
-        if entry is None:
-            entry = ElementTree.SubElement(joint, "axis")
-        entry.set("xyz", _written(axis))
+        """Gives the joint an axis."""
+        self._axes[name] = np.array(axis, dtype=float)
 
     def origin(self, name: str) -> Floats:
         """`parent_from_joint`, (4, 4)."""
-        entry = self.joint(name).find("origin")
+        return self._origins[name].copy() if name in self._origins else self._read_origin(name)
+
+    def _read_origin(self, name: str) -> Floats:
         pose = np.eye(4)
-        if entry is not None:
-            pose[:3, :3] = rotation_of_rpy(_numbers(entry.get("rpy"), (0.0, 0.0, 0.0)))
-            pose[:3, 3] = _numbers(entry.get("xyz"), (0.0, 0.0, 0.0))
+        pose[:3, :3] = rotation_of_rpy(self._numbers_of(name, "origin", "rpy", ZERO))
+        pose[:3, 3] = self._numbers_of(name, "origin", "xyz", ZERO)
         return pose
 
     def set_origin(self, name: str, parent_from_joint: Floats) -> None:
-        """Writes `parent_from_joint`."""
-        joint = self.joint(name)
-        entry = joint.find("origin")
-        if entry is None:
-            entry = ElementTree.Element("origin")
-            joint.insert(0, entry)
-        entry.set("xyz", _written(parent_from_joint[:3, 3]))
-        entry.set("rpy", _written(rpy_of_rotation(parent_from_joint[:3, :3])))
+        """Gives the joint an origin, `parent_from_joint`."""
+        self.joint(name)
+        self._origins[name] = np.array(parent_from_joint, dtype=float)
 
     def add_offset(self, name: str, offset: float) -> None:
         """`θ = q + a`: the origin is turned by a about the axis (moved along it, for a prismatic joint)."""
@@ -195,15 +221,29 @@ def rotation_of_vector(vector_rad: Floats) -> Floats:
     return result
 
 
-def _link(joint: ElementTree.Element, role: str) -> str:
+def nearest_rpy(rotation: Floats, near_rpy_rad: Floats) -> Floats:
+    """Of the angles that say a rotation those that are nearest to given ones: (r, p, y) and (r + π, π − p, y + π) say the same."""
+    roll, pitch, yaw = rpy_of_rotation(rotation)
+    both = np.array([[roll, pitch, yaw], [roll + math.pi, math.pi - pitch, yaw + math.pi]])
+    both -= 2.0 * math.pi * np.round((both - near_rpy_rad) / (2.0 * math.pi))
+    nearest: Floats = both[int(np.argmin(np.abs(both - near_rpy_rad).sum(axis=1)))]
+    return nearest
+
+
+def _link(joint: Element, role: str) -> str:
     entry = joint.find(role)
-    return "" if entry is None else entry.get("link", "")
+    return "" if entry is None else entry.attributes.get("link", "")
 
 
 def _numbers(text: str | None, default: tuple[float, float, float]) -> Floats:
     return np.array(default if text is None else [float(part) for part in text.split()], dtype=float)
 
 
-def _written(values: Floats) -> str:
+def _written(values: Floats, old: Floats, old_text: str | None) -> str:
+    """The numbers as text; those that did not change as they were written."""
+    parts = [None] * len(values) if old_text is None else old_text.split()
     # Adding 0 turns a negative zero into a plain one.
-    return " ".join(f"{float(value) + 0.0:.12g}" for value in values)
+    return " ".join(
+        part if part is not None and abs(new - before) <= UNCHANGED else f"{float(new) + 0.0:.12g}"
+        for new, before, part in zip(values, old, parts, strict=True)
+    )

@@ -1,0 +1,185 @@
+"""What was found, in the user's own MJCF: meshes, geoms, sites, order and comments stay."""
+
+from __future__ import annotations
+
+import math
+import os
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from ..._core import MirrorPostureError
+from ..result import Cause
+from .mjcf import LEAST_STIFFNESS, PLAY_DAMPING, SERVO_RATE, STOP_TIME_S
+from .xml_text import Element, XmlText, read_xml
+
+LEAST_ARMATURE = 1e-4
+"""kg m²: of a joint whose file says nothing."""
+WRITTEN = ("joint_offset", "gear_ratio", "backlash", "joint_compliance", "stiction")
+"""The effects that are told joint by joint; the others move frames that an MJCF names otherwise than a URDF."""
+
+
+def patch_own_mjcf(own: Path, causes: Sequence[Cause], out: Path) -> dict[tuple[str, str], str]:
+    """Writes a user's MJCF with the causes that it can hold; returns what was written, by effect and place.
+
+    - `joint_offset` a: the joint's `ref` becomes ref − a, since MuJoCo turns by qpos − ref.
+    - `gear_ratio` e: the actuator's `gear` is divided by 1 + e: a position servo then stops at (1 + e) of its command.
+    - `backlash`, `joint_compliance`: a further joint behind the joint, limited or sprung.
+    - `stiction`: `frictionloss` = kp times the dead band, kp of the joint's position servo.
+
+    The written file is loaded by MuJoCo before it is kept. What cannot be written is told with its reason, which starts
+    with "not written".
+
+    Raises:
+        MirrorPostureError: MuJoCo is missing, or one of the files cannot be loaded.
+    """
+    try:
+        import mujoco  # type: ignore[import-untyped, unused-ignore]
+    except ImportError:
+        raise MirrorPostureError("an MJCF needs MuJoCo: pip install 'mirror-posture[mujoco]'") from None
+    text = read_xml(own)
+    model = _load(mujoco, own, own)
+    document = XmlText(text, str(own))
+    degrees = not _radians(document)
+    told = {}
+    for cause in causes:
+        if cause.effect in WRITTEN:
+            told[cause.effect, cause.at] = _write(mujoco, model, document, cause, degrees)
+    # Beside the own file: its meshes and includes are found from there.
+    handle, name = tempfile.mkstemp(dir=own.parent, prefix=f".{own.stem}-", suffix=".xml")
+    try:
+        with os.fdopen(handle, "wb") as stream:
+            stream.write(document.text().encode("utf-8"))
+        _load(mujoco, Path(name), own)
+        out.write_bytes(Path(name).read_bytes())
+    finally:
+        os.unlink(name)
+    return told
+
+
+def _load(mujoco: Any, file: Path, shown_as: Path) -> Any:
+    try:
+        return mujoco.MjModel.from_xml_path(str(file))
+    except ValueError as error:
+        raise MirrorPostureError(
+            f"{shown_as}: MuJoCo cannot load it: {' '.join(str(error).split())}"
+        ) from None
+
+
+def _radians(document: XmlText) -> bool:
+    compilers = [element for element in document.elements if element.tag == "compiler"]
+    return any(element.attributes.get("angle") == "radian" for element in compilers)
+
+
+def _write(mujoco: Any, model: Any, document: XmlText, cause: Cause, degrees: bool) -> str:
+    name = cause.at.partition(":")[2]
+    value = {key: estimate.value for key, estimate in cause.parameters.items()}
+    joint = next(
+        (
+            e
+            for e in document.elements
+            if e.tag == "joint" and e.attributes.get("name") == name and _in_body(e)
+        ),
+        None,
+    )
+    identity = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name)
+    if joint is None or identity < 0:
+        where = "stands in an included file: give that file" if identity >= 0 else "is not in this file"
+        return f"not written: joint {name} {where}"
+    hinge = int(model.jnt_type[identity]) == int(mujoco.mjtJoint.mjJNT_HINGE)
+    factor = 180.0 / math.pi if degrees and hinge else 1.0
+    if cause.effect == "joint_offset":
+        ref = float(model.qpos0[model.jnt_qposadr[identity]]) - value["offset_rad"]
+        document.set(joint, "ref", f"{factor * ref:.12g}")
+        return f"ref of joint {name}"
+    servos = [
+        index
+        for index in range(model.nu)
+        if int(model.actuator_trntype[index]) == int(mujoco.mjtTrn.mjTRN_JOINT)
+        and int(model.actuator_trnid[index, 0]) == identity
+    ]
+    if cause.effect == "gear_ratio":
+        return _write_gear(mujoco, model, document, name, servos, value["scale_error"])
+    if cause.effect == "stiction":
+        gain = float(model.actuator_gainprm[servos[0], 0]) if servos else 0.0
+        if not (gain > 0.0 and math.isclose(gain, -float(model.actuator_biasprm[servos[0], 1]))):
+            return f"not written: joint {name} has no position servo, whose stiffness the dead band needs"
+        # A servo pulls with gear · kp · (command - gear · q).
+        loss = gain * float(model.actuator_gear[servos[0], 0]) ** 2 * value["deadband_rad"]
+        document.set(joint, "frictionloss", f"{loss:.9g}")
+        return f"frictionloss of joint {name}: {loss:.4g} N m"
+    stiffness = (
+        max((float(model.actuator_gainprm[index, 0]) for index in servos), default=0.0) or LEAST_STIFFNESS
+    )
+    if not hinge:
+        return f"not written: joint {name} slides; play and springs are told for hinges"
+    if model.nkey:
+        return f"not written: the keyframes of this file fit its {model.nq} positions; a further joint needs new ones"
+    return _write_series(model, document, joint, name, cause, value, factor, stiffness)
+
+
+def _write_gear(
+    mujoco: Any, model: Any, document: XmlText, name: str, servos: list[int], error: float
+) -> str:
+    wanted = {mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_ACTUATOR, index): index for index in servos}
+    found = [
+        element
+        for element in document.elements
+        if element.parent is not None
+        and element.parent.tag == "actuator"
+        and element.attributes.get("joint") == name
+    ]
+    if len(servos) != 1 or len(found) != 1:
+        return f"not written: joint {name} has {len(found)} actuators in this file, needed one"
+    gears = model.actuator_gear[next(iter(wanted.values()))].copy()
+    gears[0] /= 1.0 + error
+    last = max(index for index in range(6) if gears[index] or index == 0)
+    document.set(found[0], "gear", " ".join(f"{gear:.12g}" for gear in gears[: last + 1]))
+    return f"gear of the actuator of joint {name}: {gears[0]:.6f}"
+
+
+def _write_series(
+    model: Any,
+    document: XmlText,
+    joint: Element,
+    name: str,
+    cause: Cause,
+    value: dict[str, float],
+    factor: float,
+    stiffness: float,
+) -> str:
+    """A joint of the same body, behind the joint: MuJoCo puts the joints of a body in series."""
+    compiled = model.joint(name)
+    told = {
+        "axis": " ".join(f"{v:.12g}" for v in compiled.axis),
+        "pos": " ".join(f"{v:.12g}" for v in compiled.pos),
+    }
+    # Two joints that turn one and the same inertia are unstable to step: rotors like those of the own servos' part them.
+    # The statics do not depend on it.
+    rotor = max(float(model.dof_armature[compiled.dofadr[0]]), stiffness / SERVO_RATE**2, LEAST_ARMATURE)
+    told |= {"armature": f"{rotor:.6g}"}
+    if cause.effect == "backlash":
+        half = factor * value["width_rad"] / 2.0
+        document.insert_after(
+            joint,
+            "joint",
+            {"name": f"{name}_play", "type": "hinge", **told, "limited": "true", "range": f"{-half:.9g} {half:.9g}",
+             "stiffness": "0", "frictionloss": "0", "damping": f"{PLAY_DAMPING * stiffness:.6g}", "ref": "0",
+             "solreflimit": f"{STOP_TIME_S:g} 1", "solimplimit": "0.99 0.999 0.001"},
+        )  # fmt: skip
+        return f"hinge {name}_play behind it, of {value['width_rad']:.5f} rad"
+    spring = 1.0 / value["compliance_rad_per_nm"]
+    document.insert_after(
+        joint,
+        "joint",
+        {"name": f"{name}_spring", "type": "hinge", **told, "limited": "false", "stiffness": f"{spring:.9g}",
+         "frictionloss": "0", "damping": f"{PLAY_DAMPING * spring:.6g}", "ref": "0", "springref": "0"},
+    )  # fmt: skip
+    return f"hinge {name}_spring behind it, of {spring:.4g} N m/rad"
+
+
+def _in_body(element: Element) -> bool:
+    """A joint of the tree, not one of the defaults, of an equality or of a sensor."""
+    parent = element.parent
+    return parent is not None and parent.tag in ("body", "worldbody", "frame")
