@@ -213,7 +213,10 @@ class SimulatedLine(ABC):
         while self._running:
             with self._lock:
                 master = self.master
-            ready = master >= 0 and bool(select.select([master], [], [], TICK_S)[0])
+            try:
+                ready = master >= 0 and bool(select.select([master], [], [], TICK_S)[0])
+            except OSError:  # cut in this moment
+                ready, master = False, -1
             if master < 0:
                 time.sleep(TICK_S)
             with self._lock:

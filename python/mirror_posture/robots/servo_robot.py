@@ -168,6 +168,8 @@ class ServoRobot(RobotBase):
                     raise
             if self._machine.now.state in (State.HOLDING, State.MOVING):
                 self._end(None)
+            elif self._machine.now.torque is Torque.UNKNOWN:
+                self._try_again()
 
     def _close(self) -> None:
         if self._machine.now.state in (State.HOLDING, State.MOVING):
@@ -321,7 +323,15 @@ class ServoRobot(RobotBase):
         elif torque is Torque.UNKNOWN:
             raise LostRobotError(f"{self.name}: {note}")
 
-    def _take_off(self) -> tuple[Torque, str]:
+    def _try_again(self) -> None:
+        """Once more for a line that may be back; that it is not was said already."""
+        with undisturbed():
+            torque, _ = self._take_off(0.0)
+        if torque is not Torque.UNKNOWN:
+            self._machine.to(State.STOPPED, torque, f"{self._machine.now.why}; since then the line came back")
+            log.warning("%s: %s", self.name, self._machine.now.sentence)
+
+    def _take_off(self, patience_s: float = OFF_PATIENCE_S) -> tuple[Torque, str]:
         """Holds where that is wanted and safe, else takes the torque off; a note where it is otherwise than configured."""
         refused = ""
         if self.config.at_end == "hold" and self._machine.now.state in (State.HOLDING, State.MOVING):
@@ -330,7 +340,7 @@ class ServoRobot(RobotBase):
                 return Torque.HELD, ""
             except RobotError as error:
                 refused = f"not held, as configured, since {error}"
-        drive, tried_until = self._drive, time.monotonic() + OFF_PATIENCE_S
+        drive, tried_until = self._drive, time.monotonic() + patience_s
         failed: RobotError
         while True:
             try:
