@@ -382,6 +382,8 @@ def blind() -> ImagePoints:
 def trial(kind: tuple[str, str, str], seed: int) -> Trial:
     """One run; `seed` decides make, end, moment and everything else."""
     group, name, way = kind
+    # Programs that are started in the background ignore Ctrl-C; what is tried here is a program in the foreground.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     rng = random.Random(f"{name} {seed}")
     make, at_end = rng.choice(("dynamixel", "feetech")), rng.choice(("off", "hold"))
     speed = rng.uniform(0.4, 1.0)
@@ -444,7 +446,8 @@ def _here(world: World, group: str, name: str, way: str, file: Path) -> tuple[st
 
 
 CHILD = """
-import random, sys, time
+import random, signal, sys, time
+signal.signal(signal.SIGINT, signal.default_int_handler)
 from mirror_posture.robots import Nominal
 from mirror_posture.robots.{make} import {robot}
 robot = {robot}(Nominal.load(), sys.argv[1], lambda: None)

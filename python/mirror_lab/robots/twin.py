@@ -67,16 +67,18 @@ class TwinRobot(SimulatedStand, RobotBase):
         name: str = "twin",
     ) -> None:
         nominal = nominal or Nominal.load()
-        super().__init__(nominal, name=name)
-        self.options = options or TwinOptions()
         metadata = nominal.metadata
+        body = HiddenBody(
+            nominal.robot_file.read_text(encoding="utf-8"), metadata.root, metadata.gravity_m_per_s2, hidden
+        )
+        # Joints above the root do not move anything that hangs on it (the legs of a torso, say).
+        limits = {joint: limit for joint, limit in nominal.joint_limits.items() if joint in body.theta}
+        super().__init__(nominal, name=name, limits=limits)
+        self.options, self.body = options or TwinOptions(), body
         if metadata.board is None:
             raise MirrorPostureError(
                 f"{nominal.folder}: has no [board]; a twin looks into a mirror, which needs one"
             )
-        self.body = HiddenBody(
-            nominal.robot_file.read_text(encoding="utf-8"), metadata.root, metadata.gravity_m_per_s2, hidden
-        )
         self._lens = lens_of(nominal)
         self._random = np.random.default_rng(self.options.seed)
         self._board_in_root = self.body.link_poses()[metadata.board.link][:3, 3].copy()

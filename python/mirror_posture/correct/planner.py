@@ -34,12 +34,46 @@ USUAL_NOISE_PX = 0.1
 RISK_TAKEN = 0.1
 """A view with more than this chance of losing a marker is not taken while the mirror can stand farther away."""
 FARTHER = (1.25, 1.5, 1.8)
+BEYOND_REACH = (1.2, 1.5, 1.9, 2.4, 3.0)
+"""Where the mirror cannot stand near its usual distance: so many times as far as the body reaches towards it."""
+CLEARANCE_M = 0.02
+"""Of every link's origin and every ball's surface from the glass."""
 USUAL_VIEWS = 3
 EASE = 0.1
 """How much better (a part of the deviation) a view turned by the farthest angle must be to be taken before one straight ahead."""
 PITCH_APART_RAD = math.radians(5.0)
 """Of three views or more one has another pitch than the others by at least this: yaw alone leaves one direction of the
 camera–board transform nearly unseen."""
+
+
+def _scene(target: Target) -> tuple[Floats, Floats]:
+    """`camera_from_link` of root, camera, board and markers' links; corners and markers in the camera's frame, m."""
+    metadata = target.nominal.metadata
+    assert metadata.board is not None
+    links = [metadata.root, target.camera_link, target.board_link, *(m.link for m in metadata.markers)]
+    poses = target.nominal.robot.link_poses(target.positions[None], links)[0]
+    camera_from = np.linalg.inv(poses[1]) @ poses
+    board = camera_from[2]
+    corners = metadata.board.corner_in_board_m @ board[:3, :3].T + board[:3, 3]
+    return camera_from, np.concatenate([corners, camera_from[3:, :3, 3]])
+
+
+def _body(target: Target) -> tuple[Floats, Floats]:
+    """Where the robot is, in the camera's frame: every link's origin, and how far from it the glass must stay, m."""
+    robot, metadata = target.nominal.robot, target.nominal.metadata
+    names = robot.link_names
+    poses = robot.link_poses(target.positions[None], [target.camera_link, *names])[0]
+    camera_from = np.linalg.inv(poses[0]) @ poses[1:]
+    radius = {m.link: 0.5 * m.diameter_m for m in metadata.markers}
+    return camera_from[:, :3, 3], np.array([CLEARANCE_M + radius.get(name, 0.0) for name in names])
+
+
+def reach_m(target: Target) -> float:
+    """How far the body at the target reaches towards the mirror, from the board's centre, m; at least the clearance."""
+    camera_from, _ = _scene(target)
+    body, clearance_m = _body(target)
+    normal = camera_from[0, :3, :3] @ view_normal(View())
+    return float((body @ normal + clearance_m).max() - normal @ camera_from[2, :3, 3])
 
 
 @dataclass(frozen=True)
@@ -60,14 +94,12 @@ def prospects(
 ) -> list[Prospect]:
     """The views around the mirror's distance of `start` that show the board and all of the target's markers."""
     nominal = target.nominal
-    metadata, robot, camera = nominal.metadata, nominal.robot, nominal.camera
+    metadata, camera = nominal.metadata, nominal.camera
     assert metadata.board is not None and camera is not None
-    links = [metadata.root, target.camera_link, target.board_link, *(m.link for m in metadata.markers)]
-    poses = robot.link_poses(target.positions[None], links)[0]
-    camera_from = np.linalg.inv(poses[1]) @ poses
+    camera_from, points = _scene(target)
     board = camera_from[2]
-    corners = metadata.board.corner_in_board_m @ board[:3, :3].T + board[:3, 3]
-    points = np.concatenate([corners, camera_from[3:, :3, 3]])
+    corners = points[: nominal.corner_count]
+    body, clearance_m = _body(target)
     glass = (metadata.mirror or IDEAL_MIRROR).glass
     size = np.array(camera.size_px)
     wanted = [len(corners) + index for index in target.marker_indices]
@@ -83,7 +115,8 @@ def prospects(
         pixels = np.where(seen.valid[:, None], seen.pixels_px, -1.0)
         inside = seen.valid & np.all((pixels > MARGIN_PX) & (pixels < size - 1 - MARGIN_PX), axis=1)
         inside &= points @ normal < distance
-        if not inside[needed].all():
+        # Nothing of the robot may reach into the glass, whether it is looked at or not.
+        if not inside[needed].all() or (body @ normal + clearance_m).max() > distance:
             continue
         edge = np.minimum(pixels, size - 1 - pixels)[needed].min() - MARGIN_PX
         shift = 2.0 * camera.fx_px * STAND_STD_RAD
@@ -148,7 +181,56 @@ def propose_views(
         other = _proposal(target, count, kept, replace(start, distance_m=factor * start.distance_m))
         if len(other.views) > len(best.views) or other.cost < best.cost:
             best = other
+    unsure = best.risk > RISK_TAKEN or len(best.views) < count
+    if not kept and (not best.views or (unsure and reach_m(target) > start.distance_m)):
+        # A robot of another size than the usual one, or one that reaches towards its mirror.
+        for factor in BEYOND_REACH:
+            far = replace(start, distance_m=factor * max(reach_m(target), start.distance_m))
+            other = _proposal(target, count, kept, far)
+            better = len(other.views) > len(best.views) or other.cost < best.cost
+            if better:
+                best = other
+            elif best.risk <= RISK_TAKEN and len(best.views) >= count:
+                break
     return best.views
+
+
+def why_not_seen(target: Target, start: View) -> str:
+    """Why no view shows what has to be seen: what is wrong in the view straight ahead, at the distance of the body's reach."""
+    camera_from, points = _scene(target)
+    metadata, camera = target.nominal.metadata, target.nominal.camera
+    assert camera is not None
+    board = camera_from[2]
+    normal = camera_from[0, :3, :3] @ view_normal(View())
+    if float(normal @ board[:3, 2]) < math.cos(STEEPEST_RAD):
+        return "the board does not face the mirror: its z axis, out of the printed face, must point along the root's x axis"
+    if normal[2] <= 0.0:
+        return "the camera looks away from the mirror: its z axis must point along the root's x axis"
+    glass = (0.0, 1.52)
+    if metadata.mirror is not None:
+        glass = (metadata.mirror.glass_thickness_m, metadata.mirror.refractive_index)
+    distance_m = BEYOND_REACH[2] * max(reach_m(target), start.distance_m)
+    at = float(normal @ board[:3, 3]) + distance_m
+    seen = see_in_mirror(camera, at * normal, points, glass_thickness_m=glass[0], refractive_index=glass[1])
+    corners = target.nominal.corner_count
+    names = ["the board"] * corners + [f"marker {m.name}" for m in metadata.markers]
+    wanted = [*range(corners), *(corners + i for i in target.marker_indices)]
+    size = np.array(camera.size_px)
+    told = []
+    for i in wanted:
+        x, y = seen.pixels_px[i]
+        if not seen.valid[i] or not np.all(
+            (seen.pixels_px[i] > MARGIN_PX) & (seen.pixels_px[i] < size - 1 - MARGIN_PX)
+        ):
+            where = f"at {x:.0f}, {y:.0f} px" if seen.valid[i] else "nowhere"
+            told.append(f"{names[i]} ({where} of {size[0]} x {size[1]})")
+    shown = "; ".join(dict((t.split(" (")[0], t) for t in told).values())
+    return (
+        f"straight ahead, {distance_m:.2f} m from the mirror, out of the picture are: {shown}; turn the camera, or choose another "
+        "posture or other markers"
+        if told
+        else "no two views show all of it at once: the picture is too narrow, or the body too near to its edges"
+    )
 
 
 @dataclass(frozen=True)
@@ -168,8 +250,10 @@ def _proposal(target: Target, count: int, kept: Sequence[View], start: View) -> 
     if len(chosen) < 2:
         first = chosen or options
         pairs = [[a, b] for i, a in enumerate(first) for b in (options if chosen else options[i + 1 :])]
+        if not pairs:
+            return _Proposal(list(kept))
         cost = predicted_std_m(target, pairs) * np.array([_effort(pair) for pair in pairs])
-        if not len(pairs) or not np.isfinite(cost).any():
+        if not np.isfinite(cost).any():
             return _Proposal(list(kept))
         chosen = list(pairs[int(np.argmin(cost))])
     while len(chosen) < count:

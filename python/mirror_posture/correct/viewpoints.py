@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from .._core import MirrorPostureError
 from ..robots.protocol import CommandedRobot, TurnsView
 from ..viewpoint import View
-from .options import PAPER_VIEWS, CorrectOptions
-from .planner import propose_views
+from .options import CorrectOptions
+from .planner import propose_views, why_not_seen
 from .target import Target
 
 
@@ -54,8 +54,10 @@ def choose_viewpoints(robot: CommandedRobot, target: Target, options: CorrectOpt
         proposed = propose_views(target, count + options.extra_views, kept, start=robot.view)
         views, further = tuple(proposed[:count]), proposed[count:]
         if len(views) < 2:
-            # Nothing in the model says that any view works: begin as the paper did.
-            views = PAPER_VIEWS
+            raise MirrorPostureError(
+                f"views: the model finds no two in which board and markers are seen and nothing touches the mirror: "
+                f"{why_not_seen(target, robot.view)}; or give the views (--view)"
+            )
     return Viewpoints(tuple(Viewpoint(view) for view in views), tuple(Viewpoint(view) for view in further))
 
 
