@@ -51,6 +51,8 @@ class MeasureOptions:
     """Views of a marker whose rays differ by less give no position."""
     mount: Mount | None = None
     """A calibrated camera–board transform, which takes the place of the model's and of the two deviations above."""
+    judge_markers: bool = True
+    """Whether a marker whose own views disagree is widened, or masked; False leaves it to a caller who reads `chi_squared`."""
 
 
 @dataclass(frozen=True)
@@ -242,7 +244,7 @@ def _measure(session: Session, nominal: Floats, options: MeasureOptions) -> Meas
         assumed.marker_noise_px,
         session.marker_names,
         mirrors,
-        _markers(session, done, done.camera_from_nominal_camera @ calibrated),
+        _markers(session, done, done.camera_from_nominal_camera @ calibrated, options.judge_markers),
         done.camera_from_nominal_camera @ calibrated,
         done.camera_from_board_covariance,
         done.chi_squared,
@@ -291,7 +293,7 @@ def _without_boards(session: Session, rows: Iterable[int]) -> Session:
     return replace(session, mirror_view=replace(session.mirror_view, board_seen=seen))
 
 
-def _markers(session: Session, done: Measured, correction: Floats) -> Markers:
+def _markers(session: Session, done: Measured, correction: Floats, judge: bool) -> Markers:
     posture, marker = done.posture, done.marker
     frames = session.frames
     # First row of each posture: its camera frame is the posture's (the head is still within one).
@@ -308,9 +310,12 @@ def _markers(session: Session, done: Measured, correction: Floats) -> Markers:
         model[mine] = session.robot.points(session.positions[row[mine]], camera_link, spec.link)
     # The board is where the model says; where the camera sits elsewhere, it is the camera that moved.
     root_from_camera = _a_from_b(session, session.root_link, camera_link)[row] @ np.linalg.inv(correction)
-    covariance, disagree = widen_markers(
-        done.point_covariance_m2, done.point_chi_squared, done.point_degrees_of_freedom
-    )
+    covariance = done.point_covariance_m2
+    disagree: list[str | None] = [None] * len(posture)
+    if judge:
+        covariance, disagree = widen_markers(
+            covariance, done.point_chi_squared, done.point_degrees_of_freedom
+        )
     reason = tuple(why or other for why, other in zip(done.marker_reason, disagree, strict=True))
     measured = np.array([why is None for why in reason], dtype=bool)
     return Markers(

@@ -62,6 +62,8 @@ def read(target: Target, looks: Sequence[Look], posture: Sequence[int], choice: 
                 mount=choice.mount,
                 mount_std_rad=choice.mount_std_rad,
                 mount_std_m=choice.mount_std_m,
+                # The corrector itself tests chi-squared, and looks afresh at what it does not believe.
+                judge_markers=False,
             ),
         ).markers
     except NothingMeasuredError as error:
