@@ -507,7 +507,8 @@ def _judge(
     elif said == "held":
         kept = torque == "held" and at_end == "hold"
     elif said == "not known":
-        kept = not world.reachable
+        # A servo that died takes no other one with it.
+        kept = not world.reachable and (torque == "off" or name != "servo_dies")
     else:
         kept = world.killed and torque == "held"
     share = bus.fastest() / (speed * COUNTS)

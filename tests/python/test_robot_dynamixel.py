@@ -344,6 +344,30 @@ def test_a_dead_parent_ends_the_motion(bus: SimulatedBus, config: ServoConfig, n
         assert bus.all_off() and robot.standing.torque is Torque.OFF
 
 
+def test_a_servo_that_dies_is_named_and_the_others_lose_their_torque(
+    bus: SimulatedBus, config: ServoConfig, nominal: Nominal
+) -> None:
+    with DynamixelRobot(nominal, config, blind) as robot:
+        bus.brown_out(2, 1e6)
+        with pytest.raises(LostRobotError):
+            robot.command({"r_elbow": 1.0})
+        assert bus.all_off() and robot.standing.torque is Torque.UNKNOWN
+        assert "No answer from r_elbow (servo 2); the others are without torque" in robot.standing.why
+
+
+def test_a_line_that_is_back_later_ends_with_the_torque_off(
+    bus: SimulatedBus, config: ServoConfig, nominal: Nominal
+) -> None:
+    with DynamixelRobot(nominal, config, blind) as robot:
+        bus.mute = True
+        with pytest.raises(LostRobotError):
+            robot.command({"r_elbow": 1.0})
+        assert robot.standing.torque is Torque.UNKNOWN and not bus.all_off()
+        bus.mute = False
+    assert bus.all_off() and robot.standing.torque is Torque.OFF
+    assert robot.standing.why.endswith("since then the line came back")
+
+
 def test_a_setting_that_another_program_changed(
     bus: SimulatedBus, config: ServoConfig, nominal: Nominal
 ) -> None:

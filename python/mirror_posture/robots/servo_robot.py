@@ -361,10 +361,25 @@ class ServoRobot(RobotBase):
             if drive.watchdog is not None
             else f"go on for at most {LEAD_S + self.config.speed_rad_per_s / self.config.acceleration_rad_per_s2:.2g} s"
         )
+        silent = self._silent()
+        others = "; the others are without torque" if len(silent) < len(drive.ids) else ""
         return Torque.UNKNOWN, (
-            f"torque could not be taken off ({failed}). Servos under way {stops} "
+            f"torque could not be taken off ({failed}). No answer from {', '.join(silent) or 'some'}{others}. Servos under way {stops} "
             "and hold with limited torque: switch their power off"
         )
+
+    def _silent(self) -> list[str]:
+        """Joints whose servo does not say that its torque is off."""
+        silent, until = [], time.monotonic() + OFF_PATIENCE_S
+        for joint, servo in self._servos.items():
+            try:
+                # A dead line is not waited for servo by servo.
+                late = time.monotonic() > until
+                if late or self._drive.line.read(servo.servo_id, self._drive.torque):
+                    silent.append(f"{joint} (servo {servo.servo_id})")
+            except RobotError:
+                silent.append(f"{joint} (servo {servo.servo_id})")
+        return silent
 
     def _hold(self) -> None:
         """Every goal where its joint stands, within limits that are in force. Raises `RobotError` where that is not so."""
