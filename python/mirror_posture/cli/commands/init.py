@@ -1,0 +1,174 @@
+"""`mirror-posture init`: a session's folder from a robot's file."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ..output import JsonOption, Output
+
+ORDER = 4
+PANEL = "Setting up"
+
+
+def command(
+    robot: Annotated[Path, typer.Argument(help="URDF (or xacro's output) or MJCF.", show_default=False)],
+    folder: Annotated[Path, typer.Argument(help="The session's folder to write.", show_default=False)],
+    camera: Annotated[
+        str | None, typer.Option(help="Link that carries the camera. Asked for where it is left out.")
+    ] = None,
+    camera_at: Annotated[
+        str | None,
+        typer.Option(
+            help="Optical centre X,Y,Z on that link, m. Without it the link is the optical frame itself."
+        ),
+    ] = None,
+    camera_looks: Annotated[str, typer.Option(help="Where it looks, in the link's frame.")] = "1,0,0",
+    camera_up: Annotated[str, typer.Option(help="What is up in its picture, in the link's frame.")] = "0,0,1",
+    board: Annotated[str | None, typer.Option(help="Link that carries the board.")] = None,
+    board_at: Annotated[
+        str | None,
+        typer.Option(help="Its centre X,Y,Z on that link, m. Without it the link is the board's frame."),
+    ] = None,
+    board_faces: Annotated[str, typer.Option(help="Where its printed face looks.")] = "1,0,0",
+    board_up: Annotated[str, typer.Option(help="Where its arrow y points.")] = "0,0,1",
+    marker: Annotated[
+        list[str] | None, typer.Option(help="A ball: NAME=LINK@X,Y,Z (m, in the link's frame). Repeat it.")
+    ] = None,
+    corners: Annotated[str, typer.Option(help="Inner corners of the board, NXxNY.")] = "7x4",
+    square_mm: Annotated[float, typer.Option(help="Side of a square as measured on the print, mm.")] = 20.0,
+    ball_mm: Annotated[float, typer.Option(help="Diameter of the balls, mm.")] = 20.0,
+    glass_mm: Annotated[
+        float, typer.Option(help="Thickness of the mirror's pane; 0: silvered in front.")
+    ] = 4.0,
+    tolerance_mm: Annotated[
+        float, typer.Option(help="How exactly you could place things: one std, mm.")
+    ] = 3.0,
+    tolerance_deg: Annotated[float, typer.Option(help="And turn them: one std, degrees.")] = 1.0,
+    camera_file: Annotated[
+        Path | None,
+        typer.Option(help="The camera's ROS camera_info (camera.yaml). Without it one is guessed."),
+    ] = None,
+    picture: Annotated[
+        str, typer.Option(help="Without --camera-file: the picture's size, WxH.")
+    ] = "1280x720",
+    focal_px: Annotated[
+        float | None,
+        typer.Option(help="Without --camera-file: focal length; by default the picture's width."),
+    ] = None,
+    package: Annotated[
+        list[str] | None, typer.Option(help="NAME=FOLDER of a ROS package whose meshes the URDF names.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Start a session: tell where camera, board and balls sit on the robot.
+
+    Writes robot.urdf (your URDF to the letter, with the mounts at its end), camera.yaml, session.toml with tolerances,
+    and setup.png: the robot with camera, board and balls from three sides. Look at it. All files can be edited by hand.
+
+    Example: `mirror-posture init arm.urdf my-session --camera base --camera-at 0.1,0,0.3 --board base --board-at 0.1,0,0.1
+    --marker hand=gripper@0,0,0.05`
+    """
+    output = Output(as_json)
+    from ..._core import MirrorPostureError
+    from ...board_sheet import BoardSheet
+    from ...camera import Camera
+    from ...new_session import CameraMount, FaceMount, create_session, draw_setup, parse_marker, parse_vector
+    from ...session import load_camera_info
+
+    camera = camera if camera is not None else typer.prompt("Link that carries the camera", err=True)
+    board = board if board is not None else typer.prompt("Link that carries the board", err=True)
+    given = list(marker or ())
+    while not given:
+        given = typer.prompt("Markers as NAME=LINK@X,Y,Z, with blanks between them", err=True).split()
+    for option, value in (
+        ("--tolerance-mm", tolerance_mm),
+        ("--tolerance-deg", tolerance_deg),
+        ("--glass-mm", glass_mm),
+    ):
+        if not (math.isfinite(value) and value >= 0.0):
+            raise MirrorPostureError(f"{option}: got {value!r}, needed a number from 0 on")
+    if not (math.isfinite(ball_mm) and ball_mm > 0.0):
+        raise MirrorPostureError(f"--ball-mm: got {ball_mm!r}, needed a diameter above 0")
+    nx, ny = _two(corners, "--corners", "7x4")
+    tolerance_m, tolerance_rad = tolerance_mm / 1000.0, math.radians(tolerance_deg)
+    # The sheet's own checks: one odd, one even; A3 holds whatever board a robot wears.
+    told = BoardSheet(nx, ny, square_mm / 1000.0, paper="a3").metadata()
+    if camera_file is None:
+        width, height = _two(picture, "--picture", "1280x720")
+        focal = float(width if focal_px is None else focal_px)
+        if not (math.isfinite(focal) and focal > 0.0):
+            raise MirrorPostureError(f"--focal-px: got {focal_px!r}, needed a number above 0")
+        intrinsics = Camera(
+            (width, height), (focal, focal), ((width - 1) / 2, (height - 1) / 2), name="guessed"
+        )
+        output.warn(
+            "camera.yaml is guessed; calibrate the camera before you trust a millimetre: calibrate-camera --help"
+        )
+    else:
+        intrinsics = load_camera_info(camera_file)
+    packages = {}
+    for entry in package or ():
+        name, equals, path = entry.partition("=")
+        if not equals or not Path(path).is_dir():
+            raise MirrorPostureError(
+                f"--package: got {entry!r}, needed NAME=FOLDER of a folder that is there"
+            )
+        packages[name] = Path(path)
+
+    def at(text: str | None, option: str) -> tuple[float, float, float] | None:
+        return None if text is None else parse_vector(text, option)
+
+    made = create_session(
+        robot,
+        folder,
+        camera=intrinsics,
+        camera_mount=CameraMount(
+            camera, at(camera_at, "--camera-at"), parse_vector(camera_looks, "--camera-looks"),
+            parse_vector(camera_up, "--camera-up"), tolerance_m, tolerance_rad,
+        ),
+        board=told,
+        board_mount=FaceMount(
+            board, at(board_at, "--board-at"), parse_vector(board_faces, "--board-faces"),
+            parse_vector(board_up, "--board-up"), tolerance_m, tolerance_rad,
+        ),
+        markers=[parse_marker(text, tolerance_m) for text in given],
+        ball_diameter_m=ball_mm / 1000.0,
+        glass_thickness_m=glass_mm / 1000.0,
+    )  # fmt: skip
+    drawing = folder / "setup.png"
+    missing = draw_setup(folder, drawing, urdf=robot if robot.suffix == ".urdf" else None, packages=packages)
+    for text in made.warnings:
+        output.warn(text)
+    if missing:
+        output.say(
+            f"{len(missing)} meshes were not drawn (not found, or trimesh is not installed), as {missing[0]}"
+        )
+    output.say(f"written: {folder}/session.toml, robot.urdf, camera.yaml; look at {drawing}")
+    output.say(f"joints that move: {', '.join(made.robot.position_names)}")
+    output.result(
+        {
+            "folder": folder,
+            "camera_link": made.camera_link,
+            "board_link": made.board_link,
+            "marker_links": made.marker_links,
+            "joints": list(made.robot.position_names),
+            "meshes_not_drawn": missing,
+            "warnings": list(made.warnings),
+        }
+    )
+
+
+def _two(text: str, option: str, example: str) -> tuple[int, int]:
+    from ..._core import MirrorPostureError
+
+    try:
+        first, second = (int(part) for part in text.lower().split("x"))
+    except ValueError:
+        first = second = 0
+    if min(first, second) < 1:
+        raise MirrorPostureError(f"{option}: got {text!r}, needed two whole numbers, as in {example}")
+    return first, second

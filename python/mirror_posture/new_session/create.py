@@ -1,0 +1,175 @@
+"""The folder of a new session: the robot with its mounts, the camera, session.toml."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+import tomli_w
+
+from .._core import MirrorPostureError
+from ..camera import Camera
+from ..diagnosis.applied.xml_text import XmlText, read_xml
+from ..output_files import new_folder
+from ..robot import Robot
+from ..session.camera_info import dump_camera_info
+from .from_mjcf import origin_text, urdf_from_mjcf
+from .mounts import CameraMount, FaceMount, MarkerMount
+
+CAMERA_LINK, BOARD_LINK, MARKER_SUFFIX = "session_camera_optical", "session_board", "_marker"
+GRAVITY = 9.81
+HUE_TOLERANCE_DEG = 15.0
+
+
+@dataclass(frozen=True)
+class NewSession:
+    """What was written: the folder, the robot in it, and what a person should look at again."""
+
+    folder: Path
+    robot: Robot
+    camera_link: str
+    board_link: str
+    marker_links: dict[str, str]
+    warnings: tuple[str, ...]
+
+
+def create_session(
+    robot_file: Path,
+    folder: Path,
+    *,
+    camera: Camera,
+    camera_mount: CameraMount,
+    board: dict[str, Any],
+    board_mount: FaceMount,
+    markers: Sequence[MarkerMount],
+    ball_diameter_m: float,
+    glass_thickness_m: float = 0.0,
+) -> NewSession:
+    """Writes a session without frames: robot.urdf, camera.yaml and session.toml, to be edited by hand at will.
+
+    The URDF stays as it is, to the letter, with the mounts as further links before its end; an MJCF is turned into a
+    URDF of the same kinematics. `board` are the keys of `[board]` without its link. The markers get evenly spread hues.
+
+    Raises:
+        MirrorPostureError: a folder that is there, a link that the robot does not have (with those that it has), a
+            robot that cannot be read.
+    """
+    if folder.exists():
+        raise MirrorPostureError(f"{folder}: is there already; give another folder")
+    if not robot_file.is_file():
+        raise MirrorPostureError(f"{robot_file}: there is no such file; needed a URDF or an MJCF")
+    text = read_xml(robot_file)
+    root = XmlText(text, str(robot_file)).root.tag
+    if root not in ("robot", "mujoco"):
+        raise MirrorPostureError(
+            f"{robot_file}: got <{root}>, needed a URDF (<robot>) or an MJCF (<mujoco>); of xacro the output: xacro FILE > robot.urdf"
+        )
+    if root == "mujoco":
+        text = urdf_from_mjcf(robot_file)
+    if "xmlns:xacro" in text and ("<xacro:" in text or "${" in text):
+        raise MirrorPostureError(
+            f"{robot_file}: is xacro; write its output: xacro {robot_file.name} > robot.urdf"
+        )
+    bare = Robot.from_urdf_text(text)
+    camera_link = CAMERA_LINK if camera_mount.at_m is not None else camera_mount.link
+    board_link = BOARD_LINK if board_mount.at_m is not None else board_mount.link
+    marker_links = {marker.name: marker.name + MARKER_SUFFIX for marker in markers}
+    mounts = [(marker_links[marker.name], marker.link, marker.link_from_mount()) for marker in markers]
+    if camera_mount.at_m is not None:
+        mounts.append((CAMERA_LINK, camera_mount.link, camera_mount.link_from_mount()))
+    if board_mount.at_m is not None:
+        mounts.append((BOARD_LINK, board_mount.link, board_mount.link_from_mount()))
+    _check_links(bare, robot_file, [camera_mount.link, board_mount.link, *(m.link for m in markers)], mounts)
+    text = _with_mounts(text, mounts)
+    robot = Robot.from_urdf_text(text)
+    tree = _metadata(robot, camera_link, camera_mount, board_link, board_mount, board)
+    tree["markers"] = [
+        _marker(marker, marker_links[marker.name], ball_diameter_m, 360.0 * index / len(markers))
+        for index, marker in enumerate(markers)
+    ]
+    tree["mirror"] = {"glass_thickness": glass_thickness_m, "refractive_index": 1.52}
+    with new_folder(folder) as part:
+        (part / "robot.urdf").write_bytes(text.encode("utf-8"))
+        (part / "camera.yaml").write_text(dump_camera_info(camera), encoding="utf-8")
+        (part / "session.toml").write_text(tomli_w.dumps(tree), encoding="utf-8")
+    return NewSession(
+        folder, robot, camera_link, board_link, marker_links, tuple(_warnings(robot, camera_link, board_link))
+    )
+
+
+def _check_links(
+    robot: Robot, file: Path, named: Sequence[str], mounts: Sequence[tuple[str, str, Any]]
+) -> None:
+    for name in named:
+        if name not in robot.link_names:
+            raise MirrorPostureError(f"{file}: has no link {name!r}; it has {', '.join(robot.link_names)}")
+    new = [name for name, _, _ in mounts]
+    for name in new:
+        if name in robot.link_names or new.count(name) > 1:
+            raise MirrorPostureError(
+                f"{file}: the link {name!r} is there already; give the marker another name"
+            )
+
+
+def _with_mounts(text: str, mounts: Sequence[tuple[str, str, Any]]) -> str:
+    """The URDF with further links, each on a fixed joint, before its end."""
+    lines = "".join(
+        f"  <link name={quoteattr(name)}/>\n"
+        f'  <joint name={quoteattr(name + "_mount")} type="fixed">\n'
+        f"    <parent link={quoteattr(parent)}/>\n    <child link={quoteattr(name)}/>\n    {origin_text(pose)}\n  </joint>\n"
+        for name, parent, pose in mounts
+    )
+    end = text.rindex("</robot>")
+    return text[:end] + "\n  <!-- What was mounted for the session. -->\n" + lines + text[end:]
+
+
+def _metadata(
+    robot: Robot,
+    camera_link: str,
+    camera: CameraMount,
+    board_link: str,
+    board_mount: FaceMount,
+    board: dict[str, Any],
+) -> dict[str, Any]:
+    return {
+        "format": "mirror-posture/session",
+        "version": 1,
+        "robot": "robot.urdf",
+        "camera": "camera.yaml",
+        "root": robot.link_names[0],
+        "gravity": [0.0, 0.0, -GRAVITY],
+        "camera_mount": {"link": camera_link, **_tolerances(camera)},
+        "board": {**board, "link": board_link, **_tolerances(board_mount)},
+    }
+
+
+def _tolerances(mount: CameraMount | FaceMount) -> dict[str, float]:
+    told = {"tolerance_m": mount.tolerance_m, "tolerance_rad": mount.tolerance_rad}
+    return {key: value for key, value in told.items() if value is not None}
+
+
+def _marker(marker: MarkerMount, link: str, diameter_m: float, hue_deg: float) -> dict[str, Any]:
+    told: dict[str, Any] = {"name": marker.name, "link": link, "diameter": diameter_m, "mount": "known"}
+    if marker.tolerance_m is not None:
+        told["tolerance_m"] = marker.tolerance_m
+    color = {"hue": hue_deg, "hue_tolerance": HUE_TOLERANCE_DEG, "min_saturation": 0.5, "min_value": 0.2}
+    return {**told, "color": color}
+
+
+def _warnings(robot: Robot, camera_link: str, board_link: str) -> list[str]:
+    """What is odd with all joints at 0: in a mirror before the camera only a face that looks the same way is seen."""
+    zero = np.zeros((1, len(robot.position_names)))
+    root_from_camera, root_from_board = robot.link_poses(zero, [camera_link, board_link])[0]
+    along = float(root_from_camera[:3, 2] @ root_from_board[:3, 2])
+    angle = math.degrees(math.acos(min(1.0, max(-1.0, along))))
+    if angle > 80.0:
+        return [
+            f"with all joints at 0 the board's face and the camera look {angle:.0f}° apart: a mirror before the camera then "
+            "shows the board's back or edge; check --camera-looks and --board-faces"
+        ]
+    return []

@@ -1,0 +1,113 @@
+"""The robot with its camera, board and markers, from the front, the side and above."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..robot import Robot
+from ..session.metadata import load_metadata
+from .meshes import points_of_links
+
+VIEWS = (
+    ("from its right", 0, 2, "x", "z"),
+    ("from the front", 1, 2, "y", "z"),
+    ("from above", 0, 1, "x", "y"),
+)
+CAMERA_COLOUR, BOARD_COLOUR = "#1f6feb", "#b35900"
+
+
+def draw_setup(
+    folder: Path,
+    file: Path,
+    *,
+    urdf: Path | None = None,
+    packages: Mapping[str, Path] | None = None,
+    positions: Mapping[str, float] | None = None,
+) -> list[str]:
+    """Draws a session's robot with what is mounted on it as a picture of three views; joints at 0 unless told.
+
+    `urdf` is the file that the robot came from, beside which its meshes are looked for; `packages` are folders of ROS
+    packages by name. Returns the names of the meshes that were not found: those links are drawn as lines.
+    """
+    from matplotlib.figure import Figure
+
+    told = load_metadata(folder)
+    robot = Robot.from_urdf(folder / told.robot)
+    q = robot.positions({name: [float(value)] for name, value in (positions or {}).items()})
+    if not len(q):
+        q = np.zeros((1, len(robot.position_names)))
+    root_from_link = robot.link_poses(q, robot.link_names)[0]
+    pose = dict(zip(robot.link_names, root_from_link, strict=True))
+    shapes, missing = points_of_links(urdf if urdf is not None else folder / told.robot, packages or {})
+    figure = Figure(figsize=(15, 6), layout="constrained")
+    for axes, (title, across, up, across_name, up_name) in zip(figure.subplots(1, 3), VIEWS, strict=True):
+        for name, points in shapes.items():
+            if name in pose:
+                seen = _moved(pose[name], points)
+                axes.plot(seen[:, across], seen[:, up], ",", color="#9aa4b2", zorder=1)
+        for joint in robot.joints:
+            a, b = pose[joint.parent_link][:3, 3], pose[joint.child_link][:3, 3]
+            axes.plot([a[across], b[across]], [a[up], b[up]], color="#57606a", lw=1.2, zorder=2)
+        _camera(axes, told, pose, across, up)
+        _board(axes, told, pose, across, up)
+        for marker in told.markers:
+            at = pose[marker.link][:3, 3]
+            hue = 0.0 if marker.color is None else marker.color.hue_deg
+            axes.plot(at[across], at[up], "o", ms=9, color=_tone(hue), mec="black", zorder=5)
+            axes.annotate(
+                marker.name,
+                (at[across], at[up]),
+                xytext=(6, 6),
+                textcoords="offset points",
+                fontsize=8,
+                zorder=6,
+            )
+        axes.set(title=title, xlabel=f"{across_name}, m", ylabel=f"{up_name}, m")
+        axes.set_aspect("equal", adjustable="datalim")
+        axes.grid(alpha=0.3)
+    figure.suptitle(
+        f"{robot.name}: camera (blue, with its view), board (brown, with its face's normal), markers"
+    )
+    figure.savefig(file, dpi=90)
+    return missing
+
+
+def _camera(axes: Any, told: Any, pose: Mapping[str, Any], across: int, up: int) -> None:
+    if told.camera_link is None:
+        return
+    corners = np.array([[x, y, 1.0] for x, y in ((-0.6, -0.45), (0.6, -0.45), (0.6, 0.45), (-0.6, 0.45))])
+    seen = _moved(pose[told.camera_link], np.vstack([np.zeros((1, 3)), 0.12 * corners]))
+    for corner in (1, 2, 3, 4):
+        axes.plot(seen[[0, corner], across], seen[[0, corner], up], color=CAMERA_COLOUR, lw=1, zorder=4)
+    ring = seen[[1, 2, 3, 4, 1]]
+    axes.plot(ring[:, across], ring[:, up], color=CAMERA_COLOUR, lw=1, zorder=4)
+    # The picture's upper edge is the thicker one.
+    axes.plot(seen[[1, 2], across], seen[[1, 2], up], color=CAMERA_COLOUR, lw=3, zorder=4)
+
+
+def _board(axes: Any, told: Any, pose: Mapping[str, Any], across: int, up: int) -> None:
+    if told.board is None:
+        return
+    board = told.board
+    half = np.array([(board.columns + 1) * board.square_m / 2.0, (board.rows + 1) * board.square_m / 2.0])
+    ring = np.array(
+        [[x * half[0], y * half[1], 0.0] for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1))]
+    )
+    normal = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.5 * half.max()]])
+    for points in (ring, normal):
+        seen = _moved(pose[board.link], points)
+        axes.plot(seen[:, across], seen[:, up], color=BOARD_COLOUR, lw=2, zorder=4)
+
+
+def _moved(a_from_b: Any, points_in_b: Any) -> Any:
+    return points_in_b @ a_from_b[:3, :3].T + a_from_b[:3, 3]
+
+
+def _tone(hue_deg: float) -> tuple[float, float, float]:
+    import colorsys
+
+    return colorsys.hsv_to_rgb(hue_deg / 360.0, 0.85, 0.85)

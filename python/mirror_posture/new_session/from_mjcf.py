@@ -1,0 +1,135 @@
+"""An MJCF's bodies and joints as URDF: the same kinematics and masses, without shapes."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+import numpy.typing as npt
+
+from .._core import MirrorPostureError
+from ..diagnosis.applied.urdf import rotation_of_vector, rpy_of_rotation
+
+Floats = npt.NDArray[np.float64]
+MASSLESS = "_before_"
+
+
+def urdf_from_mjcf(file: Path) -> str:
+    """The URDF of a robot that an MJCF describes; joint values mean the same in both.
+
+    Bodies become links of their names. Of several joints of a body, and of a joint that is off its body's origin, links
+    without mass come in between. A free joint at the root fixes the root where the file puts it.
+
+    Raises:
+        MirrorPostureError: MuJoCo is missing or cannot load the file; a ball joint, a nameless joint, two roots.
+    """
+    try:
+        import mujoco
+    except ImportError:
+        raise MirrorPostureError(
+            f"{file}: an MJCF needs MuJoCo: pip install 'mirror-posture[mujoco]'"
+        ) from None
+    try:
+        model = mujoco.MjModel.from_xml_path(str(file))
+    except ValueError as error:
+        raise MirrorPostureError(f"{file}: MuJoCo cannot load it: {' '.join(str(error).split())}") from None
+    lines = ['<?xml version="1.0"?>', f"<robot name={quoteattr(file.stem)}>", '  <link name="world"/>']
+    names = ["world", *(_name(model.body(index).name, f"body_{index}") for index in range(1, model.nbody))]
+    for index in range(1, model.nbody):
+        body = model.body(index)
+        lines.append(_link(names[index], model, index))
+        carried: Floats = np.eye(4)
+        carried[:3, :3] = _rotation(mujoco, body.quat)
+        carried[:3, 3] = body.pos
+        parent = names[int(model.body_parentid[index])]
+        for number in range(int(body.jntnum[0])):
+            identity = int(body.jntadr[0]) + number
+            kind = mujoco.mjtJoint(int(model.jnt_type[identity]))
+            if kind == mujoco.mjtJoint.mjJNT_FREE:
+                continue
+            joint = model.joint(identity)
+            if kind == mujoco.mjtJoint.mjJNT_BALL or not joint.name:
+                what = "is a ball joint" if joint.name else "has no name"
+                raise MirrorPostureError(
+                    f"{file}: joint {joint.name or identity} of body {names[index]} {what}; needed named hinges and slides"
+                )
+            hinge = kind == mujoco.mjtJoint.mjJNT_HINGE
+            ref = float(model.qpos0[model.jnt_qposadr[identity]])
+            # MuJoCo moves by q - ref about a point of the body.
+            before = np.eye(4)
+            before[:3, 3] = joint.pos
+            back: Floats = np.linalg.inv(before)
+            if hinge:
+                before[:3, :3] = rotation_of_vector(-ref * np.asarray(joint.axis))
+            else:
+                before[:3, 3] -= ref * np.asarray(joint.axis)
+            child = f"{names[index]}{MASSLESS}{number}"
+            lines.append(f"  <link name={quoteattr(child)}/>")
+            limits = (
+                tuple(float(v) for v in joint.range)
+                if bool(model.jnt_limited[identity])
+                else (-math.inf, math.inf)
+            )
+            lines.append(_moving(joint.name, hinge, parent, child, carried @ before, joint.axis, limits))
+            parent, carried = child, back
+        lines.append(_fixed(f"{names[index]}_fixed", parent, names[index], carried))
+    return "\n".join([*lines, "</robot>", ""])
+
+
+def _name(given: str, default: str) -> str:
+    return given or default
+
+
+def _rotation(mujoco: Any, quat: Any) -> Any:
+    matrix = np.zeros(9)
+    mujoco.mju_quat2Mat(matrix, np.asarray(quat, dtype=float))
+    return matrix.reshape(3, 3)
+
+
+def _link(name: str, model: Any, index: int) -> str:
+    mass = float(model.body_mass[index])
+    if mass <= 0.0:
+        return f"  <link name={quoteattr(name)}/>"
+    com = " ".join(f"{v:.12g}" for v in model.body_ipos[index])
+    quat = model.body_iquat[index]
+    import mujoco
+
+    rpy = " ".join(f"{v:.12g}" for v in rpy_of_rotation(_rotation(mujoco, quat)))
+    xx, yy, zz = (f"{v:.12g}" for v in model.body_inertia[index])
+    return (
+        f"  <link name={quoteattr(name)}><inertial>"
+        f'<origin xyz="{com}" rpy="{rpy}"/><mass value="{mass:.12g}"/>'
+        f'<inertia ixx="{xx}" iyy="{yy}" izz="{zz}" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+    )
+
+
+def origin_text(pose: Any) -> str:
+    """A URDF's `<origin …/>` of a pose, (4, 4)."""
+    xyz = " ".join(f"{float(v) + 0.0:.12g}" for v in pose[:3, 3])
+    rpy = " ".join(f"{float(v) + 0.0:.12g}" for v in rpy_of_rotation(pose[:3, :3]))
+    return f'<origin xyz="{xyz}" rpy="{rpy}"/>'
+
+
+def _fixed(name: str, parent: str, child: str, pose: Any) -> str:
+    return (
+        f'  <joint name={quoteattr(name)} type="fixed"><parent link={quoteattr(parent)}/>'
+        f"<child link={quoteattr(child)}/>{origin_text(pose)}</joint>"
+    )
+
+
+def _moving(
+    name: str, hinge: bool, parent: str, child: str, pose: Any, axis: Any, limits: tuple[float, ...]
+) -> str:
+    bounded = math.isfinite(limits[0])
+    kind = ("revolute" if bounded else "continuous") if hinge else "prismatic"
+    lower, upper = limits if bounded else (-10.0, 10.0)
+    limit = f'<limit lower="{lower:.12g}" upper="{upper:.12g}" effort="1000" velocity="100"/>'
+    told = "" if kind == "continuous" else limit
+    return (
+        f'  <joint name={quoteattr(name)} type="{kind}"><parent link={quoteattr(parent)}/>'
+        f"<child link={quoteattr(child)}/>{origin_text(pose)}"
+        f'<axis xyz="{" ".join(f"{v:.12g}" for v in axis)}"/>{told}</joint>'
+    )

@@ -1,0 +1,191 @@
+"""A session from nothing: mounts where a person said, judged by MuJoCo and Pinocchio; bad words refused."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import tomllib
+from typer.testing import CliRunner
+
+from mirror_posture import MirrorPostureError, Robot, cli, load_session
+from mirror_posture.new_session import CameraMount, FaceMount, parse_marker, parse_vector
+from mirror_posture.new_session.from_mjcf import urdf_from_mjcf
+from mirror_posture.new_session.meshes import mesh_file
+
+ARM = """<?xml version="1.0"?>
+<!-- a licence -->
+<robot name="arm">
+  <link name="base"><visual><geometry><box size="0.1 0.1 0.05"/></geometry></visual></link>
+  <link name="upper"><visual><geometry><mesh filename="package://arm_description/meshes/upper.stl"/></geometry></visual></link>
+  <joint name="pan" type="revolute"><parent link="base"/><child link="upper"/><origin xyz="0 0 0.05"/>
+    <axis xyz="0 0 1"/><limit lower="-2" upper="2" effort="1" velocity="1"/></joint>
+</robot>
+"""
+WORDS = [
+    "--camera", "base", "--camera-at", "0.1,0.02,0.3", "--board", "base", "--board-at", "0.12,0,0.1",
+    "--marker", "hand=upper@0.2,0,0.01", "--tolerance-mm", "4",
+]  # fmt: skip
+
+
+def run(*arguments: object, code: int = 0, **options):
+    result = CliRunner().invoke(cli.app, [str(argument) for argument in arguments], **options)
+    assert result.exit_code == code, f"{result.exit_code}: {result.output}\n{result.exception!r}"
+    return result
+
+
+@pytest.fixture
+def arm(tmp_path: Path) -> Path:
+    file = tmp_path / "arm_description" / "urdf" / "arm.urdf"
+    file.parent.mkdir(parents=True)
+    file.write_text(ARM)
+    return file
+
+
+def test_a_session_from_a_urdf(arm: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "session"
+    told = json.loads(run("init", arm, folder, *WORDS, "--json").stdout)
+    assert told["joints"] == ["pan"] and told["warnings"] == []
+    assert told["meshes_not_drawn"] == ["package://arm_description/meshes/upper.stl"]
+    # The user's own lines are there to the letter.
+    assert (folder / "robot.urdf").read_text().startswith(ARM[: ARM.index("</robot>")])
+    tree = tomllib.loads((folder / "session.toml").read_text())
+    assert tree["board"]["tolerance_m"] == tree["markers"][0]["tolerance_m"] == pytest.approx(0.004)
+    picture = cv2.imread(str(folder / "setup.png"))
+    assert picture is not None and picture.shape[1] > 1000 and picture.std() > 5
+    # With a row of frames and something seen it is a session without a word of warning.
+    (folder / "frames.csv").write_text("frame,posture,pan\n0,0,0.1\n")
+    (folder / "detections.csv").write_text("frame,target,index,u,v\n0,hand,0,640,360\n")
+    session = load_session(folder)
+    assert session.warnings == ()
+    pose = session.robot.link_poses(
+        np.zeros((1, 1)), ["session_camera_optical", "session_board", "hand_marker"]
+    )[0]
+    np.testing.assert_allclose(pose[0][:3, 3], [0.1, 0.02, 0.3], atol=1e-12)
+    # Optical frame: z forward (x of the link), x right (its -y), y down (its -z). Board: z out, y up.
+    np.testing.assert_allclose(pose[0][:3, :3], [[0, 0, 1], [-1, 0, 0], [0, -1, 0]], atol=1e-10)
+    np.testing.assert_allclose(pose[1][:3, :3], [[0, 0, 1], [1, 0, 0], [0, 1, 0]], atol=1e-10)
+    np.testing.assert_allclose(pose[2][:3, 3], [0.2, 0.0, 0.06], atol=1e-12)
+
+
+def test_what_is_left_out_is_asked_for(arm: Path, tmp_path: Path) -> None:
+    answers = "base\nbase\nhand=upper@0.2,0,0 wrist=upper@0.1,0,0\n"
+    run("init", arm, tmp_path / "s", "--camera-at", "0,0,0.3", "--board-at", "0,0,0.1", input=answers)
+    tree = tomllib.loads((tmp_path / "s" / "session.toml").read_text())
+    assert [marker["name"] for marker in tree["markers"]] == ["hand", "wrist"]
+    assert tree["markers"][1]["color"]["hue"] == 180.0
+
+
+def test_a_board_that_looks_away_is_told(arm: Path, tmp_path: Path) -> None:
+    assert "180° apart" in run("init", arm, tmp_path / "s", *WORDS, "--board-faces=-1,0,0").stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "problem"),
+    [
+        (["--camera", "head"], "no link 'head'; it has base, upper"),
+        (["--marker", "hand"], "NAME=LINK@X,Y,Z"),
+        (["--marker", "hand=upper@0,0"], "X,Y,Z"),
+        (["--marker", "hand=upper@0,0,0"], "is there already"),
+        (["--camera-up", "1,0,0"], "parallel"),
+        (["--board-faces", "0,0,0"], "a direction"),
+        (["--corners", "7x5"], "one odd and one even"),
+        (["--camera-at", "nan,0,0"], "finite"),
+        (["--picture", "wide"], "two whole numbers"),
+        (["--ball-mm", "0"], "above 0"),
+        (["--package", "x=/nowhere-at-all"], "NAME=FOLDER"),
+    ],
+)
+def test_bad_words_are_refused_and_leave_nothing(
+    words: list[str], problem: str, arm: Path, tmp_path: Path
+) -> None:
+    result = run("init", arm, tmp_path / "s", *WORDS, *words, code=1)
+    assert problem in result.stderr
+    assert not (tmp_path / "s").exists()
+
+
+def test_files_that_are_no_robots_are_refused(tmp_path: Path) -> None:
+    file = tmp_path / "x.urdf"
+    for text, problem in (
+        ("<sdf/>", "needed a URDF"),
+        ("<robot", "no XML"),
+        ('<robot xmlns:xacro="http://x" name="a"><xacro:arm/><link name="a"/></robot>', "xacro x.urdf"),
+    ):
+        file.write_text(text)
+        assert problem in run("init", file, tmp_path / "s", *WORDS, code=1).stderr
+
+
+def test_directions_need_not_be_square_and_places_are_three_numbers() -> None:
+    tilted = CameraMount("head", (0, 0, 0), (1.0, 0.0, -1.0), (0.0, 0.0, 1.0)).link_from_mount()
+    np.testing.assert_allclose(tilted[:3, :3] @ tilted[:3, :3].T, np.eye(3), atol=1e-12)
+    assert np.linalg.det(tilted[:3, :3]) == pytest.approx(1.0)
+    np.testing.assert_allclose(tilted[:3, 2], [np.sqrt(0.5), 0, -np.sqrt(0.5)], atol=1e-12)
+    np.testing.assert_allclose(FaceMount("board").link_from_mount(), np.eye(4))
+    assert parse_marker("a=b@c@1,2,3", None).link == "b@c"
+    with pytest.raises(MirrorPostureError, match="--x"):
+        parse_vector("1,2", "--x")
+
+
+def test_meshes_are_found_as_ros_finds_them(
+    arm: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    name = "package://arm_description/meshes/upper.stl"
+    assert mesh_file(name, arm, {}) is None
+    mesh = arm.parents[1] / "meshes" / "upper.stl"
+    mesh.parent.mkdir()
+    mesh.write_text("solid x\nendsolid x\n")
+    assert mesh_file(name, arm, {}).resolve() == mesh.resolve()
+    lonely = tmp_path / "lonely.urdf"
+    assert mesh_file(name, tmp_path / "elsewhere" / "x.urdf", {}) is not None, (
+        "a folder above holds the package"
+    )
+    monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path))
+    assert mesh_file(name, Path("/x.urdf"), {}) == mesh
+    assert mesh_file("package://other/meshes/upper.stl", lonely, {"other": mesh.parents[1]}) == mesh
+    assert mesh_file("../meshes/upper.stl", arm, {}) is not None
+
+
+MJCF = """<mujoco model="m"><compiler angle="radian"/><worldbody>
+  <body name="a" pos="0.1 0 0.2" quat="0.9 0.1 0.3 -0.2"><freejoint/>
+    <geom type="sphere" size="0.05" mass="1"/>
+    <body name="b" pos="0 0.1 0.3" euler="0.3 0.2 -0.4">
+      <joint name="j1" axis="0 1 0.5" pos="0.02 -0.01 0.03" range="-1 1" ref="0.3"/>
+      <joint name="j2" axis="1 0 0" pos="0 0.05 0"/>
+      <geom type="box" size="0.02 0.03 0.04" pos="0.1 0 0" mass="0.4"/>
+      <body name="c" pos="0.2 0 0"><joint name="s" type="slide" axis="0 1 1" pos="0.1 0 0" ref="0.05" range="-.1 .1"/>
+        <geom type="sphere" size="0.01" mass="0.1"/></body>
+    </body></body></worldbody></mujoco>"""
+
+
+def test_an_mjcf_becomes_a_urdf_that_moves_as_mujoco_moves(tmp_path: Path) -> None:
+    mujoco = pytest.importorskip("mujoco")
+    file = tmp_path / "m.xml"
+    file.write_text(MJCF)
+    robot = Robot.from_urdf_text(urdf_from_mjcf(file))
+    assert robot.position_names == ("j1", "j2", "s")
+    model = mujoco.MjModel.from_xml_path(str(file))
+    data = mujoco.MjData(model)
+    generator = np.random.default_rng(1)
+    for _ in range(5):
+        q = {
+            "j1": generator.uniform(-1, 1),
+            "j2": generator.uniform(-3, 3),
+            "s": generator.uniform(-0.1, 0.1),
+        }
+        for name, value in q.items():
+            data.joint(name).qpos[0] = value
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        position = robot.positions({name: [value] for name, value in q.items()})
+        poses = robot.link_poses(position, ["a", "b", "c"])[0]
+        for name, pose in zip("abc", poses, strict=True):
+            np.testing.assert_allclose(pose[:3, 3], data.body(name).xpos, atol=1e-9)
+            np.testing.assert_allclose(pose[:3, :3], data.body(name).xmat.reshape(3, 3), atol=1e-9)
+    masses = {link.name: link for link in robot.links}
+    assert masses["b"].mass_kg == pytest.approx(0.4) and masses["b"].com_in_link_m[0] == pytest.approx(0.1)
+    file.write_text(MJCF.replace('name="j2" axis="1 0 0"', 'name="j2" type="ball"'))
+    with pytest.raises(MirrorPostureError, match="ball joint"):
+        urdf_from_mjcf(file)
