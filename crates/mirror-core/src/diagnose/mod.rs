@@ -24,5 +24,6 @@ pub use data::recording::{
     BoardSpec, Frame, MarkerSpec, MeasuredPoint, PointsFrame, Recording, SightSpec, Sighting, Target, Via,
 };
 pub use effects::own::{OwnAxis, OwnEffect, OwnParameter, OwnPlace, Quantities, quantities};
-pub use pipeline::{DiagnoseOptions, OtherSession, diagnose};
+pub use pipeline::diagnose;
+pub use prepare::options::{DiagnoseOptions, OtherSession};
 pub use screening::{Screening, screen_once};

@@ -4,4 +4,5 @@ pub(super) mod design;
 pub(super) mod findings;
 pub(super) mod gap_closed;
 pub(super) mod noise_floor;
+pub(super) mod other_session;
 pub(super) mod uncertainty;

@@ -1,4 +1,5 @@
 //! Before anything is explained: what in the data is not to be used.
 
 pub(super) mod false_observations;
+pub(super) mod options;
 pub(super) mod row_slip;

@@ -1,8 +1,10 @@
 //! Which causes: prior and posterior odds, the search and its moves, alternatives.
 
 pub(super) mod alternatives;
+pub(super) mod law_remainder;
 pub(super) mod nonparametric;
 pub(super) mod pairwise_start;
 pub(super) mod posterior_odds;
 pub(super) mod search;
+pub(super) mod simplify;
 pub(super) mod with_tolerances;

@@ -1,0 +1,59 @@
+//! What a diagnosis is asked: options, and further sessions on which it is checked.
+
+use crate::diagnose::data::recording::Recording;
+use crate::diagnose::effects::Effect;
+use crate::diagnose::effects::own::OwnEffect;
+use crate::error::{Error, Result};
+use crate::robot::Robot;
+
+/// How to diagnose.
+#[derive(Debug, Clone, Default)]
+pub struct DiagnoseOptions {
+    /// Effects that are switched off.
+    pub without: Vec<String>,
+    /// No more causes than this; 0 for the usual six.
+    pub most_causes: usize,
+    /// Further effects beside the vocabulary.
+    pub own: Vec<OwnEffect>,
+    /// Whether the markers are told posture by posture.
+    pub markers: bool,
+}
+
+/// A further session on which the result is checked.
+#[derive(Debug, Clone)]
+pub struct OtherSession {
+    /// Its name.
+    pub name: String,
+    /// Its robot.
+    pub robot: Robot,
+    /// What was recorded.
+    pub recording: Recording,
+    /// The options' own effects, with their weights in this session; those that are not here are not predicted.
+    pub own: Vec<OwnEffect>,
+}
+
+/// What can be switched off beside the effects of one place: small errors everywhere, and slipped rows.
+pub(crate) const EVERYWHERE: [&str; 2] = ["geometry", "pairing"];
+
+impl DiagnoseOptions {
+    /// Whether an effect, or what is tried beside them, is not switched off.
+    pub(crate) fn allows(&self, name: &str) -> bool {
+        !self.without.iter().any(|w| w == name)
+    }
+
+    /// Refuses names in `without` that are none.
+    ///
+    /// # Errors
+    /// [`Error::UnknownName`], with the valid names.
+    pub(crate) fn check_names(&self, effects: &[Box<dyn Effect>]) -> Result<()> {
+        let valid = || effects.iter().map(|e| e.name()).chain(EVERYWHERE);
+        match self.without.iter().find(|w| !valid().any(|v| v == w.as_str())) {
+            None => Ok(()),
+            Some(unknown) => Err(Error::UnknownName {
+                what: "effect in `without`",
+                got: unknown.clone(),
+                valid: valid().collect::<Vec<_>>().join(", "),
+            }),
+        }
+    }
+}

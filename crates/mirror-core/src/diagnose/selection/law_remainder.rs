@@ -1,0 +1,65 @@
+//! Whether what is left is but the error of the causes' own laws: no law of a real joint is exact.
+
+use crate::diagnose::criteria::cross_validation::{PostureGap, seen_size};
+use crate::diagnose::criteria::marker_shift::marker_shift;
+use crate::diagnose::effects::hypothesis::Catalogue;
+use crate::diagnose::selection::nonparametric::elsewhere;
+use crate::diagnose::selection::search::{Found, Search};
+use crate::error::Result;
+
+/// More causes than this at once are rather many small errors.
+pub(crate) const MANY_CAUSES: usize = 4;
+/// A remainder smaller than this share (squared: 8 %) of what the causes move is what their laws are wrong by.
+const LAW_REMAINDER: f64 = 0.0064;
+
+/// Whether the causes' own laws account for what is left: few causes, none of them free-form, and a remainder that is a small
+/// part of what they move.
+///
+/// # Errors
+/// A camera or mirror that cannot be.
+pub(crate) fn by_laws(search: &Search<'_>, found: &Found, after: &[PostureGap]) -> Result<bool> {
+    let terms = &found.fit.model.terms;
+    let free = terms.iter().any(|t| search.catalogue.is_free(t.hypothesis));
+    Ok(!free && terms.len() <= MANY_CAUSES && remainder_share(search, found, after, None)? < LAW_REMAINDER)
+}
+
+/// Whether free-form errors only say that the causes found have not quite their textbook laws: they sit at the causes' own
+/// places, and what they take up beyond the causes is a small part of what the causes move.
+pub(crate) fn only_their_laws(
+    search: &Search<'_>,
+    found: &Found,
+    (its_search, with_free): (&Search<'_>, &Found),
+    all: &Catalogue,
+) -> Result<bool> {
+    let terms = found.fit.model.terms.len();
+    if !(1..=MANY_CAUSES).contains(&terms)
+        || terms > with_free.fit.model.terms.len()
+        || elsewhere(all, &with_free.fit.model, &found.fit.model)
+    {
+        return Ok(false);
+    }
+    let after = search.held_out(&found.fit.model, found.noise)?;
+    let after_free = its_search.held_out(&with_free.fit.model, with_free.noise)?;
+    Ok(remainder_share(search, found, &after, Some(&after_free))? < LAW_REMAINDER)
+}
+
+/// What is left above the noise (or above `least`, another model's remainder), squared, as a share of what the causes move.
+fn remainder_share(
+    search: &Search<'_>,
+    found: &Found,
+    after: &[PostureGap],
+    least: Option<&[PostureGap]>,
+) -> Result<f64> {
+    let mut none = found.fit.model.clone();
+    none.terms.clear();
+    none.group.iter_mut().for_each(|g| *g = 0.0);
+    let noise = search.measured_noise;
+    let (from, to) = (search.deformation(&none), search.deformation(&found.fit.model));
+    let moved = marker_shift(&search.problem, &from, &to, noise)?;
+    let moved = moved.iter().sum::<f64>() / moved.len().max(1) as f64;
+    let unit = if search.problem.camera.is_some() { noise.marker_px } else { noise.point_m };
+    let axes = if search.problem.camera.is_some() { 2.0 } else { 3.0 };
+    let square = |gaps: &[PostureGap]| (seen_size(gaps) / unit).powi(2);
+    let left = square(after) - least.map_or(axes, |gaps| square(gaps).max(axes));
+    Ok(if moved > 0.0 { left.max(0.0) / moved } else { f64::INFINITY })
+}

@@ -1,0 +1,140 @@
+//! The causes found, made fewer and simpler: those that do not help where they were not fitted are dropped, those that come down to
+//! another are called by its name, those that only served free-form errors are taken back.
+
+use crate::diagnose::criteria::cross_validation::{PostureGap, held_out, in_sample, seen_size};
+use crate::diagnose::effects::hypothesis::{Model, Term};
+use crate::diagnose::likelihood::fit::Group;
+use crate::diagnose::selection::alternatives::Standing;
+use crate::diagnose::selection::search::{Found, Search};
+use crate::error::Result;
+
+/// A cause must shrink the held-out gap by this share, or it is dropped.
+const LEAST_HELD_OUT_GAIN: f64 = 0.002;
+/// Held-out gaps are larger than fitted ones: one that is already larger by so many times the least gain decides.
+const SURELY_WORSE: f64 = 2.0;
+/// The same beside many small errors, of which a cause must stand out.
+const LEAST_HELD_OUT_GAIN_BESIDE_GEOMETRY: f64 = 0.02;
+/// A cause beside free-form errors may leave the gap larger by this factor: it may be small beside them.
+const NO_LARGER: f64 = 1.0005;
+
+/// The held-out gap of the nominal model and of the causes found.
+///
+/// # Errors
+/// A camera or mirror that cannot be.
+pub(crate) fn gaps(
+    search: &Search<'_>,
+    nominal: &Model,
+    found: &Found,
+) -> Result<(Vec<PostureGap>, Vec<PostureGap>)> {
+    let none = Group::default();
+    let scatter = search.effective(nominal)?;
+    let measured = search.measured_noise;
+    let before = held_out(&search.problem, search.catalogue, &none, nominal, scatter, measured, false)?;
+    let after = search.held_out(&found.fit.model, found.noise)?;
+    Ok((before, after))
+}
+
+/// Calls causes by the simpler name that they come down to: stiction without a dead band is compliance.
+pub(crate) fn comes_down(search: &Search<'_>, found: &mut Found, after: &mut Vec<PostureGap>) -> Result<()> {
+    let catalogue = search.catalogue;
+    let mut model = found.fit.model.clone();
+    let mut changed = false;
+    for term in &mut model.terms {
+        let place = catalogue.hypotheses[term.hypothesis].place;
+        let Some((effect, parameters)) = catalogue.effect(term.hypothesis).comes_down_to(&term.parameters)
+        else {
+            continue;
+        };
+        if let Some(hypothesis) = catalogue.find(effect, place) {
+            *term = Term { hypothesis, variant: 0.0, parameters, prior_scale: 1.0 };
+            changed = true;
+        }
+    }
+    if changed {
+        found.fit = search.fit(&model, found.noise, 8)?;
+        *after = search.held_out(&found.fit.model, found.noise)?;
+    }
+    Ok(())
+}
+
+/// Drops causes that do not help where they were not fitted.
+pub(crate) fn drop_useless(
+    search: &mut Search<'_>,
+    found: &mut Found,
+    after: &mut Vec<PostureGap>,
+) -> Result<()> {
+    let least = if search.group.columns.is_empty() {
+        LEAST_HELD_OUT_GAIN
+    } else {
+        LEAST_HELD_OUT_GAIN_BESIDE_GEOMETRY
+    };
+    let mut i = 0;
+    while i < found.fit.model.terms.len() {
+        let without = search.fit(&found.fit.model.without(i), found.noise, 6)?;
+        // Where even the fitted postures are worse off, those held out need not be looked at.
+        let fitted = in_sample(&search.problem, &search.deformation(&without.model), search.measured_noise)?;
+        if seen_size(&fitted) >= seen_size(after) * (1.0 + SURELY_WORSE * least) {
+            i += 1;
+            continue;
+        }
+        let gap = search.held_out(&without.model, found.noise)?;
+        if seen_size(&gap) < seen_size(after) * (1.0 + least) {
+            let name = search.catalogue.name(&search.problem.scene, found.fit.model.terms[i].hypothesis);
+            found.trace.push(format!("drop {name}: no gain on held-out regions"));
+            found.fit = without;
+            *after = gap;
+            i = 0;
+        } else {
+            i += 1;
+        }
+    }
+    Ok(())
+}
+
+/// The held-out gap of the named causes alone: what has no name cannot be added to a model, so what it leaves is left. A cause
+/// that makes the gap no smaller by itself only served the free-form errors, and is taken back.
+pub(crate) fn without_names(
+    search: &Search<'_>,
+    found: &mut Found,
+    standings: &mut Vec<Option<Standing>>,
+    before: &[PostureGap],
+) -> Result<Vec<PostureGap>> {
+    let is_free = |t: &Term| search.catalogue.is_free(t.hypothesis);
+    let gap_of = |model: &Model| -> Result<Vec<PostureGap>> {
+        let mut causes = model.clone();
+        causes.terms.retain(|t| !is_free(t));
+        if causes.terms.is_empty() && causes.group.is_empty() {
+            return Ok(before.to_vec());
+        }
+        search.held_out(&causes, found.noise)
+    };
+    let mut model = found.fit.model.clone();
+    let mut after = gap_of(&model)?;
+    let mut i = 0;
+    while i < model.terms.len() {
+        let rest = model.without(i);
+        if is_free(&model.terms[i]) {
+            i += 1;
+            continue;
+        }
+        let without = gap_of(&rest)?;
+        if seen_size(&after) <= seen_size(&without) * NO_LARGER {
+            i += 1;
+            continue;
+        }
+        let name = search.catalogue.name(&search.problem.scene, model.terms[i].hypothesis);
+        found.trace.push(format!("drop {name}: by itself it does not make the gap smaller"));
+        (model, after) = (rest, without);
+        standings.remove(i);
+        i = 0;
+    }
+    if model.terms.len() < found.fit.model.terms.len() {
+        found.fit = search.fit(&model, found.noise, 8)?;
+    }
+    if model.group.is_empty() && model.terms.iter().all(is_free) {
+        return Ok(after);
+    }
+    // The gap that is claimed is that of the parameters that are claimed: those found beside what has no name.
+    let (s, measured) = (search, search.measured_noise);
+    held_out(&s.problem, s.catalogue, &s.group, &found.fit.model, found.noise, measured, true)
+}
