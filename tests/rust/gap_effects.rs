@@ -23,7 +23,7 @@ fn finds(wrong: Wrong, effect: &str, at: &str, truth: &[(&str, f64)]) {
     let plan = Plan { wrong: vec![wrong], ..Plan::default() };
     let diagnosis = diagnosed(&World::new(4, false), &plan);
     let said = told(&diagnosis);
-    assert_eq!(diagnosis.verdict, "explained", "{said}");
+    assert_eq!(diagnosis.verdict.as_str(), "explained", "{said}");
     assert_eq!(diagnosis.causes.len(), 1, "{said}");
     let cause: &Cause = &diagnosis.causes[0];
     assert_eq!((cause.effect.as_str(), cause.at.as_str()), (effect, at), "{said}");

@@ -39,7 +39,7 @@ fn a_marker_off_its_mount_is_off_by_as_much_in_every_posture() {
     let marker = world.markers.iter().position(|m| m.0 == "l_hand").unwrap();
     let named = diagnosed(&world, Wrong::Mount(marker, shift), &[]);
     let nameless = diagnosed(&world, Wrong::Mount(marker, shift), &["marker_mount"]);
-    assert_eq!(nameless.verdict, "unknown", "{}", nameless.sentence);
+    assert_eq!(nameless.verdict.as_str(), "unknown", "{}", nameless.sentence);
     for (found, cause) in [(named, Some(0)), (nameless, None)] {
         let track = track(&found, "marker:l_hand", "shift");
         assert_eq!((track.cause, track.unit.as_str()), (cause, "m"));

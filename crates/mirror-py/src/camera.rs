@@ -16,7 +16,11 @@ pub struct PyCamera {
     pub inner: Arc<Camera>,
 }
 
-fn lens(model: &str, coefficients: &[f64]) -> Result<Distortion> {
+/// A lens by its model's name.
+///
+/// # Errors
+/// [`Error::UnknownName`] for a model that is not supported, [`Error::LengthMismatch`] for a wrong number of coefficients.
+pub(crate) fn lens(model: &str, coefficients: &[f64]) -> Result<Distortion> {
     let of_length = |needed: usize| Error::LengthMismatch {
         what: format!("coefficients of a {model} lens"),
         got: coefficients.len(),
@@ -24,7 +28,7 @@ fn lens(model: &str, coefficients: &[f64]) -> Result<Distortion> {
     };
     match model {
         "none" => {
-            if coefficients.is_empty() {
+            if coefficients.iter().all(|k| *k == 0.0) {
                 Ok(Distortion::None)
             } else {
                 Err(of_length(0))

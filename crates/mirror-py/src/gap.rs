@@ -1,8 +1,9 @@
 //! The diagnosis: a session's arrays in, the diagnosis as JSON out.
 
+use crate::camera::lens;
 use crate::errors::{MirrorPostureError, to_py};
 use crate::gap_own::{OwnEffectArrays, quantities_to_py};
-use mirror_core::camera::{Camera, Distortion};
+use mirror_core::camera::Camera;
 use mirror_core::diagnose::{
     BoardSpec, DiagnoseOptions, Frame, MarkerSpec, MeasuredPoint, OtherSession, PointsFrame, Recording,
     SightSpec, Sighting, Target, Via,
@@ -99,22 +100,7 @@ fn json_error(what: &str) -> impl Fn(serde_json::Error) -> PyErr + '_ {
 }
 
 fn camera_of(header: &CameraHeader) -> PyResult<Camera> {
-    let k = |n: usize| {
-        let mut c = header.distortion.clone();
-        c.resize(n, 0.0);
-        c
-    };
-    let lens = match header.model.as_str() {
-        "rational_polynomial" => {
-            let c = k(8);
-            Distortion::RationalPolynomial([c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7]])
-        }
-        _ if header.distortion.iter().all(|x| *x == 0.0) => Distortion::None,
-        _ => {
-            let c = k(5);
-            Distortion::PlumbBob([c[0], c[1], c[2], c[3], c[4]])
-        }
-    };
+    let lens = lens(&header.model, &header.distortion).map_err(to_py)?;
     let size = header.size_px;
     Camera::new(size, Vector2::from(header.focal_px), Vector2::from(header.center_px), lens).map_err(to_py)
 }
@@ -252,4 +238,25 @@ impl GapRecording {
             .map_err(to_py)?;
         serde_json::to_string(&diagnosis).map_err(json_error("diagnosis"))
     }
+}
+
+/// The vocabulary of effects in words, a dict each; see `mirror_core::diagnose::effects`.
+#[pyfunction]
+pub fn effects(py: Python<'_>) -> PyResult<Vec<Bound<'_, PyDict>>> {
+    let told = |effect: mirror_core::diagnose::EffectInfo| {
+        let dict = PyDict::new(py);
+        dict.set_item("name", effect.name)?;
+        dict.set_item("at", effect.at.name())?;
+        dict.set_item("parameters", effect.parameters)?;
+        dict.set_item("law", effect.law)?;
+        dict.set_item("words", effect.words)?;
+        dict.set_item("remedy", effect.remedy)?;
+        dict.set_item("written_to", effect.written_to.name())?;
+        dict.set_item("fed_forward", effect.fed_forward)?;
+        dict.set_item("signature", effect.signature)?;
+        dict.set_item("shown_by", effect.shown_by)?;
+        dict.set_item("confused_with", effect.confused_with)?;
+        Ok(dict)
+    };
+    mirror_core::diagnose::effects().into_iter().map(told).collect()
 }

@@ -30,6 +30,8 @@ mod _core {
     #[pymodule_export]
     use crate::gap::GapRecording;
     #[pymodule_export]
+    use crate::gap::effects;
+    #[pymodule_export]
     use crate::measure::{MeasureInput, Measured};
     #[pymodule_export]
     use crate::mirror::{PyMirrors, PyPlanarPoses, PyRig, planar_poses};

@@ -18,11 +18,12 @@ mod tests;
 
 pub use data::diagnosis::{
     Alternative, Cause, Checked, Diagnosis, Estimate, Field, FieldPoint, Gap, Member, Ranked, SeenMarker,
-    Signature, SignaturePoint, Track, TrackAxis, TrackPoint, Where,
+    Signature, SignaturePoint, Track, TrackAxis, TrackPoint, Verdict, Where,
 };
 pub use data::recording::{
     BoardSpec, Frame, MarkerSpec, MeasuredPoint, PointsFrame, Recording, SightSpec, Sighting, Target, Via,
 };
+pub use effects::about::{EffectInfo, PlaceKind, WrittenTo, effects};
 pub use effects::own::{OwnAxis, OwnEffect, OwnParameter, OwnPlace, Quantities, quantities};
 pub use pipeline::diagnose;
 pub use prepare::options::{DiagnoseOptions, OtherSession};

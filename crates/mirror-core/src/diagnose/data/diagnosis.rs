@@ -267,6 +267,41 @@ pub struct Ranked {
     pub log_bayes: f64,
 }
 
+/// How much of the gap the causes explain.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// Too little usable evidence to say anything.
+    Insufficient,
+    /// The nominal model already predicts to the noise floor.
+    None,
+    /// The causes bring it there.
+    Explained,
+    /// The causes shrink the gap, and what is left is significant.
+    Partial,
+    /// A significant gap that no effect of the vocabulary explains.
+    Unknown,
+}
+
+impl Verdict {
+    /// The word in `diagnosis.json`.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Insufficient => "insufficient",
+            Self::None => "none",
+            Self::Explained => "explained",
+            Self::Partial => "partial",
+            Self::Unknown => "unknown",
+        }
+    }
+}
+
+impl core::fmt::Display for Verdict {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str(self.as_str())
+    }
+}
+
 /// What a diagnosis says.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Diagnosis {
@@ -274,8 +309,8 @@ pub struct Diagnosis {
     pub format: String,
     /// 1.
     pub version: u32,
-    /// `none`, `explained`, `partial` or `unknown`.
-    pub verdict: String,
+    /// How much of the gap the causes explain.
+    pub verdict: Verdict,
     /// The verdict in one sentence.
     pub sentence: String,
     /// The causes, the one that closes most of the gap first.

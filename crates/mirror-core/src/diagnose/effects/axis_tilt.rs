@@ -1,5 +1,6 @@
 //! The axis of rotation is tilted: the real axis is `unit(a + tan(tilt_1) u + tan(tilt_2) v)`.
 
+use super::about::{About, PlaceKind, WrittenTo};
 use super::{Effect, Place, joint_of, moving_joints, named};
 use crate::diagnose::model::elementary::{Atom, Column};
 use crate::diagnose::model::scene::Scene;
@@ -30,5 +31,18 @@ impl Effect for AxisTilt {
 
     fn words(&self) -> &str {
         "the joint's axis is tilted"
+    }
+
+    fn about(&self) -> Option<About> {
+        Some(About {
+            at: PlaceKind::Joint,
+            law: "the axis turned by (α₁, α₂) about two directions across it",
+            remedy: "write the axis into the URDF",
+            written_to: WrittenTo::Urdf,
+            fed_forward: false,
+            signature: "looks like an error of the neighbours that turns with q",
+            shown_by: "a large range of q, markers far from the axis",
+            confused_with: "`joint_offset` of a neighbour over a short range",
+        })
     }
 }

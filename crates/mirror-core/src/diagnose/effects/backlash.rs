@@ -8,6 +8,7 @@
 //! Source: Nordin and Gutman, "Controlling mechanical systems with backlash: a survey" (2002), friction-controlled and
 //! inertia-free model; the load's side by statics.
 
+use super::about::{About, PlaceKind, WrittenTo};
 use super::{Effect, LEAST_TORQUE_NM, LawFreedom, Place, joint_error, joint_of, named};
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::deformation::Deformation;
@@ -145,5 +146,18 @@ impl Effect for Backlash {
 
     fn words(&self) -> &str {
         "the gear has play: the joint lies on the side to which its load or its last motion pushes it"
+    }
+
+    fn about(&self) -> Option<About> {
+        Some(About {
+            at: PlaceKind::Joint,
+            law: "θ = q ± b/2, on the side of the load or of the last motion",
+            remedy: "preload or replace the gear, or feed it forward",
+            written_to: WrittenTo::Mjcf,
+            fed_forward: true,
+            signature: "two heights: by the sign of the load where it is large, by direction where it is small",
+            shown_by: "load that changes its sign; each posture reached from both sides",
+            confused_with: "`stiction` where friction decides the side; `joint_offset` where the load never changes sign",
+        })
     }
 }

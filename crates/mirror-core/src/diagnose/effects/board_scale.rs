@@ -1,5 +1,6 @@
 //! The printed squares are larger by a factor 1 + e.
 
+use super::about::{About, PlaceKind, WrittenTo};
 use super::{Effect, Place, named};
 use crate::diagnose::model::elementary::{Atom, Column};
 use crate::diagnose::model::scene::Scene;
@@ -30,5 +31,18 @@ impl Effect for BoardScale {
 
     fn words(&self) -> &str {
         "the printed squares are larger or smaller than the model says"
+    }
+
+    fn about(&self) -> Option<About> {
+        Some(About {
+            at: PlaceKind::Board,
+            law: "squares (1 + e) times as large",
+            remedy: "measure the board's squares anew",
+            written_to: WrittenTo::Session,
+            fed_forward: false,
+            signature: "the mirror seems too near or too far; markers grow or shrink with it",
+            shown_by: "several distances",
+            confused_with: "`camera_focal`",
+        })
     }
 }

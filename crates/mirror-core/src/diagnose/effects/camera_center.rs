@@ -1,5 +1,6 @@
 //! The principal point is off.
 
+use super::about::{About, PlaceKind, WrittenTo};
 use super::{Effect, Place, named};
 use crate::diagnose::model::elementary::{Atom, Column};
 use crate::diagnose::model::scene::Scene;
@@ -30,5 +31,18 @@ impl Effect for CameraCenter {
 
     fn words(&self) -> &str {
         "the principal point is off"
+    }
+
+    fn about(&self) -> Option<About> {
+        Some(About {
+            at: PlaceKind::Camera,
+            law: "c = c_nominal + (du, dv)",
+            remedy: "calibrate the camera",
+            written_to: WrittenTo::CameraFile,
+            fed_forward: false,
+            signature: "one shift in the picture",
+            shown_by: "mirrors at different yaw and pitch",
+            confused_with: "a rotation of `camera_mount`",
+        })
     }
 }

@@ -1,5 +1,6 @@
 //! The focal length is off by a factor 1 + e.
 
+use super::about::{About, PlaceKind, WrittenTo};
 use super::{Effect, Place, named};
 use crate::diagnose::model::elementary::{Atom, Column};
 use crate::diagnose::model::scene::Scene;
@@ -30,5 +31,18 @@ impl Effect for CameraFocal {
 
     fn words(&self) -> &str {
         "the focal length is off"
+    }
+
+    fn about(&self) -> Option<About> {
+        Some(About {
+            at: PlaceKind::Camera,
+            law: "f = (1 + e) f_nominal",
+            remedy: "calibrate the camera",
+            written_to: WrittenTo::CameraFile,
+            fed_forward: false,
+            signature: "errors grow with the distance from the picture's centre",
+            shown_by: "the board near and far, in the middle and at the edge",
+            confused_with: "`board_scale` at one distance",
+        })
     }
 }

@@ -1,5 +1,6 @@
 //! The camera sits elsewhere relative to the board: real camera = nominal ∘ (Exp ω, v).
 
+use super::about::{About, PlaceKind, WrittenTo};
 use super::{Effect, Place, named};
 use crate::diagnose::model::elementary::{Atom, Column};
 use crate::diagnose::model::scene::Scene;
@@ -30,5 +31,18 @@ impl Effect for CameraMount {
 
     fn words(&self) -> &str {
         "the camera sits elsewhere relative to the board"
+    }
+
+    fn about(&self) -> Option<About> {
+        Some(About {
+            at: PlaceKind::Camera,
+            law: "camera = nominal ∘ (Exp ω, v)",
+            remedy: "write the camera's mount into the URDF",
+            written_to: WrittenTo::Urdf,
+            fed_forward: false,
+            signature: "all markers shift together in the camera's frame",
+            shown_by: "mirrors that yaw and pitch: with yaw only a direction stays unseen",
+            confused_with: "errors of the neck's joints, where the head stands still",
+        })
     }
 }

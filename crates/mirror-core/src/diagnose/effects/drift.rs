@@ -1,5 +1,6 @@
 //! The zero wanders with time: `θ = q + r t`, t from the first frame.
 
+use super::about::{About, PlaceKind, WrittenTo};
 use super::{Effect, LawFreedom, Place, joint_error, joint_of, joints, named};
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::scene::Scene;
@@ -38,5 +39,18 @@ impl Effect for Drift {
 
     fn words(&self) -> &str {
         "the zero of the joint wanders with time"
+    }
+
+    fn about(&self) -> Option<About> {
+        Some(About {
+            at: PlaceKind::Joint,
+            law: "θ = q + r t",
+            remedy: "home the joint, or warm the robot up before use",
+            written_to: WrittenTo::Nothing,
+            fed_forward: false,
+            signature: "a line against time",
+            shown_by: "the same postures early and late",
+            confused_with: "whatever was changed slowly in the session; visit postures in random order",
+        })
     }
 }

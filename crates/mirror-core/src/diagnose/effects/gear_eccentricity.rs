@@ -1,5 +1,6 @@
 //! A periodic transmission error, once a turn of the output: `θ = q + s sin q + c cos q − c`.
 
+use super::about::{About, PlaceKind, WrittenTo};
 use super::{Effect, Place, joint_error, joint_of, moving_joints, named};
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::scene::Scene;
@@ -39,5 +40,18 @@ impl Effect for GearEccentricity {
 
     fn words(&self) -> &str {
         "the gear runs out of round: the error comes back once a turn"
+    }
+
+    fn about(&self) -> Option<About> {
+        Some(About {
+            at: PlaceKind::Joint,
+            law: "θ = q + s sin q + c (cos q − 1)",
+            remedy: "feed it forward (`correct --feed-forward`), or correct the encoder's reading",
+            written_to: WrittenTo::Nothing,
+            fed_forward: true,
+            signature: "one wave a turn against position, zero at q = 0",
+            shown_by: "a range of 90° or more",
+            confused_with: "over a short range `gear_ratio` or `joint_offset`",
+        })
     }
 }

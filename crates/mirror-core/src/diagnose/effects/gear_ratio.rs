@@ -1,5 +1,6 @@
 //! A proportional transmission error: `θ = (1 + e) q`.
 
+use super::about::{About, PlaceKind, WrittenTo};
 use super::{Effect, Place, joint_error, joint_of, moving_joints, named};
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::scene::Scene;
@@ -37,5 +38,18 @@ impl Effect for GearRatio {
 
     fn words(&self) -> &str {
         "the joint turns by a fixed percentage too much or too little"
+    }
+
+    fn about(&self) -> Option<About> {
+        Some(About {
+            at: PlaceKind::Joint,
+            law: "θ = (1 + e) q",
+            remedy: "correct the transmission's ratio in the driver",
+            written_to: WrittenTo::Mjcf,
+            fed_forward: true,
+            signature: "a line through zero against position",
+            shown_by: "both ends of the range",
+            confused_with: "`joint_compliance` where load grows with q; `joint_offset` where q stays on one side",
+        })
     }
 }

@@ -1,5 +1,6 @@
 //! The joint gives way in proportion to its gravity torque: `θ = q + c τ_g`.
 
+use super::about::{About, PlaceKind, WrittenTo};
 use super::{Effect, LawFreedom, Place, joint_error, joint_of, loaded_joints, named};
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::scene::Scene;
@@ -45,5 +46,18 @@ impl Effect for JointCompliance {
 
     fn words(&self) -> &str {
         "the joint gives way under the load of gravity"
+    }
+
+    fn about(&self) -> Option<About> {
+        Some(About {
+            at: PlaceKind::Joint,
+            law: "θ = q + c τ",
+            remedy: "stiffen the joint, or feed it forward",
+            written_to: WrittenTo::Mjcf,
+            fed_forward: true,
+            signature: "a line against load",
+            shown_by: "arm out and arm hanging, the same q under different loads",
+            confused_with: "`link_bending` of the link before, `gear_ratio`",
+        })
     }
 }

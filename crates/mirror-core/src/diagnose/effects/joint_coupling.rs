@@ -1,5 +1,6 @@
 //! The joint moves along with another: `θ_J = q_J + c q_K`.
 
+use super::about::{About, PlaceKind, WrittenTo};
 use super::{Effect, Place, joint_of, named};
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::scene::Scene;
@@ -48,5 +49,18 @@ impl Effect for JointCoupling {
 
     fn words(&self) -> &str {
         "the joint moves along when another one moves"
+    }
+
+    fn about(&self) -> Option<About> {
+        Some(About {
+            at: PlaceKind::JointPair,
+            law: "θ = q + c q_other",
+            remedy: "feed it forward (`correct --feed-forward`), or mend the coupling",
+            written_to: WrittenTo::Nothing,
+            fed_forward: true,
+            signature: "a cloud against its own position, a line against the other joint's",
+            shown_by: "both joints moved independently of each other",
+            confused_with: "`joint_compliance`, where the other joint makes the load",
+        })
     }
 }

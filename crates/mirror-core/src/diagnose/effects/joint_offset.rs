@@ -1,5 +1,6 @@
 //! A wrong zero: `θ = q + a`.
 
+use super::about::{About, PlaceKind, WrittenTo};
 use super::{Effect, Place, joint_error, joint_of, joints, named};
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::scene::Scene;
@@ -32,5 +33,18 @@ impl Effect for JointOffset {
 
     fn words(&self) -> &str {
         "the zero of the joint is wrong by a constant"
+    }
+
+    fn about(&self) -> Option<About> {
+        Some(About {
+            at: PlaceKind::Joint,
+            law: "θ = q + o",
+            remedy: "recalibrate the joint's zero, or write it into the URDF",
+            written_to: WrittenTo::Urdf,
+            fed_forward: true,
+            signature: "one height in all four panels",
+            shown_by: "any posture; two markers beyond the joint's neighbours",
+            confused_with: "of the last joint: `marker_mount`. With one region of postures only: everything else at that joint",
+        })
     }
 }

@@ -1,5 +1,6 @@
 //! Radial distortion that the model lacks.
 
+use super::about::{About, PlaceKind, WrittenTo};
 use super::{Effect, Place, named};
 use crate::diagnose::model::elementary::{Atom, Column};
 use crate::diagnose::model::scene::Scene;
@@ -30,5 +31,18 @@ impl Effect for LensDistortion {
 
     fn words(&self) -> &str {
         "the lens distorts other than the model says"
+    }
+
+    fn about(&self) -> Option<About> {
+        Some(About {
+            at: PlaceKind::Camera,
+            law: "k₁ = k₁_nominal + dk₁",
+            remedy: "calibrate the camera",
+            written_to: WrittenTo::CameraFile,
+            fed_forward: false,
+            signature: "grows with the cube of the distance from the centre",
+            shown_by: "corners and markers at the edge",
+            confused_with: "`camera_focal`, where the edge is not used",
+        })
     }
 }

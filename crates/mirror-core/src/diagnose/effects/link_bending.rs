@@ -1,6 +1,7 @@
 //! The link bends in proportion to gravity's moment about its two transverse axes: a rotation `c m_⟂`
 //! about the middle of the link, m the moment there of all that the link carries and of its own mass.
 
+use super::about::{About, PlaceKind, WrittenTo};
 use super::{Effect, LEAST_TORQUE_NM, LawFreedom, Place, joint_of, named};
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::elementary::{Atom, Column, Weight, transverse_moment};
@@ -51,5 +52,18 @@ impl Effect for LinkBending {
 
     fn words(&self) -> &str {
         "the link bends under the load of gravity"
+    }
+
+    fn about(&self) -> Option<About> {
+        Some(About {
+            at: PlaceKind::Link,
+            law: "the link turns about its middle by c times the moment across it",
+            remedy: "stiffen the link, or model it as flexible",
+            written_to: WrittenTo::Mjcf,
+            fed_forward: false,
+            signature: "a line against load, across the link",
+            shown_by: "loads that change",
+            confused_with: "`joint_compliance` of the joint before: the lever arms differ by half the link only",
+        })
     }
 }

@@ -1,5 +1,6 @@
 //! The origin of what the link carries next in the chain lies off, in the link's frame.
 
+use super::about::{About, PlaceKind, WrittenTo};
 use super::{Effect, Place, named, place_error_m};
 use crate::diagnose::model::elementary::{Atom, Column};
 use crate::diagnose::model::scene::Scene;
@@ -37,5 +38,18 @@ impl Effect for LinkLength {
 
     fn words(&self) -> &str {
         "the link is longer, shorter or of other shape than the model's: what it carries sits elsewhere"
+    }
+
+    fn about(&self) -> Option<About> {
+        Some(About {
+            at: PlaceKind::Link,
+            law: "what the link carries is shifted by (dx, dy, dz) in its frame",
+            remedy: "write the link's length into the URDF",
+            written_to: WrittenTo::Urdf,
+            fed_forward: false,
+            signature: "a constant shift in the link's frame, that turns with it",
+            shown_by: "the link in several orientations",
+            confused_with: "`marker_mount` of all markers beyond; `joint_offset` far out",
+        })
     }
 }

@@ -1,5 +1,6 @@
 //! The marker sits elsewhere on its link.
 
+use super::about::{About, PlaceKind, WrittenTo};
 use super::{Effect, Place, named, place_error_m};
 use crate::diagnose::model::elementary::{Atom, Column};
 use crate::diagnose::model::scene::Scene;
@@ -34,5 +35,18 @@ impl Effect for MarkerMount {
 
     fn words(&self) -> &str {
         "the marker sits elsewhere on its link"
+    }
+
+    fn about(&self) -> Option<About> {
+        Some(About {
+            at: PlaceKind::Marker,
+            law: "the marker is shifted by (dx, dy, dz) in its link's frame",
+            remedy: "write the marker's place into the URDF",
+            written_to: WrittenTo::Urdf,
+            fed_forward: false,
+            signature: "one marker alone is off, by one vector in its link's frame",
+            shown_by: "the link in several orientations",
+            confused_with: "of the last link: that joint's `joint_offset`",
+        })
     }
 }

@@ -1,5 +1,6 @@
 //! The mirror is slightly spherical; positive is concave as the camera sees it.
 
+use super::about::{About, PlaceKind, WrittenTo};
 use super::{Effect, Place, named};
 use crate::diagnose::model::elementary::{Atom, Column};
 use crate::diagnose::model::scene::Scene;
@@ -30,5 +31,18 @@ impl Effect for MirrorCurvature {
 
     fn words(&self) -> &str {
         "the mirror is slightly curved"
+    }
+
+    fn about(&self) -> Option<About> {
+        Some(About {
+            at: PlaceKind::Mirror,
+            law: "curvature κ instead of a plane",
+            remedy: "use a flatter mirror",
+            written_to: WrittenTo::Nothing,
+            fed_forward: false,
+            signature: "the board's reflection is magnified more than the distance says",
+            shown_by: "markers and board on different parts of the mirror",
+            confused_with: "`camera_focal`, `board_scale`",
+        })
     }
 }

@@ -1,5 +1,6 @@
 //! The reflecting coat lies behind a pane of glass, which refracts: the parameter is how much thicker it is than the session says.
 
+use super::about::{About, PlaceKind, WrittenTo};
 use super::{Effect, Place, named};
 use crate::diagnose::model::elementary::{Atom, Column};
 use crate::diagnose::model::scene::Scene;
@@ -30,5 +31,18 @@ impl Effect for MirrorGlass {
 
     fn words(&self) -> &str {
         "the silver lies behind a pane of glass that refracts"
+    }
+
+    fn about(&self) -> Option<About> {
+        Some(About {
+            at: PlaceKind::Mirror,
+            law: "the glass is thicker by t",
+            remedy: "measure the thickness of the glass",
+            written_to: WrittenTo::Session,
+            fed_forward: false,
+            signature: "grows with the obliqueness of the rays",
+            shown_by: "mirrors at 15° and more beside straight ones",
+            confused_with: "`board_scale`, at one angle",
+        })
     }
 }

@@ -4,6 +4,7 @@
 //! elementary change ([`Atom`]) each parameter makes, and how strongly in each frame. Adding an effect is a file and a line
 //! in [`vocabulary`].
 
+pub(super) mod about;
 mod axis_tilt;
 mod backlash;
 mod board_scale;
@@ -27,6 +28,8 @@ pub(super) mod own;
 mod stiction;
 
 pub(crate) use stiction::Stiction;
+
+use about::About;
 
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::deformation::Deformation;
@@ -160,6 +163,11 @@ pub(crate) trait Effect: Send + Sync {
 
     /// What happens, in a sentence for a person.
     fn words(&self) -> &str;
+
+    /// What people and files need to know of it; every effect of the vocabulary tells it.
+    fn about(&self) -> Option<About> {
+        None
+    }
 }
 
 /// All effects of `effects.md` but the groups (`geometry`) and faults of the data (`pairing`), which are not one place's twist.

@@ -3,6 +3,7 @@
 //!
 //! Moves too small to overcome friction leave it where it was. The same finite stiffness makes it droop under its load: c is the servo's own droop, a part of the effect.
 
+use super::about::{About, PlaceKind, WrittenTo};
 use super::{Effect, LEAST_TORQUE_NM, LawFreedom, Place, joint_error, joint_of, moving_joints, named};
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::deformation::Deformation;
@@ -128,5 +129,18 @@ impl Effect for Stiction {
 
     fn words(&self) -> &str {
         "friction stops the joint short of its target, on the side from which it came"
+    }
+
+    fn about(&self) -> Option<About> {
+        Some(About {
+            at: PlaceKind::Joint,
+            law: "θ = q − d sign(last motion) + c τ",
+            remedy: "raise the servo's stiffness, or feed it forward",
+            written_to: WrittenTo::Mjcf,
+            fed_forward: true,
+            signature: "two heights by direction alone, short of the target: low after moving up",
+            shown_by: "each posture reached from both sides; rows in the order of execution",
+            confused_with: "`backlash`; nothing to see where `ordered = false`",
+        })
     }
 }

@@ -54,7 +54,9 @@ impl Problem {
             k[0] += deformation.dk1;
             let lens = match nominal.distortion() {
                 Distortion::RationalPolynomial(_) => Distortion::RationalPolynomial(k),
-                _ => Distortion::PlumbBob([k[0], k[1], k[2], k[3], k[4]]),
+                Distortion::None | Distortion::PlumbBob(_) => {
+                    Distortion::PlumbBob([k[0], k[1], k[2], k[3], k[4]])
+                }
             };
             Camera::new(
                 nominal.size_px(),

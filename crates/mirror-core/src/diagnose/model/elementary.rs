@@ -49,17 +49,25 @@ pub(crate) enum Atom {
 impl Atom {
     /// Whether the atom is of the camera, its lens, the board's print or the mirror: it changes how corners are seen.
     pub fn is_optical(self) -> bool {
-        matches!(
-            self,
+        // Every atom is named: a new one must say here what it is.
+        match self {
             Self::CameraMount(_)
-                | Self::Focal
-                | Self::Center(_)
-                | Self::Dk1
-                | Self::BoardScale
-                | Self::Glass
-                | Self::Curvature
-                | Self::FreeOptics(_)
-        )
+            | Self::Focal
+            | Self::Center(_)
+            | Self::Dk1
+            | Self::BoardScale
+            | Self::Glass
+            | Self::Curvature
+            | Self::FreeOptics(_) => true,
+            Self::Joint(_)
+            | Self::Tilt(..)
+            | Self::Bend(_)
+            | Self::Turn(..)
+            | Self::LinkShift(..)
+            | Self::OriginShift(..)
+            | Self::MarkerShift(..)
+            | Self::FramePose(_) => false,
+        }
     }
 }
 

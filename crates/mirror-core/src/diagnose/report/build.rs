@@ -7,7 +7,7 @@ use crate::diagnose::assessment::uncertainty::{Deviations, deviations};
 use crate::diagnose::criteria::cross_validation::seen_size;
 use crate::diagnose::criteria::marker_shift::marker_shift;
 use crate::diagnose::data::diagnosis::{
-    Alternative, Cause, Checked, Diagnosis, Estimate, Ranked, Signature, SignaturePoint, Where,
+    Alternative, Cause, Checked, Diagnosis, Estimate, Ranked, Signature, SignaturePoint, Verdict, Where,
 };
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::effects::Place;
@@ -51,10 +51,10 @@ pub(crate) fn diagnosis(
     let places = places(findings, &causes);
     causes.sort_by(|a, b| b.rms_shift.total_cmp(&a.rms_shift));
     let verdict = match (causes.is_empty(), &findings.unexplained) {
-        (true, None) => "none",
-        (true, Some(_)) => "unknown",
-        (false, None) => "explained",
-        (false, Some(_)) => "partial",
+        (true, None) => Verdict::None,
+        (true, Some(_)) => Verdict::Unknown,
+        (false, None) => Verdict::Explained,
+        (false, Some(_)) => Verdict::Partial,
     };
     let signatures = signatures(findings, &causes, recording)?;
     let panels = crate::diagnose::report::plots::panels(findings, &causes)?;
@@ -87,7 +87,7 @@ pub(crate) fn diagnosis(
     Ok(Diagnosis {
         format: "mirror-posture/diagnosis".into(),
         version: 1,
-        verdict: verdict.into(),
+        verdict,
         sentence,
         r#where: places,
         gap,

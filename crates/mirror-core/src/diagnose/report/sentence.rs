@@ -1,6 +1,6 @@
 //! The verdict in one sentence for a person.
 
-use crate::diagnose::data::diagnosis::{Cause, Gap, Where};
+use crate::diagnose::data::diagnosis::{Cause, Gap, Verdict, Where};
 
 /// A cause that is less probable than this is told together with its likeliest rival, if that is at least this probable.
 const TOLD_ALONE: f64 = 0.8;
@@ -9,7 +9,7 @@ const WORTH_NAMING: f64 = 0.1;
 const NAMED: usize = 3;
 
 /// The verdict, what it rests on, and the gap's sizes.
-pub(crate) fn sentence(verdict: &str, causes: &[Cause], places: &[Where], gap: &Gap) -> String {
+pub(crate) fn sentence(verdict: Verdict, causes: &[Cause], places: &[Where], gap: &Gap) -> String {
     let sizes = match gap.in_pixels() {
         Some([before, after, floor]) => {
             format!("{before:.2} px before, {after:.2} px after, {floor:.2} px noise floor")
@@ -25,11 +25,11 @@ pub(crate) fn sentence(verdict: &str, causes: &[Cause], places: &[Where], gap: &
     let names: Vec<String> = causes.iter().map(name).collect();
     let left = unexplained_place(places);
     match verdict {
-        "none" => format!(
+        Verdict::None => format!(
             "Nothing is wrong that these postures could show: the model predicts to the noise floor ({sizes})."
         ),
-        "explained" => format!("The gap is explained by {} ({sizes}).", listed(&names)),
-        "partial" => {
+        Verdict::Explained => format!("The gap is explained by {} ({sizes}).", listed(&names)),
+        Verdict::Partial => {
             let explain =
                 if causes.len() == 1 && causes[0].effect != "geometry" { "explains" } else { "explain" };
             format!(
@@ -38,7 +38,8 @@ pub(crate) fn sentence(verdict: &str, causes: &[Cause], places: &[Where], gap: &
                 where_and_on_what(left)
             )
         }
-        _ => format!(
+        Verdict::Insufficient => "These data are too few to say anything.".into(),
+        Verdict::Unknown => format!(
             "There is a gap that no effect of the vocabulary explains; it lies {} ({sizes}).",
             where_and_on_what(left)
         ),

@@ -95,20 +95,34 @@ impl FrameWork {
                 let column = self.free.get(row.free?)?.column(k);
                 Some(Vector3::new(column[0], column[1], 0.0))
             }
-            _ if atom.is_optical() && !row.measured => {
-                let k = match atom {
-                    Atom::CameraMount(k) => k,
-                    Atom::Focal => 6,
-                    Atom::Center(k) => 7 + k,
-                    Atom::Dk1 => 9,
-                    Atom::BoardScale => 10,
-                    Atom::Glass => 11,
-                    _ => 12,
-                };
-                let column = self.optics.get(row.optics?)?.column(k);
+            _ if !row.measured => {
+                let column = self.optics.get(row.optics?)?.column(optics_column(atom)?);
                 Some(Vector3::new(column[0], column[1], 0.0))
             }
             _ => None,
         }
+    }
+}
+
+/// Where an atom's column stands among those by the optics; none where it is not of them. Every atom is named: a new one must
+/// say here what it is.
+fn optics_column(atom: Atom) -> Option<usize> {
+    match atom {
+        Atom::CameraMount(k) => Some(k),
+        Atom::Focal => Some(6),
+        Atom::Center(k) => Some(7 + k),
+        Atom::Dk1 => Some(9),
+        Atom::BoardScale => Some(10),
+        Atom::Glass => Some(11),
+        Atom::Curvature => Some(12),
+        Atom::Joint(_)
+        | Atom::Tilt(..)
+        | Atom::Bend(_)
+        | Atom::Turn(..)
+        | Atom::LinkShift(..)
+        | Atom::OriginShift(..)
+        | Atom::MarkerShift(..)
+        | Atom::FreeOptics(_)
+        | Atom::FramePose(_) => None,
     }
 }
