@@ -232,3 +232,15 @@ fn what_cannot_be_is_refused_by_name() {
     let error = diagnose(&robot(), &bad, &DiagnoseOptions::default(), &[]).unwrap_err();
     assert!(error.to_string().contains("no_such_link"), "{error}");
 }
+
+#[test]
+fn an_unknown_name_among_the_effects_to_leave_out_is_refused_with_the_valid_ones() {
+    let (robot, recording) = (robot(), world().record(&elbow_off(Plan::default())));
+    let without =
+        |name: &str| DiagnoseOptions { without: vec![name.to_owned()], ..DiagnoseOptions::default() };
+    let error = diagnose(&robot, &recording, &without("compliance"), &[]).unwrap_err().to_string();
+    for name in ["compliance", "joint_compliance", "backlash", "mirror_curvature", "geometry", "pairing"] {
+        assert!(error.contains(name), "{error}");
+    }
+    assert!(diagnose(&robot, &recording, &without("joint_compliance"), &[]).is_ok());
+}

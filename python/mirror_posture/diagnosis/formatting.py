@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from .result import Cause, Diagnosis, Estimate, Member
+from .vocabulary import IN_WORDS, remedy
 
 UNITS = {
     # Longest endings first: `_rad_per_nm` also ends with what others end with.
@@ -83,10 +84,7 @@ def effect_in_words(effect: str) -> str:
 
 
 BY_HAND = {
-    "gear_eccentricity": "feed it forward (`correct --feed-forward`), or correct the encoder's reading",
-    "joint_coupling": "feed it forward (`correct --feed-forward`), or mend the coupling",
-    "drift": "home the joint, or warm the robot up before use",
-    "mirror_curvature": "use a flatter mirror",
+    **{name: remedy(name) for name, effect in IN_WORDS.items() if effect["written_to"] == "nothing"},
     "geometry": "diagnose anew: this document does not tell each of the small errors",
 }
 """Effects that `apply` writes nowhere, and what to do instead."""

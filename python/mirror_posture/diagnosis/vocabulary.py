@@ -2,33 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
-from .._core import MirrorPostureError
+from .._core import MirrorPostureError, effects
 
-EFFECTS = (
-    "joint_offset",
-    "gear_ratio",
-    "gear_eccentricity",
-    "backlash",
-    "stiction",
-    "joint_compliance",
-    "link_bending",
-    "link_length",
-    "axis_tilt",
-    "joint_coupling",
-    "drift",
-    "marker_mount",
-    "camera_mount",
-    "camera_focal",
-    "camera_center",
-    "lens_distortion",
-    "board_scale",
-    "mirror_glass",
-    "mirror_curvature",
-    "geometry",
-    "pairing",
-)
+EVERYWHERE = ("geometry", "pairing")
+"""What is tried beside the effects of one place: small errors everywhere, and slipped rows."""
+IN_WORDS: Mapping[str, Mapping[str, object]] = {str(effect["name"]): effect for effect in effects()}
+"""Each effect as the core tells it: `at`, `parameters`, `law`, `words`, `remedy`, `written_to`, `fed_forward`, `signature`,
+`shown_by`, `confused_with`."""
+EFFECTS = (*IN_WORDS, *EVERYWHERE)
+"""All names that a diagnosis takes and tells."""
+
+
+def remedy(effect: str) -> str:
+    """What to do about an effect of the vocabulary, in a few words."""
+    return str(IN_WORDS[effect]["remedy"])
 
 
 def checked_effects(names: Sequence[str]) -> list[str]:

@@ -12,8 +12,9 @@ import numpy as np
 from ..._core import MirrorPostureError
 from ...session import Session
 from ..result import Cause
+from ..vocabulary import IN_WORDS
 
-MECHANICAL = ("backlash", "stiction", "joint_compliance", "link_bending", "gear_ratio")
+MECHANICAL = tuple(name for name, effect in IN_WORDS.items() if effect["written_to"] == "mjcf")
 DROOP_RAD = 1e-3
 """Droop of a servo under the largest gravity torque of the session: small beside what is diagnosed, stable to simulate."""
 LEAST_STIFFNESS = 1.0
