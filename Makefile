@@ -31,6 +31,8 @@ test-python: $(VENV)/installed-for-tests ## build and install the wheel, test it
 lint: $(VENV)/installed-for-tests ## formatting and lints, Rust and Python
 	cargo fmt --all --check
 	cargo clippy --locked -q --workspace --all-targets -- -D warnings
+	cargo clippy --locked -q -p mirror-core --no-default-features -- -D warnings
+	RUSTDOCFLAGS="-D warnings" cargo doc --locked -q --no-deps -p mirror-core
 	$(BIN)/ruff format --check python tests/python benches
 	$(BIN)/ruff check python tests/python benches
 	MYPYPATH=python $(BIN)/mypy

@@ -8,6 +8,7 @@ mod calibrate;
 mod camera;
 mod correct;
 mod correct_loop;
+mod examples;
 mod gap_claims;
 mod gap_effects;
 mod gap_panels;

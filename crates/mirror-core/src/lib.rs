@@ -11,11 +11,13 @@
 //! | [`triangulate`] | virtual rays to points, with covariance |
 //! | [`joint`] | all views of a session at once: mirrors, camera–board transform, markers |
 //! | [`calibrate`] | the camera–board transform from mirror views alone, or with a second camera |
-//! | [`picture`] | ray tracer: pictures of a robot before a mirror, with their truth |
+//! | `picture` | (feature `picture`) ray tracer: pictures of a robot before a mirror, with their truth |
 //! | [`measure`] | a session by one estimator of the ladder: mirrors, then markers |
 //! | [`robot`] | URDF to a validated tree; kinematics, Jacobians, gravity torques |
 //! | [`correct`] | the posture loop: damped steps from marker errors to commands, and its stops |
 //! | [`diagnose`] | the diagnosis: forward model, effects, screening, search, evidence, verdict |
+//!
+//! `README.md` names four runnable examples.
 //!
 //! Conventions (tested, and told in full in `docs/conventions.md`): `a_from_b` maps coordinates in frame b to
 //! coordinates in frame a; `point_in_a`; SI units; a camera's optical frame has z forward, x right, y down;
@@ -35,6 +37,7 @@ pub mod geometry;
 pub mod joint;
 pub mod measure;
 pub mod mirror;
+#[cfg(feature = "picture")]
 pub mod picture;
 pub mod robot;
 pub mod triangulate;

@@ -16,6 +16,18 @@ const UNPROJECT_STEPS: usize = 50;
 /// A pinhole camera with lens distortion: `u = fx x_d + cx`, `v = fy y_d + cy` with `(x_d, y_d)` from [`Distortion`].
 ///
 /// Optical frame: z forward, x right, y down. Pixel (0, 0) is the centre of the top-left pixel.
+///
+/// ```
+/// use mirror_core::camera::{Camera, Distortion};
+/// use nalgebra::{Point3, Vector2};
+///
+/// let lens = Distortion::PlumbBob([-0.2, 0.07, 0.0, 0.0, 0.0]);
+/// let camera = Camera::new((800, 600), Vector2::new(693.0, 693.0), Vector2::new(399.5, 299.5), lens)?;
+/// let point = Point3::new(0.1, -0.05, 0.6);
+/// let direction = camera.unproject(&camera.project(&point)?)?;
+/// assert!((direction.into_inner() - point.coords.normalize()).norm() < 1e-9);
+/// # Ok::<(), mirror_core::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Camera {
     width_px: u32,

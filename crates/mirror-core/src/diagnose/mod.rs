@@ -23,8 +23,9 @@ pub use data::diagnosis::{
 pub use data::recording::{
     BoardSpec, Frame, MarkerSpec, MeasuredPoint, PointsFrame, Recording, SightSpec, Sighting, Target, Via,
 };
-pub use effects::about::{EffectInfo, PlaceKind, WrittenTo, effects};
+pub use effects::about::{PlaceKind, WrittenTo};
 pub use effects::own::{OwnAxis, OwnEffect, OwnParameter, OwnPlace, Quantities, quantities};
+pub use effects::registry::{EffectInfo, effects};
 pub use pipeline::diagnose;
 pub use prepare::options::{DiagnoseOptions, OtherSession};
 pub use screening::{Screening, screen_once};

@@ -16,6 +16,16 @@ pub(crate) const SHORTEST_DIRECTION: f64 = 1e-12;
 /// A plane that misses the origin is given by three numbers without any constraint or choice of axes: the foot
 /// of the origin's perpendicular, `f = d n`. It does not change when the normal is flipped. Estimators use it
 /// as the plane's three parameters, so that a covariance of a plane is one 3×3 matrix in m².
+///
+/// ```
+/// use mirror_core::geometry::Plane;
+/// use nalgebra::{Point3, Vector3};
+///
+/// let mirror = Plane::new(Vector3::new(0.0, 0.0, 2.0), 0.5)?;
+/// assert_eq!(mirror.foot_point(), Vector3::new(0.0, 0.0, 0.5));
+/// assert_eq!(mirror.signed_distance_m(&Point3::new(0.1, 0.2, 0.3)), -0.2);
+/// # Ok::<(), mirror_core::Error>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Plane {
     normal: Unit<Vector3<f64>>,

@@ -10,6 +10,17 @@ use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, Unit, UnitQu
 /// rigid motion ([`Reflection::after`]). Both signs of the plane's normal give the same reflection.
 ///
 /// In the paper's words it is `C_T_C′`, from the virtual to the real camera (Eq. 2: `C_T_M P C_T_M⁻¹`).
+///
+/// ```
+/// use mirror_core::geometry::{Plane, Reflection};
+/// use nalgebra::{Point3, Vector3};
+///
+/// let mirror = Reflection::across(Plane::new(Vector3::z(), 0.5)?);
+/// let marker = Point3::new(0.1, 0.2, 0.3);
+/// assert_eq!(mirror.point(&marker), Point3::new(0.1, 0.2, 0.7));
+/// assert_eq!(mirror.point(&mirror.point(&marker)), marker);
+/// # Ok::<(), mirror_core::Error>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reflection {
     plane: Plane,

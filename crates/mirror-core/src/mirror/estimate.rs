@@ -9,6 +9,15 @@ use crate::geometry::Plane;
 use nalgebra::{Isometry3, Matrix3, SMatrix};
 
 /// The single-view estimators of the mirror, from the paper's baseline to the best that one view allows.
+///
+/// ```
+/// use mirror_core::mirror::MirrorEstimator;
+///
+/// assert_eq!(MirrorEstimator::from_name("point_pair")?, MirrorEstimator::PointPair);
+/// let unknown = MirrorEstimator::from_name("eq2");
+/// assert!(unknown.is_err_and(|error| error.to_string().contains("maximum_likelihood")));
+/// # Ok::<(), mirror_core::Error>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum MirrorEstimator {

@@ -7,6 +7,17 @@ use crate::error::{Error, Result};
 use nalgebra::{Isometry3, Matrix6};
 
 /// What does not change between the views of a session: the camera, the board and how they are fixed to each other.
+///
+/// ```
+/// use mirror_core::camera::{Camera, Distortion};
+/// use mirror_core::mirror::{Board, Rig};
+/// use nalgebra::{Isometry3, Vector2};
+///
+/// let camera = Camera::new((800, 600), Vector2::new(693.0, 693.0), Vector2::new(399.5, 299.5), Distortion::None)?;
+/// let rig = Rig::new(camera, Board::new((7, 5), 0.014)?, Isometry3::translation(0.0, 0.075, 0.0));
+/// assert!(rig.optics.is_ideal());
+/// # Ok::<(), mirror_core::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rig {
     /// The camera.

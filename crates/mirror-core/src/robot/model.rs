@@ -25,6 +25,21 @@ pub struct Link {
 /// Links stand in depth-first order: link 0 is the root, joint j carries link j + 1, parents come before their
 /// children, and the links below a link follow it without a gap. Positions `q` have one entry for each
 /// joint that moves by itself (not fixed, not mimic), in the order of the joints; rad, or m for a prismatic one.
+///
+/// ```
+/// use mirror_core::robot::Robot;
+/// use nalgebra::Point3;
+///
+/// let robot = Robot::from_urdf_str(
+///     r#"<robot name="arm"><link name="base"/><link name="hand"/>
+///     <joint name="elbow" type="revolute"><parent link="base"/><child link="hand"/><origin xyz="0 0 0.1"/>
+///     <axis xyz="0 1 0"/><limit lower="-2" upper="2" effort="1" velocity="1"/></joint></robot>"#,
+/// )?;
+/// let hand = robot.link_index("hand")?;
+/// let at = robot.poses(&[0.5])?.point_in_a(0, hand, &Point3::new(0.0, 0.0, 0.2));
+/// assert!((at.x - 0.2 * 0.5_f64.sin()).abs() < 1e-12);
+/// # Ok::<(), mirror_core::Error>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct Robot {
     pub(super) name: String,

@@ -87,6 +87,18 @@ pub struct PixelFit {
 }
 
 /// A marker's position with its covariance.
+///
+/// ```
+/// use mirror_core::geometry::Ray;
+/// use mirror_core::triangulate::midpoint_of_two;
+/// use nalgebra::{Point3, Vector3};
+///
+/// let a = Ray::new(Point3::origin(), Vector3::new(0.1, 0.0, 1.0))?;
+/// let b = Ray::new(Point3::new(0.2, 0.0, 0.0), Vector3::new(-0.1, 0.0, 1.0))?;
+/// let marker = midpoint_of_two(&a, &b, 0.01)?;
+/// assert!((marker - Point3::new(0.1, 0.0, 1.0)).norm() < 1e-12);
+/// # Ok::<(), mirror_core::Error>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Triangulated {
     /// In the camera frame, m.

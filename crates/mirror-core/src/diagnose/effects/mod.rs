@@ -25,6 +25,7 @@ mod marker_mount;
 mod mirror_curvature;
 mod mirror_glass;
 pub(super) mod own;
+pub(super) mod registry;
 mod stiction;
 
 pub(crate) use stiction::Stiction;
