@@ -40,6 +40,7 @@ pub mod mirror;
 #[cfg(feature = "picture")]
 pub mod picture;
 pub mod robot;
+mod statistics;
 pub mod triangulate;
 
 pub use cancel::Cancel;

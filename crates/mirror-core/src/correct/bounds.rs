@@ -1,12 +1,13 @@
 //! How far a marker may really be from its target, given what was measured.
 
+use crate::statistics::{normal_quantile, reduced_chi_squared_at};
 use nalgebra::{Matrix3, Vector3};
 
 /// Bounds on the true distance of a marker from its target, m.
 ///
 /// With the measured error e and its covariance Σ the true one is N(e, Σ), and q = ‖true error‖² has mean `m = ‖e‖² + tr Σ` and
 /// variance `v = 2 tr Σ² + 4 eᵀ Σ e`. Its quantiles are those of a scaled chi-squared of `k = 2 m²/v` degrees of freedom
-/// (Satterthwaite), by Wilson and Hilferty's cube root.
+/// (Satterthwaite).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DistanceBounds {
     mean_m2: f64,
@@ -27,59 +28,8 @@ impl DistanceBounds {
         if self.mean_m2 <= 0.0 {
             return 0.0;
         }
-        let spread = 2.0 / (9.0 * self.degrees_of_freedom);
-        let root = (1.0 - spread + z * spread.sqrt()).max(0.0);
-        (self.mean_m2 * root.powi(3)).sqrt()
+        (self.mean_m2 * reduced_chi_squared_at(z, self.degrees_of_freedom)).sqrt()
     }
-}
-
-/// Φ⁻¹(p), the quantile of the standard normal distribution (Acklam's rational approximation, within 1.2e-9 of it relatively).
-pub(super) fn normal_quantile(p: f64) -> f64 {
-    const A: [f64; 6] = [
-        -3.969_683_028_665_376e1,
-        2.209_460_984_245_205e2,
-        -2.759_285_104_469_687e2,
-        1.383_577_518_672_69e2,
-        -3.066_479_806_614_716e1,
-        2.506_628_277_459_239,
-    ];
-    const B: [f64; 5] = [
-        -5.447_609_879_822_406e1,
-        1.615_858_368_580_409e2,
-        -1.556_989_798_598_866e2,
-        6.680_131_188_771_972e1,
-        -1.328_068_155_288_572e1,
-    ];
-    const C: [f64; 6] = [
-        -7.784_894_002_430_293e-3,
-        -3.223_964_580_411_365e-1,
-        -2.400_758_277_161_838,
-        -2.549_732_539_343_734,
-        4.374_664_141_464_968,
-        2.938_163_982_698_783,
-    ];
-    const D: [f64; 4] =
-        [7.784_695_709_041_462e-3, 3.224_671_290_700_398e-1, 2.445_134_137_142_996, 3.754_408_661_907_416];
-    const TAIL: f64 = 0.02425;
-    let along = |c: &[f64], x: f64| c.iter().fold(0.0, |sum, k| sum * x + k);
-    let tail = |p: f64| {
-        let q = (-2.0 * p.ln()).sqrt();
-        along(&C, q) / (along(&D, q) * q + 1.0)
-    };
-    if p < TAIL {
-        tail(p)
-    } else if p > 1.0 - TAIL {
-        -tail(1.0 - p)
-    } else {
-        let q = p - 0.5;
-        along(&A, q * q) * q / (along(&B, q * q) * q * q + 1.0)
-    }
-}
-
-/// Chi-squared as a standard normal deviate, by Wilson and Hilferty's cube root.
-pub(super) fn chi_squared_deviate(chi_squared: f64, degrees_of_freedom: f64) -> f64 {
-    let spread = 2.0 / (9.0 * degrees_of_freedom);
-    ((chi_squared / degrees_of_freedom).cbrt() - (1.0 - spread)) / spread.sqrt()
 }
 
 /// The deviate for a look so that all looks and markers together err with probability `whole` at most.
@@ -93,24 +43,6 @@ pub(super) fn deviate_of_look(whole: f64, look: usize, markers: usize) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use approx::assert_relative_eq;
-
-    #[test]
-    fn quantiles_are_those_of_the_tables() {
-        for (p, z) in
-            [(0.5, 0.0), (0.975, 1.959_964), (0.99, 2.326_348), (1e-3, -3.090_232), (1e-6, -4.753_424)]
-        {
-            assert_relative_eq!(normal_quantile(p), z, epsilon = 1e-5);
-        }
-    }
-
-    #[test]
-    fn chi_squared_deviates_are_near_those_of_the_tables() {
-        // 0.1 % points of chi-squared: 10.83, 16.27, 29.59 for 1, 3, 10.
-        for (x, k) in [(10.83, 1.0), (16.27, 3.0), (29.59, 10.0)] {
-            assert_relative_eq!(chi_squared_deviate(x, k), 3.09, epsilon = 0.12);
-        }
-    }
 
     #[test]
     fn all_looks_together_spend_no_more_than_the_whole() {

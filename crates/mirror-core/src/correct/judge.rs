@@ -58,7 +58,7 @@ impl Errors {
             let Some(weight) = c.try_inverse() else { return false };
             sum += e.dot(&(weight * e));
         }
-        super::bounds::chi_squared_deviate(sum, 3.0 * self.error_m.len() as f64) < INDISTINCT
+        crate::statistics::chi_squared_deviate(sum, 3.0 * self.error_m.len() as f64) < INDISTINCT
     }
 }
 

@@ -1,7 +1,7 @@
 //! Whether a reading of a marker can be believed, after what was commanded: what cannot is not acted upon.
 
-use super::bounds::chi_squared_deviate;
 use super::options::JudgeOptions;
+use crate::statistics::chi_squared_deviate;
 use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;
 

@@ -7,7 +7,7 @@ use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, Unit, UnitQu
 /// The reflection across a plane, `x ↦ H x + 2 d n` with `H = I − 2 n nᵀ` (det H = −1, H² = I).
 ///
 /// It is its own inverse, keeps distances, turns handedness and fixes the plane's points; two of them make a
-/// rigid motion ([`Reflection::after`]). Both signs of the plane's normal give the same reflection.
+/// rigid motion ([`Reflection::then`]). Both signs of the plane's normal give the same reflection.
 ///
 /// In the paper's words it is `C_T_C′`, from the virtual to the real camera (Eq. 2: `C_T_M P C_T_M⁻¹`).
 ///

@@ -1,12 +1,13 @@
 //! The maximum-likelihood estimate of a session, its iteration and its results.
 
 use super::elimination::{FrameTerms, PointTerms, SharedTerms, Solution, Step, solve};
-use super::problem::{JointFrame, JointOptions, Layout, PointStatus, Via, spheres};
+use super::problem::{JointFrame, JointOptions, Layout, PointStatus, spheres};
 use super::start::{Start, start};
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::geometry::Plane;
 use crate::geometry::rotation::{difference, hat, log, right_jacobian_inverse};
+use crate::mirror::Via;
 use crate::mirror::{Board, Sphere};
 use nalgebra::{
     Isometry3, Matrix2x3, Matrix3, Matrix6, Point3, SMatrix, Translation3, UnitQuaternion, Vector2, Vector3,

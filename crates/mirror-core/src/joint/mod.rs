@@ -10,7 +10,8 @@ mod estimate;
 mod problem;
 mod start;
 
+pub use crate::mirror::Via;
 pub use estimate::{JointEstimate, JointPoint, joint_estimate};
-pub use problem::{BoardPrior, JointFrame, JointOptions, MarkerSighting, PointStatus, Via};
+pub use problem::{BoardPrior, JointFrame, JointOptions, MarkerSighting, PointStatus};
 
 pub(crate) use estimate::board_side_from_camera_side;

@@ -1,18 +1,9 @@
 //! What the joint estimator is given, checked once.
 
 use crate::error::{Error, Result, finite, positive};
+use crate::mirror::Via;
 use crate::mirror::{BoardView, Loss, MirrorOptics, Sphere};
 use nalgebra::{Isometry3, Matrix6, Vector2};
-
-/// Which way the light of a marker came.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Via {
-    /// By the mirror.
-    #[default]
-    Mirror,
-    /// Straight from the marker to the camera.
-    Direct,
-}
 
 /// A marker seen in a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,9 +1,10 @@
 //! Where the joint iteration starts: single-view planes, and the nearest point of each marker's rays.
 
-use super::problem::{JointFrame, JointOptions, Layout, PointStatus, PointView, Via};
+use super::problem::{JointFrame, JointOptions, Layout, PointStatus, PointView};
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::geometry::{Plane, Ray};
+use crate::mirror::Via;
 use crate::mirror::{Board, BoardView, EstimatorOptions, MirrorEstimator, Rig};
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 use rayon::prelude::*;

@@ -11,7 +11,7 @@ impl MirrorEstimator {
     /// Estimates the mirror from one view of the reflected board.
     ///
     /// # Errors
-    /// As [`super::planar_pose`]; [`Error::MirrorBehind`] where the mirror would be on the board's far side.
+    /// As [`super::planar_pose`]; [`crate::Error::MirrorBehind`] where the mirror would be on the board's far side.
     pub fn estimate(self, rig: &Rig, view: &BoardView, options: &EstimatorOptions) -> Result<MirrorEstimate> {
         let options = options.validated()?;
         match self {

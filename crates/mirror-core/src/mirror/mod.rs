@@ -23,6 +23,7 @@ mod point_pair;
 mod pose_map;
 mod rig;
 mod sphere;
+mod via;
 mod virtual_camera;
 
 pub use batch::{estimate_rows, planar_pose_rows, view_from_row};
@@ -37,6 +38,7 @@ pub use planar::{AlternativePose, PlanarPose, planar_pose};
 pub use point_pair::{PointPairPlane, point_pair_plane};
 pub use rig::Rig;
 pub use sphere::{Sphere, SphereProjection};
+pub use via::Via;
 pub use virtual_camera::{
     ImproperEstimate, RayJacobians, VirtualCamera, VirtualRay, virtual_ray, virtual_ray_with_jacobians,
 };

@@ -4,8 +4,9 @@ use crate::diagnose::likelihood::saturated::free_markers;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::error::Result;
+use crate::statistics::reduced_chi_squared_at;
 
-/// Quantile of the postures' misfit that is compared with that of χ² (Wilson and Hilferty), and its normal deviate.
+/// Quantile of the postures' misfit that is compared with that of χ², and its normal deviate.
 const QUANTILE: f64 = 0.7;
 const QUANTILE_DEVIATION: f64 = 0.524;
 /// The excess must be this many standard deviations of its own scatter, and this share of the noise's variance: smaller
@@ -37,12 +38,9 @@ pub(crate) fn adequacy(problem: &Problem, deformation: &Deformation, noise: Nois
     postures.sort_by(|a, b| ratio(a).total_cmp(&ratio(b)));
     // A quantile instead of a sum: postures with false observations, or that had not settled, lie beyond it.
     let at = ((postures.len() as f64 * QUANTILE) as usize).min(postures.len().saturating_sub(1));
-    let excess = postures.get(at).map_or(0.0, |p| {
-        let freedom = p.freedom_taken;
-        let unit = 2.0 / (9.0 * freedom);
-        let expected = (1.0 - unit + QUANTILE_DEVIATION * unit.sqrt()).powi(3);
-        ratio(p) / expected - 1.0
-    });
+    let excess = postures
+        .get(at)
+        .map_or(0.0, |p| ratio(p) / reduced_chi_squared_at(QUANTILE_DEVIATION, p.freedom_taken) - 1.0);
     let taken: f64 = postures.iter().map(|p| p.freedom_taken).sum();
     let kept = &postures;
     let left: f64 = kept.iter().map(|p| p.freedom_left.max(0.0)).sum();

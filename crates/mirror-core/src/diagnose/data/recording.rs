@@ -2,16 +2,8 @@
 
 use crate::camera::Camera;
 use crate::error::{Error, Result, finite, positive};
+pub use crate::mirror::Via;
 use nalgebra::{Point3, Vector2, Vector3};
-
-/// How a point was seen.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Via {
-    /// In the mirror.
-    Mirror,
-    /// Without the mirror.
-    Direct,
-}
 
 /// What was seen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -43,8 +43,8 @@ impl Search<'_> {
         fit.log_evidence + self.log_prior(&fit.model)
     }
 
-    /// The i-th cause at a size that is tolerated rather than called a cause, all else refitted: two percent of the size
-    /// that such an error commonly has, and no more than could be seen. The laws of the other causes have their slack.
+    /// The i-th cause at a size that is tolerated rather than called a cause, all else refitted: at most
+    /// [`PRIOR_TOLERANCE`] of the size that such an error commonly has, and no more than could be seen. The laws of the other causes have their slack.
     fn tolerated(&self, fit: &Fit, i: usize, noise: Noise) -> Result<Fit> {
         let term = &fit.model.terms[i];
         let stds = &self.catalogue.hypotheses[term.hypothesis].prior_std;
