@@ -15,9 +15,11 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _core
+from .arguments import checked_arguments
 from .board import Board
 from .camera import Camera
 from .mirror import FLOAT_GLASS_INDEX, Loss
+from .short_repr import ShortRepr
 
 Array = npt.NDArray[np.float64]
 
@@ -25,8 +27,8 @@ DEFAULT_GATE_PX = 1.0
 """A view whose own best flat board leaves more than this (px RMS) is refused."""
 
 
-@dataclass(frozen=True)
-class WeakDirection:
+@dataclass(frozen=True, eq=False, repr=False)
+class WeakDirection(ShortRepr):
     """A direction of the transform and how badly it is known: unit axis in the board frame, standard deviation in rad or m."""
 
     motion: Literal["rotation", "translation"]
@@ -38,8 +40,8 @@ class WeakDirection:
         return self.text
 
 
-@dataclass(frozen=True)
-class CameraBoardCalibration:
+@dataclass(frozen=True, eq=False, repr=False)
+class CameraBoardCalibration(ShortRepr):
     """A camera-board transform from mirror views.
 
     `views` are the rows that took part, `reasons` says why the others did not. `normals` (U, 3), `offsets_m` (U,) and
@@ -67,8 +69,8 @@ class CameraBoardCalibration:
     corner_std_px: float
 
 
-@dataclass(frozen=True)
-class SecondCameraCalibration:
+@dataclass(frozen=True, eq=False, repr=False)
+class SecondCameraCalibration(ShortRepr):
     """A camera-board transform from K snapshots of a second camera.
 
     `chi_squared` sums the snapshots' squared normalised deviations from the mean; it should be about `degrees_of_freedom`
@@ -94,6 +96,7 @@ def _direction(parts: _core._Direction) -> WeakDirection:
     return WeakDirection(motion, np.asarray(axis), std, text)
 
 
+@checked_arguments
 def calibrate_from_mirror_views(
     camera: Camera,
     board: Board,
@@ -146,6 +149,7 @@ def calibrate_from_mirror_views(
     )
 
 
+@checked_arguments
 def calibrate_with_second_camera(
     robot_camera: Camera,
     second_camera: Camera,

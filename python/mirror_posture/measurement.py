@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+import os
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, get_args
 
@@ -11,9 +12,11 @@ import numpy as np
 import numpy.typing as npt
 
 from ._core import Measured, MeasureInput, MirrorPostureError
+from .arguments import checked_arguments
 from .measurement_residuals import WIDEN_ABOVE, Assumed, excess_of_markers, judge_views, widen_markers
 from .mirror import IDEAL_MIRROR
-from .session import Session
+from .session import Session, as_session
+from .short_repr import ShortRepr
 from .view_check import refuse_mistakes
 
 Floats = npt.NDArray[np.float64]
@@ -55,8 +58,8 @@ class MeasureOptions:
     """Whether a marker whose own views disagree is widened, or masked; False leaves it to a caller who reads `chi_squared`."""
 
 
-@dataclass(frozen=True)
-class Mount:
+@dataclass(frozen=True, eq=False, repr=False)
+class Mount(ShortRepr):
     """A calibrated camera–board transform, at the posture of the session's first frame."""
 
     camera_from_board: Floats
@@ -65,8 +68,8 @@ class Mount:
     """(6, 6), in the tangent `camera_from_board ∘ (Exp ω, v)`: rotation (rad) before translation (m)."""
 
 
-@dataclass(frozen=True)
-class Mirrors:
+@dataclass(frozen=True, eq=False, repr=False)
+class Mirrors(ShortRepr):
     """The mirror of each frame, in the camera frame: `normal · x = distance`, normal away from the camera."""
 
     measured: npt.NDArray[np.bool_]
@@ -91,8 +94,8 @@ class Mirrors:
         return self.foot_m / np.where(self.measured, self.distance_m, 1.0)[:, None]
 
 
-@dataclass(frozen=True)
-class Markers:
+@dataclass(frozen=True, eq=False, repr=False)
+class Markers(ShortRepr):
     """The markers of each posture that any view shows: one row a posture and marker."""
 
     posture: npt.NDArray[np.int64]
@@ -152,8 +155,8 @@ class Markers:
         return result
 
 
-@dataclass(frozen=True)
-class Measurement:
+@dataclass(frozen=True, eq=False, repr=False)
+class Measurement(ShortRepr):
     """What one estimator makes of a session."""
 
     estimator: Estimator
@@ -173,8 +176,9 @@ class Measurement:
     """What was widened, and why: residuals above the stated noise."""
 
 
-def measure(session: Session, options: MeasureOptions | None = None) -> Measurement:
-    """Measures a session by one estimator: each frame's mirror from the board's reflection, then each posture's markers.
+@checked_arguments
+def measure(session: Session | str | os.PathLike[str], options: MeasureOptions | None = None) -> Measurement:
+    """Measures a session (or a folder) by one estimator: each frame's mirror from the board's reflection, then each posture's markers.
 
     A marker needs two views (frames of one `posture`) before mirrors that stand differently; all its views are used. Positions
     are in the camera frame of the posture; covariances contain the noise of the pixels, the mirrors' and the mount's.
@@ -189,13 +193,17 @@ def measure(session: Session, options: MeasureOptions | None = None) -> Measurem
     return measure_all(session, (options or MeasureOptions(),))[0]
 
 
-def measure_all(session: Session, options: tuple[MeasureOptions, ...]) -> list[Measurement]:
+@checked_arguments
+def measure_all(
+    session: Session | str | os.PathLike[str], options: Sequence[MeasureOptions]
+) -> list[Measurement]:
     """Measures a session in several ways; what they share is done once."""
     for one in options:
         if one.estimator not in ESTIMATORS:
             raise MirrorPostureError(
                 f"estimator: got {one.estimator!r}, needed one of {', '.join(ESTIMATORS)}"
             )
+    session = as_session(session)
     nominal = nominal_camera_from_board(session)
     if not session.detected:
         raise MirrorPostureError(

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from ._core import MeasureInput
 from .session.types import Session
+from .short_repr import ShortRepr
 
 Floats = npt.NDArray[np.float64]
 
@@ -34,8 +35,8 @@ MOUNT_LEVER_M = 0.115
 """A mount that is turned by an angle is taken to be shifted by it times this (1° and 2 mm): the mirrors' planes absorb most of a shift, so the residuals hardly show it."""
 
 
-@dataclass(frozen=True)
-class Assumed:
+@dataclass(frozen=True, eq=False, repr=False)
+class Assumed(ShortRepr):
     """What a measurement assumes: noise of corners and ball centres (px, one axis), covariance (6, 6) of the camera–board transform (None: exact)."""
 
     corner_noise_px: float

@@ -16,8 +16,10 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _core
+from .arguments import checked_arguments
 from .board import Board
 from .camera import Camera
+from .short_repr import ShortRepr
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
@@ -55,8 +57,8 @@ IDEAL_MIRROR = Mirror()
 """A front-surface mirror: what is assumed where a session says nothing."""
 
 
-@dataclass(frozen=True)
-class Rig:
+@dataclass(frozen=True, eq=False, repr=False)
+class Rig(ShortRepr):
     """What stays the same in all views: camera, board, how they are fixed to each other, the mirror's glass.
 
     `camera_from_board` is (4, 4);
@@ -86,8 +88,8 @@ class Rig:
         object.__setattr__(self, "_core", core)
 
 
-@dataclass(frozen=True)
-class MirrorEstimates:
+@dataclass(frozen=True, eq=False, repr=False)
+class MirrorEstimates(ShortRepr):
     """Mirrors of N views.
 
     `covariances_m2` (N, 3, 3) of the foot points is the sum of `measurement_covariances_m2` (the view's own noise) and
@@ -116,8 +118,8 @@ class MirrorEstimates:
         return self.normals * self.offsets_m[:, None]
 
 
-@dataclass(frozen=True)
-class VirtualRays:
+@dataclass(frozen=True, eq=False, repr=False)
+class VirtualRays(ShortRepr):
     """M rays from virtual cameras through the real markers, in the camera frame.
 
     `covariances` (M, 6, 6) is of (origin m, unit direction): pixel, mirror and camera-board transform.
@@ -130,8 +132,8 @@ class VirtualRays:
     reasons: Mapping[int, str]
 
 
-@dataclass(frozen=True)
-class PlanarPoses:
+@dataclass(frozen=True, eq=False, repr=False)
+class PlanarPoses(ShortRepr):
     """Poses of a flat board in N views.
 
     `camera_from_pattern` (N, 4, 4) maps (x, y, 0) of a corner to where the camera sees it: the board's pose where it is
@@ -149,6 +151,7 @@ class PlanarPoses:
     reasons: Mapping[int, str]
 
 
+@checked_arguments
 def estimate_mirrors(
     rig: Rig,
     corners_px: npt.ArrayLike,
@@ -180,6 +183,7 @@ def estimate_mirrors(
     )
 
 
+@checked_arguments
 def virtual_rays(
     mirrors: MirrorEstimates, mirror_rows: npt.ArrayLike, pixels_px: npt.ArrayLike, *, noise_px: float
 ) -> VirtualRays:
@@ -191,6 +195,7 @@ def virtual_rays(
     return VirtualRays(core.origins_m, core.directions, core.covariances, core.valid, core.reasons)
 
 
+@checked_arguments
 def planar_poses(
     camera: Camera,
     board: Board,

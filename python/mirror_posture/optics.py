@@ -13,15 +13,17 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _core
+from .arguments import checked_arguments
 from .camera import Camera
 from .mirror import FLOAT_GLASS_INDEX
+from .short_repr import ShortRepr
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
 
-@dataclass(frozen=True)
-class SeenInMirror:
+@dataclass(frozen=True, eq=False, repr=False)
+class SeenInMirror(ShortRepr):
     """N points seen in mirrors: `pixels_px` (N, 2) and how they depend on the point (px/m), on the mirror's foot point
     (px/m), on the thickness of its glass (px/m) and on its curvature (px m), also where these are 0."""
 
@@ -34,8 +36,8 @@ class SeenInMirror:
     reasons: Mapping[int, str]
 
 
-@dataclass(frozen=True)
-class Pixels:
+@dataclass(frozen=True, eq=False, repr=False)
+class Pixels(ShortRepr):
     """N pixels (N, 2), px."""
 
     pixels_px: Array
@@ -43,6 +45,7 @@ class Pixels:
     reasons: Mapping[int, str]
 
 
+@checked_arguments
 def see_in_mirror(
     camera: Camera,
     foot_points_m: npt.ArrayLike,
@@ -72,11 +75,13 @@ def see_in_mirror(
     )
 
 
+@checked_arguments
 def ball_centroids(camera: Camera, centers_in_camera_m: npt.ArrayLike, diameter_m: float) -> Pixels:
     """The centroids of balls' pictures, px, from their centres (N, 3); a ball in a mirror is a ball behind it."""
     return Pixels(*_core.ball_centroids(camera.core, centers_in_camera_m, diameter_m))
 
 
+@checked_arguments
 def ball_center_pixels(
     camera: Camera, centroids_px: npt.ArrayLike, diameter_m: float, distances_m: npt.ArrayLike
 ) -> Pixels:

@@ -20,6 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ._core import MirrorPostureError, PictureMaker
+from .arguments import checked_arguments
 from .camera import Camera
 from .mirror import FLOAT_GLASS_INDEX, Mirror
 from .robot import Robot
@@ -27,6 +28,7 @@ from .session.camera_info import load_camera_info
 from .session.metadata import Metadata, load_metadata
 from .session.types import Frames, Session, Views
 from .session.write import replace_folder, write_session_files
+from .short_repr import ShortRepr
 from .viewpoint import View as View
 
 Floats = npt.NDArray[np.float64]
@@ -88,8 +90,8 @@ class PictureOptions:
     """Height of the table in the root's frame."""
 
 
-@dataclass(frozen=True)
-class Drawn:
+@dataclass(frozen=True, eq=False, repr=False)
+class Drawn(ShortRepr):
     """A picture and its truth."""
 
     picture: npt.NDArray[np.uint8]
@@ -274,6 +276,7 @@ DEMO_OFFSETS_RAD: Positions = _degrees(r_shoulder_roll=2.5, l_elbow=-2.0)
 """What the demonstration hides: how far the actual joint stands from its command."""
 
 
+@checked_arguments
 def render_session(
     folder: str | os.PathLike[str],
     postures: Sequence[Positions] = DEMO_POSTURES,

@@ -11,12 +11,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from os import PathLike, fspath
-from typing import Literal
+from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from . import _core
+from .arguments import checked_arguments
+from .short_repr import ShortRepr
 
 Array = npt.NDArray[np.float64]
 JointKind = Literal["revolute", "continuous", "prismatic", "fixed"]
@@ -32,8 +35,8 @@ class Link:
     parent_joint: int | None
 
 
-@dataclass(frozen=True)
-class Joint:
+@dataclass(frozen=True, eq=False, repr=False)
+class Joint(ShortRepr):
     """A joint between two links: `parent_from_child(θ) = parent_from_joint ∘ motion(θ)` about or along `axis`.
 
     `lower` and `upper` are rad (m for a prismatic joint), infinite where there is no limit. A movable joint stands at
@@ -67,11 +70,23 @@ class Robot:
     Links stand in depth-first order, the root first; joint j carries link j + 1.
     """
 
-    def __init__(self, core: _core.Robot) -> None:
+    def __init__(self, core: _core.Robot, urdf: str) -> None:
         """Wraps the compiled robot; use `from_urdf` or `from_urdf_text`."""
         self.core = core
+        self.urdf = urdf
+        """The text that it was read from."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Robot.from_urdf_text, (self.urdf,)
+
+    def __eq__(self, other: object) -> bool:
+        return self.urdf == other.urdf if isinstance(other, Robot) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(self.urdf)
 
     @classmethod
+    @checked_arguments
     def from_urdf(cls, path: str | PathLike[str]) -> Robot:
         """Reads a URDF file.
 
@@ -79,12 +94,14 @@ class Robot:
 
         Raises `MirrorPostureError`, which names the link or joint, what was got and the fix.
         """
-        return cls(_core.Robot.from_urdf_file(fspath(path)))
+        core = _core.Robot.from_urdf_file(fspath(path))
+        return cls(core, Path(path).read_text(encoding="utf-8", errors="replace"))
 
     @classmethod
+    @checked_arguments
     def from_urdf_text(cls, text: str) -> Robot:
         """Reads a robot from URDF text; as `from_urdf`."""
-        return cls(_core.Robot.from_urdf_str(text))
+        return cls(_core.Robot.from_urdf_str(text), text)
 
     def __repr__(self) -> str:
         return repr(self.core)
@@ -138,14 +155,17 @@ class Robot:
             for j, name in enumerate(core.joint_names)
         )
 
+    @checked_arguments
     def link_index(self, name: str) -> int:
         """Index of a link; an unknown name is an error that lists the nearest ones."""
         return self.core.link_index(name)
 
+    @checked_arguments
     def position_index(self, name: str) -> int:
         """Column of a joint in posture arrays; fixed and mimic joints have none."""
         return self.core.position_index(name)
 
+    @checked_arguments
     def positions(self, by_joint: Mapping[str, npt.ArrayLike]) -> Array:
         """Posture array `(N, nq)` from joint names to positions `(N,)` (or one number), rad or m; others stay at 0."""
         columns = {
@@ -162,16 +182,19 @@ class Robot:
             q[:, index] = column
         return q
 
+    @checked_arguments
     def chain(self, link_a: str, link_b: str) -> tuple[ChainStep, ...]:
         """The joints between two links, movable and fixed, in order from link a to link b."""
         names = self.core.joint_names
         joints, signs = self.core.chain_joints(link_a, link_b), self.core.chain_signs(link_a, link_b)
         return tuple(ChainStep(names[j], sign) for j, sign in zip(joints, signs, strict=True))
 
+    @checked_arguments
     def forward_kinematics(self, positions: npt.ArrayLike) -> Array:
         """Poses `root_from_link` of all links in N postures: `(N, nq)` to `(N, links, 4, 4)`."""
         return self.core.forward_kinematics(positions)
 
+    @checked_arguments
     def link_poses(self, positions: npt.ArrayLike, links: Sequence[str]) -> Array:
         """Poses `root_from_link` of some links in N postures: `(N, len(links), 4, 4)`, in the order of `links`.
 
@@ -179,6 +202,7 @@ class Robot:
         """
         return self.core.link_poses(positions, list(links))
 
+    @checked_arguments
     def joint_twists(self, positions: npt.ArrayLike) -> Array:
         """Twists of what each joint carries, a unit of its own position, in the root's frame: `(N, joints, 6)`.
 
@@ -186,6 +210,7 @@ class Robot:
         """
         return self.core.joint_twists(positions)
 
+    @checked_arguments
     def points(
         self,
         positions: npt.ArrayLike,
@@ -196,6 +221,7 @@ class Robot:
         """Where a point that is fixed in `link` is in the frame of `in_link`, m: `(N, 3)`."""
         return self.core.points(positions, in_link, link, point_in_link_m)
 
+    @checked_arguments
     def point_jacobians(
         self,
         positions: npt.ArrayLike,
@@ -209,6 +235,7 @@ class Robot:
         """
         return self.core.point_jacobians(positions, in_link, link, point_in_link_m)
 
+    @checked_arguments
     def gravity_torques(
         self,
         positions: npt.ArrayLike,
@@ -222,6 +249,7 @@ class Robot:
         """
         return self.core.gravity_torques(positions, gravity_in_held_link, held_link or self.link_names[0])
 
+    @checked_arguments
     def gravity_moments(
         self,
         positions: npt.ArrayLike,

@@ -14,8 +14,10 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _core
+from .arguments import checked_arguments
 from .camera import Camera
 from .mirror import MirrorEstimates
+from .short_repr import ShortRepr
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
@@ -25,8 +27,8 @@ TRIANGULATORS: tuple[Triangulator, ...] = ("midpoint", "lee_civera_mid2", "unbia
 """The paper's (least squares for more than two rays); two closed forms of two rays; in pixels, N views."""
 
 
-@dataclass(frozen=True)
-class MarkerPositions:
+@dataclass(frozen=True, eq=False, repr=False)
+class MarkerPositions(ShortRepr):
     """Positions of M markers.
 
     `covariances_m2` (M, 3, 3) holds the noise of pixels and corners (`measurement_covariances_m2`) and the covariance of
@@ -47,8 +49,8 @@ class MarkerPositions:
     reasons: Mapping[int, str]
 
 
-@dataclass(frozen=True)
-class TwoViewMarkers:
+@dataclass(frozen=True, eq=False, repr=False)
+class TwoViewMarkers(ShortRepr):
     """Positions of N markers by the paper's measurement, (N, 3) m in the camera frame."""
 
     points_in_camera_m: Array
@@ -56,6 +58,7 @@ class TwoViewMarkers:
     reasons: Mapping[int, str]
 
 
+@checked_arguments
 def triangulate(
     mirrors: MirrorEstimates,
     mirror_rows: npt.ArrayLike,
@@ -93,6 +96,7 @@ def triangulate(
     )
 
 
+@checked_arguments
 def two_view_markers(
     camera: Camera,
     board_in_camera_m: npt.ArrayLike,

@@ -21,6 +21,7 @@ from .camera import Camera
 from .mirror import FLOAT_GLASS_INDEX, IDEAL_MIRROR, Rig, estimate_mirrors
 from .optics import see_in_mirror
 from .session.types import Session
+from .short_repr import ShortRepr
 
 Floats = npt.NDArray[np.float64]
 PixelMap = Callable[[Floats, float, float], Floats]
@@ -47,8 +48,8 @@ LEAST_SCALE = 0.04
 LARGEST_FACTOR = 4.0
 
 
-@dataclass(frozen=True)
-class Reading:
+@dataclass(frozen=True, eq=False, repr=False)
+class Reading(ShortRepr):
     """One way to read a session: what was done to pictures, labels, board and camera, and how to put it right."""
 
     name: str

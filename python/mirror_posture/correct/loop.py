@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from .._core import MirrorPostureError
+from ..arguments import checked_arguments
 from ..robots.errors import NoLookError, RobotError
 from ..robots.interruption import Interrupted, ending_signals
 from ..robots.nominal import detect_look
@@ -27,6 +28,7 @@ RETURN_TO_BEST = ("stalled", "diverging", "budget_spent", "limit_reached")
 """After these the best posture that was seen is commanded; after lost or contradicting readings nothing is moved."""
 
 
+@checked_arguments
 def correct(
     robot: CommandedRobot,
     posture: Mapping[str, float],

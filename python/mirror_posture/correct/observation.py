@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from ..measurement import MeasureOptions, NothingMeasuredError, measure
 from ..robots.protocol import Look
+from ..short_repr import ShortRepr
 from .options import MeasureChoice
 from .target import Target
 
@@ -18,8 +19,8 @@ MARKER_POINTS_STD_M = 0.0005
 """Of positions that something else measured without saying how well."""
 
 
-@dataclass(frozen=True)
-class Readings:
+@dataclass(frozen=True, eq=False, repr=False)
+class Readings(ShortRepr):
     """The target's markers at one look, in the board's frame; rows with `measured` False hold 0."""
 
     measured: npt.NDArray[np.bool_]

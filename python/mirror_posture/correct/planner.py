@@ -10,6 +10,7 @@ from itertools import product
 import numpy as np
 import numpy.typing as npt
 
+from ..arguments import checked_arguments
 from ..measurement import MeasureOptions, NothingMeasuredError, measure
 from ..mirror import IDEAL_MIRROR
 from ..optics import see_in_mirror
@@ -162,6 +163,7 @@ def predicted_std_m(target: Target, sets: Sequence[Sequence[Prospect]]) -> Float
     return worst
 
 
+@checked_arguments
 def propose_views(
     target: Target, count: int, kept: Sequence[View] = (), start: View | None = None
 ) -> list[View]:

@@ -10,14 +10,16 @@ import numpy.typing as npt
 
 from .. import _core
 from .._core import MirrorPostureError
+from ..arguments import checked_arguments
 from ..robots.nominal import Nominal
+from ..short_repr import ShortRepr
 from .options import CorrectOptions
 
 Floats = npt.NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Target:
+@dataclass(frozen=True, eq=False, repr=False)
+class Target(ShortRepr):
     """A posture to be reached, and what is measured and moved for it."""
 
     nominal: Nominal
@@ -62,6 +64,7 @@ class Target:
         return dict(zip(self.nominal.robot.position_names, values.tolist(), strict=True))
 
 
+@checked_arguments
 def make_target(nominal: Nominal, posture: Mapping[str, float], options: CorrectOptions) -> Target:
     """The target of a posture (rad by joint name; other joints at 0).
 

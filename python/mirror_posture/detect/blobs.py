@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..marker import ColorRange
+from ..short_repr import ShortRepr
 from .types import FloatArray
 
 # Regions smaller than this are noise or too small to measure.
@@ -21,8 +22,8 @@ MIN_REGION_AREA_PX = 12
 MAX_REGIONS = 32
 
 
-@dataclass(frozen=True)
-class Region:
+@dataclass(frozen=True, eq=False, repr=False)
+class Region(ShortRepr):
     """A connected region of one colour: area and centroid, bounding box `(left, top, width, height)`, and its pixels in that box."""
 
     area_px: int

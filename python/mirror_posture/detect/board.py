@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 import cv2
 import numpy as np
 
+from ..arguments import checked_arguments
 from ..board import Board
 from ..camera import Camera
 from . import corners, gate, labels, pattern
@@ -49,6 +50,7 @@ class _Found:
     reason: str = ""
 
 
+@checked_arguments
 def detect_boards(
     gray: Pixels,
     board: Board,
@@ -105,6 +107,7 @@ def detect_boards(
     return tuple(views)
 
 
+@checked_arguments
 def measure_grid(
     gray: Pixels,
     grid: FloatArray,

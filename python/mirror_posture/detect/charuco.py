@@ -13,6 +13,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from ..arguments import checked_arguments
 from ..board import Board
 from ..camera import Camera
 from . import corners
@@ -23,6 +24,7 @@ from .types import BoardView, DetectionError, Pixels, Via, check_board
 MIN_CORNERS = 6
 
 
+@checked_arguments
 def detect_charuco(
     gray: Pixels, board: Board, camera: Camera | None = None, options: BoardOptions | None = None
 ) -> tuple[BoardView, ...]:

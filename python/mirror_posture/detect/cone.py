@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 
 from ..camera import Camera
+from ..short_repr import ShortRepr
 from .gate import undistort
 from .outline import INLIER_PX, MIN_EDGE_POINTS, Circle
 from .types import Ellipse, FloatArray
@@ -22,8 +23,8 @@ OUTLINE_SAMPLES = 72
 REFITS = 6
 
 
-@dataclass(frozen=True)
-class OutlineFit:
+@dataclass(frozen=True, eq=False, repr=False)
+class OutlineFit(ShortRepr):
     """A fitted outline: its centroid and ellipse in the picture, the sphere's centre, and how well the edges agree.
 
     `inlier` `(N,)` tells which edge points belong to it; `arc_fraction` is the share of the outline that they cover.

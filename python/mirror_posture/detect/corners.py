@@ -19,6 +19,7 @@ import numpy.typing as npt
 
 from ..board import Board
 from ..camera import Camera
+from ..short_repr import ShortRepr
 from .gate import GateOptions, GateResult, board_residual
 from .types import FloatArray, Pixels
 
@@ -37,8 +38,8 @@ COMMON_FLOOR_PX = 0.012
 MIN_FREEDOM = 8
 
 
-@dataclass(frozen=True)
-class Refined:
+@dataclass(frozen=True, eq=False, repr=False)
+class Refined(ShortRepr):
     """Sub-pixel corners `(N, 2)` px, the half side of the window that found them, and their residual against a flat board."""
 
     corners_px: FloatArray

@@ -20,6 +20,7 @@ import numpy.typing as npt
 
 from ..board import Board
 from ..camera import Camera
+from ..short_repr import ShortRepr
 from .pose import board_pose
 from .types import FloatArray
 
@@ -37,8 +38,8 @@ class GateOptions:
     max_residual_rms_px: float = DEFAULT_MAX_RESIDUAL_PX
 
 
-@dataclass(frozen=True)
-class GateResult:
+@dataclass(frozen=True, eq=False, repr=False)
+class GateResult(ShortRepr):
     """Residuals `(N, 2)` px of the corners, their RMS distance, the limit, and the degrees of freedom that are left."""
 
     residuals_px: FloatArray

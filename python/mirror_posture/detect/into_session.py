@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..arguments import checked_arguments
+from ..session.load import as_session
 from ..session.types import Session, Views
 from ..view_check import check_views
 from .pictures import DetectionOptions, PicturePrediction, detect_pictures
@@ -16,11 +19,13 @@ CHUNK = 16
 """Pictures handed to the detector at once: enough to keep all cores busy, few enough to stop soon."""
 
 
+@checked_arguments
 def setup_from_session(session: Session) -> DetectionSetup:
     """The board, the markers and the camera of a session. Raises `DetectionError` for a marker without a colour."""
     return DetectionSetup(session.board, session.markers, session.camera)
 
 
+@checked_arguments
 def predictions_from_session(session: Session) -> tuple[PicturePrediction | None, ...]:
     """The board's nominal pose before the camera in each frame, from the robot model at the commanded posture.
 
@@ -42,15 +47,16 @@ class DetectedSession:
     """By row of the frames table; a row without a picture has none."""
 
 
+@checked_arguments
 def detect_session(
-    session: Session,
+    session: Session | str | os.PathLike[str],
     options: DetectionOptions | None = None,
     *,
     progress: Callable[[Iterable[list[int]]], Iterable[list[int]]] | None = None,
     done: dict[int, PictureDetections] | None = None,
     check: bool = True,
 ) -> DetectedSession:
-    """Detects the board and the balls in every picture of a session.
+    """Detects the board and the balls in every picture of a session (or a folder).
 
     A picture that cannot be used, and a view that cannot be trusted, is masked with its reason. `progress` wraps the
     chunks of rows as they are worked on; `done` is filled as pictures are finished, so that a stop loses none of them.
@@ -58,6 +64,7 @@ def detect_session(
     Raises `DetectionError` for a session without pictures, or with a marker that has no colour, and, unless `check` is False, for pictures that are
     mirrored, turned, of another board or of another camera (`mirror_posture.view_check`).
     """
+    session = as_session(session)
     rows = [row for row, file in enumerate(session.image_files) if file is not None]
     if not rows:
         raise DetectionError(f"{session.folder}: has no pictures; add a column `image` to the frames table")
@@ -76,6 +83,7 @@ def detect_session(
     return DetectedSession(detected, pictures)
 
 
+@checked_arguments
 def with_detections(session: Session, pictures: dict[int, PictureDetections]) -> Session:
     """The session with the image points of these pictures (by row of the frames table) in place of its own."""
     corners = 0 if session.board is None else session.board.columns * session.board.rows

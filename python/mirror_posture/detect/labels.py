@@ -19,14 +19,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..board import Board
+from ..short_repr import ShortRepr
 from .types import FloatArray, Via
 
 # A predicted place chooses a labelling only if the second best is at least this much farther off.
 MIN_PREDICTION_RATIO = 2.0
 
 
-@dataclass(frozen=True)
-class LabelledGrid:
+@dataclass(frozen=True, eq=False, repr=False)
+class LabelledGrid(ShortRepr):
     """The settled corners `(N, 2)` px, or the reason why they cannot be settled."""
 
     ok: bool

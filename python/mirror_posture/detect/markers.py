@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from ..arguments import checked_arguments
 from ..camera import Camera
 from ..marker import Marker
 from . import outline
@@ -64,6 +65,7 @@ class _Choice:
     reason: str
 
 
+@checked_arguments
 def detect_markers(
     bgr: npt.NDArray[np.uint8],
     markers: tuple[Marker, ...],

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from ..short_repr import ShortRepr
 from .types import FloatArray
 
 # The search along a ray, on both sides of the expected edge, px, in steps of STEP_PX.
@@ -39,16 +40,16 @@ MIN_COLOUR_SINE = 0.12
 MIN_EDGE_POINTS = 8
 
 
-@dataclass(frozen=True)
-class Circle:
+@dataclass(frozen=True, eq=False, repr=False)
+class Circle(ShortRepr):
     """A circle in the picture, px."""
 
     center_px: FloatArray
     radius_px: float
 
 
-@dataclass(frozen=True)
-class Edges:
+@dataclass(frozen=True, eq=False, repr=False)
+class Edges(ShortRepr):
     """Edge points `(N, 2)` px, one a ray, their standard deviations along the ray `(N,)` px, and `found` `(N,)` where there is one."""
 
     points_px: FloatArray

@@ -13,6 +13,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from ..arguments import checked_arguments
 from ..output_files import write_file
 from .reading import Picture, as_picture
 from .types import BoardView, DetectionError, FloatArray, MarkerView, PictureDetections, Pixels
@@ -31,6 +32,7 @@ WHITE = (255, 255, 255)
 STRIP = (32, 32, 32)
 
 
+@checked_arguments
 def draw_overlay(picture: Picture, detections: PictureDetections) -> Picture:
     """The picture `(H, W, 3)` BGR with its detections drawn, and a strip of text below it."""
     bgr = as_picture(picture, detections.source)
@@ -48,6 +50,7 @@ def draw_overlay(picture: Picture, detections: PictureDetections) -> Picture:
     return np.vstack([canvas, _strip(canvas.shape[1], pen.weight, detections)])
 
 
+@checked_arguments
 def write_overlay(path: Path | str, picture: Picture, detections: PictureDetections) -> None:
     """Writes the overlay as a picture file. Raises `MirrorPostureError` if it cannot be written."""
     file = Path(path)

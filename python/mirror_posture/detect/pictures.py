@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from ..arguments import checked_arguments
 from ..board import CHARUCO
 from ..camera import Camera
 from .board import BoardOptions, detect_boards
@@ -53,6 +54,7 @@ class DetectionOptions:
     marker: MarkerOptions = field(default_factory=MarkerOptions)
 
 
+@checked_arguments
 def detect_picture(
     picture: Path | str | npt.ArrayLike,
     setup: DetectionSetup,
@@ -89,6 +91,7 @@ def detect_picture(
     return PictureDetections(source, width, height, boards, markers, warnings=warnings)
 
 
+@checked_arguments
 def detect_pictures(
     pictures: Sequence[Path | str | npt.ArrayLike],
     setup: DetectionSetup,

@@ -13,11 +13,12 @@ import numpy as np
 from .. import _core
 from ..board import Board
 from ..camera import Camera
+from ..short_repr import ShortRepr
 from .types import FloatArray
 
 
-@dataclass(frozen=True)
-class BoardPose:
+@dataclass(frozen=True, eq=False, repr=False)
+class BoardPose(ShortRepr):
     """Centre of the seen board in the camera frame, m, and RMS distance of its corners from their reprojection, px."""
 
     center_in_camera_m: FloatArray

@@ -15,6 +15,8 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image, JpegImagePlugin, UnidentifiedImageError
 
+from ..arguments import checked_arguments
+from ..short_repr import ShortRepr
 from .types import DetectionError
 
 Picture = npt.NDArray[np.uint8]
@@ -35,8 +37,8 @@ EXIF_TURNS = {
 }
 
 
-@dataclass(frozen=True)
-class PictureFile:
+@dataclass(frozen=True, eq=False, repr=False)
+class PictureFile(ShortRepr):
     """A picture's pixels as stored, BGR `(H, W, 3)` uint8, and what its file says of them.
 
     `exif_turn`: how a viewer would show it ("" as stored). `chroma_step_px`: pixels that share a colour, across and down: (2, 2) in a JPEG of 4:2:0.
@@ -47,6 +49,7 @@ class PictureFile:
     chroma_step_px: tuple[int, int] = (1, 1)
 
 
+@checked_arguments
 def read_picture(path: Path | str) -> Picture:
     """A picture as BGR `(H, W, 3)` uint8, as stored (EXIF turns are not applied).
 
@@ -164,6 +167,7 @@ def as_picture(values: npt.ArrayLike, name: str = "picture") -> Picture:
     return np.ascontiguousarray(array[..., :3])
 
 
+@checked_arguments
 def list_pictures(folder: Path | str) -> tuple[Path, ...]:
     """The pictures of a folder, sorted by name. Raises `DetectionError` for a folder that is missing or has none."""
     place = Path(folder)

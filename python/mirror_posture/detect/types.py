@@ -16,6 +16,7 @@ from .._core import MirrorPostureError
 from ..board import Board
 from ..camera import Camera
 from ..marker import ColorRange, Marker
+from ..short_repr import ShortRepr
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -61,8 +62,8 @@ class PredictedMarker:
     ball_radius_px: float | None = None
 
 
-@dataclass(frozen=True)
-class BoardPrediction:
+@dataclass(frozen=True, eq=False, repr=False)
+class BoardPrediction(ShortRepr):
     """What is known of the board beforehand. Either may be missing.
 
     `corners_px`: expected pixels of all corners, `(N, 2)`. `camera_from_board`: the board's pose before the camera (4, 4), from
@@ -91,8 +92,8 @@ class DetectionSetup:
             color_of(marker)
 
 
-@dataclass(frozen=True)
-class BoardView:
+@dataclass(frozen=True, eq=False, repr=False)
+class BoardView(ShortRepr):
     """One view of the board in one picture; `ok` is the mask, `reason` says why not.
 
     `corners_px` `(N, 2)` and `covariances_px2` `(N, 2, 2)` are in the order of the session format. They are kept for a refused view
@@ -139,8 +140,8 @@ class Ellipse:
     angle_rad: float
 
 
-@dataclass(frozen=True)
-class MarkerView:
+@dataclass(frozen=True, eq=False, repr=False)
+class MarkerView(ShortRepr):
     """One marker in one picture; `ok` is the mask, `reason` says why not.
 
     `pixel_px` is the centre of the kind `center_kind` (the outline's centroid: where a sphere is off the axis, its own centre lies

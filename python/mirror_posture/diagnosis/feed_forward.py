@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .._core import MirrorPostureError
+from ..arguments import checked_arguments
 from ..robot import Robot
 from ..session import Session
 from .result import Cause, Diagnosis
@@ -127,6 +128,7 @@ class FeedForward:
         return min(max(value, low), high)
 
 
+@checked_arguments
 def feed_forward(found: Diagnosis, of: Session | CommandedRobot) -> FeedForward:
     """The commands that make postures come out right, from the causes at the joints of a diagnosis.
 

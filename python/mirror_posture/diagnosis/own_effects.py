@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .._core import GapRecording, MirrorPostureError
+from ..short_repr import ShortRepr
 
 Floats = npt.NDArray[np.float64]
 ALL = "*"
@@ -18,8 +19,8 @@ LEAST_WEIGHT = 1e-12
 """A basis below this in every frame does nothing; with `*`, such places are left out."""
 
 
-@dataclass(frozen=True)
-class PlaceQuantities:
+@dataclass(frozen=True, eq=False, repr=False)
+class PlaceQuantities(ShortRepr):
     """What a basis may depend on at one place: arrays with the frames first, as the diagnosis itself reads them."""
 
     at: str
@@ -109,8 +110,8 @@ class OwnEffect:
             )
 
 
-@dataclass(frozen=True)
-class Tabulated:
+@dataclass(frozen=True, eq=False, repr=False)
+class Tabulated(ShortRepr):
     """An own effect with its weights in one session, as the core takes it."""
 
     name: str

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .._core import MirrorPostureError
+from ..short_repr import ShortRepr
 
 FORMAT, VERSION = "mirror-posture/diagnosis", 1
 VERDICTS = ("none", "explained", "partial", "unknown")
@@ -117,8 +118,8 @@ class Ranked:
     log_bayes: float
 
 
-@dataclass(frozen=True)
-class Signature:
+@dataclass(frozen=True, eq=False, repr=False)
+class Signature(ShortRepr):
     """The error at a place that each posture shows by itself (`error`, with `std`) and what the cause says (`fitted`).
 
     Arrays (K,), one value a posture; `unit` (rad or m) is that of error, std and fitted. `cause` is an index into the
@@ -142,8 +143,8 @@ class Signature:
     """(K,) its commanded position, rad (m)."""
 
 
-@dataclass(frozen=True)
-class Track:
+@dataclass(frozen=True, eq=False, repr=False)
+class Track(ShortRepr):
     """The error of a marker, a link, a joint's axis or the camera that each posture shows by itself, component by component.
 
     `error`, `std` and `fitted` are (K, C) arrays in `unit` (`m`, `rad`, or `1` of a ratio), one column a name in
@@ -165,8 +166,8 @@ class Track:
     fitted: Floats
 
 
-@dataclass(frozen=True)
-class Field:
+@dataclass(frozen=True, eq=False, repr=False)
+class Field(ShortRepr):
     """What is left on average of corners and markers over the image, or of corners over the board: the signature of optics.
 
     Over the image, `at_points` (K, 2) are px and residuals (K, 2) px, seen less predicted. Over the board, `at_points` are m

@@ -7,7 +7,8 @@ import os
 from collections.abc import Sequence
 
 from .._core import GapRecording, MirrorPostureError
-from ..session import Session, load_session
+from ..arguments import checked_arguments
+from ..session import Session, as_session
 from .accelerometers import accelerometer_witness
 from .encoders import encoder_witness
 from .fingerprint import KEY, fingerprint
@@ -22,6 +23,7 @@ MOST_CAUSES = 6
 WITNESS = "witness:"
 
 
+@checked_arguments
 def diagnose(
     session: Session | str | os.PathLike[str],
     *,
@@ -92,7 +94,7 @@ def _other(
 
 
 def _loaded(session: Session | str | os.PathLike[str]) -> Session:
-    loaded = session if isinstance(session, Session) else load_session(session)
+    loaded = as_session(session)
     if loaded.detected or not any(loaded.image_files) or loaded.points is not None:
         return loaded
     from ..detect import detect_session

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Protocol, TypeVar, runtime_checkable
 import numpy as np
 import numpy.typing as npt
 
+from ..short_repr import ShortRepr
 from ..viewpoint import View
 from .errors import UnsafeCommandError
 
@@ -43,8 +44,8 @@ class JointLimits:
         return math.isfinite(position) and self.lower - LIMIT_SLACK <= position <= self.upper + LIMIT_SLACK
 
 
-@dataclass(frozen=True)
-class ImagePoints:
+@dataclass(frozen=True, eq=False, repr=False)
+class ImagePoints(ShortRepr):
     """What one picture showed in the mirror, px; pixel (0, 0) is the centre of the top-left pixel.
 
     Masked rows hold 0. A marker's pixel is the centroid of its ball's whole outline, as detection gives it.
@@ -66,8 +67,8 @@ class ImagePoints:
     """Why what was not seen was not: one line for the board or a marker each."""
 
 
-@dataclass(frozen=True)
-class MarkerPoints:
+@dataclass(frozen=True, eq=False, repr=False)
+class MarkerPoints(ShortRepr):
     """Marker positions that something else than the mirror measured: motion capture, a probe, a simulator."""
 
     frame_link: str
@@ -80,8 +81,8 @@ class MarkerPoints:
     """(markers, 3, 3), in the same frame; None where it is not known."""
 
 
-@dataclass(frozen=True)
-class Look:
+@dataclass(frozen=True, eq=False, repr=False)
+class Look(ShortRepr):
     """One look of the robot at itself: a picture, or what was detected in one, or marker points."""
 
     commanded: Positions
@@ -193,7 +194,13 @@ def check_command(positions: Positions, limits: Mapping[str, JointLimits], name:
             raise UnsafeCommandError(
                 f"{name}: has no joint {joint!r} to command; its joints: {', '.join(limits)}", joint=joint
             )
-        position, limit = float(value), limits[joint]
+        try:
+            position, limit = float(value), limits[joint]
+        except (TypeError, ValueError):
+            raise UnsafeCommandError(
+                f"{name}: joint {joint!r} was sent to {value!r}, needed a number (rad, m); nothing was moved",
+                joint=joint,
+            ) from None
         if not limit.holds(position):
             raise UnsafeCommandError(
                 f"{name}: joint {joint!r} was sent to {position:.6g}, needed a number from {limit.lower:.6g} to {limit.upper:.6g}; "

@@ -5,7 +5,7 @@ from ..marker import ColorRange, Marker
 from ..mirror import Mirror
 from .camera_info import dump_camera_info, load_camera_info
 from .errors import SessionError
-from .load import load_session
+from .load import as_session, load_session
 from .types import (
     UNKNOWN_FRAME,
     Frames,
@@ -30,6 +30,7 @@ __all__ = [
     "SessionError",
     "States",
     "Views",
+    "as_session",
     "dump_camera_info",
     "load_camera_info",
     "load_session",

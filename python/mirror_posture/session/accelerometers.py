@@ -13,6 +13,7 @@ import numpy as np
 import pyarrow as pa
 
 from ..robot import Robot
+from ..short_repr import ShortRepr
 from .errors import SessionError, choices
 from .tables import Table
 
@@ -24,8 +25,8 @@ AXES = ("x", "y", "z")
 NEEDED = "needed accelerometer:<link>:x, :y and :z"
 
 
-@dataclass(frozen=True)
-class Accelerometers:
+@dataclass(frozen=True, eq=False, repr=False)
+class Accelerometers(ShortRepr):
     """All readings: links (L), force (F, L, 3) in each link's frame, m/s², and whether it was read (F, L)."""
 
     links: tuple[str, ...]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ from typing import Any
 import yaml
 
 from .._core import MirrorPostureError
+from ..arguments import checked_arguments
 from ..camera import Camera
 from .errors import SessionError, choices
 from .input_files import parse_yaml, read_text, reason
@@ -21,12 +23,14 @@ COEFFICIENT_NAMES = {
 """Coefficients of the lens models that are read, in the file's (ROS and OpenCV) order."""
 
 
-def load_camera_info(file: Path, shown_as: str | None = None) -> Camera:
+@checked_arguments
+def load_camera_info(file: str | os.PathLike[str], shown_as: str | None = None) -> Camera:
     """Reads and validates a ROS `camera_info` YAML file.
 
     `shown_as` is the file's name in error messages. Raises `SessionError` for a file that is missing, is no YAML,
     lacks a key or holds a number that cannot be meant.
     """
+    file = Path(file)
     name = shown_as or str(file)
     try:
         text = read_text(file)
@@ -59,6 +63,7 @@ def load_camera_info(file: Path, shown_as: str | None = None) -> Camera:
         raise SessionError(name, str(error)) from None
 
 
+@checked_arguments
 def dump_camera_info(camera: Camera) -> str:
     """The camera as ROS `camera_info` YAML; `load_camera_info` reads the same numbers back."""
 

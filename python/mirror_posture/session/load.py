@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from .._core import MirrorPostureError
+from ..arguments import checked_arguments
 from ..camera import Camera
 from ..robot import Robot
 from .camera_info import load_camera_info
@@ -29,6 +30,12 @@ MOST_VIEW_POINTS = 10_000_000
 """Frames times board corners and markers at most: each takes 34 bytes."""
 
 
+def as_session(session: Session | str | os.PathLike[str]) -> Session:
+    """A session as it is, or the one of a folder; see `load_session`."""
+    return session if isinstance(session, Session) else load_session(session)
+
+
+@checked_arguments
 def load_session(folder: str | os.PathLike[str]) -> Session:
     """Loads a session's folder and validates it as a whole.
 

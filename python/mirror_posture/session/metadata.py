@@ -15,6 +15,7 @@ import numpy as np
 from ..board import CHESSBOARD, PATTERNS, Board
 from ..marker import ColorRange, Marker
 from ..mirror import FLOAT_GLASS_INDEX, Mirror
+from ..short_repr import ShortRepr
 from .errors import SessionError, choices
 from .input_files import path_inside, read_text, reason
 from .types import Floats, Noise
@@ -47,8 +48,8 @@ LARGEST_PIXEL_STD, LARGEST_POINT_STD_M, LARGEST_TOLERANCE_M = 100.0, 0.5, 0.5
 _MISSING = object()
 
 
-@dataclass(frozen=True)
-class Metadata:
+@dataclass(frozen=True, eq=False, repr=False)
+class Metadata(ShortRepr):
     """session.toml, read and checked; None where a section is absent."""
 
     robot: str

@@ -21,6 +21,7 @@ import pyarrow.compute as pc
 import pyarrow.csv
 import pyarrow.parquet
 
+from ..short_repr import ShortRepr
 from .errors import SessionError, choices
 from .input_files import LARGEST_TABLE, path_inside, read_regular, reason
 
@@ -33,8 +34,8 @@ UNFINISHED = "recording.unfinished"
 """A file of this name in a session's folder says that it is being recorded, or that the recording was cut off."""
 
 
-@dataclass(frozen=True)
-class Table:
+@dataclass(frozen=True, eq=False, repr=False)
+class Table(ShortRepr):
     """A table as read, with the name that messages give it."""
 
     name: str

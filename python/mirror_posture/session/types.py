@@ -19,6 +19,7 @@ from ..camera import Camera
 from ..marker import Marker
 from ..mirror import Mirror
 from ..robot import Robot
+from ..short_repr import ShortRepr
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -36,8 +37,8 @@ class Noise:
     point_std_m: float | None = None
 
 
-@dataclass(frozen=True)
-class Frames:
+@dataclass(frozen=True, eq=False, repr=False)
+class Frames(ShortRepr):
     """The frames table: one row a captured picture, in the order in which the robot executed them."""
 
     frame: Integers
@@ -69,8 +70,8 @@ class Frames:
         return len(self.frame)
 
 
-@dataclass(frozen=True)
-class Views:
+@dataclass(frozen=True, eq=False, repr=False)
+class Views(ShortRepr):
     """Image points of one way of seeing (in the mirror, or directly), px; pixel (0, 0) is the top-left pixel's centre."""
 
     board_px: Floats
@@ -102,8 +103,8 @@ class Views:
         return bool(self.board_seen.any() or self.marker_seen.any())
 
 
-@dataclass(frozen=True)
-class Points:
+@dataclass(frozen=True, eq=False, repr=False)
+class Points(ShortRepr):
     """Marker positions that something else measured."""
 
     frame_link: str
@@ -114,8 +115,8 @@ class Points:
     """(F, markers)."""
 
 
-@dataclass(frozen=True)
-class States:
+@dataclass(frozen=True, eq=False, repr=False)
+class States(ShortRepr):
     """A denser log of the joints than the pictures (states.csv)."""
 
     time_s: Floats
@@ -128,8 +129,8 @@ class States:
     """(S, measured joints), rad (m for a prismatic joint)."""
 
 
-@dataclass(frozen=True)
-class Session:
+@dataclass(frozen=True, eq=False, repr=False)
+class Session(ShortRepr):
     """A robot model, a camera, and what was seen while the robot held a sequence of postures."""
 
     folder: Path

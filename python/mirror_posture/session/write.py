@@ -15,6 +15,7 @@ import pyarrow.csv
 import pyarrow.parquet
 import tomli_w
 
+from ..arguments import checked_arguments
 from ..marker import Marker
 from ..output_files import new_file, new_folder
 from .accelerometers import accelerometer_columns
@@ -29,6 +30,7 @@ from .types import Session, Views
 TableFormat = Literal["csv", "parquet"]
 
 
+@checked_arguments
 def write_session(
     session: Session,
     folder: str | os.PathLike[str],
@@ -52,6 +54,7 @@ def write_session(
     return folder
 
 
+@checked_arguments
 def write_detections(session: Session, file: str | os.PathLike[str]) -> Path:
     """Writes the detections table of a session alone, as CSV or Parquet by its name, in one step."""
     file = Path(file)

@@ -225,7 +225,10 @@ def _camera_mount(changed: Changed, name: str, value: Values) -> tuple[str, str]
 
 def _board_mount(changed: Changed, name: str, value: Values) -> tuple[str, str]:
     session, spec = changed.session, changed.simulator.spec
-    board, camera = _link(session.board and session.board.link, "board"), _link(session.camera_link, "camera")
+    board, camera = (
+        _link(None if session.board is None else session.board.link, "board"),
+        _link(session.camera_link, "camera"),
+    )
     elements = [element_of(spec, board), element_of(spec, camera)]
     if elements[0].parent.name != elements[1].parent.name:
         raise MirrorPostureError(

@@ -14,10 +14,10 @@ import numpy as np
 import numpy.typing as npt
 
 from .._core import Measured, MeasureInput, MirrorPostureError
-from ..camera import camera_from_info
 from ..measurement import MeasureOptions
 from ..optics import ball_center_pixels, see_in_mirror
 from ..session import Session
+from ..short_repr import ShortRepr
 from .motion import Rest
 
 Floats = npt.NDArray[np.float64]
@@ -25,8 +25,8 @@ CORNER_NOISE_PX = 0.2
 """Where neither the session nor a detector states the noise: it weighs corners against markers and moves no minimum."""
 
 
-@dataclass(frozen=True)
-class SimulatedGap:
+@dataclass(frozen=True, eq=False, repr=False)
+class SimulatedGap(ShortRepr):
     """RMS distances. The arrays are by marker, in the session's order; NaN where a marker was never seen (not measured)."""
 
     rms_px: float | None
@@ -78,7 +78,7 @@ def _measured(session: Session, camera_from_board: Floats) -> MeasureInput:
     seen, direct, mirror = session.mirror_view, session.direct_view, session.mirror
     extra = {} if mirror is None else {"refractive_index": mirror.refractive_index}
     return MeasureInput(
-        camera=camera_from_info(session.camera),
+        camera=session.camera.core,
         board_corners=(session.board.columns, session.board.rows),
         square_m=session.board.square_m,
         diameters_m=[marker.diameter_m for marker in session.markers],
@@ -129,7 +129,7 @@ def _residuals(
 ) -> tuple[Floats, Floats, npt.NDArray[np.bool_]]:
     """Seen less predicted image of one marker (N, 2), its derivative by the mirror's foot (N, 2, 3), and a mask (N,)."""
     assert session.camera is not None
-    camera, mirror, marker = camera_from_info(session.camera), session.mirror, session.markers[m]
+    camera, mirror, marker = session.camera, session.mirror, session.markers[m]
     extra = {} if mirror is None else {"refractive_index": mirror.refractive_index}
     thickness = mirror.glass_thickness_m if mirror else 0.0
     told = see_in_mirror(camera, foot_m, points, glass_thickness_m=thickness, **extra)

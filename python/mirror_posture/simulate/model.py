@@ -18,6 +18,7 @@ import numpy.typing as npt
 
 from .._core import MirrorPostureError
 from ..session import Session
+from ..short_repr import ShortRepr
 
 Floats = npt.NDArray[np.float64]
 
@@ -34,8 +35,8 @@ FRAMES_DIFFER_M = 1e-3
 """A model whose frames lie farther from the URDF's than this is not the robot that the session describes."""
 
 
-@dataclass
-class Simulator:
+@dataclass(eq=False, repr=False)
+class Simulator(ShortRepr):
     """A MuJoCo specification with what tells its parts apart. `stiffness` is by joint, N m/rad (N/m)."""
 
     spec: Any

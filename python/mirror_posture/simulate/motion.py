@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from .._core import MirrorPostureError
 from ..session import Session
+from ..short_repr import ShortRepr
 from .model import Simulator, frame_of, needed_links
 
 Floats = npt.NDArray[np.float64]
@@ -28,8 +29,8 @@ STILL_RAD_PER_S = 5e-4
 RAMP_PARTS = 100
 
 
-@dataclass(frozen=True)
-class Rest:
+@dataclass(frozen=True, eq=False, repr=False)
+class Rest(ShortRepr):
     """Where the simulated body rests in each frame: `root_from_link` (F, 4, 4) by link, and whether all came to rest."""
 
     root_from_link: Mapping[str, Floats]

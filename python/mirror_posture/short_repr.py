@@ -1,0 +1,40 @@
+"""Records that hold arrays: shown in a line or two, compared by identity."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+LONGEST = 60
+"""Characters of one field; longer ones are told by their kind and size."""
+
+
+class ShortRepr:
+    """A mix-in of dataclasses whose fields are arrays, or long: `dataclass(eq=False, repr=False)`.
+
+    Arrays are shown by type and shape: a session's own would fill pages. Two records are equal only where they are the
+    same one: of arrays `==` gives arrays.
+    """
+
+    def __repr__(self) -> str:
+        shown = (
+            f"{field.name}={_short(getattr(self, field.name))}"
+            for field in dataclasses.fields(self)  # type: ignore[arg-type]
+            if field.repr
+        )
+        return f"{type(self).__name__}({', '.join(shown)})"
+
+
+def _short(value: Any) -> str:
+    if isinstance(value, np.ndarray) and value.size > 1:
+        return f"<{value.dtype} {' × '.join(map(str, value.shape))}>"
+    text = repr(value)
+    if len(text) <= LONGEST:
+        return text
+    kind = type(value).__name__
+    try:
+        return f"<{kind} of {len(value)}>"
+    except TypeError:
+        return f"<{kind}>"
