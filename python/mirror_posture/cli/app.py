@@ -129,7 +129,7 @@ _register()
 def main() -> None:
     """Entry point of the command `mirror-posture`."""
     out = make_patient()
-    code: object = 0
+    code: int | str | None = 0
     try:
         app()
     except SystemExit as error:

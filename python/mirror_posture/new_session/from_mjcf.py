@@ -61,7 +61,7 @@ def urdf_from_mjcf(file: Path) -> str:
             # MuJoCo moves by q - ref about a point of the body.
             before = np.eye(4)
             before[:3, 3] = joint.pos
-            back: Floats = np.linalg.inv(before)
+            back: Floats = np.linalg.inv(before).astype(np.float64, copy=False)
             if hinge:
                 before[:3, :3] = rotation_of_vector(-ref * np.asarray(joint.axis))
             else:
