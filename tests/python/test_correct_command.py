@@ -68,6 +68,7 @@ def test_a_target_from_a_file_and_views_of_ones_own(tmp_path: Path) -> None:
         (("twin", "--joint", "r_elbow=300"), "r_elbow"),
         (("robbie", *TARGET), "by-hand"),
         (("by-hand", *TARGET), "--inbox"),
+        (("feetech", *TARGET), "--servos"),
         (("own", *TARGET, "--robot-class", "nowhere:Robot"), "nowhere"),
         (("own", *TARGET, "--robot-class", "builtins:str"), "lacks command"),
         (("twin", *TARGET, "--estimator", "guess", "--no-pictures"), "maximum-likelihood"),

@@ -13,6 +13,7 @@ from mirror_posture import MirrorPostureError
 from mirror_posture.correct import CorrectOptions, correct, make_target
 from mirror_posture.correct.planner import propose_views, reach_m, view_normal
 from mirror_posture.robots import Nominal
+from mirror_posture.robots.servo_config import load_config
 from mirror_posture.viewpoint import View
 
 pytest.importorskip("mujoco")
@@ -155,3 +156,11 @@ def test_what_cannot_be_seen_is_said_before_anything_moves(
     assert set(robot.commanded.values()) == {0.0} or all(
         robot.limits[j].holds(q) for j, q in robot.commanded.items()
     )
+
+
+def test_the_example_of_an_so101_s_servos_is_of_that_arm(tmp_path: Path) -> None:
+    nominal = mounted("so101", tmp_path)
+    example = Path(__file__).parents[2] / "docs" / "examples" / "servos-so101.toml"
+    config = load_config(example, nominal, "feetech")
+    assert {servo.joint for servo in config.servos} == set(nominal.joint_limits)
+    assert [servo.servo_id for servo in config.servos] == [1, 2, 3, 4, 5, 6]

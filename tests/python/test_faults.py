@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import random
+import signal
 import subprocess
 import sys
 import threading
@@ -151,6 +153,23 @@ def test_a_line_cut_during_a_correction_loses_nothing(
     wanted = nominal.robot.points(nominal.robot.positions(POSTURE), "base_link", "r_hand_marker")[0]
     assert np.linalg.norm(body.link_poses()["r_hand_marker"][:3, 3] - wanted) < 1e-3
     assert bus.all_off()
+
+
+@pytest.mark.realtime
+def test_a_signal_in_a_correction_says_what_became_of_the_torque(
+    bus: SimulatedBus, nominal: Nominal, tmp_path: Path
+) -> None:
+    body = HiddenBody(nominal.robot_file.read_text(), "base_link", nominal.metadata.gravity_m_per_s2, [])
+
+    def soon(_: object, number: int) -> None:
+        if number == 2:
+            os.kill(os.getpid(), signal.SIGTERM)
+
+    with open_servos(bus, body, nominal, tmp_path) as robot:
+        outcome = correct(robot, POSTURE, on_picture=soon)
+        assert outcome.stop.kind == "interrupted" and "SIGTERM" in outcome.stop.sentence
+        assert outcome.stop.evidence["standing"] == "unpowered, torque is off: at rest"
+        assert bus.all_off()
 
 
 # A process that is killed.
