@@ -12,6 +12,7 @@ from mirror_lab.robots import HiddenEffect, TwinOptions, TwinRobot
 from mirror_posture import MirrorPostureError
 from mirror_posture.correct import CorrectOptions, correct, make_target
 from mirror_posture.correct.planner import propose_views, reach_m, view_normal
+from mirror_posture.render import view_planes
 from mirror_posture.robots import Nominal
 from mirror_posture.robots.servo_config import load_config
 from mirror_posture.viewpoint import View
@@ -164,3 +165,28 @@ def test_the_example_of_an_so101_s_servos_is_of_that_arm(tmp_path: Path) -> None
     config = load_config(example, nominal, "feetech")
     assert {servo.joint for servo in config.servos} == set(nominal.joint_limits)
     assert [servo.servo_id for servo in config.servos] == [1, 2, 3, 4, 5, 6]
+
+
+def test_a_far_mirror_is_drawn_large_enough(tmp_path: Path) -> None:
+    """Where the line from the camera to a reflected point crosses the glass, there is glass."""
+    nominal = mounted("so101", tmp_path)
+    view = View(0.3, 0.1, 0.6)
+    robot = TwinRobot([], TwinOptions(pictures=False, view=view), nominal)
+    robot.command(SO101[3])
+    poses, board = robot.body.link_poses(), robot.body.link_poses()["chest_board"][:3, 3]
+    (plane,) = view_planes([view], board)
+    width_m, height_m = robot._mirror_size_m(poses, plane)
+    normal, centre = np.array(plane.normal_in_root), np.array(plane.center_in_root_m)
+    eye = poses["camera_optical"][:3, 3]
+    for link in ("chest_board", "gripper_marker", "forearm_marker"):
+        point = poses[link][:3, 3]
+        image = point + 2.0 * ((centre - point) @ normal) * normal
+        way = image - eye
+        crossing = eye + way * (((centre - eye) @ normal) / (way @ normal)) - centre
+        assert abs(crossing @ normal) < 1e-12
+        upright = crossing[2] / math.cos(view.pitch_rad)
+        assert abs(upright) < 0.5 * height_m - 0.02
+        assert np.linalg.norm(crossing) ** 2 - upright**2 < (0.5 * width_m - 0.02) ** 2
+    (near,) = view_planes([View()], board)
+    robot.turn(View())
+    assert robot._mirror_size_m(poses, near) == (0.0, 0.0), "a near mirror is as large as by default"

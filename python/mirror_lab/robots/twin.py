@@ -24,8 +24,12 @@ from .pixels import MirrorInRoot, exact_points, lens_of
 from .stand import SimulatedStand
 
 if TYPE_CHECKING:
-    from mirror_posture.render import PictureOptions
+    from mirror_posture.render import MirrorPlane, PictureOptions
 
+MIRROR_MARGIN_M = 0.06
+"""Between what has to be seen and the mirror's edge: half a ball, the board's rim."""
+USUAL_DISTANCE_M = 0.3
+"""Nearer than that the mirror has the size that pictures have by default."""
 SECONDS_A_COMMAND = 1.0
 SECONDS_A_LOOK = 0.5
 """The twin's own time, by which a drift wanders: a small servo's motion, a camera's picture."""
@@ -120,24 +124,52 @@ class TwinRobot(SimulatedStand, RobotBase):
         if self._painter is not None:
             from mirror_posture.render import PictureOptions, view_planes
 
+            plane = view_planes([self._real_view], self._board_in_root)[0]
+            picture = options.camera or PictureOptions()
+            width_m, height_m = self._mirror_size_m(poses, plane)
             drawn = self._painter.draw(
                 poses,
-                view_planes([self._real_view], self._board_in_root)[0],
+                plane,
                 replace(
-                    options.camera or PictureOptions(),
+                    picture,
+                    mirror_width_m=max(picture.mirror_width_m, width_m),
+                    mirror_height_m=max(picture.mirror_height_m, height_m),
                     glass_thickness_m=glass,
                     refractive_index=index,
                     curvature_per_m=options.curvature_per_m,
                 ),
                 seed=options.seed * 100_003 + self._looks,
             )
-            picture = np.ascontiguousarray(drawn.picture[..., ::-1])
-            return Look(self.commanded, self._time_s, view=self._view, picture_bgr=picture)
+            picture_bgr = np.ascontiguousarray(drawn.picture[..., ::-1])
+            return Look(self.commanded, self._time_s, view=self._view, picture_bgr=picture_bgr)
         normal = view_normal(self._real_view)
         distance = float(normal @ self._board_in_root) + self._real_view.distance_m
         mirror = MirrorInRoot(normal, distance, glass, index, options.curvature_per_m)
         points = exact_points(self.nominal, self._lens, poses, mirror, options.noise_px, self._random)
         return Look(self.commanded, self._time_s, view=self._view, points=points)
+
+    def _mirror_size_m(self, poses: dict[str, np.ndarray], plane: MirrorPlane) -> tuple[float, float]:
+        """Width and height of a mirror that shows board and balls: where the light's ways meet its plane, and a margin."""
+        metadata = self.nominal.metadata
+        assert metadata.board is not None and metadata.camera_link is not None
+        if self._real_view.distance_m <= USUAL_DISTANCE_M:
+            return 0.0, 0.0
+        normal, centre = np.asarray(plane.normal_in_root), np.asarray(plane.center_in_root_m)
+        eye = poses[metadata.camera_link][:3, 3]
+        board = poses[metadata.board.link]
+        corners = metadata.board.corner_in_board_m @ board[:3, :3].T + board[:3, 3]
+        balls = [poses[marker.link][:3, 3] for marker in metadata.markers]
+        points = np.vstack([corners, *balls])
+        near, far = normal @ (centre - eye), np.maximum((centre - points) @ normal, 0.0)
+        share = (near / (near + far))[:, None]
+        met = eye + share * (points - eye) - centre
+        level = np.cross([0.0, 0.0, 1.0], normal)
+        level /= np.linalg.norm(level)
+        width, height = (
+            2.0 * (float(np.abs(met @ axis).max()) + MIRROR_MARGIN_M)
+            for axis in (level, np.cross(normal, level))
+        )
+        return width, height
 
     def _rest(self) -> None:
         # A simulated body is safe where it stands.
