@@ -26,7 +26,8 @@ impl Effect for AxisTilt {
     }
 
     fn columns(&self, _scene: &Scene, place: Place, _variant: f64, _parameters: &[f64]) -> Vec<Column> {
-        (0..2).map(|k| Column::constant(Atom::Tilt(joint_of(place), k))).collect()
+        let axes = joint_of(place).map(|n| [0, 1].map(|k| Column::constant(Atom::Tilt(n, k))));
+        axes.into_iter().flatten().collect()
     }
 
     fn words(&self) -> &str {

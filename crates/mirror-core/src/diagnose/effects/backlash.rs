@@ -91,11 +91,11 @@ impl Effect for Backlash {
     }
 
     fn prior_std(&self, scene: &Scene, place: Place) -> Vec<f64> {
-        vec![joint_error(scene, joint_of(place), 0.05)]
+        joint_of(place).map(|n| joint_error(scene, n, 0.05)).into_iter().collect()
     }
 
     fn variants(&self, scene: &Scene, place: Place) -> Vec<f64> {
-        let n = joint_of(place);
+        let Some(n) = joint_of(place) else { return Vec::new() };
         let largest = scene.largest_torque(n);
         let loaded = largest > LEAST_TORQUE_NM;
         match (scene.ordered, loaded) {
@@ -109,7 +109,7 @@ impl Effect for Backlash {
     }
 
     fn columns(&self, scene: &Scene, place: Place, variant: f64, parameters: &[f64]) -> Vec<Column> {
-        let n = joint_of(place);
+        let Some(n) = joint_of(place) else { return Vec::new() };
         let (_, slope) = Self::followed(scene, n, variant, parameters[0]);
         vec![Column { atom: Atom::Joint(n), weight: Weight::Frames(slope) }]
     }
@@ -122,7 +122,7 @@ impl Effect for Backlash {
         parameters: &[f64],
         deformation: &mut Deformation,
     ) {
-        let n = joint_of(place);
+        let Some(n) = joint_of(place) else { return };
         let (position, _) = Self::followed(scene, n, variant, parameters[0]);
         if parameters[0] <= 0.0 {
             return;

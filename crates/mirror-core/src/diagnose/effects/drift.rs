@@ -24,11 +24,11 @@ impl Effect for Drift {
     fn prior_std(&self, scene: &Scene, place: Place) -> Vec<f64> {
         let duration =
             scene.time_s.last().zip(scene.time_s.first()).map_or(1.0, |(b, a)| (b - a).abs().max(1e-9));
-        vec![joint_error(scene, joint_of(place), 0.04) / duration]
+        joint_of(place).map(|n| joint_error(scene, n, 0.04) / duration).into_iter().collect()
     }
 
     fn columns(&self, scene: &Scene, place: Place, _variant: f64, _parameters: &[f64]) -> Vec<Column> {
-        let n = joint_of(place);
+        let Some(n) = joint_of(place) else { return Vec::new() };
         let _ = scene;
         vec![Column { atom: Atom::Joint(n), weight: Weight::Time }]
     }

@@ -22,11 +22,11 @@ impl Effect for GearEccentricity {
     }
 
     fn prior_std(&self, scene: &Scene, place: Place) -> Vec<f64> {
-        vec![joint_error(scene, joint_of(place), 0.03); 2]
+        joint_of(place).map_or_else(Vec::new, |n| vec![joint_error(scene, n, 0.03); 2])
     }
 
     fn columns(&self, scene: &Scene, place: Place, _variant: f64, _parameters: &[f64]) -> Vec<Column> {
-        let n = joint_of(place);
+        let Some(n) = joint_of(place) else { return Vec::new() };
         let _ = scene;
         vec![
             Column { atom: Atom::Joint(n), weight: Weight::Sine(n) },

@@ -27,7 +27,7 @@ impl Effect for GearRatio {
     }
 
     fn columns(&self, scene: &Scene, place: Place, _variant: f64, _parameters: &[f64]) -> Vec<Column> {
-        let n = joint_of(place);
+        let Some(n) = joint_of(place) else { return Vec::new() };
         let _ = scene;
         vec![Column { atom: Atom::Joint(n), weight: Weight::Position(n) }]
     }

@@ -22,12 +22,12 @@ impl Effect for JointCompliance {
     }
 
     fn prior_std(&self, scene: &Scene, place: Place) -> Vec<f64> {
-        let n = joint_of(place);
+        let Some(n) = joint_of(place) else { return Vec::new() };
         vec![joint_error(scene, n, 0.04) / scene.largest_torque(n)]
     }
 
     fn columns(&self, scene: &Scene, place: Place, _variant: f64, _parameters: &[f64]) -> Vec<Column> {
-        let n = joint_of(place);
+        let Some(n) = joint_of(place) else { return Vec::new() };
         let _ = scene;
         vec![Column { atom: Atom::Joint(n), weight: Weight::Torque(n) }]
     }

@@ -1,7 +1,7 @@
 //! The joint moves along with another: `θ_J = q_J + c q_K`.
 
 use super::about::{About, PlaceKind, WrittenTo};
-use super::{Effect, Place, joint_of, named};
+use super::{Effect, Place, named};
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::scene::Scene;
 
@@ -36,11 +36,8 @@ impl Effect for JointCoupling {
     }
 
     fn columns(&self, _scene: &Scene, place: Place, _variant: f64, _parameters: &[f64]) -> Vec<Column> {
-        let driver = match place {
-            Place::JointPair(_, k) => k,
-            _ => joint_of(place),
-        };
-        vec![Column { atom: Atom::Joint(joint_of(place)), weight: Weight::Position(driver) }]
+        let Place::JointPair(n, driver) = place else { return Vec::new() };
+        vec![Column { atom: Atom::Joint(n), weight: Weight::Position(driver) }]
     }
 
     fn is_tolerance(&self) -> bool {

@@ -31,11 +31,11 @@ impl Effect for LinkBending {
     }
 
     fn prior_std(&self, scene: &Scene, place: Place) -> Vec<f64> {
-        vec![0.03 / largest_moment(scene, joint_of(place))]
+        joint_of(place).map(|n| 0.03 / largest_moment(scene, n)).into_iter().collect()
     }
 
     fn columns(&self, _scene: &Scene, place: Place, _variant: f64, _parameters: &[f64]) -> Vec<Column> {
-        vec![Column { atom: Atom::Bend(joint_of(place)), weight: Weight::One }]
+        joint_of(place).map(|n| Column { atom: Atom::Bend(n), weight: Weight::One }).into_iter().collect()
     }
 
     fn is_positive(&self) -> bool {

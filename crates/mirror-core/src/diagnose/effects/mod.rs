@@ -206,11 +206,11 @@ fn moving_joints(scene: &Scene) -> Vec<Place> {
     (0..scene.nodes()).filter(|&n| scene.relevant[n] && scene.moves(n)).map(Place::Joint).collect()
 }
 
-/// The joint of a place; places of joint effects always have one.
-fn joint_of(place: Place) -> NodeId {
+/// The joint of a place; none of the base, a marker, camera, board and mirror.
+fn joint_of(place: Place) -> Option<NodeId> {
     match place {
-        Place::Joint(n) | Place::JointPair(n, _) | Place::Link(Some(n)) => n,
-        _ => 0,
+        Place::Joint(n) | Place::JointPair(n, _) | Place::Link(Some(n)) => Some(n),
+        Place::Link(None) | Place::Marker(_) | Place::Camera | Place::Board | Place::Mirror => None,
     }
 }
 

@@ -65,7 +65,7 @@ impl Effect for Stiction {
     }
 
     fn prior_std(&self, scene: &Scene, place: Place) -> Vec<f64> {
-        let n = joint_of(place);
+        let Some(n) = joint_of(place) else { return Vec::new() };
         let droop = if self.droops {
             joint_error(scene, n, 0.006) / scene.largest_torque(n).max(LEAST_TORQUE_NM)
         } else {
@@ -75,7 +75,7 @@ impl Effect for Stiction {
     }
 
     fn columns(&self, scene: &Scene, place: Place, _variant: f64, parameters: &[f64]) -> Vec<Column> {
-        let n = joint_of(place);
+        let Some(n) = joint_of(place) else { return Vec::new() };
         let rests = Self::followed(scene, n, parameters[0], parameters[1]);
         let (mut by_band, mut by_droop) = (Vec::new(), Vec::new());
         for rest in rests {
@@ -96,7 +96,7 @@ impl Effect for Stiction {
         parameters: &[f64],
         deformation: &mut Deformation,
     ) {
-        let n = joint_of(place);
+        let Some(n) = joint_of(place) else { return };
         if parameters[0] <= 0.0 && parameters[1] == 0.0 {
             return;
         }

@@ -6,5 +6,6 @@
 #[allow(dead_code)]
 mod gap_world;
 mod jacobians;
+mod places;
 mod shortcuts;
 mod statistics;
