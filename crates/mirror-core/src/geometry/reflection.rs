@@ -16,8 +16,8 @@ use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, Unit, UnitQu
 /// use nalgebra::{Point3, Vector3};
 ///
 /// let mirror = Reflection::across(Plane::new(Vector3::z(), 0.5)?);
-/// let marker = Point3::new(0.1, 0.2, 0.3);
-/// assert_eq!(mirror.point(&marker), Point3::new(0.1, 0.2, 0.7));
+/// let marker = Point3::new(0.5, 0.25, 0.25);
+/// assert_eq!(mirror.point(&marker), Point3::new(0.5, 0.25, 0.75));
 /// assert_eq!(mirror.point(&mirror.point(&marker)), marker);
 /// # Ok::<(), mirror_core::Error>(())
 /// ```
