@@ -1,15 +1,17 @@
-"""The batch calls beside NumPy, OpenCV and pinocchio doing the same, in one run, with the results compared.
+"""Measuring, detection, correction and diagnosis beside NumPy, OpenCV, pinocchio and SciPy, in one run, the results compared.
 
-    python benches/side_by_side.py [--markers 100000] [--views 1000] [--postures 100000]
+    python benches/side_by_side.py [--markers 100000] [--views 1000] [--postures 100000] [--frames 130]
 
 Times are the best of several runs. The per-item loops run on a part of the batch and are scaled up.
 """
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Callable
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Annotated, Any
 
 import cv2
@@ -183,7 +185,7 @@ def kinematics_report(count: int) -> Report:
     # The robots' package is a namespace of files: its own loader would import meshes too.
     root = Path(pinocchio.__file__).parents[4] / "share/example-robot-data/robots"
     urdf = next(root.glob("g1_description/**/g1_29dof_rev_1_0.urdf"))
-    robot = Robot.from_urdf_file(urdf)
+    robot = Robot.from_urdf(urdf)
     model = pinocchio.buildModelFromUrdf(str(urdf))
     data = model.createData()
     names = list(model.names)[1:]
@@ -216,12 +218,129 @@ def kinematics_report(count: int) -> Report:
     return report
 
 
+def detection_report() -> Report:
+    """A drawn picture of the embedded robot: board and balls found, beside OpenCV's board alone."""
+    from mirror_posture.detect import detect_picture, predictions_from_session, setup_from_session
+    from mirror_posture.render import DEMO_POSTURES, View, render_session
+    from mirror_posture.session import load_session
+
+    with TemporaryDirectory() as name:
+        folder = Path(name) / "session"
+        render_session(folder, DEMO_POSTURES[:1], [View(0.1, 0.05)])
+        session = load_session(folder)
+        picture = cv2.imread(str(session.image_files[0]))
+    board, prediction = session.board, predictions_from_session(session)[0]
+    assert board is not None
+    setup = setup_from_session(session)
+    ours_s, ours = best_s(lambda: detect_picture(picture, setup, prediction), 3)
+
+    def opencv() -> np.ndarray:
+        gray = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
+        flags = cv2.CALIB_CB_ACCURACY | cv2.CALIB_CB_NORMALIZE_IMAGE
+        _, corners = cv2.findChessboardCornersSB(gray, board.corners, flags=flags)
+        return np.asarray(corners).reshape(-1, 2)
+
+    theirs_s, theirs = best_s(opencv, 3)
+    seen = next(view for view in ours.boards if view.ok)
+    assert seen.corners_px is not None
+    # OpenCV numbers the mirrored board otherwise: each of its corners is compared with the nearest of ours.
+    away = np.linalg.norm(theirs[:, None] - seen.corners_px[None], axis=2).min(axis=1)
+    report = Report("One picture of 800 × 600 px", "picture")
+    report.add("mirror_posture: labelled board and balls, with covariances", ours_s, None, "")
+    report.add("OpenCV findChessboardCornersSB, without balls", theirs_s, ours_s, f"{away.max():.2f} px")
+    return report
+
+
+def correction_report() -> Report:
+    """One damped step of three markers and nine joints, beside the same pseudo-inverse in NumPy."""
+    from mirror_posture.correct import correction_step
+
+    rng = np.random.default_rng(5)
+    jacobian, error = rng.normal(0.0, 0.1, (9, 9)), rng.normal(0.0, 0.01, 9)
+    damping, gain = 0.01, 0.2
+    wide, free = np.full(9, 3.0), [True] * 9
+
+    def step() -> Any:
+        return correction_step(
+            jacobian, error.reshape(3, 3), np.stack([1e-6 * np.eye(3)] * 3), np.zeros(9), -wide, wide, free,
+            gain=gain, largest_step_rad=10.0, mu_m_per_rad=damping,
+        )  # fmt: skip
+
+    ours_s, ours = best_s(step, 20)
+
+    def numpy() -> np.ndarray:
+        return gain * jacobian.T @ np.linalg.solve(jacobian @ jacobian.T + damping**2 * np.eye(9), error)
+
+    theirs_s, theirs = best_s(numpy, 20)
+    report = Report("One damped step of 9 joints", "step")
+    report.add("mirror_posture.correct.correction_step", ours_s, None, "")
+    report.add("NumPy", theirs_s, ours_s, f"{np.abs(ours.change - theirs).max():.1e} rad")
+    return report
+
+
+def diagnosis_report(frames: int) -> Report:
+    """A session with one hidden joint offset: a diagnosis, beside SciPy's fit of each single offset and gear ratio.
+
+    The peer takes the measured markers, fits one number a joint and cause, and puts the least sum of squares first; it
+    has no alternatives, no held-out regions and no other effects.
+    """
+    from scipy.optimize import least_squares
+
+    import mirror_posture as mp
+    from mirror_lab.blind.make import make_cases
+    from mirror_lab.blind.simulate import Options
+
+    with TemporaryDirectory() as name:
+        plan = [("one", "small", ["joint_offset"])]
+        (folder,) = make_cases(
+            Path(name), 1, 3, Options(robots=("small",), frames=(frames, frames + 1)), plan
+        )
+        session = mp.load_session(folder)
+        ours_s, found = best_s(lambda: mp.diagnose(session), 1)
+        truth = json.loads((Path(name) / "answers" / "one.json").read_text(encoding="utf-8"))
+    markers = mp.measure(session).markers
+    good = np.flatnonzero(markers.measured)
+    first = np.array([np.flatnonzero(session.frames.posture == markers.posture[k])[0] for k in good])
+    base = np.array(session.positions)[first]
+    robot = session.robot
+
+    def points(positions: np.ndarray) -> np.ndarray:
+        poses = robot.link_poses(positions, [session.camera_link, *(m.link for m in session.markers)])
+        camera_from = np.linalg.inv(poses[:, :1]) @ poses
+        return camera_from[np.arange(len(good)), 1 + markers.marker[good], :3, 3]
+
+    def scipy() -> str:
+        best = (np.inf, "")
+        for column, joint in enumerate(robot.position_names):
+            for effect in ("joint_offset", "gear_ratio"):
+
+                def residual(x: np.ndarray, column: int = column, effect: str = effect) -> np.ndarray:
+                    moved = base.copy()
+                    moved[:, column] += x[0] if effect == "joint_offset" else x[0] * base[:, column]
+                    return (points(moved) - markers.point_in_camera_m[good]).ravel()
+
+                best = min(best, (least_squares(residual, [0.0]).cost, f"{effect}@joint:{joint}"))
+        return best[1]
+
+    theirs_s, named = best_s(scipy, 1)
+    ours = ", ".join(f"{cause.effect}@{cause.at}" for cause in found.causes) or found.verdict
+    report = Report(f"A session of {frames} frames, one cause hidden: {_told(truth)}", "session")
+    report.add(f"mirror_posture.diagnose: {ours}", ours_s, None, "")
+    report.add(f"SciPy least_squares of each offset and gear: {named}", theirs_s, ours_s, "")
+    return report
+
+
+def _told(answer: Any) -> str:
+    return ", ".join(f"{cause['effect']}@{cause['at']}" for cause in answer["causes"])
+
+
 def main(
     markers: Annotated[int, typer.Option(help="Two-view markers in the batch.")] = 100_000,
     views: Annotated[int, typer.Option(help="Views of the board in the batch.")] = 10_000,
     postures: Annotated[int, typer.Option(help="Postures in the batch.")] = 100_000,
+    frames: Annotated[int, typer.Option(help="Frames of the diagnosed session.")] = 130,
 ) -> None:
-    """The batch calls beside NumPy, OpenCV and pinocchio doing the same."""
+    """Measuring, detection, correction and diagnosis beside NumPy, OpenCV, pinocchio and SciPy."""
     console = Console()
     camera = Camera((800, 600), (FOCAL_PX, FOCAL_PX), (399.5, 299.5), "plumb_bob", LENS.tolist())
     console.print(markers_report(camera, markers).table)
@@ -230,6 +349,9 @@ def main(
         console.print(kinematics_report(postures).table)
     except (ImportError, StopIteration):
         console.print("kinematics: left out, needs the packages `pin` and `example-robot-data`")
+    console.print(detection_report().table)
+    console.print(correction_report().table)
+    console.print(diagnosis_report(frames).table)
 
 
 if __name__ == "__main__":
