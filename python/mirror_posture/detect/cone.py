@@ -21,6 +21,8 @@ from .types import Ellipse, FloatArray
 OUTLINE_SAMPLES = 72
 # Steps of the robust refit: inliers are chosen again from the last fit.
 REFITS = 6
+# Edges that are uncertain themselves (low contrast, noise) may lie this many of their deviations off.
+INLIER_DEVIATIONS = 2.5
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -42,9 +44,17 @@ class OutlineFit(ShortRepr):
 
 
 def fit_outline(
-    points: FloatArray, std_px: FloatArray, start: Circle, camera: Camera, rays: int
+    points: FloatArray,
+    std_px: FloatArray,
+    start: Circle,
+    camera: Camera,
+    rays: int,
+    correlation_rays: float = 1.0,
 ) -> OutlineFit | None:
-    """Robust weighted fit of a ball's outline to edge points `(N, 2)` px, started from a circle. `rays` is the count of all rays cast."""
+    """Robust weighted fit of a ball's outline to edge points `(N, 2)` px, started from a circle.
+
+    `rays` is the count of all rays cast, `correlation_rays` how many neighbours share an error at least.
+    """
     if len(points) < MIN_EDGE_POINTS:
         return None
     rows = unit_rays(points, camera)
@@ -64,7 +74,7 @@ def fit_outline(
         if away is None:
             return None
         distance = away
-        chosen = np.abs(distance) <= INLIER_PX
+        chosen = _agreeing(distance, std_px)
         if (chosen == inlier).all():
             break
         inlier = chosen
@@ -73,7 +83,7 @@ def fit_outline(
     rms = float(np.sqrt(np.mean(distance[inlier] ** 2)))
     freedom = max(int(inlier.sum()) - 3, 1)
     whitened = distance[inlier] * weight[inlier]
-    variance = float(np.sum(whitened**2)) / freedom * _correlation_factor(whitened)
+    variance = float(np.sum(whitened**2)) / freedom * max(_correlation_factor(whitened), correlation_rays)
     gradient = _distance_gradient(rows[inlier], parameters, camera.mean_focal_px) * weight[inlier, None]
     normal = gradient.T @ gradient
     if not np.isfinite(normal).all() or np.linalg.cond(normal) > 1e14:
@@ -103,6 +113,15 @@ def fit_outline(
         arc_fraction=float(inlier.sum()) / max(rays, 1),
         residual_rms_px=rms,
     )
+
+
+def _agreeing(distance: FloatArray, std_px: FloatArray) -> np.ndarray:
+    """Edges within the tolerance, those beside a stray one left out: what hides the outline blurs its neighbours too."""
+    near = np.abs(distance) <= np.maximum(INLIER_PX, INLIER_DEVIATIONS * std_px)
+    stray = ~near
+    beside = stray | np.roll(stray, 1) | np.roll(stray, -1)
+    kept: np.ndarray = near & ~beside
+    return kept if kept.sum() >= MIN_EDGE_POINTS else near
 
 
 def _correlation_factor(residuals: FloatArray) -> float:
@@ -146,19 +165,13 @@ def _distances_px(rows: FloatArray, parameters: FloatArray, focal_px: float) -> 
 
 
 def _distance_gradient(rows: FloatArray, parameters: FloatArray, focal_px: float) -> FloatArray:
-    """Derivative of the distances by the three parameters, `(N, 3)`, by central differences."""
-    gradient = np.zeros((len(rows), 3))
-    for column in range(3):
-        step = 1e-6 * max(float(np.linalg.norm(parameters)), 1e-6)
-        low, high = parameters.copy(), parameters.copy()
-        low[column] -= step
-        high[column] += step
-        at_low = _distances_px(rows, low, focal_px)
-        at_high = _distances_px(rows, high, focal_px)
-        if at_low is None or at_high is None:
-            return np.full((len(rows), 3), np.nan)
-        gradient[:, column] = (at_high - at_low) / (2.0 * step)
-    return gradient
+    """Derivative of the distances by the three parameters, `(N, 3)`: of `f (acos(r·w / |w|) - acos(1 / |w|))`."""
+    length = float(np.linalg.norm(parameters))
+    along = rows @ parameters / length
+    by_along = (rows - along[:, None] * (parameters / length)) / length
+    sine = np.sqrt(np.maximum(1.0 - along**2, 1e-18))
+    half_sine = np.sqrt(max(1.0 - 1.0 / length**2, 1e-18))
+    return focal_px * (-by_along / sine[:, None] - parameters / (length**3 * half_sine))
 
 
 def _boundary(parameters: FloatArray, camera: Camera) -> FloatArray | None:

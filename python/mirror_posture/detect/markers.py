@@ -20,7 +20,8 @@ from ..marker import Marker
 from . import outline
 from .blobs import Region, color_mask, contour_px, hue_distance_deg, label_regions, to_hsv
 from .cone import OutlineFit, fit_outline
-from .types import MarkerView, PredictedMarker, color_of
+from .outline import Circle
+from .types import Ellipse, MarkerView, PredictedMarker, color_of
 
 # A ball that is seen less than half is masked. The estimate of the seen share is itself good to a few hundredths (the hidden part is
 # inferred from the outline), so the limit stands a little above one half.
@@ -35,6 +36,9 @@ RIVAL_AREA_RATIO = 0.6
 MIN_OUTLINE_RADIUS_PX = 3.0
 # Edge points of neighbouring rays share pixels and what lies behind them: a floor of the centre's error under the white-noise estimate.
 CENTRE_FLOOR_PX = 0.03
+# Along the outline, edges share their errors over about this length (times the blur, where that is above 1 px): what lies behind, and a codec's blocks.
+CORRELATION_PX = 3.0
+CODED_CORRELATION_PX = 6.0
 # Width of the outline's rim that is left out of the seen share.
 RIM_PX = 0.8
 # A white, blown-out pixel has all channels at or above this.
@@ -73,6 +77,7 @@ def detect_markers(
     predictions: tuple[PredictedMarker, ...] = (),
     bounds: dict[str, SizeBounds] | None = None,
     options: MarkerOptions | None = None,
+    chroma_step_px: tuple[int, int] = (1, 1),
 ) -> tuple[MarkerView, ...]:
     """Detects each marker in a colour picture `(H, W, 3)` uint8 BGR, in the order given; masked ones carry their reason."""
     options = options or MarkerOptions()
@@ -80,7 +85,6 @@ def detect_markers(
     if not markers:
         return ()
     hsv = to_hsv(bgr)
-    linear = outline.to_linear(bgr)
     predicted = {one.name: one for one in predictions}
     candidates = {marker.name: label_regions(color_mask(hsv, color_of(marker))) for marker in markers}
     choices = _assign(markers, candidates, predicted, bounds)
@@ -95,7 +99,7 @@ def detect_markers(
         else:
             assumed = camera or nominal_camera(bgr.shape[1], bgr.shape[0])
             view = _from_outline(
-                hsv, linear, marker, choice.region, assumed, bounds.get(marker.name), options
+                bgr, marker, choice.region, assumed, bounds.get(marker.name), options, chroma_step_px
             )
             views.append(view if camera is not None else replace(view, sphere_center_px=None))
     return tuple(views)
@@ -240,18 +244,18 @@ def _from_region(marker: Marker, region: Region) -> MarkerView:
 
 
 def _from_outline(
-    hsv: npt.NDArray[np.float32],
-    linear: np.ndarray,
+    bgr: npt.NDArray[np.uint8],
     marker: Marker,
     region: Region,
     camera: Camera,
     bounds: SizeBounds | None,
     options: MarkerOptions,
+    chroma_step_px: tuple[int, int],
 ) -> MarkerView:
-    fit = measure_outline(linear, region, camera, bounds)
+    fit = measure_outline(bgr, region, camera, bounds, chroma_step_px)
     if fit is None:
         return _masked(marker, "its region has no outline that fits a ball", region)
-    seen = _visible_fraction(hsv, marker, fit)
+    seen = _visible_fraction(bgr, marker, fit)
     fields: dict[str, Any] = {
         "pixel_px": (float(fit.centroid_px[0]), float(fit.centroid_px[1])),
         "covariance_px2": fit.centroid_covariance_px2 + np.eye(2) * CENTRE_FLOOR_PX**2,
@@ -274,7 +278,11 @@ def _from_outline(
 
 
 def measure_outline(
-    linear: np.ndarray, region: Region, camera: Camera, bounds: SizeBounds | None = None
+    bgr: npt.NDArray[np.uint8],
+    region: Region,
+    camera: Camera,
+    bounds: SizeBounds | None = None,
+    chroma_step_px: tuple[int, int] = (1, 1),
 ) -> OutlineFit | None:
     """Fits a ball's outline to a region: a robust circle through its contour, then sub-pixel edges and the cone of rays."""
     coarse = region.equivalent_radius_px
@@ -285,23 +293,56 @@ def measure_outline(
     circle = outline.fit_circle_robustly(contour_px(region), low, high, 1.0)
     if circle is None or circle.radius_px < MIN_OUTLINE_RADIUS_PX:
         return None
+    return _measure_circle(bgr, circle, camera, low, high, chroma_step_px)
+
+
+def _measure_circle(
+    bgr: npt.NDArray[np.uint8],
+    circle: Circle,
+    camera: Camera,
+    low: float,
+    high: float,
+    chroma_step_px: tuple[int, int],
+) -> OutlineFit | None:
+    margin = circle.radius_px * 1.4 + 16.0
+    patch = outline.cut_patch(bgr, circle.center_px - margin, circle.center_px + margin, chroma_step_px)
+    count = int(np.clip(round(2.0 * np.pi * circle.radius_px), 24, 240))
+    angle = np.arange(count) * (2.0 * np.pi / count)
+    center, radius = circle.center_px, np.full(count, circle.radius_px)
+    blur = outline.USUAL_BLUR_PX if chroma_step_px == (1, 1) else 0.6 * max(chroma_step_px)
+    coded = chroma_step_px != (1, 1)
     fit = None
-    for _ in range(outline.ROUNDS):
-        edges = outline.edges_on_rays(linear, circle)
-        points = edges.points_px[edges.found]
-        again = outline.fit_circle_robustly(points, low, high, 1.5 * outline.INLIER_PX)
-        if again is None:
-            return None
-        fit = fit_outline(points, edges.std_px[edges.found], again, camera, len(edges.found))
+    for number in range(outline.ROUNDS):
+        edges = outline.edges_on_rays(patch, center, radius, angle, blur)
+        correlation = (CODED_CORRELATION_PX if coded else CORRELATION_PX) * max(1.0, edges.blur_px)
+        points, std = edges.points_px[edges.found], edges.std_px[edges.found]
+        if number == 0:
+            again = outline.fit_circle_robustly(points, low, high, 1.5 * outline.INLIER_PX)
+            if again is None:
+                return None
+            circle = again
+        fit = fit_outline(
+            points, std, circle, camera, count, correlation * count / (2.0 * np.pi * circle.radius_px)
+        )
         if fit is None:
             return None
-        circle = outline.Circle(fit.centroid_px, fit.mean_radius_px)
+        circle = Circle(fit.centroid_px, fit.mean_radius_px)
+        blur = edges.blur_px
+        center = fit.centroid_px
+        radius = _ellipse_radius(fit.ellipse, angle)
     return fit
 
 
-def _visible_fraction(hsv: npt.NDArray[np.float32], marker: Marker, fit: OutlineFit) -> float:
+def _ellipse_radius(ellipse: Ellipse, angle_rad: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Distance of an ellipse's outline from its centre in directions (N,), px."""
+    turned = angle_rad - ellipse.angle_rad
+    a, b = ellipse.semi_major_px, ellipse.semi_minor_px
+    return a * b / np.sqrt((b * np.cos(turned)) ** 2 + (a * np.sin(turned)) ** 2)
+
+
+def _visible_fraction(bgr: npt.NDArray[np.uint8], marker: Marker, fit: OutlineFit) -> float:
     """Share of the outline's area that shows the ball's colour, dark parts included (only hue and saturation count)."""
-    height, width = hsv.shape[:2]
+    height, width = bgr.shape[:2]
     low = np.floor(fit.boundary_px.min(axis=0)).astype(int) - 1
     high = np.ceil(fit.boundary_px.max(axis=0)).astype(int) + 2
     size = high - low
@@ -318,7 +359,7 @@ def _visible_fraction(hsv: npt.NDArray[np.float32], marker: Marker, fit: Outline
     right, bottom = min(high[0], width), min(high[1], height)
     if total == 0 or right <= left or bottom <= top:
         return 0.0
-    patch = hsv[top:bottom, left:right]
+    patch = to_hsv(bgr[top:bottom, left:right])
     part = inside[top - low[1] : bottom - low[1], left - low[0] : right - low[0]].astype(bool)
     color = color_of(marker)
     coloured = (patch[..., 1] >= 0.5 * color.min_saturation) & (
