@@ -41,6 +41,7 @@ class OutlineFit(ShortRepr):
     inlier: np.ndarray
     arc_fraction: float
     residual_rms_px: float
+    blur_px: float = 0.0
 
 
 def fit_outline(
@@ -171,7 +172,8 @@ def _distance_gradient(rows: FloatArray, parameters: FloatArray, focal_px: float
     by_along = (rows - along[:, None] * (parameters / length)) / length
     sine = np.sqrt(np.maximum(1.0 - along**2, 1e-18))
     half_sine = np.sqrt(max(1.0 - 1.0 / length**2, 1e-18))
-    return focal_px * (-by_along / sine[:, None] - parameters / (length**3 * half_sine))
+    result: FloatArray = focal_px * (-by_along / sine[:, None] - parameters / (length**3 * half_sine))
+    return result
 
 
 def _boundary(parameters: FloatArray, camera: Camera) -> FloatArray | None:

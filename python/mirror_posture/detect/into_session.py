@@ -27,15 +27,26 @@ def setup_from_session(session: Session) -> DetectionSetup:
 
 @checked_arguments
 def predictions_from_session(session: Session) -> tuple[PicturePrediction | None, ...]:
-    """The board's nominal pose before the camera in each frame, from the robot model at the commanded posture.
+    """The board's and the markers' nominal places before the camera in each frame, from the robot model at the commanded posture.
 
-    It settles the labels of a board that looks the same turned by 180°. None for each frame where the session has no board or camera.
+    The board's settles the labels of one that looks the same turned by 180°, the markers' are hints. None for each frame where the session has no board or camera.
     """
     if session.board is None or session.camera_link is None:
         return (None,) * len(session.frames)
     poses = session.robot.link_poses(session.positions, [session.camera_link, session.board.link])
     camera_from_board = np.linalg.solve(poses[:, 0], poses[:, 1])
-    return tuple(PicturePrediction(BoardPrediction(camera_from_board=pose)) for pose in camera_from_board)
+    markers = {
+        marker.name: session.robot.points(session.positions, session.camera_link, marker.link)
+        for marker in session.markers
+        if marker.mount_known
+    }
+    return tuple(
+        PicturePrediction(
+            BoardPrediction(camera_from_board=pose),
+            marker_in_camera_m={name: points[row] for name, points in markers.items()},
+        )
+        for row, pose in enumerate(camera_from_board)
+    )
 
 
 @dataclass(frozen=True)

@@ -19,23 +19,31 @@ from ..camera import Camera
 from ..marker import Marker
 from . import outline
 from .blobs import Region, color_mask, contour_px, hue_distance_deg, label_regions, to_hsv
+from .candidates import SIZE_FACTOR, choose, find_candidates
 from .cone import OutlineFit, fit_outline
 from .outline import Circle
-from .types import Ellipse, MarkerView, PredictedMarker, color_of
+from .types import Ellipse, FloatArray, MarkerView, PredictedMarker, color_of
 
 # A ball that is seen less than half is masked. The estimate of the seen share is itself good to a few hundredths (the hidden part is
 # inferred from the outline), so the limit stands a little above one half.
 MIN_VISIBLE_FRACTION = 0.54
 # Least share of the outline that must agree with a ball: below, any bent edge can pose as an arc.
 MIN_ARC_FRACTION = 0.3
-# Edges of a ball agree to 0.1 px in clean pictures and 0.3 px in compressed ones.
-MAX_OUTLINE_RESIDUAL_PX = 0.4
+# Edges of a ball agree to 0.1 px in clean pictures, 0.3 px in compressed and 0.5 px in very noisy ones.
+MAX_OUTLINE_RESIDUAL_PX = 0.6
 # Without a prediction, a second region of comparable size makes the choice doubtful.
 RIVAL_AREA_RATIO = 0.6
 # Smallest outline that sub-pixel edges can be read from; below, the region's centroid is all there is.
 MIN_OUTLINE_RADIUS_PX = 3.0
 # Edge points of neighbouring rays share pixels and what lies behind them: a floor of the centre's error under the white-noise estimate.
 CENTRE_FLOOR_PX = 0.03
+# A ball counts as whole and sharp from these shares on (of its area, its outline; blur against radius); others must have the expected size to this factor.
+WHOLE_FRACTION = 0.93
+WHOLE_ARC = 0.6
+SHARP_SHARE = 0.2
+PARTIAL_SIZE_FACTOR = 1.13
+# Bias of the centre by shading under a blur of σ px, as a share of σ² / radius: measured on rendered balls.
+BLUR_FLOOR = 0.4
 # Along the outline, edges share their errors over about this length (times the blur, where that is above 1 px): what lies behind, and a codec's blocks.
 CORRELATION_PX = 3.0
 CODED_CORRELATION_PX = 6.0
@@ -78,8 +86,13 @@ def detect_markers(
     bounds: dict[str, SizeBounds] | None = None,
     options: MarkerOptions | None = None,
     chroma_step_px: tuple[int, int] = (1, 1),
+    expected: tuple[PredictedMarker, ...] = (),
 ) -> tuple[MarkerView, ...]:
-    """Detects each marker in a colour picture `(H, W, 3)` uint8 BGR, in the order given; masked ones carry their reason."""
+    """Detects each marker in a colour picture `(H, W, 3)` uint8 BGR, in the order given; masked ones carry their reason.
+
+    `predictions` are fences: nothing outside of them is looked at. `expected` are hints, of a robot's model: place and size of each ball, either of which may be
+    off. `chroma_step_px`: pixels across and down that share a colour, as the picture's codec has it.
+    """
     options = options or MarkerOptions()
     bounds = bounds or {}
     if not markers:
@@ -88,8 +101,16 @@ def detect_markers(
     predicted = {one.name: one for one in predictions}
     candidates = {marker.name: label_regions(color_mask(hsv, color_of(marker))) for marker in markers}
     choices = _assign(markers, candidates, predicted, bounds)
+    hints = {one.name: one for one in expected if one.ball_radius_px and one.name not in predicted}
     views = []
     for marker in markers:
+        if marker.name in hints and marker.diameter_m > 0.0 and options.use_outline and camera is not None:
+            views.append(
+                _by_hint(
+                    bgr, marker, candidates[marker.name], hints[marker.name], camera, options, chroma_step_px
+                )
+            )
+            continue
         choice = choices[marker.name]
         if choice.region is None or choice.reason:
             reason = choice.reason or _nothing_reason(bgr, marker)
@@ -255,10 +276,90 @@ def _from_outline(
     fit = measure_outline(bgr, region, camera, bounds, chroma_step_px)
     if fit is None:
         return _masked(marker, "its region has no outline that fits a ball", region)
+    return _judged(bgr, marker, region, fit, options)
+
+
+def _by_hint(
+    bgr: npt.NDArray[np.uint8],
+    marker: Marker,
+    regions: tuple[Region, ...],
+    hint: PredictedMarker,
+    camera: Camera,
+    options: MarkerOptions,
+    chroma_step_px: tuple[int, int],
+) -> MarkerView:
+    """The one ball of the size that the model expects, nearest to where it expects it."""
+    if not regions:
+        return _masked(marker, _nothing_reason(bgr, marker), None)
+    radius = float(hint.ball_radius_px or 0.0)
+    if radius < MIN_OUTLINE_RADIUS_PX:
+        return _masked(
+            marker,
+            f"it would be {2.0 * radius:.1f} px wide there, needed {2.0 * MIN_OUTLINE_RADIUS_PX:.0f}: go nearer",
+            None,
+        )
+    good: list[MarkerView] = []
+    bad: list[MarkerView] = []
+    for one in find_candidates(regions, hint, MIN_OUTLINE_RADIUS_PX):
+        fit = _measure_circle(
+            bgr, one.circle, camera, radius / (1.1 * SIZE_FACTOR), 1.1 * SIZE_FACTOR * radius, chroma_step_px
+        )
+        if fit is None:
+            continue
+        view = _doubted_size(_judged(bgr, marker, one.region, fit, options), fit, radius)
+        if any(view.pixel_px is not None and _same_place(view, other, radius) for other in good):
+            continue
+        (good if view.ok else bad).append(view)
+    if not good:
+        if bad:
+            return bad[0]
+        return _masked(
+            marker,
+            f"{len(regions)} regions of its colour, none with the outline of a ball of the size that it has there (radius {radius:.1f} px, the largest region's "
+            f"{regions[0].equivalent_radius_px:.1f} px)",
+            regions[0],
+        )
+    index, reason = choose([np.array(view.pixel_px) for view in good], hint)
+    if index >= 0:
+        return good[index]
+    return replace(good[0], ok=False, reason=reason)
+
+
+def _same_place(one: MarkerView, other: MarkerView, radius_px: float) -> bool:
+    """Whether two outlines are of one ball, found from two starts."""
+    return (
+        one.pixel_px is not None
+        and other.pixel_px is not None
+        and (
+            float(np.hypot(one.pixel_px[0] - other.pixel_px[0], one.pixel_px[1] - other.pixel_px[1]))
+            < 0.5 * radius_px
+        )
+    )
+
+
+def _doubted_size(view: MarkerView, fit: OutlineFit, expected_px: float) -> MarkerView:
+    """A ball that is seen in part, or blurred, is believed only if it has the size that the model expects: half an outline fits many circles."""
+    ratio = fit.mean_radius_px / expected_px
+    whole = (view.visible_fraction or 0.0) >= WHOLE_FRACTION and fit.arc_fraction >= WHOLE_ARC
+    sharp = fit.blur_px <= SHARP_SHARE * fit.mean_radius_px
+    if not view.ok or (whole and sharp) or 1.0 / PARTIAL_SIZE_FACTOR <= ratio <= PARTIAL_SIZE_FACTOR:
+        return view
+    how = "seen in part" if sharp else "blurred"
+    return replace(
+        view,
+        ok=False,
+        reason=f"{how} and {ratio:.2f} times as large as the model expects it ({expected_px:.1f} px radius): another thing, or a wrong part of its outline",
+    )
+
+
+def _judged(
+    bgr: npt.NDArray[np.uint8], marker: Marker, region: Region, fit: OutlineFit, options: MarkerOptions
+) -> MarkerView:
+    """A measured outline as a view, masked where it cannot be trusted."""
     seen = _visible_fraction(bgr, marker, fit)
     fields: dict[str, Any] = {
         "pixel_px": (float(fit.centroid_px[0]), float(fit.centroid_px[1])),
-        "covariance_px2": fit.centroid_covariance_px2 + np.eye(2) * CENTRE_FLOOR_PX**2,
+        "covariance_px2": fit.centroid_covariance_px2 + np.eye(2) * _centre_floor_px(fit) ** 2,
         "center_kind": "outline_centroid",
         "sphere_center_px": (float(fit.sphere_center_px[0]), float(fit.sphere_center_px[1])),
         "outline": fit.ellipse,
@@ -275,6 +376,11 @@ def _from_outline(
     elif fit.residual_rms_px > options.max_outline_residual_px:
         reason = f"outline residual {fit.residual_rms_px:.2f} px is above the limit of {options.max_outline_residual_px:.2f} px"
     return MarkerView(marker.name, not reason, reason, **fields)
+
+
+def _centre_floor_px(fit: OutlineFit) -> float:
+    """What the edges share and so do not show: pixel structure, and shading that a blur has carried over the rim."""
+    return float(np.hypot(CENTRE_FLOOR_PX, BLUR_FLOOR * fit.blur_px**2 / max(fit.mean_radius_px, 1.0)))
 
 
 def measure_outline(
@@ -307,8 +413,8 @@ def _measure_circle(
     margin = circle.radius_px * 1.4 + 16.0
     patch = outline.cut_patch(bgr, circle.center_px - margin, circle.center_px + margin, chroma_step_px)
     count = int(np.clip(round(2.0 * np.pi * circle.radius_px), 24, 240))
-    angle = np.arange(count) * (2.0 * np.pi / count)
-    center, radius = circle.center_px, np.full(count, circle.radius_px)
+    angle: FloatArray = np.arange(count, dtype=np.float64) * (2.0 * np.pi / count)
+    center, radius = circle.center_px, np.full(count, circle.radius_px, dtype=np.float64)
     blur = outline.USUAL_BLUR_PX if chroma_step_px == (1, 1) else 0.6 * max(chroma_step_px)
     coded = chroma_step_px != (1, 1)
     fit = None
@@ -330,14 +436,17 @@ def _measure_circle(
         blur = edges.blur_px
         center = fit.centroid_px
         radius = _ellipse_radius(fit.ellipse, angle)
-    return fit
+    if fit is None or not low <= fit.mean_radius_px <= high:
+        return None
+    return replace(fit, blur_px=blur)
 
 
-def _ellipse_radius(ellipse: Ellipse, angle_rad: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+def _ellipse_radius(ellipse: Ellipse, angle_rad: FloatArray) -> FloatArray:
     """Distance of an ellipse's outline from its centre in directions (N,), px."""
     turned = angle_rad - ellipse.angle_rad
     a, b = ellipse.semi_major_px, ellipse.semi_minor_px
-    return a * b / np.sqrt((b * np.cos(turned)) ** 2 + (a * np.sin(turned)) ** 2)
+    result: FloatArray = a * b / np.sqrt((b * np.cos(turned)) ** 2 + (a * np.sin(turned)) ** 2)
+    return result
 
 
 def _visible_fraction(bgr: npt.NDArray[np.uint8], marker: Marker, fit: OutlineFit) -> float:

@@ -50,6 +50,9 @@ RANDOM_TRIALS = 160
 # A ray's unmixing must tell the two colours apart: sine of the angle between them in RGB.
 MIN_COLOUR_SINE = 0.12
 MIN_EDGE_POINTS = 8
+# Noise from which a picture is smoothed before edges are read, levels, and the most that it is smoothed.
+NOISY_LEVELS = 6.0
+MOST_SMOOTHING_PX = 1.4
 # Levels are about this root of linear light.
 ENCODING_POWER = 2.2
 # The lens' blur where no ray shows it, and what bilinear sampling adds, px; least contrast of luma (0..1) that shows it.
@@ -109,11 +112,28 @@ def cut_patch(
         min(int(np.ceil(high[1])) // 4 * 4 + 4, height),
     )
     part = bgr[top:bottom, left:right]
+    noise = _noise_levels(part)
+    # The covered length does not mind a blur, and noise does.
+    smoothing = min(MOST_SMOOTHING_PX, 0.5 * noise / NOISY_LEVELS) if noise > NOISY_LEVELS else 0.0
     if chroma_step_px != (1, 1):
         blurred = _at_chroma_resolution(part, chroma_step_px)
         luma = cv2.cvtColor(part, cv2.COLOR_BGR2GRAY).astype(np.float32) / np.float32(255.0)
-        return Patch(blurred.astype(np.float32) / np.float32(255.0), (left, top), True, luma)
-    return Patch(to_linear(part), (left, top))
+        levels = blurred.astype(np.float32) / np.float32(255.0)
+        return Patch(_smoothed(levels, smoothing), (left, top), True, _smoothed(luma, smoothing))
+    return Patch(_smoothed(to_linear(part), smoothing), (left, top))
+
+
+def _smoothed(values: np.ndarray, blur_px: float) -> np.ndarray:
+    return values if blur_px <= 0.0 else cv2.GaussianBlur(values, (0, 0), blur_px)
+
+
+def _noise_levels(bgr: np.ndarray) -> float:
+    """Standard deviation of the noise of a channel, levels: the median of mixed differences, which shading and edges hardly touch."""
+    if bgr.shape[0] < 3 or bgr.shape[1] < 3:
+        return 0.0
+    green = bgr[..., 1].astype(np.float32)
+    mixed = green[1:, 1:] - green[1:, :-1] - green[:-1, 1:] + green[:-1, :-1]
+    return float(np.median(np.abs(mixed))) / 0.6745 / 2.0
 
 
 def _at_chroma_resolution(bgr: np.ndarray, step: tuple[int, int]) -> np.ndarray:
@@ -279,7 +299,8 @@ def _lens_before_codec(
     share = np.einsum("nc,nc->n", half - behind, contrast) / np.maximum(
         np.einsum("nc,nc->n", contrast, contrast), 1e-6
     )
-    return 4.0 * (share - 0.5) * lens_px / np.sqrt(np.pi)
+    result: FloatArray = 4.0 * (share - 0.5) * lens_px / np.sqrt(np.pi)
+    return result
 
 
 def _sample(values: np.ndarray, at: FloatArray, origin: tuple[int, int]) -> tuple[FloatArray, np.ndarray]:
@@ -334,7 +355,8 @@ def _slope_where(values: FloatArray, at: FloatArray, where: np.ndarray) -> Float
     total = np.maximum(weight.sum(axis=1), 1e-9)[:, None]
     local = at - (at * weight).sum(axis=1, keepdims=True) / total
     spread = (local**2 * weight).sum(axis=1)
-    return (local * values * weight).sum(axis=1) / np.maximum(spread, 1e-9)
+    result: FloatArray = (local * values * weight).sum(axis=1) / np.maximum(spread, 1e-9)
+    return result
 
 
 def _mean_where(values: FloatArray, where: np.ndarray) -> FloatArray:
@@ -361,7 +383,8 @@ def _edge_offset(coverage: FloatArray, offsets: FloatArray, window: float) -> Fl
     index = np.clip(last[:, None] + np.arange(-half, half + 1), 0, coverage.shape[1] - 1)
     local = np.take_along_axis(coverage, index, axis=1)
     start = offsets[np.clip(last - half, 0, len(offsets) - 1)]
-    return start + (local.sum(axis=1) - 0.5) * STEP_PX
+    result: FloatArray = start + (local.sum(axis=1) - 0.5) * STEP_PX
+    return result
 
 
 def _blur_px(

@@ -6,7 +6,7 @@ OpenCV and NumPy release the interpreter's lock in their heavy parts, so threads
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from .._core import MirrorPostureError
 from ..arguments import checked_arguments
 from ..board import CHARUCO
 from ..camera import Camera
@@ -28,6 +29,7 @@ from .types import (
     BoardView,
     DetectionError,
     DetectionSetup,
+    FloatArray,
     PictureDetections,
     PredictedMarker,
 )
@@ -44,6 +46,9 @@ class PicturePrediction:
 
     board: BoardPrediction | None = None
     markers: tuple[PredictedMarker, ...] = ()
+    """Where markers must be: nothing else is looked at."""
+    marker_in_camera_m: Mapping[str, FloatArray] = field(default_factory=dict)
+    """Where the robot's model has each marker before the camera (3,): a hint for its place and size in the mirror."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +92,16 @@ def detect_picture(
     )
     boards = _boards(bgr, setup, prediction, options)
     bounds = _size_bounds(boards, setup)
-    markers = detect_markers(bgr, setup.markers, setup.camera, prediction.markers, bounds, options.marker)
+    markers = detect_markers(
+        bgr,
+        setup.markers,
+        setup.camera,
+        prediction.markers,
+        bounds,
+        options.marker,
+        file.chroma_step_px,
+        expected_markers(boards, setup, prediction),
+    )
     return PictureDetections(source, width, height, boards, markers, warnings=warnings)
 
 
@@ -190,6 +204,49 @@ def _size_bounds(boards: tuple[BoardView, ...], setup: DetectionSetup) -> dict[s
         for marker in setup.markers
         if marker.diameter_m > 0.0
     }
+
+
+def expected_markers(
+    boards: tuple[BoardView, ...], setup: DetectionSetup, prediction: PicturePrediction
+) -> tuple[PredictedMarker, ...]:
+    """Where and how large the robot's model expects the balls in the mirror of this picture, whose place the board's reflection tells."""
+    camera, board = setup.camera, prediction.board
+    seen = [view for view in boards if view.ok and view.via == "mirror" and view.corners_px is not None]
+    if camera is None or setup.board is None or board is None or board.camera_from_board is None or not seen:
+        return ()
+    corners = seen[0].corners_px
+    if corners is None or (seen[0].visible is not None and not seen[0].visible.all()):
+        return ()
+    pose = board_pose(corners, setup.board, camera)
+    if pose is None:
+        return ()
+    # The point pair (paper, Eq. 2): the plane half-way between the board's centre and its reflection.
+    centre = np.asarray(board.camera_from_board, dtype=np.float64)[:3, 3]
+    apart = pose.center_in_camera_m - centre
+    length = float(np.linalg.norm(apart))
+    if length < 1e-6:
+        return ()
+    normal = apart / length
+    offset = float(normal @ (0.5 * (pose.center_in_camera_m + centre)))
+    found = []
+    for marker in setup.markers:
+        if marker.name not in prediction.marker_in_camera_m or marker.diameter_m <= 0.0:
+            continue
+        point = np.asarray(prediction.marker_in_camera_m[marker.name], dtype=np.float64)
+        reflected = point + 2.0 * (offset - float(point @ normal)) * normal
+        depth, away = float(reflected[2]), float(np.linalg.norm(reflected))
+        if depth < 0.2 * away:
+            continue
+        try:
+            pixel = camera.project(reflected[None])[0]
+        except MirrorPostureError:
+            continue
+        # The outline's area grows off the axis by cos⁻³ of the angle.
+        radius = camera.mean_focal_px * 0.5 * marker.diameter_m / depth * np.sqrt(away / depth)
+        found.append(
+            PredictedMarker(marker.name, (float(pixel[0]), float(pixel[1])), float("inf"), float(radius))
+        )
+    return tuple(found)
 
 
 def _off_axis(camera: Camera) -> float:

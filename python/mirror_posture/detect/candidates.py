@@ -1,0 +1,101 @@
+"""Which of several things of a marker's colour is the marker: shape, size, and where the robot's model expects it.
+
+The model is a hint, not a fence: its errors are what the product looks for. A thing that is no ball, or not of the size that the ball has at its distance, is
+none; of several that are left the nearest to the expected place is taken only if it is much nearer than the next.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..short_repr import ShortRepr
+from . import outline
+from .blobs import Region, contour_px
+from .outline import Circle
+from .types import FloatArray, PredictedMarker
+
+# A ball's radius may differ from the model's by this factor: postures move it nearer or farther.
+SIZE_FACTOR = 1.3
+# The next candidate must be this many times farther from the expected place than the nearest, and by at least so many of the ball's radii.
+CLEARLY_NEARER = 2.0
+NEARER_RADII = 0.7
+# The most candidates of one marker that are measured, the likeliest first.
+MOST_MEASURED = 4
+# A circle must hold this share of the contour that a ball of the expected size would show.
+LEAST_ARC = 0.25
+CONTOUR_TOLERANCE_PX = 1.2
+# Circles looked for in one region: balls that touch, or a ball before something of its colour, make one region.
+CIRCLES_A_REGION = 3
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Candidate(ShortRepr):
+    """A circle that may be the ball's outline, the region that it came from, and its distance from the expected place, px."""
+
+    circle: Circle
+    region: Region
+    away_px: float
+
+
+def find_candidates(
+    regions: tuple[Region, ...], expected: PredictedMarker, least_radius_px: float
+) -> list[Candidate]:
+    """Circles of about the expected size in the contours of regions of the marker's colour, the likeliest first."""
+    radius = float(expected.ball_radius_px or 0.0)
+    low, high = max(radius / SIZE_FACTOR, least_radius_px), radius * SIZE_FACTOR
+    if high <= low:
+        return []
+    place = np.array(expected.pixel_px)
+    # A hidden ball's region is small, but not tiny.
+    fitting = [region for region in regions if region.equivalent_radius_px > 0.35 * radius]
+    found = []
+    for region in fitting:
+        points = contour_px(region)
+        for _ in range(CIRCLES_A_REGION):
+            circle = outline.fit_circle_robustly(points, low, high, CONTOUR_TOLERANCE_PX)
+            if circle is None:
+                break
+            away = np.linalg.norm(points - circle.center_px, axis=1) - circle.radius_px
+            on = np.abs(away) <= CONTOUR_TOLERANCE_PX
+            if on.sum() < LEAST_ARC * 2.0 * np.pi * circle.radius_px:
+                break
+            # The contour runs along the outermost pixels' centres: half a pixel inside of the outline.
+            grown = Circle(circle.center_px, circle.radius_px + 0.5)
+            found.append(Candidate(grown, region, float(np.linalg.norm(circle.center_px - place))))
+            points = points[~on]
+            if len(points) < 8:
+                break
+    found.sort(key=lambda one: one.away_px)
+    return _distinct(found)[:MOST_MEASURED]
+
+
+def _distinct(candidates: list[Candidate]) -> list[Candidate]:
+    kept: list[Candidate] = []
+    for one in candidates:
+        if all(
+            float(np.linalg.norm(one.circle.center_px - other.circle.center_px))
+            > 0.5 * other.circle.radius_px
+            for other in kept
+        ):
+            kept.append(one)
+    return kept
+
+
+def choose(places_px: list[FloatArray], expected: PredictedMarker) -> tuple[int, str]:
+    """The index of the ball among measured centres, or -1 and the reason why it cannot be told."""
+    if len(places_px) == 1:
+        return 0, ""
+    away = np.array([float(np.linalg.norm(place - np.array(expected.pixel_px))) for place in places_px])
+    order = np.argsort(away)
+    nearest, second = away[order[0]], away[order[1]]
+    if second >= CLEARLY_NEARER * nearest and second - nearest >= NEARER_RADII * float(
+        expected.ball_radius_px or 0.0
+    ):
+        return int(order[0]), ""
+    u, v = places_px[int(order[1])]
+    return -1, (
+        f"{len(places_px)} balls of its colour and size, {nearest:.0f} and {second:.0f} px from where the model expects it (another at ({u:.0f}, {v:.0f})): "
+        "take away what has its colour, or give it another"
+    )

@@ -1,0 +1,152 @@
+"""Balls in pictures as people take them: drawn by supersampling, degraded by OpenCV; none wrong, deviations that are true.
+
+The drawing shares nothing with detection: a Lambert sphere with ambient light before a background of blocks, mixed in linear light, encoded as sRGB.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from mirror_posture.camera import Camera
+from mirror_posture.detect import PredictedMarker, detect_markers
+from mirror_posture.detect.reading import read_picture_file
+from mirror_posture.marker import ColorRange, Marker
+
+FINE = 5
+SIZE = (320, 240)
+CAMERA = Camera(SIZE, (400.0, 400.0), (159.5, 119.5))
+MARKER = Marker("hand", diameter_m=0.0116, color=ColorRange(0.0, 15.0, 0.5, 0.2))
+RADIUS = 12.0
+
+
+def encoded(linear: np.ndarray) -> np.ndarray:
+    return np.rint(255.0 * np.clip(linear, 0.0, 1.0) ** (1.0 / 2.2)).astype(np.uint8)
+
+
+def linear_of(picture: np.ndarray) -> np.ndarray:
+    return (picture / 255.0) ** 2.2
+
+
+def scene(
+    center: tuple[float, float], rng: np.random.Generator, hidden: float = 0.0, others: tuple = ()
+) -> np.ndarray:
+    """A red ball (and others: centre, radius) on a background of grey blocks; a plate hides part of its right side."""
+    width, height = SIZE
+    u = (np.arange(width * FINE) + 0.5) / FINE - 0.5
+    v = (np.arange(height * FINE) + 0.5) / FINE - 0.5
+    blocks = rng.uniform(0.08, 0.5, (6, 8, 1)) * np.array([1.0, 0.95, 0.9])
+    light = np.kron(blocks, np.ones((height * FINE // 6, width * FINE // 8, 1)))
+    lamp = np.array([0.3, -0.6, 0.74])
+    for (x, y), radius in (*others, (center, RADIUS)):
+        du, dv = (u[None] - x) / radius, (v[:, None] - y) / radius
+        inside = du**2 + dv**2 <= 1.0
+        toward = np.sqrt(np.maximum(1.0 - du**2 - dv**2, 0.0))
+        shade = 0.25 + 0.75 * np.maximum(du * lamp[0] + dv * lamp[1] + toward * lamp[2], 0.0)
+        light = np.where(inside[..., None], shade[..., None] * np.array([0.03, 0.04, 0.6]), light)
+    if hidden:
+        edge = center[0] + RADIUS * (1.0 - 2.0 * hidden)
+        plate = (
+            (u[None] > edge)
+            & (u[None] < center[0] + 1.6 * RADIUS)
+            & (np.abs(v[:, None] - center[1]) < 2 * RADIUS)
+        )
+        light = np.where(plate[..., None], 0.2, light)
+    return light.reshape(height, FINE, width, FINE, 3).mean(axis=(1, 3))
+
+
+def blurred(sigma: float) -> Callable:
+    return lambda light, rng: encoded(cv2.GaussianBlur(light, (0, 0), sigma))
+
+
+def noisy(levels: float) -> Callable:
+    return lambda light, rng: np.clip(encoded(light) + rng.normal(0.0, levels, light.shape), 0, 255).astype(
+        np.uint8
+    )
+
+
+def dark(light: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    return noisy(2.0)(0.25 * light, rng)
+
+
+def compressed(quality: int, sampling: int) -> Callable:
+    def encode(light: np.ndarray, rng: np.random.Generator) -> bytes:
+        options = [cv2.IMWRITE_JPEG_QUALITY, quality, cv2.IMWRITE_JPEG_SAMPLING_FACTOR, sampling]
+        return cv2.imencode(".jpg", encoded(cv2.GaussianBlur(light, (0, 0), 0.6)), options)[1].tobytes()
+
+    return encode
+
+
+VARIANTS: dict[str, tuple[Callable, float, float]] = {
+    # How the light becomes a picture, largest RMS error in px, largest mean normalised squared error.
+    "clean": (lambda light, rng: encoded(light), 0.10, 1.8),
+    "blurred": (blurred(1.5), 0.2, 1.8),
+    "noisy": (noisy(10.0), 0.2, 1.8),
+    "dark": (dark, 0.2, 1.8),
+    "jpeg 4:2:0": (compressed(92, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_420), 0.2, 1.8),
+    "jpeg 4:2:0 poor": (compressed(70, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_420), 0.4, 1.8),
+}
+
+
+@pytest.mark.parametrize("name", VARIANTS)
+def test_no_ball_is_wrong_and_deviations_are_true(name: str, tmp_path: Path) -> None:
+    make, largest_rms, largest_normalised = VARIANTS[name]
+    errors, normalised = [], []
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        center = (float(rng.uniform(90, 230)), float(rng.uniform(70, 170)))
+        made = make(scene(center, rng), rng)
+        step = (1, 1)
+        if isinstance(made, bytes):
+            (tmp_path / "ball.jpg").write_bytes(made)
+            file = read_picture_file(tmp_path / "ball.jpg")
+            made, step = file.pixels, file.chroma_step_px
+            assert step == (2, 2)
+        hint = PredictedMarker("hand", (center[0] + 6.0, center[1] - 4.0), np.inf, RADIUS * 1.03)
+        (view,) = detect_markers(made, (MARKER,), CAMERA, chroma_step_px=step, expected=(hint,))
+        assert view.ok, (seed, view.reason)
+        error = np.subtract(view.pixel_px, center)
+        assert np.hypot(*error) < max(0.3, 4.0 * view.std_px), (seed, error, view.std_px)
+        errors.append(error @ error)
+        normalised.append(error @ np.linalg.inv(view.covariance_px2) @ error / 2.0)
+    assert np.sqrt(np.mean(errors)) < largest_rms
+    assert np.mean(normalised) < largest_normalised
+
+
+@pytest.mark.parametrize("hidden", [0.1, 0.25, 0.4])
+def test_a_ball_half_behind_a_plate_is_where_it_is(hidden: float) -> None:
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        center = (float(rng.uniform(90, 230)), float(rng.uniform(70, 170)))
+        picture = encoded(scene(center, rng, hidden))
+        hint = PredictedMarker("hand", (center[0] + 6.0, center[1] - 4.0), np.inf, RADIUS * 1.03)
+        (view,) = detect_markers(picture, (MARKER,), CAMERA, expected=(hint,))
+        if view.ok:
+            error = float(np.hypot(*np.subtract(view.pixel_px, center)))
+            assert error < max(0.3, 4.0 * view.std_px), (seed, error, view.std_px)
+        else:
+            assert hidden > 0.2, view.reason
+
+
+def test_things_of_its_colour_far_near_and_touching_do_not_matter() -> None:
+    rng = np.random.default_rng(3)
+    center = (150.3, 118.6)
+    for other in (((60.0, 60.0), 20.0), ((186.0, 118.0), 12.0), ((173.0, 122.0), 11.0)):
+        picture = encoded(scene(center, rng, others=(other,)))
+        hint = PredictedMarker("hand", (center[0] - 5.0, center[1] - 4.0), np.inf, RADIUS * 0.98)
+        (view,) = detect_markers(picture, (MARKER,), CAMERA, expected=(hint,))
+        assert view.ok, (other, view.reason)
+        assert view.pixel_px == pytest.approx(center, abs=0.25), other
+
+
+def test_two_balls_that_fit_alike_are_masked() -> None:
+    rng = np.random.default_rng(4)
+    picture = encoded(scene((130.0, 118.0), rng, others=(((190.0, 118.0), RADIUS),)))
+    hint = PredictedMarker("hand", (161.0, 118.0), np.inf, RADIUS)
+    (view,) = detect_markers(picture, (MARKER,), CAMERA, expected=(hint,))
+    assert not view.ok
+    assert "2 balls of its colour and size" in view.reason
