@@ -13,7 +13,7 @@ from mirror_posture.session import Session
 from mirror_posture.view_check import check_views
 from test_measurement import simulated
 
-WIDTH, HEIGHT = 800, 600
+WIDTH, HEIGHT = 1400, 1200
 
 
 def with_pixels(session: Session, change, labels=None) -> Session:
@@ -81,7 +81,7 @@ def test_another_boards_squares_are_told_in_millimetres(session: Session) -> Non
     assert checked is not None and "its squares measure 14.0" in checked.mistake, checked
 
 
-@pytest.mark.parametrize(("factor", "center"), [(0.5, (199.5, 149.5)), (1.6, (399.5, 299.5))])
+@pytest.mark.parametrize(("factor", "center"), [(0.5, (349.5, 299.5)), (1.6, (699.5, 599.5))])
 def test_a_camera_file_of_another_camera_is_named(
     session: Session, factor: float, center: tuple[float, float]
 ) -> None:
