@@ -2,22 +2,29 @@
 
 A fleet's machines need share no disk: a session's files travel with its job, its diagnosis travels back. A worker
 that is lost takes nothing with it: its jobs are done again by the others, and give the same results.
+
+Trust. Dask pickles jobs and results: whoever can speak to the scheduler or to a worker can run code there, and a scheduler or worker can
+run code here. Over `tcp://` nothing is encrypted and nobody is asked who they are: use it within one machine or a network of one's own,
+else `tls://` with certificates (`Tls`). What travels: every file of the session's folder (and of those to check on), by its name within
+the folder, with their hash, and the options of the diagnosis; back travels the text of diagnosis.json. A worker refuses files whose hash is another.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ._core import MirrorPostureError, __version__
+from .session.input_files import path_inside
 
 if TYPE_CHECKING:
     from .diagnosis import Diagnosis
@@ -30,15 +37,37 @@ LARGEST_BYTES = 512 * 1024 * 1024
 
 
 @dataclass(frozen=True)
+class Tls:
+    """Files of a `tls://` scheduler's certificates, PEM: the authority's, this machine's own, and its key."""
+
+    authority: Path
+    certificate: Path
+    key: Path
+
+
+@dataclass(frozen=True)
 class PackedSession:
-    """A session's folder as it travels: its name, and its files by their path within it."""
+    """A session's folder as it travels: its name, its files by their path within it, and the hash of all."""
 
     name: str
     files: dict[str, bytes]
+    sha256: str
 
     def unpack(self, below: Path) -> Path:
-        """Write the folder below `below`; returns it."""
+        """Write the folder below `below`; returns it.
+
+        Raises:
+            MirrorPostureError: other files than were packed, or a name that leaves the folder.
+        """
+        if hash_of(self.files) != self.sha256:
+            raise MirrorPostureError(
+                f"session {self.name}: what arrived has another hash than what was sent; send it again"
+            )
         folder = below / self.name
+        if path_inside(below, self.name) is None or any(
+            path_inside(folder, place) is None for place in self.files
+        ):
+            raise MirrorPostureError(f"session {self.name}: got a file name that leaves the session's folder")
         for place, data in self.files.items():
             path = folder / place
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -46,15 +75,29 @@ class PackedSession:
         return folder
 
 
+def hash_of(files: Mapping[str, bytes]) -> str:
+    """SHA-256 over all names and contents, in the order of the names."""
+    whole = hashlib.sha256()
+    for place in sorted(files):
+        for part in (place.encode(), files[place]):
+            whole.update(len(part).to_bytes(8, "big") + part)
+    return whole.hexdigest()
+
+
 def pack(folder: Path) -> PackedSession:
     """Read a session's folder.
 
     Raises:
-        MirrorPostureError: no such folder, or one too large to travel.
+        MirrorPostureError: no such folder, one too large to travel, or one with a link that leads out of it.
     """
     if not folder.is_dir():
         raise MirrorPostureError(f"{folder}: no such folder; needed a session's folder")
     files = sorted(p for p in folder.rglob("*") if p.is_file())
+    for path in files:
+        if path_inside(folder, path.relative_to(folder).as_posix()) is None:
+            raise MirrorPostureError(
+                f"{path}: is a link that leads out of the session's folder; it would travel along"
+            )
     size = sum(p.stat().st_size for p in files)
     if size > LARGEST_BYTES:
         raise MirrorPostureError(
@@ -62,7 +105,8 @@ def pack(folder: Path) -> PackedSession:
             "run `mirror-posture detect` on it first and leave images/ out"
         )
     name = folder.name or folder.resolve().name
-    return PackedSession(name, {p.relative_to(folder).as_posix(): p.read_bytes() for p in files})
+    packed = {p.relative_to(folder).as_posix(): p.read_bytes() for p in files}
+    return PackedSession(name, packed, hash_of(packed))
 
 
 def checked_effects(names: Sequence[str]) -> list[str]:
@@ -119,8 +163,10 @@ _ONE_THREAD = {"RAYON_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_T
 
 
 @contextmanager
-def on_fleet(scheduler: str) -> Iterator[Executor]:
-    """An executor over the workers of a Dask scheduler, by its address (`tcp://10.0.0.1:8786`).
+def on_fleet(scheduler: str, tls: Tls | None = None) -> Iterator[Executor]:
+    """An executor over the workers of a Dask scheduler, by its address (`tcp://10.0.0.1:8786`, `tls://…`).
+
+    Without `tls` a `tls://` address uses the certificates of Dask's own configuration.
 
     Raises:
         MirrorPostureError: `distributed` is not installed, nobody answers at the address, or a worker has another
@@ -133,8 +179,11 @@ def on_fleet(scheduler: str) -> Iterator[Executor]:
             "a fleet needs Dask: pip install 'mirror-posture[fleet]', here and on each worker"
         ) from error
     try:
-        client = Client(scheduler, timeout=CONNECT_SECONDS, set_as_default=False)
-    except (OSError, ValueError) as error:
+        client = Client(
+            scheduler, timeout=CONNECT_SECONDS, set_as_default=False, security=_security(scheduler, tls)
+        )
+    # Certificates that are missing or of somebody else are errors of several kinds.
+    except (OSError, ValueError, RuntimeError, TypeError) as error:
         raise MirrorPostureError(
             f"--scheduler {scheduler}: no scheduler answers there ({error}); start one with `dask scheduler`"
         ) from error
@@ -150,6 +199,33 @@ def on_fleet(scheduler: str) -> Iterator[Executor]:
         yield client.get_executor(pure=False, retries=RETRIES)
 
 
+def is_open(scheduler: str) -> bool:
+    """Whether what travels to a scheduler can be read and changed by others: plain tcp to another machine."""
+    kind, _, place = scheduler.partition("://")
+    host = place.rpartition(":")[0].strip("[]")
+    return kind != "tls" and host not in ("localhost", "::1") and not host.startswith("127.")
+
+
+def _security(scheduler: str, tls: Tls | None) -> Any:
+    from distributed.security import Security
+
+    if tls is None:
+        return None
+    if not scheduler.startswith("tls://"):
+        raise MirrorPostureError(
+            f"--scheduler {scheduler}: got certificates, needed an address that starts with tls://"
+        )
+    for file in (tls.authority, tls.certificate, tls.key):
+        if not file.is_file():
+            raise MirrorPostureError(f"{file}: the file is missing; needed a certificate or key in PEM")
+    return Security(
+        tls_ca_file=str(tls.authority),
+        tls_client_cert=str(tls.certificate),
+        tls_client_key=str(tls.key),
+        require_encryption=True,
+    )
+
+
 def _version() -> str:
     """What a worker has."""
     return __version__
@@ -163,6 +239,7 @@ def diagnose_on_fleet(
     check: Sequence[Path] = (),
     withhold: Sequence[str] = (),
     most_causes: int | None = None,
+    tls: Tls | None = None,
 ) -> Iterator[Diagnosis]:
     """The diagnoses of many sessions, in their order, by the workers of a Dask scheduler.
 
@@ -174,7 +251,7 @@ def diagnose_on_fleet(
     from .diagnosis import Diagnosis
 
     others = [pack(folder) for folder in check]
-    with on_fleet(scheduler) as pool:
+    with on_fleet(scheduler, tls) as pool:
         jobs = [
             pool.submit(diagnose_packed, pack(folder), without, others, withhold, most_causes)
             for folder in folders

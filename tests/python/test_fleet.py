@@ -27,7 +27,9 @@ from mirror_lab.blind.simulate import Options
 from mirror_posture import MirrorPostureError
 from mirror_posture.cli.app import app
 from mirror_posture.fleet import (
+    PackedSession,
     diagnose_folder,
+    hash_of,
     on_fleet,
     on_this_machine,
     pack,
@@ -132,3 +134,44 @@ def test_a_scheduler_that_is_not_there_is_told(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr("mirror_posture.fleet.CONNECT_SECONDS", 0.5)
     with pytest.raises(MirrorPostureError, match="no scheduler answers"), on_fleet("tcp://127.0.0.1:9"):
         pass
+
+
+def test_what_travels_is_checked(tmp_path: Path) -> None:
+    (tmp_path / "session").mkdir()
+    (tmp_path / "session" / "frames.csv").write_text("frame,posture\n")
+    packed = pack(tmp_path / "session")
+    assert (packed.unpack(tmp_path / "there") / "frames.csv").read_text() == "frame,posture\n"
+    changed = PackedSession(packed.name, {"frames.csv": b"frame,posture\n0,0\n"}, packed.sha256)
+    with pytest.raises(MirrorPostureError, match="another hash"):
+        changed.unpack(tmp_path / "other")
+    for name in ("../escaped", "/tmp/escaped"):
+        files = {name: b"x"}
+        with pytest.raises(MirrorPostureError, match="leaves the session's folder"):
+            PackedSession("session", files, hash_of(files)).unpack(tmp_path / "other")
+    (tmp_path / "secret").write_text("x")
+    (tmp_path / "session" / "notes").symlink_to(tmp_path / "secret")
+    with pytest.raises(MirrorPostureError, match="link that leads out"):
+        pack(tmp_path / "session")
+
+
+def test_tls_options_are_passed_on(tmp_path: Path) -> None:
+    from mirror_posture.fleet import Tls, _security, is_open
+
+    files = [tmp_path / name for name in ("ca.pem", "cert.pem", "key.pem")]
+    with pytest.raises(MirrorPostureError, match=r"ca\.pem: the file is missing"):
+        _security("tls://h:1", Tls(*files))
+    for file in files:
+        file.touch()
+    with pytest.raises(MirrorPostureError, match="starts with tls://"):
+        _security("tcp://h:1", Tls(*files))
+    security = _security("tls://h:1", Tls(*files))
+    assert (
+        security.require_encryption
+        and security.tls_ca_file == str(files[0])
+        and security.tls_client_key == str(files[2])
+    )
+    assert (
+        is_open("tcp://10.0.0.1:8786")
+        and not is_open("tls://10.0.0.1:8786")
+        and not is_open("tcp://127.0.0.1:8786")
+    )

@@ -6,6 +6,7 @@ use crate::arrays::{
 use crate::camera::PyCamera;
 use crate::errors::to_py;
 use crate::mirror::Reasons;
+use crate::work::Work;
 use mirror_core::calibrate::{
     CameraBoardCalibration, MirrorViewOptions, Motion, SecondCameraCalibration, SecondCameraRig,
     SecondCameraSnapshot, WeakDirection, Weakness, calibrate_from_mirror_views, calibrate_with_second_camera,
@@ -186,7 +187,7 @@ pub fn calibrate_mirror_views(
             }
         }
     }
-    let inner = py.detach(|| calibrate_from_mirror_views(camera, &board, &views, &options)).map_err(to_py)?;
+    let inner = py.work(|| calibrate_from_mirror_views(camera, &board, &views, &options)).map_err(to_py)?;
     Ok(PyCameraBoardCalibration { inner, rows, unread })
 }
 
@@ -290,6 +291,6 @@ pub fn calibrate_second_camera(
             SecondCameraSnapshot { stand_in_robot_camera, stand_in_second_camera, chest_in_second_camera }
         })
         .collect();
-    let inner = py.detach(|| calibrate_with_second_camera(&rig, &snapshots)).map_err(to_py)?;
+    let inner = py.work(|| calibrate_with_second_camera(&rig, &snapshots)).map_err(to_py)?;
     Ok(PySecondCameraCalibration { inner })
 }

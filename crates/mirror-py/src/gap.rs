@@ -1,8 +1,11 @@
 //! The diagnosis: a session's arrays in, the diagnosis as JSON out.
 
+use crate::arrays::shape_error;
 use crate::camera::lens;
 use crate::errors::{MirrorPostureError, to_py};
 use crate::gap_own::{OwnEffectArrays, quantities_to_py};
+use crate::work::Work;
+use mirror_core::Cancel;
 use mirror_core::camera::Camera;
 use mirror_core::diagnose::{
     BoardSpec, DiagnoseOptions, Frame, MarkerSpec, MeasuredPoint, OtherSession, PointsFrame, Recording,
@@ -10,7 +13,7 @@ use mirror_core::diagnose::{
 };
 use mirror_core::robot::Robot;
 use nalgebra::{Point3, Vector2, Vector3};
-use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
+use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use serde::Deserialize;
@@ -72,6 +75,19 @@ struct ViewArrays<'py> {
 }
 
 impl ViewArrays<'_> {
+    /// Refuses arrays that are not of these numbers of frames, corners and markers.
+    fn check(&self, name: &str, frames: usize, corners: usize, markers: usize) -> PyResult<()> {
+        let shapes = [
+            ("board_px", self.board_px.shape(), vec![frames, corners, 2]),
+            ("board_seen", self.board_seen.shape(), vec![frames, corners]),
+            ("marker_px", self.marker_px.shape(), vec![frames, markers, 2]),
+            ("marker_seen", self.marker_seen.shape(), vec![frames, markers]),
+        ];
+        shapes
+            .into_iter()
+            .try_for_each(|(array, got, needed)| of_shape(&format!("{name} {array}"), got, &needed))
+    }
+
     fn append(&self, via: Via, frames: &mut [Frame]) {
         let (board, board_seen) = (self.board_px.as_array(), self.board_seen.as_array());
         let (marker, marker_seen) = (self.marker_px.as_array(), self.marker_seen.as_array());
@@ -86,6 +102,29 @@ impl ViewArrays<'_> {
             }
         }
     }
+}
+
+/// Inner corners of a board along one side at most: larger ones would ask for all memory.
+const MOST_CORNERS: usize = 1000;
+
+fn of_shape(argument: &str, got: &[usize], needed: &[usize]) -> PyResult<()> {
+    if got == needed { Ok(()) } else { Err(shape_error(argument, got, &format!("{needed:?}"))) }
+}
+
+/// How many corners the header's board has.
+fn corners_of(header: &Header) -> PyResult<usize> {
+    let Some(board) =
+        header.board.as_ref().filter(|_| header.camera.is_some() && header.camera_link.is_some())
+    else {
+        return Ok(0);
+    };
+    let (nx, ny) = board.corners;
+    if nx.max(ny) > MOST_CORNERS {
+        return Err(MirrorPostureError::new_err(format!(
+            "header: got a board of {nx} × {ny} corners, needed at most {MOST_CORNERS} a side"
+        )));
+    }
+    Ok(nx * ny)
 }
 
 /// A session's recording, arranged for the core.
@@ -129,6 +168,24 @@ impl GapRecording {
             .map(|n| robot.position_index(n))
             .collect::<Result<Vec<_>, _>>()
             .map_err(to_py)?;
+        let (count, corners, markers) = (frame.len(), corners_of(&header)?, header.markers.len());
+        of_shape("posture", posture.shape(), &[count])?;
+        of_shape("time_s", time_s.shape(), &[count])?;
+        of_shape("commanded", commanded.shape(), &[count, columns.len()])?;
+        // Without a board there may be room for its corners all the same; what is seen there is refused below.
+        let room =
+            if header.board.is_some() && corners == 0 { mirror.board_seen.shape()[1] } else { corners };
+        mirror.check("mirror", count, room, markers)?;
+        direct.check("direct", count, room, markers)?;
+        if points.is_some() != points_seen.is_some() {
+            return Err(MirrorPostureError::new_err(
+                "points and points_seen: got one of both, needed both or none",
+            ));
+        }
+        if let (Some(points), Some(seen)) = (&points, &points_seen) {
+            of_shape("points", points.shape(), &[count, markers, 3])?;
+            of_shape("points_seen", seen.shape(), &[count, markers])?;
+        }
         let (frame, posture) = (frame.as_array(), posture.as_array());
         let (time_s, commanded) = (time_s.as_array(), commanded.as_array());
         let mut frames: Vec<Frame> = (0..frame.len())
@@ -202,7 +259,7 @@ impl GapRecording {
     /// The quantities on which own effects may depend, as arrays with the frames first.
     fn quantities<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let told =
-            py.detach(|| mirror_core::diagnose::quantities(&self.robot, &self.recording)).map_err(to_py)?;
+            py.work(|| mirror_core::diagnose::quantities(&self.robot, &self.recording)).map_err(to_py)?;
         quantities_to_py(py, told)
     }
 
@@ -232,9 +289,13 @@ impl GapRecording {
                 })
             })
             .collect::<PyResult<Vec<_>>>()?;
-        let options = DiagnoseOptions { without, most_causes, own: tables(&own)?, markers };
+        let cancel = Cancel::new();
+        let options =
+            DiagnoseOptions { without, most_causes, own: tables(&own)?, markers, cancel: cancel.clone() };
         let diagnosis = py
-            .detach(|| mirror_core::diagnose::diagnose(&self.robot, &self.recording, &options, &others))
+            .work_until(&cancel, || {
+                mirror_core::diagnose::diagnose(&self.robot, &self.recording, &options, &others)
+            })?
             .map_err(to_py)?;
         serde_json::to_string(&diagnosis).map_err(json_error("diagnosis"))
     }

@@ -13,6 +13,7 @@ mod optics;
 mod picture;
 mod robot;
 mod triangulate;
+mod work;
 
 /// The compiled core of `mirror_posture`.
 #[pyo3::pymodule]

@@ -3,6 +3,7 @@
 use crate::arrays::{Array2Like, ArrayDynLike, isometries, pose_covariance, reshaped, shape_error, stacked};
 use crate::camera::PyCamera;
 use crate::errors::{MirrorPostureError, to_py};
+use crate::work::Work;
 use mirror_core::Error;
 use mirror_core::camera::Camera;
 use mirror_core::joint::{
@@ -122,7 +123,7 @@ impl MeasureInput {
                 Via::Direct,
             ),
         ];
-        py.detach(|| {
+        py.work(|| {
             let at = |numbers: &[f64], k: usize| Vector2::new(numbers[2 * k], numbers[2 * k + 1]);
             let (mut frames, mut rows, mut refused) = (Vec::new(), Vec::new(), Vec::new());
             for row in 0..count {
@@ -195,7 +196,7 @@ impl MeasureInput {
             triangulation: TriangulationOptions { least_parallax_rad, camera_from_board_covariance: shared },
             ..MeasureOptions::default()
         };
-        py.detach(|| {
+        py.work(|| {
             let spheres: Vec<_> =
                 self.diameters_m.iter().map(|&d| Sphere::of_diameter_m(d)).collect::<Result<_, _>>()?;
             let done = measure_ladder(&self.camera, &self.board, &spheres, &self.frames, &options)?;
@@ -250,7 +251,7 @@ impl MeasureInput {
         if self.frames.is_empty() {
             return Err(MirrorPostureError::new_err("joint: no frame shows the board, needed at least one"));
         }
-        py.detach(|| {
+        py.work(|| {
             let done = joint_estimate(&self.camera, &self.board, &self.diameters_m, &self.frames, &options)?;
             let mut out = self.empty();
             for (k, row) in self.rows.iter().enumerate() {

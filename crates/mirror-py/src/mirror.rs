@@ -3,6 +3,7 @@
 use crate::arrays::{Array2Like, ArrayDynLike, isometry, pose_covariance, reshaped, row_major, stacked};
 use crate::camera::PyCamera;
 use crate::errors::to_py;
+use crate::work::Work;
 use mirror_core::Result;
 use mirror_core::mirror::{
     Board, EstimatorOptions, GlassPane, Loss, MirrorEstimate, MirrorEstimator, MirrorOptics, PlanarPose, Rig,
@@ -91,7 +92,7 @@ impl PyRig {
         let estimator = MirrorEstimator::from_name(estimator).map_err(to_py)?;
         let options = options(noise_px, loss)?;
         let (_, pixels) = stacked("corners_px", &corners_px, &[self.inner.board.corner_count(), 2])?;
-        let rows = py.detach(|| estimate_rows(estimator, &self.inner, &pixels, &options));
+        let rows = py.work(|| estimate_rows(estimator, &self.inner, &pixels, &options));
         Ok(PyMirrors { rig: self.inner.clone(), rows })
     }
 }
@@ -233,6 +234,6 @@ pub fn planar_poses(
     let board = Board::new(corners, square_m).map_err(to_py)?;
     let options = options(noise_px, loss)?;
     let (_, pixels) = stacked("corners_px", &corners_px, &[board.corner_count(), 2])?;
-    let rows = py.detach(|| planar_pose_rows(&camera.inner, &board, &pixels, &options));
+    let rows = py.work(|| planar_pose_rows(&camera.inner, &board, &pixels, &options));
     Ok(PyPlanarPoses { rows })
 }

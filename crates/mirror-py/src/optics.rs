@@ -4,6 +4,7 @@ use crate::arrays::{Array1Like, Array2Like, pairs, reshaped, shape_error, triple
 use crate::camera::PyCamera;
 use crate::errors::to_py;
 use crate::mirror::{Reasons, numbers, reasons, valid};
+use crate::work::Work;
 use mirror_core::Result;
 use mirror_core::geometry::Plane;
 use mirror_core::mirror::{Curvature, GlassPane, MirrorOptics, SeenPixel, Sphere};
@@ -91,7 +92,7 @@ pub fn see_in_mirror(
         optics.project_with_jacobians(camera, &plane, &Point3::from(*point))
     };
     let rows =
-        py.detach(|| points.par_iter().enumerate().with_min_len(SMALLEST_SHARE).map(see).collect::<Vec<_>>());
+        py.work(|| points.par_iter().enumerate().with_min_len(SMALLEST_SHARE).map(see).collect::<Vec<_>>());
     Ok(PySeenInMirror { rows })
 }
 
@@ -114,7 +115,7 @@ pub fn ball_centroids<'py>(
     let ball = Sphere::of_diameter_m(diameter_m).map_err(to_py)?;
     let camera = camera.inner.as_ref();
     let see = |center: &Vector3<f64>| ball.project(camera, &Point3::from(*center));
-    let rows: Vec<_> = py.detach(|| centers.par_iter().with_min_len(SMALLEST_SHARE).map(see).collect());
+    let rows: Vec<_> = py.work(|| centers.par_iter().with_min_len(SMALLEST_SHARE).map(see).collect());
     pixel_rows(py, &rows)
 }
 
@@ -136,7 +137,7 @@ pub fn ball_center_pixels<'py>(
     let camera = camera.inner.as_ref();
     let correct =
         |(centroid, distance): (&Vector2<f64>, &f64)| ball.center_pixel(camera, centroid, *distance);
-    let rows: Vec<_> = py
-        .detach(|| centroids.par_iter().zip(&distances).with_min_len(SMALLEST_SHARE).map(correct).collect());
+    let rows: Vec<_> =
+        py.work(|| centroids.par_iter().zip(&distances).with_min_len(SMALLEST_SHARE).map(correct).collect());
     pixel_rows(py, &rows)
 }

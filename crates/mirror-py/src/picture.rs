@@ -2,6 +2,7 @@
 
 use crate::arrays::{Array2Like, isometry};
 use crate::errors::to_py;
+use crate::work::Work;
 use mirror_core::camera::{Camera, Distortion};
 use mirror_core::picture::{
     BallTruth, Body, Dress, Eye, Lights, Pane, PaneOptions, Sampling, Scene, Sensor, ViaTruth, ball_truth,
@@ -86,7 +87,7 @@ impl PictureMaker {
         // The given balls take the place of what the file draws there.
         dress.visuals.retain(|v| balls.iter().all(|b| b.link != v.link));
         let eye = py
-            .detach(|| {
+            .work(|| {
                 let camera = Camera::new(
                     size_px,
                     Vector2::from(<[f64; 2]>::from(focal_px)),
@@ -179,7 +180,7 @@ impl PictureMaker {
             seed,
         };
         let drawn = py
-            .detach(|| {
+            .work(|| {
                 let pane = Pane::new(
                     Vector3::from(mirror_center_m),
                     Vector3::from(mirror_normal),

@@ -1,7 +1,8 @@
 //! Bindings of `mirror_core::robot`.
 
 use crate::arrays::{Array1Like, Array2Like, reshaped, rows_of, triple};
-use crate::errors::to_py;
+use crate::errors::{MirrorPostureError, to_py};
+use crate::work::Work;
 use mirror_core::robot::{JointKind, Robot};
 use nalgebra::{Point3, Vector3};
 use numpy::{PyArray1, PyArray2, PyArray3, PyArray4};
@@ -16,6 +17,9 @@ pub struct PyRobot {
     pub inner: Arc<Robot>,
 }
 
+/// Batches from this size on are shared out among threads.
+const SHARED: usize = 64;
+
 /// Runs a batch without the GIL: `each` numbers a posture.
 fn batch(
     py: Python<'_>,
@@ -23,11 +27,15 @@ fn batch(
     each: usize,
     run: impl FnOnce(&mut [f64]) -> mirror_core::Result<()> + Send,
 ) -> PyResult<Vec<f64>> {
-    py.detach(|| {
-        let mut out = vec![0.0; count * each];
+    let size = count.checked_mul(each).ok_or_else(|| {
+        MirrorPostureError::new_err(format!("positions: got {count} postures, needed fewer"))
+    })?;
+    let all = || {
+        let mut out = vec![0.0; size];
         run(&mut out).map(|()| out)
-    })
-    .map_err(to_py)
+    };
+    // A few postures are done before another thread has begun.
+    if count < SHARED { py.detach(all) } else { py.work(all) }.map_err(to_py)
 }
 
 impl PyRobot {

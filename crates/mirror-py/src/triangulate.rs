@@ -4,6 +4,7 @@ use crate::arrays::{Array1Like, ArrayDynLike, reshaped, shape_error, stacked, tr
 use crate::camera::PyCamera;
 use crate::errors::to_py;
 use crate::mirror::{PyMirrors, Reasons, numbers, reasons, valid};
+use crate::work::Work;
 use mirror_core::mirror::{MirrorEstimate, VirtualRay};
 use mirror_core::triangulate::{
     MarkerObservation, PointBatch, Triangulated, TriangulationOptions, Triangulator, point_pair_markers,
@@ -170,7 +171,7 @@ pub fn virtual_rays(
         let pixel = Vector2::new(pixel[0], pixel[1]);
         mirror_of(mirrors, *row)?.virtual_camera().ray(&mirrors.rig.camera, &pixel, noise_px)
     };
-    let rows = py.detach(|| numbers.iter().zip(pixels.chunks_exact(2)).map(ray).collect());
+    let rows = py.work(|| numbers.iter().zip(pixels.chunks_exact(2)).map(ray).collect());
     let shared = mirrors.rig.camera_from_board_covariance.unwrap_or_else(Matrix6::zeros);
     Ok(PyVirtualRays { rows, shared })
 }
@@ -216,7 +217,7 @@ pub fn triangulate(
         }
         triangulate_views(triangulator, &mirrors.rig.camera, &seen, &options)
     });
-    let rows = py.detach(|| observations.collect());
+    let rows = py.work(|| observations.collect());
     Ok(PyMarkers { rows })
 }
 
@@ -266,7 +267,7 @@ pub fn two_view_markers(
     options.least_parallax_rad = least_parallax_rad.unwrap_or(options.least_parallax_rad);
     let least = options.validated().map_err(to_py)?.least_parallax_rad;
     let inner = py
-        .detach(|| {
+        .work(|| {
             let (boards, _) = boards.as_chunks::<6>();
             let (pixels, _) = pixels.as_chunks::<4>();
             point_pair_markers(&camera.inner, &board, boards, pixels, least)

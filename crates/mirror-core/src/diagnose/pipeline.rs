@@ -47,6 +47,7 @@ pub fn diagnose(
     others: &[OtherSession],
 ) -> Result<Diagnosis> {
     let mut problem = Problem::new(robot, recording)?;
+    problem.cancel = options.cancel.clone();
     let stated = problem.noise;
     let nominal_deformation = problem.nominal();
     problem.noise = noise::estimate(&problem, &nominal_deformation, stated)?;
@@ -152,5 +153,7 @@ pub fn diagnose(
     if options.markers {
         diagnosis.markers = seen_markers(&findings)?;
     }
+    // Frames that were passed over on the way out left numbers that mean nothing.
+    options.cancel.check()?;
     Ok(diagnosis)
 }

@@ -18,11 +18,14 @@ pub struct Board {
     square_m: f64,
 }
 
+/// Inner corners along an axis at most: no board has more, and their number must stay countable.
+const MOST_CORNERS: usize = 10_000;
+
 impl Board {
     /// A board of `(nx, ny)` inner corners with squares of the given side (m).
     ///
     /// # Errors
-    /// [`Error::OutOfRange`]: fewer than 2 corners along an axis, or a side that is not above zero.
+    /// [`Error::OutOfRange`]: fewer than 2 or more than 10,000 corners along an axis, or a side that is not above zero.
     pub fn new(corners: (usize, usize), square_m: f64) -> Result<Self> {
         for (name, n) in [("x", corners.0), ("y", corners.1)] {
             if n < 2 {
@@ -30,6 +33,13 @@ impl Board {
                     what: format!("inner corners along {name}"),
                     got: n as f64,
                     needed: "at least 2".into(),
+                });
+            }
+            if n > MOST_CORNERS {
+                return Err(Error::OutOfRange {
+                    what: format!("inner corners along {name}"),
+                    got: n as f64,
+                    needed: format!("at most {MOST_CORNERS}"),
                 });
             }
         }

@@ -55,6 +55,13 @@ def command(
             help="Address of a Dask scheduler (`tcp://HOST:8786`) whose workers diagnose (extra `fleet`)."
         ),
     ] = None,
+    tls: Annotated[
+        tuple[Path, Path, Path] | None,
+        typer.Option(
+            help="For a `tls://` scheduler: the authority's certificate, one's own, and its key (PEM).",
+            metavar="CA CERT KEY",
+        ),
+    ] = None,
     rerun: Annotated[
         Path | None,
         typer.Option(help="Write a recording (.rrd) for the Rerun viewer as well (extra `rerun`)."),
@@ -82,8 +89,13 @@ def command(
     ]
     afar: Iterator[Diagnosis] | None = None
     if scheduler is not None:
-        from ...fleet import diagnose_on_fleet
+        from ...fleet import Tls, diagnose_on_fleet, is_open
 
+        if is_open(scheduler):
+            output.warn(
+                f"--scheduler {scheduler}: plain tcp to another machine: whoever is on the way can read the sessions and run code on both "
+                "ends; use tls:// beyond a network of your own"
+            )
         afar = diagnose_on_fleet(
             sessions,
             scheduler,
@@ -91,6 +103,7 @@ def command(
             check=check or (),
             withhold=withhold or (),
             most_causes=most_causes,
+            tls=None if tls is None else Tls(*tls),
         )
     if rerun is not None and (len(sessions) > 1 or afar is not None):
         raise MirrorPostureError(

@@ -17,6 +17,7 @@ use std::sync::Arc;
 pub(crate) fn check(findings: &Findings<'_>, other: &OtherSession) -> Result<Checked> {
     let recording = other.recording.clone().validated(other.robot.position_count())?;
     let mut problem = Problem::new(&other.robot, &recording)?;
+    problem.cancel = findings.search.problem.cancel.clone();
     let nominal_deformation = problem.nominal();
     problem.noise = noise::estimate(&problem, &nominal_deformation, problem.noise)?;
     let here = &findings.search;

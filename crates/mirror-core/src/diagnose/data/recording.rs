@@ -139,8 +139,11 @@ impl Recording {
         if let Some(board) = self.sight.as_ref().and_then(|s| s.board.as_ref()) {
             positive("edge of the board's squares (m)", board.square_m)?;
         }
-        let corners =
-            self.sight.as_ref().and_then(|s| s.board.as_ref()).map_or(0, |b| b.corners.0 * b.corners.1);
+        let corners = self
+            .sight
+            .as_ref()
+            .and_then(|s| s.board.as_ref())
+            .map_or(0, |b| b.corners.0.saturating_mul(b.corners.1));
         for frame in &self.frames {
             let of = |what: &str| format!("frame {}: {what}", frame.number);
             if frame.commanded.len() != positions {

@@ -48,6 +48,7 @@ impl Problem {
         mount: Vector6<f64>,
         focal_scale_error: f64,
     ) -> Result<Option<Eye>> {
+        self.cancel.check()?;
         let Some(nominal) = &self.camera else { return Ok(None) };
         let camera = if deformation.optics_differ() {
             let mut k = nominal.distortion().coefficients();

@@ -1,6 +1,7 @@
 //! The recording arranged for estimation: sites, observations frame by frame, noise, and each frame's board.
 
 use crate::camera::Camera;
+use crate::cancel::Cancel;
 use crate::diagnose::data::recording::{PointsFrame, Recording, Target, Via};
 use crate::diagnose::model::body::Site;
 use crate::diagnose::model::deformation::Deformation;
@@ -82,6 +83,8 @@ pub(crate) struct Problem {
     pub boards: Vec<Option<BoardFit>>,
     /// Nodes that carry exactly one of camera and board.
     pub between_camera_and_board: Vec<usize>,
+    /// Looked at whenever an eye is made, and in every frame that is evaluated.
+    pub cancel: Cancel,
 }
 
 impl Problem {
@@ -182,6 +185,7 @@ impl Problem {
             },
             boards: Vec::new(),
             between_camera_and_board,
+            cancel: Cancel::default(),
             scene,
         })
     }

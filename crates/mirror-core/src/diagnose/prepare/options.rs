@@ -1,5 +1,6 @@
 //! What a diagnosis is asked: options, and further sessions on which it is checked.
 
+use crate::cancel::Cancel;
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::effects::Effect;
 use crate::diagnose::effects::own::OwnEffect;
@@ -17,6 +18,8 @@ pub struct DiagnoseOptions {
     pub own: Vec<OwnEffect>,
     /// Whether the markers are told posture by posture.
     pub markers: bool,
+    /// Stops the diagnosis from outside.
+    pub cancel: Cancel,
 }
 
 /// A further session on which the result is checked.

@@ -153,6 +153,7 @@ impl Search<'_> {
             // A linear estimate may lie where no camera or mirror can be: such a hypothesis is no candidate.
             .filter_map(Result::ok)
             .collect::<Vec<Fit>>();
+        self.problem.cancel.check()?;
         fits.sort_by(|a, b| self.log_posterior(b).total_cmp(&self.log_posterior(a)));
         // The score test takes a play of no width; of its real width another friction may fit far better.
         for fit in fits.iter_mut().take(VARIANTS_RETRIED) {

@@ -238,11 +238,15 @@ impl FrameWork {
 
     /// Evaluates a frame: after it, [`FrameWork::cost`], [`FrameWork::residual`] and columns can be read.
     ///
-    /// False where the frame shows nothing that the model can predict (no board for its mirror, say).
+    /// False where the frame shows nothing that the model can predict (no board for its mirror, say), and for all frames of
+    /// a problem that was cancelled.
     pub fn evaluate(&mut self, problem: &Problem, task: &Task<'_>, frame: usize) -> bool {
         self.rows.clear();
         self.cost = 0.0;
         self.has_plane = false;
+        if problem.cancel.is_cancelled() {
+            return false;
+        }
         // A camera that is not the same in all frames is made anew for this one.
         let own = if task.deformation.eye_varies() {
             match problem.eye_in(task.deformation, frame) {

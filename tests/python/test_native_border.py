@@ -1,0 +1,102 @@
+"""The native layer: no panic whatever it is given, Ctrl-C at once, threads and forks."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("mujoco", reason="the tracked session needs mirror_lab's robots")
+
+import native_calls
+from mirror_posture import load_session
+from mirror_posture.diagnosis import diagnose
+from tracked_session import write_tracked
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_mutated_calls_end_without_a_panic() -> None:
+    ends = native_calls.run(2500, seed=7)
+    # A run in which nothing gets through, or nothing is refused, tests nothing.
+    assert ends["answer"] > 200 and ends["MirrorPostureError"] > 500 and ends["TypeError"] > 20
+
+
+@pytest.fixture(scope="module")
+def tracked(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_tracked(
+        tmp_path_factory.mktemp("tracked") / "session", 3, lambda q: {**q, "r_elbow": q["r_elbow"] + 0.02}
+    )
+
+
+CHILD = """
+import sys, time
+import numpy as np
+from mirror_posture import load_session
+from mirror_posture.diagnosis.recording import to_core
+session = load_session(sys.argv[1])
+recording = to_core(session)
+print("ready", flush=True)
+try:
+    while True:
+        recording.diagnose([], 6, [("again", recording, [])] * 20, [], False)
+except KeyboardInterrupt:
+    print("interrupted", flush=True)
+"""
+
+
+def test_ctrl_c_is_answered_at_once(tracked: Path) -> None:
+    child = subprocess.Popen([sys.executable, "-c", CHILD, str(tracked)], stdout=subprocess.PIPE, text=True)
+    assert child.stdout is not None and child.stdout.readline() == "ready\n"
+    time.sleep(0.4)
+    begun = time.monotonic()
+    child.send_signal(signal.SIGINT)
+    assert child.stdout.readline() == "interrupted\n"
+    took = time.monotonic() - begun
+    assert child.wait() == 0
+    # 0.1 s on a quiet machine; what is asked of a busy one is far below the seconds that a diagnosis takes.
+    assert took < 1.0, took
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+def test_a_forked_child_diagnoses_too(tracked: Path) -> None:
+    session = load_session(tracked)
+    before = diagnose(session, most_causes=1).to_json()
+    child = os.fork()
+    if child == 0:
+        os._exit(0 if diagnose(session, most_causes=1).to_json() == before else 1)
+    end = time.monotonic() + 60.0
+    while time.monotonic() < end:
+        done, status = os.waitpid(child, os.WNOHANG)
+        if done:
+            assert os.waitstatus_to_exitcode(status) == 0
+            return
+        time.sleep(0.02)
+    os.kill(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+    pytest.fail("the child waits for threads that it does not have")
+
+
+def test_threads_diagnose_alike(tracked: Path) -> None:
+    session = load_session(tracked)
+    with ThreadPoolExecutor(3) as pool:
+        texts = list(pool.map(lambda _: diagnose(session, most_causes=1).to_json(), range(3)))
+    assert len(set(texts)) == 1
+
+
+def test_shapes_are_named() -> None:
+    from mirror_posture import MirrorPostureError
+
+    _, record, args, _ = next(call for call in native_calls.calls() if call[0] == "GapRecording")
+    args[5] = np.zeros((2, 2))
+    with pytest.raises(
+        MirrorPostureError, match=r"commanded: got an array of shape \[2, 2\], needed \[6, 2\]"
+    ):
+        record(*args)
