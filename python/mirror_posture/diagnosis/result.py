@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+import math
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from dataclasses import fields as fields_of
 from pathlib import Path
@@ -14,8 +15,13 @@ import numpy as np
 import numpy.typing as npt
 
 from .._core import MirrorPostureError
+from ..output_files import is_whole
+from ..session.input_files import read_text, reason
 from ..short_repr import ShortRepr
 
+LARGEST_DOCUMENT = 256_000_000
+"""Bytes of diagnosis.json at most; with all panels of a large session it has some millions."""
+PLAIN = {"float", "int", "str", "bool", "None"}
 FORMAT, VERSION = "mirror-posture/diagnosis", 1
 VERDICTS = ("none", "explained", "partial", "unknown")
 Floats = npt.NDArray[np.float64]
@@ -256,7 +262,7 @@ class Diagnosis:
                 witness=tuple(_known(Witness, entry) for entry in tree.get("witness", ())),
                 document=dict(tree),
             )
-        except (KeyError, TypeError, AttributeError) as error:
+        except (KeyError, TypeError, AttributeError, ValueError, OverflowError) as error:
             raise MirrorPostureError(
                 f"is no diagnosis of version {VERSION}: {type(error).__name__}: {error}"
             ) from None
@@ -271,13 +277,17 @@ class Diagnosis:
         if path.is_dir():
             path = path / "diagnosis.json"
         try:
-            tree = json.loads(path.read_text(encoding="utf-8"))
+            if not is_whole(path.parent):
+                raise MirrorPostureError(
+                    f"{path.parent}: was cut off while its files were replaced; run `mirror-posture diagnose` again"
+                )
+            tree = json.loads(read_text(path, LARGEST_DOCUMENT))
         except FileNotFoundError:
             raise MirrorPostureError(
                 f"{path}: the file is missing; `mirror-posture diagnose` writes it"
             ) from None
-        except (OSError, ValueError) as error:
-            raise MirrorPostureError(f"{path}: cannot be read as JSON ({error})") from None
+        except (OSError, ValueError, RecursionError) as error:
+            raise MirrorPostureError(f"{path}: cannot be read as JSON ({reason(error)})") from None
         if not isinstance(tree, Mapping):
             raise MirrorPostureError(f"{path}: got a {type(tree).__name__}, needed an object")
         try:
@@ -291,9 +301,25 @@ class Diagnosis:
 
 
 def _known(kind: type[Kind], entry: Mapping[str, Any]) -> Kind:
-    """A dataclass from the keys that it knows; a newer core may say more."""
-    names = {f.name for f in fields_of(kind)}  # type: ignore[arg-type]
-    return kind(**{key: value for key, value in entry.items() if key in names})
+    """A dataclass from the keys that it knows, numbers and texts checked; a newer core may say more."""
+    known = {f.name: str(f.type) for f in fields_of(kind)}  # type: ignore[arg-type]
+    for name, needed in known.items():
+        if name in entry and not _is_of(entry[name], needed.split(" | ")):
+            raise TypeError(f"{kind.__name__.lower()}.{name}: got {entry[name]!r:.80}, needed {needed}")
+    return kind(**{key: value for key, value in entry.items() if key in known})
+
+
+def _is_of(value: Any, kinds: Sequence[str]) -> bool:
+    """Whether a value is of one of the kinds, as far as they are plain ones."""
+    if value is None:
+        return "None" in kinds or not PLAIN.issuperset(kinds)
+    if not PLAIN.issuperset(kinds):
+        return True
+    if isinstance(value, bool):
+        return "bool" in kinds
+    if isinstance(value, (int, float)):
+        return ("float" in kinds or ("int" in kinds and isinstance(value, int))) and math.isfinite(value)
+    return isinstance(value, str) and "str" in kinds
 
 
 def _cause(entry: Mapping[str, Any]) -> Cause:
