@@ -386,8 +386,11 @@ def diagnose(folder: Path, what: str) -> End:
     return End(what, code, verdict, text, seconds, memory, faults)
 
 
-def run(sessions: Sequence[Path], count: int, seed: int, below: Path, told: bool = False) -> list[End]:
+def run(
+    sessions: Sequence[Path], count: int, seed: int, below: Path, told: bool = False, seconds: float = 1e9
+) -> list[End]:
     """Breaks the sessions in turn, each in a copy below a folder; `told`: wrong ends are printed at once."""
+    until = time.monotonic() + seconds
     # Imported once: a child's time is that of its own work.
     import matplotlib.figure  # noqa: F401
 
@@ -396,6 +399,8 @@ def run(sessions: Sequence[Path], count: int, seed: int, below: Path, told: bool
 
     ends = []
     for number in range(count):
+        if time.monotonic() > until:
+            break
         chance = random.Random(f"{seed}-{number}")
         place = below / "broken"
         shutil.rmtree(place, ignore_errors=True)
@@ -414,9 +419,10 @@ if __name__ == "__main__":
     parser.add_argument("sessions", type=Path, nargs="+")
     parser.add_argument("--count", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--seconds", type=float, default=1e9, help="No longer than this.")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
-        ends = run(options.sessions, options.count, options.seed, Path(name), told=True)
+        ends = run(options.sessions, options.count, options.seed, Path(name), True, options.seconds)
     print(dict(Counter(f"exit {end.code} {end.verdict or ''}".strip() for end in ends)))
     print(f"{sum(bool(end.faults) for end in ends)} of {len(ends)} ended wrongly; at most "
           f"{max(end.cpu_s for end in ends):.1f} s, {max(end.memory_kb for end in ends) / 1000:.0f} MB")  # fmt: skip

@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import json
 import random
+import time
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -259,13 +260,16 @@ class Mutator:
         return out
 
 
-def run(count: int, seed: int) -> Counter[str]:
-    """Runs mutated calls; how each ended, by kind. A panic raises (its class is no `Exception`)."""
+def run(count: int, seed: int, seconds: float = float("inf")) -> Counter[str]:
+    """Runs mutated calls, no longer than some seconds; how each ended, by kind. A panic raises (its class is no `Exception`)."""
+    end = time.monotonic() + seconds
     chance = random.Random(seed)
     mutator, valid, ends = Mutator(chance), calls(), Counter[str]()
     # Diagnoses take a hundred times as long as the others.
     weights = [0.02 if name in ("diagnose", "calibrate_second_camera") else 1.0 for name, *_ in valid]
     for _ in range(count):
+        if time.monotonic() > end:
+            break
         name, function, args, kwargs = chance.choices(valid, weights)[0]
         args, kwargs = mutator.arguments(args, kwargs)
         try:
@@ -293,5 +297,7 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--calls", type=int, default=100_000)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--seconds", type=float, default=float("inf"))
     options = parser.parse_args()
-    print(dict(run(options.calls, options.seed)))
+    ends = run(options.calls, options.seed, options.seconds)
+    print(f"{sum(ends.values())} calls: {dict(ends)}")

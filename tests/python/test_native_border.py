@@ -15,6 +15,8 @@ import pytest
 
 pytest.importorskip("mujoco", reason="the tracked session needs mirror_lab's robots")
 
+import broken_sessions
+import killed_commands
 import native_calls
 from mirror_posture import load_session
 from mirror_posture.diagnosis import diagnose
@@ -23,9 +25,9 @@ from tracked_session import write_tracked
 
 @pytest.mark.filterwarnings("ignore")
 def test_mutated_calls_end_without_a_panic() -> None:
-    ends = native_calls.run(2500, seed=7)
+    ends = native_calls.run(1500, seed=7)
     # A run in which nothing gets through, or nothing is refused, tests nothing.
-    assert ends["answer"] > 200 and ends["MirrorPostureError"] > 500 and ends["TypeError"] > 20
+    assert ends["answer"] > 150 and ends["MirrorPostureError"] > 300 and ends["TypeError"] > 20
 
 
 @pytest.fixture(scope="module")
@@ -33,6 +35,17 @@ def tracked(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_tracked(
         tmp_path_factory.mktemp("tracked") / "session", 3, lambda q: {**q, "r_elbow": q["r_elbow"] + 0.02}
     )
+
+
+def test_broken_sessions_end_in_an_error_or_an_answer(tracked: Path, tmp_path: Path) -> None:
+    ends = broken_sessions.run([tracked], 40, 5, tmp_path)
+    assert not [(end.what, end.faults, end.text) for end in ends if end.faults]
+    assert {end.code for end in ends} >= {0, 1}
+
+
+def test_killed_commands_leave_whole_results(tracked: Path, tmp_path: Path) -> None:
+    seen = killed_commands.run([tracked], 12, 5, tmp_path)
+    assert seen["killed"] > 3
 
 
 CHILD = """

@@ -42,6 +42,7 @@ def command(
     output = Output(as_json)
     from ..._core import MirrorPostureError
     from ...diagnosis import Diagnosis
+    from ...output_files import new_folder
     from ...session import load_session
 
     try:
@@ -67,12 +68,11 @@ def command(
     for note in simulation.notes:
         output.warn(note)
     if out is not None:
-        out.mkdir(parents=True, exist_ok=True)
-        (out / "simulation.json").write_text(
-            json.dumps(simulation.to_tree(), indent=1, allow_nan=False) + "\n", encoding="utf-8"
-        )
-        (out / "model.xml").write_text(simulation.model_xml, encoding="utf-8")
-        draw_staircase(simulation, out / "staircase.png")
+        with new_folder(out, ("simulation.json", "model.xml", "staircase.png")) as part:
+            document = json.dumps(simulation.to_tree(), indent=1, allow_nan=False) + "\n"
+            (part / "simulation.json").write_text(document, encoding="utf-8")
+            (part / "model.xml").write_text(simulation.model_xml, encoding="utf-8")
+            draw_staircase(simulation, part / "staircase.png")
     output.table(
         f"Simulated against seen: {simulation.model_file}",
         ("~added", "RMS px", "RMS mm", "~what was changed"),

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ..._core import MirrorPostureError
+from ...output_files import write_file
 from ..result import Cause
 
 TICKS = 4096
@@ -67,5 +68,5 @@ def patch_lerobot(
     )
     ends = "\r\n" if "\r\n" in text else "\n"
     written = json.dumps(tree, indent=indent, ensure_ascii=False).replace("\n", ends)
-    out.write_bytes((written + (ends if text.endswith("\n") else "")).encode("utf-8"))
+    write_file(out, (written + (ends if text.endswith("\n") else "")).encode("utf-8"))
     return told

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..._core import MirrorPostureError
+from ...output_files import write_file
 from ...session import Session
 from ..result import Diagnosis
 from .apply import ROBOT, parts_of
@@ -64,7 +65,7 @@ def write_own_files(
             told = _lines(patch_lerobot(own, causes, out, motors))
         patch = folder / f"{out.name}.patch"
         before_text, after_text = (path.read_bytes().decode("utf-8") for path in (own, out))
-        patch.write_bytes(patch_text(before_text, after_text, own.name).encode("utf-8"))
+        write_file(patch, patch_text(before_text, after_text, own.name).encode("utf-8"))
         written.append(OwnFile(out, patch, told))
     return tuple(written)
 

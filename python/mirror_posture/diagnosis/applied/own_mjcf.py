@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ..._core import MirrorPostureError
+from ...output_files import write_file
 from ..result import Cause
 from .mjcf import LEAST_STIFFNESS, PLAY_DAMPING, SERVO_RATE, STOP_TIME_S
 from .xml_text import Element, XmlText, read_xml
@@ -52,7 +53,7 @@ def patch_own_mjcf(own: Path, causes: Sequence[Cause], out: Path) -> dict[tuple[
         with os.fdopen(handle, "wb") as stream:
             stream.write(document.text().encode("utf-8"))
         _load(mujoco, Path(name), own)
-        out.write_bytes(Path(name).read_bytes())
+        write_file(out, Path(name).read_bytes())
     finally:
         os.unlink(name)
     return told

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ..._core import MirrorPostureError
+from ...output_files import write_file
 from .urdf import Urdf
 from .xml_text import read_xml
 
@@ -41,7 +42,7 @@ def patch_own_urdf(own: Path, before: Urdf, after: Urdf, out: Path) -> list[str]
         if tilted:
             urdf.set_axis(name, after.axis(name))
         changed.append(name)
-    out.write_bytes(urdf.text().encode("utf-8"))
+    write_file(out, urdf.text().encode("utf-8"))
     return changed
 
 
