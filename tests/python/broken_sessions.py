@@ -339,6 +339,8 @@ def diagnose(folder: Path, what: str) -> End:
             for number, file in ((1, out), (2, err)):
                 handle = os.open(file, os.O_CREAT | os.O_WRONLY | os.O_TRUNC)
                 os.dup2(handle, number)
+            # Whatever stands in their place: a test runner catches what is written to them.
+            sys.stdout, sys.stderr = os.fdopen(1, "w"), os.fdopen(2, "w")
             resource.setrlimit(resource.RLIMIT_CPU, (60, 60))
             sys.argv = ["mirror-posture", "diagnose", str(folder), "--json"]
             from mirror_posture.cli.app import main
@@ -346,11 +348,13 @@ def diagnose(folder: Path, what: str) -> End:
             main()
         except SystemExit as end:
             sys.stdout.flush()
+            sys.stderr.flush()
             os._exit(int(end.code or 0))
         except BaseException:
             import traceback
 
             traceback.print_exc()
+            sys.stderr.flush()
         os._exit(99)
     while True:
         done, status, usage = os.wait4(child, os.WNOHANG)
@@ -395,6 +399,7 @@ def run(
     import matplotlib.figure  # noqa: F401
 
     import mirror_posture.cli.app
+    import mirror_posture.detect
     import mirror_posture.diagnosis  # noqa: F401
 
     ends = []

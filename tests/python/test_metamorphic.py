@@ -73,6 +73,11 @@ def same(a: Any, b: Any, tolerance: float, place: str = "") -> None:
         assert a == b, place
 
 
+def unsigned(document: dict[str, Any]) -> dict[str, Any]:
+    """Without the hashes of the session's files, which change with every byte."""
+    return {key: value for key, value in document.items() if key != "session"}
+
+
 def said(document: dict[str, Any]) -> dict[str, Any]:
     """What a change of coordinates leaves the same: verdict, causes with their values, the gap."""
     causes = [
@@ -115,7 +120,7 @@ def test_order_of_rows_columns_and_elements(original: Path, found: dict[str, Any
         points=lambda t: shuffled_columns(shuffled_rows(t)),
         robot=shuffled_elements,
     )
-    assert document == found
+    same(unsigned(document), unsigned(found), 0.0)
 
 
 def test_order_of_the_joints_columns(original: Path, found: dict[str, Any], tmp_path: Path) -> None:

@@ -43,7 +43,8 @@ LARGEST_SQUARE_M, LARGEST_MARKER_M, THICKEST_GLASS_M = 0.5, 0.5, 0.05
 """Beyond these a length is in mm."""
 LARGEST_INDEX = 3.0
 """Diamond has 2.4."""
-LARGEST_PIXEL_STD, LARGEST_POINT_STD_M, LARGEST_TOLERANCE_M = 100.0, 0.5, 0.5
+LARGEST_PIXEL_STD, LARGEST_POINT_STD_M, LARGEST_TOLERANCE_M = 20.0, 0.05, 0.5
+"""Beyond these a measurement would hide whatever is wrong with a robot: the unit is another."""
 
 _MISSING = object()
 

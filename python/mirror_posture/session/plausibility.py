@@ -27,6 +27,8 @@ ASPECT = 3.0
 """fx and fy of real cameras differ by a few per cent."""
 FAR_POINT = 4.0
 """Points farther from where they are measured than so many times the robot's reach are in mm."""
+NOISY_POINT = 0.1
+"""Noise of points beyond this share of the robot's reach hides whatever is wrong."""
 DEGREES, MILLI = (40.0, 80.0), (700.0, 1400.0)
 """Slopes of encoder over command, or of command over encoder, that say that one of both is in degrees, or in milliradians."""
 LEAST_MOTION = 0.02
@@ -183,6 +185,13 @@ def _points(session: Session, reach_m: float) -> None:
     points = session.points
     if points is None or not points.seen.any() or reach_m <= 0.0:
         return
+    std_m = session.noise.point_std_m
+    if std_m is not None and std_m > NOISY_POINT * reach_m:
+        raise SessionError(
+            "session.toml",
+            f"noise.point_std: got {std_m:g} m, needed far less than the robot's reach of {reach_m:.3g} m, or nothing would be seen: "
+            "is it in mm?",
+        )
     at = points.point_m
     known = points.frame_link in session.robot.link_names
     for m, name in enumerate(session.marker_names):
