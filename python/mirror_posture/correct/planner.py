@@ -184,8 +184,7 @@ def propose_views(
         other = _proposal(target, count, kept, replace(start, distance_m=factor * start.distance_m))
         if len(other.views) > len(best.views) or other.cost < best.cost:
             best = other
-    unsure = best.risk > RISK_TAKEN or len(best.views) < count
-    if not kept and (not best.views or (unsure and reach_m(target) > start.distance_m)):
+    if not kept and (not best.views or reach_m(target) > start.distance_m):
         # A robot of another size than the usual one, or one that reaches towards its mirror.
         for factor in BEYOND_REACH:
             far = replace(start, distance_m=factor * max(reach_m(target), start.distance_m))
