@@ -1,0 +1,112 @@
+"""`mirror-posture import`: a recording that is there already, made into a session."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ..output import JsonOption, Output
+
+ORDER = 8
+PANEL = "Setting up"
+
+
+def command(
+    source: Annotated[
+        Path,
+        typer.Argument(
+            help="A bag (.mcap, .bag, ROS 2 folder), a LeRobot dataset, a film, or a folder of pictures.",
+            show_default=False,
+        ),
+    ],
+    session: Annotated[
+        Path, typer.Argument(help="A session's folder, as `init` makes it.", show_default=False)
+    ],
+    joints: Annotated[
+        Path | None,
+        typer.Option(help="With a film or pictures: CSV with time_s and a column for each joint."),
+    ] = None,
+    joint: Annotated[
+        list[str] | None, typer.Option(help="THEIRS=OURS: the recording's name of a joint and the URDF's.")
+    ] = None,
+    degrees: Annotated[
+        bool, typer.Option("--degrees", help="The recording's joints are in degrees.")
+    ] = False,
+    image: Annotated[
+        str | None,
+        typer.Option(help="Topic of the pictures, or the dataset's camera, where there are several."),
+    ] = None,
+    joints_topic: Annotated[str | None, typer.Option(help="Topic of the joint states.")] = None,
+    commands_topic: Annotated[
+        str | None, typer.Option(help="Topic of the commands, as JointState, where they were recorded.")
+    ] = None,
+    episode: Annotated[int, typer.Option(help="Episode of a LeRobot dataset.")] = 0,
+    offset_s: Annotated[
+        float | None,
+        typer.Option(
+            help="Pictures' clock minus joints' clock, s. By default from the pictures' own stillness."
+        ),
+    ] = None,
+    tolerance: Annotated[
+        float, typer.Option(help="At rest, no joint moves further than this, rad (m).")
+    ] = 0.003,
+    rest_s: Annotated[float, typer.Option(help="Shortest moment of rest, s.")] = 0.5,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the session's frames.")] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Make a session of a recording: its moments of rest become postures, each with its sharpest picture.
+
+    The clocks of joints and pictures are matched by when the pictures stand still, and what came out is said. Needs
+    `pip install "mirror-posture[import]"` for bags and films.
+
+    Example: `mirror-posture import recording.mcap my-session`
+    """
+    output = Output(as_json)
+    from ..._core import MirrorPostureError
+    from ...importing import import_recording, read_recording
+
+    names = {}
+    for entry in joint or ():
+        theirs, equals, ours = entry.partition("=")
+        if not (theirs and equals and ours):
+            raise MirrorPostureError(f"--joint: got {entry!r}, needed THEIRS=OURS")
+        names[theirs] = ours
+    recording = read_recording(
+        source,
+        joints_file=joints,
+        joints_topic=joints_topic,
+        commands_topic=commands_topic,
+        image=image,
+        episode=episode,
+        degrees=degrees,
+    )
+    done = import_recording(
+        recording,
+        session,
+        joint_names=names,
+        offset_s=offset_s,
+        tolerance=tolerance,
+        least_s=rest_s,
+        overwrite=overwrite,
+    )
+    for text in done.warnings:
+        output.warn(text)
+    output.say(
+        f"{done.frames} frames of {done.rests} moments of rest: {session}/frames.csv, {session}/images"
+    )
+    output.say(
+        f"pictures' clock minus joints' clock: {done.offset_s:+.2f} s (correlation {done.clock.match:.2f})"
+    )
+    output.say(f"next: mirror-posture detect {session}")
+    output.result(
+        {
+            "session": session,
+            "frames": done.frames,
+            "rests": done.rests,
+            "offset_s": done.offset_s,
+            "clock_correlation": done.clock.match,
+            "warnings": list(done.warnings),
+        }
+    )

@@ -1,0 +1,205 @@
+"""ROS bags: version 1, version 2 (SQLite, MCAP) and bare MCAP files."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from .._core import MirrorPostureError
+from ..camera import Camera
+from .recording import JointLog, Picture, Recording
+
+STATES = ("sensor_msgs/msg/JointState", "sensor_msgs/JointState")
+RAW = ("sensor_msgs/msg/Image", "sensor_msgs/Image")
+COMPRESSED = ("sensor_msgs/msg/CompressedImage", "sensor_msgs/CompressedImage")
+INFO = ("sensor_msgs/msg/CameraInfo", "sensor_msgs/CameraInfo")
+CHANNELS = {"bgr8": 3, "rgb8": 3, "bgra8": 4, "rgba8": 4, "mono8": 1, "8UC1": 1, "8UC3": 3}
+Message = tuple[str, float, Any]
+"""Topic, time of recording, s, message."""
+
+
+def is_bag(source: Path) -> bool:
+    """Whether a path is a bag."""
+    return source.suffix in (".mcap", ".bag") or (source.is_dir() and (source / "metadata.yaml").is_file())
+
+
+def read_bag(
+    source: Path,
+    *,
+    joints_topic: str | None,
+    commands_topic: str | None,
+    image_topic: str | None,
+    degrees: bool,
+) -> Recording:
+    """Joint states, pictures and the camera of a bag. Messages count by the time in their header, where it is set.
+
+    Raises:
+        MirrorPostureError: a missing package, a topic that is not there or that must be chosen, an unknown encoding.
+    """
+    topics = _topics(source)
+    joints = _topic(source, topics, STATES, joints_topic, "--joints-topic", besides=commands_topic)
+    image = _topic(source, topics, RAW + COMPRESSED, image_topic, "--image")
+    infos = [name for name, kind in topics.items() if kind in INFO]
+    # The camera_info of a picture's topic stands beside it.
+    base = image.rsplit("/", 1)[0]
+    beside = [name for name in infos if name.startswith((base + "/", base.rsplit("/", 1)[0] + "/"))] or infos
+    camera: Camera | None = None
+    states: list[tuple[float, dict[str, float]]] = []
+    commands: list[tuple[float, dict[str, float]]] = []
+    wanted = [joints, *([commands_topic] if commands_topic else []), *beside[:1]]
+    for topic, time, message in _messages(source, wanted):
+        if topic in (joints, commands_topic):
+            row = dict(zip(message.name, (float(v) for v in message.position), strict=False))
+            (states if topic == joints else commands).append((_stamp(message, time), row))
+        elif camera is None:
+            camera = _camera(message)
+    factor = np.pi / 180.0 if degrees else 1.0
+    log = _log(source, joints, states, factor)
+    if commands_topic:
+        log = _with_commands(log, _log(source, commands_topic, commands, factor))
+    start = log.time_s[0]
+    log = JointLog(log.time_s - start, log.names, log.position, log.measured, log.commanded)
+
+    def pictures() -> Iterator[tuple[float, Picture]]:
+        for _, time, message in _messages(source, [image]):
+            yield _stamp(message, time) - start, _picture(source, message)
+
+    return Recording(log, pictures, camera, str(source))
+
+
+def _topics(source: Path) -> dict[str, str]:
+    if source.suffix == ".mcap":
+        from mcap.reader import make_reader
+
+        with source.open("rb") as stream:
+            summary = make_reader(stream).get_summary()
+        if summary is None:
+            raise MirrorPostureError(f"{source}: has no summary; repair it: mcap recover {source}")
+        return {
+            channel.topic: summary.schemas[channel.schema_id].name
+            for channel in summary.channels.values()
+            if channel.schema_id in summary.schemas
+        }
+    with _any_reader(source) as reader:
+        return {connection.topic: connection.msgtype for connection in reader.connections}
+
+
+def _messages(source: Path, topics: list[str]) -> Iterator[Message]:
+    if source.suffix == ".mcap":
+        from mcap.reader import make_reader
+        from mcap_ros2.decoder import DecoderFactory
+
+        with source.open("rb") as stream:
+            reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+            for _, channel, raw, message in reader.iter_decoded_messages(topics=topics):
+                yield channel.topic, raw.log_time * 1e-9, message
+        return
+    with _any_reader(source) as reader:
+        connections = [connection for connection in reader.connections if connection.topic in topics]
+        for connection, time, data in reader.messages(connections=connections):
+            yield connection.topic, time * 1e-9, reader.deserialize(data, connection.msgtype)
+
+
+def _any_reader(source: Path) -> Any:
+    try:
+        from rosbags.highlevel import AnyReader
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError:
+        raise MirrorPostureError(
+            f"{source}: bags need rosbags and mcap: pip install 'mirror-posture[import]'"
+        ) from None
+    return AnyReader([source], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
+
+
+def _topic(
+    source: Path,
+    topics: dict[str, str],
+    kinds: tuple[str, ...],
+    asked: str | None,
+    option: str,
+    besides: str | None = None,
+) -> str:
+    fitting = [name for name, kind in topics.items() if kind in kinds and name != besides]
+    if asked is not None:
+        if asked not in fitting:
+            raise MirrorPostureError(
+                f"{source}, {option}: got {asked!r}, needed one of {', '.join(fitting) or 'none'}"
+            )
+        return asked
+    if len(fitting) != 1:
+        raise MirrorPostureError(
+            f"{source}: has {len(fitting)} topics of {kinds[0]}: needed {option}, one of {', '.join(fitting) or 'none'}"
+        )
+    return fitting[0]
+
+
+def _stamp(message: Any, recorded_s: float) -> float:
+    """Time of a message: its header's, which drivers set when they measure, or that of its recording."""
+    stamp = message.header.stamp
+    nanoseconds = getattr(stamp, "nanosec", getattr(stamp, "nsec", 0))
+    time = float(stamp.sec) + 1e-9 * float(nanoseconds)
+    return time if time > 0.0 else recorded_s
+
+
+def _log(source: Path, topic: str, rows: list[tuple[float, dict[str, float]]], factor: float) -> JointLog:
+    if not rows:
+        raise MirrorPostureError(f"{source}, topic {topic}: holds no messages")
+    # Some drivers publish arms and grippers in turn: only what all messages tell can be one table.
+    names = tuple(name for name in rows[0][1] if all(name in row for _, row in rows))
+    if not names:
+        raise MirrorPostureError(
+            f"{source}, topic {topic}: its messages name no common joint; record one JointState for all"
+        )
+    rows = sorted(rows, key=lambda row: row[0])
+    time = np.array([stamp for stamp, _ in rows])
+    position = factor * np.array([[row[name] for name in names] for _, row in rows])
+    fresh = np.concatenate([[True], np.diff(time) > 0.0])
+    return JointLog(time[fresh], names, position[fresh])
+
+
+def _with_commands(measured: JointLog, commands: JointLog) -> JointLog:
+    """The commands at the measurements' times: the last one before each."""
+    names = tuple(name for name in measured.names if name in commands.names)
+    inside = measured.time_s >= commands.time_s[0]
+    if not names or inside.sum() < 2:
+        raise MirrorPostureError("the topics of states and commands share no joints or no time")
+    last = np.searchsorted(commands.time_s, measured.time_s[inside], side="right") - 1
+    told = commands.position[last][:, [commands.names.index(name) for name in names]]
+    read = measured.position[inside][:, [measured.names.index(name) for name in names]]
+    return JointLog(measured.time_s[inside], names, told, read, commanded=True)
+
+
+def _camera(message: Any) -> Camera:
+    # ROS 1 spells the fields with capitals.
+    matrix = np.array(getattr(message, "k", getattr(message, "K", ())), dtype=float)
+    lens = [float(v) for v in getattr(message, "d", getattr(message, "D", ()))]
+    model = str(message.distortion_model)
+    size = (int(message.width), int(message.height))
+    if model == "plumb_bob" and len(lens) == 4:
+        lens.append(0.0)
+    if not any(lens):
+        model, lens = "none", []
+    return Camera(size, (matrix[0], matrix[4]), (matrix[2], matrix[5]), model, tuple(lens))
+
+
+def _picture(source: Path, message: Any) -> Picture:
+    if hasattr(message, "format"):
+        picture = cv2.imdecode(np.frombuffer(bytes(message.data), dtype=np.uint8), cv2.IMREAD_COLOR)
+        if picture is None:
+            raise MirrorPostureError(f"{source}: a compressed picture ({message.format}) cannot be decoded")
+        return picture
+    encoding = str(message.encoding)
+    if encoding not in CHANNELS:
+        raise MirrorPostureError(
+            f"{source}: got pictures of encoding {encoding!r}, needed one of {', '.join(CHANNELS)}"
+        )
+    channels, width, height = CHANNELS[encoding], int(message.width), int(message.height)
+    rows = np.frombuffer(bytes(message.data), dtype=np.uint8).reshape(height, int(message.step))
+    pixels = np.ascontiguousarray(rows[:, : width * channels]).reshape(height, width, channels)
+    if channels == 1:
+        return cv2.cvtColor(pixels, cv2.COLOR_GRAY2BGR)
+    return np.ascontiguousarray(pixels[..., [2, 1, 0]] if encoding.startswith("rgb") else pixels[..., :3])

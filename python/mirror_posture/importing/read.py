@@ -1,0 +1,55 @@
+"""Which kind of recording a path is, and its reader."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from .._core import MirrorPostureError
+from .bags import is_bag, read_bag
+from .films import FILMS, read_film, read_pictures
+from .lerobot_dataset import is_dataset, read_dataset
+from .recording import Recording
+
+
+def read_recording(
+    source: Path,
+    *,
+    joints_file: Path | None = None,
+    joints_topic: str | None = None,
+    commands_topic: str | None = None,
+    image: str | None = None,
+    episode: int = 0,
+    degrees: bool = False,
+) -> Recording:
+    """Reads a recording of any kind that is known.
+
+    - a bag: `.mcap`, `.bag` (ROS 1), or a folder with metadata.yaml (ROS 2); `joints_topic`, `commands_topic`, `image` name topics;
+    - a LeRobot dataset (v2.1, v3): the folder with meta/info.json; `image` names the camera, `episode` the episode;
+    - a film, or a folder of pictures, with `joints_file`: a CSV with `time_s` and a column for each joint.
+
+    Raises:
+        MirrorPostureError: an unknown kind, a missing package (with what to install), several topics to choose from.
+    """
+    if not source.exists():
+        raise MirrorPostureError(f"{source}: there is no such file or folder")
+    if is_dataset(source):
+        return read_dataset(source, image=image, episode=episode, degrees=degrees)
+    if is_bag(source):
+        return read_bag(
+            source,
+            joints_topic=joints_topic,
+            commands_topic=commands_topic,
+            image_topic=image,
+            degrees=degrees,
+        )
+    if source.is_dir() or source.suffix.lower() in FILMS:
+        if joints_file is None:
+            raise MirrorPostureError(
+                f"{source}: pictures alone; add --joints FILE.csv with time_s and the joints"
+            )
+        reader = read_pictures if source.is_dir() else read_film
+        return reader(source, joints_file, degrees)
+    raise MirrorPostureError(
+        f"{source}: got the ending {source.suffix!r}, needed .mcap, .bag, a ROS 2 bag's folder, a LeRobot dataset's folder, "
+        f"a film ({', '.join(FILMS)}) or a folder of pictures"
+    )

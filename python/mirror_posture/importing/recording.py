@@ -1,0 +1,57 @@
+"""What every kind of recording becomes: a log of the joints, and pictures with their times."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from .._core import MirrorPostureError
+from ..camera import Camera
+
+Floats = npt.NDArray[np.float64]
+Picture = npt.NDArray[Any]
+Pictures = Callable[[], Iterator[tuple[float, Picture]]]
+"""A function that starts the film anew: time in seconds and picture, BGR (H, W, 3) uint8, in the order of the times."""
+
+
+@dataclass(frozen=True, eq=False)
+class JointLog:
+    """Joint positions by time: `time_s` (N,), rising; `position` (N, J), rad (m). `commanded` says which they are."""
+
+    time_s: Floats
+    names: tuple[str, ...]
+    position: Floats
+    measured: Floats | None = None
+    """(N, J) what the encoders read beside the commands; None where there is one of the two only."""
+    commanded: bool = False
+
+    def __post_init__(self) -> None:
+        if len(self.time_s) < 2 or self.position.shape != (len(self.time_s), len(self.names)):
+            raise MirrorPostureError(
+                f"the log of the joints: got {len(self.time_s)} rows for {len(self.names)} joints, needed two or more rows of positions"
+            )
+        for values in (self.time_s, self.position, *(() if self.measured is None else (self.measured,))):
+            if not np.isfinite(values).all():
+                raise MirrorPostureError(
+                    "the log of the joints: a time or a position is not finite; mend the recording"
+                )
+        falls = np.flatnonzero(np.diff(self.time_s) <= 0.0)
+        if len(falls):
+            raise MirrorPostureError(
+                f"the log of the joints: row {falls[0] + 2} is not later than the one before ({self.time_s[falls[0] + 1]:g} s after "
+                f"{self.time_s[falls[0]]:g} s); sort it by time"
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """A recording: the joints, the pictures, the camera where the recording tells it, and where all came from."""
+
+    joints: JointLog
+    pictures: Pictures
+    camera: Camera | None
+    source: str

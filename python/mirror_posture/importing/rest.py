@@ -1,0 +1,156 @@
+"""Moments of rest, and the offset between the joints' clock and the pictures'."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from .._core import MirrorPostureError
+from .recording import JointLog, Picture
+
+Floats = npt.NDArray[np.float64]
+SMALL_WIDTH_PX = 160
+"""Width to which pictures are shrunk to see whether anything moves: averages away the sensor's noise."""
+STEP_S = 0.02
+"""Step of the offsets that are tried."""
+LEAST_MATCH = 0.5
+"""Correlation of the two clocks' movement below which they say nothing about each other."""
+RIVAL_MATCH, NEAR = 0.08, 15
+"""Offsets whose correlation is lower by less may be meant as well; a peak is the highest of so many steps either way."""
+WINDOW_S = 0.1
+"""Speed is judged over this long: shorter, and the encoders' noise looks like movement."""
+
+
+@dataclass(frozen=True)
+class Rest:
+    """A moment in which no joint moved: from and to, s of the joints' clock."""
+
+    start_s: float
+    end_s: float
+
+    @property
+    def middle_s(self) -> float:
+        """Its middle, s."""
+        return 0.5 * (self.start_s + self.end_s)
+
+
+@dataclass(frozen=True)
+class ClockMatch:
+    """Picture time = joint time + `offset_s`; `match` is the correlation of both movements (1: the same)."""
+
+    offset_s: float
+    match: float
+
+    @property
+    def trusted(self) -> bool:
+        """Whether the pictures' movement says anything about the offset."""
+        return self.match >= LEAST_MATCH
+
+
+def find_rests(log: JointLog, *, tolerance: float = 0.003, least_s: float = 0.5) -> list[Rest]:
+    """The moments of at least `least_s` in which every joint stays within `tolerance` (rad or m), none twice.
+
+    A rest is grown from its first row on while the range of every joint, over the rest so far, stays within the tolerance:
+    a slow creep ends it as a quick move does.
+
+    Raises:
+        MirrorPostureError: a tolerance or a duration that is not positive.
+    """
+    if not (np.isfinite(tolerance) and tolerance > 0.0 and np.isfinite(least_s) and least_s > 0.0):
+        raise MirrorPostureError(
+            f"rest: got tolerance {tolerance!r} and {least_s!r} s, needed numbers above 0"
+        )
+    positions = log.position if log.measured is None else np.hstack([log.position, log.measured])
+    rests = []
+    start = 0
+    lowest, highest = positions[0].copy(), positions[0].copy()
+    for row in range(1, len(positions) + 1):
+        if row < len(positions):
+            low, high = np.minimum(lowest, positions[row]), np.maximum(highest, positions[row])
+            if ((high - low) <= tolerance).all():
+                lowest, highest = low, high
+                continue
+        if log.time_s[row - 1] - log.time_s[start] >= least_s:
+            rests.append(Rest(float(log.time_s[start]), float(log.time_s[row - 1])))
+            start = min(row, len(positions) - 1)
+        else:
+            # The move's own rows: the rest may begin at any of them.
+            start += 1
+            while start < row and not _within(positions[start : row + 1], tolerance):
+                start += 1
+        if row < len(positions):
+            span = positions[start : row + 1]
+            lowest, highest = span.min(axis=0), span.max(axis=0)
+    return rests
+
+
+def _within(span: Floats, tolerance: float) -> bool:
+    return bool((np.ptp(span, axis=0) <= tolerance).all())
+
+
+def picture_motion(pictures: Iterable[tuple[float, Picture]]) -> tuple[Floats, Floats]:
+    """Times (N,) and how much each picture differs from the one before (N,), grey levels, RMS of a small copy."""
+    times, motion, before = [], [], None
+    for time, picture in pictures:
+        height = max(1, round(SMALL_WIDTH_PX * picture.shape[0] / picture.shape[1]))
+        small = cv2.resize(picture, (SMALL_WIDTH_PX, height), interpolation=cv2.INTER_AREA).astype(np.float32)
+        motion.append(0.0 if before is None else float(np.sqrt(np.mean((small - before) ** 2))))
+        times.append(time)
+        before = small
+    return np.array(times), np.array(motion)
+
+
+def match_clocks(
+    log: JointLog, picture_s: npt.ArrayLike, motion: npt.ArrayLike, *, most_s: float = 5.0
+) -> ClockMatch:
+    """The offset at which the pictures move when the joints do.
+
+    Both movements, joint speed and difference of pictures, become "moves" or "rests" and are correlated for offsets up to
+    `most_s` either way. Of equally good offsets the middle is told.
+    """
+    times, seen = np.asarray(picture_s, dtype=float), np.asarray(motion, dtype=float)
+    if len(times) < 10 or seen.max(initial=0.0) <= 0.0:
+        return ClockMatch(0.0, 0.0)
+    # The noise of a picture that stands still is the lower half's own level.
+    level = np.median(np.sort(seen[1:])[: max(1, len(seen) // 4)])
+    moves = (seen > 3.0 * level + 0.02 * (np.percentile(seen, 95) - level)).astype(float)
+    # A difference belongs to the middle between its two pictures.
+    middle = times.copy()
+    middle[1:] -= 0.5 * np.diff(times)
+    later, earlier = (
+        np.stack([np.interp(log.time_s + shift, log.time_s, column) for column in log.position.T], axis=1)
+        for shift in (0.5 * WINDOW_S, -0.5 * WINDOW_S)
+    )
+    speed = np.abs(later - earlier).max(axis=1) / WINDOW_S
+    fast = (speed > 0.05 * np.percentile(speed, 99)).astype(float)
+    if moves.std() == 0.0 or fast.std() == 0.0:
+        return ClockMatch(0.0, 0.0)
+    offsets = np.arange(-round(most_s / STEP_S), round(most_s / STEP_S) + 1) * STEP_S
+    scores = np.full(len(offsets), -1.0)
+    for index, offset in enumerate(offsets):
+        at = middle - offset
+        inside = (at >= log.time_s[0]) & (at <= log.time_s[-1])
+        if inside.sum() < max(10, len(at) // 2):
+            continue
+        joints = np.interp(at[inside], log.time_s, fast)
+        here = moves[inside]
+        if joints.std() > 0.0 and here.std() > 0.0:
+            scores[index] = float(np.corrcoef(joints, here)[0, 1])
+    best = float(scores.max())
+    if best <= 0.0:
+        return ClockMatch(0.0, 0.0)
+    # Moves in an even beat match at every whole beat: of offsets that match about as well the nearest to 0 is meant.
+    peaks = [
+        index
+        for index in range(len(offsets))
+        if scores[index] >= best - RIVAL_MATCH
+        and scores[index] >= scores[max(0, index - NEAR) : index + NEAR + 1].max() - 1e-9
+    ]
+    chosen = min(peaks, key=lambda index: abs(float(offsets[index])))
+    good = offsets[(scores >= scores[chosen] - 1e-6) & (np.abs(offsets - offsets[chosen]) < NEAR * STEP_S)]
+    best = float(scores[chosen])
+    return ClockMatch(float(0.5 * (good[0] + good[-1])), best)

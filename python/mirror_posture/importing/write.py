@@ -1,0 +1,192 @@
+"""A recording's moments of rest as the frames of a session."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pyarrow as pa
+
+from .._core import MirrorPostureError
+from ..output_files import new_file
+from ..robot import Robot
+from ..session.camera_info import dump_camera_info
+from ..session.metadata import load_metadata
+from ..session.tables import find_table
+from ..session.write import write_table
+from .recording import Floats, Picture, Recording
+from .rest import ClockMatch, Rest, find_rests, match_clocks, picture_motion
+
+MARGIN = 0.2
+"""Share of a rest that is left at either end: the robot may still swing, and the clocks' match has a width."""
+SHARP_WIDTH_PX = 640
+
+
+@dataclass(frozen=True)
+class Imported:
+    """What was written: the frames, the rests that no picture shows, the clocks' match, and what is odd."""
+
+    frames: int
+    rests: int
+    clock: ClockMatch
+    offset_s: float
+    warnings: tuple[str, ...]
+
+
+def import_recording(
+    recording: Recording,
+    folder: Path,
+    *,
+    joint_names: Mapping[str, str] | None = None,
+    offset_s: float | None = None,
+    tolerance: float = 0.003,
+    least_s: float = 0.5,
+    overwrite: bool = False,
+) -> Imported:
+    """Writes frames.csv and images/ into a folder that `init` made: one frame for each moment of rest that a picture shows.
+
+    Of a rest's pictures the sharpest is taken, away from the rest's ends; a joint's position is its median there.
+    `joint_names` renames the recording's joints to the URDF's. Without `offset_s` the clocks are matched by the pictures'
+    own stillness; where that says nothing, they are taken to agree, with a warning. The recording's camera replaces
+    camera.yaml. Detections of earlier pictures are removed.
+
+    Raises:
+        MirrorPostureError: no session there, frames that are there already, no joint of the robot in the recording, no
+            rest, or none with a picture.
+    """
+    metadata = load_metadata(folder)
+    robot = Robot.from_urdf(folder / metadata.robot)
+    old = [find_table(folder, stem) for stem in ("frames", "detections")]
+    if any(old) and not overwrite:
+        raise MirrorPostureError(
+            f"{folder}: has frames or detections already; add --overwrite to replace them"
+        )
+    log, warnings = recording.joints, []
+    wanted = dict(joint_names or {})
+    if unknown := [name for name in wanted if name not in log.names]:
+        raise MirrorPostureError(
+            f"{recording.source}: has no joint {unknown[0]!r}; it has {', '.join(log.names)}"
+        )
+    columns = [(index, wanted.get(name, name)) for index, name in enumerate(log.names)]
+    kept = [(index, name) for index, name in columns if name in robot.position_names]
+    if not kept:
+        raise MirrorPostureError(
+            f"{recording.source}: none of its joints ({', '.join(log.names)}) is one of the robot's "
+            f"({', '.join(robot.position_names)}); add --joint THEIRS=OURS"
+        )
+    if len({name for _, name in kept}) < len(kept):
+        raise MirrorPostureError("--joint: two of the recording's joints get the same name")
+    if left := [name for _, name in columns if name not in robot.position_names]:
+        warnings.append(f"not joints of the robot, left out: {', '.join(left)}")
+    if still := [name for name in robot.position_names if name not in {name for _, name in kept}]:
+        warnings.append(f"not in the recording, taken to stand at 0: {', '.join(still)}")
+    if not log.commanded:
+        warnings.append(
+            "the recording has measured positions only: they are written as if they had been commanded"
+        )
+    rests = find_rests(log, tolerance=tolerance, least_s=least_s)
+    if not rests:
+        raise MirrorPostureError(
+            f"{recording.source}: no moment of {least_s:g} s in which all joints rest within {tolerance:g} rad; hold each "
+            "posture longer, or change --rest-s and --tolerance"
+        )
+    picture_s, motion = picture_motion(recording.pictures())
+    if not len(picture_s):
+        raise MirrorPostureError(f"{recording.source}: holds no pictures")
+    clock = match_clocks(log, picture_s, motion)
+    if offset_s is None:
+        offset_s = clock.offset_s if clock.trusted else 0.0
+        if not clock.trusted:
+            warnings.append(
+                f"the pictures' movement does not show the clocks' offset (correlation {clock.match:.2f}): taken as 0; give --offset-s"
+            )
+    chosen = _choose(recording, rests, picture_s, offset_s)
+    if not chosen:
+        raise MirrorPostureError(
+            f"{recording.source}: no picture lies in a moment of rest (pictures {picture_s[0]:g} to {picture_s[-1]:g} s, joints "
+            f"{log.time_s[0]:g} to {log.time_s[-1]:g} s, offset {offset_s:g} s)"
+        )
+    if len(chosen) < len(rests):
+        warnings.append(f"{len(rests) - len(chosen)} of {len(rests)} moments of rest have no picture")
+    _write(recording, folder, kept, rests, chosen, offset_s, old)
+    return Imported(len(chosen), len(rests), clock, offset_s, tuple(warnings))
+
+
+def _choose(
+    recording: Recording, rests: list[Rest], picture_s: Floats, offset_s: float
+) -> dict[int, tuple[float, Picture]]:
+    """The sharpest picture of each rest that has one: rest to time of the picture and picture."""
+    inner = [
+        (
+            rest.start_s + MARGIN * (rest.end_s - rest.start_s),
+            rest.end_s - MARGIN * (rest.end_s - rest.start_s),
+        )
+        for rest in rests
+    ]
+    starts = np.array([start for start, _ in inner])
+    best: dict[int, tuple[float, float, Picture]] = {}
+    for time, picture in recording.pictures():
+        at = time - offset_s
+        index = int(np.searchsorted(starts, at, side="right")) - 1
+        if index < 0 or at > inner[index][1]:
+            continue
+        sharp = sharpness(picture)
+        if index not in best or sharp > best[index][0]:
+            best[index] = (sharp, at, picture)
+    return {index: (at, picture) for index, (_, at, picture) in sorted(best.items())}
+
+
+def sharpness(picture: Picture) -> float:
+    """Variance of the Laplacian of a picture brought to one width: larger is sharper, for pictures of one scene."""
+    gray = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
+    if gray.shape[1] > SHARP_WIDTH_PX:
+        height = round(SHARP_WIDTH_PX * gray.shape[0] / gray.shape[1])
+        gray = cv2.resize(gray, (SHARP_WIDTH_PX, height), interpolation=cv2.INTER_AREA)
+    return float(cv2.Laplacian(gray, cv2.CV_64F).var())
+
+
+def _write(
+    recording: Recording,
+    folder: Path,
+    kept: list[tuple[int, str]],
+    rests: list[Rest],
+    chosen: dict[int, tuple[float, Picture]],
+    offset_s: float,
+    old: list[Path | None],
+) -> None:
+    log = recording.joints
+    images = folder / "images"
+    images.mkdir(exist_ok=True)
+    names, commanded, measured = [], [], []
+    for number, (index, (_, picture)) in enumerate(chosen.items()):
+        inside = (log.time_s >= rests[index].start_s) & (log.time_s <= rests[index].end_s)
+        commanded.append(np.median(log.position[inside], axis=0))
+        if log.measured is not None:
+            measured.append(np.median(log.measured[inside], axis=0))
+        names.append(f"images/{number:04d}.png")
+        done, data = cv2.imencode(".png", picture)
+        if not done:
+            raise MirrorPostureError(
+                f"{recording.source}: a picture of shape {picture.shape} cannot be written"
+            )
+        (folder / names[-1]).write_bytes(data.tobytes())
+    order = np.arange(len(chosen))
+    columns = {
+        "frame": order,
+        "posture": order,
+        "time_s": np.array([at for at, _ in chosen.values()]),
+        "image": pa.array(names, pa.string()),
+        **{name: np.array(commanded)[:, index] for index, name in kept},
+    }
+    if measured:
+        columns |= {f"measured:{name}": np.array(measured)[:, index] for index, name in kept}
+    for file in old:
+        if file is not None:
+            file.unlink()
+    with new_file(folder / "frames.csv") as part:
+        write_table(pa.table(columns), part)
+    if recording.camera is not None:
+        (folder / "camera.yaml").write_text(dump_camera_info(recording.camera), encoding="utf-8")
