@@ -1,0 +1,144 @@
+"""A camera's intrinsics from pictures of the printed board, seen directly; and what the pictures leave weak."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from ._core import MirrorPostureError
+from .board import Board
+from .camera import Camera
+
+Floats = npt.NDArray[np.float64]
+LEAST_VIEWS, GOOD_VIEWS = 4, 12
+CELLS = (8, 6)
+"""The picture in cells, across and down: a lens is known where corners were."""
+GOOD_COVERAGE = 0.6
+GOOD_TILT_DEG = 25.0
+"""Pictures face-on alone cannot tell the focal length from the distance."""
+OUTLIER = 3.0
+"""A view whose residual is this many times the median's was detected wrongly, or the board bent."""
+GOOD_FOCAL = 0.003
+"""Relative standard deviation of the focal length: 0.3 % of it is 1 mm in 30 cm."""
+
+
+@dataclass(frozen=True, eq=False)
+class CameraCalibration:
+    """The camera, how well each number is known, and how the pictures were spread."""
+
+    camera: Camera
+    std_px: tuple[float, float, float, float]
+    """Standard deviations of fx, fy, cx, cy, px."""
+    std_distortion: tuple[float, ...]
+    rms_px: float
+    view_rms_px: Floats
+    """(V,) residual of each view that was used, px RMS of a corner."""
+    used: npt.NDArray[np.bool_]
+    """(all views,) False for those left out as outliers."""
+    coverage: float
+    """Share of the picture's cells in which corners were."""
+    largest_tilt_rad: float
+    weak: tuple[str, ...]
+    """What to do better, in words; empty where all is well."""
+
+
+def calibrate_camera(
+    board: Board, corners_px: Sequence[npt.ArrayLike], size_px: tuple[int, int]
+) -> CameraCalibration:
+    """Focal lengths, principal point and a `plumb_bob` lens by Zhang's method, with bundle adjustment (OpenCV).
+
+    `corners_px` holds (N, 2) for each view in the board's order, NaN where a corner was not seen. Views whose residual is
+    three times the median are left out, once. The standard deviations are those of the adjustment, scaled by its residuals.
+
+    Raises:
+        MirrorPostureError: fewer than 4 views with 6 corners, views of another size, an adjustment without a result.
+    """
+    points = [np.asarray(view, dtype=np.float64) for view in corners_px]
+    for view in points:
+        if view.shape != (board.corner_count, 2):
+            raise MirrorPostureError(
+                f"corners: got {view.shape}, needed ({board.corner_count}, 2) for a board of {board.columns} x {board.rows}"
+            )
+    seen = [np.isfinite(view).all(axis=1) for view in points]
+    used = np.array([bool(mask.sum() >= 6) for mask in seen], dtype=bool)
+    if used.sum() < LEAST_VIEWS:
+        raise MirrorPostureError(
+            f"calibration: got {int(used.sum())} views with 6 corners or more, needed {LEAST_VIEWS}, better {GOOD_VIEWS}"
+        )
+    in_board = board.corner_in_board_m
+
+    def solve(chosen: npt.NDArray[np.bool_]) -> tuple[float, Floats, Floats, list[Floats], Floats, Floats]:
+        objects = [in_board[mask].astype(np.float32) for mask, use in zip(seen, chosen, strict=True) if use]
+        images = [
+            view[mask].astype(np.float32) for view, mask, use in zip(points, seen, chosen, strict=True) if use
+        ]
+        try:
+            found = cv2.calibrateCameraExtended(objects, images, size_px, None, None)  # type: ignore[call-overload]
+        except cv2.error as error:
+            raise MirrorPostureError(f"calibration: OpenCV found no camera: {error.err}") from None
+        rms, matrix, lens, turns, _, std, _, each = found
+        return float(rms), matrix, lens.ravel(), list(turns), std.ravel(), each.ravel()
+
+    rms, matrix, lens, turns, std, each = solve(used)
+    bad = each > OUTLIER * np.median(each)
+    if bad.any() and (~bad).sum() >= LEAST_VIEWS:
+        used[np.flatnonzero(used)[bad]] = False
+        rms, matrix, lens, turns, std, each = solve(used)
+    if not (np.isfinite(matrix).all() and np.isfinite(lens).all() and np.isfinite(std[:9]).all()):
+        raise MirrorPostureError(
+            "calibration: the adjustment has no result; take pictures with the board tilted"
+        )
+    camera = Camera(
+        size_px,
+        (float(matrix[0, 0]), float(matrix[1, 1])),
+        (float(matrix[0, 2]), float(matrix[1, 2])),
+        "plumb_bob",
+        tuple(float(v) for v in lens[:5]),
+    )
+    coverage = _coverage(
+        [view[mask] for view, mask, use in zip(points, seen, used, strict=True) if use], size_px
+    )
+    tilt = max(float(np.arccos(min(1.0, abs(cv2.Rodrigues(turn)[0][2, 2])))) for turn in turns)
+    fx, fy, cx, cy = (float(v) for v in std[:4])
+    weak = _weak(int(used.sum()), int((~used).sum()), coverage, tilt, max(fx, fy) / camera.focal_px[0])
+    return CameraCalibration(
+        camera,
+        (fx, fy, cx, cy),
+        tuple(float(v) for v in std[4:9]),
+        rms,
+        np.asarray(each, dtype=np.float64),
+        used,
+        coverage,
+        tilt,
+        tuple(weak),
+    )
+
+
+def _coverage(views: Sequence[Floats], size_px: tuple[int, int]) -> float:
+    points = np.concatenate(views)
+    across = np.clip((points[:, 0] / size_px[0] * CELLS[0]).astype(int), 0, CELLS[0] - 1)
+    down = np.clip((points[:, 1] / size_px[1] * CELLS[1]).astype(int), 0, CELLS[1] - 1)
+    return len(set(zip(across.tolist(), down.tolist(), strict=True))) / (CELLS[0] * CELLS[1])
+
+
+def _weak(views: int, left_out: int, coverage: float, tilt_rad: float, focal_std: float) -> list[str]:
+    weak = []
+    if views < GOOD_VIEWS:
+        weak.append(f"{views} views: take {GOOD_VIEWS} or more")
+    if left_out:
+        weak.append(f"{left_out} views do not fit the others: look at them (bent board, blur, a wrong grid)")
+    if coverage < GOOD_COVERAGE:
+        weak.append(
+            f"corners in {100 * coverage:.0f} % of the picture: hold the board into the corners and edges too"
+        )
+    if np.degrees(tilt_rad) < GOOD_TILT_DEG:
+        weak.append(
+            f"largest tilt {np.degrees(tilt_rad):.0f}°: tilt the board by 30° to 45° in all directions"
+        )
+    if focal_std > GOOD_FOCAL:
+        weak.append(f"focal length known to {100 * focal_std:.1f} % only: tilt more, come nearer")
+    return weak

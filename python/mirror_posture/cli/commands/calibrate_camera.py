@@ -1,0 +1,121 @@
+"""`mirror-posture calibrate-camera`: the camera's intrinsics from pictures of the board."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ..output import JsonOption, Output
+
+ORDER = 6
+PANEL = "Setting up"
+
+
+def command(
+    pictures: Annotated[
+        Path, typer.Argument(help="Folder with pictures of the board, seen directly.", show_default=False)
+    ],
+    out: Annotated[Path, typer.Option(help="camera.yaml to write (ROS camera_info).")] = Path("camera.yaml"),
+    corners: Annotated[str, typer.Option(help="Inner corners of the board, NXxNY.")] = "7x4",
+    square_mm: Annotated[float, typer.Option(help="Side of a square as measured on the print, mm.")] = 20.0,
+    charuco: Annotated[
+        str | None, typer.Option(help="The board is a ChArUco of `board`, with this dictionary.")
+    ] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the file.")] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Calibrate the camera: 12 or more pictures of the printed board, tilted, and in all parts of the picture.
+
+    The board is held before the camera, no mirror is needed. Focus and zoom stay as they will be. Told are the numbers with
+    their standard deviations, the residual, how much of the picture was covered, and what is weak.
+
+    Example: `mirror-posture calibrate-camera pictures --corners 7x4 --square-mm 20 --out my-session/camera.yaml --overwrite`
+    """
+    output = Output(as_json)
+    import numpy as np
+
+    from ..._core import MirrorPostureError
+    from ...board_sheet import BoardSheet
+    from ...camera_calibration import calibrate_camera
+    from ...detect import (
+        BoardOptions,
+        DetectionOptions,
+        DetectionSetup,
+        detect_picture,
+        list_pictures,
+        read_picture,
+    )
+    from ...output_files import write_file
+    from ...session.camera_info import dump_camera_info
+
+    if out.exists() and not overwrite:
+        raise MirrorPostureError(f"{out}: is there already; add --overwrite")
+    try:
+        nx, ny = (int(part) for part in corners.lower().split("x"))
+    except ValueError:
+        raise MirrorPostureError(f"--corners: got {corners!r}, needed NXxNY, as in 7x4") from None
+    pattern = "chessboard" if charuco is None else "charuco"
+    board = BoardSheet(nx, ny, square_mm / 1000.0, pattern, None, charuco, "a3").board()
+    options = DetectionOptions(board=BoardOptions(views=("direct",)))
+    found, names, refused, size = [], [], [], None
+    files = list_pictures(pictures)
+    for file in output.progress(files, "detecting", len(files)):
+        height, width = read_picture(file).shape[:2]
+        if size is None:
+            size = (width, height)
+        if (width, height) != size:
+            raise MirrorPostureError(
+                f"{file}: is {width} x {height}, the first picture is {size[0]} x {size[1]}; one camera, one size"
+            )
+        view = detect_picture(file, DetectionSetup(board, (), None), options=options).boards[0]
+        if not view.ok or view.corners_px is None:
+            refused.append((file.name, view.reason))
+            continue
+        seen = np.ones(board.corner_count, bool) if view.visible is None else np.asarray(view.visible, bool)
+        found.append(np.where(seen[:, None], view.corners_px, np.nan))
+        names.append(file.name)
+    for name, reason in refused:
+        output.warn(f"{name}: not used ({reason})")
+    if size is None:
+        raise MirrorPostureError(f"{pictures}: holds no pictures")
+    done = calibrate_camera(board, found, size)
+    write_file(out, dump_camera_info(done.camera))
+    camera, std = done.camera, done.std_px
+    output.table(
+        f"Camera of {int(done.used.sum())} views, {size[0]} x {size[1]} px",
+        ("*", "value", "± one std"),
+        [
+            ("fx, px", f"{camera.focal_px[0]:.2f}", f"{std[0]:.2f}"),
+            ("fy, px", f"{camera.focal_px[1]:.2f}", f"{std[1]:.2f}"),
+            ("cx, px", f"{camera.center_px[0]:.2f}", f"{std[2]:.2f}"),
+            ("cy, px", f"{camera.center_px[1]:.2f}", f"{std[3]:.2f}"),
+            *(
+                (name, f"{value:.5f}", f"{deviation:.5f}")
+                for name, value, deviation in zip(
+                    ("k1", "k2", "p1", "p2", "k3"), camera.distortion, done.std_distortion, strict=True
+                )
+            ),
+            ("residual, px RMS", f"{done.rms_px:.3f}", ""),
+            ("picture covered, %", f"{100 * done.coverage:.0f}", ""),
+            ("largest tilt, degrees", f"{np.degrees(done.largest_tilt_rad):.0f}", ""),
+        ],
+    )
+    for text in done.weak:
+        output.warn(text)
+    output.say(f"written: {out}")
+    output.result(
+        {
+            "file": out,
+            "camera": camera,
+            "std_px": done.std_px,
+            "std_distortion": done.std_distortion,
+            "rms_px": done.rms_px,
+            "views": [name for name, use in zip(names, done.used, strict=True) if use],
+            "left_out": [name for name, use in zip(names, done.used, strict=True) if not use],
+            "refused": [{"picture": name, "reason": reason} for name, reason in refused],
+            "coverage": done.coverage,
+            "weak": list(done.weak),
+        }
+    )

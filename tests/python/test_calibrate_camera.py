@@ -1,0 +1,120 @@
+"""A camera from pictures of the board: numbers against a projection written here, their claimed deviations, weak sets."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from mirror_posture import Board, MirrorPostureError, cli
+from mirror_posture.camera_calibration import calibrate_camera
+from mirror_posture.session import load_camera_info
+
+SIZE, FOCAL, CENTRE, K1, K2 = (1280, 720), (905.0, 903.0), (652.0, 347.0), -0.21, 0.06
+BOARD = Board(7, 4, 0.02)
+
+
+def turned(axis: np.ndarray, angle: float) -> np.ndarray:
+    k = np.cross(np.eye(3), axis / np.linalg.norm(axis))
+    return np.eye(3) + np.sin(angle) * -k + (1 - np.cos(angle)) * k @ k
+
+
+def project(points: np.ndarray) -> np.ndarray:
+    """Brown's radial model, written out."""
+    x, y = points[:, 0] / points[:, 2], points[:, 1] / points[:, 2]
+    r2 = x * x + y * y
+    scale = 1 + K1 * r2 + K2 * r2 * r2
+    return np.stack([FOCAL[0] * x * scale + CENTRE[0], FOCAL[1] * y * scale + CENTRE[1]], axis=1)
+
+
+def pose(generator: np.random.Generator, tilt: float) -> tuple[np.ndarray, np.ndarray]:
+    depth = generator.uniform(0.2, 0.35)
+    angle = generator.uniform(0, 2 * np.pi)
+    rotation = turned(np.array([np.cos(angle), np.sin(angle), 0.0]), tilt) @ np.diag([1.0, -1.0, -1.0])
+    at = np.array([generator.uniform(-0.45, 0.45), generator.uniform(-0.2, 0.2), 1.0]) * depth
+    return rotation, at
+
+
+def views(seed: int, count: int, tilt_deg: tuple[float, float], noise_px: float = 0.1) -> list[np.ndarray]:
+    generator = np.random.default_rng(seed)
+    iy, ix = np.divmod(np.arange(28), 7)
+    points = np.stack([(ix - 3) * 0.02, (iy - 1.5) * 0.02, 0 * ix], axis=1)
+    made = []
+    for _ in range(count):
+        rotation, at = pose(generator, np.radians(generator.uniform(*tilt_deg)))
+        made.append(project(points @ rotation.T + at) + generator.normal(0, noise_px, (28, 2)))
+    return made
+
+
+def test_numbers_lie_within_their_claimed_deviations() -> None:
+    errors = []
+    for seed in range(12):
+        done = calibrate_camera(BOARD, views(seed, 15, (10, 45)), SIZE)
+        got = np.array([*done.camera.focal_px, *done.camera.center_px])
+        errors.append((got - np.array([*FOCAL, *CENTRE])) / np.array(done.std_px))
+        assert done.rms_px == pytest.approx(0.1 * np.sqrt(2), rel=0.15)
+        assert done.used.all() and done.largest_tilt_rad > np.radians(25)
+    # 48 standardised errors (correlated within a run): their RMS is near 1, neither boasting nor shy.
+    assert 0.6 < float(np.sqrt(np.mean(np.square(errors)))) < 1.5
+
+
+def test_what_is_weak_is_said() -> None:
+    good = calibrate_camera(BOARD, views(1, 30, (10, 45)), SIZE)
+    assert good.weak == ()
+    flat = calibrate_camera(BOARD, views(2, 5, (1, 6), 0.2), SIZE)
+    assert any("5 views" in text for text in flat.weak) and any("tilt" in text for text in flat.weak)
+    assert flat.std_px[0] > 5 * good.std_px[0]
+
+
+def test_a_view_that_does_not_fit_is_left_out_and_named() -> None:
+    made = views(3, 15, (10, 45))
+    made[4] = made[4] + np.random.default_rng(0).normal(0, 5, made[4].shape)
+    done = calibrate_camera(BOARD, made, SIZE)
+    assert np.flatnonzero(~done.used).tolist() == [4] and any(
+        "1 views do not fit" in text for text in done.weak
+    )
+    assert done.camera.focal_px[0] == pytest.approx(FOCAL[0], rel=0.01)
+    made[5][:25] = np.nan
+    assert not calibrate_camera(BOARD, made, SIZE).used[5]
+    with pytest.raises(MirrorPostureError, match="needed 4"):
+        calibrate_camera(BOARD, made[:3], SIZE)
+    with pytest.raises(MirrorPostureError, match="7 x 4"):
+        calibrate_camera(BOARD, [np.zeros((5, 2))] * 5, SIZE)
+
+
+def test_the_command_reads_pictures_and_writes_camera_info(tmp_path: Path) -> None:
+    folder = tmp_path / "pictures"
+    folder.mkdir()
+    # A flat drawing of the board, warped by a pinhole camera's homography: 8 x 5 squares with a white border.
+    scale, border = 60, 60
+    drawn = np.full((5 * scale + 2 * border, 8 * scale + 2 * border), 255, np.uint8)
+    for row in range(5):
+        for column in range(8):
+            if (row + column) % 2 == 0:
+                top, left = border + row * scale, border + column * scale
+                drawn[top : top + scale, left : left + scale] = 0
+    metres_from_drawn = np.array(
+        [[0.02 / scale, 0, -0.02 * 4 - 0.02 * (border - 0.5) / scale], [0, -0.02 / scale, 0.02 * 2.5 + 0.02 * (border - 0.5) / scale], [0, 0, 1.0]]
+    )  # fmt: skip
+    matrix = np.array([[900.0, 0, 639.5], [0, 900.0, 359.5], [0, 0, 1]])
+    generator = np.random.default_rng(5)
+    for index in range(12):
+        rotation, at = pose(generator, np.radians(generator.uniform(15, 40)))
+        at = at * [0.6, 0.6, 1.0] + [0, 0, 0.08]
+        homography = matrix @ np.column_stack([rotation[:, 0], rotation[:, 1], at]) @ metres_from_drawn
+        picture = cv2.warpPerspective(drawn, homography, SIZE, flags=cv2.INTER_AREA, borderValue=190)
+        cv2.imwrite(str(folder / f"{index:02d}.png"), picture)
+    cv2.imwrite(str(folder / "empty.png"), np.full((720, 1280), 128, np.uint8))
+    words = ["calibrate-camera", str(folder), "--out", str(tmp_path / "camera.yaml"), "--json"]
+    run = CliRunner().invoke(cli.app, words)
+    assert run.exit_code == 0, run.output
+    document = json.loads(run.stdout)
+    assert [entry["picture"] for entry in document["refused"]] == ["empty.png"]
+    camera = load_camera_info(tmp_path / "camera.yaml")
+    assert camera.size_px == SIZE and camera.focal_px[0] == pytest.approx(900.0, rel=0.01)
+    assert document["rms_px"] < 0.3 and len(document["views"]) >= 10
+    assert "--overwrite" in CliRunner().invoke(cli.app, words).stderr
