@@ -13,6 +13,7 @@ mod gap_claims;
 mod gap_effects;
 mod gap_panels;
 mod gap_sessions;
+mod gap_setup;
 mod gap_world;
 mod glass;
 mod joint;

@@ -9,7 +9,7 @@ use mirror_core::Cancel;
 use mirror_core::camera::Camera;
 use mirror_core::diagnose::{
     BoardSpec, DiagnoseOptions, Frame, MarkerSpec, MeasuredPoint, OtherSession, PointsFrame, Recording,
-    SightSpec, Sighting, Target, Via,
+    SightSpec, Sighting, Target, Tolerance, Tolerances, Via,
 };
 use mirror_core::robot::Robot;
 use nalgebra::{Point3, Vector2, Vector3};
@@ -36,6 +36,9 @@ struct Header {
     pixel_std_px: Option<f64>,
     point_std_m: Option<f64>,
     joint_names: Vec<String>,
+    /// m and rad, each none where it is learned.
+    board_tolerance: Option<(Option<f64>, Option<f64>)>,
+    camera_tolerance: Option<(Option<f64>, Option<f64>)>,
 }
 
 #[derive(Deserialize)]
@@ -63,6 +66,7 @@ struct MarkerHeader {
     link: String,
     diameter_m: f64,
     mount_known: bool,
+    tolerance_m: Option<f64>,
 }
 
 /// One way of seeing: pixels and masks of corners and markers, each with the frames first.
@@ -229,6 +233,18 @@ impl GapRecording {
             }),
             _ => None,
         };
+        let tolerance = |t: Option<(Option<f64>, Option<f64>)>| {
+            t.map_or_else(Tolerance::default, |(m, rad)| Tolerance { shift_m: m, turn_rad: rad })
+        };
+        let tolerances = Tolerances {
+            board: tolerance(header.board_tolerance),
+            camera: tolerance(header.camera_tolerance),
+            markers: header
+                .markers
+                .iter()
+                .map(|m| Tolerance { shift_m: m.tolerance_m, turn_rad: None })
+                .collect(),
+        };
         let recording = Recording {
             root_link: header.root_link,
             gravity: Vector3::from(header.gravity_m_per_s2),
@@ -243,6 +259,7 @@ impl GapRecording {
                     mount_known: m.mount_known,
                 })
                 .collect(),
+            tolerances,
             points_frame: header
                 .points_frame
                 .map(|f| if f == "unknown" { PointsFrame::Unknown } else { PointsFrame::Link(f) }),

@@ -41,7 +41,13 @@ def to_core(session: Session) -> GapRecording:
         },
         **(session.mirror or IDEAL_MIRROR).glass,
         "markers": [
-            {"name": m.name, "link": m.link, "diameter_m": m.diameter_m, "mount_known": m.mount_known}
+            {
+                "name": m.name,
+                "link": m.link,
+                "diameter_m": m.diameter_m,
+                "mount_known": m.mount_known,
+                "tolerance_m": m.tolerance_m,
+            }
             for m in session.markers
         ],
         "points_frame": session.points.frame_link if session.points else None,
@@ -50,6 +56,10 @@ def to_core(session: Session) -> GapRecording:
         "pixel_std_px": session.noise.pixel_std_px,
         "point_std_m": session.noise.point_std_m,
         "joint_names": list(frames.joint_names),
+        "board_tolerance": None
+        if session.board is None
+        else (session.board.tolerance_m, session.board.tolerance_rad),
+        "camera_tolerance": (session.camera_tolerance_m, session.camera_tolerance_rad),
     }
     time_s = frames.time_s if frames.time_s is not None else frames.frame.astype(float)
     return GapRecording(

@@ -70,6 +70,8 @@ class Cause:
     rms_shift: float = 0.0
     members: tuple[Member, ...] = ()
     """Of a group (`geometry`): its small errors one by one."""
+    kind: str = ""
+    """Whom it concerns: `robot`, `setup`, `camera`, `mirror` or `data`."""
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,8 @@ use super::{
 };
 use mirror_core::camera::{Camera, Distortion};
 use mirror_core::diagnose::{
-    BoardSpec, Frame, MarkerSpec, MeasuredPoint, PointsFrame, Recording, SightSpec, Sighting, Target, Via,
+    BoardSpec, Frame, MarkerSpec, MeasuredPoint, PointsFrame, Recording, SightSpec, Sighting, Target,
+    Tolerances, Via,
 };
 use nalgebra::{Isometry3, Point3, Vector2, Vector3};
 use rand::{Rng, SeedableRng};
@@ -126,6 +127,7 @@ impl World {
                     mount_known: true,
                 })
                 .collect(),
+            tolerances: Tolerances::default(),
             points_frame: None,
             ordered: true,
             timed: true,

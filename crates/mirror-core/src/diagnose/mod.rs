@@ -46,7 +46,8 @@ pub use data::diagnosis::{
     Signature, SignaturePoint, Track, TrackAxis, TrackPoint, Verdict, Where,
 };
 pub use data::recording::{
-    BoardSpec, Frame, MarkerSpec, MeasuredPoint, PointsFrame, Recording, SightSpec, Sighting, Target, Via,
+    BoardSpec, Frame, MarkerSpec, MeasuredPoint, PointsFrame, Recording, SightSpec, Sighting, Target,
+    Tolerance, Tolerances, Via,
 };
 pub use effects::about::{PlaceKind, WrittenTo};
 pub use effects::own::{OwnAxis, OwnEffect, OwnParameter, OwnPlace, Quantities, quantities};

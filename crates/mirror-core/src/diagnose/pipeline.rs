@@ -25,7 +25,8 @@ use crate::diagnose::selection::nonparametric::{
 };
 use crate::diagnose::selection::pairwise_start::from_a_pair;
 use crate::diagnose::selection::search::{Search, SearchOptions};
-use crate::diagnose::selection::simplify::{comes_down, drop_useless, gaps, without_names};
+use crate::diagnose::selection::simplify::{comes_down, drop_useless, gaps, named_in_vain, without_names};
+use crate::diagnose::selection::with_setup::with_or_without_setup;
 use crate::diagnose::selection::with_tolerances::beside_geometry;
 use crate::error::Result;
 use crate::robot::Robot;
@@ -33,7 +34,7 @@ use std::sync::Arc;
 
 /// Diagnoses a recording: where the model is wrong, which effect causes it, how far the gap shrinks.
 ///
-/// In order: the noise from the data; slipped rows; the search for causes; where there is reason for doubt, the same with
+/// In order: the noise from the data; slipped rows; the search for causes, with the set-up free where a few causes do not suffice; where there is reason for doubt, the same with
 /// free-form errors beside the vocabulary; where that leaves a remainder or many causes, the same beside many small errors
 /// (`geometry`); causes that do not help on held-out regions are dropped, improbable ones give way; the remainder is tested
 /// against the noise.
@@ -87,13 +88,14 @@ pub fn diagnose(
         options: search_options,
         mask: None,
     };
-    let mut found = search.run(nominal.clone())?;
-    if let Some(other) = from_a_pair(&search, &found, &nominal)? {
+    let (mut found, mut geometry) = with_or_without_setup(&mut search, &nominal, stated, &options.without)?;
+    let freed = geometry.is_some();
+    if !freed && let Some(other) = from_a_pair(&search, &found, &nominal)? {
         (search, found) = other;
     }
     // Wrong optics pass for noise of the markers until they are known: look again at the noise that is left.
     let deformation = found.fit.model.deformation(&search.problem, &catalogue, &search.group.columns);
-    if deformation.optics_differ() {
+    if !freed && deformation.optics_differ() {
         let again = noise::estimate(&search.problem, &deformation, stated)?;
         if again.marker_px < 0.9 * search.measured_noise.marker_px {
             search.measured_noise = again;
@@ -109,7 +111,8 @@ pub fn diagnose(
     let named = search.clone();
     let many_false = false_share > MANY_FALSE;
     let enough = !fits_noise.significant && !fits_noise.corners_significant && !many_false;
-    if is_suspicious(&search, &found, &all, &fits_noise, many_false)?
+    if !(freed && enough)
+        && is_suspicious(&search, &found, &all, &fits_noise, many_false)?
         && let Some((its_search, its_found)) = beside_free_forms(&search, &found, &all, &nominal, enough)?
         && !only_their_laws(&search, &found, (&its_search, &its_found), &all)?
     {
@@ -120,7 +123,6 @@ pub fn diagnose(
             without_false(&search.problem, &search.deformation(&found.fit.model), found.noise)?;
         fits_noise = adequacy(&clean, &search.deformation(&found.fit.model), search.measured_noise)?;
     }
-    let mut geometry = None;
     if options.allows("geometry") && (fits_noise.significant || found.fit.model.terms.len() > MANY_CAUSES) {
         if let Some(beside) = beside_geometry(&named, (&mut search, &mut found), &nominal)? {
             geometry = Some(beside.geometry);
@@ -131,10 +133,11 @@ pub fn diagnose(
             without_false(&search.problem, &search.deformation(&found.fit.model), found.noise)?;
         fits_noise = adequacy(&clean, &search.deformation(&found.fit.model), search.measured_noise)?;
     }
+    geometry = geometry.filter(|_| !found.fit.model.group.is_empty());
     // From here on without the observations that the best model shows to be false.
     search.problem = clean;
     let (before, mut after) = gaps(&search, &nominal, &found)?;
-    drop_useless(&mut search, &mut found, &mut after)?;
+    drop_useless(&mut search, &mut found, &mut after, geometry.as_ref())?;
     comes_down(&search, &mut found, &mut after)?;
     let mut standings = settled(&search, &mut found, &mut after)?;
     let free = found.fit.model.terms.iter().any(|t| search.catalogue.is_free(t.hypothesis));
@@ -142,6 +145,12 @@ pub fn diagnose(
         if by_laws(&search, &found, &after)? { None } else { unexplained(&search, &found, &fits_noise)? };
     if free {
         after = without_names(&search, &mut found, &mut standings, &before)?;
+    }
+    if named_in_vain(&search, &found, &before, &after) {
+        found.trace.push("no cause is named: together they leave the held-out gap no smaller".into());
+        found.fit = search.fit(&nominal, found.noise, 6)?;
+        (geometry, after) = (None, before.clone());
+        standings.clear();
     }
     let mut findings =
         Findings { search, found, geometry, slip, before, after, unexplained, false_share, standings };

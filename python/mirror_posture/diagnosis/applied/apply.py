@@ -27,6 +27,8 @@ NOT_IN_A_MODEL = {
     "pairing": "a fault of the data: mend the rows of the frames table",
 }
 """Why an effect cannot be written, and what to do instead."""
+FIRST = ("axis_tilt", "board_mount")
+"""Effects whose places others are told against."""
 
 
 @dataclass(frozen=True)
@@ -61,10 +63,11 @@ def apply_diagnosis(
     require_same(session, dict(found.document))
     urdf = Urdf(read_xml(session.robot_file), str(session.robot_file))
     better = session
-    # Of a group's small errors each is written like a cause of its own. An offset turns about the real axis: tilts go first.
+    # Of a group's small errors each is written like a cause of its own. An offset turns about the real axis: tilts go first; so does the
+    # board, against which the camera is told.
     parts = [(index, part) for index, cause in enumerate(found.causes) for part in parts_of(cause)]
     entries: dict[int, list[Written]] = {index: [] for index in range(len(found.causes))}
-    for index, part in sorted(parts, key=lambda entry: entry[1].effect != "axis_tilt"):
+    for index, part in sorted(parts, key=lambda entry: entry[1].effect not in FIRST):
         better, entry = _apply(better, urdf, part)
         entries[index].append(entry)
     written = [
@@ -152,10 +155,15 @@ def _apply(session: Session, urdf: Urdf, cause: Cause) -> tuple[Session, Written
         link = next((marker.link for marker in session.markers if marker.name == name), name)
         mount = urdf.shift_mount(link, vector("d", "m"))
         return in_robot(f"origin of joint {mount}") if mount else refused(f"link {link} has no fixed mount")
+    motion = np.eye(4)
+    motion[:3, :3] = rotation_of_vector(vector("r", "rad"))
+    motion[:3, 3] = vector("d", "m")
+    if cause.effect == "board_mount" and session.board is not None:
+        mounts = urdf.move_mount_and_rider(session.board.link, session.camera_link, motion)
+        if not mounts:
+            return refused(f"link {session.board.link} or its camera has no fixed mount")
+        return in_robot(f"origin of joint {', '.join(mounts)}")
     if cause.effect == "camera_mount" and session.camera_link:
-        motion = np.eye(4)
-        motion[:3, :3] = rotation_of_vector(vector("r", "rad"))
-        motion[:3, 3] = vector("d", "m")
         mount = urdf.move_mount(session.camera_link, motion)
         if mount is None:
             return refused(f"link {session.camera_link} has no fixed mount")

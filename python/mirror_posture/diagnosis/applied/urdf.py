@@ -168,6 +168,27 @@ class Urdf:
         self.set_origin(name, self.origin(name) @ nominal_from_real)
         return name
 
+    def move_mount_and_rider(self, link: str, rider: str | None, nominal_from_real: Floats) -> list[str]:
+        """As `move_mount`; a rider on the same rigid body moves along with the link. Returns the joints' names, none where one is missing."""
+        name = self.joint_of_child.get(link)
+        body = self._rigid_body(link)
+        if name is None or self.kind(name) != "fixed":
+            return []
+        if rider is None or rider not in body:
+            self.move_mount(link, nominal_from_real)
+            return [name]
+        if self.kind(self.joint_of_child.get(rider, name)) != "fixed":
+            return []
+        parent = _link(self.joint(name), "parent")
+        parent_from_rider = np.linalg.inv(body[parent]) @ nominal_from_real @ body[rider]
+        self.move_mount(link, nominal_from_real)
+        # A rider that hangs on the link itself has moved already.
+        left = np.linalg.inv(self._rigid_body(parent)[rider]) @ parent_from_rider
+        if np.allclose(left, np.eye(4), atol=1e-12):
+            return [name]
+        mount = self.move_mount(rider, left)
+        return [name] if mount is None else [name, mount]
+
     def _rigid_body(self, link: str) -> dict[str, Floats]:
         """`link_from_other` of all links that fixed joints join to a link."""
         body, todo = {link: np.eye(4)}, [link]

@@ -30,6 +30,8 @@ pub struct Cause {
     pub effect: String,
     /// The place.
     pub at: String,
+    /// Whom it concerns: `robot`, `setup`, `camera`, `mirror` or `data`.
+    pub kind: String,
     /// Probability of this cause against its rivals.
     pub probability: f64,
     /// Its parameters by name.

@@ -99,6 +99,27 @@ pub enum PointsFrame {
     Unknown,
 }
 
+/// How exactly something was mounted: one standard deviation by which its real place may differ from the URDF's. None is learned from
+/// the data, 0 is exact.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Tolerance {
+    /// Of its place along each axis, m.
+    pub shift_m: Option<f64>,
+    /// Of its rotation about each axis, rad; a marker has none.
+    pub turn_rad: Option<f64>,
+}
+
+/// What a session states of its mounts.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Tolerances {
+    /// Of the board on its link.
+    pub board: Tolerance,
+    /// Of the camera.
+    pub camera: Tolerance,
+    /// Of each marker on its link, in their order; those beyond the last are learned.
+    pub markers: Vec<Tolerance>,
+}
+
 /// A whole session, as the diagnosis takes it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Recording {
@@ -110,6 +131,8 @@ pub struct Recording {
     pub sight: Option<SightSpec>,
     /// The markers.
     pub markers: Vec<MarkerSpec>,
+    /// How exactly board, camera and markers were mounted.
+    pub tolerances: Tolerances,
     /// Frame of the measured points.
     pub points_frame: Option<PointsFrame>,
     /// Whether the rows are in the order of execution: otherwise no direction of motion is known.

@@ -1,7 +1,7 @@
 //! The camera sits elsewhere relative to the board: real camera = nominal ∘ (Exp ω, v).
 
 use super::about::{About, PlaceKind, WrittenTo};
-use super::{Effect, Place, named};
+use super::{Concern, Effect, Place, named};
 use crate::diagnose::model::elementary::{Atom, Column};
 use crate::diagnose::model::scene::Scene;
 
@@ -27,6 +27,10 @@ impl Effect for CameraMount {
 
     fn columns(&self, _scene: &Scene, _place: Place, _variant: f64, _parameters: &[f64]) -> Vec<Column> {
         (0..6).map(|k| Column::constant(Atom::CameraMount(k))).collect()
+    }
+
+    fn concern(&self, _place: Place) -> Concern {
+        Concern::Setup
     }
 
     fn words(&self) -> &str {

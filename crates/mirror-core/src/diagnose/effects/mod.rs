@@ -7,6 +7,7 @@
 pub(super) mod about;
 mod axis_tilt;
 mod backlash;
+mod board_mount;
 mod board_scale;
 mod camera_center;
 mod camera_focal;
@@ -91,6 +92,31 @@ pub(crate) enum LawFreedom {
     Time,
 }
 
+/// Whom a cause concerns: the `kind` of the public format.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Concern {
+    /// The robot itself.
+    Robot,
+    /// What a person mounted: board, camera, markers.
+    Setup,
+    /// The camera's lens and sensor.
+    Camera,
+    /// The mirror.
+    Mirror,
+}
+
+impl Concern {
+    /// Its word in the public format.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Robot => "robot",
+            Self::Setup => "setup",
+            Self::Camera => "camera",
+            Self::Mirror => "mirror",
+        }
+    }
+}
+
 /// One kind of cause. All effects are linear in their parameters unless they say otherwise by [`Effect::deform`].
 pub(crate) trait Effect: Send + Sync {
     /// Its word in the public vocabulary.
@@ -162,6 +188,16 @@ pub(crate) trait Effect: Send + Sync {
         false
     }
 
+    /// Whom it concerns.
+    fn concern(&self, place: Place) -> Concern {
+        match place {
+            Place::Joint(_) | Place::JointPair(..) | Place::Link(_) => Concern::Robot,
+            Place::Marker(_) | Place::Board => Concern::Setup,
+            Place::Camera => Concern::Camera,
+            Place::Mirror => Concern::Mirror,
+        }
+    }
+
     /// What happens, in a sentence for a person.
     fn words(&self) -> &str;
 
@@ -186,6 +222,7 @@ pub(crate) fn vocabulary() -> Vec<Box<dyn Effect>> {
         Box::new(joint_coupling::JointCoupling),
         Box::new(drift::Drift),
         Box::new(marker_mount::MarkerMount),
+        Box::new(board_mount::BoardMount),
         Box::new(camera_mount::CameraMount),
         Box::new(camera_focal::CameraFocal),
         Box::new(camera_center::CameraCenter),

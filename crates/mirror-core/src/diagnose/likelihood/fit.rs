@@ -237,6 +237,26 @@ impl Linearised {
         first..first + model.terms[i].parameters.len()
     }
 
+    /// Values and variances of the parameters from `first` on at the best of the linear model, under other priors for these; none where
+    /// numbers overflow.
+    pub fn posterior(&self, first: usize, prior_std: &[f64]) -> Option<(Vec<f64>, Vec<f64>)> {
+        let (active, h) = (&self.active, &self.normal.h);
+        let count = active.values.len();
+        let inside = first..first + prior_std.len();
+        let s: Vec<f64> = (0..count)
+            .map(|i| if inside.contains(&i) { prior_std[i - first] } else { active.prior_std[i] })
+            .collect();
+        let b = DVector::from_fn(count, |i, _| self.normal.g[i] * s[i] - active.values[i] / s[i]);
+        let whitened =
+            DMatrix::from_fn(count, count, |i, j| h[(i, j)] * s[i] * s[j] + if i == j { 1.0 } else { 0.0 });
+        let factor = whitened.cholesky()?;
+        let step = factor.solve(&b);
+        let inverse = factor.inverse();
+        let values: Vec<f64> = inside.clone().map(|i| active.values[i] + s[i] * step[i]).collect();
+        let variances: Vec<f64> = inside.map(|i| s[i] * s[i] * inverse[(i, i)]).collect();
+        values.iter().chain(&variances).all(|x| x.is_finite()).then_some((values, variances))
+    }
+
     /// Log evidence at the best parameters of the linear model, the prior deviations of some of them scaled; none where numbers
     /// overflow.
     pub fn log_evidence(&self, scaled: Range<usize>, scale: f64) -> Option<f64> {

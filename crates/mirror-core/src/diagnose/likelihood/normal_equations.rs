@@ -87,6 +87,9 @@ fn moves_board(
     if atom.is_optical() {
         return true;
     }
+    if let crate::diagnose::model::elementary::Atom::BoardMount(_) = atom {
+        return !problem.camera_beside_board();
+    }
     let camera = problem.camera_site.and_then(|s| s.node);
     crate::diagnose::model::elementary::moves(atom, &problem.scene, board)
         != crate::diagnose::model::elementary::moves(atom, &problem.scene, camera)

@@ -23,6 +23,8 @@ pub(crate) struct Deformation {
     varying_shift: Vec<Vector3<f64>>,
     /// Rotation vector and shift of the real camera in the nominal optical frame, rad and m.
     pub camera_mount: Vector6<f64>,
+    /// Rotation vector and shift of the real board in its nominal frame, rad and m.
+    pub board_mount: Vector6<f64>,
     pub focal_scale_error: f64,
     pub center_px: Vector2<f64>,
     pub dk1: f64,
@@ -51,6 +53,7 @@ impl Deformation {
             marker_shift: vec![Vector3::zeros(); markers],
             varying_shift: Vec::new(),
             camera_mount: Vector6::zeros(),
+            board_mount: Vector6::zeros(),
             focal_scale_error: 0.0,
             center_px: Vector2::zeros(),
             dk1: 0.0,

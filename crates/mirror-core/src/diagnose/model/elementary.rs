@@ -28,6 +28,9 @@ pub(crate) enum Atom {
     MarkerShift(usize, usize),
     /// Tangent of the camera's mount: rotation 0 to 2, translation 3 to 5.
     CameraMount(usize),
+    /// Tangent of the board's mount in its nominal frame: rotation 0 to 2, translation 3 to 5. A camera on the board's own body moves
+    /// along with it.
+    BoardMount(usize),
     /// Relative error of the focal lengths.
     Focal,
     /// Shift of the principal point along u or v.
@@ -66,6 +69,7 @@ impl Atom {
             | Self::LinkShift(..)
             | Self::OriginShift(..)
             | Self::MarkerShift(..)
+            | Self::BoardMount(_)
             | Self::FramePose(_) => false,
         }
     }
@@ -79,11 +83,11 @@ pub(crate) struct Twist {
 }
 
 impl Twist {
-    fn about(origin: &Vector3<f64>, omega: Vector3<f64>) -> Self {
+    pub fn about(origin: &Vector3<f64>, omega: Vector3<f64>) -> Self {
         Self { omega, shift: origin.cross(&omega) }
     }
 
-    fn along(shift: Vector3<f64>) -> Self {
+    pub fn along(shift: Vector3<f64>) -> Self {
         Self { omega: Vector3::zeros(), shift }
     }
 }
@@ -248,6 +252,7 @@ impl Column {
                     }
                 }
             },
+            Atom::BoardMount(k) => deformation.board_mount[k] += value,
             Atom::Focal => match &self.weight {
                 Weight::One => deformation.focal_scale_error += value,
                 weight => {

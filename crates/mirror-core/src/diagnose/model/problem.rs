@@ -2,7 +2,7 @@
 
 use crate::camera::Camera;
 use crate::cancel::Cancel;
-use crate::diagnose::data::recording::{PointsFrame, Recording, Target, Via};
+use crate::diagnose::data::recording::{PointsFrame, Recording, Target, Tolerances, Via};
 use crate::diagnose::model::body::Site;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::Atom;
@@ -79,6 +79,8 @@ pub(crate) struct Problem {
     /// Start of the pose of the root in the unknown frame.
     pub unknown_frame: Option<Pose>,
     pub noise: Noise,
+    /// What the session states of its mounts.
+    pub tolerances: Tolerances,
     /// Each frame's mirror as the board shows it with nominal optics; none where too few corners were seen.
     pub boards: Vec<Option<BoardFit>>,
     /// Nodes that carry exactly one of camera and board.
@@ -183,6 +185,7 @@ impl Problem {
                 marker_px: pixel_std,
                 point_m: recording.point_std_m.unwrap_or(5e-4),
             },
+            tolerances: recording.tolerances.clone(),
             boards: Vec::new(),
             between_camera_and_board,
             cancel: Cancel::default(),
@@ -198,13 +201,24 @@ impl Problem {
     /// Whether a deformation changes how the board's corners are seen: its optics, or a joint between camera and board.
     pub fn needs_fresh_board(&self, deformation: &Deformation) -> bool {
         deformation.optics_differ()
+            || self.moves_board_alone(deformation)
             || deformation.moves_any(&self.between_camera_and_board)
             || self.shifts_between(deformation)
+    }
+
+    /// Whether the camera rides on the board's own body, so that both move with the board's mount.
+    pub fn camera_beside_board(&self) -> bool {
+        matches!((self.camera_site, self.board), (Some(camera), Some(board)) if camera.node == board.node)
+    }
+
+    fn moves_board_alone(&self, deformation: &Deformation) -> bool {
+        deformation.board_mount != nalgebra::Vector6::zeros() && !self.camera_beside_board()
     }
 
     /// [`Problem::needs_fresh_board`] for one frame, without looking at the others.
     pub fn needs_fresh_board_in(&self, deformation: &Deformation, frame: usize) -> bool {
         deformation.optics_differ()
+            || self.moves_board_alone(deformation)
             || self.shifts_between(deformation)
             || self.between_camera_and_board.iter().any(|&n| deformation.moves_in(frame, n))
     }

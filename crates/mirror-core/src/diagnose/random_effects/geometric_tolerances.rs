@@ -1,54 +1,115 @@
-//! Many small errors everywhere: manufacturing tolerance, fitted as a group with a common spread.
+//! Many small errors everywhere, fitted as a group with a common spread for each kind: manufacturing tolerance, and what a person's hands
+//! leave of a set-up.
 //!
-//! Every relevant joint's zero and axis and every link's shape may be a little off: `θ_k ~ N(0, s²)`, one s for angles, one
-//! for the links' lengths and one for the markers' places. The spreads are found by maximising the marginal likelihood (empirical Bayes, by expectation and
-//! maximisation), so that the group takes what is spread over the robot and leaves what is concentrated to a single cause.
+//! Every relevant joint's zero and axis and every link's shape may be a little off, and so may board, camera and markers:
+//! `θ_k ~ N(0, s²)`, one s for each [`Kind`]. The spreads are found by maximising the marginal likelihood (empirical Bayes), so that the
+//! group takes what is spread over the robot and leaves what is concentrated to a single cause.
 //!
 //! Source: MacKay, "Bayesian interpolation" (1992), the evidence framework.
 
 use crate::diagnose::data::diagnosis::Member;
+use crate::diagnose::data::recording::{Tolerance, Tolerances};
 use crate::diagnose::effects::Place;
 use crate::diagnose::effects::hypothesis::{Catalogue, Model};
-use crate::diagnose::likelihood::fit::{Fit, FitOptions, Group, fit};
+use crate::diagnose::likelihood::fit::{Fit, FitOptions, Group, Linearised, fit};
 use crate::diagnose::model::elementary::{Atom, Column};
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::model::scene::Scene;
 use crate::error::Result;
 
-/// Where the spreads start: 1 mm and 0.3°.
-const START_SPREAD_M: f64 = 1e-3;
-const START_SPREAD_RAD: f64 = 5e-3;
-/// Below these a spread is nothing.
-const LEAST_SPREAD_M: f64 = 2e-6;
-const LEAST_SPREAD_RAD: f64 = 5e-6;
-const SPREAD_STEPS: usize = 10;
+/// Rounds in which spreads and values are found in turn, and steps of the spreads at each round's linear model.
+const ROUNDS: usize = 3;
+const SPREAD_STEPS: usize = 25;
+/// Spreads that changed by less than this (log) are settled.
+const SETTLED: f64 = 0.05;
 
-/// The group and its spreads.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct Geometry {
-    pub group: Group,
-    pub spread_m: f64,
-    pub spread_rad: f64,
-    /// Of the markers' places on their links.
-    pub mount_spread_m: f64,
+/// Angles, lengths of links, places of markers, of the board and of the camera: each kind has its own spread. What a person mounts is
+/// mounted by another tolerance than the links are made.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Kind {
+    Angle,
+    Length,
+    Marker,
+    BoardTurn,
+    BoardShift,
+    CameraTurn,
+    CameraShift,
 }
 
-/// Angles, lengths of links, places of markers: each kind has its own spread. A marker is mounted by other hands, and by
-/// another tolerance, than the links are made.
-pub(crate) const KINDS: usize = 3;
+pub(crate) const KINDS: usize = 7;
 
-/// Which kind an elementary small error is of, below [`KINDS`].
-pub(crate) fn kind(atom: Atom) -> usize {
-    match atom {
-        Atom::LinkShift(..) | Atom::OriginShift(..) => 1,
-        Atom::MarkerShift(..) => 2,
-        _ => 0,
+/// What is known of a spread before the data: its common size, as how many values that counts, and the bounds.
+struct Habit {
+    common: f64,
+    worth: f64,
+    least: f64,
+    most: f64,
+}
+
+impl Kind {
+    const ALL: [Self; KINDS] = [
+        Self::Angle,
+        Self::Length,
+        Self::Marker,
+        Self::BoardTurn,
+        Self::BoardShift,
+        Self::CameraTurn,
+        Self::CameraShift,
+    ];
+
+    /// Which kind an elementary small error is of.
+    pub fn of(atom: Atom) -> Self {
+        match atom {
+            Atom::LinkShift(..) | Atom::OriginShift(..) => Self::Length,
+            Atom::MarkerShift(..) => Self::Marker,
+            Atom::BoardMount(k) if k < 3 => Self::BoardTurn,
+            Atom::BoardMount(_) => Self::BoardShift,
+            Atom::CameraMount(k) if k < 3 => Self::CameraTurn,
+            Atom::CameraMount(_) => Self::CameraShift,
+            _ => Self::Angle,
+        }
     }
+
+    /// Whether a person mounts it.
+    pub fn is_of_setup(self) -> bool {
+        !matches!(self, Self::Angle | Self::Length)
+    }
+
+    /// Of tape and a hand: 3 mm and 1°. Joints' zeros are a few tenths of a degree off at most: more is an error of its own.
+    fn habit(self, setup_only: bool) -> Habit {
+        let nothing_known =
+            |common: f64, least: f64| Habit { common, worth: 0.0, least, most: f64::INFINITY };
+        match self {
+            Self::Angle if setup_only => Habit { common: 2.5e-3, worth: 3.0, least: 5e-6, most: 5e-3 },
+            Self::Angle => nothing_known(5e-3, 5e-6),
+            Self::Length => nothing_known(1e-3, 2e-6),
+            Self::Marker if setup_only => Habit { common: 3e-3, worth: 1.0, least: 2e-6, most: 0.015 },
+            Self::Marker => nothing_known(1e-3, 2e-6),
+            Self::BoardTurn | Self::CameraTurn => Habit { common: 0.02, worth: 1.0, least: 5e-6, most: 0.08 },
+            Self::BoardShift | Self::CameraShift => {
+                Habit { common: 4e-3, worth: 1.0, least: 2e-6, most: 0.02 }
+            }
+        }
+    }
+}
+
+/// The group and its spreads.
+#[derive(Debug, Clone)]
+pub(crate) struct Geometry {
+    pub group: Group,
+    spreads: [f64; KINDS],
+    /// The tolerances that the session states, column by column.
+    stated: Vec<Option<f64>>,
+    /// Whether it holds but the set-up and the joints' zeros, not the links.
+    pub setup_only: bool,
+    /// Whether board and camera are in it, so that the mounts are told by themselves and not as errors of the robot.
+    pub mounted: bool,
 }
 
 /// An elementary small error in the words of a single effect: its name, place and parameter.
 pub(crate) fn single_effect(atom: Atom) -> Option<(&'static str, Place, &'static str)> {
     let of_axis = |k: usize| ["dx_m", "dy_m", "dz_m"][k];
+    let of_pose = |k: usize| ["rx_rad", "ry_rad", "rz_rad", "dx_m", "dy_m", "dz_m"][k];
     Some(match atom {
         Atom::Joint(n) => ("joint_offset", Place::Joint(n), "offset_rad"),
         Atom::Tilt(n, 0) => ("axis_tilt", Place::Joint(n), "tilt_1_rad"),
@@ -56,13 +117,15 @@ pub(crate) fn single_effect(atom: Atom) -> Option<(&'static str, Place, &'static
         Atom::LinkShift(n, axis) => ("link_length", Place::Link(n), of_axis(axis)),
         Atom::OriginShift(n, axis) => ("joint_origin", Place::Joint(n), of_axis(axis)),
         Atom::MarkerShift(m, axis) => ("marker_mount", Place::Marker(m), of_axis(axis)),
+        Atom::BoardMount(k) => ("board_mount", Place::Board, of_pose(k)),
+        Atom::CameraMount(k) => ("camera_mount", Place::Camera, of_pose(k)),
         _ => return None,
     })
 }
 
 impl Geometry {
-    /// All columns of the group with spreads to start from.
-    pub fn new(problem: &Problem) -> Self {
+    /// All columns of the group with spreads to start from; with those of board and camera where a set-up was found displaced.
+    pub fn new(problem: &Problem, with_setup: bool) -> Self {
         let scene = &problem.scene;
         let mut columns = Vec::new();
         for n in (0..scene.nodes()).filter(|&n| scene.relevant[n]) {
@@ -79,22 +142,84 @@ impl Geometry {
             let shift = |k| if only_child { Atom::LinkShift(parent, k) } else { Atom::OriginShift(n, k) };
             columns.extend((0..3).map(|k| Column::constant(shift(k))));
         }
-        for m in (0..scene.marker_names.len()).filter(|&m| scene.mount_known[m]) {
-            columns.extend((0..3).map(|k| Column::constant(Atom::MarkerShift(m, k))));
+        columns.extend(markers(scene));
+        if with_setup {
+            columns.extend(mounts(scene));
         }
+        Self::of(columns, &problem.tolerances, false)
+    }
+
+    /// What a person mounted, and the joints' zeros; `without` are effects that are switched off. Empty where nothing was mounted.
+    pub fn of_setup(problem: &Problem, without: &[String]) -> Self {
+        let scene = &problem.scene;
+        let on = |name: &str| !without.iter().any(|w| w == name);
+        let mut columns: Vec<Column> = mounts(scene).chain(markers(scene)).collect();
+        columns.retain(|c| single_effect(c.atom).is_some_and(|(effect, ..)| on(effect)));
+        if !columns.is_empty() && on("geometry") {
+            let zeros = (0..scene.nodes()).filter(|&n| scene.relevant[n]);
+            columns.extend(zeros.map(|n| Column::constant(Atom::Joint(n))));
+        }
+        Self::of(columns, &problem.tolerances, true)
+    }
+
+    /// No group at all.
+    pub fn empty() -> Self {
+        Self::of(Vec::new(), &Tolerances::default(), true)
+    }
+
+    /// The set-up's displacements of the group, each in the words of its effect, once.
+    pub fn mounts(&self) -> impl Iterator<Item = (&'static str, Place)> + '_ {
+        let mut last = None;
+        let of_setup = self.group.columns.iter().filter(|c| Kind::of(c.atom).is_of_setup());
+        of_setup.filter_map(|c| single_effect(c.atom)).filter_map(move |(effect, place, _)| {
+            let new = last != Some((effect, place));
+            last = Some((effect, place));
+            new.then_some((effect, place))
+        })
+    }
+
+    fn of(mut columns: Vec<Column>, tolerances: &Tolerances, setup_only: bool) -> Self {
+        // What is exact is no random effect.
+        columns.retain(|c| stated(tolerances, c.atom) != Some(0.0));
+        let mounted = setup_only
+            || columns.iter().any(|c| matches!(c.atom, Atom::BoardMount(_) | Atom::CameraMount(_)));
         let mut out = Self {
+            stated: columns.iter().map(|c| stated(tolerances, c.atom)).collect(),
             group: Group { columns, prior_std: Vec::new() },
-            spread_m: START_SPREAD_M,
-            spread_rad: START_SPREAD_RAD,
-            mount_spread_m: START_SPREAD_M,
+            spreads: Kind::ALL.map(|kind| kind.habit(setup_only).common),
+            setup_only,
+            mounted,
         };
         out.set_priors();
         out
     }
 
     fn set_priors(&mut self) {
-        let spreads = [self.spread_rad, self.spread_m, self.mount_spread_m];
-        self.group.prior_std = self.group.columns.iter().map(|c| spreads[kind(c.atom)]).collect();
+        let spreads = self.group.columns.iter().map(|c| self.spread(Kind::of(c.atom)));
+        self.group.prior_std =
+            spreads.zip(&self.stated).map(|(spread, stated)| stated.unwrap_or(spread)).collect();
+    }
+
+    /// The spread of a kind, rad or m.
+    pub fn spread(&self, kind: Kind) -> f64 {
+        self.spreads[kind as usize]
+    }
+
+    /// The spread of zeros of which `told` values are told, their squares summing up to `sum`.
+    pub fn usual_zero(&self, sum: f64, told: f64) -> f64 {
+        let habit = Kind::Angle.habit(self.setup_only);
+        let spread = ((sum + habit.worth * habit.common.powi(2)) / (told + habit.worth).max(1e-9)).sqrt();
+        spread.clamp(habit.least, habit.most)
+    }
+
+    /// By how much the spreads differ from another group's, log.
+    pub fn change_from(&self, other: &Self) -> f64 {
+        let told = |kind: Kind| self.group.columns.iter().any(|c| Kind::of(c.atom) == kind);
+        Kind::ALL
+            .into_iter()
+            .filter(|&kind| told(kind))
+            .map(|kind| (self.spread(kind) / other.spread(kind)).ln().abs())
+            .sum()
     }
 
     /// Standard deviations of the spreads of angles and of links' lengths. A spread found from n values is known to one part
@@ -104,30 +229,50 @@ impl Geometry {
         let mut told = [0.0; KINDS];
         for (k, (column, prior)) in self.group.columns.iter().zip(&self.group.prior_std).enumerate() {
             let share = 1.0 - (fit.covariance[(first + k, first + k)] / (prior * prior)).clamp(0.0, 1.0);
-            told[kind(column.atom)] += share * share;
+            told[Kind::of(column.atom) as usize] += share * share;
         }
-        let std = |spread: f64, told: f64| spread * (2.0 * told).max(1.0).sqrt().recip();
-        [std(self.spread_rad, told[0]), std(self.spread_m, told[1])]
+        let std = |kind: Kind| self.spread(kind) * (2.0 * told[kind as usize]).max(1.0).sqrt().recip();
+        [std(Kind::Angle), std(Kind::Length)]
     }
 
-    /// Each small error of a fit, in the words of single effects, with its standard deviation.
+    /// How many of the robot's small errors the data tell: each counts by the share by which they narrow its spread.
+    pub fn told(&self, fit: &Fit) -> f64 {
+        let first = fit.model.nuisances.len();
+        let members = self.group.columns.iter().zip(&self.group.prior_std).enumerate();
+        members
+            .filter(|(_, (column, _))| self.is_of_robot(column))
+            .map(|(k, (_, prior))| 1.0 - fit.covariance[(first + k, first + k)] / (prior * prior))
+            .map(|share| share.clamp(0.0, 1.0))
+            .sum()
+    }
+
+    /// Each small error of the robot in a fit (not of the set-up), in the words of single effects, with its standard deviation.
     pub fn members(&self, fit: &Fit, scene: &Scene) -> Vec<Member> {
         let first = fit.model.nuisances.len();
         let told = self.group.columns.iter().zip(&fit.model.group).enumerate();
-        told.filter_map(|(k, (column, value))| {
-            let (effect, place, parameter) = single_effect(column.atom)?;
-            Some(Member {
-                effect: effect.into(),
-                at: place.name(scene),
-                parameter: parameter.into(),
-                value: *value,
-                std: fit.covariance[(first + k, first + k)].max(0.0).sqrt(),
+        told.filter(|(_, (column, _))| self.is_of_robot(column))
+            .filter_map(|(k, (column, value))| {
+                let (effect, place, parameter) = single_effect(column.atom)?;
+                Some(Member {
+                    effect: effect.into(),
+                    at: place.name(scene),
+                    parameter: parameter.into(),
+                    value: *value,
+                    std: fit.covariance[(first + k, first + k)].max(0.0).sqrt(),
+                })
             })
-        })
-        .collect()
+            .collect()
+    }
+
+    /// Whether a column is told as an error of the robot.
+    pub fn is_of_robot(&self, column: &Column) -> bool {
+        !(self.mounted && Kind::of(column.atom).is_of_setup())
     }
 
     /// Fits a model with the group, and the spreads, in turn.
+    ///
+    /// At each linear model the spreads are stepped to a maximum of the evidence, `s² ← (Σ μ² + ν s₀²) / (γ + ν)`, with
+    /// `γ = Σ (1 − Σ_kk / s²)` the number of values that the data tell, s₀ the common size and ν as how many values that counts.
     ///
     /// # Errors
     /// A camera or mirror that cannot be.
@@ -142,28 +287,76 @@ impl Geometry {
         let mut model = start.clone();
         model.group.resize(self.group.columns.len(), 0.0);
         let mut best = fit(problem, catalogue, &self.group, &model, options, mask)?;
-        for _ in 0..SPREAD_STEPS {
-            let first = best.model.nuisances.len();
-            let (mut sum, mut count) = ([0.0; KINDS], [0.0; KINDS]);
-            for (k, column) in self.group.columns.iter().enumerate() {
-                let kind = kind(column.atom);
-                let variance = best.covariance[(first + k, first + k)];
-                sum[kind] += best.model.group[k].powi(2) + variance;
-                count[kind] += 1.0;
+        for _ in 0..ROUNDS {
+            let here = Linearised::at(problem, catalogue, &self.group, &best.model, options, mask)?;
+            let before = self.clone();
+            for _ in 0..SPREAD_STEPS {
+                if !self.step_spreads(&here, best.model.nuisances.len()) {
+                    break;
+                }
             }
-            let (old_rad, old_m) = (self.spread_rad, self.spread_m);
-            let spread = |kind: usize| (sum[kind] / f64::max(count[kind], 1.0)).sqrt();
-            self.spread_rad = spread(0).max(LEAST_SPREAD_RAD);
-            self.spread_m = spread(1).max(LEAST_SPREAD_M);
-            self.mount_spread_m = spread(2).max(LEAST_SPREAD_M);
-            self.set_priors();
             best =
                 fit(problem, catalogue, &self.group, &best.model, FitOptions { steps: 3, ..options }, mask)?;
-            let change = (self.spread_rad / old_rad).ln().abs() + (self.spread_m / old_m).ln().abs();
-            if change < 0.05 {
+            if self.change_from(&before) < SETTLED {
                 break;
             }
         }
         Ok(best)
     }
+
+    /// One step of the spreads at a linear model; false where they are settled, or numbers overflow.
+    fn step_spreads(&mut self, here: &Linearised, first: usize) -> bool {
+        let Some((values, variances)) = here.posterior(first, &self.group.prior_std) else { return false };
+        let (mut sum, mut told) = ([0.0; KINDS], [0.0; KINDS]);
+        let learned = |k: &usize| self.stated[*k].is_none();
+        for k in (0..self.group.columns.len()).filter(learned) {
+            let (column, prior) = (&self.group.columns[k], self.group.prior_std[k]);
+            let kind = Kind::of(column.atom) as usize;
+            sum[kind] += values[k].powi(2);
+            told[kind] += 1.0 - (variances[k] / (prior * prior)).clamp(0.0, 1.0);
+        }
+        let before = self.clone();
+        for kind in Kind::ALL {
+            let (habit, at) = (kind.habit(self.setup_only), kind as usize);
+            let weight = told[at] + habit.worth;
+            if weight > LEAST_TOLD {
+                let next = ((sum[at] + habit.worth * habit.common.powi(2)) / weight).sqrt();
+                // Not in one leap: the next step's values depend on it.
+                let next = next.clamp(self.spreads[at] / LARGEST_STEP, self.spreads[at] * LARGEST_STEP);
+                self.spreads[at] = next.clamp(habit.least, habit.most);
+            }
+        }
+        self.set_priors();
+        self.change_from(&before) > 0.1 * SETTLED
+    }
+}
+
+/// A kind of which the data tell less than this of one value keeps its spread.
+const LEAST_TOLD: f64 = 0.05;
+/// A spread changes by no more than this factor in one step.
+const LARGEST_STEP: f64 = 3.0;
+
+/// What the session states of an elementary displacement of a mount, rad or m.
+fn stated(tolerances: &Tolerances, atom: Atom) -> Option<f64> {
+    let of = |tolerance: &Tolerance, k: usize| if k < 3 { tolerance.turn_rad } else { tolerance.shift_m };
+    match atom {
+        Atom::MarkerShift(m, _) => tolerances.markers.get(m)?.shift_m,
+        Atom::BoardMount(k) => of(&tolerances.board, k),
+        Atom::CameraMount(k) => of(&tolerances.camera, k),
+        _ => None,
+    }
+}
+
+/// Columns of the markers whose mounts are known.
+fn markers(scene: &Scene) -> impl Iterator<Item = Column> + '_ {
+    (0..scene.marker_names.len())
+        .filter(|&m| scene.mount_known[m])
+        .flat_map(|m| (0..3).map(move |k| Column::constant(Atom::MarkerShift(m, k))))
+}
+
+/// Columns of board and camera.
+fn mounts(scene: &Scene) -> impl Iterator<Item = Column> + '_ {
+    let board = (0..if scene.has_board { 6 } else { 0 }).map(|k| Column::constant(Atom::BoardMount(k)));
+    let camera = (0..if scene.has_camera { 6 } else { 0 }).map(|k| Column::constant(Atom::CameraMount(k)));
+    board.chain(camera)
 }

@@ -1,7 +1,9 @@
 //! Members of the group of small errors that are too large for it: single causes that only hide among the others.
 
 use crate::diagnose::effects::hypothesis::{Catalogue, Model, Term};
-use crate::diagnose::random_effects::geometric_tolerances::{Geometry, KINDS, kind, single_effect};
+use crate::diagnose::likelihood::fit::Fit;
+use crate::diagnose::model::elementary::Atom;
+use crate::diagnose::random_effects::geometric_tolerances::{Geometry, KINDS, Kind, single_effect};
 use std::collections::BTreeMap;
 
 /// One error with this share of the squares of all of its kind is no member of a group: of tens that are spread alike the largest
@@ -17,7 +19,7 @@ pub(crate) fn name_outlying(geometry: &Geometry, catalogue: &Catalogue, model: &
     let mut totals = [0.0; KINDS];
     let mut errors: BTreeMap<usize, (usize, Vec<usize>)> = BTreeMap::new();
     for (k, column) in geometry.group.columns.iter().enumerate() {
-        let its_kind = kind(column.atom);
+        let its_kind = Kind::of(column.atom) as usize;
         totals[its_kind] += model.group[k].powi(2);
         let Some((effect, place, _)) = single_effect(column.atom) else { continue };
         if let Some(h) = catalogue.find(effect, place) {
@@ -39,3 +41,54 @@ pub(crate) fn name_outlying(geometry: &Geometry, catalogue: &Catalogue, model: &
     model.terms.push(Term { hypothesis, variant: 0.0, parameters, prior_scale: 1.0 });
     true
 }
+
+/// The joint's zero that stands out of all others by so much that it is an error of its own: with it taken out, the others' spread is
+/// so much smaller that the data are likelier. Values count by the share of them that the data tell.
+///
+/// `log BF = Σ_{j≠k} [ln N(μ_j; s₋ₖ) − ln N(μ_j; s)] − ln N(μ_k; s) + ln N(μ_k; σ₀) + ln P`, s and s₋ₖ the spreads with and without it,
+/// σ₀ and P its prior as a cause.
+pub(crate) fn standing_out(setup: &Geometry, catalogue: &Catalogue, fit: &Fit) -> Option<Term> {
+    let first = fit.model.nuisances.len();
+    let mut zeros: Vec<(usize, f64, f64)> = Vec::new();
+    for (k, (column, prior)) in setup.group.columns.iter().zip(&setup.group.prior_std).enumerate() {
+        let (Atom::Joint(_), Some((effect, place, _))) = (column.atom, single_effect(column.atom)) else {
+            continue;
+        };
+        let told = 1.0 - (fit.covariance[(first + k, first + k)] / (prior * prior)).clamp(0.0, 1.0);
+        if let Some(h) = catalogue.find(effect, place)
+            && !fit.model.terms.iter().any(|t| t.hypothesis == h)
+        {
+            zeros.push((h, fit.model.group[k], told));
+        }
+    }
+    let spread = |but: Option<usize>| {
+        let others = zeros.iter().enumerate().filter(|(i, _)| Some(*i) != but);
+        let (sum, count) = others.fold((0.0, 0.0), |(s, c), (_, (_, v, told))| (s + v * v, c + told));
+        setup.usual_zero(sum, count)
+    };
+    let log_normal = |v: f64, s: f64| -0.5 * (v / s).powi(2) - s.ln();
+    let all = spread(None);
+    let value = |k: usize| {
+        let (h, own, _) = zeros[k];
+        let rest = spread(Some(k));
+        let others: f64 = zeros
+            .iter()
+            .enumerate()
+            .filter(|(i, _)| *i != k)
+            .map(|(_, (_, v, told))| told * (log_normal(*v, rest) - log_normal(*v, all)))
+            .sum();
+        let hypothesis = &catalogue.hypotheses[h];
+        let own = log_normal(own, hypothesis.prior_std[0]) - log_normal(own, all);
+        others + own + hypothesis.log_prior
+    };
+    let best = (0..zeros.len()).max_by(|&a, &b| value(a).total_cmp(&value(b)))?;
+    (value(best) > LEAST_LOG_ODDS).then(|| Term {
+        hypothesis: zeros[best].0,
+        variant: 0.0,
+        parameters: vec![0.0],
+        prior_scale: 1.0,
+    })
+}
+
+/// Log odds from which on a zero is an error of its own.
+const LEAST_LOG_ODDS: f64 = 3.0;

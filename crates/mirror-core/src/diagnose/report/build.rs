@@ -5,17 +5,19 @@ use crate::diagnose::assessment::gap_closed::gap_over;
 use crate::diagnose::assessment::noise_floor::Floor;
 use crate::diagnose::assessment::uncertainty::{Deviations, deviations};
 use crate::diagnose::criteria::cross_validation::seen_size;
-use crate::diagnose::criteria::marker_shift::marker_shift;
 use crate::diagnose::data::diagnosis::{
     Alternative, Cause, Checked, Diagnosis, Estimate, Ranked, Signature, SignaturePoint, Verdict, Where,
 };
 use crate::diagnose::data::recording::Recording;
-use crate::diagnose::effects::Place;
+use crate::diagnose::effects::{Concern, Place};
 use crate::diagnose::likelihood::score_test::Score;
 use crate::diagnose::model::elementary::Atom;
 use crate::diagnose::prepare::false_observations::MANY_FALSE;
 use crate::diagnose::prepare::row_slip::WHOLE_FRAME_STD;
+use crate::diagnose::random_effects::geometric_tolerances::{Geometry, Kind};
+use crate::diagnose::report::rms_shift::rms_shift;
 use crate::diagnose::report::sentence::sentence;
+use crate::diagnose::report::setup_causes::{setup_causes, zeros_log_bayes};
 use crate::diagnose::report::signature::free_errors;
 use crate::diagnose::selection::alternatives::Standing;
 use crate::error::Result;
@@ -143,6 +145,7 @@ fn causes(
         out.push(Cause {
             effect: effect.name().to_owned(),
             at: place.name(scene),
+            kind: effect.concern(place).word().into(),
             probability: standing.probability,
             parameters,
             alternatives: standing
@@ -165,6 +168,7 @@ fn causes(
                 out.push(Cause {
                     effect: "joint_compliance".into(),
                     at: place.name(scene),
+                    kind: Concern::Robot.word().into(),
                     probability: standing.probability,
                     parameters: BTreeMap::from([("compliance_rad_per_nm".to_owned(), droop)]),
                     alternatives: Vec::new(),
@@ -175,23 +179,40 @@ fn causes(
             }
         }
     }
-    if let Some(geometry) = &findings.geometry {
+    if let Some(setup) = &findings.geometry {
+        out.extend(setup_causes(findings, setup)?);
+    }
+    let of_robot = |g: &&Geometry| !g.setup_only || zeros_log_bayes(g, &found.fit) > LEAST_ZEROS_ODDS;
+    if let Some(geometry) = findings.geometry.as_ref().filter(of_robot) {
         let bare = {
             let mut m = found.fit.model.clone();
-            m.group.iter_mut().for_each(|g| *g = 0.0);
+            let columns = geometry.group.columns.iter();
+            m.group
+                .iter_mut()
+                .zip(columns)
+                .filter(|(_, c)| geometry.is_of_robot(c))
+                .for_each(|(g, _)| *g = 0.0);
             search.deformation(&m)
         };
         let [std_rad, std_m] = geometry.spread_stds(&found.fit);
+        // Where the links are as the model has them, their spread is not in question.
+        let (spread_m, std_m) =
+            if geometry.setup_only { (0.0, 0.0) } else { (geometry.spread(Kind::Length), std_m) };
         out.push(Cause {
             effect: "geometry".into(),
             at: "robot".into(),
+            kind: Concern::Robot.word().into(),
             probability: 0.95,
             parameters: BTreeMap::from([
-                ("spread_m".to_owned(), Estimate { value: geometry.spread_m, std: std_m }),
-                ("spread_rad".to_owned(), Estimate { value: geometry.spread_rad, std: std_rad }),
+                ("spread_m".to_owned(), Estimate { value: spread_m, std: std_m }),
+                ("spread_rad".to_owned(), Estimate { value: geometry.spread(Kind::Angle), std: std_rad }),
             ]),
             alternatives: Vec::new(),
-            words: "many small errors of links, axes and zeros together: manufacturing tolerance".into(),
+            words: if geometry.setup_only {
+                "small errors of the joints' zeros all over the robot".into()
+            } else {
+                "many small errors of links, axes and zeros together: manufacturing tolerance".into()
+            },
             rms_shift: rms_shift(findings, &bare, &all)?,
             members: geometry.members(&found.fit, scene),
         });
@@ -203,6 +224,7 @@ fn causes(
         out.push(Cause {
             effect: "pairing".into(),
             at: "data".into(),
+            kind: "data".into(),
             probability: 0.98,
             parameters: BTreeMap::from([
                 ("first_frame".to_owned(), whole(number(slip.first), first_std)),
@@ -218,18 +240,8 @@ fn causes(
     Ok(out)
 }
 
-/// RMS over markers of the shift between two deformations, in the unit of what was seen.
-fn rms_shift(
-    findings: &Findings<'_>,
-    from: &crate::diagnose::model::deformation::Deformation,
-    to: &crate::diagnose::model::deformation::Deformation,
-) -> Result<f64> {
-    let search = &findings.search;
-    let noise = search.measured_noise;
-    let squares = marker_shift(&search.problem, from, to, noise)?;
-    let unit = if search.problem.camera.is_some() { noise.marker_px } else { noise.point_m };
-    Ok((squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt() * unit)
-}
+/// Log odds from which on the joints' zeros all together are told as `geometry`.
+const LEAST_ZEROS_ODDS: f64 = 5.0;
 
 /// Shares of the gap by place: what each cause moves, and what is unexplained.
 fn places(findings: &Findings<'_>, causes: &[Cause]) -> Vec<Where> {

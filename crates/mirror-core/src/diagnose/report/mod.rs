@@ -3,6 +3,8 @@
 pub(super) mod build;
 pub(super) mod fields;
 pub(super) mod plots;
+pub(super) mod rms_shift;
 pub(super) mod seen_markers;
 pub(super) mod sentence;
+pub(super) mod setup_causes;
 pub(super) mod signature;

@@ -150,6 +150,7 @@ mod tests {
             let alternatives =
                 vec![Alternative { effect: effect.into(), at: at.into(), probability: 0.98 - probability }];
             name(&Cause {
+                kind: "robot".into(),
                 effect: "backlash".into(),
                 at: "joint:elbow".into(),
                 probability,

@@ -18,13 +18,15 @@ pub(crate) struct SearchOptions {
     pub refined: usize,
     /// Whether free-form errors are left alone.
     pub named_only: bool,
+    /// Hypotheses that are no candidates: what they would explain is in the group.
+    pub left_out: Vec<usize>,
     /// A cause is kept when its log posterior odds against "not there" exceed this: 3 is 20 to 1.
     pub least_log_odds: f64,
 }
 
 impl Default for SearchOptions {
     fn default() -> Self {
-        Self { most_causes: 6, refined: 6, named_only: false, least_log_odds: 3.0 }
+        Self { most_causes: 6, refined: 6, named_only: false, left_out: Vec::new(), least_log_odds: 3.0 }
     }
 }
 
@@ -188,7 +190,10 @@ impl Search<'_> {
     /// The best variant of each of the `count` best hypotheses that could be the best when fitted exactly.
     fn most_promising<'s>(&self, scores: &'s [Score], count: usize, but: Option<usize>) -> Vec<&'s Score> {
         let value = |s: &Score| s.log_bayes + self.catalogue.hypotheses[s.hypothesis].log_prior;
-        let wanted = |s: &&Score| !(self.options.named_only && self.catalogue.is_free(s.hypothesis));
+        let wanted = |s: &&Score| {
+            !(self.options.named_only && self.catalogue.is_free(s.hypothesis))
+                && !self.options.left_out.contains(&s.hypothesis)
+        };
         let mut sorted: Vec<&Score> = scores.iter().filter(wanted).collect();
         sorted.sort_by(|a, b| value(b).total_cmp(&value(a)));
         let best = sorted.first().map_or(0.0, |s| value(s));

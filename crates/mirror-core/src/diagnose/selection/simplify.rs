@@ -4,6 +4,7 @@
 use crate::diagnose::criteria::cross_validation::{PostureGap, held_out, in_sample, seen_size};
 use crate::diagnose::effects::hypothesis::{Model, Term};
 use crate::diagnose::likelihood::fit::Group;
+use crate::diagnose::random_effects::geometric_tolerances::{Geometry, single_effect};
 use crate::diagnose::selection::alternatives::Standing;
 use crate::diagnose::selection::search::{Found, Search};
 use crate::error::Result;
@@ -62,14 +63,19 @@ pub(crate) fn drop_useless(
     search: &mut Search<'_>,
     found: &mut Found,
     after: &mut Vec<PostureGap>,
+    beside: Option<&Geometry>,
 ) -> Result<()> {
-    let least = if search.group.columns.is_empty() {
-        LEAST_HELD_OUT_GAIN
-    } else {
-        LEAST_HELD_OUT_GAIN_BESIDE_GEOMETRY
+    let least = match beside {
+        None => LEAST_HELD_OUT_GAIN,
+        Some(group) if group.setup_only => 0.0,
+        Some(_) => LEAST_HELD_OUT_GAIN_BESIDE_GEOMETRY,
     };
     let mut i = 0;
     while i < found.fit.model.terms.len() {
+        if stands_out_of(beside, search, &found.fit.model.terms[i]) {
+            i += 1;
+            continue;
+        }
         let without = search.fit(&found.fit.model.without(i), found.noise, 6)?;
         // Where even the fitted postures are worse off, those held out need not be looked at.
         let fitted = in_sample(&search.problem, &search.deformation(&without.model), search.measured_noise)?;
@@ -89,6 +95,29 @@ pub(crate) fn drop_useless(
         }
     }
     Ok(())
+}
+
+/// Whether what was found leaves the held-out gap no smaller than the nominal model does.
+pub(crate) fn named_in_vain(
+    search: &Search<'_>,
+    found: &Found,
+    before: &[PostureGap],
+    after: &[PostureGap],
+) -> bool {
+    let model = &found.fit.model;
+    let named = model.terms.iter().any(|t| !search.catalogue.is_free(t.hypothesis));
+    // Written so that NaN is in vain.
+    (named || !model.group.is_empty()) && !(seen_size(after) < seen_size(before))
+}
+
+/// Whether a cause is one that stands out of a set-up's own small errors: these would predict as well without it, less credibly.
+fn stands_out_of(beside: Option<&Geometry>, search: &Search<'_>, term: &Term) -> bool {
+    let own =
+        (search.catalogue.effect(term.hypothesis).name(), search.catalogue.hypotheses[term.hypothesis].place);
+    beside.filter(|group| group.setup_only).is_some_and(|group| {
+        let mut members = group.group.columns.iter().filter_map(|c| single_effect(c.atom));
+        members.any(|(effect, place, _)| (effect, place) == own)
+    })
 }
 
 /// The held-out gap of the named causes alone: what has no name cannot be added to a model, so what it leaves is left. A cause

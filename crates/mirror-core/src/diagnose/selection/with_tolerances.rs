@@ -6,7 +6,7 @@ use crate::diagnose::effects::hypothesis::{Model, Term};
 use crate::diagnose::likelihood::fit::{FitOptions, fit};
 use crate::diagnose::likelihood::score_test::screen;
 use crate::diagnose::model::problem::Noise;
-use crate::diagnose::random_effects::geometric_tolerances::Geometry;
+use crate::diagnose::random_effects::geometric_tolerances::{Geometry, Kind};
 use crate::diagnose::random_effects::outlier_tolerances::name_outlying;
 use crate::diagnose::selection::nonparametric::log_odds;
 use crate::diagnose::selection::search::{Found, Search};
@@ -18,9 +18,14 @@ const LOG_PRIOR_GEOMETRY: f64 = -10.0;
 const LEAST_GROUP_SHARE: f64 = 0.02;
 /// Joints that are tried as elastic together: one at a time none may stand out from the small errors, all of them do.
 const ELASTIC: usize = 4;
-/// From so many places of causes and free-form errors on, prediction of held-out regions decides, not evidence: many pieces together
+/// From so many places of causes and free-form errors on, prediction of held-out regions alone decides, not evidence: many pieces together
 /// can imitate what they are not.
 const PIECES: usize = 3;
+/// Many small errors are at least so many that the data tell.
+const FEWEST_TOLD: f64 = 5.0;
+/// Where they leave so many times the measurement's noise they must shrink the gap by more than chance can.
+const LOUD: f64 = 5.0;
+const LEAST_RATIO_WHERE_LOUD: f64 = 0.8;
 /// The held-out gap with many small errors must be smaller than without by this factor.
 const LEAST_HELD_OUT_RATIO: f64 = 0.98;
 
@@ -48,7 +53,7 @@ pub(crate) fn beside_geometry<'a>(
     (its_search, alone): (&mut Search<'a>, &mut Found),
     nominal: &Model,
 ) -> Result<Option<BesideGeometry<'a>>> {
-    let mut geometry = Geometry::new(&named.problem);
+    let mut geometry = Geometry::new(&named.problem, !named.group.columns.is_empty());
     if geometry.group.columns.is_empty() {
         return Ok(None);
     }
@@ -63,14 +68,12 @@ pub(crate) fn beside_geometry<'a>(
     let mut found = None;
     for _ in 0..2 {
         search.group = geometry.group.clone();
-        let spreads = (geometry.spread_m, geometry.spread_rad);
+        let before = geometry.clone();
         let next = search.run(start.clone())?;
         noise = next.noise;
         start = geometry.fit(&search.problem, named.catalogue, &next.fit.model, at(noise, 4), None)?.model;
         found = Some(next);
-        let change =
-            (geometry.spread_m / spreads.0).ln().abs() + (geometry.spread_rad / spreads.1).ln().abs();
-        if change < SPREADS_SETTLED {
+        if geometry.change_from(&before) < SPREADS_SETTLED {
             break;
         }
     }
@@ -92,7 +95,7 @@ pub(crate) fn beside_geometry<'a>(
     if hidden {
         // The causes that stand out may be all that there is.
         let mut bare = named.clone();
-        let causes = Model { group: Vec::new(), ..found.fit.model.clone() };
+        let causes = Model { group: vec![0.0; named.group.columns.len()], ..found.fit.model.clone() };
         let mut without = bare.run(causes)?;
         if log_odds((&bare, &without), (its_search, alone))? > 0.0 {
             alone.trace.push("causes that stood out of the small errors, without these:".into());
@@ -102,16 +105,20 @@ pub(crate) fn beside_geometry<'a>(
         }
     }
     let odds = log_odds((&search, &found), (its_search, alone))? + LOG_PRIOR_GEOMETRY;
-    let mut better = odds > 0.0;
+    // A spread that rests on a few values says nothing about many.
+    let mut better = odds > 0.0 && geometry.told(&found.fit) > FEWEST_TOLD;
     let mut told = format!(
         "beside geometry (spread {:.3} mm, {:.3} mrad): log odds {odds:.1}",
-        geometry.spread_m * 1e3,
-        geometry.spread_rad * 1e3
+        geometry.spread(Kind::Length) * 1e3,
+        geometry.spread(Kind::Angle) * 1e3
     );
-    if places(its_search, alone) >= PIECES {
+    let pieces = places(its_search, alone) >= PIECES;
+    if better || pieces {
         let with = seen_size(&search.held_out(&found.fit.model, found.noise)?);
         let without = seen_size(&its_search.held_out(&alone.fit.model, alone.noise)?);
-        better = with < LEAST_HELD_OUT_RATIO * without;
+        let loud = found.noise.marker_px > LOUD * search.measured_noise.marker_px;
+        let ratio = if loud { LEAST_RATIO_WHERE_LOUD } else { LEAST_HELD_OUT_RATIO };
+        better = (better || pieces) && with < ratio * without;
         told += &format!(", held-out gap {:.3} of that without", with / without.max(1e-30));
     }
     let mut trace = alone.trace.clone();
@@ -137,7 +144,7 @@ fn drop_tolerances(search: &Search<'_>, geometry: &Geometry, found: &mut Found) 
             .map(|f| error.joint_delta(f, node))
             .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
         !search.problem.scene.body.nodes[node].prismatic
-            && 0.5 * (high - low) < STANDS_OUT * geometry.spread_rad
+            && 0.5 * (high - low) < STANDS_OUT * geometry.spread(Kind::Angle)
     };
     let mut rest = found.fit.model.clone();
     let scene = &search.problem.scene;

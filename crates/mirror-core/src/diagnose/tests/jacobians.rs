@@ -15,7 +15,12 @@ use std::sync::Arc;
 
 /// A small session with a neck between camera and board, so that body atoms move the board's corners too.
 fn problem() -> Problem {
-    let world = World::new(4, true);
+    problem_with(true)
+}
+
+/// The same, with a neck between camera and board or with both on one body.
+fn problem_with(neck: bool) -> Problem {
+    let world = World::new(4, neck);
     let robot = Robot::from_urdf_str(&world.urdf()).unwrap();
     let plan = Plan {
         postures: 3,
@@ -42,6 +47,7 @@ fn somewhere(problem: &Problem) -> Deformation {
     d.marker_shift[1] = Vector3::new(0.002, 0.001, -0.001);
     d.camera_mount[1] = 0.004;
     d.camera_mount[3] = 0.002;
+    d.board_mount = nalgebra::Vector6::new(0.01, -0.006, 0.004, 0.002, -0.001, 0.003);
     d.focal_scale_error = 0.003;
     d.dk1 = 0.01;
     d.board_scale_error = 0.002;
@@ -64,6 +70,7 @@ fn atoms(problem: &Problem) -> Vec<Atom> {
         out.extend((0..problem.marker_sites.len()).map(|m| Atom::MarkerShift(m, k)));
     }
     out.extend((0..6).map(Atom::CameraMount));
+    out.extend((0..6).map(Atom::BoardMount));
     out.extend([Atom::Focal, Atom::Center(0), Atom::Center(1), Atom::Dk1, Atom::BoardScale]);
     out.extend([Atom::Glass, Atom::Curvature]);
     out.extend((0..nodes).flat_map(|n| (0..3).map(move |k| Atom::Turn(n, k))));
@@ -113,9 +120,9 @@ fn off_plane(work: &FrameWork) -> DMatrix<f64> {
 
 #[test]
 fn every_atoms_column_is_the_derivative_of_the_exact_model() {
-    let problem = problem();
-    let deformation = somewhere(&problem);
-    for frame in [0, 3] {
+    for (neck, frame) in [(true, 0), (true, 3), (false, 2)] {
+        let problem = problem_with(neck);
+        let deformation = somewhere(&problem);
         let work = evaluated(&problem, &deformation, frame);
         let off = off_plane(&work);
         let mut checked = 0;
@@ -198,7 +205,7 @@ fn flat(problem: &Problem, d: &Deformation) -> DVector<f64> {
     }
     out.extend(d.tilt.iter().flat_map(|t| [t.x, t.y]));
     out.extend(d.link_shift.iter().chain(&d.origin_shift).flat_map(|s| [s.x, s.y, s.z]));
-    out.extend(d.camera_mount.iter());
+    out.extend(d.camera_mount.iter().chain(&d.board_mount));
     out.extend([d.focal_scale_error, d.center_px.x, d.center_px.y, d.dk1, d.board_scale_error]);
     out.extend([d.glass_thickness_m, d.curvature_per_m]);
     DVector::from_vec(out)

@@ -2,7 +2,7 @@
 
 use super::work::{FrameWork, PROJECTED, Rows};
 use crate::diagnose::model::deformation::Deformation;
-use crate::diagnose::model::elementary::{Atom, body_twist, moves};
+use crate::diagnose::model::elementary::{Atom, Twist, body_twist, moves};
 use crate::diagnose::model::free_values::FREE_OPTICS;
 use crate::diagnose::model::problem::Problem;
 use nalgebra::Vector3;
@@ -21,7 +21,28 @@ fn motion(problem: &Problem, row: &Rows, atom: Atom) -> Option<f64> {
     (target != observer).then_some(if target { 1.0 } else { -1.0 })
 }
 
+/// How the board's mount moves a row's target against its observer: the board itself, and a camera that rides beside it.
+fn board_motion(problem: &Problem, row: &Rows) -> Option<f64> {
+    let target = row.marker.is_none();
+    let observer = !row.measured && problem.camera_beside_board();
+    (target != observer).then_some(if target { 1.0 } else { -1.0 })
+}
+
 impl FrameWork {
+    /// The velocity field of the board's mount: of `nominal ∘ (Exp ω, t)` by ω or t.
+    fn board_twist(&self, problem: &Problem, deformation: &Deformation, k: usize) -> Option<Twist> {
+        let actual = self.world_from_board(&problem.board?);
+        let turn = deformation.board_mount.fixed_rows::<3>(0).into_owned();
+        if k < 3 {
+            // Exp(ω + dω) = Exp(ω) Exp(J_r dω).
+            let by_turn = crate::geometry::rotation::right_jacobian(&turn);
+            return Some(Twist::about(&actual.t, actual.r * by_turn.column(k)));
+        }
+        // The shift is told in the nominal frame: R = R_actual Exp(ω)ᵀ.
+        let nominal = actual.r * crate::diagnose::model::pose::exp(&turn).transpose();
+        Some(Twist::along(nominal.column(k - 3).into_owned()))
+    }
+
     /// Writes a column's rows and its projection (`row_count + 3` numbers); false where the atom moves nothing here.
     pub fn column(
         &self,
@@ -46,7 +67,10 @@ impl FrameWork {
         out[..self.row_count + PROJECTED].fill(0.0);
         let mut span: Option<Span> = None;
         let mut gradient = Vector3::zeros();
-        let twist = body_twist(atom, &problem.scene, &self.poses, deformation, frame);
+        let twist = match atom {
+            Atom::BoardMount(k) => self.board_twist(problem, deformation, k),
+            _ => body_twist(atom, &problem.scene, &self.poses, deformation, frame),
+        };
         let mut at = 0;
         // Rows of one target follow each other: whether the atom moves it is asked once.
         let mut last = None;
@@ -54,10 +78,15 @@ impl FrameWork {
             let value = match &twist {
                 Some(twist) => {
                     let sign = match last {
-                        Some((node, observer, sign)) if node == row.node && observer == row.observer => sign,
+                        Some((node, observer, marker, sign))
+                            if node == row.node && observer == row.observer && marker == row.marker =>
+                        {
+                            sign
+                        }
+                        _ if matches!(atom, Atom::BoardMount(_)) => board_motion(problem, row),
                         _ => motion(problem, row, atom),
                     };
-                    last = Some((row.node, row.observer, sign));
+                    last = Some((row.node, row.observer, row.marker, sign));
                     sign.map(|s| row.by_world * (twist.omega.cross(&row.point) + twist.shift) * s)
                 }
                 None => self.rows_of(problem, row, atom),
@@ -122,6 +151,7 @@ fn optics_column(atom: Atom) -> Option<usize> {
         | Atom::LinkShift(..)
         | Atom::OriginShift(..)
         | Atom::MarkerShift(..)
+        | Atom::BoardMount(_)
         | Atom::FreeOptics(_)
         | Atom::FramePose(_) => None,
     }

@@ -34,7 +34,7 @@ impl FrameWork {
     pub(super) fn observe_board(&mut self, problem: &Problem, task: &Task<'_>, data: &FrameData) {
         let (Some(eye), Some(board)) = (task.eye, problem.board) else { return };
         let camera_from_world = self.camera_from_world(problem, eye);
-        let world_from_board = self.poses.site(&board);
+        let world_from_board = self.world_from_board(&board);
         let mixture = pixel_mixture(eye, task.noise.corner_px);
         for (index, pixel) in &data.corners {
             let seen = Corner { index: *index, board: board.node };
@@ -72,7 +72,7 @@ impl FrameWork {
                         Seen::Corner(index) => {
                             let Some(board) = problem.board else { continue };
                             let corner = Corner { index: *index, board: board.node };
-                            (SeenAt::Corner(corner), self.poses.site(&board), task.noise.corner_px)
+                            (SeenAt::Corner(corner), self.world_from_board(&board), task.noise.corner_px)
                         }
                     };
                     let mixture = pixel_mixture(eye, std);

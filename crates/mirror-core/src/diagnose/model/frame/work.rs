@@ -1,14 +1,14 @@
 //! The workspace of one frame: its mirror fitted, its rows evaluated.
 
 use super::sight::{Wanted, mirrored_pixel, start_of_plane};
-use crate::diagnose::model::body::NodeId;
+use crate::diagnose::model::body::{NodeId, Site};
 use crate::diagnose::model::camera_and_mirror::Eye;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::free_optics::{FreeColumns, corner_point};
 use crate::diagnose::model::kinematics::NodePoses;
 use crate::diagnose::model::pose::{Pose, exp};
 use crate::diagnose::model::problem::{BoardFit, FrameData, Noise, Problem};
-use nalgebra::{Matrix3, SMatrix, Vector2, Vector3};
+use nalgebra::{Matrix3, SMatrix, Vector2, Vector3, Vector6};
 
 /// Gauss–Newton steps for a board's plane; it starts within millimetres and converges quadratically.
 const BOARD_STEPS: usize = 12;
@@ -64,6 +64,8 @@ pub(crate) struct FrameWork {
     board_gradient: Vector3<f64>,
     /// Whitened χ² of the board above that at its own best plane.
     pub board_excess: f64,
+    /// How the board's displaced mount moves it in the world; none where it sits as the model has it.
+    board_moved: Option<Pose>,
     pub(super) root: Pose,
     pub(super) unknown: Option<Pose>,
     pub residual: Vec<f64>,
@@ -128,6 +130,7 @@ impl FrameWork {
             board_excess: 0.0,
             root: Pose::identity(),
             unknown: None,
+            board_moved: None,
             residual: Vec::new(),
             optics: Vec::new(),
             free: Vec::new(),
@@ -140,11 +143,25 @@ impl FrameWork {
         self.poses.update(&problem.scene.body, commanded, deformation, frame);
         self.frame = frame;
         self.root = self.poses.site(&problem.scene.body.root);
+        self.board_moved =
+            problem.board.filter(|_| deformation.board_mount != Vector6::zeros()).map(|board| {
+                let world_from_board = self.poses.site(&board);
+                moved(&world_from_board, &deformation.board_mount).then(&world_from_board.inverse())
+            });
+    }
+
+    /// The board's actual pose in the world.
+    pub(super) fn world_from_board(&self, board: &Site) -> Pose {
+        let nominal = self.poses.site(board);
+        self.board_moved.map_or(nominal, |moved| moved.then(&nominal))
     }
 
     /// The world in the camera's (actual) optical frame.
     pub(super) fn camera_from_world(&self, problem: &Problem, eye: &Eye) -> Pose {
-        let world_from_mount = problem.camera_site.map_or_else(Pose::identity, |s| self.poses.site(&s));
+        let mut world_from_mount = problem.camera_site.map_or_else(Pose::identity, |s| self.poses.site(&s));
+        if let Some(moved) = self.board_moved.filter(|_| problem.camera_beside_board()) {
+            world_from_mount = moved.then(&world_from_mount);
+        }
         eye.camera_from_mount.then(&world_from_mount.inverse())
     }
 
@@ -163,7 +180,7 @@ impl FrameWork {
             return None;
         }
         self.pose(problem, deformation, frame);
-        let camera_from_board = self.camera_from_world(problem, eye).then(&self.poses.site(&board));
+        let camera_from_board = self.camera_from_world(problem, eye).then(&self.world_from_board(&board));
         let scale = 1.0 + deformation.board_scale_error;
         let points: Vec<Vector3<f64>> = corners
             .iter()
@@ -225,7 +242,7 @@ impl FrameWork {
             return Vec::new();
         };
         self.pose(problem, nominal, frame);
-        let camera_from_board = self.camera_from_world(problem, eye).then(&self.poses.site(&board));
+        let camera_from_board = self.camera_from_world(problem, eye).then(&self.world_from_board(&board));
         problem.frames[frame]
             .corners
             .iter()
@@ -425,7 +442,7 @@ impl FrameWork {
 }
 
 /// Moves a pose by the project's tangent: `pose ∘ (Exp ω, v)`.
-fn moved(pose: &Pose, tangent: &nalgebra::Vector6<f64>) -> Pose {
+fn moved(pose: &Pose, tangent: &Vector6<f64>) -> Pose {
     let omega = tangent.fixed_rows::<3>(0).into_owned();
     let shift = tangent.fixed_rows::<3>(3).into_owned();
     pose.then(&Pose { r: exp(&omega), t: shift })

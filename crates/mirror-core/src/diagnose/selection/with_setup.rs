@@ -1,0 +1,189 @@
+//! The search for causes with the set-up free: what a person mounted by hand sits a little elsewhere than the URDF says, and must
+//! neither hide a cause of the robot nor pass for one.
+//!
+//! The mounts of board, camera and markers and the joints' zeros are random effects of every model that is fitted here: each
+//! hypothesis is scored with all of them projected out at their spreads, each candidate is fitted together with them. The spreads
+//! are learned where they are not stated. Where the data are as likely without any of it, the search without is the answer.
+
+use crate::diagnose::criteria::lack_of_fit::adequacy;
+use crate::diagnose::effects::hypothesis::Model;
+use crate::diagnose::likelihood::fit::FitOptions;
+use crate::diagnose::likelihood::noise;
+use crate::diagnose::model::problem::Noise;
+use crate::diagnose::prepare::false_observations::without_false;
+use crate::diagnose::random_effects::geometric_tolerances::{Geometry, Kind};
+use crate::diagnose::random_effects::outlier_tolerances::standing_out;
+use crate::diagnose::selection::nonparametric::log_odds;
+use crate::diagnose::selection::search::{Found, Search, SearchOptions};
+use crate::error::Result;
+
+/// Log prior odds of a displaced set-up against a session that was mounted by a machine.
+const LOG_PRIOR_SETUP: f64 = -6.0;
+/// A cause beside the set-up is kept from these log odds on: what else could be in its place is in the model already.
+const LEAST_LOG_ODDS: f64 = 2.0;
+/// Causes that explain the data nearly as well without the set-up (log evidence) do so alone.
+const NEEDLESS_SETUP: f64 = 12.0;
+/// Rounds in which causes and spreads are found in turn.
+const ROUNDS: usize = 3;
+/// Spreads that changed by less than this (log, summed over the kinds) need no second search.
+const SPREADS_SETTLED: f64 = 0.7;
+/// The markers' noise is told anew where what it seemed is more than this share too large.
+const NOISE_SETTLED: f64 = 0.95;
+
+/// Causes beside a displaced set-up.
+pub(crate) struct WithSetup<'a> {
+    pub setup: Geometry,
+    pub search: Search<'a>,
+    pub found: Found,
+}
+
+/// Whether a model leaves no more than noise: of the markers, and of the board's corners.
+///
+/// # Errors
+/// A camera or mirror that cannot be.
+pub(crate) fn suffices(search: &Search<'_>, found: &Found) -> Result<bool> {
+    let deformation = search.deformation(&found.fit.model);
+    let (clean, _) = without_false(&search.problem, &deformation, found.noise)?;
+    let left = adequacy(&clean, &deformation, search.measured_noise)?;
+    Ok(!left.significant && !left.corners_significant)
+}
+
+/// As many causes are searched before the set-up is set free.
+const FEW_CAUSES: usize = 3;
+
+/// The search for causes, beside a displaced set-up where a few causes do not suffice; with it the set-up, where it is displaced.
+///
+/// # Errors
+/// A camera or mirror that cannot be.
+pub(crate) fn with_or_without_setup(
+    search: &mut Search<'_>,
+    nominal: &Model,
+    stated: Noise,
+    without: &[String],
+) -> Result<(Found, Option<Geometry>)> {
+    let mounted = Geometry::of_setup(&search.problem, without);
+    if mounted.group.columns.is_empty() {
+        return Ok((search.run(nominal.clone())?, None));
+    }
+    let most_causes = search.options.most_causes;
+    search.options.most_causes = most_causes.min(FEW_CAUSES);
+    let mut few = search.run(nominal.clone())?;
+    search.options.most_causes = most_causes;
+    if !suffices(search, &few)?
+        && let Some(freed) = with_setup(search, &few, nominal, stated, mounted)?
+    {
+        *search = freed.search;
+        return Ok((freed.found, Some(freed.setup).filter(|s| !s.group.columns.is_empty())));
+    }
+    if few.fit.model.terms.len() < most_causes.min(FEW_CAUSES) {
+        return Ok((few, None));
+    }
+    let mut more = search.run(few.fit.model.clone())?;
+    more.trace.splice(0..0, core::mem::take(&mut few.trace));
+    Ok((more, None))
+}
+
+/// The search with the set-up free; none where there is no set-up, or where the data are no likelier with it displaced than with the
+/// causes that were found `alone`.
+///
+/// # Errors
+/// A camera or mirror that cannot be.
+pub(crate) fn with_setup<'a>(
+    plain: &Search<'a>,
+    alone: &Found,
+    nominal: &Model,
+    stated: Noise,
+    mut setup: Geometry,
+) -> Result<Option<WithSetup<'a>>> {
+    let told_as_mounts = setup.mounts().filter_map(|(effect, place)| plain.catalogue.find(effect, place));
+    let mut search = Search {
+        group: setup.group.clone(),
+        options: SearchOptions {
+            left_out: told_as_mounts.collect(),
+            least_log_odds: LEAST_LOG_ODDS,
+            ..plain.options.clone()
+        },
+        ..plain.clone()
+    };
+    let mut start = nominal.clone();
+    start.group = vec![0.0; setup.group.columns.len()];
+    // The mounts first at their common spreads, at the noise that they leave.
+    for _ in 0..2 {
+        let scatter = search.effective(&start)?;
+        start = search.fit(&start, scatter, 6)?.model;
+    }
+    look_again_at_noise(&mut search, &start, stated)?;
+    let mut trace = alone.trace.clone();
+    let mut result: Option<Found> = None;
+    for _ in 0..ROUNDS {
+        let mut next = search.run(start.clone())?;
+        trace.append(&mut next.trace);
+        let before = setup.clone();
+        let options = FitOptions { noise: next.noise, steps: 4 };
+        next.fit = setup.fit(&search.problem, search.catalogue, &next.fit.model, options, None)?;
+        search.group = setup.group.clone();
+        let mut again = look_again_at_noise(&mut search, &next.fit.model, stated)?;
+        if let Some(term) = standing_out(&setup, search.catalogue, &next.fit) {
+            let name = search.catalogue.name(&search.problem.scene, term.hypothesis);
+            trace.push(format!("{name} stands out of the other zeros"));
+            next.fit.model.terms.push(term);
+            next.fit = setup.fit(&search.problem, search.catalogue, &next.fit.model, options, None)?;
+            search.group = setup.group.clone();
+            again = true;
+        }
+        start = next.fit.model.clone();
+        next.noise = search.effective(&start)?;
+        result = Some(next);
+        if !again && setup.change_from(&before) < SPREADS_SETTLED {
+            break;
+        }
+    }
+    let Some(mut found) = result else { return Ok(None) };
+    found.fit = search.prune(found.fit, found.noise, &mut trace)?;
+    let odds = log_odds((&search, &found), (plain, alone))? + LOG_PRIOR_SETUP;
+    trace.push(format!("with the set-up free ({}): log odds {odds:.1}", told(&setup)));
+    found.trace = trace;
+    if odds < 0.0 {
+        return Ok(None);
+    }
+    if suffices(&search, &found)? {
+        // The causes that were found so may be all that there is.
+        let mut bare =
+            Search { group: plain.group.clone(), options: plain.options.clone(), ..search.clone() };
+        let causes = Model { group: Vec::new(), ..found.fit.model.clone() };
+        let alone = bare.fit(&causes, found.noise, 8)?;
+        let with = search.fit(&found.fit.model, found.noise, 8)?;
+        if with.log_evidence - alone.log_evidence < NEEDLESS_SETUP {
+            let mut without = bare.run(alone.model)?;
+            found.trace.push("the set-up is where the model has it".into());
+            found.trace.append(&mut without.trace);
+            without.trace = found.trace;
+            return Ok(Some(WithSetup { setup: Geometry::empty(), search: bare, found: without }));
+        }
+    }
+    Ok(Some(WithSetup { setup, search, found }))
+}
+
+/// A displaced camera passes for noise of the markers until it is known: the noise told anew, where it is smaller.
+fn look_again_at_noise(search: &mut Search<'_>, model: &Model, stated: Noise) -> Result<bool> {
+    let again = noise::estimate(&search.problem, &search.deformation(model), stated)?;
+    let smaller = again.marker_px < NOISE_SETTLED * search.measured_noise.marker_px;
+    if smaller {
+        search.measured_noise = again;
+        search.problem.noise = again;
+    }
+    Ok(smaller)
+}
+
+/// The spreads in words.
+fn told(setup: &Geometry) -> String {
+    format!(
+        "board {:.2} mm {:.2} mrad, camera {:.2} mm {:.2} mrad, markers {:.2} mm, zeros {:.2} mrad",
+        setup.spread(Kind::BoardShift) * 1e3,
+        setup.spread(Kind::BoardTurn) * 1e3,
+        setup.spread(Kind::CameraShift) * 1e3,
+        setup.spread(Kind::CameraTurn) * 1e3,
+        setup.spread(Kind::Marker) * 1e3,
+        setup.spread(Kind::Angle) * 1e3
+    )
+}

@@ -1,0 +1,95 @@
+//! Sessions whose board, camera and markers were mounted by hand: the cause is named all the same, and the set-up is told as set-up.
+
+use crate::gap_world::{Plan, World, Wrong};
+use mirror_core::diagnose::{Cause, DiagnoseOptions, Diagnosis, diagnose};
+use mirror_core::robot::Robot;
+use nalgebra::{Rotation3, Vector3};
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+/// Where the URDF has the board too far along x, y and z of the base, m.
+const BOARD_OFF_M: [f64; 3] = [0.003, -0.004, 0.0025];
+/// Joints' zeros of a robot that was put together with care, rad.
+const ZEROS_RAD: f64 = 0.0026;
+
+/// The world's URDF with the board elsewhere.
+fn urdf_with_the_board_off(world: &World) -> String {
+    let urdf = world.urdf();
+    let at = urdf.find("board_fixed").unwrap();
+    let start = at + urdf[at..].find("xyz=\"").unwrap() + 5;
+    let end = start + urdf[start..].find('"').unwrap();
+    let numbers: Vec<f64> = urdf[start..end].split(' ').map(|n| n.parse().unwrap()).collect();
+    let moved: Vec<String> = numbers.iter().zip(BOARD_OFF_M).map(|(n, d)| (n + d).to_string()).collect();
+    format!("{}{}{}", &urdf[..start], moved.join(" "), &urdf[end..])
+}
+
+/// A session mounted by hand, with a further cause.
+fn by_hand(seed: u64, cause: Option<Wrong>) -> Diagnosis {
+    let world = World::new(4, false);
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut some = |size: f64| random.random_range(-1.7 * size..1.7 * size);
+    let mut wrong: Vec<Wrong> = cause.into_iter().collect();
+    wrong.push(Wrong::CameraMount([
+        some(0.015),
+        some(0.015),
+        some(0.015),
+        some(0.003),
+        some(0.003),
+        some(0.003),
+    ]));
+    wrong.extend((0..world.markers.len()).map(|m| Wrong::Mount(m, [some(0.002), some(0.002), some(0.002)])));
+    wrong.extend((0..world.bones.len()).map(|b| Wrong::Offset(b, some(ZEROS_RAD))));
+    let recording = world.record(&Plan { postures: 50, seed, wrong, ..Plan::default() });
+    let robot = Robot::from_urdf_str(&urdf_with_the_board_off(&world)).unwrap();
+    diagnose(&robot, &recording, &DiagnoseOptions::default(), &[]).unwrap()
+}
+
+fn of_robot(diagnosis: &Diagnosis) -> Vec<&Cause> {
+    diagnosis.causes.iter().filter(|c| c.kind != "setup" && c.effect != "geometry").collect()
+}
+
+fn names(diagnosis: &Diagnosis) -> Vec<String> {
+    diagnosis.causes.iter().map(|c| format!("{}@{}", c.effect, c.at)).collect()
+}
+
+#[test]
+fn a_set_up_by_hand_is_told_as_set_up_and_never_as_the_robots_fault() {
+    let found = by_hand(3, None);
+    assert!(of_robot(&found).is_empty(), "{:?} {:#?}", names(&found), found.trace);
+    let board = found.causes.iter().find(|c| c.effect == "board_mount").unwrap();
+    assert_eq!((board.at.as_str(), board.kind.as_str()), ("board", "setup"));
+    // The real board lies where the URDF has it less the shift, in the board's own frame.
+    let quarter = core::f64::consts::FRAC_PI_2;
+    let base_from_board = Rotation3::from_euler_angles(quarter, 0.0, quarter);
+    let truth = base_from_board.inverse() * -Vector3::from(BOARD_OFF_M);
+    for (name, value) in ["dx_m", "dy_m", "dz_m"].into_iter().zip(truth.iter()) {
+        let told = board.parameters[name];
+        assert!((told.value - value).abs() < 4.0 * told.std, "{name}: {told:?}, {value}");
+        assert!(told.std < 1.5e-3, "{name}: {told:?}");
+    }
+    let markers = found.causes.iter().filter(|c| c.effect == "marker_mount").count();
+    assert!(markers >= 4, "{:?}", names(&found));
+}
+
+#[test]
+fn a_cause_is_named_beside_a_set_up_by_hand() {
+    let world = World::new(4, false);
+    let causes = [
+        (
+            Wrong::Length(Some(world.bone("l_shoulder_yaw")), [0.006, 0.0, -0.005]),
+            "link_length",
+            "link:l_shoulder_yaw_link",
+        ),
+        (
+            Wrong::Compliance(world.bone("r_shoulder_pitch"), 0.01),
+            "joint_compliance",
+            "joint:r_shoulder_pitch",
+        ),
+        (Wrong::Focal(0.02), "camera_focal", "camera"),
+    ];
+    for (seed, (wrong, effect, at)) in (11..).zip(causes) {
+        let found = by_hand(seed, Some(wrong));
+        let told: Vec<_> = of_robot(&found).iter().map(|c| (c.effect.as_str(), c.at.as_str())).collect();
+        assert_eq!(told, [(effect, at)], "{:?} {:#?}", names(&found), found.trace);
+    }
+}
