@@ -3,7 +3,7 @@
 //! `cargo run -p mirror-core --example diagnosis`
 
 use mirror_core::diagnose::{
-    DiagnoseOptions, Frame, MarkerSpec, MeasuredPoint, PointsFrame, Recording, diagnose,
+    DiagnoseOptions, Frame, MarkerSpec, MeasuredPoint, PointsFrame, Recording, Tolerances, diagnose,
 };
 use mirror_core::robot::Robot;
 use nalgebra::{Point3, Vector3};
@@ -72,6 +72,7 @@ pub fn main() -> Result<(), Box<dyn std::error::Error>> {
                 mount_known: true,
             })
             .collect(),
+        tolerances: Tolerances::default(),
         points_frame: Some(PointsFrame::Link("base".into())),
         ordered: true,
         timed: false,
