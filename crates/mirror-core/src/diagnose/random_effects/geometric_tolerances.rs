@@ -235,15 +235,16 @@ impl Geometry {
         [std(Kind::Angle), std(Kind::Length)]
     }
 
-    /// How many of the robot's small errors the data tell: each counts by the share by which they narrow its spread.
+    /// On how many values the better known of the spreads of angles and lengths rests: each counts by the square of the share by which the
+    /// data narrow it, so that the spread is known to one part in √(2 n).
     pub fn told(&self, fit: &Fit) -> f64 {
         let first = fit.model.nuisances.len();
-        let members = self.group.columns.iter().zip(&self.group.prior_std).enumerate();
-        members
-            .filter(|(_, (column, _))| self.is_of_robot(column))
-            .map(|(k, (_, prior))| 1.0 - fit.covariance[(first + k, first + k)] / (prior * prior))
-            .map(|share| share.clamp(0.0, 1.0))
-            .sum()
+        let mut told = [0.0; KINDS];
+        for (k, (column, prior)) in self.group.columns.iter().zip(&self.group.prior_std).enumerate() {
+            let share = 1.0 - (fit.covariance[(first + k, first + k)] / (prior * prior)).clamp(0.0, 1.0);
+            told[Kind::of(column.atom) as usize] += share * share;
+        }
+        told[Kind::Angle as usize].max(told[Kind::Length as usize])
     }
 
     /// Each small error of the robot in a fit (not of the set-up), in the words of single effects, with its standard deviation.

@@ -21,8 +21,8 @@ const ELASTIC: usize = 4;
 /// From so many places of causes and free-form errors on, prediction of held-out regions alone decides, not evidence: many pieces together
 /// can imitate what they are not.
 const PIECES: usize = 3;
-/// Many small errors are at least so many that the data tell.
-const FEWEST_TOLD: f64 = 5.0;
+/// The spread of many small errors rests on so many values at least: it is known to better than a half.
+const FEWEST_TOLD: f64 = 2.5;
 /// Where they leave so many times the measurement's noise they must shrink the gap by more than chance can.
 const LOUD: f64 = 5.0;
 const LEAST_RATIO_WHERE_LOUD: f64 = 0.8;
