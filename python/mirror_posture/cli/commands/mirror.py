@@ -1,0 +1,83 @@
+"""`mirror-posture mirror`: where a mirror stands, from pictures of a board before it."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ..output import ExitCode, JsonOption, Output
+
+ORDER = 45
+PANEL = "Measuring"
+
+
+def command(
+    pictures: Annotated[
+        list[Path],
+        typer.Argument(help="Pictures that show the board and its reflection.", show_default=False),
+    ],
+    camera: Annotated[Path, typer.Option(help="The camera's ROS camera_info YAML.", show_default=False)],
+    board: Annotated[
+        str, typer.Option(help="Inner corners of the chessboard, as in 7x6.", show_default=False)
+    ],
+    square: Annotated[float, typer.Option(help="Side of a square, m.", show_default=False)],
+    as_json: JsonOption = False,
+) -> None:
+    """Measure a mirror from pictures that show a chessboard directly and in the mirror; no robot needed.
+
+    Each picture gives the plane n·x = d in the camera's frame with its deviation. The board needs an odd and an even count of inner corners, so that
+    its labels are unique.
+
+    Example: `mirror-posture mirror picture.jpg --camera camera.yaml --board 7x6 --square 0.025`
+    """
+    output = Output(as_json)
+    import numpy as np
+
+    from ..._core import MirrorPostureError
+    from ...board import Board
+    from ...mirror_pictures import mirrors_from_pictures
+    from ...session.camera_info import load_camera_info
+
+    counts = re.fullmatch(r"(\d+)[x×](\d+)", board.strip())
+    if counts is None:
+        raise MirrorPostureError(f"--board: got {board!r}, needed the counts of inner corners, as in 7x6")
+    printed = Board(int(counts[1]), int(counts[2]), square)
+    found = mirrors_from_pictures(load_camera_info(camera), printed, pictures)
+    rows, results = [], []
+    for picture, mirror in zip(pictures, found, strict=True):
+        if isinstance(mirror, MirrorPostureError):
+            output.warn(str(mirror))
+            results.append({"picture": picture, "error": str(mirror)})
+            continue
+        if not mirror.valid[0]:
+            output.warn(f"{picture}: no mirror ({mirror.reasons[0]})")
+            results.append({"picture": picture, "error": mirror.reasons[0]})
+            continue
+        normal, std_m = mirror.normals[0], float(np.sqrt(np.trace(mirror.covariances_m2[0])))
+        rows.append(
+            (
+                str(picture),
+                "  ".join(f"{v:+.5f}" for v in normal),
+                f"{1000.0 * mirror.offsets_m[0]:.2f}",
+                f"{1000.0 * std_m:.2f}",
+                f"{mirror.rms_px[0]:.3f}",
+            )
+        )
+        results.append(
+            {
+                "picture": picture,
+                "normal": normal,
+                "offset_m": mirror.offsets_m[0],
+                "foot_covariance_m2": mirror.covariances_m2[0],
+                "rms_px": mirror.rms_px[0],
+            }
+        )
+    output.table(
+        "Mirrors in the camera's frame", ("*picture", "normal", "distance mm", "± mm", "residual px"), rows
+    )
+    output.result({"mirrors": results})
+    if not rows:
+        raise typer.Exit(ExitCode.NOTHING)

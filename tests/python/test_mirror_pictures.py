@@ -1,0 +1,69 @@
+"""A mirror from one picture of a board and its reflection, drawn here: the plane, its covariance, and refusals."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from board_drawing import chessboard_picture
+from mirror_posture import MirrorPostureError
+from mirror_posture.board import Board
+from mirror_posture.camera import Camera
+from mirror_posture.mirror_pictures import mirror_from_picture, mirrors_from_pictures
+
+CAMERA = Camera((640, 480), (600.0, 600.0), (319.5, 239.5))
+BOARD = Board(7, 4, 0.02)
+
+
+def picture(seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """A board at the left, facing away from the camera's axis, before a mirror at the right; and the mirror's foot point, m."""
+    rng = np.random.default_rng(seed)
+    # y down in the camera frame, y up on the board; z out of the face towards the camera.
+    a, b = rng.uniform(0.5, 0.65), rng.uniform(-0.1, 0.1)
+    turn = np.array([[np.cos(a), 0, -np.sin(a)], [0, 1, 0], [np.sin(a), 0, np.cos(a)]])
+    roll = np.array([[np.cos(b), -np.sin(b), 0], [np.sin(b), np.cos(b), 0], [0, 0, 1]])
+    rotation = turn @ roll @ np.diag([1.0, -1.0, -1.0])
+    place = np.array([-0.15, 0.02, 0.62])
+    normal = np.array([0.72, rng.uniform(-0.05, 0.05), 0.69])
+    normal /= np.linalg.norm(normal)
+    offset = 0.50
+    reflection = np.eye(3) - 2.0 * np.outer(normal, normal)
+    k = CAMERA.matrix_px
+    views = []
+    for r, t in ((rotation, place), (reflection @ rotation, reflection @ place + 2.0 * offset * normal)):
+        views.append(k @ np.column_stack([0.02 * r[:, 0], 0.02 * r[:, 1], t]))
+    direct, mirrored = (
+        chessboard_picture(7, 4, view, (640, 480), seed=seed + i) for i, view in enumerate(views)
+    )
+    middles = [view[0, 2] / view[2, 2] for view in views]
+    both = np.where(np.arange(640) < np.mean(middles), direct, mirrored)
+    return both, offset * normal
+
+
+def test_the_plane_is_found_with_the_deviation_that_it_has(tmp_path: Path) -> None:
+    normalised = []
+    for seed in range(2):
+        drawn, foot = picture(seed)
+        found = mirror_from_picture(CAMERA, BOARD, drawn)
+        assert found.valid[0], found.reasons
+        error = found.foot_points_m[0] - foot
+        assert np.linalg.norm(error) < 0.005
+        normalised.append(error @ np.linalg.inv(found.covariances_m2[0]) @ error / 3.0)
+    assert np.mean(normalised) < 4.0
+
+
+def test_a_picture_without_the_board_says_so_and_does_not_stop_the_others(tmp_path: Path) -> None:
+    drawn, _ = picture(1)
+    file = tmp_path / "empty.png"
+    cv2.imwrite(str(file), np.full_like(drawn, 120))
+    first, second = mirrors_from_pictures(CAMERA, BOARD, [file, drawn])
+    assert isinstance(first, MirrorPostureError) and "empty.png" in str(first)
+    assert not isinstance(second, MirrorPostureError) and second.valid[0]
+
+
+def test_another_size_than_the_cameras_is_refused() -> None:
+    with pytest.raises(MirrorPostureError, match="the camera file is for"):
+        mirror_from_picture(CAMERA, BOARD, np.zeros((100, 100), np.uint8))
