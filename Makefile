@@ -11,7 +11,11 @@ WHEELS := target/wheels
 SOURCES := $(shell find crates python -name '*.rs' -o -name '*.py' -o -name '*.pyi' -o -name '*.toml' -o -name '*.urdf' -o -name '*.yaml' -o -name '*.j2') \
   Cargo.toml Cargo.lock pyproject.toml README.md
 
-.PHONY: help demo test test-rust test-python lint wheel bench clean
+# The lowest of each dependency that can be solved together; as in pyproject.toml.
+FLOORS := numpy==1.26.4 opencv-python-headless==4.11.0.86 pillow==10.4.0 simplejpeg==1.7.6 pyarrow==23.0.0 \
+  matplotlib==3.8.4 typer==0.15.4 click==8.1.8
+
+.PHONY: test-floors help demo test test-rust test-python lint wheel bench clean
 
 help: ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -27,6 +31,12 @@ test-rust: ## the core's tests; needs no Python
 test-python: $(VENV)/installed-for-tests ## build and install the wheel, test it
 	$(BIN)/python -m pytest -q -n 2 -m "not realtime"
 	$(BIN)/python -m pytest -q -m realtime
+
+test-floors: $(VENV)/wheel ## detection and sessions with the oldest dependencies that can be solved (not a part of `make test`)
+	$(PYTHON) -m venv $(VENV)-floors
+	$(VENV)-floors/bin/python -m pip install -q --disable-pip-version-check $(WHEELS)/mirror_posture-*.whl $(FLOORS) pytest hypothesis
+	$(VENV)-floors/bin/python -m pytest -q -p no:cacheprovider tests/python/test_detect_markers.py tests/python/test_detect_labels.py \
+	  tests/python/test_detect_board.py tests/python/test_detect_charuco.py tests/python/test_session.py tests/python/test_session_write.py
 
 lint: $(VENV)/installed-for-tests ## formatting and lints, Rust and Python
 	cargo fmt --all --check
@@ -45,7 +55,7 @@ bench: ## throughput of the core; benches/README.md says what was measured
 	cargo bench --locked
 
 clean: ## remove what was built; the cargo cache stays
-	rm -rf $(VENV) $(WHEELS) $(OUT) dist
+	rm -rf $(VENV) $(VENV)-floors $(WHEELS) $(OUT) dist
 
 $(VENV)/tools: pyproject.toml
 	$(PYTHON) -m venv $(VENV)

@@ -12,6 +12,7 @@ import math
 import os
 import subprocess
 import sys
+from typing import Any
 
 import cv2
 import mujoco
@@ -158,7 +159,16 @@ def _rays(nominal: Nominal) -> Floats:
     u, v = ((np.arange(size * FINER) + 0.5) / FINER - 0.5 for size in (camera.width_px, camera.height_px))
     pixels = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 1, 2)
     criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 40, 1e-7)
-    rays = cv2.undistortPoints(pixels, camera.matrix_px, camera.opencv_distortion, criteria=criteria)
+    # OpenCV 4 has the variant with criteria under a name of its own.
+    iterated: Any = getattr(cv2, "undistortPointsIter", cv2.undistortPoints)
+    rays = iterated(
+        pixels,
+        cameraMatrix=camera.matrix_px,
+        distCoeffs=camera.opencv_distortion,
+        R=np.eye(3),
+        P=np.eye(3),
+        criteria=criteria,
+    )
     return np.asarray(rays, dtype=np.float64).reshape(camera.height_px * FINER, camera.width_px * FINER, 2)
 
 

@@ -13,6 +13,7 @@ Method: normalised direct linear transform and refinement by OpenCV's `findHomog
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -127,10 +128,18 @@ def undistort(pixels: FloatArray, camera: Camera) -> FloatArray:
     """Pixels `(N, 2)` of the same camera without distortion."""
     criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-10)
     points = np.ascontiguousarray(pixels, dtype=np.float64).reshape(-1, 1, 2)
-    undistorted = cv2.undistortPoints(
-        points, camera.matrix_px, camera.opencv_distortion, None, None, camera.matrix_px, criteria
+    # OpenCV 4 has the variant with criteria under a name of its own.
+    iterated: Any = getattr(cv2, "undistortPointsIter", cv2.undistortPoints)
+    undistorted = iterated(
+        points,
+        cameraMatrix=camera.matrix_px,
+        distCoeffs=camera.opencv_distortion,
+        R=np.eye(3),
+        P=camera.matrix_px,
+        criteria=criteria,
     )
-    return undistorted.reshape(-1, 2).astype(np.float64)
+    flat: FloatArray = undistorted.reshape(-1, 2).astype(np.float64)
+    return flat
 
 
 def _cubic_basis(plane: FloatArray) -> FloatArray:
