@@ -191,8 +191,8 @@ impl Search<'_> {
     fn most_promising<'s>(&self, scores: &'s [Score], count: usize, but: Option<usize>) -> Vec<&'s Score> {
         let value = |s: &Score| s.log_bayes + self.catalogue.hypotheses[s.hypothesis].log_prior;
         let wanted = |s: &&Score| {
-            !(self.options.named_only && self.catalogue.is_free(s.hypothesis))
-                && !self.options.left_out.contains(&s.hypothesis)
+            let unnamed = self.options.named_only && self.catalogue.is_free(s.hypothesis);
+            !unnamed && !self.options.left_out.contains(&s.hypothesis)
         };
         let mut sorted: Vec<&Score> = scores.iter().filter(wanted).collect();
         sorted.sort_by(|a, b| value(b).total_cmp(&value(a)));
