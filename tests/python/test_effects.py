@@ -15,7 +15,7 @@ ROOT = Path(__file__).parents[2]
 def test_names_are_the_cores() -> None:
     names = [effect["name"] for effect in effects()]
     assert len(set(names)) == len(names) >= 19
-    assert vocabulary.EFFECTS == (*names, "geometry", "pairing")
+    assert vocabulary.EFFECTS == (*names, "geometry", "pairing", *vocabulary.MISTAKES)
     assert vocabulary.checked_effects(["backlash", "pairing"]) == ["backlash", "pairing"]
     with pytest.raises(MirrorPostureError, match=r"joint_compliance.*pairing"):
         vocabulary.checked_effects(["compliance"])

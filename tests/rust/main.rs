@@ -11,6 +11,7 @@ mod correct_loop;
 mod examples;
 mod gap_claims;
 mod gap_effects;
+mod gap_first_day;
 mod gap_panels;
 mod gap_sessions;
 mod gap_setup;

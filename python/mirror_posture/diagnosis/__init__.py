@@ -3,7 +3,7 @@
     import mirror_posture as mp
 
     found = mp.diagnose("my-session")
-    found.verdict                       # none, explained, partial or unknown
+    found.verdict                       # insufficient, none, explained, partial or unknown
     [(c.effect, c.at, c.probability) for c in found.causes]
     found.gap.before_m, found.gap.after_m
 

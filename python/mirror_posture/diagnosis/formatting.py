@@ -18,6 +18,7 @@ UNITS = {
     "_rad": ("°", math.degrees(1.0)),
     "_nm": ("N m", 1.0),
     "_px": ("px", 1.0),
+    "delay_s": ("s", 1.0),
     "_m": ("mm", 1000.0),
     "scale_error": ("%", 100.0),
     "coupling": ("%", 100.0),
@@ -86,18 +87,35 @@ def effect_in_words(effect: str) -> str:
 BY_HAND = {
     **{name: remedy(name) for name, effect in IN_WORDS.items() if effect["written_to"] == "nothing"},
     "geometry": "diagnose anew: this document does not tell each of the small errors",
+    "joint_frozen": "mend the joint or its log, and record those rows again",
+    "joint_late": "log each row's positions at the moment of its picture, and record again",
+    "markers_swapped": "exchange the two names in the frames listed (in session.toml, where it is all of them)",
+    "picture_flipped": "turn off the mirroring in the camera's driver, and record again",
+    "slip": "fasten it and record again; rows before and after the slip are two sessions",
+    "marker_parent": "fix the marker's link to the link named, at the place told, in the robot's URDF",
+    "board_turned": "turn the board back, or turn its mount in the robot's URDF",
 }
 """Effects that `apply` writes nowhere, and what to do instead."""
 
 
 def place_in_words(at: str) -> str:
     """`joint:r_elbow` as `r_elbow`; `joint:a<-joint:b` as `a from b`."""
-    return at.replace("<-", " from ").replace("joint:", "").replace("link:", "").replace("marker:", "")
+    return (
+        at.replace("<->", " and ")
+        .replace("<-", " from ")
+        .replace("joint:", "")
+        .replace("link:", "")
+        .replace("marker:", "")
+    )
 
 
 def place_with_article(at: str) -> str:
     """A place with what it is: `the camera`, `joint r_elbow`, `marker r_hand`, `joint a from joint b`."""
-    return f"the {at}" if at in WHOLE else re.sub(KINDS, r"\1 ", at.replace("<-", " from "))
+    return (
+        f"the {at}"
+        if at in WHOLE
+        else re.sub(KINDS, r"\1 ", at.replace("<->", " and ").replace("<-", " from "))
+    )
 
 
 def share(part: float) -> str:
@@ -185,6 +203,8 @@ def next_step(found: Diagnosis) -> str:
     verdict = found.verdict
     if verdict == "none":
         return "Nothing to mend: the model predicts as well as the measurement's noise allows."
+    if verdict == "insufficient":
+        return "Record more: postures in which the board and the markers are seen together; `mirror-posture check` tells what is missing."
     rivals = [cause for cause in found.causes if cause.alternatives]
     if rivals and found.next_postures:
         return "Take the suggested postures and diagnose again: they tell the rivals apart."

@@ -19,6 +19,7 @@ from .skeleton import draw_robot
 
 TEMPLATE = "report.html.j2"
 HEADLINES = {
+    "insufficient": "Too little evidence",
     "none": "No gap",
     "explained": "Explained",
     "partial": "Partly explained",

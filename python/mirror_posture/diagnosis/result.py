@@ -23,7 +23,7 @@ LARGEST_DOCUMENT = 256_000_000
 """Bytes of diagnosis.json at most; with all panels of a large session it has some millions."""
 PLAIN = {"float", "int", "str", "bool", "None"}
 FORMAT, VERSION = "mirror-posture/diagnosis", 1
-VERDICTS = ("none", "explained", "partial", "unknown")
+VERDICTS = ("insufficient", "none", "explained", "partial", "unknown")
 Floats = npt.NDArray[np.float64]
 Kind = TypeVar("Kind")
 
@@ -72,6 +72,31 @@ class Cause:
     """Of a group (`geometry`): its small errors one by one."""
     kind: str = ""
     """Whom it concerns: `robot`, `setup`, `camera`, `mirror` or `data`."""
+    frames: tuple[int, ...] = ()
+    """Of a mistake in some frames only (`markers_swapped`): their numbers."""
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """An observation that was left out: its frame, `board` or a marker's name, how many deviations it was off, and why."""
+
+    frame: int
+    target: str
+    deviations: float | None = None
+    why: str = ""
+
+
+@dataclass(frozen=True)
+class Data:
+    """What of the data was given and used; points are observations of markers. Nothing is left out without being listed."""
+
+    frames_given: int = 0
+    frames_used: int = 0
+    postures_given: int = 0
+    postures_used: int = 0
+    points_given: int = 0
+    points_used: int = 0
+    left_out: tuple[LeftOut, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -231,6 +256,8 @@ class Diagnosis:
     witness: tuple[Witness, ...] = ()
     markers: tuple[SeenMarker, ...] = ()
     """Posture by posture, where they were asked for (`markers=True`)."""
+    data: Data = Data()
+    """What of the data was used, and what was left out."""
     document: Mapping[str, Any] = field(default_factory=dict, repr=False)
     """The JSON tree as the core gave it, with all that the format does not know."""
 
@@ -261,6 +288,7 @@ class Diagnosis:
                 tracks=tuple(_track(entry) for entry in tree.get("tracks", ())),
                 fields=tuple(_field(entry) for entry in tree.get("fields", ())),
                 markers=tuple(_known(SeenMarker, entry) for entry in tree.get("markers", ())),
+                data=_data(tree.get("data", {})),
                 witness=tuple(_known(Witness, entry) for entry in tree.get("witness", ())),
                 document=dict(tree),
             )
@@ -329,8 +357,20 @@ def _cause(entry: Mapping[str, Any]) -> Cause:
     alternatives = tuple(_known(Alternative, value) for value in entry.get("alternatives", ()))
     members = tuple(_known(Member, value) for value in entry.get("members", ()))
     return _known(
-        Cause, {**entry, "parameters": parameters, "alternatives": alternatives, "members": members}
+        Cause,
+        {
+            **entry,
+            "parameters": parameters,
+            "alternatives": alternatives,
+            "members": members,
+            "frames": tuple(entry.get("frames", ())),
+        },
     )
+
+
+def _data(entry: Mapping[str, Any]) -> Data:
+    left_out = tuple(_known(LeftOut, value) for value in entry.get("left_out", ()))
+    return _known(Data, {**entry, "left_out": left_out})
 
 
 def _gap(entry: Mapping[str, Any]) -> Gap:

@@ -8,10 +8,25 @@ from .._core import MirrorPostureError, effects
 
 EVERYWHERE = ("geometry", "pairing")
 """What is tried beside the effects of one place: small errors everywhere, and slipped rows."""
+MISTAKES = (
+    "axis_sign",
+    "joints_swapped",
+    "joint_unit",
+    "joint_frozen",
+    "joint_late",
+    "markers_swapped",
+    "camera_resolution",
+    "picture_flipped",
+    "gravity_direction",
+    "marker_parent",
+    "board_turned",
+    "slip",
+)
+"""Whole mistakes of model, log or mounting, which are tried exactly before small errors are searched."""
 IN_WORDS: Mapping[str, Mapping[str, object]] = {str(effect["name"]): effect for effect in effects()}
 """Each effect as the core tells it: `at`, `parameters`, `law`, `words`, `remedy`, `written_to`, `fed_forward`, `signature`,
 `shown_by`, `confused_with`."""
-EFFECTS = (*IN_WORDS, *EVERYWHERE)
+EFFECTS = (*IN_WORDS, *EVERYWHERE, *MISTAKES)
 """All names that a diagnosis takes and tells."""
 
 

@@ -1,9 +1,11 @@
 //! From a recording to a diagnosis: the order in which everything is tried, and what is said of it.
 
+use crate::diagnose::assessment::evidence::{self, Sources};
 use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::assessment::other_session::check;
+use crate::diagnose::criteria::cross_validation::in_sample;
 use crate::diagnose::criteria::lack_of_fit::adequacy;
-use crate::diagnose::data::diagnosis::Diagnosis;
+use crate::diagnose::data::diagnosis::{Diagnosis, Verdict};
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::effects::hypothesis::{Catalogue, Model};
 use crate::diagnose::effects::own::own_effects;
@@ -12,7 +14,9 @@ use crate::diagnose::likelihood::fit::Group;
 use crate::diagnose::likelihood::noise;
 use crate::diagnose::likelihood::score_test::screen;
 use crate::diagnose::model::problem::Problem;
+use crate::diagnose::prepare::boards::leave_out_wrong_grids;
 use crate::diagnose::prepare::false_observations::{MANY_FALSE, without_false};
+use crate::diagnose::prepare::first_day;
 use crate::diagnose::prepare::options::{DiagnoseOptions, OtherSession};
 use crate::diagnose::prepare::row_slip;
 use crate::diagnose::random_effects::free_form::free_forms;
@@ -50,6 +54,22 @@ pub fn diagnose(
     let mut problem = Problem::new(robot, recording)?;
     problem.cancel = options.cancel.clone();
     let stated = problem.noise;
+    let mut left_out = leave_out_wrong_grids(&mut problem);
+    let given = problem.clone();
+    let given_recording = recording;
+    let undone = first_day::undone(robot, recording, &problem, &options.without)?;
+    let (mut robot, mut recording) = (robot, recording);
+    let (mut mistakes, mut trace) = (Vec::new(), Vec::new());
+    if let Some(undone) = &undone {
+        (robot, recording) = (&undone.robot, &undone.recording);
+        problem = undone.problem.clone();
+        problem.cancel = options.cancel.clone();
+        leave_out_wrong_grids(&mut problem);
+        mistakes.clone_from(&undone.told);
+        trace.clone_from(&undone.trace);
+        left_out.extend(undone.left_out.iter().cloned());
+    }
+    let arranged = problem.clone();
     let nominal_deformation = problem.nominal();
     problem.noise = noise::estimate(&problem, &nominal_deformation, stated)?;
     let slip = if !options.allows("pairing") {
@@ -136,7 +156,11 @@ pub fn diagnose(
     geometry = geometry.filter(|_| !found.fit.model.group.is_empty());
     // From here on without the observations that the best model shows to be false.
     search.problem = clean;
-    let (before, mut after) = gaps(&search, &nominal, &found)?;
+    let (mut before, mut after) = gaps(&search, &nominal, &found)?;
+    if !mistakes.is_empty() {
+        // The nominal model is that of the session as it was given.
+        before = in_sample(&given, &given.nominal(), search.measured_noise)?;
+    }
     drop_useless(&mut search, &mut found, &mut after, geometry.as_ref())?;
     comes_down(&search, &mut found, &mut after)?;
     let mut standings = settled(&search, &mut found, &mut after)?;
@@ -152,13 +176,41 @@ pub fn diagnose(
         (geometry, after) = (None, before.clone());
         standings.clear();
     }
-    let mut findings =
-        Findings { search, found, geometry, slip, before, after, unexplained, false_share, standings };
+    found.trace.splice(0..0, trace);
+    let mut findings = Findings {
+        search,
+        found,
+        geometry,
+        slip,
+        before,
+        after,
+        unexplained,
+        false_share,
+        standings,
+        mistakes,
+    };
     let mut checked = Vec::new();
     for other in others {
         checked.push(check(&findings, other)?);
     }
     let mut diagnosis = build::diagnosis(&mut findings, robot, recording, &ranking, checked)?;
+    let sources =
+        Sources { given: given_recording, undone: recording, arranged: &arranged, left_out: &left_out };
+    diagnosis.data = evidence::data(&sources, &findings)?;
+    if diagnosis.verdict == Verdict::None && evidence::much_is_false(&diagnosis.data) {
+        diagnosis.sentence = evidence::what_is_false(&diagnosis.data);
+        diagnosis.verdict = Verdict::Unknown;
+    }
+    if evidence::insufficient(&diagnosis.data) {
+        diagnosis.sentence = evidence::what_is_missing(&diagnosis.data);
+        diagnosis.verdict = Verdict::Insufficient;
+        diagnosis.causes.clear();
+        diagnosis.r#where.clear();
+        diagnosis.signatures.clear();
+        diagnosis.tracks.clear();
+        diagnosis.fields.clear();
+        diagnosis.next_postures.clear();
+    }
     if options.markers {
         diagnosis.markers = seen_markers(&findings)?;
     }

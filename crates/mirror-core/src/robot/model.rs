@@ -119,6 +119,17 @@ impl Robot {
         if joint.mimic.is_some() { None } else { joint.drive.map(|d| d.position) }
     }
 
+    /// Turns a joint's axis round: the same position moves it the other way.
+    ///
+    /// # Errors
+    /// [`ModelFault::UnknownName`] with the nearest valid names.
+    pub fn reverse_axis(&mut self, name: &str) -> Result<()> {
+        let joint = self.joint_index(name)?;
+        self.joints[joint].axis = -self.joints[joint].axis;
+        self.steps = Step::of_joints(&self.joints);
+        Ok(())
+    }
+
     /// Whether a link hangs below (or is) another.
     pub fn is_below(&self, link: usize, ancestor: usize) -> bool {
         (ancestor..self.subtree_end[ancestor]).contains(&link)

@@ -217,6 +217,23 @@ def _show(output: Output, folder: Path, found: Diagnosis) -> None:
         gaps,
         caption=closed,
     )
+    if found.data.left_out:
+        reasons: dict[str, list[int]] = {}
+        for left in found.data.left_out:
+            reasons.setdefault(left.why, []).append(left.frame)
+        output.table(
+            f"Left out; used: {found.data.points_used} of {found.data.points_given} observations of markers",
+            ("~why", "observations", "frames"),
+            [
+                (
+                    why,
+                    str(len(frames)),
+                    f"{min(frames)}" if len(set(frames)) == 1 else f"{min(frames)} to {max(frames)}",
+                )
+                for why, frames in reasons.items()
+            ],
+            caption="each of them is in diagnosis.json",
+        )
     encoders = found.document.get("encoder_witness", ())
     if encoders:
         columns = ("before", "after", "before_zero_free", "after_zero_free")

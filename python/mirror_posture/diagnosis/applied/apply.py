@@ -13,6 +13,7 @@ from ...session.write import replace_folder, write_session_files
 from .. import formatting
 from ..fingerprint import require_same
 from ..result import Cause, Diagnosis, Estimate
+from .mistakes import undo_mistake
 from .mjcf import MECHANICAL, write_mjcf
 from .urdf import Urdf, rotation_of_vector
 from .xml_text import read_xml
@@ -27,8 +28,8 @@ NOT_IN_A_MODEL = {
     "pairing": "a fault of the data: mend the rows of the frames table",
 }
 """Why an effect cannot be written, and what to do instead."""
-FIRST = ("axis_tilt", "board_mount")
-"""Effects whose places others are told against."""
+FIRST = {"axis_sign": 0, "axis_tilt": 1, "board_mount": 1}
+"""Effects whose places others are told against, in the order in which they are written."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +68,7 @@ def apply_diagnosis(
     # board, against which the camera is told.
     parts = [(index, part) for index, cause in enumerate(found.causes) for part in parts_of(cause)]
     entries: dict[int, list[Written]] = {index: [] for index in range(len(found.causes))}
-    for index, part in sorted(parts, key=lambda entry: entry[1].effect not in FIRST):
+    for index, part in sorted(parts, key=lambda entry: FIRST.get(entry[1].effect, 2)):
         better, entry = _apply(better, urdf, part)
         entries[index].append(entry)
     written = [
@@ -137,6 +138,10 @@ def _apply(session: Session, urdf: Urdf, cause: Cause) -> tuple[Session, Written
     def vector(stem: str, unit: str, letters: str = "xyz") -> np.ndarray:
         return np.array([value.get(f"{stem}{letter}_{unit}", 0.0) for letter in letters])
 
+    undone = undo_mistake(session, urdf, cause)
+    if undone is not None:
+        better, file, what = undone
+        return better, Written(cause, file, what)
     if cause.effect == "joint_offset":
         urdf.add_offset(name, value["offset_rad"])
         return in_robot(f"origin of joint {name}, turned about its axis")

@@ -1,6 +1,7 @@
 //! Everything that was found, before it is put into words.
 
 use crate::diagnose::criteria::cross_validation::PostureGap;
+use crate::diagnose::data::diagnosis::Cause;
 use crate::diagnose::likelihood::fit::Fit;
 use crate::diagnose::prepare::row_slip::Slip;
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
@@ -22,6 +23,8 @@ pub(crate) struct Findings<'a> {
     pub standings: Vec<Option<Standing>>,
     /// Share of the markers' observations that were left out as false.
     pub false_share: f64,
+    /// Whole mistakes of model or log, which are undone in the search's problem.
+    pub mistakes: Vec<Cause>,
 }
 
 impl Findings<'_> {

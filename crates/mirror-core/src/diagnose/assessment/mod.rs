@@ -1,6 +1,7 @@
 //! What the result is worth: noise floor, gap closed, uncertainty, postures to measure next.
 
 pub(super) mod design;
+pub(super) mod evidence;
 pub(super) mod findings;
 pub(super) mod gap_closed;
 pub(super) mod noise_floor;

@@ -45,6 +45,9 @@ pub struct Cause {
     /// Of a group (`geometry`): each of its small errors, in the words of single effects.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub members: Vec<Member>,
+    /// Of a mistake in some frames only (`markers_swapped`): their numbers.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub frames: Vec<i64>,
 }
 
 /// One small error of a group.
@@ -258,6 +261,38 @@ pub struct SeenMarker {
     pub after_m: [f64; 3],
 }
 
+/// Something that was left out.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct LeftOut {
+    /// The frame's number.
+    pub frame: i64,
+    /// `board`, or the marker's name.
+    pub target: String,
+    /// How far off it was, in deviations of the noise; none where nothing predicts it.
+    pub deviations: Option<f64>,
+    /// Why.
+    pub why: String,
+}
+
+/// What of the data was given and used: nothing is left out without being listed.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+pub struct Data {
+    /// Frames of the session.
+    pub frames_given: usize,
+    /// Frames of which at least one marker was used.
+    pub frames_used: usize,
+    /// Postures of the session.
+    pub postures_given: usize,
+    /// Postures of which at least one marker was used.
+    pub postures_used: usize,
+    /// Observations of markers, image points and measured points.
+    pub points_given: usize,
+    /// Those that were used.
+    pub points_used: usize,
+    /// What was left out.
+    pub left_out: Vec<LeftOut>,
+}
+
 /// One hypothesis of the ranking.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Ranked {
@@ -315,6 +350,8 @@ pub struct Diagnosis {
     pub verdict: Verdict,
     /// The verdict in one sentence.
     pub sentence: String,
+    /// What of the data was used, and what was left out.
+    pub data: Data,
     /// The causes, the one that closes most of the gap first.
     pub causes: Vec<Cause>,
     /// Places with their share of the gap.

@@ -12,4 +12,6 @@ pub(super) mod pose;
 pub(super) mod problem;
 pub(super) mod robust;
 pub(super) mod scene;
+pub(super) mod sites;
+pub(super) mod slips;
 pub(super) mod start;

@@ -8,6 +8,7 @@ use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::Atom;
 use crate::diagnose::model::pose::Pose;
 use crate::diagnose::model::scene::Scene;
+use crate::diagnose::model::slips::Slip;
 use crate::error::Result;
 use crate::geometry::Plane;
 use crate::mirror::Sphere;
@@ -72,6 +73,8 @@ pub(crate) struct Problem {
     /// Corners in the board's frame, nominal, m.
     pub corners: Vec<Vector3<f64>>,
     pub camera_site: Option<Site>,
+    /// What slipped in the middle of the session.
+    pub slips: Vec<Slip>,
     pub camera: Option<Camera>,
     pub refractive_index: f64,
     /// The link (or the root, for an unknown frame) against which measured points are told.
@@ -176,6 +179,7 @@ impl Problem {
             board,
             corners,
             camera_site,
+            slips: Vec::new(),
             camera: sight.map(|s| s.camera.clone()),
             refractive_index: sight.map_or(1.52, |s| s.refractive_index),
             points_site,

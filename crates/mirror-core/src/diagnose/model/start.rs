@@ -25,7 +25,7 @@ impl Problem {
     }
 
     /// Fits each frame's mirror to its board with nominal optics.
-    fn fit_boards(&mut self) -> Result<()> {
+    pub fn fit_boards(&mut self) -> Result<()> {
         let nominal = self.nominal();
         let eye = self.eye(&nominal)?;
         let fits: Vec<Option<BoardFit>> = (0..self.frames.len())

@@ -1,5 +1,7 @@
 //! Before anything is explained: what in the data is not to be used.
 
+pub(super) mod boards;
 pub(super) mod false_observations;
+pub(super) mod first_day;
 pub(super) mod options;
 pub(super) mod row_slip;

@@ -35,8 +35,23 @@ pub struct OtherSession {
     pub own: Vec<OwnEffect>,
 }
 
-/// What can be switched off beside the effects of one place: small errors everywhere, and slipped rows.
-pub(crate) const EVERYWHERE: [&str; 2] = ["geometry", "pairing"];
+/// What can be switched off beside the effects of one place: small errors everywhere, slipped rows, and whole mistakes.
+pub(crate) const EVERYWHERE: [&str; 14] = [
+    "geometry",
+    "pairing",
+    "axis_sign",
+    "joints_swapped",
+    "joint_unit",
+    "joint_frozen",
+    "joint_late",
+    "markers_swapped",
+    "camera_resolution",
+    "picture_flipped",
+    "gravity_direction",
+    "marker_parent",
+    "board_turned",
+    "slip",
+];
 
 impl DiagnoseOptions {
     /// Whether an effect, or what is tried beside them, is not switched off.

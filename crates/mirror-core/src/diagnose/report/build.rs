@@ -6,7 +6,7 @@ use crate::diagnose::assessment::noise_floor::Floor;
 use crate::diagnose::assessment::uncertainty::{Deviations, deviations};
 use crate::diagnose::criteria::cross_validation::seen_size;
 use crate::diagnose::data::diagnosis::{
-    Alternative, Cause, Checked, Diagnosis, Estimate, Ranked, Signature, SignaturePoint, Verdict, Where,
+    Alternative, Cause, Checked, Data, Diagnosis, Estimate, Ranked, Signature, SignaturePoint, Verdict, Where,
 };
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::effects::{Concern, Place};
@@ -104,6 +104,7 @@ pub(crate) fn diagnosis(
         tracks: panels.tracks,
         fields: panels.fields,
         causes,
+        data: Data::default(),
         markers: Vec::new(),
     })
 }
@@ -160,6 +161,7 @@ fn causes(
             words: effect.words().to_owned(),
             rms_shift: shift,
             members: Vec::new(),
+            frames: Vec::new(),
         });
         // The servo's own droop, told apart: `effects.md` calls it joint_compliance at the same joint.
         if let Some(droop) = droop.filter(|d| d.value > DROOP_DEVIATIONS * d.std) {
@@ -175,6 +177,7 @@ fn causes(
                     words: "the sticking servo droops under the load of gravity".into(),
                     rms_shift: 0.0,
                     members: Vec::new(),
+                    frames: Vec::new(),
                 });
             }
         }
@@ -215,7 +218,14 @@ fn causes(
             },
             rms_shift: rms_shift(findings, &bare, &all)?,
             members: geometry.members(&found.fit, scene),
+            frames: Vec::new(),
         });
+    }
+    let moved = (seen_size(&findings.before).powi(2) - seen_size(&findings.after).powi(2)).max(0.0).sqrt();
+    for mistake in &findings.mistakes {
+        let mut cause = mistake.clone();
+        cause.rms_shift = moved / (findings.mistakes.len() as f64).sqrt();
+        out.push(cause);
     }
     if let Some(slip) = &findings.slip {
         let whole = |value: f64, std: f64| Estimate { value, std };
@@ -235,6 +245,7 @@ fn causes(
             words: "a run of rows holds the measurement of other rows; it was left out of the fit".into(),
             rms_shift: (slip.gain / (slip.last - slip.first + 1) as f64).sqrt(),
             members: Vec::new(),
+            frames: Vec::new(),
         });
     }
     Ok(out)

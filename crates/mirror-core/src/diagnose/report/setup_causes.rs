@@ -65,6 +65,7 @@ pub(crate) fn setup_causes(findings: &Findings<'_>, setup: &Geometry) -> Result<
             words: words.to_owned(),
             rms_shift: rms_shift(findings, &search.deformation(&without), &all)?,
             members: Vec::new(),
+            frames: Vec::new(),
         });
     }
     Ok(out)

@@ -38,8 +38,10 @@ impl FrameWork {
     /// The mirrored corners of the frame that was evaluated last, with its board; none where rows and corners are not in step.
     pub fn seen_corners<'a>(&'a self, problem: &'a Problem) -> impl Iterator<Item = SeenCorner> + 'a {
         let corners = &problem.frames[self.frame].corners;
-        let world_from_board =
-            problem.board.map(|b| self.world_from_board(&b).r).filter(|_| self.in_step(problem));
+        let world_from_board = problem
+            .board_in(self.frame)
+            .map(|b| self.world_from_board(&b).r)
+            .filter(|_| self.in_step(problem));
         world_from_board.into_iter().flat_map(move |world_from_board| {
             self.rows.iter().zip(corners).map(move |(row, (index, pixel))| SeenCorner {
                 index: *index,

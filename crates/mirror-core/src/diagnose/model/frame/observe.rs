@@ -32,7 +32,7 @@ fn pixel_mixture(eye: &Eye, std: f64) -> Mixture {
 
 impl FrameWork {
     pub(super) fn observe_board(&mut self, problem: &Problem, task: &Task<'_>, data: &FrameData) {
-        let (Some(eye), Some(board)) = (task.eye, problem.board) else { return };
+        let (Some(eye), Some(board)) = (task.eye, problem.board_in(self.frame)) else { return };
         let camera_from_world = self.camera_from_world(problem, eye);
         let world_from_board = self.world_from_board(&board);
         let mixture = pixel_mixture(eye, task.noise.corner_px);
@@ -70,7 +70,7 @@ impl FrameWork {
                             task.noise.marker_px,
                         ),
                         Seen::Corner(index) => {
-                            let Some(board) = problem.board else { continue };
+                            let Some(board) = problem.board_in(self.frame) else { continue };
                             let corner = Corner { index: *index, board: board.node };
                             (SeenAt::Corner(corner), self.world_from_board(&board), task.noise.corner_px)
                         }
@@ -97,7 +97,8 @@ impl FrameWork {
 
     /// Pose of the frame of a marker's centre, its shift included.
     pub(super) fn marker_mount_pose(&self, problem: &Problem, task: &Task<'_>, marker: usize) -> Pose {
-        let shift = task.deformation.marker_shift_in(self.frame, marker);
+        let shift =
+            task.deformation.marker_shift_in(self.frame, marker) + problem.marker_slip_in(self.frame, marker);
         let mut pose = self.poses.site(&problem.marker_sites[marker]);
         if shift != Vector3::zeros() {
             pose.t += self.poses.site(&problem.marker_mounts[marker]).r * shift;

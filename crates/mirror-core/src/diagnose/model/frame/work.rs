@@ -143,8 +143,10 @@ impl FrameWork {
         self.poses.update(&problem.scene.body, commanded, deformation, frame);
         self.frame = frame;
         self.root = self.poses.site(&problem.scene.body.root);
-        self.board_moved =
-            problem.board.filter(|_| deformation.board_mount != Vector6::zeros()).map(|board| {
+        self.board_moved = problem
+            .board_in(self.frame)
+            .filter(|_| deformation.board_mount != Vector6::zeros())
+            .map(|board| {
                 let world_from_board = self.poses.site(&board);
                 moved(&world_from_board, &deformation.board_mount).then(&world_from_board.inverse())
             });
@@ -158,7 +160,8 @@ impl FrameWork {
 
     /// The world in the camera's (actual) optical frame.
     pub(super) fn camera_from_world(&self, problem: &Problem, eye: &Eye) -> Pose {
-        let mut world_from_mount = problem.camera_site.map_or_else(Pose::identity, |s| self.poses.site(&s));
+        let mut world_from_mount =
+            problem.camera_in(self.frame).map_or_else(Pose::identity, |s| self.poses.site(&s));
         if let Some(moved) = self.board_moved.filter(|_| problem.camera_beside_board()) {
             world_from_mount = moved.then(&world_from_mount);
         }
@@ -174,7 +177,7 @@ impl FrameWork {
         frame: usize,
         start: Option<Vector3<f64>>,
     ) -> Option<BoardFit> {
-        let (eye, board) = (eye?, problem.board?);
+        let (eye, board) = (eye?, problem.board_in(frame)?);
         let corners = &problem.frames[frame].corners;
         if corners.len() < FEWEST_CORNERS {
             return None;
@@ -238,7 +241,7 @@ impl FrameWork {
         eye: &Eye,
         frame: usize,
     ) -> Vec<(Vector2<f64>, Vector2<f64>)> {
-        let (Some(Some(fit)), Some(board)) = (problem.boards.get(frame), problem.board) else {
+        let (Some(Some(fit)), Some(board)) = (problem.boards.get(frame), problem.board_in(frame)) else {
             return Vec::new();
         };
         self.pose(problem, nominal, frame);

@@ -1,0 +1,197 @@
+//! What of the data was used, what was left out and why, and whether it is enough to say anything.
+
+use crate::diagnose::assessment::findings::Findings;
+use crate::diagnose::data::diagnosis::{Data, LeftOut};
+use crate::diagnose::data::recording::{Recording, Target, Via};
+use crate::diagnose::model::frame::{FrameWork, Task};
+use crate::diagnose::model::problem::{Observation, Problem, Seen};
+use crate::error::Result;
+use std::collections::BTreeSet;
+
+/// More false observations than this share are a finding, not a footnote.
+const MUCH_FALSE: f64 = 0.05;
+/// With fewer postures that can be used than this nothing can be said.
+const FEWEST_POSTURES: usize = 3;
+/// Fewer markers' observations than this leave no freedom to tell anything.
+const FEWEST_POINTS: usize = 8;
+
+/// The session on its way to what was used.
+pub(crate) struct Sources<'a> {
+    /// As it was given.
+    pub given: &'a Recording,
+    /// With whole mistakes undone.
+    pub undone: &'a Recording,
+    /// Arranged, before anything was left out by a model.
+    pub arranged: &'a Problem,
+    /// What was left out before the search, and why.
+    pub left_out: &'a [LeftOut],
+}
+
+/// Counts what was given and used, and lists what was left out.
+///
+/// # Errors
+/// Invalid parameters of camera or mirror.
+pub(crate) fn data(sources: &Sources<'_>, findings: &Findings<'_>) -> Result<Data> {
+    let (arranged, clean) = (sources.arranged, &findings.search.problem);
+    let mut out = Data { left_out: sources.left_out.to_vec(), ..Data::default() };
+    let listed: BTreeSet<(i64, String)> = out.left_out.iter().map(|l| (l.frame, l.target.clone())).collect();
+    let deformation = findings.search.deformation(&findings.found.fit.model);
+    let eye = arranged.eye(&deformation)?;
+    let noise = findings.found.noise;
+    let task = Task { gaussian: false, ..Task::of_residuals(arranged, &deformation, eye.as_ref(), noise) };
+    let mut work = FrameWork::new(arranged);
+    let (mut given, mut used) = (BTreeSet::new(), BTreeSet::new());
+    for (f, frame) in sources.given.frames.iter().enumerate() {
+        given.insert(frame.posture);
+        out.frames_given += 1;
+        out.points_given +=
+            frame.sightings.iter().filter(|s| is_marker(s.target)).count() + frame.points.len();
+        let mut tell = |target: &str, deviations: Option<f64>, why: &str| {
+            if !listed.contains(&(frame.number, target.to_owned())) {
+                out.left_out.push(LeftOut {
+                    frame: frame.number,
+                    target: target.to_owned(),
+                    deviations,
+                    why: why.to_owned(),
+                });
+            }
+        };
+        let has_board =
+            frame.sightings.iter().any(|s| matches!((s.target, s.via), (Target::Corner(_), Via::Mirror)));
+        let slipped = findings.slip.is_some_and(|s| (s.first..=s.last).contains(&f));
+        let mirror = clean.boards.get(f).copied().flatten().is_some();
+        if has_board && !mirror && !slipped {
+            tell("board", None, "too few corners, or none where a flat mirror could show them");
+        }
+        // What whole mistakes took away: a joint's position is not known there.
+        let names = &arranged.scene.marker_names;
+        for m in 0..names.len() {
+            let count = |r: &Recording| {
+                let seen = r.frames[f].sightings.iter().filter(|s| s.target == Target::Marker(m)).count();
+                seen + r.frames[f].points.iter().filter(|p| p.marker == m).count()
+            };
+            if count(sources.given) > count(sources.undone)
+                && findings.mistakes.iter().all(|c| c.frames.is_empty())
+            {
+                tell(&names[m], None, "the position of a joint that carries it is not known in this row");
+            }
+        }
+        let known = work.evaluate(arranged, &task, f);
+        let mut residuals = Vec::new();
+        if known {
+            work.raw_residuals(|marker, measured, r| residuals.push((marker, measured, r.norm())));
+        }
+        let mut kept = clean.frames[f].others.iter().filter(|o| marker_of(o).is_some()).peekable();
+        let mut at = 0;
+        let mut any = false;
+        for observation in arranged.frames[f].others.iter() {
+            let Some((marker, std)) = marker_of(observation).map(|m| {
+                (
+                    m,
+                    if matches!(observation, Observation::Point { .. }) {
+                        noise.point_m
+                    } else {
+                        noise.marker_px
+                    },
+                )
+            }) else {
+                continue;
+            };
+            let deviations = residuals.get(at).filter(|r| r.0 == Some(marker)).map(|r| r.2 / std);
+            if deviations.is_some() {
+                at += 1;
+            }
+            let by_mirror = matches!(observation, Observation::Pixel { via: Via::Mirror, .. });
+            let is_kept = kept.peek().is_some_and(|k| same(k, observation));
+            if is_kept {
+                kept.next();
+            }
+            if is_kept && (mirror || !by_mirror) {
+                out.points_used += 1;
+                any = true;
+            } else if slipped {
+                tell(&names[marker], None, "the row holds the measurement of another row");
+            } else if by_mirror && !mirror {
+                tell(&names[marker], None, "the mirror of this frame is not known: no board");
+            } else {
+                tell(&names[marker], deviations, "far from the best model");
+            }
+        }
+        if any {
+            out.frames_used += 1;
+            used.insert(frame.posture);
+        }
+    }
+    (out.postures_given, out.postures_used) = (given.len(), used.len());
+    out.left_out.sort_by(|a, b| (a.frame, &a.target).cmp(&(b.frame, &b.target)));
+    Ok(out)
+}
+
+/// Whether there is too little to say anything.
+pub(crate) fn insufficient(data: &Data) -> bool {
+    data.postures_used < FEWEST_POSTURES || data.points_used < FEWEST_POINTS
+}
+
+/// Whether so many observations were left out as false that the rest's agreement with the model says little.
+pub(crate) fn much_is_false(data: &Data) -> bool {
+    far(data) as f64 > MUCH_FALSE * data.points_given as f64
+}
+
+/// How much is false, in words.
+pub(crate) fn what_is_false(data: &Data) -> String {
+    format!(
+        "{} of {} observations of markers are far from any model and were left out; the rest agrees with the nominal model. Look at what is listed: names, rows, or something that moved.",
+        far(data),
+        data.points_given
+    )
+}
+
+fn far(data: &Data) -> usize {
+    data.left_out.iter().filter(|l| l.target != "board" && l.why.starts_with("far from")).count()
+}
+
+/// What is missing, in counts and in the commonest reason.
+pub(crate) fn what_is_missing(data: &Data) -> String {
+    let mut counts: Vec<(&str, usize)> = Vec::new();
+    for left in &data.left_out {
+        match counts.iter_mut().find(|c| c.0 == left.why) {
+            Some(count) => count.1 += 1,
+            None => counts.push((&left.why, 1)),
+        }
+    }
+    counts.sort_by_key(|c| core::cmp::Reverse(c.1));
+    let why = match counts.first() {
+        Some((why, count)) => format!("; most often ({count} times): {why}"),
+        None if data.points_given == 0 => "; no marker was seen or measured at all".to_owned(),
+        None => String::new(),
+    };
+    format!(
+        "Too little usable evidence to say anything: {} of {} postures and {} of {} observations of markers could be used, {FEWEST_POSTURES} postures and {FEWEST_POINTS} observations are the least{why}.",
+        data.postures_used, data.postures_given, data.points_used, data.points_given
+    )
+}
+
+fn is_marker(target: Target) -> bool {
+    matches!(target, Target::Marker(_))
+}
+
+fn marker_of(observation: &Observation) -> Option<usize> {
+    match observation {
+        Observation::Pixel { seen: Seen::Marker(m), .. } => Some(*m),
+        Observation::Pixel { .. } => None,
+        Observation::Point { marker, .. } => Some(*marker),
+    }
+}
+
+fn same(a: &Observation, b: &Observation) -> bool {
+    match (a, b) {
+        (
+            Observation::Pixel { seen: Seen::Marker(m), via: v, pixel: p },
+            Observation::Pixel { seen: Seen::Marker(n), via: w, pixel: q },
+        ) => m == n && v == w && p == q,
+        (Observation::Point { marker: m, position: p }, Observation::Point { marker: n, position: q }) => {
+            m == n && p == q
+        }
+        _ => false,
+    }
+}

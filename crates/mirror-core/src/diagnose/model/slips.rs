@@ -1,0 +1,22 @@
+//! What slipped in the middle of a session: from a row on a marker, the board or the camera sits elsewhere.
+
+use nalgebra::Vector6;
+
+/// What can slip.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Slipped {
+    Marker(usize),
+    /// The board against camera and robot.
+    Board,
+    /// The camera against board and robot.
+    Camera,
+}
+
+/// A slip: real = nominal ∘ (Exp ω, v) from frame `first` on. Of a marker v is told in the frame of its mount's link, without ω.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Slip {
+    pub what: Slipped,
+    pub first: usize,
+    /// Rotation vector and shift, rad and m.
+    pub motion: Vector6<f64>,
+}

@@ -1,0 +1,367 @@
+//! The whole mistakes that a session could hold, each with its unknown number tried on a grid.
+
+use super::misfit::{Misfit, Work};
+use super::mistake::{LateKind, Mistake};
+use super::variant::{Variant, seen_joints};
+use crate::diagnose::model::body::NodeId;
+use crate::diagnose::model::problem::{Observation, Problem, Seen};
+use core::f64::consts::{PI, TAU};
+
+/// What a column of another unit must be multiplied by: degrees, half turns, turns, tenths and hundredths of a degree, ticks of
+/// common encoders, thousandths.
+pub(super) const UNITS: [f64; 9] =
+    [PI / 180.0, PI, TAU, PI / 1800.0, PI / 18000.0, TAU / 4096.0, TAU / 1024.0, TAU / 16384.0, 1e-3];
+/// Other factors that are tried, and refined: a transmission that is another one.
+const FACTORS: [f64; 10] = [0.2, 1.0 / 3.0, 0.5, 2.0 / 3.0, 0.8, 1.25, 1.5, 2.0, 3.0, 5.0];
+/// Zeros that are tried, rad: every 15°.
+const ZERO_STEP: f64 = PI / 12.0;
+/// Whole rows by which a column may be late, and parts of a row.
+const LATE_ROWS: usize = 8;
+const LATE_PARTS: usize = 10;
+/// Rows by which a measurement may have slipped.
+const SLIPPED_ROWS: i64 = 6;
+/// A run of fewer rows, or of fewer postures, is none.
+const SHORTEST_RUN: usize = 6;
+const FEWEST_POSTURES: usize = 3;
+/// A frame whose loss falls by this was seen with another label, or at another row.
+const CLEAR: f64 = 1.5;
+/// A share of the frames that is all of them.
+const NEARLY_ALL: f64 = 0.75;
+/// Positions that are tried where a joint's is not known.
+const FREE_POSITIONS: usize = 25;
+
+/// Everything that alternatives are made of.
+pub(super) struct Session<'a> {
+    pub problem: &'a Problem,
+    pub misfit: &'a Misfit<'a>,
+    pub joints: Vec<(usize, NodeId)>,
+    /// Frames by posture.
+    pub postures: Vec<Vec<usize>>,
+    pub ordered: bool,
+}
+
+impl<'a> Session<'a> {
+    pub fn new(problem: &'a Problem, misfit: &'a Misfit<'a>) -> Self {
+        Self {
+            joints: seen_joints(&problem.scene.body, &problem.scene.relevant),
+            postures: crate::diagnose::likelihood::saturated::postures(problem),
+            ordered: problem.scene.ordered,
+            problem,
+            misfit,
+        }
+    }
+
+    fn turns(&self, node: NodeId) -> bool {
+        !self.problem.scene.body.nodes[node].prismatic
+    }
+
+    /// Mistakes of single joints and pairs of them, of all rows alike.
+    pub fn of_joints(&self, variant: &Variant) -> Vec<Mistake> {
+        let mut out = Vec::new();
+        let moving: Vec<(usize, NodeId)> =
+            self.joints.iter().copied().filter(|(j, _)| moves(&variant.column(*j))).collect();
+        for &(joint, node) in &moving {
+            out.push(Mistake::AxisSign { node });
+            let units = UNITS.iter().chain(&FACTORS);
+            out.extend(units.map(|&factor| Mistake::JointUnit { joint, factor }));
+        }
+        for (i, &(a, _)) in moving.iter().enumerate() {
+            out.extend(moving[..i].iter().map(|&(b, _)| Mistake::JointsSwapped { joints: (b, a) }));
+        }
+        for &(joint, _) in self.joints.iter().filter(|(_, n)| self.turns(*n)) {
+            let steps = (PI / ZERO_STEP).round() as i32;
+            let zeros = (1 - steps..=steps).filter(|k| k.abs() > 1);
+            out.extend(zeros.map(|k| Mistake::Zero { joint, offset: f64::from(k) * ZERO_STEP }));
+        }
+        out.extend(UNITS.iter().map(|&factor| Mistake::AllUnits { factor }));
+        out.extend(self.sides());
+        out.extend(self.late(&moving));
+        out
+    }
+
+    /// Two like chains of joints exchanged at once: left and right.
+    fn sides(&self) -> Vec<Mistake> {
+        let body = &self.problem.scene.body;
+        let mut chains: Vec<Vec<usize>> = Vec::new();
+        for &(joint, node) in &self.joints {
+            // A chain begins where its parent carries several, or none that is seen.
+            let parent = body.nodes[node].parent;
+            let siblings = self.joints.iter().filter(|(_, n)| body.nodes[*n].parent == parent).count();
+            match chains.iter_mut().find(|c| {
+                siblings == 1
+                    && c.last()
+                        .is_some_and(|&l| self.joints.iter().any(|&(j, n)| j == l && Some(n) == parent))
+            }) {
+                Some(chain) => chain.push(joint),
+                None => chains.push(vec![joint]),
+            }
+        }
+        let mut out = Vec::new();
+        for (i, a) in chains.iter().enumerate() {
+            for b in chains[..i].iter().filter(|b| b.len() == a.len() && a.len() > 1) {
+                out.push(Mistake::SidesSwapped { pairs: b.iter().copied().zip(a.iter().copied()).collect() });
+            }
+        }
+        out
+    }
+
+    fn late(&self, moving: &[(usize, NodeId)]) -> Vec<Mistake> {
+        if !self.ordered {
+            return Vec::new();
+        }
+        let who = moving.iter().map(|(j, _)| Some(*j)).chain([None]);
+        let mut out = Vec::new();
+        for joint in who {
+            for rows in 1..=LATE_ROWS {
+                out.push(Mistake::Late { joint, rows: rows as f64, kind: LateKind::Follow });
+            }
+            for part in 1..LATE_PARTS {
+                let rows = part as f64 / LATE_PARTS as f64;
+                out.push(Mistake::Late { joint, rows, kind: LateKind::Follow });
+                out.push(Mistake::Late { joint, rows, kind: LateKind::Blend });
+            }
+        }
+        out
+    }
+
+    /// Loss of each frame, summed over its observations, and their number.
+    fn frame_losses(&self, variant: &Variant) -> Vec<(f64, usize)> {
+        let all: Vec<usize> = (0..self.problem.frames.len()).collect();
+        let mut out = vec![(0.0, 0); all.len()];
+        for d in self.misfit.distances(variant, &all) {
+            out[d.frame].0 += self.misfit.loss(d.size_m);
+            out[d.frame].1 += 1;
+        }
+        out
+    }
+
+    /// Names of two markers exchanged: in the frames that are clearly better so.
+    pub fn of_labels(&self, variant: &Variant) -> Vec<Mistake> {
+        let markers = self.problem.marker_sites.len();
+        let own = self.frame_losses(variant);
+        let mut out = Vec::new();
+        for b in 0..markers {
+            for a in 0..b {
+                let mut swapped = variant.clone();
+                swapped.labels.iter_mut().for_each(|l| l.swap(a, b));
+                let other = self.frame_losses(&swapped);
+                let mut frames: Vec<usize> =
+                    (0..own.len()).filter(|&f| own[f].0 - other[f].0 > CLEAR).collect();
+                let seen: Vec<usize> = (0..own.len()).filter(|&f| shows(self.problem, f, a, b)).collect();
+                // Where both places look alike a frame tells nothing: nearly all is all.
+                if frames.len() as f64 >= NEARLY_ALL * seen.len() as f64 {
+                    frames = seen;
+                }
+                if frames.len() > 1 {
+                    out.push(Mistake::MarkersSwapped { markers: (a, b), frames });
+                }
+            }
+        }
+        out
+    }
+
+    /// A run of rows that holds other rows' measurement.
+    pub fn of_rows(&self, variant: &Variant) -> Vec<Mistake> {
+        let own = self.frame_losses(variant);
+        let count = own.len();
+        let mut out = Vec::new();
+        for shift in (-SLIPPED_ROWS..=SLIPPED_ROWS).filter(|s| *s != 0) {
+            let mut shifted = variant.clone();
+            Mistake::Rows { first: 0, last: count - 1, shift }.on_variant(&mut shifted);
+            let other = self.frame_losses(&shifted);
+            let gains: Vec<f64> = own.iter().zip(&other).map(|(a, b)| a.0 - b.0).collect();
+            if let Some((first, last)) = best_run(&gains).filter(|(a, b)| b - a + 1 >= SHORTEST_RUN) {
+                out.push(Mistake::Rows { first, last, shift });
+            }
+        }
+        out
+    }
+
+    /// A joint's log, or the joint itself, that stands still over a run of rows.
+    pub fn of_stops(&self, variant: &Variant) -> Vec<Mistake> {
+        let mut out = Vec::new();
+        if !self.ordered {
+            return out;
+        }
+        let own = self.frame_losses(variant);
+        for &(joint, _) in &self.joints {
+            let column = variant.column(joint);
+            if !moves(&column) {
+                continue;
+            }
+            out.extend(
+                self.still_runs(&column, variant).into_iter().map(|(first, last)| Mistake::LogFrozen {
+                    joint,
+                    first,
+                    last,
+                }),
+            );
+            // The joint stays where it was commanded to last; each posture may be the last.
+            let mut best: Option<(f64, Mistake)> = None;
+            for posture in &self.postures {
+                let position = column[posture[0]];
+                let first = posture[0];
+                let mut held = variant.clone();
+                held.positions[first..].iter_mut().for_each(|row| row[joint] = position);
+                let other = self.frame_losses_from(&held, first);
+                let gains: Vec<f64> = (first..own.len()).map(|f| own[f].0 - other[f - first]).collect();
+                let Some((a, b)) = best_run(&gains).filter(|(a, b)| b - a + 1 >= SHORTEST_RUN) else {
+                    continue;
+                };
+                let gain: f64 = gains[a..=b].iter().sum();
+                if best.as_ref().is_none_or(|x| gain > x.0) {
+                    let stop = Mistake::JointFrozen { joint, first: first + a, last: first + b, position };
+                    best = Some((gain, stop));
+                }
+            }
+            out.extend(best.map(|b| b.1));
+        }
+        out
+    }
+
+    fn frame_losses_from(&self, variant: &Variant, first: usize) -> Vec<f64> {
+        let frames: Vec<usize> = (first..self.problem.frames.len()).collect();
+        let mut out = vec![0.0; frames.len()];
+        for d in self.misfit.distances(variant, &frames) {
+            out[d.frame - first] += self.misfit.loss(d.size_m);
+        }
+        out
+    }
+
+    /// A run in which a log stands still, from the first row on that its own position does not fit.
+    pub fn begun(&self, variant: &Variant, freed: &Variant, first: usize, last: usize) -> usize {
+        let (own, free) = (self.frame_losses(variant), self.frame_losses(freed));
+        (first..=last).find(|&f| own[f].0 - free[f].0 > CLEAR).unwrap_or(first)
+    }
+
+    /// Runs of rows over which a column does not change while others do.
+    fn still_runs(&self, column: &[f64], variant: &Variant) -> Vec<(usize, usize)> {
+        let mut out = Vec::new();
+        let mut first = 0;
+        for f in 1..=column.len() {
+            if f < column.len() && (column[f] - column[first]).abs() < 1e-9 {
+                continue;
+            }
+            let last = f - 1;
+            let mut others: Vec<&Vec<f64>> = variant.positions[first..=last].iter().collect();
+            others.dedup();
+            if others.len() >= FEWEST_POSTURES && last + 1 - first >= SHORTEST_RUN {
+                out.push((first, last));
+            }
+            first = f;
+        }
+        out
+    }
+
+    /// A column whose positions over a run are those that fit best, posture by posture: for comparing, not for using.
+    pub fn freed(&self, variant: &Variant, joint: usize, first: usize, last: usize) -> Variant {
+        let column = variant.column(joint);
+        let low = column.iter().copied().fold(f64::INFINITY, f64::min);
+        let high = column.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let margin = 0.2 * (high - low);
+        let (low, high) = (low - margin, high + margin);
+        let mut out = variant.clone();
+        let mut work = Work::new(self.problem);
+        for posture in &self.postures {
+            let frames: Vec<usize> = posture.iter().copied().filter(|f| (first..=last).contains(f)).collect();
+            if frames.is_empty() {
+                continue;
+            }
+            let mut loss = |q: f64| {
+                let mut sum = 0.0;
+                for &f in &frames {
+                    out.positions[f][joint] = q;
+                    self.misfit.of_frame(&mut work, &out, f, |r| sum += self.misfit.loss(r));
+                }
+                sum
+            };
+            let step = (high - low) / (FREE_POSITIONS - 1) as f64;
+            let best = (0..FREE_POSITIONS)
+                .map(|k| low + step * k as f64)
+                .map(|q| (loss(q), q))
+                .min_by(|a, b| a.0.total_cmp(&b.0));
+            let Some((_, at)) = best else { continue };
+            let q = least(at - step, at + step, loss);
+            frames.iter().for_each(|&f| out.positions[f][joint] = q);
+        }
+        out
+    }
+
+    /// A mistake with its number refined on some frames.
+    pub fn refined(&self, mistake: &Mistake, variant: &Variant, frames: &[usize]) -> Mistake {
+        let loss = |m: &Mistake| {
+            let mut tried = variant.clone();
+            m.on_variant(&mut tried);
+            self.misfit.mean_loss(&tried, frames)
+        };
+        match *mistake {
+            Mistake::Zero { joint, offset } => {
+                let of = |offset| Mistake::Zero { joint, offset };
+                of(least(offset - ZERO_STEP, offset + ZERO_STEP, |x| loss(&of(x))))
+            }
+            Mistake::JointUnit { joint, factor } if !UNITS.contains(&factor) => {
+                let of = |factor| Mistake::JointUnit { joint, factor };
+                of(least(factor * 0.8, factor * 1.25, |x| loss(&of(x))))
+            }
+            Mistake::Late { joint, rows, kind } if rows < 1.0 => {
+                let of = |rows| Mistake::Late { joint, rows, kind };
+                let part = 1.0 / LATE_PARTS as f64;
+                of(least((rows - part).max(0.01), (rows + part).min(0.99), |x| loss(&of(x))))
+            }
+            _ => mistake.clone(),
+        }
+    }
+}
+
+/// Whether a frame shows one of two markers.
+fn shows(problem: &Problem, frame: usize, a: usize, b: usize) -> bool {
+    problem.frames[frame].others.iter().any(|o| match o {
+        Observation::Pixel { seen: Seen::Marker(m), .. } => *m == a || *m == b,
+        Observation::Pixel { .. } => false,
+        Observation::Point { marker, .. } => *marker == a || *marker == b,
+    })
+}
+
+/// In how many frames one of two markers is seen.
+pub(super) fn seen_in(problem: &Problem, a: usize, b: usize) -> usize {
+    (0..problem.frames.len()).filter(|&f| shows(problem, f, a, b)).count()
+}
+
+/// Whether a column takes more than one value.
+fn moves(column: &[f64]) -> bool {
+    column.iter().any(|q| (q - column[0]).abs() > 1e-6)
+}
+
+/// The run with the largest sum (Kadane); none where no sum is positive.
+pub(super) fn best_run(gains: &[f64]) -> Option<(usize, usize)> {
+    let (mut start, mut sum, mut best, mut top) = (0, 0.0, None, 0.0);
+    for (f, gain) in gains.iter().enumerate() {
+        if sum <= 0.0 {
+            (start, sum) = (f, 0.0);
+        }
+        sum += gain;
+        if sum > top {
+            (best, top) = (Some((start, f)), sum);
+        }
+    }
+    best
+}
+
+/// The minimum of a function between two numbers by golden sections.
+pub(super) fn least(mut a: f64, mut b: f64, mut of: impl FnMut(f64) -> f64) -> f64 {
+    const GOLDEN: f64 = 0.618_033_988_749_895;
+    let (mut c, mut d) = (b - GOLDEN * (b - a), a + GOLDEN * (b - a));
+    let (mut at_c, mut at_d) = (of(c), of(d));
+    for _ in 0..14 {
+        if at_c < at_d {
+            (b, d, at_d) = (d, c, at_c);
+            c = b - GOLDEN * (b - a);
+            at_c = of(c);
+        } else {
+            (a, c, at_c) = (c, d, at_d);
+            d = a + GOLDEN * (b - a);
+            at_d = of(d);
+        }
+    }
+    0.5 * (a + b)
+}

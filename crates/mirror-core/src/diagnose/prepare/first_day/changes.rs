@@ -1,0 +1,300 @@
+//! Change points: from which row on a marker, the board or the camera sits elsewhere.
+//!
+//! At the fit with all small errors ([`super::verify`]) each place is given a constant displacement a and one more, b, from row
+//! k on. With `H_f = XᵀX` and `g_f = Xᵀr` frame by frame, and sums over all frames (H, g) and from k on (H_b, g_b), what b gains is
+//! `eᵀ S⁻¹ e`, `e = g_b − H_b H⁻¹ g`, `S = H_b − H_b H⁻¹ H_b`: all k in one pass. The best place and row is refitted with all small
+//! errors and kept where its marginal likelihood is far above that without it.
+
+use super::mistake::Mistake;
+use super::verify::{Tolerant, smaller};
+use crate::diagnose::likelihood::noise::effective;
+use crate::diagnose::model::deformation::Deformation;
+use crate::diagnose::model::elementary::{Atom, Column, Weight};
+use crate::diagnose::model::frame::{FrameWork, PROJECTED, Task};
+use crate::diagnose::model::problem::{Noise, Problem};
+use crate::diagnose::model::slips::{Slip, Slipped};
+use crate::error::Result;
+use nalgebra::{DMatrix, DVector, Vector6};
+use rayon::prelude::*;
+
+/// Fewer frames on one side of a slip do not show it.
+const FEWEST_FRAMES: usize = 6;
+/// A gap this many times the noise is worth the look.
+const A_GAP: f64 = 1.15;
+/// χ² that a displacement from a row on must gain, of so many rows and places that are tried.
+const LEAST_GAIN: f64 = 80.0;
+/// Log marginal likelihood that it must gain over small errors.
+const LEAST_LOG_ODDS: f64 = 30.0;
+/// How far something may slip, rad and m: one standard deviation.
+const SLIP_STD: f64 = 0.05;
+/// Steps of differences, rad and m.
+const STEP: f64 = 1e-5;
+/// Rounds in which displacement and small errors are found in turn.
+const ROUNDS: usize = 3;
+/// A row farther off than so many deviations counts less: false data must not pass for a slip.
+const FAR: f64 = 60.0;
+
+/// One place's normal equations, frame by frame.
+struct Place {
+    what: Slipped,
+    frames: Vec<(DMatrix<f64>, DVector<f64>)>,
+}
+
+struct Best {
+    slip: Slip,
+    gain: f64,
+    std: Vector6<f64>,
+}
+
+/// The slip that is clear, if there is one.
+///
+/// # Errors
+/// Invalid parameters of camera or mirror.
+pub(super) fn find(problem: &Problem, frames: &[usize], least: Noise) -> Result<Option<Mistake>> {
+    if !problem.scene.ordered || problem.frames.len() < 2 * FEWEST_FRAMES {
+        return Ok(None);
+    }
+    let nominal = effective(problem, &problem.nominal(), least, None)?;
+    let size = |n: Noise| if problem.camera.is_some() { n.marker_px } else { n.point_m };
+    if size(nominal) < A_GAP * size(least) {
+        return Ok(None);
+    }
+    let mut without = Tolerant::fitted(problem, frames, least)?;
+    let mut bests = best_slips(&without, problem)?;
+    bests.retain(|b| b.gain > LEAST_GAIN);
+    bests.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+    bests.truncate(3);
+    let mut tried = Vec::new();
+    for best in bests {
+        tried.push(settled(problem, frames, least, best)?);
+    }
+    let noise = tried.iter().map(|t| t.1.noise).fold(without.noise, smaller);
+    let alone = without.log_evidence(noise)?;
+    let mut found: Option<(f64, Best)> = None;
+    for (best, mut fit) in tried {
+        let odds = fit.log_evidence(noise)? - alone;
+        if odds > found.as_ref().map_or(LEAST_LOG_ODDS, |f| f.0) {
+            found = Some((odds, best));
+        }
+    }
+    Ok(found.map(|(_, b)| Mistake::Slip { slip: b.slip, std: b.std }))
+}
+
+/// A slip refined together with all small errors.
+fn settled(problem: &Problem, frames: &[usize], least: Noise, mut best: Best) -> Result<(Best, Tolerant)> {
+    if let Some(exact) = together(problem, frames, least, &best)? {
+        return Ok(exact);
+    }
+    let mut with = problem.clone();
+    with.slips.push(best.slip);
+    with.fit_boards()?;
+    let mut fit = Tolerant::fitted(&with, frames, least)?;
+    for round in 0..ROUNDS {
+        let Some(more) = best_slips(&fit, &with)?.into_iter().find(|b| b.slip.what == best.slip.what) else {
+            break;
+        };
+        // What is left at the same place from about the same row on belongs to this slip.
+        if round > 0 && more.gain < 4.0 {
+            break;
+        }
+        let near = more.slip.first.abs_diff(best.slip.first) < FEWEST_FRAMES;
+        if !near {
+            break;
+        }
+        best.slip.motion += more.slip.motion;
+        best.std = more.std;
+        if let Some(last) = with.slips.last_mut() {
+            *last = best.slip;
+        }
+        with.fit_boards()?;
+        fit = Tolerant::fitted(&with, frames, least)?;
+    }
+    Ok((best, fit))
+}
+
+/// Marker or camera: the slip is as many columns more, found together with all small errors.
+fn together(
+    problem: &Problem,
+    frames: &[usize],
+    least: Noise,
+    best: &Best,
+) -> Result<Option<(Best, Tolerant)>> {
+    let first = best.slip.first;
+    let step =
+        || Weight::Frames((0..problem.frames.len()).map(|f| if f < first { 0.0 } else { 1.0 }).collect());
+    let (from, atoms): (usize, Vec<Atom>) = match best.slip.what {
+        Slipped::Marker(m) => (3, (0..3).map(|k| Atom::MarkerShift(m, k)).collect()),
+        Slipped::Camera => (0, (0..6).map(Atom::CameraMount).collect()),
+        Slipped::Board => return Ok(None),
+    };
+    // From the linear estimate: from 0 all that has slipped would look false.
+    let columns = atoms
+        .into_iter()
+        .enumerate()
+        .map(|(k, atom)| (Column { atom, weight: step() }, SLIP_STD, best.slip.motion[from + k]))
+        .collect();
+    let fit = Tolerant::fitted_with(problem, frames, least, columns)?;
+    let mut found = Best { slip: best.slip, gain: best.gain, std: Vector6::zeros() };
+    for (k, (value, std)) in fit.further().into_iter().enumerate() {
+        found.slip.motion[from + k] = value;
+        found.std[from + k] = std;
+    }
+    Ok(Some((found, fit)))
+}
+
+/// The best row of each place.
+fn best_slips(fit: &Tolerant, problem: &Problem) -> Result<Vec<Best>> {
+    let deformation = fit.deformation();
+    let mut places = markers(problem, &deformation, fit.noise)?;
+    if problem.board.is_some() {
+        places.push(moved(problem, &deformation, fit.noise, Slipped::Board)?);
+    }
+    if problem.camera_site.is_some() {
+        places.push(moved(problem, &deformation, fit.noise, Slipped::Camera)?);
+    }
+    Ok(places.iter().filter_map(scan).collect())
+}
+
+fn scan(place: &Place) -> Option<Best> {
+    let count = place.frames.first()?.0.nrows();
+    let zero = || (DMatrix::zeros(count, count), DVector::zeros(count));
+    let add = |(h, g): (DMatrix<f64>, DVector<f64>), f: &(DMatrix<f64>, DVector<f64>)| (h + &f.0, g + &f.1);
+    let (h, g) = place.frames.iter().fold(zero(), add);
+    let ridge = DMatrix::identity(count, count) * (1e-9 * h.trace().max(1e-12));
+    let inverse = (&h + &ridge).cholesky()?.inverse();
+    let constant = &inverse * &g;
+    let (mut h_b, mut g_b) = zero();
+    let mut best: Option<Best> = None;
+    for k in (FEWEST_FRAMES..place.frames.len()).rev() {
+        (h_b, g_b) = add((h_b, g_b), &place.frames[k]);
+        if place.frames.len() - k < FEWEST_FRAMES {
+            continue;
+        }
+        let e = &g_b - &h_b * &constant;
+        let s = &h_b - &h_b * &inverse * &h_b + &ridge;
+        let Some(factor) = s.cholesky() else { continue };
+        let b = factor.solve(&e);
+        let gain = e.dot(&b);
+        if gain.is_finite() && best.as_ref().is_none_or(|x| gain > x.gain) {
+            let covariance = factor.inverse();
+            let mut motion = Vector6::zeros();
+            let mut std = Vector6::zeros();
+            // A marker has a shift only.
+            let from = 6 - count;
+            for i in 0..count {
+                motion[from + i] = b[i];
+                std[from + i] = covariance[(i, i)].max(0.0).sqrt();
+            }
+            best = Some(Best { slip: Slip { what: place.what, first: k, motion }, gain, std });
+        }
+    }
+    best
+}
+
+fn markers(problem: &Problem, deformation: &Deformation, noise: Noise) -> Result<Vec<Place>> {
+    let eye = problem.eye(deformation)?;
+    let task = Task::of_residuals(problem, deformation, eye.as_ref(), noise);
+    let markers = problem.marker_sites.len();
+    let frames: Vec<Vec<(DMatrix<f64>, DVector<f64>)>> = (0..problem.frames.len())
+        .into_par_iter()
+        .map_init(
+            || FrameWork::new(problem),
+            |work, frame| {
+                let mut out = vec![(DMatrix::zeros(3, 3), DVector::zeros(3)); markers];
+                if !work.evaluate(problem, &task, frame) {
+                    return out;
+                }
+                let rows = work.row_count;
+                let mut columns = vec![vec![0.0; rows + PROJECTED]; 3];
+                for (m, (h, g)) in out.iter_mut().enumerate() {
+                    let mut there = false;
+                    for (k, column) in columns.iter_mut().enumerate() {
+                        there |= work.column(problem, deformation, frame, Atom::MarkerShift(m, k), column);
+                    }
+                    if !there {
+                        continue;
+                    }
+                    let own: f64 = (0..rows)
+                        .filter(|&i| columns.iter().any(|c| c[i] != 0.0))
+                        .map(|i| work.residual[i].powi(2))
+                        .sum();
+                    let weight = 1.0 / (1.0 + own / (FAR * FAR));
+                    for i in 0..3 {
+                        g[i] = weight * dot(&columns[i], &work.residual, rows);
+                        for j in 0..3 {
+                            h[(i, j)] = weight * dot(&columns[i], &columns[j], rows);
+                        }
+                    }
+                }
+                out
+            },
+        )
+        .collect();
+    let of =
+        |m: usize| Place { what: Slipped::Marker(m), frames: frames.iter().map(|f| f[m].clone()).collect() };
+    Ok((0..markers).map(of).collect())
+}
+
+/// Product of two columns' rows, less their parts along the mirror's parameters.
+fn dot(x: &[f64], y: &[f64], rows: usize) -> f64 {
+    let along: f64 = x[..rows].iter().zip(&y[..rows]).map(|(a, b)| a * b).sum();
+    let plane: f64 = x[rows..].iter().zip(&y[rows..]).map(|(a, b)| a * b).sum();
+    along - plane
+}
+
+/// Board or camera: derivatives by differences, each frame's mirror found anew.
+fn moved(problem: &Problem, deformation: &Deformation, noise: Noise, what: Slipped) -> Result<Place> {
+    let base = residuals(problem, deformation, noise)?;
+    let mut columns = Vec::new();
+    for k in 0..6 {
+        let mut step = problem.clone();
+        let mut motion = Vector6::zeros();
+        motion[k] = STEP;
+        step.slips.push(Slip { what, first: 0, motion });
+        step.fit_boards()?;
+        columns.push(residuals(&step, deformation, noise)?);
+    }
+    let frames = (0..problem.frames.len())
+        .map(|f| {
+            let (mut h, mut g) = (DMatrix::zeros(6, 6), DVector::zeros(6));
+            let rows = base[f].len();
+            if rows == 0 || columns.iter().any(|c| c[f].len() != rows) {
+                return (h, g);
+            }
+            // Residuals are seen less predicted: a column is minus their change.
+            let by: Vec<Vec<f64>> = columns
+                .iter()
+                .map(|c| c[f].iter().zip(&base[f]).map(|(a, b)| (b - a) / STEP).collect())
+                .collect();
+            let square: f64 = base[f].iter().map(|r| r * r).sum();
+            let weight = 1.0 / (1.0 + square / (rows as f64 * FAR * FAR));
+            for i in 0..6 {
+                g[i] = weight * by[i].iter().zip(&base[f]).map(|(a, b)| a * b).sum::<f64>();
+                for j in 0..6 {
+                    h[(i, j)] = weight * by[i].iter().zip(&by[j]).map(|(a, b)| a * b).sum::<f64>();
+                }
+            }
+            (h, g)
+        })
+        .collect();
+    Ok(Place { what, frames })
+}
+
+/// Each frame's whitened residuals, corners included.
+fn residuals(problem: &Problem, deformation: &Deformation, noise: Noise) -> Result<Vec<Vec<f64>>> {
+    let eye = problem.eye(deformation)?;
+    let task = Task { with_board: true, ..Task::of_residuals(problem, deformation, eye.as_ref(), noise) };
+    Ok((0..problem.frames.len())
+        .into_par_iter()
+        .map_init(
+            || FrameWork::new(problem),
+            |work, frame| {
+                if work.evaluate(problem, &task, frame) {
+                    work.residual[..work.row_count].to_vec()
+                } else {
+                    Vec::new()
+                }
+            },
+        )
+        .collect())
+}

@@ -1,0 +1,283 @@
+//! How far the markers are from where a set of positions puts them: a loss that gross errors do not rule.
+//!
+//! Each observation's distance r (an image point's residual at the depth of what it shows, m; a measured point's as it is)
+//! counts `ln(1 + (r/s)²)` with s of the size that a set-up by hand and small causes leave. So every part that a
+//! transformation of the session puts right counts, however wrong the rest is. Mirrors are where the boards show them.
+
+use super::variant::Variant;
+use crate::diagnose::data::recording::Via;
+use crate::diagnose::model::camera_and_mirror::Eye;
+use crate::diagnose::model::deformation::Deformation;
+use crate::diagnose::model::frame::FrameWork;
+use crate::diagnose::model::kinematics::NodePoses;
+use crate::diagnose::model::pose::Pose;
+use crate::diagnose::model::problem::{Observation, Problem, Seen};
+use crate::error::Result;
+use nalgebra::{Matrix3, Point3, Vector3};
+
+/// What a set-up by hand and small causes leave, as a share of the reach; and its bounds, m.
+const USUAL_SHARE: f64 = 0.03;
+const USUAL_BOUNDS_M: (f64, f64) = (0.006, 0.03);
+/// The distance of what cannot be predicted at all, m.
+const NOT_PREDICTED_M: f64 = 1.0;
+/// Rounds in which the frame of the measured points and unknown mounts are found beside each other.
+const ROUNDS: usize = 4;
+
+/// The distance of one observation, m.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Distance {
+    pub frame: usize,
+    pub size_m: f64,
+}
+
+/// Predicts markers at given positions.
+pub(super) struct Misfit<'a> {
+    problem: &'a Problem,
+    eye: Option<Eye>,
+    still: Deformation,
+    /// The mirrors as the boards show them at the recorded positions.
+    feet: Vec<Option<Vector3<f64>>>,
+    /// Size of usual errors, m.
+    pub usual_m: f64,
+}
+
+impl<'a> Misfit<'a> {
+    /// Of a problem whose boards are fitted.
+    ///
+    /// # Errors
+    /// Invalid parameters of camera or mirror.
+    pub fn new(problem: &'a Problem) -> Result<Self> {
+        let reach = problem.scene.reach_m;
+        Ok(Self {
+            eye: problem.eye(&problem.nominal())?,
+            still: Deformation::nominal(1, problem.scene.nodes(), problem.marker_sites.len()),
+            feet: problem.boards.iter().map(|b| b.map(|b| b.foot)).collect(),
+            usual_m: (USUAL_SHARE * reach).clamp(USUAL_BOUNDS_M.0, USUAL_BOUNDS_M.1),
+            problem,
+        })
+    }
+
+    /// The loss of a distance.
+    pub fn loss(&self, size_m: f64) -> f64 {
+        (size_m / self.usual_m).powi(2).ln_1p()
+    }
+
+    /// Mean loss over some frames; infinite where they show nothing.
+    pub fn mean_loss(&self, variant: &Variant, frames: &[usize]) -> f64 {
+        let distances = self.distances(variant, frames);
+        if distances.is_empty() {
+            return f64::INFINITY;
+        }
+        distances.iter().map(|d| self.loss(d.size_m)).sum::<f64>() / distances.len() as f64
+    }
+
+    /// Distances of all observations of markers in some frames.
+    pub fn distances(&self, variant: &Variant, frames: &[usize]) -> Vec<Distance> {
+        if self.problem.unknown_frame.is_some() {
+            return self.distances_in_unknown_frame(variant, frames);
+        }
+        let mut out = Vec::new();
+        let mut work = Work::new(self.problem);
+        for &frame in frames {
+            self.of_frame(&mut work, variant, frame, |size_m| {
+                out.push(Distance { frame, size_m });
+            });
+        }
+        out
+    }
+
+    /// Passes each observation's marker and distance of one frame on.
+    pub fn of_frame(&self, work: &mut Work, variant: &Variant, frame: usize, mut with: impl FnMut(f64)) {
+        let problem = self.problem;
+        let body = &problem.scene.body;
+        variant.nodes(body, frame, &mut work.positions);
+        work.poses.update(body, &work.positions, &self.still, 0);
+        let foot = self.foot(work, variant, frame);
+        let camera_from_world = problem.camera_site.map(|s| work.poses.site(&s).inverse());
+        for observation in &problem.frames[frame].others {
+            match observation {
+                Observation::Pixel { seen: Seen::Marker(m), via, pixel } => {
+                    let (Some(eye), Some(camera_from_world)) = (&self.eye, &camera_from_world) else {
+                        continue;
+                    };
+                    if *via == Via::Mirror && foot.is_none() {
+                        continue;
+                    }
+                    let m = variant.labels[frame][*m];
+                    let point = camera_from_world.point(&work.poses.site(&variant.sites[m]).t);
+                    let by = foot.filter(|_| *via == Via::Mirror);
+                    with(image_distance(eye, by.as_ref(), &point, pixel).unwrap_or(NOT_PREDICTED_M));
+                }
+                Observation::Pixel { .. } => {}
+                Observation::Point { marker, position } => {
+                    let Some(site) = problem.points_site else { continue };
+                    let marker = variant.labels[frame][*marker];
+                    let point = work.poses.site(&variant.sites[marker]).t;
+                    with((position - work.poses.site(&site).inverse_point(&point)).norm());
+                }
+            }
+        }
+    }
+
+    /// Poses a frame: afterwards the nodes' poses are in `work`; returns the world in the camera's frame, and the mirror.
+    pub fn pose(
+        &self,
+        work: &mut Work,
+        variant: &Variant,
+        frame: usize,
+    ) -> Option<(Option<Pose>, Option<Vector3<f64>>)> {
+        let body = &self.problem.scene.body;
+        variant.nodes(body, frame, &mut work.positions);
+        work.poses.update(body, &work.positions, &self.still, 0);
+        let foot = self.foot(work, variant, frame);
+        Some((self.problem.camera_site.map(|s| work.poses.site(&s).inverse()), foot))
+    }
+
+    /// The line on which what is seen at a pixel lies, camera frame: origin and unit direction.
+    pub fn ray(
+        &self,
+        foot: Option<&Vector3<f64>>,
+        pixel: &nalgebra::Vector2<f64>,
+    ) -> Option<(Vector3<f64>, Vector3<f64>)> {
+        let eye = self.eye.as_ref()?;
+        let direction = eye.camera.unproject(pixel).ok()?;
+        match foot {
+            Some(foot) => {
+                let ray = eye.mirror.virtual_ray(&Problem::plane(foot)?, &direction).ok()?;
+                Some((ray.origin.coords, ray.direction.into_inner()))
+            }
+            None => Some((Vector3::zeros(), direction.into_inner())),
+        }
+    }
+
+    /// The mirror of a frame. Where joints lie between camera and board it depends on their positions.
+    fn foot(&self, work: &mut Work, variant: &Variant, frame: usize) -> Option<Vector3<f64>> {
+        let known = self.feet[frame]?;
+        let scene = &self.problem.scene;
+        let moved = self
+            .problem
+            .between_camera_and_board
+            .iter()
+            .any(|&n| (variant.node(&scene.body, frame, n) - scene.q(frame, n)).abs() > 1e-9);
+        if !moved {
+            return Some(known);
+        }
+        let deformation = work.moved.get_or_insert_with(|| self.problem.nominal());
+        for &n in &self.problem.between_camera_and_board {
+            let change =
+                variant.node(&scene.body, frame, n) - scene.q(frame, n) - deformation.joint_delta(frame, n);
+            deformation.add_joint_delta(frame, n, change);
+        }
+        work.frame.fit_board(self.problem, deformation, self.eye.as_ref(), frame, None).map(|fit| fit.foot)
+    }
+
+    /// As [`Misfit::distances`], while the frame of the measured points and unknown mounts are found robustly beside.
+    fn distances_in_unknown_frame(&self, variant: &Variant, frames: &[usize]) -> Vec<Distance> {
+        let problem = self.problem;
+        let body = &problem.scene.body;
+        let mut work = Work::new(problem);
+        let mut rows = Vec::new();
+        for &frame in frames {
+            variant.nodes(body, frame, &mut work.positions);
+            work.poses.update(body, &work.positions, &self.still, 0);
+            let root = work.poses.site(&body.root).inverse();
+            for observation in &problem.frames[frame].others {
+                let Observation::Point { marker, position } = observation else { continue };
+                let marker = variant.labels[frame][*marker];
+                let mount = root.then(&work.poses.site(&problem.marker_mounts[marker]));
+                let at = root.point(&work.poses.site(&variant.sites[marker]).t);
+                let local = mount.inverse_point(&at);
+                rows.push((frame, marker, *position, mount, local, 1.0));
+            }
+        }
+        let mut shift = vec![Vector3::zeros(); problem.marker_sites.len()];
+        let mut pose = Pose::identity();
+        for _ in 0..ROUNDS {
+            let pairs = rows.iter().map(|(_, m, position, mount, local, weight)| {
+                (*position, mount.point(&(local + shift[*m])), *weight)
+            });
+            pose = rigid(pairs);
+            for (m, shift) in shift.iter_mut().enumerate().filter(|(m, _)| !problem.scene.mount_known[*m]) {
+                let (mut sum, mut weights) = (Vector3::zeros(), 1e-12);
+                for (_, _, position, mount, local, weight) in rows.iter().filter(|r| r.1 == m) {
+                    sum += (mount.inverse_point(&pose.inverse_point(position)) - local) * *weight;
+                    weights += weight;
+                }
+                *shift = sum / weights;
+            }
+            for (_, m, position, mount, local, weight) in &mut rows {
+                let r = (*position - pose.point(&mount.point(&(*local + shift[*m])))).norm();
+                *weight = 1.0 / (1.0 + (r / self.usual_m).powi(2));
+            }
+        }
+        rows.iter()
+            .map(|(frame, marker, position, mount, local, _)| Distance {
+                frame: *frame,
+                size_m: (position - pose.point(&mount.point(&(local + shift[*marker])))).norm(),
+            })
+            .collect()
+    }
+}
+
+/// Reusable memory.
+pub(super) struct Work {
+    pub poses: NodePoses,
+    positions: Vec<f64>,
+    frame: FrameWork,
+    moved: Option<Deformation>,
+}
+
+impl Work {
+    pub fn new(problem: &Problem) -> Self {
+        let nodes = problem.scene.nodes();
+        Self {
+            poses: NodePoses::new(nodes),
+            positions: vec![0.0; nodes],
+            frame: FrameWork::new(problem),
+            moved: None,
+        }
+    }
+}
+
+/// Distance of an image point from its prediction, at the depth of what it shows, m.
+fn image_distance(
+    eye: &Eye,
+    foot: Option<&Vector3<f64>>,
+    point: &Vector3<f64>,
+    pixel: &nalgebra::Vector2<f64>,
+) -> Option<f64> {
+    let seen = match foot {
+        Some(foot) => {
+            let plane = Problem::plane(foot)?;
+            eye.mirror.apparent_point(&plane, &Point3::from(*point)).ok()?
+        }
+        None => Point3::from(*point),
+    };
+    let at = eye.camera.project(&seen).ok()?;
+    Some((pixel - at).norm() * seen.z / eye.nominal_focal.x)
+}
+
+/// The weighted rigid transform that takes the second points to the first (Umeyama 1991, without scale).
+fn rigid(pairs: impl Iterator<Item = (Vector3<f64>, Vector3<f64>, f64)> + Clone) -> Pose {
+    let (mut a, mut b, mut total) = (Vector3::zeros(), Vector3::zeros(), 1e-12);
+    for (to, from, weight) in pairs.clone() {
+        a += to * weight;
+        b += from * weight;
+        total += weight;
+    }
+    a /= total;
+    b /= total;
+    let mut covariance = Matrix3::zeros();
+    for (to, from, weight) in pairs {
+        covariance += (to - a) * (from - b).transpose() * weight;
+    }
+    let svd = covariance.svd(true, true);
+    let r = match (svd.u, svd.v_t) {
+        (Some(u), Some(v_t)) => {
+            let sign = (u * v_t).determinant().signum();
+            u * Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, sign)) * v_t
+        }
+        _ => Matrix3::identity(),
+    };
+    Pose { r, t: a - r * b }
+}

@@ -1,0 +1,335 @@
+//! Whole mistakes of model or log: what each is called, and how it is undone exactly.
+
+use super::variant::Variant;
+use crate::camera::Camera;
+use crate::diagnose::data::recording::{Recording, Target};
+use crate::diagnose::model::body::{NodeId, Site};
+use crate::diagnose::model::pose::Pose;
+use crate::diagnose::model::problem::Problem;
+use crate::diagnose::model::slips::{Slip, Slipped};
+use crate::error::Result;
+use crate::robot::Robot;
+use nalgebra::{Rotation3, Vector2, Vector3, Vector6};
+
+/// A mistake, by indices of the robot's independent joints and of the recording's markers.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum Mistake {
+    /// The joint turns the other way.
+    AxisSign { node: NodeId },
+    /// Two columns, or two cables, changed places.
+    JointsSwapped { joints: (usize, usize) },
+    /// Two like chains changed places: left and right.
+    SidesSwapped { pairs: Vec<(usize, usize)> },
+    /// The column is in another unit: it must be multiplied by the factor.
+    JointUnit { joint: usize, factor: f64 },
+    /// As above, of all joints that turn.
+    AllUnits { factor: f64 },
+    /// A wrong zero too large for a small error, rad: added to the column.
+    Zero { joint: usize, offset: f64 },
+    /// The column holds earlier rows' positions; none is all joints.
+    Late { joint: Option<usize>, rows: f64, kind: LateKind },
+    /// The log stands still over a run of rows: what was commanded there is not known.
+    LogFrozen { joint: usize, first: usize, last: usize },
+    /// The joint stands still over a run of rows, at this position.
+    JointFrozen { joint: usize, first: usize, last: usize, position: f64 },
+    /// Two markers' names exchanged in these frames.
+    MarkersSwapped { markers: (usize, usize), frames: Vec<usize> },
+    /// The camera's parameters are of another resolution: multiplied by the factor.
+    Resolution { factor: f64, offset_px: Vector2<f64> },
+    /// The picture is mirrored: 1 left and right, 2 up and down, 3 both.
+    Flipped { flip: u8 },
+    /// The board's corners are counted from another corner: quarter turns.
+    BoardTurned { quarters: u8 },
+    /// The marker is fixed to another body, at this place in its frame, m.
+    MarkerParent { marker: usize, node: Option<NodeId>, place: Vector3<f64> },
+    /// Gravity points elsewhere: the turn from the stated to the true direction, rad.
+    Gravity { turn: Vector3<f64> },
+    /// A marker, the board or the camera slipped; with the standard deviations of its motion.
+    Slip { slip: Slip, std: Vector6<f64> },
+    /// A run of rows to be looked into by [`crate::diagnose::prepare::row_slip`], not undone here.
+    Rows { first: usize, last: usize, shift: i64 },
+}
+
+/// How a column is late.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum LateKind {
+    /// Each row of the log lies between the true positions of this and an earlier row.
+    Blend,
+    /// The true position lies between the log's rows.
+    Follow,
+}
+
+impl Mistake {
+    /// Undoes it on the joints' positions, as far as it concerns them.
+    pub(super) fn on_variant(&self, variant: &mut Variant) {
+        let rows = &mut variant.positions;
+        match *self {
+            Self::AxisSign { node } => variant.signs[node] = -variant.signs[node],
+            Self::JointsSwapped { joints: (a, b) } => rows.iter_mut().for_each(|row| row.swap(a, b)),
+            Self::SidesSwapped { ref pairs } => {
+                rows.iter_mut().for_each(|row| pairs.iter().for_each(|&(a, b)| row.swap(a, b)));
+            }
+            Self::JointUnit { joint, factor } => rows.iter_mut().for_each(|row| row[joint] *= factor),
+            Self::AllUnits { factor } => {
+                rows.iter_mut().for_each(|row| row.iter_mut().for_each(|q| *q *= factor));
+            }
+            Self::Zero { joint, offset } => rows.iter_mut().for_each(|row| row[joint] += offset),
+            Self::Late { joint, rows: late, kind } => {
+                let joints: Vec<usize> =
+                    joint.map_or_else(|| (0..rows.first().map_or(0, Vec::len)).collect(), |j| vec![j]);
+                for j in joints {
+                    let column = in_time(&variant.column(j), late, kind);
+                    variant.set_column(j, &column);
+                }
+            }
+            Self::JointFrozen { joint, first, last, position } => {
+                rows[first..=last].iter_mut().for_each(|row| row[joint] = position);
+            }
+            Self::Rows { first, last, shift } => {
+                let old = rows.clone();
+                for f in first..=last {
+                    let from = (f as i64 + shift).clamp(0, old.len() as i64 - 1) as usize;
+                    rows[f].clone_from(&old[from]);
+                }
+            }
+            Self::MarkersSwapped { markers: (a, b), ref frames } => {
+                for &f in frames {
+                    variant.labels[f].swap(a, b);
+                }
+            }
+            Self::MarkerParent { marker, node, place } => {
+                let r = variant.sites[marker].node_from_site.r;
+                variant.sites[marker] = Site { node, node_from_site: Pose { r, t: place } };
+            }
+            _ => {}
+        }
+    }
+
+    /// Undoes it in the recording, its robot included; what cannot be known any more is left out.
+    ///
+    /// # Errors
+    /// A camera whose parameters would be invalid.
+    pub fn undo(&self, robot: &mut Robot, problem: &Problem, recording: &mut Recording) -> Result<()> {
+        match self {
+            Self::AxisSign { node } => robot.reverse_axis(&problem.scene.body.nodes[*node].joint)?,
+            Self::Resolution { factor, offset_px } => {
+                if let Some(sight) = &mut recording.sight {
+                    let c = &sight.camera;
+                    sight.camera = Camera::new(
+                        c.size_px(),
+                        c.focal_px() * *factor,
+                        scaled_center(&c.center_px(), *factor) + offset_px,
+                        c.distortion(),
+                    )?;
+                }
+            }
+            Self::Flipped { flip } => flip_pictures(recording, *flip),
+            Self::BoardTurned { quarters } => turn_board(recording, *quarters),
+            Self::MarkersSwapped { markers: (a, b), frames } => {
+                for &f in frames {
+                    exchange(&mut recording.frames[f], *a, *b);
+                }
+            }
+            Self::Gravity { turn } => recording.gravity = Rotation3::new(*turn) * recording.gravity,
+            Self::MarkerParent { .. } | Self::Slip { .. } | Self::Rows { .. } => {}
+            _ => {
+                let mut variant = Variant::of(recording, problem);
+                self.on_variant(&mut variant);
+                for (frame, row) in recording.frames.iter_mut().zip(variant.positions) {
+                    frame.commanded = row;
+                }
+            }
+        }
+        for (frame, joint) in self.not_known(recording.frames.len()) {
+            leave_out(problem, &mut recording.frames[frame], joint);
+        }
+        Ok(())
+    }
+
+    /// Undoes what is of the arranged problem: sites.
+    ///
+    /// # Errors
+    /// Invalid parameters of camera or mirror.
+    pub fn on_problem(&self, problem: &mut Problem) -> Result<()> {
+        match self {
+            Self::MarkerParent { marker, node, place } => {
+                let turn = problem.marker_sites[*marker].node_from_site.r;
+                let site = Site { node: *node, node_from_site: Pose { r: turn, t: *place } };
+                problem.marker_sites[*marker] = site;
+                problem.marker_mounts[*marker] = Site { node: *node, node_from_site: Pose::identity() };
+            }
+            Self::Slip { slip, .. } => {
+                problem.slips.push(*slip);
+                problem.fit_boards()?;
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// Whether it is a slip of this.
+    pub fn slips(&self, what: Slipped) -> bool {
+        matches!(self, Self::Slip { slip, .. } if slip.what == what)
+    }
+
+    /// Its word in the public vocabulary.
+    pub fn effect(&self) -> &'static str {
+        match self {
+            Self::AxisSign { .. } => "axis_sign",
+            Self::JointsSwapped { .. } | Self::SidesSwapped { .. } => "joints_swapped",
+            Self::JointUnit { .. } | Self::AllUnits { .. } => "joint_unit",
+            Self::Zero { .. } => "joint_offset",
+            Self::Late { .. } => "joint_late",
+            Self::LogFrozen { .. } | Self::JointFrozen { .. } => "joint_frozen",
+            Self::MarkersSwapped { .. } => "markers_swapped",
+            Self::Resolution { .. } => "camera_resolution",
+            Self::Flipped { .. } => "picture_flipped",
+            Self::BoardTurned { .. } => "board_turned",
+            Self::MarkerParent { .. } => "marker_parent",
+            Self::Gravity { .. } => "gravity_direction",
+            Self::Slip { .. } => "slip",
+            Self::Rows { .. } => "pairing",
+        }
+    }
+
+    /// Whether it is the same mistake but for its number.
+    pub fn is_like(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::JointUnit { joint: a, .. }, Self::JointUnit { joint: b, .. })
+            | (Self::Zero { joint: a, .. }, Self::Zero { joint: b, .. })
+            | (Self::LogFrozen { joint: a, .. }, Self::LogFrozen { joint: b, .. })
+            | (Self::JointFrozen { joint: a, .. }, Self::JointFrozen { joint: b, .. }) => a == b,
+            (Self::Late { joint: a, .. }, Self::Late { joint: b, .. }) => a == b,
+            (Self::MarkersSwapped { markers: a, .. }, Self::MarkersSwapped { markers: b, .. }) => a == b,
+            (Self::AllUnits { .. }, Self::AllUnits { .. }) | (Self::Rows { .. }, Self::Rows { .. }) => true,
+            _ => self == other,
+        }
+    }
+
+    /// Frames in which a joint's position is not known even once the mistake is; none is all joints.
+    fn not_known(&self, frames: usize) -> Vec<(usize, Option<usize>)> {
+        match *self {
+            Self::LogFrozen { joint, first, last } => (first..=last).map(|f| (f, Some(joint))).collect(),
+            Self::Late { joint, rows, kind } => {
+                let lost = (rows.abs().ceil() as usize).min(frames);
+                // A blend is undone from one end, which it takes some rows to forget.
+                let at_start = if kind == LateKind::Blend { BLEND_ROWS.min(frames) } else { 0 };
+                let end = (frames - lost..frames).map(|f| (f, joint));
+                (0..at_start).map(|f| (f, joint)).chain(end).collect()
+            }
+            _ => Vec::new(),
+        }
+    }
+}
+
+/// Rows after which a blend that was undone from one end is right.
+const BLEND_ROWS: usize = 2;
+
+/// The camera's centre at another resolution: pixel centres lie at whole numbers.
+pub(super) fn scaled_center(center: &Vector2<f64>, factor: f64) -> Vector2<f64> {
+    center * factor
+}
+
+/// A late column put in time.
+fn in_time(column: &[f64], rows: f64, kind: LateKind) -> Vec<f64> {
+    let count = column.len();
+    let whole = rows.floor();
+    let part = rows - whole;
+    let shifted = |f: usize, by: i64| column[(f as i64 + by).clamp(0, count as i64 - 1) as usize];
+    match kind {
+        LateKind::Follow => (0..count)
+            .map(|f| (1.0 - part) * shifted(f, whole as i64) + part * shifted(f, whole as i64 + 1))
+            .collect(),
+        LateKind::Blend => {
+            let late: Vec<f64> = (0..count).map(|f| shifted(f, whole as i64)).collect();
+            unblended(&late, part)
+        }
+    }
+}
+
+/// Solves `log_f = (1 − p) θ_f + p θ_{f−1}` from the end at which errors die out.
+fn unblended(log: &[f64], part: f64) -> Vec<f64> {
+    let mut out = log.to_vec();
+    if part <= 0.5 {
+        for f in 1..out.len() {
+            out[f] = (log[f] - part * out[f - 1]) / (1.0 - part);
+        }
+    } else {
+        for f in (1..out.len()).rev() {
+            out[f - 1] = (log[f] - (1.0 - part) * out[f]) / part;
+        }
+    }
+    out
+}
+
+fn exchange(frame: &mut crate::diagnose::data::recording::Frame, a: usize, b: usize) {
+    let other = |m: usize| {
+        if m == a {
+            b
+        } else if m == b {
+            a
+        } else {
+            m
+        }
+    };
+    for sighting in &mut frame.sightings {
+        if let Target::Marker(m) = &mut sighting.target {
+            *m = other(*m);
+        }
+    }
+    for point in &mut frame.points {
+        point.marker = other(point.marker);
+    }
+}
+
+fn flip_pictures(recording: &mut Recording, flip: u8) {
+    let Some(sight) = &recording.sight else { return };
+    let (w, h) = sight.camera.size_px();
+    for sighting in recording.frames.iter_mut().flat_map(|f| &mut f.sightings) {
+        let p = &mut sighting.pixel;
+        if flip & 1 != 0 {
+            p.x = f64::from(w) - 1.0 - p.x;
+        }
+        if flip & 2 != 0 {
+            p.y = f64::from(h) - 1.0 - p.y;
+        }
+    }
+}
+
+/// The corner that one of the other numbering is.
+pub(super) fn turned(index: usize, (nx, ny): (usize, usize), quarters: u8) -> usize {
+    let (ix, iy) = (index % nx, index / nx);
+    match quarters {
+        2 => (ny - 1 - iy) * nx + (nx - 1 - ix),
+        // By quarters only a square grid of corners falls on itself.
+        1 => ix * nx + (nx - 1 - iy),
+        3 => (nx - 1 - ix) * nx + iy,
+        _ => index,
+    }
+}
+
+fn turn_board(recording: &mut Recording, quarters: u8) {
+    let Some(corners) = recording.sight.as_ref().and_then(|s| s.board.as_ref()).map(|b| b.corners) else {
+        return;
+    };
+    for sighting in recording.frames.iter_mut().flat_map(|f| &mut f.sightings) {
+        if let Target::Corner(i) = &mut sighting.target {
+            *i = turned(*i, corners, quarters);
+        }
+    }
+}
+
+/// Leaves out what a joint (none: any joint) moves in a frame.
+fn leave_out(problem: &Problem, frame: &mut crate::diagnose::data::recording::Frame, joint: Option<usize>) {
+    let body = &problem.scene.body;
+    let observers = [problem.camera_site, problem.points_site];
+    let moves = |marker: usize| {
+        body.nodes.iter().enumerate().any(|(n, node)| {
+            let target = body.carries(n, problem.marker_sites[marker].node);
+            joint.is_none_or(|j| node.command.0 == j)
+                && observers.iter().flatten().any(|o| body.carries(n, o.node) != target)
+        })
+    };
+    frame.sightings.retain(|s| !matches!(s.target, Target::Marker(m) if moves(m)));
+    frame.points.retain(|p| !moves(p.marker));
+}

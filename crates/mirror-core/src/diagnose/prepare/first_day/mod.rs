@@ -1,0 +1,361 @@
+//! Whole mistakes of model or log, tried exactly before small errors are searched.
+//!
+//! Each is a discrete alternative (effects.md, "Mistakes of a first day"): an axis that turns the other way, exchanged columns
+//! or names, a column in another unit, late, or standing still, the camera of another resolution, a mirrored picture, a turned
+//! board, a marker on another link. In order:
+//!
+//! 1. [`optics`]: what the boards alone show to be impossible, undone first;
+//! 2. [`alternatives`] of the body and of the log, scored at the nominal model by a loss that gross errors do not rule
+//!    ([`misfit`]), singly, and on top of the best few;
+//! 3. [`verify`]: the best few against small errors of every kind at once, by marginal likelihood;
+//! 4. gravity in other directions, by the springs that its loads would need ([`loads`]);
+//! 5. what slips in the middle of the session ([`changes`]);
+//! 6. what wins is undone exactly ([`mistake`]), and the usual search goes on from there.
+
+mod alternatives;
+mod changes;
+mod loads;
+mod misfit;
+mod mistake;
+mod mounts;
+mod optics;
+mod outlying;
+mod told;
+mod variant;
+mod verify;
+
+use crate::diagnose::data::diagnosis::{Cause, LeftOut};
+use crate::diagnose::data::recording::Recording;
+use crate::diagnose::model::problem::Problem;
+use crate::error::Result;
+use crate::robot::Robot;
+use alternatives::Session;
+use misfit::Misfit;
+pub(crate) use mistake::Mistake;
+use rayon::prelude::*;
+use told::told;
+use variant::Variant;
+use verify::{Tolerant, smaller};
+
+/// Frames on which alternatives are scored, and on which they are verified.
+const FRAMES: usize = 64;
+/// Mistakes at once, and how many of the best are gone on from.
+const MOST_MISTAKES: usize = 4;
+const BEAM: usize = 4;
+/// A mean loss below this is that of small errors: nothing is gross.
+const GROSS: f64 = 0.12;
+/// By this the mean loss must fall with each mistake, and by this share.
+const LEAST_FALL: f64 = 0.03;
+const LEAST_SHARE: f64 = 0.12;
+/// Chains of mistakes that are verified.
+const VERIFIED: usize = 3;
+/// Probability of a mistake of the optics: the boards show all others to be impossible.
+const OF_THE_OPTICS: f64 = 0.98;
+/// Probability of a turned gravity: loads act against the springs as stated, which no other cause does.
+const OF_GRAVITY: f64 = 0.95;
+/// Slips at once, the frames on which small errors are fitted beside them, and their probability.
+const MOST_SLIPS: usize = 2;
+const FRAMES_OF_SLIPS: usize = 100;
+const OF_A_SLIP: f64 = 0.97;
+/// A mistake must gain this log marginal likelihood over small errors.
+const LEAST_LOG_ODDS: f64 = 30.0;
+
+/// The session with its mistakes undone.
+pub(crate) struct Undone {
+    pub robot: Robot,
+    pub recording: Recording,
+    pub problem: Problem,
+    pub told: Vec<Cause>,
+    /// How it went, a line a step.
+    pub trace: Vec<String>,
+    /// Single observations that are false.
+    pub left_out: Vec<LeftOut>,
+    /// Whether rows hold other rows' measurement, which a later stage leaves out: until then they would pass for slips.
+    rows_slipped: bool,
+}
+
+/// A chain of mistakes with the session as it would be.
+#[derive(Clone)]
+struct Chain {
+    mistakes: Vec<Mistake>,
+    variant: Variant,
+    loss: f64,
+}
+
+/// Finds and undoes whole mistakes; none where there is none.
+///
+/// # Errors
+/// Invalid parameters of camera or mirror.
+pub(crate) fn undone(
+    robot: &Robot,
+    recording: &Recording,
+    problem: &Problem,
+    without: &[String],
+) -> Result<Option<Undone>> {
+    let mut out = Undone {
+        robot: robot.clone(),
+        recording: recording.clone(),
+        problem: problem.clone(),
+        told: Vec::new(),
+        trace: Vec::new(),
+        left_out: Vec::new(),
+        rows_slipped: false,
+    };
+    if let Some(mistake) = optics::find(robot, recording, without)? {
+        out.undo(&mistake, OF_THE_OPTICS)?;
+    }
+    let (chain, probability) = of_the_body(&mut out, without)?;
+    for mistake in &chain {
+        out.undo(mistake, probability)?;
+    }
+    if !without.iter().any(|w| w == "gravity_direction")
+        && let Some(mistake) = loads::turned_gravity(&out.problem)?
+    {
+        out.undo(&mistake, OF_GRAVITY)?;
+    }
+    if !out.rows_slipped && !without.iter().any(|w| w == "slip") {
+        for _ in 0..MOST_SLIPS {
+            let postures = crate::diagnose::likelihood::saturated::postures(&out.problem);
+            let frames = spread(&postures, FRAMES_OF_SLIPS, 1);
+            let Some(mistake) = changes::find(&out.problem, &frames, out.problem.noise)? else { break };
+            // What is left at a place that has slipped already is the rest of that slip.
+            if out.problem.slips.iter().any(|s| mistake.slips(s.what)) {
+                break;
+            }
+            out.undo(&mistake, OF_A_SLIP)?;
+        }
+    }
+    if !out.rows_slipped {
+        out.leave_out_false()?;
+    }
+    let nothing = out.told.is_empty() && out.trace.is_empty() && out.left_out.is_empty();
+    Ok((!nothing).then_some(out))
+}
+
+impl Undone {
+    /// Leaves out what no small error explains: digits, labels, rows whose joints were elsewhere.
+    fn leave_out_false(&mut self) -> Result<()> {
+        let names: Vec<String> = self.robot.position_names().map(str::to_owned).collect();
+        let found = outlying::find(&self.problem, &self.recording, &names, self.problem.noise)?;
+        for outlying::False { frame, indices, told } in found {
+            outlying::remove(&mut self.recording.frames[frame], &indices);
+            let mut at = 0;
+            self.problem.frames[frame].others.retain(|_| {
+                at += 1;
+                !indices.contains(&(at - 1))
+            });
+            self.left_out.extend(told);
+        }
+        Ok(())
+    }
+
+    fn undo(&mut self, mistake: &Mistake, probability: f64) -> Result<()> {
+        self.told.extend(told(mistake, &self.robot, &self.recording, &self.problem, probability));
+        mistake.undo(&mut self.robot, &self.problem, &mut self.recording)?;
+        let sites = (self.problem.marker_sites.clone(), self.problem.marker_mounts.clone());
+        let slips = core::mem::take(&mut self.problem.slips);
+        let cancel = self.problem.cancel.clone();
+        self.problem = Problem::new(&self.robot, &self.recording)?;
+        (self.problem.marker_sites, self.problem.marker_mounts) = sites;
+        self.problem.cancel = cancel;
+        self.problem.slips = slips;
+        if !self.problem.slips.is_empty() {
+            self.problem.fit_boards()?;
+        }
+        mistake.on_problem(&mut self.problem)
+    }
+}
+
+/// The chain of mistakes of body and log that is likelier than small errors, and its probability.
+fn of_the_body(session: &mut Undone, without: &[String]) -> Result<(Vec<Mistake>, f64)> {
+    let mut lines = Vec::new();
+    let (mut chain, probability) = chain_of_the_body(session, without, &mut lines)?;
+    let all = chain.len();
+    // Slipped rows are found, and left out, by the stage that follows.
+    chain.retain(|m| !matches!(m, Mistake::Rows { .. }));
+    session.rows_slipped = chain.len() < all;
+    session.trace.append(&mut lines);
+    Ok((chain, probability))
+}
+
+fn chain_of_the_body(
+    session: &Undone,
+    without: &[String],
+    lines: &mut Vec<String>,
+) -> Result<(Vec<Mistake>, f64)> {
+    let problem = &session.problem;
+    let misfit = Misfit::new(problem)?;
+    let all = Session::new(problem, &misfit);
+    let frames = spread(&all.postures, FRAMES, 1);
+    let variant = Variant::of(&session.recording, problem);
+    let nominal = Chain { mistakes: Vec::new(), loss: misfit.mean_loss(&variant, &frames), variant };
+    if !(nominal.loss > GROSS) {
+        return Ok((Vec::new(), 0.0));
+    }
+    let mut chains = vec![nominal.clone()];
+    let mut level = vec![nominal.clone()];
+    for _ in 0..MOST_MISTAKES {
+        let mut next: Vec<Chain> = Vec::new();
+        for chain in &level {
+            next.extend(extended(&all, &frames, chain, without));
+        }
+        next.sort_by(|a, b| a.loss.total_cmp(&b.loss));
+        unlike(&mut next, BEAM);
+        let best = level.first().map_or(f64::INFINITY, |c| c.loss);
+        if next.first().is_none_or(|n| n.loss > best * (1.0 - LEAST_SHARE)) {
+            break;
+        }
+        chains.extend(next.iter().cloned());
+        level = next;
+        if level[0].loss < GROSS {
+            break;
+        }
+    }
+    chains.remove(0);
+    chains.sort_by(|a, b| {
+        let cost = |c: &Chain| c.loss + LEAST_FALL * c.mistakes.len() as f64;
+        cost(a).total_cmp(&cost(b))
+    });
+    unlike(&mut chains, VERIFIED);
+    if chains.is_empty() {
+        return Ok((Vec::new(), 0.0));
+    }
+    verified(session, &all, nominal, chains, lines)
+}
+
+/// A chain with each further mistake that makes it clearly better; the best few.
+fn extended(session: &Session<'_>, frames: &[usize], chain: &Chain, without: &[String]) -> Vec<Chain> {
+    let mut mistakes = session.of_joints(&chain.variant);
+    mistakes.extend(session.of_labels(&chain.variant));
+    mistakes.extend(session.of_rows(&chain.variant));
+    mistakes.extend(session.of_stops(&chain.variant));
+    mistakes.extend(mounts::elsewhere(session.problem, session.misfit, &chain.variant, frames));
+    mistakes.retain(|m| !without.iter().any(|w| w == m.effect()));
+    let with = |mistake: &Mistake| {
+        let mut mistake = mistake.clone();
+        let mut variant = chain.variant.clone();
+        if let Mistake::LogFrozen { joint, first, last } = &mut mistake {
+            variant = session.freed(&chain.variant, *joint, *first, *last);
+            *first = session.begun(&chain.variant, &variant, *first, *last);
+        } else {
+            mistake.on_variant(&mut variant);
+        }
+        let mut mistakes = chain.mistakes.clone();
+        mistakes.push(mistake);
+        Chain { loss: session.misfit.mean_loss(&variant, frames), mistakes, variant }
+    };
+    let least = (chain.loss * (1.0 - LEAST_SHARE)).min(chain.loss - LEAST_FALL);
+    let mut out: Vec<Chain> =
+        mistakes.par_iter().map(with).filter(|c| c.loss < chain.loss - 0.5 * LEAST_FALL).collect();
+    out.sort_by(|a, b| a.loss.total_cmp(&b.loss));
+    out.truncate(2 * BEAM);
+    let mut out: Vec<Chain> = out
+        .into_iter()
+        .map(|c| {
+            let Some(last) = c.mistakes.last() else { return c };
+            let refined = session.refined(last, &chain.variant, frames);
+            if refined == *last { c } else { with(&refined) }
+        })
+        .filter(|c| c.loss < least)
+        .collect();
+    out.sort_by(|a, b| a.loss.total_cmp(&b.loss));
+    out.truncate(BEAM);
+    out
+}
+
+/// The likeliest of the chains and of none, small errors allowed for.
+fn verified(
+    session: &Undone,
+    all: &Session<'_>,
+    nominal: Chain,
+    chains: Vec<Chain>,
+    lines: &mut Vec<String>,
+) -> Result<(Vec<Mistake>, f64)> {
+    let least = session.problem.noise;
+    let frames = spread(&all.postures, FRAMES, 2);
+    let tried: Vec<Chain> = core::iter::once(nominal).chain(chains).collect();
+    let mut fits = Vec::new();
+    for chain in &tried {
+        let fit = chain.problem(session).and_then(|p| Tolerant::fitted(&p, &frames, least));
+        fits.push(fit);
+    }
+    let noise = fits.iter().flatten().map(|f| f.noise).reduce(smaller).unwrap_or(least);
+    let values: Vec<f64> = fits
+        .iter_mut()
+        .map(|f| f.as_mut().ok().and_then(|f| f.log_evidence(noise).ok()).unwrap_or(f64::NEG_INFINITY))
+        .collect();
+    let prior = |c: &Chain| -LEAST_LOG_ODDS * c.mistakes.len() as f64;
+    let best = (0..tried.len())
+        .max_by(|&a, &b| (values[a] + prior(&tried[a])).total_cmp(&(values[b] + prior(&tried[b]))));
+    for (chain, value) in tried.iter().zip(&values) {
+        let names: Vec<&str> = chain.mistakes.iter().map(Mistake::effect).collect();
+        lines.push(format!(
+            "mistakes [{}]: loss {:.3}, log evidence {value:.1}",
+            names.join(", "),
+            chain.loss
+        ));
+    }
+    let Some(best) = best.filter(|b| *b > 0) else { return Ok((Vec::new(), 0.0)) };
+    let odds: f64 =
+        (0..tried.len()).filter(|&i| i != best).map(|i| (POWER * (values[i] - values[best])).exp()).sum();
+    Ok((tried[best].mistakes.clone(), (1.0 / (1.0 + odds)).min(0.99)))
+}
+
+/// Keeps the first few chains of which none is another's but for its numbers.
+fn unlike(chains: &mut Vec<Chain>, count: usize) {
+    let mut kept: Vec<Chain> = Vec::new();
+    for chain in chains.drain(..) {
+        let like = |other: &Chain| {
+            other.mistakes.len() == chain.mistakes.len()
+                && chain.mistakes.iter().all(|m| other.mistakes.iter().any(|o| o.is_like(m)))
+        };
+        if kept.len() < count && !kept.iter().any(like) {
+            kept.push(chain);
+        }
+    }
+    *chains = kept;
+}
+
+/// Exponent of the power posterior: real laws are only roughly those of the model.
+const POWER: f64 = 0.35;
+
+impl Chain {
+    /// The arranged problem with the chain's mistakes undone.
+    fn problem(&self, session: &Undone) -> Result<Problem> {
+        let (mut robot, mut recording) = (session.robot.clone(), session.recording.clone());
+        for mistake in &self.mistakes {
+            match mistake {
+                // Compared with what is best for it, not with its rows left out: fewer rows always fit better.
+                Mistake::LogFrozen { .. } | Mistake::Late { .. } | Mistake::Rows { .. } => {}
+                _ => mistake.undo(&mut robot, &session.problem, &mut recording)?,
+            }
+        }
+        for (frame, row) in recording.frames.iter_mut().zip(&self.variant.positions) {
+            frame.commanded.clone_from(row);
+        }
+        let mut problem = Problem::new(&robot, &recording)?;
+        problem.noise = session.problem.noise;
+        problem.cancel = session.problem.cancel.clone();
+        problem.marker_sites.clone_from(&session.problem.marker_sites);
+        problem.marker_mounts.clone_from(&session.problem.marker_mounts);
+        for mistake in &self.mistakes {
+            mistake.on_problem(&mut problem)?;
+        }
+        Ok(problem)
+    }
+}
+
+/// About so many frames spread over the session, up to so many of each posture.
+fn spread(postures: &[Vec<usize>], count: usize, views: usize) -> Vec<usize> {
+    let wanted = (count / views).max(1);
+    let step = postures.len().div_ceil(wanted).max(1);
+    // Another view of each posture in turn: rows that are off by one view must not look alike.
+    let mut out: Vec<usize> = postures
+        .iter()
+        .step_by(step)
+        .enumerate()
+        .flat_map(|(i, p)| (0..views.min(p.len())).map(move |k| p[(i + k) % p.len()]))
+        .collect();
+    out.sort_unstable();
+    out
+}

@@ -1,0 +1,86 @@
+//! Whole mistakes of camera and board: the wrong resolution, a mirrored picture, a board that is turned.
+//!
+//! The boards tell by themselves: with these mistakes no flat mirror shows their corners where they are seen.
+
+use super::misfit::Misfit;
+use super::mistake::Mistake;
+use super::variant::Variant;
+use crate::diagnose::data::recording::Recording;
+use crate::diagnose::model::problem::Problem;
+use crate::error::Result;
+use crate::robot::Robot;
+use nalgebra::Vector2;
+
+/// Factors between resolutions that cameras and drivers offer, each also the other way round.
+const FACTORS: [f64; 8] = [1.25, 4.0 / 3.0, 1.5, 1.6, 2.0, 2.4, 3.0, 4.0];
+/// Frames that are looked at.
+const FRAMES: usize = 24;
+/// Root mean square residual of corners, px, that other optics, or another print, leave at most.
+const USUAL_CORNER_PX: f64 = 1.0;
+/// The loss of a frame whose board no mirror shows.
+const NO_MIRROR: f64 = 8.0;
+/// Losses of corners and markers must fall by this together.
+const LEAST_GAIN: f64 = 0.5;
+
+/// The mistake of the optics that puts boards and markers right, if one does.
+///
+/// # Errors
+/// Invalid parameters of camera or mirror.
+pub(super) fn find(robot: &Robot, recording: &Recording, without: &[String]) -> Result<Option<Mistake>> {
+    let Some(sight) = recording.sight.as_ref().filter(|s| s.board.is_some()) else { return Ok(None) };
+    let step = recording.frames.len().div_ceil(FRAMES).max(1);
+    let mut few = recording.clone();
+    few.frames = recording.frames.iter().step_by(step).cloned().collect();
+    let nominal = loss(robot, &few)?;
+    if nominal.corners < 0.5 {
+        return Ok(None);
+    }
+    let square = sight.board.as_ref().is_some_and(|b| b.corners.0 == b.corners.1);
+    let mut alternatives: Vec<Mistake> = (1..=3).map(|flip| Mistake::Flipped { flip }).collect();
+    alternatives
+        .extend((1..=3).filter(|q| *q == 2 || square).map(|quarters| Mistake::BoardTurned { quarters }));
+    for factor in FACTORS.iter().flat_map(|f| [*f, 1.0 / f]) {
+        alternatives.push(Mistake::Resolution { factor, offset_px: Vector2::zeros() });
+    }
+    alternatives.retain(|m| !without.iter().any(|w| w == m.effect()));
+    let problem = Problem::new(robot, &few)?;
+    let mut best: Option<(f64, Mistake)> = None;
+    for mistake in alternatives {
+        let (mut robot, mut tried) = (robot.clone(), few.clone());
+        if mistake.undo(&mut robot, &problem, &mut tried).is_err() {
+            continue;
+        }
+        let Ok(loss) = loss(&robot, &tried) else { continue };
+        // The markers' part counts where the body is right; a mistake of the body beside it must not hide the boards'.
+        let gain = nominal.corners - loss.corners + 0.5 * (nominal.markers - loss.markers);
+        let gain = if gain.is_finite() { gain } else { nominal.corners - loss.corners };
+        if gain > best.as_ref().map_or(LEAST_GAIN, |b| b.0) {
+            best = Some((gain, mistake));
+        }
+    }
+    Ok(best.map(|b| b.1))
+}
+
+struct Loss {
+    corners: f64,
+    markers: f64,
+}
+
+fn loss(robot: &Robot, recording: &Recording) -> Result<Loss> {
+    let problem = Problem::new(robot, recording)?;
+    let misfit = Misfit::new(&problem)?;
+    let frames: Vec<usize> = (0..problem.frames.len()).collect();
+    let boards: Vec<f64> = frames
+        .iter()
+        .filter(|&&f| problem.frames[f].corners.len() > 3)
+        .map(|&f| {
+            problem.boards[f].map_or(NO_MIRROR, |b| {
+                let freedom = (2.0 * b.corners as f64 - 3.0).max(1.0);
+                (b.chi2_px2 / freedom / USUAL_CORNER_PX.powi(2)).ln_1p().min(NO_MIRROR)
+            })
+        })
+        .collect();
+    let corners = boards.iter().sum::<f64>() / boards.len().max(1) as f64;
+    let markers = misfit.mean_loss(&Variant::of(recording, &problem), &frames);
+    Ok(Loss { corners, markers })
+}

@@ -1,0 +1,221 @@
+//! Observations that no small error explains: a typed digit, another marker's place, a row whose joints were not there.
+//!
+//! At the fit with all small errors ([`super::verify`]), whose scale is the median's and so is not moved by half of the data
+//! being false, what lies far off is left out before causes are searched, and listed. Where a whole frame is off, each joint is
+//! asked alone whether another position would put it right: a sign, a digit.
+
+use super::misfit::Misfit;
+use super::variant::{Variant, seen_joints};
+use super::verify::Tolerant;
+use crate::diagnose::data::diagnosis::LeftOut;
+use crate::diagnose::data::recording::{Frame, Recording, Target, Via};
+use crate::diagnose::model::deformation::Deformation;
+use crate::diagnose::model::frame::{FrameWork, Task};
+use crate::diagnose::model::problem::{Noise, Observation, Problem, Seen};
+use crate::error::Result;
+use std::collections::BTreeMap;
+
+/// Distances beyond the nominal model's median by this factor, and beyond usual errors, make it worth the look.
+const SUSPICIOUS: f64 = 4.0;
+/// Where more than this share is far off it is no matter of single observations.
+const MOST: f64 = 0.4;
+/// A marker of which more than this share is off is no matter of single observations.
+const MOST_OF_ONE: f64 = 0.15;
+/// Deviations from which on an observation is false.
+const FALSE_DEVIATIONS: f64 = 7.0;
+/// A frame of which this share is false is false as a whole.
+const WHOLE_FRAME: f64 = 0.7;
+/// A joint's other position explains a frame whose remainder falls to this many deviations.
+const EXPLAINED: f64 = 3.5;
+/// Step of the positions that are tried, rad, up to half a turn both ways.
+const POSITION_STEP: f64 = 0.02;
+
+/// False observations of a frame: by index among its arranged ones, and as they are listed.
+pub(super) struct False {
+    pub frame: usize,
+    pub indices: Vec<usize>,
+    pub told: Vec<LeftOut>,
+}
+
+/// Observations that are false, by frame and observation of the arranged problem.
+///
+/// # Errors
+/// Invalid parameters of camera or mirror.
+pub(super) fn find(
+    problem: &Problem,
+    recording: &Recording,
+    joint_names: &[String],
+    least: Noise,
+) -> Result<Vec<False>> {
+    let misfit = Misfit::new(problem)?;
+    let all: Vec<usize> = (0..problem.frames.len()).collect();
+    let distances = misfit.distances(&Variant::of(recording, problem), &all);
+    let mut sizes: Vec<f64> = distances.iter().map(|d| d.size_m).collect();
+    sizes.sort_by(f64::total_cmp);
+    let Some(median) = sizes.get(sizes.len() / 2).copied() else { return Ok(Vec::new()) };
+    let far = sizes.iter().filter(|s| **s > (SUSPICIOUS * median).max(misfit.usual_m)).count();
+    if far == 0 || far as f64 > MOST * sizes.len() as f64 {
+        return Ok(Vec::new());
+    }
+    let fit = Tolerant::fitted(problem, &all, least)?;
+    let deformation = fit.deformation();
+    let mut work = FrameWork::new(problem);
+    let mut out = Vec::new();
+    for &frame in &all {
+        let deviations = deviations(problem, &deformation, fit.noise, &mut work, frame)?;
+        let markers: Vec<usize> = (0..deviations.len()).filter(|&i| deviations[i].is_some()).collect();
+        let is_false = |i: &usize| deviations[*i].is_some_and(|d| d > FALSE_DEVIATIONS);
+        let mut chosen: Vec<usize> = markers.iter().copied().filter(is_false).collect();
+        if chosen.is_empty() {
+            continue;
+        }
+        let whole = markers.len() > 1 && chosen.len() as f64 >= WHOLE_FRAME * markers.len() as f64;
+        let why = if whole {
+            chosen.clone_from(&markers);
+            another_position(problem, joint_names, &deformation, fit.noise, &mut work, frame)?
+                .unwrap_or_else(|| "nearly all that was seen in this frame is far from the model".to_owned())
+        } else {
+            "far from all that small errors allow: a digit, a label, or another thing".to_owned()
+        };
+        let told = chosen
+            .iter()
+            .map(|&i| LeftOut {
+                frame: problem.frame_numbers[frame],
+                target: target(problem, &problem.frames[frame].others[i]),
+                deviations: deviations[i].filter(|d| d.is_finite()),
+                why: why.clone(),
+            })
+            .collect();
+        out.push(False { frame, indices: chosen, told });
+    }
+    // A marker that is off in many frames is a cause's, or has slipped: no single observation is to blame.
+    let seen = |name: &str| {
+        let all = problem.frames.iter().flat_map(|f| &f.others);
+        all.filter(|o| target(problem, o) == name).count()
+    };
+    let mut counts: BTreeMap<String, usize> = BTreeMap::new();
+    for left in out.iter().flat_map(|o: &False| &o.told) {
+        *counts.entry(left.target.clone()).or_default() += 1;
+    }
+    let many: Vec<String> =
+        counts.into_iter().filter(|(n, c)| *c as f64 > MOST_OF_ONE * seen(n) as f64).map(|c| c.0).collect();
+    for found in &mut out {
+        let others = &problem.frames[found.frame].others;
+        found.indices.retain(|&i| !many.contains(&target(problem, &others[i])));
+        found.told.retain(|l| !many.contains(&l.target));
+    }
+    out.retain(|o| !o.indices.is_empty());
+    let count: usize = out.iter().map(|o| o.indices.len()).sum();
+    // Where so much is false no single observation is to blame.
+    Ok(if count as f64 > MOST * sizes.len() as f64 { Vec::new() } else { out })
+}
+
+fn target(problem: &Problem, observation: &Observation) -> String {
+    match observation {
+        Observation::Pixel { seen: Seen::Marker(m), .. } | Observation::Point { marker: m, .. } => {
+            problem.scene.marker_names[*m].clone()
+        }
+        Observation::Pixel { .. } => "board".to_owned(),
+    }
+}
+
+/// Deviations of each observation of a frame; none of what is no marker's or was not predicted.
+fn deviations(
+    problem: &Problem,
+    deformation: &Deformation,
+    noise: Noise,
+    work: &mut FrameWork,
+    frame: usize,
+) -> Result<Vec<Option<f64>>> {
+    let eye = problem.eye(deformation)?;
+    let task = Task { gaussian: false, ..Task::of_residuals(problem, deformation, eye.as_ref(), noise) };
+    let others = &problem.frames[frame].others;
+    let mut out = vec![None; others.len()];
+    if !work.evaluate(problem, &task, frame) {
+        return Ok(out);
+    }
+    let mut residuals = Vec::new();
+    work.raw_residuals(|marker, _, r| residuals.push((marker, r.norm())));
+    let mut at = 0;
+    for (i, observation) in others.iter().enumerate() {
+        let (marker, std) = match observation {
+            Observation::Pixel { seen: Seen::Marker(m), .. } => (*m, noise.marker_px),
+            Observation::Point { marker, .. } => (*marker, noise.point_m),
+            Observation::Pixel { .. } => continue,
+        };
+        out[i] = match residuals.get(at) {
+            Some((Some(m), size)) if *m == marker => {
+                at += 1;
+                Some(size / std)
+            }
+            // So far off that it has no weight at all.
+            _ => Some(f64::INFINITY),
+        };
+    }
+    Ok(out)
+}
+
+/// The joint that alone puts a frame right, in words.
+fn another_position(
+    problem: &Problem,
+    joint_names: &[String],
+    deformation: &Deformation,
+    noise: Noise,
+    work: &mut FrameWork,
+    frame: usize,
+) -> Result<Option<String>> {
+    let eye = problem.eye(deformation)?;
+    let mut best: Option<(f64, usize, f64)> = None;
+    for (joint, node) in seen_joints(&problem.scene.body, &problem.scene.relevant) {
+        let steps = (core::f64::consts::PI / POSITION_STEP) as i32;
+        let mut moved = deformation.clone();
+        let mut size_at = |delta: f64, work: &mut FrameWork| -> f64 {
+            let change = delta - (moved.joint_delta(frame, node) - deformation.joint_delta(frame, node));
+            moved.add_joint_delta(frame, node, change);
+            let task = Task::of_residuals(problem, &moved, eye.as_ref(), noise);
+            if !work.evaluate(problem, &task, frame) {
+                return f64::INFINITY;
+            }
+            let mut sizes = Vec::new();
+            work.raw_residuals(|_, measured, r| {
+                sizes.push(r.norm() / if measured { noise.point_m } else { noise.marker_px });
+            });
+            sizes.sort_by(f64::total_cmp);
+            sizes.get(sizes.len() / 2).copied().unwrap_or(f64::INFINITY)
+        };
+        let coarse = (-steps..=steps)
+            .map(|k| f64::from(k) * POSITION_STEP)
+            .map(|d| (size_at(d, work), d))
+            .min_by(|a, b| a.0.total_cmp(&b.0));
+        let Some((_, at)) = coarse else { continue };
+        let delta = super::alternatives::least(at - POSITION_STEP, at + POSITION_STEP, |d| size_at(d, work));
+        let size = size_at(delta, work);
+        if best.is_none_or(|b| size < b.0) {
+            best = Some((size, joint, delta));
+        }
+    }
+    let clear = best.filter(|b| b.0 < EXPLAINED);
+    Ok(clear.map(|(_, joint, delta)| {
+        format!(
+            "would fit if joint:{} were {delta:+.3} from what the row says: a digit, or a sign",
+            joint_names[joint]
+        )
+    }))
+}
+
+/// Removes observations of a frame, told by their index among its arranged ones.
+pub(super) fn remove(frame: &mut Frame, indices: &[usize]) {
+    // The arranged observations are the sightings but mirrored corners, then the points.
+    let mut at = 0;
+    frame.sightings.retain(|s| {
+        if matches!((s.target, s.via), (Target::Corner(_), Via::Mirror)) {
+            return true;
+        }
+        at += 1;
+        !indices.contains(&(at - 1))
+    });
+    frame.points.retain(|_| {
+        at += 1;
+        !indices.contains(&(at - 1))
+    });
+}

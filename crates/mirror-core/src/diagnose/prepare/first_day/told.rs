@@ -1,0 +1,200 @@
+//! A mistake in the words of the public vocabulary: effect, place, parameters, and a sentence for a person.
+
+use super::alternatives::{UNITS, seen_in};
+use super::mistake::{LateKind, Mistake};
+use crate::diagnose::data::diagnosis::{Cause, Estimate};
+use crate::diagnose::data::recording::Recording;
+use crate::diagnose::model::problem::Problem;
+use crate::diagnose::model::slips::Slipped;
+use crate::robot::Robot;
+use core::f64::consts::FRAC_PI_2;
+use std::collections::BTreeMap;
+
+/// A motion's parameters.
+const MOTION: [&str; 6] = ["rx_rad", "ry_rad", "rz_rad", "dx_m", "dy_m", "dz_m"];
+/// A number that is clear by itself: half of the last step of the grid on which it was found, or less.
+const WHOLE_STD: f64 = 0.5;
+/// Numbers found by golden sections on a loss of many observations, relative.
+const REFINED_STD: f64 = 0.01;
+
+/// Causes of a mistake: one, or one for each pair of exchanged joints.
+pub(super) fn told(
+    mistake: &Mistake,
+    robot: &Robot,
+    recording: &Recording,
+    problem: &Problem,
+    probability: f64,
+) -> Vec<Cause> {
+    let names: Vec<&str> = robot.position_names().collect();
+    let joint = |j: usize| format!("joint:{}", names[j]);
+    let marker = |m: usize| format!("marker:{}", problem.scene.marker_names[m]);
+    let number = |f: usize| problem.frame_numbers[f];
+    let cause = |effect: &str, at: String, parameters: &[(&str, f64, f64)], words: &str| Cause {
+        effect: effect.to_owned(),
+        at,
+        kind: kind(effect).to_owned(),
+        probability,
+        parameters: parameters
+            .iter()
+            .map(|(name, value, std)| ((*name).to_owned(), Estimate { value: *value, std: *std }))
+            .collect::<BTreeMap<_, _>>(),
+        alternatives: Vec::new(),
+        words: words.to_owned(),
+        rms_shift: 0.0,
+        members: Vec::new(),
+        frames: Vec::new(),
+    };
+    let whole_run = |effect: &str, j: usize, first: usize, last: usize, words: &str| {
+        let run = [
+            ("first_frame", number(first) as f64, WHOLE_STD),
+            ("last_frame", number(last) as f64, WHOLE_STD),
+        ];
+        cause(effect, joint(j), &run, words)
+    };
+    let swapped = |(a, b): (usize, usize)| {
+        cause(
+            "joints_swapped",
+            format!("{}<->{}", joint(a), joint(b)),
+            &[],
+            "two columns, or two servos' cables, changed places",
+        )
+    };
+    match mistake {
+        Mistake::AxisSign { node } => vec![cause(
+            "axis_sign",
+            format!("joint:{}", problem.scene.body.nodes[*node].joint),
+            &[],
+            "the joint turns the other way",
+        )],
+        Mistake::JointsSwapped { joints } => vec![swapped(*joints)],
+        Mistake::SidesSwapped { pairs } => pairs.iter().map(|p| swapped(*p)).collect(),
+        Mistake::JointUnit { joint: j, factor } if UNITS.contains(factor) => {
+            vec![cause("joint_unit", joint(*j), &[("factor", *factor, 0.0)], "the column is in another unit")]
+        }
+        Mistake::JointUnit { joint: j, factor } => vec![cause(
+            "gear_ratio",
+            joint(*j),
+            &[("scale_error", factor - 1.0, REFINED_STD * factor)],
+            "the joint turns by another ratio than the model has",
+        )],
+        Mistake::AllUnits { factor } => vec![cause(
+            "joint_unit",
+            "robot".into(),
+            &[("factor", *factor, 0.0)],
+            "all joints' columns are in another unit",
+        )],
+        Mistake::Zero { joint: j, offset } => vec![cause(
+            "joint_offset",
+            joint(*j),
+            &[("offset_rad", *offset, REFINED_STD)],
+            "the joint's zero lies far from the model's",
+        )],
+        Mistake::Late { joint: j, rows, kind } => {
+            let at = j.map_or_else(|| "robot".to_owned(), joint);
+            let step = row_step_s(recording);
+            let std = if rows.fract() == 0.0 { 0.1 } else { 2.0 * REFINED_STD };
+            let parameter = match step {
+                Some(step) => ("delay_s", rows * step, std * step),
+                None => ("delay_rows", *rows, std),
+            };
+            let words = match kind {
+                LateKind::Blend | LateKind::Follow if j.is_some() => {
+                    "the column holds an earlier moment's position"
+                }
+                _ => "the joints' log holds an earlier moment's positions",
+            };
+            vec![cause("joint_late", at, &[parameter], words)]
+        }
+        Mistake::LogFrozen { joint: j, first, last } => vec![whole_run(
+            "joint_frozen",
+            *j,
+            *first,
+            *last,
+            "the log stands still over a run of rows while the joint moves; what it carries was left out there",
+        )],
+        Mistake::JointFrozen { joint: j, first, last, .. } => {
+            vec![whole_run("joint_frozen", *j, *first, *last, "the joint does not move over a run of rows")]
+        }
+        Mistake::MarkersSwapped { markers: (a, b), frames } => {
+            let seen = seen_in(problem, *a, *b).max(1) as f64;
+            let share = (frames.len() as f64 / seen).min(1.0);
+            let std = (share * (1.0 - share) / seen).sqrt();
+            let mut told = cause(
+                "markers_swapped",
+                format!("{}<->{}", marker(*a), marker(*b)),
+                &[("share", share, std)],
+                "two markers' names are exchanged",
+            );
+            if share < 1.0 {
+                told.frames = frames.iter().map(|&f| number(f)).collect();
+            }
+            vec![told]
+        }
+        Mistake::Resolution { factor, offset_px } => vec![cause(
+            "camera_resolution",
+            "camera".into(),
+            &[("factor", *factor, 0.0), ("du_px", offset_px.x, WHOLE_STD), ("dv_px", offset_px.y, WHOLE_STD)],
+            "the camera's parameters are of another resolution",
+        )],
+        Mistake::Flipped { flip } => vec![cause(
+            "picture_flipped",
+            "camera".into(),
+            &[("flip", f64::from(*flip), 0.0)],
+            "the pictures are mirrored or turned",
+        )],
+        Mistake::BoardTurned { quarters } => vec![cause(
+            "board_turned",
+            "board".into(),
+            &[("turn_rad", f64::from(*quarters) * FRAC_PI_2, 0.0)],
+            "the board is mounted, or its corners are counted, turned in its plane",
+        )],
+        Mistake::MarkerParent { marker: m, node, place } => {
+            let std = 0.001;
+            vec![cause(
+                "marker_parent",
+                format!("{}<-link:{}", marker(*m), problem.scene.body.node_link_name(*node)),
+                &[("dx_m", place.x, std), ("dy_m", place.y, std), ("dz_m", place.z, std)],
+                "the marker is fixed to another link than the model says",
+            )]
+        }
+        Mistake::Gravity { turn } => vec![cause(
+            "gravity_direction",
+            "robot".into(),
+            &[("rx_rad", turn.x, 0.1), ("ry_rad", turn.y, 0.1), ("rz_rad", turn.z, 0.1)],
+            "gravity points elsewhere than the session says",
+        )],
+        Mistake::Slip { slip, std } => {
+            let first = number(slip.first) as f64;
+            let mut parameters = vec![("first_frame", first, WHOLE_STD)];
+            let at = match slip.what {
+                Slipped::Marker(m) => marker(m),
+                Slipped::Board => "board".to_owned(),
+                Slipped::Camera => "camera".to_owned(),
+            };
+            let from = if matches!(slip.what, Slipped::Marker(_)) { 3 } else { 0 };
+            for k in from..6 {
+                parameters.push((MOTION[k], slip.motion[k], std[k]));
+            }
+            vec![cause("slip", at, &parameters, "from a row on it sits elsewhere")]
+        }
+        Mistake::Rows { .. } => Vec::new(),
+    }
+}
+
+/// Whom a mistake concerns: `robot`, `setup`, `camera` or `data`.
+fn kind(effect: &str) -> &'static str {
+    match effect {
+        "axis_sign" | "gravity_direction" | "joint_offset" | "gear_ratio" => "robot",
+        "marker_parent" | "board_turned" | "slip" => "setup",
+        "camera_resolution" | "picture_flipped" => "camera",
+        _ => "data",
+    }
+}
+
+/// Time from row to row, s; none where no time was recorded.
+fn row_step_s(recording: &Recording) -> Option<f64> {
+    let mut steps: Vec<f64> = recording.frames.windows(2).map(|w| w[1].time_s - w[0].time_s).collect();
+    steps.sort_by(f64::total_cmp);
+    let median = steps.get(steps.len() / 2).copied()?;
+    (recording.timed && median > 0.0).then_some(median)
+}

@@ -1,0 +1,68 @@
+//! A session as a mistake would have it: positions, labels and mounts on which the alternatives are tried.
+
+use crate::diagnose::data::recording::Recording;
+use crate::diagnose::model::body::{Body, NodeId, Site};
+use crate::diagnose::model::problem::Problem;
+
+/// Positions row by row, which joints turn the other way, what each marker's name stands for, and where markers are mounted.
+#[derive(Debug, Clone)]
+pub(super) struct Variant {
+    /// `positions[frame][joint]`, rad or m.
+    pub positions: Vec<Vec<f64>>,
+    /// −1 for a node whose joint turns the other way, else 1.
+    pub signs: Vec<f64>,
+    /// `labels[frame][name]`: the marker that a name stands for.
+    pub labels: Vec<Vec<usize>>,
+    /// The markers' places.
+    pub sites: Vec<Site>,
+}
+
+impl Variant {
+    /// As it was recorded.
+    pub fn of(recording: &Recording, problem: &Problem) -> Self {
+        let markers = problem.marker_sites.len();
+        Self {
+            positions: recording.frames.iter().map(|f| f.commanded.clone()).collect(),
+            signs: vec![1.0; problem.scene.nodes()],
+            labels: vec![(0..markers).collect(); recording.frames.len()],
+            sites: problem.marker_sites.clone(),
+        }
+    }
+
+    /// The nodes' positions in a frame.
+    pub fn nodes(&self, body: &Body, frame: usize, out: &mut [f64]) {
+        for (n, out) in out.iter_mut().enumerate() {
+            *out = self.node(body, frame, n);
+        }
+    }
+
+    /// A node's position in a frame.
+    pub fn node(&self, body: &Body, frame: usize, n: NodeId) -> f64 {
+        let (index, multiplier, offset) = body.nodes[n].command;
+        self.signs[n] * (multiplier * self.positions[frame][index] + offset)
+    }
+
+    /// A joint's column.
+    pub fn column(&self, joint: usize) -> Vec<f64> {
+        self.positions.iter().map(|row| row[joint]).collect()
+    }
+
+    /// Replaces a joint's column.
+    pub fn set_column(&mut self, joint: usize, values: &[f64]) {
+        for (row, value) in self.positions.iter_mut().zip(values) {
+            row[joint] = *value;
+        }
+    }
+}
+
+/// The independent joints that move what is seen against who sees it, each with its node.
+pub(super) fn seen_joints(body: &Body, relevant: &[bool]) -> Vec<(usize, NodeId)> {
+    let mut out: Vec<(usize, NodeId)> = Vec::new();
+    for (n, node) in body.nodes.iter().enumerate() {
+        let (index, multiplier, _) = node.command;
+        if relevant[n] && multiplier != 0.0 && !out.iter().any(|(i, _)| *i == index) {
+            out.push((index, n));
+        }
+    }
+    out
+}

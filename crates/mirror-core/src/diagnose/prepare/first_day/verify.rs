@@ -1,0 +1,192 @@
+//! A mistake against small errors: both sides may have every small error of the vocabulary at once.
+//!
+//! Whether a session is explained by a whole mistake or by small errors is asked of two models that differ in nothing but the
+//! mistake: with it and without it all small errors (zeros, ratios, tilts, lengths, springs, mounts, lens) are random effects
+//! of their usual sizes. So nothing that small errors can explain is called a mistake, and small errors beside a mistake do
+//! not hide it. Compared is the marginal likelihood (Laplace) at one noise: the smallest that any of them leaves.
+
+use crate::diagnose::effects::hypothesis::{Catalogue, Model, Term};
+use crate::diagnose::effects::vocabulary;
+use crate::diagnose::likelihood::fit::{Fit, FitOptions, Group, fit};
+use crate::diagnose::model::deformation::Deformation;
+use crate::diagnose::model::elementary::Column;
+use crate::diagnose::model::frame::{FrameWork, Task};
+use crate::diagnose::model::problem::{Noise, Problem};
+use crate::error::Result;
+use std::sync::Arc;
+
+/// Rounds in which fit and scale are found in turn, steps in each.
+const ROUNDS: usize = 4;
+const STEPS: usize = 2;
+/// Median of a χ² of two and of three degrees of freedom.
+const MEDIAN_CHI2_2: f64 = 1.386;
+const MEDIAN_CHI2_3: f64 = 2.366;
+
+/// A problem fitted with all small errors.
+pub(super) struct Tolerant {
+    problem: Problem,
+    catalogue: Catalogue,
+    group: Group,
+    mask: Vec<bool>,
+    model: Model,
+    /// Where the further columns begin in the group, and the standard deviations of all parameters.
+    first_further: usize,
+    stds: Vec<f64>,
+    /// The scale that half of the observations are within.
+    pub noise: Noise,
+}
+
+impl Tolerant {
+    /// Fits a problem on some frames; `least` is the measurement's noise.
+    ///
+    /// # Errors
+    /// Invalid parameters of camera or mirror.
+    pub fn fitted(problem: &Problem, frames: &[usize], least: Noise) -> Result<Self> {
+        Self::fitted_with(problem, frames, least, Vec::new())
+    }
+
+    /// As [`Tolerant::fitted`], with further columns, their priors' standard deviations and where they start.
+    ///
+    /// # Errors
+    /// Invalid parameters of camera or mirror.
+    pub fn fitted_with(
+        problem: &Problem,
+        frames: &[usize],
+        least: Noise,
+        further: Vec<(Column, f64, f64)>,
+    ) -> Result<Self> {
+        let effects = vocabulary().into_iter().map(Arc::from).collect();
+        // Couplings are as many as pairs of joints: they would explain exchanged columns.
+        let without = ["joint_coupling".to_owned(), "stiction".to_owned()];
+        let catalogue = Catalogue::new(&problem.scene, effects, &without);
+        let mut group = Group::default();
+        for h in 0..catalogue.hypotheses.len() {
+            let count = catalogue.hypotheses[h].prior_std.len();
+            let term = Term {
+                hypothesis: h,
+                variant: catalogue.hypotheses[h].variants.first().copied().unwrap_or(0.0),
+                parameters: vec![0.0; count],
+                prior_scale: 1.0,
+            };
+            group.columns.extend(catalogue.columns(&problem.scene, &term));
+            group.prior_std.extend(&catalogue.hypotheses[h].prior_std);
+        }
+        let first_further = group.columns.len();
+        let mut starts = Vec::new();
+        for (column, std, start) in further {
+            group.columns.push(column);
+            group.prior_std.push(std);
+            starts.push(start);
+        }
+        let mut model = Model::nominal(problem);
+        model.group = vec![0.0; first_further];
+        model.group.extend(starts);
+        let mut mask = vec![false; problem.frames.len()];
+        frames.iter().for_each(|&f| mask[f] = true);
+        let mut out = Self {
+            problem: problem.clone(),
+            catalogue,
+            group,
+            mask,
+            model,
+            first_further,
+            stds: Vec::new(),
+            noise: least,
+        };
+        out.noise = out.scale(&out.deformation(), least)?;
+        for _ in 0..ROUNDS {
+            let fit = out.fit(out.noise, STEPS)?;
+            let count = fit.covariance.nrows();
+            out.stds = (0..count).map(|i| fit.covariance[(i, i)].max(0.0).sqrt()).collect();
+            out.model = fit.model;
+            let deformation = out.deformation();
+            let next = out.scale(&deformation, least)?;
+            // The scale only falls: a fit that loses half of the data is no better.
+            let fell = |a: f64, b: f64| a.min(b);
+            let settled =
+                next.marker_px > 0.9 * out.noise.marker_px && next.point_m > 0.9 * out.noise.point_m;
+            out.noise = Noise {
+                corner_px: fell(next.corner_px, out.noise.corner_px),
+                marker_px: fell(next.marker_px, out.noise.marker_px),
+                point_m: fell(next.point_m, out.noise.point_m),
+            };
+            if settled {
+                break;
+            }
+        }
+        Ok(out)
+    }
+
+    /// Values of the further columns, and their standard deviations.
+    pub fn further(&self) -> Vec<(f64, f64)> {
+        let before = self.model.nuisances.len();
+        let values = self.model.group.iter().enumerate().skip(self.first_further);
+        values.map(|(i, v)| (*v, self.stds.get(before + i).copied().unwrap_or(0.0))).collect()
+    }
+
+    /// What all small errors together do.
+    pub fn deformation(&self) -> Deformation {
+        self.model.deformation(&self.problem, &self.catalogue, &self.group.columns)
+    }
+
+    fn fit(&self, noise: Noise, steps: usize) -> Result<Fit> {
+        let options = FitOptions { noise, steps };
+        fit(&self.problem, &self.catalogue, &self.group, &self.model, options, Some(&self.mask))
+    }
+
+    /// Log marginal likelihood at a noise.
+    ///
+    /// # Errors
+    /// Invalid parameters of camera or mirror.
+    pub fn log_evidence(&mut self, noise: Noise) -> Result<f64> {
+        let fit = self.fit(noise, STEPS)?;
+        self.model = fit.model;
+        let fit = self.fit(noise, 1)?;
+        Ok(fit.log_evidence)
+    }
+
+    /// Standard deviations by the median of the residuals: half of the data may be false. What is not predicted counts as far.
+    fn scale(&self, deformation: &Deformation, least: Noise) -> Result<Noise> {
+        let problem = &self.problem;
+        let eye = problem.eye(deformation)?;
+        let task = Task::of_residuals(problem, deformation, eye.as_ref(), least);
+        let mut work = FrameWork::new(problem);
+        let (mut pixels, mut points, mut corners) = (Vec::new(), Vec::new(), Vec::new());
+        for frame in (0..problem.frames.len()).filter(|&f| self.mask[f]) {
+            if !work.evaluate(problem, &task, frame) {
+                continue;
+            }
+            work.raw_residuals(|_, measured, r| {
+                if measured { points.push(r.norm_squared()) } else { pixels.push(r.norm_squared()) }
+            });
+            if let (Some(eye), Some(nominal)) = (&eye, problem.boards[frame]) {
+                let fitted = if problem.needs_fresh_board(deformation) {
+                    work.fit_board(problem, deformation, Some(eye), frame, Some(nominal.foot))
+                } else {
+                    Some(nominal)
+                };
+                if let Some(fit) = fitted.filter(|f| f.corners > 2) {
+                    corners.push(2.0 * fit.chi2_px2 / (2.0 * fit.corners as f64 - 3.0));
+                }
+            }
+        }
+        let of = |squares: &mut Vec<f64>, chi2: f64, least: f64| {
+            squares.sort_by(f64::total_cmp);
+            squares.get(squares.len() / 2).map_or(least, |m| (m / chi2).sqrt().max(least))
+        };
+        Ok(Noise {
+            corner_px: of(&mut corners, 2.0, least.corner_px),
+            marker_px: of(&mut pixels, MEDIAN_CHI2_2, least.marker_px),
+            point_m: of(&mut points, MEDIAN_CHI2_3, least.point_m),
+        })
+    }
+}
+
+/// The smaller noise of two, each kind by itself.
+pub(super) fn smaller(a: Noise, b: Noise) -> Noise {
+    Noise {
+        corner_px: a.corner_px.min(b.corner_px),
+        marker_px: a.marker_px.min(b.marker_px),
+        point_m: a.point_m.min(b.point_m),
+    }
+}

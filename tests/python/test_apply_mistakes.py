@@ -1,0 +1,56 @@
+"""Whole mistakes, written back: the model or the table has them undone; what no file can hold says what to do."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import mirror_posture as mp
+from mirror_posture.diagnosis import Cause, Diagnosis, Estimate, Gap, formatting, vocabulary
+from mirror_posture.diagnosis.applied import apply_diagnosis
+from mirror_posture.diagnosis.applied.mistakes import MISTAKES
+from mirror_posture.diagnosis.applied.urdf import Urdf
+from session_folder import write_folder
+
+
+def found(effect: str, at: str, **values: float) -> Diagnosis:
+    """A diagnosis with this cause."""
+    cause = Cause(effect, at, 0.99, {name: Estimate(value, 0.0) for name, value in values.items()})
+    return Diagnosis("explained", "", (cause,), (), Gap(1.0, 0.0, 0.0))
+
+
+def test_an_axis_turned_round_moves_the_other_way(tmp_path: Path) -> None:
+    session = mp.load_session(write_folder(tmp_path / "session"))
+    joint = session.frames.joint_names[0]
+    applied = apply_diagnosis(session, found("axis_sign", f"joint:{joint}"), tmp_path / "better")
+    assert applied.written[0].file == "robot.urdf"
+    before = Urdf((session.robot_file).read_text(encoding="utf-8")).axis(joint)
+    after = Urdf((applied.folder / "robot.urdf").read_text(encoding="utf-8")).axis(joint)
+    np.testing.assert_allclose(after, -before)
+
+
+def test_columns_are_exchanged_and_scaled(tmp_path: Path) -> None:
+    session = mp.load_session(write_folder(tmp_path / "session"))
+    first, second = session.frames.joint_names[:2]
+    swap = found("joints_swapped", f"joint:{first}<->joint:{second}")
+    better = mp.load_session(apply_diagnosis(session, swap, tmp_path / "swapped").folder)
+    np.testing.assert_array_equal(better.frames.commanded[:, :2], session.frames.commanded[:, [1, 0]])
+    unit = found("joint_unit", f"joint:{first}", factor=0.5)
+    better = mp.load_session(apply_diagnosis(session, unit, tmp_path / "scaled").folder)
+    np.testing.assert_allclose(better.frames.commanded[:, 0], 0.5 * session.frames.commanded[:, 0])
+
+
+@pytest.mark.parametrize("effect", MISTAKES)
+def test_what_no_file_holds_says_what_to_do(effect: str, tmp_path: Path) -> None:
+    assert effect in vocabulary.MISTAKES
+    session = mp.load_session(write_folder(tmp_path / "session"))
+    applied = apply_diagnosis(session, found(effect, "camera"), tmp_path / "better")
+    assert applied.written[0].file is None
+    assert applied.written[0].what == formatting.BY_HAND[effect]
+
+
+def test_places_of_two_are_told_plainly() -> None:
+    assert formatting.place_in_words("joint:a<->joint:b") == "a and b"
+    assert formatting.place_with_article("marker:m<-link:l") == "marker m from link l"

@@ -1,0 +1,323 @@
+//! Whole mistakes of model or log: each is named at its place, and none is invented.
+
+use crate::gap_world::{Plan, World, Wrong};
+use mirror_core::camera::Camera;
+use mirror_core::diagnose::{DiagnoseOptions, Diagnosis, Recording, Target, Verdict, diagnose};
+use mirror_core::robot::Robot;
+
+fn world() -> World {
+    World::new(4, false)
+}
+
+fn plan(seed: u64) -> Plan {
+    Plan { postures: 40, seed, ..Plan::default() }
+}
+
+fn robot(world: &World) -> Robot {
+    Robot::from_urdf_str(&world.urdf()).unwrap()
+}
+
+fn run(world: &World, recording: &Recording) -> Diagnosis {
+    diagnose(&robot(world), recording, &DiagnoseOptions::default(), &[]).unwrap()
+}
+
+fn column(world: &World, name: &str) -> usize {
+    robot(world).position_index(name).unwrap()
+}
+
+fn named(diagnosis: &Diagnosis) -> Vec<String> {
+    diagnosis.causes.iter().map(|c| format!("{}@{}", c.effect, c.at)).collect()
+}
+
+fn value(diagnosis: &Diagnosis, parameter: &str) -> f64 {
+    diagnosis.causes[0].parameters[parameter].value
+}
+
+#[test]
+fn an_axis_that_turns_the_other_way_is_named_beside_a_small_cause() {
+    let real = world();
+    let wrong = vec![Wrong::Offset(real.bone("r_shoulder_roll"), 0.03)];
+    let recording = real.record(&Plan { wrong, ..plan(3) });
+    let mut believed = world();
+    let elbow = believed.bone("l_elbow");
+    believed.bones[elbow].axis = -believed.bones[elbow].axis;
+    let diagnosis = run(&believed, &recording);
+    let mut causes = named(&diagnosis);
+    causes.sort();
+    assert_eq!(causes, ["axis_sign@joint:l_elbow", "joint_offset@joint:r_shoulder_roll"], "{diagnosis:?}");
+    let offset =
+        &diagnosis.causes.iter().find(|c| c.effect == "joint_offset").unwrap().parameters["offset_rad"];
+    assert!((offset.value - 0.03).abs() < 4.0 * offset.std, "{offset:?}");
+    assert!(diagnosis.gap.before_m > 10.0 * diagnosis.gap.after_m, "{:?}", diagnosis.gap);
+}
+
+#[test]
+fn exchanged_columns_are_named() {
+    let world = world();
+    let mut recording = world.record(&plan(4));
+    let (a, b) = (column(&world, "r_shoulder_pitch"), column(&world, "r_elbow"));
+    recording.frames.iter_mut().for_each(|f| f.commanded.swap(a, b));
+    let causes = named(&run(&world, &recording));
+    assert_eq!(causes, ["joints_swapped@joint:r_shoulder_pitch<->joint:r_elbow"]);
+}
+
+#[test]
+fn exchanged_arms_are_named_pair_by_pair() {
+    let world = world();
+    let mut recording = world.record(&plan(5));
+    let names = ["shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow"];
+    for name in names {
+        let (a, b) = (column(&world, &format!("l_{name}")), column(&world, &format!("r_{name}")));
+        recording.frames.iter_mut().for_each(|f| f.commanded.swap(a, b));
+    }
+    let causes = named(&run(&world, &recording));
+    assert_eq!(causes.len(), names.len(), "{causes:?}");
+    for name in names {
+        assert!(causes.contains(&format!("joints_swapped@joint:l_{name}<->joint:r_{name}")), "{causes:?}");
+    }
+}
+
+#[test]
+fn a_column_in_degrees_is_named_with_its_factor() {
+    let world = world();
+    let mut recording = world.record(&plan(6));
+    let joint = column(&world, "r_shoulder_yaw");
+    recording.frames.iter_mut().for_each(|f| f.commanded[joint] = f.commanded[joint].to_degrees());
+    let diagnosis = run(&world, &recording);
+    assert_eq!(named(&diagnosis), ["joint_unit@joint:r_shoulder_yaw"]);
+    assert!((value(&diagnosis, "factor") - 1f64.to_radians()).abs() < 1e-12);
+}
+
+#[test]
+fn names_exchanged_in_some_frames_are_named_with_the_frames() {
+    let world = world();
+    let mut recording = world.record(&plan(7));
+    let chosen: Vec<usize> = (0..recording.frames.len()).filter(|f| f % 7 == 2).collect();
+    for &f in &chosen {
+        for sighting in &mut recording.frames[f].sightings {
+            if let Target::Marker(m) = &mut sighting.target {
+                *m = match *m {
+                    1 => 5,
+                    5 => 1,
+                    other => other,
+                };
+            }
+        }
+    }
+    let diagnosis = run(&world, &recording);
+    assert_eq!(named(&diagnosis), ["markers_swapped@marker:l_fore<->marker:r_hand"]);
+    let told: Vec<usize> = diagnosis.causes[0].frames.iter().map(|f| *f as usize).collect();
+    assert!(
+        told.iter().all(|f| chosen.contains(f)) && told.len() + 2 >= chosen.len(),
+        "{told:?} of {chosen:?}"
+    );
+}
+
+#[test]
+fn a_column_that_is_late_by_a_posture_is_named_with_its_delay() {
+    let world = world();
+    let mut recording = world.record(&plan(8));
+    let joint = column(&world, "l_shoulder_pitch");
+    let old: Vec<f64> = recording.frames.iter().map(|f| f.commanded[joint]).collect();
+    for f in 2..old.len() {
+        recording.frames[f].commanded[joint] = old[f - 2];
+    }
+    let diagnosis = run(&world, &recording);
+    assert_eq!(named(&diagnosis), ["joint_late@joint:l_shoulder_pitch"]);
+    // A row a second, two rows a posture.
+    assert!((value(&diagnosis, "delay_s") - 2.0).abs() < 0.5, "{diagnosis:?}");
+}
+
+#[test]
+fn a_log_that_stands_still_is_named_with_its_rows() {
+    let world = world();
+    let mut recording = world.record(&plan(9));
+    let joint = column(&world, "r_elbow");
+    let (first, last) = (30, 61);
+    let held = recording.frames[first - 1].commanded[joint];
+    recording.frames[first..=last].iter_mut().for_each(|f| f.commanded[joint] = held);
+    let diagnosis = run(&world, &recording);
+    assert_eq!(named(&diagnosis), ["joint_frozen@joint:r_elbow"]);
+    assert!((value(&diagnosis, "first_frame") - first as f64).abs() < 3.0, "{diagnosis:?}");
+    assert!((value(&diagnosis, "last_frame") - last as f64).abs() < 3.0, "{diagnosis:?}");
+}
+
+#[test]
+fn mirrored_pictures_and_a_camera_file_of_half_the_resolution_are_named() {
+    let world = world();
+    let mut recording = world.record(&plan(10));
+    for sighting in recording.frames.iter_mut().flat_map(|f| &mut f.sightings) {
+        sighting.pixel.x = 799.0 - sighting.pixel.x;
+    }
+    let diagnosis = run(&world, &recording);
+    assert_eq!(named(&diagnosis), ["picture_flipped@camera"]);
+    assert_eq!(value(&diagnosis, "flip"), 1.0);
+
+    let mut recording = world.record(&plan(11));
+    let sight = recording.sight.as_mut().unwrap();
+    let c = &sight.camera;
+    sight.camera = Camera::new((800, 600), c.focal_px() * 0.5, c.center_px() * 0.5, c.distortion()).unwrap();
+    let diagnosis = run(&world, &recording);
+    assert_eq!(named(&diagnosis), ["camera_resolution@camera"]);
+    assert_eq!(value(&diagnosis, "factor"), 2.0);
+}
+
+#[test]
+fn a_board_counted_from_its_other_end_is_named() {
+    let world = world();
+    let mut recording = world.record(&plan(12));
+    for sighting in recording.frames.iter_mut().flat_map(|f| &mut f.sightings) {
+        if let Target::Corner(i) = &mut sighting.target {
+            *i = 34 - *i;
+        }
+    }
+    let diagnosis = run(&world, &recording);
+    assert_eq!(named(&diagnosis), ["board_turned@board"]);
+    assert!((value(&diagnosis, "turn_rad") - core::f64::consts::PI).abs() < 1e-9);
+}
+
+#[test]
+fn a_marker_on_another_link_is_named_with_its_place() {
+    let real = world();
+    let recording = real.record(&plan(13));
+    let mut believed = world();
+    let upper = believed.bone("r_shoulder_yaw");
+    believed.markers[4].1 = upper;
+    let diagnosis = run(&believed, &recording);
+    assert_eq!(named(&diagnosis), ["marker_parent@marker:r_fore<-link:r_elbow_link"]);
+    let place = real.markers[4].2;
+    for (name, axis) in [("dx_m", 0), ("dy_m", 1), ("dz_m", 2)] {
+        assert!((value(&diagnosis, name) - place[axis]).abs() < 1e-3, "{diagnosis:?}");
+    }
+}
+
+#[test]
+fn two_mistakes_at_once_are_both_named() {
+    let world = world();
+    let mut recording = world.record(&plan(14));
+    let joint = column(&world, "l_shoulder_roll");
+    for frame in &mut recording.frames {
+        frame.commanded[joint] *= 180.0 / core::f64::consts::PI;
+        for sighting in &mut frame.sightings {
+            if let Target::Marker(m) = &mut sighting.target {
+                *m = [0, 1, 2, 5, 4, 3][*m];
+            }
+        }
+    }
+    let mut causes = named(&run(&world, &recording));
+    causes.sort();
+    assert_eq!(
+        causes,
+        ["joint_unit@joint:l_shoulder_roll", "markers_swapped@marker:r_upper<->marker:r_hand"]
+    );
+}
+
+#[test]
+fn springs_under_gravity_stated_upside_down_are_named() {
+    let world = world();
+    let wrong = vec![Wrong::Compliance(world.bone("r_shoulder_pitch"), 0.05)];
+    let mut recording = world.record(&Plan { wrong, ..plan(15) });
+    recording.gravity = -recording.gravity;
+    let mut causes = named(&run(&world, &recording));
+    causes.sort();
+    assert_eq!(causes, ["gravity_direction@robot", "joint_compliance@joint:r_shoulder_pitch"]);
+}
+
+#[test]
+fn small_causes_are_no_mistakes() {
+    const MISTAKES: [&str; 12] = [
+        "axis_sign",
+        "joints_swapped",
+        "joint_unit",
+        "joint_frozen",
+        "joint_late",
+        "markers_swapped",
+        "camera_resolution",
+        "picture_flipped",
+        "gravity_direction",
+        "marker_parent",
+        "board_turned",
+        "slip",
+    ];
+    let world = world();
+    let bone = |name: &str| world.bone(name);
+    for (seed, wrong) in [
+        (21, vec![]),
+        (22, vec![Wrong::Backlash(bone("l_shoulder_roll"), 0.06, 0.05)]),
+        (23, vec![Wrong::Ratio(bone("r_elbow"), 0.1), Wrong::Mount(2, [0.01, -0.008, 0.005])]),
+        (24, vec![Wrong::CameraMount([0.03, -0.02, 0.02, 0.008, -0.005, 0.006])]),
+    ] {
+        let diagnosis = run(&world, &world.record(&Plan { wrong, ..plan(seed) }));
+        let told = named(&diagnosis);
+        assert!(
+            diagnosis.causes.iter().all(|c| !MISTAKES.contains(&c.effect.as_str())),
+            "seed {seed}: {told:?}"
+        );
+    }
+}
+
+#[test]
+fn a_marker_that_slips_is_named_with_its_row_and_its_way() {
+    let real = world();
+    let before = real.record(&plan(31));
+    let mut slipped = world();
+    let way = [0.006, -0.004, 0.005];
+    slipped.markers[3].2 += nalgebra::Vector3::from(way);
+    let after = slipped.record(&plan(31));
+    let mut recording = before;
+    let first = 44;
+    for (frame, moved) in recording.frames.iter_mut().zip(&after.frames).skip(first) {
+        frame.sightings.clone_from(&moved.sightings);
+    }
+    let diagnosis = run(&real, &recording);
+    assert_eq!(named(&diagnosis), ["slip@marker:r_upper"], "{:?}", diagnosis.causes);
+    assert_eq!(value(&diagnosis, "first_frame"), first as f64);
+    for (name, want) in ["dx_m", "dy_m", "dz_m"].iter().zip(way) {
+        let got = diagnosis.causes[0].parameters[*name];
+        assert!((got.value - want).abs() < 5.0 * got.std + 5e-4, "{name}: {got:?}, put in {want}");
+    }
+}
+
+#[test]
+fn without_boards_nothing_is_said_but_what_is_missing() {
+    let world = world();
+    let mut recording = world.record(&plan(32));
+    for frame in &mut recording.frames {
+        frame.sightings.retain(|s| !matches!(s.target, Target::Corner(_)));
+    }
+    let diagnosis = run(&world, &recording);
+    assert_eq!(diagnosis.verdict, Verdict::Insufficient);
+    assert!(diagnosis.causes.is_empty());
+    assert_eq!((diagnosis.data.postures_given, diagnosis.data.postures_used), (40, 0));
+    assert_eq!(diagnosis.data.points_used, 0);
+    assert!(diagnosis.sentence.contains("0 of 40 postures"), "{}", diagnosis.sentence);
+}
+
+#[test]
+fn boards_of_another_grid_and_single_false_points_are_listed() {
+    let world = world();
+    let mut recording = world.record(&plan(33));
+    // Another grid: every corner 12 px off in another direction.
+    let garbage: Vec<usize> = (0..recording.frames.len()).filter(|f| f % 5 == 1).collect();
+    for &f in &garbage {
+        for (i, sighting) in recording.frames[f].sightings.iter_mut().enumerate() {
+            if matches!(sighting.target, Target::Corner(_)) {
+                let angle = 2.4 * i as f64;
+                sighting.pixel += nalgebra::Vector2::new(angle.cos(), angle.sin()) * 12.0;
+            }
+        }
+    }
+    let (far, marker) = (40, 2);
+    let sighting = recording.frames[far].sightings.iter_mut().find(|s| s.target == Target::Marker(marker));
+    sighting.unwrap().pixel.x += 90.0;
+    let diagnosis = run(&world, &recording);
+    assert_eq!(diagnosis.verdict, Verdict::None, "{:?}", diagnosis.causes);
+    let left = &diagnosis.data.left_out;
+    for &f in &garbage {
+        assert!(left.iter().any(|l| l.frame == f as i64 && l.target == "board"), "frame {f}");
+    }
+    assert!(left.iter().any(|l| l.frame == far as i64 && l.target == "l_hand" && l.deviations.is_some()));
+    let listed: Vec<i64> = garbage.iter().map(|f| *f as i64).chain([far as i64]).collect();
+    assert!(left.iter().all(|l| listed.contains(&l.frame)), "{left:?}");
+    assert_eq!(diagnosis.data.frames_used, 80 - garbage.len());
+}
