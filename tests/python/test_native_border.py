@@ -49,7 +49,9 @@ def test_killed_commands_leave_whole_results(tracked: Path, tmp_path: Path) -> N
 
 
 CHILD = """
-import sys, time
+import signal, sys, time
+# A shell in the background has its children ignore the interrupt.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 import numpy as np
 from mirror_posture import load_session
 from mirror_posture.diagnosis.recording import to_core
