@@ -162,6 +162,7 @@ mod tests {
                 parameters: Default::default(),
                 words: String::new(),
                 rms_shift: 1.0,
+                frames: Vec::new(),
                 members: Vec::new(),
             })
         };
