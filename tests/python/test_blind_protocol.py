@@ -111,7 +111,7 @@ def test_score_counts_right_wrong_invented_and_false_alarms(tmp_path: Path) -> N
     page = tmp_path / "score.html"
     write_page(got, page)
     text = page.read_text(encoding="utf-8")
-    assert "strange-wrong" in text and "http" not in text
+    assert "strange-wrong" in text and "http:" not in text and "https:" not in text
     left = score(cases, results, leave_out="joint_offset")
     assert left["single_identifiable_right"]["of"] == 0
     assert left["outside_met"]["of"] == 5, "two strange ones, two offsets that show, and the pair"

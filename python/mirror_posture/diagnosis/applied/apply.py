@@ -140,8 +140,8 @@ def _apply(session: Session, urdf: Urdf, cause: Cause) -> tuple[Session, Written
 
     undone = undo_mistake(session, urdf, cause)
     if undone is not None:
-        better, file, what = undone
-        return better, Written(cause, file, what)
+        mended, file, what = undone
+        return mended, Written(cause, file, what)
     if cause.effect == "joint_offset":
         urdf.add_offset(name, value["offset_rad"])
         return in_robot(f"origin of joint {name}, turned about its axis")
