@@ -21,6 +21,8 @@ const SUSPICIOUS: f64 = 4.0;
 const MOST: f64 = 0.4;
 /// A marker of which more than this share is off is no matter of single observations.
 const MOST_OF_ONE: f64 = 0.15;
+/// A noise wider by this factor leaves every observation some weight.
+const WIDE: f64 = 300.0;
 /// Deviations from which on an observation is false.
 const FALSE_DEVIATIONS: f64 = 7.0;
 /// A frame of which this share is false is false as a whole.
@@ -136,6 +138,20 @@ fn deviations(
     }
     let mut residuals = Vec::new();
     work.raw_residuals(|marker, _, r| residuals.push((marker, r.norm())));
+    if residuals.len()
+        < others.iter().filter(|o| !matches!(o, Observation::Pixel { seen: Seen::Corner(_), .. })).count()
+    {
+        // So far off that they have no weight at all: asked again at a noise at which they have.
+        let wide = Noise {
+            marker_px: WIDE * noise.marker_px,
+            point_m: WIDE * noise.point_m,
+            corner_px: noise.corner_px,
+        };
+        if work.evaluate(problem, &Task { noise: wide, ..task }, frame) {
+            residuals.clear();
+            work.raw_residuals(|marker, _, r| residuals.push((marker, r.norm())));
+        }
+    }
     let mut at = 0;
     for (i, observation) in others.iter().enumerate() {
         let (marker, std) = match observation {
