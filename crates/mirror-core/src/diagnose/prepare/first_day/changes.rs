@@ -23,6 +23,8 @@ const FEWEST_FRAMES: usize = 6;
 const A_GAP: f64 = 1.15;
 /// χ² that a displacement from a row on must gain, of so many rows and places that are tried.
 const LEAST_GAIN: f64 = 80.0;
+/// Half of the observations must be within so many times the noise with the slip.
+const ABOUT_RIGHT: f64 = 1.5;
 /// Log marginal likelihood that it must gain over small errors.
 const LEAST_LOG_ODDS: f64 = 30.0;
 /// How far something may slip, rad and m: one standard deviation.
@@ -72,6 +74,10 @@ pub(super) fn find(problem: &Problem, frames: &[usize], least: Noise) -> Result<
     let alone = without.log_evidence(noise)?;
     let mut found: Option<(f64, Best)> = None;
     for (best, mut fit) in tried {
+        // Where the model with the slip is still far from the noise something else is wrong, of which a step takes its share.
+        if size(fit.noise) > ABOUT_RIGHT * size(least) {
+            continue;
+        }
         let odds = fit.log_evidence(noise)? - alone;
         if odds > found.as_ref().map_or(LEAST_LOG_ODDS, |f| f.0) {
             found = Some((odds, best));

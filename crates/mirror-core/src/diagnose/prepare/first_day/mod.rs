@@ -27,6 +27,7 @@ mod verify;
 use crate::diagnose::data::diagnosis::{Cause, LeftOut};
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::model::problem::Problem;
+use crate::diagnose::prepare::boards::leave_out_wrong_grids;
 use crate::error::Result;
 use crate::robot::Robot;
 use alternatives::Session;
@@ -157,6 +158,7 @@ impl Undone {
         let cancel = self.problem.cancel.clone();
         self.problem = Problem::new(&self.robot, &self.recording)?;
         (self.problem.marker_sites, self.problem.marker_mounts) = sites;
+        leave_out_wrong_grids(&mut self.problem);
         self.problem.cancel = cancel;
         self.problem.slips = slips;
         if !self.problem.slips.is_empty() {

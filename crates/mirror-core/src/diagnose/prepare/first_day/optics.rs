@@ -17,6 +17,8 @@ const FACTORS: [f64; 8] = [1.25, 4.0 / 3.0, 1.5, 1.6, 2.0, 2.4, 3.0, 4.0];
 const FRAMES: usize = 24;
 /// Root mean square residual of corners, px, that other optics, or another print, leave at most.
 const USUAL_CORNER_PX: f64 = 1.0;
+/// The loss of boards whose optics are right.
+const USUAL_LOSS: f64 = 0.5;
 /// The loss of a frame whose board no mirror shows.
 const NO_MIRROR: f64 = 8.0;
 /// Losses of corners and markers must fall by this together.
@@ -32,7 +34,8 @@ pub(super) fn find(robot: &Robot, recording: &Recording, without: &[String]) -> 
     let mut few = recording.clone();
     few.frames = recording.frames.iter().step_by(step).cloned().collect();
     let nominal = loss(robot, &few)?;
-    if nominal.corners < 0.5 {
+    // A mistake of the optics spoils every board: where some are right it is the others that are wrong.
+    if nominal.better < USUAL_LOSS {
         return Ok(None);
     }
     let square = sight.board.as_ref().is_some_and(|b| b.corners.0 == b.corners.1);
@@ -63,6 +66,8 @@ pub(super) fn find(robot: &Robot, recording: &Recording, without: &[String]) -> 
 
 struct Loss {
     corners: f64,
+    /// Of the better boards.
+    better: f64,
     markers: f64,
 }
 
@@ -70,7 +75,7 @@ fn loss(robot: &Robot, recording: &Recording) -> Result<Loss> {
     let problem = Problem::new(robot, recording)?;
     let misfit = Misfit::new(&problem)?;
     let frames: Vec<usize> = (0..problem.frames.len()).collect();
-    let boards: Vec<f64> = frames
+    let mut boards: Vec<f64> = frames
         .iter()
         .filter(|&&f| problem.frames[f].corners.len() > 3)
         .map(|&f| {
@@ -81,6 +86,8 @@ fn loss(robot: &Robot, recording: &Recording) -> Result<Loss> {
         })
         .collect();
     let corners = boards.iter().sum::<f64>() / boards.len().max(1) as f64;
+    boards.sort_by(f64::total_cmp);
+    let better = boards.get(boards.len() / 5).copied().unwrap_or(0.0);
     let markers = misfit.mean_loss(&Variant::of(recording, &problem), &frames);
-    Ok(Loss { corners, markers })
+    Ok(Loss { corners, better, markers })
 }
