@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from ._core import Measured, MeasureInput, MirrorPostureError
 from .arguments import checked_arguments
-from .measurement_residuals import WIDEN_ABOVE, Assumed, excess_of_markers, judge_views, widen_markers
+from .measurement_residuals import WIDEN_ABOVE, Assumed, Tested, excess_of_markers, judge_views, widen_markers
 from .mirror import IDEAL_MIRROR
 from .session import Session, as_session
 from .short_repr import ShortRepr
@@ -55,7 +55,8 @@ class MeasureOptions:
     mount: Mount | None = None
     """A calibrated camera–board transform, which takes the place of the model's and of the two deviations above."""
     judge_markers: bool = True
-    """Whether a marker whose own views disagree is widened, or masked; False leaves it to a caller who reads `chi_squared`."""
+    """Whether views and markers that are far off are masked, and what is off throughout widened; False leaves it to a caller who
+    reads `chi_squared`."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -232,12 +233,18 @@ def _measure(session: Session, nominal: Floats, options: MeasureOptions) -> Meas
         stds = np.array([rotation or 0.0] * 3 + [translation or 0.0] * 3)
         mount = np.diag(np.maximum(stds, EXACT_STD) ** 2)
     parallax = options.least_parallax_rad
-    tested = judge_views(session, core, Assumed(corner_noise, marker_noise, mount), parallax, joint)
+    assumed = Assumed(corner_noise, marker_noise, mount)
+    # Who judges by himself gets the estimator as it is: a correction's steps are weighed by these covariances.
+    tested = (
+        judge_views(session, core, assumed, parallax, joint)
+        if options.judge_markers
+        else Tested(assumed, {}, ())
+    )
     if tested.left_out:
         session = _without_boards(session, tested.left_out)
         core = _core_input(session, calibrated @ nominal)
     name = options.estimator.replace("-", "_")
-    done, assumed, warnings = _run(core, name, tested.assumed, parallax)
+    done, assumed, warnings = _run(core, name, tested.assumed, parallax, options.judge_markers)
     mirror_reason = tuple(tested.left_out.get(row, reason) for row, reason in enumerate(done.mirror_reason))
     mirrors = Mirrors(
         np.array([reason is None for reason in mirror_reason], dtype=bool),
@@ -262,7 +269,7 @@ def _measure(session: Session, nominal: Floats, options: MeasureOptions) -> Meas
 
 
 def _run(
-    core: MeasureInput, estimator: str, assumed: Assumed, least_parallax_rad: float
+    core: MeasureInput, estimator: str, assumed: Assumed, least_parallax_rad: float, may_widen: bool
 ) -> tuple[Measured, Assumed, list[str]]:
     """Measures, and once more with the noise that the residuals show where that is larger than assumed."""
 
@@ -276,6 +283,8 @@ def _run(
         return core.joint(**shared) if estimator == "joint" else core.ladder(estimator, **shared)
 
     done = once(assumed)
+    if not may_widen:
+        return done, assumed, []
     if estimator == "joint":
         ratio = (
             math.sqrt(done.chi_squared / max(done.degrees_of_freedom or 1, 1)) if done.chi_squared else 1.0
