@@ -125,3 +125,41 @@ def test_the_command_writes_the_staircase_and_names_a_missing_joint(tmp_path: Pa
     refused = CliRunner().invoke(app, ["simulate", str(session), "--model", str(other)])
     assert refused.exit_code == 1
     assert "has no joint" in refused.output and "hinge" in refused.output
+
+
+def test_optics_and_a_board_on_another_body_than_the_camera_can_be_held(tmp_path: Path) -> None:
+    from mirror_posture.simulate.causes import Changed
+    from mirror_posture.simulate.held_out import first_half
+    from mirror_posture.simulate.model import build, element_of
+
+    folder, _ = _made(tmp_path, "joint_offset", 11)
+    session = mp.load_session(folder)
+    assert session.camera is not None and session.board is not None and session.camera_link is not None
+
+    def added(effect: str, at: str, **values: float) -> Changed:
+        changed = Changed(build(session), session, {})
+        parameters = {name: Estimate(value, 0.0) for name, value in values.items()}
+        assert changed.add(Cause(effect, at, 1.0, parameters))
+        return changed
+
+    lens = added("camera_focal", "camera", scale_error=0.01).session.camera
+    assert lens is not None and np.isclose(lens.fx_px, 1.01 * session.camera.fx_px)
+    lens = added("camera_center", "camera", du_px=3.0, dv_px=-1.0).session.camera
+    assert lens is not None and np.allclose(
+        np.subtract(lens.center_px, session.camera.center_px), [3.0, -1.0]
+    )
+    lens = added("lens_distortion", "camera", dk1=0.01).session.camera
+    assert lens is not None and np.isclose(lens.distortion[0], session.camera.distortion[0] + 0.01)
+    # The board is on the chest, the camera on the head, which the neck turns: only the board moves.
+    moved = added("board_mount", "board", dz_m=0.004).simulator.spec
+    still = build(session).spec
+    board, camera = session.board.link, session.camera_link
+    shift = np.subtract(element_of(moved, board).pos, element_of(still, board).pos)
+    assert np.isclose(np.linalg.norm(shift), 0.004)
+    assert np.allclose(element_of(moved, camera).pos, element_of(still, camera).pos)
+    # The two halves of the held-out gap keep postures whole.
+    first = first_half(session)
+    of_posture = {posture: set() for posture in session.frames.posture.tolist()}
+    for posture, half in zip(session.frames.posture.tolist(), first.tolist(), strict=True):
+        of_posture[posture].add(half)
+    assert all(len(halves) == 1 for halves in of_posture.values()) and 0.3 < first.mean() < 0.7

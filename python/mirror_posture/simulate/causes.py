@@ -229,16 +229,16 @@ def _board_mount(changed: Changed, name: str, value: Values) -> tuple[str, str]:
         _link(None if session.board is None else session.board.link, "board"),
         _link(session.camera_link, "camera"),
     )
-    elements = [element_of(spec, board), element_of(spec, camera)]
-    if elements[0].parent.name != elements[1].parent.name:
-        raise MirrorPostureError(
-            f"board_mount: {board} and {camera} hang on different bodies of the model, {elements[0].parent.name} and {elements[1].parent.name}"
-        )
-    old = _pose(elements[0])
-    new = old @ _motion(value)
-    _place(elements[1], new @ np.linalg.inv(old) @ _pose(elements[1]))
-    _place(elements[0], new)
-    return board, "moved on its link, the camera with it"
+    board_at, camera_at = element_of(spec, board), element_of(spec, camera)
+    board_carrier, carrier_from_board = _on_carrier(board_at)
+    camera_carrier, carrier_from_camera = _on_carrier(camera_at)
+    moved = carrier_from_board @ _motion(value)
+    together = board_carrier == camera_carrier
+    if together:
+        riding = moved @ np.linalg.inv(carrier_from_board) @ carrier_from_camera
+        _place(camera_at, _pose(camera_at) @ np.linalg.inv(carrier_from_camera) @ riding)
+    _place(board_at, _pose(board_at) @ _motion(value))
+    return board, "moved on its link" + (", the camera with it" if together else "")
 
 
 def _in_lens(change: Callable[[Any, Values], dict[str, Any]]) -> Law:
@@ -255,19 +255,17 @@ def _in_lens(change: Callable[[Any, Values], dict[str, Any]]) -> Law:
 
 def _focal(camera: Any, value: Values) -> dict[str, Any]:
     factor = 1.0 + value["scale_error"]
-    return {"fx_px": factor * camera.fx_px, "fy_px": factor * camera.fy_px}
+    return {"focal_px": (factor * camera.fx_px, factor * camera.fy_px)}
 
 
 def _center(camera: Any, value: Values) -> dict[str, Any]:
-    return {
-        "cx_px": camera.cx_px + value.get("du_px", 0.0),
-        "cy_px": camera.cy_px + value.get("dv_px", 0.0),
-    }
+    return {"center_px": (camera.cx_px + value.get("du_px", 0.0), camera.cy_px + value.get("dv_px", 0.0))}
 
 
 def _lens(camera: Any, value: Values) -> dict[str, Any]:
-    first, *rest = camera.distortion or (0.0,)
-    return {"distortion": (first + value["dk1"], *rest)}
+    first, *rest = camera.distortion or (0.0,) * 5
+    model = "plumb_bob" if camera.distortion_model == "none" else camera.distortion_model
+    return {"distortion_model": model, "distortion": (first + value["dk1"], *rest)}
 
 
 def _board_scale(changed: Changed, name: str, value: Values) -> tuple[str, str]:
@@ -332,6 +330,18 @@ def _carried(body: Any) -> list[tuple[Any, Floats]]:
             turn = _pose(child)[:3, :3]
             out.extend((below, turn @ rotation) for below, rotation in _carried(child))
     return out
+
+
+def _on_carrier(element: Any) -> tuple[str, Floats]:
+    """The nearest body with joints that an element is fixed to (the world where there is none), and its pose there."""
+    if getattr(element, "joints", ()):
+        raise MirrorPostureError(
+            f"board_mount: {element.name} is itself moved by a joint; give board and camera links of their own, fixed to the body"
+        )
+    pose, body = _pose(element), element.parent
+    while body.name != "world" and not body.joints:
+        pose, body = _pose(body) @ pose, body.parent
+    return body.name, pose
 
 
 def _tip(body: Any) -> Floats:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,7 +18,10 @@ from ..session import Session, load_session
 from .causes import LAWS, Changed
 from .gap import SimulatedGap, simulated_gap
 from .model import build
-from .motion import execute
+from .motion import Rest, execute
+
+if TYPE_CHECKING:
+    from .held_out import HeldOut
 
 
 @dataclass(frozen=True)
@@ -47,6 +50,8 @@ class Simulation:
     told_before_px: float | None = None
     told_after_px: float | None = None
     """What the diagnosis told of its own gap, on postures held out of its fit."""
+    held_out: HeldOut | None = None
+    """The simulator's gap on postures that the causes were not fitted to, where it was asked for."""
 
     def to_tree(self) -> dict[str, Any]:
         """As JSON."""
@@ -76,6 +81,7 @@ class Simulation:
                 "before_px": self.told_before_px,
                 "after_px": self.told_after_px,
             },
+            "held_out": None if self.held_out is None else self.held_out.to_tree(),
             "notes": list(self.notes),
         }
 
@@ -105,18 +111,10 @@ def simulate(
         loaded = _without_left_out(loaded, found)
     file = Path(model) if model is not None else None
     causes = list(found.causes) if found is not None else []
-    torque = np.abs(loaded.robot.gravity_torques(loaded.positions, loaded.gravity_m_per_s2, loaded.root_link))
-    largest = dict(zip(loaded.robot.position_names, torque.max(axis=0).tolist(), strict=True))
 
     def run(count: int) -> tuple[SimulatedGap, list[str | None], Changed]:
         """The simulator with the first `count` causes."""
-        changed = Changed(build(loaded, file), loaded, largest)
-        told = [_add(changed, cause) for cause in causes[:count]]
-        rest = execute(changed.simulator, loaded, changed.drives)
-        if not rest.still.all():
-            changed.simulator.notes.append(
-                f"{int((~rest.still).sum())} of {len(rest.still)} frames had not come to rest"
-            )
+        changed, told, rest = with_causes(loaded, file, causes[:count])
         gap = simulated_gap(changed.session, rest)
         if progress is not None:
             progress(_name(causes[count - 1]) if count else "nominal")
@@ -143,6 +141,24 @@ def simulate(
             else (found.gap.before_m, found.gap.after_m, found.gap.before_px, found.gap.after_px)
         ),
     )
+
+
+def with_causes(
+    session: Session, model_file: Path | None, causes: Sequence[Cause]
+) -> tuple[Changed, list[str | None], Rest]:
+    """A session executed on a model with causes added: the model, what was changed for each (None: nothing holds it), the rest."""
+    torque = np.abs(
+        session.robot.gravity_torques(session.positions, session.gravity_m_per_s2, session.root_link)
+    )
+    largest = dict(zip(session.robot.position_names, torque.max(axis=0).tolist(), strict=True))
+    changed = Changed(build(session, model_file), session, largest)
+    told = [_add(changed, cause) for cause in causes]
+    rest = execute(changed.simulator, session, changed.drives)
+    if not rest.still.all():
+        changed.simulator.notes.append(
+            f"{int((~rest.still).sum())} of {len(rest.still)} frames had not come to rest"
+        )
+    return changed, told, rest
 
 
 def _without_left_out(session: Session, found: Diagnosis) -> Session:

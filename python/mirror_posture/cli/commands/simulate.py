@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -29,6 +30,13 @@ def command(
         Path | None,
         typer.Option(help="Folder for simulation.json, staircase.png and the patched model.xml."),
     ] = None,
+    held_out: Annotated[
+        bool,
+        typer.Option(
+            "--held-out",
+            help="Diagnose each half of the posture space too, and tell the simulator's gap on the other half.",
+        ),
+    ] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Execute a session in MuJoCo and compare: how far is the simulator from what was seen, before and after?
@@ -65,6 +73,11 @@ def command(
             count(done)
 
         simulation = simulate(loaded, model=model, found=found, progress=one_more)
+    if held_out:
+        from ...simulate.held_out import held_out_gap
+
+        output.say("each half of the postures is diagnosed, and the other half simulated")
+        simulation = replace(simulation, held_out=held_out_gap(loaded, model))
     for note in simulation.notes:
         output.warn(note)
     if out is not None:
@@ -87,6 +100,18 @@ def command(
         ],
         caption=_caption(simulation.told_after_px, simulation.told_after_m),
     )
+    if simulation.held_out is not None:
+        away = simulation.held_out
+        output.table(
+            "Held out: causes found on one half of the postures, gap on the other half",
+            ("~", "RMS px", "RMS mm"),
+            [
+                ("the model as it is", _told(away.before_px, 1.0), _told(away.before_m, 1e3)),
+                ("with the causes", _told(away.after_px, 1.0), _told(away.after_m, 1e3)),
+            ],
+            caption=f"{away.postures} postures; causes: "
+            + "; ".join(", ".join(causes) or "none" for causes in away.causes),
+        )
     last = simulation.stairs[-1].gap
     output.table(
         "Marker by marker, " + ("with all causes" if len(simulation.stairs) > 1 else "as the model is"),
