@@ -33,7 +33,7 @@ SIZES = ("width", "spread", "deadband", "thickness", "friction", "compliance")
 
 
 @dataclass(frozen=True)
-class Told:
+class Quantity:
     """A parameter as people read it."""
 
     name: str
@@ -45,7 +45,7 @@ class Told:
         return f"{self.name} {self.value} ± {self.std} {self.unit}".rstrip()
 
 
-def tell(name: str, estimate: Estimate | Member) -> Told:
+def tell(name: str, estimate: Estimate | Member) -> Quantity:
     """A parameter in people's units; the digits follow its standard deviation."""
     unit, factor, short = "", 1.0, name
     for ending, (of_people, times) in UNITS.items():
@@ -63,12 +63,17 @@ def tell(name: str, estimate: Estimate | Member) -> Told:
     spaced = short.replace("_", " ")
     whole = name in ("first_frame", "last_frame", "shift_rows")
     if whole:
-        return Told(spaced, f"{value:.0f}", f"{std:.1f}", "")
+        return Quantity(spaced, f"{value:.0f}", f"{std:.1f}", "")
     sign = "" if spaced in SIZES else "+"
-    return Told(spaced, f"{value:{sign}.{digits}f}", f"{std:.{digits}f}", power + unit)
+    return Quantity(spaced, f"{value:{sign}.{digits}f}", f"{std:.{digits}f}", power + unit)
 
 
-def tell_all(cause: Cause) -> list[Told]:
+def is_zero(quantity: Quantity) -> bool:
+    """Whether a quantity and its deviation are zero in the digits shown: a row of zeros says nothing."""
+    return float(quantity.value) == 0.0 and float(quantity.std) == 0.0
+
+
+def tell_all(cause: Cause) -> list[Quantity]:
     """All parameters of a cause in people's units."""
     return [tell(name, estimate) for name, estimate in cause.parameters.items()]
 
@@ -111,6 +116,8 @@ def place_in_words(at: str) -> str:
 
 def place_with_article(at: str) -> str:
     """A place with what it is: `the camera`, `joint r_elbow`, `marker r_hand`, `joint a from joint b`."""
+    if at == "unknown":
+        return "no single place"
     return (
         f"the {at}"
         if at in WHOLE

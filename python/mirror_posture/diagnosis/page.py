@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
-from importlib import resources
 from pathlib import Path
 
-from jinja2 import Environment, StrictUndefined
-from markupsafe import Markup, escape
-
+from .._core import __version__
+from ..pages import inline, render
 from ..session import Session
-from . import formatting
+from . import actions, formatting
 from .panel_plots import draw_field, draw_track
-from .plots import Drawing, draw_gap, draw_signature
-from .result import Diagnosis
+from .plots import Drawing, draw_gap, draw_signature, gap_told
+from .result import Diagnosis, Gap
 from .skeleton import draw_robot
 
 TEMPLATE = "report.html.j2"
@@ -25,40 +22,63 @@ HEADLINES = {
     "partial": "Partly explained",
     "unknown": "Not explained",
 }
+LARGEST_PICTURES = 2_200_000
+"""Characters of SVG on the page: what does not fit (a big session's last signatures) is in pictures/ only."""
+RANKED = 40
+"""Single causes that the page lists at most."""
 
 
 def write_report(session: Session, found: Diagnosis, folder: Path) -> Path:
     """Writes `report.html` and `pictures/*.png` into a folder that is there; returns the page."""
     drawings: dict[str, Drawing] = {"gap": draw_gap(found.gap), "robot": draw_robot(session, found)}
     panels = signature_panels(found)
-    drawings |= {panel.name: panel.drawing for panel in panels}
     pictures = folder / "pictures"
     pictures.mkdir(exist_ok=True)
-    for name, drawing in drawings.items():
+    for name, drawing in (drawings | {panel.name: panel.drawing for panel in panels}).items():
         (pictures / f"{name}.png").write_bytes(drawing.png)
-    environment = Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    text = resources.files(__package__).joinpath(TEMPLATE).read_text(encoding="utf-8")
-    page = environment.from_string(text).render(
-        found=found,
-        session=session.folder.resolve().name,
-        robot=session.robot.name,
-        postures=len(set(session.frames.posture.tolist())),
-        frames=len(session.frames),
-        headline=HEADLINES[found.verdict],
-        svg={name: Markup(drawing.svg) for name, drawing in drawings.items()},
-        told=formatting,
-        panels=panels,
-        code=_code,
-        unexplained=any(place.depends_on for place in found.where),
-        slipped=any(cause.effect == "pairing" for cause in found.causes),
-        rivals=any(cause.alternatives for cause in found.causes),
-        joints=sorted({joint for posture in found.next_postures for joint in posture}),
-    )
+    shown = _that_fit(panels)
+    svg = {
+        "gap": inline(drawings["gap"], _gap_in_words(found.gap)),
+        "robot": inline(drawings["robot"], _robot_in_words(session, found)),
+        **{panel.name: inline(panel.drawing, panel.says) for panel in shown},
+    }
+    values = {
+        "version": __version__,
+        "found": found,
+        "session": session.folder.resolve().name,
+        "robot": session.robot.name,
+        "postures": len(set(session.frames.posture.tolist())),
+        "frames": len(session.frames),
+        "headline": HEADLINES[found.verdict],
+        "svg": svg,
+        "told": formatting,
+        "acts": actions,
+        "concerned": actions.concerned(found),
+        "panels": shown,
+        "panels_left": len(panels) - len(shown),
+        # Rows that would show as 0 % say nothing.
+        "where": [p for p in found.where if p.share >= actions.SHOWN or p.depends_on],
+        "unexplained": any(place.depends_on for place in found.where),
+        "slipped": any(cause.effect == "pairing" for cause in found.causes),
+        "rivals": [(c, a) for c in found.causes for a in c.alternatives if a.probability >= actions.SHOWN],
+        "joints": sorted({j for p in found.next_postures for j, q in p.items() if abs(q) >= 5e-4}),
+        "ranking": [r for r in found.ranking if r.log_bayes > 0.0][:RANKED],
+    }
     file = folder / "report.html"
-    file.write_text(page, encoding="utf-8")
+    file.write_text(render(__package__, TEMPLATE, values), encoding="utf-8")
     return file
+
+
+def _gap_in_words(gap: Gap) -> str:
+    (before, after, floor), unit, label = gap_told(gap)
+    return f"Bars: {label}: {before:.2f} before, {after:.2f} after, {floor:.2f} of noise ({unit})."
+
+
+def _robot_in_words(session: Session, found: Diagnosis) -> str:
+    places = formatting.listed(
+        [f"{i}, {formatting.place_with_article(c.at)}" for i, c in enumerate(found.causes, 1)] or ["none"]
+    )
+    return f"The robot {session.robot.name} as a stick figure, from the front and from its left; marked places: {places}."
 
 
 @dataclass(frozen=True)
@@ -68,18 +88,38 @@ class Panel:
     name: str
     cause: int | None
     at: str
+    title: str
     caption: str
     drawing: Drawing
+
+    @property
+    def says(self) -> str:
+        """The picture in words, for those who do not see it."""
+        return f"{self.title}. {self.caption or 'The error against position, load, direction of motion and time; points: each posture alone, and what the cause says.'}"
 
 
 def signature_panels(found: Diagnosis) -> list[Panel]:
     """All signatures, as the causes stand; those of the unexplained part last, the largest share first."""
+
+    def title(cause: int | None, at: str) -> str:
+        place = formatting.place_with_article(at)
+        if cause is None:
+            return f"The unexplained part, at {place}"
+        return f"{cause + 1}. {formatting.effect_in_words(found.causes[cause].effect)} at {place}"
+
     panels = [
-        Panel(f"signature-{k}", s.cause, s.at, "", draw_signature(s, k))
+        Panel(f"signature-{k}", s.cause, s.at, title(s.cause, s.at), "", draw_signature(s, k))
         for k, s in enumerate(found.signatures)
     ]
     panels += [
-        Panel(f"track-{k}", t.cause, t.at, formatting.track_caption(t.at, t.what), draw_track(t, k))
+        Panel(
+            f"track-{k}",
+            t.cause,
+            t.at,
+            title(t.cause, t.at),
+            formatting.track_caption(t.at, t.what),
+            draw_track(t, k),
+        )
         for k, t in enumerate(found.tracks)
         if len(t.frame)
     ]
@@ -88,6 +128,7 @@ def signature_panels(found: Diagnosis) -> list[Panel]:
             f"field-{k}",
             f.cause,
             f.at,
+            title(f.cause, f.at),
             formatting.field_caption(f.over, f.with_cause is not None),
             draw_field(f, k),
         )
@@ -104,6 +145,12 @@ def signature_panels(found: Diagnosis) -> list[Panel]:
     return sorted(panels, key=rank)
 
 
-def _code(text: str) -> Markup:
-    """Words between backticks as code, the rest escaped."""
-    return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(text))))
+def _that_fit(panels: list[Panel]) -> list[Panel]:
+    """The first panels, as many as the page may hold."""
+    room, shown = LARGEST_PICTURES, []
+    for panel in panels:
+        room -= len(panel.drawing.svg)
+        if room < 0:
+            break
+        shown.append(panel)
+    return shown

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from . import formatting
-from .plots import AFTER, BEFORE, FLOOR, FREE, INK, MANY_POINTS, Drawing, figure, finished
+from .plots import AFTER, BAR_ALPHA, BEFORE, FLOOR, FREE, INK, MANY_POINTS, Drawing, figure, finished
 from .result import Field, Floats, Track
 
 if TYPE_CHECKING:
@@ -65,16 +65,18 @@ def _points(ax: Axes, track: Track, x: Floats, component: int, factor: float) ->
     """One component against one quantity."""
     error, std, fitted = (factor * a[:, component] for a in (track.error, track.std, track.fitted))
     clear = std <= UNCLEAR * np.median(std)
+    many = len(x) > MANY_POINTS
     free = track.cause is None
     ax.errorbar(
         x[clear],
         error[clear],
         yerr=std[clear],
         fmt="o",
-        markersize=3.0 if len(x) <= MANY_POINTS else 1.2,
+        markersize=1.2 if many else 3.0,
         color=FLOOR,
-        ecolor="#d0d0d0",
+        ecolor=(FLOOR, BAR_ALPHA),
         elinewidth=1,
+        rasterized=many,
         label="each posture alone, ± 1 std",
     )
     ax.plot(
@@ -84,6 +86,7 @@ def _points(ax: Axes, track: Track, x: Floats, component: int, factor: float) ->
         color=FREE if free else BEFORE,
         markersize=4,
         zorder=5,
+        rasterized=many,
         label="smooth error without a law" if free else "what the cause says",
     )
     ax.axhline(0.0, color=INK, linewidth=0.6)

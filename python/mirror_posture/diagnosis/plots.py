@@ -2,83 +2,33 @@
 
 from __future__ import annotations
 
-import io
 import math
-import re
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from ..figure_text import literal
+from ..pages.drawing import (
+    AFTER,
+    BAR_ALPHA,
+    BEFORE,
+    FLOOR,
+    FREE,
+    INK,
+    MANY_POINTS,
+    PNG_DPI,
+    Drawing,
+    figure,
+    finished,
+)
 from . import formatting
 from .result import Gap, Signature
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-BEFORE, AFTER, FLOOR = "#b0413e", "#2f6f9f", "#9a9a9a"
-FREE = "#c2185b"
-"""What no cause explains."""
-INK = "#222222"
-PNG_DPI = 140
-MANY_POINTS = 300
-"""More points than this are drawn small, so that their law shows."""
+__all__ = [
+    "AFTER", "BAR_ALPHA", "BEFORE", "FLOOR", "FREE", "INK", "MANY_POINTS", "PNG_DPI", "Drawing",
+    "draw_gap", "draw_signature", "figure", "finished", "gap_told",
+]  # fmt: skip
 MOSTLY_NOISE = 1.5
 """A gap in space below so many noise floors is mostly noise: the same bound as the core's for `closed`."""
-STYLE: Any = {
-    "font.size": 10,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "svg.fonttype": "none",
-    "svg.hashsalt": "mirror-posture",
-    "font.family": "sans-serif",
-    # A dollar in a name is a dollar.
-    "text.parse_math": False,
-    "text.color": INK,
-    "axes.labelcolor": INK,
-}
-
-
-@dataclass(frozen=True)
-class Drawing:
-    """One picture, as an SVG element for the page and as PNG bytes."""
-
-    svg: str
-    png: bytes
-
-
-def figure(
-    width: float, height: float, rows: int = 1, columns: int = 1, **options: Any
-) -> tuple[Figure, Any]:
-    """A figure in the report's style, inches; axes as a (rows, columns) array."""
-    from matplotlib import rc_context
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    with rc_context(STYLE):
-        drawn = Figure(figsize=(width, height), layout="constrained")
-        FigureCanvasAgg(drawn)
-        axes = drawn.subplots(rows, columns, squeeze=False, **options)
-    return drawn, axes
-
-
-def finished(drawn: Figure, name: str) -> Drawing:
-    """The figure as SVG (ids made unique by the name, since a page has several) and PNG."""
-    from matplotlib import rc_context
-
-    literal(drawn)
-    with rc_context(STYLE):
-        vector, raster = io.StringIO(), io.BytesIO()
-        drawn.savefig(vector, format="svg", metadata={"Date": None})
-        drawn.savefig(raster, format="png", dpi=PNG_DPI)
-    svg = vector.getvalue()
-    svg = svg[svg.index("<svg") :]
-    # Names of robots end up here, and may hold anything.
-    prefix = re.sub(r"[^A-Za-z0-9]", "", name) + "-"
-    svg = re.sub(r'id="([^"]+)"', lambda found: f'id="{prefix}{found[1]}"', svg)
-    svg = re.sub(r'(xlink:href="#|url\(#)', lambda found: found[1] + prefix, svg)
-    return Drawing(svg, raster.getvalue())
 
 
 def gap_told(gap: Gap) -> tuple[list[float], str, str]:
@@ -151,7 +101,8 @@ def draw_signature(signature: Signature, index: int) -> Drawing:
     # Postures that hardly show the place have bars that would hide the rest.
     typical = float(np.median(std)) if len(std) else 1.0
     clear = std <= 6.0 * typical
-    size = 3.0 if len(std) <= MANY_POINTS else 1.2
+    many = len(std) > MANY_POINTS
+    size = 1.2 if many else 3.0
     for ax, (x, label) in zip(axes[0], panels, strict=True):
         order = np.argsort(x, kind="stable")
         ax.errorbar(
@@ -161,8 +112,9 @@ def draw_signature(signature: Signature, index: int) -> Drawing:
             fmt="o",
             markersize=size,
             color=FLOOR,
-            ecolor="#d0d0d0",
+            ecolor=(FLOOR, BAR_ALPHA),
             elinewidth=1,
+            rasterized=many,
             label="each posture alone, ± 1 std",
         )
         if signature.cause is not None or np.any(fitted):
@@ -173,6 +125,7 @@ def draw_signature(signature: Signature, index: int) -> Drawing:
                 color=FREE if signature.cause is None else BEFORE,
                 markersize=4,
                 zorder=5,
+                rasterized=many,
                 label="smooth error without a law" if signature.cause is None else "what the cause says",
             )
         ax.axhline(0.0, color=INK, linewidth=0.6)

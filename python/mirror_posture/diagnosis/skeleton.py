@@ -7,12 +7,29 @@ from typing import Any
 
 import numpy as np
 
+from ..pages.drawing import (
+    AFTER,
+    BEFORE,
+    BODY,
+    FIFTH,
+    FIXED,
+    FLOOR,
+    FOURTH,
+    FREE,
+    GOOD,
+    INK,
+    JOINT,
+    PAPER,
+    SIXTH,
+    Drawing,
+    figure,
+    finished,
+)  # fmt: skip
 from ..session import Session
 from . import formatting
-from .plots import BEFORE, FLOOR, FREE, INK, Drawing, figure, finished
 from .result import Diagnosis
 
-CAUSE_COLOURS = (BEFORE, "#c77f1a", "#6b4c9a", "#2f7f4f", "#2f6f9f", "#8a5a44")
+CAUSE_COLOURS = (BEFORE, FOURTH, FIFTH, GOOD, AFTER, SIXTH)
 VIEWS = (("the front", 1, 1.0), ("its left", 0, -1.0))
 """Name, the root axis that runs to the right, and its sign on the page: x looks ahead and z up (REP 103)."""
 MARGIN = 0.08
@@ -47,19 +64,19 @@ def draw_robot(session: Session, found: Diagnosis) -> Drawing:
             moving = joint.kind != "fixed"
             ax.plot(
                 *zip(a, b, strict=True),
-                color="#555555" if moving else "#c8c8c8",
+                color=BODY if moving else FIXED,
                 linewidth=2.4 if moving else 1.0,
                 solid_capstyle="round",
                 zorder=1,
             )
         joints = np.array([flat(place[j.child_link]) for j in robot.joints if j.kind != "fixed"])
         if len(joints):
-            ax.plot(*joints.T, "o", color="#333333", markersize=3.5, zorder=2)
+            ax.plot(*joints.T, "o", color=JOINT, markersize=3.5, zorder=2)
         for marker in session.markers:
             ax.plot(
                 *flat(place[marker.link]),
                 "o",
-                markerfacecolor="white",
+                markerfacecolor=PAPER,
                 markeredgecolor=INK,
                 markersize=5,
                 zorder=3,
