@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ._core import MirrorPostureError, __version__
-from .session.input_files import path_inside
+from .input_files import path_inside
 
 if TYPE_CHECKING:
     from .diagnosis import Diagnosis

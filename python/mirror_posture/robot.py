@@ -11,7 +11,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from os import PathLike, fspath
-from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -19,6 +18,7 @@ import numpy.typing as npt
 
 from . import _core
 from .arguments import checked_arguments
+from .input_files import LARGEST_MODEL, given_text
 from .short_repr import ShortRepr
 
 Array = npt.NDArray[np.float64]
@@ -94,8 +94,11 @@ class Robot:
 
         Raises `MirrorPostureError`, which names the link or joint, what was got and the fix.
         """
-        core = _core.Robot.from_urdf_file(fspath(path))
-        return cls(core, Path(path).read_text(encoding="utf-8", errors="replace"))
+        text = given_text(path, "a URDF in UTF-8", LARGEST_MODEL)
+        try:
+            return cls.from_urdf_text(text)
+        except _core.MirrorPostureError as error:
+            raise _core.MirrorPostureError(f"{fspath(path)}: {error}") from None
 
     @classmethod
     @checked_arguments

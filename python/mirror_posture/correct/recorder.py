@@ -18,6 +18,7 @@ import numpy as np
 import tomli_w
 
 from .._core import MirrorPostureError
+from ..input_files import LARGEST_TABLE, given_text, read_text, reason
 from ..robots.errors import NoLookError
 from ..robots.nominal import Nominal, detect_look
 from ..robots.protocol import ImagePoints, Look, MarkerPoints
@@ -215,11 +216,14 @@ USUAL_STD_PX = 0.1
 def read_header(folder: Path) -> dict[str, Any]:
     """What a recording was started with. Raises `MirrorPostureError` for a folder without one."""
     try:
-        header = json.loads((folder / HEADER).read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+        header = json.loads(read_text(folder / HEADER))
+    except (OSError, ValueError, RecursionError) as error:
         raise MirrorPostureError(
-            f"{folder}: holds no correction that could be gone on with ({error}); start it without --resume"
+            f"{folder}: holds no correction that could be gone on with ({reason(error)}); start it without --resume"
         ) from None
+    joints = header.get("joints") if isinstance(header, dict) else None
+    if not isinstance(joints, list) or not all(isinstance(name, str) for name in joints):
+        raise MirrorPostureError(f"{folder / HEADER}: joints: got {joints!r:.80}, needed a list of names")
     return dict(header)
 
 
@@ -266,23 +270,34 @@ def _looks(session: Session, nominal: Nominal) -> list[Look]:
 def _read_readings(file: Path) -> list[PastReading]:
     if not file.is_file():
         return []
-    out = []
-    for line in file.read_text(encoding="utf-8").splitlines():
+    lines = given_text(file, "the readings of a correction", LARGEST_TABLE).splitlines()
+    return [_reading(file, number, line) for number, line in enumerate(lines, start=1)]
+
+
+def _reading(file: Path, number: int, line: str) -> PastReading:
+    try:
         tree = json.loads(line)
-        out.append(
-            PastReading(
-                int(tree["posture"]),
-                Readings(
-                    np.array(tree["measured"], dtype=bool),
-                    np.array(tree["point_in_board_m"], dtype=float).reshape(-1, 3),
-                    np.array(tree["covariance_m2"], dtype=float).reshape(-1, 3, 3),
-                    np.array(tree["chi_squared"], dtype=float),
-                    np.array(tree["degrees_of_freedom"], dtype=np.int64),
-                    tuple(tree["reasons"]),
-                ),
-            )
+        readings = Readings(
+            np.array(tree["measured"], dtype=bool),
+            np.array(tree["point_in_board_m"], dtype=float).reshape(-1, 3),
+            np.array(tree["covariance_m2"], dtype=float).reshape(-1, 3, 3),
+            np.array(tree["chi_squared"], dtype=float),
+            np.array(tree["degrees_of_freedom"], dtype=np.int64),
+            tuple(tree["reasons"]),
         )
-    return out
+        columns = (
+            readings.measured, readings.point_in_board_m, readings.covariance_m2, readings.chi_squared,
+            readings.degrees_of_freedom, readings.reasons,
+        )  # fmt: skip
+        if len({len(column) for column in columns}) != 1 or readings.measured.ndim != 1:
+            raise ValueError("its lists are of different lengths")
+        if not all(np.isfinite(column).all() for column in columns[1:4]):
+            raise ValueError("got a number that is not finite")
+        return PastReading(int(tree["posture"]), readings)
+    except (ValueError, LookupError, TypeError, AttributeError, RecursionError, OverflowError) as error:
+        raise MirrorPostureError(
+            f"{file}, line {number}: is no reading ({' '.join(str(error).split())}); take the file away to measure again"
+        ) from None
 
 
 def _detection_rows(frame: int, points: ImagePoints, nominal: Nominal) -> list[list[Any]]:

@@ -16,6 +16,7 @@ import numpy.typing as npt
 from PIL import Image, JpegImagePlugin, UnidentifiedImageError
 
 from ..arguments import checked_arguments
+from ..input_files import read_regular, reason
 from ..short_repr import ShortRepr
 from .types import DetectionError
 
@@ -24,6 +25,8 @@ Picture = npt.NDArray[np.uint8]
 PICTURE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".pgm", ".ppm")
 MIN_SIDE_PX = 16
 MAX_PIXELS = 150_000_000
+LARGEST_PICTURE = 1_000_000_000
+"""Bytes of a picture's file at most: more than 150 million pixels of 48 bits have."""
 
 EXIF_ORIENTATION = 0x0112
 EXIF_TURNS = {
@@ -62,11 +65,12 @@ def read_picture_file(path: Path | str) -> PictureFile:
     """A picture with what its file says of it. Raises as `read_picture`; the size is checked before anything is decoded."""
     file = Path(path)
     try:
-        content = file.read_bytes()
+        content = read_regular(file, LARGEST_PICTURE)
     except FileNotFoundError:
         raise DetectionError(f"{file}: the picture is missing; put it there or correct its path") from None
-    except OSError as error:
-        raise DetectionError(f"{file}: the picture cannot be read: {error.strerror or error}") from None
+    # ValueError: a null character in the path.
+    except (OSError, ValueError) as error:
+        raise DetectionError(f"{file}: the picture cannot be read: {reason(error)}") from None
     if not content:
         raise DetectionError(f"{file}: the picture is empty (0 bytes); take or copy it again")
     known = file.suffix.lower() in PICTURE_SUFFIXES

@@ -63,7 +63,7 @@ def to_core(session: Session) -> GapRecording:
     }
     time_s = frames.time_s if frames.time_s is not None else frames.frame.astype(float)
     return GapRecording(
-        session.robot_file.read_text(encoding="utf-8"),
+        session.robot.urdf,
         json.dumps(header),
         frames.frame,
         frames.posture,

@@ -15,8 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from .._core import MirrorPostureError
+from ..input_files import read_text, reason
 from ..output_files import is_whole
-from ..session.input_files import read_text, reason
 from ..short_repr import ShortRepr
 
 LARGEST_DOCUMENT = 256_000_000

@@ -12,6 +12,7 @@ import pyarrow.compute as pc
 import pyarrow.parquet
 
 from .._core import MirrorPostureError
+from ..input_files import given_text
 from .films import film_pictures
 from .recording import JointLog, Recording
 
@@ -31,8 +32,11 @@ def read_dataset(folder: Path, *, image: str | None, episode: int, degrees: bool
     Raises:
         MirrorPostureError: a version that is not known, an episode or a camera that is not there, missing columns.
     """
-    info = json.loads((folder / INFO).read_text(encoding="utf-8"))
-    version = str(info.get("codebase_version", ""))
+    try:
+        info = json.loads(given_text(folder / INFO, "LeRobot's info.json"))
+    except (ValueError, RecursionError) as error:
+        raise MirrorPostureError(f"{folder / INFO}: is no JSON: {error}") from None
+    version = str(info.get("codebase_version", "")) if isinstance(info, dict) else ""
     if not version.startswith(("v2", "v3")):
         raise MirrorPostureError(f"{folder}: got version {version!r}, needed LeRobot's v2.1 or v3.0")
     features: dict[str, Any] = info["features"]

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from .._core import MirrorPostureError
+from ..input_files import given_text
 from .nominal import Nominal
 from .protocol import JointLimits
 from .servo_state import AtEnd
@@ -105,10 +106,12 @@ def load_config(file: str | os.PathLike[str], nominal: Nominal, make: Make = "dy
     See docs/robots.md for its keys.
     """
     file = Path(file)
+    text = given_text(file, "the servos' TOML file")
     try:
-        raw = tomllib.loads(file.read_text(encoding="utf-8-sig"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise MirrorPostureError(f"{file}: cannot be read: {error}") from None
+        raw = tomllib.loads(text)
+    # Very deep or odd documents fail below the parser with errors of Python's own.
+    except (ValueError, RecursionError, OverflowError) as error:
+        raise MirrorPostureError(f"{file}: cannot be read: {' '.join(str(error).split())}") from None
     bus = _table(raw, "bus", file)
     numbers_of = {*NUMBERS, *TORQUE[make]}
     _no_others(bus, {"port", "baudrate", "at_end", "end_with_parent", *numbers_of}, file, "bus")

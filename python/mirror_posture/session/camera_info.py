@@ -13,8 +13,8 @@ import yaml
 from .._core import MirrorPostureError
 from ..arguments import checked_arguments
 from ..camera import Camera
+from ..input_files import parse_yaml, read_text, reason
 from .errors import SessionError, choices
-from .input_files import parse_yaml, read_text, reason
 
 COEFFICIENT_NAMES = {
     "plumb_bob": ("k1", "k2", "p1", "p2", "k3"),
@@ -40,7 +40,10 @@ def load_camera_info(file: str | os.PathLike[str], shown_as: str | None = None) 
         raise SessionError(
             name, f"cannot be read ({reason(error)}); needed a ROS camera_info YAML file"
         ) from None
-    tree = parse_yaml(text, name, "a ROS camera_info file")
+    try:
+        tree = parse_yaml(text, "a ROS camera_info file")
+    except ValueError as error:
+        raise SessionError(name, str(error)) from None
     if not isinstance(tree, Mapping):
         raise SessionError(name, f"got a {type(tree).__name__}, needed the keys of a ROS camera_info file")
 

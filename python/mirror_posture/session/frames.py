@@ -6,10 +6,10 @@ from pathlib import Path, PurePosixPath
 
 import numpy as np
 
+from ..input_files import path_inside
 from ..robot import Joint, Robot
 from .accelerometers import is_accelerometer, read_accelerometers
 from .errors import Problems, SessionError, choices
-from .input_files import path_inside
 from .tables import Table
 from .types import Frames
 

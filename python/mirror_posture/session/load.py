@@ -11,13 +11,13 @@ import numpy as np
 from .._core import MirrorPostureError
 from ..arguments import checked_arguments
 from ..camera import Camera
+from ..input_files import LARGEST_MODEL, read_text, reason
 from ..robot import Robot
 from .camera_info import load_camera_info
 from .detections import COLUMNS as DETECTION_COLUMNS
 from .detections import OPTIONAL_COLUMNS, read_detections
 from .errors import Problems, SessionError, choices
 from .frames import check_images_exist, read_frames
-from .input_files import LARGEST_MODEL, path_inside, read_text, reason
 from .metadata import FILE, Metadata, load_metadata
 from .plausibility import check_plausible
 from .points import COLUMNS as POINT_COLUMNS
@@ -53,7 +53,7 @@ def load_session(folder: str | os.PathLike[str]) -> Session:
     metadata = load_metadata(folder)
     warnings = list(metadata.warnings)
     problems = Problems()
-    robot_file = _inside(folder, metadata.robot, "robot")
+    robot_file = folder / metadata.robot
     robot: Robot | None = None
     with problems.kept():
         robot = _load_robot(robot_file, metadata.robot)
@@ -61,7 +61,7 @@ def load_session(folder: str | os.PathLike[str]) -> Session:
     camera = None
     if metadata.camera is not None:
         with problems.kept():
-            camera = load_camera_info(_inside(folder, metadata.camera, "camera"), metadata.camera)
+            camera = load_camera_info(folder / metadata.camera, metadata.camera)
 
     frames_file = find_table(folder, "frames")
     if frames_file is None:
@@ -213,16 +213,6 @@ def _whole_frames(table: Table, frames: Frames, unfinished: bool) -> Table:
     if not unfinished or "frame" not in table.columns:
         return table
     return table.only(np.isin(table.integers("frame"), frames.frame))
-
-
-def _inside(folder: Path, name: str, key: str) -> Path:
-    """A file that session.toml names: it lies in the session's folder, so that the folder can be passed on."""
-    path = path_inside(folder, name)
-    if path is None:
-        raise SessionError(
-            FILE, f"{key}: got {name!r}, needed a path inside the session's folder, that no link leads out of"
-        )
-    return path
 
 
 def _load_robot(file: Path, shown_as: str) -> Robot:

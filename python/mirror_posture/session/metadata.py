@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 
 from ..board import CHESSBOARD, PATTERNS, Board
+from ..input_files import path_inside, read_text, reason
 from ..marker import ColorRange, Marker
 from ..mirror import FLOAT_GLASS_INDEX, Mirror
 from ..short_repr import ShortRepr
 from .errors import SessionError, choices
-from .input_files import path_inside, read_text, reason
 from .types import Floats, Noise
 
 if sys.version_info >= (3, 11):
@@ -88,7 +88,15 @@ def load_metadata(folder: Path) -> Metadata:
     # A very deep or odd document can fail below the parser with errors of Python's own.
     except (tomllib.TOMLDecodeError, ValueError, RecursionError) as error:
         raise SessionError(FILE, f"is not valid TOML: {error}") from None
-    return _check(raw)
+    metadata = _check(raw)
+    for key, name in (("robot", metadata.robot), ("camera", metadata.camera)):
+        # A session lies in its folder, so that it can be passed on, and reads nobody else's files.
+        if name is not None and path_inside(folder, name) is None:
+            raise SessionError(
+                FILE,
+                f"{key}: got {name!r}, needed a path inside the session's folder, that no link leads out of",
+            )
+    return metadata
 
 
 def _check(raw: dict[str, Any]) -> Metadata:

@@ -21,9 +21,9 @@ import pyarrow.compute as pc
 import pyarrow.csv
 import pyarrow.parquet
 
+from ..input_files import LARGEST_TABLE, path_inside, read_regular, reason
 from ..short_repr import ShortRepr
 from .errors import SessionError, choices
-from .input_files import LARGEST_TABLE, path_inside, read_regular, reason
 
 SUFFIXES = (".csv", ".parquet")
 MOST_COLUMNS, MOST_CELLS = 5_000, 30_000_000
@@ -239,6 +239,8 @@ def _read_csv(data: bytes, name: str, unfinished: bool) -> pa.Table:
 def _name_ragged_row(data: bytes, name: str, convert: pyarrow.csv.ConvertOptions) -> None:
     """Reads once more, row by row, to say which row has the wrong number of cells."""
 
+    # The reader decodes the ragged row before it is told, and prints what fails: bytes that are no text are named here.
+    data.decode("utf-8-sig")
     ragged: list[pyarrow.csv.InvalidRow] = []
 
     def remember(row: pyarrow.csv.InvalidRow) -> str:

@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .._core import MirrorPostureError
+from ..input_files import LARGEST_MODEL, read_text
 from ..session import Session
 from ..short_repr import ShortRepr
 
@@ -133,7 +134,7 @@ def element_of(spec: Any, link: str) -> Any:
 def _read(file: Path) -> tuple[Any, bool]:
     """The specification of a model file, and whether it is a URDF."""
     try:
-        text = file.read_text(encoding="utf-8-sig")
+        text = read_text(file, LARGEST_MODEL)
         root = ET.fromstring(text)
         if root.tag != "robot":
             return mujoco.MjSpec.from_file(str(file)), False

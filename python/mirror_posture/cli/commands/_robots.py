@@ -9,11 +9,14 @@ from pathlib import Path
 from typing import Any
 
 from ..._core import MirrorPostureError
+from ...input_files import given_text
 from ...robots import CommandedRobot, Nominal
 from ..plugins import plugins
 
 ROBOT_GROUP = "mirror_posture.robots"
 """Entry points of this group open robots by name: called with the settings, the nominal session, and what talks to the user."""
+LARGEST_NUMBER = 1e12
+"""Of a posture; as in a session's tables."""
 SIMULATED = ("twin", "mujoco")
 """Robots of the distribution mirror-posture-lab."""
 SERVOS = {"dynamixel": "DynamixelRobot", "feetech": "FeetechRobot"}
@@ -155,16 +158,21 @@ def read_posture(file: Path) -> dict[str, float]:
         import tomllib
     else:
         import tomli as tomllib
-    text = file.read_text(encoding="utf-8")
+    needed = "`joint = position` in rad, TOML or JSON"
+    text = given_text(file, needed)
     try:
         tree = json.loads(text) if file.suffix == ".json" else tomllib.loads(text)
-    except ValueError as error:
+    except (ValueError, RecursionError, OverflowError) as error:
         raise MirrorPostureError(
-            f"{file}: cannot be read ({error}); needed `joint = position` in rad, TOML or JSON"
+            f"{file}: cannot be read ({' '.join(str(error).split())}); needed {needed}"
         ) from None
-    tree = tree.get("joints", tree)
+    tree = tree.get("joints", tree) if isinstance(tree, dict) else None
+    if not isinstance(tree, dict):
+        raise MirrorPostureError(f"{file}: got no keys; needed {needed}")
     bad = [
-        name for name, value in tree.items() if isinstance(value, bool) or not isinstance(value, (int, float))
+        name
+        for name, value in tree.items()
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) < LARGEST_NUMBER
     ]
     if bad or not tree:
         raise MirrorPostureError(

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..._core import MirrorPostureError
+from ...input_files import given_text
 from ..detected import load_detected
 from ..output import ExitCode, JsonOption, Output, SessionArgument
 
@@ -139,13 +140,15 @@ def _read_mount(file: Path) -> Any:
 
     from ...measurement import Mount
 
+    needed = "what `calibrate --out` writes"
+    text = given_text(file, needed)
     try:
-        tree = json.loads(file.read_text(encoding="utf-8"))
+        tree = json.loads(text)
         pose = np.array(tree["camera_from_board"], dtype=float)
         covariance = np.array(tree["covariance"], dtype=float)
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, LookupError, TypeError, RecursionError, OverflowError) as error:
         raise MirrorPostureError(
-            f"{file}: is no calibration ({error}); needed what `calibrate --out` writes"
+            f"{file}: is no calibration ({' '.join(str(error).split())}); needed {needed}"
         ) from None
     if (
         pose.shape != (4, 4)
@@ -153,6 +156,19 @@ def _read_mount(file: Path) -> Any:
         or not (np.isfinite(pose).all() and np.isfinite(covariance).all())
     ):
         raise MirrorPostureError(f"{file}: needed camera_from_board (4, 4) and covariance (6, 6), finite")
+    turn = pose[:3, :3]
+    rigid = np.abs(turn @ turn.T - np.eye(3)).max() < 1e-6 and np.linalg.det(turn) > 0.0
+    if not rigid or np.abs(pose[3] - [0.0, 0.0, 0.0, 1.0]).max() > 1e-9:
+        raise MirrorPostureError(
+            f"{file}: camera_from_board: needed a rotation and a shift, last row 0, 0, 0, 1"
+        )
+    spread = np.linalg.eigvalsh(covariance)
+    if np.abs(covariance - covariance.T).max() > 1e-9 * max(spread[-1], 0.0) or spread[0] < -1e-9 * abs(
+        spread[-1]
+    ):
+        raise MirrorPostureError(
+            f"{file}: covariance: needed a symmetric matrix without negative eigenvalues"
+        )
     return Mount(pose, covariance)
 
 

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ..._core import MirrorPostureError
+from ...input_files import given_text
 from ...output_files import write_file
 from ..result import Cause
 
@@ -33,10 +34,10 @@ def patch_lerobot(
     """
     if motors not in SIGN:
         raise MirrorPostureError(f"motors: got {motors!r}, needed one of {', '.join(SIGN)}")
-    text = own.read_bytes().decode("utf-8")
+    text = given_text(own, "a LeRobot calibration file")
     try:
         tree = json.loads(text)
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise MirrorPostureError(f"{own}: is no JSON: {error}") from None
     if not isinstance(tree, dict) or not all(
         isinstance(motor, dict) and isinstance(motor.get("homing_offset"), int) for motor in tree.values()

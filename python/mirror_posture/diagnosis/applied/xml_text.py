@@ -10,6 +10,7 @@ from xml.parsers import expat
 from xml.sax.saxutils import quoteattr
 
 from ..._core import MirrorPostureError
+from ...input_files import LARGEST_MODEL, read_regular, reason
 
 BOM = "\ufeff"
 _ATTRIBUTE = r"""(\s{name}\s*=\s*)("[^"]*"|'[^']*')"""
@@ -18,9 +19,11 @@ _ATTRIBUTE = r"""(\s{name}\s*=\s*)("[^"]*"|'[^']*')"""
 def read_xml(file: Path) -> str:
     """A file's text with its own line ends; a byte order mark is kept."""
     try:
-        return file.read_bytes().decode("utf-8")
+        return read_regular(file, LARGEST_MODEL).decode("utf-8")
     except UnicodeDecodeError as error:
         raise MirrorPostureError(f"{file}: is not UTF-8 ({error}); save it as UTF-8") from None
+    except (OSError, ValueError) as error:
+        raise MirrorPostureError(f"{file}: cannot be read ({reason(error)}); needed an XML file") from None
 
 
 @dataclass(eq=False)

@@ -13,7 +13,7 @@ from typing import Any
 
 import yaml
 
-from .errors import SessionError
+from ._core import MirrorPostureError
 
 LARGEST_TEXT = 1_000_000
 """Bytes of a text of keys (TOML, YAML) at most: the largest known ones have some ten thousand."""
@@ -78,11 +78,27 @@ def reason(error: Exception) -> str:
     return " ".join(text.split()) or type(error).__name__
 
 
-def parse_yaml(text: str, shown_as: str, needed: str) -> Any:
+def given_text(file: str | os.PathLike[str], needed: str, largest: int = LARGEST_TEXT) -> str:
+    """The text of a file that somebody names (an option, an argument); as `read_text`.
+
+    Raises `MirrorPostureError`, which names the file, for what `read_text` refuses.
+    """
+    try:
+        return read_text(Path(file), largest)
+    except FileNotFoundError:
+        raise MirrorPostureError(f"{os.fspath(file)}: there is no such file; needed {needed}") from None
+    # ValueError: a null character in the path, or no UTF-8.
+    except (OSError, ValueError) as error:
+        raise MirrorPostureError(
+            f"{os.fspath(file)}: cannot be read ({reason(error)}); needed {needed}"
+        ) from None
+
+
+def parse_yaml(text: str, needed: str) -> Any:
     """A YAML document as plain values, in time and memory linear in its size.
 
     Raises:
-        SessionError: no YAML, or YAML with aliases, too many parts or too deep: they can unfold without end, and nothing
+        ValueError: no YAML, or YAML with aliases, too many parts or too deep: they can unfold without end, and nothing
             that is read here needs them.
     """
     try:
@@ -90,14 +106,19 @@ def parse_yaml(text: str, shown_as: str, needed: str) -> Any:
         for count, event in enumerate(yaml.parse(text, Loader=yaml.SafeLoader)):
             depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
             if isinstance(event, yaml.AliasEvent):
-                raise SessionError(
-                    shown_as,
-                    f"line {event.start_mark.line + 1 if event.start_mark else 0}: got a YAML alias (*{event.anchor}), needed the value itself",
+                line = event.start_mark.line + 1 if event.start_mark else 0
+                raise _UnfoldingError(
+                    f"line {line}: got a YAML alias (*{event.anchor}), needed the value itself"
                 )
             if count > MOST_YAML_PARTS or depth > DEEPEST_YAML:
-                raise SessionError(shown_as, f"got YAML of very many or deep parts, needed {needed}")
+                raise _UnfoldingError(f"got YAML of very many or deep parts, needed {needed}")
         return yaml.safe_load(text)
+    except _UnfoldingError:
+        raise
     # Odd scalars (dates, huge integers) and deep nesting fail with errors of Python's own.
     except (yaml.YAMLError, ValueError, RecursionError, OverflowError) as error:
-        problem = " ".join(str(error).split())
-        raise SessionError(shown_as, f"is no YAML ({problem}); needed {needed}") from None
+        raise ValueError(f"is no YAML ({' '.join(str(error).split())}); needed {needed}") from None
+
+
+class _UnfoldingError(ValueError):
+    """YAML that is refused for its size."""
