@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from mirror_posture import MirrorPostureError, Robot, cli, load_session
 from mirror_posture.new_session import CameraMount, FaceMount, parse_marker, parse_vector
 from mirror_posture.new_session.from_mjcf import urdf_from_mjcf
-from mirror_posture.new_session.meshes import mesh_file
+from mirror_posture.shapes.of_links import mesh_file
 
 ARM = """<?xml version="1.0"?>
 <!-- a licence -->

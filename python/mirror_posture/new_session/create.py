@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from ..diagnosis.applied.xml_text import XmlText, read_xml
 from ..output_files import new_folder
 from ..robot import Robot
 from ..session.camera_info import dump_camera_info
+from ..shapes import keep_coarse_meshes
 from .from_mjcf import origin_text, urdf_from_mjcf
 from .mounts import CameraMount, FaceMount, MarkerMount
 
@@ -49,11 +50,13 @@ def create_session(
     markers: Sequence[MarkerMount],
     ball_diameter_m: float,
     glass_thickness_m: float = 0.0,
+    packages: Mapping[str, Path] | None = None,
 ) -> NewSession:
     """Writes a session without frames: robot.urdf, camera.yaml and session.toml, to be edited by hand at will.
 
     The URDF stays as it is, to the letter, with the mounts as further links before its end; an MJCF is turned into a
-    URDF of the same kinematics. `board` are the keys of `[board]` without its link. The markers get evenly spread hues.
+    URDF of the same kinematics. Coarse copies of the meshes that are found (`packages`: folders of ROS packages) are kept
+    in the folder `meshes`, for plans and pictures. `board` are the keys of `[board]` without its link. The markers get evenly spread hues.
 
     Raises:
         MirrorPostureError: a folder that is there, a link that the robot does not have (with those that it has), a
@@ -95,6 +98,7 @@ def create_session(
     tree["mirror"] = {"glass_thickness": glass_thickness_m, "refractive_index": 1.52}
     with new_folder(folder) as part:
         (part / "robot.urdf").write_bytes(text.encode("utf-8"))
+        keep_coarse_meshes(robot_file, part / "robot.urdf", packages or {})
         (part / "camera.yaml").write_text(dump_camera_info(camera), encoding="utf-8")
         (part / "session.toml").write_text(tomli_w.dumps(tree), encoding="utf-8")
     return NewSession(

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..robot import Robot
 from ..session.metadata import load_metadata
-from .meshes import points_of_links
+from ..shapes import shapes_of_links
 
 VIEWS = (
     ("from its right", 0, 2, "x", "z"),
@@ -24,14 +24,11 @@ def draw_setup(
     folder: Path,
     file: Path,
     *,
-    urdf: Path | None = None,
-    packages: Mapping[str, Path] | None = None,
     positions: Mapping[str, float] | None = None,
 ) -> list[str]:
     """Draws a session's robot with what is mounted on it as a picture of three views; joints at 0 unless told.
 
-    `urdf` is the file that the robot came from, beside which its meshes are looked for; `packages` are folders of ROS
-    packages by name. Returns the names of the meshes that were not found: those links are drawn as lines.
+    Returns the names of the meshes that were not found: those links are drawn as lines.
     """
     from matplotlib.figure import Figure
 
@@ -42,12 +39,12 @@ def draw_setup(
         q = np.zeros((1, len(robot.position_names)))
     root_from_link = robot.link_poses(q, robot.link_names)[0]
     pose = dict(zip(robot.link_names, root_from_link, strict=True))
-    shapes, missing = points_of_links(urdf if urdf is not None else folder / told.robot, packages or {})
+    shapes, missing = shapes_of_links(folder / told.robot)
     figure = Figure(figsize=(15, 6), layout="constrained")
     for axes, (title, across, up, across_name, up_name) in zip(figure.subplots(1, 3), VIEWS, strict=True):
-        for name, points in shapes.items():
+        for name, parts in shapes.items():
             if name in pose:
-                seen = _moved(pose[name], points)
+                seen = _moved(pose[name], np.concatenate([part.vertices_m for part in parts]))
                 axes.plot(seen[:, across], seen[:, up], ",", color="#9aa4b2", zorder=1)
         for joint in robot.joints:
             a, b = pose[joint.parent_link][:3, 3], pose[joint.child_link][:3, 3]

@@ -138,14 +138,15 @@ def command(
         markers=[parse_marker(text, tolerance_m) for text in given],
         ball_diameter_m=ball_mm / 1000.0,
         glass_thickness_m=glass_mm / 1000.0,
+        packages=packages,
     )  # fmt: skip
     drawing = folder / "setup.png"
-    missing = draw_setup(folder, drawing, urdf=robot if robot.suffix == ".urdf" else None, packages=packages)
+    missing = draw_setup(folder, drawing)
     for text in made.warnings:
         output.warn(text)
     if missing:
         output.say(
-            f"{len(missing)} meshes were not drawn (not found, or trimesh is not installed), as {missing[0]}"
+            f"{len(missing)} meshes were not drawn (not found; other kinds than STL need trimesh), as {missing[0]}"
         )
     output.say(f"written: {folder}/session.toml, robot.urdf, camera.yaml; look at {drawing}")
     output.say(f"joints that move: {', '.join(made.robot.position_names)}")

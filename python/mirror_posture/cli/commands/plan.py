@@ -1,0 +1,161 @@
+"""`mirror-posture plan`: postures and viewpoints for this robot, mirror and room, and what they will tell."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ..output import JsonOption, Output
+
+ORDER = 6
+PANEL = "Setting up"
+MOST_TWINS = 12
+
+
+def command(
+    session: Annotated[
+        Path, typer.Argument(help="A session's folder, as `init` makes it.", show_default=False)
+    ],
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for the plan; by default `plan` in the session's folder.")
+    ] = None,
+    postures: Annotated[int, typer.Option(help="How many postures.")] = 36,
+    views: Annotated[int, typer.Option(help="How many ways the mirror (or the robot) is turned.")] = 3,
+    mirror_size: Annotated[str, typer.Option(help="Of the mirror, width x height, cm.")] = "40x60",
+    mirror_at: Annotated[
+        str | None,
+        typer.Option(help="Its centre X,Y,Z in the root's frame, m. By default the plan chooses."),
+    ] = None,
+    fixed: Annotated[
+        bool, typer.Option("--fixed", help="The mirror hangs on a wall and is not turned: one view.")
+    ] = False,
+    same_postures: Annotated[
+        bool,
+        typer.Option(
+            "--same-postures", help="Each posture in every view, so that `measure` can triangulate."
+        ),
+    ] = False,
+    table: Annotated[
+        float | None,
+        typer.Option(
+            help="Height of table or floor in the root's frame, m. By default the robot's lowest point."
+        ),
+    ] = None,
+    clearance_mm: Annotated[
+        float | None,
+        typer.Option(help="Of the robot from itself and the table; three times that from the glass."),
+    ] = None,
+    home: Annotated[
+        list[str] | None, typer.Option(help="JOINT=DEGREES: a joint that is not at 0 at home. Repeat it.")
+    ] = None,
+    hold: Annotated[list[str] | None, typer.Option(help="A joint that stays at home. Repeat it.")] = None,
+    real_balls: Annotated[
+        bool, typer.Option("--real-balls", help="A ball may be seen directly, beside the mirror.")
+    ] = False,
+    noise_px: Annotated[
+        float | None,
+        typer.Option(help="Of a corner or a ball's centre; by default as session.toml says, else 0.15."),
+    ] = None,
+    package: Annotated[
+        list[str] | None, typer.Option(help="NAME=FOLDER of a ROS package whose meshes the URDF names.")
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Of the postures that are drawn.", min=0)] = 0,
+    as_json: JsonOption = False,
+) -> None:
+    """Plan postures and views for this robot, mirror and room, and what they will tell, before any picture is taken.
+
+    Every posture is in the joints' limits, clear of the robot itself, the table and the glass, also on the way from the one
+    before; board and balls are seen in the mirror's frame; no real ball is in the picture beside its reflection; every joint
+    arrives from both sides, under loads of both signs. Collisions need `pip install "mirror-posture[mujoco]"`.
+
+    Writes postures.csv (for `capture`), views.csv (where the mirror stands), plan.json and plan.png. Look at the picture.
+
+    Example: `mirror-posture plan my-session --mirror-size 40x60`
+    """
+    output = Output(as_json)
+    from ..._core import MirrorPostureError
+    from ...new_session import parse_vector
+    from ...plan import PlanOptions, make_plan, write_plan
+    from ...plan.picture import SHOWN, table_rows
+    from ...plan.table import document
+
+    try:
+        width, height = (float(part) / 100.0 for part in mirror_size.lower().split("x"))
+    except ValueError:
+        raise MirrorPostureError(
+            f"--mirror-size: got {mirror_size!r}, needed WIDTHxHEIGHT in cm, as in 40x60"
+        ) from None
+    packages = {}
+    for entry in package or ():
+        name, equals, path = entry.partition("=")
+        if not equals or not Path(path).is_dir():
+            raise MirrorPostureError(
+                f"--package: got {entry!r}, needed NAME=FOLDER of a folder that is there"
+            )
+        packages[name] = Path(path)
+    options = PlanOptions(
+        mirror_width_m=width,
+        mirror_height_m=height,
+        mirror_at_m=None if mirror_at is None else parse_vector(mirror_at, "--mirror-at"),
+        mirror_fixed=fixed,
+        views=1 if fixed else views,
+        postures=postures,
+        same_postures=same_postures,
+        table_m=table,
+        clearance_m=None if clearance_mm is None else clearance_mm / 1000.0,
+        home=_degrees(home or []),
+        held=tuple(hold or ()),
+        real_balls_allowed=real_balls,
+        packages=packages,
+        noise_px=noise_px,
+        seed=seed,
+    )
+    plan = make_plan(session, options, say=output.say)
+    folder = out or session / "plan"
+    write_plan(plan, folder)
+    for text in plan.warnings:
+        output.warn(text)
+    output.table(
+        "What this plan can tell: found surely from this size on (* has a twin)",
+        ["*joint", *(word for word, _, _ in SHOWN.values())],
+        table_rows(plan),
+        f"with {plan.setting.noise_px:g} px of noise and the set-up's tolerances, one cause at a time",
+    )
+    twins = [(one, twin) for one in plan.tells for twin in one.twins]
+    for one, twin in twins[:MOST_TWINS]:
+        from_size = "at no size" if math.isinf(twin.apart_from) else f"from {twin.apart_from:.2g} on"
+        output.say(f"twins: {one.name} and {twin.name} are told apart {from_size}")
+    if len(twins) > MOST_TWINS:
+        output.say(f"and {len(twins) - MOST_TWINS} more twins, in plan.json")
+    unseen = [one.name for one in plan.tells if not one.seen]
+    if unseen:
+        output.say(f"not to be seen: {', '.join(unseen)}")
+    turned = ", ".join(
+        f"{math.degrees(m.yaw_rad):+.0f}°/{math.degrees(m.pitch_rad):+.0f}°" for m in plan.mirrors
+    )
+    output.say(
+        f"{len(plan.view)} pictures; the mirror {100 * plan.distance_m:.0f} cm before the board, turned/leaning by {turned}"
+    )
+    if plan.ignored_pairs:
+        output.say(f"not checked, since they touch at home or always: {'; '.join(plan.ignored_pairs)}")
+    output.say(f"written: {folder}/postures.csv, views.csv, plan.json; look at {folder}/plan.png")
+    output.say(f"next: mirror-posture capture {session}")
+    output.result({"plan": folder, **document(plan)})
+
+
+def _degrees(given: list[str]) -> dict[str, float]:
+    from ..._core import MirrorPostureError
+
+    found = {}
+    for text in given:
+        joint, equals, degrees = text.partition("=")
+        try:
+            found[joint] = math.radians(float(degrees))
+        except ValueError:
+            equals = ""
+        if not equals or not math.isfinite(found[joint]):
+            raise MirrorPostureError(f"--home: got {text!r}, needed JOINT=DEGREES, as in elbow=30")
+    return found

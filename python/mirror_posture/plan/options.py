@@ -1,0 +1,106 @@
+"""What a plan is made for: the mirror, the room, how many pictures."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from .._core import MirrorPostureError
+
+Floats = npt.NDArray[np.float64]
+
+YAWS_DEG = (0.0, 12.0, -12.0, 24.0, -24.0)
+PITCHES_DEG = (0.0, 8.0, -8.0)
+
+
+@dataclass(frozen=True, eq=False)
+class MirrorPlace:
+    """A flat mirror of finite size, in the root's frame: its centre, its unit normal away from the robot, its edges' directions."""
+
+    center_in_root_m: Floats
+    normal_in_root: Floats
+    up_in_root: Floats
+    """Along its height, square to the normal."""
+    width_m: float
+    height_m: float
+    yaw_rad: float = 0.0
+    pitch_rad: float = 0.0
+
+    @property
+    def right_in_root(self) -> Floats:
+        """Along its width."""
+        return np.cross(self.up_in_root, self.normal_in_root)
+
+
+@dataclass(frozen=True)
+class PlanOptions:
+    """What the plan is made for. Lengths are in m, places in the root's frame."""
+
+    mirror_width_m: float = 0.4
+    mirror_height_m: float = 0.6
+    mirror_at_m: tuple[float, float, float] | None = None
+    """Its centre; None: the plan chooses, before the board and the markers."""
+    mirror_fixed: bool = False
+    """True: it hangs on a wall and is not turned: one view."""
+    views: int = 3
+    """How many ways the mirror is turned, one after the other."""
+    postures: int = 36
+    same_postures: bool = False
+    """True: each posture in every view, so that `measure` can triangulate it. False: new postures in each view."""
+    table_m: float | None = None
+    """Height of the table or floor; None: the lowest point of the robot at home."""
+    clearance_m: float | None = None
+    """Of the body from itself and the table; from the glass three times as much. None: 1 cm, less for a robot below 60 cm."""
+    home: Mapping[str, float] = field(default_factory=dict)
+    """Joints elsewhere than 0 at home, rad (m). Joints that no marker depends on stay there."""
+    held: tuple[str, ...] = ()
+    """Joints that stay at home though markers depend on them."""
+    real_balls_allowed: bool = False
+    """True: a ball may be seen directly, beside the mirror."""
+    packages: Mapping[str, Path] = field(default_factory=dict)
+    """Folders of the ROS packages whose meshes the URDF names."""
+    noise_px: float | None = None
+    """Of a corner or a ball's centre, one axis; None: as session.toml says, else 0.15 px."""
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        for name in ("mirror_width_m", "mirror_height_m", "clearance_m"):
+            value = getattr(self, name)
+            if value is not None and not (math.isfinite(value) and value > 0.0):
+                raise MirrorPostureError(f"plan, {name}: got {value!r}, needed a number above 0")
+        if not (1 <= self.views <= len(YAWS_DEG) * len(PITCHES_DEG)):
+            raise MirrorPostureError(
+                f"plan, views: got {self.views}, needed 1 to {len(YAWS_DEG) * len(PITCHES_DEG)}"
+            )
+        if not 2 <= self.postures <= 1000:
+            raise MirrorPostureError(f"plan, postures: got {self.postures}, needed 2 to 1000")
+        if self.noise_px is not None and not (math.isfinite(self.noise_px) and self.noise_px > 0.0):
+            raise MirrorPostureError(f"plan, noise_px: got {self.noise_px!r}, needed a number above 0")
+
+
+def turned_mirrors(options: PlanOptions, center_m: Floats, forward: Floats, up: Floats) -> list[MirrorPlace]:
+    """The mirror turned about its centre, the unturned one first; `forward` is where it is seen from the robot."""
+    across = np.cross(up, forward)
+    across /= np.linalg.norm(across)
+    turns = [(0.0, 0.0)]
+    if not options.mirror_fixed:
+        # Far apart in yaw first; every other one leans, since yaw alone leaves one direction of the camera unseen.
+        turns = [(yaw, pitch) for pitch in PITCHES_DEG for yaw in YAWS_DEG]
+        turns = sorted(turns, key=lambda turn: (abs(turn[0]) + abs(turn[1]), turn))
+    found = []
+    for yaw_deg, pitch_deg in turns:
+        yaw, pitch = math.radians(yaw_deg), math.radians(pitch_deg)
+        level = math.cos(yaw) * forward + math.sin(yaw) * across
+        normal = math.cos(pitch) * level + math.sin(pitch) * up
+        top = up - (up @ normal) * normal
+        found.append(
+            MirrorPlace(
+                center_m, normal, top / np.linalg.norm(top), options.mirror_width_m, options.mirror_height_m, yaw, pitch
+            )
+        )  # fmt: skip
+    return found

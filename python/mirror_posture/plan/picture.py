@@ -1,0 +1,131 @@
+"""A plan as a picture: the robot before its mirror from the side and from above, and what the plan tells."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from .options import MirrorPlace
+from .run import Plan
+
+Floats = npt.NDArray[np.float64]
+
+MOST_ROWS = 24
+SHOWN = {
+    "joint_offset": ("wrong zero", 180.0 / math.pi, "°"),
+    "gear_ratio": ("gear", 100.0, " %"),
+    "backlash": ("play", 180.0 / math.pi, "°"),
+    "joint_compliance": ("gives way", 180.0 / math.pi, "°/N m"),
+    "axis_tilt": ("axis tilt", 180.0 / math.pi, "°"),
+    "link_length": ("length", 1000.0, " mm"),
+}
+"""The effects of the table, in a person's words, and the unit of their first parameter."""
+
+
+def draw_plan(plan: Plan, file: Path) -> None:
+    """Writes the picture as PNG."""
+    from matplotlib.figure import Figure
+
+    joints = plan.setting.joint_names
+    figure = Figure(figsize=(15, 6.5 + 0.26 * min(len(joints), MOST_ROWS)), layout="constrained")
+    top, bottom = np.asarray(
+        figure.subfigures(2, 1, height_ratios=[6.0, 0.5 + 0.26 * min(len(joints), MOST_ROWS)])
+    ).tolist()
+    robot, setting = plan.setting.nominal.robot, plan.setting
+    across = np.cross(setting.up, setting.forward)
+    axes = top.subplots(1, 2)
+    poses = robot.link_poses(plan.positions, list(robot.link_names))[:, :, :3, 3]
+    index = {name: k for k, name in enumerate(robot.link_names)}
+    markers = setting.nominal.metadata.markers
+    for panel, (vertical, title, word) in zip(
+        axes, ((setting.up, "from the side", "up, m"), (across, "from above", "to its left, m")), strict=True
+    ):
+        for row in range(len(poses)):
+            for joint in robot.joints:
+                ends = poses[row][[index[joint.parent_link], index[joint.child_link]]]
+                panel.plot(ends @ setting.forward, ends @ vertical, color="#57606a", lw=0.6, alpha=0.25)
+        for number, marker in enumerate(markers):
+            seen = plan.markers[:, number]
+            points = poses[seen][:, index[marker.link]]
+            hue = 0.0 if marker.color is None else marker.color.hue_deg
+            panel.plot(
+                points @ setting.forward, points @ vertical, "o", ms=4, color=_tone(hue), label=marker.name
+            )
+        for view, mirror in enumerate(plan.mirrors):
+            _mirror(panel, plan, mirror, vertical, view)
+        for link, word_of, colour in (
+            (setting.camera_link, "camera", "#1f6feb"),
+            (setting.board.link, "board", "#b35900"),
+        ):
+            at = poses[0][index[link]]
+            panel.plot(at @ setting.forward, at @ vertical, "s", ms=8, color=colour, label=word_of)
+        panel.set(title=title, xlabel="towards the mirror, m", ylabel=word)
+        panel.set_aspect("equal", adjustable="datalim")
+        panel.grid(alpha=0.3)
+    axes[0].legend(fontsize=8, loc="best")
+    _table(bottom.subplots(), plan)
+    figure.suptitle(
+        f"{robot.name}: {len(plan.view)} pictures, {len(plan.mirrors)} views, a mirror of "
+        f"{100 * plan.options.mirror_width_m:.0f} x {100 * plan.options.mirror_height_m:.0f} cm, {100 * plan.distance_m:.0f} cm before the board"
+    )
+    figure.savefig(file, dpi=80)
+
+
+def _mirror(panel: Any, plan: Plan, mirror: MirrorPlace, vertical: Floats, view: int) -> None:
+    turn, shift = plan.setting.base_from_root[:3, :3], plan.setting.base_from_root[:3, 3]
+    half = np.array(
+        [
+            a * mirror.right_in_root * mirror.width_m / 2 + b * mirror.up_in_root * mirror.height_m / 2
+            for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1))
+        ]
+    )
+    ring = (mirror.center_in_root_m + half) @ turn.T + shift
+    panel.plot(ring @ plan.setting.forward, ring @ vertical, color="#0a7f5a", lw=2)
+    top = ring[np.argmax(ring @ vertical)]
+    panel.annotate(
+        f"view {view}", (top @ plan.setting.forward, top @ vertical), xytext=(3, 3), textcoords="offset points", fontsize=8
+    )  # fmt: skip
+
+
+def _table(axes: Any, plan: Plan) -> None:
+    axes.axis("off")
+    rows = table_rows(plan)[:MOST_ROWS]
+    drawn = axes.table(
+        cellText=[row[1:] for row in rows],
+        rowLabels=[row[0] for row in rows],
+        colLabels=[word for word, _, _ in SHOWN.values()],
+        loc="upper center",
+        colWidths=[0.13] * len(SHOWN),
+    )
+    drawn.auto_set_font_size(False)
+    drawn.set_fontsize(9)
+    axes.set_title("found surely from this size on (* : has a twin)", fontsize=10)
+
+
+def table_rows(plan: Plan) -> list[list[str]]:
+    """A row for each joint: its name, and of each effect the smallest size that is found surely."""
+    told = {(one.effect, one.at): one for one in plan.tells}
+    parents = {joint.name: joint.parent_link for joint in plan.setting.nominal.robot.joints}
+    rows = []
+    for name in plan.setting.joint_names:
+        cells = [name]
+        for effect, (_, factor, unit) in SHOWN.items():
+            one = told.get((effect, f"link:{parents[name]}" if effect == "link_length" else f"joint:{name}"))
+            if one is None:
+                cells.append("–")
+                continue
+            largest = max(one.parameters.values())
+            text = f"{factor * largest:.2g}{unit}" if one.seen else "not seen"
+            cells.append(text + ("*" if one.twins and one.seen else ""))
+        rows.append(cells)
+    return rows
+
+
+def _tone(hue_deg: float) -> tuple[float, float, float]:
+    import colorsys
+
+    return colorsys.hsv_to_rgb(hue_deg / 360.0, 0.85, 0.85)

@@ -1,0 +1,167 @@
+"""The plan as files: postures.csv in the columns of frames.csv, views.csv, plan.json."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv
+
+from .._core import MirrorPostureError
+from ..output_files import new_folder
+from ..robot import Robot
+from ..session.write import write_table
+from .run import Plan
+
+POSTURES, VIEWS, DOCUMENT, PICTURE = "postures.csv", "views.csv", "plan.json", "plan.png"
+FILES = (POSTURES, VIEWS, DOCUMENT, PICTURE)
+
+
+@dataclass(frozen=True)
+class PlannedFrame:
+    """A row of a plan: its posture's number, the view, and the commanded joints, rad (m)."""
+
+    frame: int
+    posture: int
+    view: int
+    commanded: dict[str, float]
+
+
+def write_plan(plan: Plan, folder: Path) -> None:
+    """Writes postures.csv, views.csv, plan.json and plan.png into a folder, all or none of them."""
+    from .picture import draw_plan
+
+    with new_folder(folder, owned=FILES) as part:
+        names = plan.setting.joint_names
+        columns: dict[str, Any] = {
+            "frame": np.arange(len(plan.view)),
+            "posture": plan.posture,
+            **{name: plan.positions[:, k] for name, k in zip(names, plan.setting.moving, strict=True)},
+        }
+        still = [
+            (k, name)
+            for k, name in enumerate(plan.setting.nominal.robot.position_names)
+            if name not in names and abs(plan.setting.home[k]) > 0.0
+        ]
+        columns |= {name: np.full(len(plan.view), plan.setting.home[k]) for k, name in still}
+        write_table(pa.table(columns), part / POSTURES)
+        rows = [plan.mirrors[v] for v in plan.view]
+        write_table(
+            pa.table(
+                {
+                    "frame": np.arange(len(plan.view)),
+                    "view": plan.view,
+                    "yaw_rad": [m.yaw_rad for m in rows],
+                    "pitch_rad": [m.pitch_rad for m in rows],
+                    **{
+                        f"center_{axis}_m": [float(m.center_in_root_m[i]) for m in rows]
+                        for i, axis in enumerate("xyz")
+                    },
+                    **{
+                        f"normal_{axis}": [float(m.normal_in_root[i]) for m in rows]
+                        for i, axis in enumerate("xyz")
+                    },
+                }
+            ),
+            part / VIEWS,
+        )
+        (part / DOCUMENT).write_text(json.dumps(document(plan), indent=1, allow_nan=False), encoding="utf-8")
+        draw_plan(plan, part / PICTURE)
+
+
+def document(plan: Plan) -> dict[str, Any]:
+    """What the plan tells, as JSON holds it; a size that is never found is null."""
+
+    def size(value: float) -> float | None:
+        return value if math.isfinite(value) else None
+
+    return {
+        "format": "mirror-posture/plan",
+        "version": 1,
+        "frames": len(plan.view),
+        "joints": list(plan.setting.joint_names),
+        "mirror": {
+            "width_m": plan.options.mirror_width_m,
+            "height_m": plan.options.mirror_height_m,
+            "distance_from_board_m": plan.distance_m,
+            "views": [
+                {
+                    "yaw_rad": m.yaw_rad,
+                    "pitch_rad": m.pitch_rad,
+                    "center_in_root_m": m.center_in_root_m.tolist(),
+                    "normal_in_root": m.normal_in_root.tolist(),
+                    "up_in_root": m.up_in_root.tolist(),
+                }
+                for m in plan.mirrors
+            ],
+        },
+        "noise_px": plan.setting.noise_px,
+        "tells": [
+            {
+                "effect": one.effect,
+                "at": one.at,
+                "parameters": {name: size(value) for name, value in one.parameters.items()},
+                "twins": [{"cause": twin.name, "apart_from": size(twin.apart_from)} for twin in one.twins],
+            }
+            for one in plan.tells
+        ],
+        "drawn": plan.drawn,
+        "not_taken": plan.not_taken,
+        "not_checked": list(plan.ignored_pairs),
+        "warnings": list(plan.warnings),
+        "options": {
+            key: (list(map(str, value.items())) if isinstance(value, dict) else value)
+            for key, value in asdict(plan.options).items()
+        },
+    }
+
+
+def read_plan(file: Path, robot: Robot) -> list[PlannedFrame]:
+    """The rows of postures.csv, with the views of views.csv beside it (0 where there is none).
+
+    Raises:
+        MirrorPostureError: no such file, a column that is missing or is no joint, a cell that is no number.
+    """
+    columns = _columns(file)
+    for name in ("frame", "posture"):
+        if name not in columns:
+            raise MirrorPostureError(f"{file}: has no column {name!r}; mirror-posture plan writes it")
+    joints = [name for name in columns if name not in ("frame", "posture")]
+    for name in joints:
+        robot.position_index(name)
+    beside = file.parent / VIEWS
+    views = dict.fromkeys(columns["frame"], 0.0)
+    if beside.is_file():
+        table = _columns(beside)
+        if "frame" not in table or "view" not in table:
+            raise MirrorPostureError(f"{beside}: needed the columns frame and view")
+        views |= dict(zip(table["frame"], table["view"], strict=True))
+    return [
+        PlannedFrame(
+            int(frame), int(columns["posture"][row]), int(views[frame]), {name: columns[name][row] for name in joints}
+        )
+        for row, frame in enumerate(columns["frame"])
+    ]  # fmt: skip
+
+
+def _columns(file: Path) -> dict[str, list[float]]:
+    try:
+        table = pyarrow.csv.read_csv(file)
+        found = {
+            str(name).strip(): [float(v) for v in column.cast(pa.float64()).to_pylist()]
+            for name, column in zip(table.column_names, table.columns, strict=True)
+        }
+    except FileNotFoundError:
+        raise MirrorPostureError(f"{file}: there is no such file; mirror-posture plan writes it") from None
+    except (OSError, pa.ArrowInvalid, TypeError) as error:
+        raise MirrorPostureError(f"{file}: cannot be read as a table of numbers: {error}") from None
+    for name, values in found.items():
+        for row, value in enumerate(values):
+            if not math.isfinite(value):
+                raise MirrorPostureError(f"{file}, row {row + 1}, column {name!r}: needed a finite number")
+    return found

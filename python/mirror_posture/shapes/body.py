@@ -1,0 +1,179 @@
+"""A robot's body in space: which of its parts touch, how far it reaches, what it hides. MuJoCo does the geometry.
+
+Every link is a free body of its own in a MuJoCo model, put where the robot's kinematics (or a simulator) says: so mimic
+joints, any root and bent links need no translation into MuJoCo's joints.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from .._core import MirrorPostureError
+from ..robots.nominal import Nominal
+from .of_links import shapes_of_links
+from .triangles import Triangles, box, sphere
+
+try:
+    import mujoco
+except ImportError:
+    raise MirrorPostureError(
+        "collisions and pictures with meshes need MuJoCo: pip install 'mirror-posture[mujoco]'"
+    ) from None
+
+Floats = npt.NDArray[np.float64]
+
+SHEET_M = 0.003
+"""Thickness of the board with what it is glued on."""
+SAME_PLACE_M = 1e-4
+"""Two points of a shape nearer than this count once."""
+
+
+def rigid_bodies(nominal: Nominal) -> dict[str, int]:
+    """By link: the number of the rigid body that fixed joints make of it."""
+    group: dict[str, int] = {nominal.robot.link_names[0]: 0}
+    for joint in nominal.robot.joints:
+        group[joint.child_link] = group[joint.parent_link] if joint.kind == "fixed" else len(group)
+    return group
+
+
+def flat_spec(shapes: Mapping[str, Sequence[Triangles]], links: Iterable[str]) -> mujoco.MjSpec:
+    """A MuJoCo specification in which each link is a free body of its name, with its shapes."""
+    spec = mujoco.MjSpec()
+    for link in links:
+        body = spec.worldbody.add_body(name=link)
+        body.add_freejoint()
+        body.mass, body.inertia, body.explicitinertial = 1.0, [1.0, 1.0, 1.0], True
+        for number, shape in enumerate(shapes.get(link, ())):
+            name = f"{link}:{number}"
+            mesh = spec.add_mesh(
+                name=name,
+                uservert=np.ascontiguousarray(shape.vertices_m, dtype=np.float32).ravel(),
+                userface=np.ascontiguousarray(shape.faces, dtype=np.int32).ravel(),
+            )
+            # What is flat or open has no volume; its surface always has an extent.
+            mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+            body.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, mass=0.0)
+    return spec
+
+
+def place(model: mujoco.MjModel, data: mujoco.MjData, links: Sequence[str], world_from_link: Floats) -> None:
+    """Puts the free bodies of links at poses (L, 4, 4)."""
+    quat = np.zeros(4)
+    for link, pose in zip(links, world_from_link, strict=True):
+        at = int(model.jnt_qposadr[model.body(link).jntadr[0]])
+        data.qpos[at : at + 3] = pose[:3, 3]
+        mujoco.mju_mat2Quat(quat, np.ascontiguousarray(pose[:3, :3]).ravel())
+        data.qpos[at + 3 : at + 7] = quat
+    mujoco.mj_kinematics(model, data)
+
+
+class Body:
+    """The collision shapes of a session's robot, with its board and balls.
+
+    Links of one rigid body, and rigid bodies that one joint joins, are never compared: they touch by construction. `missing` are
+    the meshes that were not found; `bare` says that no link has a shape at all.
+    """
+
+    def __init__(
+        self, nominal: Nominal, packages: Mapping[str, Path] | None = None, clearance_m: float = 0.005
+    ) -> None:
+        self._nominal, self._robot = nominal, nominal.robot
+        self._links = list(nominal.robot.link_names)
+        shapes, self.missing = shapes_of_links(nominal.robot_file, packages, "collision")
+        self.bare = not shapes
+        metadata = nominal.metadata
+        self._own: dict[str, str] = {}
+        for marker in metadata.markers:
+            if marker.diameter_m > 0.0:
+                shapes.setdefault(marker.link, []).append(sphere(0.5 * marker.diameter_m))
+        if metadata.board is not None:
+            board = metadata.board
+            sheet = box(
+                np.array([(board.columns + 1) * board.square_m, (board.rows + 1) * board.square_m, SHEET_M])
+            )
+            # Its face is the frame's plane: the sheet lies behind it.
+            back = sheet.moved(np.eye(3), np.array([0.0, 0.0, -0.5 * SHEET_M]))
+            shapes.setdefault(board.link, []).append(back)
+        self._points = {
+            link: np.unique(np.round(np.concatenate([p.vertices_m for p in parts]) / SAME_PLACE_M), axis=0)
+            * SAME_PLACE_M
+            for link, parts in shapes.items()
+            if link in self._links
+        }
+        spec = flat_spec(shapes, self._links)
+        for geom in spec.geoms:
+            geom.margin = clearance_m
+        self._group = rigid_bodies(nominal)
+        neighbours = {frozenset((group, group)) for group in self._group.values()}
+        for joint in self._robot.joints:
+            neighbours.add(frozenset((self._group[joint.parent_link], self._group[joint.child_link])))
+        for a, b in combinations(self._links, 2):
+            if frozenset((self._group[a], self._group[b])) in neighbours:
+                spec.add_exclude(bodyname1=a, bodyname2=b)
+        spec.option.gravity = [0.0, 0.0, 0.0]
+        try:
+            self._model = spec.compile()
+        except ValueError as error:
+            raise MirrorPostureError(
+                f"{nominal.robot_file}: MuJoCo refuses its shapes: {' '.join(str(error).split())}"
+            ) from None
+        self._data = mujoco.MjData(self._model)
+        self._name = [self._model.body(int(b)).name for b in self._model.geom_bodyid]
+        self.ignored: set[frozenset[str]] = set()
+
+    def put(self, positions: Floats) -> Floats:
+        """Takes a posture (nq,); returns `base_from_link` (L, 4, 4) of all links. What follows is asked of this posture."""
+        poses: Floats = self._robot.link_poses(positions[None], self._links)[0]
+        self._poses = poses
+        place(self._model, self._data, self._links, poses)
+        return poses
+
+    def touching(self) -> set[frozenset[str]]:
+        """The pairs of links that are nearer to each other than the clearance, but for those that `ignored` names."""
+        mujoco.mj_collision(self._model, self._data)
+        pairs = {frozenset((self._name[geom[0]], self._name[geom[1]])) for geom in self._data.contact.geom}
+        return pairs - self.ignored
+
+    def extent_m(self, direction: Floats, links: Iterable[str] | None = None) -> float:
+        """How far the body reaches along a direction (3,) of the base's frame, m; −∞ where nothing has a shape."""
+        most = -np.inf
+        wanted = None if links is None else set(links)
+        for link, pose in zip(self._links, self._poses, strict=True):
+            points = self._points.get(link)
+            if points is not None and (wanted is None or link in wanted):
+                most = max(
+                    most, float((points @ (pose[:3, :3].T @ direction)).max() + direction @ pose[:3, 3])
+                )
+        return most
+
+    def hidden(
+        self, start_m: Floats, ends_m: Floats, besides: Sequence[str], keep_off_m: Floats
+    ) -> npt.NDArray[np.bool_]:
+        """Which of the straight ways from a point to points (N, 3), all in the base's frame, the body blocks.
+
+        The last `keep_off_m` (N,) of each way are free: what lies there is what is looked at. Links of the rigid bodies of
+        `besides` block nothing on their own account: a camera sits in its housing.
+        """
+        groups = {self._group[link] for link in besides}
+        blocked = np.zeros(len(ends_m), dtype=bool)
+        geom = np.zeros(1, dtype=np.int32)
+        for row, end in enumerate(ends_m):
+            way = end - start_m
+            length = float(np.linalg.norm(way))
+            at, left = start_m, length - float(keep_off_m[row])
+            while left > 0.0:
+                distance = mujoco.mj_ray(self._model, self._data, at, way / length, None, 1, -1, geom)
+                if distance < 0.0 or distance > left:
+                    break
+                if self._group[self._name[geom[0]]] not in groups:
+                    blocked[row] = True
+                    break
+                # Behind this face of the housing.
+                step = distance + 1e-5
+                at, left = at + step * way / length, left - step
+        return blocked
