@@ -61,7 +61,8 @@ def test_the_public_format_becomes_dataclasses_and_comes_back_whole(tmp_path: Pa
 @pytest.mark.parametrize(
     ("change", "named"),
     [
-        ({"version": 2}, "version 2"),
+        ({"version": 3}, "version 3"),
+        ({"version": True}, "version True"),
         ({"verdict": "perhaps"}, "perhaps"),
         ({"gap": {"before_m": 1.0}}, "after_m"),
         ({"causes": [{"effect": "drift"}]}, "parameters"),

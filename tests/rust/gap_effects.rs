@@ -33,7 +33,13 @@ fn finds(wrong: Wrong, effect: &str, at: &str, truth: &[(&str, f64)]) {
         assert!(deviations.abs() < 4.0, "{name}: {deviations:.1} deviations from {value}: {said}");
     }
     let gap = &diagnosis.gap;
-    assert!(gap.after_m < 1.1 * gap.noise_floor_m, "{said}: {gap:?}");
+    assert!(gap.after_m < gap.noise_floor_m.map(|floor| 1.1 * floor), "{said}: {gap:?}");
+    // A step a cause, from the nominal model to the one that is told.
+    assert_eq!(gap.steps.len(), 1 + diagnosis.causes.len(), "{said}: {gap:?}");
+    let ends = (gap.steps.first().and_then(|s| s.rms_m), gap.steps.last().and_then(|s| s.rms_m));
+    assert_eq!(ends, (gap.before_m, gap.after_m), "{said}");
+    let added: Vec<_> = gap.steps.iter().filter_map(|s| s.added.clone()).collect();
+    assert_eq!(added, diagnosis.causes.iter().map(|c| format!("{}@{}", c.effect, c.at)).collect::<Vec<_>>());
     assert!(gap.before_px > gap.after_px, "{said}: {gap:?}");
 }
 

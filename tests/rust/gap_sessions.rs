@@ -23,11 +23,17 @@ fn robot() -> Robot {
 /// serde_json writes `null` for what is not a number: the only ones allowed are those of an absent gap and plain JSON options.
 fn is_finite(diagnosis: &Diagnosis) {
     let g = &diagnosis.gap;
-    let mut numbers = vec![g.before_m, g.after_m, g.noise_floor_m];
-    numbers.extend([g.closed, g.before_px, g.after_px, g.noise_floor_px].into_iter().flatten());
+    let mut numbers: Vec<f64> =
+        [g.before_m, g.after_m, g.noise_floor_m, g.closed, g.before_px, g.after_px, g.noise_floor_px]
+            .into_iter()
+            .flatten()
+            .collect();
+    numbers.extend(g.steps.iter().flat_map(|s| [s.rms_m, s.rms_px]).flatten());
+    numbers.extend(diagnosis.limits.iter().flat_map(|l| l.parameters.values().copied()).flatten());
     numbers.extend(g.closed_ci95.into_iter().flatten());
     for c in &diagnosis.causes {
         numbers.extend([c.probability, c.rms_shift]);
+        numbers.extend(c.stability);
         numbers.extend(c.parameters.values().flat_map(|e| [e.value, e.std]));
         numbers.extend(c.alternatives.iter().map(|a| a.probability));
     }

@@ -77,10 +77,10 @@ def load(cases: Path, results: Path, leave_out: str | None = None) -> tuple[list
             said = json.loads(path.read_text(encoding="utf-8"))
         except ValueError as e:
             raise BlindError(f"{path} is not JSON: {e}; delete it and run again") from e
-        if said.get("format") != "mirror-posture/diagnosis" or said.get("version") != 1:
+        if said.get("format") != "mirror-posture/diagnosis" or said.get("version") not in (1, 2):
             raise BlindError(
                 f"{path}: format {said.get('format')!r} {said.get('version')!r}, "
-                "needed mirror-posture/diagnosis 1"
+                "needed mirror-posture/diagnosis 1 or 2"
             )
         clock = path.parent / "time.json"
         times = json.loads(clock.read_text(encoding="utf-8")) if clock.is_file() else {}

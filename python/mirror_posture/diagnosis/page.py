@@ -10,7 +10,7 @@ from ..pages import inline, render
 from ..session import Session
 from . import actions, formatting
 from .panel_plots import draw_field, draw_track
-from .plots import Drawing, draw_gap, draw_signature, gap_told
+from .plots import Drawing, draw_gap, draw_signature, draw_steps, gap_told
 from .result import Diagnosis, Gap
 from .skeleton import draw_robot
 
@@ -31,6 +31,8 @@ RANKED = 40
 def write_report(session: Session, found: Diagnosis, folder: Path) -> Path:
     """Writes `report.html` and `pictures/*.png` into a folder that is there; returns the page."""
     drawings: dict[str, Drawing] = {"gap": draw_gap(found.gap), "robot": draw_robot(session, found)}
+    if len(found.gap.steps) > 2:
+        drawings["steps"] = draw_steps(found.gap)
     panels = signature_panels(found)
     pictures = folder / "pictures"
     pictures.mkdir(exist_ok=True)
@@ -42,6 +44,8 @@ def write_report(session: Session, found: Diagnosis, folder: Path) -> Path:
         "robot": inline(drawings["robot"], _robot_in_words(session, found)),
         **{panel.name: inline(panel.drawing, panel.says) for panel in shown},
     }
+    if "steps" in drawings:
+        svg["steps"] = inline(drawings["steps"], f"Bars: the gap step by step: {formatting.steps(found)}.")
     values = {
         "version": __version__,
         "found": found,
@@ -70,7 +74,10 @@ def write_report(session: Session, found: Diagnosis, folder: Path) -> Path:
 
 
 def _gap_in_words(gap: Gap) -> str:
-    (before, after, floor), unit, label = gap_told(gap)
+    sizes, unit, label = gap_told(gap)
+    if not sizes:
+        return "No gap can be told: there is nothing to compare."
+    before, after, floor = sizes
     return f"Bars: {label}: {before:.2f} before, {after:.2f} after, {floor:.2f} of noise ({unit})."
 
 

@@ -31,20 +31,69 @@ MOSTLY_NOISE = 1.5
 """A gap in space below so many noise floors is mostly noise: the same bound as the core's for `closed`."""
 
 
-def gap_told(gap: Gap) -> tuple[list[float], str, str]:
-    """Before, after and noise floor in the unit that shows the gap, the unit, and what it is.
+def shows_in_pixels(gap: Gap) -> bool:
+    """Whether the picture shows the gap better: where triangulated positions are mostly noise (their depth), or are none."""
+    if None in (gap.before_px, gap.after_px, gap.noise_floor_px):
+        return False
+    if gap.before_m is None or gap.noise_floor_m is None:
+        return True
+    return gap.before_m < MOSTLY_NOISE * gap.noise_floor_m
 
-    Where triangulated positions are mostly noise (their depth), the picture shows the gap better; `closed` is of it, too.
+
+def gap_told(gap: Gap) -> tuple[list[float], str, str]:
+    """Before, after and noise floor in the unit that shows the gap, the unit, and what it is; no values where there is
+    nothing to compare.
+
+    `closed` is of the picture too where that shows the gap better.
     """
-    in_pixels = (gap.before_px, gap.after_px, gap.noise_floor_px)
-    if gap.before_m < MOSTLY_NOISE * gap.noise_floor_m and None not in in_pixels:
+    if shows_in_pixels(gap):
+        in_pixels = (gap.before_px, gap.after_px, gap.noise_floor_px)
         return (
             [v for v in in_pixels if v is not None],
             "px",
             "RMS distance of predicted from seen markers, px",
         )
-    in_space = (gap.before_m, gap.after_m, gap.noise_floor_m)
-    return [1000.0 * v for v in in_space], "mm", "RMS distance of predicted from observed markers, mm"
+    in_space = [1000.0 * v for v in (gap.before_m, gap.after_m, gap.noise_floor_m) if v is not None]
+    return (
+        in_space if len(in_space) == 3 else [],
+        "mm",
+        "RMS distance of predicted from observed markers, mm",
+    )
+
+
+def draw_steps(gap: Gap) -> Drawing:
+    """Bars: the held-out gap as causes are added one by one, from the nominal model down to what is left."""
+    in_pixels = shows_in_pixels(gap)
+    values = [step.rms_px if in_pixels else step.rms_m for step in gap.steps]
+    floor = gap.noise_floor_px if in_pixels else gap.noise_floor_m
+    factor, unit = (1.0, "px") if in_pixels else (1000.0, "mm")
+    drawn, axes = figure(5.2, 0.9 + 0.36 * len(values))
+    ax = axes[0, 0]
+    lengths = [factor * (value or 0.0) for value in values]
+    ax.barh(range(len(values)), lengths, color=[BEFORE, *[AFTER] * (len(values) - 1)], height=0.62)
+    longest = max(*lengths, factor * (floor or 0.0), 1e-9)
+    for row, value in enumerate(values):
+        text = "not told by itself" if value is None else f"{factor * value:.2f} {unit}"
+        ax.text(lengths[row] + 0.02 * longest, row, text, va="center")
+    if floor is not None:
+        ax.axvline(factor * floor, color=FLOOR, linestyle="--", linewidth=1.2)
+    ax.set_yticks(range(len(values)), [_step_name(step.added) for step in gap.steps])
+    ax.set_xlim(0.0, 1.3 * longest)
+    ax.invert_yaxis()
+    ax.set_xlabel(f"held-out gap, {unit} (dashed: noise floor)")
+    return finished(drawn, "steps")
+
+
+def _step_name(added: str | None) -> str:
+    if added is None:
+        return "the model as it is"
+    effect, _, place = added.partition("@")
+    text = f"+ {formatting.effect_in_words(effect)}, {formatting.place_in_words(place)}"
+    return text if len(text) <= LONGEST_NAME else text[: LONGEST_NAME - 1] + "…"
+
+
+LONGEST_NAME = 34
+"""Letters of a step's name at most: more would leave no room for its bar."""
 
 
 def draw_gap(gap: Gap) -> Drawing:
@@ -52,6 +101,10 @@ def draw_gap(gap: Gap) -> Drawing:
     values, unit, label = gap_told(gap)
     drawn, axes = figure(5.2, 2.1)
     ax = axes[0, 0]
+    if not values:
+        ax.text(0.5, 0.5, "no gap can be told: nothing to compare", ha="center", va="center", color=FLOOR)
+        ax.set_axis_off()
+        return finished(drawn, "gap")
     ends = values[1]
     ax.barh(["before", "after", "noise floor"], values, color=[BEFORE, AFTER, FLOOR], height=0.62)
     if gap.closed_ci95 is not None:

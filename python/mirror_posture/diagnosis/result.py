@@ -22,7 +22,9 @@ from ..short_repr import ShortRepr
 LARGEST_DOCUMENT = 256_000_000
 """Bytes of diagnosis.json at most; with all panels of a large session it has some millions."""
 PLAIN = {"float", "int", "str", "bool", "None"}
-FORMAT, VERSION = "mirror-posture/diagnosis", 1
+FORMAT, VERSION = "mirror-posture/diagnosis", 2
+VERSIONS = (1, 2)
+"""Those that are read; the last is what `diagnose` writes."""
 VERDICTS = ("insufficient", "none", "explained", "partial", "unknown")
 Floats = npt.NDArray[np.float64]
 Kind = TypeVar("Kind")
@@ -74,6 +76,9 @@ class Cause:
     """Whom it concerns: `robot`, `setup`, `camera`, `mirror` or `data`."""
     frames: tuple[int, ...] = ()
     """Of a mistake in some frames only (`markers_swapped`): their numbers."""
+    stability: float | None = None
+    """Share of resamples of the postures, the search included, in which the same cause comes out; None where it was not
+    resampled."""
 
 
 @dataclass(frozen=True)
@@ -110,11 +115,12 @@ class Place:
 
 @dataclass(frozen=True)
 class Checked:
-    """Another session, predicted with nothing of it fitted but its own mirrors: RMS distance before and after, m."""
+    """Another session, predicted with nothing of it fitted but its own mirrors: RMS distance before and after, m (None where
+    no marker can be compared)."""
 
     session: str
-    before_m: float
-    after_m: float
+    before_m: float | None
+    after_m: float | None
 
 
 @dataclass(frozen=True)
@@ -122,17 +128,28 @@ class Witness:
     """A marker that was withheld from the fit, predicted by it: RMS distance before and after, m."""
 
     marker: str
-    before_m: float
-    after_m: float
+    before_m: float | None
+    after_m: float | None
+
+
+@dataclass(frozen=True)
+class Step:
+    """The held-out gap once the cause `added` (`effect@place`; None: the nominal model) is there beside those before it: RMS
+    in m and px, each None where there is nothing to compare."""
+
+    added: str | None
+    rms_m: float | None
+    rms_px: float | None = None
 
 
 @dataclass(frozen=True)
 class Gap:
-    """RMS distance between predicted and observed markers, on postures whose whole region was held out of the fit."""
+    """RMS distance between predicted and observed markers, on postures whose whole region was held out of the fit; None where
+    there is nothing to compare."""
 
-    before_m: float
-    after_m: float
-    noise_floor_m: float
+    before_m: float | None
+    after_m: float | None
+    noise_floor_m: float | None
     closed: float | None = None
     closed_ci95: tuple[float, float] | None = None
     before_px: float | None = None
@@ -140,6 +157,18 @@ class Gap:
     noise_floor_px: float | None = None
     held_out_postures: int = 0
     checked: tuple[Checked, ...] = ()
+    steps: tuple[Step, ...] = ()
+    """As causes are added one by one in the order told, the nominal model first; empty in a document of version 1."""
+
+
+@dataclass(frozen=True)
+class Limit:
+    """The largest size of an effect at a place that these postures would have hidden (95 %), by parameter, each alone; None:
+    they would hide any size of it."""
+
+    effect: str
+    at: str
+    parameters: Mapping[str, float | None]
 
 
 @dataclass(frozen=True)
@@ -258,15 +287,19 @@ class Diagnosis:
     """Posture by posture, where they were asked for (`markers=True`)."""
     data: Data = Data()
     """What of the data was used, and what was left out."""
+    limits: tuple[Limit, ...] = ()
+    """What could have been seen: one entry for each effect and place; empty in a document of version 1."""
     document: Mapping[str, Any] = field(default_factory=dict, repr=False)
     """The JSON tree as the core gave it, with all that the format does not know."""
 
     @classmethod
     def from_document(cls, tree: Mapping[str, Any]) -> Diagnosis:
         """A diagnosis from its JSON tree. Raises `MirrorPostureError` for a tree of another format."""
-        if tree.get("format") != FORMAT or tree.get("version") != VERSION:
+        version = tree.get("version")
+        if tree.get("format") != FORMAT or isinstance(version, bool) or version not in VERSIONS:
             raise MirrorPostureError(
-                f"got format {tree.get('format')!r} version {tree.get('version')!r}, needed {FORMAT!r} version {VERSION}"
+                f"got format {tree.get('format')!r} version {version!r}, needed {FORMAT!r} version "
+                f"{' or '.join(map(str, VERSIONS))}"
             )
         if tree.get("verdict") not in VERDICTS:
             raise MirrorPostureError(
@@ -289,12 +322,13 @@ class Diagnosis:
                 fields=tuple(_field(entry) for entry in tree.get("fields", ())),
                 markers=tuple(_known(SeenMarker, entry) for entry in tree.get("markers", ())),
                 data=_data(tree.get("data", {})),
+                limits=tuple(_limit(entry) for entry in tree.get("limits", ())),
                 witness=tuple(_known(Witness, entry) for entry in tree.get("witness", ())),
                 document=dict(tree),
             )
         except (KeyError, TypeError, AttributeError, ValueError, OverflowError) as error:
             raise MirrorPostureError(
-                f"is no diagnosis of version {VERSION}: {type(error).__name__}: {error}"
+                f"is no diagnosis of version {version}: {type(error).__name__}: {error}"
             ) from None
 
     @classmethod
@@ -381,8 +415,16 @@ def _gap(entry: Mapping[str, Any]) -> Gap:
             **entry,
             "closed_ci95": None if interval is None else tuple(interval),
             "checked": tuple(_known(Checked, value) for value in entry.get("checked", ())),
+            "steps": tuple(_known(Step, value) for value in entry.get("steps", ())),
         },
     )
+
+
+def _limit(entry: Mapping[str, Any]) -> Limit:
+    for name, size in entry["parameters"].items():
+        if not _is_of(size, ("float", "None")):
+            raise TypeError(f"limit.{name}: got {size!r:.80}, needed a number or null")
+    return _known(Limit, {**entry, "parameters": dict(entry["parameters"])})
 
 
 def _signature(entry: Mapping[str, Any]) -> Signature:

@@ -42,8 +42,8 @@ mod selection;
 mod tests;
 
 pub use data::diagnosis::{
-    Alternative, Cause, Checked, Data, Diagnosis, Estimate, Field, FieldPoint, Gap, LeftOut, Member, Ranked,
-    SeenMarker, Signature, SignaturePoint, Track, TrackAxis, TrackPoint, Verdict, Where,
+    Alternative, Cause, Checked, Data, Diagnosis, Estimate, Field, FieldPoint, Gap, GapStep, LeftOut, Limit,
+    Member, Ranked, SeenMarker, Signature, SignaturePoint, Track, TrackAxis, TrackPoint, Verdict, Where,
 };
 pub use data::recording::{
     BoardSpec, Frame, MarkerSpec, MeasuredPoint, PointsFrame, Recording, SightSpec, Sighting, Target,

@@ -205,6 +205,8 @@ pub fn diagnose(
         diagnosis.sentence = evidence::what_is_missing(&diagnosis.data);
         diagnosis.verdict = Verdict::Insufficient;
         diagnosis.causes.clear();
+        diagnosis.gap.steps.truncate(1);
+        diagnosis.limits.clear();
         diagnosis.r#where.clear();
         diagnosis.signatures.clear();
         diagnosis.tracks.clear();

@@ -165,6 +165,7 @@ def _show(output: Output, folder: Path, found: Diagnosis) -> None:
         next_step,
         percent,
         place_in_words,
+        steps,
         tell_all,
     )
 
@@ -198,6 +199,8 @@ def _show(output: Output, folder: Path, found: Diagnosis) -> None:
         closed = f"closed {percent(gap.closed)}"
         if gap.closed_ci95 is not None:
             closed += f" (95 %: {percent(gap.closed_ci95[0])} to {percent(gap.closed_ci95[1])})"
+    if steps(found):
+        closed += f"{'; ' if closed else ''}as the causes are added one by one: {steps(found)}"
     gaps: list[tuple[str, ...]] = [
         (
             "held-out postures of this session",

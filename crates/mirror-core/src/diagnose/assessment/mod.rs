@@ -4,6 +4,7 @@ pub(super) mod design;
 pub(super) mod evidence;
 pub(super) mod findings;
 pub(super) mod gap_closed;
+pub(super) mod limits;
 pub(super) mod noise_floor;
 pub(super) mod other_session;
 pub(super) mod uncertainty;

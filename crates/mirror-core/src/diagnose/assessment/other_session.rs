@@ -27,7 +27,7 @@ pub(crate) fn check(findings: &Findings<'_>, other: &OtherSession) -> Result<Che
     let mut model = Model::nominal(&problem);
     model.frozen = true;
     let none = Group::default();
-    let measure = |problem: &Problem, model: &Model, group: &Group| -> Result<f64> {
+    let measure = |problem: &Problem, model: &Model, group: &Group| -> Result<Option<f64>> {
         let mut model = model.clone();
         let mut problem = problem.clone();
         for _ in 0..2 {
@@ -43,7 +43,7 @@ pub(crate) fn check(findings: &Findings<'_>, other: &OtherSession) -> Result<Che
             .iter()
             .flat_map(|p| &p.markers)
             .fold((0.0, 0.0), |(s, c), m| (s + m.displacement.norm_squared(), c + 1.0));
-        Ok((sum / f64::max(count, 1.0)).sqrt())
+        Ok((count > 0.0).then(|| (sum / count).sqrt()))
     };
     let before_m = measure(&problem, &model, &none)?;
     model.terms = findings

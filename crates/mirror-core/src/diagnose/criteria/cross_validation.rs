@@ -99,17 +99,28 @@ pub(crate) struct GapSize {
     pub rms_m: f64,
     pub floor_m: f64,
     pub rms_px: Option<f64>,
+    /// Whether any marker was compared in space.
+    compared: bool,
+}
+
+impl GapSize {
+    /// RMS distance, m; none where no marker was compared.
+    pub fn told_m(&self) -> Option<f64> {
+        self.compared.then_some(self.rms_m)
+    }
 }
 
 /// The size of a gap, false observations (postures far beyond the others) included: they are part of what was seen.
 pub(crate) fn size(gaps: &[PostureGap]) -> GapSize {
     let sum = |f: fn(&PostureGap) -> f64| gaps.iter().map(f).sum::<f64>();
+    let compared = sum(|g| g.markers) > 0.0;
     let markers = sum(|g| g.markers).max(1.0);
     let pixels = sum(|g| g.pixels);
     GapSize {
         rms_m: (sum(|g| g.square_sum_m2) / markers).sqrt(),
         floor_m: (sum(|g| g.noise_sum_m2) / markers).sqrt(),
         rms_px: (pixels > 0.0).then(|| (sum(|g| g.square_sum_px2) / pixels).sqrt()),
+        compared,
     }
 }
 

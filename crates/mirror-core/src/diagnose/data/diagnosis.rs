@@ -34,6 +34,9 @@ pub struct Cause {
     pub kind: String,
     /// Probability of this cause against its rivals.
     pub probability: f64,
+    /// Share of resamples of the postures, the search included, in which the same cause comes out; none where it was not searched
+    /// by the score (whole mistakes, slipped rows, small errors all over the robot).
+    pub stability: Option<f64>,
     /// Its parameters by name.
     pub parameters: BTreeMap<String, Estimate>,
     /// Rivals.
@@ -82,34 +85,55 @@ pub struct Where {
 pub struct Checked {
     /// Its name.
     pub session: String,
-    /// RMS distance of the nominal model, m.
-    pub before_m: f64,
+    /// RMS distance of the nominal model, m; none where no marker can be compared.
+    pub before_m: Option<f64>,
     /// With the causes, m.
-    pub after_m: f64,
+    pub after_m: Option<f64>,
+}
+
+/// The gap once one more cause is added.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct GapStep {
+    /// `effect@place` of the cause; none of the nominal model.
+    pub added: Option<String>,
+    /// RMS distance on held-out postures, m; none where there is nothing to compare.
+    pub rms_m: Option<f64>,
+    /// The same in px, where there are pictures.
+    pub rms_px: Option<f64>,
+}
+
+/// The largest size of an effect at a place that these postures would have hidden.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Limit {
+    /// The effect.
+    pub effect: String,
+    /// The place.
+    pub at: String,
+    /// Each parameter's limit, alone; none where these postures would hide any size of it.
+    pub parameters: BTreeMap<String, Option<f64>>,
 }
 
 /// The gap before and after, on postures that the fit did not see.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Gap {
-    /// RMS distance between predicted and observed marker positions, nominal model, m.
-    pub before_m: f64,
+    /// RMS distance between predicted and observed marker positions, nominal model, m; none where there is nothing to compare.
+    pub before_m: Option<f64>,
     /// With the causes added, m.
-    pub after_m: f64,
+    pub after_m: Option<f64>,
     /// If only noise were left, m.
-    pub noise_floor_m: f64,
+    pub noise_floor_m: Option<f64>,
     /// (before − after) / (before − noise floor); absent where there is no gap to close.
     pub closed: Option<f64>,
     /// 95 % interval by bootstrap over postures.
     pub closed_ci95: Option<[f64; 2]>,
     /// As above in pixels, where there are pictures.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub before_px: Option<f64>,
     /// As above.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub after_px: Option<f64>,
     /// As above.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub noise_floor_px: Option<f64>,
+    /// The gap as causes are added one by one in the order told; the first entry is the nominal model.
+    pub steps: Vec<GapStep>,
     /// Number of postures, each predicted while its region was held out.
     pub held_out_postures: usize,
     /// Further sessions.
@@ -123,8 +147,9 @@ pub(crate) const MOSTLY_NOISE: f64 = 1.5;
 impl Gap {
     /// Before, after and noise floor in px, where triangulated positions are mostly noise and there are pictures.
     pub(crate) fn in_pixels(&self) -> Option<[f64; 3]> {
-        let noisy = self.before_m < MOSTLY_NOISE * self.noise_floor_m;
-        noisy.then_some([self.before_px?, self.after_px?, self.noise_floor_px?])
+        let in_pixels = [self.before_px?, self.after_px?, self.noise_floor_px?];
+        let (Some(before), Some(floor)) = (self.before_m, self.noise_floor_m) else { return Some(in_pixels) };
+        (before < MOSTLY_NOISE * floor).then_some(in_pixels)
     }
 }
 
@@ -339,12 +364,15 @@ impl core::fmt::Display for Verdict {
     }
 }
 
+/// The version of the public format that is written.
+pub(crate) const VERSION: u32 = 2;
+
 /// What a diagnosis says.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Diagnosis {
     /// `mirror-posture/diagnosis`.
     pub format: String,
-    /// 1.
+    /// [`VERSION`].
     pub version: u32,
     /// How much of the gap the causes explain.
     pub verdict: Verdict,
@@ -358,6 +386,8 @@ pub struct Diagnosis {
     pub r#where: Vec<Where>,
     /// Before and after.
     pub gap: Gap,
+    /// The largest size of each effect at each place that these postures would have hidden (95 %), set-up free.
+    pub limits: Vec<Limit>,
     /// Commanded postures that would separate the rivals.
     pub next_postures: Vec<BTreeMap<String, f64>>,
     /// What a user should know: what is missing, what is weak.

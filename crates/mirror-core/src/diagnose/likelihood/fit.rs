@@ -237,6 +237,30 @@ impl Linearised {
         first..first + model.terms[i].parameters.len()
     }
 
+    /// Where the group's parameters begin.
+    pub fn first_group(&self) -> usize {
+        self.active.first_group
+    }
+
+    /// What the data tell of some parameters once all others are free within their priors, `A = H_oo − H_or (H_rr + P_r)⁻¹ H_ro`;
+    /// none where numbers overflow.
+    pub fn information_of(&self, own: &[usize]) -> Option<DMatrix<f64>> {
+        let h = &self.normal.h;
+        let rest: Vec<usize> = (0..self.active.values.len()).filter(|i| !own.contains(i)).collect();
+        let std = |i: usize| self.active.prior_std[i];
+        let among = DMatrix::from_fn(rest.len(), rest.len(), |a, b| {
+            let (i, j) = (rest[a], rest[b]);
+            h[(i, j)] * std(i) * std(j) + if a == b { 1.0 } else { 0.0 }
+        });
+        let across = DMatrix::from_fn(rest.len(), own.len(), |a, b| h[(rest[a], own[b])] * std(rest[a]));
+        let own_block = DMatrix::from_fn(own.len(), own.len(), |a, b| h[(own[a], own[b])]);
+        if rest.is_empty() {
+            return Some(own_block);
+        }
+        let reduced = own_block - across.tr_mul(&among.cholesky()?.solve(&across));
+        reduced.iter().all(|x| x.is_finite()).then_some(reduced)
+    }
+
     /// Values and variances of the parameters from `first` on at the best of the linear model, under other priors for these; none where
     /// numbers overflow.
     pub fn posterior(&self, first: usize, prior_std: &[f64]) -> Option<(Vec<f64>, Vec<f64>)> {

@@ -26,6 +26,8 @@ pub(crate) struct Score {
     pub log_bayes: f64,
     /// The linearised estimate.
     pub parameters: Vec<f64>,
+    /// What the data tell of the parameters once all that the model has already is free: the inverse of their covariance.
+    pub information: DMatrix<f64>,
 }
 
 struct Candidate {
@@ -196,7 +198,13 @@ fn score(
         }
         None => (f64::NEG_INFINITY, vec![0.0; k]),
     };
-    Score { hypothesis: candidate.hypothesis, variant: candidate.variant, log_bayes, parameters }
+    Score {
+        hypothesis: candidate.hypothesis,
+        variant: candidate.variant,
+        log_bayes,
+        parameters,
+        information: a,
+    }
 }
 
 struct Scratch {

@@ -2,11 +2,13 @@
 
 use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::assessment::gap_closed::gap_over;
+use crate::diagnose::assessment::limits::limits;
 use crate::diagnose::assessment::noise_floor::Floor;
 use crate::diagnose::assessment::uncertainty::{Deviations, deviations};
 use crate::diagnose::criteria::cross_validation::seen_size;
 use crate::diagnose::data::diagnosis::{
-    Alternative, Cause, Checked, Data, Diagnosis, Estimate, Ranked, Signature, SignaturePoint, Verdict, Where,
+    Alternative, Cause, Checked, Data, Diagnosis, Estimate, Ranked, Signature, SignaturePoint, VERSION,
+    Verdict, Where,
 };
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::effects::{Concern, Place};
@@ -15,6 +17,7 @@ use crate::diagnose::model::elementary::Atom;
 use crate::diagnose::prepare::false_observations::MANY_FALSE;
 use crate::diagnose::prepare::row_slip::WHOLE_FRAME_STD;
 use crate::diagnose::random_effects::geometric_tolerances::{Geometry, Kind};
+use crate::diagnose::report::gap_steps::{Part, gap_steps};
 use crate::diagnose::report::rms_shift::rms_shift;
 use crate::diagnose::report::sentence::sentence;
 use crate::diagnose::report::setup_causes::{setup_causes, zeros_log_bayes};
@@ -48,10 +51,12 @@ pub(crate) fn diagnosis(
     let standings = core::mem::take(&mut findings.standings);
     let floor = Floor::new(&findings.search, &findings.found.fit, findings.unexplained.is_none())?;
     let deviations = deviations(findings, &floor)?;
-    let mut causes = causes(findings, &standings, &deviations)?;
-    let gap = gap_over(&findings.before, &findings.after, &floor, &deviations.law_shifts, checked);
+    let mut told = causes(findings, &standings, &deviations)?;
+    told.sort_by(|a, b| b.0.rms_shift.total_cmp(&a.0.rms_shift));
+    let (causes, parts): (Vec<Cause>, Vec<Part>) = told.into_iter().unzip();
+    let mut gap = gap_over(&findings.before, &findings.after, &floor, &deviations.law_shifts, checked);
+    gap.steps = gap_steps(findings, &causes, &parts)?;
     let places = places(findings, &causes);
-    causes.sort_by(|a, b| b.rms_shift.total_cmp(&a.rms_shift));
     let verdict = match (causes.is_empty(), &findings.unexplained) {
         (true, None) => Verdict::None,
         (true, Some(_)) => Verdict::Unknown,
@@ -88,11 +93,12 @@ pub(crate) fn diagnosis(
     let sentence = sentence(verdict, &causes, &places, &gap);
     Ok(Diagnosis {
         format: "mirror-posture/diagnosis".into(),
-        version: 1,
+        version: VERSION,
         verdict,
         sentence,
         r#where: places,
         gap,
+        limits: limits(findings)?,
         next_postures: crate::diagnose::assessment::design::next_postures(
             findings, &standings, robot, recording,
         )?,
@@ -113,7 +119,7 @@ fn causes(
     findings: &Findings<'_>,
     standings: &[Option<Standing>],
     deviations: &Deviations,
-) -> Result<Vec<Cause>> {
+) -> Result<Vec<(Cause, Part)>> {
     let search = &findings.search;
     let scene = &search.problem.scene;
     let found = &findings.found;
@@ -143,11 +149,12 @@ fn causes(
         }
         let without = search.deformation(&found.fit.model.without(i));
         let shift = rms_shift(findings, &without, &all)?;
-        out.push(Cause {
+        let cause = Cause {
             effect: effect.name().to_owned(),
             at: place.name(scene),
             kind: effect.concern(place).word().into(),
             probability: standing.probability,
+            stability: None,
             parameters,
             alternatives: standing
                 .rivals
@@ -162,46 +169,48 @@ fn causes(
             rms_shift: shift,
             members: Vec::new(),
             frames: Vec::new(),
-        });
+        };
+        out.push((cause, Part::Term(i)));
         // The servo's own droop, told apart: `effects.md` calls it joint_compliance at the same joint.
         if let Some(droop) = droop.filter(|d| d.value > DROOP_DEVIATIONS * d.std) {
             let largest = place.node().map_or(0.0, |n| scene.largest_torque(n));
             if droop.value * largest > 0.1 * term.parameters[0] {
-                out.push(Cause {
+                let cause = Cause {
                     effect: "joint_compliance".into(),
                     at: place.name(scene),
                     kind: Concern::Robot.word().into(),
                     probability: standing.probability,
                     parameters: BTreeMap::from([("compliance_rad_per_nm".to_owned(), droop)]),
+                    stability: None,
                     alternatives: Vec::new(),
                     words: "the sticking servo droops under the load of gravity".into(),
                     rms_shift: 0.0,
                     members: Vec::new(),
                     frames: Vec::new(),
-                });
+                };
+                out.push((cause, Part::Nothing));
             }
         }
     }
     if let Some(setup) = &findings.geometry {
-        out.extend(setup_causes(findings, setup)?);
+        out.extend(
+            setup_causes(findings, setup)?.into_iter().map(|(c, columns)| (c, Part::Columns(columns))),
+        );
     }
     let of_robot = |g: &&Geometry| !g.setup_only || zeros_log_bayes(g, &found.fit) > LEAST_ZEROS_ODDS;
     if let Some(geometry) = findings.geometry.as_ref().filter(of_robot) {
+        let columns = geometry.group.columns.iter().enumerate();
+        let own: Vec<usize> = columns.filter(|(_, c)| geometry.is_of_robot(c)).map(|(k, _)| k).collect();
         let bare = {
             let mut m = found.fit.model.clone();
-            let columns = geometry.group.columns.iter();
-            m.group
-                .iter_mut()
-                .zip(columns)
-                .filter(|(_, c)| geometry.is_of_robot(c))
-                .for_each(|(g, _)| *g = 0.0);
+            own.iter().for_each(|&k| m.group[k] = 0.0);
             search.deformation(&m)
         };
         let [std_rad, std_m] = geometry.spread_stds(&found.fit);
         // Where the links are as the model has them, their spread is not in question.
         let (spread_m, std_m) =
             if geometry.setup_only { (0.0, 0.0) } else { (geometry.spread(Kind::Length), std_m) };
-        out.push(Cause {
+        let cause = Cause {
             effect: "geometry".into(),
             at: "robot".into(),
             kind: Concern::Robot.word().into(),
@@ -210,6 +219,7 @@ fn causes(
                 ("spread_m".to_owned(), Estimate { value: spread_m, std: std_m }),
                 ("spread_rad".to_owned(), Estimate { value: geometry.spread(Kind::Angle), std: std_rad }),
             ]),
+            stability: None,
             alternatives: Vec::new(),
             words: if geometry.setup_only {
                 "small errors of the joints' zeros all over the robot".into()
@@ -219,19 +229,20 @@ fn causes(
             rms_shift: rms_shift(findings, &bare, &all)?,
             members: geometry.members(&found.fit, scene),
             frames: Vec::new(),
-        });
+        };
+        out.push((cause, Part::Columns(own)));
     }
     let moved = (seen_size(&findings.before).powi(2) - seen_size(&findings.after).powi(2)).max(0.0).sqrt();
     for mistake in &findings.mistakes {
         let mut cause = mistake.clone();
         cause.rms_shift = moved / (findings.mistakes.len() as f64).sqrt();
-        out.push(cause);
+        out.push((cause, Part::Mistake));
     }
     if let Some(slip) = &findings.slip {
         let whole = |value: f64, std: f64| Estimate { value, std };
         let number = |frame: usize| findings.search.problem.frame_numbers[frame] as f64;
         let [first_std, last_std] = slip.edge_stds(&findings.search.problem.posture);
-        out.push(Cause {
+        let cause = Cause {
             effect: "pairing".into(),
             at: "data".into(),
             kind: "data".into(),
@@ -241,12 +252,14 @@ fn causes(
                 ("last_frame".to_owned(), whole(number(slip.last), last_std)),
                 ("shift_rows".to_owned(), whole(slip.shift as f64, WHOLE_FRAME_STD)),
             ]),
+            stability: None,
             alternatives: Vec::new(),
             words: "a run of rows holds the measurement of other rows; it was left out of the fit".into(),
             rms_shift: (slip.gain / (slip.last - slip.first + 1) as f64).sqrt(),
             members: Vec::new(),
             frames: Vec::new(),
-        });
+        };
+        out.push((cause, Part::Nothing));
     }
     Ok(out)
 }

@@ -10,16 +10,17 @@ const NAMED: usize = 3;
 
 /// The verdict, what it rests on, and the gap's sizes.
 pub(crate) fn sentence(verdict: Verdict, causes: &[Cause], places: &[Where], gap: &Gap) -> String {
-    let sizes = match gap.in_pixels() {
-        Some([before, after, floor]) => {
+    let sizes = match (gap.in_pixels(), [gap.before_m, gap.after_m, gap.noise_floor_m]) {
+        (Some([before, after, floor]), _) => {
             format!("{before:.2} px before, {after:.2} px after, {floor:.2} px noise floor")
         }
-        None => format!(
+        (None, [Some(before), Some(after), Some(floor)]) => format!(
             "{:.2} mm before, {:.2} mm after, {:.2} mm noise floor",
-            gap.before_m * 1e3,
-            gap.after_m * 1e3,
-            gap.noise_floor_m * 1e3
+            before * 1e3,
+            after * 1e3,
+            floor * 1e3
         ),
+        (None, _) => "no gap can be told".to_owned(),
     };
     let sizes = format!("{sizes}, on postures that the fit did not see");
     let names: Vec<String> = causes.iter().map(name).collect();
@@ -158,6 +159,7 @@ mod tests {
                 effect: "backlash".into(),
                 at: "joint:elbow".into(),
                 probability,
+                stability: None,
                 alternatives,
                 parameters: Default::default(),
                 words: String::new(),

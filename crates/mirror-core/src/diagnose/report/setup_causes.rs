@@ -20,11 +20,11 @@ const TEMPER: f64 = 0.35;
 /// What is kept back for a cause that nobody thought of.
 const UNTHOUGHT_OF: f64 = 0.01;
 
-/// The displaced mounts of a set-up, as causes.
+/// The displaced mounts of a set-up, as causes, each with its columns of the group.
 ///
 /// # Errors
 /// A camera or mirror that cannot be.
-pub(crate) fn setup_causes(findings: &Findings<'_>, setup: &Geometry) -> Result<Vec<Cause>> {
+pub(crate) fn setup_causes(findings: &Findings<'_>, setup: &Geometry) -> Result<Vec<(Cause, Vec<usize>)>> {
     if !setup.mounted {
         return Ok(Vec::new());
     }
@@ -55,18 +55,20 @@ pub(crate) fn setup_causes(findings: &Findings<'_>, setup: &Geometry) -> Result<
             (name.to_owned(), Estimate { value: fit.model.group[k], std })
         });
         let words = search.catalogue.find(effect, place).map_or("", |h| search.catalogue.effect(h).words());
-        out.push(Cause {
+        let cause = Cause {
             effect: effect.into(),
             at: place.name(scene),
             kind: Concern::Setup.word().into(),
             probability: (1.0 - UNTHOUGHT_OF) / (1.0 + (-TEMPER * odds).exp()),
             parameters: parameters.collect(),
+            stability: None,
             alternatives: Vec::new(),
             words: words.to_owned(),
             rms_shift: rms_shift(findings, &search.deformation(&without), &all)?,
             members: Vec::new(),
             frames: Vec::new(),
-        });
+        };
+        out.push((cause, columns));
     }
     Ok(out)
 }

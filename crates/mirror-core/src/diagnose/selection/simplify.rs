@@ -10,7 +10,7 @@ use crate::diagnose::selection::search::{Found, Search};
 use crate::error::Result;
 
 /// A cause must shrink the held-out gap by this share, or it is dropped.
-const LEAST_HELD_OUT_GAIN: f64 = 0.002;
+pub(crate) const LEAST_HELD_OUT_GAIN: f64 = 0.002;
 /// Held-out gaps are larger than fitted ones: one that is already larger by so many times the least gain decides.
 const SURELY_WORSE: f64 = 2.0;
 /// The same beside many small errors, of which a cause must stand out.

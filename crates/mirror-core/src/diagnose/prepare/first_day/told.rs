@@ -38,6 +38,7 @@ pub(super) fn told(
             .iter()
             .map(|(name, value, std)| ((*name).to_owned(), Estimate { value: *value, std: *std }))
             .collect::<BTreeMap<_, _>>(),
+        stability: None,
         alternatives: Vec::new(),
         words: words.to_owned(),
         rms_shift: 0.0,

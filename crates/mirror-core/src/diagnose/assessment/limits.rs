@@ -1,0 +1,191 @@
+//! What could have been seen: the largest size of each effect at each place that these postures would have hidden.
+//!
+//! An effect is added to the model that was found, board, camera and markers free (within their stated tolerances, else within
+//! what a hand leaves), and all of them are projected out of its columns. What the data then tell of its parameters is
+//! `A = X'(I − C(C'C + P)⁻¹C')X`. A cause of size p gains a noncentral chi-squared, of k degrees of freedom and noncentrality
+//! `λ = p' A p`, and is told where that gain pays for what the selection asks: its prior, its Occam factor, the least odds,
+//! `c = 2 (least − log π) + log det(I + S A S)`, and where the held-out gap shrinks by the share that is asked. The limit of a parameter
+//! is the size, all others 0, at which the gain exceeds c with probability 0.95: a larger one would be told in 19 of 20 sessions
+//! like this one.
+//!
+//! What it leaves out: that a rival can be told in its stead. Where a discrete unknown (a friction) matters, the limit is the
+//! largest over its values.
+//!
+//! Source: power of the score test, Rao (1948); noncentral chi-squared by Sankaran's approximation (1959).
+
+use crate::diagnose::assessment::findings::Findings;
+use crate::diagnose::criteria::cross_validation::size;
+use crate::diagnose::data::diagnosis::Limit;
+use crate::diagnose::effects::hypothesis::Catalogue;
+use crate::diagnose::likelihood::fit::{FitOptions, Linearised};
+use crate::diagnose::likelihood::score_test::screen;
+use crate::diagnose::random_effects::geometric_tolerances::{Geometry, single_effect};
+use crate::diagnose::selection::search::Search;
+use crate::diagnose::selection::simplify::LEAST_HELD_OUT_GAIN;
+use crate::error::Result;
+use crate::statistics::normal_quantile;
+use nalgebra::DMatrix;
+use std::collections::BTreeMap;
+
+/// In this share of sessions a larger one would be told.
+const SHARE: f64 = 0.95;
+/// Beyond so many times the size that an error commonly has, nothing is linear any more: any size would be hidden.
+const LARGEST: f64 = 10.0;
+
+/// Limits by hypothesis and parameter; infinite where any size would be hidden.
+type Sizes = BTreeMap<usize, Vec<f64>>;
+
+/// The limits of all effects of the vocabulary at all their places.
+///
+/// # Errors
+/// A camera or mirror that cannot be.
+pub(crate) fn limits(findings: &Findings<'_>) -> Result<Vec<Limit>> {
+    let mut search = findings.search.clone();
+    let mut model = findings.found.fit.model.clone();
+    if model.group.is_empty() {
+        // Zeros are no part of what a person mounts: they are learned, or exact.
+        search.group = Geometry::of_setup(&search.problem, &["geometry".to_owned()]).group;
+        model.group = vec![0.0; search.group.columns.len()];
+    }
+    let noise = findings.found.noise;
+    let held_out = held_out_gain(findings);
+    let mut sizes = Sizes::new();
+    let mut add = |hypothesis: usize, information: &DMatrix<f64>| {
+        let of = limits_of(&search, hypothesis, information, held_out);
+        let entry = sizes.entry(hypothesis).or_insert_with(|| vec![0.0; of.len()]);
+        entry.iter_mut().zip(of).for_each(|(old, new)| *old = old.max(new));
+    };
+    let own = |h: usize| search.catalogue.is_free(h) || search.catalogue.effect(h).is_tabulated();
+    let options = FitOptions { noise, steps: 0 };
+    let here =
+        Linearised::at(&search.problem, search.catalogue, &search.group, &model, options, search.mask)?;
+    // A mount is in the set-up itself: it is asked with all but itself free.
+    let mut in_group: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+    for (k, column) in search.group.columns.iter().enumerate().take(model.group.len()) {
+        let effect = single_effect(column.atom);
+        if let Some(h) = effect.and_then(|(name, place, _)| search.catalogue.find(name, place)) {
+            in_group.entry(h).or_default().push(here.first_group() + k);
+        }
+    }
+    let parameters = |h: usize| search.catalogue.hypotheses[h].prior_std.len();
+    in_group.retain(|h, columns| columns.len() == parameters(*h));
+    for (i, term) in model.terms.iter().enumerate().filter(|(_, t)| !own(t.hypothesis)) {
+        let columns: Vec<usize> = here.of_term(&model, i).collect();
+        if let Some(information) = here.information_of(&columns) {
+            add(term.hypothesis, &information);
+        }
+    }
+    for (h, columns) in &in_group {
+        if let Some(information) = here.information_of(columns) {
+            add(*h, &information);
+        }
+    }
+    let scores = screen(&search.problem, search.catalogue, &search.group, &model, noise, search.mask)?;
+    for score in scores.iter().filter(|s| !own(s.hypothesis) && !in_group.contains_key(&s.hypothesis)) {
+        add(score.hypothesis, &score.information);
+    }
+    Ok(sizes.iter().map(|(h, of)| told(search.catalogue, &search, *h, of)).collect())
+}
+
+fn told(catalogue: &Catalogue, search: &Search<'_>, hypothesis: usize, sizes: &[f64]) -> Limit {
+    let effect = catalogue.effect(hypothesis);
+    let finite = |size: &f64| (*size > 0.0 && size.is_finite()).then_some(*size);
+    Limit {
+        effect: effect.name().to_owned(),
+        at: catalogue.hypotheses[hypothesis].place.name(&search.problem.scene),
+        parameters: effect.parameters().into_iter().zip(sizes.iter().map(finite)).collect(),
+    }
+}
+
+/// The gain (in −2 log likelihood) that shrinks the held-out gap by the share below which a cause is dropped.
+fn held_out_gain(findings: &Findings<'_>) -> f64 {
+    let (search, after) = (&findings.search, &findings.after);
+    let noise = search.measured_noise;
+    let total = match size(after).rms_px {
+        Some(_) => after.iter().map(|g| g.square_sum_px2).sum::<f64>() / noise.marker_px.powi(2),
+        None => after.iter().map(|g| g.square_sum_m2).sum::<f64>() / noise.point_m.powi(2),
+    };
+    ((1.0 + LEAST_HELD_OUT_GAIN).powi(2) - 1.0) * total
+}
+
+/// Each parameter's limit, at what the data tell of all of them.
+fn limits_of(search: &Search<'_>, hypothesis: usize, information: &DMatrix<f64>, held_out: f64) -> Vec<f64> {
+    let entry = &search.catalogue.hypotheses[hypothesis];
+    let (s, count) = (&entry.prior_std, entry.prior_std.len());
+    let occam = DMatrix::from_fn(count, count, |i, j| {
+        let (i, j) = (i.min(j), i.max(j));
+        information[(i, j)] * s[i] * s[j] + if i == j { 1.0 } else { 0.0 }
+    });
+    let Some(factor) = occam.cholesky() else { return vec![f64::INFINITY; count] };
+    let log_det = 2.0 * factor.l_dirty().diagonal().iter().map(|x| x.ln()).sum::<f64>();
+    let asked = 2.0 * (search.options.least_log_odds - entry.log_prior) + log_det;
+    // A cause takes as many degrees of freedom of the postures that are held out as it has parameters.
+    let needed = noncentrality(asked.max(held_out + count as f64), count as f64);
+    (0..count)
+        .map(|i| {
+            let size = (needed / information[(i, i)].max(0.0)).sqrt();
+            if size < LARGEST * s[i] { size } else { f64::INFINITY }
+        })
+        .collect()
+}
+
+/// The noncentrality at which a chi-squared of k degrees of freedom exceeds `bound` with probability [`SHARE`].
+pub(crate) fn noncentrality(bound: f64, k: f64) -> f64 {
+    let (mut low, mut high) = (0.0, 4.0 * (bound + k) + 40.0);
+    let asked = normal_quantile(1.0 - SHARE);
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if noncentral_deviate(bound, k, middle) > asked {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    high
+}
+
+/// A noncentral chi-squared as a standard normal deviate, Sankaran's approximation.
+fn noncentral_deviate(x: f64, k: f64, lambda: f64) -> f64 {
+    let (mean, spread) = (k + lambda, k + 2.0 * lambda);
+    let h = 1.0 - 2.0 * mean * (k + 3.0 * lambda) / (3.0 * spread * spread);
+    let p = spread / (mean * mean);
+    let m = (h - 1.0) * (1.0 - 3.0 * h);
+    let center = 1.0 + h * p * (h - 1.0 - 0.5 * (2.0 - h) * m * p);
+    ((x / mean).powf(h) - center) / (h * (2.0 * p).sqrt() * (1.0 + 0.5 * m * p))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_gain_exceeds_its_bound_as_often_as_is_claimed() {
+        // Of one degree of freedom: P(z + √λ > √c), the other tail far away.
+        for bound in [4.0_f64, 16.0, 40.0] {
+            let shift = noncentrality(bound, 1.0).sqrt() - bound.sqrt();
+            assert!((shift - 1.645).abs() < 0.03, "{bound}: {shift}");
+        }
+        // Of several it is sampled: squares of normals of a plain generator.
+        let mut state = 7_u64;
+        let mut normal = || {
+            let mut sum = -6.0;
+            for _ in 0..12 {
+                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                sum += (state >> 33) as f64 / (1_u64 << 31) as f64;
+            }
+            sum
+        };
+        for (bound, k) in [(20.0, 3), (45.0, 6)] {
+            let shift = noncentrality(bound, f64::from(k)).sqrt();
+            let draws = 20_000;
+            let beyond = (0..draws)
+                .filter(|_| {
+                    let rest: f64 = (1..k).map(|_| normal().powi(2)).sum();
+                    (normal() + shift).powi(2) + rest > bound
+                })
+                .count();
+            let share = beyond as f64 / f64::from(draws);
+            assert!((share - SHARE).abs() < 0.01, "{bound}, {k}: {share}");
+        }
+    }
+}

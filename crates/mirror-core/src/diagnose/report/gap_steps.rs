@@ -1,0 +1,112 @@
+//! The gap as causes are added one by one, in the order in which they are told.
+//!
+//! Each region of posture space is held out in turn; the whole model's parameters are fitted to the others, all together, and the
+//! region is predicted with the first k causes of that fit, for each k. So a step shows what a cause is worth beside those before it, at the
+//! value that is claimed for it. Nuisances (unknown mounts and frames) are fitted anew at each step: they are nobody's cause.
+
+use crate::diagnose::assessment::findings::Findings;
+use crate::diagnose::criteria::cross_validation::{GapSize, PostureGap, gap_of, size};
+use crate::diagnose::criteria::regions::regions;
+use crate::diagnose::data::diagnosis::{Cause, GapStep};
+use crate::diagnose::effects::hypothesis::Model;
+use crate::diagnose::likelihood::fit::{FitOptions, fit};
+use crate::diagnose::likelihood::saturated::free_markers;
+use crate::error::Result;
+use rayon::prelude::*;
+
+/// What a told cause is in the model.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) enum Part {
+    /// A term, by its index.
+    Term(usize),
+    /// Columns of the group of small errors.
+    Columns(Vec<usize>),
+    /// A whole mistake, which is undone before anything else is looked at.
+    Mistake,
+    /// Nothing of its own: slipped rows are left out of all figures, a droop comes with its stiction.
+    Nothing,
+}
+
+/// Gauss–Newton steps of a region's fit, and of its nuisances at each step.
+const FIT_STEPS: usize = 4;
+const NUISANCE_STEPS: usize = 3;
+
+/// The steps; of `causes` each has its part.
+///
+/// A step between several whole mistakes has no figures: they are undone together.
+///
+/// # Errors
+/// A camera or mirror that cannot be.
+pub(crate) fn gap_steps(findings: &Findings<'_>, causes: &[Cause], parts: &[Part]) -> Result<Vec<GapStep>> {
+    let mistakes = parts.iter().filter(|p| **p == Part::Mistake).count();
+    let undone = |k: usize| parts[..k].iter().filter(|p| **p == Part::Mistake).count() == mistakes;
+    let wanted: Vec<usize> = (1..parts.len()).filter(|&k| undone(k)).collect();
+    let between = if wanted.is_empty() { Vec::new() } else { sizes(findings, parts, &wanted)? };
+    let mut steps = vec![step(None, Some(size(&findings.before)))];
+    for (k, cause) in causes.iter().enumerate() {
+        let of = if k + 1 == causes.len() {
+            Some(size(&findings.after))
+        } else {
+            wanted.iter().position(|w| *w == k + 1).map(|at| between[at])
+        };
+        steps.push(step(Some(format!("{}@{}", cause.effect, cause.at)), of));
+    }
+    Ok(steps)
+}
+
+fn step(added: Option<String>, of: Option<GapSize>) -> GapStep {
+    GapStep { added, rms_m: of.and_then(|s| s.told_m()), rms_px: of.and_then(|s| s.rms_px) }
+}
+
+/// The held-out gap with the first k causes, for each k that is wanted.
+fn sizes(findings: &Findings<'_>, parts: &[Part], wanted: &[usize]) -> Result<Vec<GapSize>> {
+    let search = &findings.search;
+    let (problem, model) = (&search.problem, &findings.found.fit.model);
+    let options = FitOptions { noise: findings.found.noise, steps: FIT_STEPS };
+    let labels = regions(problem);
+    let count = labels.iter().max().map_or(0, |m| m + 1);
+    let of_regions = (0..count)
+        .into_par_iter()
+        .map(|region| -> Result<Vec<Vec<PostureGap>>> {
+            let train: Vec<bool> = labels.iter().map(|l| *l != region || count == 1).collect();
+            let test: Vec<bool> = labels.iter().map(|l| *l == region).collect();
+            let fitted = fit(problem, search.catalogue, &search.group, model, options, Some(&train))?.model;
+            wanted
+                .iter()
+                .map(|&k| {
+                    let mut some = with_first(findings, &fitted, parts, k);
+                    if !some.nuisances.is_empty() {
+                        let options = FitOptions { steps: NUISANCE_STEPS, ..options };
+                        some = fit(problem, search.catalogue, &search.group, &some, options, Some(&train))?
+                            .model;
+                    }
+                    let deformation = search.deformation(&some);
+                    let postures =
+                        free_markers(problem, &deformation, search.measured_noise, true, Some(&test))?;
+                    Ok(postures.iter().map(gap_of).collect())
+                })
+                .collect()
+        })
+        .collect::<Result<Vec<_>>>()?;
+    let of_step = |at: usize| of_regions.iter().flat_map(|r| r[at].iter().copied()).collect::<Vec<_>>();
+    Ok((0..wanted.len()).map(|at| size(&of_step(at))).collect())
+}
+
+/// A fitted model with the first k causes only, held as they are. Small displacements that are not told by themselves are in it from
+/// the first cause on; free-form errors are no part of a better model.
+fn with_first(findings: &Findings<'_>, fitted: &Model, parts: &[Part], k: usize) -> Model {
+    let mut model = Model { frozen: true, planes: None, ..fitted.clone() };
+    let later = &parts[k..];
+    for part in later {
+        if let Part::Columns(columns) = part {
+            columns.iter().for_each(|&c| model.group[c] = 0.0);
+        }
+    }
+    let mut at = 0;
+    model.terms.retain(|term| {
+        let own = Part::Term(at);
+        at += 1;
+        !findings.search.catalogue.is_free(term.hypothesis) && !later.contains(&own)
+    });
+    model
+}
