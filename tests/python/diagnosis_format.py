@@ -83,7 +83,8 @@ def faults(tree: dict[str, Any]) -> list[str]:
         need(gap.get("closed") is None or _number(gap["closed"]), "gap.closed")
         ends = gap.get("closed_ci95")
         need(
-            ends is None or (len(ends) == 2 and all(map(_number, ends)) and ends[0] <= ends[1]), "gap.closed_ci95"
+            ends is None or (len(ends) == 2 and all(map(_number, ends)) and ends[0] <= ends[1]),
+            "gap.closed_ci95",
         )
         need(isinstance(gap.get("held_out_postures"), int), "gap.held_out_postures")
 
