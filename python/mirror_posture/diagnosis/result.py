@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from dataclasses import fields as fields_of
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeGuard, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -306,6 +306,7 @@ class Diagnosis:
                 f"verdict: got {tree.get('verdict')!r}, needed one of {', '.join(VERDICTS)}"
             )
         try:
+            _check_containers(tree)
             return cls(
                 verdict=tree["verdict"],
                 sentence=tree.get("sentence", ""),
@@ -362,6 +363,56 @@ class Diagnosis:
     def to_json(self) -> str:
         """The diagnosis as the public format has it."""
         return json.dumps(self.document, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+LISTS = (
+    "causes",
+    "where",
+    "next_postures",
+    "warnings",
+    "trace",
+    "ranking",
+    "signatures",
+    "tracks",
+    "fields",
+    "witness",
+    "markers",
+)
+OF_CAUSES: dict[str, type] = {"alternatives": list, "members": list, "frames": list, "parameters": Mapping}
+
+
+def _check_containers(tree: Mapping[str, Any]) -> None:
+    """Refuses texts and objects where lists are needed: they would be read letter by letter, key by key."""
+    if not isinstance(tree.get("sentence", ""), str):
+        raise TypeError(f"sentence: got {tree['sentence']!r:.80}, needed a text")
+    lists: list[tuple[str, Any, type]] = [(name, tree[name], list) for name in LISTS if name in tree]
+    for cause in filter(_is_mapping, tree["causes"]):
+        lists += [(name, cause[name], kind) for name, kind in OF_CAUSES.items() if name in cause]
+    gap, data = tree.get("gap"), tree.get("data")
+    if _is_mapping(gap):
+        lists += [
+            (f"gap.{name}", gap[name], list)
+            for name in ("checked", "closed_ci95")
+            if gap.get(name) is not None
+        ]
+    if _is_mapping(data) and "left_out" in data:
+        lists.append(("data.left_out", data["left_out"], list))
+    for name, value, kind in lists:
+        if not isinstance(value, kind):
+            raise TypeError(f"{name}: got {value!r:.80}, needed {'a list' if kind is list else 'an object'}")
+    for name in ("trace", "warnings"):
+        if not all(isinstance(line, str) for line in tree.get(name, ())):
+            raise TypeError(f"{name}: got {tree[name]!r:.80}, needed texts")
+    for numbers in (tree.get("noise", {}), *tree.get("next_postures", ())):
+        if not _is_mapping(numbers) or not all(_is_of(value, ["float"]) for value in numbers.values()):
+            raise TypeError(f"noise and next_postures: got {numbers!r:.80}, needed objects of numbers")
+    interval = gap.get("closed_ci95") if _is_mapping(gap) else None
+    if interval is not None and (len(interval) != 2 or not all(_is_of(end, ["float"]) for end in interval)):
+        raise TypeError(f"gap.closed_ci95: got {interval!r:.80}, needed two numbers")
+
+
+def _is_mapping(value: Any) -> TypeGuard[Mapping[str, Any]]:
+    return isinstance(value, Mapping)
 
 
 def _known(kind: type[Kind], entry: Mapping[str, Any]) -> Kind:

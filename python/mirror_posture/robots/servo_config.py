@@ -8,9 +8,11 @@ import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from .._core import MirrorPostureError
+from ..formats import Section
+from ..formats.servo_keys import BUS, COUNTS_PER_TURN, SERVO, Make
 from ..input_files import given_text
 from .nominal import Nominal
 from .protocol import JointLimits
@@ -21,8 +23,6 @@ if sys.version_info >= (3, 11):
 else:  # pragma: no cover
     import tomli as tomllib
 
-Make = Literal["dynamixel", "feetech"]
-COUNTS_PER_TURN = 4096
 SPEED_UNIT_RAD_PER_S = 0.229 * 2.0 * math.pi / 60.0
 """Dynamixel's, X series."""
 ACCELERATION_UNIT_RAD_PER_S2 = 214.577 * 2.0 * math.pi / 3600.0
@@ -34,7 +34,6 @@ STEPS = {
     "feetech": (STS_STEP_RAD, STS_ACCELERATION_UNIT_RAD_PER_S2),
 }
 """The smallest speed and acceleration that each make can be told, rad/s and rad/s²."""
-LARGEST_ID = 252
 
 
 @dataclass(frozen=True)
@@ -92,14 +91,6 @@ class ServoConfig:
     """A posture to go to before torque is taken off, where nothing failed."""
 
 
-NUMBERS = ("speed_rad_per_s", "acceleration_rad_per_s2", "tolerance_rad")
-TORQUE: dict[str, tuple[str, ...]] = {
-    "dynamixel": ("current_a", "pwm_share", "current_unit_a"),
-    "feetech": ("torque_share",),
-}
-OF_A_SERVO: dict[str, tuple[str, ...]] = {"dynamixel": ("reversed",), "feetech": ("homing_offset",)}
-
-
 def load_config(file: str | os.PathLike[str], nominal: Nominal, make: Make = "dynamixel") -> ServoConfig:
     """Reads the file of a robot of this make against the nominal robot. Raises `MirrorPostureError`: the key, what was got, what was needed.
 
@@ -112,37 +103,20 @@ def load_config(file: str | os.PathLike[str], nominal: Nominal, make: Make = "dy
     # Very deep or odd documents fail below the parser with errors of Python's own.
     except (ValueError, RecursionError, OverflowError) as error:
         raise MirrorPostureError(f"{file}: cannot be read: {' '.join(str(error).split())}") from None
-    bus = _table(raw, "bus", file)
-    numbers_of = {*NUMBERS, *TORQUE[make]}
-    _no_others(bus, {"port", "baudrate", "at_end", "end_with_parent", *numbers_of}, file, "bus")
-    _no_others(raw, {"bus", "rest", "joints"}, file, "")
-    port = bus.get("port")
-    if not isinstance(port, str) or not port:
-        raise MirrorPostureError(
-            f'{file}: bus.port: got {port!r}, needed a serial line such as "/dev/ttyUSB0"'
-        )
-    baudrate = bus.get("baudrate", 1_000_000)
-    if not isinstance(baudrate, int) or baudrate <= 0:
-        raise MirrorPostureError(
-            f"{file}: bus.baudrate: got {baudrate!r}, needed the bus's rate such as 1000000"
-        )
-    if make == "dynamixel" and ("current_a" in bus) == ("pwm_share" in bus):
+    for key in raw:
+        if key not in ("bus", "rest", "joints"):
+            raise MirrorPostureError(f"{file}: {key}: is no key of this file; there are bus, joints, rest")
+    given = _table(raw, "bus", file)
+    if make == "dynamixel" and ("current_a" in given) == ("pwm_share" in given):
+        # A misspelt limit is told as such.
+        _no_others(given, BUS[make], file, "bus")
         raise MirrorPostureError(
             f"{file}: [bus] needs exactly one torque limit: current_a (A) for servos with current control, or pwm_share (0 to 1)"
         )
-    if make == "feetech" and "torque_share" not in bus:
+    if make == "feetech" and "torque_share" not in given:
+        _no_others(given, BUS[make], file, "bus")
         raise MirrorPostureError(f"{file}: [bus] needs a torque limit: torque_share (0 to 1)")
-    numbers = {key: _number(bus[key], file, f"bus.{key}") for key in sorted(numbers_of) if key in bus}
-    for key in ("pwm_share", "torque_share"):
-        if numbers.get(key, 0.0) > 1.0:
-            raise MirrorPostureError(f"{file}: bus.{key}: got {numbers[key]:g}, needed a share from 0 to 1")
-    at_end, end_with_parent = bus.get("at_end", "off"), bus.get("end_with_parent", True)
-    if at_end not in ("off", "hold"):
-        raise MirrorPostureError(f'{file}: bus.at_end: got {at_end!r}, needed "off" or "hold"')
-    if not isinstance(end_with_parent, bool):
-        raise MirrorPostureError(
-            f"{file}: bus.end_with_parent: got {end_with_parent!r}, needed true or false"
-        )
+    bus = _read(given, BUS[make], file, "bus")
     servos = _servos(_table(raw, "joints", file), file, nominal, make)
     limits = {servo.joint: servo.limits for servo in servos}
     rest = {}
@@ -150,20 +124,12 @@ def load_config(file: str | os.PathLike[str], nominal: Nominal, make: Make = "dy
     if not isinstance(resting, dict):
         raise MirrorPostureError(f"{file}: rest: got {resting!r}, needed a table of joint positions (rad)")
     for joint, value in resting.items():
-        if joint not in limits or not limits[joint].holds(_number(value, file, f"rest.{joint}", signed=True)):
+        if joint not in limits or not limits[joint].holds(_number(value, file, f"rest.{joint}")):
             raise MirrorPostureError(
                 f"{file}: rest.{joint}: got {value!r}, needed a position within the limits of a joint of [joints]"
             )
         rest[joint] = float(value)
-    config = ServoConfig(
-        port,
-        servos,
-        baudrate,
-        at_end=at_end,
-        end_with_parent=end_with_parent,
-        rest=rest,
-        **numbers,
-    )
+    config = ServoConfig(servos=servos, rest=rest, **bus)
     speed, acceleration = STEPS[make]
     if config.speed_rad_per_s < speed or config.acceleration_rad_per_s2 < acceleration:
         raise MirrorPostureError(
@@ -183,49 +149,33 @@ def _servos(joints: Mapping[str, Any], file: Path, nominal: Nominal, make: Make)
             )
         if not isinstance(given, dict):
             raise MirrorPostureError(f"{file}: {place}: needed a table with `id`, `zero_counts`, `direction`")
-        _no_others(
-            given,
-            {
-                *("id", "zero_counts", "direction", "lower_rad", "upper_rad", "counts_per_turn"),
-                *("model", "firmware", *OF_A_SERVO[make]),
-            },
-            file,
-            place,
-        )
-        for key in ("id", "zero_counts", "direction"):
-            if not isinstance(given.get(key), int) or isinstance(given.get(key), bool):
-                raise MirrorPostureError(
-                    f"{file}: {place}.{key}: got {given.get(key)!r}, needed a whole number"
-                )
-        if given["direction"] not in (1, -1):
-            raise MirrorPostureError(f"{file}: {place}.direction: got {given['direction']}, needed 1 or -1")
-        if not 0 <= given["id"] <= LARGEST_ID or given["id"] in [servo.servo_id for servo in servos]:
+        servo_keys = _read(given, SERVO[make], file, place)
+        if servo_keys["id"] in [servo.servo_id for servo in servos]:
             raise MirrorPostureError(
-                f"{file}: {place}.id: got {given['id']}, needed 0 to {LARGEST_ID}, each only once"
-            )
-        counts = given.get("counts_per_turn", COUNTS_PER_TURN)
-        if not isinstance(counts, int) or counts < 1:
-            raise MirrorPostureError(
-                f"{file}: {place}.counts_per_turn: got {counts!r}, needed a whole number above 0"
+                f"{file}: {place}.id: got {given['id']}, needed {SERVO[make].key('id').needed}"
             )
         model = nominal.joint_limits[joint]
-        lower = _number(given.get("lower_rad", model.lower), file, f"{place}.lower_rad", signed=True)
-        upper = _number(given.get("upper_rad", model.upper), file, f"{place}.upper_rad", signed=True)
+        lower, upper = (
+            end if servo_keys[key] is None else servo_keys[key]
+            for key, end in (("lower_rad", model.lower), ("upper_rad", model.upper))
+        )
+        for key, value in (("lower_rad", lower), ("upper_rad", upper)):
+            _number(value, file, f"{place}.{key}")
         limits = JointLimits(max(lower, model.lower), min(upper, model.upper))
         if limits.lower > limits.upper:
             raise MirrorPostureError(f"{file}: {place}: nothing is left between lower_rad and upper_rad")
+        counts = servo_keys["counts_per_turn"]
         servo = Servo(
             joint,
-            given["id"],
-            given["zero_counts"],
-            given["direction"],
+            servo_keys["id"],
+            servo_keys["zero_counts"],
+            servo_keys["direction"],
             limits,
             counts,
-            **{
-                key: _typed(given[key], kind, file, f"{place}.{key}")
-                for key, kind in OPTIONAL.items()
-                if key in given
-            },
+            servo_keys.get("reversed", False),
+            servo_keys["model"],
+            servo_keys["firmware"],
+            servo_keys.get("homing_offset"),
         )
         ends = sorted(servo.counts(x) for x in (limits.lower, limits.upper))
         if ends[0] < 0 or ends[1] > counts - 1:
@@ -239,14 +189,20 @@ def _servos(joints: Mapping[str, Any], file: Path, nominal: Nominal, make: Make)
     return tuple(servos)
 
 
-OPTIONAL: dict[str, type] = {"reversed": bool, "model": str, "firmware": str, "homing_offset": int}
-
-
-def _typed(value: object, kind: type, file: Path, place: str) -> Any:
-    words = {bool: "true or false", str: "a text", int: "a whole number"}
-    if not isinstance(value, kind) or (kind is int and isinstance(value, bool)):
-        raise MirrorPostureError(f"{file}: {place}: got {value!r}, needed {words[kind]}")
-    return value
+def _read(given: Mapping[str, Any], section: Section, file: Path, place: str) -> dict[str, Any]:
+    """All keys of a section by name."""
+    _no_others(given, section, file, place)
+    found = {}
+    for key in section.keys:
+        found[key.name] = key.default
+        if key.required or key.name in given:
+            value = key.read(given.get(key.name))
+            if value is None:
+                raise MirrorPostureError(
+                    f"{file}: {place}.{key.name}: got {given.get(key.name)!r}, needed {key.needed}"
+                )
+            found[key.name] = value
+    return found
 
 
 def _table(raw: Mapping[str, Any], key: str, file: Path) -> dict[str, Any]:
@@ -256,18 +212,17 @@ def _table(raw: Mapping[str, Any], key: str, file: Path) -> dict[str, Any]:
     return found
 
 
-def _no_others(table: Mapping[str, Any], known: set[str], file: Path, place: str) -> None:
+def _no_others(table: Mapping[str, Any], section: Section, file: Path, place: str) -> None:
     # A misspelt limit must not be a limit that is silently not there.
-    for key in table:
-        if key not in known:
+    known = sorted(key.name for key in section.keys)
+    for name in table:
+        if name not in known:
             raise MirrorPostureError(
-                f"{file}: {place + '.' if place else ''}{key}: is no key of this file; there are {', '.join(sorted(known))}"
+                f"{file}: {place}.{name}: is no key of this file; there are {', '.join(known)}"
             )
 
 
-def _number(value: object, file: Path, place: str, *, signed: bool = False) -> float:
+def _number(value: object, file: Path, place: str) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
         raise MirrorPostureError(f"{file}: {place}: got {value!r}, needed a finite number")
-    if not signed and value <= 0.0:
-        raise MirrorPostureError(f"{file}: {place}: got {value!r}, needed a number above 0")
     return float(value)

@@ -46,7 +46,11 @@ class Problems:
         try:
             yield
         except SessionError as error:
-            self.found.append(error)
+            self.found += error.problems or (error,)
+
+    def add(self, problem: SessionError) -> None:
+        """One more."""
+        self.found.append(problem)
 
     def end(self) -> None:
         """Raises the first problem, with all of them in its `problems`."""

@@ -2,22 +2,37 @@
 
 from __future__ import annotations
 
-import math
 import sys
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..board import CHESSBOARD, PATTERNS, Board
+from ..board import CHARUCO, Board
+from ..formats import Key, Section
+from ..formats.session_keys import (
+    BOARD,
+    CAMERA_MOUNT,
+    FRAMES,
+    GRAVITY,
+    GRAVITY_UNITS,
+    GRAVITY_VECTOR,
+    MARKERS,
+    MIRROR,
+    MOST_MARKERS,
+    NOISE,
+    POINTS,
+    STANDARD_GRAVITY,
+    TOP,
+)  # fmt: skip
 from ..input_files import path_inside, read_text, reason
 from ..marker import ColorRange, Marker
-from ..mirror import FLOAT_GLASS_INDEX, Mirror
+from ..mirror import Mirror
 from ..short_repr import ShortRepr
-from .errors import SessionError, choices
+from .errors import Problems, SessionError, choices
 from .types import Floats, Noise
 
 if sys.version_info >= (3, 11):
@@ -26,27 +41,12 @@ else:  # pragma: no cover
     import tomli as tomllib
 
 FILE = "session.toml"
-FORMAT = "mirror-posture/session"
-VERSION = 1
-MOUNTS = ("known", "unknown")
 RESERVED_TARGET = "board"
 """The name that detections.csv gives the board: no marker can have it."""
-
-MOST_MARKERS = 1000
-STANDARD_GRAVITY = 9.80665
 GRAVITY_TOLERANCE = 0.05
 """On Earth gravity differs by 0.3 %; what is off by more than this share is in another unit."""
-GRAVITY_UNITS = {"m/s^2": 1.0, "cm/s^2": 1e-2, "mm/s^2": 1e-3, "g": STANDARD_GRAVITY}
 LARGEST_GRAVITY = 300.0
 """m/s²: that of the sun. Beyond it a unit is wrong."""
-LARGEST_SQUARE_M, LARGEST_MARKER_M, THICKEST_GLASS_M = 0.5, 0.5, 0.05
-"""Beyond these a length is in mm."""
-LARGEST_INDEX = 3.0
-"""Diamond has 2.4."""
-LARGEST_PIXEL_STD, LARGEST_POINT_STD_M, LARGEST_TOLERANCE_M = 20.0, 0.05, 0.5
-"""Beyond these a measurement would hide whatever is wrong with a robot: the unit is another."""
-
-_MISSING = object()
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -71,7 +71,7 @@ class Metadata(ShortRepr):
 
 
 def load_metadata(folder: Path) -> Metadata:
-    """Reads `session.toml` of a folder; raises `SessionError` with the key, what was got and what was needed."""
+    """Reads `session.toml` of a folder; raises `SessionError` with the key, what was got and what was needed, all problems in `problems`."""
     file = folder / FILE
     try:
         if file.is_symlink() and path_inside(folder, FILE) is None:
@@ -100,274 +100,190 @@ def load_metadata(folder: Path) -> Metadata:
 
 
 def _check(raw: dict[str, Any]) -> Metadata:
+    """All keys, each problem kept; the dataclasses are made where there is none."""
     warnings: list[str] = []
-    top = _Section("", raw, warnings)
-    kind = top.text("format")
-    if kind != FORMAT:
-        raise SessionError(FILE, f"format: got {kind!r}, needed {FORMAT!r}")
-    version = top.whole("version")
-    if version != VERSION:
-        raise SessionError(FILE, f"version: got {version}, needed {VERSION}; this release reads no other")
-    robot, root = top.text("robot"), top.text("root")
-    gravity = _gravity(raw, top)
-    camera = top.text("camera", None)
+    problems = Problems()
+    # Of another format the other keys say nothing.
+    for key in TOP.keys[:2]:
+        _format(raw, key)
+    reader = _Reader(problems, warnings)
+    top = reader.section("", raw, TOP, known=("gravity",))
+    gravity = _gravity(raw, reader)
 
-    mount = top.section("camera_mount")
-    camera_link = mount.text("link") if mount else None
-    camera_tolerance = _tolerances(mount) if mount else (None, None)
-    board = _board(top.section("board"))
-    markers = tuple(_marker(section) for section in top.sections("markers"))
+    mount = reader.one(raw, CAMERA_MOUNT)
+    board = reader.one(raw, BOARD)
+    markers = reader.several(raw, MARKERS)
+    mirror, noise = reader.one(raw, MIRROR), reader.one(raw, NOISE)
+    points, frames = reader.one(raw, POINTS), reader.one(raw, FRAMES)
+    camera, camera_link = top["camera"], None if mount is None else mount["link"]
+    for wrong, problem in (
+        (board is not None and camera is None, 'there is a [board] and no camera; add `camera = "camera.yaml"`'),
+        (camera is not None and mount is None, "there is a camera and no [camera_mount]; add it with the camera's optical link"),
+        (camera is None and mount is not None, 'there is a [camera_mount] and no camera; add `camera = "camera.yaml"`'),
+    ):  # fmt: skip
+        if wrong:
+            problems.add(SessionError(FILE, problem))
+    _names(markers, problems)
+    if board is not None:
+        _charuco(board, problems)
+    problems.end()
+    return Metadata(
+        robot=top["robot"],
+        root=top["root"],
+        gravity_m_per_s2=gravity,
+        camera=camera,
+        camera_link=camera_link,
+        camera_tolerance=(None, None) if mount is None else (mount["tolerance_m"], mount["tolerance_rad"]),
+        board=None if board is None else _board(board),
+        markers=tuple(map(_marker, markers)),
+        mirror=None if mirror is None else Mirror(mirror["glass_thickness"], mirror["refractive_index"]),
+        noise=Noise() if noise is None else Noise(noise["pixel_std"], noise["point_std"]),
+        points_frame=None if points is None else points["frame"],
+        ordered=True if frames is None else frames["ordered"],
+        raw=raw,
+        warnings=tuple(warnings),
+    )
+
+
+def _format(raw: Mapping[str, Any], key: Key) -> None:
+    if key.name not in raw:
+        raise SessionError(FILE, f"{key.name} is missing; needed {key.needed}")
+    value = raw[key.name]
+    if key.read(value) is None:
+        more = "; this release reads no other" if key.name == "version" else ""
+        raise SessionError(FILE, f"{key.name}: got {value!r}, needed {key.needed}{more}")
+
+
+def _names(markers: Sequence[Mapping[str, Any]], problems: Problems) -> None:
+    """Every marker has a name of its own, and there are not too many."""
     if len(markers) > MOST_MARKERS:
-        raise SessionError(FILE, f"markers: got {len(markers)}, needed at most {MOST_MARKERS}")
-    names = Counter(marker.name for marker in markers)
-    for name, count in names.items():
+        problems.add(SessionError(FILE, f"markers: got {len(markers)}, needed at most {MOST_MARKERS}"))
+    for name, count in Counter(marker["name"] for marker in markers if marker["name"] is not None).items():
         if name == RESERVED_TARGET or count > 1:
             problem = "is the board's own name" if name == RESERVED_TARGET else "is given twice"
-            raise SessionError(FILE, f"markers: the name {name!r} {problem}; give every marker its own")
-    mirror_section = top.section("mirror")
-    mirror = None
-    if mirror_section:
-        mirror = Mirror(
-            mirror_section.number("glass_thickness", 0.0, at_least=0.0, below=THICKEST_GLASS_M),
-            mirror_section.number("refractive_index", FLOAT_GLASS_INDEX, at_least=1.0, below=LARGEST_INDEX),
-        )
-    noise_section = top.section("noise")
-    noise = Noise()
-    if noise_section:
-        noise = Noise(
-            noise_section.number("pixel_std", None, above=0.0, below=LARGEST_PIXEL_STD),
-            noise_section.number("point_std", None, above=0.0, below=LARGEST_POINT_STD_M),
-        )
-    points = top.section("points")
-    points_frame = points.text("frame") if points else None
-    frames = top.section("frames")
-    ordered = frames.flag("ordered", True) if frames else True
-    for section in (mount, mirror_section, noise_section, points, frames):
-        if section:
-            section.close()
-    top.close()
-    if board is not None and camera is None:
-        raise SessionError(FILE, 'there is a [board] and no camera; add `camera = "camera.yaml"`')
-    if camera is not None and camera_link is None:
-        raise SessionError(
-            FILE, "there is a camera and no [camera_mount]; add it with the camera's optical link"
-        )
-    if camera is None and camera_link is not None:
-        raise SessionError(FILE, 'there is a [camera_mount] and no camera; add `camera = "camera.yaml"`')
-    return Metadata(
-        robot, root, gravity, camera, camera_link, camera_tolerance, board, markers, mirror, noise, points_frame, ordered, raw,
-        tuple(warnings),
-    )  # fmt: skip
+            problems.add(
+                SessionError(FILE, f"markers: the name {name!r} {problem}; give every marker its own")
+            )
 
 
-def _board(section: _Section | None) -> Board | None:
-    if section is None:
-        return None
-    corners = section.wholes("corners", 2)
-    if min(corners) < 2:
-        raise SessionError(
-            FILE, f"board.corners: got {corners}, needed at least 2 inner corners along x and y"
+def _charuco(board: Mapping[str, Any], problems: Problems) -> None:
+    size, square = board["marker_size"], board["square"]
+    if board["pattern"] == CHARUCO and (size is None or board["dictionary"] is None):
+        problems.add(
+            SessionError(
+                FILE, "board: pattern charuco needs `marker_size` (m) and `dictionary` (OpenCV's name)"
+            )
         )
-    pattern = section.text("pattern", CHESSBOARD, one_of=PATTERNS)
-    marker_size = section.number("marker_size", None, above=0.0)
-    dictionary = section.text("dictionary", None)
-    if pattern == "charuco" and (marker_size is None or dictionary is None):
-        raise SessionError(
-            FILE, "board: pattern charuco needs `marker_size` (m) and `dictionary` (OpenCV's name)"
+    if size is not None and square is not None and size >= square:
+        problems.add(
+            SessionError(FILE, f"board.marker_size: got {size:g} m, needed less than the square ({square:g})")
         )
-    square = section.number("square", above=0.0, below=LARGEST_SQUARE_M)
-    if marker_size is not None and marker_size >= square:
-        raise SessionError(
-            FILE, f"board.marker_size: got {marker_size:g} m, needed less than the square ({square:g})"
-        )
-    board = Board(
-        corners[0],
-        corners[1],
-        square,
-        pattern,
-        marker_size,
-        dictionary,
-        section.text("link"),
-        *_tolerances(section),
-    )
-    section.close()
-    return board
 
 
-def _marker(section: _Section) -> Marker:
-    color_section = section.section("color")
-    color = None
-    if color_section:
-        color = ColorRange(
-            color_section.number("hue", at_least=0.0, below=360.0),
-            color_section.number("hue_tolerance", above=0.0, below=180.0),
-            color_section.number("min_saturation", 0.0, at_least=0.0, below=1.0),
-            color_section.number("min_value", 0.0, at_least=0.0, below=1.0),
-        )
-        color_section.close()
-    marker = Marker(
-        section.text("name"),
-        section.text("link"),
-        section.number("diameter", 0.0, at_least=0.0, below=LARGEST_MARKER_M),
-        section.text("mount", "known", one_of=MOUNTS) == "known",
-        color,
-        section.number("tolerance_m", None, at_least=0.0, below=LARGEST_TOLERANCE_M),
-    )
-    section.close()
-    return marker
-
-
-def _tolerances(section: _Section) -> tuple[float | None, float | None]:
-    """One standard deviation by which the real place may differ from the URDF's, m and rad; None where not said."""
-    return (
-        section.number("tolerance_m", None, at_least=0.0, below=LARGEST_TOLERANCE_M),
-        section.number("tolerance_rad", None, at_least=0.0, below=math.pi),
+def _board(board: Mapping[str, Any]) -> Board:
+    return Board(
+        board["corners"][0],
+        board["corners"][1],
+        board["square"],
+        board["pattern"],
+        board["marker_size"],
+        board["dictionary"],
+        board["link"],
+        board["tolerance_m"],
+        board["tolerance_rad"],
     )
 
 
-def _gravity(raw: dict[str, Any], top: _Section) -> Floats:
+def _marker(marker: Mapping[str, Any]) -> Marker:
+    color = marker["color"]
+    return Marker(
+        marker["name"],
+        marker["link"],
+        marker["diameter"],
+        marker["mount"] == "known",
+        None
+        if color is None
+        else ColorRange(color["hue"], color["hue_tolerance"], color["min_saturation"], color["min_value"]),
+        marker["tolerance_m"],
+    )
+
+
+def _gravity(raw: Mapping[str, Any], reader: _Reader) -> Floats:
     """Gravity, m/s²: a list, or a section with `vector` and `unit`, which says that another length is meant."""
-    section = top.section("gravity") if isinstance(raw.get("gravity"), dict) else None
-    if section is not None:
-        vector = (
-            np.array(section.numbers("vector", 3))
-            * GRAVITY_UNITS[section.text("unit", one_of=tuple(GRAVITY_UNITS))]
-        )
-        section.close()
+    if isinstance(raw.get("gravity"), dict):
+        section = reader.section("gravity", raw["gravity"], GRAVITY)
+        if None in section.values():
+            return np.zeros(3)
+        vector = np.array(section["vector"]) * GRAVITY_UNITS[section["unit"]]
         length = float(np.linalg.norm(vector))
         if length > LARGEST_GRAVITY:
-            raise SessionError(
-                FILE, f"gravity: got a length of {length:g} m/s², needed at most {LARGEST_GRAVITY:g}"
-            )
+            problem = f"gravity: got a length of {length:g} m/s², needed at most {LARGEST_GRAVITY:g}"
+            reader.problems.add(SessionError(FILE, problem))
         return vector
-    vector = np.array(top.numbers("gravity", 3))
+    given = reader.value("", raw, GRAVITY_VECTOR)
+    if given is None:
+        return np.zeros(3)
+    vector = np.array(given)
     length = float(np.linalg.norm(vector))
-    if abs(length - STANDARD_GRAVITY) > GRAVITY_TOLERANCE * STANDARD_GRAVITY:
-        raise SessionError(
-            FILE,
+    if not abs(length - STANDARD_GRAVITY) <= GRAVITY_TOLERANCE * STANDARD_GRAVITY:
+        problem = (
             f"gravity: got a length of {length:g}, needed about {STANDARD_GRAVITY:g} m/s²; if another unit or place is meant, "
-            f"write a section [gravity] with vector and unit ({choices(GRAVITY_UNITS)})",
+            f"write a section [gravity] with vector and unit ({choices(GRAVITY_UNITS)})"
         )
+        reader.problems.add(SessionError(FILE, problem))
     return vector
 
 
-class _Section:
-    """One table of session.toml: reads keys with their type and range, and reports the keys nobody asked for."""
+class _Reader:
+    """Reads sections by the definitions of their keys; what is wrong is kept, keys that nobody knows are warnings."""
 
-    def __init__(self, path: str, keys: dict[str, Any], warnings: list[str]) -> None:
-        self._path, self._keys, self._warnings = path, keys, warnings
-        self._asked: set[str] = set()
+    def __init__(self, problems: Problems, warnings: list[str]) -> None:
+        self.problems, self._warnings = problems, warnings
 
-    def _name(self, key: str) -> str:
-        return f"{self._path}.{key}" if self._path else key
-
-    def _fail(self, key: str, value: Any, needed: str) -> SessionError:
-        return SessionError(FILE, f"{self._name(key)}: got {value!r}, needed {needed}")
-
-    def _get(self, key: str, default: Any, needed: str) -> Any:
-        self._asked.add(key)
-        if key in self._keys:
-            return self._keys[key]
-        if default is _MISSING:
-            raise SessionError(FILE, f"{self._name(key)} is missing; needed {needed}")
-        return default
-
-    def text(self, key: str, default: Any = _MISSING, one_of: tuple[str, ...] = ()) -> Any:
-        needed = f"one of {choices(one_of)}" if one_of else "a name (text)"
-        value = self._get(key, default, needed)
-        if value is default and key not in self._keys:
-            return value
-        if not isinstance(value, str) or not value.strip() or (one_of and value not in one_of):
-            raise self._fail(key, value, needed)
-        return value
-
-    def flag(self, key: str, default: bool) -> bool:
-        value = self._get(key, default, "true or false")
-        if not isinstance(value, bool):
-            raise self._fail(key, value, "true or false")
-        return value
-
-    def whole(self, key: str) -> int:
-        value = self._get(key, _MISSING, "a whole number")
-        if isinstance(value, bool) or not isinstance(value, int):
-            raise self._fail(key, value, "a whole number")
-        return value
-
-    def wholes(self, key: str, count: int) -> list[int]:
-        needed = f"a list of {count} whole numbers"
-        value = self._get(key, _MISSING, needed)
-        if not isinstance(value, list) or len(value) != count:
-            raise self._fail(key, value, needed)
-        # Larger boards are typing errors, which would ask for all memory.
-        if any(isinstance(item, bool) or not isinstance(item, int) or not 0 < item <= 100 for item in value):
-            raise self._fail(key, value, needed + " from 1 to 100")
-        return value
-
-    def number(
-        self,
-        key: str,
-        default: Any = _MISSING,
-        *,
-        at_least: float = -math.inf,
-        above: float = -math.inf,
-        below: float = math.inf,
-    ) -> Any:
-        bounds = [
-            text
-            for text, given in (
-                (f"at least {at_least:g}", at_least > -math.inf),
-                (f"above {above:g}", above > -math.inf),
-                (f"below {below:g}", below < math.inf),
-            )
-            if given
-        ]
-        needed = " ".join(["a finite number", " and ".join(bounds)]).strip()
-        value = self._get(key, default, needed)
-        if key not in self._keys:
-            return value
-        number = _number(value)
-        if number is None or number < at_least or number <= above or number >= below:
-            raise self._fail(key, value, needed)
-        return number
-
-    def numbers(self, key: str, count: int) -> list[float]:
-        needed = f"a list of {count} finite numbers"
-        value = self._get(key, _MISSING, needed)
-        found = [_number(item) for item in value] if isinstance(value, list) else []
-        if len(found) != count or any(item is None for item in found):
-            raise self._fail(key, value, needed)
-        return [item for item in found if item is not None]
-
-    def section(self, key: str) -> _Section | None:
-        value = self._get(key, None, "a section")
+    def value(self, path: str, given: Mapping[str, Any], key: Key) -> Any:
+        """A key's value, its default, or None where it is wrong."""
+        name = f"{path}.{key.name}" if path else key.name
+        if key.name not in given:
+            if key.required:
+                self.problems.add(SessionError(FILE, f"{name} is missing; needed {key.needed}"))
+                return None
+            return key.default
+        value = key.read(given[key.name])
         if value is None:
-            return None
-        if not isinstance(value, dict):
-            raise self._fail(key, value, f"a section [{self._name(key)}]")
-        return _Section(self._name(key), value, self._warnings)
+            self.problems.add(SessionError(FILE, f"{name}: got {given[key.name]!r}, needed {key.needed}"))
+        return value
 
-    def sections(self, key: str) -> list[_Section]:
-        value = self._get(key, [], "sections")
-        if not isinstance(value, list) or not all(isinstance(item, dict) for item in value):
-            raise self._fail(key, value, f"sections [[{self._name(key)}]]")
-        return [_Section(f"{key}[{index}]", item, self._warnings) for index, item in enumerate(value)]
-
-    def close(self) -> None:
-        """Warns of every key that the format does not know: it is kept, and has no effect."""
-        for key in self._keys:
-            if key not in self._asked:
-                known = choices(sorted(self._asked))
+    def section(
+        self, path: str, given: Mapping[str, Any], section: Section, known: tuple[str, ...] = ()
+    ) -> dict[str, Any]:
+        """All keys of a section by name, and its own sections; of what is wrong None."""
+        found = {key.name: self.value(path, given, key) for key in section.keys}
+        inner = {} if not path else {one.name: self.one(given, one, path) for one in section.sections}
+        names = {*found, *(one.name for one in section.sections), *known}
+        for key in given:
+            if key not in names:
+                where = f"{path}.{key}" if path else key
                 self._warnings.append(
-                    f"{FILE}: {self._name(key)} is not a key of the format and has no effect ({known})"
+                    f"{FILE}: {where} is not a key of the format and has no effect ({choices(sorted(names))})"
                 )
+        return found | inner
 
+    def one(self, given: Mapping[str, Any], section: Section, path: str = "") -> dict[str, Any] | None:
+        """A section that may be left out."""
+        if section.name not in given:
+            return None
+        name = f"{path}.{section.name}" if path else section.name
+        value = given[section.name]
+        if not isinstance(value, dict):
+            self.problems.add(SessionError(FILE, f"{name}: got {value!r}, needed a section [{name}]"))
+            return None
+        return self.section(name, value, section)
 
-def _number(value: Any) -> float | None:
-    """A TOML number as a finite double, or None."""
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        return None
-    try:
-        number = float(value)
-    except OverflowError:
-        return None
-    return number if math.isfinite(number) else None
+    def several(self, given: Mapping[str, Any], section: Section) -> list[dict[str, Any]]:
+        """Sections of one name."""
+        value = given.get(section.name, [])
+        if not isinstance(value, list) or not all(isinstance(item, dict) for item in value):
+            problem = f"{section.name}: got {value!r}, needed sections [[{section.name}]]"
+            self.problems.add(SessionError(FILE, problem))
+            return []
+        return [self.section(f"{section.name}[{index}]", item, section) for index, item in enumerate(value)]

@@ -16,13 +16,14 @@ import pyarrow.parquet
 import tomli_w
 
 from ..arguments import checked_arguments
+from ..formats.session_keys import FORMAT, VERSION
 from ..marker import Marker
 from ..output_files import new_file, new_folder
 from .accelerometers import accelerometer_columns
 from .camera_info import dump_camera_info
 from .errors import SessionError
 from .frames import MEASURED
-from .metadata import FILE, FORMAT, RESERVED_TARGET, VERSION
+from .metadata import FILE, RESERVED_TARGET
 from .states import states_table
 from .tables import SUFFIXES
 from .types import Session, Views
