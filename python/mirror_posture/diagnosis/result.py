@@ -376,6 +376,7 @@ LISTS = (
     "tracks",
     "fields",
     "witness",
+    "limits",
     "markers",
 )
 OF_CAUSES: dict[str, type] = {"alternatives": list, "members": list, "frames": list, "parameters": Mapping}
@@ -392,7 +393,7 @@ def _check_containers(tree: Mapping[str, Any]) -> None:
     if _is_mapping(gap):
         lists += [
             (f"gap.{name}", gap[name], list)
-            for name in ("checked", "closed_ci95")
+            for name in ("checked", "steps", "closed_ci95")
             if gap.get(name) is not None
         ]
     if _is_mapping(data) and "left_out" in data:

@@ -8,7 +8,7 @@ from types import NoneType, UnionType
 from typing import Any, Union, get_args, get_origin, get_type_hints
 
 from . import result
-from .result import FORMAT, VERDICTS, VERSION, Diagnosis
+from .result import FORMAT, VERDICTS, VERSIONS, Diagnosis
 
 PANELS = ("signatures", "tracks", "fields")
 """Arrays of points for drawing, which are read column by column."""
@@ -27,7 +27,7 @@ def document_schema() -> dict[str, Any]:
             "required": ["at", "unit", "points"],
         }
         properties[panel] = {"type": "array", "items": item}
-    head = {"format": {"const": FORMAT}, "version": {"const": VERSION}}
+    head = {"format": {"const": FORMAT}, "version": {"enum": list(VERSIONS)}}
     return {
         "type": "object",
         "properties": head | properties,

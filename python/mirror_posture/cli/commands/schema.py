@@ -13,6 +13,7 @@ from ..output import JsonOption, Output
 
 ORDER = 15
 PANEL = "Sessions"
+NEEDS_ARGUMENTS = False
 
 
 def command(
