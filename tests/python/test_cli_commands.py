@@ -177,5 +177,10 @@ def test_the_demonstration_names_what_it_made(tmp_path: Path) -> None:
     document = json.loads(run("demo", "--out", tmp_path / "out", "--postures", 1, "--json").stdout)
     assert document["marker_error_rms_m"]["maximum-likelihood"] < 0.0005
     assert document["model_gap_rms_m"] > 0.001
+    # One posture is too little for a cause; the correction needs no more.
+    assert document["diagnosis"]["verdict"] in ("insufficient", "partial", "explained")
+    looks = document["correction"]["distance_m"]
+    assert document["correction"]["stop"] == "converged"
+    assert max(looks[0].values()) > 0.002 > 0.001 > max(looks[-1].values())
     for path in document["made"].values():
         assert Path(path).exists(), path

@@ -25,10 +25,11 @@ def command(
     seed: Annotated[int, typer.Option(help="Seed of the camera's noise.", min=0)] = 0,
     as_json: JsonOption = False,
 ) -> None:
-    """Draw the embedded robot before a mirror, measure it from the pictures, compare with the truth.
+    """Draw the embedded robot before a mirror, measure it from the pictures, diagnose it and correct it.
 
-    Two of its joints are off and the model does not know: the measured markers show it. Everything is written into one
-    folder, pictures first; at the end it is said what is where and how far the markers are from the truth.
+    Two of its joints are off and the model does not know: the measured markers show it, the diagnosis names the joints, and
+    a simulated robot with the same errors is corrected in the mirror. Everything is written into one folder; at the end
+    it is said what is where and how far the markers are from the truth.
 
     Example: `mirror-posture demo --out out`
     """
@@ -42,6 +43,7 @@ def command(
     from ...output_files import new_folder, write_file
     from ...render import DEMO_OFFSETS_RAD, DEMO_POSTURES, DEMO_VIEWS, TRUTH_FILE, render_session
     from ...session import load_session, write_detections
+    from ..demo_robot import demonstrate_correction, demonstrate_diagnosis
     from ..output import plain
 
     chosen = DEMO_POSTURES[:postures]
@@ -106,6 +108,13 @@ def command(
     error = 1000.0 * _rms(errors[best.estimator])
     output.say(f"The model misses the markers by {gap:.2f} mm RMS, since it does not know of {hidden}.")
     output.say(f"Measured in the mirror they are {error:.2f} mm RMS from the truth.")
+
+    output.say("4. diagnosing: which joint is off, by how much, and what it cannot tell apart")
+    diagnosed = demonstrate_diagnosis(output, session, out / "diagnosis")
+
+    output.say("5. correcting the posture of a simulated robot with the same errors, look by look")
+    corrected = demonstrate_correction(output, DEMO_OFFSETS_RAD, chosen[0], seed, out / "convergence.png")
+
     made = {
         "the pictures, as a session with its truth": folder,
         "what was found in them": out / "detected",
@@ -113,13 +122,18 @@ def command(
         "measured against model, by marker": out / "measured_against_model.png",
         "the markers with their uncertainty": out / "markers.csv",
         "the same with all covariances": out / "markers.json",
+        "the diagnosis, a page for a browser": out / "diagnosis" / "report.html",
     }
+    if corrected is not None:
+        made["the correction: distance from the target by look"] = out / "convergence.png"
     output.table("What was made", ("*", "~"), [(what, str(path)) for what, path in made.items()])
-    output.say(f"next: mirror-posture measure {folder} --estimator all")
+    output.say(f"next: mirror-posture diagnose {folder} --out {out / 'again'}")
     result: dict[str, Any] = {
         "marker_error_rms_m": {name: _rms(values) for name, values in errors.items()},
         "model_gap_rms_m": gap / 1000.0,
         "markers_measured": int(good.sum()),
+        "diagnosis": diagnosed,
+        "correction": corrected,
         "made": {path.name: path for path in made.values()},
     }
     output.result(result)

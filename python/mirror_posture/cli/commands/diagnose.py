@@ -130,7 +130,7 @@ def command(
         _show(output, folder, found)
         if out is not None:
             target = out if len(sessions) == 1 else out / (folder.name or folder.resolve().name)
-            _write(output, loaded, found, target)
+            write_results(output, loaded, found, target)
         if rerun is not None:
             from ...diagnosis.rerun_recording import write_recording
 
@@ -140,7 +140,8 @@ def command(
         output.result(documents[0] if len(documents) == 1 else documents)
 
 
-def _write(output: Output, session: Session, found: Diagnosis, folder: Path) -> None:
+def write_results(output: Output, session: Session, found: Diagnosis, folder: Path) -> None:
+    """Writes diagnosis.json, the report with its pictures and the next postures into a folder, and says so."""
     from ...diagnosis.next_postures import write_next_postures
     from ...diagnosis.page import write_report
     from ...output_files import new_folder
