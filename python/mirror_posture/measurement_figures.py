@@ -28,10 +28,7 @@ SHIFT = 4
 
 def plot_measured_against_model(measurement: Measurement, file: Path) -> None:
     """One panel a marker: measured minus model along x, y, z of the root frame in each posture, mm, with 1 σ bars."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
+    from matplotlib.figure import Figure
 
     markers = measurement.markers
     shown = [
@@ -39,14 +36,8 @@ def plot_measured_against_model(measurement: Measurement, file: Path) -> None:
     ]
     columns = min(3, max(1, len(shown)))
     rows = max(1, -(-len(shown) // columns))
-    figure, axes = plt.subplots(
-        rows,
-        columns,
-        figsize=(5.0 * columns, 3.0 * rows + 0.6),
-        squeeze=False,
-        sharey=True,
-        layout="constrained",
-    )
+    figure = Figure(figsize=(5.0 * columns, 3.0 * rows + 0.6), layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False, sharey=True)
     difference = (markers.point_in_root_m - markers.model_in_root_m) * MILLIMETRES
     std = np.sqrt(np.diagonal(markers.covariance_in_root_m2, axis1=1, axis2=2)) * MILLIMETRES
     for panel, ax in enumerate(axes.flat):
@@ -87,7 +78,6 @@ def plot_measured_against_model(measurement: Measurement, file: Path) -> None:
     literal(figure)
     with new_file(file) as part:
         figure.savefig(part, dpi=110)
-    plt.close(figure)
 
 
 def draw_measured_and_model(session: Session, measurement: Measurement, row: int) -> Pixels | None:

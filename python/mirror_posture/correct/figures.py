@@ -40,13 +40,12 @@ LEAST_SHOWN_M = 5e-5
 def plot_convergence(outcome: Outcome, file: Path, tolerance_m: float) -> None:
     """Each marker's distance from its target by look, mm, with the bound below which it surely is, and the tolerance."""
     import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
+    from matplotlib.figure import Figure
     from matplotlib.ticker import LogLocator, NullFormatter
 
-    figure, axis = plt.subplots(figsize=(8.0, 4.6), layout="constrained")
-    colors = plt.get_cmap("tab10")
+    figure = Figure(figsize=(8.0, 4.6), layout="constrained")
+    axis = figure.subplots()
+    colors = matplotlib.colormaps["tab10"]
     count = len(outcome.looks)
     for index, name in enumerate(outcome.markers):
         rows = [(look, m) for look in outcome.looks for m in look.markers if m.marker == name]
@@ -98,7 +97,6 @@ def plot_convergence(outcome: Outcome, file: Path, tolerance_m: float) -> None:
     literal(figure)
     with new_file(file) as part:
         figure.savefig(part, dpi=120)
-    plt.close(figure)
 
 
 def _folded(text: str, width: int) -> str:
