@@ -55,7 +55,7 @@ def test_the_lab_imports_nothing_of_the_diagnosis(file: Path) -> None:
 
 
 def test_this_reader_of_imports_sees_what_it_should() -> None:
-    assert "mirror_posture.session.load_session" in imports(PRODUCT / "measurement.py") | imports(
+    assert "mirror_posture.session.load_session" in imports(PRODUCT / "measurement" / "run.py") | imports(
         PRODUCT / "cli" / "commands" / "check.py"
     )
     assert "mirror_lab.blind.make" in imports(LAB / "commands" / "blind.py")
@@ -132,9 +132,9 @@ LEVELS = (
     ("_core", "board", "camera", "marker", "viewpoint", "pages", "formats"),
     ("mirror", "robot", "triangulate", "calibrate", "optics"),
     ("session",),
-    ("view_check", "detect", "render", "measurement_residuals"),
+    ("view_check", "detect", "render"),
     ("measurement", "robots"),
-    ("measurement_table", "measurement_figures", "correct", "diagnosis"),
+    ("correct", "diagnosis"),
     ("fleet",),
     ("cli",),
     ("__main__",),

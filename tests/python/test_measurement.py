@@ -13,7 +13,7 @@ import pytest
 import mirror_posture as mp
 from mirror_posture.detect import detect_session
 from mirror_posture.measurement import ESTIMATORS, MeasureOptions, Mount, NothingMeasuredError
-from mirror_posture.measurement_table import marker_table, summarise
+from mirror_posture.measurement.table import marker_table, summarise
 from mirror_posture.render import DEMO_POSTURES, View, render_session
 from mirror_posture.session import Session, Views
 from session_folder import DATA, SESSION, replaced, write_folder
@@ -187,6 +187,7 @@ def test_what_is_missing_is_masked_with_its_reason(tmp_path: Path) -> None:
     assert not found.markers.measured[:2].any() and not found.markers.measured[2]
     assert "needed 2" in str(found.markers.reason[0])
     table = marker_table(found)
+    assert found.to_arrow().equals(table)
     assert table["x_m"][0].as_py() is None and table["reason"][0].as_py()
     for array in (
         found.markers.point_in_root_m,
@@ -283,3 +284,4 @@ def test_markers_in_traced_pictures_from_two_views(tmp_path: Path) -> None:
     assert np.sqrt((error**2).sum(axis=1).mean()) < 0.0005
     right = found.marker[good] == session.marker_names.index("r_hand")
     assert found.distance_m[good][right].min() > 0.002, "the hidden offset of the shoulder must be seen"
+

@@ -38,8 +38,8 @@ def command(
 
     from ...detect import detect_session, read_picture, write_overlay
     from ...measurement import ESTIMATORS, MeasureOptions, measure_all
-    from ...measurement_figures import plot_measured_against_model, write_measured_and_model
-    from ...measurement_table import document, write_marker_table
+    from ...measurement.figures import plot_measured_against_model, write_measured_and_model
+    from ...measurement.table import document, write_marker_table
     from ...output_files import new_folder, write_file
     from ...render import DEMO_OFFSETS_RAD, DEMO_POSTURES, DEMO_VIEWS, TRUTH_FILE, render_session
     from ...session import load_session, write_detections

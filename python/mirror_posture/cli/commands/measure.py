@@ -70,7 +70,7 @@ def command(
     """
     output = Output(as_json)
     from ...measurement import ESTIMATORS, MeasureOptions, measure_all
-    from ...measurement_table import document, summarise, write_marker_table
+    from ...measurement.table import document, summarise, write_marker_table
 
     if estimator not in (*ESTIMATORS, ALL):
         raise MirrorPostureError(
@@ -114,7 +114,7 @@ def command(
             write_marker_table(chosen, out)
         written.append(out)
     if plot is not None:
-        from ...measurement_figures import plot_measured_against_model
+        from ...measurement.figures import plot_measured_against_model
 
         plot_measured_against_model(chosen, plot)
         written.append(plot)
@@ -212,7 +212,7 @@ def _show_rows(output: Output, measurement: Measurement, limit: int) -> None:
 
 
 def _show_summary(output: Output, measurement: Measurement) -> None:
-    from ...measurement_table import summarise
+    from ...measurement.table import summarise
 
     rows = [
         (
@@ -261,7 +261,7 @@ def _show_comparison(output: Output, measurements: list[Measurement]) -> None:
 
 
 def _write_overlays(output: Output, session: Session, measurement: Measurement, folder: Path) -> list[Path]:
-    from ...measurement_figures import write_measured_and_model
+    from ...measurement.figures import write_measured_and_model
     from ...output_files import new_folder
 
     written = False

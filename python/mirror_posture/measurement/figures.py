@@ -9,13 +9,13 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from .detect import read_picture
-from .figure_text import literal
-from .measurement import Measurement
-from .mirror import IDEAL_MIRROR
-from .optics import see_in_mirror
-from .output_files import new_file, write_file
-from .session import Session
+from ..detect import read_picture
+from ..figure_text import literal
+from ..mirror import IDEAL_MIRROR
+from ..optics import see_in_mirror
+from ..output_files import new_file, write_file
+from ..session import Session
+from .types import Measurement
 
 Pixels = npt.NDArray[Any]
 """A picture as OpenCV holds it: (H, W, 3) uint8, BGR."""

@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from ._core import MeasureInput
-from .session.types import Session
-from .short_repr import ShortRepr
+from .._core import MeasureInput
+from ..session.types import Session
+from ..short_repr import ShortRepr
 
 Floats = npt.NDArray[np.float64]
 

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyarrow as pa
 
-from ._core import MirrorPostureError
-from .measurement import Measurement
-from .output_files import new_file
-from .session.write import write_table
+from .._core import MirrorPostureError
+from ..output_files import new_file
+from ..session.write import write_table
+
+if TYPE_CHECKING:
+    from .types import Measurement
 
 AXES = "xyz"
 MILLIMETRES = 1000.0
