@@ -127,7 +127,7 @@ def test_wrong_options_of_measure_are_named(detected: Path, tmp_path: Path) -> N
     assert ".parquet" in run("measure", detected, "--out", tmp_path / "m.xls", code=1).stderr
     (tmp_path / "mount.json").write_text("{}")
     assert "is no calibration" in run("measure", detected, "--mount", tmp_path / "mount.json", code=1).stderr
-    assert "No such file" in run("measure", detected, "--mount", tmp_path / "none.json", code=1).stderr
+    assert "no such file" in run("measure", detected, "--mount", tmp_path / "none.json", code=1).stderr
 
 
 def test_nothing_to_measure_exits_with_3(tmp_path: Path) -> None:
