@@ -284,4 +284,3 @@ def test_markers_in_traced_pictures_from_two_views(tmp_path: Path) -> None:
     assert np.sqrt((error**2).sum(axis=1).mean()) < 0.0005
     right = found.marker[good] == session.marker_names.index("r_hand")
     assert found.distance_m[good][right].min() > 0.002, "the hidden offset of the shoulder must be seen"
-
