@@ -1,8 +1,8 @@
 """Measuring a session: mirrors from the board's reflections, markers from two or more views (`docs/measuring.md`)."""
 
 from .inputs import nominal_camera_from_board
-from .run import measure, measure_all
 from .options import ESTIMATORS, Estimator, MeasureOptions, Mount
+from .run import measure, measure_all
 from .types import Markers, Measurement, Mirrors, NothingMeasuredError
 
 __all__ = [
