@@ -30,7 +30,7 @@ test-rust: ## the core's tests; needs no Python
 
 test-python: $(VENV)/installed-for-tests ## build and install the wheel, test it
 	$(BIN)/python -m pytest -q -n 2 -m "not realtime"
-	$(BIN)/python -m pytest -q -m realtime
+	$(BIN)/python -m pytest -q -n 3 -m realtime
 
 test-floors: $(VENV)/wheel ## detection and sessions with the oldest dependencies that can be solved (not a part of `make test`)
 	$(PYTHON) -m venv $(VENV)-floors

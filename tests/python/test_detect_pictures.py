@@ -202,7 +202,7 @@ def test_no_array_gives_anything_but_our_error(array: np.ndarray) -> None:
     only_our_errors(lambda: detect_picture(array, SETUP))
 
 
-@settings(max_examples=25, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=12, deadline=None, suppress_health_check=list(HealthCheck))
 @given(st.data())
 def test_mangled_pictures_give_masks_or_our_error(data: st.DataObject) -> None:
     picture = good_picture()
