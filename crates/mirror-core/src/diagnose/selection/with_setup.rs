@@ -17,12 +17,11 @@ use crate::diagnose::selection::nonparametric::log_odds;
 use crate::diagnose::selection::search::{Found, Search, SearchOptions};
 use crate::error::Result;
 
-/// Log prior odds of a displaced set-up against a session that was mounted by a machine.
-const LOG_PRIOR_SETUP: f64 = -6.0;
+/// Log prior odds of a displaced set-up against a session that was mounted by a machine: with it free there is hardly a remainder that
+/// it could not take a part of.
+const LOG_PRIOR_SETUP: f64 = -12.0;
 /// A cause beside the set-up is kept from these log odds on: what else could be in its place is in the model already.
 const LEAST_LOG_ODDS: f64 = 2.0;
-/// Causes that explain the data nearly as well without the set-up (log evidence) do so alone.
-const NEEDLESS_SETUP: f64 = 12.0;
 /// Rounds in which causes and spreads are found in turn.
 const ROUNDS: usize = 3;
 /// Spreads that changed by less than this (log, summed over the kinds) need no second search.
@@ -67,19 +66,34 @@ pub(crate) fn with_or_without_setup(
     }
     let most_causes = search.options.most_causes;
     search.options.most_causes = most_causes.min(FEW_CAUSES);
-    let mut few = search.run(nominal.clone())?;
+    let few = search.run(nominal.clone())?;
     search.options.most_causes = most_causes;
-    if !suffices(search, &few)?
-        && let Some(freed) = with_setup(search, &few, nominal, stated, mounted)?
-    {
+    let at_its_end = few.fit.model.terms.len() < most_causes.min(FEW_CAUSES);
+    let freed =
+        if suffices(search, &few)? { None } else { with_setup(search, &few, nominal, stated, mounted)? };
+    if at_its_end {
+        let Some(freed) = freed else { return Ok((few, None)) };
         *search = freed.search;
         return Ok((freed.found, Some(freed.setup).filter(|s| !s.group.columns.is_empty())));
     }
-    if few.fit.model.terms.len() < most_causes.min(FEW_CAUSES) {
-        return Ok((few, None));
+    // A few causes more may be all that there is.
+    let mut plain = search.clone();
+    let mut more = plain.run(few.fit.model.clone())?;
+    let mut trace = freed.as_ref().map_or_else(|| few.trace.clone(), |f| f.found.trace.clone());
+    trace.append(&mut more.trace);
+    if let Some(mut freed) = freed {
+        let displaced = !freed.setup.group.columns.is_empty();
+        let prior = if displaced { LOG_PRIOR_SETUP } else { 0.0 };
+        let odds = log_odds((&freed.search, &freed.found), (&plain, &more))? + prior;
+        trace.push(format!("with the set-up free, against more causes: log odds {odds:.1}"));
+        if odds > 0.0 {
+            freed.found.trace = trace;
+            *search = freed.search;
+            return Ok((freed.found, displaced.then_some(freed.setup)));
+        }
     }
-    let mut more = search.run(few.fit.model.clone())?;
-    more.trace.splice(0..0, core::mem::take(&mut few.trace));
+    more.trace = trace;
+    *search = plain;
     Ok((more, None))
 }
 
@@ -151,10 +165,8 @@ pub(crate) fn with_setup<'a>(
         let mut bare =
             Search { group: plain.group.clone(), options: plain.options.clone(), ..search.clone() };
         let causes = Model { group: Vec::new(), ..found.fit.model.clone() };
-        let alone = bare.fit(&causes, found.noise, 8)?;
-        let with = search.fit(&found.fit.model, found.noise, 8)?;
-        if with.log_evidence - alone.log_evidence < NEEDLESS_SETUP {
-            let mut without = bare.run(alone.model)?;
+        let mut without = bare.run(causes)?;
+        if log_odds((&search, &found), (&bare, &without))? + LOG_PRIOR_SETUP < 0.0 {
             found.trace.push("the set-up is where the model has it".into());
             found.trace.append(&mut without.trace);
             without.trace = found.trace;

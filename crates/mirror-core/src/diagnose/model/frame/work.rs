@@ -21,6 +21,9 @@ const PLANE_STEPS: usize = 2;
 const LAST_PLANE_GAIN: f64 = 0.01;
 const NEARBY_GAIN: f64 = 30.0;
 const NEARBY_STEPS: usize = 4;
+/// A plane at which less than this share of the board's corners counts is not near: from there good corners look false, weigh nothing and
+/// would never draw it back.
+const LEAST_CORNERS_COUNTED: f64 = 0.8;
 /// A board with fewer corners than this does not show a plane with a margin.
 const FEWEST_CORNERS: usize = 4;
 /// Extra numbers behind a column's rows: its projection on the plane's three parameters.
@@ -387,6 +390,10 @@ impl FrameWork {
             self.cost = 0.0;
             self.board_excess = 0.0;
             self.observe_board(problem, task, data);
+            let counted: f64 = self.rows.iter().map(|r| (r.scale * task.noise.corner_px).powi(2)).sum();
+            if counted < LEAST_CORNERS_COUNTED * self.rows.len() as f64 {
+                return false;
+            }
             self.observe(problem, task, data, true);
             let g: Matrix3<f64> = self.rows.iter().map(|r| r.plane.tr_mul(&r.plane)).sum();
             let Some(inverse) = g.cholesky().and_then(|c| c.l().try_inverse()) else { return false };
