@@ -26,7 +26,7 @@ from mirror_posture.viewpoint import View
 pytest.importorskip("mujoco")
 
 from faulty_robot import PIXEL_FAULTS, POSTURE, Blurred, Fault, HiddenForGood, SpotOnTheArm, trial
-from mirror_lab.robots.mujoco_picture import opengl_is_there
+from mirror_posture.shapes.mujoco_picture import opengl_is_there
 
 
 @pytest.fixture(scope="module")

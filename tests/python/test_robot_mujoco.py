@@ -18,7 +18,7 @@ from mirror_lab.blind.errors import BlindError  # noqa: E402
 from mirror_lab.blind.known_robots import unitree_g1  # noqa: E402
 from mirror_lab.robots.mujoco import MujocoOptions, MujocoRobot  # noqa: E402
 from mirror_lab.robots.mujoco_model import ServoOptions, read_spec  # noqa: E402
-from mirror_lab.robots.mujoco_picture import opengl_is_there  # noqa: E402
+from mirror_posture.shapes.mujoco_picture import opengl_is_there  # noqa: E402
 
 POSTURE = {"r_shoulder_pitch": -0.25, "r_shoulder_roll": 1.2, "r_elbow": 0.3, "l_elbow": 0.5}
 STIFF = MujocoOptions(servo=ServoOptions(droop_rad=1e-4), noise_px=0.0)

@@ -39,8 +39,7 @@ from .mujoco_model import ServoOptions, build, frame_of, read_spec
 
 if TYPE_CHECKING:
     from mirror_posture.render import Painter
-
-    from .mujoco_picture import MirrorRenderer
+    from mirror_posture.shapes.mujoco_picture import MirrorRenderer
 
 Floats = npt.NDArray[np.float64]
 Way = Literal["pixels", "traced", "rendered", "auto"]
@@ -103,7 +102,7 @@ class MujocoRobot(SimulatedStand, RobotBase):
         spec = read_spec(Path(model) if model is not None else nominal.robot_file)
         way = self._way()
         if way == "rendered":
-            from .mujoco_picture import dress
+            from mirror_posture.shapes.mujoco_picture import dress
 
             dress(spec, nominal)
         gravity = np.asarray(metadata.gravity_m_per_s2, dtype=float)
@@ -115,7 +114,7 @@ class MujocoRobot(SimulatedStand, RobotBase):
         self._painter: Painter | None = None
         self._renderer: MirrorRenderer | None = None
         if way == "rendered":
-            from .mujoco_picture import MirrorRenderer
+            from mirror_posture.shapes.mujoco_picture import MirrorRenderer
 
             self._renderer = MirrorRenderer(self.model, nominal)
         if way == "traced":
@@ -155,7 +154,7 @@ class MujocoRobot(SimulatedStand, RobotBase):
     def _way(self) -> Way:
         way = self.options.way
         if way == "auto":
-            from .mujoco_picture import opengl_is_there
+            from mirror_posture.shapes.mujoco_picture import opengl_is_there
 
             claimed = self.nominal.metadata.mirror
             glass = 0.0 if claimed is None else claimed.glass_thickness_m

@@ -26,6 +26,8 @@ GLASS_CLEARANCES = 3.0
 """Clearances that the body keeps from the glass: the mirror does not stand exactly where it was meant."""
 ALWAYS_SAMPLES = 40
 ALWAYS_SHARE = 0.95
+FACE_POINTS = 5
+"""Of the board's face, each way, that nothing may hide."""
 LEAST_BODY_M = 0.02
 """Without shapes: every link's origin is taken for a ball of this radius."""
 
@@ -189,6 +191,16 @@ def sift(
     )
 
 
+def _face(setting: Setting, scene: Scene, row: int) -> Floats:
+    """Points all over the board's print, its outermost squares included, in the camera's frame: the scene has its corners only."""
+    board, (first, right, down) = setting.board, scene.corners[row][:3]
+    x, y = (right - first) / (board.columns - 1), (down - first) / (board.rows - 1)
+    across, along = np.linspace(-1.0, board.columns, FACE_POINTS), np.linspace(-1.0, board.rows, FACE_POINTS)
+    grid = np.stack(np.meshgrid(across, along), axis=-1).reshape(-1, 2)
+    points: Floats = first + grid[:, :1] * x + grid[:, 1:] * y
+    return points
+
+
 def _unhidden(
     setting: Setting, body: Body | None, scene: Scene, sight: Sight, mirror: MirrorPlace, row: int
 ) -> Mask | None:
@@ -200,12 +212,13 @@ def _unhidden(
     eye = base_from_camera[:3, 3]
     normal, at = mirror.normal_in_root, float(mirror.normal_in_root @ mirror.center_in_root_m)
     balls = np.flatnonzero(sight.markers[row])
-    points = np.concatenate([scene.corners[row], scene.markers[row][balls]])
+    face = _face(setting, scene, row)
+    points = np.concatenate([face, scene.markers[row][balls]])
     points = points @ base_from_camera[:3, :3].T + eye
     image = points + 2.0 * (at - points @ normal)[:, None] * normal
     share = (at - eye @ normal) / ((image - eye) @ normal)
     crossing = eye + share[:, None] * (image - eye)
-    corners = len(scene.corners[row])
+    corners = len(face)
     off = np.concatenate([np.full(corners, 1e-3), setting.radii_m[balls] + 1e-3])
     out = body.hidden(eye, crossing, [setting.camera_link], np.zeros(len(points)))
     back = np.array(

@@ -63,7 +63,8 @@ def open_robot(settings: Mapping[str, Any], nominal: Nominal, say: Callable[[str
             raise MirrorPostureError(
                 f"{name}: needs --servos FILE (TOML), which says which servo is which joint"
             )
-        robot = made(nominal, settings["servos"], camera_eye(settings["camera"], nominal))
+        eye = settings.get("eye") or camera_eye(settings["camera"], nominal)
+        robot = made(nominal, settings["servos"], eye)
         return robot  # type: ignore[no-any-return]
     raise MirrorPostureError(
         f"robot: got {name!r}, needed one of {', '.join(NAMES)}, or --robot-class MODULE:CLASS"

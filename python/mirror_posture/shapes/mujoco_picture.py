@@ -19,15 +19,15 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from mirror_posture._core import MirrorPostureError
-from mirror_posture.robots.nominal import Nominal
+from .._core import MirrorPostureError
+from ..robots.nominal import Nominal
 
 Floats = npt.NDArray[np.float64]
 
 MIRROR = "mirror_posture:mirror"
 CAMERA = "mirror_posture:camera"
 FINER = 2
-"""Rendered pixels a picture's pixel, each way, before the lens is put on."""
+"""Rendered pixels a picture's pixel, each way, before the lens is put on; fewer for a preview."""
 EDGE_SAMPLES = 8
 BORDER_PX = 4
 """Of the rendered picture beyond what the lens sees."""
@@ -61,8 +61,17 @@ def opengl_is_there() -> bool:
     return done.returncode == 0
 
 
-def dress(spec: mujoco.MjSpec, nominal: Nominal) -> None:
-    """Gives a model board, balls, camera and mirror as the nominal session has them; raises `MirrorPostureError`."""
+def dress(
+    spec: mujoco.MjSpec,
+    nominal: Nominal,
+    mirror_half_m: tuple[float, float] = MIRROR_HALF_M,
+    finer: int = FINER,
+    edge_samples: int = EDGE_SAMPLES,
+) -> None:
+    """Gives a model board, balls, camera and mirror as the nominal session has them; raises `MirrorPostureError`.
+
+    `mirror_half_m` are half the mirror's width and height; `finer` and `edge_samples` as of `MirrorRenderer`.
+    """
     metadata, camera = nominal.metadata, nominal.camera
     if camera is None or metadata.board is None or metadata.board.pattern != "chessboard":
         raise MirrorPostureError(
@@ -79,9 +88,9 @@ def dress(spec: mujoco.MjSpec, nominal: Nominal) -> None:
         ball = body.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[0.5 * marker.diameter_m, 0, 0])
         ball.material, ball.contype, ball.conaffinity, ball.mass = paint.name, 0, 0, 0.0
     _print_board(spec, nominal)
-    width, height, _ = _pinhole(nominal)
+    width, height, focal = _pinhole(nominal, finer)
     spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
-    spec.visual.quality.offsamples = EDGE_SAMPLES
+    spec.visual.quality.offsamples = edge_samples
     spec.visual.quality.shadowsize = 0
     spec.visual.headlight.ambient = [0.55, 0.55, 0.55]
     spec.visual.headlight.diffuse = [0.4, 0.4, 0.4]
@@ -91,14 +100,14 @@ def dress(spec: mujoco.MjSpec, nominal: Nominal) -> None:
     eye = _body(spec, str(metadata.camera_link)).add_camera(name=CAMERA)
     # MuJoCo's cameras look along −z with y up: the optical frame, half turned about x.
     eye.quat = [0.0, 1.0, 0.0, 0.0]
-    eye.fovy = math.degrees(2.0 * math.atan(0.5 * height / _pinhole(nominal)[2]))
+    eye.fovy = math.degrees(2.0 * math.atan(0.5 * height / focal))
     silver = spec.add_material(name=MIRROR, rgba=[0.0, 0.0, 0.0, 1.0])
     silver.reflectance, silver.specular, silver.emission = 1.0, 0.0, 0.0
     # A light wall behind the robot: before a black room a ball's rim keeps its hue, and its outline is found too large.
     paint = spec.add_material(name=WALL, rgba=[0.62, 0.62, 0.6, 1.0])
     paint.emission, paint.specular = 0.6, 0.0
     for name, kind, size in (
-        (MIRROR, mujoco.mjtGeom.mjGEOM_PLANE, [*MIRROR_HALF_M, 0.1]),
+        (MIRROR, mujoco.mjtGeom.mjGEOM_PLANE, [*mirror_half_m, 0.1]),
         (WALL, mujoco.mjtGeom.mjGEOM_BOX, [WALL_HALF_M, WALL_HALF_M, 0.01]),
     ):
         # Turned at all, so that MuJoCo does not take its frame for the world's for good: it is put elsewhere for each picture.
@@ -142,21 +151,21 @@ def _print_board(spec: mujoco.MjSpec, nominal: Nominal) -> None:
                 tile(x, y, [0.5 * side, 0.5 * side, 0.5 * INK_M], 0.5 * INK_M, "ink")
 
 
-def _pinhole(nominal: Nominal) -> tuple[int, int, float]:
+def _pinhole(nominal: Nominal, finer: int) -> tuple[int, int, float]:
     """Width, height and focal length (px) of a centred pinhole picture that holds all that the lens sees."""
     camera = nominal.camera
     assert camera is not None
-    focal = FINER * max(camera.fx_px, camera.fy_px)
-    rays = np.abs(_rays(nominal).reshape(-1, 2)).max(axis=0)
+    focal = finer * max(camera.fx_px, camera.fy_px)
+    rays = np.abs(_rays(nominal, finer).reshape(-1, 2)).max(axis=0)
     width, height = (2 * math.ceil(focal * ray + BORDER_PX) for ray in rays)
     return width, height, focal
 
 
-def _rays(nominal: Nominal) -> Floats:
-    """Directions (H·FINER, W·FINER, 2) of a finer picture's pixels, as x/z and y/z, through the lens."""
+def _rays(nominal: Nominal, finer: int) -> Floats:
+    """Directions (H·finer, W·finer, 2) of a finer picture's pixels, as x/z and y/z, through the lens."""
     camera = nominal.camera
     assert camera is not None
-    u, v = ((np.arange(size * FINER) + 0.5) / FINER - 0.5 for size in (camera.width_px, camera.height_px))
+    u, v = ((np.arange(size * finer) + 0.5) / finer - 0.5 for size in (camera.width_px, camera.height_px))
     pixels = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 1, 2)
     criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 40, 1e-7)
     # OpenCV 4 has the variant with criteria under a name of its own.
@@ -169,18 +178,18 @@ def _rays(nominal: Nominal) -> Floats:
         P=np.eye(3),
         criteria=criteria,
     )
-    return np.asarray(rays, dtype=np.float64).reshape(camera.height_px * FINER, camera.width_px * FINER, 2)
+    return np.asarray(rays, dtype=np.float64).reshape(camera.height_px * finer, camera.width_px * finer, 2)
 
 
 class MirrorRenderer:
-    """Renders a dressed model from its robot's camera."""
+    """Renders a dressed model from its robot's camera; `finer` rendered pixels a picture's pixel, each way, as it was dressed for."""
 
-    def __init__(self, model: mujoco.MjModel, nominal: Nominal) -> None:
-        width, height, focal = _pinhole(nominal)
+    def __init__(self, model: mujoco.MjModel, nominal: Nominal, finer: int = FINER) -> None:
+        width, height, focal = _pinhole(nominal, finer)
         camera = nominal.camera
         assert camera is not None
         self._size = (camera.width_px, camera.height_px)
-        rays = _rays(nominal)
+        rays = _rays(nominal, finer)
         self._map_u = (focal * rays[..., 0] + 0.5 * (width - 1)).astype(np.float32)
         self._map_v = (focal * rays[..., 1] + 0.5 * (height - 1)).astype(np.float32)
         self._model = model

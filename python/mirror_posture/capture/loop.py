@@ -1,0 +1,365 @@
+"""The capture's states: wait until all is still and sharp, look what is in the picture, take it, go on to the next posture.
+
+```
+          start                    still, sharp, board and a ball found
+WAITING ────────▶ MOVING ⇄ STILL ─────────────────────────────────────▶ (taken) ─▶ next posture
+   ▲                │ another view is next           a robot's driver: COMMANDING before each
+   │                ▼                                any error of it: rest, FAILED
+   └──────────── TURN_MIRROR                         pause: nothing moves, nothing is taken
+```
+"""
+
+from __future__ import annotations
+
+import enum
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from .._core import MirrorPostureError
+from ..plan.table import PlannedFrame
+from ..robots import CommandedRobot, Nominal
+from ..robots.nominal import detect_look
+from ..robots.protocol import ImagePoints, Look
+from .recorder import Recorder
+from .sources import Shot, Source
+from .stillness import Stillness
+
+LIVE_WIDTH_PX = 800
+ACTIONS = ("start", "pause", "turned", "skip", "again", "finish")
+PATIENCE_S = 2.0
+"""For how long an action waits for a picture that is being looked at."""
+LOOK_EVERY_S = 1.0
+"""Of a film or a camera: what is in a picture is looked for as often as this."""
+
+
+class Stage(str, enum.Enum):
+    """What the capture is doing."""
+
+    WAITING = "waiting"
+    """For the person to start it."""
+    TURN_MIRROR = "turn_mirror"
+    """For the person to turn the mirror and say so."""
+    COMMANDING = "commanding"
+    """A robot's driver moves the robot."""
+    MOVING = "moving"
+    STILL = "still"
+    """All stands still; what is in the picture is not good enough yet."""
+    PAUSED = "paused"
+    FINISHED = "finished"
+    FAILED = "failed"
+
+
+@dataclass(frozen=True)
+class CaptureOptions:
+    """When a picture is taken."""
+
+    still_s: float = 0.8
+    """For how long all must have stood still."""
+    least_markers: int = 1
+    """How many balls must be found in it."""
+    ask: bool = True
+    """Whether somebody is there to be asked: to start, to turn the mirror. False: a folder or a film, without a page."""
+
+
+class Capture:
+    """Takes a plan's pictures from a source into a session's folder. `step` does one thing and can be called from any thread."""
+
+    def __init__(
+        self,
+        nominal: Nominal,
+        plan: Sequence[PlannedFrame],
+        source: Source,
+        recorder: Recorder,
+        options: CaptureOptions | None = None,
+        robot: CommandedRobot | None = None,
+        say: Callable[[str], None] | None = None,
+    ) -> None:
+        self.nominal, self.plan, self.recorder = nominal, list(plan), recorder
+        self.options = options or CaptureOptions()
+        self._source, self._robot, self._say = source, robot, say or (lambda _: None)
+        self._lock = threading.RLock()
+        self._stillness = Stillness()
+        self.skipped: dict[int, str] = {}
+        """Planned frames without a picture, and why."""
+        self.stage = Stage.WAITING if self.options.ask else Stage.MOVING
+        self.message = ""
+        self._found: ImagePoints | None = None
+        self._last: Shot | None = None
+        self._looked_s = -np.inf
+        self._waypoint = -1
+        """Of the plan's rows the last one that the robot was sent to."""
+        self._asked: deque[str] = deque()
+        self._measured: dict[str, float] = {}
+        first = self.current
+        # A capture that goes on where it was stopped begins with the view of its next posture.
+        self._view = first.view if first is not None else 0
+
+    @property
+    def current(self) -> PlannedFrame | None:
+        """The planned frame that is to be taken next; None at the end."""
+        left = (f for f in self.plan if f.frame not in self.recorder.taken and f.frame not in self.skipped)
+        return next(left, None)
+
+    def step(self) -> bool:
+        """Reads a picture and does what is due; False when the capture has ended."""
+        with self._lock:
+            while self._asked:
+                self._act(self._asked.popleft())
+            if self.stage in (Stage.FINISHED, Stage.FAILED):
+                return False
+            try:
+                return self._step()
+            except MirrorPostureError as error:
+                self._fail(str(error))
+                return False
+
+    def _step(self) -> bool:
+        current = self.current
+        if current is None:
+            return self._end("all postures of the plan are taken")
+        shot = self._source.read()
+        if shot is None:
+            return self._end(f"the source has no more pictures; {self._left()} postures are not taken")
+        self._last = shot
+        if self._source.stills:
+            return self._take_still(shot)
+        still_s = self._stillness.see(shot.picture, shot.time_s)
+        if self.stage in (Stage.WAITING, Stage.PAUSED):
+            self._look(current, shot)
+            return True
+        if current.view != self._view:
+            if self.options.ask:
+                self.stage = Stage.TURN_MIRROR
+                self._look(current, shot)
+                return True
+            self._view = current.view
+        if self._robot is not None and self._waypoint < self.plan.index(current):
+            self._command(self._robot)
+            return True
+        if still_s < self.options.still_s or not self._stillness.moved:
+            self.stage = Stage.MOVING
+            self.message = "" if self._stillness.moved else "this one is taken; go on to the next posture"
+            self._look(current, shot)
+            return True
+        self.stage = Stage.STILL
+        if not self._stillness.is_sharp(shot.picture):
+            self.message = "the picture is blurred"
+            return True
+        if not self._look(current, shot):
+            return True
+        trouble = self._trouble()
+        if trouble:
+            self.message = trouble
+            return True
+        self._stillness.take(shot.picture)
+        self._record(current, shot)
+        return True
+
+    def _take_still(self, shot: Shot) -> bool:
+        """A picture of a folder: of the planned frame that its name says."""
+        frame = next((f for f in self.plan if f.frame == shot.number), None)
+        if frame is None:
+            raise MirrorPostureError(
+                f"{shot.name}: the plan has no frame {shot.number}; it has {len(self.plan)}, name the pictures by their frames"
+            )
+        if frame.frame in self.recorder.taken:
+            return True
+        self._look(frame, shot, now=True)
+        trouble = self._trouble()
+        if trouble:
+            self.skipped[frame.frame] = trouble
+            self._say(f"{shot.name}: not taken: {trouble}")
+            return True
+        self._record(frame, shot)
+        return True
+
+    def _look(self, frame: PlannedFrame, shot: Shot, now: bool = False) -> bool:
+        """Looks for board and balls, not more often than `LOOK_EVERY_S`; whether it did."""
+        if not now and abs(shot.time_s - self._looked_s) < LOOK_EVERY_S:
+            return False
+        self._looked_s = shot.time_s
+        camera = self.nominal.camera
+        height, width = shot.picture.shape[:2]
+        if camera is not None and (width, height) != camera.size_px:
+            raise MirrorPostureError(
+                f"{shot.name or 'the source'}: gives pictures of {width} x {height}, camera.yaml is of "
+                f"{camera.width_px} x {camera.height_px}; calibrate the camera at this resolution"
+            )
+        look = Look(frame.commanded, shot.time_s, picture_bgr=shot.picture)
+        self._found = detect_look(self.nominal, look).points
+        return True
+
+    def _trouble(self) -> str:
+        """Why the picture that was looked at last cannot be taken; empty where it can."""
+        found = self._found
+        if found is None:
+            return "nothing was looked for"
+        if not found.board_seen.any():
+            return next(
+                (r for r in found.reasons if r.startswith("board")), "the board is not found in the mirror"
+            )
+        if int(found.marker_seen.sum()) < self.options.least_markers:
+            return "; ".join(r for r in found.reasons if not r.startswith("board")) or "no ball is found"
+        return ""
+
+    def _record(self, frame: PlannedFrame, shot: Shot) -> None:
+        self.recorder.add(frame, shot.picture, shot.time_s, self._measured)
+        balls = int(self._found.marker_seen.sum()) if self._found is not None else 0
+        self.message = f"taken: posture {frame.frame}, board and {balls} balls"
+        self._say(f"frame {frame.frame}: board and {balls} of {len(self.nominal.marker_names)} balls")
+        if self.current is None:
+            self._end("all postures of the plan are taken")
+        elif self.stage is Stage.STILL:
+            self.stage = Stage.MOVING
+
+    def _command(self, robot: CommandedRobot) -> None:
+        """Sends the robot to the plan's next row, left out or taken already or not: only from row to row the way is known to be free."""
+        frame = self.plan[self._waypoint + 1]
+        self.stage = Stage.COMMANDING
+        arrival = robot.command({n: v for n, v in frame.commanded.items() if n in robot.joint_names})
+        self._measured = {name: float(value) for name, value in arrival.measured.items()}
+        self._waypoint += 1
+        self._stillness.moved = True
+        self.stage = Stage.MOVING
+
+    def _end(self, message: str) -> bool:
+        self.stage, self.message = Stage.FINISHED, message
+        self._rest()
+        return False
+
+    def _fail(self, message: str) -> None:
+        self.stage, self.message = Stage.FAILED, message
+        self._rest()
+
+    def _rest(self) -> None:
+        if self._robot is not None:
+            try:
+                self._robot.rest()
+            except MirrorPostureError as error:
+                self.message += f"; the robot did not come to rest: {error}"
+
+    def _left(self) -> int:
+        return sum(1 for f in self.plan if f.frame not in self.recorder.taken)
+
+    def do(self, action: str) -> str:
+        """What a person asks for: start, pause, turned, skip, again, finish. Returns what was done.
+
+        While a driver moves the robot it is done when that movement has ended. Raises `MirrorPostureError` for anything else.
+        """
+        if action not in ACTIONS:
+            raise MirrorPostureError(f"got {action!r}, needed one of {', '.join(ACTIONS)}")
+        if not self._lock.acquire(timeout=PATIENCE_S):
+            self._asked.append(action)
+            return "done as soon as this movement has ended"
+        try:
+            return self._act(action)
+        finally:
+            self._lock.release()
+
+    def _act(self, action: str) -> str:
+        current = self.current
+        if self.stage in (Stage.FINISHED, Stage.FAILED):
+            return "the capture has ended"
+        if action in ("start", "turned"):
+            if current is not None:
+                self._view = current.view
+            self.stage, self.message = Stage.MOVING, ""
+            self._stillness.moved = True
+            return "going on"
+        if action == "pause":
+            self.stage = Stage.PAUSED
+            return "paused: nothing moves, nothing is taken"
+        if action == "skip":
+            if current is not None:
+                self.skipped[current.frame] = "left out by hand"
+            return "left out"
+        if action == "again":
+            if not self.recorder.taken or self._robot is not None:
+                return (
+                    "nothing was taken yet"
+                    if self._robot is None
+                    else "a robot does not go back; capture again at the end"
+                )
+            last = max(self.recorder.taken)
+            self.recorder.drop(last)
+            self._stillness.moved = True
+            return f"posture {last} is to be taken again"
+        self._end(f"finished by hand; {self._left()} postures are not taken")
+        return "finished"
+
+    def close(self) -> None:
+        """Brings the robot to rest and lets go of the source."""
+        with self._lock:
+            if self.stage not in (Stage.FINISHED, Stage.FAILED):
+                self._rest()
+            self._source.close()
+
+    def state(self) -> dict[str, Any]:
+        """What the page shows, as JSON holds it."""
+        # Without the lock: a robot that is being moved must not stop the page.
+        current, found = self.current, self._found
+        markers = self.nominal.metadata.markers
+        return {
+            "stage": self.stage.value,
+            "message": self.message,
+            "taken": sorted(self.recorder.taken),
+            "skipped": dict(self.skipped),
+            "planned": len(self.plan),
+            "motion": round(self._stillness.motion, 2),
+            "live": self._source.live,
+            "robot": None if self._robot is None else self._robot.name,
+            "next": None
+            if current is None
+            else {
+                "frame": current.frame,
+                "posture": current.posture,
+                "view": current.view,
+                "joints_deg": {k: round(float(np.degrees(v)), 1) for k, v in current.commanded.items()},
+            },
+            "board": bool(found is not None and found.board_seen.any()),
+            "markers": [
+                {
+                    "name": m.name,
+                    "hue": None if m.color is None else m.color.hue_deg,
+                    "seen": bool(found is not None and found.marker_seen[i]),
+                }
+                for i, m in enumerate(markers)
+            ],
+            "reasons": [] if found is None else list(found.reasons),
+        }
+
+    def live_jpeg(self) -> bytes | None:
+        """The last picture, small, with what was found in it drawn over; None before the first."""
+        shot, found = self._last, self._found
+        if shot is None:
+            return None
+        scale = min(1.0, LIVE_WIDTH_PX / shot.picture.shape[1])
+        size = (round(shot.picture.shape[1] * scale), round(shot.picture.shape[0] * scale))
+        small = cv2.resize(shot.picture, size, interpolation=cv2.INTER_AREA)
+        if found is not None:
+            _draw(small, found, scale)
+        return bytes(cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 80])[1])
+
+
+def _draw(picture: npt.NDArray[Any], found: ImagePoints, scale: float) -> None:
+    for u, v in found.board_px[found.board_seen]:
+        cv2.circle(picture, (round(u * scale), round(v * scale)), 3, (0, 200, 0), -1, cv2.LINE_AA)
+    for u, v in found.marker_px[found.marker_seen]:
+        at = (round(u * scale), round(v * scale))
+        cv2.circle(picture, at, 13, (255, 255, 255), 4, cv2.LINE_AA)
+        cv2.circle(picture, at, 13, (0, 160, 0), 2, cv2.LINE_AA)
+
+
+def run_to_the_end(capture: Capture, ended: Callable[[], bool] = lambda: False, pause_s: float = 0.0) -> None:
+    """Steps until the capture has ended, or until `ended` says so."""
+    while not ended() and capture.step():
+        if pause_s:
+            time.sleep(pause_s)

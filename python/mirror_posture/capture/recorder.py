@@ -1,0 +1,114 @@
+"""What was captured, on the disk at once: each picture first, then the table that names it, both whole or not at all."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv
+
+from .._core import MirrorPostureError
+from ..output_files import new_file, write_file
+from ..plan.table import PlannedFrame
+from ..session.tables import find_table
+from ..session.write import write_table
+
+FRAMES = "frames.csv"
+
+
+@dataclass(frozen=True)
+class Taken:
+    """A row of frames.csv."""
+
+    frame: int
+    posture: int
+    time_s: float
+    image: str
+    measured: Mapping[str, float]
+
+
+class Recorder:
+    """Adds pictures to a session's folder, and goes on where a stopped or killed capture of the same plan ended.
+
+    Raises `MirrorPostureError` where the folder holds frames of another plan, or detections.
+    """
+
+    def __init__(self, folder: Path, plan: Sequence[PlannedFrame], overwrite: bool = False) -> None:
+        self._folder, self._plan = folder, {frame.frame: frame for frame in plan}
+        self._joints = list(plan[0].commanded)
+        old = [table for stem in ("frames", "detections") if (table := find_table(folder, stem)) is not None]
+        self.taken: dict[int, Taken] = {}
+        if overwrite:
+            for file in old:
+                file.unlink()
+        elif old:
+            self._resume(old)
+
+    def _resume(self, old: list[Path]) -> None:
+        told = f"{self._folder}: has {' and '.join(file.name for file in old)} already"
+        again = "add --overwrite to replace them, or give another session"
+        if [file.name for file in old] != [FRAMES]:
+            raise MirrorPostureError(f"{told}; {again}")
+        table = pyarrow.csv.read_csv(self._folder / FRAMES)
+        columns = {name: table[name].to_pylist() for name in table.column_names}
+        joints = [
+            name
+            for name in columns
+            if name not in ("frame", "posture", "time_s", "image") and ":" not in name
+        ]
+        if joints != self._joints or "image" not in columns:
+            raise MirrorPostureError(f"{told}, of another plan; {again}")
+        for row, frame in enumerate(columns["frame"]):
+            planned = self._plan.get(int(frame))
+            same = planned is not None and all(
+                abs(float(columns[name][row]) - planned.commanded[name]) < 1e-9 for name in joints
+            )
+            if planned is None or not same or not (self._folder / columns["image"][row]).is_file():
+                raise MirrorPostureError(f"{told}, of another plan (row {row + 1}); {again}")
+            measured = {
+                name.split(":", 1)[1]: float(columns[name][row])
+                for name in columns
+                if name.startswith("measured:")
+            }
+            self.taken[int(frame)] = Taken(
+                int(frame), planned.posture, float(columns["time_s"][row]), columns["image"][row], measured
+            )
+
+    def add(self, frame: PlannedFrame, picture: Any, time_s: float, measured: Mapping[str, float]) -> None:
+        """Writes a picture and its row; when this returns both are on the disk."""
+        image = f"images/{frame.frame:04d}.png"
+        (self._folder / "images").mkdir(exist_ok=True)
+        done, data = cv2.imencode(".png", picture)
+        if not done:
+            raise MirrorPostureError(f"{image}: a picture of shape {np.shape(picture)} cannot be written")
+        write_file(self._folder / image, data.tobytes())
+        self.taken[frame.frame] = Taken(frame.frame, frame.posture, time_s, image, dict(measured))
+        self._write()
+
+    def drop(self, frame: int) -> None:
+        """Takes a frame out of the table, to be taken again; its picture stays until then."""
+        self.taken.pop(frame, None)
+        self._write()
+
+    def _write(self) -> None:
+        # Rows stand in the order of execution, which the plan's numbers are.
+        rows = [self.taken[frame] for frame in sorted(self.taken)]
+        start = rows[0].time_s if rows else 0.0
+        columns: dict[str, Any] = {
+            "frame": pa.array([row.frame for row in rows], pa.int64()),
+            "posture": pa.array([row.posture for row in rows], pa.int64()),
+            "time_s": pa.array([max(0.0, row.time_s - start) for row in rows], pa.float64()),
+            "image": pa.array([row.image for row in rows], pa.string()),
+        }
+        for name in self._joints:
+            columns[name] = pa.array([self._plan[row.frame].commanded[name] for row in rows], pa.float64())
+        for name in self._joints:
+            if rows and all(name in row.measured for row in rows):
+                columns[f"measured:{name}"] = pa.array([row.measured[name] for row in rows], pa.float64())
+        with new_file(self._folder / FRAMES) as part:
+            write_table(pa.table(columns), part)

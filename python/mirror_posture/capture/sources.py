@@ -1,0 +1,167 @@
+"""Where pictures come from: a camera of this machine, a stream, a film, a folder of pictures."""
+
+from __future__ import annotations
+
+import re
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from .._core import MirrorPostureError
+from ..camera import Camera
+
+Picture = npt.NDArray[np.uint8]
+
+FILMS = (".mp4", ".mkv", ".avi", ".mov", ".webm")
+LOST_AFTER = 50
+"""Pictures in a row that a camera may fail to give."""
+
+
+@dataclass(frozen=True, eq=False)
+class Shot:
+    """A picture, BGR, and when it was taken, s; `number` is the planned frame that its name says, if any."""
+
+    picture: Picture
+    time_s: float
+    name: str = ""
+    number: int | None = None
+
+
+class Source(Protocol):
+    """Gives pictures one after the other."""
+
+    stills: bool
+    """True: each picture is one of its own, taken at rest; False: they follow each other as in a film."""
+    live: bool
+    """True: it never ends, and waits for nobody."""
+
+    def read(self) -> Shot | None:
+        """The next picture; None at the end. Raises `MirrorPostureError` where none comes any more."""
+        ...
+
+    def close(self) -> None:
+        """Lets go of it."""
+        ...
+
+
+class CameraSource:
+    """A webcam (by its number) or a stream (by its address): always the newest picture."""
+
+    stills, live = False, True
+
+    def __init__(self, where: int | str, camera: Camera | None) -> None:
+        self._where = where
+        self._capture = cv2.VideoCapture(where)
+        if not self._capture.isOpened():
+            hint = "is it plugged in, and free?" if isinstance(where, int) else "is the address right?"
+            raise MirrorPostureError(f"--source {shown_source(where)}: cannot be opened; {hint}")
+        self._capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)
+        if camera is not None and isinstance(where, int):
+            self._capture.set(cv2.CAP_PROP_FRAME_WIDTH, camera.width_px)
+            self._capture.set(cv2.CAP_PROP_FRAME_HEIGHT, camera.height_px)
+        self._start = time.monotonic()
+
+    def read(self) -> Shot | None:
+        for _ in range(LOST_AFTER):
+            good, picture = self._capture.read()
+            if good:
+                return Shot(np.asarray(picture, dtype=np.uint8), time.monotonic() - self._start)
+            time.sleep(0.02)
+        raise MirrorPostureError(f"--source {shown_source(self._where)}: gives no pictures any more")
+
+    def close(self) -> None:
+        self._capture.release()
+
+
+class FilmSource:
+    """A film; its own time counts, however fast it is read."""
+
+    stills, live = False, False
+
+    def __init__(self, file: Path) -> None:
+        self._capture = cv2.VideoCapture(str(file))
+        if not self._capture.isOpened():
+            raise MirrorPostureError(f"--source {file}: is no film that can be read")
+        self._name, self._count = file.name, 0
+
+    def read(self) -> Shot | None:
+        time_s = float(self._capture.get(cv2.CAP_PROP_POS_MSEC)) / 1000.0
+        good, picture = self._capture.read()
+        if not good:
+            return None
+        self._count += 1
+        return Shot(np.asarray(picture, dtype=np.uint8), time_s, f"{self._name}, picture {self._count}")
+
+    def close(self) -> None:
+        self._capture.release()
+
+
+class FolderSource:
+    """A folder of pictures, in the order of the numbers in their names.
+
+    Where each name is one number, as `0012.png`, it says which planned frame the picture is of.
+    """
+
+    stills, live = True, False
+
+    def __init__(self, folder: Path) -> None:
+        from ..detect import list_pictures
+
+        self._files = sorted(list_pictures(folder), key=lambda file: (_numbers(file.stem), file.name))
+        if not self._files:
+            raise MirrorPostureError(f"--source {folder}: holds no pictures")
+        self._numbered = all(re.fullmatch(r"\d+", file.stem) for file in self._files)
+        self._next = 0
+
+    def read(self) -> Shot | None:
+        from ..detect import read_picture
+
+        if self._next >= len(self._files):
+            return None
+        file = self._files[self._next]
+        self._next += 1
+        number = int(file.stem) if self._numbered else self._next - 1
+        return Shot(np.asarray(read_picture(file), dtype=np.uint8), float(self._next - 1), file.name, number)
+
+    def close(self) -> None:
+        pass
+
+
+def open_source(text: str, camera: Camera | None) -> Source:
+    """`webcam`, `webcam:N`, an address (`rtsp://…`, `http://…`), a film or a folder.
+
+    Raises:
+        MirrorPostureError: it cannot be opened.
+    """
+    name, _, rest = text.partition(":")
+    if name == "webcam":
+        if rest and not rest.isdigit():
+            raise MirrorPostureError(f"--source: got {text!r}, needed webcam:NUMBER, as in webcam:0")
+        return CameraSource(int(rest or 0), camera)
+    if re.match(r"(rtsp|rtsps|http|https|udp)://", text):
+        return CameraSource(text, camera)
+    path = Path(text)
+    if path.is_dir():
+        return FolderSource(path)
+    if path.is_file() and path.suffix.lower() in FILMS:
+        return FilmSource(path)
+    raise MirrorPostureError(
+        f"--source: got {text!r}, needed webcam:0, rtsp://ADDRESS, a film ({', '.join(FILMS)}) or a folder of pictures"
+    )
+
+
+def shown_source(where: int | str) -> str:
+    """A source as it may be told: without the password in its address."""
+    return f"webcam:{where}" if isinstance(where, int) else re.sub(r"//[^/@]*@", "//…@", where)
+
+
+def _numbers(name: str) -> list[Any]:
+    """A name cut so that 9 comes before 10."""
+    return [
+        (0, int(part), "") if part.isdigit() else (1, 0, part) for part in re.split(r"(\d+)", name) if part
+    ]

@@ -1,0 +1,125 @@
+"""`mirror-posture capture`: the pictures of a plan, taken by themselves when all is still and sharp."""
+
+from __future__ import annotations
+
+import time
+import webbrowser
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from ..output import ExitCode, JsonOption, Output
+
+ORDER = 7
+PANEL = "Setting up"
+
+
+def command(
+    session: Annotated[
+        Path, typer.Argument(help="A session's folder, as `init` makes it.", show_default=False)
+    ],
+    source: Annotated[
+        str, typer.Option(help="webcam:0, rtsp://ADDRESS, a film, or a folder of pictures.")
+    ] = "webcam:0",
+    plan: Annotated[
+        Path | None, typer.Option(help="postures.csv; by default that of `plan` in the session's folder.")
+    ] = None,
+    robot: Annotated[
+        str | None, typer.Option(help="A driver that moves the robot: dynamixel, feetech. By default you do.")
+    ] = None,
+    servos: Annotated[
+        Path | None, typer.Option(help="With a driver: which servo is which joint (TOML).")
+    ] = None,
+    robot_class: Annotated[str | None, typer.Option(help="A driver of your own, MODULE:CLASS.")] = None,
+    page: Annotated[
+        bool | None,
+        typer.Option(help="Whether a page is served to look at; by default for cameras and streams."),
+    ] = None,
+    port: Annotated[int, typer.Option(help="Of the page; 0: any that is free.", min=0, max=65535)] = 0,
+    browser: Annotated[bool, typer.Option(help="Whether the page is opened in the browser.")] = True,
+    still_s: Annotated[float, typer.Option(help="For how long all must have stood still.", min=0.1)] = 0.8,
+    least_balls: Annotated[int, typer.Option(help="How many balls a picture must show.", min=0)] = 1,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the session's frames.")] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Take the pictures of a plan into a session: each by itself, when all stands still and board and balls are found in it.
+
+    A page on this machine alone (127.0.0.1, behind a secret address) shows the live picture, what is found in it, the next posture and
+    how many are left. Move the robot (or let a driver), turn the mirror when the page asks; what was taken is on the disk at once, and
+    the same command goes on where it was stopped.
+
+    Pictures of a folder that are named by their frame, as 0012.png, are taken as they are.
+
+    Example: `mirror-posture capture my-session --source webcam:0`
+    """
+    output = Output(as_json)
+    from ..._core import MirrorPostureError
+    from ...capture import Capture, CaptureOptions, Recorder, open_source
+    from ...capture.server import CaptureServer
+    from ...plan import read_plan
+    from ...robots import Nominal
+    from ._robots import open_robot
+
+    nominal = Nominal.load(session)
+    if nominal.camera is None or nominal.metadata.board is None:
+        raise MirrorPostureError(f"{session}: has no camera or no [board]; mirror-posture init writes them")
+    frames = read_plan(plan or session / "plan" / "postures.csv", nominal.robot)
+    if not frames:
+        raise MirrorPostureError(f"{plan or session / 'plan'}: has no rows")
+    if (servos or robot_class) and robot is None:
+        robot = "own" if robot_class else None
+    with ExitStack() as stack:
+        eye = open_source(source, nominal.camera)
+        recorder = Recorder(session, frames, overwrite)
+        if recorder.taken:
+            output.say(f"going on: {len(recorder.taken)} of {len(frames)} pictures are there")
+        serve = eye.live if page is None else page
+        if robot is not None and not serve:
+            raise MirrorPostureError(
+                "--robot: a robot is moved only where somebody looks on; leave out --no-page"
+            )
+        machine = None
+        if robot is not None:
+            settings: dict[str, Any] = {
+                "robot": robot, "servos": servos, "eye": _no_eye, "hide": [], "robot_class": robot_class, "session": session,
+            }  # fmt: skip
+            machine = stack.enter_context(open_robot(settings, nominal, output.say))
+        capture = Capture(
+            nominal, frames, eye, recorder, CaptureOptions(still_s, least_balls, serve), machine, output.say
+        )
+        stack.callback(capture.close)
+        if serve:
+            server = CaptureServer(capture, port)
+            stack.callback(server.close)
+            output.say(f"the page: {server.address}")
+            if browser:
+                webbrowser.open(server.address)
+        while capture.step():
+            if eye.live or serve:
+                time.sleep(0.01)
+        state = capture.state()
+        if serve:
+            # The page still has to show how it ended.
+            time.sleep(1.0)
+    for frame, why in state["skipped"].items():
+        output.warn(f"frame {frame} is left out: {why}")
+    if state["stage"] == "failed":
+        raise MirrorPostureError(state["message"])
+    output.say(
+        f"{state['message']}: {len(state['taken'])} of {len(frames)} pictures in {session}/images, {session}/frames.csv"
+    )
+    output.say(f"next: mirror-posture diagnose {session}")
+    output.result(
+        {"session": session, "taken": state["taken"], "skipped": state["skipped"], "planned": len(frames)}
+    )
+    if not state["taken"]:
+        raise typer.Exit(ExitCode.NOTHING)
+
+
+def _no_eye() -> Any:
+    """The driver only moves the robot: the pictures come from the source."""
+    from ...robots import NoLookError
+
+    raise NoLookError("capture takes the pictures itself")
