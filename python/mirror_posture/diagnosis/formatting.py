@@ -12,6 +12,11 @@ from .vocabulary import IN_WORDS, remedy
 
 UNITS = {
     # Longest endings first: `_rad_per_nm` also ends with what others end with.
+    "_nms_per_rad": ("N m s/rad", 1.0),
+    "limit_rad_per_s": ("°/s", math.degrees(1.0)),
+    "_kgm2": ("kg m²", 1.0),
+    "latency_s": ("ms", 1000.0),
+    "time_constant_s": ("ms", 1000.0),
     "_rad_per_nm": ("°/N m", math.degrees(1.0)),
     "_rad_per_s": ("°/h", math.degrees(1.0) * 3600.0),
     "_per_m": ("1/m", 1.0),
@@ -220,6 +225,8 @@ def next_step(found: Diagnosis) -> str:
         return "Nothing to mend: the model predicts as well as the measurement's noise allows."
     if verdict == "insufficient":
         return "Record more: postures in which the board and the markers are seen together; `mirror-posture check` tells what is missing."
+    if "motion" in found.document:
+        return "Change the simulator's model as the model.xml of --out has it, record another motion, and diagnose it with --check."
     rivals = [cause for cause in found.causes if cause.alternatives]
     if rivals and found.next_postures:
         return "Take the suggested postures and diagnose again: they tell the rivals apart."

@@ -15,6 +15,7 @@ MOST_CORNERS = 100
 """A side; larger boards are typing errors, which would ask for all memory."""
 STANDARD_GRAVITY = 9.80665
 GRAVITY_UNITS = {"m/s^2": 1.0, "cm/s^2": 1e-2, "mm/s^2": 1e-3, "g": STANDARD_GRAVITY}
+LONGEST_SHUTTER_S = 0.5
 LARGEST_SQUARE_M, LARGEST_MARKER_M, THICKEST_GLASS_M = 0.5, 0.5, 0.05
 """Beyond these a length is in mm."""
 FLOAT_GLASS_INDEX = 1.52
@@ -203,6 +204,28 @@ FRAMES = Section(
         ),
     ),
 )
+SHUTTER = Section(
+    name="shutter",
+    what="Of a camera that sees motion; `time_s` of a frame is when the exposure of its first row begins.",
+    keys=(
+        Number(
+            name="exposure_s",
+            what="How long a row is exposed.",
+            unit="s",
+            default=0.0,
+            at_least=0.0,
+            below=LONGEST_SHUTTER_S,
+        ),
+        Number(
+            name="readout_s",
+            what="From the first row to the last of a rolling shutter.",
+            unit="s",
+            default=0.0,
+            at_least=0.0,
+            below=LONGEST_SHUTTER_S,
+        ),
+    ),
+)
 GRAVITY = Section(
     name="gravity",
     what="Gravity in another unit, or of another place.",
@@ -231,7 +254,7 @@ TOP = Section(
             default=None,
         ),
     ),
-    sections=(CAMERA_MOUNT, BOARD, MARKERS, MIRROR, NOISE, POINTS, FRAMES),
+    sections=(CAMERA_MOUNT, BOARD, MARKERS, MIRROR, NOISE, POINTS, FRAMES, SHUTTER),
     rules={
         "dependentRequired": {"board": ["camera"], "camera": ["camera_mount"], "camera_mount": ["camera"]}
     },

@@ -25,6 +25,7 @@ from ..formats.session_keys import (
     MOST_MARKERS,
     NOISE,
     POINTS,
+    SHUTTER,
     STANDARD_GRAVITY,
     TOP,
 )  # fmt: skip
@@ -115,6 +116,8 @@ def _check(raw: dict[str, Any]) -> Metadata:
     markers = reader.several(raw, MARKERS)
     mirror, noise = reader.one(raw, MIRROR), reader.one(raw, NOISE)
     points, frames = reader.one(raw, POINTS), reader.one(raw, FRAMES)
+    # A motion reads it; of a still session it says nothing.
+    reader.one(raw, SHUTTER)
     camera, camera_link = top["camera"], None if mount is None else mount["link"]
     for wrong, problem in (
         (board is not None and camera is None, 'there is a [board] and no camera; add `camera = "camera.yaml"`'),

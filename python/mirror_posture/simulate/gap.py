@@ -54,7 +54,7 @@ def simulated_gap(session: Session, rest: Rest, rows: npt.NDArray[np.bool_] | No
         [(camera_from_root @ rest.root_from_link[m.link])[:, :3, 3] for m in session.markers], axis=1
     )
     noise = session.noise.pixel_std_px or CORNER_NOISE_PX
-    done = _measured(session, camera_from_board).ladder(
+    done = measure_input(session, camera_from_board).ladder(
         "maximum_likelihood",
         corner_noise_px=noise,
         marker_noise_px=noise,
@@ -73,7 +73,8 @@ def simulated_gap(session: Session, rest: Rest, rows: npt.NDArray[np.bool_] | No
     )
 
 
-def _measured(session: Session, camera_from_board: Floats) -> MeasureInput:
+def measure_input(session: Session, camera_from_board: Floats) -> MeasureInput:
+    """What the measurement takes of a session whose camera and board stand at `camera_from_board` (F, 4, 4)."""
     assert session.camera is not None and session.board is not None
     seen, direct, mirror = session.mirror_view, session.direct_view, session.mirror
     extra = {} if mirror is None else {"refractive_index": mirror.refractive_index}

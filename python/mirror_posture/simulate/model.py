@@ -46,6 +46,8 @@ class Simulator(ShortRepr):
     gravity_in_root_m_per_s2: Floats
     root_link: str
     notes: list[str] = field(default_factory=list)
+    kept: frozenset[str] = frozenset()
+    """The joints whose position servos are the model's own."""
 
     @property
     def angle_unit(self) -> float:
@@ -97,7 +99,13 @@ def build(session: Session, model_file: Path | None = None) -> Simulator:
     if kept:
         notes.append(f"position servos of the model are kept: {', '.join(sorted(kept))}")
     simulator = Simulator(
-        spec, joints, stiffness, np.asarray(session.gravity_m_per_s2, float), session.root_link, notes
+        spec,
+        joints,
+        stiffness,
+        np.asarray(session.gravity_m_per_s2, float),
+        session.root_link,
+        notes,
+        frozenset(kept),
     )
     if not is_urdf:
         _check_frames(simulator, session, model_file)

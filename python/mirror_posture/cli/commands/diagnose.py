@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -12,7 +12,7 @@ from ..detected import load_detected
 from ..output import JsonOption, Output
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
 
     from ...diagnosis import Diagnosis
     from ...session import Session
@@ -49,6 +49,12 @@ def command(
         typer.Option(help="`marker:NAME`: a marker that the fit does not see and that it must then predict."),
     ] = None,
     most_causes: Annotated[int, typer.Option(help="Causes that are looked for at most.", min=1)] = 6,
+    model: Annotated[
+        Path | None,
+        typer.Option(
+            help="Of a session in motion: the MJCF (or URDF) that your simulator runs, with its servos (extra `mujoco`)."
+        ),
+    ] = None,
     scheduler: Annotated[
         str | None,
         typer.Option(
@@ -82,6 +88,7 @@ def command(
     """
     output = Output(as_json)
     from ...diagnosis import diagnose
+    from ...session.motion import is_moving
 
     others = [
         load_detected(output, folder, points_suffice=True)
@@ -109,9 +116,24 @@ def command(
         raise MirrorPostureError(
             "--rerun: got several sessions or a fleet, needed one session, diagnosed here"
         )
-    documents = []
+    documents: list[Mapping[str, Any]] = []
     for folder in sessions:
         loaded = load_detected(output, folder, points_suffice=True)
+        if afar is None and is_moving(loaded):
+            target = (
+                None
+                if out is None
+                else out
+                if len(sessions) == 1
+                else out / (folder.name or folder.resolve().name)
+            )
+            documents.append(_in_motion(output, loaded, folder, model, others, most_causes, target))
+            continue
+        if model is not None:
+            raise MirrorPostureError(
+                f"--model: {folder} is no session in motion (states.csv, and pictures while joints move); for still postures diagnose "
+                "without it, then `mirror-posture simulate --model`"
+            )
         try:
             found = (
                 next(afar)
@@ -138,6 +160,44 @@ def command(
         documents.append(found.document)
     if as_json:
         output.result(documents[0] if len(documents) == 1 else documents)
+
+
+def _in_motion(
+    output: Output,
+    session: Session,
+    folder: Path,
+    model: Path | None,
+    others: list[Session],
+    most_causes: int,
+    out: Path | None,
+) -> Mapping[str, Any]:
+    """Diagnoses a session in motion, shows and writes it; returns its document."""
+    try:
+        from ...motion import diagnose_motion, with_checked
+        from ...motion.page import write_motion_report
+    except ModuleNotFoundError as error:
+        if error.name != "mujoco":
+            raise
+        raise MirrorPostureError(
+            f"{folder}: is a session in motion, and MuJoCo is not installed: pip install 'mirror-posture[mujoco]'"
+        ) from None
+    from ...output_files import new_folder
+
+    output.say(f"{folder}: in motion; MuJoCo follows its log, hypothesis by hypothesis")
+    try:
+        done = diagnose_motion(session, model=model, most_causes=min(most_causes, 4))
+        done = with_checked(done, others, model)
+    except MirrorPostureError as error:
+        raise MirrorPostureError(f"{folder}: {error}") from error
+    _show(output, folder, done.diagnosis)
+    if out is not None:
+        with new_folder(out, (*OWN_FILES, "model.xml")) as part:
+            (part / "diagnosis.json").write_text(done.diagnosis.to_json(), encoding="utf-8")
+            write_motion_report(done, part)
+        output.say(
+            f"written: {out / 'diagnosis.json'}, {out / 'report.html'}, {out / 'model.xml'}, {out / 'pictures'}"
+        )
+    return done.diagnosis.document
 
 
 def write_results(output: Output, session: Session, found: Diagnosis, folder: Path) -> None:

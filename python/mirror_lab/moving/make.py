@@ -1,0 +1,244 @@
+"""One moving session whose causes are withheld, with the user's MJCF of the robot and a second session that nobody may fit."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from ..blind import optics
+from ..blind.noise import Noise, add_outliers, blob_errors, corner_errors, draw_noise
+from ..blind.robots import Robot, board_points
+from ..blind.simulate import draw_lens, draw_robot
+from ..blind.views import place_mirrors
+from .causes import LAWS, Body, Usual
+from .engine import KEPT_S, Engine, Servos, Track
+from .write import write_session
+
+Array = NDArray[np.float64]
+
+ROBOTS = ("small", "random", "ur10")
+LOG_RATE_HZ, PICTURES_HZ = 100.0, 30.0
+EXPOSED = 3
+"""Moments of an exposure whose images are averaged."""
+
+
+@dataclass(frozen=True)
+class Shutter:
+    """s: of a row, and from the first row to the last."""
+
+    exposure_s: float
+    readout_s: float
+
+
+def make_case(
+    folder: Path, kind: str, effects: Sequence[str], rng: np.random.Generator, seconds: float = 20.0
+) -> dict[str, Any]:
+    """Writes `folder` (the session, with `model.xml`) and `folder-unseen` (another motion of the same body); returns the answer."""
+    robot = draw_robot(kind, rng)
+    gravity = np.array([0.0, 0.0, -9.81])
+    moving = [j for j in robot.commanded if robot.ranges[j][1] - robot.ranges[j][0] > 0.05]
+    engine = Engine(robot.urdf, moving, gravity)
+    low = np.array([robot.ranges[j][0] for j in moving])
+    high = np.array([robot.ranges[j][1] for j in moving])
+    inertia = np.mean([engine.inertia(rng.uniform(low, high)) for _ in range(10)], axis=0)
+    armature = inertia * rng.uniform(0.2, 0.6, len(moving))
+    rate, ratio = rng.uniform(25, 45, len(moving)), rng.uniform(0.6, 1.0, len(moving))
+    stiffness = rate**2 * (inertia + armature)
+    damping = 2 * ratio * rate * (inertia + armature)
+    times = np.arange(0.0, seconds + 0.5, 1 / LOG_RATE_HZ)
+    commands = draw_motion(rng, times, low, high)
+    unseen = draw_motion(rng, times, low, high)
+    ideal = Servos.ideal(stiffness, damping, armature)
+    nominal = engine.run(times[: len(times) // 2], commands[: len(times) // 2], ideal)
+    usual = Usual(
+        np.sqrt(np.mean(nominal.load**2, axis=0)) + 1e-9,
+        np.quantile(np.abs(nominal.torque), 0.998, axis=0),
+        np.quantile(np.abs(np.gradient(commands, times, axis=0)), 0.998, axis=0),
+        inertia,
+    )
+    zero = np.zeros(len(moving))
+    body = Body(ideal, zero.copy(), zero.copy(), zero.copy(), float(rng.uniform(0, 0.1)), zero.copy())
+    causes: list[dict[str, Any]] = []
+    visible = [j for j, name in enumerate(moving) if set(robot.moves(name)) - {"camera", "board"}]
+    for effect in effects:
+        for _ in range(50):
+            j = int(rng.choice(visible))
+            at = f"joint:{moving[j]}"
+            if not any(c["at"] == at for c in causes):
+                break
+        causes.append(LAWS[effect](rng, body, usual, j, moving[j], robot.markers))
+    nominal_lens, lens = draw_lens(robot, rng, rich=False)
+    noise = draw_noise(rng, robot.image_size[0])
+    shutter = Shutter(float(rng.uniform(0.002, 0.01)), float(rng.choice([0.0, rng.uniform(0.008, 0.02)])))
+    told = round(float((noise.corner_px + noise.blob_px) / 2 * rng.uniform(0.85, 1.2)), 3)
+    model = _users_model(robot, moving, stiffness, damping, armature)
+    for place, motion in ((folder, commands), (folder.parent / f"{folder.name}-unseen", unseen)):
+        track = engine.run(times, motion, body.servos)
+        seen = _see(robot, engine, track, body, lens, noise, shutter, rng, seconds, nominal_lens)
+        write_session(place, robot, gravity, nominal_lens, told, shutter, moving, (times, motion), seen)
+        (place / "model.xml").write_text(model, encoding="utf-8")
+    return {
+        "id": folder.name, "robot": kind, "causes": causes, "noise": noise.answer(), "seconds": seconds,
+        "shutter": vars(shutter),
+    }  # fmt: skip
+
+
+def draw_motion(rng: np.random.Generator, times: Array, low: Array, high: Array) -> Array:
+    """(S, joints): three sines a joint about a drawn centre within its range, with rests of about a second in between."""
+    # A clock that stands still now and then makes the rests.
+    pace = np.ones(len(times))
+    for start in rng.uniform(2, times[-1] - 2, max(1, int(times[-1] / 8))):
+        pace *= 1 - np.exp(-(((times - start) / 0.5) ** 4))
+    clock = np.cumsum(pace) * (times[1] - times[0])
+    out = np.empty((len(times), len(low)))
+    for j in range(len(low)):
+        weight = rng.uniform(0.3, 1.0, 3)
+        weight /= weight.sum()
+        wave = sum(
+            w * np.sin(2 * np.pi * f * clock + p)
+            for w, f, p in zip(
+                weight, rng.uniform([0.1, 0.25, 0.5], [0.25, 0.5, 1.1]), rng.uniform(0, 6.3, 3), strict=True
+            )
+        )
+        half = 0.5 * (high[j] - low[j]) * rng.uniform(0.6, 0.95)
+        out[:, j] = 0.5 * (low[j] + high[j]) + np.minimum(half, 0.8) * wave
+    return np.round(out, 6)
+
+
+def _positions(track: Track, body: Body, time_s: Array) -> Array:
+    """Where the links stand at times of any shape: (..., joints)."""
+    q = track.at(time_s)
+    load = track.at(time_s, track.load)
+    usual = np.sqrt(np.mean(track.load**2, axis=0)) + 1e-12
+    give = body.give * load * (1 - body.stiffening * np.minimum(np.abs(load) / (3 * usual), 1))
+    side = track.at(time_s, _sides(track.load, usual)) if body.play.any() else 0.0
+    return np.asarray(q * (1 + body.scale) + body.offset + give + 0.5 * body.play * side)
+
+
+def _sides(load: Array, usual: Array) -> Array:
+    """On which side of its play each joint lies: it goes over in 8 ms when its load has turned by 3 % of the usual."""
+    out = np.empty_like(load)
+    goal = np.where(load[0] >= 0, 1.0, -1.0)
+    now = goal.copy()
+    share = 1 - np.exp(-KEPT_S / 0.004)
+    for i, row in enumerate(load):
+        goal = np.where(np.abs(row) > 0.03 * usual, np.sign(row), goal)
+        now = now + share * (goal - now)
+        out[i] = now
+    return out
+
+
+@dataclass
+class Seen:
+    """What is written of the pictures."""
+
+    stamp_s: Array
+    corners_px: Array
+    blobs_px: Array
+
+
+def _see(
+    robot: Robot, engine: Engine, track: Track, body: Body, lens: optics.Lens, noise: Noise, shutter: Shutter,
+    rng: np.random.Generator, seconds: float, nominal_lens: optics.Lens,
+) -> Seen:  # fmt: skip
+    stamps = np.arange(0.1, seconds, 1 / PICTURES_HZ)
+    stamps = stamps + rng.normal(0, 0.0008, len(stamps))
+    middle = stamps + 0.5 * (shutter.exposure_s + shutter.readout_s)
+
+    def scene(time_s: Array) -> tuple[Array, Array]:
+        """Board corners (N, C, 3) and markers (N, M, 3) in the camera's frame at times (N,) of the pictures' clock."""
+        q = _positions(track, body, time_s - body.latency_s)
+        links = [robot.camera_link, robot.board_link, *(f"{m}_marker" for m in robot.markers)]
+        poses = engine.frames(q, links)
+        camera = poses[:, 0] @ _pose(body.camera_turn, body.camera_shift)
+        into = np.linalg.inv(camera)
+        board = np.column_stack([board_points(robot), np.ones(len(board_points(robot)))])
+        corners = np.einsum("nij,cj->nci", into @ poses[:, 1], board)[..., :3]
+        points = np.stack(
+            [
+                poses[:, 2 + k] @ np.append(body.marker_shift.get(m, np.zeros(3)), 1.0)
+                for k, m in enumerate(robot.markers)
+            ],
+            axis=1,
+        )
+        return corners, np.einsum("nij,nmj->nmi", into, points)[..., :3]
+
+    corners, arms = scene(middle)
+    mirror, found = place_mirrors(robot, rng, lens, corners, arms)
+    mirror, stamps = mirror.rows(np.flatnonzero(found)), stamps[found]
+    frames, markers, count = len(stamps), len(robot.markers), corners.shape[1]
+    repeat = np.repeat(np.arange(frames), markers)
+
+    def images(marker_time: Array) -> Array:
+        """(F, M, 2) of markers at their own moments (F, M)."""
+        points = np.empty((frames, markers, 3))
+        for m in range(markers):
+            points[:, m] = scene(marker_time[:, m])[1][:, m]
+        out: Array = optics.ball_images(
+            lens, mirror.rows(repeat), points.reshape(-1, 3), robot.marker_diameter_m / 2
+        )
+        return out.reshape(frames, markers, 2)
+
+    start = stamps[:, None] + np.zeros((1, markers))
+    blobs = images(start + 0.5 * (shutter.exposure_s + shutter.readout_s))
+    row = np.clip(np.nan_to_num(blobs[..., 1], nan=lens.size_px[1] / 2), 0, lens.size_px[1])
+    at_row = start + shutter.readout_s * row / lens.size_px[1]
+    share = (np.arange(EXPOSED) + 0.5) / EXPOSED
+    blobs = np.mean([images(at_row + s * shutter.exposure_s) for s in share], axis=0)
+    corners, _ = scene(stamps + 0.5 * (shutter.exposure_s + shutter.readout_s))
+    seen = lens.image(
+        optics.apparent(mirror.rows(np.repeat(np.arange(frames), count)), corners.reshape(-1, 3))
+    )
+    corners_px = seen.reshape(frames, count, 2) + corner_errors(noise, rng, frames, robot.board_corners)
+    blobs_px = add_outliers(noise, rng, blobs + blob_errors(noise, rng, frames, markers))
+    size = np.array(robot.image_size)
+    for px in (corners_px, blobs_px):
+        px[np.any(~((px >= 0) & (px <= size - 1)), axis=-1)] = np.nan
+    blobs_px[rng.random(blobs_px.shape[:2]) < 0.01] = np.nan
+    return Seen(stamps, corners_px, blobs_px)
+
+
+def _pose(turn: Array, shift: Array) -> Array:
+    out = np.eye(4)
+    angle = float(np.linalg.norm(turn))
+    if angle > 0:
+        x, y, z = turn / angle
+        k = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+        out[:3, :3] += np.sin(angle) * k + (1 - np.cos(angle)) * k @ k
+    out[:3, 3] = shift
+    return out
+
+
+def _users_model(robot: Robot, joints: list[str], stiffness: Array, damping: Array, armature: Array) -> str:
+    """The simulator that the user has: the URDF as MJCF with position servos of the nominal gains."""
+    text = robot.urdf.replace(
+        f'<robot name="{robot.urdf.split(chr(34))[1]}">',
+        f'<robot name="{robot.urdf.split(chr(34))[1]}"><mujoco><compiler fusestatic="false" balanceinertia="true" '
+        'boundmass="1e-6" boundinertia="1e-9" discardvisual="true"/></mujoco>',
+        1,
+    )
+    spec = mujoco.MjSpec.from_string(text)
+    for name, k, d, a in zip(joints, stiffness, damping, armature, strict=True):
+        joint = spec.joint(name)
+        joint.armature, joint.limited = a, mujoco.mjtLimited.mjLIMITED_FALSE
+        # The drawn robots' URDFs state an effort that no motor of theirs has.
+        joint.actfrclimited = mujoco.mjtLimited.mjLIMITED_FALSE
+        servo = spec.add_actuator(name=f"servo_{name}", target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        servo.set_to_position(kp=k, kv=d)
+    spec.compile()
+    return str(spec.to_xml())
+
+
+def write_answer(folder: Path, answer: dict[str, Any]) -> Path:
+    """The answer, apart from the sessions."""
+    folder.mkdir(parents=True, exist_ok=True)
+    file = folder / f"{answer['id']}.json"
+    file.write_text(json.dumps(answer, indent=1), encoding="utf-8")
+    return file

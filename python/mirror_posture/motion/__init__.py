@@ -1,0 +1,6 @@
+"""Moving sessions: the simulator that the user runs against a minute of motion in the mirror (extra `mujoco`)."""
+
+from ..session.motion import is_moving
+from .diagnose import MotionDiagnosis, Unseen, diagnose_motion, unseen_gap, with_checked
+
+__all__ = ["MotionDiagnosis", "Unseen", "diagnose_motion", "is_moving", "unseen_gap", "with_checked"]

@@ -1,0 +1,185 @@
+"""Residuals of a moving session as a function of its causes, and their columns.
+
+What a cause does to a joint is a change of that joint's position, moment by moment: the simulator tells it for what its servo
+does, a law for its zero, gear, spring and play, the speed for a latency. A change of positions becomes one of images by one
+Jacobian that all hypotheses share.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from ..session import Session
+from .effects import Causes, Hypothesis, Key, of_joint, of_setup
+from .recording import Recording, recording_of
+from .rollouts import Motion, Rollouts
+from .view import Places, View
+
+Floats = npt.NDArray[np.float64]
+
+POSITION_STEP = 1e-5
+LOAD_SHARE = 0.02
+"""Share of a joint's usual load at which its play has gone over to one side."""
+
+
+class Problem:
+    """A moving session, its simulator and its hypotheses."""
+
+    def __init__(self, session: Session, model_file: Path | None = None) -> None:
+        self.recording: Recording = recording_of(session)
+        self.session = session
+        self.rollouts = Rollouts(self.recording, model_file)
+        self.joints = self.rollouts.joints
+        self.columns_of = np.array([session.robot.position_names.index(name) for name in self.joints])
+        nominal = self.rollouts.nominal()
+        self.scales = self.rollouts.scales(nominal)
+        self.view = View(self.recording, self.places({}, nominal))
+        moves = self._moving_joints()
+        self.hypotheses: dict[Key, Hypothesis] = {}
+        for name, scale in self.scales.items():
+            if name in moves:
+                self.hypotheses |= {h.key: h for h in of_joint(name, scale)}
+        self.hypotheses |= {h.key: h for h in of_setup(session.marker_names)}
+        self._by_position: Floats | None = None
+
+    def _moving_joints(self) -> set[str]:
+        """The joints whose positions change what is seen."""
+        robot, out = self.session.robot, set()
+        for marker in self.view.marker_links:
+            for step in robot.chain(self.view.links[0], marker):
+                out.add(step.joint)
+        for step in robot.chain(*self.view.links):
+            out.add(step.joint)
+        return out
+
+    def places(self, causes: Causes, motion: Motion) -> Places:
+        """Where the joints stand when markers and board are seen."""
+        latency = causes.get(("latency", "camera"), (0.0,))[0]
+        markers = motion.at(self.recording.marker_time_s - latency)
+        board = motion.at(self.recording.board_time_s - latency)
+        for (effect, at), values in causes.items():
+            place = at.partition(":")[2]
+            if place not in self.joints:
+                continue
+            j = self.joints.index(place)
+            if effect == "joint_offset":
+                markers[..., j] += values[0]
+                board[..., j] += values[0]
+            elif effect == "gear_ratio":
+                markers[..., j] *= 1.0 + values[0]
+                board[..., j] *= 1.0 + values[0]
+            elif effect in ("joint_compliance", "backlash"):
+                load = self.rollouts.load(motion, self.recording.board_time_s - latency)[:, j]
+                if effect == "backlash":
+                    usual = float(np.sqrt(np.mean(load**2))) + 1e-12
+                    load = 0.5 * np.tanh(load / (LOAD_SHARE * usual))
+                markers[..., j] += values[0] * load[:, None]
+                board[..., j] += values[0] * load
+        count = len(self.session.robot.position_names)
+        all_markers, all_board = np.zeros((*markers.shape[:2], count)), np.zeros((len(board), count))
+        all_markers[..., self.columns_of], all_board[..., self.columns_of] = markers, board
+        return Places(all_markers, all_board)
+
+    def residuals(self, several: Sequence[Causes]) -> list[Floats | None]:
+        """Whitened residuals (F, markers, 2) of each set of causes; None where the simulation diverges."""
+        return [
+            None
+            if motion is None
+            else self.view.whitened(self.view.residual_px(self.places(causes, motion), causes))
+            for causes, motion in zip(several, self.rollouts.motions(several), strict=True)
+        ]
+
+    def by_position(self) -> Floats:
+        """(F, markers, 2, joints): whitened images by joint positions, at the nominal model."""
+        if self._by_position is None:
+            nominal = self.places({}, self.rollouts.nominal())
+            base = self.view.residual_px(nominal, {})
+            parts = []
+            for column in self.columns_of:
+                markers, board = nominal.markers.copy(), nominal.board.copy()
+                markers[..., column] += POSITION_STEP
+                board[..., column] += POSITION_STEP
+                parts.append((base - self.view.residual_px(Places(markers, board), {})) / POSITION_STEP)
+            self._by_position = self.view.whitened(np.stack(parts, axis=-1))
+        return self._by_position
+
+    def changes(self, base: Causes, several: Sequence[Causes]) -> list[Floats | None]:
+        """Whitened change of the prediction (F, markers, 2) from `base` to each set of causes, linear in the positions."""
+        motions = self.rollouts.motions([base, *several])
+        if motions[0] is None:
+            return [None] * len(several)
+        here = self.places(base, motions[0]).markers
+        jacobian = self.by_position()
+        out: list[Floats | None] = []
+        at_base: Floats | None = None
+        for causes, motion in zip(several, motions[1:], strict=True):
+            if motion is None:
+                out.append(None)
+                continue
+            mounts = {
+                key
+                for key in {*causes, *base}
+                if key[0].endswith("_mount") and causes.get(key) != base.get(key)
+            }
+            if mounts:
+                if at_base is None:
+                    at_base = self.view.whitened(self.view.residual_px(self.places(base, motions[0]), base))
+                there = self.view.whitened(self.view.residual_px(self.places(causes, motion), causes))
+                out.append(at_base - there)
+            else:
+                moved = (self.places(causes, motion).markers - here)[..., self.columns_of]
+                out.append(np.einsum("fmij,fmj->fmi", jacobian, moved))
+        return out
+
+    def columns(self, base: Causes, keys: Sequence[Key]) -> tuple[list[tuple[Key, int]], Floats]:
+        """Derivatives of the prediction by a step of each parameter of the causes `keys`, by central differences.
+
+        Returns which parameter each column is of, and the columns (F, markers, 2, P). A parameter at a bound is differenced to
+        one side; one whose simulation diverges has a column of zeros.
+        """
+        of, ahead, behind = [], [], []
+        for key in keys:
+            h = self.hypotheses[key]
+            values = base.get(key, (0.0,) * len(h.step))
+            for k, step in enumerate(h.step):
+                up, down = list(values), list(values)
+                up[k] += 0.5 * step
+                down[k] -= 0.5 * step
+                if down[k] < h.lower[k]:
+                    up[k], down[k] = values[k] + step, values[k]
+                of.append((key, k))
+                ahead.append({**base, key: tuple(up)})
+                behind.append({**base, key: tuple(down)} if any(down) or key in base else dict(base))
+        changes = self.changes(base, [*ahead, *behind])
+        empty = np.zeros((*self.view.seen.shape, 2))
+        columns = [
+            empty if up is None or down is None else up - down
+            for up, down in zip(changes[: len(of)], changes[len(of) :], strict=True)
+        ]
+        return of, np.stack(columns, axis=-1) if columns else empty[..., None][..., :0]
+
+    def leave_out(self, false: npt.NDArray[np.bool_]) -> None:
+        """Leaves out images (F, markers) as false; all columns must be computed anew."""
+        self.view.drop(false)
+        self._by_position = None
+
+    def errors_px(self, causes: Causes) -> Floats:
+        """(F, markers, 2): seen less predicted, px, the mirror where the board's reflection tells it."""
+        (motion,) = self.rollouts.motions([causes])
+        assert motion is not None
+        return self.view.residual_px(self.places(causes, motion), causes)
+
+    def rms(self, causes: Causes) -> tuple[float, float]:
+        """RMS distance of image and prediction, px; and as a length at the marker, m, across the line of sight."""
+        seen = self.view.seen
+        errors = np.linalg.norm(self.errors_px(causes), axis=2)
+        metres = errors * self.view.metres_per_px(self.places({}, self.rollouts.nominal()))
+        return float(np.sqrt((errors[seen] ** 2).mean())), float(np.sqrt((metres[seen] ** 2).mean()))
+
+    def floor_px(self, noise_scale: float) -> float:
+        """The RMS distance that noise alone leaves, px."""
+        return noise_scale * float(np.sqrt(self.view.variance_px2[self.view.seen].mean()))

@@ -1,0 +1,104 @@
+"""The first look: what each hypothesis would gain, by one linear step on columns that are computed once.
+
+With the residuals r and the columns Q of the causes that a model has projected out, a hypothesis with the columns C lowers the
+squares by `2 aᵀCᵀr − aᵀCᵀC a` at its best amplitude a within its bounds. A limit, which has no derivative before it is
+reached, is tried at several sizes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from .effects import Causes, Hypothesis, Key
+from .problem import Problem
+
+Floats = npt.NDArray[np.float64]
+
+RIDGE = 1e-9
+LIMIT_AMPLITUDE = (0.3, 1.6)
+"""How much more or less than at the size tried a limit may change the prediction, to be counted."""
+
+
+@dataclass(frozen=True)
+class Scored:
+    """A hypothesis, by how much it lowers the squares, and where its fit shall start."""
+
+    key: Key
+    gain: float
+    start: tuple[float, ...]
+
+
+class Screen:
+    """All hypotheses' columns at the nominal model."""
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+        smooth = [h for h in problem.hypotheses.values() if not h.effect.is_limit]
+        limits = [h for h in problem.hypotheses.values() if h.effect.is_limit]
+        of, columns = problem.columns({}, [h.key for h in smooth])
+        sizes = [(h, start) for h in limits for start in h.starts]
+        changes = problem.changes({}, [{h.key: start} for h, start in sizes])
+        kept = [(size, change) for size, change in zip(sizes, changes, strict=True) if change is not None]
+        seen = problem.view.seen
+        self.slots: dict[Key, list[int]] = {}
+        for column, (key, _) in enumerate(of):
+            self.slots.setdefault(key, []).append(column)
+        self.limits = [(h, start, len(of) + i) for i, ((h, start), _) in enumerate(kept)]
+        stacked = [
+            columns[seen].reshape(2 * int(seen.sum()), len(of)),
+            *(change[seen].reshape(-1, 1) for _, change in kept),
+        ]
+        self.matrix = np.concatenate(stacked, axis=1)
+
+    def scores(self, residual: Floats, taken: Floats, skip: Sequence[Key], scale: float) -> list[Scored]:
+        """Hypotheses by gain, the best first: `residual` (F, markers, 2) and the columns `taken` (rows, P) in units of the noise."""
+        r = residual[self.problem.view.seen].reshape(-1)
+        c = self.matrix / scale
+        if taken.shape[1]:
+            q, _ = np.linalg.qr(taken)
+            r = r - q @ (q.T @ r)
+            c = c - q @ (q.T @ c)
+        by_residual, squares = c.T @ r, np.einsum("ij,ij->j", c, c)
+        whole = np.einsum("ij,ij->j", self.matrix, self.matrix) / scale**2
+        out = []
+        for key, slots in self.slots.items():
+            if key in skip:
+                continue
+            h = self.problem.hypotheses[key]
+            gain, amplitude = _best(h, c[:, slots], by_residual[slots], squares[slots], whole[slots])
+            start = h.clipped(amplitude * np.array(h.step))
+            if gain > 0.0:
+                out.append(Scored(key, gain, start))
+        best: dict[Key, Scored] = {}
+        for h, start, column in self.limits:
+            if h.key in skip or squares[column] < 1e-6 * max(1.0, whole[column]):
+                continue
+            a = float(np.clip(by_residual[column] / squares[column], *LIMIT_AMPLITUDE))
+            gain = 2.0 * a * by_residual[column] - a * a * squares[column]
+            if gain > 0.0 and (h.key not in best or gain > best[h.key].gain):
+                best[h.key] = Scored(h.key, float(gain), start)
+        return sorted([*out, *best.values()], key=lambda s: -s.gain)
+
+
+def _best(
+    h: Hypothesis, columns: Floats, by_residual: Floats, squares: Floats, whole: Floats
+) -> tuple[float, Floats]:
+    """Gain and amplitudes (in steps) of a hypothesis; 0 where its columns are lost in those projected out."""
+    if (squares < 1e-5 * np.maximum(whole, 1e-12)).all():
+        return 0.0, np.zeros(len(squares))
+    normal = columns.T @ columns
+    normal += np.diag(1e-6 * np.maximum(whole, 1e-12) + RIDGE)
+    amplitude = np.linalg.solve(normal, by_residual)
+    step = np.array(h.step)
+    amplitude = np.clip(amplitude, np.array(h.lower) / step, np.array(h.upper) / step)
+    gain = float(2.0 * amplitude @ by_residual - amplitude @ normal @ amplitude)
+    return gain, amplitude
+
+
+def with_cause(causes: Causes, scored: Scored) -> Causes:
+    """A model with one more cause, where its fit shall start."""
+    return {**causes, scored.key: scored.start}

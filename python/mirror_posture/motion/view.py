@@ -1,0 +1,259 @@
+"""What the mirror shows of a moving body: markers at joint positions to whitened residuals of their images.
+
+The mirror of each picture is measured from the board's reflection, its foot f with covariance S (the corners' noise). Where
+camera and board move against each other the plane that the same corners tell moves too, f(X) = f0 + F log(X0⁻¹ X) for
+X = camera_from_board. The plane is a nuisance: the residuals r of the markers' images (seen less predicted) have the covariance
+
+    C = σ² I + J S Jᵀ,   J = ∂image/∂f,
+
+and are whitened by the inverse of its Cholesky factor, picture by picture.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from .._core import MirrorPostureError
+from ..measurement import MeasureOptions
+from ..optics import ball_center_pixels, see_in_mirror
+from ..short_repr import ShortRepr
+from ..simulate.gap import CORNER_NOISE_PX, measure_input
+from .effects import Causes
+from .recording import Recording
+
+Floats = npt.NDArray[np.float64]
+
+TWIST_STEP = 1e-4
+"""rad, m: of the differences that tell how a mirror's foot moves with the camera against the board."""
+NEIGHBOURS, FALSE_DEVIATIONS = 2, 6.0
+"""An image is false where it lies by so many deviations off the median of two before and two after."""
+HIDDEN = 1e6
+"""px²: the variance of a marker that was not seen."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Places(ShortRepr):
+    """Joint positions at which things were seen: markers (F, markers, nq) and board (F, nq), in the robot's order."""
+
+    markers: Floats
+    board: Floats
+
+
+class View:
+    """The pictures of a moving session. `seen` (F, markers) are the images that count."""
+
+    def __init__(self, recording: Recording, nominal: Places) -> None:
+        session = recording.session
+        assert session.camera is not None and session.board is not None and session.camera_link is not None
+        self.session, self.camera = session, session.camera
+        self.links = [session.camera_link, session.board.link]
+        self.marker_links = [marker.link for marker in session.markers]
+        self.noise_px = session.noise.pixel_std_px or CORNER_NOISE_PX
+        camera_site, board_site = (self._carrier(link) for link in self.links)
+        self.camera_beside_board = camera_site == board_site
+        camera_from_board = self._camera_from_board(nominal.board, {})
+        self.foot_m, covariance, usable = self._feet(camera_from_board)
+        self.board_from_camera = np.linalg.inv(camera_from_board)
+        by_twist = np.zeros((*self.foot_m.shape, 6))
+        for k in range(6):
+            twist = np.zeros(6)
+            twist[k] = TWIST_STEP
+            ahead, _, good = self._feet(camera_from_board @ _exp(twist))
+            usable &= good
+            by_twist[:, :, k] = (ahead - self.foot_m) / TWIST_STEP
+        self.foot_by_twist = np.where(usable[:, None, None], by_twist, 0.0)
+        self.seen = session.mirror_view.marker_seen & usable[:, None]
+        self.image_px = session.mirror_view.marker_px.copy()
+        predicted, by_foot, good = self._predict(nominal, {})
+        self.seen &= good
+        if not self.seen.any():
+            raise MirrorPostureError(
+                f"{session.folder}: no picture shows board and marker in the mirror together"
+            )
+        self._centre_balls(nominal)
+        self.false = self._false(np.where(self.seen[..., None], self.image_px - predicted, np.nan))
+        self.seen &= ~self.false
+        if not self.seen.any():
+            raise MirrorPostureError(
+                f"{session.folder}: all images of markers are false: none fits those before and after it"
+            )
+        self._by_foot, self._covariance = by_foot, covariance
+        self.whitening = self._whitening(by_foot, covariance)
+
+    def _carrier(self, link: str) -> str:
+        """The link next to the last joint that moves a link."""
+        robot = self.session.robot
+        index = robot.link_index(link)
+        while (joint := robot.links[index].parent_joint) is not None and robot.joints[joint].kind == "fixed":
+            index = robot.link_index(robot.joints[joint].parent_link)
+        return robot.link_names[index]
+
+    def _camera_from_board(self, board_positions: Floats, causes: Causes) -> Floats:
+        poses = self.session.robot.link_poses(board_positions, self.links)
+        camera, board = self._moved(poses[:, 0], poses[:, 1], causes)
+        return np.asarray(np.linalg.inv(camera) @ board)
+
+    def _moved(self, camera: Floats, board: Floats, causes: Causes) -> tuple[Floats, Floats]:
+        """Camera and board (N, 4, 4) in the root's frame, with their mounts' causes."""
+        values = causes.get(("board_mount", "board"))
+        if values is not None:
+            mount = _pose(values)
+            if self.camera_beside_board:
+                camera = board @ mount @ np.linalg.inv(board) @ camera
+            board = board @ mount
+        values = causes.get(("camera_mount", "camera"))
+        if values is not None:
+            camera = camera @ _pose(values)
+        return camera, board
+
+    def _feet(self, camera_from_board: Floats) -> tuple[Floats, Floats, npt.NDArray[np.bool_]]:
+        done = measure_input(self.session, camera_from_board).ladder(
+            "maximum_likelihood",
+            corner_noise_px=self.noise_px,
+            marker_noise_px=self.noise_px,
+            least_parallax_rad=MeasureOptions().least_parallax_rad,
+        )
+        good = np.array([reason is None for reason in done.mirror_reason], dtype=bool)
+        foot, covariance = np.asarray(done.foot_m).copy(), np.asarray(done.foot_covariance_m2).copy()
+        foot[~good], covariance[~good] = (0.0, 0.0, 1.0), np.eye(3)
+        return foot, covariance, good
+
+    def _predict(self, places: Places, causes: Causes) -> tuple[Floats, Floats, npt.NDArray[np.bool_]]:
+        """Images (F, markers, 2), their derivative by the mirror's foot (F, markers, 2, 3), and which have one."""
+        frames, markers = places.markers.shape[:2]
+        foot = self.foot_m
+        moves_board = any(key[0] in ("camera_mount", "board_mount") for key in causes)
+        if not self.camera_beside_board or moves_board:
+            camera_from_board = self._camera_from_board(places.board, causes)
+            foot = foot + np.einsum(
+                "fkl,fl->fk", self.foot_by_twist, _log(self.board_from_camera @ camera_from_board)
+            )
+        pixels, by_foot = np.zeros((frames, markers, 2)), np.zeros((frames, markers, 2, 3))
+        good = np.zeros((frames, markers), dtype=bool)
+        mirror = self.session.mirror
+        glass = {} if mirror is None else mirror.glass
+        for m, link in enumerate(self.marker_links):
+            poses = self.session.robot.link_poses(places.markers[:, m], [*self.links, link])
+            camera, _ = self._moved(poses[:, 0], poses[:, 1], causes)
+            shift = np.append(
+                causes.get(("marker_mount", f"marker:{self.session.markers[m].name}"), (0.0,) * 3), 1.0
+            )
+            point = (np.linalg.inv(camera) @ (poses[:, 2] @ shift)[..., None])[:, :3, 0]
+            told = see_in_mirror(self.camera, foot, point, **glass)
+            valid = np.asarray(told.valid)
+            pixels[:, m], by_foot[:, m], good[:, m] = told.pixels_px, told.by_foot_point, valid
+        return np.where(good[..., None], pixels, 0.0), np.where(good[..., None, None], by_foot, 0.0), good
+
+    def _centre_balls(self, nominal: Places) -> None:
+        """From the centroids of the balls' images to the images of their centres."""
+        for m, marker in enumerate(self.session.markers):
+            if marker.diameter_m <= 0.0:
+                continue
+            poses = self.session.robot.link_poses(nominal.markers[:, m], [self.links[0], marker.link])
+            point = (np.linalg.inv(poses[:, 0]) @ poses[:, 1])[:, :3, 3]
+            normal = self.foot_m / np.linalg.norm(self.foot_m, axis=1, keepdims=True)
+            depth = np.einsum("ni,ni->n", normal, self.foot_m - point)
+            path = np.linalg.norm(point + 2.0 * depth[:, None] * normal, axis=1)
+            centre = ball_center_pixels(self.camera, self.image_px[:, m], marker.diameter_m, path)
+            good = np.asarray(centre.valid)
+            self.seen[:, m] &= good
+            self.image_px[good, m] = np.asarray(centre.pixels_px)[good]
+
+    def _false(self, residual_px: Floats) -> npt.NDArray[np.bool_]:
+        """(F, markers): images that lie far from where those just before and after it have the marker, whatever the model."""
+        frames = len(residual_px)
+        padded = np.pad(residual_px, ((NEIGHBOURS, NEIGHBOURS), (0, 0), (0, 0)), constant_values=np.nan)
+        others = [padded[k : k + frames] for k in range(2 * NEIGHBOURS + 1) if k != NEIGHBOURS]
+        with warnings.catch_warnings():
+            # Of a marker that nothing was seen of around a picture: nothing is known.
+            warnings.simplefilter("ignore", RuntimeWarning)
+            off = np.abs(residual_px - np.nanmedian(np.stack(others), axis=0)).max(axis=2)
+            usual = 1.4826 * np.nanmedian(off) / 1.2
+        return np.asarray(np.nan_to_num(off) > max(FALSE_DEVIATIONS * usual, 4.0 * self.noise_px))
+
+    def drop(self, false: npt.NDArray[np.bool_]) -> None:
+        """Leaves out further images (F, markers) as false."""
+        self.false |= false & self.seen
+        self.seen &= ~false
+        self.whitening = self._whitening(self._by_foot, self._covariance)
+
+    @property
+    def variance_px2(self) -> Floats:
+        """(F, markers): of both axes of an image together, the mirror's uncertainty included, in units of the stated noise."""
+        jacobian = self._by_foot
+        return np.asarray(
+            2.0 * self.noise_px**2 + np.einsum("fmik,fkl,fmil->fm", jacobian, self._covariance, jacobian)
+        )
+
+    def metres_per_px(self, nominal: Places) -> Floats:
+        """(F, markers): what a pixel is at a marker, across the line of sight: the light's path over the focal length."""
+        out = np.zeros(self.seen.shape)
+        normal = self.foot_m / np.linalg.norm(self.foot_m, axis=1, keepdims=True)
+        for m, link in enumerate(self.marker_links):
+            poses = self.session.robot.link_poses(nominal.markers[:, m], [self.links[0], link])
+            point = (np.linalg.inv(poses[:, 0]) @ poses[:, 1])[:, :3, 3]
+            depth = np.einsum("ni,ni->n", normal, self.foot_m - point)
+            out[:, m] = (
+                np.linalg.norm(point + 2.0 * depth[:, None] * normal, axis=1) / self.camera.mean_focal_px
+            )
+        return out
+
+    def _whitening(self, by_foot: Floats, covariance: Floats) -> Floats:
+        """(F, 2 markers, 2 markers): the inverse Cholesky factor of each picture's covariance."""
+        frames, markers = self.seen.shape
+        jacobian = (by_foot * self.seen[..., None, None]).reshape(frames, 2 * markers, 3)
+        total = jacobian @ covariance @ np.swapaxes(jacobian, 1, 2)
+        hidden = np.repeat(~self.seen, 2, axis=1)
+        diagonal = np.where(hidden, HIDDEN, self.noise_px**2)
+        total[:, np.arange(2 * markers), np.arange(2 * markers)] += diagonal
+        return np.asarray(np.linalg.inv(np.linalg.cholesky(total)))
+
+    def residual_px(self, places: Places, causes: Causes) -> Floats:
+        """(F, markers, 2): seen less predicted, px; 0 where not seen."""
+        predicted, _, good = self._predict(places, causes)
+        return np.where((self.seen & good)[..., None], self.image_px - predicted, 0.0)
+
+    def whitened(self, residual_px: Floats) -> Floats:
+        """Residuals (F, markers, 2) or columns (F, markers, 2, P) whitened, zeros where not seen."""
+        frames, markers = self.seen.shape
+        rows = np.where(
+            self.seen.reshape(frames, markers, *(1,) * (residual_px.ndim - 2)), residual_px, 0.0
+        ).reshape(frames, 2 * markers, -1)
+        out = self.whitening @ rows
+        return np.asarray(out.reshape(frames, markers, 2, *residual_px.shape[3:]))
+
+
+def _pose(values: tuple[float, ...]) -> Floats:
+    out = _rotation(np.array(values[:3]))
+    out[:3, 3] = values[3:]
+    return out
+
+
+def _rotation(turn: Floats) -> Floats:
+    out = np.eye(4)
+    angle = float(np.linalg.norm(turn))
+    if angle > 0.0:
+        x, y, z = turn / angle
+        k = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        out[:3, :3] += np.sin(angle) * k + (1.0 - np.cos(angle)) * k @ k
+    return out
+
+
+def _exp(twist: Floats) -> Floats:
+    out = _rotation(twist[:3])
+    out[:3, 3] = twist[3:]
+    return out
+
+
+def _log(poses: Floats) -> Floats:
+    """(N, 6): rotation vector (of small rotations) and translation of poses (N, 4, 4)."""
+    r = poses[:, :3, :3]
+    axis = 0.5 * np.stack([r[:, 2, 1] - r[:, 1, 2], r[:, 0, 2] - r[:, 2, 0], r[:, 1, 0] - r[:, 0, 1]], axis=1)
+    sine = np.linalg.norm(axis, axis=1)
+    angle = np.arctan2(sine, 0.5 * (np.trace(r, axis1=1, axis2=2) - 1.0))
+    scale = np.where(sine > 1e-9, angle / np.where(sine > 1e-9, sine, 1.0), 1.0)
+    return np.concatenate([axis * scale[:, None], poses[:, :3, 3]], axis=1)

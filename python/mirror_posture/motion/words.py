@@ -1,0 +1,36 @@
+"""The effects of a motion in words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+WORDS: Mapping[str, str] = {
+    "latency": "pictures show the body of an earlier moment than their stamps say",
+    "servo_lag": "the joint follows its command late, as a filter of first order",
+    "servo_gain": "the position loop is stiffer or softer, and damped otherwise, than the model has it",
+    "viscous_friction": "a torque against the motion, in proportion to the speed",
+    "coulomb_friction": "a dry friction against the motion, whatever the speed",
+    "reflected_inertia": "the joint feels more (or less) inertia of its motor and gears",
+    "torque_limit": "the servo gives no more than this torque",
+    "velocity_limit": "the joint is told to go no faster than this",
+    "joint_offset": "a wrong zero",
+    "gear_ratio": "a proportional transmission error",
+    "joint_compliance": "the joint gives way in proportion to its load",
+    "backlash": "a play: the output lies on the side to which its load pushes it",
+    "marker_mount": "the marker sits elsewhere on its link",
+    "camera_mount": "the camera sits elsewhere relative to the board",
+    "board_mount": "the board sits elsewhere on its link",
+}
+
+
+def sentence(verdict: str, causes: Sequence[Mapping[str, Any]], gap: Mapping[str, Any]) -> str:
+    """The diagnosis in a sentence."""
+    before, after, floor = gap["before_px"], gap["after_px"], gap["noise_floor_px"]
+    names = ", ".join(f"{c['effect'].replace('_', ' ')} at {c['at']}" for c in causes)
+    if verdict == "none":
+        return f"the simulator follows the motion to the noise: {before:.2f} px, noise {floor:.2f} px"
+    if verdict == "unknown":
+        return f"the simulator is {before:.2f} px off the motion (noise {floor:.2f} px), and no effect of the vocabulary explains it"
+    told = f"{names}: the gap in motion falls from {before:.2f} to {after:.2f} px (noise {floor:.2f} px)"
+    return told if verdict == "explained" else f"{told}; something is left that no effect explains"

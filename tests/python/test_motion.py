@@ -1,0 +1,128 @@
+"""A body in motion: sessions from pinocchio's dynamics with an integrator and actuators of their own, diagnosed in MuJoCo."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import mirror_posture as mp
+
+mujoco = pytest.importorskip("mujoco")
+pytest.importorskip("pinocchio")
+pytest.importorskip("mirror_lab")
+
+from mirror_lab.moving.make import make_case  # noqa: E402
+from mirror_posture.motion.rollouts import STEP_S, _lagged, _slewed  # noqa: E402
+from mirror_posture.motion.statistics import misfit, noise_scale  # noqa: E402
+
+SECONDS = 5.0
+
+
+@pytest.fixture(scope="module")
+def late(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, float]:
+    folder = tmp_path_factory.mktemp("motion") / "late"
+    answer = make_case(folder, "small", ["latency"], np.random.default_rng(7), SECONDS)
+    return folder, answer["causes"][0]["latency_s"]
+
+
+def test_a_late_camera_is_found_and_another_motion_is_predicted(
+    late: tuple[Path, float], tmp_path: Path
+) -> None:
+    from mirror_posture.cli.app import app
+
+    folder, latency_s = late
+    model = folder / "model.xml"
+    other = folder.parent / "late-unseen"
+    run = CliRunner().invoke(
+        app,
+        [
+            "diagnose",
+            str(folder),
+            "--model",
+            str(model),
+            "--check",
+            str(other),
+            "--out",
+            str(tmp_path / "out"),
+        ],
+    )
+    assert run.exit_code == 0, run.output
+    tree = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
+    (cause,) = tree["causes"]
+    assert (cause["effect"], cause["at"]) == ("latency", "camera")
+    assert abs(cause["parameters"]["latency_s"]["value"] - latency_s) < 0.002
+    assert tree["verdict"] == "explained"
+    (checked,) = tree["gap"]["checked"]
+    assert checked["after_m"] < 0.3 * checked["before_m"]
+    assert "latency at camera" in (tmp_path / "out" / "model.xml").read_text()
+    assert (tmp_path / "out" / "report.html").stat().st_size > 20_000
+    mujoco.MjModel.from_xml_path(str(tmp_path / "out" / "model.xml"))
+
+
+def test_columns_are_the_differences_of_residuals(late: tuple[Path, float]) -> None:
+    from mirror_posture.motion.problem import Problem
+
+    problem = Problem(mp.load_session(late[0]), late[0] / "model.xml")
+    joint = next(name for name in problem.scales if name.endswith("elbow"))
+    seen = problem.view.seen
+    for key in (
+        ("viscous_friction", f"joint:{joint}"),
+        ("joint_compliance", f"joint:{joint}"),
+        ("latency", "camera"),
+        ("marker_mount", f"marker:{problem.session.marker_names[0]}"),
+        ("board_mount", "board"),
+    ):
+        of, columns = problem.columns({}, [key])
+        step = problem.hypotheses[key].step
+        for k, (_, slot) in enumerate(of):
+            values = tuple(0.5 * s if i == slot else 0.0 for i, s in enumerate(step))
+            base, moved = problem.residuals([{}, {key: values}])
+            assert base is not None and moved is not None
+            exact = 2.0 * (base - moved)[seen]
+            told = columns[..., k][seen]
+            assert np.linalg.norm(told - exact) < 0.05 * np.linalg.norm(exact) + 1e-9, (key, slot)
+
+
+def test_laws_of_commands() -> None:
+    time = np.arange(0.0, 2.0, STEP_S)
+    ramp = np.maximum(time - 0.2, 0.0)
+    late = _lagged(ramp, 0.05)
+    # Behind a ramp a filter of first order stays by its time constant.
+    assert np.allclose((ramp - late)[-100:], 0.05, atol=1e-6)
+    slow = _slewed(ramp, 0.4)
+    assert np.isclose(np.diff(slow).max() / STEP_S, 0.4) and np.all(slow <= ramp + 1e-12)
+
+
+def test_noise_is_read_off_beside_a_slow_error_and_correlation_counts() -> None:
+    rng = np.random.default_rng(1)
+    seen = np.ones((600, 4), dtype=bool)
+    time = np.arange(600)[:, None, None] / 30.0
+    white = rng.normal(size=(600, 4, 2))
+    slow = 10.0 * np.sin(2.0 * np.pi * 0.5 * time)
+    assert abs(noise_scale(1.3 * white + slow, seen) - 1.3) < 0.08
+    assert misfit(white, seen).inflation < 1.15
+    assert misfit(white + slow, seen).inflation > 50.0
+
+
+def test_what_is_no_motion_is_said(late: tuple[Path, float], tmp_path: Path) -> None:
+    from dataclasses import replace
+
+    from mirror_posture.motion import is_moving
+    from mirror_posture.motion.recording import recording_of, shutter
+
+    session = mp.load_session(late[0])
+    assert is_moving(session) and not session.warnings
+    still = replace(session, states=None)
+    assert not is_moving(still)
+    with pytest.raises(mp.MirrorPostureError, match=r"states\.csv"):
+        recording_of(still)
+    with pytest.raises(mp.MirrorPostureError, match="exposure_s"):
+        shutter({"shutter": {"exposure_s": -1.0}})
+    recording = recording_of(session)
+    exposure_s, readout_s = shutter(session.metadata)
+    spread = np.ptp(recording.marker_time_s - np.asarray(session.frames.time_s)[:, None])
+    assert spread <= readout_s + 1e-9 and recording.board_time_s.min() >= 0.5 * exposure_s
