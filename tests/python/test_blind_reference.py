@@ -58,7 +58,7 @@ def test_the_truth_fits_and_is_screened_first(case: Case, ref: Reference) -> Non
     name = f"{cause['effect']}@{cause['at']}"
     everything = all_hypotheses(case.robot, case.plan.commands, case.gravity)
     empty = fit(ref, [], case.mirror.normal * case.mirror.distance_m[:, None])
-    ranked = screen(ref, empty, everything)
+    ranked = screen(ref, empty, everything)[0]
     assert name in {h.name for _, h in ranked[:3]}
     own = fit(ref, [next(h for h in everything if h.name == name)], empty.planes)
     assert own.chi2 < 1e-3 * empty.chi2

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import pickle
 import resource
 import subprocess
 import sys
@@ -317,3 +318,9 @@ def test_a_camera_that_looks_away_is_a_warning(tmp_path: Path) -> None:
     )
     (warning,) = load_session(write_folder(tmp_path / "away", robot=away)).warnings
     assert "both must look at the mirror" in warning and "'camera_optical'" in warning
+
+
+def test_a_refusal_comes_back_from_another_process_whole() -> None:
+    error = SessionError("frames.csv", "got nothing", row=3, column="elbow")
+    again = pickle.loads(pickle.dumps(error))
+    assert (str(again), again.row, again.column, again.file) == (str(error), 3, "elbow", error.file)

@@ -111,9 +111,11 @@ def fit(ref: Reference, hypotheses: list[Hypothesis], planes: Array, start: list
     return Fit(hypotheses, parameters, planes, chi2, chi2 + number * float(np.log(ref.size)))
 
 
-def screen(ref: Reference, base: Fit, candidates: Sequence[Hypothesis]) -> list[tuple[float, Hypothesis]]:
-    """To first order about `base`: BIC of base and each candidate, best first; the base's own parameters
-    are free."""
+def screen(
+    ref: Reference, base: Fit, candidates: Sequence[Hypothesis], prior_std: Array | None = None
+) -> tuple[list[tuple[float, Hypothesis]], float]:
+    """To first order about `base`: BIC of base and each candidate, best first, and the χ² of the base alone; the base's own
+    parameters are free, within normal priors about where they stand where `prior_std` (infinite: no prior) gives them."""
     change = _changed(base.hypotheses, base.parameters)
     linear = Linear(ref, change, base.planes)
     r = linear.residual
@@ -123,10 +125,19 @@ def screen(ref: Reference, base: Fit, candidates: Sequence[Hypothesis]) -> list[
     if base.hypotheses:
         columns = _without(basis, _columns(linear, base.hypotheses, base.parameters))
         flat = columns.reshape(-1, columns.shape[-1])
-        own = np.linalg.qr(flat)[0]
-        left = (left.ravel() - own @ (own.T @ left.ravel())).reshape(left.shape)
+        if prior_std is None:
+            own = np.linalg.qr(flat)[0]
+        else:
+            # A prior is a row more for each parameter, in which the residual is 0: of the basis only the rows of the data are met.
+            scale = np.where(np.isfinite(prior_std), prior_std, 1.0 / np.linalg.norm(flat, axis=0))
+            rows = np.diag(np.isfinite(prior_std).astype(float))
+            own = np.linalg.qr(np.concatenate([flat * scale, rows]))[0][: len(flat)]
+        before = left.ravel()
+        left = (before - own @ (own.T @ before)).reshape(left.shape)
+        whole_chi2 = float(before @ left.ravel())
         own = own.reshape(*r.shape, -1)
-    whole_chi2 = float(np.sum(left**2))
+    else:
+        whole_chi2 = float(np.sum(left**2))
     logarithm = float(np.log(ref.size))
     free = sum(len(x.steps) for x in base.hypotheses)
     out = []
@@ -154,4 +165,4 @@ def screen(ref: Reference, base: Fit, candidates: Sequence[Hypothesis]) -> list[
         pulled = pull / scale
         gain = float(pulled @ np.linalg.pinv(scaled, rcond=1e-9, hermitian=True) @ pulled)
         out.append((whole_chi2 - gain + (free + len(h.steps)) * logarithm, h))
-    return sorted(out, key=lambda pair: pair[0])
+    return sorted(out, key=lambda pair: pair[0]), whole_chi2

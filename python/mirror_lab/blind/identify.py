@@ -52,7 +52,7 @@ def judge(case: Case) -> dict[str, Any]:
     empty = fit(ref, [], start)
     report: dict[str, Any] = {"nominal_chi2": empty.chi2, "residuals": ref.size}
     if not causes:
-        best = screen(ref, empty, all_hypotheses(case.robot, case.plan.commands, case.gravity))[0]
+        best = screen(ref, empty, all_hypotheses(case.robot, case.plan.commands, case.gravity))[0][0]
         report["distraction"] = {"best": best[1].name, "gain": empty.bic - best[0]}
         return report
     friction = {c["at"].removeprefix("joint:"): c["friction_nm"] for c in causes if "friction_nm" in c}
@@ -69,7 +69,7 @@ def _truths(everything: list[Hypothesis], cause: dict[str, Any]) -> list[Hypothe
 def _judge_single(
     ref: Reference, empty: Fit, everything: list[Hypothesis], cause: dict[str, Any]
 ) -> dict[str, Any]:
-    ranked = [h for _, h in screen(ref, empty, everything)]
+    ranked = [h for _, h in screen(ref, empty, everything)[0]]
     truths = _truths(everything, cause)
     if cause["effect"] in ("geometry", "pairing"):
         best = min((fit(ref, [h], empty.planes) for h in ranked[:3]), key=lambda f: f.bic)
@@ -106,7 +106,7 @@ def clearly(better: Fit, worse: Fit) -> bool:
 
 def _judge_outside(ref: Reference, empty: Fit, everything: list[Hypothesis]) -> dict[str, Any]:
     """Is there something to see, and do causes of the vocabulary, one or a few, make the same?"""
-    ranked = [h for _, h in screen(ref, empty, everything)]
+    ranked = [h for _, h in screen(ref, empty, everything)[0]]
     shows = MARGIN + FREE_FORM * math.log(ref.size)
     seen = empty.chi2 > shows
     fits = sorted(
@@ -117,7 +117,7 @@ def _judge_outside(ref: Reference, empty: Fit, everything: list[Hypothesis]) -> 
     best = fits[0]
     while seen and not mimics and len(best.hypotheses) < MIMICS:
         names = {h.name for h in best.hypotheses}
-        near = _one_per_name([h for _, h in screen(ref, best, everything) if h.name not in names])
+        near = _one_per_name([h for _, h in screen(ref, best, everything)[0] if h.name not in names])
         best = min(
             (
                 fit(
@@ -160,7 +160,7 @@ def _judge_several(
     """Each cause in turn, with the others in the model: can it be left out, or another take its place?"""
     chosen = []
     for cause in causes:
-        ranked = [h for _, h in screen(ref, empty, _truths(everything, cause))]
+        ranked = [h for _, h in screen(ref, empty, _truths(everything, cause))[0]]
         chosen.append(ranked[0])
     whole = fit(ref, chosen, empty.planes)
     for i, cause in enumerate(causes):
@@ -175,7 +175,7 @@ def _judge_several(
         without = fit(ref, rest, whole.planes, [p.copy() for k, p in enumerate(whole.parameters) if k != i])
         names = {h.name for h in chosen}
         candidates = [h for h in everything if h.name not in names and not _contains(h, cause)]
-        near = _one_per_name([h for _, h in screen(ref, without, candidates)])[: REFINED // 2]
+        near = _one_per_name([h for _, h in screen(ref, without, candidates)[0]])[: REFINED // 2]
         start = [*without.parameters]
         fits = [
             fit(ref, [*rest, h], without.planes, [*(p.copy() for p in start), np.zeros(len(h.steps))])

@@ -42,6 +42,8 @@ class Change:
     axis: dict[int, Array] = field(default_factory=dict)
     camera_turn_rad: Array = field(default_factory=lambda: np.zeros(3))
     camera_shift_m: Array = field(default_factory=lambda: np.zeros(3))
+    board_turn_rad: Array = field(default_factory=lambda: np.zeros(3))
+    board_shift_m: Array = field(default_factory=lambda: np.zeros(3))
     focal: float = 0.0
     center_px: Array = field(default_factory=lambda: np.zeros(2))
     k1: float = 0.0

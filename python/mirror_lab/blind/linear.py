@@ -43,7 +43,8 @@ class Linear:
         shift = self._point_shift(moved, first)[ref.of_frame]
         if whole and self._optics_differ(moved):
             points = self.points + shift
-            if moved.board_scale != self.change.board_scale or _camera_moved(moved, self.change):
+            old = self.change
+            if moved.board_scale != old.board_scale or _camera_moved(moved, old) or _board_moved(moved, old):
                 points = ref.posture_points(self.at, moved)[ref.of_frame] + shift
             return ref.residual(points, self.planes, moved) - self.residual
         rows = self.jacobian[:, first:]
@@ -59,6 +60,7 @@ class Linear:
             or moved.board_scale != old.board_scale
             or not np.array_equal(moved.center_px, old.center_px)
             or _camera_moved(moved, old)
+            or _board_moved(moved, old)
         )
 
     def _point_shift(self, moved: Change, first: int) -> Array:
@@ -127,6 +129,13 @@ def _camera_moved(moved: Change, old: Change) -> bool:
     return not (
         np.array_equal(moved.camera_turn_rad, old.camera_turn_rad)
         and np.array_equal(moved.camera_shift_m, old.camera_shift_m)
+    )
+
+
+def _board_moved(moved: Change, old: Change) -> bool:
+    return not (
+        np.array_equal(moved.board_turn_rad, old.board_turn_rad)
+        and np.array_equal(moved.board_shift_m, old.board_shift_m)
     )
 
 

@@ -15,8 +15,11 @@ import numpy as np
 from .effects import VOCABULARY
 from .errors import NoPlaceError
 from .identify import judge
+from .mistakes import kinds_for
+from .mounting import NOT_BESIDE
 from .outside import OUTSIDE
 from .seal import seal
+from .setup_judge import judge_by_hand
 from .shrinkage import keep_pixels
 from .simulate import Case, Options, simulate
 from .write import write_session
@@ -37,6 +40,10 @@ NOT_AMONG_SEVERAL = {"geometry", "pairing"}
 def draw_causes(rng: np.random.Generator, options: Options, vocabulary: Sequence[str]) -> list[str]:
     """Names of the causes of one session: none, one to some of the vocabulary, or one from outside it."""
     low, high = options.causes
+    if options.mistakes:
+        return _mistakes(rng)
+    if options.by_hand:
+        vocabulary = [v for v in vocabulary if v not in NOT_BESIDE]
     if low == 0 and rng.random() < options.none_share:
         return []
     if rng.random() < options.outside_share:
@@ -57,11 +64,28 @@ def draw_causes(rng: np.random.Generator, options: Options, vocabulary: Sequence
     return names
 
 
+SMALL = ("joint_offset", "gear_ratio", "link_length", "axis_tilt", "joint_compliance", "camera_focal")
+"""What is put beside a mistake: one of each way in which a body may be off."""
+
+
+def _mistakes(rng: np.random.Generator) -> list[str]:
+    """One mistake, two at once, or one with a small cause."""
+    style = str(rng.choice(["one", "two", "beside"], p=[0.5, 0.25, 0.25]))
+    kinds = kinds_for(rng, 2 if style == "two" else 1)
+    if "gravity_sign" in kinds:
+        return ["joint_compliance", *kinds]
+    if kinds[0] == "slip_marker" or style != "beside":
+        return kinds
+    return [str(rng.choice(SMALL[:-1])), *kinds]
+
+
 def save(case: Case, out: Path, rng: np.random.Generator | None = None) -> Path:
     """Write the session to `out/NAME`, its answer to `out/answers/NAME.json` (and `.npz`, the noise-free pixels), its
     seal beside the session."""
     folder = write_session(case, out / case.name, rng)
-    case.answer["pixels_sha256"] = keep_pixels(case, out / "answers" / f"{case.name}.npz")
+    if case.mounting is None and case.told is None:
+        # The claimed shrinkage is judged only where nothing but the causes differs from what is told.
+        case.answer["pixels_sha256"] = keep_pixels(case, out / "answers" / f"{case.name}.npz")
     seal(case.answer, out / "answers" / f"{case.name}.json", folder / "seal.json")
     return folder
 
@@ -103,7 +127,16 @@ def _make(job: _Job) -> str:
             if job.planned is not None or attempt == ATTEMPTS - 1:
                 raise
     case.answer["seed"] = seed
-    case.answer |= judge(case)
+    if case.mounting is not None:
+        case.answer |= judge_by_hand(case, case.mounting)
+    elif case.told is None and not any("mistake" in c for c in case.answer["causes"]):
+        case.answer |= judge(case)
+    else:
+        # A mistake moves everything by far more than the noise; what is small beside it is taken as it was drawn.
+        for cause in case.answer["causes"]:
+            cause.setdefault("detectable", True)
+            cause.setdefault("identifiable", True)
+            cause.setdefault("rivals", [])
     save(case, job.out, rng)
     return job.name
 

@@ -65,9 +65,9 @@ class Reference:
         turn = at.rotation[camera]
         origin = at.position_m[camera] + turn @ change.camera_shift_m
         turn = turn @ rotations(change.camera_turn_rad[None])
-        corners = at.position_m[board][:, None] + np.einsum(
-            "pij,cj->pci", at.rotation[board], self.board_points * (1 + change.board_scale)
-        )
+        printed = self.board_points * (1 + change.board_scale)
+        mounted = printed @ rotations(change.board_turn_rad[None])[0].T + change.board_shift_m
+        corners = at.position_m[board][:, None] + np.einsum("pij,cj->pci", at.rotation[board], mounted)
         arms = np.stack([at.position_m[m] for m in markers], axis=1)
         result: Array = (np.concatenate([corners, arms], axis=1) - origin[:, None]) @ turn
         return result

@@ -34,6 +34,7 @@ from .comparison import (
     true_names,
 )
 from .errors import BlindError
+from .first_day_score import by_hand, first_day
 from .runner import RESULT, sessions_in
 from .seal import unseal
 from .shrinkage import frictions_of, is_judge, load_pixels, reference_of_folder, true_closed
@@ -71,7 +72,11 @@ def load(cases: Path, results: Path, leave_out: str | None = None) -> tuple[list
             answer = without_effect(answer, leave_out)
         path = results / session.name / RESULT
         if not path.is_file():
-            missing.append(session.name)
+            refusal = _refusal(results / session.name / "failure.json")
+            if refusal is not None and any("mistake" in c for c in answer["causes"]):
+                scored.append(Scored(session.name, answer, {"refused": refusal, "causes": []}))
+            else:
+                missing.append(session.name)
             continue
         try:
             said = json.loads(path.read_text(encoding="utf-8"))
@@ -90,6 +95,14 @@ def load(cases: Path, results: Path, leave_out: str | None = None) -> tuple[list
     return scored, missing
 
 
+def _refusal(failure: Path) -> str | None:
+    """Why a session was refused at the border, where it was: a column in degrees is told there, with the fix."""
+    if not failure.is_file():
+        return None
+    told = json.loads(failure.read_text(encoding="utf-8"))
+    return str(told["message"]) if told.get("error") == "SessionError" else None
+
+
 def _true_closed(
     session: Path, answer: dict[str, Any], said: dict[str, Any], pixels: Path
 ) -> tuple[bool, float | None]:
@@ -106,7 +119,9 @@ def _true_closed(
 def score(cases: Path, results: Path, leave_out: str | None = None) -> dict[str, Any]:
     """Everything that the page shows, as JSON-ready data; `leave_out` names an effect that the diagnosis
     lacked."""
-    scored, missing = load(cases, results, leave_out)
+    everything, missing = load(cases, results, leave_out)
+    # Whole mistakes are counted apart.
+    scored = [c for c in everything if not any("mistake" in t for t in c.truths)]
     single = [c for c in scored if c.kind == "single"]
     several = [c for c in scored if c.kind == "several"]
     none = [c for c in scored if c.kind == "none"]
@@ -128,8 +143,10 @@ def score(cases: Path, results: Path, leave_out: str | None = None) -> dict[str,
     return {
         "format": "mirror-posture/blind-score",
         "version": 1,
-        "sessions": len(scored),
+        "sessions": len(everything),
         "without_result": missing,
+        "by_hand": by_hand(scored),
+        "first_day": first_day(everything),
         "single_identifiable_right": rate(
             [found(c, c.truths[0]) and not invented(c) for c in clear]
         ).as_json(),

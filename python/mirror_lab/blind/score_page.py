@@ -78,6 +78,13 @@ s.breakdown.invented_by_effect.items() %}{{ e }} × {{ n }} {% endfor %}</p>{% e
 <th>Right place</th><th>Confidently wrong</th></tr>{% for kind, r in s.breakdown.outside_by_kind.items()
 %}<tr><td>{{ kind }}</td>{% for key in ("met", "abstained", "right_place", "confidently_wrong") %}<td
 class="n">{{ r[key].hits }} / {{ r[key].of }}</td>{% endfor %}</tr>{% endfor %}</table>{% endif %}
+{% if s.by_hand %}<h2>Mounted by hand</h2><table>{% for title, key in by_hand %}<tr><td>{{ title }}</td><td class="n">{{
+s.by_hand[key].hits }} / {{ s.by_hand[key].of }}</td><td class="n">{{ percent(s.by_hand[key].rate) }}</td></tr>{% endfor %}
+<tr><td>Mounts within the claimed 95 %</td><td class="n">{{ s.by_hand.mounts.within_95.hits }} / {{ s.by_hand.mounts.within_95.of
+}}</td><td class="n">{{ percent(s.by_hand.mounts.within_95.rate) }}</td></tr></table>{% endif %}
+{% if s.first_day %}<h2>Mistakes of a first day</h2><table><tr><th>Mistake</th><th>Outcomes</th></tr>
+{% for kind, counts in s.first_day.by_kind.items() %}<tr><td>{{ kind }}</td><td>{% for o, n in counts.items() %}{{ o }} × {{ n }}
+{% endfor %}</td></tr>{% endfor %}</table>{% endif %}
 <h2>Failures</h2>{% if s.failures
 %}<table><tr><th>Session</th><th>True</th><th>Verdict</th><th>Said</th><th>Where</th></tr>
 {% for f in s.failures %}<tr><td>{{ f.session }}</td><td>{{ f.true|join(', ') or 'nothing' }}</td><td>{{
@@ -85,6 +92,19 @@ f.verdict }}</td>
 <td>{{ f.said|join(', ') }}</td><td>{{ f.where|join(', ') }}</td></tr>{% endfor %}</table>{% else
 %}<p>None.</p>{% endif %}
 <p>A <code>~</code> marks the right effect at another place. Intervals are Wilson's.</p></body></html>"""
+
+
+BY_HAND = (
+    ("Single identifiable cause named with only the set-up beside it", "single_named_with_only_set_up"),
+    ("Single identifiable cause named", "single_named"),
+    ("Several causes: identifiable ones named", "several_named"),
+    ("No cause: only the set-up named", "none_only_set_up"),
+)
+FIRST_DAY = (
+    ("Whole mistakes named, or refused at the border", "named_or_refused"),
+    ("Whole mistakes: misled", "misled"),
+    ("Small cause beside a mistake found", "small_cause_found"),
+)
 
 
 BREAKDOWNS = (
@@ -138,6 +158,7 @@ def write_page(score: dict[str, Any], path: Path) -> None:
         s=score,
         targets=TARGETS,
         breakdowns=BREAKDOWNS,
+        by_hand=BY_HAND,
         percent=_percent,
         verdict=_verdict,
         chart=_chart(score["calibration"]),

@@ -21,6 +21,8 @@ from .effects import VOCABULARY, Cause, Laws, Scene, transverse_axes
 from .errors import BlindError, NoPlaceError
 from .given_robots import SUFFIXES, from_file
 from .known_robots import talos, unitree_g1, ur10
+from .mistakes import MISTAKES, SLIPS, Told, draw_mistakes
+from .mounting import Mounting, draw_mounting, rotation_of
 from .noise import Noise, add_outliers, blob_errors, corner_errors, draw_noise
 from .outside import OUTSIDE
 from .truth import Commands, Truth
@@ -51,6 +53,12 @@ class Options:
     """Whether the session has pictures instead of image points."""
     renderer: str = "own"
     """What draws them: `own`, or `mitsuba`, which takes a hundred times as long."""
+    by_hand: bool = False
+    """Whether board, camera and markers are mounted by hand, and the zeros set so."""
+    mistakes: bool = False
+    """Whether each session has a whole mistake of a first day instead of other causes."""
+    noise_told: bool = True
+    """Whether the session states its noise."""
 
 
 @dataclass
@@ -77,6 +85,10 @@ class Case:
     """What pictures are drawn of, where the session is to have them."""
     picture_of_frame: NDArray[np.int_] | None = None
     renderer: str = "own"
+    mounting: Mounting | None = None
+    told: Told | None = None
+    """What is written where it is not what was done."""
+    noise_told: bool = True
 
 
 def _exp(turn: Array) -> Array:
@@ -242,7 +254,10 @@ def see(
 
 
 def simulate(name: str, kind: str, draws: Sequence[str], rng: np.random.Generator, options: Options) -> Case:
-    """One session with the named causes (of the vocabulary or outside it), in memory."""
+    """One session with the named causes (of the vocabulary or outside it, whole mistakes, slips), in memory."""
+    mistakes = [d for d in draws if d in MISTAKES]
+    slips = [d for d in draws if d in SLIPS]
+    draws = [d for d in draws if d not in MISTAKES and d not in SLIPS]
     robot = draw_robot(kind, rng)
     tilt = rng.normal(0, 0.12, 2) if rng.random() < 0.35 else np.zeros(2)
     gravity = 9.81 * np.array(
@@ -267,8 +282,15 @@ def simulate(name: str, kind: str, draws: Sequence[str], rng: np.random.Generato
         real.size_px,
         truth.shear,
     )
+    mounting = draw_mounting(rng, robot) if options.by_hand else None
+    if mounting is not None:
+        mounting.add_to(truth, robot)
     poses = Body(robot, truth, gravity).run(plan.commands)
+    if mounting is not None:
+        mounting.moved(poses)
     seen = see(robot, truth, lens, plan, poses, None, rng)
+    for slip in slips:
+        causes.append(_slipped(slip, rng, robot, truth, lens, plan, poses, seen))
     corners, blobs, mirror = seen.corners_px, seen.blobs_px, seen.mirror
     kept = Plan(plan.commands, plan.posture_of_frame[seen.found], plan.time_of_frame_s[seen.found])
     corners_px = corners + corner_errors(noise, rng, len(corners), robot.board_corners)
@@ -318,7 +340,81 @@ def simulate(name: str, kind: str, draws: Sequence[str], rng: np.random.Generato
         "lens": [float(x) for x in lens.distortion],
         "unsettled_postures": poses.unsettled,
     }
+    if mounting is not None:
+        case.mounting = mounting
+        case.answer["setup"] = mounting.answer(robot)
+        case.answer["zeros_rad"], case.answer["tolerances_stated"] = mounting.zeros_rad, mounting.stated
+    case.noise_told = options.noise_told
+    if mistakes:
+        case.told = draw_mistakes(rng, mistakes, case)
     return case
+
+
+SLIP_M, SLIP_RAD = 0.008, 0.025
+"""Typical slip: of glue that gives, or a camera that was knocked."""
+
+
+def _slipped(
+    slip: str,
+    rng: np.random.Generator,
+    robot: robots.Robot,
+    truth: Truth,
+    lens: optics.Lens,
+    plan: Plan,
+    poses: BodyPoses,
+    seen: Seen,
+) -> Cause:
+    """From a row on something sits elsewhere: that row and all later ones are seen anew, in the same mirrors."""
+    rows = np.flatnonzero(seen.found)
+    kept = Plan(plan.commands, plan.posture_of_frame[rows], plan.time_of_frame_s[rows])
+    first = int(rng.integers(len(rows) // 4, 3 * len(rows) // 4))
+    shift = rng.normal(0, SLIP_M / np.sqrt(3), 3)
+    turn = np.zeros(3) if slip == "slip_marker" else rng.normal(0, SLIP_RAD / np.sqrt(3), 3)
+    later, slipped = copy.deepcopy(poses), copy.copy(truth)
+    at = slip.removeprefix("slip_")
+    if at == "marker":
+        k = int(rng.integers(len(robot.markers)))
+        at = f"marker:{robot.markers[k]}"
+        if truth.loose or truth.bends:
+            raise NoPlaceError("a marker slips on a body that stands still between rows only")
+        again = copy.copy(truth)
+        again.origin_shift_m = dict(truth.origin_shift_m)
+        index = robot.index[f"{robot.markers[k]}_marker"]
+        again.origin_shift_m[index] = again.origin_shift_m.get(index, np.zeros(3)) + shift
+        later.marker_m = Body(robot, again, np.array([0, 0, -9.81])).run(plan.commands).marker_m
+    elif at == "board":
+        later.board_m = later.board_m + later.board_rotation @ shift
+        later.board_rotation = later.board_rotation @ rotation_of(turn)
+    else:
+        # The slip is told in the frame of the camera as it was before.
+        before = rotation_of(truth.camera_turn_rad)
+        slipped.camera_shift_m = truth.camera_shift_m + before @ shift
+        slipped.camera_turn_rad = _turn_of(before @ rotation_of(turn))
+    after = see(robot, slipped, lens, kept, later, seen.mirror, rng)
+    seen.corners_px[first:], seen.blobs_px[first:] = after.corners_px[first:], after.blobs_px[first:]
+    told = dict(zip(("dx_m", "dy_m", "dz_m"), shift.tolist(), strict=True))
+    if slip != "slip_marker":
+        told |= dict(zip(("rx_rad", "ry_rad", "rz_rad"), turn.tolist(), strict=True))
+    return {
+        "effect": "slip",
+        "at": at,
+        "first_frame": first,
+        **told,
+        "mistake": slip,
+        "detectable": True,
+        "identifiable": True,
+        "rivals": [],
+    }
+
+
+def _turn_of(rotation: Array) -> Array:
+    """Rotation vector of a small rotation."""
+    axis = np.array(
+        [rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]]
+    )
+    sine = float(np.linalg.norm(axis)) / 2
+    result: Array = axis / 2 * (np.arcsin(min(sine, 1.0)) / sine if sine > 0 else 1.0)
+    return result
 
 
 def marker_gap(poses: BodyPoses, nominal: BodyPoses, of: NDArray[np.int_]) -> float:

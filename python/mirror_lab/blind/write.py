@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .drawing import hue_tolerance_deg, marker_hue_deg
 from .picture_files import write_pictures
@@ -19,7 +20,8 @@ def write_session(case: Case, folder: Path, rng: np.random.Generator | None = No
     truth. `rng` draws the pictures' noise."""
     folder.mkdir(parents=True, exist_ok=True)
     robot, plan = case.robot, case.plan
-    (folder / "robot.urdf").write_text(robot.urdf, encoding="utf-8")
+    told = case.told
+    (folder / "robot.urdf").write_text(told.urdf if told else robot.urdf, encoding="utf-8")
     (folder / "session.toml").write_text(_metadata(case), encoding="utf-8")
     (folder / "camera.yaml").write_text(_camera(case), encoding="utf-8")
     joints = plan.commands.joints
@@ -37,9 +39,11 @@ def write_session(case: Case, folder: Path, rng: np.random.Generator | None = No
         )
         pictures = [f"images/{drawn[i]}," for i in case.picture_of_frame]
     rows = ["frame,posture,time_s," + ("image," if pictures else "") + ",".join(joints)]
-    for f, (p, t) in enumerate(zip(plan.posture_of_frame, plan.time_of_frame_s, strict=True)):
+    q_of_frame = told.q if told else plan.commands.q_rad[plan.posture_of_frame]
+    posture_of_frame = _postures(plan.posture_of_frame, q_of_frame)
+    for f, (p, t) in enumerate(zip(posture_of_frame, plan.time_of_frame_s, strict=True)):
         image = pictures[f] if pictures else ""
-        rows.append(f"{f},{p},{t:.3f},{image}" + ",".join(f"{q:.6f}" for q in plan.commands.q_rad[p]))
+        rows.append(f"{f},{p},{t:.3f},{image}" + ",".join(f"{q:.6f}" for q in q_of_frame[f]))
     (folder / "frames.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
     if pictures:
         return folder
@@ -58,19 +62,28 @@ def write_session(case: Case, folder: Path, rng: np.random.Generator | None = No
     return folder
 
 
+def _postures(of: NDArray[np.int_], q: NDArray[np.float64]) -> NDArray[np.int_]:
+    """The posture of each frame; a number of its own for each where rows of one posture tell different commands."""
+    same = [bool((q[of == p] == q[of == p][0]).all()) for p in np.unique(of)]
+    return of if all(same) else np.arange(len(of))
+
+
 def _metadata(case: Case) -> str:
-    robot = case.robot
-    g = ", ".join(f"{v:.6f}" for v in case.gravity)
+    robot, told = case.robot, case.told
+    g = ", ".join(f"{v:.6f}" for v in (told.gravity if told else case.gravity))
+    tolerances = case.mounting.tolerances() if case.mounting else {}
+    stated = "".join(f"{name} = {value}\n" for name, value in tolerances.items())
+    of_marker = f"tolerance_m = {tolerances['tolerance_m']}\n" if tolerances else ""
     text = (
         f'format = "mirror-posture/session"\nversion = 1\nrobot = "robot.urdf"\ncamera = "camera.yaml"\n'
-        f'root = "{robot.root}"\ngravity = [{g}]\n\n[camera_mount]\nlink = "{robot.camera_link}"\n\n'
+        f'root = "{robot.root}"\ngravity = [{g}]\n\n[camera_mount]\nlink = "{robot.camera_link}"\n{stated}\n'
         f'[board]\nlink = "{robot.board_link}"\n'
         f"corners = [{robot.board_corners[0]}, {robot.board_corners[1]}]\n"
-        f'square = {robot.board_square_m}\npattern = "chessboard"\n\n'
+        f'square = {told.square_m if told else robot.board_square_m}\npattern = "chessboard"\n{stated}\n'
     )
     count = len(robot.markers)
     for k, m in enumerate(robot.markers):
-        text += f'[[markers]]\nname = "{m}"\nlink = "{m}_marker"\ndiameter = {robot.marker_diameter_m}\n'
+        text += f'[[markers]]\nname = "{m}"\nlink = "{m}_marker"\ndiameter = {robot.marker_diameter_m}\n{of_marker}'
         if case.view is not None:
             text += (
                 f"color = {{ hue = {marker_hue_deg(k, count):.1f}, hue_tolerance = {hue_tolerance_deg(count):.1f}, "
@@ -78,12 +91,17 @@ def _metadata(case: Case) -> str:
             )
         text += "\n"
     text += "[mirror]\nglass_thickness = 0.0\nrefractive_index = 1.52\n"
-    return text if case.view is not None else text + f"\n[noise]\npixel_std = {case.pixel_std_told}\n"
+    return (
+        text
+        if case.view is not None or not case.noise_told
+        else text + f"\n[noise]\npixel_std = {case.pixel_std_told}\n"
+    )
 
 
 def _camera(case: Case) -> str:
     lens = case.nominal_lens
-    (fx, fy), (cx, cy) = lens.focal_px, lens.center_px
+    factor, shift = (case.told.lens_factor, case.told.lens_shift_px) if case.told else (1.0, np.zeros(2))
+    (fx, fy), (cx, cy) = factor * lens.focal_px, factor * lens.center_px + shift
     distortion = ", ".join(f"{k:.8f}" for k in lens.distortion)
     return (
         f"image_width: {lens.size_px[0]}\nimage_height: {lens.size_px[1]}\ncamera_name: head\n"

@@ -1,0 +1,369 @@
+"""Whole mistakes of a first day: what is told of a session (model, log, names) is not what was done.
+
+The true machine and the light stay as they are; a mistake changes what is written: a column, the URDF, camera.yaml, a name, an
+index. Slips are physical: from a row on a marker, the board or the camera really sits elsewhere. Each draw returns the causes in
+the words of the public vocabulary.
+"""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import NoPlaceError
+
+if TYPE_CHECKING:
+    from .simulate import Case
+
+Array = NDArray[np.float64]
+Cause = dict[str, Any]
+
+
+@dataclass
+class Told:
+    """What is written where it is not what was done; a mistake changes it."""
+
+    urdf: str
+    q: Array
+    """(F, J) the columns of frames.csv."""
+    time_s: Array
+    lens_factor: float = 1.0
+    lens_shift_px: Array = field(default_factory=lambda: np.zeros(2))
+    square_m: float = 0.0
+    gravity: Array = field(default_factory=lambda: np.zeros(3))
+    pictured: set[str] = field(default_factory=set)
+    """What of camera and mirror is wrong already: of these at most one."""
+
+
+Mistake = Callable[[np.random.Generator, "Case", Told], list[Cause]]
+
+
+def told_truly(case: Case) -> Told:
+    """What is written where nothing is mistaken."""
+    of = case.plan.posture_of_frame
+    return Told(
+        case.robot.urdf,
+        case.plan.commands.q_rad[of].copy(),
+        case.plan.time_of_frame_s,
+        square_m=case.robot.board_square_m,
+        gravity=case.gravity,
+    )
+
+
+def _joints(case: Case, least_range_rad: float = 0.3) -> list[str]:
+    """Joints that move a marker and are moved themselves."""
+    robot, commands = case.robot, case.plan.commands
+    return [
+        j
+        for j in commands.joints
+        if set(robot.moves(j)) - {"camera", "board"} and np.ptp(commands.of(j)) > least_range_rad
+    ]
+
+
+def _pick(rng: np.random.Generator, names: list[str], what: str) -> str:
+    if not names:
+        raise NoPlaceError(f"this robot has no place for {what}")
+    return str(names[int(rng.integers(len(names)))])
+
+
+def _column(case: Case, joint: str) -> int:
+    return case.plan.commands.joints.index(joint)
+
+
+def axis_sign(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]:
+    j = _pick(rng, _joints(case), "axis_sign")
+    tree = ET.fromstring(told.urdf)
+    axis = next(e for e in tree.findall("joint") if e.get("name") == j).find("axis")
+    if axis is None:
+        raise NoPlaceError(f"{j} has no axis element")
+    axis.set("xyz", " ".join(f"{-float(v):.9g}" for v in axis.get("xyz", "1 0 0").split()))
+    told.urdf = ET.tostring(tree, encoding="unicode")
+    return [{"effect": "axis_sign", "at": f"joint:{j}"}]
+
+
+def joints_swapped(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]:
+    joints = _joints(case)
+    j = _pick(rng, joints, "joints_swapped")
+    k = _pick(rng, [k for k in joints if k != j], "joints_swapped")
+    return [_swapped(case, told, j, k)]
+
+
+def _swapped(case: Case, told: Told, j: str, k: str) -> Cause:
+    a, b = _column(case, j), _column(case, k)
+    told.q[:, [a, b]] = told.q[:, [b, a]]
+    return {"effect": "joints_swapped", "at": f"joint:{j}<->joint:{k}"}
+
+
+def left_right(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]:
+    """All columns of the left side for the right one's."""
+    joints = _joints(case, 0.05)
+    pairs = [(j, k) for j in joints for k in joints if k == re.sub(r"\bl_|\bleft", _other_side, j) and k != j]
+    if not pairs:
+        raise NoPlaceError("this robot has no two sides")
+    return [_swapped(case, told, j, k) for j, k in pairs]
+
+
+def _other_side(found: re.Match[str]) -> str:
+    return {"l_": "r_", "left": "right"}[found[0]]
+
+
+def degrees(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]:
+    j = _pick(rng, _joints(case), "joint_unit")
+    told.q[:, _column(case, j)] *= 180 / np.pi
+    return [{"effect": "joint_unit", "at": f"joint:{j}", "factor": np.pi / 180}]
+
+
+def all_degrees(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]:
+    told.q *= 180 / np.pi
+    return [{"effect": "joint_unit", "at": "robot", "factor": np.pi / 180}]
+
+
+def joint_frozen(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]:
+    """The log stands still over a run of rows."""
+    j = _pick(rng, _joints(case), "joint_frozen")
+    frames = len(told.q)
+    length = int(rng.integers(frames // 4, frames // 2))
+    first = int(rng.integers(3, frames - length - 3))
+    column = told.q[:, _column(case, j)]
+    column[first : first + length] = column[first - 1]
+    return [
+        {"effect": "joint_frozen", "at": f"joint:{j}", "first_frame": first, "last_frame": first + length - 1}
+    ]
+
+
+def joint_late(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]:
+    """One column by a fraction of a row or more."""
+    j = _pick(rng, _joints(case), "joint_late")
+    delay_s = _delay(rng, told)
+    k = _column(case, j)
+    told.q[:, k] = _earlier(told, delay_s)[:, k]
+    return [{"effect": "joint_late", "at": f"joint:{j}", "delay_s": delay_s}]
+
+
+def clock_late(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]:
+    """All columns."""
+    delay_s = _delay(rng, told)
+    told.q = _earlier(told, delay_s)
+    return [{"effect": "joint_late", "at": "robot", "delay_s": delay_s}]
+
+
+def _delay(rng: np.random.Generator, told: Told) -> float:
+    return float(rng.uniform(0.25, 1.5) * np.median(np.diff(told.time_s)))
+
+
+def _earlier(told: Told, delay_s: float) -> Array:
+    return np.stack([np.interp(told.time_s - delay_s, told.time_s, q) for q in told.q.T], axis=1)
+
+
+def markers_swapped(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]:
+    """Two names exchanged, in all frames or in some."""
+    names = case.robot.markers
+    if len(names) < 2:
+        raise NoPlaceError("this robot has one marker")
+    a, b = (int(i) for i in rng.permutation(len(names))[:2])
+    share = 1.0 if rng.random() < 0.5 else float(rng.uniform(0.05, 0.3))
+    hit = np.flatnonzero(rng.random(len(case.blobs_px)) < share)
+    first = case.blobs_px[hit, a].copy()
+    case.blobs_px[hit, a], case.blobs_px[hit, b] = case.blobs_px[hit, b], first
+    return [
+        {
+            "effect": "markers_swapped",
+            "at": f"marker:{names[a]}<->marker:{names[b]}",
+            "share": len(hit) / max(len(case.blobs_px), 1),
+        }
+    ]
+
+
+def _once(told: Told, what: str) -> None:
+    if told.pictured:
+        raise NoPlaceError(f"{what}: the picture has a mistake already")
+    told.pictured.add(what)
+
+
+def camera_resolution(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]:
+    """camera.yaml of another resolution, or of a crop."""
+    _once(told, "camera")
+    if rng.random() < 0.6:
+        factor, shift = float(rng.choice([0.5, 2.0, 0.75])), np.zeros(2)
+    else:
+        factor, shift = 1.0, rng.uniform(30, 90, 2) * rng.choice([-1, 1], 2)
+    # What must be written is factor times what is there, and the shift on top.
+    told.lens_factor, told.lens_shift_px = 1 / factor, -shift / factor
+    return [
+        {
+            "effect": "camera_resolution",
+            "at": "camera",
+            "factor": factor,
+            "du_px": float(shift[0]),
+            "dv_px": float(shift[1]),
+            "tolerated": [{"effect": "camera_center", "at": "camera"}] if factor == 1.0 else [],
+        }
+    ]
+
+
+def picture_flipped(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]:
+    _once(told, "flip")
+    flip = int(rng.integers(1, 4))
+    width, height = case.robot.image_size
+    for px in (case.corners_px, case.blobs_px):
+        if flip & 1:
+            px[..., 0] = width - 1 - px[..., 0]
+        if flip & 2:
+            px[..., 1] = height - 1 - px[..., 1]
+    return [{"effect": "picture_flipped", "at": "camera", "flip": flip}]
+
+
+def square_size(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]:
+    """The board was printed at another scale than is told."""
+    _once(told, "square")
+    scale = float(rng.choice([-0.3, -0.2, -0.1, 0.1, 0.25, 0.4]))
+    told.square_m = case.robot.board_square_m / (1 + scale)
+    return [{"effect": "board_scale", "at": "board", "scale_error": scale}]
+
+
+def right_angle_zero(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]:
+    j = _pick(rng, _joints(case), "joint_offset")
+    offset = float(rng.choice([-1, 1])) * np.pi / 2
+    told.q[:, _column(case, j)] -= offset
+    return [{"effect": "joint_offset", "at": f"joint:{j}", "offset_rad": offset}]
+
+
+def scaled_column(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]:
+    """A gear box of another ratio than is told."""
+    j = _pick(rng, _joints(case, 0.6), "gear_ratio")
+    factor = float(rng.choice([0.75, 0.8, 1.25, 1.5, 2.0]))
+    told.q[:, _column(case, j)] /= factor
+    return [{"effect": "gear_ratio", "at": f"joint:{j}", "scale_error": factor - 1}]
+
+
+def board_turned(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]:
+    """Corners counted from the other end."""
+    _once(told, "board")
+    case.corners_px[:] = case.corners_px[:, ::-1].copy()
+    return [{"effect": "board_turned", "at": "board", "turn_rad": np.pi}]
+
+
+def marker_parent(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]:
+    """The URDF has the marker on a neighbouring link."""
+    robot = case.robot
+    options = []
+    for m in robot.markers:
+        own = robot.bodies[robot.index[f"{m}_marker"]].parent
+        for other in (robot.bodies[own].parent, robot.next_body(own)):
+            if other is not None and other > 0 and robot.bodies[other].joint in _joints(case):
+                options.append((m, own, other))
+    if not options:
+        raise NoPlaceError("this robot has no marker on a moving link beside another")
+    m, own, other = options[int(rng.integers(len(options)))]
+    tree = ET.fromstring(told.urdf)
+    mount = next(
+        j
+        for j in tree.findall("joint")
+        if (child := j.find("child")) is not None and child.get("link") == f"{m}_marker"
+    )
+    parent = mount.find("parent")
+    if parent is None:
+        raise NoPlaceError(f"the mount of {m} has no parent element")
+    parent.set("link", robot.bodies[other].name)
+    told.urdf = ET.tostring(tree, encoding="unicode")
+    return [{"effect": "marker_parent", "at": f"marker:{m}<-link:{robot.bodies[own].name}"}]
+
+
+def gravity_sign(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]:
+    """Upside down; it shows only beside a spring, which is drawn with it."""
+    told.gravity = -case.gravity
+    return [{"effect": "gravity_direction", "at": "robot"}]
+
+
+def shifted_rows(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]:
+    """A run of rows holds the measurement of others."""
+    frames = len(told.q)
+    length = int(rng.integers(frames // 6, frames // 3))
+    first, shift = int(rng.integers(8, frames - length - 8)), int(rng.choice([-3, -2, -1, 1, 2, 3]))
+    source = np.arange(frames)
+    source[first : first + length] += shift
+    case.corners_px[:], case.blobs_px[:] = case.corners_px[source], case.blobs_px[source]
+    return [
+        {
+            "effect": "pairing",
+            "at": "data",
+            "first_frame": first,
+            "last_frame": first + length - 1,
+            "shift_rows": shift,
+        }
+    ]
+
+
+MISTAKES: dict[str, Mistake] = {
+    f.__name__: f
+    for f in (
+        axis_sign,
+        joints_swapped,
+        left_right,
+        degrees,
+        all_degrees,
+        joint_frozen,
+        joint_late,
+        clock_late,
+        markers_swapped,
+        camera_resolution,
+        picture_flipped,
+        square_size,
+        right_angle_zero,
+        scaled_column,
+        board_turned,
+        marker_parent,
+        gravity_sign,
+        shifted_rows,
+    )
+}
+SLIPS = ("slip_marker", "slip_board", "slip_camera")
+"""Drawn in `simulate`: they are physical."""
+NOT_TWICE = {"left_right", "all_degrees", "clock_late", "shifted_rows", "gravity_sign"}
+"""Mistakes that touch everything: they come alone, or with a small cause."""
+
+
+def draw_mistakes(rng: np.random.Generator, kinds: list[str], case: Case) -> Told:
+    """Makes the mistakes in what is told of a case, at places of their own, and adds them to its answer.
+
+    Raises NoPlaceError where a robot has none.
+    """
+    told = told_truly(case)
+    for kind in kinds:
+        taken = {place for c in case.answer["causes"] for place in _places(c["at"])}
+        before = (told.urdf, told.q.copy())
+        for attempt in range(40):
+            told.urdf, told.q = before[0], before[1].copy()
+            causes = MISTAKES[kind](rng, case, told)
+            if not any(p in taken for c in causes for p in _places(c["at"])):
+                break
+            if kind in ("markers_swapped",) or attempt == 39:
+                raise NoPlaceError(f"no free place left for {kind}")
+        for cause in causes:
+            cause |= {
+                "mistake": kind,
+                "detectable": True,
+                "identifiable": kind != "gravity_sign",
+                "rivals": [],
+            }
+        case.answer["causes"] += causes
+    return told
+
+
+def _places(at: str) -> list[str]:
+    return [p for p in re.split(r"<->|<-", at) if p not in ("robot", "data")]
+
+
+def kinds_for(rng: np.random.Generator, number: int) -> list[str]:
+    """Names of `number` mistakes that can be made at once."""
+    every = [*MISTAKES, *SLIPS]
+    if number == 1:
+        return [str(rng.choice(every))]
+    alone = [k for k in every if k not in NOT_TWICE and k not in SLIPS]
+    return [str(k) for k in rng.choice(alone, number, replace=False)]
