@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from typer.testing import CliRunner
 
 import mirror_posture as mp
@@ -17,6 +18,7 @@ from mirror_posture.diagnosis import Cause, Diagnosis, Estimate, Gap
 from mirror_posture.diagnosis.applied import apply_diagnosis, write_own_files
 from mirror_posture.diagnosis.applied.lerobot import patch_lerobot
 from mirror_posture.diagnosis.applied.own_mjcf import patch_own_mjcf
+from mirror_posture.diagnosis.applied.ur_calibration import patch_ur_calibration
 from mirror_posture.diagnosis.applied.urdf import Urdf
 from mirror_posture.diagnosis.applied.xml_text import XmlText
 from mirror_posture.diagnosis.fingerprint import KEY, fingerprint
@@ -323,3 +325,66 @@ def test_the_command_writes_own_files(tmp_path: Path) -> None:
     assert run.exit_code == 0, run.output
     [told] = json.loads(run.stdout)["own_files"]
     assert told["told"] == ["joint elbow"] and (tmp_path / "out" / "mine.urdf.patch").is_file()
+    # One refused file of the user's, and nothing is there: neither the folder nor a part of it.
+    before = sorted(path.name for path in tmp_path.iterdir())
+    (bad := tmp_path / "calibration.json").write_text("[1]")
+    arguments[4] = tmp_path / "none"
+    run = CliRunner().invoke(cli.app, [*map(str, arguments), "--lerobot", str(bad)])
+    assert run.exit_code == 1 and "LeRobot" in run.output
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted([*before, "calibration.json"])
+
+
+UR = """# from ur_calibration
+kinematics:
+  shoulder: {x: 0, y: 0, z: 0.1625, roll: -0, pitch: 0, yaw: 0}
+  upper_arm:
+    x: 0
+    y: 0
+    z: 0
+    roll: 1.570796327  # a quarter
+    pitch: 0
+    yaw: 0
+  forearm: {x: -0.425, y: 0, z: 0, roll: 0, pitch: 0, yaw: 0}
+  wrist_1: {x: -0.3922, y: 0, z: 0.1333, roll: 0, pitch: 0, yaw: 0}
+  wrist_2: {x: 0, y: -0.0997, z: 0, roll: 1.570796327, pitch: 0, yaw: 0}
+  wrist_3: {x: 0, y: 0.0996, z: 0, roll: 1.570796327, pitch: 3.141592653589793, yaw: 3.141592653589793}
+  hash: calib_1
+"""
+
+
+def ur_urdf(text: str) -> str:
+    """What ur_description makes of the file: each section is a joint's origin."""
+    names = ["shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3"]
+    joints, links = "", '<link name="l0"/>'
+    for index, (name, pose) in enumerate(
+        zip(names, list(yaml.safe_load(text)["kinematics"].values())[:6], strict=True)
+    ):
+        links += f'<link name="l{index + 1}"/>'
+        joints += (
+            f'<joint name="ur_{name}_joint" type="revolute"><parent link="l{index}"/><child link="l{index + 1}"/>'
+            f'<origin xyz="{pose["x"]} {pose["y"]} {pose["z"]}" rpy="{pose["roll"]} {pose["pitch"]} {pose["yaw"]}"/>'
+            '<axis xyz="0 0 1"/><limit lower="-3" upper="3" effort="1" velocity="1"/></joint>'
+        )
+    return f'<robot name="ur">{links}{joints}</robot>'
+
+
+def test_a_universal_robots_calibration(tmp_path: Path) -> None:
+    own, out = tmp_path / "kinematics.yaml", tmp_path / "better.yaml"
+    own.write_text(UR)
+    before, after = Urdf(ur_urdf(UR)), Urdf(ur_urdf(UR))
+    after.add_offset("ur_elbow_joint", 0.02)
+    after.add_offset("ur_wrist_3_joint", -0.03)
+    told = patch_ur_calibration(own, before, Urdf(after.text()), out)
+    assert told == ("forearm: origin of ur_elbow_joint", "wrist_3: origin of ur_wrist_3_joint")
+    assert len(changed_lines(UR, out.read_text())) == 2 and "# a quarter" in out.read_text()
+    # The robot that is built of the new file at q is the old one at q + a.
+    old, new = (mp.Robot.from_urdf_text(ur_urdf(text)) for text in (UR, out.read_text()))
+    q = np.array([[0.3, -0.4, 0.5, 0.6, -0.7, 0.8]])
+    shifted = q + np.array([0, 0, 0.02, 0, 0, -0.03])
+    np.testing.assert_allclose(new.link_poses(q, ["l6"]), old.link_poses(shifted, ["l6"]), atol=1e-8)
+    own.write_text(UR.replace("-0.425", "-0.6127"))
+    with pytest.raises(MirrorPostureError, match="forearm: is not the origin"):
+        patch_ur_calibration(own, before, after, out)
+    own.write_text("kinematics: 3")
+    with pytest.raises(MirrorPostureError, match="Universal Robots"):
+        patch_ur_calibration(own, before, after, out)

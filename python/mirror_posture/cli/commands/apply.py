@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -31,6 +32,9 @@ def command(
     lerobot: Annotated[
         Path | None, typer.Option(help="Your LeRobot calibration (.json): homing offsets, in ticks.")
     ] = None,
+    ur: Annotated[
+        Path | None, typer.Option(help="Your Universal Robots calibration (.yaml): the joints' origins.")
+    ] = None,
     motors: Annotated[
         str, typer.Option(help="Make of the motors of --lerobot: feetech or dynamixel.")
     ] = "feetech",
@@ -54,14 +58,22 @@ def command(
     """
     output = Output(as_json)
     from ...diagnosis import Diagnosis
-    from ...diagnosis.applied import apply_diagnosis, write_own_files
+    from ...diagnosis.applied import OwnFile, apply_diagnosis, write_own_files
     from ...diagnosis.applied.apply import rows_for_people
     from ...session import load_session
 
     loaded = load_session(session)
     found = Diagnosis.load(diagnosis)
-    applied = apply_diagnosis(loaded, found, out, overwrite=overwrite)
-    own = write_own_files(loaded, found, applied.folder, urdf=urdf, mjcf=mjcf, lerobot=lerobot, motors=motors)
+    own: list[OwnFile] = []
+
+    def also(part: Path) -> None:
+        # In the same transaction: one refused file of the user's, and nothing is written.
+        written = write_own_files(
+            loaded, found, part, urdf=urdf, mjcf=mjcf, lerobot=lerobot, ur=ur, motors=motors
+        )
+        own.extend(replace(one, file=out / one.file.name, patch=out / one.patch.name) for one in written)
+
+    applied = apply_diagnosis(loaded, found, out, overwrite=overwrite, also=also)
     if applied.written:
         output.table(
             f"Written to {applied.folder}",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -50,13 +51,19 @@ class Applied:
 
 
 def apply_diagnosis(
-    session: Session, found: Diagnosis, folder: str | os.PathLike[str], *, overwrite: bool = False
+    session: Session,
+    found: Diagnosis,
+    folder: str | os.PathLike[str],
+    *,
+    overwrite: bool = False,
+    also: Callable[[Path], object] | None = None,
 ) -> Applied:
     """Writes a session whose model has the causes of a diagnosis in it.
 
     The robot's origins and axes, the camera's intrinsics, the board's squares and the mirror's glass are corrected;
     for play, friction, springs and gear ratios, which URDF cannot say, an MJCF is written beside them (it needs the
-    extra `mujoco`). The observations stay as they are, so that the folder can be diagnosed again.
+    extra `mujoco`). The observations stay as they are, so that the folder can be diagnosed again. `also` is called with the
+    folder before it takes its place, to write further files into it: where it raises an error nothing is written at all.
 
     Raises:
         MirrorPostureError: a diagnosis of another session, a place that the session does not have, a folder that is there already.
@@ -84,6 +91,8 @@ def apply_diagnosis(
         (part / ROBOT).write_bytes(urdf.text().encode("utf-8"))
         if mechanical:
             told.update(write_mjcf(session, urdf.text(), mechanical, part / MJCF))
+        if also is not None:
+            also(part)
 
     target = Path(folder)
     replace_folder(target, fill, overwrite)

@@ -13,6 +13,7 @@ from .apply import ROBOT, parts_of
 from .lerobot import patch_lerobot
 from .own_mjcf import patch_own_mjcf
 from .own_urdf import patch_own_urdf, patch_text
+from .ur_calibration import patch_ur_calibration
 from .urdf import Urdf
 from .xml_text import read_xml
 
@@ -34,9 +35,10 @@ def write_own_files(
     urdf: Path | None = None,
     mjcf: Path | None = None,
     lerobot: Path | None = None,
+    ur: Path | None = None,
     motors: str = "feetech",
 ) -> tuple[OwnFile, ...]:
-    """Writes corrected copies of a user's files into the folder that `apply_diagnosis` wrote, and a patch for each.
+    """Writes corrected copies of a user's files into the folder that `apply_diagnosis` writes (its `also`), and a patch for each.
 
     The user's files themselves stay as they are. `git apply` or `patch` in their own folder makes the change there.
 
@@ -46,7 +48,7 @@ def write_own_files(
     causes = [part for cause in found.causes for part in parts_of(cause)]
     written = []
     taken = {path.name for path in folder.iterdir()}
-    for own in (urdf, mjcf, lerobot):
+    for own in (urdf, mjcf, lerobot, ur):
         if own is None:
             continue
         if not own.is_file():
@@ -61,6 +63,9 @@ def write_own_files(
             told = tuple(f"joint {name}" for name in changed)
         elif own is mjcf:
             told = _lines(patch_own_mjcf(own, causes, out))
+        elif own is ur:
+            before = Urdf(read_xml(session.robot_file))
+            told = patch_ur_calibration(own, before, Urdf(read_xml(folder / ROBOT)), out)
         else:
             told = _lines(patch_lerobot(own, causes, out, motors))
         patch = folder / f"{out.name}.patch"
