@@ -81,7 +81,7 @@ def _some_detected(session: Session) -> Session:
     rows = with_picture[::step]
     expected = predictions_from_session(session)
     found = detect_pictures(
-        [session.folder / file for row in rows if (file := session.image_files[row]) is not None],
+        [file for row in rows if (file := session.image_files[row]) is not None],
         setup_from_session(session),
         [expected[row] for row in rows],
     )

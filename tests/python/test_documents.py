@@ -1,0 +1,126 @@
+"""README and docs/: every command that is printed is one that the program takes; those that take no minutes and no hardware are run, and
+what they print is compared; links lead somewhere."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+import typer.main
+from typer.testing import CliRunner
+
+from document_commands import DOCUMENTS, ELSEWHERE, PROJECT, RUN, Printed, commands, inline_commands, same
+from mirror_posture.cli.app import app
+from session_folder import URDF, write_folder
+from tracked_session import write_tracked
+
+GROUP = typer.main.get_command(app)
+PRINTED = commands()
+
+
+def parse(words: list[str]) -> None:
+    """Lets the program read a command line without running it; raises as it would."""
+    command, context = GROUP, None
+    while hasattr(command, "commands") and words:
+        context = command.make_context(words[0], [], parent=context, resilient_parsing=True)
+        name, *words = words
+        assert name in command.commands, f"{name} is no command"
+        command = command.commands[name]
+    command.make_context("", list(words), parent=context)
+
+
+def test_the_documents_print_commands() -> None:
+    assert len(PRINTED) >= 20 and {p.document for p in PRINTED} >= {"README.md", *RUN}
+
+
+@pytest.mark.parametrize("printed", PRINTED, ids=lambda p: f"{p.document}: {p.words}")
+def test_every_printed_command_is_taken_and_proved(printed: Printed) -> None:
+    words = shlex.split(printed.words)[1:]
+    parse(words)
+    runs_here = words[0] in RUN.get(printed.document, ())
+    assert runs_here or words[0] in ELSEWHERE, "say in document_commands.py how it is proved"
+
+
+def test_every_command_within_a_sentence_is_taken() -> None:
+    tried = 0
+    for printed in inline_commands():
+        words = shlex.split(printed.words)[1:]
+        # `mirror-posture correct ROBOT … --feed-forward diagnosis`: shortened for the sentence.
+        if "…" in printed.words or "ROBOT" in words or len(words) < 2:
+            assert words[0] in GROUP.commands, printed  # type: ignore[attr-defined]
+            continue
+        parse(words)
+        tried += 1
+    assert tried > 5
+
+
+def test_a_wrong_option_would_be_seen() -> None:
+    with pytest.raises(Exception, match="estimators"):
+        parse(["measure", "my-session", "--estimators", "all"])
+
+
+def run_printed(document: str) -> None:
+    for printed in PRINTED:
+        words = shlex.split(printed.words)[1:]
+        if printed.document != document or words[0] not in RUN[document] or "--urdf" in words:
+            continue
+        ended = CliRunner().invoke(app, words, env={"COLUMNS": "120"})
+        assert ended.exit_code == 0, f"{printed.words}: {ended.output}"
+        if printed.output is not None:
+            said = same(printed.output, ended.output)
+            assert said is None, f"{document} prints another output of {printed.words} than it has:\n{said}"
+
+
+def test_setting_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "arm.urdf").write_text(
+        URDF.replace('lower"', 'gripper"').replace("hand_marker", "palm"), encoding="utf-8"
+    )
+    run_printed("docs/setting-up.md")
+    assert (tmp_path / "board.pdf").read_bytes().startswith(b"%PDF")
+    assert (tmp_path / "my-session" / "setup.png").is_file()
+
+
+def test_formats(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_folder(tmp_path / "my-session")
+    run_printed("docs/formats.md")
+
+
+def test_diagnosing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A tracked robot whose elbow's zero is off: diagnosed, written back, and then there is nothing left."""
+    monkeypatch.chdir(tmp_path)
+    folder = write_tracked(tmp_path / "my-session", 4)
+    robot = folder / "robot.urdf"
+    # The model's zero is moved instead of the body's.
+    text = robot.read_text(encoding="utf-8")
+    joint = re.search(r'<joint name="r_elbow".*?</joint>', text, re.DOTALL)
+    assert joint
+    turned = joint[0].replace("<origin ", '<origin rpy="0 0.04 0" ')
+    assert turned != joint[0]
+    robot.write_text(text.replace(joint[0], turned), encoding="utf-8")
+    run_printed("docs/diagnosing.md")
+    assert (tmp_path / "diagnosis" / "report.html").is_file()
+
+
+def test_outputs_are_compared() -> None:
+    assert same("a ≈1.50 mm\n…\nend", "a 1.44 mm\nmore\nand more\nend") is None
+    assert same("a ≈1.50 mm\n…\nend", "a 1.30 mm\nend") is not None
+    assert same("a 1.50 mm", "a 1.51 mm") is not None and same("a … mm", "a b c mm") is None
+
+
+@pytest.mark.parametrize("file", DOCUMENTS, ids=lambda f: f.relative_to(PROJECT).as_posix())
+def test_links_lead_somewhere(file: Path) -> None:
+    text = re.sub(r"^```.*?^```", "", file.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
+    for target in re.findall(r"\]\(([^)\s]+)\)", text):
+        if re.match(r"[a-z]+:", target):
+            continue
+        path, _, anchor = target.partition("#")
+        place = (file.parent / path).resolve() if path else file
+        assert place.exists() or "reference/" in path, f"{target} is not there"
+        if anchor and place.suffix == ".md":
+            heads = re.findall(r"^#+ (.*)$", place.read_text(encoding="utf-8"), re.MULTILINE)
+            slugs = {re.sub(r"[^\w\- ]", "", head.lower()).strip().replace(" ", "-") for head in heads}
+            assert anchor in slugs, f"{target}: the page has no such heading"
