@@ -15,7 +15,7 @@ SOURCES := $(shell find crates python -name '*.rs' -o -name '*.py' -o -name '*.p
 FLOORS := numpy==1.26.4 opencv-python-headless==4.11.0.86 pillow==10.4.0 simplejpeg==1.7.6 pyarrow==23.0.0 \
   matplotlib==3.8.4 typer==0.15.4 click==8.1.8
 
-.PHONY: test-floors help demo test test-rust test-python lint wheel bench clean
+.PHONY: docs sdist test-floors help demo test test-rust test-python lint wheel bench clean
 
 help: ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -51,11 +51,30 @@ wheel: $(VENV)/tools ## the wheels that are given away: fully optimised, for Pyt
 	$(BIN)/maturin build --release --locked --out dist
 	$(BIN)/python -m pip wheel -q --disable-pip-version-check --no-deps --wheel-dir dist ./python/mirror_lab
 
+sdist: $(VENV)/tools ## the source distribution; builds a wheel from it, installs that, and tests it
+	rm -rf target/sdist
+	$(BIN)/maturin sdist --out target/sdist
+	mkdir -p dist target/sdist/unpacked
+	tar xzf target/sdist/*.tar.gz -C target/sdist/unpacked --strip-components 1
+	CARGO_TARGET_DIR=$(CURDIR)/target $(BIN)/maturin build -q --profile $(PROFILE) --locked -m target/sdist/unpacked/crates/mirror-py/Cargo.toml --out target/sdist/wheel
+	$(PYTHON) -m venv target/sdist/venv
+	target/sdist/venv/bin/python -m pip install -q --disable-pip-version-check target/sdist/wheel/*.whl pytest
+	cd target/sdist/unpacked && ../venv/bin/python -m pytest -q -p no:cacheprovider tests/python/test_wheel.py tests/python/test_session.py
+	cp target/sdist/*.tar.gz dist/
+
+DOCS_TOOLS := mkdocs-material==9.* "mkdocstrings[python]>=0.26"
+
+docs: $(VENV)/installed ## the documentation's site, into ./site: pages, references of formats, Python and Rust
+	$(BIN)/python -m pip install -q --disable-pip-version-check $(DOCS_TOOLS)
+	RUSTDOCFLAGS="-D warnings" cargo doc --locked -q --no-deps -p mirror-core
+	$(BIN)/python -m mkdocs build --strict --quiet
+	cp -r target/doc site/rust
+
 bench: ## throughput of the core; benches/README.md says what was measured
 	cargo bench --locked
 
 clean: ## remove what was built; the cargo cache stays
-	rm -rf $(VENV) $(VENV)-floors $(WHEELS) $(OUT) dist
+	rm -rf $(VENV) $(VENV)-floors $(WHEELS) $(OUT) dist site docs/reference target/sdist
 
 $(VENV)/tools: pyproject.toml
 	$(PYTHON) -m venv $(VENV)

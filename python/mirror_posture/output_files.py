@@ -27,6 +27,8 @@ try:
 except ImportError:  # pragma: no cover - Windows
     fcntl = None  # type: ignore[assignment]
 
+WINDOWS = os.name == "nt"
+"""There folders cannot be opened, files that are open cannot be renamed, and what is synced must be open for writing."""
 PART = ".part"
 """Ending of what is not whole yet."""
 MIXED = ".being-replaced"
@@ -60,15 +62,19 @@ def new_file(file: str | os.PathLike[str]) -> Iterator[Path]:
                 dir=file.parent, prefix=f".{file.name}-", suffix=PART + file.suffix
             )
             part = Path(name)
-            _lock(handle)
+            if WINDOWS:
+                os.close(handle)
+            else:
+                _lock(handle)
             try:
                 yield part
                 _sync(part)
                 part.chmod(0o666 & ~_umask())
                 os.replace(part, file)
-                _sync(file.parent)
+                sync_folder(file.parent)
             finally:
-                os.close(handle)
+                if not WINDOWS:
+                    os.close(handle)
         except BaseException:
             if part is not None:
                 part.unlink(missing_ok=True)
@@ -233,13 +239,18 @@ def _lock(handle: int) -> None:
 
 def _sync(path: Path) -> None:
     """Waits until a file, or a folder's list of names, is on the disk."""
-    if path.is_symlink() or (path.is_dir() and os.name == "nt"):
+    if path.is_symlink() or (WINDOWS and path.is_dir()):
         return
-    handle = os.open(path, os.O_RDONLY)
+    handle = os.open(path, os.O_RDWR if WINDOWS else os.O_RDONLY)
     try:
         os.fsync(handle)
     finally:
         os.close(handle)
+
+
+def sync_folder(folder: Path) -> None:
+    """Waits until a folder's list of names is on the disk, where a system lets one ask for that."""
+    _sync(folder)
 
 
 @contextmanager

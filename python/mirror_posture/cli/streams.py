@@ -7,6 +7,7 @@ same. A reader that stopped is no error; any other failure is told once the work
 from __future__ import annotations
 
 import errno
+import io
 import os
 import sys
 from typing import Any, TextIO
@@ -49,6 +50,10 @@ class Patient:
 
 def make_patient() -> Patient:
     """Puts both streams of the process behind `Patient` ones; returns that of standard output."""
+    for stream in (sys.stdout, sys.stderr):
+        # A console or file of another encoding (Windows' are) shows a question mark for ± rather than an error.
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
     out = Patient(sys.stdout)
     sys.stdout, sys.stderr = out, Patient(sys.stderr)
     return out

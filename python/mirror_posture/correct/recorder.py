@@ -19,6 +19,7 @@ import tomli_w
 
 from .._core import MirrorPostureError
 from ..input_files import LARGEST_TABLE, given_text, read_text, reason
+from ..output_files import sync_folder
 from ..robots.errors import NoLookError
 from ..robots.nominal import Nominal, detect_look
 from ..robots.protocol import ImagePoints, Look, MarkerPoints
@@ -341,11 +342,7 @@ def _write_whole(file: Path, data: bytes) -> None:
         stream.flush()
         os.fsync(stream.fileno())
     os.replace(beside, file)
-    folder = os.open(file.parent, os.O_RDONLY)
-    try:
-        os.fsync(folder)
-    finally:
-        os.close(folder)
+    sync_folder(file.parent)
 
 
 def _cut_last_line(file: Path) -> None:

@@ -1,0 +1,76 @@
+"""One version in all files that name it; workflows that build what is published."""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+
+import yaml
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+PROJECT = Path(__file__).resolve().parents[2]
+WORKSPACE = tomllib.loads((PROJECT / "Cargo.toml").read_text(encoding="utf-8"))["workspace"]["package"]
+VERSION = WORKSPACE["version"]
+
+
+def test_one_version() -> None:
+    project = tomllib.loads((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert project["dynamic"] == ["version"], "it comes from Cargo.toml"
+    lab = tomllib.loads((PROJECT / "python" / "mirror_lab" / "pyproject.toml").read_text(encoding="utf-8"))[
+        "project"
+    ]
+    pinned = [
+        d
+        for extra in project["optional-dependencies"].values()
+        for d in extra
+        if d.startswith("mirror-posture-lab")
+    ]
+    assert lab["version"] == VERSION and pinned and set(pinned) == {f"mirror-posture-lab=={VERSION}"}
+    for crate in (PROJECT / "crates").glob("*/Cargo.toml"):
+        assert tomllib.loads(crate.read_text(encoding="utf-8"))["package"]["version"] == {"workspace": True}
+    lock = (PROJECT / "Cargo.lock").read_text(encoding="utf-8")
+    assert set(re.findall(r'name = "mirror-(?:core|py)"\nversion = "([^"]+)"', lock)) == {VERSION}
+
+
+def test_the_changelog_begins_with_what_is_not_released() -> None:
+    text = (PROJECT / "CHANGELOG.md").read_text(encoding="utf-8")
+    heads = re.findall(r"^## (.+)$", text, re.MULTILINE)
+    assert heads[0] == "Unreleased" and all(re.match(r"\d+\.\d+\.\d+", head) for head in heads[1:])
+    kinds = re.findall(r"^### (.+)$", text, re.MULTILINE)
+    assert set(kinds) <= {"Added", "Changed", "Deprecated", "Removed", "Fixed", "Security"}
+    assert "<<<<<<<" not in text and ">>>>>>>" not in text
+
+
+def test_the_workflows_are_of_this_project() -> None:
+    found = {
+        file.stem: yaml.safe_load(file.read_text(encoding="utf-8"))
+        for file in (PROJECT / ".github" / "workflows").glob("*.yml")
+    }
+    assert set(found) >= {"tests", "wheels", "crate"}
+    names = {
+        entry["name"].partition("-")[0]
+        for entry in found["wheels"]["jobs"]["wheels"]["strategy"]["matrix"]["include"]
+    }
+    assert names == {"manylinux", "musllinux", "macos", "windows"}
+    makefile = (PROJECT / "Makefile").read_text(encoding="utf-8")
+    for workflow in found.values():
+        for job in workflow["jobs"].values():
+            for step in job["steps"]:
+                run = step.get("run", "")
+                for target in re.findall(r"\bmake ([a-z-]+)", run):
+                    assert re.search(rf"^{target}:", makefile, re.MULTILINE), f"make {target}"
+                for path in re.findall(r"tests/python/\S+\.py", run):
+                    assert (PROJECT / path).is_file(), path
+    versions = {
+        s["uses"]
+        for w in found.values()
+        for j in w["jobs"].values()
+        for s in j["steps"]
+        if "rust-toolchain" in s.get("uses", "")
+    }
+    assert versions == {f"dtolnay/rust-toolchain@{WORKSPACE['rust-version']}"}
