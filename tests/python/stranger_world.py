@@ -31,7 +31,7 @@ def plan_rows(folder: Path) -> list[dict[str, float]]:
 class World:
     """Renders a session's robot, with its meshes, before the mirror of its plan."""
 
-    def __init__(self, folder: Path, packages: Mapping[str, Path] | None = None) -> None:
+    def __init__(self, folder: Path, packages: Mapping[str, Path] | None = None, finer: int = 2) -> None:
         text = (folder / "robot.urdf").read_text()
         for name, path in (packages or {}).items():
             text = text.replace(f"package://{name}", str(path))
@@ -44,11 +44,11 @@ class World:
         self.views = pyarrow.csv.read_csv(folder / "plan" / "views.csv").to_pylist()
         self.rows = plan_rows(folder)
         nominal = Nominal.load(folder)
-        dress(spec, nominal, (self.plan["mirror"]["width_m"] / 2, self.plan["mirror"]["height_m"] / 2))
+        dress(spec, nominal, (self.plan["mirror"]["width_m"] / 2, self.plan["mirror"]["height_m"] / 2), finer)
         self.model = spec.compile()
         self.data = mujoco.MjData(self.model)
         self.root = nominal.metadata.root
-        self.renderer = MirrorRenderer(self.model, nominal)
+        self.renderer = MirrorRenderer(self.model, nominal, finer)
 
     def picture(self, joints: Mapping[str, float], view: Mapping[str, float]) -> np.ndarray:
         """The camera's picture (BGR) with the joints there."""

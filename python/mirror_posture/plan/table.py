@@ -127,7 +127,7 @@ def read_plan(file: Path, robot: Robot) -> list[PlannedFrame]:
     Raises:
         MirrorPostureError: no such file, a column that is missing or is no joint, a cell that is no number.
     """
-    columns = _columns(file)
+    columns = numbers_of(file)
     for name in ("frame", "posture"):
         if name not in columns:
             raise MirrorPostureError(f"{file}: has no column {name!r}; mirror-posture plan writes it")
@@ -137,7 +137,7 @@ def read_plan(file: Path, robot: Robot) -> list[PlannedFrame]:
     beside = file.parent / VIEWS
     views = dict.fromkeys(columns["frame"], 0.0)
     if beside.is_file():
-        table = _columns(beside)
+        table = numbers_of(beside)
         if "frame" not in table or "view" not in table:
             raise MirrorPostureError(f"{beside}: needed the columns frame and view")
         views |= dict(zip(table["frame"], table["view"], strict=True))
@@ -149,7 +149,8 @@ def read_plan(file: Path, robot: Robot) -> list[PlannedFrame]:
     ]  # fmt: skip
 
 
-def _columns(file: Path) -> dict[str, list[float]]:
+def numbers_of(file: Path) -> dict[str, list[float]]:
+    """The columns of a table of finite numbers. Raises `MirrorPostureError`, which names file, row and column."""
     try:
         table = pyarrow.csv.read_csv(file)
         found = {

@@ -39,6 +39,24 @@ def command(
             help="Hide a joint's zero error from the model: JOINT=DEGREES; may be given several times."
         ),
     ] = None,
+    meshes: Annotated[
+        bool,
+        typer.Option(
+            "--meshes", help="Draw the robot with its meshes, by MuJoCo: any robot; a mirror without glass."
+        ),
+    ] = False,
+    plan: Annotated[
+        Path | None,
+        typer.Option(help="With --meshes: the folder of a plan, whose postures and views are drawn."),
+    ] = None,
+    joint: Annotated[
+        list[str] | None,
+        typer.Option(help="With --meshes: JOINT=DEGREES of one posture of your own. Repeat it."),
+    ] = None,
+    mirror_size: Annotated[str, typer.Option(help="With --meshes: width x height, cm.")] = "40x60",
+    preview: Annotated[
+        bool, typer.Option("--preview", help="With --meshes: one picture (FOLDER is then a .png), at once.")
+    ] = False,
     noise: Annotated[bool, typer.Option(help="Whether the camera has noise.")] = True,
     seed: Annotated[int, typer.Option(help="Seed of the noise.", min=0)] = 0,
     overwrite: Annotated[bool, typer.Option(help="Replace a folder that is there.")] = False,
@@ -49,11 +67,23 @@ def command(
     The pictures are traced ray by ray, glass, ghosts, blur and noise included: what you measure in them can be compared
     with truth.json. Use it to try a mirror, a camera or a posture before you build it, and to test.
 
-    Example: `mirror-posture render my-session --yaw 0 --yaw 15 --offset r_shoulder_roll=2.5`
+    With `--meshes` any robot is drawn as it looks, hidden parts and a mirror of finite size included (`pip install
+    "mirror-posture[mujoco]"`): a plan's pictures, or a preview of one posture in a second.
+
+    Example: `mirror-posture render my-session --yaw 0 --yaw 15 --offset r_shoulder_roll=2.5`;
+    `mirror-posture render look.png --template my-session --meshes --preview --joint elbow=30`
     """
     output = Output(as_json)
     from ...render import DEMO_POSTURES, DEMO_VIEWS, EMBEDDED_FOLDER, PictureOptions, View, render_session
 
+    if meshes:
+        _with_meshes(
+            output, folder, template or EMBEDDED_FOLDER, plan, joint or [], mirror_size, preview, yaw_deg or [0.0], distance_mm,
+            _offsets(offset or []), overwrite,
+        )  # fmt: skip
+        return
+    if plan is not None or joint or preview:
+        raise MirrorPostureError("--plan, --joint and --preview: need --meshes")
     views = DEMO_VIEWS if not yaw_deg else tuple(View(yaw_rad=math.radians(yaw)) for yaw in yaw_deg)
     views = tuple(View(view.yaw_rad, view.pitch_rad, distance_mm / 1000.0) for view in views)
     options = PictureOptions(glass_thickness_m=glass_mm / 1000.0)
@@ -92,3 +122,71 @@ def _offsets(given: list[str]) -> dict[str, float]:
         if not equals or not math.isfinite(offsets[joint]):
             raise MirrorPostureError(f"--offset: got {text!r}, needed JOINT=DEGREES, as in r_elbow=2.5")
     return offsets
+
+
+def _with_meshes(
+    output: Output,
+    folder: Path,
+    template: Path,
+    plan: Path | None,
+    joint: list[str],
+    mirror_size: str,
+    preview: bool,
+    yaw_deg: list[float],
+    distance_mm: float,
+    offsets: dict[str, float],
+    overwrite: bool,
+) -> None:
+    import cv2
+
+    from ...output_files import write_file
+    from ...plan import PlanOptions
+    from ...plan.simple import mirrors_before, planned_mirrors
+    from ...robots import Nominal
+    from ...shapes.mesh_pictures import MeshFrame, MeshPainter, render_meshes_session
+    from ._robots import parse_joints
+
+    try:
+        width, height = (float(part) / 100.0 for part in mirror_size.lower().split("x"))
+    except ValueError:
+        raise MirrorPostureError(
+            f"--mirror-size: got {mirror_size!r}, needed WIDTHxHEIGHT in cm, as in 40x60"
+        ) from None
+    nominal = Nominal.load(template)
+    options = PlanOptions(mirror_width_m=width, mirror_height_m=height)
+    if plan is not None:
+        found = planned_mirrors(plan, nominal)
+        frames = [MeshFrame(row.posture, row.commanded, center, normal) for row, center, normal in found]
+    else:
+        posture = parse_joints(joint, "--joint")
+        frames = [
+            MeshFrame(0, posture, m.center_in_root_m, m.normal_in_root)
+            for m in mirrors_before(
+                nominal, options, [math.radians(yaw) for yaw in yaw_deg], distance_mm / 1000.0
+            )
+        ]
+    if preview:
+        if folder.suffix.lower() != ".png":
+            raise MirrorPostureError(f"--preview: got {folder}, needed a file that ends with .png")
+        painter = MeshPainter(nominal, (width, height), preview=True)
+        first = frames[0]
+        actual = {n: first.commanded.get(n, 0.0) + offsets.get(n, 0.0) for n in {*first.commanded, *offsets}}
+        picture = painter.draw(actual, first.center_in_root_m, first.normal_in_root)
+        painter.close()
+        write_file(folder, cv2.imencode(".png", picture)[1].tobytes())
+        missing = painter.missing
+        output.say(f"written: {folder}")
+        output.result({"picture": folder, "meshes_not_drawn": missing})
+    else:
+        with output.counting("drawing", len(frames)) as count:
+            missing = render_meshes_session(
+                folder, nominal, frames, (width, height), offsets_rad=offsets, overwrite=overwrite,
+                progress=lambda done, total: count(done),
+            )  # fmt: skip
+        output.say(f"{len(frames)} pictures are in {folder}, the actual joints in truth.json")
+        output.say(f"next: mirror-posture detect {folder}")
+        output.result({"session": folder, "pictures": len(frames), "meshes_not_drawn": missing})
+    if missing:
+        output.warn(
+            f"{len(missing)} meshes were not drawn (not found, or trimesh is not installed), as {missing[0]}"
+        )

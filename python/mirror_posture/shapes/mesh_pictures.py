@@ -1,0 +1,151 @@
+"""Any robot with its meshes before a mirror of finite size, by MuJoCo's renderer: a quick preview, or the pictures of a session.
+
+MuJoCo's mirror is a front-surface one without glass. For pictures of glass, ghosts and blur see `mirror_posture.render`.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import mujoco
+import numpy as np
+import numpy.typing as npt
+import pyarrow as pa
+import tomli_w
+
+from .._core import MirrorPostureError
+from ..robots.nominal import Nominal
+from ..session.write import replace_folder, write_table
+from .body import flat_spec, place
+from .mujoco_picture import EDGE_SAMPLES, FINER, MirrorRenderer, dress
+from .of_links import COARSE_FOLDER, shapes_of_links
+
+Floats = npt.NDArray[np.float64]
+
+GREYS = (0.72, 0.62, 0.5)
+"""Of links in turn, so that neighbours are told apart."""
+
+
+@dataclass(frozen=True, eq=False)
+class MeshFrame:
+    """A picture to be drawn: what is commanded, rad (m), and the mirror before the robot, in the root's frame."""
+
+    posture: int
+    commanded: Mapping[str, float]
+    center_in_root_m: Floats
+    normal_in_root: Floats
+
+
+class MeshPainter:
+    """Draws one robot: made once, used for any posture and mirror. `preview` draws a picture in a fraction of the time, with rough edges.
+
+    Raises `MirrorPostureError` without MuJoCo, an OpenGL, a camera, a chessboard or balls to draw.
+    """
+
+    def __init__(
+        self,
+        nominal: Nominal,
+        mirror_size_m: tuple[float, float],
+        packages: Mapping[str, Path] | None = None,
+        preview: bool = False,
+    ) -> None:
+        if any(marker.diameter_m <= 0.0 for marker in nominal.metadata.markers):
+            raise MirrorPostureError(f"{nominal.folder}: a marker of diameter 0 cannot be drawn")
+        shapes, self.missing = shapes_of_links(nominal.robot_file, packages, "visual")
+        self._nominal, self._links = nominal, list(nominal.robot.link_names)
+        spec = flat_spec(shapes, self._links)
+        for number, geom in enumerate(spec.geoms):
+            geom.contype = geom.conaffinity = 0
+            geom.rgba = [*[GREYS[number % len(GREYS)]] * 3, 1.0]
+        finer, samples = (1, 0) if preview else (FINER, EDGE_SAMPLES)
+        dress(spec, nominal, (0.5 * mirror_size_m[0], 0.5 * mirror_size_m[1]), finer, samples)
+        try:
+            self._model = spec.compile()
+        except ValueError as error:
+            raise MirrorPostureError(
+                f"{nominal.robot_file}: MuJoCo refuses its shapes: {' '.join(str(error).split())}"
+            ) from None
+        self._data = mujoco.MjData(self._model)
+        self._renderer = MirrorRenderer(self._model, nominal, finer)
+
+    def draw(
+        self, positions: Mapping[str, float], center_in_root_m: Floats, normal_in_root: Floats
+    ) -> npt.NDArray[np.uint8]:
+        """The camera's picture, BGR, with the joints there (rad, m; others at 0) and the mirror's centre there."""
+        robot = self._nominal.robot
+        q = robot.positions({name: [value] for name, value in positions.items()})
+        q = np.zeros((1, len(robot.position_names))) if not len(q) else q
+        poses = robot.link_poses(q, self._links)[0]
+        place(self._model, self._data, self._links, poses)
+        root = poses[self._links.index(self._nominal.metadata.root)]
+        center = root[:3, :3] @ np.asarray(center_in_root_m) + root[:3, 3]
+        return self._renderer.picture(self._data, center, root[:3, :3] @ np.asarray(normal_in_root))
+
+    def close(self) -> None:
+        """Frees the OpenGL context."""
+        self._renderer.close()
+
+
+def render_meshes_session(
+    folder: Path,
+    nominal: Nominal,
+    frames: Sequence[MeshFrame],
+    mirror_size_m: tuple[float, float],
+    *,
+    offsets_rad: Mapping[str, float] | None = None,
+    packages: Mapping[str, Path] | None = None,
+    overwrite: bool = False,
+    progress: Callable[[int, int], None] | None = None,
+) -> list[str]:
+    """Writes a session with a picture of each frame; `offsets_rad` are hidden from its model. Returns the meshes that were not found.
+
+    The session says that its mirror has no glass, which is how MuJoCo draws it; truth.json tells the joints. Whole or not at all.
+    """
+    offsets = dict(offsets_rad or {})
+    for name in [*offsets, *(name for frame in frames for name in frame.commanded)]:
+        nominal.robot.position_index(name)
+    painter = MeshPainter(nominal, mirror_size_m, packages)
+
+    def fill(part: Path) -> None:
+        tree: dict[str, Any] = json.loads(json.dumps(dict(nominal.metadata.raw)))
+        tree["mirror"] = {**tree.get("mirror", {}), "glass_thickness": 0.0}
+        tree["robot"], tree["camera"] = "robot.urdf", "camera.yaml"
+        (part / "session.toml").write_text(tomli_w.dumps(tree), encoding="utf-8")
+        shutil.copyfile(nominal.robot_file, part / "robot.urdf")
+        shutil.copyfile(nominal.folder / str(nominal.metadata.camera), part / "camera.yaml")
+        if (nominal.folder / COARSE_FOLDER).is_dir():
+            shutil.copytree(nominal.folder / COARSE_FOLDER, part / COARSE_FOLDER)
+        (part / "images").mkdir()
+        names = sorted({name for frame in frames for name in frame.commanded})
+        told = []
+        for number, frame in enumerate(frames):
+            actual = {
+                name: frame.commanded.get(name, 0.0) + offsets.get(name, 0.0) for name in {*names, *offsets}
+            }
+            picture = painter.draw(actual, frame.center_in_root_m, frame.normal_in_root)
+            (part / "images" / f"{number:04d}.png").write_bytes(cv2.imencode(".png", picture)[1].tobytes())
+            told.append({"frame": number, "joints_rad": dict(sorted(actual.items()))})
+            if progress is not None:
+                progress(number + 1, len(frames))
+        (part / "truth.json").write_text(
+            json.dumps({"offsets_rad": offsets, "frames": told}, indent=1), encoding="utf-8"
+        )
+        columns: dict[str, Any] = {
+            "frame": np.arange(len(frames)),
+            "posture": np.array([frame.posture for frame in frames]),
+            "image": pa.array([f"images/{number:04d}.png" for number in range(len(frames))], pa.string()),
+        }
+        columns |= {name: np.array([frame.commanded.get(name, 0.0) for frame in frames]) for name in names}
+        write_table(pa.table(columns), part / "frames.csv")
+
+    try:
+        replace_folder(folder, fill, overwrite)
+    finally:
+        painter.close()
+    return painter.missing
