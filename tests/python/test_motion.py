@@ -104,6 +104,10 @@ def test_noise_is_read_off_beside_a_slow_error_and_correlation_counts() -> None:
     white = rng.normal(size=(600, 4, 2))
     slow = 10.0 * np.sin(2.0 * np.pi * 0.5 * time)
     assert abs(noise_scale(1.3 * white + slow, seen) - 1.3) < 0.08
+    late = white.copy()
+    for i in range(1, 600):
+        late[i] = 0.35 * late[i - 1] + np.sqrt(1.0 - 0.35**2) * late[i]
+    assert abs(noise_scale(late + slow, seen) - 1.0) < 0.08
     assert misfit(white, seen).inflation < 1.15
     assert misfit(white + slow, seen).inflation > 50.0
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 from ..blind import optics
 from ..blind.noise import Noise, add_outliers, blob_errors, corner_errors, draw_noise
 from ..blind.robots import Robot, board_points
+from ..blind.seal import seal
 from ..blind.simulate import draw_lens, draw_robot
 from ..blind.views import place_mirrors
 from .causes import LAWS, Body, Usual
@@ -236,9 +236,27 @@ def _users_model(robot: Robot, joints: list[str], stiffness: Array, damping: Arr
     return str(spec.to_xml())
 
 
-def write_answer(folder: Path, answer: dict[str, Any]) -> Path:
-    """The answer, apart from the sessions."""
-    folder.mkdir(parents=True, exist_ok=True)
-    file = folder / f"{answer['id']}.json"
-    file.write_text(json.dumps(answer, indent=1), encoding="utf-8")
-    return file
+def make_cases(
+    out: Path,
+    cases: int,
+    seed: int,
+    robots: Sequence[str] = ROBOTS,
+    causes: tuple[int, int] = (0, 3),
+    seconds: float = 20.0,
+) -> list[Path]:
+    """Writes moving sessions with 0 to 3 drawn causes; the answers, sealed, to the folder `answers`."""
+    made = []
+    for number in range(cases):
+        rng = np.random.default_rng([seed, number])
+        kind = robots[number % len(robots)]
+        count = (
+            int(rng.choice([0, 1, 2, 3], p=[0.2, 0.4, 0.25, 0.15]))
+            if causes == (0, 3)
+            else int(rng.integers(causes[0], causes[1] + 1))
+        )
+        effects = [str(e) for e in rng.choice(sorted(LAWS), size=count, replace=False)]
+        name = f"case-{number:04d}"
+        answer = make_case(out / name, kind, effects, rng, seconds)
+        seal(answer, out / "answers" / f"{name}.json", out / name / "seal.json")
+        made.append(out / name)
+    return made

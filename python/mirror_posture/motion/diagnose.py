@@ -15,7 +15,7 @@ from ..session import Session, as_session
 from ..short_repr import ShortRepr
 from .alternatives import rivals_of
 from .effects import Key
-from .fit import Fitted, design
+from .fit import design, evaluated, fit
 from .problem import Problem
 from .report import document
 from .search import Found, search
@@ -24,8 +24,10 @@ Floats = npt.NDArray[np.float64]
 
 MOST_CAUSES = 4
 FALSE_DEVIATIONS = 5.0
-LEAST_FALSE = 1
-"""One false image bends a fit; the search is taken up again without it."""
+FEW_FALSE = 0.005
+"""Of the images: so few bend the parameters, not the choice of causes."""
+MOST_FALSE = 0.05
+"""Of the images: where more lie far off, the model is wrong, not they."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -55,11 +57,18 @@ def diagnose_motion(
     loaded = as_session(session)
     problem = Problem(loaded, None if model is None else Path(model))
     found = search(problem, most_causes, progress)
-    residual = problem.view.seen[..., None] * found.best.residual
-    false = np.abs(residual).max(axis=2) > FALSE_DEVIATIONS * max(1.0, _rms(found.best))
-    if LEAST_FALSE <= int(false.sum()) < 0.05 * problem.view.seen.sum():
+    before = problem.view.false
+    false = _false(problem, found)
+    if (false != before).any():
+        # One false image bends a fit, and what the first look took for false may be what a cause does.
         problem.leave_out(false)
-        found = search(problem, most_causes, progress, start=found.best.causes)
+        changed = int((false != before).sum())
+        few = changed < FEW_FALSE * problem.view.seen.sum()
+        found = (
+            _refitted(problem, found)
+            if few
+            else search(problem, most_causes, progress, start=found.best.causes)
+        )
     rivals = {key: rivals_of(problem, found, key) for key in found.best.causes}
     tree = document(problem, found, rivals, covariance(problem, found))
     return MotionDiagnosis(Diagnosis.from_document(tree), problem, found)
@@ -119,5 +128,22 @@ def with_checked(
     return replace(done, diagnosis=Diagnosis.from_document(tree))
 
 
-def _rms(fitted: Fitted) -> float:
-    return float(np.sqrt(fitted.misfit.squares / fitted.misfit.rows))
+def _refitted(problem: Problem, found: Found) -> Found:
+    """The model found, fitted to the images that count now."""
+    best = fit(problem, found.best.causes, found.noise_scale)
+    nominal = evaluated(problem, {}, found.noise_scale)
+    return found if best is None or nominal is None else replace(found, best=best, nominal=nominal)
+
+
+def _false(problem: Problem, found: Found) -> npt.NDArray[np.bool_]:
+    """(F, markers): of all images shown, those that lie far off the model found."""
+    best = found.best
+    usual = max(1.0, float(np.sqrt(best.misfit.squares / best.misfit.rows)))
+    before = problem.view.false
+    problem.leave_out(np.zeros_like(before))
+    (residual,) = problem.residuals([best.causes])
+    problem.leave_out(before)
+    if residual is None:
+        return before
+    false = np.abs(residual).max(axis=2) > FALSE_DEVIATIONS * usual * found.noise_scale
+    return false if false.sum() < MOST_FALSE * problem.view.seen.sum() else before

@@ -1,7 +1,4 @@
-"""Pictures of a diagnosed motion: the staircase, and of each joint that a cause names its path, its lag, its loop, its friction.
-
-What a picture shows of a joint by itself is the error `e = Jᵀr / JᵀJ`, J the joint's column and r the picture's residuals.
-"""
+"""Pictures of a diagnosed motion: the staircase, and of each joint that a cause names its path, its lag, its loop, its friction."""
 
 from __future__ import annotations
 
@@ -12,7 +9,6 @@ import numpy.typing as npt
 
 from ..diagnosis.plots import AFTER, BEFORE, Drawing, figure, finished
 from .diagnose import MotionDiagnosis
-from .effects import Causes
 
 Floats = npt.NDArray[np.float64]
 WINDOW_S = 8.0
@@ -56,7 +52,7 @@ def _joint(done: MotionDiagnosis, joint: str) -> Drawing:
     problem, causes = done.problem, done.found.best.causes
     j = problem.joints.index(joint)
     time = problem.recording.board_time_s
-    before, after = _error(done, {}, j), _error(done, causes, j)
+    before, after = problem.joint_error({}, j), problem.joint_error(causes, j)
     nominal, fitted = problem.rollouts.motions([{}, causes])
     assert nominal is not None and fitted is not None
     told = problem.recording.commands((joint,), time)[:, 0]
@@ -102,19 +98,6 @@ def _joint(done: MotionDiagnosis, joint: str) -> Drawing:
         title="Error against speed: a slope is a lag, a step is friction",
     )
     return finished(drawn, "motion")
-
-
-def _error(done: MotionDiagnosis, causes: Causes, j: int) -> Floats:
-    """(F,): a joint's error by each picture alone, rad; NaN where it shows nothing of it."""
-    problem = done.problem
-    (residual,) = problem.residuals([causes])
-    assert residual is not None
-    column = problem.by_position()[..., j]
-    seen = problem.view.seen[..., None]
-    power = (np.where(seen, column, 0.0) ** 2).sum(axis=(1, 2))
-    pull = np.where(seen, column * residual, 0.0).sum(axis=(1, 2))
-    weak = power < 1e-3 * np.median(power[power > 0.0]) if (power > 0.0).any() else power <= 0.0
-    return np.asarray(np.where(weak, np.nan, pull / np.where(weak, 1.0, power)))
 
 
 def _binned(x: Floats, y: Floats) -> tuple[Floats, Floats]:

@@ -22,6 +22,8 @@ from .view import Places, View
 Floats = npt.NDArray[np.float64]
 
 POSITION_STEP = 1e-5
+WEAK_SHARE = 1e-3
+"""A picture whose information of a joint is below this share of the usual shows nothing of it."""
 LOAD_SHARE = 0.02
 """Share of a joint's usual load at which its play has gone over to one side."""
 
@@ -163,8 +165,8 @@ class Problem:
         return of, np.stack(columns, axis=-1) if columns else empty[..., None][..., :0]
 
     def leave_out(self, false: npt.NDArray[np.bool_]) -> None:
-        """Leaves out images (F, markers) as false; all columns must be computed anew."""
-        self.view.drop(false)
+        """Leaves out these images (F, markers) as false and no other; all columns must be computed anew."""
+        self.view.leave_out(false)
         self._by_position = None
 
     def errors_px(self, causes: Causes) -> Floats:
@@ -183,3 +185,17 @@ class Problem:
     def floor_px(self, noise_scale: float) -> float:
         """The RMS distance that noise alone leaves, px."""
         return noise_scale * float(np.sqrt(self.view.variance_px2[self.view.seen].mean()))
+
+    def joint_error(self, causes: Causes, j: int) -> Floats:
+        """(F,): the error of joint `joints[j]` by each picture alone, rad; NaN where it shows nothing of it.
+
+        `e = Jᵀr / JᵀJ`, J the joint's column and r the picture's whitened residuals.
+        """
+        (residual,) = self.residuals([causes])
+        assert residual is not None
+        column = self.by_position()[..., j]
+        seen = self.view.seen[..., None]
+        power = (np.where(seen, column, 0.0) ** 2).sum(axis=(1, 2))
+        pull = np.where(seen, column * residual, 0.0).sum(axis=(1, 2))
+        weak = power <= (WEAK_SHARE * np.median(power[power > 0.0]) if (power > 0.0).any() else 0.0)
+        return np.asarray(np.where(weak, np.nan, pull / np.where(weak, 1.0, power)))

@@ -43,27 +43,29 @@ class Screen:
         sizes = [(h, start) for h in limits for start in h.starts]
         changes = problem.changes({}, [{h.key: start} for h, start in sizes])
         kept = [(size, change) for size, change in zip(sizes, changes, strict=True) if change is not None]
-        seen = problem.view.seen
         self.slots: dict[Key, list[int]] = {}
         for column, (key, _) in enumerate(of):
             self.slots.setdefault(key, []).append(column)
         self.limits = [(h, start, len(of) + i) for i, ((h, start), _) in enumerate(kept)]
-        stacked = [
-            columns[seen].reshape(2 * int(seen.sum()), len(of)),
-            *(change[seen].reshape(-1, 1) for _, change in kept),
-        ]
-        self.matrix = np.concatenate(stacked, axis=1)
+        changed = [change[..., None] for _, change in kept]
+        self._columns = np.concatenate([columns, *changed], axis=-1)
+
+    @property
+    def matrix(self) -> Floats:
+        """(rows, P): the columns of the images that count."""
+        seen = self.problem.view.seen
+        return np.asarray(self._columns[seen].reshape(2 * int(seen.sum()), -1))
 
     def scores(self, residual: Floats, taken: Floats, skip: Sequence[Key], scale: float) -> list[Scored]:
         """Hypotheses by gain, the best first: `residual` (F, markers, 2) and the columns `taken` (rows, P) in units of the noise."""
         r = residual[self.problem.view.seen].reshape(-1)
         c = self.matrix / scale
+        whole = np.einsum("ij,ij->j", c, c)
         if taken.shape[1]:
             q, _ = np.linalg.qr(taken)
             r = r - q @ (q.T @ r)
             c = c - q @ (q.T @ c)
         by_residual, squares = c.T @ r, np.einsum("ij,ij->j", c, c)
-        whole = np.einsum("ij,ij->j", self.matrix, self.matrix) / scale**2
         out = []
         for key, slots in self.slots.items():
             if key in skip:

@@ -19,6 +19,8 @@ FOURTH = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
 MAD_TO_STD = 1.4826
 LEAST_SCALE = 0.2
 TAILS = 6.0
+RHO = np.linspace(0.0, 0.6, 121)
+"""Correlations that a detector's errors may have from picture to picture."""
 MOST_CORRELATION = 0.98
 
 
@@ -42,16 +44,35 @@ class Misfit:
 
 
 def noise_scale(whitened: Floats, seen: Mask) -> float:
-    """The noise in units of the one that whitened the residuals (F, markers, 2)."""
-    whole = np.lib.stride_tricks.sliding_window_view(seen, 5, axis=0).all(axis=-1)
-    windows = np.lib.stride_tricks.sliding_window_view(whitened, 5, axis=0) @ FOURTH
-    values = windows[whole]
-    if values.size < 100:
+    """The noise in units of the one that whitened the residuals (F, markers, 2).
+
+    A detector's errors may be correlated from picture to picture, ρ to the next: then fourth differences hold less of them. How
+    much is read off the correlation of successive differences, which ρ alone decides.
+    """
+    whole = np.lib.stride_tricks.sliding_window_view(seen, 6, axis=0).all(axis=-1)
+    differences = np.lib.stride_tricks.sliding_window_view(whitened, 5, axis=0) @ FOURTH
+    now, following = differences[:-1][whole], differences[1:][whole]
+    if now.size < 100:
         return 1.0
-    usual = MAD_TO_STD * float(np.median(np.abs(values)))
+    usual = MAD_TO_STD * float(np.median(np.abs(now)))
     # The tails of a detector's errors are part of its noise; what is farther out is false.
-    inner = values[np.abs(values) < TAILS * usual]
-    return max(LEAST_SCALE, float(np.sqrt(np.mean(inner**2) / 70.0)))
+    inner = (np.abs(now) < TAILS * usual) & (np.abs(following) < TAILS * usual)
+    now, following = now[inner], following[inner]
+    power = 0.5 * float(np.mean(now**2) + np.mean(following**2))
+    if power <= 0.0:
+        return LEAST_SCALE
+    ratio = float(np.mean(now * following)) / power
+    variance, correlation = _of_differences(RHO)
+    at = int(np.argmin(np.abs(correlation - ratio)))
+    return max(LEAST_SCALE, float(np.sqrt(power / variance[at])))
+
+
+def _of_differences(rho: Floats) -> tuple[Floats, Floats]:
+    """Variance of the fourth differences of errors of unit variance, and their lag-one correlation, by the errors' own ρ."""
+    products = np.convolve(FOURTH, FOURTH[::-1])
+    lags = np.arange(-4, 5)
+    variance, successive = ((products * rho[:, None] ** np.abs(lags - shift)).sum(axis=1) for shift in (0, 1))
+    return variance, successive / variance
 
 
 def misfit(residual: Floats, seen: Mask) -> Misfit:

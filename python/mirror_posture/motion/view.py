@@ -76,6 +76,7 @@ class View:
             )
         self._centre_balls(nominal)
         self.false = self._false(np.where(self.seen[..., None], self.image_px - predicted, np.nan))
+        self._shown = self.seen.copy()
         self.seen &= ~self.false
         if not self.seen.any():
             raise MirrorPostureError(
@@ -175,10 +176,10 @@ class View:
             usual = 1.4826 * np.nanmedian(off) / 1.2
         return np.asarray(np.nan_to_num(off) > max(FALSE_DEVIATIONS * usual, 4.0 * self.noise_px))
 
-    def drop(self, false: npt.NDArray[np.bool_]) -> None:
-        """Leaves out further images (F, markers) as false."""
-        self.false |= false & self.seen
-        self.seen &= ~false
+    def leave_out(self, false: npt.NDArray[np.bool_]) -> None:
+        """Counts all images that the pictures show but these (F, markers), which are false."""
+        self.false = false & self._shown
+        self.seen = self._shown & ~self.false
         self.whitening = self._whitening(self._by_foot, self._covariance)
 
     @property

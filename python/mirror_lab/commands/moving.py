@@ -1,0 +1,129 @@
+"""`mirror-posture moving`: sessions in motion whose causes are withheld, their diagnosis, its score, and peers beside it."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from mirror_posture.cli.output import JsonOption, Output
+
+ORDER = 91
+PANEL = "Diagnosis"
+
+group = typer.Typer(help="Check the diagnosis of motions on sessions whose causes nobody told it.")
+
+
+@group.command()
+def make(
+    out: Annotated[Path, typer.Argument(help="Folder for the sessions; the answers go to its `answers`.")],
+    cases: Annotated[int, typer.Option(min=1, help="How many sessions.")] = 20,
+    seed: Annotated[int, typer.Option(min=0, help="The same seed makes the same sessions.")] = 0,
+    robot: Annotated[
+        list[str] | None,
+        typer.Option(help="`small`, `random` or `ur10`; may be repeated. All three by default."),
+    ] = None,
+    least: Annotated[int, typer.Option(min=0, max=3, help="Least number of causes.")] = 0,
+    most: Annotated[int, typer.Option(min=0, max=3, help="Largest number of causes.")] = 3,
+    seconds: Annotated[float, typer.Option(min=4.0, max=120.0, help="Of motion in each session.")] = 20.0,
+    as_json: JsonOption = False,
+) -> None:
+    """Make moving sessions: pinocchio's dynamics under servos of their own, the mirror's light, noise, rolling shutters.
+
+    Beside each session lies the user's MJCF (`model.xml`) and a second motion of the same body (`…-unseen`).
+
+    Example: `mirror-posture moving make moving --cases 20`
+    """
+    output = Output(as_json)
+    from ..moving.make import ROBOTS, make_cases
+
+    made = make_cases(out, cases, seed, tuple(robot or ROBOTS), (least, most), seconds)
+    output.say(f"written: {len(made)} sessions in {out}; `mirror-posture moving run {out}` diagnoses them")
+    output.result([str(folder) for folder in made])
+
+
+@group.command()
+def run(
+    cases: Annotated[Path, typer.Argument(help="Folder that `moving make` wrote.")],
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for the diagnoses; `results` in it by default.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Diagnose the sessions, each by the command that anybody runs; those that are done are not done again.
+
+    Example: `mirror-posture moving run moving`
+    """
+    output = Output(as_json)
+    results = out or cases / "results"
+    folders = sorted(p for p in cases.glob("case-*") if p.is_dir() and not p.name.endswith("-unseen"))
+    failed = []
+    for number, folder in enumerate(folders, start=1):
+        target = results / folder.name
+        if (target / "diagnosis.json").is_file():
+            continue
+        command = [
+            sys.executable, "-m", "mirror_posture", "diagnose", str(folder), "--model", str(folder / "model.xml"),
+            "--check", str(folder.with_name(f"{folder.name}-unseen")), "--out", str(target),
+        ]  # fmt: skip
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        if done.returncode:
+            failed.append(folder.name)
+            output.warn(f"{folder.name}: {done.stderr.strip()[-300:]}")
+        output.say(f"{number} of {len(folders)}: {folder.name}")
+    output.result({"diagnosed": len(folders) - len(failed), "failed": failed})
+
+
+@group.command()
+def score(
+    cases: Annotated[Path, typer.Argument(help="Folder that `moving make` wrote.")],
+    results: Annotated[
+        Path | None, typer.Option(help="Folder of the diagnoses; `results` in it by default.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Open the answers and tell what the diagnoses are worth.
+
+    Example: `mirror-posture moving score moving`
+    """
+    output = Output(as_json)
+    from ..moving.score import score as scored
+
+    found = scored(cases, results or cases / "results")
+    output.table("Case by case", ("~case", "~truth", "~told", "unseen motion"), found.lines)
+    output.table("Score", ("~what", "count", "share"), found.rows())
+    output.result(found.to_tree())
+
+
+@group.command()
+def peers(
+    session: Annotated[Path, typer.Argument(help="A session in motion, with `model.xml` in it or given.")],
+    unseen: Annotated[Path, typer.Argument(help="Another motion of the same robot.")],
+    model: Annotated[
+        Path | None, typer.Option(help="The MJCF; `model.xml` of the session by default.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """The same session by the diagnosis, by `mujoco.sysid`, and as a table of errors by joint: what each says.
+
+    Example: `mirror-posture moving peers moving/case-0001 moving/case-0001-unseen`
+    """
+    output = Output(as_json)
+    from mirror_posture import MirrorPostureError
+
+    try:
+        from ..moving.peers import compare
+    except (ModuleNotFoundError, ImportError) as error:
+        raise MirrorPostureError(
+            f"mujoco.sysid is not there ({error}): pip install 'mujoco[sysid]>=4'"
+        ) from error
+    told, before, floor = compare(session, unseen, model or session / "model.xml")
+    output.table(
+        f"Unseen motion: {before:.3f} px with the model as it is, {floor:.3f} px of noise",
+        ("*tool", "~says", "seconds", "unseen motion, px"),
+        [(t.tool, t.says, f"{t.seconds:.1f}", f"{t.unseen_px:.3f}") for t in told],
+    )
+    output.result({"before_px": before, "noise_floor_px": floor, "tools": [vars(t) for t in told]})

@@ -1,0 +1,120 @@
+"""What diagnoses of moving sessions are worth: causes found with their places, invented ones, parameters, unseen motions."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..blind.seal import unseal
+
+UNSEEN_FLOORS = 1.2
+TOLD = {
+    "latency_s": ("latency", 0.002, False),
+    "stiffness_scale_error": ("gains", 0.10, True),
+    "damping_scale_error": ("gains", 0.10, True),
+    "viscous_nms_per_rad": ("friction", 0.15, True),
+    "friction_nm": ("friction", 0.15, True),
+}
+"""Parameter: its group, the error allowed, and whether that is a share of the true value."""
+
+
+@dataclass
+class Score:
+    """Counts as (right, of); errors by group; and one line a case."""
+
+    singles: list[bool] = field(default_factory=list)
+    singles_or_named_beside: list[bool] = field(default_factory=list)
+    empty_alarmed: list[bool] = field(default_factory=list)
+    several_found: list[bool] = field(default_factory=list)
+    several_invented: list[bool] = field(default_factory=list)
+    within: dict[str, list[bool]] = field(default_factory=dict)
+    covered: list[bool] = field(default_factory=list)
+    unseen: list[float] = field(default_factory=list)
+    lines: list[tuple[str, str, str, str]] = field(default_factory=list)
+
+    def rows(self) -> list[tuple[str, str, str]]:
+        """A table: what, how many, share."""
+        out = [
+            _row("one cause: found with its place", self.singles),
+            _row("one cause: found, or named as its alternative", self.singles_or_named_beside),
+            _row("no cause: false alarm", self.empty_alarmed),
+            _row("two or three causes: found", self.several_found),
+            _row("causes named where there are two or three: invented", self.several_invented),
+        ]
+        for group, allowed in (("latency", "2 ms"), ("gains", "10 %"), ("friction", "15 %")):
+            out.append(_row(f"{group} within {allowed}", self.within.get(group, [])))
+        out.append(_row("95 % intervals that hold the truth", self.covered))
+        near = [ratio <= UNSEEN_FLOORS for ratio in self.unseen]
+        out.append(_row(f"unseen motion within {UNSEEN_FLOORS} noise floors", near))
+        return out
+
+    def to_tree(self) -> dict[str, Any]:
+        """As JSON."""
+        return {
+            "rows": [{"what": what, "count": count, "share": share} for what, count, share in self.rows()],
+            "cases": [
+                dict(zip(("case", "truth", "told", "unseen"), line, strict=True)) for line in self.lines
+            ],
+        }
+
+
+def score(cases: Path, results: Path) -> Score:
+    """Opens the answers of the cases that have a diagnosis, and compares. Raises `BlindError` for a broken seal."""
+    out = Score()
+    for answer_file in sorted((cases / "answers").glob("case-*.json")):
+        name = answer_file.stem
+        told_file = results / name / "diagnosis.json"
+        if not told_file.is_file():
+            continue
+        answer = unseal(answer_file, cases / name / "seal.json")
+        _one(out, answer, json.loads(told_file.read_text(encoding="utf-8")))
+    return out
+
+
+def _one(out: Score, answer: Mapping[str, Any], told: Mapping[str, Any]) -> None:
+    truth = {(c["effect"], c["at"]): c for c in answer["causes"]}
+    causes = {(c["effect"], c["at"]): c for c in told["causes"]}
+    beside = {(a["effect"], a["at"]) for c in told["causes"] for a in c["alternatives"]}
+    hits = [key in causes for key in truth]
+    if not truth:
+        out.empty_alarmed.append(bool(causes))
+    elif len(truth) == 1:
+        out.singles += hits
+        out.singles_or_named_beside += [key in causes or key in beside for key in truth]
+    else:
+        out.several_found += hits
+        out.several_invented += [key not in truth for key in causes]
+    for key in truth.keys() & causes.keys():
+        _parameters(out, truth[key], causes[key]["parameters"])
+    gap = told["gap"]
+    ratio = gap["checked"][0]["after_m"] / gap["noise_floor_m"] if gap.get("checked") else float("nan")
+    if np.isfinite(ratio):
+        out.unseen.append(float(ratio))
+    out.lines.append((answer["id"], _names(answer["causes"]), _names(told["causes"]), f"{ratio:.2f} floors"))
+
+
+def _parameters(out: Score, truth: Mapping[str, Any], told: Mapping[str, Mapping[str, float]]) -> None:
+    for name, estimate in told.items():
+        if name not in truth:
+            continue
+        true, value, std = float(truth[name]), float(estimate["value"]), float(estimate["std"])
+        out.covered.append(abs(value - true) <= 1.96 * std)
+        if name in TOLD:
+            group, allowed, relative = TOLD[name]
+            # Of a gain's error the gain itself is what must be near.
+            whole = 1.0 + true if name.endswith("scale_error") else true
+            error = abs(value - true) / (abs(whole) if relative else 1.0)
+            out.within.setdefault(group, []).append(error <= allowed)
+
+
+def _names(causes: Sequence[Mapping[str, Any]]) -> str:
+    return ", ".join(f"{c['effect']}@{c['at']}" for c in causes) or "none"
+
+
+def _row(what: str, right: Sequence[bool]) -> tuple[str, str, str]:
+    return what, f"{sum(right)} of {len(right)}", f"{100.0 * sum(right) / len(right):.0f} %" if right else "–"
