@@ -1,0 +1,94 @@
+"""The judge of moving sessions against closed forms, and its score on diagnoses that are known."""
+
+from __future__ import annotations
+
+import ast
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("mujoco")
+pytest.importorskip("pinocchio")
+pytest.importorskip("mirror_lab")
+
+from mirror_lab.blind.seal import seal
+from mirror_lab.moving import engine, score
+from mirror_lab.moving.engine import Engine, Servos
+
+WHEEL = """<robot name="wheel"><link name="post"/><link name="wheel"><inertial><origin xyz="0 0 0"/><mass value="1"/>
+<inertia ixx="0.02" iyy="0.02" izz="0.02" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="hub" type="continuous"><parent link="post"/><child link="wheel"/><axis xyz="0 0 1"/></joint></robot>"""
+STIFFNESS, DAMPING, SPEED = 40.0, 1.5, 0.8
+
+
+def _behind(**changes: float) -> float:
+    """How far a wheel on a servo stays behind a ramp, once steady, rad."""
+    servos = Servos.ideal(np.array([STIFFNESS]), np.array([DAMPING]), np.array([0.005]))
+    for name, value in changes.items():
+        getattr(servos, name)[:] = value
+    time = np.array([0.0, 1.2])
+    track = Engine(WHEEL, ["hub"], np.array([0.0, 0.0, -9.81])).run(time, SPEED * time[:, None], servos)
+    return float(SPEED * 1.15 - track.at(np.array([1.15]))[0, 0])
+
+
+def test_a_ramp_leaves_what_its_law_says() -> None:
+    # q falls behind by (d q̇ + F) / k, by T q̇ behind a filter, and by what a speed limit costs since the start.
+    assert np.isclose(_behind(), DAMPING * SPEED / STIFFNESS, rtol=2e-3)
+    assert np.isclose(_behind(viscous=0.5), (DAMPING + 0.5) * SPEED / STIFFNESS, rtol=2e-3)
+    assert np.isclose(_behind(friction=0.3), (DAMPING * SPEED + 0.3) / STIFFNESS, rtol=2e-3)
+    assert np.isclose(_behind(lag_s=0.04), SPEED * (DAMPING / STIFFNESS + 0.04), rtol=5e-3)
+    limited = DAMPING * 0.5 / STIFFNESS + (SPEED - 0.5) * 1.15
+    assert np.isclose(_behind(velocity_limit=0.5), limited, rtol=2e-3)
+
+
+def test_where_sessions_are_made_nothing_of_the_product_is_imported() -> None:
+    folder = Path(engine.__file__).parent
+    for name in ("engine", "causes", "make", "write", "score"):
+        tree = ast.parse((folder / f"{name}.py").read_text(encoding="utf-8"))
+        for node in ast.walk(tree):
+            modules = [a.name for a in node.names] if isinstance(node, ast.Import) else []
+            modules += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+            assert not any("mirror_posture" in module for module in modules), name
+
+
+def _case(
+    folder: Path, number: int, truth: list[dict[str, Any]], told: list[dict[str, Any]], after_m: float = 0.001
+) -> None:
+    name = f"case-{number:04d}"
+    (folder / name).mkdir(parents=True)
+    seal({"id": name, "causes": truth}, folder / "answers" / f"{name}.json", folder / name / "seal.json")
+    gap = {"noise_floor_m": 0.001, "checked": [{"session": "u", "before_m": 0.01, "after_m": after_m}]}
+    out = folder / "results" / name
+    out.mkdir(parents=True)
+    (out / "diagnosis.json").write_text(json.dumps({"causes": told, "gap": gap}))
+
+
+def test_the_score_counts_what_is_right_and_what_is_not(tmp_path: Path) -> None:
+    def told(
+        effect: str, at: str, beside: list[dict[str, Any]] | None = None, **values: float
+    ) -> dict[str, Any]:
+        parameters = {name: {"value": value, "std": 0.001} for name, value in values.items()}
+        return {"effect": effect, "at": at, "parameters": parameters, "alternatives": beside or []}
+
+    late = {"effect": "latency", "at": "camera", "latency_s": 0.020}
+    rub = {"effect": "coulomb_friction", "at": "joint:a", "friction_nm": 1.0}
+    _case(tmp_path, 0, [late], [told("latency", "camera", latency_s=0.021)])
+    _case(tmp_path, 1, [late], [told("servo_lag", "joint:a", [{"effect": "latency", "at": "camera"}])], 0.002)
+    _case(tmp_path, 2, [], [])
+    _case(tmp_path, 3, [], [told("servo_lag", "joint:b")])
+    _case(
+        tmp_path,
+        4,
+        [late, rub],
+        [told("coulomb_friction", "joint:a", friction_nm=1.3), told("backlash", "joint:a")],
+    )
+    found = score.score(tmp_path, tmp_path / "results")
+    assert found.singles == [True, False] and found.singles_or_named_beside == [True, True]
+    assert sorted(found.empty_alarmed) == [False, True]
+    assert sorted(found.several_found) == [False, True] and sorted(found.several_invented) == [False, True]
+    assert found.within == {"latency": [True], "friction": [False]} and found.covered == [True, False]
+    assert [ratio <= 1.2 for ratio in found.unseen].count(False) == 1
+    assert ("one cause: found with its place", "1 of 2", "50 %") in found.rows()
