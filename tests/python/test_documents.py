@@ -3,6 +3,7 @@ what they print is compared; links lead somewhere."""
 
 from __future__ import annotations
 
+import json
 import re
 import shlex
 from pathlib import Path
@@ -119,8 +120,43 @@ def test_links_lead_somewhere(file: Path) -> None:
             continue
         path, _, anchor = target.partition("#")
         place = (file.parent / path).resolve() if path else file
-        assert place.exists() or "reference/" in path, f"{target} is not there"
+        assert place.exists() or "reference/" in path or path.startswith("rust/"), f"{target} is not there"
         if anchor and place.suffix == ".md":
             heads = re.findall(r"^#+ (.*)$", place.read_text(encoding="utf-8"), re.MULTILINE)
             slugs = {re.sub(r"[^\w\- ]", "", head.lower()).strip().replace(" ", "-") for head in heads}
             assert anchor in slugs, f"{target}: the page has no such heading"
+
+
+NOTEBOOKS = sorted((PROJECT / "docs" / "notebooks").glob("*.ipynb"))
+
+
+@pytest.mark.parametrize("file", NOTEBOOKS, ids=lambda f: f.stem)
+def test_notebooks_print_what_they_show(
+    file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Cell by cell in one namespace, as a notebook's kernel runs them; numbers may differ by a tenth, or two in the last place."""
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, object] = {}
+    for cell in json.loads(file.read_text(encoding="utf-8"))["cells"]:
+        if cell["cell_type"] != "code":
+            continue
+        exec(compile("".join(cell["source"]), str(file), "exec"), names)
+        said = capsys.readouterr().out
+        shown = "".join("".join(output["text"]) for output in cell["outputs"])
+        number = r"-?\d+(?:\.\d+)?"
+        assert re.sub(number, "#", said) == re.sub(number, "#", shown)
+        for had, told in zip(re.findall(number, said), re.findall(number, shown), strict=True):
+            last = 10.0 ** -len(told.partition(".")[2])
+            assert abs(float(had) - float(told)) <= max(0.1 * abs(float(told)), 2.0 * last), (said, shown)
+
+
+def test_there_are_notebooks() -> None:
+    assert {file.stem for file in NOTEBOOKS} == {"measure", "diagnose", "correct"}
+
+
+def test_the_site_names_every_page() -> None:
+    site = (PROJECT / "mkdocs.yml").read_text(encoding="utf-8")
+    named = set(re.findall(r"([\w/-]+\.md)$", site, re.MULTILINE))
+    there = {file.relative_to(PROJECT / "docs").as_posix() for file in (PROJECT / "docs").rglob("*.md")}
+    there = {name for name in there if not name.startswith("reference/")}
+    assert named - {name for name in named if name.startswith("reference/")} == there
