@@ -12,6 +12,16 @@ REFERENCE = DOCS / "reference"
 NOTEBOOKS = DOCS / "notebooks"
 
 
+def on_config(config: Any) -> Any:
+    """Pages that the navigation does not name yet stand under one head."""
+    named = json.dumps(config["nav"])
+    files = (file.relative_to(DOCS).as_posix() for file in sorted(DOCS.rglob("*.md")))
+    more = [name for name in files if name not in named and not name.startswith("reference/")]
+    if more:
+        config["nav"].append({"More": more})
+    return config
+
+
 def on_pre_build(config: Any) -> None:
     """Writes docs/reference, which is not kept."""
     from mirror_posture.reference import write_reference

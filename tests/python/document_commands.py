@@ -66,6 +66,7 @@ def inline_commands() -> list[Printed]:
 
 RUN = {
     "docs/setting-up.md": ("board", "init"),
+    "docs/tutorial.md": ("board",),
     "docs/diagnosing.md": ("diagnose", "apply"),
     "docs/formats.md": ("check", "schema"),
 }
@@ -85,7 +86,10 @@ ELSEWHERE = {
     "diagnose": "with --scheduler: machines of a fleet: test_fleet.py; else docs/diagnosing.md",
     "apply": "with the user's own files: test_apply_patch.py",
     "mirror": "needs a picture of a board and its reflection: test_mirror_pictures.py",
-    "init": "as printed in docs/setting-up.md",
+    "init": "as printed in docs/setting-up.md; on an SO-101: strangers_hour.py",
+    "board": "as printed in docs/setting-up.md",
+    "check": "as printed in docs/formats.md",
+    "schema": "as printed in docs/formats.md",
 }
 """By command, why it is not run as printed in every test run, and by what instead."""
 
