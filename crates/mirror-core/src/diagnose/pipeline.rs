@@ -23,14 +23,14 @@ use crate::diagnose::random_effects::free_form::free_forms;
 use crate::diagnose::report::build;
 use crate::diagnose::report::seen_markers::seen_markers;
 use crate::diagnose::selection::alternatives::settled;
-use crate::diagnose::selection::law_remainder::{MANY_CAUSES, by_laws, only_their_laws};
+use crate::diagnose::selection::law_remainder::{MANY_CAUSES, only_their_laws};
 use crate::diagnose::selection::nonparametric::{
     beside_free_forms, is_suspicious, retract_imitators, unexplained,
 };
 use crate::diagnose::selection::pairwise_start::from_a_pair;
 use crate::diagnose::selection::search::{Search, SearchOptions};
 use crate::diagnose::selection::simplify::{comes_down, drop_useless, gaps, named_in_vain, without_names};
-use crate::diagnose::selection::with_setup::with_or_without_setup;
+use crate::diagnose::selection::with_setup::{look_again_at_noise, with_or_without_setup};
 use crate::diagnose::selection::with_tolerances::beside_geometry;
 use crate::error::Result;
 use crate::robot::Robot;
@@ -113,17 +113,15 @@ pub fn diagnose(
     if !freed && let Some(other) = from_a_pair(&search, &found, &nominal)? {
         (search, found) = other;
     }
-    // Wrong optics pass for noise of the markers until they are known: look again at the noise that is left.
+    // Wrong optics pass for noise of the markers until they are known, and a stated noise may be too large: look again at what is left.
     let deformation = found.fit.model.deformation(&search.problem, &catalogue, &search.group.columns);
-    if !freed && deformation.optics_differ() {
-        let again = noise::estimate(&search.problem, &deformation, stated)?;
-        if again.marker_px < 0.9 * search.measured_noise.marker_px {
-            search.measured_noise = again;
-            search.problem.noise = again;
-            let first = found.trace;
-            found = search.run(found.fit.model.clone())?;
-            found.trace.splice(0..0, first);
-        }
+    if !freed
+        && (deformation.optics_differ() || search.problem.camera.is_none())
+        && look_again_at_noise(&mut search, &found.fit.model, stated)?
+    {
+        let first = found.trace;
+        found = search.run(found.fit.model.clone())?;
+        found.trace.splice(0..0, first);
     }
     let (mut clean, mut false_share) =
         without_false(&search.problem, &search.deformation(&found.fit.model), found.noise)?;
@@ -146,12 +144,10 @@ pub fn diagnose(
     if options.allows("geometry") && (fits_noise.significant || found.fit.model.terms.len() > MANY_CAUSES) {
         if let Some(beside) = beside_geometry(&named, (&mut search, &mut found), &nominal)? {
             geometry = Some(beside.geometry);
-            search = beside.search;
-            found = beside.found;
+            (search, found) = (beside.search, beside.found);
         }
         (clean, false_share) =
             without_false(&search.problem, &search.deformation(&found.fit.model), found.noise)?;
-        fits_noise = adequacy(&clean, &search.deformation(&found.fit.model), search.measured_noise)?;
     }
     geometry = geometry.filter(|_| !found.fit.model.group.is_empty());
     // From here on without the observations that the best model shows to be false.
@@ -165,8 +161,8 @@ pub fn diagnose(
     comes_down(&search, &mut found, &mut after)?;
     let mut standings = settled(&search, &mut found, &mut after)?;
     let free = found.fit.model.terms.iter().any(|t| search.catalogue.is_free(t.hypothesis));
-    let unexplained =
-        if by_laws(&search, &found, &after)? { None } else { unexplained(&search, &found, &fits_noise)? };
+    let left = adequacy(&search.problem, &search.deformation(&found.fit.model), search.measured_noise)?;
+    let unexplained = unexplained(&search, &found, &left, &after)?;
     if free {
         after = without_names(&search, &mut found, &mut standings, &before)?;
     }

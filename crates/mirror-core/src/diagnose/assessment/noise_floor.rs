@@ -30,6 +30,8 @@ const ROUNDS: usize = 3;
 struct Known {
     value: f64,
     log_std: f64,
+    /// Whether it is stated of these very measurements, so that no remainder is asked.
+    stated: bool,
 }
 
 /// Sizes of a floor.
@@ -99,6 +101,9 @@ impl Floor {
 
     /// Mean of the two witnesses' logarithms by their precision; of an upper bound the smaller.
     fn together(&self, fitted: f64, independent: f64) -> f64 {
+        if self.independent.stated {
+            return independent;
+        }
         if fitted <= 0.0 || independent <= 0.0 {
             return fitted.max(independent);
         }
@@ -149,7 +154,11 @@ fn independent(
     postures: &[FreePosture],
 ) -> Result<Known> {
     let redundant = |p: &[FreePosture]| p.iter().map(|p| p.freedom_left.max(0.0)).sum::<f64>();
-    let stated = Known { value: 1.0, log_std: STATED_LOG_STD };
+    let stated = Known {
+        value: 1.0,
+        log_std: STATED_LOG_STD,
+        stated: problem.camera.is_none() && problem.point_noise_stated,
+    };
     if problem.camera.is_none() || redundant(postures) < FEWEST_REDUNDANT_ROWS {
         return Ok(stated);
     }
@@ -171,6 +180,7 @@ fn independent(
     Ok(Known {
         value: at.marker_px / noise.marker_px / (1.0 - shared).sqrt(),
         log_std: VIEWS_LOG_STD.hypot(sampling).hypot(0.25 * shared),
+        stated: false,
     })
 }
 

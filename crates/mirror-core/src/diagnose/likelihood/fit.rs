@@ -1,6 +1,6 @@
 //! The exact fit of a model: damped Gauss–Newton on all causes and nuisances at once, and its marginal likelihood.
 
-use crate::diagnose::effects::hypothesis::{Catalogue, Model, nuisances};
+use crate::diagnose::effects::hypothesis::{Catalogue, Model, Term, nuisances};
 use crate::diagnose::likelihood::normal_equations::{Normal, needs_board};
 use crate::diagnose::model::camera_and_mirror::FootPoints;
 use crate::diagnose::model::elementary::Column;
@@ -281,6 +281,32 @@ impl Linearised {
         values.iter().chain(&variances).all(|x| x.is_finite()).then_some((values, variances))
     }
 
+    /// Log evidence of other columns in the place of the i-th cause's, at the best parameters of the linear model; `others` holds one set a
+    /// variant, as many as the cause has, behind the model's own columns in the normal equations. None where numbers overflow.
+    ///
+    /// With r the residuals at the present parameters p of the columns X, those without the cause are `r + X p`.
+    fn log_evidence_instead(&self, own: &Range<usize>, others: &Range<usize>) -> Option<f64> {
+        let (active, h, g) = (&self.active, &self.normal.h, &self.normal.g);
+        let rest = (0..active.values.len()).filter(|i| !own.contains(i));
+        let at: Vec<usize> = rest.chain(others.clone()).collect();
+        let prior = |k: usize| {
+            active.prior_std[if k < active.values.len() { k } else { own.start + k - others.start }]
+        };
+        let value = |k: usize| if k < active.values.len() { active.values[k] } else { 0.0 };
+        let without = |k: usize| g[k] + own.clone().map(|o| h[(k, o)] * active.values[o]).sum::<f64>();
+        let b = DVector::from_fn(at.len(), |i, _| {
+            let k = at[i];
+            without(k) * prior(k) - value(k) / prior(k)
+        });
+        let whitened = DMatrix::from_fn(at.len(), at.len(), |i, j| {
+            h[(at[i], at[j])] * prior(at[i]) * prior(at[j]) + if i == j { 1.0 } else { 0.0 }
+        });
+        let factor = whitened.cholesky()?;
+        let log_det = 2.0 * factor.l_dirty().diagonal().iter().map(|x| x.ln()).sum::<f64>();
+        let log = 0.5 * (b.dot(&factor.solve(&b)) - log_det);
+        log.is_finite().then_some(log)
+    }
+
     /// Log evidence at the best parameters of the linear model, the prior deviations of some of them scaled; none where numbers
     /// overflow.
     pub fn log_evidence(&self, scaled: Range<usize>, scale: f64) -> Option<f64> {
@@ -298,6 +324,44 @@ impl Linearised {
         let value = -0.5 * (self.normal.cost + v.norm_squared() - gain + log_det);
         value.is_finite().then_some(value)
     }
+}
+
+/// Values of a cause's discrete unknown, the likeliest first: by the evidence of one linear model that has the columns of all of them.
+///
+/// # Errors
+/// A camera or mirror that cannot be.
+pub(crate) fn likeliest_variants(
+    problem: &Problem,
+    catalogue: &Catalogue,
+    (group, model): (&Group, &Model),
+    i: usize,
+    variants: &[f64],
+    noise: Noise,
+    mask: Option<&[bool]>,
+) -> Result<Vec<f64>> {
+    let active = Active::of(problem, catalogue, group, model);
+    let deformation = model.deformation(problem, catalogue, &group.columns);
+    let mut columns = active.columns.clone();
+    for &variant in variants {
+        let term = Term { variant, ..model.terms[i].clone() };
+        columns.extend(catalogue.columns(&problem.scene, &term));
+    }
+    let with_board = needs_board(problem, &columns);
+    let planes = model.planes.as_deref();
+    let normal = Normal::at(problem, &deformation, noise, &columns, with_board, planes, mask)?;
+    let here = Linearised { normal, active };
+    let own = here.of_term(model, i);
+    let first = here.active.columns.len();
+    let mut valued: Vec<(f64, f64)> = variants
+        .iter()
+        .enumerate()
+        .filter_map(|(k, &variant)| {
+            let from = first + k * own.len();
+            Some((here.log_evidence_instead(&own, &(from..from + own.len()))?, variant))
+        })
+        .collect();
+    valued.sort_by(|a, b| b.0.total_cmp(&a.0));
+    Ok(valued.into_iter().map(|v| v.1).collect())
 }
 
 fn linearise(

@@ -15,6 +15,9 @@ const LEAST_PIXEL_STD_PX: f64 = 0.005;
 const LEAST_POINT_STD_M: f64 = 1e-6;
 /// With fewer redundant rows than this the stated noise is believed instead of the views' disagreement.
 const FEWEST_REDUNDANT_ROWS: f64 = 40.0;
+/// A stated noise of measured points is too large where a model leaves less than this share of it: more than chance, and what parameters
+/// take, allow.
+const OVERSTATED: f64 = 0.8;
 /// Share of the largest residuals that is left out where a scale is estimated: false observations.
 const TRIMMED_SHARE: f64 = 0.02;
 
@@ -45,6 +48,14 @@ pub(crate) fn estimate(problem: &Problem, deformation: &Deformation, stated: Noi
             if let Some(scale) = median_variance(ratios.collect()) {
                 noise.marker_px = (noise.marker_px * scale.sqrt()).max(LEAST_PIXEL_STD_PX);
             }
+        }
+    }
+    if problem.camera.is_none() {
+        // No noise is larger than what is left in all.
+        let least = Noise { point_m: LEAST_POINT_STD_M, ..noise };
+        let left = effective(problem, deformation, least, None)?.point_m;
+        if left < OVERSTATED * noise.point_m {
+            noise.point_m = left;
         }
     }
     noise.point_m = noise.point_m.max(LEAST_POINT_STD_M);

@@ -82,6 +82,8 @@ pub(crate) struct Problem {
     /// Start of the pose of the root in the unknown frame.
     pub unknown_frame: Option<Pose>,
     pub noise: Noise,
+    /// Whether the session states the noise of its measured points.
+    pub point_noise_stated: bool,
     /// What the session states of its mounts.
     pub tolerances: Tolerances,
     /// Each frame's mirror as the board shows it with nominal optics; none where too few corners were seen.
@@ -189,6 +191,7 @@ impl Problem {
                 marker_px: pixel_std,
                 point_m: recording.point_std_m.unwrap_or(5e-4),
             },
+            point_noise_stated: recording.point_std_m.is_some(),
             tolerances: recording.tolerances.clone(),
             boards: Vec::new(),
             between_camera_and_board,

@@ -16,13 +16,14 @@ use crate::diagnose::likelihood::score_test::Score;
 use crate::diagnose::model::elementary::Atom;
 use crate::diagnose::prepare::false_observations::MANY_FALSE;
 use crate::diagnose::prepare::row_slip::WHOLE_FRAME_STD;
+use crate::diagnose::random_effects::displaced::log_bayes;
 use crate::diagnose::random_effects::geometric_tolerances::{Geometry, Kind};
 use crate::diagnose::report::gap_steps::{Part, gap_steps};
 use crate::diagnose::report::rms_shift::rms_shift;
 use crate::diagnose::report::sentence::sentence;
 use crate::diagnose::report::setup_causes::{setup_causes, zeros_log_bayes};
 use crate::diagnose::report::signature::free_errors;
-use crate::diagnose::selection::alternatives::Standing;
+use crate::diagnose::selection::alternatives::{Standing, tempered};
 use crate::error::Result;
 use crate::robot::Robot;
 use std::collections::BTreeMap;
@@ -214,7 +215,7 @@ fn causes(
             effect: "geometry".into(),
             at: "robot".into(),
             kind: Concern::Robot.word().into(),
-            probability: 0.95,
+            probability: tempered(log_bayes(geometry, &found.fit, &own)),
             parameters: BTreeMap::from([
                 ("spread_m".to_owned(), Estimate { value: spread_m, std: std_m }),
                 ("spread_rad".to_owned(), Estimate { value: geometry.spread(Kind::Angle), std: std_rad }),
@@ -246,7 +247,7 @@ fn causes(
             effect: "pairing".into(),
             at: "data".into(),
             kind: "data".into(),
-            probability: 0.98,
+            probability: tempered(0.5 * slip.gain),
             parameters: BTreeMap::from([
                 ("first_frame".to_owned(), whole(number(slip.first), first_std)),
                 ("last_frame".to_owned(), whole(number(slip.last), last_std)),

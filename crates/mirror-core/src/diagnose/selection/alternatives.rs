@@ -18,6 +18,11 @@ const FAR_BEHIND: f64 = 8.0;
 /// What is kept back for a cause that nobody thought of.
 const UNTHOUGHT_OF: f64 = 0.01;
 
+/// Probability of a cause of which only its log odds against nothing are known.
+pub(crate) fn tempered(log_odds: f64) -> f64 {
+    (1.0 - UNTHOUGHT_OF) / (1.0 + (-TEMPER * log_odds).exp())
+}
+
 /// A hypothesis with its probability.
 #[derive(Debug, Clone)]
 pub(crate) struct Rival {

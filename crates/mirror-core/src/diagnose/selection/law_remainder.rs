@@ -12,17 +12,6 @@ pub(crate) const MANY_CAUSES: usize = 4;
 /// A remainder smaller than this share (squared: 8 %) of what the causes move is what their laws are wrong by.
 const LAW_REMAINDER: f64 = 0.0064;
 
-/// Whether the causes' own laws account for what is left: few causes, none of them free-form, and a remainder that is a small
-/// part of what they move.
-///
-/// # Errors
-/// A camera or mirror that cannot be.
-pub(crate) fn by_laws(search: &Search<'_>, found: &Found, after: &[PostureGap]) -> Result<bool> {
-    let terms = &found.fit.model.terms;
-    let free = terms.iter().any(|t| search.catalogue.is_free(t.hypothesis));
-    Ok(!free && terms.len() <= MANY_CAUSES && remainder_share(search, found, after, None)? < LAW_REMAINDER)
-}
-
 /// Whether free-form errors only say that the causes found have not quite their textbook laws: they sit at the causes' own
 /// places, and what they take up beyond the causes is a small part of what the causes move.
 pub(crate) fn only_their_laws(

@@ -5,7 +5,8 @@
 //! explains it better and with fewer numbers. So the search is repeated with [free forms](crate::diagnose::random_effects::free_form) as hypotheses like
 //! any other, at longer odds than the vocabulary's; where the best of those models needs one, the vocabulary is not enough.
 
-use crate::diagnose::criteria::lack_of_fit::Adequacy;
+use crate::diagnose::criteria::cross_validation::PostureGap;
+use crate::diagnose::criteria::lack_of_fit::{Adequacy, at_the_noise};
 use crate::diagnose::criteria::marker_shift::marker_shift;
 use crate::diagnose::effects::Place;
 use crate::diagnose::effects::hypothesis::{Catalogue, Model};
@@ -140,6 +141,7 @@ pub(crate) fn unexplained(
     search: &Search<'_>,
     found: &Found,
     adequacy: &Adequacy,
+    after: &[PostureGap],
 ) -> Result<Option<Unexplained>> {
     let scene = &search.problem.scene;
     let all = search.deformation(&found.fit.model);
@@ -159,7 +161,12 @@ pub(crate) fn unexplained(
     out.places.sort_by(|a, b| b.shift.total_cmp(&a.shift));
     if out.places.is_empty() {
         // A small remainder that no free form finds a structure in is scatter: coloured noise, postures not quite settled.
-        let large = adequacy.significant && adequacy.excess >= LARGE_EXCESS;
+        // Causes explain the gap where they leave no more than the noise of it.
+        let named = !found.fit.model.terms.is_empty() || !found.fit.model.group.is_empty();
+        if named && at_the_noise(&search.problem, search.measured_noise, after) {
+            return Ok(None);
+        }
+        let large = adequacy.significant && (named || adequacy.excess >= LARGE_EXCESS);
         if !large && !adequacy.corners_significant {
             return Ok(None);
         }

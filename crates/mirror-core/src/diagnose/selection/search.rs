@@ -1,7 +1,7 @@
 //! The search for causes: added one at a time, each tried again for dropping and against its rivals.
 
 use crate::diagnose::effects::hypothesis::{Catalogue, Model, Term};
-use crate::diagnose::likelihood::fit::{Fit, FitOptions, Group, fit};
+use crate::diagnose::likelihood::fit::{Fit, FitOptions, Group, fit, likeliest_variants};
 use crate::diagnose::likelihood::noise::effective;
 use crate::diagnose::likelihood::score_test::{Score, screen};
 use crate::diagnose::model::problem::{Noise, Problem};
@@ -41,6 +41,8 @@ const NEARLY_AS_LIKELY: f64 = 5.0;
 const HOPELESS_LOG_ODDS: f64 = -3.5;
 /// How many of the best candidates are tried with all their discrete unknowns.
 const VARIANTS_RETRIED: usize = 3;
+/// How many values of a discrete unknown are fitted exactly: the likeliest by one linear model.
+const VARIANTS_FITTED: usize = 3;
 /// The score test is of the linearised model: a hypothesis that it puts lower than the best by more than this (log), and by
 /// more than this share of the best's, is not the best when fitted either.
 const LEAST_REACH: f64 = 25.0;
@@ -172,19 +174,43 @@ impl Search<'_> {
         if variants.len() < 2 {
             return Ok(fit.clone());
         }
-        let tried = variants
+        let last = fit.model.terms.len() - 1;
+        let likeliest = self.likeliest_variants(&fit.model, (last, Some(last)), noise, variants)?;
+        let tried = likeliest
             .par_iter()
             .map(|&variant| {
                 let mut model = fit.model.clone();
-                if let Some(last) = model.terms.last_mut() {
-                    last.variant = variant;
-                }
-                let last = model.terms.len() - 1;
+                model.terms[last].variant = variant;
                 self.fit_with_slack(&model, Some(last), noise, CANDIDATE_STEPS)
             })
             .collect::<Result<Vec<Fit>>>()?;
         let best = tried.into_iter().max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence));
         Ok(best.filter(|b| b.log_evidence > fit.log_evidence).unwrap_or_else(|| fit.clone()))
+    }
+
+    /// The few likeliest of some values of a cause's discrete unknown, the laws of all but the cause in question with their slack.
+    fn likeliest_variants(
+        &self,
+        model: &Model,
+        (i, in_question): (usize, Option<usize>),
+        noise: Noise,
+        variants: &[f64],
+    ) -> Result<Vec<f64>> {
+        let (group, start) = match in_question {
+            Some(_) => self.loosened(model, in_question),
+            None => (self.group.clone(), model.clone()),
+        };
+        let mut sorted = likeliest_variants(
+            &self.problem,
+            self.catalogue,
+            (&group, &start),
+            i,
+            variants,
+            noise,
+            self.mask,
+        )?;
+        sorted.truncate(VARIANTS_FITTED);
+        Ok(sorted)
     }
 
     /// The best variant of each of the `count` best hypotheses that could be the best when fitted exactly.
@@ -236,11 +262,13 @@ impl Search<'_> {
             {
                 continue;
             }
-            let tried = VARIANT_FACTORS
+            let near = VARIANT_FACTORS.map(|factor| factor * term.variant);
+            let tried = self
+                .likeliest_variants(&best.model, (i, None), noise, &near)?
                 .par_iter()
-                .map(|factor| {
+                .map(|&variant| {
                     let mut model = best.model.clone();
-                    model.terms[i].variant *= factor;
+                    model.terms[i].variant = variant;
                     self.fit(&model, noise, CANDIDATE_STEPS)
                 })
                 .collect::<Result<Vec<Fit>>>()?;

@@ -11,6 +11,7 @@ use crate::diagnose::likelihood::fit::FitOptions;
 use crate::diagnose::likelihood::noise;
 use crate::diagnose::model::problem::Noise;
 use crate::diagnose::prepare::false_observations::without_false;
+use crate::diagnose::random_effects::displaced::all_displaced;
 use crate::diagnose::random_effects::geometric_tolerances::{Geometry, Kind};
 use crate::diagnose::random_effects::outlier_tolerances::standing_out;
 use crate::diagnose::selection::nonparametric::log_odds;
@@ -71,7 +72,9 @@ pub(crate) fn with_or_without_setup(
     let at_its_end = few.fit.model.terms.len() < most_causes.min(FEW_CAUSES);
     let freed =
         if suffices(search, &few)? { None } else { with_setup(search, &few, nominal, stated, mounted)? };
-    if at_its_end {
+    let all_off =
+        |f: &WithSetup<'_>| !f.setup.group.columns.is_empty() && all_displaced(&f.setup, &f.found.fit);
+    if at_its_end || freed.as_ref().is_some_and(all_off) {
         let Some(freed) = freed else { return Ok((few, None)) };
         *search = freed.search;
         return Ok((freed.found, Some(freed.setup).filter(|s| !s.group.columns.is_empty())));
@@ -177,9 +180,11 @@ pub(crate) fn with_setup<'a>(
 }
 
 /// A displaced camera passes for noise of the markers until it is known: the noise told anew, where it is smaller.
-fn look_again_at_noise(search: &mut Search<'_>, model: &Model, stated: Noise) -> Result<bool> {
+pub(crate) fn look_again_at_noise(search: &mut Search<'_>, model: &Model, stated: Noise) -> Result<bool> {
     let again = noise::estimate(&search.problem, &search.deformation(model), stated)?;
-    let smaller = again.marker_px < NOISE_SETTLED * search.measured_noise.marker_px;
+    let before = search.measured_noise;
+    let smaller =
+        again.marker_px < NOISE_SETTLED * before.marker_px || again.point_m < NOISE_SETTLED * before.point_m;
     if smaller {
         search.measured_noise = again;
         search.problem.noise = again;

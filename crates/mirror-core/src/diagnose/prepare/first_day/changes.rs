@@ -52,7 +52,7 @@ struct Best {
 ///
 /// # Errors
 /// Invalid parameters of camera or mirror.
-pub(super) fn find(problem: &Problem, frames: &[usize], least: Noise) -> Result<Option<Mistake>> {
+pub(super) fn find(problem: &Problem, frames: &[usize], least: Noise) -> Result<Option<(Mistake, f64)>> {
     if !problem.scene.ordered || problem.frames.len() < 2 * FEWEST_FRAMES {
         return Ok(None);
     }
@@ -68,6 +68,7 @@ pub(super) fn find(problem: &Problem, frames: &[usize], least: Noise) -> Result<
     bests.truncate(3);
     let mut tried = Vec::new();
     for best in bests {
+        problem.cancel.check()?;
         tried.push(settled(problem, frames, least, best)?);
     }
     let noise = tried.iter().map(|t| t.1.noise).fold(without.noise, smaller);
@@ -83,7 +84,7 @@ pub(super) fn find(problem: &Problem, frames: &[usize], least: Noise) -> Result<
             found = Some((odds, best));
         }
     }
-    Ok(found.map(|(_, b)| Mistake::Slip { slip: b.slip, std: b.std }))
+    Ok(found.map(|(odds, b)| (Mistake::Slip { slip: b.slip, std: b.std }, odds)))
 }
 
 /// A slip refined together with all small errors.

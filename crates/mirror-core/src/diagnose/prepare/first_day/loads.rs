@@ -26,7 +26,7 @@ const LEAST_SHRINK: f64 = 0.75;
 ///
 /// # Errors
 /// Invalid parameters of camera or mirror.
-pub(super) fn turned_gravity(problem: &Problem) -> Result<Option<Mistake>> {
+pub(super) fn turned_gravity(problem: &Problem) -> Result<Option<(Mistake, f64)>> {
     let Some(down) = problem.scene.gravity.try_normalize(1e-9) else { return Ok(None) };
     let nominal = problem.nominal();
     let noise = effective(problem, &nominal, problem.noise, None)?;
@@ -49,7 +49,7 @@ pub(super) fn turned_gravity(problem: &Problem) -> Result<Option<Mistake>> {
         }
     }
     let clear = found.filter(|f| f.0 > stated.0 + LEAST_LOG_ODDS && f.1 < LEAST_SHRINK * stated.1);
-    Ok(clear.map(|f| Mistake::Gravity { turn: f.2 }))
+    Ok(clear.map(|f| (Mistake::Gravity { turn: f.2 }, f.0 - stated.0)))
 }
 
 /// The best cause's log Bayes factor, and the size of the residuals that it leaves when fitted.

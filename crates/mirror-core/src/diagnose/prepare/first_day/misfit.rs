@@ -64,6 +64,9 @@ impl<'a> Misfit<'a> {
 
     /// Mean loss over some frames; infinite where they show nothing.
     pub fn mean_loss(&self, variant: &Variant, frames: &[usize]) -> f64 {
+        if self.problem.cancel.is_cancelled() {
+            return f64::INFINITY;
+        }
         let distances = self.distances(variant, frames);
         if distances.is_empty() {
             return f64::INFINITY;

@@ -50,14 +50,12 @@ const LEAST_FALL: f64 = 0.03;
 const LEAST_SHARE: f64 = 0.12;
 /// Chains of mistakes that are verified.
 const VERIFIED: usize = 3;
-/// Probability of a mistake of the optics: the boards show all others to be impossible.
-const OF_THE_OPTICS: f64 = 0.98;
-/// Probability of a turned gravity: loads act against the springs as stated, which no other cause does.
-const OF_GRAVITY: f64 = 0.95;
-/// Slips at once, the frames on which small errors are fitted beside them, and their probability.
+/// No mistake is told as more probable than this: something that nobody thought of may be behind it. One of the optics is this probable,
+/// since the boards show all others to be impossible.
+const MOST_CERTAIN: f64 = 0.99;
+/// Slips at once, and the frames on which small errors are fitted beside them.
 const MOST_SLIPS: usize = 2;
 const FRAMES_OF_SLIPS: usize = 100;
-const OF_A_SLIP: f64 = 0.97;
 /// A mistake must gain this log marginal likelihood over small errors.
 const LEAST_LOG_ODDS: f64 = 30.0;
 
@@ -102,28 +100,31 @@ pub(crate) fn undone(
         left_out: Vec::new(),
         rows_slipped: false,
     };
-    if let Some(mistake) = optics::find(robot, recording, without)? {
-        out.undo(&mistake, OF_THE_OPTICS)?;
+    if let Some(mistake) = optics::find(robot, recording, without, &problem.cancel)? {
+        out.undo(&mistake, MOST_CERTAIN)?;
     }
+    problem.cancel.check()?;
     let (chain, probability) = of_the_body(&mut out, without)?;
     for mistake in &chain {
         out.undo(mistake, probability)?;
     }
     if !without.iter().any(|w| w == "gravity_direction")
-        && let Some(mistake) = loads::turned_gravity(&out.problem)?
+        && let Some((mistake, odds)) = loads::turned_gravity(&out.problem)?
     {
-        out.undo(&mistake, OF_GRAVITY)?;
+        out.undo(&mistake, probability_of(odds))?;
     }
     if !out.rows_slipped && !without.iter().any(|w| w == "slip") {
         for _ in 0..MOST_SLIPS {
             let postures = crate::diagnose::likelihood::saturated::postures(&out.problem);
             let frames = spread(&postures, FRAMES_OF_SLIPS, 1);
-            let Some(mistake) = changes::find(&out.problem, &frames, out.problem.noise)? else { break };
+            let Some((mistake, odds)) = changes::find(&out.problem, &frames, out.problem.noise)? else {
+                break;
+            };
             // What is left at a place that has slipped already is the rest of that slip.
             if out.problem.slips.iter().any(|s| mistake.slips(s.what)) {
                 break;
             }
-            out.undo(&mistake, OF_A_SLIP)?;
+            out.undo(&mistake, probability_of(odds))?;
         }
     }
     if !out.rows_slipped {
@@ -201,6 +202,8 @@ fn chain_of_the_body(
         for chain in &level {
             next.extend(extended(&all, &frames, chain, without));
         }
+        // What was passed over after a stop has numbers that mean nothing.
+        problem.cancel.check()?;
         next.sort_by(|a, b| a.loss.total_cmp(&b.loss));
         unlike(&mut next, BEAM);
         let best = level.first().map_or(f64::INFINITY, |c| c.loss);
@@ -278,6 +281,7 @@ fn verified(
     let tried: Vec<Chain> = core::iter::once(nominal).chain(chains).collect();
     let mut fits = Vec::new();
     for chain in &tried {
+        session.problem.cancel.check()?;
         let fit = chain.problem(session).and_then(|p| Tolerant::fitted(&p, &frames, least));
         fits.push(fit);
     }
@@ -300,7 +304,7 @@ fn verified(
     let Some(best) = best.filter(|b| *b > 0) else { return Ok((Vec::new(), 0.0)) };
     let odds: f64 =
         (0..tried.len()).filter(|&i| i != best).map(|i| (POWER * (values[i] - values[best])).exp()).sum();
-    Ok((tried[best].mistakes.clone(), (1.0 / (1.0 + odds)).min(0.99)))
+    Ok((tried[best].mistakes.clone(), (1.0 / (1.0 + odds)).min(MOST_CERTAIN)))
 }
 
 /// Keeps the first few chains of which none is another's but for its numbers.
@@ -320,6 +324,11 @@ fn unlike(chains: &mut Vec<Chain>, count: usize) {
 
 /// Exponent of the power posterior: real laws are only roughly those of the model.
 const POWER: f64 = 0.35;
+
+/// Probability of a mistake of which only its log odds against small errors are known.
+fn probability_of(log_odds: f64) -> f64 {
+    (1.0 / (1.0 + (-POWER * log_odds).exp())).min(MOST_CERTAIN)
+}
 
 impl Chain {
     /// The arranged problem with the chain's mistakes undone.

@@ -5,6 +5,7 @@
 use super::misfit::Misfit;
 use super::mistake::Mistake;
 use super::variant::Variant;
+use crate::cancel::Cancel;
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::model::problem::Problem;
 use crate::error::Result;
@@ -28,7 +29,12 @@ const LEAST_GAIN: f64 = 0.5;
 ///
 /// # Errors
 /// Invalid parameters of camera or mirror.
-pub(super) fn find(robot: &Robot, recording: &Recording, without: &[String]) -> Result<Option<Mistake>> {
+pub(super) fn find(
+    robot: &Robot,
+    recording: &Recording,
+    without: &[String],
+    cancel: &Cancel,
+) -> Result<Option<Mistake>> {
     let Some(sight) = recording.sight.as_ref().filter(|s| s.board.is_some()) else { return Ok(None) };
     let step = recording.frames.len().div_ceil(FRAMES).max(1);
     let mut few = recording.clone();
@@ -49,6 +55,7 @@ pub(super) fn find(robot: &Robot, recording: &Recording, without: &[String]) -> 
     let problem = Problem::new(robot, &few)?;
     let mut best: Option<(f64, Mistake)> = None;
     for mistake in alternatives {
+        cancel.check()?;
         let (mut robot, mut tried) = (robot.clone(), few.clone());
         if mistake.undo(&mut robot, &problem, &mut tried).is_err() {
             continue;

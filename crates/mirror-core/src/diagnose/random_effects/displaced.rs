@@ -1,0 +1,43 @@
+//! Whether members of a group are displaced: the Bayes factor of their values under their spread against none at all, by the ratio of the
+//! posterior's and the prior's densities at zero (Savage and Dickey), `log BF = ½ μᵀ Σ⁻¹ μ + ½ log |Σ| − Σ log s_k`.
+
+use crate::diagnose::effects::Place;
+use crate::diagnose::likelihood::fit::Fit;
+use crate::diagnose::random_effects::geometric_tolerances::{Geometry, single_effect};
+use nalgebra::{DMatrix, DVector};
+
+/// A displacement is told from these log odds on: 3 is 20 to 1.
+pub(crate) const LEAST_LOG_ODDS: f64 = 3.0;
+
+/// The group's columns of one effect at one place, each with the parameter's name.
+pub(crate) fn members_of(setup: &Geometry, effect: &str, place: Place) -> Vec<(usize, &'static str)> {
+    let columns = setup.group.columns.iter().enumerate();
+    columns
+        .filter_map(|(k, c)| {
+            single_effect(c.atom).filter(|e| (e.0, e.1) == (effect, place)).map(|e| (k, e.2))
+        })
+        .collect()
+}
+
+/// Whether all that a person mounts sits elsewhere: hands leave nothing where the model has it.
+pub(crate) fn all_displaced(setup: &Geometry, fit: &Fit) -> bool {
+    setup.mounts().all(|(effect, place)| {
+        let columns: Vec<usize> = members_of(setup, effect, place).iter().map(|m| m.0).collect();
+        log_bayes(setup, fit, &columns) > LEAST_LOG_ODDS
+    })
+}
+
+/// Log Bayes factor of some of the group's values under their spreads against zero.
+pub(crate) fn log_bayes(setup: &Geometry, fit: &Fit, columns: &[usize]) -> f64 {
+    let first = fit.model.nuisances.len();
+    let spread = |k: usize| setup.group.prior_std[k];
+    // In units of the spreads: the prior is standard normal.
+    let covariance = DMatrix::from_fn(columns.len(), columns.len(), |i, j| {
+        let (a, b) = (columns[i], columns[j]);
+        fit.covariance[(first + a, first + b)] / (spread(a) * spread(b))
+    });
+    let values = DVector::from_fn(columns.len(), |i, _| fit.model.group[columns[i]] / spread(columns[i]));
+    let Some(factor) = covariance.cholesky() else { return 0.0 };
+    let log_det = 2.0 * factor.l_dirty().diagonal().iter().map(|x| x.ln()).sum::<f64>();
+    0.5 * values.dot(&factor.solve(&values)) + 0.5 * log_det
+}
