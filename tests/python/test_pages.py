@@ -8,13 +8,19 @@ from typing import Any
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 import mirror_posture as mp
 from browser import CHROMIUM, OVERFLOW, Browser
+from mirror_lab.robots import HiddenEffect, TwinOptions, TwinRobot
+from mirror_posture.cli.app import app
+from mirror_posture.correct import PAPER_VIEWS
 from mirror_posture.diagnosis import Diagnosis
 from mirror_posture.diagnosis import page as page_module
 from mirror_posture.diagnosis.page import write_report
 from mirror_posture.diagnosis.plots import draw_signature
+from mirror_posture.session import write_session
+from session_folder import SESSION, write_folder
 from test_diagnose_panels import FOCAL, field_entry
 from tracked_session import write_tracked
 
@@ -139,10 +145,12 @@ def assert_laid_out(pages: list[Path], shot: Path) -> None:
     with Browser() as browser:
         for page in pages:
             for width in WIDTHS:
-                for dark in (False, True):
+                # All share one sheet of styles: the dark one is tried on the first.
+                for dark in (False, True) if page == pages[0] else (False,):
                     browser.open(page, width, dark=dark)
                     assert browser.evaluate(OVERFLOW) == [], (page.name, width)
-            assert browser.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(22, 24, 28)"
+                    background = browser.evaluate("getComputedStyle(document.body).backgroundColor")
+                    assert background == ("rgb(22, 24, 28)" if dark else "rgb(255, 255, 255)")
             # On paper it is dark on white, whatever the screen is.
             browser.open(page, 760, dark=True, printed=True)
             assert browser.evaluate(OVERFLOW) == []
@@ -151,9 +159,52 @@ def assert_laid_out(pages: list[Path], shot: Path) -> None:
     assert shot.stat().st_size > 10_000
 
 
+@pytest.fixture(scope="module")
+def others(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """The pages of check, of a broken session as well, and of measure."""
+    folder = tmp_path_factory.mktemp("others")
+
+    def run(*words: object, code: int = 0) -> str:
+        ended = CliRunner().invoke(app, [str(word) for word in words])
+        assert ended.exit_code == code, ended.output
+        return ended.output
+
+    looks = []
+    with TwinRobot(
+        [HiddenEffect("joint_offset", "joint:r_elbow", {"offset_rad": 0.05})], TwinOptions(pictures=False)
+    ) as robot:
+        robot.command({"r_shoulder_pitch": -0.5, "r_shoulder_roll": 0.9, "r_elbow": 0.5})
+        for view in PAPER_VIEWS:
+            robot.turn(view)
+            looks.append(robot.look())
+        write_session(robot.nominal.session(looks, [0, 0]), folder / "session")
+    pages = {name: folder / f"{name}.html" for name in ("measure", "check", "broken")}
+    assert "written" in run("measure", folder / "session", "--page", pages["measure"])
+    assert "unusual" in run("check", folder / "session", "--page", pages["check"])
+    toml = SESSION.replace("0.014", "14.0").replace("corners = [3, 2]", "corners = [1, 2]")
+    run("check", write_folder(folder / "broken", session=toml), "--page", pages["broken"], code=1)
+    return pages
+
+
+def test_measure_and_check_have_pages(others: dict[str, Path]) -> None:
+    text = {name: file.read_text(encoding="utf-8") for name, file in others.items()}
+    assert (
+        "r_hand" in text["measure"]
+        and 'role="img"' in text["measure"]
+        and " mm (RMS) from where" in text["measure"]
+    )
+    assert re.search(r"unusual</span></td><td>postures</td><td>1</td>", text["check"])
+    assert "plausible</span></td><td>length of gravity" in text["check"]
+    assert (
+        "What is wrong: 2" in text["broken"]
+        and "board.corners" in text["broken"]
+        and "board.square" in text["broken"]
+    )
+
+
 @pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed")
-def test_a_browser_lays_the_page_out(diagnosed: Path, tmp_path: Path) -> None:
-    assert_laid_out([diagnosed], tmp_path / "page.png")
+def test_a_browser_lays_the_pages_out(diagnosed: Path, others: dict[str, Path], tmp_path: Path) -> None:
+    assert_laid_out([diagnosed, *others.values()], tmp_path / "page.png")
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed")

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
 
 from ..output import JsonOption, Output, SessionArgument
 
 if TYPE_CHECKING:
     from ...session import Session
+    from ...session.facts import Fact
 
 ORDER = 10
 PANEL = "Sessions"
@@ -15,17 +20,25 @@ PICTURES_TRIED = 6
 """Pictures of a session without detections in which the board is looked for."""
 
 
-def command(session: SessionArgument, as_json: JsonOption = False) -> None:
+def command(
+    session: SessionArgument,
+    page: Annotated[
+        Path | None, typer.Option(help="Write a page for a browser as well: one .html file, no network.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
     """Check a session's folder and say what is in it.
 
     Every table is read and validated as all other commands do it. All that cannot be meant is named, each with its
-    file, row and fix; what is only odd is a warning. The board's views (of some pictures, where nothing is detected yet) are
+    file, row and fix; what is only odd is a warning, and a table compares the session with what is usual. The board's views (of some pictures, where nothing is detected yet) are
     tested for pictures that are mirrored, turned, of another board or of another camera.
 
     Example: `mirror-posture check my-session`
     """
     output = Output(as_json)
+    from ..._core import MirrorPostureError
     from ...session import SessionError, load_session
+    from ...session.facts import facts
     from ...view_check import refuse_mistakes
 
     try:
@@ -33,6 +46,8 @@ def command(session: SessionArgument, as_json: JsonOption = False) -> None:
     except SessionError as error:
         for problem in error.problems[1:][::-1]:
             output.problem(str(problem))
+        if page is not None:
+            _write_page(output, page, session, problems=[str(p) for p in error.problems or (error,)])
         raise
     frames, seen, direct = loaded.frames, loaded.mirror_view, loaded.direct_view
     pictures = sum(name is not None for name in frames.image or ())
@@ -54,14 +69,53 @@ def command(session: SessionArgument, as_json: JsonOption = False) -> None:
     }
     for warning in loaded.warnings:
         output.warn(warning)
-    refuse_mistakes(loaded if loaded.detected else _some_detected(loaded))
+    found = facts(loaded)
+    try:
+        refuse_mistakes(loaded if loaded.detected else _some_detected(loaded))
+    except MirrorPostureError as error:
+        if page is not None:
+            _write_page(output, page, session, problems=[str(error)], warnings=loaded.warnings, facts=found)
+        raise
     rows = [
         (key.replace("_", " "), ", ".join(value) if isinstance(value, list) else str(value))
         for key, value in summary.items()
         if key != "warnings"
     ]
     output.table(f"{session} is a session", ["*", "~"], rows)
-    output.result(summary)
+    output.table(
+        "What is plausible, and what is not",
+        ("*", "~what", "~here", "~usual"),
+        [("plausible" if fact.plausible else "unusual", fact.what, fact.got, fact.usual) for fact in found],
+    )
+    if page is not None:
+        _write_page(output, page, session, warnings=loaded.warnings, facts=found, summary=rows)
+    output.result(summary | {"facts": found})
+
+
+def _write_page(
+    output: Output,
+    file: Path,
+    session: Path,
+    *,
+    problems: Sequence[str] = (),
+    warnings: Sequence[str] = (),
+    facts: Sequence[Fact] = (),
+    summary: Sequence[tuple[str, str]] = (),
+) -> None:
+    from ..._core import __version__
+    from ...output_files import write_file
+    from ...pages import render
+
+    values: dict[str, Any] = {
+        "version": __version__,
+        "session": session.resolve().name,
+        "problems": problems,
+        "warnings": warnings,
+        "facts": facts,
+        "odd": bool(warnings) or not all(fact.plausible for fact in facts),
+        "summary": [(name, value) for name, value in summary if value],
+    }
+    output.say(f"written: {write_file(file, render('mirror_posture.pages', 'check.html.j2', values))}")
 
 
 def _some_detected(session: Session) -> Session:

@@ -40,6 +40,9 @@ def command(
     overlays: Annotated[
         Path | None, typer.Option(help="Folder for the pictures with measured and model positions drawn.")
     ] = None,
+    page: Annotated[
+        Path | None, typer.Option(help="Write a page for a browser: one .html file, no network.")
+    ] = None,
     mount: Annotated[
         Path | None, typer.Option(help="Camera-board transform written by `mirror-posture calibrate --out`.")
     ] = None,
@@ -120,6 +123,10 @@ def command(
         written.append(plot)
     if overlays is not None:
         written += _write_overlays(output, loaded, chosen, overlays)
+    if page is not None:
+        from ...measurement.page import write_measure_page
+
+        written.append(write_measure_page(loaded, chosen, page))
     for file in written:
         output.say(f"written: {file}")
     result: dict[str, Any] = document(chosen)
