@@ -136,7 +136,7 @@ def faults(tree: dict[str, Any]) -> list[str]:
         )
 
     each("limits", tree, limit)
-    need(verdict == "insufficient" or bool(seen), "limits: none told")
+    need(verdict == "insufficient" or tree.get("interrupted") is True or bool(seen), "limits: none told")
 
     def posture(name: str, entry: Any) -> None:
         need(isinstance(entry, dict) and all(map(_number, entry.values())), name)

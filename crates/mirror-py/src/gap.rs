@@ -8,8 +8,8 @@ use crate::work::Work;
 use mirror_core::Cancel;
 use mirror_core::camera::Camera;
 use mirror_core::diagnose::{
-    BoardSpec, DiagnoseOptions, Frame, MarkerSpec, MeasuredPoint, OtherSession, PointsFrame, Recording,
-    SightSpec, Sighting, Target, Tolerance, Tolerances, Via,
+    BoardSpec, DiagnoseOptions, Frame, MarkerSpec, MeasuredPoint, OtherSession, PointsFrame, Progress,
+    Recording, SightSpec, Sighting, Target, Tolerance, Tolerances, Via,
 };
 use mirror_core::robot::Robot;
 use nalgebra::{Point3, Vector2, Vector3};
@@ -17,6 +17,7 @@ use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyUntypedArray
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use serde::Deserialize;
+use std::sync::{Mutex, PoisonError};
 
 /// What is not an array: names, links, camera, mirror, stated noise.
 #[derive(Deserialize)]
@@ -129,6 +130,39 @@ fn corners_of(header: &Header) -> PyResult<usize> {
         )));
     }
     Ok(nx * ny)
+}
+
+/// Looks at a running diagnosis from another thread, and has what was found so far where it is stopped.
+#[pyclass(frozen, module = "mirror_posture._core")]
+#[derive(Default)]
+pub struct DiagnosisProgress {
+    progress: Mutex<Progress>,
+}
+
+impl DiagnosisProgress {
+    fn now(&self) -> Progress {
+        self.progress.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+}
+
+#[pymethods]
+impl DiagnosisProgress {
+    #[new]
+    fn new() -> Self {
+        Self { progress: Mutex::new(Progress::new()) }
+    }
+
+    /// What is being done, in a few words, and how many causes were found so far.
+    #[getter]
+    fn stage(&self) -> (&'static str, usize) {
+        let now = self.now();
+        (now.stage(), now.found())
+    }
+
+    /// What was found so far as JSON: a diagnosis that says that it was interrupted.
+    fn so_far(&self, recording: &GapRecording) -> PyResult<String> {
+        serde_json::to_string(&self.now().so_far(&recording.recording)).map_err(json_error("diagnosis"))
+    }
 }
 
 /// A session's recording, arranged for the core.
@@ -281,7 +315,7 @@ impl GapRecording {
     }
 
     /// Diagnoses the recording; `others` are further sessions on which the result is checked. The result is JSON.
-    #[pyo3(signature = (without=Vec::new(), most_causes=0, others=Vec::new(), own=Vec::new(), markers=false))]
+    #[pyo3(signature = (without=Vec::new(), most_causes=0, others=Vec::new(), own=Vec::new(), markers=false, progress=None))]
     fn diagnose(
         &self,
         py: Python<'_>,
@@ -290,6 +324,7 @@ impl GapRecording {
         others: Vec<(String, Py<Self>, Vec<OwnEffectArrays<'_>>)>,
         own: Vec<OwnEffectArrays<'_>>,
         markers: bool,
+        progress: Option<Py<DiagnosisProgress>>,
     ) -> PyResult<String> {
         let tables = |own: &[OwnEffectArrays<'_>]| {
             own.iter().map(OwnEffectArrays::to_core).collect::<PyResult<Vec<_>>>()
@@ -307,8 +342,15 @@ impl GapRecording {
             })
             .collect::<PyResult<Vec<_>>>()?;
         let cancel = Cancel::new();
-        let options =
-            DiagnoseOptions { without, most_causes, own: tables(&own)?, markers, cancel: cancel.clone() };
+        let progress = progress.map(|p| p.get().now()).unwrap_or_default();
+        let options = DiagnoseOptions {
+            without,
+            most_causes,
+            own: tables(&own)?,
+            markers,
+            cancel: cancel.clone(),
+            progress,
+        };
         let diagnosis = py
             .work_until(&cancel, || {
                 mirror_core::diagnose::diagnose(&self.robot, &self.recording, &options, &others)

@@ -29,9 +29,9 @@ mod _core {
     #[pymodule_export]
     use crate::errors::MirrorPostureError;
     #[pymodule_export]
-    use crate::gap::GapRecording;
-    #[pymodule_export]
     use crate::gap::effects;
+    #[pymodule_export]
+    use crate::gap::{DiagnosisProgress, GapRecording};
     #[pymodule_export]
     use crate::measure::{MeasureInput, Measured};
     #[pymodule_export]

@@ -134,6 +134,13 @@ class Output:
             task = bar.add_task(escape(what), total=total)
             yield lambda done: bar.update(task, completed=done)
 
+    @contextmanager
+    def working(self, what: str) -> Iterator[Callable[[str], None]]:
+        """What is being done, on stderr (where that is a terminal), for work whose length nobody knows."""
+        console = Console(stderr=True)
+        with console.status(escape(what)) as status:
+            yield lambda stage: status.update(escape(shown(stage)))
+
     def problem(self, text: str) -> None:
         """One of several errors, on stderr."""
         self.errors.print(f"[red]error:[/red] {escape(shown(text))}")

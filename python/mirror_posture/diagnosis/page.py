@@ -8,7 +8,8 @@ from pathlib import Path
 from .._core import __version__
 from ..pages import inline, render
 from ..session import Session
-from . import actions, formatting
+from . import actions, formatting, limits
+from .limits import draw_limits
 from .panel_plots import draw_field, draw_track
 from .plots import Drawing, draw_gap, draw_signature, draw_steps, gap_told
 from .result import Diagnosis, Gap
@@ -33,6 +34,8 @@ def write_report(session: Session, found: Diagnosis, folder: Path) -> Path:
     drawings: dict[str, Drawing] = {"gap": draw_gap(found.gap), "robot": draw_robot(session, found)}
     if len(found.gap.steps) > 2:
         drawings["steps"] = draw_steps(found.gap)
+    if found.limits:
+        drawings["limits"] = draw_limits(session, found)
     panels = signature_panels(found)
     pictures = folder / "pictures"
     pictures.mkdir(exist_ok=True)
@@ -46,7 +49,12 @@ def write_report(session: Session, found: Diagnosis, folder: Path) -> Path:
     }
     if "steps" in drawings:
         svg["steps"] = inline(drawings["steps"], f"Bars: the gap step by step: {formatting.steps(found)}.")
+    if "limits" in drawings:
+        svg["limits"] = inline(
+            drawings["limits"], f"The robot, its places coloured by what is hidden: {limits.line(found)}"
+        )
     values = {
+        "limits": limits.table(found),
         "version": __version__,
         "found": found,
         "session": session.folder.resolve().name,

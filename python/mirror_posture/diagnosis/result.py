@@ -289,6 +289,8 @@ class Diagnosis:
     """What of the data was used, and what was left out."""
     limits: tuple[Limit, ...] = ()
     """What could have been seen: one entry for each effect and place; empty in a document of version 1."""
+    interrupted: bool = False
+    """Whether it was stopped before its end, and tells only what was found so far: no gap, no limits, rivals not weighed."""
     document: Mapping[str, Any] = field(default_factory=dict, repr=False)
     """The JSON tree as the core gave it, with all that the format does not know."""
 
@@ -325,6 +327,7 @@ class Diagnosis:
                 data=_data(tree.get("data", {})),
                 limits=tuple(_limit(entry) for entry in tree.get("limits", ())),
                 witness=tuple(_known(Witness, entry) for entry in tree.get("witness", ())),
+                interrupted=tree.get("interrupted") is True,
                 document=dict(tree),
             )
         except (KeyError, TypeError, AttributeError, ValueError, OverflowError) as error:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from threading import Event, Thread
 
-from .._core import GapRecording, MirrorPostureError
+from .._core import DiagnosisProgress, GapRecording, MirrorPostureError
 from ..arguments import checked_arguments
 from ..session import Session, as_session
 from .accelerometers import accelerometer_witness
@@ -23,6 +25,42 @@ MOST_CAUSES = 6
 WITNESS = "witness:"
 
 
+class DiagnosisInterrupted(KeyboardInterrupt):
+    """Ctrl-C while a session was diagnosed; `found` is what was found so far."""
+
+    def __init__(self, found: Diagnosis) -> None:
+        self.found = found
+        super().__init__(found.sentence)
+
+
+POLL_S = 0.1
+
+
+@contextmanager
+def _watched(watch: DiagnosisProgress, told: Callable[[str, int], None] | None) -> Iterator[None]:
+    """Tells the stage and the number of causes found so far whenever they change, from a thread of its own."""
+    if told is None:
+        yield
+        return
+    over = Event()
+
+    def look() -> None:
+        last = ("", 0)
+        while not over.wait(POLL_S):
+            now = watch.stage
+            if now != last:
+                told(*now)
+                last = now
+
+    thread = Thread(target=look, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
+
+
 @checked_arguments
 def diagnose(
     session: Session | str | os.PathLike[str],
@@ -33,16 +71,19 @@ def diagnose(
     most_causes: int = MOST_CAUSES,
     effects: Sequence[OwnEffect] = (),
     markers: bool = False,
+    progress: Callable[[str, int], None] | None = None,
 ) -> Diagnosis:
     """Where the model is wrong, by which effect, and how far the gap shrinks.
 
     `without` are effects that the vocabulary shall lack; `check` further sessions, of which nothing is fitted but
     their own mirrors; `withhold` markers (`marker:NAME`, or the bare name) that the fit does not see and that it then
     predicts. `effects` are one's own, tried beside the vocabulary at every place that they name; `markers` tells
-    each marker posture by posture, for drawing. A session with pictures
+    each marker posture by posture, for drawing. `progress` is told what is being done and how many causes were
+    found so far, from another thread. A session with pictures
     and no image points is detected first.
 
     Raises:
+        DiagnosisInterrupted: Ctrl-C (it is a `KeyboardInterrupt`); `found` has what was found so far.
         MirrorPostureError: a session that cannot be meant, an unknown effect or marker, too little to diagnose.
     """
     left_out = checked_effects(without)
@@ -59,9 +100,13 @@ def diagnose(
         seen = only_markers(loaded, kept)
         others += [_other(WITNESS + name, to_core(only_markers(loaded, [name])), effects) for name in names]
     recording = to_core(seen)
-    tree = json.loads(
-        recording.diagnose(left_out, most_causes, others, tabulate(effects, recording), markers)
-    )
+    watch, own = DiagnosisProgress(), tabulate(effects, recording)
+    try:
+        with _watched(watch, progress):
+            tree = json.loads(recording.diagnose(left_out, most_causes, others, own, markers, watch))
+    except KeyboardInterrupt:
+        so_far = json.loads(watch.so_far(recording)) | {KEY: fingerprint(loaded)}
+        raise DiagnosisInterrupted(Diagnosis.from_document(so_far)) from None
     tree[KEY] = fingerprint(loaded)
     if names:
         checked = tree["gap"].get("checked", [])

@@ -45,6 +45,7 @@ pub use data::diagnosis::{
     Alternative, Cause, Checked, Data, Diagnosis, Estimate, Field, FieldPoint, Gap, GapStep, LeftOut, Limit,
     Member, Ranked, SeenMarker, Signature, SignaturePoint, Track, TrackAxis, TrackPoint, Verdict, Where,
 };
+pub use data::progress::Progress;
 pub use data::recording::{
     BoardSpec, Frame, MarkerSpec, MeasuredPoint, PointsFrame, Recording, SightSpec, Sighting, Target,
     Tolerance, Tolerances, Via,

@@ -53,6 +53,8 @@ pub fn diagnose(
 ) -> Result<Diagnosis> {
     let mut problem = Problem::new(robot, recording)?;
     problem.cancel = options.cancel.clone();
+    problem.progress = options.progress.clone();
+    options.progress.enter("looking for whole mistakes");
     let stated = problem.noise;
     let mut left_out = leave_out_wrong_grids(&mut problem);
     let given = problem.clone();
@@ -64,6 +66,8 @@ pub fn diagnose(
         (robot, recording) = (&undone.robot, &undone.recording);
         problem = undone.problem.clone();
         problem.cancel = options.cancel.clone();
+        problem.progress = options.progress.clone();
+        options.progress.tell_mistakes(&undone.told);
         leave_out_wrong_grids(&mut problem);
         mistakes.clone_from(&undone.told);
         trace.clone_from(&undone.trace);
@@ -108,6 +112,7 @@ pub fn diagnose(
         options: search_options,
         mask: None,
     };
+    options.progress.enter("searching for causes");
     let (mut found, mut geometry) = with_or_without_setup(&mut search, &nominal, stated, &options.without)?;
     let freed = geometry.is_some();
     if !freed && let Some(other) = from_a_pair(&search, &found, &nominal)? {
@@ -150,6 +155,7 @@ pub fn diagnose(
             without_false(&search.problem, &search.deformation(&found.fit.model), found.noise)?;
     }
     geometry = geometry.filter(|_| !found.fit.model.group.is_empty());
+    options.progress.enter("weighing what was found");
     // From here on without the observations that the best model shows to be false.
     search.problem = clean;
     let (mut before, mut after) = gaps(&search, &nominal, &found)?;
@@ -185,6 +191,7 @@ pub fn diagnose(
         standings,
         mistakes,
     };
+    options.progress.enter("telling what it is worth");
     let mut checked = Vec::new();
     for other in others {
         checked.push(check(&findings, other)?);

@@ -87,7 +87,7 @@ def command(
     Example: `mirror-posture diagnose my-session --out diagnosis --check my-other-session`
     """
     output = Output(as_json)
-    from ...diagnosis import diagnose
+    from ...diagnosis.run import DiagnosisInterrupted
     from ...session.motion import is_moving
 
     others = [
@@ -138,7 +138,8 @@ def command(
             found = (
                 next(afar)
                 if afar is not None
-                else diagnose(
+                else _diagnosed(
+                    output,
                     loaded,
                     without=without or (),
                     check=others,
@@ -147,6 +148,14 @@ def command(
                     markers=rerun is not None,
                 )
             )
+        except DiagnosisInterrupted as interrupted:
+            _show(output, folder, interrupted.found)
+            if out is not None:
+                target = out if len(sessions) == 1 else out / (folder.name or folder.resolve().name)
+                write_results(output, loaded, interrupted.found, target)
+            if as_json:
+                output.result(interrupted.found.document)
+            raise
         except MirrorPostureError as error:
             raise MirrorPostureError(f"{folder}: {error}") from error
         _show(output, folder, found)
@@ -200,6 +209,18 @@ def _in_motion(
     return done.diagnosis.document
 
 
+def _diagnosed(output: Output, session: Session, **options: Any) -> Diagnosis:
+    """The diagnosis, with what is being done on stderr where that is a terminal."""
+    from ...diagnosis import diagnose
+
+    with output.working("diagnosing") as told:
+        return diagnose(
+            session,
+            progress=lambda stage, found: told(f"{stage}, {found} found" if found else stage),
+            **options,
+        )
+
+
 def write_results(output: Output, session: Session, found: Diagnosis, folder: Path) -> None:
     """Writes diagnosis.json, the report with its pictures and the next postures into a folder, and says so."""
     from ...diagnosis.next_postures import write_next_postures
@@ -229,6 +250,7 @@ def _show(output: Output, folder: Path, found: Diagnosis) -> None:
         steps,
         tell_all,
     )
+    from ...diagnosis.limits import line as limits_line
 
     if output.as_json:
         for warning in found.warnings:
@@ -321,6 +343,8 @@ def _show(output: Output, folder: Path, found: Diagnosis) -> None:
                 for a in accelerometers
             ],
         )
+    if limits_line(found):
+        output.say(limits_line(found))
     for place in found.where:
         if place.depends_on:
             output.say(

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..._core import MirrorPostureError
 from ...session import Session
 from ...session.write import replace_folder, write_session_files
 from .. import formatting
@@ -69,6 +70,10 @@ def apply_diagnosis(
         MirrorPostureError: a diagnosis of another session, a place that the session does not have, a folder that is there already.
     """
     require_same(session, dict(found.document))
+    if found.interrupted:
+        raise MirrorPostureError(
+            "got a diagnosis that was interrupted, needed a whole one: rivals were not weighed; diagnose again"
+        )
     urdf = Urdf(read_xml(session.robot_file), str(session.robot_file))
     better = session
     # Of a group's small errors each is written like a cause of its own. An offset turns about the real axis: tilts go first; so does the

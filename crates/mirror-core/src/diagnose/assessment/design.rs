@@ -1,11 +1,13 @@
 //! The next postures: where rivals remain, the few commanded postures that would separate them best.
 //!
-//! Many postures are drawn from the ranges that the session has shown to be reachable and in view. Each is predicted by
-//! the cause and by its rival, both as fitted; the posture at which the markers come out farthest apart separates them best
-//! (T-optimal design: Atkinson and Fedorov 1975). The postures are to be taken in the order given: for play and friction it
+//! Postures are drawn that the robot can take and that camera and mirror can see ([`Draws`]). Each is predicted by
+//! the cause and by its rival, both as fitted; the posture at which the markers in view come out farthest apart separates them best
+//! (T-optimal design: Atkinson and Fedorov 1975). Those are taken that differ by 10° or more from every visited one, and from each other,
+//! where there are such. The postures are to be taken in the order given: for play and friction it
 //! matters from which side a joint arrives.
 
 use crate::diagnose::assessment::findings::Findings;
+use crate::diagnose::assessment::posture_draws::Draws;
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::effects::hypothesis::{Catalogue, Model};
 use crate::diagnose::effects::vocabulary;
@@ -17,8 +19,6 @@ use crate::robot::Robot;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Postures that are drawn.
-const DRAWN: usize = 80;
 /// Postures that are proposed for a pair of rivals.
 const PROPOSED: usize = 4;
 /// Rivals below this probability need no experiment.
@@ -38,7 +38,7 @@ pub(crate) fn next_postures(
 ) -> Result<Vec<BTreeMap<String, f64>>> {
     let search = &findings.search;
     let mut out = Vec::new();
-    let mut drawn: Option<(Recording, Problem, Catalogue)> = None;
+    let mut drawn: Option<(Draws, Problem, Catalogue)> = None;
     for (i, standing) in standings.iter().enumerate() {
         let rival = standing.as_ref().and_then(|s| s.rivals.first());
         let Some(rival) = rival.filter(|r| r.probability > WORTH_AN_EXPERIMENT) else {
@@ -56,65 +56,58 @@ pub(crate) fn next_postures(
             8,
         )?;
         if drawn.is_none() {
-            let postures = draw(recording);
-            let problem = Problem::new(robot, &postures)?;
+            let draws = Draws::new(robot, recording, &search.problem)?;
+            if draws.recording.frames.is_empty() {
+                return Ok(out);
+            }
+            let problem = Problem::new(robot, &draws.recording)?;
             let effects = vocabulary().into_iter().map(Arc::from).collect();
             let catalogue = Catalogue::new(&problem.scene, effects, &[]);
-            drawn = Some((postures, problem, catalogue));
+            drawn = Some((draws, problem, catalogue));
         }
-        let Some((postures, problem, catalogue)) = &drawn else { continue };
+        let Some((draws, problem, catalogue)) = &drawn else { continue };
         let predict = |model: &Model| positions(problem, catalogue, model, search);
         let (own, other) = (predict(&findings.found.fit.model), predict(&rival.model));
         let mut separation: Vec<(usize, f64)> = own
             .iter()
             .zip(&other)
-            .map(|(a, b)| a.iter().zip(b).map(|(p, q)| (p - q).norm_squared()).sum::<f64>().sqrt())
+            .zip(&draws.shown)
+            .map(|((a, b), shown)| {
+                let seen = a.iter().zip(b).zip(shown).filter(|(_, shown)| **shown);
+                seen.map(|((p, q), _)| (p - q).norm_squared()).sum::<f64>().sqrt()
+            })
             .enumerate()
             .collect();
         separation.sort_by(|a, b| b.1.total_cmp(&a.1));
-        let mut chosen: Vec<usize> =
-            separation.iter().take(PROPOSED).filter(|s| s.1 > LEAST_SEPARATION_M).map(|s| s.0).collect();
+        separation.retain(|s| s.1 > LEAST_SEPARATION_M);
+        let mut chosen = far_apart(draws, recording, &separation);
         chosen.sort_unstable();
         for f in chosen {
-            let commanded = &postures.frames[f].commanded;
-            out.push(robot.position_names().map(str::to_owned).zip(commanded.iter().copied()).collect());
+            let commanded = &draws.recording.frames[f].commanded;
+            let told = robot.position_names().zip(commanded).enumerate();
+            // A joint that is held where it rests anyhow need not be commanded.
+            let told = told.filter(|(k, (_, q))| draws.is_drawn(*k) || **q != 0.0);
+            out.push(told.map(|(_, (name, q))| (name.to_owned(), *q)).collect());
         }
     }
     Ok(out)
 }
 
-/// A recording of postures drawn within the session's own ranges, in which nothing was seen yet.
-fn draw(recording: &Recording) -> Recording {
-    let positions = recording.frames.first().map_or(0, |f| f.commanded.len());
-    let range = |k: usize| {
-        recording
-            .frames
-            .iter()
-            .map(|f| f.commanded[k])
-            .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), q| (a.min(q), b.max(q)))
-    };
-    let ranges: Vec<(f64, f64)> = (0..positions).map(range).collect();
-    // A fixed generator (Knuth, MMIX): the same session always gets the same proposal.
-    let mut state: u64 = 0x9E37_79B9_7F4A_7C15;
-    let mut unit = || {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (state >> 11) as f64 / (1u64 << 53) as f64
-    };
-    let mut out = recording.clone();
-    out.ordered = true;
-    out.frames.truncate(1);
-    if let Some(first) = out.frames.pop() {
-        for i in 0..DRAWN {
-            let mut frame = first.clone();
-            frame.number = i as i64;
-            frame.posture = i as i64;
-            frame.sightings.clear();
-            frame.points.clear();
-            frame.commanded = ranges.iter().map(|(low, high)| low + (high - low) * unit()).collect();
-            out.frames.push(frame);
+/// The best postures that are far from all visited ones and from each other; the best of all where there are none.
+fn far_apart(draws: &Draws, visited: &Recording, separation: &[(usize, f64)]) -> Vec<usize> {
+    let commanded = |f: usize| &draws.recording.frames[f].commanded;
+    let new = |f: usize| visited.frames.iter().all(|v| draws.are_apart(commanded(f), &v.commanded));
+    let mut chosen: Vec<usize> = Vec::new();
+    for &(f, _) in separation {
+        let apart = chosen.iter().all(|&c| draws.are_apart(commanded(f), commanded(c)));
+        if chosen.len() < PROPOSED && apart && new(f) {
+            chosen.push(f);
         }
     }
-    out
+    if chosen.is_empty() {
+        chosen.extend(separation.iter().take(PROPOSED).map(|s| s.0));
+    }
+    chosen
 }
 
 /// Where a model has the markers in each posture, in the root's frame, m.

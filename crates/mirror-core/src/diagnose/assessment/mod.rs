@@ -7,4 +7,6 @@ pub(super) mod gap_closed;
 pub(super) mod limits;
 pub(super) mod noise_floor;
 pub(super) mod other_session;
+pub(super) mod posture_draws;
+pub(super) mod stability;
 pub(super) mod uncertainty;

@@ -374,6 +374,9 @@ pub struct Diagnosis {
     pub format: String,
     /// [`VERSION`].
     pub version: u32,
+    /// Whether it was stopped before its end, and tells only what was found so far.
+    #[serde(skip_serializing_if = "core::ops::Not::not")]
+    pub interrupted: bool,
     /// How much of the gap the causes explain.
     pub verdict: Verdict,
     /// The verdict in one sentence.

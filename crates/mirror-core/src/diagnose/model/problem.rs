@@ -2,6 +2,7 @@
 
 use crate::camera::Camera;
 use crate::cancel::Cancel;
+use crate::diagnose::data::progress::Progress;
 use crate::diagnose::data::recording::{PointsFrame, Recording, Target, Tolerances, Via};
 use crate::diagnose::model::body::Site;
 use crate::diagnose::model::deformation::Deformation;
@@ -92,6 +93,8 @@ pub(crate) struct Problem {
     pub between_camera_and_board: Vec<usize>,
     /// Looked at whenever an eye is made, and in every frame that is evaluated.
     pub cancel: Cancel,
+    /// Told how far the search has come.
+    pub progress: Progress,
 }
 
 impl Problem {
@@ -196,6 +199,7 @@ impl Problem {
             boards: Vec::new(),
             between_camera_and_board,
             cancel: Cancel::default(),
+            progress: Progress::default(),
             scene,
         })
     }

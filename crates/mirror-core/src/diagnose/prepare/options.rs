@@ -1,6 +1,7 @@
 //! What a diagnosis is asked: options, and further sessions on which it is checked.
 
 use crate::cancel::Cancel;
+use crate::diagnose::data::progress::Progress;
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::effects::Effect;
 use crate::diagnose::effects::own::OwnEffect;
@@ -20,6 +21,8 @@ pub struct DiagnoseOptions {
     pub markers: bool,
     /// Stops the diagnosis from outside.
     pub cancel: Cancel,
+    /// Watches it from outside.
+    pub progress: Progress,
 }
 
 /// A further session on which the result is checked.

@@ -4,6 +4,7 @@ use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::assessment::gap_closed::gap_over;
 use crate::diagnose::assessment::limits::limits;
 use crate::diagnose::assessment::noise_floor::Floor;
+use crate::diagnose::assessment::stability::stability;
 use crate::diagnose::assessment::uncertainty::{Deviations, deviations};
 use crate::diagnose::criteria::cross_validation::seen_size;
 use crate::diagnose::data::diagnosis::{
@@ -54,7 +55,8 @@ pub(crate) fn diagnosis(
     let deviations = deviations(findings, &floor)?;
     let mut told = causes(findings, &standings, &deviations)?;
     told.sort_by(|a, b| b.0.rms_shift.total_cmp(&a.0.rms_shift));
-    let (causes, parts): (Vec<Cause>, Vec<Part>) = told.into_iter().unzip();
+    let (mut causes, parts): (Vec<Cause>, Vec<Part>) = told.into_iter().unzip();
+    add_stability(findings, &standings, ranking, (&mut causes, &parts))?;
     let mut gap = gap_over(&findings.before, &findings.after, &floor, &deviations.law_shifts, checked);
     gap.steps = gap_steps(findings, &causes, &parts)?;
     let places = places(findings, &causes);
@@ -95,6 +97,7 @@ pub(crate) fn diagnosis(
     Ok(Diagnosis {
         format: "mirror-posture/diagnosis".into(),
         version: VERSION,
+        interrupted: false,
         verdict,
         sentence,
         r#where: places,
@@ -114,6 +117,30 @@ pub(crate) fn diagnosis(
         data: Data::default(),
         markers: Vec::new(),
     })
+}
+
+/// Adds to each cause that was searched by the score in what share of resamples it comes out again.
+fn add_stability(
+    findings: &Findings<'_>,
+    standings: &[Option<Standing>],
+    ranking: &[Score],
+    (causes, parts): (&mut [Cause], &[Part]),
+) -> Result<()> {
+    let is_mount = |c: &Cause| c.effect != "geometry";
+    let told = causes.iter().zip(parts).filter(|(c, _)| is_mount(c));
+    let mounts: Vec<Vec<usize>> = told
+        .filter_map(|(_, part)| if let Part::Columns(columns) = part { Some(columns.clone()) } else { None })
+        .collect();
+    let stability = stability(findings, standings, ranking, &mounts)?;
+    let mut of_mounts = stability.mounts.iter();
+    for (cause, part) in causes.iter_mut().zip(parts) {
+        cause.stability = match part {
+            Part::Term(i) => stability.terms[*i],
+            Part::Columns(_) if is_mount(cause) => of_mounts.next().copied(),
+            _ => None,
+        };
+    }
+    Ok(())
 }
 
 fn causes(

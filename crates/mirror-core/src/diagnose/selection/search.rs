@@ -1,5 +1,7 @@
 //! The search for causes: added one at a time, each tried again for dropping and against its rivals.
 
+use crate::diagnose::data::diagnosis::{Cause, Estimate};
+use crate::diagnose::data::progress::UNWEIGHED;
 use crate::diagnose::effects::hypothesis::{Catalogue, Model, Term};
 use crate::diagnose::likelihood::fit::{Fit, FitOptions, Group, fit, likeliest_variants};
 use crate::diagnose::likelihood::noise::effective;
@@ -339,6 +341,7 @@ impl Search<'_> {
             best = self.exchange(best, noise, &mut trace)?;
             best = self.merge(best, noise, &mut trace)?;
             best = self.prune(best, noise, &mut trace)?;
+            self.tell(&best);
             noise = self.effective(&best.model)?;
             // Adding and dropping must not go in circles.
             let now = hypotheses_of(&best);
@@ -348,6 +351,34 @@ impl Search<'_> {
             seen.push(now);
         }
         Ok(Found { fit: best, noise, trace })
+    }
+
+    /// Tells whoever watches what was found so far.
+    fn tell(&self, fit: &Fit) {
+        if !self.problem.progress.is_watched() {
+            return;
+        }
+        let named = fit.model.terms.iter().enumerate().filter(|(_, t)| !self.catalogue.is_free(t.hypothesis));
+        let causes = named.map(|(i, term)| {
+            let effect = self.catalogue.effect(term.hypothesis);
+            let place = self.catalogue.hypotheses[term.hypothesis].place;
+            let told =
+                term.parameters.iter().zip(fit.stds(i)).map(|(value, std)| Estimate { value: *value, std });
+            Cause {
+                effect: effect.name().to_owned(),
+                at: place.name(&self.problem.scene),
+                kind: effect.concern(place).word().into(),
+                probability: UNWEIGHED,
+                stability: None,
+                parameters: effect.parameters().into_iter().zip(told).collect(),
+                alternatives: Vec::new(),
+                words: effect.words().to_owned(),
+                rms_shift: 0.0,
+                members: Vec::new(),
+                frames: Vec::new(),
+            }
+        });
+        self.problem.progress.tell_causes(causes.collect());
     }
 
     fn name_of_last(&self, fit: &Fit) -> String {

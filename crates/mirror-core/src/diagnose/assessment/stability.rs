@@ -1,0 +1,357 @@
+//! How stable a verdict is: the search repeated on resampled postures.
+//!
+//! The model that was found is linearised once, with the columns of its causes, of their rivals and of the hypotheses that the first
+//! look ranked highest, block by block of successive postures. A resample draws the blocks with replacement (block bootstrap: Künsch
+//! 1989); its normal equations are the blocks' weighted sum, so that the search on it is small dense algebra: causes are added while
+//! their posterior odds are above the selection's least, dropped and exchanged, from nothing. What is resampled is the choice among
+//! these hypotheses, with board, camera, markers, zeros and the laws' slack free wherever the model has them so. Not
+//! resampled are the noise, what was left out as false, discrete unknowns (frictions), the spreads of small errors, and
+//! whole mistakes, which are tried exactly and have no stability.
+
+use crate::diagnose::assessment::findings::Findings;
+use crate::diagnose::effects::hypothesis::Model;
+use crate::diagnose::likelihood::fit::Active;
+use crate::diagnose::likelihood::normal_equations::{Normal, needs_board};
+use crate::diagnose::likelihood::saturated::postures;
+use crate::diagnose::likelihood::score_test::Score;
+use crate::diagnose::selection::alternatives::Standing;
+use crate::error::Result;
+use core::ops::Range;
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use rayon::prelude::*;
+use std::collections::HashMap;
+
+/// Resamples.
+const RESAMPLES: usize = 40;
+/// Blocks of successive postures at most.
+const MOST_BLOCKS: usize = 64;
+/// Hypotheses that compete with the causes found: their rivals first, then those that the first look ranked highest.
+const COMPETING: usize = 28;
+/// Causes that a resample's search adds at most, beyond those that were found.
+const MORE_CAUSES: usize = 2;
+/// As in the search: a second cause at one joint is less likely by this (log).
+const LOG_PRIOR_SAME_PLACE: f64 = -4.0;
+/// A mount is told from these log odds on.
+const LEAST_MOUNT_ODDS: f64 = 3.0;
+
+/// Shares of the resamples in which the same came out.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Stability {
+    /// Of each term of the model; none of free-form errors.
+    pub terms: Vec<Option<f64>>,
+    /// Of each displaced mount that was asked for.
+    pub mounts: Vec<f64>,
+}
+
+/// One hypothesis that competes.
+struct Candidate {
+    hypothesis: usize,
+    columns: Range<usize>,
+    log_prior: f64,
+    positive: bool,
+    node: Option<usize>,
+}
+
+/// The model in normal equations of blocks, in units of the priors' deviations.
+struct Blocks {
+    blocks: Vec<(DMatrix<f64>, DVector<f64>)>,
+    /// Parameters that are always free.
+    always: Vec<usize>,
+    candidates: Vec<Candidate>,
+    least_log_odds: f64,
+    most_causes: usize,
+}
+
+type Factor = Cholesky<f64, Dyn>;
+
+/// Repeats the search on resampled postures; `mounts` are columns of the group whose displacement was told.
+///
+/// # Errors
+/// A camera or mirror that cannot be.
+pub(crate) fn stability(
+    findings: &Findings<'_>,
+    standings: &[Option<Standing>],
+    ranking: &[Score],
+    mounts: &[Vec<usize>],
+) -> Result<Stability> {
+    let model = &findings.found.fit.model;
+    let named = model.terms.iter().filter(|t| !findings.search.catalogue.is_free(t.hypothesis)).count();
+    if named == 0 && mounts.is_empty() {
+        return Ok(Stability { terms: vec![None; model.terms.len()], mounts: Vec::new() });
+    }
+    let (whole, first_group) = blocks(findings, standings, ranking)?;
+    let count = whole.blocks.len();
+    let draws: Vec<Vec<f64>> = {
+        let mut random = Random(0x5851_F42D_4C95_7F2D);
+        (0..RESAMPLES)
+            .map(|_| {
+                let mut weights = vec![0.0; count];
+                (0..count).for_each(|_| weights[random.below(count)] += 1.0);
+                weights
+            })
+            .collect()
+    };
+    let came_out: Vec<(Vec<usize>, Vec<bool>)> = draws
+        .into_par_iter()
+        .filter_map(|weights| {
+            if findings.search.problem.cancel.is_cancelled() {
+                return None;
+            }
+            let (m, b) = whole.sum(&weights);
+            let set = whole.search(&m, &b)?;
+            let hypotheses = set.iter().map(|&c| whole.candidates[c].hypothesis).collect();
+            Some((hypotheses, whole.displaced(&m, &b, &set, mounts, first_group)?))
+        })
+        .collect();
+    findings.search.problem.cancel.check()?;
+    let total = came_out.len().max(1) as f64;
+    let share = |of: &dyn Fn(&(Vec<usize>, Vec<bool>)) -> bool| {
+        came_out.iter().filter(|r| of(r)).count() as f64 / total
+    };
+    let of_term = |hypothesis: usize| {
+        (!findings.search.catalogue.is_free(hypothesis)).then(|| share(&|r| r.0.contains(&hypothesis)))
+    };
+    Ok(Stability {
+        terms: model.terms.iter().map(|t| of_term(t.hypothesis)).collect(),
+        mounts: (0..mounts.len()).map(|k| share(&|r| r.1[k])).collect(),
+    })
+}
+
+/// The blocks, and where the group's parameters begin.
+fn blocks(
+    findings: &Findings<'_>,
+    standings: &[Option<Standing>],
+    ranking: &[Score],
+) -> Result<(Blocks, usize)> {
+    let search = &findings.search;
+    let (problem, catalogue) = (&search.problem, search.catalogue);
+    let (group, model): (_, Model) = search.loosened(&findings.found.fit.model, None);
+    let active = Active::of(problem, catalogue, &group, &model);
+    let node = |h: usize| catalogue.hypotheses[h].place.node();
+    let of = |hypothesis: usize, columns: Range<usize>| Candidate {
+        hypothesis,
+        columns,
+        log_prior: catalogue.hypotheses[hypothesis].log_prior,
+        positive: catalogue.effect(hypothesis).is_positive(),
+        node: node(hypothesis),
+    };
+    let mut always: Vec<usize> = (0..active.first_term).collect();
+    let mut candidates = Vec::new();
+    let mut at = active.first_term;
+    for term in &model.terms {
+        let own = at..at + term.parameters.len();
+        at = own.end;
+        if catalogue.is_free(term.hypothesis) {
+            always.extend(own);
+        } else {
+            candidates.push(of(term.hypothesis, own));
+        }
+    }
+    let mut columns = active.columns.clone();
+    let (mut std, mut values) = (active.prior_std.clone(), active.values.clone());
+    let rivals = standings.iter().flatten().flat_map(|s| &s.rivals).map(|r| (r.hypothesis, r.variant));
+    let first_look = ranking.iter().map(|s| (s.hypothesis, s.variant)).take(4 * COMPETING);
+    let mut added = 0;
+    for (hypothesis, variant) in rivals.chain(first_look) {
+        let known = candidates.iter().any(|c| c.hypothesis == hypothesis);
+        let left_out = search.options.left_out.contains(&hypothesis) || catalogue.is_free(hypothesis);
+        if known || left_out || added >= COMPETING {
+            continue;
+        }
+        added += 1;
+        let entry = &catalogue.hypotheses[hypothesis];
+        let zero = vec![0.0; entry.prior_std.len()];
+        let own = catalogue.effect(hypothesis).columns(&problem.scene, entry.place, variant, &zero);
+        candidates.push(of(hypothesis, columns.len()..columns.len() + own.len()));
+        std.extend(&entry.prior_std);
+        values.extend(zero);
+        columns.extend(own);
+    }
+    let deformation = model.deformation(problem, catalogue, &group.columns);
+    let with_board = needs_board(problem, &columns);
+    let noise = findings.found.noise;
+    let order = postures(problem);
+    let size = order.len().div_ceil(MOST_BLOCKS).max(1);
+    let mut parts = Vec::new();
+    for some in order.chunks(size) {
+        let mut mask = vec![false; problem.frames.len()];
+        some.iter().flatten().for_each(|&f| mask[f] = true);
+        let normal = Normal::at(
+            problem,
+            &deformation,
+            noise,
+            &columns,
+            with_board,
+            model.planes.as_deref(),
+            Some(&mask),
+        )?;
+        let v = DVector::from_column_slice(&values);
+        // From nothing: the gradient where all parameters are 0, to first order.
+        let mut b = &normal.g + &normal.h * v;
+        let mut h = normal.h;
+        for i in 0..std.len() {
+            b[i] *= std[i];
+            for j in 0..std.len() {
+                h[(i, j)] *= std[i] * std[j];
+            }
+        }
+        parts.push((h, b));
+    }
+    let most_causes = candidates.iter().filter(|c| c.columns.start < at).count() + MORE_CAUSES;
+    let least_log_odds = search.options.least_log_odds;
+    Ok((Blocks { blocks: parts, always, candidates, least_log_odds, most_causes }, active.first_group))
+}
+
+impl Blocks {
+    /// `I + S H S` and `S b` of a resample.
+    fn sum(&self, weights: &[f64]) -> (DMatrix<f64>, DVector<f64>) {
+        let count = self.blocks.first().map_or(0, |b| b.1.len());
+        let (mut m, mut b) = (DMatrix::identity(count, count), DVector::zeros(count));
+        for ((h, g), weight) in self.blocks.iter().zip(weights).filter(|(_, w)| **w > 0.0) {
+            m.zip_apply(h, |a, x| *a += weight * x);
+            b.axpy(*weight, g, 1.0);
+        }
+        (m, b)
+    }
+
+    /// The parameters of a set of candidates, with those that are always free before them.
+    fn indices(&self, set: &[usize], but: Option<usize>) -> Vec<usize> {
+        let own = set.iter().filter(|c| Some(**c) != but).flat_map(|&c| self.candidates[c].columns.clone());
+        self.always.iter().copied().chain(own).collect()
+    }
+
+    /// Log posterior odds of a candidate beside others.
+    fn odds(
+        &self,
+        (m, b): (&DMatrix<f64>, &DVector<f64>),
+        (base, indices, solved): (&Factor, &[usize], &DVector<f64>),
+        set: &[usize],
+        candidate: usize,
+    ) -> f64 {
+        let own: Vec<usize> = self.candidates[candidate].columns.clone().collect();
+        let across = DMatrix::from_fn(indices.len(), own.len(), |i, j| m[(indices[i], own[j])]);
+        let Some(across) = base.l_dirty().solve_lower_triangular(&across) else { return f64::NEG_INFINITY };
+        let among = DMatrix::from_fn(own.len(), own.len(), |i, j| m[(own[i], own[j])]);
+        let left = DVector::from_fn(own.len(), |i, _| b[own[i]]) - across.tr_mul(solved);
+        let Some(factor) = (among - across.tr_mul(&across)).cholesky() else { return f64::NEG_INFINITY };
+        let estimate = factor.solve(&left);
+        if self.candidates[candidate].positive && estimate[0] <= 0.0 {
+            return f64::NEG_INFINITY;
+        }
+        let log_det: f64 = factor.l_dirty().diagonal().iter().map(|x| x.ln()).sum();
+        let node = self.candidates[candidate].node;
+        let same =
+            set.iter().filter(|&&c| c != candidate && node.is_some() && self.candidates[c].node == node);
+        0.5 * left.dot(&estimate) - log_det
+            + self.candidates[candidate].log_prior
+            + LOG_PRIOR_SAME_PLACE * same.count() as f64
+    }
+
+    fn base(
+        &self,
+        m: &DMatrix<f64>,
+        b: &DVector<f64>,
+        set: &[usize],
+        but: Option<usize>,
+    ) -> Option<(Factor, Vec<usize>, DVector<f64>)> {
+        let indices = self.indices(set, but);
+        let factor =
+            DMatrix::from_fn(indices.len(), indices.len(), |i, j| m[(indices[i], indices[j])]).cholesky()?;
+        let right = DVector::from_fn(indices.len(), |i, _| b[indices[i]]);
+        let solved = factor.l_dirty().solve_lower_triangular(&right)?;
+        Some((factor, indices, solved))
+    }
+
+    /// The best candidate beside a set (without one of it), with its odds.
+    fn best(
+        &self,
+        m: &DMatrix<f64>,
+        b: &DVector<f64>,
+        set: &[usize],
+        but: Option<usize>,
+    ) -> Option<(usize, f64)> {
+        let (factor, indices, solved) = self.base(m, b, set, but)?;
+        let others: Vec<usize> = set.iter().copied().filter(|c| Some(*c) != but).collect();
+        (0..self.candidates.len())
+            .filter(|c| !others.contains(c))
+            .map(|c| (c, self.odds((m, b), (&factor, &indices, &solved), &others, c)))
+            .max_by(|x, y| x.1.total_cmp(&y.1))
+    }
+
+    /// The causes that the search finds: added, dropped and exchanged until nothing changes.
+    fn search(&self, m: &DMatrix<f64>, b: &DVector<f64>) -> Option<Vec<usize>> {
+        let mut set: Vec<usize> = Vec::new();
+        for _ in 0..2 {
+            while set.len() < self.most_causes {
+                let Some((next, odds)) = self.best(m, b, &set, None) else { break };
+                if odds < self.least_log_odds {
+                    break;
+                }
+                set.push(next);
+            }
+            let mut changed = false;
+            for at in 0..set.len() {
+                let own = set[at];
+                let (best, odds) = self.best(m, b, &set, Some(own))?;
+                if best != own && odds >= self.least_log_odds {
+                    set[at] = best;
+                    changed = true;
+                }
+            }
+            let before = set.len();
+            let kept = |c: usize, set: &[usize]| -> Option<bool> {
+                let (factor, indices, solved) = self.base(m, b, set, Some(c))?;
+                Some(self.odds((m, b), (&factor, &indices, &solved), set, c) >= self.least_log_odds)
+            };
+            let mut at = 0;
+            while at < set.len() {
+                if kept(set[at], &set)? {
+                    at += 1;
+                } else {
+                    set.remove(at);
+                }
+            }
+            if !changed && set.len() == before {
+                break;
+            }
+        }
+        Some(set)
+    }
+
+    /// Whether each mount is displaced: the Bayes factor of its values against none, by Savage and Dickey.
+    fn displaced(
+        &self,
+        m: &DMatrix<f64>,
+        b: &DVector<f64>,
+        set: &[usize],
+        mounts: &[Vec<usize>],
+        first_group: usize,
+    ) -> Option<Vec<bool>> {
+        if mounts.is_empty() {
+            return Some(Vec::new());
+        }
+        let (factor, indices, _) = self.base(m, b, set, None)?;
+        let mean = factor.solve(&DVector::from_fn(indices.len(), |i, _| b[indices[i]]));
+        let covariance = factor.inverse();
+        let position: HashMap<usize, usize> = indices.iter().enumerate().map(|(k, i)| (*i, k)).collect();
+        let of_mount = |columns: &Vec<usize>| -> Option<bool> {
+            let at: Vec<usize> =
+                columns.iter().map(|c| position.get(&(first_group + c)).copied()).collect::<Option<_>>()?;
+            let own = DMatrix::from_fn(at.len(), at.len(), |i, j| covariance[(at[i], at[j])]).cholesky()?;
+            let values = DVector::from_fn(at.len(), |i, _| mean[at[i]]);
+            let log_det: f64 = own.l_dirty().diagonal().iter().map(|x| x.ln()).sum();
+            Some(0.5 * values.dot(&own.solve(&values)) + log_det >= LEAST_MOUNT_ODDS)
+        };
+        mounts.iter().map(of_mount).collect()
+    }
+}
+
+/// Numbers from a linear congruential generator (Knuth, MMIX): resampling needs no more, and is the same each time.
+struct Random(u64);
+
+impl Random {
+    fn below(&mut self, count: usize) -> usize {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 33) as usize % count.max(1)
+    }
+}

@@ -1,0 +1,149 @@
+"""What these postures would have hidden: the limits of a diagnosis in people's units, in a line, as a table, and on the robot."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..session import Session
+from . import formatting
+from .plots import FLOOR, INK, Drawing, figure, finished
+from .result import Diagnosis, Limit
+from .skeleton import MARGIN, VIEWS, links_of
+
+CLASSES = (
+    (np.radians(0.2), 0.001, "#2f7f4f", "up to 0.2° or 1 mm"),
+    (np.radians(1.0), 0.003, "#c77f1a", "up to 1° or 3 mm"),
+    (np.inf, np.inf, "#b0413e", "more"),
+)
+"""Largest hidden angle and length, colour and words of a place on the robot."""
+ANY, ANY_COLOUR = "any size", "#7b1fa2"
+DRAWN = ("joint_offset", "link_length", "marker_mount", "board_mount", "camera_mount")
+"""Effects whose limits the picture shows: where each place sits, and how a joint's zero lies."""
+
+
+@dataclass(frozen=True)
+class Told:
+    """An effect with the place where these postures show it best, and the one where they hide most."""
+
+    effect: str
+    places: int
+    best: str
+    best_size: str
+    worst: str
+    worst_size: str
+
+
+def size_of(limit: Limit) -> float:
+    """The largest limit of an effect's parameters; infinite where any size would be hidden. Units as the parameters say."""
+    return max((np.inf if size is None else size for size in limit.parameters.values()), default=0.0)
+
+
+def in_words(limit: Limit) -> str:
+    """The largest limit, in people's units; of a mount both the angle and the length."""
+    parts: dict[str, tuple[float, float]] = {}
+    for name, size in limit.parameters.items():
+        unit, factor = next(
+            (entry for ending, entry in formatting.UNITS.items() if name.endswith(ending)), ("", 1.0)
+        )
+        value = np.inf if size is None else factor * size
+        if value >= parts.get(unit, (-1.0, 0.0))[0]:
+            parts[unit] = (value, factor)
+    return ", ".join(_rounded(value, unit) for unit, (value, _) in parts.items())
+
+
+def _rounded(value: float, unit: str) -> str:
+    return ANY if not np.isfinite(value) else f"{float(f'{value:.2g}'):g} {unit}".rstrip()
+
+
+def table(found: Diagnosis) -> list[Told]:
+    """One row an effect, those that are hidden most first within their unit."""
+    by_effect: dict[str, list[Limit]] = {}
+    for limit in found.limits:
+        by_effect.setdefault(limit.effect, []).append(limit)
+    rows = []
+    for effect, limits in by_effect.items():
+        ordered = sorted(limits, key=size_of)
+        best, worst = ordered[0], ordered[-1]
+        rows.append(
+            Told(
+                formatting.effect_in_words(effect),
+                len(limits),
+                formatting.place_in_words(best.at),
+                in_words(best),
+                formatting.place_in_words(worst.at),
+                in_words(worst),
+            )
+        )
+    return rows
+
+
+def line(found: Diagnosis) -> str:
+    """The limits in one line: zeros of joints and mounts of markers, at the middle place and at the worst; empty without any."""
+    parts = []
+    for effect, what in (("joint_offset", "a joint's zero"), ("marker_mount", "a marker's mount")):
+        limits = sorted((limit for limit in found.limits if limit.effect == effect), key=size_of)
+        if not limits:
+            continue
+        text = f"{what} by {in_words(limits[len(limits) // 2])}"
+        if len(limits) > 1:
+            worst = limits[-1]
+            text += f" ({in_words(worst)} at {formatting.place_in_words(worst.at)})"
+        parts.append(text)
+    return f"These postures would have hidden (95 %) {formatting.listed(parts)}." if parts else ""
+
+
+def draw_limits(session: Session, found: Diagnosis) -> Drawing:
+    """The robot at the session's median posture; each place in the colour of what would have been hidden there."""
+    robot = session.robot
+    poses = robot.forward_kinematics(np.median(session.positions, axis=0, keepdims=True))[0]
+    base = np.linalg.inv(poses[robot.link_index(session.root_link)])
+    place = {name: 1000.0 * (base @ poses[i])[:3, 3] for i, name in enumerate(robot.link_names)}
+    points = np.array(list(place.values()))
+    low, high = points.min(axis=0), points.max(axis=0)
+    edge = MARGIN * float((high - low).max()) + 1.0
+    span = high - low + 2.0 * edge
+    height = float(np.clip(6.4 * span[2] / (span[0] + span[1]), 2.8, 7.0))
+    drawn, axes = figure(6.4, height + 0.8, columns=2, width_ratios=[span[1], span[0]], sharey=True)
+    marks = list(_marks(session, found))
+    for ax, (title, axis, sign) in zip(axes[0], VIEWS, strict=True):
+        for joint in robot.joints:
+            a, b = place[joint.parent_link], place[joint.child_link]
+            ax.plot([sign * a[axis], sign * b[axis]], [a[2], b[2]], color="#c8c8c8", linewidth=1.6, zorder=1)
+        for link, colour, shape in marks:
+            at = place[link]
+            ax.plot(sign * at[axis], at[2], shape, color=colour, markersize=7, markeredgecolor=INK, zorder=3)
+        ends = sorted((sign * low[axis], sign * high[axis]))
+        ax.set_xlim(ends[0] - edge, ends[1] + edge)
+        ax.set_ylim(low[2] - edge, high[2] + edge)
+        ax.set_title(f"from {title}, mm", color=INK, fontsize=10, loc="left")
+        ax.set_aspect("equal")
+        ax.tick_params(labelsize=8, colors=FLOOR)
+    keys = [(colour, words) for _, _, colour, words in CLASSES] + [(ANY_COLOUR, ANY)]
+    handles = [axes[0, 0].plot([], [], "o", color=colour, markeredgecolor=INK)[0] for colour, _ in keys]
+    drawn.legend(
+        handles, [words for _, words in keys], fontsize=8, frameon=False, loc="outside lower center", ncols=4
+    )
+    return finished(drawn, "limits")
+
+
+def _marks(session: Session, found: Diagnosis) -> Iterable[tuple[str, str, str]]:
+    """Link, colour and shape: joints' zeros as dots, markers as diamonds, board and camera as squares."""
+    shapes = {"joint": "o", "marker": "D", "board": "s", "camera": "s"}
+    for limit in found.limits:
+        kind = limit.at.partition(":")[0]
+        if limit.effect in DRAWN and kind in shapes:
+            for link in links_of(session, limit.at)[:1]:
+                yield link, _colour(limit), shapes[kind]
+
+
+def _colour(limit: Limit) -> str:
+    for angle, length, colour, _ in CLASSES:
+        bounds = [
+            (angle if name.endswith("_rad") else length, size) for name, size in limit.parameters.items()
+        ]
+        if all(size is not None and size <= most for most, size in bounds):
+            return colour
+    return ANY_COLOUR

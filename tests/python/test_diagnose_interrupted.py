@@ -1,0 +1,78 @@
+"""Ctrl-C while a session is diagnosed: what was found so far is kept, says of itself that it was interrupted, and soon."""
+
+from __future__ import annotations
+
+import _thread
+import json
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+import mirror_posture as mp
+from diagnosis_format import faults
+from mirror_posture.cli.commands import diagnose as command
+from mirror_posture.cli.output import Output
+from mirror_posture.diagnosis.applied import apply_diagnosis
+from mirror_posture.diagnosis.run import DiagnosisInterrupted
+from session_folder import DATA
+from tracked_session import write_tracked
+
+LONG = DATA / "sessions" / "dev-000"
+SOON_S = 0.2
+
+
+def _actual(q: dict[str, float]) -> dict[str, float]:
+    return q | {"r_elbow": 1.05 * q["r_elbow"]}
+
+
+def _interrupted(session: Path, after: str) -> tuple[DiagnosisInterrupted, float, list[str]]:
+    """Diagnoses, with a Ctrl-C as soon as the stage begins with `after`; how long the answer took, and the stages."""
+    stages: list[str] = []
+    pressed: list[float] = []
+
+    def watch(stage: str, found: int) -> None:
+        stages.append(stage)
+        if stage.startswith(after) and not pressed:
+            pressed.append(time.perf_counter())
+            _thread.interrupt_main()
+
+    with pytest.raises(DiagnosisInterrupted) as caught:
+        mp.diagnose(session, progress=watch)
+    return caught.value, time.perf_counter() - pressed[0], stages
+
+
+@pytest.mark.skipif(not LONG.is_dir(), reason=f"{LONG} is not there")
+def test_ctrl_c_is_answered_soon_and_what_was_found_is_a_diagnosis(tmp_path: Path) -> None:
+    # A busy machine may have a pause of its own: the best of a few tries.
+    tries = [_interrupted(LONG, "searching") for _ in range(3)]
+    assert min(took for _, took, _ in tries) < SOON_S + 0.05
+    found = tries[0][0].found
+    assert found.interrupted and faults(dict(found.document)) == []
+    assert found.gap.before_m is None and found.limits == ()
+    session = mp.load_session(LONG)
+    with pytest.raises(mp.MirrorPostureError, match="interrupted"):
+        apply_diagnosis(session, found, tmp_path / "better")
+    # The page and the tables take it as it is.
+    command.write_results(Output(), session, found, tmp_path / "out")
+    assert "Interrupted" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert (
+        json.loads((tmp_path / "out" / "diagnosis.json").read_text(encoding="utf-8"))["interrupted"] is True
+    )
+
+
+def test_progress_is_told_in_order_from_another_thread(tmp_path: Path) -> None:
+    stages: list[tuple[str, int]] = []
+    threads = set()
+
+    def watch(stage: str, found: int) -> None:
+        stages.append((stage, found))
+        threads.add(threading.get_ident())
+
+    for k in range(3):
+        mp.diagnose(write_tracked(tmp_path / f"s{k}", k, _actual), progress=watch)
+        if stages:
+            break
+    assert not threads or threading.get_ident() not in threads
+    assert all(found >= 0 and stage for stage, found in stages)
