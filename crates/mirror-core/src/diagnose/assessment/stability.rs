@@ -63,6 +63,8 @@ struct Blocks {
 }
 
 type Factor = Cholesky<f64, Dyn>;
+/// What a resample's search found: hypotheses, and whether each mount is displaced.
+type CameOut = (Vec<usize>, Vec<bool>);
 
 /// Repeats the search on resampled postures; `mounts` are columns of the group whose displacement was told.
 ///
@@ -91,7 +93,7 @@ pub(crate) fn stability(
             })
             .collect()
     };
-    let came_out: Vec<(Vec<usize>, Vec<bool>)> = draws
+    let came_out: Vec<CameOut> = draws
         .into_par_iter()
         .filter_map(|weights| {
             if findings.search.problem.cancel.is_cancelled() {
@@ -105,9 +107,7 @@ pub(crate) fn stability(
         .collect();
     findings.search.problem.cancel.check()?;
     let total = came_out.len().max(1) as f64;
-    let share = |of: &dyn Fn(&(Vec<usize>, Vec<bool>)) -> bool| {
-        came_out.iter().filter(|r| of(r)).count() as f64 / total
-    };
+    let share = |of: &dyn Fn(&CameOut) -> bool| came_out.iter().filter(|r| of(r)).count() as f64 / total;
     let of_term = |hypothesis: usize| {
         (!findings.search.catalogue.is_free(hypothesis)).then(|| share(&|r| r.0.contains(&hypothesis)))
     };
