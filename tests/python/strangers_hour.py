@@ -17,7 +17,7 @@ import shlex
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
 from pathlib import Path
@@ -30,6 +30,7 @@ import pyarrow.parquet
 from stranger_world import World
 
 HOLD_S, MOVE_S, FPS = 1.2, 0.4, 5
+RECORDED_PLAN = ["--postures", "16"]
 """Of a recording: each posture is held and then left; few pictures, since each is drawn."""
 
 
@@ -99,42 +100,57 @@ def described() -> tuple[Path, dict[str, Path]]:
     return robots, {"example-robot-data": robots.parent}
 
 
+Run = Callable[[Path, tuple[str, ...]], tuple[int, str, str]]
+"""Runs a command in a folder; returns its exit code, its words, and its errors."""
+
+
+def by_process(folder: Path, words: tuple[str, ...]) -> tuple[int, str, str]:
+    """Runs a command as a person does."""
+    done = subprocess.run(
+        [sys.executable, "-m", "mirror_posture", *words], cwd=folder, capture_output=True, text=True
+    )
+    return done.returncode, done.stdout, done.stderr
+
+
 class Transcript:
     """Runs the stranger's commands in a folder, and keeps what was said."""
 
-    def __init__(self, folder: Path) -> None:
-        self.folder, self.text, self.count = folder, "", 0
+    def __init__(self, folder: Path, run: Run | None = None) -> None:
+        self.folder, self.text, self.count, self._run = folder, "", 0, run or by_process
 
     def run(self, *words: str, hide: Mapping[str, str] | None = None) -> str:
         """Runs `mirror-posture WORDS`; raises where it fails."""
         self.count += 1
         shown = shlex.join(["mirror-posture", *words])
-        done = subprocess.run(
-            [sys.executable, "-m", "mirror_posture", *words], cwd=self.folder, capture_output=True, text=True
-        )
+        code, stdout, stderr = self._run(self.folder, words)
         for path, name in (hide or {}).items():
-            shown, done.stdout, done.stderr = (
-                text.replace(path, name) for text in (shown, done.stdout, done.stderr)
-            )
-        self.text += f"```\n$ {shown}\n{done.stderr}{done.stdout}```\n\n"
+            shown, stdout, stderr = (text.replace(path, name) for text in (shown, stdout, stderr))
+        self.text += f"```\n$ {shown}\n{stderr}{stdout}```\n\n"
         (self.folder / "transcript.md").write_text(self.text)
-        if done.returncode not in (0,):
-            raise SystemExit(f"{shown}\n{done.stdout}{done.stderr}")
-        return done.stdout
+        if code != 0:
+            raise SystemExit(f"{shown}\n{stdout}{stderr}")
+        return stdout
 
 
 def hour(
-    out: Path, body: Body, way: str, urdf: Path, packages: Mapping[str, Path], finer: int = 2
+    out: Path,
+    body: Body,
+    way: str,
+    urdf: Path,
+    packages: Mapping[str, Path],
+    run: Run | None = None,
+    short: bool = False,
 ) -> tuple[dict, Transcript]:
-    """The whole hour; returns the diagnosis' document and the transcript."""
+    """The whole hour, `short` without what is not needed on the way; returns the diagnosis' document and the transcript."""
     out.mkdir(parents=True)
     shutil.copy(urdf, out / urdf.name)
-    told = Transcript(out)
-    told.run("board", "board.pdf", "--square-mm", body.words[body.words.index("--square-mm") + 1])
+    told = Transcript(out, run)
+    if not short:
+        told.run("board", "board.pdf", "--square-mm", body.words[body.words.index("--square-mm") + 1])
     told.run("init", urdf.name, "session", *body.words, *(w for n, p in packages.items() for w in ("--package", f"{n}={p}")),
              hide={str(p): f"…/{n}" for n, p in packages.items()})  # fmt: skip
-    told.run("plan", "session", *body.plan)
-    world = World(out / "session", packages, finer)
+    told.run("plan", "session", *(body.plan if way == "folder" else RECORDED_PLAN))
+    world = World(out / "session", packages, 1)
     if way == "folder":
         (out / "pictures").mkdir()
         for frame, _, picture in world.frames(body.faults):
@@ -149,6 +165,8 @@ def hour(
             *(["--degrees"] if way == "lerobot" else []),
         )
     world.close()
+    if short:
+        return json.loads(told.run("diagnose", "session", "--json")), told
     told.run("check", "session")
     told.run("diagnose", "session", "--out", "diagnosis")
     told.run("apply", "session", "diagnosis", "--out", "better", "--urdf", urdf.name)

@@ -18,6 +18,7 @@ from mirror_posture.diagnosis import Cause, Diagnosis, Estimate, Gap
 from mirror_posture.diagnosis.applied import apply_diagnosis, write_own_files
 from mirror_posture.diagnosis.applied.lerobot import patch_lerobot
 from mirror_posture.diagnosis.applied.own_mjcf import patch_own_mjcf
+from mirror_posture.diagnosis.applied.own_urdf import patch_own_urdf
 from mirror_posture.diagnosis.applied.ur_calibration import patch_ur_calibration
 from mirror_posture.diagnosis.applied.urdf import Urdf
 from mirror_posture.diagnosis.applied.xml_text import XmlText
@@ -101,6 +102,22 @@ def test_text_around_an_attribute_stays_to_the_letter() -> None:
     ).replace("<c\n/>", '<c new="5"\n/>')
     with pytest.raises(MirrorPostureError, match="no XML"):
         XmlText("<a><b></a>")
+
+
+def test_a_fixed_joint_whose_axis_is_zero_stays_as_it_is(tmp_path: Path) -> None:
+    """As exporters write it: 0 0 0 is no direction, and was once written back as nan."""
+    text = (
+        '<robot name="r"><link name="a"/><link name="b"/><link name="c"/>'
+        '<joint name="j" type="revolute"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/><origin xyz="0 0 0" rpy="0 0 0"/>'
+        '<limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
+        '<joint name="f" type="fixed"><parent link="b"/><child link="c"/><axis xyz="0 0 0"/></joint></robot>'
+    )
+    own, out = tmp_path / "own.urdf", tmp_path / "out.urdf"
+    own.write_text(text)
+    after = Urdf(text)
+    after.add_offset("j", 0.1)
+    assert patch_own_urdf(own, Urdf(text), Urdf(after.text()), out) == ["j"]
+    assert out.read_text() == text.replace('rpy="0 0 0"', 'rpy="0 0 0.1"')
 
 
 def test_a_joint_without_an_origin_gets_one() -> None:

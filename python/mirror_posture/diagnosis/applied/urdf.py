@@ -79,9 +79,10 @@ class Urdf:
         return self.joint(name).attributes.get("type", "")
 
     def axis(self, name: str) -> Floats:
-        """The joint's unit axis in its own frame; x where the file says nothing."""
+        """The joint's unit axis in its own frame; x where the file says nothing, or 0 0 0, as exporters write of fixed joints."""
         axis = self._axes[name] if name in self._axes else self._read_axis(name)
-        unit: Floats = axis / np.linalg.norm(axis)
+        length = float(np.linalg.norm(axis))
+        unit: Floats = axis / length if length > 0.0 else np.array([1.0, 0.0, 0.0])
         return unit
 
     def _read_axis(self, name: str) -> Floats:
