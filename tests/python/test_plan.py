@@ -30,7 +30,10 @@ NAMES = ("pan", "lift", "elbow")
 @pytest.fixture(scope="module")
 def planned(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = setup(tmp_path_factory.mktemp("plan"))
-    told = run("plan", folder, "--mirror-size", "50x50", "--postures", 20, "--json").stdout
+    with pytest.MonkeyPatch.context() as fewer:
+        fewer.setattr("mirror_posture.plan.run.DRAWN", 2500)
+        fewer.setattr("mirror_posture.plan.run.POOL", 80)
+        told = run("plan", folder, "--mirror-size", "50x50", "--postures", 20, "--json").stdout
     (folder / "told.json").write_text(told)
     return folder
 
