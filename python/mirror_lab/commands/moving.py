@@ -123,7 +123,7 @@ def peers(
     told, before, floor = compare(session, unseen, model or session / "model.xml")
     output.table(
         f"Unseen motion: {before:.3f} px with the model as it is, {floor:.3f} px of noise",
-        ("*tool", "~says", "seconds", "unseen motion, px"),
-        [(t.tool, t.says, f"{t.seconds:.1f}", f"{t.unseen_px:.3f}") for t in told],
+        ("*tool", "~says", "CPU, s", "unseen motion, px"),
+        [(t.tool, t.says, f"{t.cpu_s:.1f}", f"{t.unseen_px:.3f}") for t in told],
     )
     output.result({"before_px": before, "noise_floor_px": floor, "tools": [vars(t) for t in told]})

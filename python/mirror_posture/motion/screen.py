@@ -39,7 +39,7 @@ class Screen:
         self.problem = problem
         smooth = [h for h in problem.hypotheses.values() if not h.effect.is_limit]
         limits = [h for h in problem.hypotheses.values() if h.effect.is_limit]
-        of, columns = problem.columns({}, [h.key for h in smooth])
+        of, columns = problem.columns({}, [h.key for h in smooth], central=False)
         sizes = [(h, start) for h in limits for start in h.starts]
         changes = problem.changes({}, [{h.key: start} for h, start in sizes])
         kept = [(size, change) for size, change in zip(sizes, changes, strict=True) if change is not None]
