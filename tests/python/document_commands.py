@@ -82,6 +82,7 @@ ELSEWHERE = {
     "capture": "needs a camera and a browser: test_capture.py",
     "simulate": "minutes in MuJoCo: test_simulate.py",
     "blind": "an hour: test_blind_protocol.py makes, runs and scores a few; --scheduler needs machines: test_fleet.py",
+    "moving": "half an hour of sessions in motion: test_moving_judge.py makes and judges a small one",
     "reproduce": "25 s to a quarter of an hour: test_reproduce.py",
     "diagnose": "with --scheduler: machines of a fleet: test_fleet.py; else docs/diagnosing.md",
     "apply": "with the user's own files: test_apply_patch.py",

@@ -113,6 +113,8 @@ def _draw(measurement: Measurement) -> Drawing:
             )
         ax.axhline(0.0, color=INK, linewidth=0.6)
         ax.set_title(measurement.marker_names[shown[panel]], fontsize=10, loc="left", color=INK)
+        # A single posture would be drawn on a scale of hundredths.
+        ax.set_xlim(markers.posture[mine].min() - 0.5, markers.posture[mine].max() + 0.5)
         ax.xaxis.get_major_locator().set_params(integer=True)
         if panel % COLUMNS == 0:
             ax.set_ylabel("measured − model, mm")
