@@ -14,7 +14,7 @@ from __future__ import annotations
 import argparse
 import json
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -91,7 +91,7 @@ class Trial:
     seen: bool
 
 
-def trials(seed: int, options: Options, each: int = 1) -> list[Trial]:
+def trials(seed: int, options: Options, each: int = 1, multiples: Sequence[float] = MULTIPLES) -> list[Trial]:
     """One session's limits, and for each multiple `each` causes put in at it."""
     rng = np.random.default_rng([seed, 1])
     kind = str(rng.choice(list(options.robots)))
@@ -104,7 +104,7 @@ def trials(seed: int, options: Options, each: int = 1) -> list[Trial]:
         ]
         effects = sorted({limit["effect"] for limit in usable})
         out = []
-        for multiple in MULTIPLES:
+        for multiple in multiples:
             for k in range(each):
                 effect = str(rng.choice(effects))
                 mine = [

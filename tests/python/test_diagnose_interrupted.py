@@ -45,8 +45,8 @@ def _interrupted(session: Path, after: str) -> tuple[DiagnosisInterrupted, float
 
 @pytest.mark.skipif(not LONG.is_dir(), reason=f"{LONG} is not there")
 def test_ctrl_c_is_answered_soon_and_what_was_found_is_a_diagnosis(tmp_path: Path) -> None:
-    # A busy machine may have a pause of its own: the best of a few tries.
-    tries = [_interrupted(LONG, "searching") for _ in range(3)]
+    # A busy machine may have a pause of its own: the better of two tries.
+    tries = [_interrupted(LONG, "searching") for _ in range(2)]
     assert min(took for _, took, _ in tries) < SOON_S + 0.05
     found = tries[0][0].found
     assert found.interrupted and faults(dict(found.document)) == []
