@@ -1,4 +1,4 @@
-"""The camera: pinhole with lens distortion; points to pixels and pixels to rays in batches."""
+"""The camera: pinhole or fisheye with lens distortion; points to pixels and pixels to rays in batches."""
 
 from __future__ import annotations
 
@@ -20,10 +20,11 @@ __all__ = ["Camera"]
 
 @dataclass(frozen=True)
 class Camera:
-    """A pinhole camera with lens distortion.
+    """A camera with lens distortion, pinhole or fisheye.
 
     Optical frame with z forward, x right, y down; pixel (0, 0) is the centre of the top-left pixel. `distortion_model` is
-    `none`, `plumb_bob` (k1 k2 p1 p2 k3) or `rational_polynomial` (k1 k2 p1 p2 k3 k4 k5 k6), in OpenCV's meaning of them.
+    `none`, `plumb_bob` (k1 k2 p1 p2 k3), `rational_polynomial` (k1 k2 p1 p2 k3 k4 k5 k6) or `equidistant` (k1 k2 k3 k4: the fisheye of Kannala
+    and Brandt, for what lies before the camera), in OpenCV's meaning of them.
 
     Raises `MirrorPostureError` for numbers that make no camera: sizes and focal lengths above 0, as many finite
     coefficients as the lens model has, and a distortion that can be inverted all over the picture.
@@ -145,7 +146,14 @@ class Camera:
 
     @cached_property
     def opencv_distortion(self) -> Array:
-        """The coefficients as OpenCV's functions take them; five zeros where there are none."""
+        """The coefficients as OpenCV's pinhole functions take them; five zeros where there are none.
+
+        Raises `MirrorPostureError` for a fisheye, which those functions do not know.
+        """
+        if self.distortion_model == "equidistant":
+            raise MirrorPostureError(
+                f"camera {self.name!r}: its lens is equidistant (a fisheye); needed plumb_bob or rational_polynomial here"
+            )
         return np.array(self.distortion or (0.0,) * 5)
 
     def project(self, points_in_camera_m: npt.ArrayLike) -> Array:

@@ -11,6 +11,7 @@ fn lenses() -> Vec<Distortion> {
         Distortion::PlumbBob([-0.28, 0.09, 1e-3, -8e-4, -0.012]),
         Distortion::PlumbBob([0.12, -0.2, 2e-3, 1e-3, 0.05]),
         Distortion::RationalPolynomial([0.42, -0.11, 4e-4, -3e-4, 0.006, 0.75, -0.08, 0.01]),
+        Distortion::Equidistant([-0.02, 0.011, -0.006, 0.0012]),
     ]
 }
 
@@ -51,9 +52,37 @@ fn what_the_camera_cannot_see_is_refused() {
     assert!(Camera::new((8, 6), Vector2::new(-1.0, 1.0), Vector2::zeros(), Distortion::None).is_err());
 }
 
+#[test]
+fn a_fisheye_sees_nearly_to_the_side_and_refuses_what_folds() {
+    let wide = |k| {
+        Camera::new(
+            (1200, 1200),
+            Vector2::new(330.0, 330.0),
+            Vector2::new(599.5, 599.5),
+            Distortion::Equidistant(k),
+        )
+        .unwrap()
+    };
+    let camera = wide([0.0; 4]);
+    // Without coefficients the picture's radius is the focal length times the angle.
+    for degrees in [0.0, 0.001, 1.0, 30.0, 60.0, 85.0_f64] {
+        let angle = degrees.to_radians();
+        let pixel = camera.project(&Point3::new(angle.sin(), 0.0, angle.cos())).unwrap();
+        assert_relative_eq!(pixel.x, 599.5 + 330.0 * angle, epsilon = 1e-8);
+        let ray = camera.unproject(&pixel).unwrap();
+        assert_relative_eq!(ray.x.atan2(ray.z), angle, epsilon = 1e-11);
+    }
+    assert!(camera.project(&Point3::new(1.0, 0.0, -0.1)).is_err());
+    // θ (1 − 0.3 θ²) falls from 1.054 rad on.
+    let folding = wide([-0.3, 0.0, 0.0, 0.0]);
+    assert!(folding.project(&Point3::new(1.1_f64.tan(), 0.0, 1.0)).is_err());
+    assert!(folding.project(&Point3::new(1.0_f64.tan(), 0.0, 1.0)).is_ok());
+    assert!(folding.unproject(&Vector2::new(599.5 + 330.0 * 0.71, 599.5)).is_err());
+}
+
 proptest! {
     #[test]
-    fn projection_jacobians_match_differences(x in -0.4..0.4f64, y in -0.3..0.3f64, z in 0.2..1.5f64, lens in 0..4usize) {
+    fn projection_jacobians_match_differences(x in -0.4..0.4f64, y in -0.3..0.3f64, z in 0.2..1.5f64, lens in 0..5usize) {
         let distortion = lenses()[lens];
         let eye = camera(distortion);
         let point = Point3::new(x * z, y * z, z);
@@ -82,17 +111,21 @@ proptest! {
         let bent = |coefficient: usize, h: f64| {
             let mut k = distortion.coefficients();
             k[coefficient] += h;
-            let lens = Distortion::RationalPolynomial(k);
+            let lens = match distortion {
+                Distortion::Equidistant(_) => Distortion::Equidistant([k[0], k[1], k[2], k[3]]),
+                _ => Distortion::RationalPolynomial(k),
+            };
             Camera::new((800, 600), eye.focal_px(), eye.center_px(), lens).unwrap().project(&point).unwrap()
         };
-        for i in 0..8 {
+        let coefficients = if matches!(distortion, Distortion::Equidistant(_)) { 4 } else { 8 };
+        for i in 0..coefficients {
             let d = (bent(i, 1e-6) - bent(i, -1e-6)) / 2e-6;
             assert_relative_eq!(d, at.by_distortion.column(i).into_owned(), epsilon = 1e-5, max_relative = 1e-6);
         }
     }
 
     #[test]
-    fn unprojection_jacobian_matches_differences(u in 0.0..800.0f64, v in 0.0..600.0f64, lens in 0..4usize) {
+    fn unprojection_jacobian_matches_differences(u in 0.0..800.0f64, v in 0.0..600.0f64, lens in 0..5usize) {
         let camera = camera(lenses()[lens]);
         let at = camera.unproject_with_jacobian(&Vector2::new(u, v)).unwrap();
         prop_assert_eq!(at.direction, camera.unproject(&Vector2::new(u, v)).unwrap());

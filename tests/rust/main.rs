@@ -21,6 +21,7 @@ mod joint;
 mod measure;
 mod mirror;
 mod montecarlo;
+mod outline;
 mod picture;
 mod planar;
 mod reflection;

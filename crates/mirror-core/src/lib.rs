@@ -13,6 +13,7 @@
 //! | [`calibrate`] | the camera–board transform from mirror views alone, or with a second camera |
 //! | `picture` | (feature `picture`) ray tracer: pictures of a robot before a mirror, with their truth |
 //! | [`measure`] | a session by one estimator of the ladder: mirrors, then markers |
+//! | [`outline`] | coloured balls in pictures: their outline and centre, with covariance |
 //! | [`robot`] | URDF to a validated tree; kinematics, Jacobians, gravity torques |
 //! | [`correct`] | the posture loop: damped steps from marker errors to commands, and its stops |
 //! | [`diagnose`] | the diagnosis: forward model, effects, screening, search, evidence, verdict |
@@ -37,6 +38,7 @@ pub mod geometry;
 pub mod joint;
 pub mod measure;
 pub mod mirror;
+pub mod outline;
 #[cfg(feature = "picture")]
 pub mod picture;
 pub mod robot;

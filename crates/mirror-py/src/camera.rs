@@ -9,7 +9,7 @@ use numpy::PyArray2;
 use pyo3::prelude::*;
 use std::sync::Arc;
 
-/// A pinhole camera with lens distortion; see `mirror_posture.Camera`.
+/// A camera with lens distortion; see `mirror_posture.Camera`.
 #[pyclass(name = "Camera", module = "mirror_posture._core", frozen)]
 pub struct PyCamera {
     /// The core's camera, shared with everything that is built on it.
@@ -43,10 +43,11 @@ pub(crate) fn lens(model: &str, coefficients: &[f64]) -> Result<Distortion> {
         "rational_polynomial" => {
             coefficients.try_into().map(Distortion::RationalPolynomial).map_err(|_| of_length(8))
         }
+        "equidistant" => coefficients.try_into().map(Distortion::Equidistant).map_err(|_| of_length(4)),
         _ => Err(Error::UnknownName {
             what: "lens model",
             got: model.to_owned(),
-            valid: "none, plumb_bob, rational_polynomial".to_owned(),
+            valid: "none, plumb_bob, rational_polynomial, equidistant".to_owned(),
         }),
     }
 }
@@ -86,7 +87,7 @@ impl PyCamera {
         (c.x, c.y)
     }
 
-    /// Coefficients k1 k2 p1 p2 k3 k4 k5 k6.
+    /// Coefficients k1 k2 p1 p2 k3 k4 k5 k6, of an equidistant lens k1 k2 k3 k4 and zeros.
     #[getter]
     fn distortion(&self) -> Vec<f64> {
         self.inner.distortion().coefficients().to_vec()

@@ -10,6 +10,7 @@ mod gap_own;
 mod measure;
 mod mirror;
 mod optics;
+mod outline;
 mod picture;
 mod robot;
 mod triangulate;
@@ -38,6 +39,8 @@ mod _core {
     use crate::mirror::{PyMirrors, PyPlanarPoses, PyRig, planar_poses};
     #[pymodule_export]
     use crate::optics::{PySeenInMirror, ball_center_pixels, ball_centroids, see_in_mirror};
+    #[pymodule_export]
+    use crate::outline::{PyBallOutline, fit_circle_by_consensus, measure_balls};
     #[pymodule_export]
     use crate::picture::PictureMaker;
     #[pymodule_export]

@@ -20,6 +20,8 @@ from .types import FloatArray
 MIN_REGION_AREA_PX = 12
 # The most regions of one colour that are looked at, the largest first: more are texture, not balls.
 MAX_REGIONS = 32
+# Above any saturation or value.
+_NO_LIMIT = 2.0
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -55,11 +57,17 @@ def hue_distance_deg(hue_deg: npt.NDArray[np.float32], center_deg: float) -> npt
 
 def color_mask(hsv: npt.NDArray[np.float32], color: ColorRange) -> npt.NDArray[np.bool_]:
     """Pixels of the colour, `(H, W)`."""
-    return (
-        (hsv[..., 1] >= color.min_saturation)
-        & (hsv[..., 2] >= color.min_value)
-        & (hue_distance_deg(hsv[..., 0], color.hue_deg) <= color.hue_tolerance_deg)
-    )
+    low, high = color.hue_deg - color.hue_tolerance_deg, color.hue_deg + color.hue_tolerance_deg
+    # Hue is a circle: its range may be two.
+    parts = [(low, high), (low + 360.0, 360.0), (0.0, high - 360.0)]
+    mask = np.zeros(hsv.shape[:2], dtype=np.uint8)
+    for start, end in parts:
+        if start <= end and start <= 360.0 and end >= 0.0:
+            part = cv2.inRange(
+                hsv, (start, color.min_saturation, color.min_value), (end, _NO_LIMIT, _NO_LIMIT)
+            )
+            mask |= part.astype(np.uint8)
+    return mask.astype(np.bool_)
 
 
 def label_regions(mask: npt.NDArray[np.bool_], min_area_px: int = MIN_REGION_AREA_PX) -> tuple[Region, ...]:

@@ -11,9 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..short_repr import ShortRepr
-from . import outline
+from .ball import Circle, fit_circle
 from .blobs import Region, contour_px
-from .outline import Circle
 from .types import FloatArray, PredictedMarker
 
 # A ball's radius may differ from the model's by this factor: postures move it nearer or farther.
@@ -54,7 +53,7 @@ def find_candidates(
     for region in fitting:
         points = contour_px(region)
         for _ in range(CIRCLES_A_REGION):
-            circle = outline.fit_circle_robustly(points, low, high, CONTOUR_TOLERANCE_PX)
+            circle = fit_circle(points, low, high, CONTOUR_TOLERANCE_PX)
             if circle is None:
                 break
             away = np.linalg.norm(points - circle.center_px, axis=1) - circle.radius_px

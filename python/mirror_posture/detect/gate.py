@@ -1,6 +1,6 @@
 """The residual of one view against a plane chessboard: a detector's success is no proof.
 
-With a camera, the corners are undistorted and a homography from the board's plane is fitted. Every view of a flat board, direct or
+With a camera, the corners' rays are seen straight on and a homography from the board's plane is fitted to them. Every view of a flat board, direct or
 mirrored, is a homography; its residual holds only measurement noise (a pane of glass adds less than 0.1 px). Without a camera, lens
 distortion is left in, and a cubic polynomial on top of the homography takes it up.
 
@@ -13,12 +13,12 @@ Method: normalised direct linear transform and refinement by OpenCV's `findHomog
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
+from .._core import MirrorPostureError
 from ..board import Board
 from ..camera import Camera
 from ..short_repr import ShortRepr
@@ -28,15 +28,33 @@ from .types import FloatArray
 # Good views of real phone and machine-vision cameras leave 0.2 to 0.5 px (RMS distance), a grid shifted by a row or with one misplaced
 # line 1.7 to 2.6 px.
 DEFAULT_MAX_RESIDUAL_PX = 1.0
+# Large pictures leave more pixels: a lens that its model describes to a few hundred-thousandths of the width, a board that is not quite flat. Both grow with
+# the squares; a misplaced line is off by much more of one.
+DEFAULT_MAX_RESIDUAL_SQUARES = 0.02
+# ... up to this.
+LARGEST_DEFAULT_RESIDUAL_PX = 3.0
 # Fewer corners than this cannot carry a cubic polynomial (10 terms) and still show a residual.
 MIN_CORNERS_FOR_CUBIC = 24
 
 
 @dataclass(frozen=True)
 class GateOptions:
-    """Limits for accepting a view: RMS distance of its corners from the fitted plane board, px."""
+    """Limits for accepting a view: RMS distance of its corners from the fitted plane board, the larger of both: px, and share of the seen squares' side.
+
+    The share never allows more than 3 px; `max_residual_rms_px` may.
+    """
 
     max_residual_rms_px: float = DEFAULT_MAX_RESIDUAL_PX
+    max_residual_squares: float = DEFAULT_MAX_RESIDUAL_SQUARES
+
+    def limit_px(self, corners_px: FloatArray, board: Board) -> float:
+        """The limit for a view's corners `(N, 2)` in the board's order, px; by the smallest of its squares."""
+        grid = corners_px.reshape(board.rows, board.columns, 2)
+        sides = [np.linalg.norm(np.diff(grid, axis=axis), axis=2).ravel() for axis in (0, 1)]
+        # A tenth of the sides may be wrong, or not measured.
+        side = float(np.quantile(np.concatenate(sides), 0.1))
+        share = self.max_residual_squares * side if np.isfinite(side) else 0.0
+        return max(self.max_residual_rms_px, min(share, LARGEST_DEFAULT_RESIDUAL_PX))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -71,20 +89,22 @@ def board_residual(
 ) -> GateResult:
     """Residual of labelled corners `(N, 2)` against the flat board, of the visible ones `(N,)` if not all are."""
     options = options or GateOptions()
+    limit = options.limit_px(corners_px, board) if visible is None else options.max_residual_rms_px
     plane = board.corner_in_board_m[:, :2] / board.square_m
     pixels = corners_px
     if visible is not None:
         plane, pixels = plane[visible], pixels[visible]
-    measured = pixels if camera is None else undistort(pixels, camera)
     count = len(plane)
+    view = _view_plane(pixels, camera)
     homography = None
-    if count >= 4 and np.isfinite(measured).all():
-        homography, _ = cv2.findHomography(plane, measured)
-    if homography is None or not np.isfinite(homography).all():
-        return GateResult(
-            np.full((count, 2), np.inf), float("inf"), options.max_residual_rms_px, 2 * count - 8
-        )
-    residuals = measured - cv2.perspectiveTransform(plane[None], homography)[0]
+    if count >= 4 and view is not None and np.isfinite(view.measured).all():
+        homography, _ = cv2.findHomography(plane, view.measured)
+    fitted = None
+    if view is not None and homography is not None and np.isfinite(homography).all():
+        fitted = view.to_pixels(cv2.perspectiveTransform(plane[None], homography)[0])
+    if fitted is None:
+        return GateResult(np.full((count, 2), np.inf), float("inf"), limit, 2 * count - 8)
+    residuals = pixels - fitted
     freedom = 2 * count - 8
     if camera is None and count >= MIN_CORNERS_FOR_CUBIC:
         basis = _cubic_basis(plane)
@@ -92,7 +112,7 @@ def board_residual(
         residuals = residuals - basis @ coefficients
         freedom = 2 * (count - basis.shape[1])
     rms = float(np.sqrt(np.mean(np.sum(residuals**2, axis=1))))
-    return GateResult(residuals, rms, options.max_residual_rms_px, freedom)
+    return GateResult(residuals, rms, limit, freedom)
 
 
 @dataclass(frozen=True)
@@ -115,31 +135,51 @@ def pose_gate(
         return PoseGate(
             None, "no pose of the board before this camera explains the corners: check the camera file"
         )
-    if pose.rms_px <= options.max_residual_rms_px:
+    limit = options.limit_px(corners_px, board)
+    if pose.rms_px <= limit:
         return PoseGate(pose.rms_px, "")
     return PoseGate(
         pose.rms_px,
         f"reprojection residual {pose.rms_px:.2f} px RMS from the board's best pose is above the limit of "
-        f"{options.max_residual_rms_px:.2f} px: a wrong grid, or a camera file that is not this camera's",
+        f"{limit:.2f} px: a wrong grid, or a camera file that is not this camera's",
     )
 
 
-def undistort(pixels: FloatArray, camera: Camera) -> FloatArray:
-    """Pixels `(N, 2)` of the same camera without distortion."""
-    criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-10)
-    points = np.ascontiguousarray(pixels, dtype=np.float64).reshape(-1, 1, 2)
-    # OpenCV 4 has the variant with criteria under a name of its own.
-    iterated: Any = getattr(cv2, "undistortPointsIter", cv2.undistortPoints)
-    undistorted = iterated(
-        points,
-        cameraMatrix=camera.matrix_px,
-        distCoeffs=camera.opencv_distortion,
-        R=np.eye(3),
-        P=camera.matrix_px,
-        criteria=criteria,
-    )
-    flat: FloatArray = undistorted.reshape(-1, 2).astype(np.float64)
-    return flat
+@dataclass(frozen=True, eq=False, repr=False)
+class _ViewPlane(ShortRepr):
+    """Corners as an ideal camera would see them that looks at their middle, in px there, and the way back to this camera's pixels."""
+
+    measured: FloatArray
+    camera: Camera | None
+    camera_from_view: FloatArray
+
+    def to_pixels(self, points: FloatArray) -> FloatArray | None:
+        if self.camera is None:
+            return points
+        rays = np.column_stack([points / self.camera.mean_focal_px, np.ones(len(points))])
+        try:
+            return self.camera.project(rays @ self.camera_from_view.T)
+        except MirrorPostureError:
+            return None
+
+
+def _view_plane(pixels: FloatArray, camera: Camera | None) -> _ViewPlane | None:
+    if camera is None:
+        return _ViewPlane(pixels, None, np.eye(3))
+    try:
+        rays = camera.unproject(pixels)
+    except MirrorPostureError:
+        return None
+    # Looked at straight on, also a fisheye's side is a plane picture.
+    forward = rays.mean(axis=0)
+    forward = forward / np.linalg.norm(forward)
+    right = np.cross([0.0, 1.0, 0.0], forward)
+    right = right / np.linalg.norm(right)
+    camera_from_view = np.column_stack([right, np.cross(forward, right), forward])
+    seen = rays @ camera_from_view
+    if not (seen[:, 2] > 0.05).all():
+        return None
+    return _ViewPlane(seen[:, :2] / seen[:, 2:] * camera.mean_focal_px, camera, camera_from_view)
 
 
 def _cubic_basis(plane: FloatArray) -> FloatArray:

@@ -17,12 +17,10 @@ import numpy.typing as npt
 from ..arguments import checked_arguments
 from ..camera import Camera
 from ..marker import Marker
-from . import outline
+from .ball import OutlineFit, Start, fit_circle, measure_balls
 from .blobs import Region, color_mask, contour_px, hue_distance_deg, label_regions, to_hsv
-from .candidates import SIZE_FACTOR, choose, find_candidates
-from .cone import OutlineFit, fit_outline
-from .outline import Circle
-from .types import Ellipse, FloatArray, MarkerView, PredictedMarker, color_of
+from .candidates import SIZE_FACTOR, Candidate, choose, find_candidates
+from .types import MarkerView, PredictedMarker, color_of
 
 # A ball that is seen less than half is masked. The estimate of the seen share is itself good to a few hundredths (the hidden part is
 # inferred from the outline), so the limit stands a little above one half.
@@ -44,9 +42,6 @@ SHARP_SHARE = 0.2
 PARTIAL_SIZE_FACTOR = 1.13
 # Bias of the centre by shading under a blur of σ px, as a share of σ² / radius: measured on rendered balls.
 BLUR_FLOOR = 0.4
-# Along the outline, edges share their errors over about this length (times the blur, where that is above 1 px): what lies behind, and a codec's blocks.
-CORRELATION_PX = 3.0
-CODED_CORRELATION_PX = 6.0
 # Width of the outline's rim that is left out of the seen share.
 RIM_PX = 0.8
 # A white, blown-out pixel has all channels at or above this.
@@ -102,28 +97,80 @@ def detect_markers(
     candidates = {marker.name: label_regions(color_mask(hsv, color_of(marker))) for marker in markers}
     choices = _assign(markers, candidates, predicted, bounds)
     hints = {one.name: one for one in expected if one.ball_radius_px and one.name not in predicted}
+    assumed = camera or nominal_camera(bgr.shape[1], bgr.shape[0])
+    jobs = [
+        _job(
+            marker,
+            choices[marker.name],
+            candidates[marker.name],
+            hints.get(marker.name) if camera is not None else None,
+            bounds.get(marker.name),
+            options,
+        )
+        for marker in markers
+    ]
+    # All outlines of the picture at once: the core shares them out.
+    fits = iter(measure_balls(bgr, [start for job in jobs for start in job.starts], assumed, chroma_step_px))
     views = []
-    for marker in markers:
-        if marker.name in hints and marker.diameter_m > 0.0 and options.use_outline and camera is not None:
-            views.append(
-                _by_hint(
-                    bgr, marker, candidates[marker.name], hints[marker.name], camera, options, chroma_step_px
-                )
-            )
-            continue
-        choice = choices[marker.name]
-        if choice.region is None or choice.reason:
-            reason = choice.reason or _nothing_reason(bgr, marker)
-            views.append(_masked(marker, reason, choice.region))
-        elif marker.diameter_m == 0.0 or not options.use_outline:
-            views.append(_from_region(marker, choice.region))
-        else:
-            assumed = camera or nominal_camera(bgr.shape[1], bgr.shape[0])
-            view = _from_outline(
-                bgr, marker, choice.region, assumed, bounds.get(marker.name), options, chroma_step_px
-            )
-            views.append(view if camera is not None else replace(view, sphere_center_px=None))
+    for job in jobs:
+        view = _seen(bgr, job, [next(fits) for _ in job.starts], options)
+        views.append(view if camera is not None else replace(view, sphere_center_px=None))
     return tuple(views)
+
+
+@dataclass(frozen=True)
+class _Job:
+    """What is to be measured of one marker: by its hint the candidates, else the chosen region."""
+
+    marker: Marker
+    choice: _Choice
+    regions: tuple[Region, ...]
+    hint: PredictedMarker | None = None
+    candidates: tuple[Candidate, ...] = ()
+    starts: tuple[Start, ...] = ()
+
+
+def _job(
+    marker: Marker,
+    choice: _Choice,
+    regions: tuple[Region, ...],
+    hint: PredictedMarker | None,
+    bounds: SizeBounds | None,
+    options: MarkerOptions,
+) -> _Job:
+    if marker.diameter_m <= 0.0 or not options.use_outline:
+        return _Job(marker, choice, regions)
+    if hint is not None:
+        radius = float(hint.ball_radius_px or 0.0)
+        found = (
+            tuple(find_candidates(regions, hint, MIN_OUTLINE_RADIUS_PX))
+            if radius >= MIN_OUTLINE_RADIUS_PX
+            else ()
+        )
+        low, high = radius / (1.1 * SIZE_FACTOR), 1.1 * SIZE_FACTOR * radius
+        return _Job(
+            marker, choice, regions, hint, found, tuple(Start(one.circle, low, high) for one in found)
+        )
+    if choice.region is None or choice.reason:
+        return _Job(marker, choice, regions)
+    start = _start(choice.region, bounds)
+    return _Job(marker, choice, regions, starts=() if start is None else (start,))
+
+
+def _seen(
+    bgr: npt.NDArray[np.uint8], job: _Job, fits: list[OutlineFit | None], options: MarkerOptions
+) -> MarkerView:
+    marker, region = job.marker, job.choice.region
+    if job.hint is not None:
+        return _by_hint(bgr, job, job.hint, fits, options)
+    if region is None or job.choice.reason:
+        return _masked(marker, job.choice.reason or _nothing_reason(bgr, marker), region)
+    if marker.diameter_m == 0.0 or not options.use_outline:
+        return _from_region(marker, region)
+    fit = fits[0] if fits else None
+    if fit is None:
+        return _masked(marker, "its region has no outline that fits a ball", region)
+    return _judged(bgr, marker, region, fit, options)
 
 
 def nominal_camera(width_px: int, height_px: int) -> Camera:
@@ -264,31 +311,15 @@ def _from_region(marker: Marker, region: Region) -> MarkerView:
     )
 
 
-def _from_outline(
-    bgr: npt.NDArray[np.uint8],
-    marker: Marker,
-    region: Region,
-    camera: Camera,
-    bounds: SizeBounds | None,
-    options: MarkerOptions,
-    chroma_step_px: tuple[int, int],
-) -> MarkerView:
-    fit = measure_outline(bgr, region, camera, bounds, chroma_step_px)
-    if fit is None:
-        return _masked(marker, "its region has no outline that fits a ball", region)
-    return _judged(bgr, marker, region, fit, options)
-
-
 def _by_hint(
     bgr: npt.NDArray[np.uint8],
-    marker: Marker,
-    regions: tuple[Region, ...],
+    job: _Job,
     hint: PredictedMarker,
-    camera: Camera,
+    fits: list[OutlineFit | None],
     options: MarkerOptions,
-    chroma_step_px: tuple[int, int],
 ) -> MarkerView:
     """The one ball of the size that the model expects, nearest to where it expects it."""
+    marker, regions = job.marker, job.regions
     if not regions:
         return _masked(marker, _nothing_reason(bgr, marker), None)
     radius = float(hint.ball_radius_px or 0.0)
@@ -300,10 +331,7 @@ def _by_hint(
         )
     good: list[MarkerView] = []
     bad: list[MarkerView] = []
-    for one in find_candidates(regions, hint, MIN_OUTLINE_RADIUS_PX):
-        fit = _measure_circle(
-            bgr, one.circle, camera, radius / (1.1 * SIZE_FACTOR), 1.1 * SIZE_FACTOR * radius, chroma_step_px
-        )
+    for one, fit in zip(job.candidates, fits, strict=True):
         if fit is None:
             continue
         view = _doubted_size(_judged(bgr, marker, one.region, fit, options), fit, radius)
@@ -383,70 +411,17 @@ def _centre_floor_px(fit: OutlineFit) -> float:
     return float(np.hypot(CENTRE_FLOOR_PX, BLUR_FLOOR * fit.blur_px**2 / max(fit.mean_radius_px, 1.0)))
 
 
-def measure_outline(
-    bgr: npt.NDArray[np.uint8],
-    region: Region,
-    camera: Camera,
-    bounds: SizeBounds | None = None,
-    chroma_step_px: tuple[int, int] = (1, 1),
-) -> OutlineFit | None:
-    """Fits a ball's outline to a region: a robust circle through its contour, then sub-pixel edges and the cone of rays."""
+def _start(region: Region, bounds: SizeBounds | None = None) -> Start | None:
+    """Where to look for a region's outline: a robust circle through its contour."""
     coarse = region.equivalent_radius_px
     low = 0.8 * coarse if bounds is None else max(0.8 * bounds.min_radius_px, 0.8 * coarse)
     high = 2.5 * coarse if bounds is None else 1.2 * bounds.max_radius_px
     if high <= low:
         return None
-    circle = outline.fit_circle_robustly(contour_px(region), low, high, 1.0)
+    circle = fit_circle(contour_px(region), low, high, 1.0)
     if circle is None or circle.radius_px < MIN_OUTLINE_RADIUS_PX:
         return None
-    return _measure_circle(bgr, circle, camera, low, high, chroma_step_px)
-
-
-def _measure_circle(
-    bgr: npt.NDArray[np.uint8],
-    circle: Circle,
-    camera: Camera,
-    low: float,
-    high: float,
-    chroma_step_px: tuple[int, int],
-) -> OutlineFit | None:
-    margin = circle.radius_px * 1.4 + 16.0
-    patch = outline.cut_patch(bgr, circle.center_px - margin, circle.center_px + margin, chroma_step_px)
-    count = int(np.clip(round(2.0 * np.pi * circle.radius_px), 24, 240))
-    angle: FloatArray = np.arange(count, dtype=np.float64) * (2.0 * np.pi / count)
-    center, radius = circle.center_px, np.full(count, circle.radius_px, dtype=np.float64)
-    blur = outline.USUAL_BLUR_PX if chroma_step_px == (1, 1) else 0.6 * max(chroma_step_px)
-    coded = chroma_step_px != (1, 1)
-    fit = None
-    for number in range(outline.ROUNDS):
-        edges = outline.edges_on_rays(patch, center, radius, angle, blur)
-        correlation = (CODED_CORRELATION_PX if coded else CORRELATION_PX) * max(1.0, edges.blur_px)
-        points, std = edges.points_px[edges.found], edges.std_px[edges.found]
-        if number == 0:
-            again = outline.fit_circle_robustly(points, low, high, 1.5 * outline.INLIER_PX)
-            if again is None:
-                return None
-            circle = again
-        fit = fit_outline(
-            points, std, circle, camera, count, correlation * count / (2.0 * np.pi * circle.radius_px)
-        )
-        if fit is None:
-            return None
-        circle = Circle(fit.centroid_px, fit.mean_radius_px)
-        blur = edges.blur_px
-        center = fit.centroid_px
-        radius = _ellipse_radius(fit.ellipse, angle)
-    if fit is None or not low <= fit.mean_radius_px <= high:
-        return None
-    return replace(fit, blur_px=blur)
-
-
-def _ellipse_radius(ellipse: Ellipse, angle_rad: FloatArray) -> FloatArray:
-    """Distance of an ellipse's outline from its centre in directions (N,), px."""
-    turned = angle_rad - ellipse.angle_rad
-    a, b = ellipse.semi_major_px, ellipse.semi_minor_px
-    result: FloatArray = a * b / np.sqrt((b * np.cos(turned)) ** 2 + (a * np.sin(turned)) ** 2)
-    return result
+    return Start(circle, low, high)
 
 
 def _visible_fraction(bgr: npt.NDArray[np.uint8], marker: Marker, fit: OutlineFit) -> float:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 
+from .._core import MirrorPostureError
 from ..board import Board
 from ..camera import Camera
 from .pose import board_pose
@@ -43,9 +43,8 @@ def predicted_corners_px(
         normal = (reflected - centre) / np.linalg.norm(reflected - centre)
         offset = float(normal @ (0.5 * (reflected + centre)))
         points = points + 2.0 * (offset - points @ normal)[:, None] * normal
-    if np.any(points[:, 2] <= 0.0):
+    try:
+        return camera.project(points)
+    except MirrorPostureError:
+        # Behind the camera, or beyond its lens.
         return None
-    projected, _ = cv2.projectPoints(
-        points, np.zeros(3), np.zeros(3), camera.matrix_px, camera.opencv_distortion
-    )
-    return projected.reshape(-1, 2).astype(np.float64)

@@ -11,6 +11,7 @@ import numpy as np
 
 from .._core import MirrorPostureError
 from ..camera import Camera
+from ..session.camera_formats import camera_of
 from .recording import JointLog, Picture, Recording
 
 STATES = ("sensor_msgs/msg/JointState", "sensor_msgs/JointState")
@@ -179,11 +180,10 @@ def _camera(message: Any) -> Camera:
     lens = [float(v) for v in getattr(message, "d", getattr(message, "D", ()))]
     model = str(message.distortion_model)
     size = (int(message.width), int(message.height))
-    if model == "plumb_bob" and len(lens) == 4:
-        lens.append(0.0)
-    if not any(lens):
+    # An equidistant lens without coefficients is still no pinhole.
+    if not any(lens) and model != "equidistant":
         model, lens = "none", []
-    return Camera(size, (matrix[0], matrix[4]), (matrix[2], matrix[5]), model, tuple(lens))
+    return camera_of("camera_info", size, matrix.tolist(), model, lens)
 
 
 def _picture(source: Path, message: Any) -> Picture:

@@ -1,5 +1,6 @@
-//! Lens distortion: ROS's `plumb_bob` and `rational_polynomial`, in OpenCV's order of coefficients.
+//! Lens distortion: ROS's `plumb_bob`, `rational_polynomial` and `equidistant`, in OpenCV's order of coefficients.
 
+use super::equidistant;
 use crate::error::{Result, finite};
 use nalgebra::{Matrix2, SMatrix, Vector2};
 
@@ -11,6 +12,9 @@ use nalgebra::{Matrix2, SMatrix, Vector2};
 /// `x_d = x c + 2 p1 x y + p2 (ρ² + 2 x²)`, `y_d = y c + p1 (ρ² + 2 y²) + 2 p2 x y`.
 ///
 /// Source: Brown, "Decentering distortion of lenses" (1966); the form is OpenCV's and ROS `camera_info`'s.
+///
+/// Fisheye lenses: `θ = atan ρ`, `(x_d, y_d) = (x, y) θ (1 + k1 θ² + k2 θ⁴ + k3 θ⁶ + k4 θ⁸) / ρ`. Source: Kannala and Brandt, "A generic camera
+/// model and calibration method" (2006); the form is OpenCV's `fisheye` and ROS's and Kalibr's `equidistant`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Distortion {
     /// An ideal pinhole.
@@ -19,6 +23,8 @@ pub enum Distortion {
     PlumbBob([f64; 5]),
     /// `k1 k2 p1 p2 k3 k4 k5 k6`.
     RationalPolynomial([f64; 8]),
+    /// Fisheye: `k1 k2 k3 k4`, for points before the camera.
+    Equidistant([f64; 4]),
 }
 
 /// Number of coefficients of the richest model; poorer ones are padded with zeros.
@@ -29,32 +35,104 @@ pub(crate) struct Distorted {
     pub point: Vector2<f64>,
     /// `∂(x_d, y_d)/∂(x, y)`.
     pub by_point: Matrix2<f64>,
-    /// `∂(x_d, y_d)/∂(k1, k2, p1, p2, k3, k4, k5, k6)`.
+    /// `∂(x_d, y_d)/∂` the coefficients in their model's order, zeros beyond them.
     pub by_coefficients: SMatrix<f64, 2, COEFFICIENTS>,
 }
 
 impl Distortion {
-    /// The coefficients in the order `k1 k2 p1 p2 k3 k4 k5 k6`, zeros where the model has none.
+    /// The coefficients in their model's order (`k1 k2 p1 p2 k3 k4 k5 k6`, of a fisheye `k1 k2 k3 k4`), zeros where the model has none.
     pub fn coefficients(&self) -> [f64; COEFFICIENTS] {
         match self {
             Self::None => [0.0; COEFFICIENTS],
             Self::PlumbBob(c) => [c[0], c[1], c[2], c[3], c[4], 0.0, 0.0, 0.0],
             Self::RationalPolynomial(c) => *c,
+            Self::Equidistant(c) => [c[0], c[1], c[2], c[3], 0.0, 0.0, 0.0, 0.0],
+        }
+    }
+
+    /// The same lens with its first radial coefficient changed.
+    pub(crate) fn with_k1_changed(&self, by: f64) -> Self {
+        let mut k = self.coefficients();
+        k[0] += by;
+        match self {
+            Self::None | Self::PlumbBob(_) => Self::PlumbBob([k[0], k[1], k[2], k[3], k[4]]),
+            Self::RationalPolynomial(_) => Self::RationalPolynomial(k),
+            Self::Equidistant(_) => Self::Equidistant([k[0], k[1], k[2], k[3]]),
         }
     }
 
     pub(crate) fn validated(self) -> Result<Self> {
-        for (name, value) in ["k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"].iter().zip(self.coefficients())
-        {
+        let names: &[&str] = match self {
+            Self::Equidistant(_) => &["k1", "k2", "k3", "k4"],
+            _ => &["k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"],
+        };
+        for (name, value) in names.iter().zip(self.coefficients()) {
             finite(&format!("distortion coefficient {name}"), value)?;
         }
         Ok(self)
     }
 }
 
+/// A lens as the inner loops take it.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Lens {
+    k: [f64; COEFFICIENTS],
+    fisheye: bool,
+    /// The square of the largest `ρ` at which points are projected: beyond it two rays share a pixel.
+    pub one_to_one_limit: f64,
+}
+
+impl Lens {
+    pub fn new(distortion: &Distortion) -> Self {
+        let k = distortion.coefficients();
+        let fisheye = matches!(distortion, Distortion::Equidistant(_));
+        let one_to_one_limit = if fisheye { equidistant::one_to_one_limit(&k) } else { one_to_one_limit(&k) };
+        Self { k, fisheye, one_to_one_limit }
+    }
+
+    /// The distorted point alone.
+    #[inline]
+    pub fn distort(&self, p: &Vector2<f64>) -> Vector2<f64> {
+        if self.fisheye { equidistant::distort(&self.k, p) } else { distort(&self.k, p) }
+    }
+
+    /// The distorted point with `∂/∂(x, y)`.
+    #[inline]
+    pub fn distort_with_point_jacobian(&self, p: &Vector2<f64>) -> (Vector2<f64>, Matrix2<f64>) {
+        if self.fisheye {
+            equidistant::distort_with_point_jacobian(&self.k, p)
+        } else {
+            distort_with_point_jacobian(&self.k, p)
+        }
+    }
+
+    /// The distorted point with all its derivatives.
+    pub fn distort_with_jacobians(&self, p: &Vector2<f64>) -> Distorted {
+        if self.fisheye {
+            equidistant::distort_with_jacobians(&self.k, p)
+        } else {
+            distort_with_jacobians(&self.k, p)
+        }
+    }
+
+    /// A start for the inverse that saves a step: the target divided by the radial factor there; of a fisheye nearly the inverse itself.
+    #[inline]
+    pub fn near_undistorted(&self, target: &Vector2<f64>) -> Vector2<f64> {
+        if self.fisheye {
+            return equidistant::undistorted(&self.k, target, self.one_to_one_limit);
+        }
+        let k = &self.k;
+        let s = target.norm_squared();
+        let divided = target
+            * ((1.0 + s * (k[5] + s * (k[6] + s * k[7]))) / (1.0 + s * (k[0] + s * (k[1] + s * k[4]))));
+        let inside = divided.norm_squared() <= self.one_to_one_limit && divided.dot(target) > 0.0;
+        if inside { divided } else { *target }
+    }
+}
+
 /// The distorted point alone.
 #[inline]
-pub(crate) fn distort(k: &[f64; COEFFICIENTS], p: &Vector2<f64>) -> Vector2<f64> {
+fn distort(k: &[f64; COEFFICIENTS], p: &Vector2<f64>) -> Vector2<f64> {
     let (x, y) = (p.x, p.y);
     let s = x * x + y * y;
     let c = (1.0 + s * (k[0] + s * (k[1] + s * k[4]))) / (1.0 + s * (k[5] + s * (k[6] + s * k[7])));
@@ -64,10 +142,7 @@ pub(crate) fn distort(k: &[f64; COEFFICIENTS], p: &Vector2<f64>) -> Vector2<f64>
 
 /// The distorted point with `∂/∂(x, y)`: the inner loop of the inverse.
 #[inline]
-pub(crate) fn distort_with_point_jacobian(
-    k: &[f64; COEFFICIENTS],
-    p: &Vector2<f64>,
-) -> (Vector2<f64>, Matrix2<f64>) {
+fn distort_with_point_jacobian(k: &[f64; COEFFICIENTS], p: &Vector2<f64>) -> (Vector2<f64>, Matrix2<f64>) {
     let (x, y) = (p.x, p.y);
     let s = x * x + y * y;
     let numerator = 1.0 + s * (k[0] + s * (k[1] + s * k[4]));
@@ -92,7 +167,7 @@ pub(crate) fn distort_with_point_jacobian(
 }
 
 /// The distorted point with all its derivatives.
-pub(crate) fn distort_with_jacobians(k: &[f64; COEFFICIENTS], p: &Vector2<f64>) -> Distorted {
+fn distort_with_jacobians(k: &[f64; COEFFICIENTS], p: &Vector2<f64>) -> Distorted {
     let (point, by_point) = distort_with_point_jacobian(k, p);
     let (x, y) = (p.x, p.y);
     let s = x * x + y * y;
@@ -119,7 +194,7 @@ const WIDEST_TANGENT: f64 = 5.67;
 const FOLD_STEPS: usize = 1134;
 
 /// The square of the largest `ρ` up to which the radial part `ρ c(ρ²)` rises: beyond it two rays share a pixel.
-pub(crate) fn one_to_one_limit(k: &[f64; COEFFICIENTS]) -> f64 {
+fn one_to_one_limit(k: &[f64; COEFFICIENTS]) -> f64 {
     let step = WIDEST_TANGENT / FOLD_STEPS as f64;
     for i in 1..=FOLD_STEPS {
         let rho = i as f64 * step;

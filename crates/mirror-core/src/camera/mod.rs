@@ -1,6 +1,7 @@
-//! Pinhole camera with lens distortion: points to pixels and pixels to rays, each with its Jacobians.
+//! Camera with lens distortion, pinhole or fisheye: points to pixels and pixels to rays, each with its Jacobians.
 
 mod distortion;
+mod equidistant;
 mod pinhole;
 
 pub use distortion::Distortion;

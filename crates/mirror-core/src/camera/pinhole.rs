@@ -1,8 +1,6 @@
 //! The camera: intrinsics and lens, projection and its exact inverse.
 
-use super::distortion::{
-    COEFFICIENTS, Distortion, distort, distort_with_jacobians, distort_with_point_jacobian, one_to_one_limit,
-};
+use super::distortion::{COEFFICIENTS, Distortion, Lens};
 use crate::error::{Error, Result, finite, positive};
 use nalgebra::{Matrix2, Matrix2x3, Matrix3x2, Point3, SMatrix, Unit, Vector2, Vector3};
 
@@ -13,7 +11,7 @@ const UNPROJECT_TOLERANCE: f64 = 1e-13;
 /// Newton converges in 4 to 6 steps inside the lens's one-to-one region.
 const UNPROJECT_STEPS: usize = 50;
 
-/// A pinhole camera with lens distortion: `u = fx x_d + cx`, `v = fy y_d + cy` with `(x_d, y_d)` from [`Distortion`].
+/// A camera with lens distortion, pinhole or fisheye: `u = fx x_d + cx`, `v = fy y_d + cy` with `(x_d, y_d)` from [`Distortion`].
 ///
 /// Optical frame: z forward, x right, y down. Pixel (0, 0) is the centre of the top-left pixel.
 ///
@@ -35,8 +33,7 @@ pub struct Camera {
     focal_px: Vector2<f64>,
     center_px: Vector2<f64>,
     distortion: Distortion,
-    coefficients: [f64; COEFFICIENTS],
-    one_to_one_limit: f64,
+    lens: Lens,
 }
 
 /// A pixel and how it depends on the point and on the camera.
@@ -48,7 +45,7 @@ pub struct Projection {
     pub by_point: Matrix2x3<f64>,
     /// `∂(u, v)/∂(fx, fy, cx, cy)`, unitless.
     pub by_intrinsics: SMatrix<f64, 2, 4>,
-    /// `∂(u, v)/∂(k1, k2, p1, p2, k3, k4, k5, k6)`, px.
+    /// `∂(u, v)/∂` the coefficients in their model's order (see [`Distortion::coefficients`]), px.
     pub by_distortion: SMatrix<f64, 2, COEFFICIENTS>,
 }
 
@@ -79,9 +76,8 @@ impl Camera {
         finite("principal point cx (px)", center_px.x)?;
         finite("principal point cy (px)", center_px.y)?;
         let distortion = distortion.validated()?;
-        let coefficients = distortion.coefficients();
-        let one_to_one_limit = one_to_one_limit(&coefficients);
-        Ok(Self { width_px, height_px, focal_px, center_px, distortion, coefficients, one_to_one_limit })
+        let lens = Lens::new(&distortion);
+        Ok(Self { width_px, height_px, focal_px, center_px, distortion, lens })
     }
 
     /// Width and height of the picture, px.
@@ -121,7 +117,7 @@ impl Camera {
         }
         let normalised = Vector2::new(point.x / point.z, point.y / point.z);
         // Written so that NaN fails.
-        if !(normalised.norm_squared() <= self.one_to_one_limit) {
+        if !(normalised.norm_squared() <= self.lens.one_to_one_limit) {
             return refuse("needed a point inside the angle within which the lens model is one-to-one");
         }
         Ok(normalised)
@@ -139,7 +135,7 @@ impl Camera {
     #[inline]
     pub fn project(&self, point_in_camera: &Point3<f64>) -> Result<Vector2<f64>> {
         let normalised = self.normalised(point_in_camera)?;
-        Ok(self.to_pixel(&distort(&self.coefficients, &normalised)))
+        Ok(self.to_pixel(&self.lens.distort(&normalised)))
     }
 
     /// The pixel and `∂(u, v)/∂(X, Y, Z)`: what estimators need in their inner loop.
@@ -149,7 +145,7 @@ impl Camera {
     #[inline]
     pub fn project_with_point_jacobian(&self, point: &Point3<f64>) -> Result<(Vector2<f64>, Matrix2x3<f64>)> {
         let normalised = self.normalised(point)?;
-        let (distorted, by_normalised) = distort_with_point_jacobian(&self.coefficients, &normalised);
+        let (distorted, by_normalised) = self.lens.distort_with_point_jacobian(&normalised);
         Ok((self.to_pixel(&distorted), self.by_point(point, &normalised, &by_normalised)))
     }
 
@@ -159,7 +155,7 @@ impl Camera {
     /// As [`Camera::project`].
     pub fn project_with_jacobians(&self, point: &Point3<f64>) -> Result<Projection> {
         let normalised = self.normalised(point)?;
-        let d = distort_with_jacobians(&self.coefficients, &normalised);
+        let d = self.lens.distort_with_jacobians(&normalised);
         let mut by_intrinsics = SMatrix::<f64, 2, 4>::zeros();
         by_intrinsics[(0, 0)] = d.point.x;
         by_intrinsics[(1, 1)] = d.point.y;
@@ -199,15 +195,15 @@ impl Camera {
         if matches!(self.distortion, Distortion::None) {
             return Ok((target, Matrix2::identity()));
         }
-        let mut x = self.near_undistorted(&target);
-        let (mut at, mut jacobian) = distort_with_point_jacobian(&self.coefficients, &x);
+        let mut x = self.lens.near_undistorted(&target);
+        let (mut at, mut jacobian) = self.lens.distort_with_point_jacobian(&x);
         for _ in 0..UNPROJECT_STEPS {
             let residual = at - target;
             let Some(inverse) = jacobian.try_inverse() else {
                 return refuse("needed a pixel inside the region in which the lens model can be inverted");
             };
             if residual.amax() <= UNPROJECT_TOLERANCE * (1.0 + target.amax()) {
-                if !(jacobian.determinant() > 0.0 && x.norm_squared() <= self.one_to_one_limit) {
+                if !(jacobian.determinant() > 0.0 && x.norm_squared() <= self.lens.one_to_one_limit) {
                     break;
                 }
                 return Ok((x, inverse));
@@ -215,31 +211,20 @@ impl Camera {
             // Back off where a full step would leave the one-to-one region: the polynomial grows wildly there.
             let mut step = inverse * residual;
             let mut next = x - step;
-            (at, jacobian) = distort_with_point_jacobian(&self.coefficients, &next);
+            (at, jacobian) = self.lens.distort_with_point_jacobian(&next);
             for _ in 0..30 {
-                if next.norm_squared() <= self.one_to_one_limit
+                if next.norm_squared() <= self.lens.one_to_one_limit
                     && (at - target).norm_squared() < residual.norm_squared()
                 {
                     break;
                 }
                 step *= 0.5;
                 next = x - step;
-                (at, jacobian) = distort_with_point_jacobian(&self.coefficients, &next);
+                (at, jacobian) = self.lens.distort_with_point_jacobian(&next);
             }
             x = next;
         }
         refuse("needed a pixel inside the region in which the lens model can be inverted")
-    }
-
-    /// A start for the inverse that saves a step: the target divided by the radial factor there.
-    #[inline]
-    fn near_undistorted(&self, target: &Vector2<f64>) -> Vector2<f64> {
-        let k = &self.coefficients;
-        let s = target.norm_squared();
-        let divided = target
-            * ((1.0 + s * (k[5] + s * (k[6] + s * k[7]))) / (1.0 + s * (k[0] + s * (k[1] + s * k[4]))));
-        let inside = divided.norm_squared() <= self.one_to_one_limit && divided.dot(target) > 0.0;
-        if inside { divided } else { *target }
     }
 
     /// The direction of the ray of a pixel: the exact inverse of [`Camera::project`].

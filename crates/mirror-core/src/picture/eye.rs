@@ -1,7 +1,7 @@
 //! The tracer's camera: from a pixel to the beam that makes it.
 
 use super::Beam;
-use crate::camera::Camera;
+use crate::camera::{Camera, Distortion};
 use crate::error::{Error, Result};
 use nalgebra::{Isometry3, Matrix3, Vector2, Vector3};
 use rayon::prelude::*;
@@ -36,6 +36,13 @@ impl Eye {
     /// [`Error::NotUnprojectable`] where the fixed point does not converge in some corner of the picture: the lens is
     /// too strong for this tracer.
     pub fn new(camera: &Camera) -> Result<Self> {
+        if matches!(camera.distortion(), Distortion::Equidistant(_)) {
+            return Err(Error::NotUnprojectable {
+                u: -0.5,
+                v: -0.5,
+                reason: "the picture maker draws with plumb_bob and rational_polynomial lenses, not with fisheyes",
+            });
+        }
         let (width, height) = camera.size_px();
         let (width, height) = (width as usize, height as usize);
         let mut eye = Self {

@@ -1,6 +1,6 @@
 //! The camera and the mirror of a deformation.
 
-use crate::camera::{Camera, Distortion};
+use crate::camera::Camera;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::free_values::FreeValues;
 use crate::diagnose::model::pose::{self, Pose};
@@ -51,19 +51,11 @@ impl Problem {
         self.cancel.check()?;
         let Some(nominal) = &self.camera else { return Ok(None) };
         let camera = if deformation.optics_differ() {
-            let mut k = nominal.distortion().coefficients();
-            k[0] += deformation.dk1;
-            let lens = match nominal.distortion() {
-                Distortion::RationalPolynomial(_) => Distortion::RationalPolynomial(k),
-                Distortion::None | Distortion::PlumbBob(_) => {
-                    Distortion::PlumbBob([k[0], k[1], k[2], k[3], k[4]])
-                }
-            };
             Camera::new(
                 nominal.size_px(),
                 nominal.focal_px() * (1.0 + focal_scale_error),
                 nominal.center_px() + deformation.center_px,
-                lens,
+                nominal.distortion().with_k1_changed(deformation.dk1),
             )?
         } else {
             nominal.clone()

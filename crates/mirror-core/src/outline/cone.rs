@@ -1,0 +1,286 @@
+//! The cone of rays that touch a sphere, fitted to edge points of its outline.
+//!
+//! Unit rays r of the outline satisfy `r · a = cos γ`, a the direction of the sphere's centre, γ its half angle; divided by cos γ it is linear,
+//! `r · w = 1` with `w = a / cos γ` (Kanatani, "Geometric Computation for Machine Vision", 1993). The sphere's centre projects where a points,
+//! which is not the outline's centroid. A sphere in a flat mirror is a sphere (the reflected one), so the same holds; the pane's glass changes the
+//! cone by less than 0.05 px.
+
+use super::circle::Circle;
+use super::edges::MIN_EDGE_POINTS;
+use crate::camera::Camera;
+use nalgebra::{Matrix2, Matrix2x3, Matrix3, Point3, Vector2, Vector3};
+
+/// Corners of the polygon that stands for an outline.
+const BOUNDARY_POINTS: usize = 72;
+/// Edge points farther from the fitted outline than this belong to something else, px, unless they are this uncertain themselves (deviations).
+const INLIER_PX: f64 = 0.45;
+const INLIER_DEVIATIONS: f64 = 2.5;
+/// Steps of the robust refit: inliers are chosen again from the last fit.
+const REFITS: usize = 6;
+/// Worst condition of the scaled normal equations.
+const WORST_CONDITION: f64 = 1e14;
+
+/// A sub-pixel edge: where it is, px, and its standard deviation across the outline, px.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EdgePoint {
+    /// (u, v), px.
+    pub pixel: Vector2<f64>,
+    /// px.
+    pub std_px: f64,
+}
+
+/// A sphere's outline fitted to edge points.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ConeFit {
+    /// `w = a / cos γ`.
+    pub parameters: Vector3<f64>,
+    /// The outline's centre of area, px.
+    pub centroid_px: Vector2<f64>,
+    /// Its covariance from the edges' scatter, px².
+    pub centroid_covariance_px2: Matrix2<f64>,
+    /// The image of the sphere's centre, px.
+    pub sphere_center_px: Vector2<f64>,
+    /// The outline as a polygon, px.
+    pub boundary_px: Vec<Vector2<f64>>,
+    /// Radius of the disc of the same area, px.
+    pub mean_radius_px: f64,
+    /// Which edge points belong to it.
+    pub inlier: Vec<bool>,
+    /// RMS distance of those from the outline, px.
+    pub residual_rms_px: f64,
+}
+
+/// Robust weighted fit of a sphere's outline to edge points in order around it, started from a circle; None where they show none.
+///
+/// Minimises `Σ (d / std)²` with `d = f (acos(r·w / |w|) − acos(1 / |w|))`, f the camera's scale at the ball in px/rad. The covariance is
+/// scaled by the residuals' size and by how many neighbours share an error: what their autocorrelation shows, at least `correlated_points`.
+pub fn fit_cone(
+    points: &[EdgePoint],
+    start: &Circle,
+    camera: &Camera,
+    correlated_points: f64,
+) -> Option<ConeFit> {
+    let count = points.len();
+    if count < MIN_EDGE_POINTS {
+        return None;
+    }
+    let rays = points
+        .iter()
+        .map(|p| camera.unproject(&p.pixel).ok().map(|r| r.into_inner()))
+        .collect::<Option<Vec<_>>>()?;
+    let scale = px_per_rad(camera, &start.center_px)?;
+    let mut inlier: Vec<bool> = points
+        .iter()
+        .map(|p| ((p.pixel - start.center_px).norm() - start.radius_px).abs() <= 2.0 * INLIER_PX)
+        .collect();
+    let mut parameters = Vector3::zeros();
+    let mut away = vec![0.0; count];
+    for _ in 0..REFITS {
+        parameters = solve(points, &rays, &inlier)?;
+        for (away, ray) in away.iter_mut().zip(&rays) {
+            *away = distance_px(ray, &parameters, scale)?;
+        }
+        let chosen = agreeing(&away, points);
+        if chosen == inlier {
+            break;
+        }
+        inlier = chosen;
+    }
+    let members = || (0..count).filter(|i| inlier[*i]);
+    let number = members().count();
+    if number < MIN_EDGE_POINTS {
+        return None;
+    }
+    let rms = (members().map(|i| away[i] * away[i]).sum::<f64>() / number as f64).sqrt();
+    let whitened: Vec<f64> = members().map(|i| away[i] / points[i].std_px).collect();
+    let freedom = number.saturating_sub(3).max(1) as f64;
+    let variance = whitened.iter().map(|r| r * r).sum::<f64>() / freedom
+        * correlation_factor(&whitened).max(correlated_points);
+    let mut normal = Matrix3::zeros();
+    for i in members() {
+        let row = distance_gradient(&rays[i], &parameters, scale) / points[i].std_px;
+        normal += row * row.transpose();
+    }
+    let spread = normal.symmetric_eigenvalues();
+    if !(spread.min() > 0.0 && spread.max() < WORST_CONDITION * spread.min()) {
+        return None;
+    }
+    let covariance = normal.try_inverse()? * variance;
+    let outline = cone_centroid(&parameters, camera)?;
+    Some(ConeFit {
+        centroid_px: outline.centroid_px,
+        centroid_covariance_px2: outline.by_parameters * covariance * outline.by_parameters.transpose(),
+        sphere_center_px: camera.project(&Point3::from(parameters)).ok()?,
+        boundary_px: outline.boundary_px,
+        mean_radius_px: (outline.area_px2 / core::f64::consts::PI).sqrt(),
+        parameters,
+        inlier,
+        residual_rms_px: rms,
+    })
+}
+
+/// The camera's scale at a pixel: px/rad, the root of the area's.
+fn px_per_rad(camera: &Camera, pixel: &Vector2<f64>) -> Option<f64> {
+    let j = camera.unproject_with_jacobian(pixel).ok()?.by_pixel;
+    let area = (j.transpose() * j).determinant();
+    (area > 0.0).then(|| area.powf(-0.25))
+}
+
+/// Weighted least squares of `r · w = 1` over the inliers, in a frame whose z is their middle: the three columns are of like size there.
+fn solve(points: &[EdgePoint], rays: &[Vector3<f64>], inlier: &[bool]) -> Option<Vector3<f64>> {
+    let members = || (0..points.len()).filter(|i| inlier[*i]);
+    if members().count() < MIN_EDGE_POINTS {
+        return None;
+    }
+    let middle = members().map(|i| rays[i]).sum::<Vector3<f64>>().try_normalize(1e-12)?;
+    let (side, other) = across(&middle);
+    let local = |ray: &Vector3<f64>| Vector3::new(ray.dot(&side), ray.dot(&other), ray.dot(&middle));
+    let size = members().map(|i| local(&rays[i]).xy().norm()).fold(0.0, f64::max).max(1e-9);
+    let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
+    for i in members() {
+        let l = local(&rays[i]);
+        let row = Vector3::new(l.x / size, l.y / size, 1.0);
+        let weight = points[i].std_px.powi(-2);
+        // With v = (w_x, w_y) / w_z and k = 1 / w_z: x v_x + y v_y − k = −z, and 1 − z is tiny: written so that it keeps its digits.
+        let target = l.xy().norm_squared() / (1.0 + l.z);
+        normal += row * row.transpose() * weight;
+        right += row * (weight * target);
+    }
+    let solution = normal.cholesky()?.solve(&right);
+    // row · (v_x, v_y, 1 − k) = 1 − z.
+    let k = 1.0 - solution.z;
+    if !(k > 0.0) {
+        return None;
+    }
+    let w = (side * (solution.x / size) + other * (solution.y / size) + middle) / k;
+    (w.norm() > 1.0 && w.iter().all(|v| v.is_finite())).then_some(w)
+}
+
+/// Two directions across a unit vector and each other.
+fn across(axis: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
+    let helper = if axis.y.abs() < 0.9 { Vector3::y() } else { Vector3::x() };
+    let side = axis.cross(&helper).normalize();
+    (side, axis.cross(&side))
+}
+
+/// Signed distance of an edge ray from the cone, positive outside, px.
+fn distance_px(ray: &Vector3<f64>, parameters: &Vector3<f64>, scale: f64) -> Option<f64> {
+    let length = parameters.norm();
+    if !(length > 1.0) {
+        return None;
+    }
+    // Angles by their tangents: both are small, and the arc cosine has no digits there.
+    let along = ray.dot(parameters);
+    let angle = ray.cross(parameters).norm().atan2(along);
+    let half = (length * length - 1.0).sqrt().atan();
+    Some((angle - half) * scale)
+}
+
+/// `∂ distance / ∂w`, px.
+fn distance_gradient(ray: &Vector3<f64>, parameters: &Vector3<f64>, scale: f64) -> Vector3<f64> {
+    let length = parameters.norm();
+    let along = ray.dot(parameters) / length;
+    let sine = (ray.cross(parameters).norm() / length).max(1e-9);
+    let by_along = (ray - parameters * (along / length)) / length;
+    let half_sine = (1.0 - length.powi(-2)).max(1e-18).sqrt();
+    (by_along / -sine - parameters / (length.powi(3) * half_sine)) * scale
+}
+
+/// Edges within the tolerance, those beside a stray one left out: what hides the outline blurs its neighbours too.
+fn agreeing(away: &[f64], points: &[EdgePoint]) -> Vec<bool> {
+    let near: Vec<bool> = away
+        .iter()
+        .zip(points)
+        .map(|(d, p)| d.abs() <= INLIER_PX.max(INLIER_DEVIATIONS * p.std_px))
+        .collect();
+    let count = near.len();
+    let kept: Vec<bool> =
+        (0..count).map(|i| near[i] && near[(i + 1) % count] && near[(i + count - 1) % count]).collect();
+    if kept.iter().filter(|k| **k).count() >= MIN_EDGE_POINTS { kept } else { near }
+}
+
+/// How much fewer independent edges there are than rays: 1 + 2 Σ of the residuals' autocorrelation along the outline, at least 1.
+fn correlation_factor(residuals: &[f64]) -> f64 {
+    let count = residuals.len();
+    let power: f64 = residuals.iter().map(|r| r * r).sum();
+    if !(power > 0.0) {
+        return 1.0;
+    }
+    let mut factor = 1.0;
+    for lag in 1..(count / 6).max(2) {
+        let product: f64 = (0..count).map(|i| residuals[i] * residuals[(i + count - lag) % count]).sum();
+        if product <= 0.0 {
+            break;
+        }
+        factor += 2.0 * product / power;
+    }
+    factor
+}
+
+/// The outline of a cone in the picture.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ConeOutline {
+    /// Centre of area, px.
+    pub centroid_px: Vector2<f64>,
+    /// `∂ centroid / ∂w`, px.
+    pub by_parameters: Matrix2x3<f64>,
+    /// Area, px².
+    pub area_px2: f64,
+    /// The outline as a polygon, px.
+    pub boundary_px: Vec<Vector2<f64>>,
+}
+
+/// The outline of the cone `r · w = 1` in a camera's picture; None where the cone does not lie before the camera.
+pub fn cone_centroid(parameters: &Vector3<f64>, camera: &Camera) -> Option<ConeOutline> {
+    let length = parameters.norm();
+    if !(length > 1.0) {
+        return None;
+    }
+    let axis = parameters / length;
+    let (side, other) = across(&axis);
+    let (cosine, sine) = (length.recip(), (1.0 - length.powi(-2)).sqrt());
+    // Along the axis only the half angle changes; across it the cone turns.
+    let along = axis * -length.powi(-2);
+    let mut boundary = Vec::with_capacity(BOUNDARY_POINTS);
+    let mut moved: Vec<Matrix2x3<f64>> = Vec::with_capacity(BOUNDARY_POINTS);
+    for i in 0..BOUNDARY_POINTS {
+        let (s, c) = (core::f64::consts::TAU * i as f64 / BOUNDARY_POINTS as f64).sin_cos();
+        let outward = side * c + other * s;
+        let ray = axis * cosine + outward * sine;
+        let (pixel, by_point) = camera.project_with_point_jacobian(&Point3::from(ray)).ok()?;
+        // ∂ray/∂|w|, then the turn ω = a × δa for δa = (I − a aᵀ) δw / |w|: δray = ω × ray.
+        let by_length = along + outward * (length.powi(-3) / sine);
+        let mut by_w = by_length * axis.transpose();
+        for (column, e) in [Vector3::x(), Vector3::y(), Vector3::z()].iter().enumerate() {
+            let turned = axis.cross(&((e - axis * axis.dot(e)) / length)).cross(&ray);
+            let sum = by_w.column(column) + turned;
+            by_w.set_column(column, &sum);
+        }
+        boundary.push(pixel);
+        moved.push(by_point * by_w);
+    }
+    let (mut area, mut first) = (0.0, Vector2::zeros());
+    let (mut d_area, mut d_first) = (Vector3::zeros(), Matrix2x3::zeros());
+    let middle = boundary.iter().sum::<Vector2<f64>>() / BOUNDARY_POINTS as f64;
+    for i in 0..BOUNDARY_POINTS {
+        let j = (i + 1) % BOUNDARY_POINTS;
+        let (p, q) = (boundary[i] - middle, boundary[j] - middle);
+        let cross = p.perp(&q);
+        let row = |k: usize, r: usize| moved[k].row(r).transpose();
+        let d_cross = row(i, 0) * q.y + row(j, 1) * p.x - row(j, 0) * p.y - row(i, 1) * q.x;
+        area += cross;
+        d_area += d_cross;
+        first += (p + q) * cross;
+        d_first += (moved[i] + moved[j]) * cross + (p + q) * d_cross.transpose();
+    }
+    if !(area.abs() > 0.0) {
+        return None;
+    }
+    let local = first / (3.0 * area);
+    Some(ConeOutline {
+        centroid_px: middle + local,
+        by_parameters: d_first / (3.0 * area) - local * d_area.transpose() / area,
+        area_px2: 0.5 * area.abs(),
+        boundary_px: boundary,
+    })
+}

@@ -1,0 +1,252 @@
+//! Sub-pixel edges of a ball's colour along rays.
+
+use super::blur::{Blur, blur_of_rays};
+use super::luma::{lens_before_codec, lens_blur_px, luma_edges};
+use super::patch::Patch;
+use super::rays::{Rays, STEP_PX, ZONE_PX, mean_and_variance, mean_colour, median};
+use nalgebra::{Matrix3, Vector2, Vector3};
+
+/// Unevenness of a zone that even light and a clean picture leave, as a share of its brightness.
+const SHARE_FLOOR: f64 = 0.02;
+/// How much of the light's change from the zone to the rim may be wrong.
+const SHADE_DOUBT: f64 = 0.25;
+/// Range of the light at the rim against that in the zone.
+const SHADE_RANGE: (f64, f64) = (0.3, 2.5);
+/// Error of an edge from pixel structure alone, px; of a coded picture's colour.
+const EDGE_FLOOR_PX: f64 = 0.05;
+const CODED_EDGE_FLOOR_PX: f64 = 0.07;
+/// A ray's unmixing must tell the two colours apart: sine of the angle between them.
+const MIN_COLOUR_SINE: f64 = 0.12;
+/// What lies behind counts as black below this share of the ball's light: it has no colour to unmix by.
+const BLACK_SHARE: f64 = 0.03;
+/// How far apart edges of colour and brightness may be, px.
+const LUMA_REACH_PX: f64 = 1.0;
+/// Passes of setting the zones around the edge that was found.
+const PASSES: usize = 3;
+pub(super) const MIN_EDGE_POINTS: usize = 8;
+
+/// One edge point a ray, its standard deviation along the ray, and whether there is one.
+pub(super) struct Edges {
+    pub points_px: Vec<Vector2<f64>>,
+    pub std_px: Vec<f64>,
+    pub found: Vec<bool>,
+    pub blur: Blur,
+}
+
+/// The edge on one ray.
+#[derive(Clone, Copy)]
+pub(super) struct RayEdge {
+    /// Offset from the expected outline, px.
+    pub offset: f64,
+    pub std: f64,
+    pub found: bool,
+    /// Second moment of what is covered by half, px²: the blur's variance.
+    pub moment: f64,
+    /// The two colours.
+    pub ball: [f64; 3],
+    pub behind: [f64; 3],
+}
+
+/// Edges of all rays from a centre. `outermost`: the outline is only roughly known, and the colour's outermost end is taken for it.
+pub(super) fn edges_on_rays(
+    patch: &Patch,
+    center_px: Vector2<f64>,
+    radius_px: &[f64],
+    blur: &Blur,
+    outermost: bool,
+) -> Edges {
+    let count = radius_px.len();
+    let turn = core::f64::consts::TAU / count as f64;
+    let by_ray: Vec<f64> = (0..count).map(|i| blur.along(turn * i as f64)).collect();
+    let rays = Rays::cast(patch, center_px, radius_px, &by_ray);
+    let mut edges: Vec<RayEdge> = (0..count).map(|ray| colour_edge(&rays, ray, outermost)).collect();
+    for (ray, edge) in edges.iter_mut().enumerate() {
+        edge.found &= rays.inside[ray] && edge.offset.abs() < rays.reach_px && edge.offset.is_finite();
+        let floor = if patch.coded { CODED_EDGE_FLOOR_PX } else { EDGE_FLOOR_PX };
+        edge.std = floor.hypot(edge.std);
+    }
+    let shown = blur_of_rays(&edges, blur);
+    if patch.coded {
+        join_brightness(&rays, &mut edges);
+    }
+    let points = edges
+        .iter()
+        .enumerate()
+        .map(|(ray, edge)| rays.center_px + rays.direction[ray] * (rays.radius_px[ray] + edge.offset))
+        .collect();
+    Edges {
+        points_px: points,
+        std_px: edges.iter().map(|e| e.std).collect(),
+        found: edges.iter().map(|e| e.found).collect(),
+        blur: shown,
+    }
+}
+
+/// The brightness is as sharp as the picture: where ball and background differ in it, it says better where the edge is.
+fn join_brightness(rays: &Rays, edges: &mut [RayEdge]) {
+    let lens_px = lens_blur_px(rays, edges);
+    for edge in edges.iter_mut() {
+        edge.offset -= lens_before_codec(edge, lens_px);
+    }
+    let mut sharp = luma_edges(rays, edges, lens_px);
+    let colour_spread = spread_px(rays, edges.iter().map(|e| (e.offset, e.found)));
+    let luma_spread =
+        spread_px(rays, edges.iter().zip(&sharp).map(|(e, s)| (s.offset, e.found && s.std_px.is_finite())));
+    for (edge, sharp) in edges.iter_mut().zip(&mut sharp) {
+        edge.std = edge.std.hypot(colour_spread);
+        sharp.std_px = sharp.std_px.hypot(luma_spread);
+        let agrees = (sharp.offset - edge.offset).abs() < LUMA_REACH_PX.max(2.0 * edge.std);
+        let weight = if agrees { (edge.std / sharp.std_px).powi(2) } else { 0.0 };
+        edge.offset = (edge.offset + weight * sharp.offset) / (1.0 + weight);
+        edge.std /= (1.0 + weight).sqrt();
+    }
+}
+
+/// Standard deviation of edges round a shifted and scaled outline, by the median: what a codec adds does not follow the outline.
+fn spread_px(rays: &Rays, edges: impl Iterator<Item = (f64, bool)>) -> f64 {
+    let rows: Vec<(Vector3<f64>, f64)> = edges
+        .enumerate()
+        .filter(|(_, (_, valid))| *valid)
+        .map(|(ray, (offset, _))| (Vector3::new(1.0, rays.direction[ray].x, rays.direction[ray].y), offset))
+        .collect();
+    if rows.len() < MIN_EDGE_POINTS {
+        return 1.0;
+    }
+    let mut weights = vec![1.0; rows.len()];
+    let mut sizes = Vec::new();
+    for _ in 0..4 {
+        let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
+        for ((row, value), weight) in rows.iter().zip(&weights) {
+            normal += row * row.transpose() * *weight;
+            right += row * (weight * value);
+        }
+        normal += Matrix3::identity() * 1e-9;
+        let Some(factor) = normal.cholesky() else { return 1.0 };
+        let solution = factor.solve(&right);
+        sizes = rows.iter().map(|(row, value)| (value - solution.dot(row)).abs()).collect();
+        let scale = (3.0 * median(sizes.clone())).max(0.02);
+        weights = sizes.iter().map(|s| (1.0 / (1.0 + (s / scale).powi(2))).powi(2)).collect();
+    }
+    1.4826 * median(sizes)
+}
+
+/// Parts of ball and background that make up a colour, or of the ball alone before black.
+struct Unmixing {
+    ball: [f64; 3],
+    behind: [f64; 3],
+    bb: f64,
+    bg: f64,
+    gg: f64,
+    black: bool,
+}
+
+fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+impl Unmixing {
+    fn new(ball: [f64; 3], behind: [f64; 3]) -> Option<Self> {
+        let (bb, bg, gg) = (dot(&ball, &ball), dot(&ball, &behind), dot(&behind, &behind));
+        let black = gg < BLACK_SHARE * BLACK_SHARE * bb;
+        let telling = if black {
+            bb > 1e-6
+        } else {
+            bb * gg - bg * bg > MIN_COLOUR_SINE * MIN_COLOUR_SINE * bb * gg + 1e-12
+        };
+        telling.then_some(Self { ball, behind, bb, bg, gg, black })
+    }
+
+    /// Parts of the ball and of what lies behind.
+    fn parts(&self, colour: &[f64; 3]) -> (f64, f64) {
+        let ib = dot(colour, &self.ball);
+        if self.black {
+            let share = (ib - self.bg) / (self.bb - self.bg);
+            return (share, 1.0 - share);
+        }
+        let ig = dot(colour, &self.behind);
+        let determinant = self.bb * self.gg - self.bg * self.bg;
+        ((self.gg * ib - self.bg * ig) / determinant, (self.bb * ig - self.bg * ib) / determinant)
+    }
+}
+
+fn colour_edge(rays: &Rays, ray: usize, outermost: bool) -> RayEdge {
+    let none = RayEdge { offset: 0.0, std: 1.0, found: false, moment: 0.0, ball: [0.0; 3], behind: [0.0; 3] };
+    let window = rays.window_px[ray];
+    let (colours, shade) = (rays.colours(ray), rays.shade(ray));
+    let mut result = none;
+    for pass in 0..PASSES {
+        let edge = result.offset;
+        let ball_zone = rays.between(edge - window - ZONE_PX, edge - window);
+        let behind_zone = rays.between(edge + window, edge + window + ZONE_PX);
+        if ball_zone.is_empty() || behind_zone.is_empty() {
+            return none;
+        }
+        let (ball, behind) =
+            (mean_colour(&colours[ball_zone.clone()]), mean_colour(&colours[behind_zone.clone()]));
+        let Some(unmixing) = Unmixing::new(ball, behind) else { return none };
+        let zone_shade = mean_and_variance(shade[ball_zone.clone()].iter().copied()).0;
+        // The ball's own light along the ray against that of the zone; beyond the rim, as at the rim.
+        let rim = (rays.between(edge, edge + STEP_PX).start).min(shade.len() - 1);
+        let carried = |i: usize| (shade[i.min(rim)] / zone_shade).clamp(SHADE_RANGE.0, SHADE_RANGE.1);
+        let parts: Vec<(f64, f64)> = colours.iter().map(|c| unmixing.parts(c)).collect();
+        let at_rim = carried(rim);
+        let (_, uneven_ball) = mean_and_variance(ball_zone.clone().map(|i| parts[i].0 / carried(i)));
+        let (_, uneven_behind) = mean_and_variance(behind_zone.clone().map(|i| parts[i].1));
+        let doubt = SHADE_DOUBT * (1.0 - at_rim);
+        let variance_ball = uneven_ball + SHARE_FLOOR * SHARE_FLOOR + doubt * doubt;
+        let variance_behind = if unmixing.black { 1e6 } else { uneven_behind + SHARE_FLOOR * SHARE_FLOOR };
+        let trust = variance_behind / (variance_ball + variance_behind);
+        let coverage = |i: usize| {
+            let (s, w) = parts[i];
+            (trust * s / carried(i) + (1.0 - trust) * (1.0 - w)).clamp(-0.5, 1.5)
+        };
+        if pass == 0 {
+            result.offset = crossing(rays, coverage, outermost);
+            continue;
+        }
+        // What the ball's parts sum to must be the integral of its light up to the edge; what the background's parts sum to, its length.
+        let ball_sum = |i: usize| trust * parts[i].0 + (1.0 - trust) * (1.0 - parts[i].1).clamp(-0.5, 1.5);
+        let expected = |i: usize| trust * carried(i) + (1.0 - trust);
+        let (covered, missing) = rays.integral(edge, window, |i| ball_sum(i));
+        let model = integral_up_to(rays, edge, window, &expected);
+        let slope = trust * at_rim + (1.0 - trust);
+        result.offset = edge + ((covered + 0.5 * missing - model) / slope).clamp(-1.5, 1.5);
+        result.std = window * (variance_ball * variance_behind / (variance_ball + variance_behind)).sqrt();
+        result.found = true;
+        result.ball = ball;
+        result.behind = behind;
+        let (moment, _) = rays.integral(edge, window + ZONE_PX, |i| {
+            let t = rays.offsets[i] - result.offset;
+            let beyond = if t > 0.0 { coverage(i) } else { 1.0 - coverage(i) };
+            2.0 * beyond * t.abs()
+        });
+        result.moment = moment;
+    }
+    result
+}
+
+/// `∫ f dt` from the window's start to the edge.
+fn integral_up_to(rays: &Rays, edge: f64, window: f64, f: &impl Fn(usize) -> f64) -> f64 {
+    let mut sum = 0.0;
+    for i in rays.between(edge - window - STEP_PX, edge + STEP_PX) {
+        let (low, high) = (rays.offsets[i] - 0.5 * STEP_PX, rays.offsets[i] + 0.5 * STEP_PX);
+        let length = (high.min(edge) - low.max(edge - window)).max(0.0);
+        sum += f(i) * length;
+    }
+    sum
+}
+
+/// Where the coverage falls through one half: the outermost place, or the one nearest to the expected outline.
+fn crossing(rays: &Rays, coverage: impl Fn(usize) -> f64, outermost: bool) -> f64 {
+    let values: Vec<f64> = (0..rays.offsets.len()).map(coverage).collect();
+    let mut best: Option<f64> = None;
+    for i in 0..values.len() - 1 {
+        if values[i] > 0.5 && values[i + 1] <= 0.5 {
+            let at = rays.offsets[i] + STEP_PX * (values[i] - 0.5) / (values[i] - values[i + 1]);
+            if outermost || best.is_none_or(|b| at.abs() < b.abs()) {
+                best = Some(at);
+            }
+        }
+    }
+    best.unwrap_or(0.0).clamp(-rays.reach_px, rays.reach_px)
+}

@@ -1,0 +1,35 @@
+//! Coloured balls in pictures: their outline to a fraction of a pixel, and the centre's covariance.
+//!
+//! Along rays from the ball's centre every pixel is unmixed into the ball's own colour B there and what lies behind, G: `I = s B + w G`.
+//! The edge lies where the covered length ends, which blur, sharpening and the pixels' area leave in place. The ball's light changes up to
+//! its rim; a sphere's shading is a smooth function of its normal, fitted to the ball's inside, and carried to the rim by it. Edges that do
+//! not agree with a sphere's outline (another part hides it, a highlight, a neighbour) are left out.
+//!
+//! JPEG and most video keep colour at half of the brightness' resolution: there the brightness is brought to the colour's resolution, edges are read in
+//! the codec's levels, and joined with those of the brightness at its own resolution.
+//!
+//! The outline of a sphere is a cone of rays: three numbers, which part of the arc is enough for.
+//!
+//! | file | what |
+//! | --- | --- |
+//! | `ball` | the whole measurement of one ball |
+//! | `patch` | a cut-out of the picture, prepared: linear light, or levels at the colour's resolution; noise |
+//! | `circle` | a circle by consensus: the start |
+//! | `shading` | light on a sphere by its normal |
+//! | `rays`, `edges`, `luma`, `blur` | samples along rays, sub-pixel edges of the colour and of the brightness, and the blur that they show |
+//! | `cone` | the cone of rays that touch a sphere, with covariance |
+
+mod ball;
+mod blur;
+mod circle;
+mod cone;
+mod edges;
+mod luma;
+mod patch;
+mod rays;
+mod shading;
+
+pub use ball::{BallOutline, RadiusRange, measure_ball};
+pub use circle::{Circle, fit_circle};
+pub use cone::{ConeFit, ConeOutline, EdgePoint, cone_centroid, fit_cone};
+pub use patch::Picture;

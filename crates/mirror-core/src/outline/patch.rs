@@ -1,0 +1,268 @@
+//! A cut-out of a picture, prepared for reading edges.
+
+use crate::error::{Error, Result};
+use std::sync::LazyLock;
+
+/// Noise from which a picture is smoothed before edges are read (levels), and the most that it is smoothed (px).
+const NOISY_LEVELS: f64 = 6.0;
+const MOST_SMOOTHING_PX: f64 = 1.4;
+/// The codec's blocks of colour are at most so many pixels wide.
+const BLOCK_PX: usize = 4;
+
+/// Linear light of each 8-bit level (sRGB, IEC 61966-2-1). Cameras differ a little; what matters is the curve's bend.
+static LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| {
+    core::array::from_fn(|level| {
+        let value = level as f64 / 255.0;
+        (if value <= 0.04045 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }) as f32
+    })
+});
+
+/// A colour picture: rows of 8-bit blue, green, red, as OpenCV keeps them.
+#[derive(Debug, Clone, Copy)]
+pub struct Picture<'a> {
+    bgr: &'a [u8],
+    pub(super) width: usize,
+    pub(super) height: usize,
+    chroma_step: (usize, usize),
+}
+
+impl<'a> Picture<'a> {
+    /// A picture of `width` × `height` px; `chroma_step` pixels across and down share a colour, as its codec has it: (1, 1) for none.
+    ///
+    /// # Errors
+    /// [`Error::LengthMismatch`] for another number of bytes, [`Error::OutOfRange`] for a step that is not 1, 2 or 4.
+    pub fn new(bgr: &'a [u8], width: usize, height: usize, chroma_step: (usize, usize)) -> Result<Self> {
+        if bgr.len() != width * height * 3 {
+            return Err(Error::LengthMismatch {
+                what: format!("bytes of a picture of {width} × {height} px"),
+                got: bgr.len(),
+                needed: width * height * 3,
+            });
+        }
+        for step in [chroma_step.0, chroma_step.1] {
+            if ![1, 2, 4].contains(&step) {
+                return Err(Error::OutOfRange {
+                    what: "pixels that share a colour".to_owned(),
+                    got: step as f64,
+                    needed: "1, 2 or 4".to_owned(),
+                });
+            }
+        }
+        Ok(Self { bgr, width, height, chroma_step })
+    }
+
+    /// Whether the codec keeps colour at a lower resolution than brightness.
+    pub(super) fn coded(&self) -> bool {
+        self.chroma_step != (1, 1)
+    }
+
+    /// The larger of the steps, px.
+    pub(super) fn widest_step(&self) -> f64 {
+        self.chroma_step.0.max(self.chroma_step.1) as f64
+    }
+}
+
+/// Values in a rectangle of the picture.
+#[derive(Debug, Clone)]
+pub(super) struct Patch {
+    left: f64,
+    top: f64,
+    pub width: usize,
+    pub height: usize,
+    /// Linear light, or, where the codec blurs the colours, its levels (0..1): colours mix linearly where they are blurred.
+    pub light: Vec<[f32; 3]>,
+    /// Brightness, 0..1, as sharp as the codec has it; only where `coded`.
+    luma: Vec<f32>,
+    pub coded: bool,
+}
+
+impl Patch {
+    /// The part of a picture between two corners, px.
+    pub fn cut(picture: &Picture<'_>, low: [f64; 2], high: [f64; 2]) -> Self {
+        // Whole blocks of colour: the codec's grid starts at the picture's corner.
+        let begin = |v: f64, size: usize| (v.max(0.0) as usize / BLOCK_PX * BLOCK_PX).min(size);
+        let end = |v: f64, size: usize| {
+            (v.ceil().max(0.0) as usize / BLOCK_PX * BLOCK_PX).saturating_add(BLOCK_PX).min(size)
+        };
+        let (left, top) = (begin(low[0], picture.width), begin(low[1], picture.height));
+        let (right, bottom) = (end(high[0], picture.width).max(left), end(high[1], picture.height).max(top));
+        let (width, height) = (right - left, bottom - top);
+        let mut levels = Vec::with_capacity(width * height);
+        for row in top..bottom {
+            let start = (row * picture.width + left) * 3;
+            levels.extend(picture.bgr[start..start + width * 3].chunks_exact(3).map(|p| [p[0], p[1], p[2]]));
+        }
+        let noise = noise_levels(&levels, width, height);
+        // The covered length does not mind a blur, and noise does.
+        let smoothing =
+            if noise > NOISY_LEVELS { MOST_SMOOTHING_PX.min(0.5 * noise / NOISY_LEVELS) } else { 0.0 };
+        let coded = picture.coded();
+        let (mut light, mut luma);
+        if coded {
+            luma = levels.iter().map(|p| luma_of(p) / 255.0).collect::<Vec<f32>>();
+            light = at_chroma_resolution(&levels, &luma, width, height, picture.chroma_step);
+            smooth(&mut luma, width, height, smoothing);
+        } else {
+            luma = Vec::new();
+            light = levels.iter().map(|p| p.map(|level| LINEAR[usize::from(level)])).collect();
+        }
+        if smoothing > 0.0 {
+            for channel in 0..3 {
+                let mut plane: Vec<f32> = light.iter().map(|p| p[channel]).collect();
+                smooth(&mut plane, width, height, smoothing);
+                for (pixel, value) in light.iter_mut().zip(plane) {
+                    pixel[channel] = value;
+                }
+            }
+        }
+        Self { left: left as f64, top: top as f64, width, height, light, luma, coded }
+    }
+
+    /// The pixel of a place in the patch.
+    pub fn place(&self, column: usize, row: usize) -> [f64; 2] {
+        [self.left + column as f64, self.top + row as f64]
+    }
+
+    /// Light and brightness between pixels, and whether the place lies in the patch.
+    #[inline]
+    pub fn sample(&self, u: f64, v: f64) -> ([f64; 3], f64, bool) {
+        let (x, y) = (u - self.left, v - self.top);
+        let (widest, highest) = (self.width as f64 - 1.0, self.height as f64 - 1.0);
+        let inside = x >= 0.0 && y >= 0.0 && x <= widest && y <= highest;
+        if self.light.is_empty() {
+            return ([0.0; 3], 0.0, false);
+        }
+        let (x, y) = (x.clamp(0.0, widest), y.clamp(0.0, highest));
+        let (column, row) = (x as usize, y as usize);
+        let (next, below) = ((column + 1).min(self.width - 1), (row + 1).min(self.height - 1));
+        let (a, b) = ((x - column as f64) as f32, (y - row as f64) as f32);
+        let weights = [(1.0 - a) * (1.0 - b), a * (1.0 - b), (1.0 - a) * b, a * b];
+        let places = [
+            row * self.width + column,
+            row * self.width + next,
+            below * self.width + column,
+            below * self.width + next,
+        ];
+        let mut colour = [0.0; 3];
+        for (place, weight) in places.iter().zip(weights) {
+            for (sum, value) in colour.iter_mut().zip(self.light[*place]) {
+                *sum += f64::from(weight * value);
+            }
+        }
+        let luma = if self.coded {
+            places.iter().zip(weights).map(|(p, w)| f64::from(self.luma[*p] * w)).sum()
+        } else {
+            0.0
+        };
+        (colour, luma, inside)
+    }
+}
+
+fn luma_of(bgr: &[u8; 3]) -> f32 {
+    0.114 * f32::from(bgr[0]) + 0.587 * f32::from(bgr[1]) + 0.299 * f32::from(bgr[2])
+}
+
+/// Standard deviation of the noise of a channel, levels: the median of mixed differences, which shading and edges hardly touch.
+fn noise_levels(levels: &[[u8; 3]], width: usize, height: usize) -> f64 {
+    if width < 3 || height < 3 {
+        return 0.0;
+    }
+    let green = |row: usize, column: usize| i32::from(levels[row * width + column][1]);
+    let mut counts = [0usize; 1021];
+    for row in 0..height - 1 {
+        for column in 0..width - 1 {
+            let mixed = green(row + 1, column + 1) - green(row + 1, column) - green(row, column + 1)
+                + green(row, column);
+            counts[mixed.unsigned_abs() as usize] += 1;
+        }
+    }
+    // The median within its level, as if the levels' values were spread evenly.
+    let half = 0.5 * ((width - 1) * (height - 1)) as f64;
+    let mut below = 0.0;
+    for (level, count) in counts.iter().enumerate() {
+        let count = *count as f64;
+        if below + count >= half && count > 0.0 {
+            return level as f64 / 0.6745 / 2.0;
+        }
+        below += count;
+    }
+    0.0
+}
+
+/// Levels (0..1) with the brightness averaged over the blocks that share a colour, and interpolated between them as decoders do with the colour.
+fn at_chroma_resolution(
+    levels: &[[u8; 3]],
+    luma: &[f32],
+    width: usize,
+    height: usize,
+    (across, down): (usize, usize),
+) -> Vec<[f32; 3]> {
+    let (columns, rows) = (width.div_ceil(across), height.div_ceil(down));
+    let mut blocks = vec![0.0f32; columns * rows];
+    for row in 0..rows {
+        for column in 0..columns {
+            let (mut sum, mut count) = (0.0, 0.0);
+            for v in row * down..((row + 1) * down).min(height) {
+                for u in column * across..((column + 1) * across).min(width) {
+                    sum += luma[v * width + u];
+                    count += 1.0;
+                }
+            }
+            blocks[row * columns + column] = sum / count;
+        }
+    }
+    let between = |place: usize, step: usize, count: usize| {
+        let at = ((place as f32 + 0.5) / step as f32 - 0.5).clamp(0.0, (count - 1) as f32);
+        let low = at as usize;
+        (low, (low + 1).min(count - 1), at - low as f32)
+    };
+    let mut result = Vec::with_capacity(width * height);
+    for row in 0..height {
+        let (above, below, b) = between(row, down, rows);
+        for column in 0..width {
+            let (left, right, a) = between(column, across, columns);
+            let at = |r: usize, c: usize| blocks[r * columns + c];
+            let wide = (1.0 - b) * ((1.0 - a) * at(above, left) + a * at(above, right))
+                + b * ((1.0 - a) * at(below, left) + a * at(below, right));
+            let change = wide - luma[row * width + column];
+            result
+                .push(levels[row * width + column].map(|v| (f32::from(v) / 255.0 + change).clamp(0.0, 1.0)));
+        }
+    }
+    result
+}
+
+/// Gaussian blur of a plane, in place; the border is mirrored.
+fn smooth(plane: &mut [f32], width: usize, height: usize, sigma_px: f64) {
+    if sigma_px <= 0.0 || width < 2 || height < 2 {
+        return;
+    }
+    let reach = (4.0 * sigma_px).ceil() as isize;
+    let raw: Vec<f64> = (-reach..=reach).map(|i| (-0.5 * (i as f64 / sigma_px).powi(2)).exp()).collect();
+    let total: f64 = raw.iter().sum();
+    let kernel: Vec<f32> = raw.iter().map(|k| (k / total) as f32).collect();
+    let mirrored = |i: isize, size: usize| {
+        let period = 2 * (size as isize - 1);
+        let folded = i.rem_euclid(period);
+        folded.min(period - folded) as usize
+    };
+    let mut wide = vec![0.0f32; plane.len()];
+    for row in 0..height {
+        for column in 0..width {
+            let sum = kernel
+                .iter()
+                .zip(-reach..)
+                .map(|(k, i)| k * plane[row * width + mirrored(column as isize + i, width)]);
+            wide[row * width + column] = sum.sum();
+        }
+    }
+    for row in 0..height {
+        for column in 0..width {
+            let sum = kernel
+                .iter()
+                .zip(-reach..)
+                .map(|(k, i)| k * wide[mirrored(row as isize + i, height) * width + column]);
+            plane[row * width + column] = sum.sum();
+        }
+    }
+}

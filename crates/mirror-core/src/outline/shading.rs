@@ -1,0 +1,140 @@
+//! Light on a sphere by its normal: what a ball shows up to its rim.
+//!
+//! Under any distant light a matt sphere's brightness is to a few hundredths a quadratic in its normal: nine spherical harmonics (Ramamoorthi
+//! and Hanrahan, "On the relationship between radiance and irradiance", 2001). Towards the rim the normal's part along the view falls
+//! as the root of the distance from the rim: no straight line says what is there.
+
+use super::patch::Patch;
+use nalgebra::{SMatrix, SVector, Vector2};
+
+const TERMS: usize = 9;
+/// How much each order of harmonics is held back, as a share of the weight of the pixels: small balls show few.
+const RIDGE: [f64; 3] = [1e-9, 2e-3, 2e-2];
+/// Pixels of another colour than the ball's (sine of the angle between them) tell nothing of its light.
+const OTHER_COLOUR_SINE: f64 = 0.3;
+/// The most pixels that are read.
+const MOST_PIXELS: usize = 900;
+const REWEIGHTINGS: usize = 4;
+/// Least spread of pixels around the fit, as a share of the ball's light.
+const LEAST_SPREAD: f64 = 0.02;
+/// Levels are about this root of linear light.
+pub(super) const ENCODING_POWER: f64 = 2.2;
+
+/// The brightness of a ball by the place on its disc; 1 is its typical one.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Shading {
+    terms: SVector<f64, TERMS>,
+}
+
+/// The basis at a place on the disc (unit radius), the normal towards the camera where it lies within.
+fn basis(x: f64, y: f64) -> SVector<f64, TERMS> {
+    let r2 = x * x + y * y;
+    // Beyond the rim: as at the rim.
+    let scale = if r2 > 1.0 { r2.sqrt().recip() } else { 1.0 };
+    let (x, y) = (x * scale, y * scale);
+    let z = (1.0 - x * x - y * y).max(0.0).sqrt();
+    SVector::from([1.0, x, y, z, x * y, x * z, y * z, x * x - y * y, 3.0 * z * z - 1.0])
+}
+
+impl Shading {
+    /// Even light.
+    pub fn even() -> Self {
+        let mut terms = SVector::zeros();
+        terms[0] = 1.0;
+        Self { terms }
+    }
+
+    /// Linear brightness at a place on the disc of unit radius.
+    #[inline]
+    pub fn at(&self, place: Vector2<f64>) -> f64 {
+        self.terms.dot(&basis(place.x, place.y)).max(0.02)
+    }
+
+    /// Fits the light on a ball's inside, `clear_px` from its outline; even light where too little is seen.
+    ///
+    /// `radius_px` are the outline's distances from the centre in evenly spaced directions.
+    pub fn fit(patch: &Patch, center_px: Vector2<f64>, radius_px: &[f64], clear_px: f64) -> Self {
+        let widest = radius_px.iter().copied().fold(0.0, f64::max);
+        let area = core::f64::consts::PI * widest * widest;
+        let stride = ((area / MOST_PIXELS as f64).sqrt().floor() as usize).max(1);
+        let mut places = Vec::new();
+        let mut colours = Vec::new();
+        for row in (0..patch.height).step_by(stride) {
+            for column in (0..patch.width).step_by(stride) {
+                let [u, v] = patch.place(column, row);
+                let away = Vector2::new(u, v) - center_px;
+                let distance = away.norm();
+                if distance > widest {
+                    continue;
+                }
+                let turn = away.y.atan2(away.x).rem_euclid(core::f64::consts::TAU) / core::f64::consts::TAU;
+                let outline = radius_px[(turn * radius_px.len() as f64) as usize % radius_px.len()];
+                if distance <= outline - clear_px {
+                    let linear = patch.light[row * patch.width + column].map(|v| {
+                        let v = f64::from(v);
+                        if patch.coded { v.powf(ENCODING_POWER) } else { v }
+                    });
+                    places.push(away / outline);
+                    colours.push(linear);
+                }
+            }
+        }
+        if places.len() < TERMS {
+            return Self::even();
+        }
+        let typical: [f64; 3] = core::array::from_fn(|channel| {
+            let mut values: Vec<f64> = colours.iter().map(|c| c[channel]).collect();
+            let middle = values.len() / 2;
+            *values.select_nth_unstable_by(middle, f64::total_cmp).1
+        });
+        let power: f64 = typical.iter().map(|c| c * c).sum();
+        if !(power > 1e-8) {
+            return Self::even();
+        }
+        let mut rows = Vec::with_capacity(places.len());
+        for (place, colour) in places.iter().zip(&colours) {
+            let along: f64 = colour.iter().zip(&typical).map(|(a, b)| a * b).sum();
+            let own: f64 = colour.iter().map(|c| c * c).sum();
+            let sine2 = 1.0 - along * along / (own * power).max(1e-18);
+            if sine2 <= OTHER_COLOUR_SINE * OTHER_COLOUR_SINE {
+                rows.push((basis(place.x, place.y), along / power));
+            }
+        }
+        if rows.len() < TERMS {
+            return Self::even();
+        }
+        Self::solved(&rows).unwrap_or_else(Self::even)
+    }
+
+    fn solved(rows: &[(SVector<f64, TERMS>, f64)]) -> Option<Self> {
+        let mut weights = vec![1.0; rows.len()];
+        let mut terms = SVector::<f64, TERMS>::zeros();
+        for _ in 0..REWEIGHTINGS {
+            let mut normal = SMatrix::<f64, TERMS, TERMS>::zeros();
+            let mut right = SVector::<f64, TERMS>::zeros();
+            let mut total = 0.0;
+            for ((row, value), weight) in rows.iter().zip(&weights) {
+                normal.ger(*weight, row, row, 1.0);
+                right.axpy(weight * value, row, 1.0);
+                total += weight;
+            }
+            for term in 0..TERMS {
+                let order = match term {
+                    0 => 0,
+                    1..=3 => 1,
+                    _ => 2,
+                };
+                normal[(term, term)] += RIDGE[order] * total;
+            }
+            terms = normal.cholesky()?.solve(&right);
+            let away: Vec<f64> = rows.iter().map(|(row, value)| value - terms.dot(row)).collect();
+            let mut sizes: Vec<f64> = away.iter().map(|a| a.abs()).collect();
+            let middle = sizes.len() / 2;
+            let spread = (3.0 * *sizes.select_nth_unstable_by(middle, f64::total_cmp).1).max(LEAST_SPREAD);
+            for (weight, away) in weights.iter_mut().zip(&away) {
+                *weight = 1.0 / (1.0 + (away / spread).powi(2)).powi(2);
+            }
+        }
+        terms.iter().all(|t| t.is_finite()).then_some(Self { terms })
+    }
+}

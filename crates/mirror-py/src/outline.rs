@@ -1,0 +1,126 @@
+//! Bindings of `mirror_core::outline`: balls in pictures.
+
+use crate::arrays::{Array2Like, pairs, reshaped, shape_error};
+use crate::camera::PyCamera;
+use crate::errors::{MirrorPostureError, to_py};
+use crate::work::Work;
+use mirror_core::outline::{BallOutline, Circle, Picture, RadiusRange, fit_circle, measure_ball};
+use numpy::{PyArray2, PyReadonlyArray3, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+use rayon::prelude::*;
+
+/// One measured ball; see `mirror_posture.detect.ball`.
+#[pyclass(name = "BallOutline", module = "mirror_posture._core", frozen)]
+pub struct PyBallOutline {
+    inner: BallOutline,
+}
+
+#[pymethods]
+impl PyBallOutline {
+    #[getter]
+    fn centroid_px(&self) -> (f64, f64) {
+        let p = self.inner.cone.centroid_px;
+        (p.x, p.y)
+    }
+
+    #[getter]
+    fn centroid_covariance_px2<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let c = self.inner.cone.centroid_covariance_px2;
+        reshaped(py, vec![c[(0, 0)], c[(0, 1)], c[(1, 0)], c[(1, 1)]], [2, 2])
+    }
+
+    #[getter]
+    fn sphere_center_px(&self) -> (f64, f64) {
+        let p = self.inner.cone.sphere_center_px;
+        (p.x, p.y)
+    }
+
+    /// Centre (u, v), half axes, px, and the major one's angle, rad.
+    #[getter]
+    fn ellipse(&self) -> (f64, f64, f64, f64, f64) {
+        let b = &self.inner;
+        let (c, a) = (b.ellipse_center_px, b.semi_axes_px);
+        (c.x, c.y, a.x, a.y, b.angle_rad)
+    }
+
+    #[getter]
+    fn boundary_px<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let boundary = &self.inner.cone.boundary_px;
+        reshaped(py, boundary.iter().flat_map(|p| [p.x, p.y]).collect(), [boundary.len(), 2])
+    }
+
+    #[getter]
+    fn mean_radius_px(&self) -> f64 {
+        self.inner.cone.mean_radius_px
+    }
+
+    #[getter]
+    fn arc_fraction(&self) -> f64 {
+        self.inner.arc_fraction
+    }
+
+    #[getter]
+    fn residual_rms_px(&self) -> f64 {
+        self.inner.cone.residual_rms_px
+    }
+
+    #[getter]
+    fn blur_px(&self) -> f64 {
+        self.inner.blur_px
+    }
+}
+
+/// The balls near circles `(N, 3)`: u, v, radius, with radii in `(N, 2)`, px; None where there is none.
+#[pyfunction]
+pub fn measure_balls(
+    py: Python<'_>,
+    bgr: PyReadonlyArray3<'_, u8>,
+    circles_px: Array2Like<'_>,
+    radii_px: Array2Like<'_>,
+    camera: &PyCamera,
+    chroma_step_px: (usize, usize),
+) -> PyResult<Vec<Option<PyBallOutline>>> {
+    let shape = bgr.shape();
+    if shape[2] != 3 {
+        return Err(shape_error("bgr", shape, "(H, W, 3)"));
+    }
+    let (height, width) = (shape[0], shape[1]);
+    let bytes = bgr.as_slice().map_err(|_| {
+        MirrorPostureError::new_err("bgr: needed an array in C order (numpy.ascontiguousarray)")
+    })?;
+    let picture = Picture::new(bytes, width, height, chroma_step_px).map_err(to_py)?;
+    let ranges = pairs("radii_px", &radii_px)?;
+    if circles_px.shape() != [ranges.len(), 3] {
+        return Err(shape_error(
+            "circles_px",
+            circles_px.shape(),
+            &format!("({}, 3): u, v, radius", ranges.len()),
+        ));
+    }
+    let circles: Vec<Circle> = circles_px.as_array().rows().into_iter().map(circle_of).collect();
+    let camera = camera.inner.as_ref();
+    let found: Vec<_> = py.work(|| {
+        let measure = |(circle, range): (&Circle, &nalgebra::Vector2<f64>)| {
+            measure_ball(&picture, circle, &RadiusRange { min_px: range.x, max_px: range.y }, camera)
+        };
+        circles.par_iter().zip(&ranges).map(measure).collect()
+    });
+    Ok(found.into_iter().map(|ball| ball.map(|inner| PyBallOutline { inner })).collect())
+}
+
+fn circle_of(row: numpy::ndarray::ArrayView1<'_, f64>) -> Circle {
+    Circle { center_px: nalgebra::Vector2::new(row[0], row[1]), radius_px: row[2] }
+}
+
+/// A circle through points `(N, 2)` by consensus: (u, v, radius), px, or None.
+#[pyfunction]
+pub fn fit_circle_by_consensus(
+    points_px: Array2Like<'_>,
+    min_radius_px: f64,
+    max_radius_px: f64,
+    tolerance_px: f64,
+) -> PyResult<Option<(f64, f64, f64)>> {
+    let points = pairs("points_px", &points_px)?;
+    Ok(fit_circle(&points, min_radius_px, max_radius_px, tolerance_px)
+        .map(|c| (c.center_px.x, c.center_px.y, c.radius_px)))
+}

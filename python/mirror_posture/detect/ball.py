@@ -1,0 +1,92 @@
+"""A ball's outline to a fraction of a pixel: circles to start from go to the core, fitted outlines come back.
+
+The core reads sub-pixel edges, fits the cone of rays that touch a sphere, and tells the centre's covariance; all balls of a picture at once, on all threads.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from .. import _core
+from ..camera import Camera
+from ..short_repr import ShortRepr
+from .types import Ellipse, FloatArray
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Circle(ShortRepr):
+    """A circle in the picture, px."""
+
+    center_px: FloatArray
+    radius_px: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Start(ShortRepr):
+    """Where a ball may be: a circle, and the radii that it may have, px."""
+
+    circle: Circle
+    min_radius_px: float
+    max_radius_px: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class OutlineFit(ShortRepr):
+    """A fitted outline: its centroid and ellipse in the picture, the sphere's centre, and how well the edges agree.
+
+    `arc_fraction` is the share of the outline that agreeing edges cover, `blur_px` the standard deviation of the picture's blur there.
+    """
+
+    centroid_px: FloatArray
+    centroid_covariance_px2: FloatArray
+    sphere_center_px: FloatArray
+    ellipse: Ellipse
+    boundary_px: FloatArray
+    mean_radius_px: float
+    arc_fraction: float
+    residual_rms_px: float
+    blur_px: float
+
+
+def measure_balls(
+    bgr: npt.NDArray[np.uint8],
+    starts: Sequence[Start],
+    camera: Camera,
+    chroma_step_px: tuple[int, int] = (1, 1),
+) -> list[OutlineFit | None]:
+    """The ball at each start in a colour picture `(H, W, 3)` BGR, or None where no outline of a sphere of a fitting size is there."""
+    if not starts:
+        return []
+    circles = [[*one.circle.center_px, one.circle.radius_px] for one in starts]
+    radii = [[one.min_radius_px, one.max_radius_px] for one in starts]
+    found = _core.measure_balls(
+        np.ascontiguousarray(bgr), np.array(circles), np.array(radii), camera.core, chroma_step_px
+    )
+    return [None if one is None else _as_fit(one) for one in found]
+
+
+def fit_circle(
+    points_px: FloatArray, min_radius_px: float, max_radius_px: float, tolerance_px: float
+) -> Circle | None:
+    """The circle with the most points `(N, 2)` within the tolerance, by random triples (the same answer each time)."""
+    found = _core.fit_circle_by_consensus(points_px, min_radius_px, max_radius_px, tolerance_px)
+    return None if found is None else Circle(np.array(found[:2]), found[2])
+
+
+def _as_fit(one: _core.BallOutline) -> OutlineFit:
+    u, v, major, minor, angle = one.ellipse
+    return OutlineFit(
+        centroid_px=np.array(one.centroid_px),
+        centroid_covariance_px2=one.centroid_covariance_px2,
+        sphere_center_px=np.array(one.sphere_center_px),
+        ellipse=Ellipse((u, v), major, minor, angle),
+        boundary_px=one.boundary_px,
+        mean_radius_px=one.mean_radius_px,
+        arc_fraction=one.arc_fraction,
+        residual_rms_px=one.residual_rms_px,
+        blur_px=one.blur_px,
+    )
