@@ -19,7 +19,7 @@ from ..camera import Camera
 from ..marker import Marker
 from .ball import OutlineFit, Start, fit_circle, measure_balls
 from .blobs import Region, color_mask, contour_px, hue_distance_deg, label_regions, to_hsv
-from .candidates import SIZE_FACTOR, Candidate, choose, find_candidates
+from .candidates import NEARER_RADII, SIZE_FACTOR, Candidate, choose, find_candidates
 from .types import MarkerView, PredictedMarker, color_of
 
 # A ball that is seen less than half is masked. The estimate of the seen share is itself good to a few hundredths (the hidden part is
@@ -349,8 +349,24 @@ def _by_hint(
         )
     index, reason = choose([np.array(view.pixel_px) for view in good], hint)
     if index >= 0:
-        return good[index]
+        nearer = _nearer(good[index], bad, hint)
+        return good[index] if nearer is None else replace(good[index], ok=False, reason=nearer)
     return replace(good[0], ok=False, reason=reason)
+
+
+def _nearer(view: MarkerView, bad: list[MarkerView], hint: PredictedMarker) -> str | None:
+    """Why a ball is doubted: one that cannot be measured is clearly nearer to where the model expects it."""
+
+    def away(one: MarkerView) -> float:
+        assert one.pixel_px is not None
+        return float(np.hypot(one.pixel_px[0] - hint.pixel_px[0], one.pixel_px[1] - hint.pixel_px[1]))
+
+    radius = float(hint.ball_radius_px or 0.0)
+    for other in bad:
+        if other.pixel_px is not None and away(other) + NEARER_RADII * radius < away(view):
+            u, v = other.pixel_px
+            return f"another of its colour is nearer to where the model expects it, at ({u:.0f}, {v:.0f}), and cannot be measured: {other.reason}"
+    return None
 
 
 def _same_place(one: MarkerView, other: MarkerView, radius_px: float) -> bool:

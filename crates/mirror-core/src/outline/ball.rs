@@ -23,6 +23,10 @@ const CIRCLE_TOLERANCE_PX: f64 = 0.675;
 /// Along the outline, edges share their errors over about this length (times the blur, where that is above 1 px): what lies behind, and a codec's blocks.
 const CORRELATION_PX: f64 = 3.0;
 const CODED_CORRELATION_PX: f64 = 6.0;
+/// How much longer for each px by which a noisy picture was smoothed.
+const SMOOTHED_CORRELATION: f64 = 0.5;
+/// What has no edge (another part before the ball) spoils the edges beside it over this length.
+const SPOILED_PX: f64 = 2.0;
 
 /// The radii that a ball may have, px.
 #[derive(Debug, Clone, Copy)]
@@ -46,7 +50,7 @@ pub struct BallOutline {
     pub angle_rad: f64,
     /// Share of the outline that edge points agree with.
     pub arc_fraction: f64,
-    /// Standard deviation of the picture's blur at the ball, px.
+    /// Standard deviation of the picture's blur at the ball in the direction where it is widest, px.
     pub blur_px: f64,
 }
 
@@ -80,15 +84,17 @@ pub fn measure_ball(
     for round in 0..ROUNDS {
         let edges = edges_on_rays(&patch, center, &radius, &blur, round == 0);
         blur = edges.blur;
+        let found = beside_found(&edges.found, count as f64 / (core::f64::consts::TAU * circle.radius_px));
         let points: Vec<EdgePoint> = (0..count)
-            .filter(|i| edges.found[*i])
+            .filter(|i| found[*i])
             .map(|i| EdgePoint { pixel: edges.points_px[i], std_px: edges.std_px[i] })
             .collect();
         if round == 0 {
             let places: Vec<Vector2<f64>> = points.iter().map(|p| p.pixel).collect();
             circle = fit_circle(&places, range.min_px, range.max_px, CIRCLE_TOLERANCE_PX)?;
         }
-        let shared = correlation * blur.mean_px().max(1.0);
+        let shared =
+            correlation * blur.mean_px().max(1.0) * (1.0 + SMOOTHED_CORRELATION * patch.smoothing_px);
         let correlated = shared * count as f64 / (core::f64::consts::TAU * circle.radius_px);
         let cone = fit_cone(&points, &circle, camera, correlated)?;
         circle = Circle { center_px: cone.centroid_px, radius_px: cone.mean_radius_px };
@@ -106,11 +112,20 @@ pub fn measure_ball(
             semi_axes_px: semi_axes,
             angle_rad: angle,
             arc_fraction: agreeing as f64 / count as f64,
-            blur_px: blur.mean_px(),
+            blur_px: blur.widest_px(),
         });
     }
     measured
         .filter(|ball| ball.cone.mean_radius_px >= range.min_px && ball.cone.mean_radius_px <= range.max_px)
+}
+
+/// Edges that are found, those beside what has none left out; all of them where too few would be left.
+fn beside_found(found: &[bool], rays_per_px: f64) -> Vec<bool> {
+    let count = found.len();
+    let reach = (SPOILED_PX * rays_per_px).round() as usize;
+    let kept: Vec<bool> =
+        (0..count).map(|i| (0..=2 * reach).all(|j| found[(i + count + j - reach) % count])).collect();
+    if kept.iter().filter(|k| **k).count() * 3 >= count { kept } else { found.to_vec() }
 }
 
 /// Centre, half axes and angle from the boundary's moments: for an ellipse sampled evenly in its angle, axis² = 2 × variance.

@@ -31,6 +31,11 @@ impl Blur {
             .sqrt()
     }
 
+    /// Standard deviation in the direction where it is largest, px.
+    pub fn widest_px(&self) -> f64 {
+        (self.mean + self.even[0].hypot(self.even[1])).clamp(LEAST_VARIANCE_PX2, MOST_VARIANCE_PX2).sqrt()
+    }
+
     /// Standard deviation over all directions, px.
     pub fn mean_px(&self) -> f64 {
         self.mean.clamp(LEAST_VARIANCE_PX2, MOST_VARIANCE_PX2).sqrt()

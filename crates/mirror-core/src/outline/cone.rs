@@ -15,6 +15,8 @@ const BOUNDARY_POINTS: usize = 72;
 /// Edge points farther from the fitted outline than this belong to something else, px, unless they are this uncertain themselves (deviations).
 const INLIER_PX: f64 = 0.45;
 const INLIER_DEVIATIONS: f64 = 2.5;
+/// Times that, an edge is of another thing for sure.
+const FAR_OFF: f64 = 2.0;
 /// Steps of the robust refit: inliers are chosen again from the last fit.
 const REFITS: usize = 6;
 /// Worst condition of the scaled normal equations.
@@ -194,8 +196,16 @@ fn agreeing(away: &[f64], points: &[EdgePoint]) -> Vec<bool> {
         .map(|(d, p)| d.abs() <= INLIER_PX.max(INLIER_DEVIATIONS * p.std_px))
         .collect();
     let count = near.len();
-    let kept: Vec<bool> =
-        (0..count).map(|i| near[i] && near[(i + 1) % count] && near[(i + count - 1) % count]).collect();
+    // Far off, it is another thing, and spoils more.
+    let far: Vec<bool> = away
+        .iter()
+        .zip(points)
+        .map(|(d, p)| d.abs() > FAR_OFF * INLIER_PX.max(INLIER_DEVIATIONS * p.std_px))
+        .collect();
+    let beside = |i: usize, by: usize| [(i + by) % count, (i + count - by) % count];
+    let kept: Vec<bool> = (0..count)
+        .map(|i| near[i] && beside(i, 1).iter().all(|j| near[*j]) && beside(i, 2).iter().all(|j| !far[*j]))
+        .collect();
     if kept.iter().filter(|k| **k).count() >= MIN_EDGE_POINTS { kept } else { near }
 }
 

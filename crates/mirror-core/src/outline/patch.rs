@@ -74,6 +74,8 @@ pub(super) struct Patch {
     /// Brightness, 0..1, as sharp as the codec has it; only where `coded`.
     luma: Vec<f32>,
     pub coded: bool,
+    /// Standard deviation by which a noisy picture was smoothed, px.
+    pub smoothing_px: f64,
 }
 
 impl Patch {
@@ -115,7 +117,16 @@ impl Patch {
                 }
             }
         }
-        Self { left: left as f64, top: top as f64, width, height, light, luma, coded }
+        Self {
+            left: left as f64,
+            top: top as f64,
+            width,
+            height,
+            light,
+            luma,
+            coded,
+            smoothing_px: smoothing,
+        }
     }
 
     /// The pixel of a place in the patch.
