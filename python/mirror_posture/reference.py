@@ -12,7 +12,7 @@ from .diagnosis.schema import described
 from .diagnosis.schema import document_schema as diagnosis_schema
 from .formats import Key, Section, camera_keys, servo_keys, session_keys
 from .output_files import write_file
-from .session.camera_info import COEFFICIENT_NAMES
+from .session.camera_formats import COEFFICIENT_NAMES
 
 DRAFT = "https://json-schema.org/draft/2020-12/schema"
 
