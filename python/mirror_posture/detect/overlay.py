@@ -1,6 +1,7 @@
 """Overlay pictures: what was detected, drawn so that a person can check it at a glance.
 
-Corner 0 carries a ring and the board's x and y axes; each ball its fitted outline and name; a masked view is crossed out. A strip under the
+Corner 0 carries a ring and the board's x and y axes; each ball its fitted outline, a ring whose colour and gap say how sure its centre is, and its name beside all
+balls; a masked view is crossed out. A strip under the
 picture lists every view with its figures, or why it is masked.
 """
 
@@ -30,6 +31,10 @@ FIRST = (0, 230, 255)
 CORNER = (255, 170, 30)
 WHITE = (255, 255, 255)
 STRIP = (32, 32, 32)
+# Colours of the ring around a ball by the deviation of its centre, px: up to the first, to the second, and beyond.
+SURE = ((0.1, (80, 220, 60)), (0.3, (40, 200, 255)), (float("inf"), (40, 120, 255)))
+# A deviation is drawn so many times as wide, as the gap between outline and ring.
+GAP_PER_STD = 20.0
 
 
 @checked_arguments
@@ -47,6 +52,7 @@ def draw_overlay(picture: Picture, detections: PictureDetections) -> Picture:
         _draw_board(pen, board)
     for marker in detections.markers:
         _draw_marker(pen, marker)
+    _draw_names(pen, detections)
     return np.vstack([canvas, _strip(canvas.shape[1], pen.weight, detections)])
 
 
@@ -109,6 +115,18 @@ class _Pen:
         plate = self.canvas[max(y - height - 3, 0) : y + base + 1, max(x - 3, 0) : x + width + 4]
         plate[:] = (plate * 0.35).astype(np.uint8)
         cv2.putText(self.canvas, text, (x, y), FONT, size, color, self.weight, cv2.LINE_AA)
+
+    def text_size(self, text: str, scale: float = 0.55) -> tuple[int, int]:
+        """Width and height of a text on the canvas."""
+        (width, height), _ = cv2.getTextSize(text, FONT, scale * self.weight, self.weight)
+        return width, height
+
+    def holds(self, box: tuple[float, float, float, float]) -> bool:
+        """Whether a box (left, top, right, bottom) of the original picture lies within it."""
+        height, width = self.canvas.shape[:2]
+        return (
+            box[0] >= 0.0 and box[1] >= 0.0 and box[2] * self.factor < width and box[3] * self.factor < height
+        )
 
     def cross_out(self, low: FloatArray, high: FloatArray) -> None:
         self.line(low, high, BAD, 2 * self.weight)
@@ -173,13 +191,60 @@ def _draw_marker(pen: _Pen, view: MarkerView) -> None:
     across, upright = _arms(4.0 * pen.weight / pen.factor)
     pen.line(center - across, center + across, WHITE)
     pen.line(center - upright, center + upright, WHITE)
-    beside = center + np.array([radius + 6.0 / pen.factor, 0.0])
-    if view.ok:
-        pen.text(f"{view.name} ± {view.std_px or 0.0:.2f}", beside, color)
-    else:
+    if not view.ok:
         half = np.array([radius, radius])
         pen.cross_out(center - half, center + half)
-        pen.text(f"{view.name} masked", beside, color)
+    elif view.std_px is not None:
+        gap = 2.0 / pen.factor + min(GAP_PER_STD * view.std_px, 2.0 * radius)
+        pen.ring(center, (radius + gap) * pen.factor, _sureness(view.std_px))
+
+
+def _sureness(std_px: float) -> tuple[int, int, int]:
+    return next(color for limit, color in SURE if std_px <= limit)
+
+
+def _draw_names(pen: _Pen, detections: PictureDetections) -> None:
+    """Each ball's name and deviation, where it covers no ball and no other name."""
+    shown = [view for view in detections.markers if view.pixel_px is not None]
+    taken = []
+    for view in shown:
+        u, v = view.pixel_px or (0.0, 0.0)
+        radius = _room(view)
+        taken.append((u - radius, v - radius, u + radius, v + radius))
+    for view in shown:
+        text = f"{view.name} +- {view.std_px or 0.0:.2f} px" if view.ok else f"{view.name} masked"
+        color = _sureness(view.std_px or 0.0) if view.ok else BAD
+        width, height = (side / pen.factor for side in pen.text_size(text))
+        (u, v), radius = view.pixel_px or (0.0, 0.0), _room(view)
+        across, down = radius + 4.0, radius + height + 4.0
+        # To the right, the left, below, above, and the corners; then farther out.
+        places = [
+            (
+                u + turn_u * across * far - (width if turn_u < 0 else 0.5 * width if turn_u == 0 else 0.0),
+                v + turn_v * down * far + 0.5 * height,
+            )
+            for far in (1.0, 1.7, 2.6)
+            for turn_u, turn_v in ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (1, -1), (-1, 1), (-1, -1))
+        ]
+        boxes = [(x - 2.0, y - height - 2.0, x + width + 2.0, y + 3.0) for x, y in places]
+        free = [
+            i
+            for i, box in enumerate(boxes)
+            if not any(_overlap(box, other) for other in taken) and pen.holds(box)
+        ]
+        best = free[0] if free else 0
+        taken.append(boxes[best])
+        pen.text(text, np.array(places[best]), color)
+
+
+def _room(view: MarkerView) -> float:
+    """Radius of what is drawn around a ball, px."""
+    radius = 8.0 if view.outline is None else view.outline.semi_major_px
+    return radius + (2.0 + min(GAP_PER_STD * (view.std_px or 0.0), 2.0 * radius) if view.ok else 0.0)
+
+
+def _overlap(one: tuple[float, ...], other: tuple[float, ...]) -> bool:
+    return one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]
 
 
 def _draw_outline(pen: _Pen, view: MarkerView, color: tuple[int, int, int]) -> None:

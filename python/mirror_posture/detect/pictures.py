@@ -101,6 +101,7 @@ def detect_picture(
         options.marker,
         file.chroma_step_px,
         expected_markers(boards, setup, prediction),
+        file.quantisation_step,
     )
     return PictureDetections(source, width, height, boards, markers, warnings=warnings)
 

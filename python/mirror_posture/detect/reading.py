@@ -44,12 +44,14 @@ EXIF_TURNS = {
 class PictureFile(ShortRepr):
     """A picture's pixels as stored, BGR `(H, W, 3)` uint8, and what its file says of them.
 
-    `exif_turn`: how a viewer would show it ("" as stored). `chroma_step_px`: pixels that share a colour, across and down: (2, 2) in a JPEG of 4:2:0.
+    `exif_turn`: how a viewer would show it ("" as stored). `chroma_step_px`: pixels that share a colour, across and down: (2, 2) in a JPEG of 4:2:0. `quantisation_step`: mean
+    step of a JPEG's ten finest coefficients of brightness, levels: about 2 at quality 92, 13 at 50; 0 where nothing is lost.
     """
 
     pixels: Picture
     exif_turn: str = ""
     chroma_step_px: tuple[int, int] = (1, 1)
+    quantisation_step: float = 0.0
 
 
 @checked_arguments
@@ -96,7 +98,9 @@ def read_picture_file(path: Path | str) -> PictureFile:
     except (OSError, ValueError, SyntaxError, IndexError, TypeError, EOFError, MemoryError) as error:
         detail = " ".join(str(error).split())
         raise DetectionError(f"{file}: the picture is broken ({detail}); take or copy it again") from None
-    return PictureFile(as_picture(pixels, str(file)), turn, _chroma_step(picture))
+    return PictureFile(
+        as_picture(pixels, str(file)), turn, _chroma_step(picture), _quantisation_step(picture)
+    )
 
 
 def _is_plain_jpeg(picture: Image.Image) -> bool:
@@ -133,7 +137,16 @@ def _chroma_step(picture: Image.Image) -> tuple[int, int]:
     layers = picture.layer
     if len(layers) != 3:
         return (1, 1)
-    return max(1, layers[0][1] // max(layers[1][1], 1)), max(1, layers[0][2] // max(layers[1][2], 1))
+    across = max(1, layers[0][1] // max(layers[1][1], 1))
+    down = max(1, layers[0][2] // max(layers[1][2], 1))
+    # 3 is allowed, and as good as never used: treated as the wider one.
+    return 4 if across > 2 else across, 4 if down > 2 else down
+
+
+def _quantisation_step(picture: Image.Image) -> float:
+    tables = picture.quantization if isinstance(picture, JpegImagePlugin.JpegImageFile) else {}
+    table = sorted(tables.get(0, ()))
+    return float(np.mean(table[:10])) if table else 0.0
 
 
 def _check_size(width: int, height: int, name: str) -> None:

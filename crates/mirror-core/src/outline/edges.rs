@@ -207,7 +207,7 @@ fn colour_edge(rays: &Rays, ray: usize, outermost: bool) -> RayEdge {
         // What the ball's parts sum to must be the integral of its light up to the edge; what the background's parts sum to, its length.
         let ball_sum = |i: usize| trust * parts[i].0 + (1.0 - trust) * (1.0 - parts[i].1).clamp(-0.5, 1.5);
         let expected = |i: usize| trust * carried(i) + (1.0 - trust);
-        let (covered, missing) = rays.integral(edge, window, |i| ball_sum(i));
+        let (covered, missing) = rays.integral(edge, window, ball_sum);
         let model = integral_up_to(rays, edge, window, &expected);
         let slope = trust * at_rim + (1.0 - trust);
         result.offset = edge + ((covered + 0.5 * missing - model) / slope).clamp(-1.5, 1.5);
