@@ -4,6 +4,8 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 OUT ?= out
+FUZZ_SECONDS ?= 60
+FUZZ_TARGETS := camera recording urdf dress diagnosis
 # The build that `cargo test` makes (optimised, see Cargo.toml) is the one that the wheel shares its crates with.
 PROFILE ?= dev
 WHEELS := target/wheels
@@ -15,7 +17,7 @@ SOURCES := $(shell find crates python -name '*.rs' -o -name '*.py' -o -name '*.p
 FLOORS := numpy==1.26.4 opencv-python-headless==4.11.0.86 pillow==10.4.0 simplejpeg==1.7.6 pyarrow==23.0.0 \
   matplotlib==3.8.4 typer==0.15.4 click==8.1.8
 
-.PHONY: docs sdist test-floors help demo test test-rust test-python lint wheel bench clean
+.PHONY: docs sdist test-floors help demo test test-rust test-python lint wheel bench clean fuzz audit sbom
 
 help: ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -73,8 +75,30 @@ docs: $(VENV)/installed ## the documentation's site, into ./site: pages, referen
 bench: ## throughput of the core; benches/README.md says what was measured
 	cargo bench --locked
 
+fuzz: $(VENV)/installed-for-tests ## every border, for FUZZ_SECONDS each (60): cargo-fuzz for the core's, tests/python/fuzz.py for Python's
+	for target in $(FUZZ_TARGETS); do \
+	  mkdir -p fuzz/corpus/$$target target/fuzz-corpus/$$target && \
+	  RUSTC_BOOTSTRAP=1 cargo fuzz run --sanitizer none $$target target/fuzz-corpus/$$target fuzz/corpus/$$target fuzz/seeds -- \
+	    -max_total_time=$(FUZZ_SECONDS) -timeout=10 -rss_limit_mb=2000 || exit 1; \
+	done
+	$(BIN)/python tests/python/fuzz.py --runs 1000000000 --seconds $(FUZZ_SECONDS) --seed $$(date +%s)
+
+audit: $(VENV)/installed $(VENV)-audit/tools ## licences, sources and known faults of the dependencies (needs cargo-deny, cargo-audit; databases over the network)
+	tests/audit.sh $(VENV) $(VENV)-audit
+
+sbom: $(VENV)/installed $(VENV)-audit/tools ## what is in the crates and in an installed environment, as CycloneDX, into ./dist (needs cargo-cyclonedx)
+	mkdir -p dist
+	cargo cyclonedx --format json --spec-version 1.5 --no-build-deps
+	mv crates/mirror-core/mirror-core.cdx.json crates/mirror-py/mirror-py.cdx.json dist/
+	$(VENV)-audit/bin/cyclonedx-py environment --output-reproducible --spec-version 1.5 --output-format JSON --output-file dist/python.cdx.json $(BIN)/python
+
 clean: ## remove what was built; the cargo cache stays
-	rm -rf $(VENV) $(VENV)-floors $(WHEELS) $(OUT) dist site docs/reference target/sdist
+	rm -rf $(VENV) $(VENV)-floors $(VENV)-audit $(WHEELS) $(OUT) dist site docs/reference target/sdist
+
+$(VENV)-audit/tools: Makefile
+	$(PYTHON) -m venv $(VENV)-audit
+	$(VENV)-audit/bin/python -m pip install -q --disable-pip-version-check "pip-audit>=2.7,<3" "cyclonedx-bom>=6,<8"
+	touch $@
 
 $(VENV)/tools: pyproject.toml
 	$(PYTHON) -m venv $(VENV)

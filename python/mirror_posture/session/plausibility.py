@@ -14,7 +14,7 @@ from .errors import Problems, SessionError
 
 if TYPE_CHECKING:
     from ..robot import Robot
-    from .types import Session
+    from .types import Floats, Session
 
 SAME_COMMAND = 1e-4
 """rad (m): commands of one posture that differ by more are of different postures; text of few digits rounds below it."""
@@ -23,6 +23,8 @@ LONGEST_REACH_M = 50.0
 LEAST_PICTURE_PX = 16
 FOCAL_SHARE = (0.1, 100.0)
 """Focal length in widths of the picture: below the first a lens sees 157° and more, fisheyes have 0.3."""
+UNSET = 0.02
+"""A principal point nearer to the first pixel than this share of the picture's sides is a zero that nobody set."""
 ASPECT = 3.0
 """fx and fy of real cameras differ by a few per cent."""
 FAR_POINT = 4.0
@@ -36,6 +38,12 @@ LEAST_MOTION = 0.02
 LEAST_ROWS = 5
 FAR_ENCODER = 0.5
 """rad (m): an encoder that typically reads so far from its command is an odd zero, worth a warning."""
+BOARDS_TRIED = 200
+LEAST_CORNERS = 8
+"""A homography goes through four points; fewer than this show little of whether it is the right one."""
+BENT, MOSTLY = 0.1, 0.8
+"""Misfit of a board's corners to a plane's image, as a share of the board's size in the picture: lenses and mirrors bend it by a
+few hundredths. Where this share of the boards is beyond it, the corners' numbers are others."""
 LEAST_FACING = 0.1
 """Cosine between the board's face and what the camera sees of it in the mirror: both must look at the mirror."""
 
@@ -48,6 +56,8 @@ def check_plausible(session: Session, problems: Problems) -> list[str]:
         _reach(session, reach_m)
     with problems.kept():
         warnings += _camera(session)
+    with problems.kept():
+        _boards(session)
     with problems.kept():
         _postures(session)
     with problems.kept():
@@ -109,6 +119,12 @@ def _camera(session: Session) -> list[str]:
             name,
             f"camera_matrix: got the principal point ({camera.cx_px:g}, {camera.cy_px:g}) px, needed one near the middle of "
             f"the picture of {width} × {height} px",
+        )
+    if all(abs(c) < UNSET for c in centre):
+        raise SessionError(
+            name,
+            f"camera_matrix: got the principal point ({camera.cx_px:g}, {camera.cy_px:g}) px, the picture's corner: was it never "
+            f"set? Needed one near the middle of the picture of {width} × {height} px",
         )
     if not all(0.0 <= c <= 1.0 for c in centre):
         return [f"{name}: the principal point ({camera.cx_px:g}, {camera.cy_px:g}) px is outside the picture"]
@@ -217,6 +233,57 @@ def _points(session: Session, reach_m: float) -> None:
                 f"marker {name!r} of frame {session.frames.frame[rows[wild[0]]]}: got a point {distance[wild[0]]:.4g} m away, of a "
                 f"robot that reaches {reach_m:.3g} m; mend the cells or leave out the row",
             )
+
+
+def _boards(session: Session) -> None:
+    """The board is a plane: its corners' image is that of a plane, also in a mirror."""
+    board = session.board
+    if board is None:
+        return
+    for view in (session.mirror_view, session.direct_view):
+        rows = np.flatnonzero(view.board_seen.sum(axis=1) >= LEAST_CORNERS)
+        rows = rows[:: max(1, len(rows) // BOARDS_TRIED)]
+        if not len(rows):
+            continue
+        flat = board.corner_in_board_m[:, :2] / np.abs(board.corner_in_board_m).max()
+        misfits = np.array(
+            [
+                _misfit(flat[seen], px[seen])
+                for px, seen in zip(view.board_px[rows], view.board_seen[rows], strict=True)
+            ]
+        )
+        bent = misfits > BENT
+        if bent.mean() > MOSTLY:
+            raise SessionError(
+                "detections.csv",
+                f"the board's corners are no image of a plane in {bent.mean():.0%} of the frames (typically "
+                f"{min(np.median(misfits), 1.0):.0%} of the board's size off): is corners = [{board.columns}, {board.rows}] right, "
+                "and is `index` the corner's number, row by row?",
+                column="index",
+            )
+
+
+def _misfit(flat: Floats, px: Floats) -> float:
+    """RMS distance of image points from the best homography of a plane's points, as a share of their spread."""
+    centred = px - px.mean(axis=0)
+    size = float(np.sqrt((centred**2).sum(axis=1).mean()))
+    if not size > 0.0:
+        return np.inf
+    u, v = (centred / size).T
+    x, y = flat.T
+    one, zero = np.ones_like(x), np.zeros_like(x)
+    rows = np.concatenate(
+        [
+            np.stack([x, y, one, zero, zero, zero, -u * x, -u * y, -u], axis=1),
+            np.stack([zero, zero, zero, x, y, one, -v * x, -v * y, -v], axis=1),
+        ]
+    )
+    h = np.linalg.eigh(rows.T @ rows)[1][:, 0].reshape(3, 3)
+    image = np.stack([x, y, one], axis=1) @ h.T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        off = image[:, :2] / image[:, 2:] - np.stack([u, v], axis=1)
+    rms = float(np.sqrt((off**2).sum(axis=1).mean()))
+    return rms if np.isfinite(rms) else np.inf
 
 
 def _facing(session: Session) -> list[str]:
