@@ -116,6 +116,7 @@ def test_what_is_no_motion_is_said(late: tuple[Path, float], tmp_path: Path) -> 
     from dataclasses import replace
 
     from mirror_posture.motion import is_moving
+    from mirror_posture.motion.problem import Problem
     from mirror_posture.motion.recording import recording_of, shutter
 
     session = mp.load_session(late[0])
@@ -126,6 +127,8 @@ def test_what_is_no_motion_is_said(late: tuple[Path, float], tmp_path: Path) -> 
         recording_of(still)
     with pytest.raises(mp.MirrorPostureError, match="exposure_s"):
         shutter({"shutter": {"exposure_s": -1.0}})
+    with pytest.raises(mp.MirrorPostureError, match="no position servos"):
+        Problem(session)
     recording = recording_of(session)
     exposure_s, readout_s = shutter(session.metadata)
     spread = np.ptp(recording.marker_time_s - np.asarray(session.frames.time_s)[:, None])

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from .._core import MirrorPostureError
 from ..session import Session
 from .effects import Causes, Hypothesis, Key, of_joint, of_setup
 from .recording import Recording, recording_of
@@ -41,6 +42,13 @@ class Problem:
         self.scales = self.rollouts.scales(nominal)
         self.view = View(self.recording, self.places({}, nominal))
         moves = self._moving_joints()
+        bare = [name for name, scale in self.scales.items() if name in moves and not scale.has_servo]
+        if bare:
+            # How a joint follows its log is then unknown, and every other cause would be bent to stand for it.
+            raise MirrorPostureError(
+                f"the model has no position servos at {', '.join(bare)}, so nothing says how they follow their log; give the MJCF "
+                "that your simulator runs, with its servos (--model)"
+            )
         self.hypotheses: dict[Key, Hypothesis] = {}
         for name, scale in self.scales.items():
             if name in moves:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from ..diagnosis.fingerprint import KEY, fingerprint
 from ..diagnosis.result import FORMAT, VERSION
 from .alternatives import Rivals
-from .effects import EFFECTS, Key, told
+from .effects import Key, told
 from .fit import Fitted, evaluated
 from .problem import Problem
 from .search import SEGMENTS, Found
@@ -35,6 +35,9 @@ def document(
     of, covariance, columns = fitted
     view, best, scale = problem.view, found.best, found.noise_scale
     share = _shares(problem, found)
+    left = float(np.sqrt(best.misfit.squares / best.misfit.rows))
+    # Causes of a model that leaves something unexplained may stand for what is not in it.
+    trust = min(1.0, (EXPLAINED / left) ** 2)
     order = sorted(best.causes, key=lambda key: -share[key])
     causes = []
     for key in order:
@@ -49,13 +52,13 @@ def document(
                 "effect": key[0],
                 "at": key[1],
                 "kind": hypothesis.effect.kind,
-                "probability": round(rivals[key].probability, 4),
+                "probability": round(trust * rivals[key].probability, 4),
                 "parameters": {
                     name: {"value": float(value), "std": float(s)}
                     for name, value, s in zip(hypothesis.effect.parameters, values, deviations, strict=True)
                 },
                 "alternatives": [
-                    {"effect": effect, "at": at, "probability": round(p, 4)}
+                    {"effect": effect, "at": at, "probability": round(trust * p, 4)}
                     for (effect, at), p in rivals[key].others
                 ],
                 "words": WORDS[key[0]],
@@ -66,7 +69,6 @@ def document(
         )
     gap = _gap(problem, found, columns)
     gap["steps"] = _steps(problem, order, best)
-    left = float(np.sqrt(best.misfit.squares / best.misfit.rows))
     verdict = _verdict(bool(order), left)
     total = sum(share.values()) or 1.0
     where: dict[str, float] = {}
@@ -79,7 +81,6 @@ def document(
         "format": FORMAT,
         "version": VERSION,
         "motion": {
-            "model": "session" if not problem.rollouts.simulator.kept else "own servos",
             "seconds": float(np.ptp(problem.recording.board_time_s)),
             "simulated": problem.rollouts.count,
         },
@@ -89,7 +90,7 @@ def document(
         "where": [{"at": at, "share": round(s, 4)} for at, s in sorted(where.items(), key=lambda p: -p[1])],
         "gap": gap,
         "next_postures": [],
-        "warnings": _warnings(problem),
+        "warnings": list(problem.rollouts.simulator.notes),
         "noise": {"marker_px": scale * view.noise_px},
         "trace": list(found.trace),
         "ranking": [
@@ -203,15 +204,3 @@ def _interval(before: Floats, after: Floats, floor: Floats, seen: npt.NDArray[np
             drawn.append((b - a) / (b - f))
     low, high = np.quantile(drawn, [0.025, 0.975]) if drawn else (0.0, 1.0)
     return [float(low), float(high)]
-
-
-def _warnings(problem: Problem) -> list[str]:
-    out = list(problem.rollouts.simulator.notes)
-    without = [name for name, scale in problem.scales.items() if not scale.has_servo]
-    if without:
-        servo = ", ".join(name for name, effect in EFFECTS.items() if effect.needs_servo)
-        out.append(
-            f"the model has no position servos at {', '.join(without)}: ideal ones were added, and {servo} were not tried there; "
-            "give the MJCF that your simulator runs with --model"
-        )
-    return out
