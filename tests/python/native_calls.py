@@ -7,11 +7,16 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import random
+import resource
+import sys
+import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -25,6 +30,8 @@ FRAMES, CORNERS, MARKERS = 6, 6, 2
 ODD_NUMBERS = [0.0, -0.0, -1.0, 1e-308, 1e308, -1e300, float("nan"), float("inf"), float("-inf"), 1e16, 3]
 ODD_WHOLE = [0, -1, 1, 2, 2**31, 2**63 - 1, -(2**63), 2**64, 10**30]
 ODD_TEXTS = ["", "\0", "nan", "hand", "base", "elbow", "squared", "pose", "x" * 1000, "<", "{}", "[1]", "ü"]
+LONGEST_S, MOST_BYTES = 20.0, 6_000_000_000
+"""Of computing by one call, and of address space."""
 MOST_NUMBERS = 10_000
 """Arrays that mutations made larger than this start anew: large calls test the memory, not the checks."""
 
@@ -92,6 +99,13 @@ def calls() -> list[Call]:
         "size_px": (64, 48), "focal_px": (60.0, 60.0), "center_px": (31.5, 23.5), "distortion": [], "camera_link": "camera_optical",
         "board": ("chest_board", 3, 2, 0.014), "balls": [("hand", "hand_marker", 0.0116, [1.0, 0.0, 0.0])],
     }  # fmt: skip
+    poses = robot.forward_kinematics(q)
+    sketch = {
+        "mirror_center_m": [0.0, 0.0, 0.4], "mirror_normal": [0.0, 0.1, -1.0], "glass_thickness_m": 0.003, "refractive_index": 1.52,
+        "curvature_per_m": 0.0, "mirror_size_m": (0.5, 0.5), "ghosts": True, "floor_m": -0.3, "grid": 1, "edge_grid": 2,
+        "motion_px": [0.0, 0.0], "blur_px": 0.5, "exposure": 1.0, "full_well_electrons": 8000.0, "read_noise_electrons": 5.0,
+        "gamma": 2.2, "jpeg_quality": 90, "seed": 1,
+    }  # fmt: skip
     points = rng.uniform([-0.1, -0.1, 0.3], [0.1, 0.1, 0.6], (FRAMES, 3))
     foot = np.tile([0.0, 0.0, 0.3], (FRAMES, 1))
 
@@ -153,6 +167,9 @@ def calls() -> list[Call]:
         ("calibrate_second_camera", _core.calibrate_second_camera,
          [camera, camera, (3, 2, 0.014), (3, 2, 0.014), views, views, views], {}),
         ("PictureMaker", _core.PictureMaker, [URDF], drawn),
+        ("draw", _core.PictureMaker(URDF, **drawn).draw, [dict(zip(robot.link_names, poses[0], strict=True))], sketch),
+        ("drawn", lambda poses, how, **k: _core.PictureMaker(URDF, **k).draw(poses, **how),
+         [dict(zip(robot.link_names, poses[0], strict=True)), sketch], drawn),
         ("GapRecording", record, recorded, {}),
         ("GapRecording again", record, recorded, {}),
         ("diagnose", recording.diagnose, [["pairing"], 1, [("other", recording, [])], [own], False], {}),
@@ -187,7 +204,11 @@ class Mutator:
                 [None, "x", 3, 1.5, [], {}, (), object(), np.zeros(0), b"x", True, float("nan"), 1j]
             )
         if isinstance(value, np.ndarray):
-            return self.array(value)
+            try:
+                return self.array(value)
+            # Odd values of an earlier mutation that the new type does not hold.
+            except (OverflowError, ValueError, TypeError):
+                return value
         if isinstance(value, SimpleNamespace):
             name = chance.choice(list(vars(value)))
             return SimpleNamespace(**{**vars(value), name: self.value(getattr(value, name))})
@@ -260,34 +281,79 @@ class Mutator:
         return out
 
 
-def run(count: int, seed: int, seconds: float = float("inf")) -> Counter[str]:
-    """Runs mutated calls, no longer than some seconds; how each ended, by kind. A panic raises (its class is no `Exception`)."""
+def run(
+    count: int,
+    seed: int,
+    seconds: float = float("inf"),
+    told: Callable[[int, str], object] = lambda k, n: None,
+) -> Counter[str]:
+    """Runs mutated calls, no longer than some seconds; how each ended, by kind. A panic raises (its class is no `Exception`).
+
+    Every call has a chance of its own, from the seed and its number; `told` hears of each before it is made.
+    """
     end = time.monotonic() + seconds
-    chance = random.Random(seed)
-    mutator, valid, ends = Mutator(chance), calls(), Counter[str]()
-    # Diagnoses take a hundred times as long as the others.
-    weights = [0.02 if name in ("diagnose", "calibrate_second_camera") else 1.0 for name, *_ in valid]
-    for _ in range(count):
+    valid, ends = calls(), Counter[str]()
+    for number in range(count):
         if time.monotonic() > end:
             break
-        name, function, args, kwargs = chance.choices(valid, weights)[0]
-        args, kwargs = mutator.arguments(args, kwargs)
-        try:
-            with np.errstate(all="ignore"):
-                function(*args, **kwargs)
-            ends["answer"] += 1
-        except (
-            _core.MirrorPostureError,
-            TypeError,
-            ValueError,
-            OverflowError,
-            KeyError,
-            AttributeError,
-        ) as error:
-            ends[type(error).__name__] += 1
-        except BaseException as error:
-            raise AssertionError(f"{name}({args!r}, {kwargs!r}): {type(error).__name__}: {error}") from error
+        ends[one(valid, f"{seed}-{number}", lambda name, k=number: told(k, name))] += 1  # type: ignore[misc]
     return ends
+
+
+def one(valid: list[Call], seed: str, told: Callable[[str], object] = lambda name: None) -> str:
+    """One mutated call; how it ended."""
+    chance = random.Random(seed)
+    # Diagnoses take a hundred times as long as the others.
+    weights = [0.02 if name in ("diagnose", "calibrate_second_camera") else 1.0 for name, *_ in valid]
+    name, function, args, kwargs = chance.choices(valid, weights)[0]
+    args, kwargs = Mutator(chance).arguments(args, kwargs)
+    told(name)
+    begun = time.process_time()
+    try:
+        with np.errstate(all="ignore"):
+            function(*args, **kwargs)
+        ended = "answer"
+    except (
+        _core.MirrorPostureError,
+        TypeError,
+        ValueError,
+        OverflowError,
+        KeyError,
+        AttributeError,
+    ) as error:
+        ended = type(error).__name__
+    except BaseException as error:
+        raise AssertionError(
+            f"{seed}: {name}({args!r}, {kwargs!r}): {type(error).__name__}: {error}"
+        ) from error
+    taken = time.process_time() - begun
+    assert taken < LONGEST_S, f"{seed}: {name}({args!r}, {kwargs!r}) took {taken:.1f} s of computing"
+    return ended
+
+
+def guarded(count: int, seed: int, seconds: float) -> Counter[str]:
+    """As `run`, in a process whose memory is bounded: one that dies is told by its last call."""
+    with tempfile.TemporaryDirectory() as place:
+        log, result = Path(place) / "log", Path(place) / "result"
+        child = os.fork()
+        if child == 0:
+            try:
+                resource.setrlimit(resource.RLIMIT_AS, (MOST_BYTES, MOST_BYTES))
+                with log.open("w") as stream:
+
+                    def told(number: int, name: str) -> None:
+                        stream.seek(0)
+                        stream.write(f"{seed}-{number} {name:<30}")
+                        stream.flush()
+
+                    result.write_text(json.dumps(run(count, seed, seconds, told)))
+                os._exit(0)
+            except BaseException as error:
+                print(str(error)[:3000], file=sys.stderr, flush=True)
+                os._exit(1)
+        status = os.waitpid(child, 0)[1]
+        assert status == 0, f"ended with status {status} in call {log.read_text().strip()}"
+        return Counter(json.loads(result.read_text()))
 
 
 if __name__ == "__main__":
@@ -298,6 +364,10 @@ if __name__ == "__main__":
     parser.add_argument("--calls", type=int, default=100_000)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--seconds", type=float, default=float("inf"))
+    parser.add_argument("--only", help="One call by its seed and number, as an error names it: 1-4711.")
     options = parser.parse_args()
-    ends = run(options.calls, options.seed, options.seconds)
-    print(f"{sum(ends.values())} calls: {dict(ends)}")
+    if options.only:
+        print(one(calls(), options.only, print))
+    else:
+        ends = guarded(options.calls, options.seed, options.seconds)
+        print(f"{sum(ends.values())} calls: {dict(ends)}")

@@ -147,7 +147,16 @@ fn the_closed_share_and_its_interval_hold_the_truth() {
         };
         let diagnosis = diagnosed(&world, &spoilt(world.record(&plan), how, seed));
         let said = format!("{how:?} {} {:?} {:?}", diagnosis.verdict, diagnosis.causes, diagnosis.gap);
-        assert_eq!((diagnosis.verdict.as_str(), diagnosis.causes.len()), ("explained", 1), "{said}");
+        // With one view a posture nothing but the remainder contradicts a noise that is stated too small, and the remainder
+        // is no floor: the cause is named, and something is said to be left.
+        let understated = plan.views == 1 && how.stated_px < 0.9 * how.blob_px;
+        let verdict = if understated { "partial" } else { "explained" };
+        assert_eq!((diagnosis.verdict.as_str(), diagnosis.causes.len()), (verdict, 1), "{said}");
+        if understated {
+            let floor = diagnosis.gap.noise_floor_px.unwrap();
+            assert!(floor < 1.05 * how.stated_px * core::f64::consts::SQRT_2, "{said}");
+            continue;
+        }
         let truth = truly_closed(&world, &plan, &diagnosis, how.blob_px);
         let gap = &diagnosis.gap;
         let (closed, [low, high]) = (gap.closed.unwrap(), gap.closed_ci95.unwrap());

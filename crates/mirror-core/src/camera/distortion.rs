@@ -1,5 +1,6 @@
 //! Lens distortion: ROS's `plumb_bob`, `rational_polynomial` and `equidistant`, in OpenCV's order of coefficients.
 
+use super::distorted::{COEFFICIENTS, Distorted};
 use super::equidistant;
 use crate::error::{Result, finite};
 use nalgebra::{Matrix2, SMatrix, Vector2};
@@ -25,18 +26,6 @@ pub enum Distortion {
     RationalPolynomial([f64; 8]),
     /// Fisheye: `k1 k2 k3 k4`, for points before the camera.
     Equidistant([f64; 4]),
-}
-
-/// Number of coefficients of the richest model; poorer ones are padded with zeros.
-pub(crate) const COEFFICIENTS: usize = 8;
-
-/// A distorted point with its derivatives.
-pub(crate) struct Distorted {
-    pub point: Vector2<f64>,
-    /// `∂(x_d, y_d)/∂(x, y)`.
-    pub by_point: Matrix2<f64>,
-    /// `∂(x_d, y_d)/∂` the coefficients in their model's order, zeros beyond them.
-    pub by_coefficients: SMatrix<f64, 2, COEFFICIENTS>,
 }
 
 impl Distortion {

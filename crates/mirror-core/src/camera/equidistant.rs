@@ -1,6 +1,6 @@
 //! The fisheye lens of Kannala and Brandt in normalised image coordinates `(X/Z, Y/Z)`: `ρ = tan θ` goes to `θ (1 + k1 θ² + …)`.
 
-use super::distortion::{COEFFICIENTS, Distorted};
+use super::distorted::{COEFFICIENTS, Distorted};
 use nalgebra::{Matrix2, SMatrix, Vector2};
 
 /// How far off the axis points are projected: beyond, normalised coordinates have no digits left.

@@ -1,5 +1,6 @@
 //! Camera with lens distortion, pinhole or fisheye: points to pixels and pixels to rays, each with its Jacobians.
 
+mod distorted;
 mod distortion;
 mod equidistant;
 mod pinhole;

@@ -1,6 +1,7 @@
 //! The camera: intrinsics and lens, projection and its exact inverse.
 
-use super::distortion::{COEFFICIENTS, Distortion, Lens};
+use super::distorted::COEFFICIENTS;
+use super::distortion::{Distortion, Lens};
 use crate::error::{Error, Result, finite, positive};
 use nalgebra::{Matrix2, Matrix2x3, Matrix3x2, Point3, SMatrix, Unit, Vector2, Vector3};
 
@@ -8,6 +9,9 @@ use nalgebra::{Matrix2, Matrix2x3, Matrix3x2, Point3, SMatrix, Unit, Vector2, Ve
 const NEAREST_DEPTH_M: f64 = 1e-6;
 /// The inverse stops when its reprojection is this near (normalised image coordinates: 1e-13 is 1e-10 px at f = 1000 px).
 const UNPROJECT_TOLERANCE: f64 = 1e-13;
+/// Squared distance from the principal point, in focal lengths, from which on a ray is parallel to the picture's plane to
+/// the last digits.
+const FARTHEST_SQUARED: f64 = 1e16;
 /// Newton converges in 4 to 6 steps inside the lens's one-to-one region.
 const UNPROJECT_STEPS: usize = 50;
 
@@ -192,6 +196,10 @@ impl Camera {
             return refuse("needed finite numbers");
         }
         let target = (pixel - self.center_px).component_div(&self.focal_px);
+        // Written so that NaN fails.
+        if !(target.norm_squared() < FARTHEST_SQUARED) {
+            return refuse("needed a pixel whose ray has a direction before the camera");
+        }
         if matches!(self.distortion, Distortion::None) {
             return Ok((target, Matrix2::identity()));
         }

@@ -204,7 +204,9 @@ pub fn diagnose(
         diagnosis.sentence = evidence::what_is_false(&diagnosis.data);
         diagnosis.verdict = Verdict::Unknown;
     }
-    if evidence::insufficient(&diagnosis.data) {
+    // Where nothing was held out and predicted, nothing is known to agree.
+    let compared = diagnosis.gap.before_m.is_some() || diagnosis.gap.before_px.is_some();
+    if evidence::insufficient(&diagnosis.data) || (diagnosis.verdict == Verdict::None && !compared) {
         diagnosis.sentence = evidence::what_is_missing(&diagnosis.data);
         diagnosis.verdict = Verdict::Insufficient;
         diagnosis.causes.clear();

@@ -6,7 +6,7 @@
 //! cone by less than 0.05 px.
 
 use super::circle::Circle;
-use super::edges::MIN_EDGE_POINTS;
+use super::ray_edge::MIN_EDGE_POINTS;
 use crate::camera::Camera;
 use nalgebra::{Matrix2, Matrix2x3, Matrix3, Point3, Vector2, Vector3};
 

@@ -3,6 +3,7 @@
 use super::blur::{Blur, blur_of_rays};
 use super::luma::{lens_before_codec, lens_blur_px, luma_edges};
 use super::patch::Patch;
+use super::ray_edge::{MIN_EDGE_POINTS, RayEdge};
 use super::rays::{Rays, STEP_PX, ZONE_PX, mean_and_variance, mean_colour, median};
 use nalgebra::{Matrix3, Vector2, Vector3};
 
@@ -23,7 +24,6 @@ const BLACK_SHARE: f64 = 0.03;
 const LUMA_REACH_PX: f64 = 1.0;
 /// Passes of setting the zones around the edge that was found.
 const PASSES: usize = 3;
-pub(super) const MIN_EDGE_POINTS: usize = 8;
 
 /// One edge point a ray, its standard deviation along the ray, and whether there is one.
 pub(super) struct Edges {
@@ -31,20 +31,6 @@ pub(super) struct Edges {
     pub std_px: Vec<f64>,
     pub found: Vec<bool>,
     pub blur: Blur,
-}
-
-/// The edge on one ray.
-#[derive(Clone, Copy)]
-pub(super) struct RayEdge {
-    /// Offset from the expected outline, px.
-    pub offset: f64,
-    pub std: f64,
-    pub found: bool,
-    /// Second moment of what is covered by half, px²: the blur's variance.
-    pub moment: f64,
-    /// The two colours.
-    pub ball: [f64; 3],
-    pub behind: [f64; 3],
 }
 
 /// Edges of all rays from a centre. `outermost`: the outline is only roughly known, and the colour's outermost end is taken for it.

@@ -1,6 +1,6 @@
 //! Edges of the brightness in pictures whose codec blurs the colours, and what the lens did before the codec.
 
-use super::edges::{MIN_EDGE_POINTS, RayEdge};
+use super::ray_edge::{MIN_EDGE_POINTS, RayEdge};
 use super::rays::{Rays, STEP_PX, ZONE_PX, mean_and_variance, median, window_px};
 use super::shading::ENCODING_POWER;
 

@@ -26,6 +26,7 @@ mod cone;
 mod edges;
 mod luma;
 mod patch;
+mod ray_edge;
 mod rays;
 mod shading;
 

@@ -7,6 +7,8 @@ use std::collections::HashMap;
 
 /// Gloss of the body's plastic.
 const PLASTIC_GLOSS: f64 = 0.10;
+/// Inner corners of a printed board along one side at most.
+const MOST_CORNERS: u32 = 1000;
 /// Colour of visuals without a material.
 const DEFAULT_COLOUR: [f64; 3] = [0.6, 0.6, 0.62];
 
@@ -135,7 +137,7 @@ impl Body {
     /// centre, z out of the printed face, the square at the smallest x and y dark.
     ///
     /// # Errors
-    /// [`Error::OutOfRange`] for a square or border without extent.
+    /// [`Error::OutOfRange`] for a square or border without extent, for no corner or more than a thousand a side.
     pub fn chessboard(
         scene_from_board: Isometry3<f64>,
         corners: [u32; 2],
@@ -144,6 +146,15 @@ impl Body {
     ) -> Result<Self> {
         positive("board square (m)", square_m)?;
         positive("board border (m)", border_m)?;
+        for n in corners {
+            if !(1..=MOST_CORNERS).contains(&n) {
+                return Err(Error::OutOfRange {
+                    what: "inner corners of the board along a side".into(),
+                    got: f64::from(n),
+                    needed: format!("1 to {MOST_CORNERS}"),
+                });
+            }
+        }
         let squares = corners.map(|n| n + 1);
         let half = |n: u32| f64::from(n) * square_m / 2.0 + border_m;
         Ok(Self {

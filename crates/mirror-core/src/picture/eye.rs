@@ -10,6 +10,8 @@ use rayon::prelude::*;
 const FIXED_POINT_STEP: f64 = 1e-15;
 /// Steps of the fixed point; each gains a decimal or more for the lenses of real cameras.
 const FIXED_POINT_STEPS: usize = 300;
+/// Pixels of a picture at most: the table of beams takes 16 bytes for each.
+const MOST_PIXELS: usize = 50_000_000;
 /// How far the lens formula, applied to the result, may miss the pixel (normalised image coordinates).
 const FIXED_POINT_TOLERANCE: f64 = 1e-12;
 
@@ -34,7 +36,7 @@ impl Eye {
     ///
     /// # Errors
     /// [`Error::NotUnprojectable`] where the fixed point does not converge in some corner of the picture: the lens is
-    /// too strong for this tracer.
+    /// too strong for this tracer; [`Error::OutOfRange`] for a picture of more than 50 million pixels.
     pub fn new(camera: &Camera) -> Result<Self> {
         if matches!(camera.distortion(), Distortion::Equidistant(_)) {
             return Err(Error::NotUnprojectable {
@@ -45,6 +47,13 @@ impl Eye {
         }
         let (width, height) = camera.size_px();
         let (width, height) = (width as usize, height as usize);
+        if width.saturating_mul(height) > MOST_PIXELS {
+            return Err(Error::OutOfRange {
+                what: "pixels of the picture".into(),
+                got: width as f64 * height as f64,
+                needed: format!("at most {MOST_PIXELS}"),
+            });
+        }
         let mut eye = Self {
             width,
             height,

@@ -37,7 +37,7 @@ fn kept(parent: &str, element: &str) -> Option<&'static [(&'static str, Holds)]>
 const JOINT_TYPES: [&str; 4] = ["revolute", "continuous", "prismatic", "fixed"];
 
 /// Bytes of a URDF text at most: the largest known ones, with all their pictures, have a few million.
-const MOST_BYTES: usize = 64_000_000;
+pub(super) const MOST_BYTES: usize = 64_000_000;
 /// Links and joints at most, together: each posture takes a matrix for every link.
 const MOST_PARTS: usize = 10_000;
 /// Attributes of one element at most: the parser compares each with all before it.

@@ -3,7 +3,7 @@
 use super::fault::ModelFault;
 use super::joint::{Joint, JointKind, Limits};
 use super::model::{Link, Robot};
-use super::tidy::tidy;
+use super::tidy::{MOST_BYTES, tidy};
 use super::tree::{self, NamedJoint};
 use crate::error::Result;
 use nalgebra::{Isometry3, Point3, Translation3, Unit, UnitQuaternion, Vector3};
@@ -44,10 +44,15 @@ impl Robot {
     /// Reads a robot from a URDF file.
     ///
     /// # Errors
-    /// [`ModelFault::File`] where it cannot be read, else as [`Robot::from_urdf_str`].
+    /// [`ModelFault::File`] where it cannot be read or is no regular file (a pipe would be waited for), else as
+    /// [`Robot::from_urdf_str`].
     pub fn from_urdf_file(path: &Path) -> Result<Self> {
-        let text = std::fs::read_to_string(path)
-            .map_err(|e| ModelFault::File { path: path.display().to_string(), reason: e.to_string() })?;
+        let fault = |reason: String| ModelFault::File { path: path.display().to_string(), reason };
+        let kind = std::fs::metadata(path).map_err(|e| fault(e.to_string()))?;
+        if !kind.is_file() || kind.len() > MOST_BYTES as u64 {
+            return Err(fault(format!("needed a regular file of at most {MOST_BYTES} bytes")).into());
+        }
+        let text = std::fs::read_to_string(path).map_err(|e| fault(e.to_string()))?;
         Self::from_urdf_str(&text)
     }
 }

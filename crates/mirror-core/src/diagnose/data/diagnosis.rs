@@ -372,7 +372,7 @@ pub(crate) const VERSION: u32 = 2;
 pub struct Diagnosis {
     /// `mirror-posture/diagnosis`.
     pub format: String,
-    /// [`VERSION`].
+    /// 2: the version of the format.
     pub version: u32,
     /// Whether it was stopped before its end, and tells only what was found so far.
     #[serde(skip_serializing_if = "core::ops::Not::not")]

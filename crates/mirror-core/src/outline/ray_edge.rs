@@ -1,0 +1,18 @@
+//! Where the outline crosses one ray of a ball.
+
+/// Fewer rays with an edge than this make no outline.
+pub(super) const MIN_EDGE_POINTS: usize = 8;
+
+/// The edge on one ray.
+#[derive(Clone, Copy)]
+pub(super) struct RayEdge {
+    /// Offset from the expected outline, px.
+    pub offset: f64,
+    pub std: f64,
+    pub found: bool,
+    /// Second moment of what is covered by half, px²: the blur's variance.
+    pub moment: f64,
+    /// The two colours.
+    pub ball: [f64; 3],
+    pub behind: [f64; 3],
+}
