@@ -2,6 +2,7 @@
 
 use crate::diagnose::assessment::evidence::{self, Sources};
 use crate::diagnose::assessment::findings::Findings;
+use crate::diagnose::assessment::noise_floor::is_reached;
 use crate::diagnose::assessment::other_session::check;
 use crate::diagnose::criteria::cross_validation::in_sample;
 use crate::diagnose::criteria::lack_of_fit::adequacy;
@@ -168,7 +169,12 @@ pub fn diagnose(
     let mut standings = settled(&search, &mut found, &mut after)?;
     let free = found.fit.model.terms.iter().any(|t| search.catalogue.is_free(t.hypothesis));
     let left = adequacy(&search.problem, &search.deformation(&found.fit.model), search.measured_noise)?;
-    let unexplained = unexplained(&search, &found, &left, &after)?;
+    let named = !found.fit.model.terms.is_empty() || !found.fit.model.group.is_empty();
+    let unexplained = match unexplained(&search, &found, &left, &after)? {
+        // A remainder of no place and no structure, where the named causes reach the floor: the noise's tails.
+        Some(rest) if named && rest.is_scatter() && is_reached(&search, &found.fit, &after)? => None,
+        other => other,
+    };
     if free {
         after = without_names(&search, &mut found, &mut standings, &before)?;
     }

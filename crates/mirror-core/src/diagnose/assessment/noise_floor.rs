@@ -6,7 +6,8 @@
 //! than the noise, and it is the noise where nothing significant is left. Both are taken of the very residuals of which the
 //! gap after is made, tails, detector and all, so that gap and floor are sizes of the same kind.
 
-use crate::diagnose::criteria::cross_validation::{PostureGap, gap_of, size};
+use crate::diagnose::criteria::cross_validation::{PostureGap, gap_of, seen_size, size};
+use crate::diagnose::criteria::lack_of_fit::NOTICEABLE_EXCESS;
 use crate::diagnose::likelihood::fit::Fit;
 use crate::diagnose::likelihood::noise_correlation::successive_correlation;
 use crate::diagnose::likelihood::saturated::{FreePosture, free_markers};
@@ -113,6 +114,19 @@ impl Floor {
         let (a, b) = (self.fitted_log_std.powi(-2), self.independent.log_std.powi(-2));
         ((a * fitted.ln() + b * independent.ln()) / (a + b)).exp()
     }
+}
+
+/// Whether a model's held-out gap (`after`) is no larger than its floor makes it, tails of the noise included: where the views of
+/// a posture tell the noise, a Gaussian of the same core would be too small a measure.
+///
+/// # Errors
+/// A camera or mirror that cannot be.
+pub(crate) fn is_reached(search: &Search<'_>, fit: &Fit, after: &[PostureGap]) -> Result<bool> {
+    let floor = Floor::new(search, fit, false)?;
+    let size_of_floor = floor.of(&floor.fitted, 0.0);
+    let pixels = size(after).rms_px.is_some();
+    let floor = if pixels { size_of_floor.px } else { size_of_floor.m };
+    Ok(floor > 0.0 && (seen_size(after) / floor).powi(2) < 1.0 + NOTICEABLE_EXCESS)
 }
 
 /// How many parameters a fit has taken from the data: of one under a prior, the share that the data tell.

@@ -13,7 +13,7 @@ const QUANTILE_DEVIATION: f64 = 0.524;
 /// The excess must be this many standard deviations of its own scatter, and this share of the noise's variance: smaller
 /// remainders are real but do not matter (12 % of the noise's standard deviation).
 const SIGNIFICANT_DEVIATIONS: f64 = 6.0;
-const NOTICEABLE_EXCESS: f64 = 0.25;
+pub(crate) const NOTICEABLE_EXCESS: f64 = 0.25;
 /// Corners above their noise by this share of its variance show wrong optics.
 const NOTICEABLE_CORNER_EXCESS: f64 = 0.5;
 

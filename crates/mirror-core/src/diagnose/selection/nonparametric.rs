@@ -32,6 +32,13 @@ pub(crate) struct Unexplained {
     pub places: Vec<UnexplainedPlace>,
 }
 
+impl Unexplained {
+    /// Whether it has neither a place nor anything that it depends on.
+    pub fn is_scatter(&self) -> bool {
+        self.places.iter().all(|p| p.place.is_none() && p.depends_on.is_none())
+    }
+}
+
 /// A place at which the vocabulary is not enough.
 #[derive(Debug, Clone)]
 pub(crate) struct UnexplainedPlace {
