@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from ..joint_degrees import joint_degrees
 from ..output import JsonOption, Output
 
 ORDER = 6
@@ -106,7 +107,7 @@ def command(
         same_postures=same_postures,
         table_m=table,
         clearance_m=None if clearance_mm is None else clearance_mm / 1000.0,
-        home=_degrees(home or []),
+        home=joint_degrees(home or [], "--home", "elbow=30"),
         held=tuple(hold or ()),
         real_balls_allowed=real_balls,
         packages=packages,
@@ -144,18 +145,3 @@ def command(
     output.say(f"written: {folder}/postures.csv, views.csv, plan.json; look at {folder}/plan.png")
     output.say(f"next: mirror-posture capture {session}")
     output.result({"plan": folder, **document(plan)})
-
-
-def _degrees(given: list[str]) -> dict[str, float]:
-    from ..._core import MirrorPostureError
-
-    found = {}
-    for text in given:
-        joint, equals, degrees = text.partition("=")
-        try:
-            found[joint] = math.radians(float(degrees))
-        except ValueError:
-            equals = ""
-        if not equals or not math.isfinite(found[joint]):
-            raise MirrorPostureError(f"--home: got {text!r}, needed JOINT=DEGREES, as in elbow=30")
-    return found

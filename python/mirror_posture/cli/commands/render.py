@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from ..._core import MirrorPostureError
+from ..joint_degrees import joint_degrees
 from ..output import JsonOption, Output
 
 ORDER = 20
@@ -79,7 +80,7 @@ def command(
     if meshes:
         _with_meshes(
             output, folder, template or EMBEDDED_FOLDER, plan, joint or [], mirror_size, preview, yaw_deg or [0.0], distance_mm,
-            _offsets(offset or []), overwrite,
+            joint_degrees(offset or [], "--offset", "r_elbow=2.5"), overwrite,
         )  # fmt: skip
         return
     if plan is not None or joint or preview:
@@ -97,7 +98,7 @@ def command(
             folder,
             chosen,
             views,
-            offsets_rad=_offsets(offset or []),
+            offsets_rad=joint_degrees(offset or [], "--offset", "r_elbow=2.5"),
             options=options,
             template=template or EMBEDDED_FOLDER,
             seed=seed,
@@ -109,19 +110,6 @@ def command(
     )
     output.say(f"next: mirror-posture detect {folder}")
     output.result({"session": folder, "pictures": len(chosen) * len(views), "postures": len(chosen)})
-
-
-def _offsets(given: list[str]) -> dict[str, float]:
-    offsets = {}
-    for text in given:
-        joint, equals, degrees = text.partition("=")
-        try:
-            offsets[joint] = math.radians(float(degrees))
-        except ValueError:
-            equals = ""
-        if not equals or not math.isfinite(offsets[joint]):
-            raise MirrorPostureError(f"--offset: got {text!r}, needed JOINT=DEGREES, as in r_elbow=2.5")
-    return offsets
 
 
 def _with_meshes(
