@@ -1,14 +1,19 @@
 """Sessions broken by a script: each must end in a clear error or a right answer.
 
 `python tests/python/broken_sessions.py` makes three sound sessions, whose diagnosis names a cause, breaks them in the ways of
-`session_breaks.py`, every way in turn, and diagnoses them, each in a process of its own; sessions that are given are broken instead. Wrong
+`session_breaks`, every way in turn, and diagnoses them, each in a process of its own; sessions that are given are broken instead. Wrong
 are: the verdict `none` or no gap (the cause is still there), an answer where a refusal is due, another answer where nothing that counts
 was changed, exit code 4, a traceback, an error of several lines, more than 5 s of computing or 1 GB of memory. A short run is a test.
+
+With `--log FILE` a run can be ended at any moment and be gone on with; `--again` runs those once more that ended wrongly, and `--keep FOLDER`
+keeps them.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
+import dataclasses
 import json
 import os
 import random
@@ -18,7 +23,7 @@ import sys
 import tempfile
 import time
 from collections import Counter, defaultdict
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -39,7 +44,8 @@ Causes = tuple[tuple[str, str], ...]
 class End:
     """How a broken session ended."""
 
-    kind: Kind
+    number: int
+    kind: str
     what: str
     code: int
     verdict: str | None
@@ -49,7 +55,7 @@ class End:
     faults: list[str]
 
 
-def diagnose(folder: Path, kind: Kind, what: str, whole: tuple[str, Causes]) -> End:
+def diagnose(number: int, folder: Path, kind: Kind, what: str, whole: tuple[str, Causes]) -> End:
     """Diagnoses in a forked process, whose time and memory are its own."""
     out, err = folder.parent / "stdout", folder.parent / "stderr"
     begun, child = time.monotonic(), os.fork()
@@ -111,7 +117,7 @@ def diagnose(folder: Path, kind: Kind, what: str, whole: tuple[str, Causes]) -> 
         faults.append(f"not as the whole session: {verdict}, {causes_of(tree)}")
     if seconds > MOST_SECONDS or memory > MOST_KB:
         faults.append(f"{seconds:.1f} s, {memory / 1000:.0f} MB")
-    return End(kind, what, code, verdict, text, seconds, memory, faults)
+    return End(number, kind.name, what, code, verdict, text, seconds, memory, faults)
 
 
 def causes_of(tree: dict[str, object]) -> Causes:
@@ -120,30 +126,15 @@ def causes_of(tree: dict[str, object]) -> Causes:
     return tuple((cause["effect"], cause["at"]) for cause in causes)
 
 
-def run(
-    sessions: Sequence[Path],
-    count: int,
-    seed: int,
-    below: Path,
-    told: bool = False,
-    seconds: float = 1e9,
-    skip: int = 0,
-) -> list[End]:
-    """Breaks the sessions, every way in turn, each in a copy below a folder; `told`: wrong ends are printed at once."""
-    until = time.monotonic() + seconds
-    # Imported once: a child's time is that of its own work.
-    import matplotlib.figure  # noqa: F401
-
-    import mirror_posture.cli.app
-    import mirror_posture.detect
-    import mirror_posture.diagnosis
-
+def whole_diagnoses(sessions: Sequence[Path], below: Path) -> dict[Path, tuple[str, Causes]]:
+    """What the sessions say before they are broken, found in processes of their own: the core's threads must not be there when this one is forked."""
     wholes = {}
     for session in sessions:
-        # In a process of its own: the core's threads must not be there when this one is forked.
         file = below / "whole.json"
         if (child := os.fork()) == 0:
-            file.write_text(mirror_posture.diagnosis.diagnose(session).to_json(), encoding="utf-8")
+            from mirror_posture.diagnosis import diagnose as diagnose_whole
+
+            file.write_text(diagnose_whole(session).to_json(), encoding="utf-8")
             os._exit(0)
         assert os.waitpid(child, 0)[1] == 0
         tree = json.loads(file.read_text(encoding="utf-8"))
@@ -151,12 +142,39 @@ def run(
             f"{session} names no cause: what breaks it could not be told from what is right"
         )
         wholes[session] = (tree["verdict"], causes_of(tree))
+    return wholes
+
+
+def run(
+    sessions: Sequence[Path],
+    count: int,
+    seed: int,
+    below: Path,
+    *,
+    skip: int = 0,
+    done: Collection[int] = (),
+    seconds: float = 1e9,
+    tell: Callable[[End, Path], None] = lambda end, folder: None,
+) -> list[End]:
+    """Breaks the sessions, every way in turn, each in a copy below a folder; those of the numbers `done` are left out, and count."""
+    until = time.monotonic() + seconds
+    # Imported once: a child's time is that of its own work.
+    import matplotlib.figure  # noqa: F401
+
+    import mirror_posture.cli.app
+    import mirror_posture.detect
+    import mirror_posture.diagnosis  # noqa: F401
+
+    wholes = whole_diagnoses(sessions, below)
     ends: list[End] = []
-    number = skip
-    while len(ends) < count and time.monotonic() < until:
+    number, left = skip, count
+    while left > 0 and time.monotonic() < until:
         session, kind = sessions[(number // len(KINDS) + number) % len(sessions)], KINDS[number % len(KINDS)]
         number += 1
         chance = random.Random(f"{seed}-{number}")
+        if number in done:
+            left -= 1
+            continue
         place = below / "broken"
         shutil.rmtree(place, ignore_errors=True)
         folder = place / "session"
@@ -165,14 +183,10 @@ def run(
             how = kind.make(folder, chance)
         except NotHere:
             continue
-        ends.append(
-            diagnose(folder, kind, f"{seed}-{number} {session.name}, {kind.name}: {how}", wholes[session])
-        )
-        if told and ends[-1].faults:
-            print(
-                f"{ends[-1].what}: {'; '.join(ends[-1].faults)}\n    {ends[-1].text.strip()[:300]}",
-                flush=True,
-            )
+        left -= 1
+        what = f"{seed}-{number} {session.name}, {kind.name}: {how}"
+        ends.append(diagnose(number, folder, kind, what, wholes[session]))
+        tell(ends[-1], folder)
     return ends
 
 
@@ -198,8 +212,8 @@ def table(ends: Sequence[End]) -> str:
     """How the sessions ended, by kind, as a table of Markdown."""
     rows: dict[str, Counter[str]] = defaultdict(Counter)
     for end in ends:
-        rows[end.kind.name]["refused" if end.code == 1 else end.verdict or "?"] += 1
-        rows[end.kind.name]["wrong"] += bool(end.faults)
+        rows[end.kind]["refused" if end.code == 1 else end.verdict or "?"] += 1
+        rows[end.kind]["wrong"] += bool(end.faults)
     columns = ["refused", "insufficient", "unknown", "partial", "explained", "none", "wrong"]
     lines = [f"| broken by | must be | {' | '.join(columns)} |", "| --- " * (len(columns) + 2) + "|"]
     must = {kind.name: kind.must for kind in KINDS}
@@ -208,23 +222,66 @@ def table(ends: Sequence[End]) -> str:
     return "\n".join(lines)
 
 
-if __name__ == "__main__":
+def read_log(log: Path | None) -> dict[int, End]:
+    """The ends that stand in a log, by number; the last of each counts."""
+    if log is None or not log.exists():
+        return {}
+    ends = [End(**json.loads(line)) for line in log.read_text(encoding="utf-8").splitlines()]
+    return {end.number: end for end in ends}
+
+
+def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("sessions", type=Path, nargs="*")
     parser.add_argument("--count", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument(
-        "--skip",
-        type=int,
-        default=0,
-        help="So many of the ways, in turn, are left out at the start: another part of the same run.",
+        "--skip", type=int, default=0, help="So many ways, in turn, are left out at the start."
     )
     parser.add_argument("--seconds", type=float, default=1e9, help="No longer than this.")
+    parser.add_argument(
+        "--log", type=Path, help="Every end is a line of this file; those that stand there are not run."
+    )
+    parser.add_argument(
+        "--again", action="store_true", help="Those of the log that ended wrongly are run once more."
+    )
+    parser.add_argument("--keep", type=Path, help="Sessions that end wrongly are kept here.")
     options = parser.parse_args()
+    ends = read_log(options.log)
+    done = [number for number, end in ends.items() if not (options.again and end.faults)]
+
+    def tell(end: End, folder: Path) -> None:
+        ends[end.number] = end
+        if options.log:
+            with options.log.open("a", encoding="utf-8") as log:
+                log.write(json.dumps(dataclasses.asdict(end)) + "\n")
+        if end.faults:
+            print(f"{end.what}: {'; '.join(end.faults)}\n    {end.text.strip()[:300]}", flush=True)
+        if end.faults and options.keep:
+            with contextlib.suppress(shutil.Error):
+                shutil.copytree(folder, options.keep / str(end.number), symlinks=True, dirs_exist_ok=True)
+
     with tempfile.TemporaryDirectory() as name:
         sessions = options.sessions or sound_sessions(Path(name))
-        ends = run(sessions, options.count, options.seed, Path(name), True, options.seconds, options.skip)
-    print(table(ends))
-    print(f"{sum(bool(end.faults) for end in ends)} of {len(ends)} ended wrongly; at most "
-          f"{max(end.cpu_s for end in ends):.1f} s, {max(end.memory_kb for end in ends) / 1000:.0f} MB")  # fmt: skip
-    sys.exit(any(end.faults for end in ends))
+        run(
+            sessions,
+            options.count,
+            options.seed,
+            Path(name),
+            skip=options.skip,
+            done=done,
+            seconds=options.seconds,
+            tell=tell,
+        )
+    found = list(ends.values())
+    wrong = sum(bool(end.faults) for end in found)
+    print(table(found))
+    print(
+        f"{wrong} of {len(found)} ended wrongly; at most {max(end.cpu_s for end in found):.1f} s, "
+        f"{max(end.memory_kb for end in found) / 1000:.0f} MB"
+    )
+    return int(wrong > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
