@@ -42,10 +42,17 @@ class GlassArguments(TypedDict, total=False):
 
 @dataclass(frozen=True)
 class Mirror:
-    """How a mirror is made: a pane of glass, silvered behind; a thickness of 0 m is a front-surface mirror."""
+    """How a mirror is made: a pane of glass, silvered behind; a thickness of 0 m is a front-surface mirror.
+
+    Its size and where its centre stands (in the root's frame) are for plans and pictures, None where nobody told; no fit
+    uses them: where a mirror stood is estimated from the board's reflection.
+    """
 
     glass_thickness_m: float = 0.0
     refractive_index: float = FLOAT_GLASS_INDEX
+    width_m: float | None = None
+    height_m: float | None = None
+    center_in_root_m: tuple[float, float, float] | None = None
 
     @property
     def glass(self) -> GlassArguments:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ast
 import sys
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import PackageNotFoundError, requires, version
 from pathlib import Path
 
 import pytest
@@ -63,10 +63,12 @@ def test_this_reader_of_imports_sees_what_it_should() -> None:
 
 def test_both_distributions_have_one_version() -> None:
     project = tomllib.loads((LAB / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    assert project["version"] == mirror_posture.__version__
-    assert project["dependencies"][0] == f"mirror-posture=={mirror_posture.__version__}"
+    assert project["dynamic"] == ["version", "dependencies"] and "version" not in project
+    workspace = tomllib.loads((PYTHON.parent / "Cargo.toml").read_text(encoding="utf-8"))["workspace"]
+    assert workspace["package"]["version"] == mirror_posture.__version__
     try:
         assert version("mirror-posture-lab") == mirror_posture.__version__
+        assert f"mirror-posture=={mirror_posture.__version__}" in (requires("mirror-posture-lab") or [])
     except PackageNotFoundError:
         pytest.skip("run from the sources, not from installed wheels")
 

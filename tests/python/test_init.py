@@ -12,9 +12,11 @@ import tomllib
 from typer.testing import CliRunner
 
 from mirror_posture import MirrorPostureError, Robot, cli, load_session
+from mirror_posture.mirror import Mirror
 from mirror_posture.new_session import CameraMount, FaceMount, parse_marker, parse_vector
 from mirror_posture.new_session.from_mjcf import urdf_from_mjcf
-from mirror_posture.shapes.of_links import mesh_file
+from mirror_posture.plan.options import PlanOptions
+from mirror_posture.shapes.of_links import mesh_file, shapes_of_links
 
 ARM = """<?xml version="1.0"?>
 <!-- a licence -->
@@ -71,6 +73,17 @@ def test_a_session_from_a_urdf(arm: Path, tmp_path: Path) -> None:
     np.testing.assert_allclose(pose[2][:3, 3], [0.2, 0.0, 0.06], atol=1e-12)
 
 
+def test_a_session_from_xacro(arm: Path, tmp_path: Path) -> None:
+    pytest.importorskip("xacro")
+    file = tmp_path / "arm.xacro"
+    text = arm.read_text().replace("<robot ", '<robot xmlns:xacro="http://www.ros.org/wiki/xacro" ', 1)
+    assert '"base"' in text
+    file.write_text(text.replace('"base"', '"$(arg prefix)base"'))
+    assert "substitution argument" in run("init", file, tmp_path / "s", *WORDS, code=1).stderr
+    run("init", file, tmp_path / "s", *WORDS, "--xacro-arg", "prefix:=")
+    assert 'link name="base"' in (tmp_path / "s" / "robot.urdf").read_text()
+
+
 def test_what_is_left_out_is_asked_for(arm: Path, tmp_path: Path) -> None:
     answers = "base\nbase\nhand=upper@0.2,0,0 wrist=upper@0.1,0,0\n"
     run("init", arm, tmp_path / "s", "--camera-at", "0,0,0.3", "--board-at", "0,0,0.1", input=answers)
@@ -112,7 +125,10 @@ def test_files_that_are_no_robots_are_refused(tmp_path: Path) -> None:
     for text, problem in (
         ("<sdf/>", "needed a URDF"),
         ("<robot", "no XML"),
-        ('<robot xmlns:xacro="http://x" name="a"><xacro:arm/><link name="a"/></robot>', "xacro x.urdf"),
+        (
+            '<robot xmlns:xacro="http://x" name="a"><xacro:arm/><link name="a"/></robot>',
+            "unknown macro name: xacro:arm",
+        ),
     ):
         file.write_text(text)
         assert problem in run("init", file, tmp_path / "s", *WORDS, code=1).stderr
@@ -164,7 +180,7 @@ def test_an_mjcf_becomes_a_urdf_that_moves_as_mujoco_moves(tmp_path: Path) -> No
     mujoco = pytest.importorskip("mujoco")
     file = tmp_path / "m.xml"
     file.write_text(MJCF)
-    robot = Robot.from_urdf_text(urdf_from_mjcf(file))
+    robot = Robot.from_urdf_text(urdf_from_mjcf(file)[0])
     assert robot.position_names == ("j1", "j2", "s")
     model = mujoco.MjModel.from_xml_path(str(file))
     data = mujoco.MjData(model)
@@ -189,3 +205,45 @@ def test_an_mjcf_becomes_a_urdf_that_moves_as_mujoco_moves(tmp_path: Path) -> No
     file.write_text(MJCF.replace('name="j2" axis="1 0 0"', 'name="j2" type="ball"'))
     with pytest.raises(MirrorPostureError, match="ball joint"):
         urdf_from_mjcf(file)
+
+
+SHAPES = """<mujoco><asset><mesh name="wedge/1" vertex="0 0 0  .2 0 0  0 .1 0  0 0 .3"/></asset><worldbody>
+  <geom name="floor" type="plane" size="1 1 1"/>
+  <body name="arm"><joint name="j" axis="0 0 1" range="-90 90"/>
+    <geom type="mesh" mesh="wedge/1" pos="0.01 0.02 0.03" euler="0 0 90" contype="0" conaffinity="0"/>
+    <geom type="capsule" size="0.02 0.1" pos="0.5 0 0" group="3"/>
+    <geom type="box" size="0.1 0.2 0.3" pos="0 0 1"/>
+  </body></worldbody></mujoco>"""
+
+
+def test_an_mjcf_keeps_its_meshes_where_they_are(tmp_path: Path) -> None:
+    """The corners as the file tells them, turned by hand; what is seen and what collides are parted as MuJoCo parts them."""
+    pytest.importorskip("mujoco")
+    file = tmp_path / "m.xml"
+    file.write_text(SHAPES)
+    # fmt: off
+    run("init", file, tmp_path / "s", "--camera", "world", "--camera-at", "0,0,1", "--board", "world", "--board-at", "0,0,0.9",
+        "--marker", "hand=arm@0.1,0,0", "--mirror-size", "50x70", "--mirror-at", "1,0,0.9")
+    # fmt: on
+    urdf = tmp_path / "s" / "robot.urdf"
+    assert [path.name for path in (tmp_path / "s" / "meshes").iterdir()] == ["wedge_1.stl.coarse.stl"]
+    seen, missing = shapes_of_links(urdf, kind="visual")
+    assert not missing and set(seen) == {"arm"} and len(seen["arm"]) == 2
+    corners = np.array([[0, 0, 0], [0, 0.2, 0], [-0.1, 0, 0], [0, 0, 0.3]]) + np.array([0.01, 0.02, 0.03])
+    found = np.unique(np.round(seen["arm"][0].vertices_m, 6), axis=0)
+    np.testing.assert_allclose(found, corners[np.lexsort(corners.T[::-1])], atol=2e-6)
+    hard, _ = shapes_of_links(urdf, kind="collision")
+    spans = sorted(tuple(np.ptp(shape.vertices_m, axis=0).round(3)) for shape in hard["arm"])
+    assert spans == [(0.04, 0.04, 0.04), (0.04, 0.04, 0.04), (0.04, 0.04, 0.2), (0.2, 0.4, 0.6)]
+    ends = sorted(float(shape.vertices_m[:, 2].max().round(3)) for shape in hard["arm"])
+    assert ends == [-0.08, 0.1, 0.12, 1.3]
+    mirror = tomllib.loads((tmp_path / "s" / "session.toml").read_text())["mirror"]
+    assert (mirror["width"], mirror["height"], mirror["center"]) == (0.5, 0.7, [1.0, 0.0, 0.9])
+
+
+def test_a_plan_takes_the_mirror_that_the_session_tells() -> None:
+    told = Mirror(width_m=0.5, center_in_root_m=(1.0, 0.0, 0.9))
+    options = PlanOptions(mirror_height_m=0.3).before(told)
+    assert options.mirror_size_m == (0.5, 0.3) and options.mirror_at_m == (1.0, 0.0, 0.9)
+    assert PlanOptions(mirror_width_m=0.2).before(told).mirror_size_m == (0.2, 0.6)
+    assert PlanOptions().before(None).mirror_size_m == (0.4, 0.6)

@@ -20,6 +20,8 @@ LARGEST_SQUARE_M, LARGEST_MARKER_M, THICKEST_GLASS_M = 0.5, 0.5, 0.05
 """Beyond these a length is in mm."""
 FLOAT_GLASS_INDEX = 1.52
 LARGEST_INDEX = 3.0
+LARGEST_MIRROR_M = 10.0
+"""Width and height."""
 """Diamond has 2.4."""
 LARGEST_PIXEL_STD, LARGEST_POINT_STD_M, LARGEST_TOLERANCE_M = 20.0, 0.05, 0.5
 """Beyond these a measurement would hide whatever is wrong with a robot: the unit is another."""
@@ -158,6 +160,29 @@ MIRROR = Section(
             default=FLOAT_GLASS_INDEX,
             at_least=1.0,
             below=LARGEST_INDEX,
+        ),
+        Number(
+            name="width",
+            what="Of what reflects, for `plan` and `render --meshes`; no fit uses it.",
+            unit="m",
+            default=None,
+            above=0.0,
+            below=LARGEST_MIRROR_M,
+        ),
+        Number(
+            name="height",
+            what="Likewise.",
+            unit="m",
+            default=None,
+            above=0.0,
+            below=LARGEST_MIRROR_M,
+        ),
+        Numbers(
+            name="center",
+            what="Where its centre stands in the root's frame, for `plan`; left out: the plan chooses. No fit uses it.",
+            unit="m",
+            count=3,
+            default=None,
         ),
     ),
 )

@@ -14,12 +14,16 @@ import tomli_w
 
 from .._core import MirrorPostureError
 from ..camera import Camera
+from ..diagnosis.applied.xacro_tree import XacroTree, is_xacro
 from ..diagnosis.applied.xml_text import XmlText, read_xml
+from ..mirror import IDEAL_MIRROR, Mirror
 from ..output_files import new_folder
 from ..robot import Robot
 from ..session.camera_info import dump_camera_info
-from ..shapes import keep_coarse_meshes
-from .from_mjcf import origin_text, urdf_from_mjcf
+from ..session.write import mirror_keys
+from ..shapes import Triangles, keep_coarse_meshes
+from .from_mjcf import urdf_from_mjcf
+from .mjcf_shapes import origin_text
 from .mounts import CameraMount, FaceMount, MarkerMount
 
 CAMERA_LINK, BOARD_LINK, MARKER_SUFFIX = "session_camera_optical", "session_board", "_marker"
@@ -49,13 +53,14 @@ def create_session(
     board_mount: FaceMount,
     markers: Sequence[MarkerMount],
     ball_diameter_m: float,
-    glass_thickness_m: float = 0.0,
+    mirror: Mirror = IDEAL_MIRROR,
     packages: Mapping[str, Path] | None = None,
+    xacro_arguments: Mapping[str, str] | None = None,
 ) -> NewSession:
     """Writes a session without frames: robot.urdf, camera.yaml and session.toml, to be edited by hand at will.
 
-    The URDF stays as it is, to the letter, with the mounts as further links before its end; an MJCF is turned into a
-    URDF of the same kinematics. Coarse copies of the meshes that are found (`packages`: folders of ROS packages) are kept
+    The URDF stays as it is, to the letter, with the mounts as further links before its end; xacro is expanded
+    (`xacro_arguments`), an MJCF is turned into a URDF of the same kinematics and shapes. Coarse copies of the meshes that are found (`packages`: folders of ROS packages) are kept
     in the folder `meshes`, for plans and pictures. `board` are the keys of `[board]` without its link. The markers get evenly spread hues.
 
     Raises:
@@ -67,17 +72,16 @@ def create_session(
     if not robot_file.is_file():
         raise MirrorPostureError(f"{robot_file}: there is no such file; needed a URDF or an MJCF")
     text = read_xml(robot_file)
+    meshes: dict[str, Triangles] = {}
     root = XmlText(text, str(robot_file)).root.tag
     if root not in ("robot", "mujoco"):
         raise MirrorPostureError(
-            f"{robot_file}: got <{root}>, needed a URDF (<robot>) or an MJCF (<mujoco>); of xacro the output: xacro FILE > robot.urdf"
+            f"{robot_file}: got <{root}>, needed a URDF or xacro (<robot>) or an MJCF (<mujoco>)"
         )
     if root == "mujoco":
-        text = urdf_from_mjcf(robot_file)
-    if "xmlns:xacro" in text and ("<xacro:" in text or "${" in text):
-        raise MirrorPostureError(
-            f"{robot_file}: is xacro; write its output: xacro {robot_file.name} > robot.urdf"
-        )
+        text, meshes = urdf_from_mjcf(robot_file)
+    if root == "robot" and is_xacro(text):
+        text = XacroTree(robot_file, xacro_arguments, packages).expand({})
     bare = Robot.from_urdf_text(text)
     camera_link = CAMERA_LINK if camera_mount.at_m is not None else camera_mount.link
     board_link = BOARD_LINK if board_mount.at_m is not None else board_mount.link
@@ -95,10 +99,10 @@ def create_session(
         _marker(marker, marker_links[marker.name], ball_diameter_m, 360.0 * index / len(markers))
         for index, marker in enumerate(markers)
     ]
-    tree["mirror"] = {"glass_thickness": glass_thickness_m, "refractive_index": 1.52}
+    tree["mirror"] = mirror_keys(mirror)
     with new_folder(folder) as part:
         (part / "robot.urdf").write_bytes(text.encode("utf-8"))
-        keep_coarse_meshes(robot_file, part / "robot.urdf", packages or {})
+        keep_coarse_meshes(robot_file, part / "robot.urdf", packages or {}, meshes)
         (part / "camera.yaml").write_text(dump_camera_info(camera), encoding="utf-8")
         (part / "session.toml").write_text(tomli_w.dumps(tree), encoding="utf-8")
     return NewSession(

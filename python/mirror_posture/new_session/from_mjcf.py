@@ -1,4 +1,4 @@
-"""An MJCF's bodies and joints as URDF: the same kinematics and masses, without shapes."""
+"""An MJCF's bodies, joints and shapes as URDF: the same kinematics and masses."""
 
 from __future__ import annotations
 
@@ -12,13 +12,15 @@ import numpy.typing as npt
 
 from .._core import MirrorPostureError
 from ..diagnosis.applied.urdf import rotation_of_vector, rpy_of_rotation
+from ..shapes.triangles import Triangles
+from .mjcf_shapes import MjcfShapes, origin_text
 
 Floats = npt.NDArray[np.float64]
 MASSLESS = "_before_"
 
 
-def urdf_from_mjcf(file: Path) -> str:
-    """The URDF of a robot that an MJCF describes; joint values mean the same in both.
+def urdf_from_mjcf(file: Path) -> tuple[str, dict[str, Triangles]]:
+    """The URDF of a robot that an MJCF describes, and its meshes by file name; joint values mean the same in both.
 
     Bodies become links of their names. Of several joints of a body, and of a joint that is off its body's origin, links
     without mass come in between. A free joint at the root fixes the root where the file puts it.
@@ -36,11 +38,16 @@ def urdf_from_mjcf(file: Path) -> str:
         model = mujoco.MjModel.from_xml_path(str(file))
     except ValueError as error:
         raise MirrorPostureError(f"{file}: MuJoCo cannot load it: {' '.join(str(error).split())}") from None
-    lines = ['<?xml version="1.0"?>', f"<robot name={quoteattr(file.stem)}>", '  <link name="world"/>']
+    shapes = MjcfShapes(model)
+    lines = [
+        '<?xml version="1.0"?>',
+        f"<robot name={quoteattr(file.stem)}>",
+        _link("world", model, 0, shapes),
+    ]
     names = ["world", *(_name(model.body(index).name, f"body_{index}") for index in range(1, model.nbody))]
     for index in range(1, model.nbody):
         body = model.body(index)
-        lines.append(_link(names[index], model, index))
+        lines.append(_link(names[index], model, index, shapes))
         carried: Floats = np.eye(4)
         carried[:3, :3] = _rotation(mujoco, body.quat)
         carried[:3, 3] = body.pos
@@ -76,7 +83,7 @@ def urdf_from_mjcf(file: Path) -> str:
             lines.append(_moving(joint.name, hinge, parent, child, carried @ before, joint.axis, limits))
             parent, carried = child, back
         lines.append(_fixed(f"{names[index]}_fixed", parent, names[index], carried))
-    return "\n".join([*lines, "</robot>", ""])
+    return "\n".join([*lines, "</robot>", ""]), shapes.meshes
 
 
 def _name(given: str, default: str) -> str:
@@ -89,10 +96,19 @@ def _rotation(mujoco: Any, quat: Any) -> Any:
     return matrix.reshape(3, 3)
 
 
-def _link(name: str, model: Any, index: int) -> str:
+def _link(name: str, model: Any, index: int, shapes: MjcfShapes) -> str:
+    inside = _inertial(model, index) + shapes.of_body(index)
+    return (
+        f"  <link name={quoteattr(name)}>\n{inside}  </link>"
+        if inside
+        else f"  <link name={quoteattr(name)}/>"
+    )
+
+
+def _inertial(model: Any, index: int) -> str:
     mass = float(model.body_mass[index])
     if mass <= 0.0:
-        return f"  <link name={quoteattr(name)}/>"
+        return ""
     com = " ".join(f"{v:.12g}" for v in model.body_ipos[index])
     quat = model.body_iquat[index]
     import mujoco
@@ -100,17 +116,9 @@ def _link(name: str, model: Any, index: int) -> str:
     rpy = " ".join(f"{v:.12g}" for v in rpy_of_rotation(_rotation(mujoco, quat)))
     xx, yy, zz = (f"{v:.12g}" for v in model.body_inertia[index])
     return (
-        f"  <link name={quoteattr(name)}><inertial>"
-        f'<origin xyz="{com}" rpy="{rpy}"/><mass value="{mass:.12g}"/>'
-        f'<inertia ixx="{xx}" iyy="{yy}" izz="{zz}" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        f'    <inertial><origin xyz="{com}" rpy="{rpy}"/><mass value="{mass:.12g}"/>'
+        f'<inertia ixx="{xx}" iyy="{yy}" izz="{zz}" ixy="0" ixz="0" iyz="0"/></inertial>\n'
     )
-
-
-def origin_text(pose: Any) -> str:
-    """A URDF's `<origin …/>` of a pose, (4, 4)."""
-    xyz = " ".join(f"{float(v) + 0.0:.12g}" for v in pose[:3, 3])
-    rpy = " ".join(f"{float(v) + 0.0:.12g}" for v in rpy_of_rotation(pose[:3, :3]))
-    return f'<origin xyz="{xyz}" rpy="{rpy}"/>'
 
 
 def _fixed(name: str, parent: str, child: str, pose: Any) -> str:

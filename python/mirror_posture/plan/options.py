@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from .._core import MirrorPostureError
+from ..mirror import Mirror
 
 Floats = npt.NDArray[np.float64]
 
 YAWS_DEG = (0.0, 12.0, -12.0, 24.0, -24.0)
 PITCHES_DEG = (0.0, 8.0, -8.0)
+USUAL_SIZE_M = (0.4, 0.6)
+"""Width and height of a mirror of which nobody told them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,10 +44,11 @@ class MirrorPlace:
 class PlanOptions:
     """What the plan is made for. Lengths are in m, places in the root's frame."""
 
-    mirror_width_m: float = 0.4
-    mirror_height_m: float = 0.6
+    mirror_width_m: float | None = None
+    mirror_height_m: float | None = None
+    """None: as session.toml says, else 40 cm wide and 60 cm high."""
     mirror_at_m: tuple[float, float, float] | None = None
-    """Its centre; None: the plan chooses, before the board and the markers."""
+    """Its centre; None: as session.toml says, else the plan chooses, before the board and the markers."""
     mirror_fixed: bool = False
     """True: it hangs on a wall and is not turned: one view."""
     views: int = 3
@@ -67,6 +71,23 @@ class PlanOptions:
     noise_px: float | None = None
     """Of a corner or a ball's centre, one axis; None: as session.toml says, else 0.15 px."""
     seed: int = 0
+
+    @property
+    def mirror_size_m(self) -> tuple[float, float]:
+        """Width and height."""
+        width, height = USUAL_SIZE_M
+        return self.mirror_width_m or width, self.mirror_height_m or height
+
+    def before(self, mirror: Mirror | None) -> PlanOptions:
+        """With what session.toml says of the mirror where these options say nothing."""
+        if mirror is None:
+            return self
+        return replace(
+            self,
+            mirror_width_m=self.mirror_width_m or mirror.width_m,
+            mirror_height_m=self.mirror_height_m or mirror.height_m,
+            mirror_at_m=self.mirror_at_m or mirror.center_in_root_m,
+        )
 
     def __post_init__(self) -> None:
         for name in ("mirror_width_m", "mirror_height_m", "clearance_m"):
@@ -100,7 +121,7 @@ def turned_mirrors(options: PlanOptions, center_m: Floats, forward: Floats, up: 
         top = up - (up @ normal) * normal
         found.append(
             MirrorPlace(
-                center_m, normal, top / np.linalg.norm(top), options.mirror_width_m, options.mirror_height_m, yaw, pitch
+                center_m, normal, top / np.linalg.norm(top), *options.mirror_size_m, yaw, pitch
             )
         )  # fmt: skip
     return found

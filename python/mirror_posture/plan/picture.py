@@ -70,7 +70,7 @@ def draw_plan(plan: Plan, file: Path) -> None:
     _table(bottom.subplots(), plan)
     figure.suptitle(
         f"{robot.name}: {len(plan.view)} pictures, {len(plan.mirrors)} views, a mirror of "
-        f"{100 * plan.options.mirror_width_m:.0f} x {100 * plan.options.mirror_height_m:.0f} cm, {100 * plan.distance_m:.0f} cm before the board"
+        f"{100 * plan.mirrors[0].width_m:.0f} x {100 * plan.mirrors[0].height_m:.0f} cm, {100 * plan.distance_m:.0f} cm before the board"
     )
     figure.savefig(file, dpi=80)
 

@@ -81,9 +81,9 @@ def make_plan(
     Raises:
         MirrorPostureError: a folder that cannot be planned for; too few postures, with what took the others away.
     """
-    options = options or PlanOptions()
     say = say or (lambda _: None)
     nominal = Nominal.load(folder)
+    options = (options or PlanOptions()).before(nominal.metadata.mirror)
     setting = read_setting(nominal, options)
     random = np.random.default_rng(options.seed)
     room, ignored, warnings = _room(setting, options, random)

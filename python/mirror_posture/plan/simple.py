@@ -40,7 +40,7 @@ def mirrors_before(
         found.append(
             MirrorPlace(
                 turn @ (center - setting.base_from_root[:3, 3]), turn @ normal, turn @ up / np.linalg.norm(up),
-                options.mirror_width_m, options.mirror_height_m, yaw,
+                *options.mirror_size_m, yaw,
             )
         )  # fmt: skip
     return found

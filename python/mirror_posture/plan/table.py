@@ -86,8 +86,8 @@ def document(plan: Plan) -> dict[str, Any]:
         "frames": len(plan.view),
         "joints": list(plan.setting.joint_names),
         "mirror": {
-            "width_m": plan.options.mirror_width_m,
-            "height_m": plan.options.mirror_height_m,
+            "width_m": plan.mirrors[0].width_m,
+            "height_m": plan.mirrors[0].height_m,
             "distance_from_board_m": plan.distance_m,
             "views": [
                 {

@@ -139,7 +139,7 @@ def _check(raw: dict[str, Any]) -> Metadata:
         camera_tolerance=(None, None) if mount is None else (mount["tolerance_m"], mount["tolerance_rad"]),
         board=None if board is None else _board(board),
         markers=tuple(map(_marker, markers)),
-        mirror=None if mirror is None else Mirror(mirror["glass_thickness"], mirror["refractive_index"]),
+        mirror=None if mirror is None else _mirror(mirror),
         noise=Noise() if noise is None else Noise(noise["pixel_std"], noise["point_std"]),
         points_frame=None if points is None else points["frame"],
         ordered=True if frames is None else frames["ordered"],
@@ -194,6 +194,17 @@ def _board(board: Mapping[str, Any]) -> Board:
         board["link"],
         board["tolerance_m"],
         board["tolerance_rad"],
+    )
+
+
+def _mirror(mirror: Mapping[str, Any]) -> Mirror:
+    center = mirror["center"]
+    return Mirror(
+        mirror["glass_thickness"],
+        mirror["refractive_index"],
+        mirror["width"],
+        mirror["height"],
+        None if center is None else (center[0], center[1], center[2]),
     )
 
 

@@ -18,6 +18,7 @@ import tomli_w
 from ..arguments import checked_arguments
 from ..formats.session_keys import FORMAT, VERSION
 from ..marker import Marker
+from ..mirror import Mirror
 from ..output_files import new_file, new_folder
 from .accelerometers import accelerometer_columns
 from .camera_info import dump_camera_info
@@ -196,12 +197,7 @@ def metadata_tree(session: Session) -> dict[str, Any]:
         raw_markers = {entry.get("name"): entry for entry in raw.get("markers", [])}
         tree["markers"] = [raw_markers.get(m.name, {}) | _marker_tree(m) for m in session.markers]
     mirror = session.mirror
-    put(
-        "mirror",
-        None
-        if mirror is None
-        else {"glass_thickness": mirror.glass_thickness_m, "refractive_index": mirror.refractive_index},
-    )
+    put("mirror", None if mirror is None else mirror_keys(mirror))
     noise = {"pixel_std": session.noise.pixel_std_px, "point_std": session.noise.point_std_m}
     put("noise", noise if "noise" in raw or any(value is not None for value in noise.values()) else None)
     put("points", None if session.points is None else {"frame": session.points.frame_link})
@@ -210,6 +206,18 @@ def metadata_tree(session: Session) -> dict[str, Any]:
     known = {"camera", "camera_mount", "board", "markers", "mirror", "noise", "points", "frames"}
     tree |= {key: value for key, value in raw.items() if key not in tree and key not in known}
     return tree
+
+
+def mirror_keys(mirror: Mirror) -> dict[str, Any]:
+    """The keys of `[mirror]`; what is not told is left out."""
+    keys = {
+        "glass_thickness": mirror.glass_thickness_m,
+        "refractive_index": mirror.refractive_index,
+        "width": mirror.width_m,
+        "height": mirror.height_m,
+        "center": None if mirror.center_in_root_m is None else list(mirror.center_in_root_m),
+    }
+    return {key: value for key, value in keys.items() if value is not None}
 
 
 def _marker_tree(marker: Marker) -> dict[str, Any]:

@@ -51,16 +51,19 @@ def coarse_name(name: str) -> str:
     return re.sub(r"[^A-Za-z0-9.-]+", "_", name.split("://")[-1]).strip("._") + ".coarse.stl"
 
 
-def keep_coarse_meshes(source: Path, urdf: Path, packages: Mapping[str, Path]) -> int:
+def keep_coarse_meshes(
+    source: Path, urdf: Path, packages: Mapping[str, Path], read: Mapping[str, Triangles] | None = None
+) -> int:
     """Writes coarse copies of the meshes that a URDF names into the folder `meshes` beside `urdf`; returns how many.
 
-    With them a session can be planned and drawn wherever it is passed on to. `source` is the URDF beside which the meshes lie.
+    With them a session can be planned and drawn wherever it is passed on to. `source` is the URDF beside which the meshes lie;
+    `read` are those that were read already, by the name that the URDF gives them.
     """
     names = {mesh.get("filename", "") for mesh in ElementTree.parse(urdf).getroot().iter("mesh")}
     kept = 0
     for name in sorted(names):
         file = mesh_file(name, source, packages)
-        mesh = None if file is None else read_triangles(file)
+        mesh = (read or {}).get(name) or (None if file is None else read_triangles(file))
         if mesh is None:
             continue
         (urdf.parent / COARSE_FOLDER).mkdir(exist_ok=True)

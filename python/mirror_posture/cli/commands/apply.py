@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from ..named_values import package_folders, xacro_arguments
 from ..output import JsonOption, Output, SessionArgument
 
 ORDER = 70
@@ -24,7 +25,8 @@ def command(
         typer.Option(help="Folder for the corrected session: a session itself, with the same observations."),
     ],
     urdf: Annotated[
-        Path | None, typer.Option(help="Your own URDF: a corrected copy and a patch are written for it.")
+        Path | None,
+        typer.Option(help="Your own URDF, or the xacro that it is made of: the numbers in it that change."),
     ] = None,
     mjcf: Annotated[
         Path | None, typer.Option(help="Your own MJCF: meshes, geoms, sites and comments stay.")
@@ -35,9 +37,21 @@ def command(
     ur: Annotated[
         Path | None, typer.Option(help="Your Universal Robots calibration (.yaml): the joints' origins.")
     ] = None,
+    ros2_control: Annotated[
+        Path | None,
+        typer.Option(
+            help="Your file with <ros2_control>: offsets and reductions of its transmissions. Instead of --urdf."
+        ),
+    ] = None,
     motors: Annotated[
         str, typer.Option(help="Make of the motors of --lerobot: feetech or dynamixel.")
     ] = "feetech",
+    xacro_arg: Annotated[
+        list[str] | None, typer.Option(help="NAME=VALUE with which the xacro is expanded. Repeat it.")
+    ] = None,
+    package: Annotated[
+        list[str] | None, typer.Option(help="NAME=FOLDER of a ROS package that the xacro names.")
+    ] = None,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace the folder where it is there.")
     ] = False,
@@ -50,7 +64,9 @@ def command(
     cannot say, go into robot.mjcf.xml, which MuJoCo loads. What no file can hold is named, with what to do instead.
 
     Of your own files only the numbers that change are changed: a corrected copy and a .patch are written to the folder,
-    the files themselves stay as they are. A diagnosis of another session is refused.
+    the files themselves stay as they are. In xacro it is the property, argument or origin on which the joint alone depends.
+    What the robot is told (--lerobot, --ros2-control) and what the model says (--urdf, --mjcf, --ur) mend the same error:
+    use one of them. A diagnosis of another session is refused.
 
     The folder is a session with the same observations: diagnose it again to see what is left.
 
@@ -58,7 +74,7 @@ def command(
     """
     output = Output(as_json)
     from ...diagnosis import Diagnosis
-    from ...diagnosis.applied import OwnFile, apply_diagnosis, write_own_files
+    from ...diagnosis.applied import OwnFile, apply_diagnosis, twice_told, write_own_files
     from ...diagnosis.applied.apply import rows_for_people
     from ...session import load_session
 
@@ -69,8 +85,9 @@ def command(
     def also(part: Path) -> None:
         # In the same transaction: one refused file of the user's, and nothing is written.
         written = write_own_files(
-            loaded, found, part, urdf=urdf, mjcf=mjcf, lerobot=lerobot, ur=ur, motors=motors
-        )
+            loaded, found, part, urdf=urdf, mjcf=mjcf, lerobot=lerobot, ur=ur, ros2_control=ros2_control,
+            motors=motors, xacro_arguments=xacro_arguments(xacro_arg or ()), packages=package_folders(package or ()),
+        )  # fmt: skip
         own.extend(replace(one, file=out / one.file.name, patch=out / one.patch.name) for one in written)
 
     applied = apply_diagnosis(loaded, found, out, overwrite=overwrite, also=also)
@@ -86,6 +103,10 @@ def command(
         output.say(f"written: {entry.file}, {entry.patch}")
         for line in entry.told or ("nothing of what was found belongs into it",):
             output.say(f"  {line}")
+    for joint in twice_told(own):
+        output.warn(
+            f"{joint} correct the same joint: a model or its controller, not both, or it counts twice"
+        )
     output.result(
         {
             "folder": applied.folder,

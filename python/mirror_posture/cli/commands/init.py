@@ -8,6 +8,8 @@ from typing import Annotated
 
 import typer
 
+from ..named_values import mirror_size as wanted_size
+from ..named_values import package_folders, xacro_arguments
 from ..output import JsonOption, Output
 
 ORDER = 4
@@ -15,7 +17,7 @@ PANEL = "Setting up"
 
 
 def command(
-    robot: Annotated[Path, typer.Argument(help="URDF (or xacro's output) or MJCF.", show_default=False)],
+    robot: Annotated[Path, typer.Argument(help="URDF, xacro or MJCF.", show_default=False)],
     folder: Annotated[Path, typer.Argument(help="The session's folder to write.", show_default=False)],
     camera: Annotated[
         str | None, typer.Option(help="Link that carries the camera. Asked for where it is left out.")
@@ -44,6 +46,13 @@ def command(
     glass_mm: Annotated[
         float, typer.Option(help="Thickness of the mirror's pane; 0: silvered in front.")
     ] = 4.0,
+    mirror_size: Annotated[
+        str | None, typer.Option(help="Of the mirror, width x height, cm, for `plan`.")
+    ] = None,
+    mirror_at: Annotated[
+        str | None,
+        typer.Option(help="Its centre X,Y,Z in the root's frame, m, for `plan`, if it is to stand there."),
+    ] = None,
     tolerance_mm: Annotated[
         float, typer.Option(help="How exactly you could place things: one std, mm.")
     ] = 3.0,
@@ -62,6 +71,9 @@ def command(
     package: Annotated[
         list[str] | None, typer.Option(help="NAME=FOLDER of a ROS package whose meshes the URDF names.")
     ] = None,
+    xacro_arg: Annotated[
+        list[str] | None, typer.Option(help="NAME=VALUE of a robot written in xacro. Repeat it.")
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Start a session: tell where camera, board and balls sit on the robot.
@@ -76,6 +88,7 @@ def command(
     from ..._core import MirrorPostureError
     from ...board_sheet import BoardSheet
     from ...camera import Camera
+    from ...mirror import Mirror
     from ...new_session import CameraMount, FaceMount, create_session, draw_setup, parse_marker, parse_vector
     from ...session import load_camera_info
 
@@ -94,6 +107,7 @@ def command(
     if not (math.isfinite(ball_mm) and ball_mm > 0.0):
         raise MirrorPostureError(f"--ball-mm: got {ball_mm!r}, needed a diameter above 0")
     nx, ny = _two(corners, "--corners", "7x4")
+    mirror_width_m, mirror_height_m = wanted_size(mirror_size)
     tolerance_m, tolerance_rad = tolerance_mm / 1000.0, math.radians(tolerance_deg)
     # The sheet's own checks: one odd, one even; A3 holds whatever board a robot wears.
     told = BoardSheet(nx, ny, square_mm / 1000.0, paper="a3").metadata()
@@ -110,14 +124,6 @@ def command(
         )
     else:
         intrinsics = load_camera_info(camera_file)
-    packages = {}
-    for entry in package or ():
-        name, equals, path = entry.partition("=")
-        if not equals or not Path(path).is_dir():
-            raise MirrorPostureError(
-                f"--package: got {entry!r}, needed NAME=FOLDER of a folder that is there"
-            )
-        packages[name] = Path(path)
 
     def at(text: str | None, option: str) -> tuple[float, float, float] | None:
         return None if text is None else parse_vector(text, option)
@@ -137,8 +143,14 @@ def command(
         ),
         markers=[parse_marker(text, tolerance_m) for text in given],
         ball_diameter_m=ball_mm / 1000.0,
-        glass_thickness_m=glass_mm / 1000.0,
-        packages=packages,
+        mirror=Mirror(
+            glass_mm / 1000.0,
+            width_m=mirror_width_m,
+            height_m=mirror_height_m,
+            center_in_root_m=at(mirror_at, "--mirror-at"),
+        ),
+        packages=package_folders(package or ()),
+        xacro_arguments=xacro_arguments(xacro_arg or ()),
     )  # fmt: skip
     drawing = folder / "setup.png"
     missing = draw_setup(folder, drawing)

@@ -9,6 +9,8 @@ from typing import Annotated
 import typer
 
 from ..joint_degrees import joint_degrees
+from ..named_values import mirror_size as wanted_size
+from ..named_values import package_folders
 from ..output import JsonOption, Output
 
 ORDER = 6
@@ -25,10 +27,15 @@ def command(
     ] = None,
     postures: Annotated[int, typer.Option(help="How many postures.")] = 36,
     views: Annotated[int, typer.Option(help="How many ways the mirror (or the robot) is turned.")] = 3,
-    mirror_size: Annotated[str, typer.Option(help="Of the mirror, width x height, cm.")] = "40x60",
+    mirror_size: Annotated[
+        str | None,
+        typer.Option(help="Of the mirror, width x height, cm. [default: as session.toml says, else 40x60]"),
+    ] = None,
     mirror_at: Annotated[
         str | None,
-        typer.Option(help="Its centre X,Y,Z in the root's frame, m. By default the plan chooses."),
+        typer.Option(
+            help="Its centre X,Y,Z in the root's frame, m. [default: as session.toml says, else the plan chooses]"
+        ),
     ] = None,
     fixed: Annotated[
         bool, typer.Option("--fixed", help="The mirror hangs on a wall and is not turned: one view.")
@@ -77,26 +84,12 @@ def command(
     Example: `mirror-posture plan my-session --mirror-size 40x60`
     """
     output = Output(as_json)
-    from ..._core import MirrorPostureError
     from ...new_session import parse_vector
     from ...plan import PlanOptions, make_plan, write_plan
     from ...plan.picture import SHOWN, table_rows
     from ...plan.table import document
 
-    try:
-        width, height = (float(part) / 100.0 for part in mirror_size.lower().split("x"))
-    except ValueError:
-        raise MirrorPostureError(
-            f"--mirror-size: got {mirror_size!r}, needed WIDTHxHEIGHT in cm, as in 40x60"
-        ) from None
-    packages = {}
-    for entry in package or ():
-        name, equals, path = entry.partition("=")
-        if not equals or not Path(path).is_dir():
-            raise MirrorPostureError(
-                f"--package: got {entry!r}, needed NAME=FOLDER of a folder that is there"
-            )
-        packages[name] = Path(path)
+    width, height = wanted_size(mirror_size)
     options = PlanOptions(
         mirror_width_m=width,
         mirror_height_m=height,
@@ -110,7 +103,7 @@ def command(
         home=joint_degrees(home or [], "--home", "elbow=30"),
         held=tuple(hold or ()),
         real_balls_allowed=real_balls,
-        packages=packages,
+        packages=package_folders(package or ()),
         noise_px=noise_px,
         seed=seed,
     )

@@ -10,6 +10,7 @@ import typer
 
 from ..._core import MirrorPostureError
 from ..joint_degrees import joint_degrees
+from ..named_values import mirror_size as wanted_size
 from ..output import JsonOption, Output
 
 ORDER = 20
@@ -54,7 +55,10 @@ def command(
         list[str] | None,
         typer.Option(help="With --meshes: JOINT=DEGREES of one posture of your own. Repeat it."),
     ] = None,
-    mirror_size: Annotated[str, typer.Option(help="With --meshes: width x height, cm.")] = "40x60",
+    mirror_size: Annotated[
+        str | None,
+        typer.Option(help="With --meshes: width x height, cm. [default: as session.toml says, else 40x60]"),
+    ] = None,
     preview: Annotated[
         bool, typer.Option("--preview", help="With --meshes: one picture (FOLDER is then a .png), at once.")
     ] = False,
@@ -118,7 +122,7 @@ def _with_meshes(
     template: Path,
     plan: Path | None,
     joint: list[str],
-    mirror_size: str,
+    mirror_size: str | None,
     preview: bool,
     yaw_deg: list[float],
     distance_mm: float,
@@ -134,14 +138,10 @@ def _with_meshes(
     from ...shapes.mesh_pictures import MeshFrame, MeshPainter, render_meshes_session
     from ._robots import parse_joints
 
-    try:
-        width, height = (float(part) / 100.0 for part in mirror_size.lower().split("x"))
-    except ValueError:
-        raise MirrorPostureError(
-            f"--mirror-size: got {mirror_size!r}, needed WIDTHxHEIGHT in cm, as in 40x60"
-        ) from None
     nominal = Nominal.load(template)
-    options = PlanOptions(mirror_width_m=width, mirror_height_m=height)
+    wanted = PlanOptions(*wanted_size(mirror_size))
+    options = wanted.before(nominal.metadata.mirror)
+    width, height = options.mirror_size_m
     if plan is not None:
         found = planned_mirrors(plan, nominal)
         frames = [MeshFrame(row.posture, row.commanded, center, normal) for row, center, normal in found]

@@ -1,6 +1,6 @@
 """The better model: what a diagnosis found, written back into the robot's, the camera's and the session's files."""
 
 from .apply import Applied, Written, apply_diagnosis
-from .own_files import OwnFile, write_own_files
+from .own_files import OwnFile, twice_told, write_own_files
 
-__all__ = ["Applied", "OwnFile", "Written", "apply_diagnosis", "write_own_files"]
+__all__ = ["Applied", "OwnFile", "Written", "apply_diagnosis", "twice_told", "write_own_files"]

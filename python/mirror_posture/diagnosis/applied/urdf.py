@@ -66,6 +66,14 @@ class Urdf:
         element = self.joint(name).find(tag)
         return _numbers(None if element is None else element.attributes.get(key), default)
 
+    def numbers(self, name: str) -> dict[str, Floats]:
+        """The numbers of a joint as the file has them: `origin xyz`, `origin rpy`, `axis xyz`."""
+        return {
+            "origin xyz": self._numbers_of(name, "origin", "xyz", ZERO),
+            "origin rpy": self._numbers_of(name, "origin", "rpy", ZERO),
+            "axis xyz": self._read_axis(name),
+        }
+
     def joint(self, name: str) -> Element:
         """A joint by name. Raises `MirrorPostureError` for one that the robot does not have."""
         if name not in self.joints:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.parsers import expat
-from xml.sax.saxutils import quoteattr
+from xml.sax.saxutils import escape, quoteattr
 
 from ..._core import MirrorPostureError
 from ...input_files import LARGEST_MODEL, read_regular, reason
@@ -62,6 +62,7 @@ class XmlText:
         self.elements: list[Element] = []
         self._attributes: dict[int, dict[str, str]] = {}
         self._inserted: dict[int, list[str]] = {}
+        self._replaced: list[tuple[int, int, str]] = []
         self._by_start: dict[int, Element] = {}
         stack: list[Element] = []
         # The encoding that the declaration names was undone when the file was read.
@@ -93,6 +94,33 @@ class XmlText:
         """Gives an attribute a value."""
         self._attributes.setdefault(element.start, {})[attribute] = value
 
+    def inner(self, element: Element) -> str:
+        """What stands between an element's tags, as it was read."""
+        if element.open_end == element.end:
+            return ""
+        return self._bytes[element.open_end : self._bytes.rfind(b"</", 0, element.end)].decode("utf-8")
+
+    def set_inner(self, element: Element, text: str) -> None:
+        """Replaces the text between an element's tags; blanks at its ends stay. The element has no children."""
+        if element.open_end == element.end:
+            self.replace(element, f"{self._source(element)[:-2].rstrip()}>{escape(text)}</{element.tag}>")
+            return
+        was = self.inner(element)
+        start = element.open_end + len(was) - len(was.lstrip())
+        core = was.strip()
+        self._replaced.append((start, start + len(core.encode("utf-8")), escape(text)))
+
+    def replace(self, element: Element, text: str) -> None:
+        """Writes other text in the place of an element."""
+        self._replaced.append((element.start, element.end, text))
+
+    def insert_text_in(self, element: Element, text: str) -> None:
+        """Adds XML text as the first thing inside an element, on a line of its own where its first child has one."""
+        self._inserted.setdefault(element.open_end, []).append(self._breaks(element, inside=True) + text)
+
+    def _source(self, element: Element) -> str:
+        return self._bytes[element.start : element.open_end].decode("utf-8")
+
     def insert_in(self, element: Element, tag: str, attributes: Mapping[str, str]) -> None:
         """Adds an element as the first child."""
         self._insert(element.open_end, element, tag, attributes, inside=True)
@@ -108,19 +136,17 @@ class XmlText:
             raise MirrorPostureError(
                 f"<{element.tag}/> has nothing inside; write it as <{element.tag}></{element.tag}>"
             )
+        told = "".join(f" {key}={quoteattr(value)}" for key, value in attributes.items())
+        self._inserted.setdefault(at, []).append(f"{self._breaks(element, inside=inside)}<{tag}{told}/>")
+
+    def _breaks(self, element: Element, *, inside: bool) -> str:
+        """The line end and indentation of the neighbour; nothing where it has none of its own."""
         near = element.children[0] if inside and element.children else element
         line = self._bytes.rfind(b"\n", 0, near.start) + 1
         indent = self._bytes[line : near.start].decode()
-        # The line end and indentation of the neighbour; on one line with it where it has none of its own.
-        breaks = (
-            ("\r\n" if self._bytes[line - 2 : line] == b"\r\n" else "\n") + indent
-            if not indent.strip()
-            else ""
-        )
-        if line == 0:
-            breaks = ""
-        told = "".join(f" {key}={quoteattr(value)}" for key, value in attributes.items())
-        self._inserted.setdefault(at, []).append(f"{breaks}<{tag}{told}/>")
+        if line == 0 or indent.strip():
+            return ""
+        return ("\r\n" if self._bytes[line - 2 : line] == b"\r\n" else "\n") + indent
 
     def text(self) -> str:
         """The edited document."""
@@ -129,6 +155,7 @@ class XmlText:
             for start, wanted in self._attributes.items()
         ]
         changes += [(at, at, "".join(parts)) for at, parts in self._inserted.items()]
+        changes += self._replaced
         data = self._bytes
         for start, end, new in sorted(changes, key=lambda change: change[:2], reverse=True):
             data = data[:start] + new.encode("utf-8") + data[end:]
