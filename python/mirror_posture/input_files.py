@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import stat
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import yaml
 
@@ -47,19 +47,32 @@ def read_regular(file: Path, largest: int) -> bytes:
     Raises:
         OSError: it is missing, cannot be read, is no regular file, or has more than `largest` bytes.
     """
-    # Without O_NONBLOCK, opening a named pipe waits for somebody to write to it.
-    handle = os.open(file, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
-    with os.fdopen(handle, "rb") as stream:
-        kind = os.fstat(handle)
-        if not stat.S_ISREG(kind.st_mode):
-            raise OSError(None, "is no regular file (a folder, a pipe or a device); needed a file")
-        if kind.st_size > largest:
-            raise OSError(None, f"has {kind.st_size} bytes, needed at most {largest}")
+    with open_regular(file, largest) as stream:
         # A file that grows meanwhile is still bounded.
         data = stream.read(largest + 1)
     if len(data) > largest:
         raise OSError(None, f"has more than {largest} bytes, needed at most {largest}")
     return data
+
+
+def open_regular(file: Path, largest: int) -> IO[bytes]:
+    """A regular file, open for reading.
+
+    Raises:
+        OSError: as `read_regular`.
+    """
+    # Without O_NONBLOCK, opening a named pipe waits for somebody to write to it.
+    handle = os.open(file, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+    kind = os.fstat(handle)
+    if not stat.S_ISREG(kind.st_mode) or kind.st_size > largest:
+        os.close(handle)
+        raise OSError(
+            None,
+            f"has {kind.st_size} bytes, needed at most {largest}"
+            if stat.S_ISREG(kind.st_mode)
+            else "is no regular file (a folder, a pipe or a device); needed a file",
+        )
+    return os.fdopen(handle, "rb")
 
 
 def read_text(file: Path, largest: int = LARGEST_TEXT) -> str:
@@ -94,7 +107,7 @@ def given_text(file: str | os.PathLike[str], needed: str, largest: int = LARGEST
         ) from None
 
 
-def parse_yaml(text: str, needed: str) -> Any:
+def parse_yaml(text: str, needed: str, most_parts: int = MOST_YAML_PARTS) -> Any:
     """A YAML document as plain values, in time and memory linear in its size.
 
     Raises:
@@ -110,7 +123,7 @@ def parse_yaml(text: str, needed: str) -> Any:
                 raise _UnfoldingError(
                     f"line {line}: got a YAML alias (*{event.anchor}), needed the value itself"
                 )
-            if count > MOST_YAML_PARTS or depth > DEEPEST_YAML:
+            if count > most_parts or depth > DEEPEST_YAML:
                 raise _UnfoldingError(f"got YAML of very many or deep parts, needed {needed}")
         return yaml.safe_load(text)
     except _UnfoldingError:

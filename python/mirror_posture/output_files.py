@@ -117,6 +117,33 @@ def new_folder(folder: str | os.PathLike[str], owned: Sequence[str] | None = Non
             raise
 
 
+def keep_files(folder: Path, part: Path, besides: Sequence[str]) -> None:
+    """Everything of a folder in a new one, as links to the same files, but for those of some names (patterns of paths in it).
+
+    To be used within `new_folder`: what is kept must not be written into, only replaced.
+
+    Raises:
+        MirrorPostureError: something there is neither a file nor a folder nor a link.
+    """
+    for path in sorted(folder.rglob("*")):
+        name = path.relative_to(folder)
+        if _is_owned(name.as_posix(), besides):
+            continue
+        target = part / name
+        if path.is_symlink():
+            target.symlink_to(os.readlink(path))
+        elif path.is_dir():
+            target.mkdir(exist_ok=True)
+        elif not path.is_file():
+            raise MirrorPostureError(f"{path}: is no file (a pipe or a device); remove it")
+        else:
+            try:
+                os.link(path, target)
+            except OSError:
+                # Not on every file system.
+                shutil.copy2(path, target)
+
+
 def is_whole(folder: Path) -> bool:
     """Whether the files of a folder are of one run; False where a run was killed while it exchanged them."""
     return not (folder / MIXED).exists()
@@ -148,6 +175,8 @@ def _publish(part: Path, place: Path, owned: Sequence[str] | None) -> None:
         if target.is_dir() and not target.is_symlink():
             _remove(target)
         os.replace(path, target)
+        # Renaming one link of a file to another does nothing.
+        path.unlink(missing_ok=True)
     _sync(place)
     (place / MIXED).unlink()
     part.rmdir()

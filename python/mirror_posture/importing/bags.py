@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,16 @@ import numpy as np
 from .._core import MirrorPostureError
 from ..camera import Camera
 from ..session.camera_formats import camera_of
+from .bounds import (
+    MOST_POSITIONS,
+    check_bag_folder,
+    check_mcap,
+    check_open_bag,
+    checked_size,
+    counted_pictures,
+    decoded,
+    opened,
+)
 from .recording import JointLog, Picture, Recording
 
 STATES = ("sensor_msgs/msg/JointState", "sensor_msgs/JointState")
@@ -19,6 +30,7 @@ RAW = ("sensor_msgs/msg/Image", "sensor_msgs/Image")
 COMPRESSED = ("sensor_msgs/msg/CompressedImage", "sensor_msgs/CompressedImage")
 INFO = ("sensor_msgs/msg/CameraInfo", "sensor_msgs/CameraInfo")
 CHANNELS = {"bgr8": 3, "rgb8": 3, "bgra8": 4, "rgba8": 4, "mono8": 1, "8UC1": 1, "8UC3": 3}
+INSTALL = "pip install 'mirror-posture[import]'"
 Message = tuple[str, float, Any]
 """Topic, time of recording, s, message."""
 
@@ -41,6 +53,20 @@ def read_bag(
     Raises:
         MirrorPostureError: a missing package, a topic that is not there or that must be chosen, an unknown encoding.
     """
+    with _own_words(source):
+        return _read_bag(source, joints_topic, commands_topic, image_topic, degrees)
+
+
+def _read_bag(
+    source: Path, joints_topic: str | None, commands_topic: str | None, image_topic: str | None, degrees: bool
+) -> Recording:
+    if source.suffix == ".mcap":
+        check_mcap(source)
+    elif source.suffix != ".bag":
+        check_bag_folder(source)
+    else:
+        with opened(source, "a ROS 1 bag"):
+            pass
     topics = _topics(source)
     joints = _topic(source, topics, STATES, joints_topic, "--joints-topic", besides=commands_topic)
     image = _topic(source, topics, RAW + COMPRESSED, image_topic, "--image")
@@ -52,9 +78,15 @@ def read_bag(
     states: list[tuple[float, dict[str, float]]] = []
     commands: list[tuple[float, dict[str, float]]] = []
     wanted = [joints, *([commands_topic] if commands_topic else []), *beside[:1]]
+    held = 0
     for topic, time, message in _messages(source, wanted):
         if topic in (joints, commands_topic):
-            row = dict(zip(message.name, (float(v) for v in message.position), strict=False))
+            row = _positions(source, topic, message)
+            held += len(row)
+            if held > MOST_POSITIONS:
+                raise MirrorPostureError(
+                    f"{source}: holds more than {MOST_POSITIONS} positions; cut it into parts"
+                )
             (states if topic == joints else commands).append((_stamp(message, time), row))
         elif camera is None:
             camera = _camera(message)
@@ -66,10 +98,36 @@ def read_bag(
     log = JointLog(log.time_s - start, log.names, log.position, log.measured, log.commanded)
 
     def pictures() -> Iterator[tuple[float, Picture]]:
-        for _, time, message in _messages(source, [image]):
-            yield _stamp(message, time) - start, _picture(source, message)
+        with _own_words(source):
+            for _, time, message in _messages(source, [image]):
+                yield _stamp(message, time) - start, _picture(source, message)
 
-    return Recording(log, pictures, camera, str(source))
+    return Recording(log, lambda: counted_pictures(pictures(), str(source)), camera, str(source))
+
+
+@contextmanager
+def _own_words(source: Path) -> Iterator[None]:
+    """Errors of the bags' libraries as one of this package that names the file: what is in a bag is anybody's, and so are their kinds."""
+    try:
+        yield
+    except MirrorPostureError:
+        raise
+    except ImportError:
+        raise MirrorPostureError(f"{source}: bags need rosbags and mcap: {INSTALL}") from None
+    except Exception as error:
+        detail = " ".join(str(error).split())[:200]
+        raise MirrorPostureError(
+            f"{source}: cannot be read as a bag ({type(error).__name__}{': ' if detail else ''}{detail}); record or copy it again"
+        ) from error
+
+
+def _positions(source: Path, topic: str, message: Any) -> dict[str, float]:
+    names = [str(name) for name in message.name]
+    if len(set(names)) < len(names):
+        raise MirrorPostureError(
+            f"{source}, topic {topic}: a message names a joint twice ({', '.join(names)})"
+        )
+    return dict(zip(names, (float(v) for v in message.position), strict=False))
 
 
 def _topics(source: Path) -> dict[str, str]:
@@ -86,6 +144,7 @@ def _topics(source: Path) -> dict[str, str]:
             if channel.schema_id in summary.schemas
         }
     with _any_reader(source) as reader:
+        check_open_bag(reader, source)
         return {connection.topic: connection.msgtype for connection in reader.connections}
 
 
@@ -106,13 +165,9 @@ def _messages(source: Path, topics: list[str]) -> Iterator[Message]:
 
 
 def _any_reader(source: Path) -> Any:
-    try:
-        from rosbags.highlevel import AnyReader
-        from rosbags.typesys import Stores, get_typestore
-    except ImportError:
-        raise MirrorPostureError(
-            f"{source}: bags need rosbags and mcap: pip install 'mirror-posture[import]'"
-        ) from None
+    from rosbags.highlevel import AnyReader
+    from rosbags.typesys import Stores, get_typestore
+
     return AnyReader([source], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
 
 
@@ -188,17 +243,20 @@ def _camera(message: Any) -> Camera:
 
 def _picture(source: Path, message: Any) -> Picture:
     if hasattr(message, "format"):
-        picture = cv2.imdecode(np.frombuffer(bytes(message.data), dtype=np.uint8), cv2.IMREAD_COLOR)
-        if picture is None:
-            raise MirrorPostureError(f"{source}: a compressed picture ({message.format}) cannot be decoded")
-        return picture
+        return decoded(bytes(message.data), f"{source} ({message.format})")
     encoding = str(message.encoding)
     if encoding not in CHANNELS:
         raise MirrorPostureError(
             f"{source}: got pictures of encoding {encoding!r}, needed one of {', '.join(CHANNELS)}"
         )
     channels, width, height = CHANNELS[encoding], int(message.width), int(message.height)
-    rows = np.frombuffer(bytes(message.data), dtype=np.uint8).reshape(height, int(message.step))
+    checked_size(width, height, str(source))
+    step, data = int(message.step), bytes(message.data)
+    if step < width * channels or len(data) != step * height:
+        raise MirrorPostureError(
+            f"{source}: a picture of {width} × {height} px, {encoding}, has {len(data)} bytes in rows of {step}: it is damaged"
+        )
+    rows = np.frombuffer(data, dtype=np.uint8).reshape(height, step)
     pixels = np.ascontiguousarray(rows[:, : width * channels]).reshape(height, width, channels)
     if channels == 1:
         return cv2.cvtColor(pixels, cv2.COLOR_GRAY2BGR)

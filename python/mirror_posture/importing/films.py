@@ -2,23 +2,33 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.csv
 
 from .._core import MirrorPostureError
-from .recording import Floats, JointLog, Picture, Recording
+from ..session.detections import refuse_twice
+from ..session.errors import SessionError, choices
+from ..session.tables import open_table
+from .bounds import MOST_PIXELS, checked_size, counted_pictures, opened
+from .recording import JointLog, Picture, Recording
 
 FILMS = (".mp4", ".mkv", ".avi", ".mov", ".webm")
+CONTAINERS = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi"
+"""As ffmpeg calls those that are read."""
 TIME, IMAGE, MEASURED = "time_s", "image", "measured:"
 
 
 def read_film(file: Path, joints_file: Path, degrees: bool) -> Recording:
     """A film whose own time stamps count, with the joints' CSV; both start at their own zero."""
-    return Recording(joint_csv(joints_file, degrees), lambda: film_pictures(file), None, str(file))
+    return Recording(
+        joint_csv(joints_file, degrees),
+        lambda: counted_pictures(film_pictures(file), str(file)),
+        None,
+        str(file),
+    )
 
 
 def film_pictures(file: Path, start_s: float = 0.0, end_s: float = np.inf) -> Iterator[tuple[float, Picture]]:
@@ -34,8 +44,15 @@ def film_pictures(file: Path, start_s: float = 0.0, end_s: float = np.inf) -> It
             f"{file}: films need the package av: pip install 'mirror-posture[import]'"
         ) from None
     try:
-        with av.open(str(file)) as container:
+        # Opened here, and of these kinds only: a list of other places to read is a film to the library too.
+        with (
+            opened(file, "a film") as data,
+            av.open(data, options={"format_whitelist": CONTAINERS}) as container,
+        ):
             stream = container.streams.video[0]
+            checked_size(stream.codec_context.width, stream.codec_context.height, str(file))
+            # A film may change its size on the way.
+            stream.codec_context.options = {"max_pixels": str(MOST_PIXELS)}
             stream.thread_type = "AUTO"
             if start_s > 0.0 and stream.time_base is not None:
                 container.seek(int(start_s / stream.time_base), stream=stream)
@@ -45,7 +62,7 @@ def film_pictures(file: Path, start_s: float = 0.0, end_s: float = np.inf) -> It
                     return
                 if time >= start_s:
                     yield time, picture.to_ndarray(format="bgr24")
-    except (av.FFmpegError, IndexError) as error:
+    except (av.FFmpegError, IndexError, ValueError, MemoryError) as error:
         raise MirrorPostureError(f"{file}: is no film that can be read: {error}") from None
 
 
@@ -57,12 +74,12 @@ def read_pictures(folder: Path, joints_file: Path, degrees: bool) -> Recording:
     if not files:
         raise MirrorPostureError(f"{folder}: holds no pictures")
     table = folder / "times.csv"
-    if table.is_file():
-        columns = _csv(table)
-        if IMAGE not in columns or TIME not in columns:
-            raise MirrorPostureError(f"{table}: needed the columns image and time_s")
-        names = [str(name) for name in columns[IMAGE].to_pylist()]
-        times = dict(zip(names, _numbers(table, columns, TIME), strict=True))
+    if os.path.lexists(table):
+        rows = open_table(table)
+        rows.require(IMAGE, TIME)
+        codes, texts = rows.texts(IMAGE)
+        refuse_twice(rows, codes, "the picture")
+        times = dict(zip((texts[code] for code in codes), rows.numbers(TIME), strict=True))
         if missing := [file.name for file in files if file.name not in times]:
             raise MirrorPostureError(f"{table}: has no row for the picture {missing[0]}")
         stamped = [(float(times[file.name]), file) for file in files]
@@ -88,34 +105,14 @@ def joint_csv(file: Path, degrees: bool) -> JointLog:
     Raises:
         MirrorPostureError: no such file, no `time_s`, a cell that is no number.
     """
-    columns = _csv(file)
-    if TIME not in columns:
-        raise MirrorPostureError(f"{file}: has no column time_s; it has {', '.join(columns)}")
-    names = tuple(name for name in columns if name != TIME and not name.startswith(MEASURED))
+    table = open_table(file)
+    table.require(TIME)
+    names = tuple(name for name in table.columns if name != TIME and not name.startswith(MEASURED))
     if not names:
-        raise MirrorPostureError(f"{file}: has no column for a joint")
+        raise SessionError(file.name, f"has no column for a joint; it has {choices(table.columns)}")
     factor = np.pi / 180.0 if degrees else 1.0
-    position = factor * np.stack([_numbers(file, columns, name) for name in names], axis=1)
+    position = factor * np.stack([table.numbers(name) for name in names], axis=1)
     measured = None
-    if all(MEASURED + name in columns for name in names):
-        measured = factor * np.stack([_numbers(file, columns, MEASURED + name) for name in names], axis=1)
-    return JointLog(_numbers(file, columns, TIME), names, position, measured, commanded=True)
-
-
-def _csv(file: Path) -> dict[str, pa.ChunkedArray]:
-    try:
-        table = pyarrow.csv.read_csv(file)
-    except (OSError, pa.ArrowInvalid) as error:
-        raise MirrorPostureError(f"{file}: cannot be read as CSV: {error}") from None
-    return dict(zip((str(name).strip() for name in table.column_names), table.columns, strict=True))
-
-
-def _numbers(file: Path, columns: dict[str, pa.ChunkedArray], name: str) -> Floats:
-    try:
-        values = np.array(columns[name].cast(pa.float64()).to_numpy(), dtype=np.float64)
-    except pa.ArrowInvalid as error:
-        raise MirrorPostureError(f"{file}, column {name!r}: {error}") from None
-    bad = np.flatnonzero(~np.isfinite(values))
-    if len(bad):
-        raise MirrorPostureError(f"{file}, row {bad[0] + 1}, column {name!r}: needed a finite number")
-    return values
+    if all(MEASURED + name in table.columns for name in names):
+        measured = factor * np.stack([table.numbers(MEASURED + name) for name in names], axis=1)
+    return JointLog(table.numbers(TIME), names, position, measured, commanded=True)

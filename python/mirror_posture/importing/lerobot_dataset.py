@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
-import pyarrow.parquet
 
 from .._core import MirrorPostureError
-from ..input_files import given_text
+from ..input_files import given_text, path_inside
+from ..session.errors import SessionError
+from ..session.tables import Table, open_table
+from .bounds import MOST_POSITIONS, counted_pictures
 from .films import film_pictures
-from .recording import JointLog, Recording
+from .recording import Floats, JointLog, Recording
 
 INFO = Path("meta/info.json")
+TIME, STATE, ACTION = "timestamp", "observation.state", "action"
+PATTERN = re.compile(r"(?:[^{}]|\{\w+(?::0?\d{1,2}d)?\})*")
+EXAMPLE = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 SUFFIX = ".pos"
 """LeRobot's names of motors end so."""
 
@@ -39,6 +45,44 @@ def read_dataset(folder: Path, *, image: str | None, episode: int, degrees: bool
     version = str(info.get("codebase_version", "")) if isinstance(info, dict) else ""
     if not version.startswith(("v2", "v3")):
         raise MirrorPostureError(f"{folder}: got version {version!r}, needed LeRobot's v2.1 or v3.0")
+    try:
+        joints, film, start, end = _episode(folder, info, image, episode, degrees)
+        # Half a frame: a time stamp of the film that is rounded differently belongs to the episode all the same.
+        half = 0.5 / float(info["fps"])
+    except MirrorPostureError:
+        raise
+    # Whatever stands in place of a number, a name or a list.
+    except (
+        KeyError,
+        TypeError,
+        AttributeError,
+        ValueError,
+        IndexError,
+        ArithmeticError,
+        StopIteration,
+        pa.ArrowException,
+    ) as error:
+        raise MirrorPostureError(
+            f"{folder}: {INFO} or its tables are not as LeRobot's v2.1 and v3.0 have them ({type(error).__name__}: {error})"
+        ) from None
+    return Recording(
+        joints,
+        lambda: counted_pictures(
+            (
+                (time - start, picture)
+                for time, picture in film_pictures(film, max(0.0, start - half), end - half)
+            ),
+            str(film),
+        ),
+        None,
+        f"{folder}, episode {episode}",
+    )
+
+
+def _episode(
+    folder: Path, info: dict[str, Any], image: str | None, episode: int, degrees: bool
+) -> tuple[JointLog, Path, float, float]:
+    """The joints of an episode, its film, and from when to when it is in it."""
     features: dict[str, Any] = info["features"]
     films = [name for name, feature in features.items() if feature.get("dtype") == "video"]
     key = _chosen(folder, films, image)
@@ -46,39 +90,43 @@ def read_dataset(folder: Path, *, image: str | None, episode: int, degrees: bool
         raise MirrorPostureError(
             f"{folder}: got episode {episode}, needed 0 to {int(info['total_episodes']) - 1}"
         )
-    if version.startswith("v2"):
+    if str(info["codebase_version"]).startswith("v2"):
         where = {"episode_chunk": episode // int(info.get("chunks_size", 1000)), "episode_index": episode}
-        table_file = folder / info["data_path"].format(**where)
-        film = folder / info["video_path"].format(video_key=key, **where)
+        table_file = _named(folder, info["data_path"], where)
+        film = _named(folder, info["video_path"], {**where, "video_key": key})
         start, end = 0.0, np.inf
     else:
-        row = _episode_row(folder, episode)
-        table_file = folder / info["data_path"].format(
-            chunk_index=row["data/chunk_index"], file_index=row["data/file_index"]
-        )
-        film = folder / info["video_path"].format(
-            video_key=key,
-            chunk_index=row[f"videos/{key}/chunk_index"],
-            file_index=row[f"videos/{key}/file_index"],
-        )
+        row = _episode_row(folder, episode, key)
+        of_film = {
+            "video_key": key,
+            "chunk_index": int(row[f"videos/{key}/chunk_index"]),
+            "file_index": int(row[f"videos/{key}/file_index"]),
+        }
+        of_data = {"chunk_index": int(row["data/chunk_index"]), "file_index": int(row["data/file_index"])}
+        table_file = _named(folder, info["data_path"], of_data)
+        film = _named(folder, info["video_path"], of_film)
         start, end = float(row[f"videos/{key}/from_timestamp"]), float(row[f"videos/{key}/to_timestamp"])
     for file in (table_file, film):
         if not file.is_file():
             raise MirrorPostureError(f"{file}: the file is missing; download the dataset with its films")
-    table = pyarrow.parquet.read_table(table_file)
-    if "episode_index" in table.column_names:
-        table = table.filter(pc.equal(table["episode_index"], episode))
-    # Half a frame: a time stamp of the film that is rounded differently belongs to the episode all the same.
-    half = 0.5 / float(info["fps"])
-    return Recording(
-        _joints(folder, table, features, degrees),
-        lambda: (
-            (time - start, picture)
-            for time, picture in film_pictures(film, max(0.0, start - half), end - half)
-        ),
-        None,
-        f"{folder}, episode {episode}",
-    )
+    columns = ("episode_index", TIME, STATE, ACTION)
+    table = open_table(table_file, only=columns, most_cells=MOST_POSITIONS)
+    if "episode_index" in table.columns:
+        table = table.only(table.integers("episode_index") == episode)
+    return _joints(folder, table, features, degrees), film, start, end
+
+
+def _named(folder: Path, pattern: str, where: dict[str, Any]) -> Path:
+    """A file that info.json names by a pattern with places for numbers."""
+    if not PATTERN.fullmatch(pattern):
+        raise MirrorPostureError(f"{folder / INFO}: got the path {pattern!r}, needed one such as {EXAMPLE}")
+    name = pattern.format(**where)
+    if path_inside(folder, name) is None:
+        raise MirrorPostureError(
+            f"{folder / INFO}: the file {name!r} is not in the dataset's folder, by its name or by a link; copy it there "
+            "(cp -rL copies what links lead to)"
+        )
+    return folder / name
 
 
 def _chosen(folder: Path, films: list[str], image: str | None) -> str:
@@ -93,27 +141,42 @@ def _chosen(folder: Path, films: list[str], image: str | None) -> str:
     return fitting[0]
 
 
-def _episode_row(folder: Path, episode: int) -> dict[str, Any]:
+def _episode_row(folder: Path, episode: int, key: str) -> dict[str, Any]:
+    columns = (
+        *("episode_index", "data/chunk_index", "data/file_index"),
+        *(f"videos/{key}/{name}" for name in ("chunk_index", "file_index", "from_timestamp", "to_timestamp")),
+    )
     for file in sorted((folder / "meta" / "episodes").rglob("*.parquet")):
-        table = pyarrow.parquet.read_table(file)
-        found = table.filter(pc.equal(table["episode_index"], episode)).to_pylist()
-        if found:
-            return dict(found[0])
+        table = open_table(_named(folder, str(file.relative_to(folder)), {}), only=columns)
+        table.require(*columns)
+        found = np.flatnonzero(table.integers("episode_index") == episode)
+        if len(found):
+            return {name: table.columns[name][int(found[0])].as_py() for name in columns}
     raise MirrorPostureError(f"{folder}: meta/episodes has no episode {episode}")
 
 
-def _joints(folder: Path, table: pa.Table, features: dict[str, Any], degrees: bool) -> JointLog:
-    for name in ("timestamp", "observation.state"):
-        if name not in table.column_names:
-            raise MirrorPostureError(f"{folder}: its table has no column {name!r}")
-    names = _names(folder, features, "observation.state")
+def _joints(folder: Path, table: Table, features: dict[str, Any], degrees: bool) -> JointLog:
+    table.require(TIME, STATE)
+    names = _names(folder, features, STATE)
     factor = np.pi / 180.0 if degrees else 1.0
-    state = factor * np.array(table["observation.state"].to_pylist(), dtype=np.float64)
-    time = np.array(table["timestamp"].to_pylist(), dtype=np.float64)
-    if "action" in table.column_names and _names(folder, features, "action") == names:
-        action = factor * np.array(table["action"].to_pylist(), dtype=np.float64)
-        return JointLog(time, names, action, state, commanded=True)
+    state = factor * _rows(table, STATE, len(names))
+    time = table.numbers(TIME)
+    if ACTION in table.columns and _names(folder, features, ACTION) == names:
+        return JointLog(time, names, factor * _rows(table, ACTION, len(names)), state, commanded=True)
     return JointLog(time, names, state)
+
+
+def _rows(table: Table, column: str, width: int) -> Floats:
+    """A column of lists as (rows, width)."""
+    lists = table.columns[column]
+    values = (
+        lists.flatten() if pa.types.is_nested(lists.type) and not pa.types.is_struct(lists.type) else lists
+    )
+    if len(lists) and (
+        lists.null_count or not (np.asarray(pc.list_value_length(lists)) == width).all() or values.null_count
+    ):
+        raise SessionError(table.name, f"needed {width} numbers in every row", column=column)
+    return np.asarray(values.cast(pa.float64())).reshape(len(lists), width)
 
 
 def _names(folder: Path, features: dict[str, Any], key: str) -> tuple[str, ...]:
@@ -121,6 +184,6 @@ def _names(folder: Path, features: dict[str, Any], key: str) -> tuple[str, ...]:
     # v2 datasets have {"motors": [...]}, v3 a list.
     if isinstance(names, dict):
         names = next(iter(names.values()))
-    if not isinstance(names, list):
-        raise MirrorPostureError(f"{folder}: meta/info.json does not name the motors of {key}")
+    if not isinstance(names, list) or len(set(map(str, names))) < len(names):
+        raise MirrorPostureError(f"{folder}: meta/info.json does not name the motors of {key}, each once")
     return tuple(str(name).removesuffix(SUFFIX) for name in names)

@@ -11,7 +11,7 @@ import numpy as np
 import pyarrow as pa
 
 from .._core import MirrorPostureError
-from ..output_files import new_file
+from ..output_files import keep_files, new_folder
 from ..robot import Robot
 from ..session.camera_info import dump_camera_info
 from ..session.metadata import load_metadata
@@ -23,6 +23,9 @@ from .rest import ClockMatch, Rest, find_rests, match_clocks, picture_motion
 MARGIN = 0.2
 """Share of a rest that is left at either end: the robot may still swing, and the clocks' match has a width."""
 SHARP_WIDTH_PX = 640
+TABLES = ("frames.csv", "frames.parquet", "detections.csv", "detections.parquet")
+PICTURES = "images/[0-9][0-9][0-9][0-9].png"
+"""Of an earlier import, as the tables are."""
 
 
 @dataclass(frozen=True)
@@ -59,8 +62,8 @@ def import_recording(
     """
     metadata = load_metadata(folder)
     robot = Robot.from_urdf(folder / metadata.robot)
-    old = [find_table(folder, stem) for stem in ("frames", "detections")]
-    if any(old) and not overwrite:
+    there = any(find_table(folder, stem) for stem in ("frames", "detections"))
+    if there and not overwrite:
         raise MirrorPostureError(
             f"{folder}: has frames or detections already; add --overwrite to replace them"
         )
@@ -111,7 +114,14 @@ def import_recording(
         )
     if len(chosen) < len(rests):
         warnings.append(f"{len(rests) - len(chosen)} of {len(rests)} moments of rest have no picture")
-    _write(recording, folder, kept, rests, chosen, offset_s, old)
+    # In one step: frames of one recording with pictures of another would be believed.
+    with new_folder(folder) as part:
+        camera = None if recording.camera is None else metadata.camera or "camera.yaml"
+        pictures = (PICTURES,) if there else tuple(map(_picture_name, range(len(chosen))))
+        keep_files(folder, part, (*TABLES, *pictures, *(() if camera is None else (camera,))))
+        _write(recording, part, kept, rests, chosen)
+        if recording.camera is not None and camera is not None:
+            (part / camera).write_text(dump_camera_info(recording.camera), encoding="utf-8")
     return Imported(len(chosen), len(rests), clock, offset_s, tuple(warnings))
 
 
@@ -148,14 +158,16 @@ def sharpness(picture: Picture) -> float:
     return float(cv2.Laplacian(gray, cv2.CV_64F).var())
 
 
+def _picture_name(number: int) -> str:
+    return f"images/{number:04d}.png"
+
+
 def _write(
     recording: Recording,
     folder: Path,
     kept: list[tuple[int, str]],
     rests: list[Rest],
     chosen: dict[int, tuple[float, Picture]],
-    offset_s: float,
-    old: list[Path | None],
 ) -> None:
     log = recording.joints
     images = folder / "images"
@@ -166,7 +178,7 @@ def _write(
         commanded.append(np.median(log.position[inside], axis=0))
         if log.measured is not None:
             measured.append(np.median(log.measured[inside], axis=0))
-        names.append(f"images/{number:04d}.png")
+        names.append(_picture_name(number))
         done, data = cv2.imencode(".png", picture)
         if not done:
             raise MirrorPostureError(
@@ -183,10 +195,4 @@ def _write(
     }
     if measured:
         columns |= {f"measured:{name}": np.array(measured)[:, index] for index, name in kept}
-    for file in old:
-        if file is not None:
-            file.unlink()
-    with new_file(folder / "frames.csv") as part:
-        write_table(pa.table(columns), part)
-    if recording.camera is not None:
-        (folder / "camera.yaml").write_text(dump_camera_info(recording.camera), encoding="utf-8")
+    write_table(pa.table(columns), folder / "frames.csv")

@@ -12,6 +12,7 @@ from .._core import MirrorPostureError
 from ..arguments import checked_arguments
 from ..camera import Camera
 from ..input_files import LARGEST_MODEL, read_text, reason
+from ..output_files import is_whole
 from ..robot import Robot
 from .camera_info import load_camera_info
 from .detections import COLUMNS as DETECTION_COLUMNS
@@ -71,6 +72,10 @@ def load_session(folder: str | os.PathLike[str]) -> Session:
     if robot is None:
         problems.end()
         raise AssertionError("a robot that is missing is a problem")
+    if not is_whole(folder):
+        raise SessionError(
+            folder, "its files are being exchanged, or the program that did so was killed; run that once more"
+        )
     unfinished = (folder / UNFINISHED).exists()
     if unfinished:
         warnings.append(f"{folder}: is being recorded, or was cut off; what is complete is read")

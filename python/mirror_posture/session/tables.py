@@ -10,6 +10,7 @@ import csv
 import io
 import os
 from collections import Counter
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -28,6 +29,8 @@ from .errors import SessionError, choices
 SUFFIXES = (".csv", ".parquet")
 MOST_COLUMNS, MOST_CELLS = 5_000, 30_000_000
 """Of a table at most."""
+LONGEST_FIXED = 64
+"""Bytes of a Parquet value of a fixed length at most."""
 LARGEST_NUMBER = 1e12
 """A number beyond this is no length, angle, pixel or time, and its square would overflow."""
 UNFINISHED = "recording.unfinished"
@@ -167,16 +170,27 @@ def read_table(file: Path, unfinished: bool = False) -> Table:
 
     Of an `unfinished` CSV file what stands after the last end of a line is left out: it was being written.
     """
+    if path_inside(file.parent, file.name) is None:
+        raise SessionError(
+            file.name, "is a link that leads out of the session's folder; needed the file itself"
+        )
+    return open_table(file, unfinished)
+
+
+def open_table(
+    file: Path,
+    unfinished: bool = False,
+    only: Collection[str] | None = None,
+    most_cells: int = MOST_CELLS,
+) -> Table:
+    """As `read_table`, of a file that somebody names, which may be a link; of Parquet `only` some columns, if there."""
     name = file.name
     try:
-        if path_inside(file.parent, name) is None:
-            raise SessionError(
-                name, "is a link that leads out of the session's folder; needed the file itself"
-            )
         data = read_regular(file, LARGEST_TABLE)
-        table = _read_csv(data, name, unfinished) if file.suffix == ".csv" else _read_parquet(data, name)
+        parquet = file.suffix == ".parquet"
+        table = _read_parquet(data, name, only, most_cells) if parquet else _read_csv(data, name, unfinished)
         names = table.column_names
-        table.validate(full=file.suffix != ".csv")
+        table.validate(full=parquet)
     except SessionError:
         raise
     except (pa.ArrowException, csv.Error, OSError, UnicodeDecodeError, ValueError) as error:
@@ -199,22 +213,54 @@ def read_table(file: Path, unfinished: bool = False) -> Table:
     return Table(name, columns, table.num_rows)
 
 
-def _check_size(name: str, columns: int, rows: int) -> None:
-    if columns > MOST_COLUMNS or columns * rows > MOST_CELLS:
+def _check_size(name: str, columns: int, rows: int, most_cells: int = MOST_CELLS) -> None:
+    if columns > MOST_COLUMNS or columns * rows > most_cells:
         raise SessionError(
             name,
-            f"has {columns} columns and {rows} rows, needed at most {MOST_COLUMNS} columns and {MOST_CELLS} cells",
+            f"has {columns} columns and {rows} rows, needed at most {MOST_COLUMNS} columns and {most_cells} cells",
         )
 
 
-def _read_parquet(data: bytes, name: str) -> pa.Table:
-    """A few bytes of Parquet can unfold to any size: what it says of itself is looked at first."""
-    file = pyarrow.parquet.ParquetFile(pa.BufferReader(data))
-    _check_size(name, file.metadata.num_columns, file.metadata.num_rows)
-    size = sum(file.metadata.row_group(i).total_byte_size for i in range(file.metadata.num_row_groups))
-    if size > LARGEST_TABLE:
-        raise SessionError(name, f"unfolds to {size} bytes, needed at most {LARGEST_TABLE}")
-    return file.read()
+def _read_parquet(data: bytes, name: str, only: Collection[str] | None, most_cells: int) -> pa.Table:
+    """A few bytes of Parquet can unfold to any size: what it says of itself is looked at first, and no text is unfolded before its size is known."""
+    told = pyarrow.parquet.read_metadata(pa.BufferReader(data))
+    leaves = [told.schema.column(i) for i in range(told.num_columns)]
+    if len(leaves) > MOST_COLUMNS:
+        _check_size(name, len(leaves), told.num_rows, most_cells)
+    wanted = [column for column in told.schema.to_arrow_schema().names if only is None or column in only]
+    # A leaf's path is its column's name, and more where it is nested.
+    read = [i for i, leaf in enumerate(leaves) if leaf.path.startswith(tuple(wanted))]
+    _check_size(name, len(read), told.num_rows, most_cells)
+    size = values = 0
+    for group in map(told.row_group, range(told.num_row_groups)):
+        for chunk in map(group.column, read):
+            size += chunk.total_uncompressed_size
+            values += chunk.num_values
+    if size > LARGEST_TABLE or values > most_cells:
+        raise SessionError(
+            name,
+            f"unfolds to {size} bytes and {values} cells, needed at most {LARGEST_TABLE} bytes and {most_cells} cells",
+        )
+    texts = [leaves[i].path for i in read if leaves[i].physical_type == "BYTE_ARRAY"]
+    odd = [leaves[i].path for i in read if leaves[i].length > LONGEST_FIXED]
+    if odd := odd + [path for path in texts if path not in wanted]:
+        raise SessionError(
+            name, f"got the column {odd[0]!r} of long or nested values, needed numbers or names"
+        )
+    file = pyarrow.parquet.ParquetFile(pa.BufferReader(data), read_dictionary=texts)
+    table = file.read(columns=wanted)
+    unfolded = sum(_text_bytes(chunk) for text in texts for chunk in table[text].chunks)
+    if unfolded > LARGEST_TABLE:
+        raise SessionError(name, f"unfolds to {unfolded} bytes of text, needed at most {LARGEST_TABLE}")
+    return table
+
+
+def _text_bytes(chunk: pa.Array) -> int:
+    """Bytes of texts, each as often as it stands there."""
+    if not pa.types.is_dictionary(chunk.type):
+        return int(chunk.nbytes)
+    lengths = pc.binary_length(chunk.dictionary.cast(pa.binary())).cast(pa.int64())
+    return int(pc.sum(lengths.take(chunk.indices)).as_py() or 0)
 
 
 def _read_csv(data: bytes, name: str, unfinished: bool) -> pa.Table:
