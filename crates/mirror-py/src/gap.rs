@@ -373,6 +373,8 @@ pub fn effects(py: Python<'_>) -> PyResult<Vec<Bound<'_, PyDict>>> {
         dict.set_item("remedy", effect.remedy)?;
         dict.set_item("written_to", effect.written_to.name())?;
         dict.set_item("fed_forward", effect.fed_forward)?;
+        let terms: Vec<&str> = effect.joint_law.iter().map(|term| term.name()).collect();
+        dict.set_item("joint_law", terms)?;
         dict.set_item("signature", effect.signature)?;
         dict.set_item("shown_by", effect.shown_by)?;
         dict.set_item("confused_with", effect.confused_with)?;

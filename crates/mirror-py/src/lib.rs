@@ -5,6 +5,7 @@ mod calibrate;
 mod camera;
 mod correct;
 mod errors;
+mod feed_forward;
 mod gap;
 mod gap_own;
 mod measure;
@@ -29,6 +30,8 @@ mod _core {
     use crate::correct::{PyCorrectionStep, PyCorrector, correction_step};
     #[pymodule_export]
     use crate::errors::MirrorPostureError;
+    #[pymodule_export]
+    use crate::feed_forward::PyFeedForward;
     #[pymodule_export]
     use crate::gap::effects;
     #[pymodule_export]

@@ -24,8 +24,8 @@ MISTAKES = (
 )
 """Whole mistakes of model, log or mounting, which are tried exactly before small errors are searched."""
 IN_WORDS: Mapping[str, Mapping[str, object]] = {str(effect["name"]): effect for effect in effects()}
-"""Each effect as the core tells it: `at`, `parameters`, `law`, `words`, `remedy`, `written_to`, `fed_forward`, `signature`,
-`shown_by`, `confused_with`."""
+"""Each effect as the core tells it: `at`, `parameters`, `law`, `joint_law`, `words`, `remedy`, `written_to`, `fed_forward`,
+`signature`, `shown_by`, `confused_with`."""
 EFFECTS = (*IN_WORDS, *EVERYWHERE, *MISTAKES)
 """All names that a diagnosis takes and tells."""
 
@@ -33,6 +33,20 @@ EFFECTS = (*IN_WORDS, *EVERYWHERE, *MISTAKES)
 def remedy(effect: str) -> str:
     """What to do about an effect of the vocabulary, in a few words."""
     return str(IN_WORDS[effect]["remedy"])
+
+
+def joint_terms(effect: str, values: Mapping[str, float]) -> dict[str, float]:
+    """The parameters of an effect by the terms of its joint's law; empty where it has none (it is no effect at a joint).
+
+    The terms are `offset`, `share`, `sine`, `cosine_less_one`, `compliance`, `coupling`, `rate`, `play` and `dead_band` of
+    `θ = q + a + e q + s sin q + c (cos q − 1) + k τ + κ q_other + r t ± w/2 ± d`.
+    """
+    told = IN_WORDS.get(effect)
+    if told is None:
+        return {}
+    names, terms = told["parameters"], told["joint_law"]
+    assert isinstance(names, list) and isinstance(terms, list)
+    return {term: values[name] for name, term in zip(names, terms, strict=False) if name in values}
 
 
 def checked_effects(names: Sequence[str]) -> list[str]:

@@ -17,6 +17,7 @@ import numpy.typing as npt
 from .._core import MirrorPostureError
 from ..diagnosis.applied.urdf import rotation_of_vector
 from ..diagnosis.result import Cause
+from ..diagnosis.vocabulary import IN_WORDS, joint_terms
 from ..session import Session
 from .model import STIFF_FRICTION, Simulator, element_of
 from .motion import Drive
@@ -49,12 +50,15 @@ class Changed:
 
     def add(self, cause: Cause) -> str | None:
         """Adds a cause; None where no simulator can hold it. Raises `MirrorPostureError` for a place that is not there."""
-        law = LAWS.get(cause.effect)
-        if law is None:
-            return None
         value = {name: estimate.value for name, estimate in cause.parameters.items()}
         place, _, name = cause.at.partition(":")
-        element, said = law(self, name or place, value)
+        terms, law = joint_terms(cause.effect, value), LAWS.get(cause.effect)
+        if terms:
+            element, said = _joint(self, name, terms, value)
+        elif law is not None:
+            element, said = law(self, name or place, value)
+        else:
+            return None
         self.comments.append((element, f"{cause.effect} at {cause.at}: {said}"))
         return said
 
@@ -76,36 +80,53 @@ class Changed:
 Law = Callable[[Changed, str, Values], tuple[str, str]]
 
 
-def _joint_offset(changed: Changed, name: str, value: Values) -> tuple[str, str]:
-    joint, offset = changed.joint(name), value["offset_rad"]
-    joint.ref = float(joint.ref) - offset * changed.simulator.angle_unit
-    return name, f"ref less {offset:.6f} rad"
-
-
-def _gear_ratio(changed: Changed, name: str, value: Values) -> tuple[str, str]:
-    scale = value["scale_error"]
-    changed.drive(name, lambda q, t: scale * q[name])
-    return name, f"the servo turns {1.0 + scale:.6f} times what it is told"
-
-
-def _gear_eccentricity(changed: Changed, name: str, value: Values) -> tuple[str, str]:
-    s, c = value["sin_rad"], value["cos_rad"]
-    changed.drive(name, lambda q, t: s * np.sin(q[name]) + c * (np.cos(q[name]) - 1.0))
-    return name, f"the servo adds {s:.6f} sin q + {c:.6f} (cos q - 1) rad"
-
-
-def _joint_coupling(changed: Changed, places: str, value: Values) -> tuple[str, str]:
+def _joint(changed: Changed, places: str, terms: Values, value: Values) -> tuple[str, str]:
+    """A law of a joint, term by term: what a motor is told, what lies behind it, and what its servo is."""
     name, _, other = places.partition("<-joint:")
-    coupling = value["coupling"]
-    changed.joint(other)
-    changed.drive(name, lambda q, t: coupling * q[other])
-    return name, f"the servo adds {coupling:.6f} times the command of {other}"
+    if other:
+        changed.joint(other)
+    element, said = name, []
+    if "offset" in terms:
+        said.append(_offset(changed, name, terms["offset"]))
+    driven = [term for term in DRIVEN if term in terms]
+    if driven:
+        changed.drive(
+            name, lambda q, t: sum(terms[term] * DRIVEN[term](q, t, name, other) for term in driven)
+        )
+        told = (TOLD[term].format(terms[term], other=other) for term in driven)
+        said.append(f"the servo adds {' + '.join(told)}")
+    if "play" in terms:
+        element, text = _play(changed, name, terms["play"], value)
+        said.append(text)
+    if "dead_band" in terms:
+        said.append(_friction(changed, name, terms))
+    elif "compliance" in terms:
+        element, text = _spring(changed, name, terms["compliance"])
+        said.append(text)
+    return element, ", ".join(said)
 
 
-def _drift(changed: Changed, name: str, value: Values) -> tuple[str, str]:
-    rate = value["rate_rad_per_s"]
-    changed.drive(name, lambda q, t: rate * t)
-    return name, f"the servo adds {rate:.3e} rad/s times the time"
+DRIVEN: Mapping[str, Callable[[Mapping[str, Floats], Floats, str, str], Floats]] = {
+    "share": lambda q, t, name, other: q[name],
+    "sine": lambda q, t, name, other: np.sin(q[name]),
+    "cosine_less_one": lambda q, t, name, other: np.cos(q[name]) - 1.0,
+    "coupling": lambda q, t, name, other: q[other],
+    "rate": lambda q, t, name, other: t,
+}
+"""The terms of a joint's law that a motor makes: by what each is multiplied, q the commands (rad), t the time (s)."""
+TOLD = {
+    "share": "{:.6f} q",
+    "sine": "{:.6f} sin q",
+    "cosine_less_one": "{:.6f} (cos q - 1) rad",
+    "coupling": "{:.6f} times the command of {other}",
+    "rate": "{:.3e} rad/s times the time",
+}
+
+
+def _offset(changed: Changed, name: str, offset_rad: float) -> str:
+    joint = changed.joint(name)
+    joint.ref = float(joint.ref) - offset_rad * changed.simulator.angle_unit
+    return f"ref less {offset_rad:.6f} rad"
 
 
 def _axis_sign(changed: Changed, name: str, value: Values) -> tuple[str, str]:
@@ -121,8 +142,8 @@ def _joints_swapped(changed: Changed, places: str, value: Values) -> tuple[str, 
     return first, f"the servos of {first} and {second} get each other's commands"
 
 
-def _backlash(changed: Changed, name: str, value: Values) -> tuple[str, str]:
-    joint, half = changed.joint(name), 0.5 * value["width_rad"]
+def _play(changed: Changed, name: str, width_rad: float, value: Values) -> tuple[str, str]:
+    joint, half = changed.joint(name), 0.5 * width_rad
     play = _in_series(changed.simulator, joint, f"{name}_play")
     unit = changed.simulator.angle_unit
     play.limited, play.range = mujoco.mjtLimited.mjLIMITED_TRUE, [-half * unit, half * unit]
@@ -142,24 +163,25 @@ def _backlash(changed: Changed, name: str, value: Values) -> tuple[str, str]:
     )
 
 
-def _joint_compliance(changed: Changed, name: str, value: Values) -> tuple[str, str]:
+def _spring(changed: Changed, name: str, compliance_rad_per_nm: float) -> tuple[str, str]:
     spring = _in_series(changed.simulator, changed.joint(name), f"{name}_spring")
-    stiffness = 1.0 / value["compliance_rad_per_nm"]
+    stiffness = 1.0 / compliance_rad_per_nm
     _set_spring(spring, stiffness)
     return spring.name, f"hinge in series with {name}, stiffness {stiffness:.5g} N m/rad"
 
 
-def _stiction(changed: Changed, name: str, value: Values) -> tuple[str, str]:
+def _friction(changed: Changed, name: str, terms: Values) -> str:
+    """Friction against a servo of finite stiffness, which makes it droop too: the compliance is the servo's own."""
     joint, spec = changed.joint(name), changed.simulator.spec
-    droop = value.get("droop_rad_per_nm", 0.0)
+    droop = terms.get("compliance", 0.0)
     servo = next(a for a in spec.actuators if a.target == name)
     stiffness = float(servo.gainprm[0])
     if droop > 1e-9:
         stiffness = min(stiffness, 1.0 / droop)
         servo.set_to_position(kp=stiffness, kv=2.0 * stiffness / 80.0)
-    joint.frictionloss = stiffness * value["deadband_rad"]
+    joint.frictionloss = stiffness * terms["dead_band"]
     joint.solref_friction, joint.solimp_friction = STIFF_FRICTION
-    return name, f"frictionloss {joint.frictionloss:.4g} N m against a servo of {stiffness:.4g} N m/rad"
+    return f"frictionloss {joint.frictionloss:.4g} N m against a servo of {stiffness:.4g} N m/rad"
 
 
 def _link_bending(changed: Changed, name: str, value: Values) -> tuple[str, str]:
@@ -287,14 +309,6 @@ def _mirror_glass(changed: Changed, name: str, value: Values) -> tuple[str, str]
 
 
 LAWS: Mapping[str, Law] = {
-    "joint_offset": _joint_offset,
-    "gear_ratio": _gear_ratio,
-    "gear_eccentricity": _gear_eccentricity,
-    "joint_coupling": _joint_coupling,
-    "drift": _drift,
-    "backlash": _backlash,
-    "stiction": _stiction,
-    "joint_compliance": _joint_compliance,
     "link_bending": _link_bending,
     "link_length": _link_length,
     "axis_tilt": _axis_tilt,
@@ -309,7 +323,13 @@ LAWS: Mapping[str, Law] = {
     "board_scale": _board_scale,
     "mirror_glass": _mirror_glass,
 }
-"""By effect of docs/effects.md: what it is in a simulator."""
+"""By effect of docs/effects.md that is no law of a joint: what it is in a simulator."""
+
+
+def is_held(effect: str) -> bool:
+    """Whether a simulator can hold an effect."""
+    told = IN_WORDS.get(effect)
+    return effect in LAWS or (told is not None and bool(told["joint_law"]))
 
 
 def _body(changed: Changed, name: str) -> Any:

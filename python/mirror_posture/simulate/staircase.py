@@ -15,7 +15,7 @@ from .._core import MirrorPostureError
 from ..diagnosis.applied.apply import parts_of
 from ..diagnosis.result import Cause, Diagnosis
 from ..session import Session, load_session
-from .causes import LAWS, Changed
+from .causes import Changed, is_held
 from .gap import SimulatedGap, simulated_gap
 from .model import build
 from .motion import Rest, execute
@@ -182,7 +182,7 @@ def _without_left_out(session: Session, found: Diagnosis) -> Session:
 
 def can_hold(cause: Cause) -> bool:
     """Whether a simulator can hold a cause, all its members if it is a group."""
-    return all(part.effect in LAWS for part in parts_of(cause))
+    return all(is_held(part.effect) for part in parts_of(cause))
 
 
 def _add(changed: Changed, cause: Cause) -> str | None:

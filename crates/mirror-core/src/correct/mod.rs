@@ -11,6 +11,7 @@
 //! | `plausible` | whether a reading can be believed after what was commanded |
 //! | `response` | how far each joint did what it was told |
 //! | `stop` | why a correction ends, with the evidence |
+//! | `feed_forward` | the first command, shifted against what a diagnosis found |
 //! | `corrector` | the state of one correction: readings in, a decision out |
 //!
 //! Positions of markers are in the frame of one link, the board's, which neither the mirror's place nor the robot's stand moves.
@@ -19,6 +20,7 @@ mod bounds;
 mod cholesky;
 mod corrector;
 mod damping;
+mod feed_forward;
 mod jacobian;
 mod judge;
 mod options;
@@ -31,6 +33,7 @@ mod target;
 pub use bounds::DistanceBounds;
 pub use corrector::{Corrector, Decision, LookRecord, MarkerError, Reading};
 pub use damping::Damping;
+pub use feed_forward::{FeedForward, JointError};
 pub use jacobian::{JacobianSource, broyden_update, marker_jacobian};
 pub use options::{CorrectOptions, JudgeOptions};
 pub use plausible::{Implausible, Surprise};

@@ -12,7 +12,7 @@ import numpy as np
 from ..._core import MirrorPostureError
 from ...session import Session
 from ..result import Cause
-from ..vocabulary import IN_WORDS
+from ..vocabulary import IN_WORDS, joint_terms
 
 MECHANICAL = tuple(name for name, effect in IN_WORDS.items() if effect["written_to"] == "mjcf")
 DROOP_RAD = 1e-3
@@ -71,7 +71,7 @@ def write_mjcf(
 def _add(mujoco: Any, spec: Any, session: Session, cause: Cause, stiffness: dict[str, float]) -> str:
     name = cause.at.partition(":")[2]
     value = {key: estimate.value for key, estimate in cause.parameters.items()}
-    if cause.effect == "link_bending":
+    if cause.at.startswith("link:"):
         body, joint = spec.body(name), session.robot.joints[session.robot.link_index(name) - 1]
         compliance = value["compliance_rad_per_nm"]
         for index, axis in enumerate(_across(joint.axis)):
@@ -80,22 +80,23 @@ def _add(mujoco: Any, spec: Any, session: Session, cause: Cause, stiffness: dict
     child = next(j.child_link for j in session.robot.joints if j.name == name)
     # The axis of the corrected robot, which a tilt may have moved.
     body, axis, servo = spec.body(child), spec.joint(name).axis, stiffness.get(name, LEAST_STIFFNESS)
-    if cause.effect == "backlash":
-        half = value["width_rad"] / 2.0
+    terms = joint_terms(cause.effect, value)
+    if "play" in terms:
+        half = terms["play"] / 2.0
         play = _in_series(mujoco, body, f"{name}_play", axis, 0.0, PLAY_DAMPING * servo)
         # A stop as hard as the time step allows: MuJoCo's own gives way by a fifth of a typical play.
         play.armature, play.solref_limit = servo / SERVO_RATE**2, [STOP_TIME_S, 1.0]
         play.limited, play.range = mujoco.mjtLimited.mjLIMITED_TRUE, [-half, half]
         return f"hinge {name}_play in series, from {-half:.5f} to {half:.5f} rad"
-    if cause.effect == "joint_compliance":
-        spring = 1.0 / value["compliance_rad_per_nm"]
-        _in_series(mujoco, body, f"{name}_spring", axis, spring)
-        return f"hinge {name}_spring in series with a stiffness of {spring:.4g} N m/rad"
-    if cause.effect == "stiction":
-        loss = servo * value["deadband_rad"]
+    if "dead_band" in terms:
+        loss = servo * terms["dead_band"]
         spec.joint(name).frictionloss = loss
         return f"frictionloss {loss:.4g} N m of joint {name} (servo of {servo:.4g} N m/rad)"
-    gear = 1.0 / (1.0 + value["scale_error"])
+    if "compliance" in terms:
+        spring = 1.0 / terms["compliance"]
+        _in_series(mujoco, body, f"{name}_spring", axis, spring)
+        return f"hinge {name}_spring in series with a stiffness of {spring:.4g} N m/rad"
+    gear = 1.0 / (1.0 + terms["share"])
     spec.actuator(name).gear = [gear, 0, 0, 0, 0, 0]
     return f"gear {gear:.6f} of the servo {name}"
 

@@ -5,29 +5,31 @@ from __future__ import annotations
 import math
 import os
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from ..._core import MirrorPostureError
 from ...output_files import write_file
 from ..result import Cause
+from ..vocabulary import joint_terms
 from .mjcf import LEAST_STIFFNESS, PLAY_DAMPING, SERVO_RATE, STOP_TIME_S
 from .xml_text import Element, XmlText, read_xml
 
 LEAST_ARMATURE = 1e-4
 """kg m²: of a joint whose file says nothing."""
-WRITTEN = ("joint_offset", "gear_ratio", "backlash", "joint_compliance", "stiction")
-"""The effects that are told joint by joint; the others move frames that an MJCF names otherwise than a URDF."""
+WRITTEN = {"offset", "share", "play", "compliance", "dead_band"}
+"""The terms of a joint's law that MuJoCo has words for. Effects that move frames are left: an MJCF names those otherwise
+than a URDF."""
 
 
 def patch_own_mjcf(own: Path, causes: Sequence[Cause], out: Path) -> dict[tuple[str, str], str]:
     """Writes a user's MJCF with the causes that it can hold; returns what was written, by effect and place.
 
-    - `joint_offset` a: the joint's `ref` becomes ref − a, since MuJoCo turns by qpos − ref.
-    - `gear_ratio` e: the actuator's `gear` is divided by 1 + e: a position servo then stops at (1 + e) of its command.
-    - `backlash`, `joint_compliance`: a further joint behind the joint, limited or sprung.
-    - `stiction`: `frictionloss` = kp times the dead band, kp of the joint's position servo.
+    - an offset a: the joint's `ref` becomes ref − a, since MuJoCo turns by qpos − ref.
+    - a share e of its own position: the actuator's `gear` is divided by 1 + e: a position servo then stops at (1 + e) of its command.
+    - play, compliance: a further joint behind the joint, limited or sprung.
+    - a dead band: `frictionloss` = kp times the dead band, kp of the joint's position servo.
 
     The written file is loaded by MuJoCo before it is kept. What cannot be written is told with its reason, which starts
     with "not written".
@@ -45,8 +47,10 @@ def patch_own_mjcf(own: Path, causes: Sequence[Cause], out: Path) -> dict[tuple[
     degrees = not _radians(document)
     told = {}
     for cause in causes:
-        if cause.effect in WRITTEN:
-            told[cause.effect, cause.at] = _write(mujoco, model, document, cause, degrees)
+        values = {key: estimate.value for key, estimate in cause.parameters.items()}
+        terms = joint_terms(cause.effect, values)
+        if terms and terms.keys() <= WRITTEN:
+            told[cause.effect, cause.at] = _write(mujoco, model, document, cause.at, terms, degrees)
     # Beside the own file: its meshes and includes are found from there.
     handle, name = tempfile.mkstemp(dir=own.parent, prefix=f".{own.stem}-", suffix=".xml")
     try:
@@ -73,9 +77,10 @@ def _radians(document: XmlText) -> bool:
     return any(element.attributes.get("angle") == "radian" for element in compilers)
 
 
-def _write(mujoco: Any, model: Any, document: XmlText, cause: Cause, degrees: bool) -> str:
-    name = cause.at.partition(":")[2]
-    value = {key: estimate.value for key, estimate in cause.parameters.items()}
+def _write(
+    mujoco: Any, model: Any, document: XmlText, at: str, terms: Mapping[str, float], degrees: bool
+) -> str:
+    name = at.partition(":")[2]
     joint = next(
         (
             e
@@ -90,8 +95,8 @@ def _write(mujoco: Any, model: Any, document: XmlText, cause: Cause, degrees: bo
         return f"not written: joint {name} {where}"
     hinge = int(model.jnt_type[identity]) == int(mujoco.mjtJoint.mjJNT_HINGE)
     factor = 180.0 / math.pi if degrees and hinge else 1.0
-    if cause.effect == "joint_offset":
-        ref = float(model.qpos0[model.jnt_qposadr[identity]]) - value["offset_rad"]
+    if "offset" in terms:
+        ref = float(model.qpos0[model.jnt_qposadr[identity]]) - terms["offset"]
         document.set(joint, "ref", f"{factor * ref:.12g}")
         return f"ref of joint {name}"
     servos = [
@@ -100,14 +105,14 @@ def _write(mujoco: Any, model: Any, document: XmlText, cause: Cause, degrees: bo
         if int(model.actuator_trntype[index]) == int(mujoco.mjtTrn.mjTRN_JOINT)
         and int(model.actuator_trnid[index, 0]) == identity
     ]
-    if cause.effect == "gear_ratio":
-        return _write_gear(mujoco, model, document, name, servos, value["scale_error"])
-    if cause.effect == "stiction":
+    if "share" in terms:
+        return _write_gear(mujoco, model, document, name, servos, terms["share"])
+    if "dead_band" in terms:
         gain = float(model.actuator_gainprm[servos[0], 0]) if servos else 0.0
         if not (gain > 0.0 and math.isclose(gain, -float(model.actuator_biasprm[servos[0], 1]))):
             return f"not written: joint {name} has no position servo, whose stiffness the dead band needs"
         # A servo pulls with gear · kp · (command - gear · q).
-        loss = gain * float(model.actuator_gear[servos[0], 0]) ** 2 * value["deadband_rad"]
+        loss = gain * float(model.actuator_gear[servos[0], 0]) ** 2 * terms["dead_band"]
         document.set(joint, "frictionloss", f"{loss:.9g}")
         return f"frictionloss of joint {name}: {loss:.4g} N m"
     stiffness = (
@@ -117,7 +122,7 @@ def _write(mujoco: Any, model: Any, document: XmlText, cause: Cause, degrees: bo
         return f"not written: joint {name} slides; play and springs are told for hinges"
     if model.nkey:
         return f"not written: the keyframes of this file fit its {model.nq} positions; a further joint needs new ones"
-    return _write_series(model, document, joint, name, cause, value, factor, stiffness)
+    return _write_series(model, document, joint, name, terms, factor, stiffness)
 
 
 def _write_gear(
@@ -145,8 +150,7 @@ def _write_series(
     document: XmlText,
     joint: Element,
     name: str,
-    cause: Cause,
-    value: dict[str, float],
+    terms: Mapping[str, float],
     factor: float,
     stiffness: float,
 ) -> str:
@@ -160,8 +164,8 @@ def _write_series(
     # The statics do not depend on it.
     rotor = max(float(model.dof_armature[compiled.dofadr[0]]), stiffness / SERVO_RATE**2, LEAST_ARMATURE)
     told |= {"armature": f"{rotor:.6g}"}
-    if cause.effect == "backlash":
-        half = factor * value["width_rad"] / 2.0
+    if "play" in terms:
+        half = factor * terms["play"] / 2.0
         document.insert_after(
             joint,
             "joint",
@@ -169,8 +173,8 @@ def _write_series(
              "stiffness": "0", "frictionloss": "0", "damping": f"{PLAY_DAMPING * stiffness:.6g}", "ref": "0",
              "solreflimit": f"{STOP_TIME_S:g} 1", "solimplimit": "0.99 0.999 0.001"},
         )  # fmt: skip
-        return f"hinge {name}_play behind it, of {value['width_rad']:.5f} rad"
-    spring = 1.0 / value["compliance_rad_per_nm"]
+        return f"hinge {name}_play behind it, of {terms['play']:.5f} rad"
+    spring = 1.0 / terms["compliance"]
     document.insert_after(
         joint,
         "joint",

@@ -1,5 +1,6 @@
 //! What people and files need to know of an effect beyond its law's columns: each effect tells it in its own file.
 
+use crate::robot::JointTerm;
 use serde::Serialize;
 
 /// The kind of place at which an effect can be.
@@ -73,7 +74,8 @@ pub(crate) struct About {
     pub law: &'static str,
     pub remedy: &'static str,
     pub written_to: WrittenTo,
-    pub fed_forward: bool,
+    /// At a joint: which term of its law each parameter is; empty where it is none.
+    pub joint_law: &'static [JointTerm],
     pub signature: &'static str,
     pub shown_by: &'static str,
     pub confused_with: &'static str,

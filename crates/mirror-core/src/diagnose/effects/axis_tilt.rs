@@ -40,7 +40,7 @@ impl Effect for AxisTilt {
             law: "the axis turned by (α₁, α₂) about two directions across it",
             remedy: "write the axis into the URDF",
             written_to: WrittenTo::Urdf,
-            fed_forward: false,
+            joint_law: &[],
             signature: "looks like an error of the neighbours that turns with q",
             shown_by: "a large range of q, markers far from the axis",
             confused_with: "`joint_offset` of a neighbour over a short range",

@@ -14,6 +14,7 @@ use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::scene::Scene;
+use crate::robot::JointTerm;
 
 /// Friction torques that are tried, as shares of the joint's largest gravity torque; 0 is pure load, infinity pure motion.
 const FRICTION_SHARES: [f64; 12] = [0.0, 0.03, 0.06, 0.1, 0.16, 0.23, 0.31, 0.4, 0.5, 0.62, 0.75, 0.9];
@@ -154,7 +155,7 @@ impl Effect for Backlash {
             law: "θ = q ± b/2, on the side of the load or of the last motion",
             remedy: "preload or replace the gear, or feed it forward",
             written_to: WrittenTo::Mjcf,
-            fed_forward: true,
+            joint_law: &[JointTerm::Play],
             signature: "two heights: by the sign of the load where it is large, by direction where it is small",
             shown_by: "load that changes its sign; each posture reached from both sides",
             confused_with: "`stiction` where friction decides the side; `joint_offset` where the load never changes sign",

@@ -44,7 +44,7 @@ impl Effect for BoardMount {
             law: "board = nominal ∘ (Exp ω, v); a camera on the same body moves along",
             remedy: "measure where the board sits and write its mount into the URDF",
             written_to: WrittenTo::Urdf,
-            fed_forward: false,
+            joint_law: &[],
             signature: "all markers shift together in the board's frame",
             shown_by: "both arms in many postures",
             confused_with: "`joint_offset` of all joints next to the board's body together",

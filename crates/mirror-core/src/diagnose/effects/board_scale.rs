@@ -39,7 +39,7 @@ impl Effect for BoardScale {
             law: "squares (1 + e) times as large",
             remedy: "measure the board's squares anew",
             written_to: WrittenTo::Session,
-            fed_forward: false,
+            joint_law: &[],
             signature: "the mirror seems too near or too far; markers grow or shrink with it",
             shown_by: "several distances",
             confused_with: "`camera_focal`",

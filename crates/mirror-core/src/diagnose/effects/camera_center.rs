@@ -39,7 +39,7 @@ impl Effect for CameraCenter {
             law: "c = c_nominal + (du, dv)",
             remedy: "calibrate the camera",
             written_to: WrittenTo::CameraFile,
-            fed_forward: false,
+            joint_law: &[],
             signature: "one shift in the picture",
             shown_by: "mirrors at different yaw and pitch",
             confused_with: "a rotation of `camera_mount`",

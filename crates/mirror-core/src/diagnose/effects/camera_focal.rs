@@ -39,7 +39,7 @@ impl Effect for CameraFocal {
             law: "f = (1 + e) f_nominal",
             remedy: "calibrate the camera",
             written_to: WrittenTo::CameraFile,
-            fed_forward: false,
+            joint_law: &[],
             signature: "errors grow with the distance from the picture's centre",
             shown_by: "the board near and far, in the middle and at the edge",
             confused_with: "`board_scale` at one distance",

@@ -43,7 +43,7 @@ impl Effect for CameraMount {
             law: "camera = nominal ∘ (Exp ω, v)",
             remedy: "write the camera's mount into the URDF",
             written_to: WrittenTo::Urdf,
-            fed_forward: false,
+            joint_law: &[],
             signature: "all markers shift together in the camera's frame",
             shown_by: "mirrors that yaw and pitch: with yaw only a direction stays unseen",
             confused_with: "errors of the neck's joints, where the head stands still",

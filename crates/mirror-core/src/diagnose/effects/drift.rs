@@ -4,6 +4,7 @@ use super::about::{About, PlaceKind, WrittenTo};
 use super::{Effect, LawFreedom, Place, joint_error, joint_of, joints, named};
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::scene::Scene;
+use crate::robot::JointTerm;
 
 /// See the module.
 pub(crate) struct Drift;
@@ -47,7 +48,7 @@ impl Effect for Drift {
             law: "θ = q + r t",
             remedy: "home the joint, or warm the robot up before use",
             written_to: WrittenTo::Nothing,
-            fed_forward: false,
+            joint_law: &[JointTerm::Rate],
             signature: "a line against time",
             shown_by: "the same postures early and late",
             confused_with: "whatever was changed slowly in the session; visit postures in random order",

@@ -4,6 +4,7 @@ use super::about::{About, PlaceKind, WrittenTo};
 use super::{Effect, Place, joint_error, joint_of, moving_joints, named};
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::scene::Scene;
+use crate::robot::JointTerm;
 
 /// See the module.
 pub(crate) struct GearEccentricity;
@@ -48,7 +49,7 @@ impl Effect for GearEccentricity {
             law: "θ = q + s sin q + c (cos q − 1)",
             remedy: "feed it forward (`correct --feed-forward`), or correct the encoder's reading",
             written_to: WrittenTo::Nothing,
-            fed_forward: true,
+            joint_law: &[JointTerm::Sine, JointTerm::CosineLessOne],
             signature: "one wave a turn against position, zero at q = 0",
             shown_by: "a range of 90° or more",
             confused_with: "over a short range `gear_ratio` or `joint_offset`",

@@ -4,6 +4,7 @@ use super::about::{About, PlaceKind, WrittenTo};
 use super::{Effect, Place, joint_error, joint_of, moving_joints, named};
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::scene::Scene;
+use crate::robot::JointTerm;
 
 /// See the module.
 pub(crate) struct GearRatio;
@@ -46,7 +47,7 @@ impl Effect for GearRatio {
             law: "θ = (1 + e) q",
             remedy: "correct the transmission's ratio in the driver",
             written_to: WrittenTo::Mjcf,
-            fed_forward: true,
+            joint_law: &[JointTerm::Share],
             signature: "a line through zero against position",
             shown_by: "both ends of the range",
             confused_with: "`joint_compliance` where load grows with q; `joint_offset` where q stays on one side",

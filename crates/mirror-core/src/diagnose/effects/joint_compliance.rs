@@ -4,6 +4,7 @@ use super::about::{About, PlaceKind, WrittenTo};
 use super::{Effect, LawFreedom, Place, joint_error, joint_of, loaded_joints, named};
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::scene::Scene;
+use crate::robot::JointTerm;
 
 /// See the module.
 pub(crate) struct JointCompliance;
@@ -54,7 +55,7 @@ impl Effect for JointCompliance {
             law: "θ = q + c τ",
             remedy: "stiffen the joint, or feed it forward",
             written_to: WrittenTo::Mjcf,
-            fed_forward: true,
+            joint_law: &[JointTerm::Compliance],
             signature: "a line against load",
             shown_by: "arm out and arm hanging, the same q under different loads",
             confused_with: "`link_bending` of the link before, `gear_ratio`",

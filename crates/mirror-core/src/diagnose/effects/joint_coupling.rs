@@ -4,6 +4,7 @@ use super::about::{About, PlaceKind, WrittenTo};
 use super::{Effect, Place, named};
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::scene::Scene;
+use crate::robot::JointTerm;
 
 /// See the module.
 pub(crate) struct JointCoupling;
@@ -54,7 +55,7 @@ impl Effect for JointCoupling {
             law: "θ = q + c q_other",
             remedy: "feed it forward (`correct --feed-forward`), or mend the coupling",
             written_to: WrittenTo::Nothing,
-            fed_forward: true,
+            joint_law: &[JointTerm::Coupling],
             signature: "a cloud against its own position, a line against the other joint's",
             shown_by: "both joints moved independently of each other",
             confused_with: "`joint_compliance`, where the other joint makes the load",

@@ -4,6 +4,7 @@ use super::about::{About, PlaceKind, WrittenTo};
 use super::{Effect, Place, joint_error, joint_of, joints, named};
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::scene::Scene;
+use crate::robot::JointTerm;
 
 /// See the module.
 pub(crate) struct JointOffset;
@@ -41,7 +42,7 @@ impl Effect for JointOffset {
             law: "θ = q + o",
             remedy: "recalibrate the joint's zero, or write it into the URDF",
             written_to: WrittenTo::Urdf,
-            fed_forward: true,
+            joint_law: &[JointTerm::Offset],
             signature: "one height in all four panels",
             shown_by: "any posture; two markers beyond the joint's neighbours",
             confused_with: "of the last joint: `marker_mount`. With one region of postures only: everything else at that joint",

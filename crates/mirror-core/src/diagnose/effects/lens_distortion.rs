@@ -39,7 +39,7 @@ impl Effect for LensDistortion {
             law: "k₁ = k₁_nominal + dk₁",
             remedy: "calibrate the camera",
             written_to: WrittenTo::CameraFile,
-            fed_forward: false,
+            joint_law: &[],
             signature: "grows with the cube of the distance from the centre",
             shown_by: "corners and markers at the edge",
             confused_with: "`camera_focal`, where the edge is not used",

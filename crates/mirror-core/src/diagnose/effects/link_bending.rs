@@ -60,7 +60,7 @@ impl Effect for LinkBending {
             law: "the link turns about its middle by c times the moment across it",
             remedy: "stiffen the link, or model it as flexible",
             written_to: WrittenTo::Mjcf,
-            fed_forward: false,
+            joint_law: &[],
             signature: "a line against load, across the link",
             shown_by: "loads that change",
             confused_with: "`joint_compliance` of the joint before: the lever arms differ by half the link only",

@@ -46,7 +46,7 @@ impl Effect for LinkLength {
             law: "what the link carries is shifted by (dx, dy, dz) in its frame",
             remedy: "write the link's length into the URDF",
             written_to: WrittenTo::Urdf,
-            fed_forward: false,
+            joint_law: &[],
             signature: "a constant shift in the link's frame, that turns with it",
             shown_by: "the link in several orientations",
             confused_with: "`marker_mount` of all markers beyond; `joint_offset` far out",

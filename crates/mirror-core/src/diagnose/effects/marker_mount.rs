@@ -43,7 +43,7 @@ impl Effect for MarkerMount {
             law: "the marker is shifted by (dx, dy, dz) in its link's frame",
             remedy: "write the marker's place into the URDF",
             written_to: WrittenTo::Urdf,
-            fed_forward: false,
+            joint_law: &[],
             signature: "one marker alone is off, by one vector in its link's frame",
             shown_by: "the link in several orientations",
             confused_with: "of the last link: that joint's `joint_offset`",

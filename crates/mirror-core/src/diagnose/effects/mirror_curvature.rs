@@ -39,7 +39,7 @@ impl Effect for MirrorCurvature {
             law: "curvature κ instead of a plane",
             remedy: "use a flatter mirror",
             written_to: WrittenTo::Nothing,
-            fed_forward: false,
+            joint_law: &[],
             signature: "the board's reflection is magnified more than the distance says",
             shown_by: "markers and board on different parts of the mirror",
             confused_with: "`camera_focal`, `board_scale`",

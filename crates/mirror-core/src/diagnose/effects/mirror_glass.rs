@@ -39,7 +39,7 @@ impl Effect for MirrorGlass {
             law: "the glass is thicker by t",
             remedy: "measure the thickness of the glass",
             written_to: WrittenTo::Session,
-            fed_forward: false,
+            joint_law: &[],
             signature: "grows with the obliqueness of the rays",
             shown_by: "mirrors at 15° and more beside straight ones",
             confused_with: "`board_scale`, at one angle",

@@ -2,6 +2,7 @@
 
 use super::about::{PlaceKind, WrittenTo};
 use super::{Effect, vocabulary};
+use crate::robot::JointTerm;
 use serde::Serialize;
 
 /// An effect of the vocabulary, in words.
@@ -31,6 +32,8 @@ pub struct EffectInfo {
     pub written_to: WrittenTo,
     /// Whether commands can be shifted against it (`correct --feed-forward`).
     pub fed_forward: bool,
+    /// At a joint: which term of its law each parameter is, in the order of the parameters; else empty.
+    pub joint_law: &'static [JointTerm],
     /// What it looks like in the data.
     pub signature: &'static str,
     /// Which postures show it.
@@ -54,7 +57,8 @@ fn info(effect: &dyn Effect) -> Option<EffectInfo> {
         words: effect.words().to_owned(),
         remedy: about.remedy,
         written_to: about.written_to,
-        fed_forward: about.fed_forward,
+        fed_forward: about.joint_law.iter().any(|term| term.is_fed_forward()),
+        joint_law: about.joint_law,
         signature: about.signature,
         shown_by: about.shown_by,
         confused_with: about.confused_with,
@@ -77,6 +81,9 @@ mod tests {
             for text in [effect.law, effect.remedy, effect.signature, effect.shown_by, effect.confused_with] {
                 assert!(text.len() > 5, "{effect:?}");
             }
+            let terms = effect.joint_law.len();
+            assert!(terms == 0 || terms == effect.parameters.len(), "{}: a term a parameter", effect.name);
+            assert!(terms == 0 || matches!(effect.at, PlaceKind::Joint | PlaceKind::JointPair), "{effect:?}");
             for parameter in &effect.parameters {
                 let unitless = ["coupling", "dk1"].contains(&parameter.as_str());
                 assert!(unitless || UNITS.iter().any(|u| parameter.ends_with(u)), "{parameter}");

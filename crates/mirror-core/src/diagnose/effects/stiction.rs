@@ -9,6 +9,7 @@ use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::scene::Scene;
+use crate::robot::JointTerm;
 
 /// The dead band (rad) at which the basis of none is taken.
 const LEAST_BAND: f64 = 1e-4;
@@ -137,7 +138,7 @@ impl Effect for Stiction {
             law: "θ = q − d sign(last motion) + c τ",
             remedy: "raise the servo's stiffness, or feed it forward",
             written_to: WrittenTo::Mjcf,
-            fed_forward: true,
+            joint_law: &[JointTerm::DeadBand, JointTerm::Compliance],
             signature: "two heights by direction alone, short of the target: low after moving up",
             shown_by: "each posture reached from both sides; rows in the order of execution",
             confused_with: "`backlash`; nothing to see where `ordered = false`",

@@ -1,0 +1,233 @@
+//! Feed-forward: the command that makes a wanted posture come out right at the first try, from the known laws of the joints.
+//!
+//! Wanted θ, sought q with `θ = q + a + e q + s sin q + c (cos q − 1) + k τ(θ) + Σ κ_K q_K ± h`, h half the play or the dead band.
+//! The torque is that of the wanted posture, which is known, so q follows by the fixed point `q ← θ − error(q)`, joint by joint
+//! (Gauss–Seidel), which contracts where the shares are small. A play, and a servo that sticks, leave a joint on the side from which
+//! it came: it is brought there by a way-point beyond the goal, on the side on which its load holds it anyway.
+
+use crate::error::{Error, Result, finite};
+use crate::robot::{JointTerm, Robot};
+use nalgebra::Vector3;
+use std::sync::Arc;
+
+/// A way-point lies so many times the whole play beyond the goal: the joint then arrives on the right side for certain.
+const BEYOND: f64 = 2.0;
+/// And this far at least, rad (m).
+const LEAST_BEYOND_RAD: f64 = 0.02;
+/// A share of its own or another's position beyond this is no small error: the fixed point would no longer contract quickly.
+const LARGEST_SHARE: f64 = 0.5;
+/// The fixed point has then converged by `0.5⁶⁰`.
+const ROUNDS: usize = 60;
+/// rad (m): commands that change less from round to round are found.
+const SETTLED_RAD: f64 = 1e-12;
+
+/// One known term of a joint's law.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct JointError {
+    /// Index of the joint's position.
+    pub position: usize,
+    /// Which term.
+    pub term: JointTerm,
+    /// Its size, in the unit of the term.
+    pub value: f64,
+    /// Of a coupling: index of the position of the other joint.
+    pub driver: Option<usize>,
+}
+
+/// What is known of one joint, all its terms together.
+#[derive(Debug, Clone, Default, PartialEq)]
+struct Law {
+    position: usize,
+    offset: f64,
+    share: f64,
+    sine: f64,
+    cosine: f64,
+    compliance: f64,
+    half_play: f64,
+    coupled: Vec<(usize, f64)>,
+}
+
+impl Law {
+    fn error(&self, command: &[f64], torque: f64, side: f64) -> f64 {
+        let q = command[self.position];
+        let coupled: f64 = self.coupled.iter().map(|(k, share)| share * command[*k]).sum();
+        self.offset
+            + self.share * q
+            + self.sine * q.sin()
+            + self.cosine * (q.cos() - 1.0)
+            + self.compliance * torque
+            + coupled
+            + side * self.half_play
+    }
+
+    fn add(&mut self, error: &JointError) -> Result<()> {
+        match error.term {
+            JointTerm::Offset => self.offset += error.value,
+            JointTerm::Share => self.share += small(error)?,
+            JointTerm::Sine => self.sine += small(error)?,
+            JointTerm::CosineLessOne => self.cosine += small(error)?,
+            JointTerm::Compliance => self.compliance += error.value,
+            JointTerm::Play => self.half_play += error.value / 2.0,
+            JointTerm::DeadBand => self.half_play += error.value,
+            JointTerm::Coupling => {
+                let driver = error.driver.ok_or_else(|| Error::UnknownName {
+                    what: "driver of a coupled joint",
+                    got: "none".into(),
+                    valid: "the position of the joint that it moves along with".into(),
+                })?;
+                self.coupled.push((driver, small(error)?));
+            }
+            JointTerm::Rate => {
+                return Err(Error::UnknownName {
+                    what: "term that is fed forward",
+                    got: error.term.name().into(),
+                    valid: "all but `rate`, which grows with time".into(),
+                });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// From wanted postures to commands.
+///
+/// ```
+/// use mirror_core::correct::{FeedForward, JointError};
+/// use mirror_core::robot::{JointTerm, Robot};
+/// let urdf = r#"<robot name="arm"><link name="base"/><link name="hand"/>
+///   <joint name="elbow" type="revolute"><parent link="base"/><child link="hand"/><axis xyz="0 1 0"/>
+///     <limit lower="-2" upper="2" effort="1" velocity="1"/></joint></robot>"#;
+/// let robot = std::sync::Arc::new(Robot::from_urdf_str(urdf)?);
+/// let zero = JointError { position: 0, term: JointTerm::Offset, value: 0.05, driver: None };
+/// let ahead = FeedForward::new(robot, 0, [0.0, 0.0, -9.81].into(), &[zero])?;
+/// let (mut way_point, mut command) = ([0.0], [0.0]);
+/// ahead.commands(&[0.5], &mut way_point, &mut command)?;
+/// assert!((command[0] - 0.45).abs() < 1e-12 && way_point == command);
+/// # Ok::<(), mirror_core::Error>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct FeedForward {
+    robot: Arc<Robot>,
+    held_link: usize,
+    gravity_in_held_link_m_per_s2: Vector3<f64>,
+    laws: Vec<Law>,
+}
+
+impl FeedForward {
+    /// From the known errors of a robot's joints. `held_link` stands still, gravity is in its frame, m/s².
+    ///
+    /// # Errors
+    /// A position or link that the robot does not have, a number that is not finite, a share of 0.5 and more, a coupling
+    /// without its driver, a term that grows with time.
+    pub fn new(
+        robot: Arc<Robot>,
+        held_link: usize,
+        gravity_in_held_link_m_per_s2: Vector3<f64>,
+        errors: &[JointError],
+    ) -> Result<Self> {
+        let count = robot.position_count();
+        let mut laws: Vec<Law> = Vec::new();
+        for error in errors {
+            for position in [Some(error.position), error.driver].into_iter().flatten() {
+                if position >= count {
+                    return Err(Error::OutOfRange {
+                        what: "position of a joint's error".into(),
+                        got: position as f64,
+                        needed: format!("an index below {count}"),
+                    });
+                }
+            }
+            finite(&format!("{} of a joint", error.term.name()), error.value)?;
+            let at = laws.iter().position(|law| law.position == error.position).unwrap_or_else(|| {
+                laws.push(Law { position: error.position, ..Law::default() });
+                laws.len() - 1
+            });
+            laws[at].add(error)?;
+        }
+        Ok(Self { robot, held_link, gravity_in_held_link_m_per_s2, laws })
+    }
+
+    /// Whether some joint is brought to its place over a way-point.
+    pub fn has_way_points(&self) -> bool {
+        self.laws.iter().any(|law| law.half_play > 0.0)
+    }
+
+    /// Positions of the joints whose law is known.
+    pub fn positions(&self) -> impl Iterator<Item = usize> + '_ {
+        self.laws.iter().map(|law| law.position)
+    }
+
+    /// Commands (N, nq) that end in the wanted postures (N, nq), rad (m), and the way-points before them, which equal the commands at
+    /// joints without play. All within the joints' limits.
+    ///
+    /// # Errors
+    /// Arrays whose lengths differ or are no multiple of nq, positions that are not finite.
+    pub fn commands(&self, wanted: &[f64], way_points: &mut [f64], commands: &mut [f64]) -> Result<()> {
+        let count = self.robot.position_count();
+        for (what, got) in [("way-points", way_points.len()), ("commands", commands.len())] {
+            if got != wanted.len() {
+                return Err(Error::LengthMismatch { what: what.into(), got, needed: wanted.len() });
+            }
+        }
+        let mut torques = vec![0.0; wanted.len()];
+        let (held, gravity) = (self.held_link, &self.gravity_in_held_link_m_per_s2);
+        self.robot.gravity_torques_batch(wanted, gravity, held, &mut torques)?;
+        commands.copy_from_slice(wanted);
+        way_points.copy_from_slice(wanted);
+        let rows = commands.chunks_exact_mut(count).zip(way_points.chunks_exact_mut(count));
+        for ((command, way_point), (wanted, torque)) in
+            rows.zip(wanted.chunks_exact(count).zip(torques.chunks_exact(count)))
+        {
+            self.solve(wanted, torque, command);
+            way_point.copy_from_slice(command);
+            for law in self.laws.iter().filter(|law| law.half_play > 0.0) {
+                let p = law.position;
+                let margin = LEAST_BEYOND_RAD.max(BEYOND * 2.0 * law.half_play);
+                way_point[p] = self.within(p, command[p] + side(torque[p]) * margin);
+            }
+        }
+        Ok(())
+    }
+
+    fn solve(&self, wanted: &[f64], torque: &[f64], command: &mut [f64]) {
+        for _ in 0..ROUNDS {
+            let mut change = 0.0_f64;
+            // In turn, so that a coupled joint sees its driver's command, not its wanted position.
+            for law in &self.laws {
+                let p = law.position;
+                let next = self.within(p, wanted[p] - law.error(command, torque[p], side(torque[p])));
+                change = change.max((next - command[p]).abs());
+                command[p] = next;
+            }
+            if change < SETTLED_RAD {
+                return;
+            }
+        }
+    }
+
+    fn within(&self, position: usize, value: f64) -> f64 {
+        let joint = self.robot.position_joints()[position];
+        match self.robot.joints()[joint].limits {
+            Some(limits) => value.max(limits.lower).min(limits.upper),
+            None => value,
+        }
+    }
+}
+
+/// Side of its play on which the joint shall rest: +1 where its load pushes it up, and then it comes from above.
+fn side(torque: f64) -> f64 {
+    if torque > 0.0 { 1.0 } else { -1.0 }
+}
+
+fn small(error: &JointError) -> Result<f64> {
+    if error.value.abs() < LARGEST_SHARE {
+        return Ok(error.value);
+    }
+    Err(Error::OutOfRange {
+        what: format!("{} of a joint", error.term.name()),
+        got: error.value,
+        needed: format!(
+            "less than {LARGEST_SHARE}: what is larger is no small error that a command can mend"
+        ),
+    })
+}
