@@ -128,7 +128,8 @@ def test_the_command_writes_the_staircase_and_names_a_missing_joint(tmp_path: Pa
 
 
 def test_optics_and_a_board_on_another_body_than_the_camera_can_be_held(tmp_path: Path) -> None:
-    from mirror_posture.simulate.causes import Changed
+    from mirror_posture.simulate.causes import add_cause
+    from mirror_posture.simulate.changed import Changed
     from mirror_posture.simulate.held_out import first_half
     from mirror_posture.simulate.model import build, element_of
 
@@ -139,7 +140,7 @@ def test_optics_and_a_board_on_another_body_than_the_camera_can_be_held(tmp_path
     def added(effect: str, at: str, **values: float) -> Changed:
         changed = Changed(build(session), session, {})
         parameters = {name: Estimate(value, 0.0) for name, value in values.items()}
-        assert changed.add(Cause(effect, at, 1.0, parameters))
+        assert add_cause(changed, Cause(effect, at, 1.0, parameters))
         return changed
 
     lens = added("camera_focal", "camera", scale_error=0.01).session.camera

@@ -15,7 +15,8 @@ from .._core import MirrorPostureError
 from ..diagnosis.applied.apply import parts_of
 from ..diagnosis.result import Cause, Diagnosis
 from ..session import Session, load_session
-from .causes import Changed, is_held
+from .causes import add_cause, is_held
+from .changed import Changed
 from .gap import SimulatedGap, simulated_gap
 from .model import build
 from .motion import Rest, execute
@@ -186,7 +187,7 @@ def can_hold(cause: Cause) -> bool:
 
 
 def _add(changed: Changed, cause: Cause) -> str | None:
-    said = [changed.add(part) for part in parts_of(cause)]
+    said = [add_cause(changed, part) for part in parts_of(cause)]
     done = [line for line in said if line is not None]
     if not done:
         return None

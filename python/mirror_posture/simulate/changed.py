@@ -1,0 +1,48 @@
+"""The simulator's model with a session's causes being added: what a cause may change."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from .._core import MirrorPostureError
+from ..session import Session
+from .model import Simulator
+from .motion import Drive
+
+Floats = npt.NDArray[np.float64]
+
+Values = Mapping[str, float]
+
+
+@dataclass
+class Changed:
+    """What a cause may change."""
+
+    simulator: Simulator
+    session: Session
+    largest_torque_nm: Mapping[str, float]
+    drives: dict[str, list[Drive]] = field(default_factory=dict)
+    comments: list[tuple[str, str]] = field(default_factory=list)
+    """Name of the changed element of the model, and what was changed."""
+
+    def joint(self, name: str) -> Any:
+        """A joint of the model. Raises `MirrorPostureError` that lists the joints there are."""
+        joint = self.simulator.spec.joint(name)
+        if joint is None:
+            raise MirrorPostureError(
+                f"the model has no joint {name!r} of the diagnosis; it has {', '.join(self.simulator.joints)}"
+            )
+        return joint
+
+    def drive(self, joint: str, law: Drive) -> None:
+        """Adds a fault of a joint's drive."""
+        self.joint(joint)
+        self.drives.setdefault(joint, []).append(law)
+
+
+Law = Callable[[Changed, str, Values], tuple[str, str]]

@@ -1,0 +1,198 @@
+"""Bodies, axes and mounts that sit elsewhere than the model says, in MuJoCo."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from .._core import MirrorPostureError
+from ..diagnosis.applied.urdf import rotation_of_vector
+from .changed import Changed, Floats, Values
+from .joint_faults import PART_ARMATURE_KGM2, set_spring
+from .model import element_of
+
+
+def axis_sign(changed: Changed, name: str, value: Values) -> tuple[str, str]:
+    joint = changed.joint(name)
+    joint.axis = -np.asarray(joint.axis, float)
+    return name, "axis reversed"
+
+
+def joints_swapped(changed: Changed, places: str, value: Values) -> tuple[str, str]:
+    first, _, second = places.partition("<->joint:")
+    changed.drive(first, lambda q, t: q[second] - q[first])
+    changed.drive(second, lambda q, t: q[first] - q[second])
+    return first, f"the servos of {first} and {second} get each other's commands"
+
+
+def link_bending(changed: Changed, name: str, value: Values) -> tuple[str, str]:
+    body = _body(changed, name)
+    tip = _tip(body)
+    length = float(np.linalg.norm(tip))
+    if length < 1e-6:
+        raise MirrorPostureError(f"link_bending at link:{name}: the model's body has no length to bend over")
+    stiffness = 1.0 / value["compliance_rad_per_nm"]
+    first = np.cross(tip / length, np.eye(3)[int(np.argmin(np.abs(tip)))])
+    first /= np.linalg.norm(first)
+    for number, axis in enumerate((first, np.cross(tip / length, first)), start=1):
+        bend = body.add_joint(
+            name=f"{name}_bend_{number}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=axis, pos=0.5 * tip
+        )
+        bend.limited, bend.armature = mujoco.mjtLimited.mjLIMITED_FALSE, PART_ARMATURE_KGM2
+        set_spring(bend, stiffness)
+    return f"{name}_bend_1", f"two hinges across the link at its middle, stiffness {stiffness:.5g} N m/rad"
+
+
+def link_length(changed: Changed, name: str, value: Values) -> tuple[str, str]:
+    moved = []
+    for body, rotation in _carried(_body(changed, name)):
+        body.pos = np.asarray(body.pos, float) + rotation.T @ _shift(value)
+        moved.append(body.name)
+    if not moved:
+        raise MirrorPostureError(f"link_length at link:{name}: this body of the model carries no joint")
+    return moved[0], f"moved by ({_millimetres(_shift(value))}) mm in the frame of {name}"
+
+
+def axis_tilt(changed: Changed, name: str, value: Values) -> tuple[str, str]:
+    joint = changed.joint(name)
+    axis = np.asarray(joint.axis, float)
+    axis = axis / np.linalg.norm(axis)
+    e = np.array([1.0, 0.0, 0.0]) if abs(axis[0]) < 0.8 else np.array([0.0, 1.0, 0.0])
+    u = np.cross(axis, e)
+    u /= np.linalg.norm(u)
+    tilted = (
+        axis
+        + np.tan(value.get("tilt_1_rad", 0.0)) * u
+        + np.tan(value.get("tilt_2_rad", 0.0)) * np.cross(axis, u)
+    )
+    joint.axis = tilted / np.linalg.norm(tilted)
+    return name, "axis tilted"
+
+
+def marker_mount(changed: Changed, name: str, value: Values) -> tuple[str, str]:
+    marker = next((m for m in changed.session.markers if m.name == name), None)
+    if marker is None:
+        raise MirrorPostureError(
+            f"the session has no marker {name!r}; it has {', '.join(changed.session.marker_names)}"
+        )
+    element = element_of(changed.simulator.spec, marker.link)
+    element.pos = np.asarray(element.pos, float) + _shift(value)
+    return marker.link, f"moved by ({_millimetres(_shift(value))}) mm"
+
+
+def camera_mount(changed: Changed, name: str, value: Values) -> tuple[str, str]:
+    link = _link(changed.session.camera_link, "camera")
+    _move(element_of(changed.simulator.spec, link), value)
+    return link, "moved against the board"
+
+
+def board_mount(changed: Changed, name: str, value: Values) -> tuple[str, str]:
+    session, spec = changed.session, changed.simulator.spec
+    board, camera = (
+        _link(None if session.board is None else session.board.link, "board"),
+        _link(session.camera_link, "camera"),
+    )
+    board_at, camera_at = element_of(spec, board), element_of(spec, camera)
+    board_carrier, carrier_from_board = _on_carrier(board_at)
+    camera_carrier, carrier_from_camera = _on_carrier(camera_at)
+    moved = carrier_from_board @ _motion(value)
+    together = board_carrier == camera_carrier
+    if together:
+        riding = moved @ np.linalg.inv(carrier_from_board) @ carrier_from_camera
+        _place(camera_at, _pose(camera_at) @ np.linalg.inv(carrier_from_camera) @ riding)
+    _place(board_at, _pose(board_at) @ _motion(value))
+    return board, "moved on its link" + (", the camera with it" if together else "")
+
+
+def _body(changed: Changed, name: str) -> Any:
+    body = changed.simulator.spec.body(name)
+    if body is None:
+        names = ", ".join(body.name for body in changed.simulator.spec.bodies[1:])
+        raise MirrorPostureError(f"the model has no body {name!r} of the diagnosis; its bodies: {names}")
+    return body
+
+
+def _carried(body: Any) -> list[tuple[Any, Floats]]:
+    """The bodies with joints that a body carries next, with the rotation of their parent's frame in the body's."""
+    out: list[tuple[Any, Floats]] = []
+    for child in body.bodies:
+        if child.joints:
+            out.append((child, np.eye(3)))
+        else:
+            turn = _pose(child)[:3, :3]
+            out.extend((below, turn @ rotation) for below, rotation in _carried(child))
+    return out
+
+
+def _on_carrier(element: Any) -> tuple[str, Floats]:
+    """The nearest body with joints that an element is fixed to (the world where there is none), and its pose there."""
+    if getattr(element, "joints", ()):
+        raise MirrorPostureError(
+            f"board_mount: {element.name} is itself moved by a joint; give board and camera links of their own, fixed to the body"
+        )
+    pose, body = _pose(element), element.parent
+    while body.name != "world" and not body.joints:
+        pose, body = _pose(body) @ pose, body.parent
+    return body.name, pose
+
+
+def _tip(body: Any) -> Floats:
+    """Where a link ends, in its frame: the next joint that it carries, else the farthest thing on it."""
+    ends: list[Floats] = []
+
+    def visit(child: Any, pose: Floats) -> None:
+        here = pose @ _pose(child)
+        if child.joints:
+            ends.insert(0, here[:3, 3])
+            return
+        ends.append(here[:3, 3])
+        for below in child.bodies:
+            visit(below, here)
+
+    jointed = [below for below, _ in _carried(body)]
+    for child in body.bodies:
+        visit(child, np.eye(4))
+    if jointed:
+        return ends[0]
+    ends.extend(np.asarray(site.pos, float) for site in body.sites)
+    return max(ends, key=lambda end: float(np.linalg.norm(end)), default=np.zeros(3))
+
+
+def _motion(value: Values) -> Floats:
+    out = np.eye(4)
+    out[:3, :3] = rotation_of_vector(np.array([value.get(f"r{axis}_rad", 0.0) for axis in "xyz"]))
+    out[:3, 3] = _shift(value)
+    return out
+
+
+def _move(element: Any, value: Values) -> None:
+    _place(element, _pose(element) @ _motion(value))
+
+
+def _pose(element: Any) -> Floats:
+    pose, rotation = np.eye(4), np.zeros(9)
+    mujoco.mju_quat2Mat(rotation, np.asarray(element.quat, float) / np.linalg.norm(element.quat))
+    pose[:3, :3], pose[:3, 3] = rotation.reshape(3, 3), np.asarray(element.pos, float)
+    return pose
+
+
+def _place(element: Any, pose: Floats) -> None:
+    quaternion = np.zeros(4)
+    mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(pose[:3, :3]).ravel())
+    element.pos, element.quat = pose[:3, 3], quaternion
+
+
+def _link(link: str | None, what: str) -> str:
+    if not link:
+        raise MirrorPostureError(f"the session has no {what}; a cause at the {what} is of another session")
+    return link
+
+
+def _shift(value: Values) -> Floats:
+    return np.array([value.get(f"d{axis}_m", 0.0) for axis in "xyz"])
+
+
+def _millimetres(shift_m: Floats) -> str:
+    return ", ".join(f"{x * 1e3:.3f}" for x in shift_m)
