@@ -9,6 +9,7 @@ mod camera;
 mod correct;
 mod correct_loop;
 mod examples;
+mod feed_forward;
 mod fuzz_corpus;
 mod gap_claims;
 mod gap_effects;

@@ -1,0 +1,85 @@
+//! Feed-forward: the law of the joints, put in from the other side, gives back the posture that was wanted.
+
+use mirror_core::correct::{FeedForward, JointError};
+use mirror_core::robot::{JointTerm, Robot};
+use nalgebra::Vector3;
+use proptest::prelude::*;
+use std::sync::Arc;
+
+/// An arm of two links in a vertical plane: 1 kg at 0.2 m from the elbow, 2 kg at 0.1 m from the shoulder, upper arm 0.3 m.
+const ARM: &str = r#"<robot name="arm">
+  <link name="base"/>
+  <link name="upper"><inertial><origin xyz="0.1 0 0"/><mass value="2"/></inertial></link>
+  <link name="fore"><inertial><origin xyz="0.2 0 0"/><mass value="1"/></inertial></link>
+  <joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 1 0"/>
+    <limit lower="-3" upper="3" effort="9" velocity="9"/></joint>
+  <joint name="elbow" type="revolute"><parent link="upper"/><child link="fore"/><origin xyz="0.3 0 0"/><axis xyz="0 1 0"/>
+    <limit lower="-3" upper="3" effort="9" velocity="9"/></joint>
+</robot>"#;
+const G: f64 = 9.81;
+
+fn ahead(errors: &[JointError]) -> mirror_core::Result<FeedForward> {
+    let robot = Arc::new(Robot::from_urdf_str(ARM).unwrap());
+    FeedForward::new(robot, 0, Vector3::new(0.0, 0.0, -G), errors)
+}
+
+fn term(position: usize, term: JointTerm, value: f64) -> JointError {
+    JointError { position, term, value, driver: (term == JointTerm::Coupling).then(|| 1 - position) }
+}
+
+/// By hand: turning up about +y lowers a mass that lies along +x, so gravity pushes towards larger angles.
+fn torques(q: [f64; 2]) -> [f64; 2] {
+    let elbow = G * 0.2 * (q[0] + q[1]).cos();
+    [G * (2.0 * 0.1 + 0.3) * q[0].cos() + elbow, elbow]
+}
+
+proptest! {
+    #[test]
+    fn the_wanted_posture_comes_out(
+        shoulder in -1.2..1.2f64, elbow in -1.2..1.2f64,
+        offset in -0.1..0.1f64, share in -0.2..0.2f64, sine in -0.1..0.1f64, cosine in -0.1..0.1f64,
+        compliance in 0.0..0.02f64, coupling in -0.2..0.2f64,
+    ) {
+        let errors = [
+            term(0, JointTerm::Offset, offset), term(0, JointTerm::Share, share), term(1, JointTerm::Sine, sine),
+            term(1, JointTerm::CosineLessOne, cosine), term(0, JointTerm::Compliance, compliance), term(1, JointTerm::Coupling, coupling),
+        ];
+        let (mut way_point, mut q) = ([0.0; 2], [0.0; 2]);
+        ahead(&errors).unwrap().commands(&[shoulder, elbow], &mut way_point, &mut q).unwrap();
+        let reached = [
+            q[0] * (1.0 + share) + offset + compliance * torques([shoulder, elbow])[0],
+            q[1] + sine * q[1].sin() + cosine * (q[1].cos() - 1.0) + coupling * q[0],
+        ];
+        prop_assert!((reached[0] - shoulder).abs() < 1e-9 && (reached[1] - elbow).abs() < 1e-9, "{reached:?}");
+        prop_assert_eq!(way_point, q);
+    }
+
+    #[test]
+    fn a_play_is_approached_from_the_side_of_its_load(q in -1.2..1.2f64, width in 0.001..0.1f64) {
+        let (mut way_point, mut command) = ([0.0; 2], [0.0; 2]);
+        let ahead = ahead(&[term(1, JointTerm::Play, width)]).unwrap();
+        ahead.commands(&[0.0, q], &mut way_point, &mut command).unwrap();
+        let side = torques([0.0, q])[1].signum();
+        prop_assert!((command[1] + side * width / 2.0 - q).abs() < 1e-12);
+        prop_assert!((way_point[1] - command[1]) * side >= 2.0 * width - 1e-12);
+        prop_assert_eq!(way_point[0], command[0]);
+    }
+}
+
+#[test]
+fn what_no_command_mends_is_refused() {
+    for (error, words) in [
+        (term(0, JointTerm::Rate, 1e-4), "grows with time"),
+        (term(0, JointTerm::Share, 0.5), "no small error"),
+        (term(2, JointTerm::Offset, 0.1), "below 2"),
+        (term(0, JointTerm::Offset, f64::NAN), "finite"),
+        (JointError { driver: None, ..term(0, JointTerm::Coupling, 0.1) }, "driver"),
+    ] {
+        let message = ahead(&[error]).unwrap_err().to_string();
+        assert!(message.contains(words), "{message}");
+    }
+    let limited = ahead(&[term(0, JointTerm::Offset, -0.5)]).unwrap();
+    let (mut way_point, mut command) = ([0.0; 2], [0.0; 2]);
+    limited.commands(&[2.9, 0.0], &mut way_point, &mut command).unwrap();
+    assert_eq!(command[0], 3.0, "within the limit");
+}
