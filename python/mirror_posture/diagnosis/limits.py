@@ -20,6 +20,8 @@ CLASSES = (
 )
 """Largest hidden angle and length, colour and words of a place on the robot."""
 ANY, ANY_COLOUR = "any size", "#7b1fa2"
+BEYOND = 1e4
+"""In people's units: from this size on nothing is meant any more (a spring where gravity has no lever)."""
 DRAWN = ("joint_offset", "link_length", "marker_mount", "board_mount", "camera_mount")
 """Effects whose limits the picture shows: where each place sits, and how a joint's zero lies."""
 
@@ -55,7 +57,7 @@ def in_words(limit: Limit) -> str:
 
 
 def _rounded(value: float, unit: str) -> str:
-    return ANY if not np.isfinite(value) else f"{float(f'{value:.2g}'):g} {unit}".rstrip()
+    return ANY if not value < BEYOND else f"{float(f'{value:.2g}'):g} {unit}".rstrip()
 
 
 def table(found: Diagnosis) -> list[Told]:
