@@ -17,7 +17,7 @@ SOURCES := $(shell find crates python -name '*.rs' -o -name '*.py' -o -name '*.p
 FLOORS := numpy==1.26.4 opencv-python-headless==4.11.0.86 pillow==10.4.0 simplejpeg==1.7.6 pyarrow==23.0.0 \
   matplotlib==3.8.4 typer==0.15.4 click==8.1.8
 
-.PHONY: docs sdist test-floors help demo test test-rust test-python lint wheel bench clean fuzz audit sbom
+.PHONY: check docs sdist test-floors help demo format test test-rust test-python lint wheel bench clean fuzz audit sbom
 
 help: ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -25,7 +25,9 @@ help: ## this list
 demo: $(VENV)/installed ## render the embedded robot before a mirror, detect, measure, report, all into ./out
 	$(BIN)/mirror-posture demo --out $(OUT)
 
-test: lint test-rust test-python ## all tests, as the CI runs them
+test: format test-rust test-python ## all tests, as the CI runs them
+
+check: lint test ## before a commit: the lints, then all tests
 
 test-rust: ## the core's tests; needs no Python
 	cargo test --locked -q
@@ -40,12 +42,14 @@ test-floors: $(VENV)/wheel ## detection and sessions with the oldest dependencie
 	$(VENV)-floors/bin/python -m pytest -q -p no:cacheprovider tests/python/test_detect_markers.py tests/python/test_detect_labels.py \
 	  tests/python/test_detect_board.py tests/python/test_detect_charuco.py tests/python/test_session.py tests/python/test_session_write.py
 
-lint: $(VENV)/installed-for-tests ## formatting and lints, Rust and Python
+format: $(VENV)/installed-for-tests ## whether all sources are formatted
 	cargo fmt --all --check
+	$(BIN)/ruff format --check -q python tests/python benches
+
+lint: format ## formatting, lints, types and the links of the documentation, Rust and Python
 	cargo clippy --locked -q --workspace --all-targets -- -D warnings
 	cargo clippy --locked -q -p mirror-core --no-default-features -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --locked -q --no-deps -p mirror-core
-	$(BIN)/ruff format --check python tests/python benches
 	$(BIN)/ruff check python tests/python benches
 	MYPYPATH=python $(BIN)/mypy
 
