@@ -10,7 +10,7 @@ import pytest
 import mirror_posture as mp
 from mirror_posture.diagnosis import Cause, Diagnosis, Estimate, Gap, formatting, vocabulary
 from mirror_posture.diagnosis.applied import apply_diagnosis
-from mirror_posture.diagnosis.applied.mistakes import MISTAKES
+from mirror_posture.diagnosis.applied.mistakes import BY_HAND_ONLY
 from mirror_posture.diagnosis.applied.urdf import Urdf
 from session_folder import write_folder
 
@@ -42,7 +42,7 @@ def test_columns_are_exchanged_and_scaled(tmp_path: Path) -> None:
     np.testing.assert_allclose(better.frames.commanded[:, 0], 0.5 * session.frames.commanded[:, 0])
 
 
-@pytest.mark.parametrize("effect", MISTAKES)
+@pytest.mark.parametrize("effect", BY_HAND_ONLY)
 def test_what_no_file_holds_says_what_to_do(effect: str, tmp_path: Path) -> None:
     assert effect in vocabulary.MISTAKES
     session = mp.load_session(write_folder(tmp_path / "session"))

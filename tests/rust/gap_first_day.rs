@@ -225,20 +225,8 @@ fn springs_under_gravity_stated_upside_down_are_named() {
 
 #[test]
 fn small_causes_are_no_mistakes() {
-    const MISTAKES: [&str; 12] = [
-        "axis_sign",
-        "joints_swapped",
-        "joint_unit",
-        "joint_frozen",
-        "joint_late",
-        "markers_swapped",
-        "camera_resolution",
-        "picture_flipped",
-        "gravity_direction",
-        "marker_parent",
-        "board_turned",
-        "slip",
-    ];
+    let mistakes: Vec<_> =
+        mirror_core::diagnose::mistakes().iter().filter(|m| m.is_mistake).map(|m| m.name).collect();
     let world = world();
     let bone = |name: &str| world.bone(name);
     for (seed, wrong) in [
@@ -250,7 +238,7 @@ fn small_causes_are_no_mistakes() {
         let diagnosis = run(&world, &world.record(&Plan { wrong, ..plan(seed) }));
         let told = named(&diagnosis);
         assert!(
-            diagnosis.causes.iter().all(|c| !MISTAKES.contains(&c.effect.as_str())),
+            diagnosis.causes.iter().all(|c| !mistakes.contains(&c.effect.as_str())),
             "seed {seed}: {told:?}"
         );
     }

@@ -382,3 +382,18 @@ pub fn effects(py: Python<'_>) -> PyResult<Vec<Bound<'_, PyDict>>> {
     };
     mirror_core::diagnose::effects().into_iter().map(told).collect()
 }
+
+/// What is tried beside the effects of one place, a dict each; see `mirror_core::diagnose::mistakes`.
+#[pyfunction]
+pub fn mistakes(py: Python<'_>) -> PyResult<Vec<Bound<'_, PyDict>>> {
+    let told = |mistake: &mirror_core::diagnose::MistakeInfo| {
+        let dict = PyDict::new(py);
+        dict.set_item("name", mistake.name)?;
+        dict.set_item("signature", mistake.signature)?;
+        dict.set_item("remedy", mistake.remedy)?;
+        dict.set_item("written_to", mistake.written_to.name())?;
+        dict.set_item("is_mistake", mistake.is_mistake)?;
+        Ok(dict)
+    };
+    mirror_core::diagnose::mistakes().iter().map(told).collect()
+}

@@ -33,9 +33,9 @@ mod _core {
     #[pymodule_export]
     use crate::feed_forward::PyFeedForward;
     #[pymodule_export]
-    use crate::gap::effects;
-    #[pymodule_export]
     use crate::gap::{DiagnosisProgress, GapRecording};
+    #[pymodule_export]
+    use crate::gap::{effects, mistakes};
     #[pymodule_export]
     use crate::measure::{MeasureInput, Measured};
     #[pymodule_export]

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from .result import Cause, Diagnosis, Estimate, Member
-from .vocabulary import IN_WORDS, remedy
+from .vocabulary import BESIDE, IN_WORDS, remedy
 
 UNITS = {
     # Longest endings first: `_rad_per_nm` also ends with what others end with.
@@ -95,15 +95,7 @@ def effect_in_words(effect: str) -> str:
 
 
 BY_HAND = {
-    **{name: remedy(name) for name, effect in IN_WORDS.items() if effect["written_to"] == "nothing"},
-    "geometry": "diagnose anew: this document does not tell each of the small errors",
-    "joint_frozen": "mend the joint or its log, and record those rows again",
-    "joint_late": "log each row's positions at the moment of its picture, and record again",
-    "markers_swapped": "exchange the two names in the frames listed (in session.toml, where it is all of them)",
-    "picture_flipped": "turn off the mirroring in the camera's driver, and record again",
-    "slip": "fasten it and record again; rows before and after the slip are two sessions",
-    "marker_parent": "fix the marker's link to the link named, at the place told, in the robot's URDF",
-    "board_turned": "turn the board back, or turn its mount in the robot's URDF",
+    name: remedy(name) for name, told in {**IN_WORDS, **BESIDE}.items() if told["written_to"] == "nothing"
 }
 """Effects that `apply` writes nowhere, and what to do instead."""
 

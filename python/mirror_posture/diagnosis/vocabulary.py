@@ -4,35 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from .._core import MirrorPostureError, effects
+from .._core import MirrorPostureError, effects, mistakes
 
-EVERYWHERE = ("geometry", "pairing")
-"""What is tried beside the effects of one place: small errors everywhere, and slipped rows."""
-MISTAKES = (
-    "axis_sign",
-    "joints_swapped",
-    "joint_unit",
-    "joint_frozen",
-    "joint_late",
-    "markers_swapped",
-    "camera_resolution",
-    "picture_flipped",
-    "gravity_direction",
-    "marker_parent",
-    "board_turned",
-    "slip",
-)
+BESIDE: Mapping[str, Mapping[str, object]] = {str(mistake["name"]): mistake for mistake in mistakes()}
+"""What is tried beside the effects of one place, as the core tells it: `signature`, `remedy`, `written_to`, `is_mistake`."""
+MISTAKES = tuple(name for name, told in BESIDE.items() if told["is_mistake"])
 """Whole mistakes of model, log or mounting, which are tried exactly before small errors are searched."""
 IN_WORDS: Mapping[str, Mapping[str, object]] = {str(effect["name"]): effect for effect in effects()}
 """Each effect as the core tells it: `at`, `parameters`, `law`, `joint_law`, `words`, `remedy`, `written_to`, `fed_forward`,
 `signature`, `shown_by`, `confused_with`."""
-EFFECTS = (*IN_WORDS, *EVERYWHERE, *MISTAKES)
+EFFECTS = (*IN_WORDS, *BESIDE)
 """All names that a diagnosis takes and tells."""
 
 
 def remedy(effect: str) -> str:
-    """What to do about an effect of the vocabulary, in a few words."""
-    return str(IN_WORDS[effect]["remedy"])
+    """What to do about an effect of the vocabulary or a mistake, in a few words."""
+    return str((IN_WORDS.get(effect) or BESIDE[effect])["remedy"])
 
 
 def joint_terms(effect: str, values: Mapping[str, float]) -> dict[str, float]:

@@ -51,6 +51,7 @@ pub use data::recording::{
     Tolerance, Tolerances, Via,
 };
 pub use effects::about::{PlaceKind, WrittenTo};
+pub use effects::everywhere::{MistakeInfo, mistakes};
 pub use effects::own::{OwnAxis, OwnEffect, OwnParameter, OwnPlace, Quantities, quantities};
 pub use effects::registry::{EffectInfo, effects};
 pub use pipeline::diagnose;

@@ -7,19 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from ...session import Session
-from ..formatting import BY_HAND
 from ..result import Cause
+from ..vocabulary import BESIDE, MISTAKES, remedy
 from .urdf import Urdf, rotation_of_vector
 
-MISTAKES = (
-    "joint_frozen",
-    "joint_late",
-    "markers_swapped",
-    "picture_flipped",
-    "marker_parent",
-    "board_turned",
-    "slip",
-)
+BY_HAND_ONLY = tuple(name for name in MISTAKES if BESIDE[name]["written_to"] == "nothing")
 """Mistakes that no file of a model can hold."""
 FRAMES, CAMERA, ROBOT, SETTINGS = "frames.csv", "camera.yaml", "robot.urdf", "session.toml"
 
@@ -60,8 +52,8 @@ def undo_mistake(session: Session, urdf: Urdf, cause: Cause) -> tuple[Session, s
         gravity = turn @ session.gravity_m_per_s2
         told = ", ".join(f"{part:.3f}" for part in gravity)
         return replace(session, gravity_m_per_s2=gravity), SETTINGS, f"gravity = [{told}] m/s²"
-    if cause.effect in MISTAKES:
-        return session, None, BY_HAND[cause.effect]
+    if cause.effect in BY_HAND_ONLY:
+        return session, None, remedy(cause.effect)
     return None
 
 

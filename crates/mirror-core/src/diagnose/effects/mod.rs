@@ -13,6 +13,7 @@ mod camera_center;
 mod camera_focal;
 mod camera_mount;
 mod drift;
+pub(super) mod everywhere;
 mod gear_eccentricity;
 mod gear_ratio;
 pub(super) mod hypothesis;

@@ -4,6 +4,7 @@ use crate::cancel::Cancel;
 use crate::diagnose::data::progress::Progress;
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::effects::Effect;
+use crate::diagnose::effects::everywhere::EVERYWHERE;
 use crate::diagnose::effects::own::OwnEffect;
 use crate::error::{Error, Result};
 use crate::robot::Robot;
@@ -38,24 +39,6 @@ pub struct OtherSession {
     pub own: Vec<OwnEffect>,
 }
 
-/// What can be switched off beside the effects of one place: small errors everywhere, slipped rows, and whole mistakes.
-pub(crate) const EVERYWHERE: [&str; 14] = [
-    "geometry",
-    "pairing",
-    "axis_sign",
-    "joints_swapped",
-    "joint_unit",
-    "joint_frozen",
-    "joint_late",
-    "markers_swapped",
-    "camera_resolution",
-    "picture_flipped",
-    "gravity_direction",
-    "marker_parent",
-    "board_turned",
-    "slip",
-];
-
 impl DiagnoseOptions {
     /// Whether an effect, or what is tried beside them, is not switched off.
     pub(crate) fn allows(&self, name: &str) -> bool {
@@ -67,7 +50,7 @@ impl DiagnoseOptions {
     /// # Errors
     /// [`Error::UnknownName`], with the valid names.
     pub(crate) fn check_names(&self, effects: &[Box<dyn Effect>]) -> Result<()> {
-        let valid = || effects.iter().map(|e| e.name()).chain(EVERYWHERE);
+        let valid = || effects.iter().map(|e| e.name()).chain(EVERYWHERE.iter().map(|m| m.name));
         match self.without.iter().find(|w| !valid().any(|v| v == w.as_str())) {
             None => Ok(()),
             Some(unknown) => Err(Error::UnknownName {

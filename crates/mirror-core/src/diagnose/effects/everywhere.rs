@@ -1,0 +1,128 @@
+//! What is tried beside the effects of one place: small errors everywhere, slipped rows, and whole mistakes of a first day.
+
+use super::about::WrittenTo;
+use serde::Serialize;
+
+/// What a person needs to know of it; how each is tried stands in `prepare` and `random_effects`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct MistakeInfo {
+    /// Its name in the public vocabulary.
+    pub name: &'static str,
+    /// What it looks like in the data.
+    pub signature: &'static str,
+    /// What to do about it.
+    pub remedy: &'static str,
+    /// The file that holds it once it is known.
+    pub written_to: WrittenTo,
+    /// Whether it is a whole mistake of model, log or mounting, tried exactly before small errors are searched.
+    pub is_mistake: bool,
+}
+
+const fn mistake(
+    name: &'static str,
+    signature: &'static str,
+    remedy: &'static str,
+    written_to: WrittenTo,
+) -> MistakeInfo {
+    MistakeInfo { name, signature, remedy, written_to, is_mistake: true }
+}
+
+const fn beside(name: &'static str, signature: &'static str, remedy: &'static str) -> MistakeInfo {
+    MistakeInfo { name, signature, remedy, written_to: WrittenTo::Nothing, is_mistake: false }
+}
+
+/// In the order of the public vocabulary.
+pub(crate) const EVERYWHERE: [MistakeInfo; 14] = [
+    beside(
+        "geometry",
+        "small errors of many places together, none of which stands out",
+        "diagnose anew: this document does not tell each of the small errors",
+    ),
+    beside(
+        "pairing",
+        "a run of rows is off by much, and fits the row before or after",
+        "pair each row with its own picture, and record those rows again",
+    ),
+    mistake(
+        "axis_sign",
+        "a limb mirrored about its joint's zero",
+        "turn the axis round in the robot's URDF",
+        WrittenTo::Urdf,
+    ),
+    mistake(
+        "joints_swapped",
+        "two columns (or two arms) fit each other's joints",
+        "exchange the columns; if it is the cables, exchange them instead",
+        WrittenTo::Session,
+    ),
+    mistake(
+        "joint_unit",
+        "a column fits after multiplying by a unit's factor",
+        "write the column in rad",
+        WrittenTo::Session,
+    ),
+    mistake(
+        "joint_frozen",
+        "a column, or the joint, stands still while others move",
+        "mend the joint or its log, and record those rows again",
+        WrittenTo::Nothing,
+    ),
+    mistake(
+        "joint_late",
+        "a column, or all, fit the rows before",
+        "log each row's positions at the moment of its picture, and record again",
+        WrittenTo::Nothing,
+    ),
+    mistake(
+        "markers_swapped",
+        "two markers fit each other's places, in the frames listed",
+        "exchange the two names in the frames listed (in session.toml, where it is all of them)",
+        WrittenTo::Nothing,
+    ),
+    mistake(
+        "camera_resolution",
+        "boards fit after scaling the camera's file",
+        "scale focal lengths and centre in the camera's file",
+        WrittenTo::CameraFile,
+    ),
+    mistake(
+        "picture_flipped",
+        "boards fit when the pictures are mirrored",
+        "turn off the mirroring in the camera's driver, and record again",
+        WrittenTo::Nothing,
+    ),
+    mistake(
+        "gravity_direction",
+        "springs would have to push against their loads",
+        "write gravity as told into session.toml",
+        WrittenTo::Session,
+    ),
+    mistake(
+        "marker_parent",
+        "a marker stands still against another link",
+        "fix the marker's link to the link named, at the place told, in the robot's URDF",
+        WrittenTo::Nothing,
+    ),
+    mistake(
+        "board_turned",
+        "boards fit when counted from another corner",
+        "turn the board back, or turn its mount in the robot's URDF",
+        WrittenTo::Nothing,
+    ),
+    mistake(
+        "slip",
+        "from a row on a marker, the board or the camera sits elsewhere",
+        "fasten it and record again; rows before and after the slip are two sessions",
+        WrittenTo::Nothing,
+    ),
+];
+
+/// What is tried beside the effects of one place, in words: small errors everywhere, slipped rows, whole mistakes.
+///
+/// ```
+/// let beside = mirror_core::diagnose::mistakes();
+/// assert!(beside.iter().any(|m| m.name == "axis_sign" && m.is_mistake));
+/// ```
+pub fn mistakes() -> &'static [MistakeInfo] {
+    &EVERYWHERE
+}
