@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from .marker import ColorRange, Marker
     from .measurement import Measurement, MeasureOptions, measure, measure_all
     from .mirror import Mirror
+    from .mirror_pictures import markers_from_views, mirror_from_picture, mirrors_from_pictures
     from .render import render_session
     from .robot import Robot
     from .session import Session, SessionError, load_session, write_session
@@ -52,8 +53,11 @@ _HOME = {
     "detect_session": "detect",
     "diagnose": "diagnosis",
     "load_session": "session",
+    "markers_from_views": "mirror_pictures",
     "measure": "measurement",
     "measure_all": "measurement",
+    "mirror_from_picture": "mirror_pictures",
+    "mirrors_from_pictures": "mirror_pictures",
     "render_session": "render",
     "write_session": "session",
 }
@@ -78,8 +82,11 @@ __all__ = [
     "detect_session",
     "diagnose",
     "load_session",
+    "markers_from_views",
     "measure",
     "measure_all",
+    "mirror_from_picture",
+    "mirrors_from_pictures",
     "render_session",
     "write_session",
 ]

@@ -477,6 +477,12 @@ def measure_balls(
     camera: Camera,
     chroma_step_px: tuple[int, int],
 ) -> list[BallOutline | None]: ...
+def color_regions(
+    bgr: npt.NDArray[np.uint8],
+    colors: list[list[float]],
+    least_area_px: int,
+    most: int,
+) -> list[list[tuple[int, tuple[float, float], list[int], npt.NDArray[np.bool_]]]]: ...
 def fit_circle_by_consensus(
     points_px: npt.ArrayLike, min_radius_px: float, max_radius_px: float, tolerance_px: float
 ) -> tuple[float, float, float] | None: ...

@@ -1,4 +1,4 @@
-"""Mirrors from pictures alone: a board that one picture shows twice, directly and in the mirror; no robot needed.
+"""Mirrors and markers from pictures alone: a board and its reflection, balls in the mirror; no robot needed.
 
 camera = load_camera_info("camera.yaml")
 mirror = mirror_from_picture(camera, Board(7, 6, 0.025), "picture.jpg")
@@ -9,18 +9,50 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
 from ._core import MirrorPostureError
+from .arguments import checked_arguments
 from .board import CHESSBOARD, Board
 from .camera import Camera
-from .detect import BoardOptions, BoardView, DetectionOptions, DetectionSetup, detect_picture
-from .mirror import MirrorEstimates, Rig, estimate_mirrors, planar_poses
+from .detect import (
+    BoardOptions,
+    BoardPrediction,
+    BoardView,
+    DetectionOptions,
+    DetectionSetup,
+    GateOptions,
+    PictureDetections,
+    PicturePrediction,
+    detect_picture,
+)
+from .marker import Marker
+from .mirror import MirrorEstimates, PlanarPoses, Rig, estimate_mirrors, planar_poses
+from .short_repr import ShortRepr
+from .triangulate import MarkerPositions, triangulate
 
 Picture = str | os.PathLike[str] | npt.NDArray[np.uint8]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SeenMarkers(ShortRepr):
+    """Markers of one posture, measured in several views: `positions` has one row a name of `names`, `mirrors` one a picture.
+
+    `camera_from_board` (4, 4) is as given, or measured, and then `camera_from_board_covariance` (6, 6) is its covariance, rotation first (rad, m).
+    `unseen` says for each name why a view (its index) does not show it.
+    """
+
+    names: tuple[str, ...]
+    positions: MarkerPositions
+    mirrors: MirrorEstimates
+    camera_from_board: npt.NDArray[np.float64]
+    camera_from_board_covariance: npt.NDArray[np.float64] | None
+    unseen: dict[str, dict[int, str]]
 
 
 def mirror_from_picture(
@@ -30,6 +62,7 @@ def mirror_from_picture(
     *,
     camera_from_board: npt.ArrayLike | None = None,
     glass_thickness_m: float = 0.0,
+    gate: GateOptions | None = None,
 ) -> MirrorEstimates:
     """The mirror in one picture, a path or a BGR array: the plane `n·x = d` in the camera frame, m, with the covariance of its foot point.
 
@@ -39,24 +72,12 @@ def mirror_from_picture(
     Raises `MirrorPostureError` for a picture that cannot be read or is of another size than the camera's, and where a view is not found or cannot
     be trusted: the message says which and why.
     """
-    if board.pattern != CHESSBOARD:
-        raise MirrorPostureError(
-            f"board pattern = {board.pattern!r}: mirrors from pictures need a chessboard"
-        )
-    known = camera_from_board is not None
-    options = DetectionOptions(board=BoardOptions(views=("mirror",) if known else ("direct", "mirror")))
-    shown = picture if isinstance(picture, np.ndarray) else Path(picture)
-    found = detect_picture(shown, DetectionSetup(board, (), camera), options=options)
+    found = _seen(camera, board, (), picture, camera_from_board, gate)
     views = {view.via: view for view in found.boards}
     mirrored = _trusted(views.get("mirror"), found.source)
     pose, covariance = camera_from_board, None
     if pose is None:
-        direct = _trusted(views.get("direct"), found.source)
-        poses = planar_poses(camera, board, direct[0][None], noise_px=direct[1])
-        if not poses.valid[0]:
-            raise MirrorPostureError(
-                f"{found.source}: no pose of the board explains its direct view ({poses.reasons[0]})"
-            )
+        poses = _direct(camera, board, found)
         pose, covariance = poses.camera_from_pattern[0], poses.covariances[0]
     rig = Rig(camera, board, np.asarray(pose, dtype=np.float64), covariance, glass_thickness_m)
     return estimate_mirrors(rig, mirrored[0][None], noise_px=mirrored[1])
@@ -69,6 +90,7 @@ def mirrors_from_pictures(
     *,
     camera_from_board: npt.ArrayLike | None = None,
     glass_thickness_m: float = 0.0,
+    gate: GateOptions | None = None,
 ) -> tuple[MirrorEstimates | MirrorPostureError, ...]:
     """`mirror_from_picture` of each picture, in the order given; the error that says why in place of a mirror that was not measured."""
     found: list[MirrorEstimates | MirrorPostureError] = []
@@ -81,11 +103,137 @@ def mirrors_from_pictures(
                     picture,
                     camera_from_board=camera_from_board,
                     glass_thickness_m=glass_thickness_m,
+                    gate=gate,
                 )
             )
         except MirrorPostureError as error:
             found.append(error)
     return tuple(found)
+
+
+@checked_arguments
+def markers_from_views(
+    camera: Camera,
+    board: Board,
+    markers: Sequence[Marker],
+    pictures: Sequence[Picture],
+    *,
+    camera_from_board: npt.ArrayLike | None = None,
+    glass_thickness_m: float = 0.0,
+    gate: GateOptions | None = None,
+) -> SeenMarkers:
+    """Balls' places in the camera frame, m, with covariance, from two or more pictures in which only the mirror moved.
+
+    Camera, board and balls stay as they are to each other; each picture shows the board's reflection (and, where `camera_from_board` (4, 4) is not given, the
+    board itself) and the balls in the mirror. Each ball's virtual rays meet at the ball (maximum likelihood). A marker that fewer than two
+    pictures show is masked with its reason.
+
+    Raises `MirrorPostureError` for fewer than two pictures, one that cannot be read, and where a view of the board is not found or cannot be trusted.
+    """
+    if len(pictures) < 2:
+        raise MirrorPostureError(
+            f"pictures: got {len(pictures)}, needed two or more, the mirror moved in between"
+        )
+    if not markers:
+        raise MirrorPostureError("markers: none given, needed at least one")
+    found = [_seen(camera, board, tuple(markers), picture, camera_from_board, gate) for picture in pictures]
+    corners = [
+        _trusted(next((v for v in one.boards if v.via == "mirror"), None), one.source) for one in found
+    ]
+    pose, covariance = camera_from_board, None
+    if pose is None:
+        pose, covariance = _joined([_direct(camera, board, one) for one in found])
+    pose = np.asarray(pose, dtype=np.float64)
+    rig = Rig(camera, board, pose, covariance, glass_thickness_m)
+    mirrors = estimate_mirrors(
+        rig,
+        np.stack([one[0] for one in corners]),
+        noise_px=float(np.sqrt(np.mean([one[1] ** 2 for one in corners]))),
+    )
+    parts = []
+    unseen: dict[str, dict[int, str]] = {}
+    for index, marker in enumerate(markers):
+        views = [one.markers[index] for one in found]
+        unseen[marker.name] = {i: view.reason for i, view in enumerate(views) if not view.ok}
+        rows = np.array([i if view.ok and mirrors.valid[i] else -1 for i, view in enumerate(views)])
+        pixels = [view.sphere_center_px or view.pixel_px or (0.0, 0.0) for view in views]
+        stds = [view.std_px for view, row in zip(views, rows, strict=True) if row >= 0 and view.std_px]
+        noise = float(np.sqrt(np.mean(np.square(stds)))) if stds else 1.0
+        parts.append(triangulate(mirrors, rows[None], np.array([pixels], dtype=np.float64), noise_px=noise))
+    return SeenMarkers(
+        tuple(marker.name for marker in markers), _stacked(parts), mirrors, pose, covariance, unseen
+    )
+
+
+def _seen(
+    camera: Camera,
+    board: Board,
+    markers: tuple[Marker, ...],
+    picture: Picture,
+    camera_from_board: npt.ArrayLike | None,
+    gate: GateOptions | None,
+) -> PictureDetections:
+    if board.pattern != CHESSBOARD:
+        raise MirrorPostureError(
+            f"board pattern = {board.pattern!r}: mirrors from pictures need a chessboard"
+        )
+    known = camera_from_board is not None
+    options = DetectionOptions(
+        board=BoardOptions(views=("mirror",) if known else ("direct", "mirror"), gate=gate or GateOptions())
+    )
+    told = None
+    if known:
+        told = PicturePrediction(
+            BoardPrediction(camera_from_board=np.asarray(camera_from_board, dtype=np.float64))
+        )
+    shown = picture if isinstance(picture, np.ndarray) else Path(picture)
+    return detect_picture(shown, DetectionSetup(board, markers, camera), told, options)
+
+
+def _direct(camera: Camera, board: Board, found: PictureDetections) -> PlanarPoses:
+    """The board's pose where a picture shows it directly; one row."""
+    corners, noise_px = _trusted(next((v for v in found.boards if v.via == "direct"), None), found.source)
+    poses = planar_poses(camera, board, corners[None], noise_px=noise_px)
+    if not poses.valid[0]:
+        raise MirrorPostureError(
+            f"{found.source}: no pose of the board explains its direct view ({poses.reasons[0]})"
+        )
+    return poses
+
+
+def _joined(poses: Sequence[PlanarPoses]) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """One pose from several measurements of it, weighted by their information, in the tangent at the first: `pose ∘ (Exp ω, v)`."""
+    first = poses[0].camera_from_pattern[0]
+    information, pull = np.zeros((6, 6)), np.zeros(6)
+    for one in poses:
+        step = np.linalg.solve(first, one.camera_from_pattern[0])
+        tangent = np.concatenate([cv2.Rodrigues(step[:3, :3])[0].ravel(), step[:3, 3]])
+        weight = np.linalg.inv(one.covariances[0])
+        information += weight
+        pull += weight @ tangent
+    mean = np.linalg.solve(information, pull)
+    step = np.eye(4)
+    step[:3, :3], step[:3, 3] = cv2.Rodrigues(mean[:3])[0], mean[3:]
+    return first @ step, np.linalg.inv(information)
+
+
+def _stacked(parts: Sequence[MarkerPositions]) -> MarkerPositions:
+    def all_of(name: str) -> npt.NDArray[np.float64]:
+        return np.concatenate([getattr(part, name) for part in parts])
+
+    return MarkerPositions(
+        triangulator=parts[0].triangulator,
+        points_in_camera_m=all_of("points_in_camera_m"),
+        covariances_m2=all_of("covariances_m2"),
+        measurement_covariances_m2=all_of("measurement_covariances_m2"),
+        point_by_camera_from_board=all_of("point_by_camera_from_board"),
+        parallax_rad=all_of("parallax_rad"),
+        rms_ray_distance_m=all_of("rms_ray_distance_m"),
+        rms_px=all_of("rms_px"),
+        chi_squared=all_of("chi_squared"),
+        valid=np.concatenate([part.valid for part in parts]),
+        reasons={row: part.reasons[0] for row, part in enumerate(parts) if not part.valid[0]},
+    )
 
 
 def _trusted(view: BoardView | None, source: str) -> tuple[npt.NDArray[np.float64], float]:

@@ -17,7 +17,7 @@ from mirror_posture.detect import (
     predictions_from_session,
     setup_from_session,
 )
-from mirror_posture.detect.blobs import color_mask, largest_region, to_hsv
+from mirror_posture.detect.blobs import color_regions, largest_region, to_hsv
 from mirror_posture.detect.markers import SizeBounds
 from mirror_posture.session import load_session
 
@@ -111,18 +111,39 @@ def test_the_outline_beats_the_regions_centroid(glass) -> None:
 )
 def test_largest_regions_of_real_sweets_match_the_published_figures(hue, tolerance, area, centroid) -> None:
     picture = cv2.imread(str(need(SMARTIES)))
-    found = largest_region(to_hsv(picture), ColorRange(hue, tolerance, 89.5 / 255.0, 59.5 / 255.0), 150)
+    found = largest_region(picture, ColorRange(hue, tolerance, 89.5 / 255.0, 59.5 / 255.0), 150)
     assert found is not None
     assert found.area_px == area
     assert found.centroid_px == pytest.approx(centroid, abs=0.1)
 
 
-def test_hue_wraps_around() -> None:
-    hsv = np.zeros((1, 4, 3), np.float32)
-    hsv[0, :, 0] = (355.0, 5.0, 340.0, 20.0)
-    hsv[..., 1:] = 1.0
-    assert color_mask(hsv, RED).tolist() == [[True, True, False, False]]
-    assert color_mask(hsv, ColorRange(350.0, 16.0)).tolist() == [[True, True, True, False]]
+def test_regions_of_all_colours_are_those_of_opencv() -> None:
+    rng = np.random.default_rng(5)
+    coarse = rng.integers(0, 256, (30, 40, 3)).astype(np.uint8)
+    picture = cv2.resize(coarse, (200, 150), interpolation=cv2.INTER_CUBIC)
+    picture[::7, ::5] = (60, 50, 210)
+    # No pixel of 8 bits lies on these limits, where a rounding would decide.
+    colors = [
+        ColorRange(0.0, 12.37, 0.5013, 0.2513),
+        ColorRange(351.0, 16.41, 0.3013, 0.1013),
+        ColorRange(240.0, 40.37, 0.0, 0.5013),
+    ]
+    hsv = to_hsv(picture)
+    for color, regions in zip(colors, color_regions(picture, colors, 12), strict=True):
+        away = np.abs((hsv[..., 0] - color.hue_deg + 180.0) % 360.0 - 180.0)
+        mask = (
+            (away <= color.hue_tolerance_deg)
+            & (hsv[..., 1] >= color.min_saturation)
+            & (hsv[..., 2] >= color.min_value)
+        )
+        _, marked, stats, centroids = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)
+        order = [i for i in np.argsort(-stats[1:, 4], kind="stable") + 1 if stats[i, 4] >= 12][:32]
+        assert len(regions) == len(order) > 3
+        for region, index in zip(regions, order, strict=True):
+            left, top, width, height = region.box_px
+            assert (left, top, width, height, region.area_px) == tuple(stats[index])
+            assert region.centroid_px == pytest.approx(tuple(centroids[index]), abs=1e-9)
+            assert np.array_equal(region.mask, marked[top : top + height, left : left + width] == index)
 
 
 def ball_picture(balls: list[tuple[float, float, float]], color=(40, 30, 200), size=(320, 240)) -> np.ndarray:

@@ -9,10 +9,17 @@ import numpy as np
 import pytest
 
 from board_drawing import chessboard_picture
-from mirror_posture import MirrorPostureError
-from mirror_posture.board import Board
-from mirror_posture.camera import Camera
-from mirror_posture.mirror_pictures import mirror_from_picture, mirrors_from_pictures
+from fresh_pictures import Look, views
+from mirror_posture import (
+    Board,
+    Camera,
+    ColorRange,
+    Marker,
+    MirrorPostureError,
+    markers_from_views,
+    mirror_from_picture,
+    mirrors_from_pictures,
+)
 
 CAMERA = Camera((640, 480), (600.0, 600.0), (319.5, 239.5))
 BOARD = Board(7, 4, 0.02)
@@ -67,3 +74,34 @@ def test_a_picture_without_the_board_says_so_and_does_not_stop_the_others(tmp_pa
 def test_another_size_than_the_cameras_is_refused() -> None:
     with pytest.raises(MirrorPostureError, match="the camera file is for"):
         mirror_from_picture(CAMERA, BOARD, np.zeros((100, 100), np.uint8))
+
+
+def test_markers_of_views_are_where_they_are_with_deviations_that_are_true() -> None:
+    """Balls drawn before a mirror that turns, taken as a camera, a board and balls alone."""
+    scenes, real = views(Look(size_px=(640, 480), radius_px=(9.0, 14.0)), [3], [(-0.04, 0.0), (0.04, 0.02)])
+    first = scenes[0]
+    focal, center = np.diag(first.camera)[:2], first.camera[:2, 2]
+    found = markers_from_views(
+        Camera((640, 480), (focal[0], focal[1]), (center[0], center[1])),
+        Board(7, 4, 0.012),
+        [
+            Marker(ball.name, diameter_m=2 * ball.radius_m, color=ColorRange(ball.hue_deg, 18.0, 0.4, 0.12))
+            for ball in first.balls
+        ],
+        [scene.bgr for scene in scenes],
+        camera_from_board=first.camera_from_board,
+    )
+    normalised = []
+    for row, ball in enumerate(first.balls):
+        if not found.positions.valid[row]:
+            assert found.unseen[ball.name]
+            continue
+        error = found.positions.points_in_camera_m[row] - real[row]
+        normalised.append(error @ np.linalg.solve(found.positions.covariances_m2[row], error) / 3.0)
+    assert len(normalised) >= 3
+    assert 0.05 < np.mean(normalised) < 3.0
+
+
+def test_markers_need_two_views() -> None:
+    with pytest.raises(MirrorPostureError, match="needed two or more"):
+        markers_from_views(CAMERA, BOARD, [Marker("hand")], [picture(0)[0]])

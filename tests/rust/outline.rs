@@ -60,7 +60,10 @@ fn exact_edges_give_the_exact_sphere_also_from_part_of_its_outline() {
     let sphere = camera.project(&Point3::from(center)).unwrap();
     let start = Circle { center_px: sphere + Vector2::new(0.2, -0.2), radius_px: 15.4 };
     for share in [90, 50, 30] {
-        let points: Vec<_> = pixels[..share].iter().map(|p| EdgePoint { pixel: *p, std_px: 0.1 }).collect();
+        let points: Vec<_> = pixels[..share]
+            .iter()
+            .map(|p| EdgePoint { pixel: *p, std_px: 0.1, shared_std_px: 0.0 })
+            .collect();
         let near = fit_circle(&pixels[..share], 5.0, 40.0, 1.0).unwrap_or(start);
         let fit = fit_cone(&points, &near, &camera, 1.0).unwrap();
         assert!((fit.sphere_center_px - sphere).norm() < 1e-5, "{share}: {}", fit.sphere_center_px - sphere);
@@ -72,7 +75,8 @@ fn exact_edges_give_the_exact_sphere_also_from_part_of_its_outline() {
 fn the_claimed_covariance_of_the_centroid_is_the_scatter() {
     let camera = camera(Distortion::None);
     let pixels = touching_pixels(&camera, Vector3::new(0.1, 0.06, 0.5), 0.02, 100);
-    let exact: Vec<_> = pixels.iter().map(|p| EdgePoint { pixel: *p, std_px: 0.1 }).collect();
+    let exact: Vec<_> =
+        pixels.iter().map(|p| EdgePoint { pixel: *p, std_px: 0.1, shared_std_px: 0.0 }).collect();
     let start = fit_circle(&pixels, 5.0, 40.0, 1.0).unwrap();
     let truth = fit_cone(&exact, &start, &camera, 1.0).unwrap().centroid_px;
     let mut rng = ChaCha8Rng::seed_from_u64(5);
@@ -85,7 +89,7 @@ fn the_claimed_covariance_of_the_centroid_is_the_scatter() {
                 .iter()
                 .map(|p| {
                     let noise = Vector2::from_fn(|_, _| StandardNormal.sample(&mut rng)) * 0.1;
-                    EdgePoint { pixel: p.pixel + noise, std_px: 0.1 }
+                    EdgePoint { pixel: p.pixel + noise, std_px: 0.1, shared_std_px: 0.0 }
                 })
                 .collect();
             let fit = fit_cone(&noisy, &start, &camera, 1.0).unwrap();

@@ -4,8 +4,12 @@ use crate::arrays::{Array2Like, pairs, reshaped, shape_error};
 use crate::camera::PyCamera;
 use crate::errors::{MirrorPostureError, to_py};
 use crate::work::Work;
-use mirror_core::outline::{BallOutline, Circle, Picture, RadiusRange, fit_circle, measure_ball};
-use numpy::{PyArray2, PyReadonlyArray3, PyUntypedArrayMethods};
+use mirror_core::outline::{
+    BallOutline, Circle, ColorBox, Picture, RadiusRange, color_regions as regions_of, fit_circle,
+    measure_ball,
+};
+use numpy::ndarray::Array2;
+use numpy::{IntoPyArray, PyArray2, PyReadonlyArray3, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use rayon::prelude::*;
 
@@ -80,15 +84,7 @@ pub fn measure_balls(
     camera: &PyCamera,
     chroma_step_px: (usize, usize),
 ) -> PyResult<Vec<Option<PyBallOutline>>> {
-    let shape = bgr.shape();
-    if shape[2] != 3 {
-        return Err(shape_error("bgr", shape, "(H, W, 3)"));
-    }
-    let (height, width) = (shape[0], shape[1]);
-    let bytes = bgr.as_slice().map_err(|_| {
-        MirrorPostureError::new_err("bgr: needed an array in C order (numpy.ascontiguousarray)")
-    })?;
-    let picture = Picture::new(bytes, width, height, chroma_step_px).map_err(to_py)?;
+    let picture = picture_of(&bgr, chroma_step_px)?;
     let ranges = pairs("radii_px", &radii_px)?;
     if circles_px.shape() != [ranges.len(), 3] {
         return Err(shape_error(
@@ -106,6 +102,52 @@ pub fn measure_balls(
         circles.par_iter().zip(&ranges).map(measure).collect()
     });
     Ok(found.into_iter().map(|ball| ball.map(|inner| PyBallOutline { inner })).collect())
+}
+
+fn picture_of<'a>(
+    bgr: &'a PyReadonlyArray3<'_, u8>,
+    chroma_step_px: (usize, usize),
+) -> PyResult<Picture<'a>> {
+    let shape = bgr.shape();
+    if shape[2] != 3 {
+        return Err(shape_error("bgr", shape, "(H, W, 3)"));
+    }
+    let bytes = bgr.as_slice().map_err(|_| {
+        MirrorPostureError::new_err("bgr: needed an array in C order (numpy.ascontiguousarray)")
+    })?;
+    Picture::new(bytes, shape[1], shape[0], chroma_step_px).map_err(to_py)
+}
+
+/// Area, centroid (u, v), box (left, top, width, height), px, and the box's mask (height, width).
+type Region<'py> = (usize, (f64, f64), [usize; 4], Bound<'py, PyArray2<bool>>);
+
+/// Regions of colours in rows of hue and its tolerance, degrees, least saturation and value, 0..1; the largest first.
+#[pyfunction]
+pub fn color_regions<'py>(
+    py: Python<'py>,
+    bgr: PyReadonlyArray3<'_, u8>,
+    colors: Vec<[f32; 4]>,
+    least_area_px: usize,
+    most: usize,
+) -> PyResult<Vec<Vec<Region<'py>>>> {
+    let picture = picture_of(&bgr, (1, 1))?;
+    let boxes: Vec<ColorBox> = colors
+        .iter()
+        .map(|[hue_deg, hue_tolerance_deg, min_saturation, min_value]| ColorBox {
+            hue_deg: *hue_deg,
+            hue_tolerance_deg: *hue_tolerance_deg,
+            min_saturation: *min_saturation,
+            min_value: *min_value,
+        })
+        .collect();
+    let found = py.work(|| regions_of(&picture, &boxes, least_area_px, most));
+    let region = |one: mirror_core::outline::ColorRegion| -> PyResult<Region<'py>> {
+        let [_, _, width, height] = one.box_px;
+        let mask = Array2::from_shape_vec((height, width), one.mask)
+            .map_err(|error| MirrorPostureError::new_err(error.to_string()))?;
+        Ok((one.area_px, (one.centroid_px.x, one.centroid_px.y), one.box_px, mask.into_pyarray(py)))
+    };
+    found.into_iter().map(|of_colour| of_colour.into_iter().map(region).collect()).collect()
 }
 
 fn circle_of(row: numpy::ndarray::ArrayView1<'_, f64>) -> Circle {

@@ -1,17 +1,19 @@
 """Coloured regions: colour extraction in HSV and labelling, as the paper finds its markers.
 
 Hue is circular, in degrees; saturation and value are in 0..1. The paper takes the largest labelled region's centroid. Here that is
-the start: `outline` measures the ball's outline from it, which shading does not move.
+the start: `outline` measures the ball's outline from it, which shading does not move. The core labels all colours of a picture in one pass.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
+from .. import _core
 from ..marker import ColorRange
 from ..short_repr import ShortRepr
 from .types import FloatArray
@@ -20,8 +22,6 @@ from .types import FloatArray
 MIN_REGION_AREA_PX = 12
 # The most regions of one colour that are looked at, the largest first: more are texture, not balls.
 MAX_REGIONS = 32
-# Above any saturation or value.
-_NO_LIMIT = 2.0
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -55,52 +55,26 @@ def hue_distance_deg(hue_deg: npt.NDArray[np.float32], center_deg: float) -> npt
     return result
 
 
-def color_mask(hsv: npt.NDArray[np.float32], color: ColorRange) -> npt.NDArray[np.bool_]:
-    """Pixels of the colour, `(H, W)`."""
-    low, high = color.hue_deg - color.hue_tolerance_deg, color.hue_deg + color.hue_tolerance_deg
-    # Hue is a circle: its range may be two.
-    parts = [(low, high), (low + 360.0, 360.0), (0.0, high - 360.0)]
-    mask = np.zeros(hsv.shape[:2], dtype=np.uint8)
-    for start, end in parts:
-        if start <= end and start <= 360.0 and end >= 0.0:
-            part = cv2.inRange(
-                hsv, (start, color.min_saturation, color.min_value), (end, _NO_LIMIT, _NO_LIMIT)
-            )
-            mask |= part.astype(np.uint8)
-    return mask.astype(np.bool_)
-
-
-def label_regions(mask: npt.NDArray[np.bool_], min_area_px: int = MIN_REGION_AREA_PX) -> tuple[Region, ...]:
-    """Connected regions (8 neighbours) of at least `min_area_px`, the largest first."""
-    count, marked, stats, centroids = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)
-    order = (
-        [int(i) for i in np.argsort(-stats[1:, cv2.CC_STAT_AREA], kind="stable")[:MAX_REGIONS] + 1]
-        if count > 1
-        else []
-    )
-    regions = []
-    for index in order:
-        area = int(stats[index, cv2.CC_STAT_AREA])
-        if area < min_area_px:
-            break
-        left, top, width, height = (int(value) for value in stats[index, :4])
-        inside = marked[top : top + height, left : left + width] == index
-        regions.append(
-            Region(
-                area,
-                (float(centroids[index, 0]), float(centroids[index, 1])),
-                (left, top, width, height),
-                inside,
-            )
+def color_regions(
+    bgr: npt.NDArray[np.uint8], colors: Sequence[ColorRange], min_area_px: int = MIN_REGION_AREA_PX
+) -> list[tuple[Region, ...]]:
+    """Connected regions (8 neighbours) of each colour in a picture `(H, W, 3)` BGR of at least `min_area_px`, the largest first."""
+    boxes = [[c.hue_deg, c.hue_tolerance_deg, c.min_saturation, c.min_value] for c in colors]
+    found = _core.color_regions(np.ascontiguousarray(bgr), boxes, min_area_px, MAX_REGIONS)
+    return [
+        tuple(
+            Region(area, centroid, (box[0], box[1], box[2], box[3]), mask)
+            for area, centroid, box, mask in regions
         )
-    return tuple(regions)
+        for regions in found
+    ]
 
 
 def largest_region(
-    hsv: npt.NDArray[np.float32], color: ColorRange, min_area_px: int = MIN_REGION_AREA_PX
+    bgr: npt.NDArray[np.uint8], color: ColorRange, min_area_px: int = MIN_REGION_AREA_PX
 ) -> Region | None:
-    """The paper's detection: the largest region of the colour, or None."""
-    regions = label_regions(color_mask(hsv, color), min_area_px)
+    """The paper's detection: the largest region of the colour in a picture `(H, W, 3)` BGR, or None."""
+    (regions,) = color_regions(bgr, [color], min_area_px)
     return regions[0] if regions else None
 
 

@@ -60,17 +60,31 @@ def refine(
     `gray` is uint8 (H, W). Corners that are not `visible` `(N,)` stay as they are.
     """
     seen = np.ones(len(corners_px), dtype=bool) if visible is None else visible
-    points = np.ascontiguousarray(corners_px[seen].reshape(-1, 1, 2), dtype=np.float32)
+    part, origin = _around(gray, corners_px[seen], 2 * MAX_WINDOW_PX)
+    points = np.ascontiguousarray((corners_px[seen] - origin).reshape(-1, 1, 2), dtype=np.float32)
     criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-4)
     # Blurred by about a pixel, edges are sampled finely enough for their gradients: errors fall by a quarter on clean pictures.
-    smooth = cv2.GaussianBlur(gray.astype(np.float32), (0, 0), PRE_BLUR_PX)
+    smooth = cv2.GaussianBlur(part.astype(np.float32), (0, 0), PRE_BLUR_PX)
     tried = []
     for half in _window_halves_px(corners_px, board, seen):
         moved = cv2.cornerSubPix(smooth, points.copy(), (half, half), (-1, -1), criteria)
         refined = corners_px.copy()
-        refined[seen] = moved.reshape(-1, 2)
+        refined[seen] = moved.reshape(-1, 2) + origin
         tried.append(Refined(refined, half, board_residual(refined, board, camera, options, seen)))
     return min(tried, key=lambda one: one.residual.rms_px)
+
+
+def _around(gray: Pixels, points_px: FloatArray, margin_px: int) -> tuple[Pixels, FloatArray]:
+    """The part of a picture around points `(N, 2)`, at least 1 px wide, and the place (2,) of its first pixel."""
+    height, width = gray.shape
+    low = np.floor(points_px.min(axis=0)) - margin_px
+    high = np.ceil(points_px.max(axis=0)) + margin_px + 1
+    left, top = (int(np.clip(value, 0, size - 1)) for value, size in zip(low, (width, height), strict=True))
+    right, bottom = (
+        int(np.clip(value, begin + 1, size))
+        for value, begin, size in zip(high, (left, top), (width, height), strict=True)
+    )
+    return gray[top:bottom, left:right], np.array([left, top], dtype=np.float64)
 
 
 def _window_halves_px(corners_px: FloatArray, board: Board, seen: npt.NDArray[np.bool_]) -> list[int]:
@@ -101,13 +115,14 @@ def noise_covariances(
 ) -> FloatArray:
     """Covariance `(N, 2, 2)` px² of each corner from the picture's own noise and the gradients in its window; zero where not visible."""
     seen = np.ones(len(corners_px), dtype=bool) if visible is None else visible
-    picture = gray.astype(np.float32)
+    part, origin = _around(gray, corners_px[seen], 2 * MAX_WINDOW_PX)
+    picture = part.astype(np.float32)
     gradient_u = cv2.Sobel(picture, cv2.CV_32F, 1, 0, scale=0.125)
     gradient_v = cv2.Sobel(picture, cv2.CV_32F, 0, 1, scale=0.125)
     side = (2 * half + 1, 2 * half + 1)
-    pixels = np.rint(corners_px[seen]).astype(int)
-    pixels[:, 0] = np.clip(pixels[:, 0], 0, gray.shape[1] - 1)
-    pixels[:, 1] = np.clip(pixels[:, 1], 0, gray.shape[0] - 1)
+    pixels = np.rint(corners_px[seen] - origin).astype(int)
+    pixels[:, 0] = np.clip(pixels[:, 0], 0, part.shape[1] - 1)
+    pixels[:, 1] = np.clip(pixels[:, 1], 0, part.shape[0] - 1)
     tensor = np.empty((len(pixels), 2, 2))
     for (i, j), product in (
         ((0, 0), gradient_u * gradient_u),

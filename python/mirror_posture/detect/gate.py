@@ -12,6 +12,7 @@ Method: normalised direct linear transform and refinement by OpenCV's `findHomog
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import cv2
@@ -46,6 +47,12 @@ class GateOptions:
 
     max_residual_rms_px: float = DEFAULT_MAX_RESIDUAL_PX
     max_residual_squares: float = DEFAULT_MAX_RESIDUAL_SQUARES
+
+    def __post_init__(self) -> None:
+        for name in ("max_residual_rms_px", "max_residual_squares"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value >= 0.0):
+                raise MirrorPostureError(f"{name} = {value}: needed a number of at least 0")
 
     def limit_px(self, corners_px: FloatArray, board: Board) -> float:
         """The limit for a view's corners `(N, 2)` in the board's order, px; by the smallest of its squares."""

@@ -18,7 +18,7 @@ from ..arguments import checked_arguments
 from ..camera import Camera
 from ..marker import Marker
 from .ball import OutlineFit, Start, fit_circle, measure_balls
-from .blobs import Region, color_mask, contour_px, hue_distance_deg, label_regions, to_hsv
+from .blobs import Region, color_regions, contour_px, hue_distance_deg, to_hsv
 from .candidates import NEARER_RADII, SIZE_FACTOR, Candidate, choose, find_candidates
 from .types import MarkerView, PredictedMarker, color_of
 
@@ -33,15 +33,13 @@ MAX_OUTLINE_RESIDUAL_PX = 0.6
 RIVAL_AREA_RATIO = 0.6
 # Smallest outline that sub-pixel edges can be read from; below, the region's centroid is all there is.
 MIN_OUTLINE_RADIUS_PX = 3.0
-# Edge points of neighbouring rays share pixels and what lies behind them: a floor of the centre's error under the white-noise estimate.
+# A region's centroid: what its edge shares and counting pixels does not show, px.
 CENTRE_FLOOR_PX = 0.03
 # A ball counts as whole and sharp from these shares on (of its area, its outline; blur against radius); others must have the expected size to this factor.
 WHOLE_FRACTION = 0.93
 WHOLE_ARC = 0.6
 SHARP_SHARE = 0.2
 PARTIAL_SIZE_FACTOR = 1.13
-# Bias of the centre by shading under a blur of σ px, as a share of σ² / radius: measured on rendered balls.
-BLUR_FLOOR = 0.4
 # A codec's blocks shift all edges of a side alike: the variance of the centre grows by this with each level of its quantisation step, measured on balls of
 # 15 to 25 px at JPEG qualities 92 to 20.
 WIDENED_BY_STEP = 0.22
@@ -97,9 +95,9 @@ def detect_markers(
     bounds = bounds or {}
     if not markers:
         return ()
-    hsv = to_hsv(bgr)
     predicted = {one.name: one for one in predictions}
-    candidates = {marker.name: label_regions(color_mask(hsv, color_of(marker))) for marker in markers}
+    regions = color_regions(bgr, [color_of(marker) for marker in markers])
+    candidates = {marker.name: found for marker, found in zip(markers, regions, strict=True)}
     choices = _assign(markers, candidates, predicted, bounds)
     hints = {one.name: one for one in expected if one.ball_radius_px and one.name not in predicted}
     assumed = camera or nominal_camera(bgr.shape[1], bgr.shape[0])
@@ -414,7 +412,7 @@ def _judged(
     seen = _visible_fraction(bgr, marker, fit)
     fields: dict[str, Any] = {
         "pixel_px": (float(fit.centroid_px[0]), float(fit.centroid_px[1])),
-        "covariance_px2": fit.centroid_covariance_px2 + np.eye(2) * _centre_floor_px(fit) ** 2,
+        "covariance_px2": fit.centroid_covariance_px2,
         "center_kind": "outline_centroid",
         "sphere_center_px": (float(fit.sphere_center_px[0]), float(fit.sphere_center_px[1])),
         "outline": fit.ellipse,
@@ -431,11 +429,6 @@ def _judged(
     elif fit.residual_rms_px > options.max_outline_residual_px:
         reason = f"outline residual {fit.residual_rms_px:.2f} px is above the limit of {options.max_outline_residual_px:.2f} px"
     return MarkerView(marker.name, not reason, reason, **fields)
-
-
-def _centre_floor_px(fit: OutlineFit) -> float:
-    """What the edges share and so do not show: pixel structure, and shading that a blur has carried over the rim."""
-    return float(np.hypot(CENTRE_FLOOR_PX, BLUR_FLOOR * fit.blur_px**2 / max(fit.mean_radius_px, 1.0)))
 
 
 def _start(region: Region, bounds: SizeBounds | None = None) -> Start | None:

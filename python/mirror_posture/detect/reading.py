@@ -98,9 +98,8 @@ def read_picture_file(path: Path | str) -> PictureFile:
     except (OSError, ValueError, SyntaxError, IndexError, TypeError, EOFError, MemoryError) as error:
         detail = " ".join(str(error).split())
         raise DetectionError(f"{file}: the picture is broken ({detail}); take or copy it again") from None
-    return PictureFile(
-        as_picture(pixels, str(file)), turn, _chroma_step(picture), _quantisation_step(picture)
-    )
+    step = (2, 2) if _is_lossy_webp(content) else _chroma_step(picture)
+    return PictureFile(as_picture(pixels, str(file)), turn, step, _quantisation_step(picture))
 
 
 def _is_plain_jpeg(picture: Image.Image) -> bool:
@@ -128,6 +127,21 @@ def _bgr(picture: Image.Image) -> npt.NDArray[np.generic]:
     if picture.mode in ("1", "L"):
         return np.asarray(picture.convert("L"))
     return np.asarray(picture.convert("RGB"))[..., ::-1]
+
+
+def _is_lossy_webp(content: bytes) -> bool:
+    """Whether a file is a WebP of the lossy kind, which always keeps colour at half of the resolution (RFC 9649)."""
+    if content[:4] != b"RIFF" or content[8:12] != b"WEBP":
+        return False
+    at = 12
+    while at + 8 <= len(content):
+        kind = content[at : at + 4]
+        if kind in (b"VP8 ", b"VP8L"):
+            return kind == b"VP8 "
+        # Chunks have even lengths.
+        length = int.from_bytes(content[at + 4 : at + 8], "little")
+        at += 8 + length + length % 2
+    return False
 
 
 def _chroma_step(picture: Image.Image) -> tuple[int, int]:

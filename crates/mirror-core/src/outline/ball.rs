@@ -1,8 +1,9 @@
 //! The whole measurement of one ball: patch, circle, edges, cone, in a few rounds.
 
 use super::blur::Blur;
-use super::circle::{Circle, fit_circle};
-use super::cone::{ConeFit, EdgePoint, fit_cone};
+use super::circle::Circle;
+use super::cone::{ConeFit, EdgePoint, cone_centroid, fit_cone_from, px_per_rad};
+use super::consensus::of_one_outline;
 use super::edges::edges_on_rays;
 use super::patch::{Patch, Picture};
 use crate::camera::Camera;
@@ -18,8 +19,12 @@ const RAYS: (f64, f64) = (24.0, 240.0);
 /// The blur that a lens and a pixel have, px; of a codec's colours, by the pixels that share one.
 const USUAL_BLUR_PX: f64 = 0.7;
 const BLUR_OF_STEP: f64 = 0.6;
-/// Edge points farther than this from a circle are not on it, px.
-const CIRCLE_TOLERANCE_PX: f64 = 0.675;
+/// Edges farther than this from an outline are not on it, px.
+const TOLERANCE_PX: f64 = 0.675;
+/// What all edges share whatever the picture shows (pixel structure, the pane's second image), px, and what a blur of σ px carries over the rim, as a share of
+/// σ² / radius: measured on rendered balls.
+const SHARED_FLOOR_PX: f64 = 0.044;
+const SHARED_BY_BLUR: f64 = 0.59;
 /// Along the outline, edges share their errors over about this length (times the blur, where that is above 1 px): what lies behind, and a codec's blocks.
 const CORRELATION_PX: f64 = 3.0;
 const CODED_CORRELATION_PX: f64 = 6.0;
@@ -79,33 +84,32 @@ pub fn measure_ball(
         Blur::round(if patch.coded { BLUR_OF_STEP * picture.widest_step() } else { USUAL_BLUR_PX });
     let mut circle = *start;
     let mut center = start.center_px;
-    let mut radius = vec![start.radius_px; count];
+    let mut radius = expected_radii(start, camera, count)?;
     let mut measured: Option<BallOutline> = None;
     for round in 0..ROUNDS {
         let edges = edges_on_rays(&patch, center, &radius, &blur, round == 0);
         blur = edges.blur;
         let found = beside_found(&edges.found, count as f64 / (core::f64::consts::TAU * circle.radius_px));
-        let points: Vec<EdgePoint> = (0..count)
+        let growth = (range.min_px - circle.radius_px, range.max_px - circle.radius_px);
+        let together = of_one_outline(&edges.offset_px, &edges.std_px, &found, TOLERANCE_PX, growth)?;
+        let by_blur = SHARED_BY_BLUR * blur.widest_px().powi(2) / circle.radius_px.max(1.0);
+        let floor = SHARED_FLOOR_PX.hypot(by_blur);
+        let (points, inlier): (Vec<EdgePoint>, Vec<bool>) = (0..count)
             .filter(|i| found[*i])
-            .map(|i| EdgePoint { pixel: edges.points_px[i], std_px: edges.std_px[i] })
-            .collect();
-        if round == 0 {
-            let places: Vec<Vector2<f64>> = points.iter().map(|p| p.pixel).collect();
-            circle = fit_circle(&places, range.min_px, range.max_px, CIRCLE_TOLERANCE_PX)?;
-        }
+            .map(|i| {
+                let shared_std_px = floor.hypot(edges.shared_std_px[i]);
+                (EdgePoint { pixel: edges.points_px[i], std_px: edges.std_px[i], shared_std_px }, together[i])
+            })
+            .unzip();
         let shared =
             correlation * blur.mean_px().max(1.0) * (1.0 + SMOOTHED_CORRELATION * patch.smoothing_px);
         let correlated = shared * count as f64 / (core::f64::consts::TAU * circle.radius_px);
-        let cone = fit_cone(&points, &circle, camera, correlated)?;
+        let cone = fit_cone_from(&points, inlier, &center, camera, correlated)?;
         circle = Circle { center_px: cone.centroid_px, radius_px: cone.mean_radius_px };
         center = cone.centroid_px;
         let agreeing = cone.inlier.iter().filter(|i| **i).count();
         let (ellipse_center, semi_axes, angle) = ellipse(&cone.boundary_px);
-        for (i, radius) in radius.iter_mut().enumerate() {
-            let turned = core::f64::consts::TAU * i as f64 / count as f64 - angle;
-            let (s, c) = turned.sin_cos();
-            *radius = semi_axes.x * semi_axes.y / (semi_axes.y * c).hypot(semi_axes.x * s);
-        }
+        radius = radii(&semi_axes, angle, count);
         measured = Some(BallOutline {
             cone,
             ellipse_center_px: ellipse_center,
@@ -117,6 +121,24 @@ pub fn measure_ball(
     }
     measured
         .filter(|ball| ball.cone.mean_radius_px >= range.min_px && ball.cone.mean_radius_px <= range.max_px)
+}
+
+/// Distances of a sphere's outline from its centre in evenly spaced directions, the sphere where a circle says.
+fn expected_radii(circle: &Circle, camera: &Camera, count: usize) -> Option<Vec<f64>> {
+    let axis = camera.unproject(&circle.center_px).ok()?.into_inner();
+    let half = circle.radius_px / px_per_rad(camera, &circle.center_px)?;
+    let (_, semi_axes, angle) = ellipse(&cone_centroid(&(axis / half.min(1.2).cos()), camera)?.boundary_px);
+    Some(radii(&semi_axes, angle, count))
+}
+
+/// Distances of an ellipse from its centre in evenly spaced directions.
+fn radii(semi_axes: &Vector2<f64>, angle: f64, count: usize) -> Vec<f64> {
+    (0..count)
+        .map(|i| {
+            let (s, c) = (core::f64::consts::TAU * i as f64 / count as f64 - angle).sin_cos();
+            semi_axes.x * semi_axes.y / (semi_axes.y * c).hypot(semi_axes.x * s)
+        })
+        .collect()
 }
 
 /// Edges that are found, those beside what has none left out; all of them where too few would be left.

@@ -17,10 +17,14 @@ pub struct Circle {
 }
 
 /// A generator of indices that gives the same answer each time (SplitMix64; Steele et al. 2014).
-struct Indices(u64);
+pub(super) struct Indices(u64);
 
 impl Indices {
-    fn next(&mut self, below: usize) -> usize {
+    pub fn new(seed: u64) -> Self {
+        Self(seed)
+    }
+
+    pub fn next(&mut self, below: usize) -> usize {
         self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let mut z = self.0;
         z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);

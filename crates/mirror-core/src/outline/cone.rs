@@ -8,7 +8,7 @@
 use super::circle::Circle;
 use super::ray_edge::MIN_EDGE_POINTS;
 use crate::camera::Camera;
-use nalgebra::{Matrix2, Matrix2x3, Matrix3, Point3, Vector2, Vector3};
+use nalgebra::{Matrix2, Matrix2x3, Matrix3, Point3, SMatrix, Vector2, Vector3};
 
 /// Corners of the polygon that stands for an outline.
 const BOUNDARY_POINTS: usize = 72;
@@ -19,6 +19,9 @@ const INLIER_DEVIATIONS: f64 = 2.5;
 const FAR_OFF: f64 = 2.0;
 /// Steps of the robust refit: inliers are chosen again from the last fit.
 const REFITS: usize = 6;
+/// What neighbours share (misjudged light, a soft rim) reaches over about this angle along the outline, rad, and so many harmonics tell it.
+const SHARED_REACH_RAD: f64 = 0.8;
+const SHARED_HARMONICS: usize = 5;
 /// Worst condition of the scaled normal equations.
 const WORST_CONDITION: f64 = 1e14;
 
@@ -27,8 +30,10 @@ const WORST_CONDITION: f64 = 1e14;
 pub struct EdgePoint {
     /// (u, v), px.
     pub pixel: Vector2<f64>,
-    /// px.
+    /// Its own, px.
     pub std_px: f64,
+    /// Of an error that it shares with its neighbours over a broad part of the outline, px: no residual shows it.
+    pub shared_std_px: f64,
 }
 
 /// A sphere's outline fitted to edge points.
@@ -55,10 +60,25 @@ pub struct ConeFit {
 /// Robust weighted fit of a sphere's outline to edge points in order around it, started from a circle; None where they show none.
 ///
 /// Minimises `Σ (d / std)²` with `d = f (acos(r·w / |w|) − acos(1 / |w|))`, f the camera's scale at the ball in px/rad. The covariance is
-/// scaled by the residuals' size and by how many neighbours share an error: what their autocorrelation shows, at least `correlated_points`.
+/// scaled by the residuals' size and by how many neighbours share an error: what their autocorrelation shows, at least `correlated_points`. What edges share
+/// over a broad part of the outline is carried through the fit by itself: a part of an outline makes more of it than a whole one.
 pub fn fit_cone(
     points: &[EdgePoint],
     start: &Circle,
+    camera: &Camera,
+    correlated_points: f64,
+) -> Option<ConeFit> {
+    let near =
+        |p: &EdgePoint| ((p.pixel - start.center_px).norm() - start.radius_px).abs() <= 2.0 * INLIER_PX;
+    let inlier = points.iter().map(near).collect();
+    fit_cone_from(points, inlier, &start.center_px, camera, correlated_points)
+}
+
+/// [`fit_cone`] started from the edges that are thought to be the sphere's.
+pub(super) fn fit_cone_from(
+    points: &[EdgePoint],
+    mut inlier: Vec<bool>,
+    middle_px: &Vector2<f64>,
     camera: &Camera,
     correlated_points: f64,
 ) -> Option<ConeFit> {
@@ -70,11 +90,7 @@ pub fn fit_cone(
         .iter()
         .map(|p| camera.unproject(&p.pixel).ok().map(|r| r.into_inner()))
         .collect::<Option<Vec<_>>>()?;
-    let scale = px_per_rad(camera, &start.center_px)?;
-    let mut inlier: Vec<bool> = points
-        .iter()
-        .map(|p| ((p.pixel - start.center_px).norm() - start.radius_px).abs() <= 2.0 * INLIER_PX)
-        .collect();
+    let scale = px_per_rad(camera, middle_px)?;
     let mut parameters = Vector3::zeros();
     let mut away = vec![0.0; count];
     for _ in 0..REFITS {
@@ -99,15 +115,25 @@ pub fn fit_cone(
     let variance = whitened.iter().map(|r| r * r).sum::<f64>() / freedom
         * correlation_factor(&whitened).max(correlated_points);
     let mut normal = Matrix3::zeros();
+    let mut shared = SMatrix::<f64, 3, { 2 * SHARED_HARMONICS }>::zeros();
     for i in members() {
         let row = distance_gradient(&rays[i], &parameters, scale) / points[i].std_px;
         normal += row * row.transpose();
+        let away = points[i].pixel - middle_px;
+        let angle = away.y.atan2(away.x);
+        let moved = row * (points[i].shared_std_px / points[i].std_px);
+        for k in 0..SHARED_HARMONICS {
+            let (sine, cosine) = (k as f64 * angle).sin_cos();
+            shared.column_mut(2 * k).axpy(cosine, &moved, 1.0);
+            shared.column_mut(2 * k + 1).axpy(sine, &moved, 1.0);
+        }
     }
     let spread = normal.symmetric_eigenvalues();
     if !(spread.min() > 0.0 && spread.max() < WORST_CONDITION * spread.min()) {
         return None;
     }
-    let covariance = normal.try_inverse()? * variance;
+    let inverse = normal.try_inverse()?;
+    let covariance = inverse * variance + inverse * shared_information(&shared) * inverse;
     let outline = cone_centroid(&parameters, camera)?;
     Some(ConeFit {
         centroid_px: outline.centroid_px,
@@ -121,8 +147,22 @@ pub fn fit_cone(
     })
 }
 
+/// `Σ_ij ρ(θ_i − θ_j) g_i g_jᵀ` from the harmonics of g, ρ a Gaussian of the angle (wrapped, as its Fourier series).
+fn shared_information(harmonics: &SMatrix<f64, 3, { 2 * SHARED_HARMONICS }>) -> Matrix3<f64> {
+    let mut sum = Matrix3::zeros();
+    for k in 0..SHARED_HARMONICS {
+        let (order, sides) = (k as f64, if k == 0 { 1.0 } else { 2.0 });
+        let weight = sides * SHARED_REACH_RAD / core::f64::consts::TAU.sqrt()
+            * (-0.5 * (order * SHARED_REACH_RAD).powi(2)).exp();
+        for column in [harmonics.column(2 * k), harmonics.column(2 * k + 1)] {
+            sum += column * column.transpose() * weight;
+        }
+    }
+    sum
+}
+
 /// The camera's scale at a pixel: px/rad, the root of the area's.
-fn px_per_rad(camera: &Camera, pixel: &Vector2<f64>) -> Option<f64> {
+pub(super) fn px_per_rad(camera: &Camera, pixel: &Vector2<f64>) -> Option<f64> {
     let j = camera.unproject_with_jacobian(pixel).ok()?.by_pixel;
     let area = (j.transpose() * j).determinant();
     (area > 0.0).then(|| area.powf(-0.25))

@@ -4,7 +4,7 @@ use super::blur::{Blur, blur_of_rays};
 use super::luma::{lens_before_codec, lens_blur_px, luma_edges};
 use super::patch::Patch;
 use super::ray_edge::{MIN_EDGE_POINTS, RayEdge};
-use super::rays::{Rays, STEP_PX, ZONE_PX, mean_and_variance, mean_colour, median};
+use super::rays::{Rays, STEP_PX, ZONE_PX, mean_and_variance, mean_colour, median, slope};
 use nalgebra::{Matrix3, Vector2, Vector3};
 
 /// Unevenness of a zone that even light and a clean picture leave, as a share of its brightness.
@@ -25,10 +25,18 @@ const LUMA_REACH_PX: f64 = 1.0;
 /// Passes of setting the zones around the edge that was found.
 const PASSES: usize = 3;
 
-/// One edge point a ray, its standard deviation along the ray, and whether there is one.
+/// Neighbours over this angle (rad, on both sides) share a change of light.
+const TREND_REACH_RAD: f64 = 0.4;
+/// The most that light may change towards the edge, as a share of it.
+const MOST_TREND: f64 = 0.5;
+
+/// One edge point a ray, its standard deviation along the ray (its own, and what it shares with its neighbours), and whether there is one.
 pub(super) struct Edges {
     pub points_px: Vec<Vector2<f64>>,
+    /// From the expected outline, px.
+    pub offset_px: Vec<f64>,
     pub std_px: Vec<f64>,
+    pub shared_std_px: Vec<f64>,
     pub found: Vec<bool>,
     pub blur: Blur,
 }
@@ -44,7 +52,7 @@ pub(super) fn edges_on_rays(
     let count = radius_px.len();
     let turn = core::f64::consts::TAU / count as f64;
     let by_ray: Vec<f64> = (0..count).map(|i| blur.along(turn * i as f64)).collect();
-    let rays = Rays::cast(patch, center_px, radius_px, &by_ray);
+    let rays = Rays::cast(patch, center_px, radius_px, &by_ray, outermost);
     let mut edges: Vec<RayEdge> = (0..count).map(|ray| colour_edge(&rays, ray, outermost)).collect();
     for (ray, edge) in edges.iter_mut().enumerate() {
         edge.found &= rays.inside[ray] && edge.offset.abs() < rays.reach_px && edge.offset.is_finite();
@@ -62,10 +70,25 @@ pub(super) fn edges_on_rays(
         .collect();
     Edges {
         points_px: points,
+        offset_px: edges.iter().map(|e| e.offset).collect(),
+        shared_std_px: shared_std_px(&edges),
         std_px: edges.iter().map(|e| e.std).collect(),
         found: edges.iter().map(|e| e.found).collect(),
         blur: shown,
     }
+}
+
+/// What edges share by light that changes other than thought: their trends, averaged over neighbours, and what is doubted anyway.
+fn shared_std_px(edges: &[RayEdge]) -> Vec<f64> {
+    let count = edges.len();
+    let reach = ((TREND_REACH_RAD / core::f64::consts::TAU * count as f64) as usize).min(count / 2 - 1);
+    (0..count)
+        .map(|ray| {
+            let near = (0..=2 * reach).map(|j| &edges[(ray + count + j - reach) % count]).filter(|e| e.found);
+            let (sum, number) = near.fold((0.0, 0.0), |(sum, number), e| (sum + e.trend, number + 1.0));
+            edges[ray].doubt.hypot(sum / f64::max(number, 1.0))
+        })
+        .collect()
 }
 
 /// The brightness is as sharp as the picture: where ball and background differ in it, it says better where the edge is.
@@ -156,7 +179,16 @@ impl Unmixing {
 }
 
 fn colour_edge(rays: &Rays, ray: usize, outermost: bool) -> RayEdge {
-    let none = RayEdge { offset: 0.0, std: 1.0, found: false, moment: 0.0, ball: [0.0; 3], behind: [0.0; 3] };
+    let none = RayEdge {
+        offset: 0.0,
+        std: 1.0,
+        found: false,
+        trend: 0.0,
+        doubt: 0.0,
+        moment: 0.0,
+        ball: [0.0; 3],
+        behind: [0.0; 3],
+    };
     let window = rays.window_px[ray];
     let (colours, shade) = (rays.colours(ray), rays.shade(ray));
     let mut result = none;
@@ -195,8 +227,16 @@ fn colour_edge(rays: &Rays, ray: usize, outermost: bool) -> RayEdge {
         let expected = |i: usize| trust * carried(i) + (1.0 - trust);
         let (covered, missing) = rays.integral(edge, window, ball_sum);
         let model = integral_up_to(rays, edge, window, &expected);
-        let slope = trust * at_rim + (1.0 - trust);
-        result.offset = edge + ((covered + 0.5 * missing - model) / slope).clamp(-1.5, 1.5);
+        let at_edge = trust * at_rim + (1.0 - trust);
+        result.offset = edge + ((covered + 0.5 * missing - model) / at_edge).clamp(-1.5, 1.5);
+        if pass + 1 == PASSES {
+            // Light that goes on changing over the window as it does before it: the sum is off by half of the change times the window.
+            let inner = slope(&rays.offsets, 0, ball_zone.end, |i| parts[i].0 / carried(i));
+            let outer = slope(&rays.offsets, behind_zone.start, rays.offsets.len(), |i| parts[i].1);
+            let change = |slope: f64| (slope * (0.5 * ZONE_PX + window)).clamp(-MOST_TREND, MOST_TREND);
+            result.trend = 0.5 * window * (trust * change(inner) + (1.0 - trust) * change(outer)) / at_edge;
+            result.doubt = 0.5 * window * trust * doubt / at_edge;
+        }
         result.std = window * (variance_ball * variance_behind / (variance_ball + variance_behind)).sqrt();
         result.found = true;
         result.ball = ball;

@@ -8,8 +8,9 @@ use super::shading::ENCODING_POWER;
 const USUAL_LENS_PX: f64 = 0.5;
 const SAMPLING_BLUR_PX: f64 = 0.32;
 const MIN_CONTRAST: f64 = 0.1;
-/// How much of the blur that the brightness shows is the lens'; the rest is the codec's own. Measured on JPEG of quality 75 and 92.
-const LENS_SHARE: f64 = 0.5;
+/// Steps of the curve from a share of light to its brightness, and the range of its slope beyond the two colours.
+const CURVE_STEPS: usize = 16;
+const END_SLOPE: (f64, f64) = (0.4, 2.5);
 /// Errors of edges in the brightness, px.
 const EDGE_FLOOR_PX: f64 = 0.08;
 /// How much of the light's change from the zone to the rim may be wrong.
@@ -75,17 +76,55 @@ pub(super) fn lens_before_codec(edge: &RayEdge, lens_px: f64) -> f64 {
     4.0 * (along / power - 0.5) * lens_px / core::f64::consts::PI.sqrt()
 }
 
+/// From the brightness between two colours to the share of the first's light: light mixes before it is encoded.
+struct Curve([f64; CURVE_STEPS + 1]);
+
+impl Curve {
+    /// None where the brightness between the colours does not rise all the way.
+    fn new(ball: &[f64; 3], behind: &[f64; 3]) -> Option<Self> {
+        let light = |c: &[f64; 3]| c.map(|level| level.clamp(0.0, 1.0).powf(ENCODING_POWER));
+        let (own, other) = (light(ball), light(behind));
+        let at = |share: f64| -> f64 {
+            (0..3)
+                .map(|c| {
+                    WEIGHTS[c] * (share * own[c] + (1.0 - share) * other[c]).powf(ENCODING_POWER.recip())
+                })
+                .sum()
+        };
+        let (low, high) = (at(0.0), at(1.0));
+        let curve = core::array::from_fn(|i| (at(i as f64 / CURVE_STEPS as f64) - low) / (high - low));
+        curve.windows(2).all(|pair| pair[1] > pair[0] + 1e-4).then_some(Self(curve))
+    }
+
+    /// The share at a brightness, 0 and 1 at the two colours'.
+    fn share(&self, brightness: f64) -> f64 {
+        let curve = &self.0;
+        let step = 1.0 / CURVE_STEPS as f64;
+        let end = |a: usize, b: usize| (step / (curve[b] - curve[a])).clamp(END_SLOPE.0, END_SLOPE.1);
+        if brightness <= 0.0 {
+            return brightness * end(0, 1);
+        }
+        if brightness >= 1.0 {
+            return 1.0 + (brightness - 1.0) * end(CURVE_STEPS - 1, CURVE_STEPS);
+        }
+        let above = curve.partition_point(|b| *b <= brightness).clamp(1, CURVE_STEPS);
+        let (low, high) = (curve[above - 1], curve[above]);
+        step * ((above - 1) as f64 + (brightness - low) / (high - low))
+    }
+}
+
 /// Edges of the brightness near those of the colour.
 pub(super) fn luma_edges(rays: &Rays, edges: &[RayEdge], lens_px: f64) -> Vec<LumaEdge> {
     let window = window_px(lens_px).min(0.45 * rays.mean_radius_px);
-    edges.iter().enumerate().map(|(ray, edge)| luma_edge(rays, ray, edge, lens_px, window)).collect()
+    edges.iter().enumerate().map(|(ray, edge)| luma_edge(rays, ray, edge, window)).collect()
 }
 
-fn luma_edge(rays: &Rays, ray: usize, colour: &RayEdge, lens_px: f64, window: f64) -> LumaEdge {
+fn luma_edge(rays: &Rays, ray: usize, colour: &RayEdge, window: f64) -> LumaEdge {
     let none = LumaEdge { offset: colour.offset, std_px: f64::INFINITY };
     if !colour.found {
         return none;
     }
+    let Some(curve) = Curve::new(&colour.ball, &colour.behind) else { return none };
     let (values, shade) = (rays.luma(ray), rays.shade(ray));
     let mut found = none;
     let limit = rays.offsets.len() - 1;
@@ -104,25 +143,17 @@ fn luma_edge(rays: &Rays, ray: usize, colour: &RayEdge, lens_px: f64, window: f6
         if !(contrast.abs() > MIN_CONTRAST) {
             return none;
         }
-        let (covered, _) = rays.integral(edge, window, |i| (values[i] - behind) / contrast);
+        let (covered, _) = rays.integral(edge, window, |i| curve.share((values[i] - behind) / contrast));
         let mut model = 0.0;
         for i in rays.between(edge - window - STEP_PX, edge + STEP_PX) {
             let (low, high) = (rays.offsets[i] - 0.5 * STEP_PX, rays.offsets[i] + 0.5 * STEP_PX);
             let length = (high.min(edge) - low.max(edge - window)).max(0.0);
-            model += length * (own * carried(i) - behind) / contrast;
+            model += length * curve.share((own * carried(i) - behind) / contrast);
         }
         let doubt = SHADE_DOUBT * own * (1.0 - carried(rim)) / contrast;
         let uneven = (uneven_ball + uneven_behind) / (contrast * contrast) + doubt * doubt;
         found.offset = edge + (covered - model).clamp(-1.5, 1.5);
         found.std_px = EDGE_FLOOR_PX.hypot(0.5 * window * uneven.sqrt());
-    }
-    // What the lens does before the codec, as in the colours.
-    let half = half_level(&colour.ball, &colour.behind);
-    let luma = |c: &[f64; 3]| c.iter().zip(WEIGHTS).map(|(v, w)| v * w).sum::<f64>();
-    let contrast = luma(&colour.ball) - luma(&colour.behind);
-    if contrast.abs() > 0.5 * MIN_CONTRAST {
-        let bend = ((luma(&half) - luma(&colour.behind)) / contrast - 0.5).clamp(-0.4, 0.4);
-        found.offset -= LENS_SHARE * 4.0 * bend * lens_px / core::f64::consts::PI.sqrt();
     }
     found
 }

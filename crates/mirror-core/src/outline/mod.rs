@@ -14,7 +14,8 @@
 //! | --- | --- |
 //! | `ball` | the whole measurement of one ball |
 //! | `patch` | a cut-out of the picture, prepared: linear light, or levels at the colour's resolution; noise |
-//! | `circle` | a circle by consensus: the start |
+//! | `regions` | regions of the markers' colours, all in one pass |
+//! | `circle`, `consensus` | a circle among points: the start; edges of one outline among others |
 //! | `shading` | light on a sphere by its normal |
 //! | `rays`, `edges`, `luma`, `blur` | samples along rays, sub-pixel edges of the colour and of the brightness, and the blur that they show |
 //! | `cone` | the cone of rays that touch a sphere, with covariance |
@@ -23,14 +24,17 @@ mod ball;
 mod blur;
 mod circle;
 mod cone;
+mod consensus;
 mod edges;
 mod luma;
 mod patch;
 mod ray_edge;
 mod rays;
+mod regions;
 mod shading;
 
 pub use ball::{BallOutline, RadiusRange, measure_ball};
 pub use circle::{Circle, fit_circle};
 pub use cone::{ConeFit, ConeOutline, EdgePoint, cone_centroid, fit_cone};
 pub use patch::Picture;
+pub use regions::{ColorBox, ColorRegion, color_regions};

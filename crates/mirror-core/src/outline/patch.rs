@@ -51,6 +51,11 @@ impl<'a> Picture<'a> {
         Ok(Self { bgr, width, height, chroma_step })
     }
 
+    /// A row's bytes.
+    pub(super) fn row(&self, row: usize) -> &[u8] {
+        &self.bgr[row * self.width * 3..(row + 1) * self.width * 3]
+    }
+
     /// Whether the codec keeps colour at a lower resolution than brightness.
     pub(super) fn coded(&self) -> bool {
         self.chroma_step != (1, 1)

@@ -10,6 +10,10 @@ pub(super) struct RayEdge {
     pub offset: f64,
     pub std: f64,
     pub found: bool,
+    /// How far misjudged light may have moved it, px: along the ray the ball's or the background's light changes towards the edge other than thought (signed),
+    /// and what the ball's rim is doubted anyway.
+    pub trend: f64,
+    pub doubt: f64,
     /// Second moment of what is covered by half, px²: the blur's variance.
     pub moment: f64,
     /// The two colours.

@@ -6,9 +6,11 @@ use nalgebra::Vector2;
 
 /// Distance of samples along a ray, px.
 pub(super) const STEP_PX: f64 = 0.25;
-/// The search along a ray, on both sides of the expected edge, px, and at most this share of the radius.
+/// The search along a ray, on both sides of the expected edge, px, and at most this share of the radius; while the outline is only roughly known, at least
+/// the last share of it.
 const REACH_PX: f64 = 3.0;
 const REACH_SHARE: f64 = 0.4;
+const ROUGH_SHARE: f64 = 0.12;
 /// Half width of the window over which the covered length is summed, for the least blur and for each px of it; at most this share of the radius.
 const LEAST_WINDOW_PX: f64 = 1.75;
 const WINDOW_BASE_PX: f64 = 0.35;
@@ -43,14 +45,20 @@ pub(super) struct Rays {
 }
 
 impl Rays {
-    /// Casts a ray for each outline distance; `blur_px` by ray.
-    pub fn cast(patch: &Patch, center_px: Vector2<f64>, radius_px: &[f64], blur_px: &[f64]) -> Self {
+    /// Casts a ray for each outline distance; `blur_px` by ray. `rough`: the outline is only roughly known.
+    pub fn cast(
+        patch: &Patch,
+        center_px: Vector2<f64>,
+        radius_px: &[f64],
+        blur_px: &[f64],
+        rough: bool,
+    ) -> Self {
         let count = radius_px.len();
         let mean = radius_px.iter().sum::<f64>() / count as f64;
         let widest = WINDOW_SHARE * mean;
         let window: Vec<f64> = blur_px.iter().map(|b| window_px(*b).min(widest)).collect();
         let largest = window.iter().copied().fold(0.0, f64::max);
-        let reach = REACH_PX.min(REACH_SHARE * mean);
+        let reach = (REACH_PX.min(REACH_SHARE * mean)).max(if rough { ROUGH_SHARE * mean } else { 0.0 });
         let inner = (mean - 0.25).min(reach + largest + ZONE_PX);
         let samples = ((inner + reach + largest + ZONE_PX) / STEP_PX + 0.5) as usize + 1;
         let offsets: Vec<f64> = (0..samples).map(|i| -inner + STEP_PX * i as f64).collect();
@@ -135,6 +143,21 @@ impl Rays {
         }
         (sum, 2.0 * window - length)
     }
+}
+
+/// Slope of numbers `f` over places, per px; 0 for too few.
+pub(super) fn slope(places: &[f64], first: usize, last: usize, f: impl Fn(usize) -> f64) -> f64 {
+    let count = last.saturating_sub(first) as f64;
+    if count < 4.0 {
+        return 0.0;
+    }
+    let middle = places[first..last].iter().sum::<f64>() / count;
+    let (mut up, mut down) = (0.0, 0.0);
+    for (i, place) in places.iter().enumerate().take(last).skip(first) {
+        up += (place - middle) * f(i);
+        down += (place - middle).powi(2);
+    }
+    up / down
 }
 
 /// Mean of colours; zeros for none.

@@ -27,6 +27,13 @@ def command(
     overwrite: Annotated[
         bool, typer.Option(help="Replace detections (or the folder) that are there.")
     ] = False,
+    max_residual_px: Annotated[
+        float, typer.Option(help="Refuse a view of the board that is farther from a flat one (RMS), px ...")
+    ] = 1.0,
+    max_residual_squares: Annotated[
+        float,
+        typer.Option(help="... and than this share of its squares' side, which never allows more than 3 px."),
+    ] = 0.02,
     as_json: JsonOption = False,
 ) -> None:
     """Find the mirrored board and the coloured balls in the pictures of a session.
@@ -40,7 +47,15 @@ def command(
     output = Output(as_json)
     import json
 
-    from ...detect import detect_session, read_picture, with_detections, write_overlay
+    from ...detect import (
+        BoardOptions,
+        DetectionOptions,
+        GateOptions,
+        detect_session,
+        read_picture,
+        with_detections,
+        write_overlay,
+    )
     from ...output_files import new_folder, write_file
     from ...session import SessionError, load_session, write_detections, write_session
     from ...session.tables import find_table
@@ -53,8 +68,11 @@ def command(
     if out is not None and out.exists() and not overwrite:
         raise SessionError(out, "is there already; give another folder, or add --overwrite")
     done: dict[int, object] = {}
+    options = DetectionOptions(board=BoardOptions(gate=GateOptions(max_residual_px, max_residual_squares)))
     try:
-        found = detect_session(loaded, progress=lambda chunks: output.chunks(chunks, "detecting"), done=done)  # type: ignore[arg-type]
+        found = detect_session(
+            loaded, options, progress=lambda chunks: output.chunks(chunks, "detecting"), done=done
+        )  # type: ignore[arg-type]
     except KeyboardInterrupt:
         if done:
             partial = Path(str(session / "detections.partial.csv") if out is None else f"{out}.partial.csv")
@@ -117,7 +135,9 @@ def command(
         }
     )
     if boards == 0:
-        output.warn("no board was found in any picture: nothing can be measured")
+        # Pictures that cannot be used at all (of another size, broken) say why.
+        why = next((reason for _, what, reason in refused if what == "picture"), "")
+        output.warn(f"no board was found in any picture: nothing can be measured{f'; {why}' if why else ''}")
         raise typer.Exit(ExitCode.NOTHING)
 
 

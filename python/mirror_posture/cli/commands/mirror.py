@@ -24,6 +24,14 @@ def command(
         str, typer.Option(help="Inner corners of the chessboard, as in 7x6.", show_default=False)
     ],
     square: Annotated[float, typer.Option(help="Side of a square, m.", show_default=False)],
+    glass: Annotated[float, typer.Option(help="Thickness of the mirror's glass before its silver, m.")] = 0.0,
+    max_residual_px: Annotated[
+        float, typer.Option(help="Refuse a view of the board that is farther from a flat one (RMS), px ...")
+    ] = 1.0,
+    max_residual_squares: Annotated[
+        float,
+        typer.Option(help="... and than this share of its squares' side, which never allows more than 3 px."),
+    ] = 0.02,
     as_json: JsonOption = False,
 ) -> None:
     """Measure a mirror from pictures that show a chessboard directly and in the mirror; no robot needed.
@@ -38,6 +46,7 @@ def command(
 
     from ..._core import MirrorPostureError
     from ...board import Board
+    from ...detect import GateOptions
     from ...mirror_pictures import mirrors_from_pictures
     from ...session.camera_info import load_camera_info
 
@@ -45,7 +54,13 @@ def command(
     if counts is None:
         raise MirrorPostureError(f"--board: got {board!r}, needed the counts of inner corners, as in 7x6")
     printed = Board(int(counts[1]), int(counts[2]), square)
-    found = mirrors_from_pictures(load_camera_info(camera), printed, pictures)
+    found = mirrors_from_pictures(
+        load_camera_info(camera),
+        printed,
+        pictures,
+        glass_thickness_m=glass,
+        gate=GateOptions(max_residual_px, max_residual_squares),
+    )
     rows, results = [], []
     for picture, mirror in zip(pictures, found, strict=True):
         if isinstance(mirror, MirrorPostureError):
