@@ -55,6 +55,7 @@ class SeenMarkers(ShortRepr):
     unseen: dict[str, dict[int, str]]
 
 
+@checked_arguments
 def mirror_from_picture(
     camera: Camera,
     board: Board,
@@ -83,6 +84,7 @@ def mirror_from_picture(
     return estimate_mirrors(rig, mirrored[0][None], noise_px=mirrored[1])
 
 
+@checked_arguments
 def mirrors_from_pictures(
     camera: Camera,
     board: Board,
