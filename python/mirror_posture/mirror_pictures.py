@@ -216,7 +216,9 @@ def _joined(poses: Sequence[PlanarPoses]) -> tuple[npt.NDArray[np.float64], npt.
     mean = np.linalg.solve(information, pull)
     step = np.eye(4)
     step[:3, :3], step[:3, 3] = cv2.Rodrigues(mean[:3])[0], mean[3:]
-    return first @ step, np.linalg.inv(information)
+    joined: npt.NDArray[np.float64] = first @ step
+    covariance: npt.NDArray[np.float64] = np.linalg.inv(information)
+    return joined, covariance
 
 
 def _stacked(parts: Sequence[MarkerPositions]) -> MarkerPositions:

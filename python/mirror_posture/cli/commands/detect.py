@@ -71,8 +71,11 @@ def command(
     options = DetectionOptions(board=BoardOptions(gate=GateOptions(max_residual_px, max_residual_squares)))
     try:
         found = detect_session(
-            loaded, options, progress=lambda chunks: output.chunks(chunks, "detecting"), done=done
-        )  # type: ignore[arg-type]
+            loaded,
+            options,
+            progress=lambda chunks: output.chunks(chunks, "detecting"),
+            done=done,  # type: ignore[arg-type]
+        )
     except KeyboardInterrupt:
         if done:
             partial = Path(str(session / "detections.partial.csv") if out is None else f"{out}.partial.csv")
