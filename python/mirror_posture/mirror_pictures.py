@@ -217,7 +217,7 @@ def _joined(poses: Sequence[PlanarPoses]) -> tuple[npt.NDArray[np.float64], npt.
     step = np.eye(4)
     step[:3, :3], step[:3, 3] = cv2.Rodrigues(mean[:3])[0], mean[3:]
     joined: npt.NDArray[np.float64] = first @ step
-    covariance: npt.NDArray[np.float64] = np.linalg.inv(information)
+    covariance = np.linalg.inv(information).astype(np.float64, copy=False)
     return joined, covariance
 
 
