@@ -56,11 +56,39 @@ def test_a_late_camera_is_found_and_another_motion_is_predicted(
     assert (cause["effect"], cause["at"]) == ("latency", "camera")
     assert abs(cause["parameters"]["latency_s"]["value"] - latency_s) < 0.002
     assert tree["verdict"] == "explained"
+    assert cause["stability"] == 1.0
+    assert "What this motion would have hidden" in (tmp_path / "out" / "report.html").read_text()
     (checked,) = tree["gap"]["checked"]
     assert checked["after_m"] < 0.3 * checked["before_m"]
     assert "latency at camera" in (tmp_path / "out" / "model.xml").read_text()
     assert (tmp_path / "out" / "report.html").stat().st_size > 20_000
     mujoco.MjModel.from_xml_path(str(tmp_path / "out" / "model.xml"))
+
+
+def test_a_motion_shows_what_is_larger_than_its_limits_and_hides_what_is_smaller(
+    late: tuple[Path, float],
+) -> None:
+    """The images moved by hand as each cause would: three times its limit is found at its place, a tenth of it is not found."""
+    from mirror_posture.motion.problem import Problem
+    from mirror_posture.motion.search import search
+    from mirror_posture.motion.shown import limits
+
+    problem = Problem(mp.load_session(late[0]), late[0] / "model.xml")
+    found = search(problem, 1)
+    told = {(entry["effect"], entry["at"]): entry["parameters"] for entry in limits(problem, found)}
+    assert ("latency", "camera") in found.best.causes and ("latency", "camera") not in told
+    joint = next(name for name in problem.scales if name.endswith("elbow"))
+    size = told["gear_ratio", f"joint:{joint}"]["scale_error"]
+    assert size is not None and 1e-5 < size < 0.05
+    shown: dict[float, set[tuple[str, str]]] = {}
+    for times in (3.0, 0.1):
+        there = {**found.best.causes, ("gear_ratio", f"joint:{joint}"): (times * size,)}
+        images = problem.view.image_px
+        problem.view.image_px = images + problem.errors_px(found.best.causes) - problem.errors_px(there)
+        again = search(problem, 2, start=found.best.causes)
+        shown[times] = set(again.best.causes) - set(found.best.causes)
+        problem.view.image_px = images
+    assert shown == {3.0: {("gear_ratio", f"joint:{joint}")}, 0.1: set()}
 
 
 def test_columns_are_the_differences_of_residuals(late: tuple[Path, float]) -> None:

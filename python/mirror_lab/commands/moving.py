@@ -29,6 +29,9 @@ def make(
     least: Annotated[int, typer.Option(min=0, max=3, help="Least number of causes.")] = 0,
     most: Annotated[int, typer.Option(min=0, max=3, help="Largest number of causes.")] = 3,
     seconds: Annotated[float, typer.Option(min=4.0, max=120.0, help="Of motion in each session.")] = 20.0,
+    effect: Annotated[
+        list[str] | None, typer.Option(help="Draw causes of these effects only; may be repeated.")
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Make moving sessions: pinocchio's dynamics under servos of their own, the mirror's light, noise, rolling shutters.
@@ -38,9 +41,14 @@ def make(
     Example: `mirror-posture moving make moving --cases 20`
     """
     output = Output(as_json)
+    from mirror_posture import MirrorPostureError
+
     from ..moving.make import ROBOTS, make_cases
 
-    made = make_cases(out, cases, seed, tuple(robot or ROBOTS), (least, most), seconds)
+    try:
+        made = make_cases(out, cases, seed, tuple(robot or ROBOTS), (least, most), seconds, effect or ())
+    except ValueError as error:
+        raise MirrorPostureError(str(error)) from None
     output.say(f"written: {len(made)} sessions in {out}; `mirror-posture moving run {out}` diagnoses them")
     output.result([str(folder) for folder in made])
 

@@ -243,8 +243,16 @@ def make_cases(
     robots: Sequence[str] = ROBOTS,
     causes: tuple[int, int] = (0, 3),
     seconds: float = 20.0,
+    only: Sequence[str] = (),
 ) -> list[Path]:
-    """Writes moving sessions with 0 to 3 drawn causes; the answers, sealed, to the folder `answers`."""
+    """Writes moving sessions with 0 to 3 drawn causes (of `only`, if told); the answers, sealed, to the folder `answers`.
+
+    Raises:
+        ValueError: an effect in `only` of which the judge has no law.
+    """
+    if unknown := sorted(set(only) - set(LAWS)):
+        raise ValueError(f"effects: got {', '.join(unknown)}, needed some of {', '.join(sorted(LAWS))}")
+    laws = sorted(only) or sorted(LAWS)
     made = []
     for number in range(cases):
         rng = np.random.default_rng([seed, number])
@@ -254,7 +262,7 @@ def make_cases(
             if causes == (0, 3)
             else int(rng.integers(causes[0], causes[1] + 1))
         )
-        effects = [str(e) for e in rng.choice(sorted(LAWS), size=count, replace=False)]
+        effects = [str(e) for e in rng.choice(laws, size=min(count, len(laws)), replace=False)]
         name = f"case-{number:04d}"
         answer = make_case(out / name, kind, effects, rng, seconds)
         seal(answer, out / "answers" / f"{name}.json", out / name / "seal.json")

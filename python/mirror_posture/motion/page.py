@@ -8,7 +8,7 @@ from pathlib import Path
 
 from jinja2 import Environment, StrictUndefined
 
-from ..diagnosis import formatting
+from ..diagnosis import formatting, limits
 from ..diagnosis.page import HEADLINES
 from .diagnose import MotionDiagnosis
 from .patched import patched_model
@@ -39,6 +39,7 @@ def write_motion_report(done: MotionDiagnosis, folder: Path) -> Path:
         motion=done.diagnosis.document["motion"],
         headline=HEADLINES[done.diagnosis.verdict],
         told=formatting,
+        limits=limits.table(done.diagnosis),
         pictures=[
             (name.partition("-")[2], base64.b64encode(drawing.png).decode("ascii"))
             for name, drawing in drawings.items()

@@ -15,6 +15,7 @@ from .effects import Key, told
 from .fit import Fitted, evaluated
 from .problem import Problem
 from .search import SEGMENTS, Found
+from .shown import limits, stability
 from .words import WORDS, sentence
 
 Floats = npt.NDArray[np.float64]
@@ -34,7 +35,12 @@ def document(
     """The JSON tree of a diagnosis."""
     of, covariance, columns = fitted
     view, best, scale = problem.view, found.best, found.noise_scale
-    share = _shares(problem, found)
+    without = {
+        key: evaluated(problem, {k: v for k, v in best.causes.items() if k != key}, scale)
+        for key in best.causes
+    }
+    share = _shares(found, without)
+    stable = stability(problem, found, without)
     left = float(np.sqrt(best.misfit.squares / best.misfit.rows))
     # Causes of a model that leaves something unexplained may stand for what is not in it.
     trust = min(1.0, (EXPLAINED / left) ** 2)
@@ -53,6 +59,7 @@ def document(
                 "at": key[1],
                 "kind": hypothesis.effect.kind,
                 "probability": round(trust * rivals[key].probability, 4),
+                "stability": stable.get(key),
                 "parameters": {
                     name: {"value": float(value), "std": float(s)}
                     for name, value, s in zip(hypothesis.effect.parameters, values, deviations, strict=True)
@@ -89,6 +96,7 @@ def document(
         "causes": causes,
         "where": [{"at": at, "share": round(s, 4)} for at, s in sorted(where.items(), key=lambda p: -p[1])],
         "gap": gap,
+        "limits": limits(problem, found),
         "next_postures": [],
         "warnings": list(problem.rollouts.simulator.notes),
         "noise": {"marker_px": scale * view.noise_px},
@@ -127,14 +135,12 @@ def _verdict(any_cause: bool, left: float) -> str:
     return "none" if left <= EXPLAINED else "unknown"
 
 
-def _shares(problem: Problem, found: Found) -> dict[Key, float]:
+def _shares(found: Found, without: Mapping[Key, Fitted | None]) -> dict[Key, float]:
     """By how much the squares grow without each cause, the others as they are."""
-    out = {}
-    for key in found.best.causes:
-        rest = {k: v for k, v in found.best.causes.items() if k != key}
-        without: Fitted | None = evaluated(problem, rest, found.noise_scale)
-        out[key] = 0.0 if without is None else max(0.0, without.misfit.squares - found.best.misfit.squares)
-    return out
+    return {
+        key: 0.0 if model is None else max(0.0, model.misfit.squares - found.best.misfit.squares)
+        for key, model in without.items()
+    }
 
 
 def _steps(problem: Problem, order: list[Key], best: Fitted) -> list[dict[str, Any]]:
