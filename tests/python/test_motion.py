@@ -57,6 +57,9 @@ def test_a_late_camera_is_found_and_another_motion_is_predicted(
     assert abs(cause["parameters"]["latency_s"]["value"] - latency_s) < 0.002
     assert tree["verdict"] == "explained"
     assert cause["stability"] == 1.0
+    # A late camera is nothing to encoders: within their ticks they read what the model as it is does.
+    assert tree["encoder_witness"]
+    assert all(e["before"] == e["after"] < 1.5e-3 and not e["named"] for e in tree["encoder_witness"])
     assert "What this motion would have hidden" in (tmp_path / "out" / "report.html").read_text()
     (checked,) = tree["gap"]["checked"]
     assert checked["after_m"] < 0.3 * checked["before_m"]
@@ -89,6 +92,21 @@ def test_a_motion_shows_what_is_larger_than_its_limits_and_hides_what_is_smaller
         shown[times] = set(again.best.causes) - set(found.best.causes)
         problem.view.image_px = images
     assert shown == {3.0: {("gear_ratio", f"joint:{joint}")}, 0.1: set()}
+
+
+def test_encoders_see_a_late_servo_and_no_wrong_zero(late: tuple[Path, float]) -> None:
+    from mirror_posture.motion.encoders import encoder_witness
+    from mirror_posture.motion.problem import Problem
+
+    problem = Problem(mp.load_session(late[0]), late[0] / "model.xml")
+    joint = next(name for name in problem.scales if name.endswith("elbow"))
+    told = {
+        effect: {e["joint"]: e for e in encoder_witness(problem, {(effect, f"joint:{joint}"): (0.03,)})}
+        for effect in ("servo_lag", "joint_offset")
+    }
+    assert told["servo_lag"][joint]["after"] > 5.0 * told["servo_lag"][joint]["before"]
+    assert told["joint_offset"][joint]["after"] == told["joint_offset"][joint]["before"]
+    assert told["servo_lag"][joint]["named"]
 
 
 def test_columns_are_the_differences_of_residuals(late: tuple[Path, float]) -> None:

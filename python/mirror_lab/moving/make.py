@@ -25,6 +25,7 @@ Array = NDArray[np.float64]
 
 ROBOTS = ("small", "random", "ur10")
 LOG_RATE_HZ, PICTURES_HZ = 100.0, 30.0
+TICK_RAD = 2 * np.pi / 4096
 EXPOSED = 3
 """Moments of an exposure whose images are averaged."""
 
@@ -82,7 +83,17 @@ def make_case(
     for place, motion in ((folder, commands), (folder.parent / f"{folder.name}-unseen", unseen)):
         track = engine.run(times, motion, body.servos)
         seen = _see(robot, engine, track, body, lens, noise, shutter, rng, seconds, nominal_lens)
-        write_session(place, robot, gravity, nominal_lens, told, shutter, moving, (times, motion), seen)
+        write_session(
+            place,
+            robot,
+            gravity,
+            nominal_lens,
+            told,
+            shutter,
+            moving,
+            (times, motion, _readings(track, times)),
+            seen,
+        )
         (place / "model.xml").write_text(model, encoding="utf-8")
     return {
         "id": folder.name, "robot": kind, "causes": causes, "noise": noise.answer(), "seconds": seconds,
@@ -110,6 +121,11 @@ def draw_motion(rng: np.random.Generator, times: Array, low: Array, high: Array)
         half = 0.5 * (high[j] - low[j]) * rng.uniform(0.6, 0.95)
         out[:, j] = 0.5 * (low[j] + high[j]) + np.minimum(half, 0.8) * wave
     return np.round(out, 6)
+
+
+def _readings(track: Track, time_s: Array) -> Array:
+    """(S, joints): what encoders of the motors read, in ticks."""
+    return np.asarray(np.round(track.at(time_s) / TICK_RAD) * TICK_RAD)
 
 
 def _positions(track: Track, body: Body, time_s: Array) -> Array:

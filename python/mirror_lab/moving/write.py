@@ -24,10 +24,10 @@ def write_session(
     pixel_std: float,
     shutter: Shutter,
     joints: list[str],
-    log: tuple[Array, Array],
+    log: tuple[Array, Array, Array],
     seen: Seen,
 ) -> None:
-    """session.toml, robot.urdf, camera.yaml, frames.csv (times only), states.csv and detections.csv."""
+    """session.toml, robot.urdf, camera.yaml, frames.csv (times only), states.csv and detections.csv. `log` is times, commands and readings."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "robot.urdf").write_text(robot.urdf, encoding="utf-8")
     g = ", ".join(f"{v:.6f}" for v in gravity)
@@ -57,9 +57,12 @@ def write_session(
     )
     rows = ["frame,posture,time_s", *(f"{f},{f},{t:.6f}" for f, t in enumerate(seen.stamp_s))]
     (folder / "frames.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
-    times, commands = log
-    rows = ["time_s," + ",".join(joints)]
-    rows += [f"{t:.4f}," + ",".join(f"{q:.6f}" for q in row) for t, row in zip(times, commands, strict=True)]
+    times, commands, readings = log
+    rows = ["time_s," + ",".join([*joints, *(f"measured:{name}" for name in joints)])]
+    rows += [
+        f"{t:.4f}," + ",".join(f"{q:.6f}" for q in (*told, *read))
+        for t, told, read in zip(times, commands, readings, strict=True)
+    ]
     (folder / "states.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
     rows = ["frame,target,index,u,v"]
     for f in range(len(seen.stamp_s)):

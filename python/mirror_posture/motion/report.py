@@ -12,6 +12,7 @@ from ..diagnosis.fingerprint import KEY, fingerprint
 from ..diagnosis.result import FORMAT, VERSION
 from .alternatives import Rivals
 from .effects import Key, told
+from .encoders import encoder_witness
 from .fit import Fitted, evaluated
 from .problem import Problem
 from .search import SEGMENTS, Found
@@ -97,6 +98,7 @@ def document(
         "where": [{"at": at, "share": round(s, 4)} for at, s in sorted(where.items(), key=lambda p: -p[1])],
         "gap": gap,
         "limits": limits(problem, found),
+        "encoder_witness": encoder_witness(problem, best.causes),
         "next_postures": [],
         "warnings": list(problem.rollouts.simulator.notes),
         "noise": {"marker_px": scale * view.noise_px},
