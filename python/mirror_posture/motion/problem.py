@@ -55,6 +55,7 @@ class Problem:
                 self.hypotheses |= {h.key: h for h in of_joint(name, scale)}
         self.hypotheses |= {h.key: h for h in of_setup(session.marker_names)}
         self._by_position: Floats | None = None
+        self._from_nominal: dict[tuple[object, ...], Floats | None] = {}
 
     def _moving_joints(self) -> set[str]:
         """The joints whose positions change what is seen."""
@@ -119,30 +120,42 @@ class Problem:
 
     def changes(self, base: Causes, several: Sequence[Causes]) -> list[Floats | None]:
         """Whitened change of the prediction (F, markers, 2) from `base` to each set of causes, linear in the positions."""
-        motions = self.rollouts.motions([base, *several])
-        if motions[0] is None:
+        (here_motion,) = self.rollouts.motions([base])
+        if here_motion is None:
             return [None] * len(several)
-        here = self.places(base, motions[0]).markers
+        here = self.places(base, here_motion).markers
         jacobian = self.by_position()
         out: list[Floats | None] = []
         at_base: Floats | None = None
-        for causes, motion in zip(several, motions[1:], strict=True):
-            if motion is None:
-                out.append(None)
-                continue
+        # From the model as it is each hypothesis is asked for once, whatever images are left out in between.
+        known = self._from_nominal if not base else {}
+        fresh = [causes for causes in several if _key(causes) not in known]
+        simulated = dict(zip(map(_key, fresh), self.rollouts.motions(fresh), strict=True))
+        for causes in several:
+            key = _key(causes)
             mounts = {
                 key
                 for key in {*causes, *base}
                 if key[0].endswith("_mount") and causes.get(key) != base.get(key)
             }
-            if mounts:
-                if at_base is None:
-                    at_base = self.view.whitened(self.view.residual_px(self.places(base, motions[0]), base))
-                there = self.view.whitened(self.view.residual_px(self.places(causes, motion), causes))
-                out.append(at_base - there)
+            if not mounts and key in known:
+                moved = known[key]
             else:
-                moved = (self.places(causes, motion).markers - here)[..., self.columns_of]
-                out.append(np.einsum("fmij,fmj->fmi", jacobian, moved))
+                motion = simulated[key]
+                if motion is not None and mounts:
+                    if at_base is None:
+                        at_base = self.view.whitened(
+                            self.view.residual_px(self.places(base, here_motion), base)
+                        )
+                    there = self.view.whitened(self.view.residual_px(self.places(causes, motion), causes))
+                    out.append(at_base - there)
+                    continue
+                moved = None
+                if motion is not None:
+                    moved = (self.places(causes, motion).markers - here)[..., self.columns_of]
+                if not base:
+                    known[key] = moved
+            out.append(None if moved is None else np.einsum("fmij,fmj->fmi", jacobian, moved))
         return out
 
     def columns(
@@ -211,3 +224,7 @@ class Problem:
         pull = np.where(seen, column * residual, 0.0).sum(axis=(1, 2))
         weak = power <= (WEAK_SHARE * np.median(power[power > 0.0]) if (power > 0.0).any() else 0.0)
         return np.asarray(np.where(weak, np.nan, pull / np.where(weak, 1.0, power)))
+
+
+def _key(causes: Causes) -> tuple[object, ...]:
+    return tuple(sorted(causes.items()))
