@@ -265,13 +265,13 @@ def test_markers_in_pictures_by_another_renderer(estimator: str) -> None:
 def test_markers_in_traced_pictures_from_two_views(tmp_path: Path) -> None:
     views = (View(yaw_rad=-0.1), View(yaw_rad=0.16))
     folder = render_session(
-        tmp_path / "session", DEMO_POSTURES[1:4], views, offsets_rad={"r_shoulder_roll": 0.04}, seed=3
+        tmp_path / "session", DEMO_POSTURES[1:3], views, offsets_rad={"r_shoulder_roll": 0.04}, seed=3
     )
     session = detect_session(mp.load_session(folder)).session
     truth = json.loads((folder / "truth.json").read_text())
     found = mp.measure(session).markers
     good = np.flatnonzero(found.measured)
-    assert len(good) >= 6
+    assert len(good) >= 4
     error = np.array(
         [
             found.point_in_root_m[k]

@@ -33,3 +33,4 @@ mod robot_urdf;
 mod sphere;
 mod traced;
 mod triangulate;
+mod where_it_stands;
