@@ -50,7 +50,7 @@ mod tests {
         assert!(spent <= 1e-3);
         assert!(deviate_of_look(1e-3, 5, 2) > deviate_of_look(1e-3, 1, 2));
         // Markers share what a look may spend.
-        let of_one = |markers: usize| crate::statistics::normal_quantile(1.0 - 1e-3 / 2.0 / markers as f64);
+        let of_one = |markers: usize| normal_quantile(1.0 - 1e-3 / 2.0 / markers as f64);
         for markers in [1, 2, 7] {
             assert!((deviate_of_look(1e-3, 1, markers) - of_one(markers)).abs() < 1e-9, "{markers}");
         }

@@ -2,10 +2,12 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
+mod adequacy;
 #[path = "../../../../../tests/rust/gap_world/mod.rs"]
 #[allow(dead_code)]
 mod gap_world;
 mod jacobians;
 mod places;
+mod prior;
 mod shortcuts;
 mod statistics;
