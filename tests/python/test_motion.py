@@ -60,7 +60,9 @@ def test_a_late_camera_is_found_and_another_motion_is_predicted(
     # A late camera is nothing to encoders: within their ticks they read what the model as it is does.
     assert tree["encoder_witness"]
     assert all(e["before"] == e["after"] < 1.5e-3 and not e["named"] for e in tree["encoder_witness"])
-    assert "What this motion would have hidden" in (tmp_path / "out" / "report.html").read_text()
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "What this motion would have hidden" in page and "shift the pictures&#39; stamps" in page
+    assert page.count('aria-label="Bars: the gap') == 1 and len(page) < 3_000_000
     (checked,) = tree["gap"]["checked"]
     assert checked["after_m"] < 0.3 * checked["before_m"]
     assert "latency at camera" in (tmp_path / "out" / "model.xml").read_text()

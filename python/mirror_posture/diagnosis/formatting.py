@@ -56,7 +56,7 @@ def tell(name: str, estimate: Estimate | Member) -> Quantity:
     for ending, (of_people, times) in UNITS.items():
         if name.endswith(ending):
             unit, factor = of_people, times
-            short = name.removesuffix(ending) or name
+            short = name.removesuffix(ending) or re.sub(r"_(rad_per_s|s)$", "", name)
             break
     value, std = factor * estimate.value, factor * estimate.std
     power = ""

@@ -1,21 +1,25 @@
-"""The report of a diagnosed motion as one HTML file that needs no network: the staircase first."""
+"""The report of a diagnosed motion as one HTML file that needs no network: who must act, then the staircase."""
 
 from __future__ import annotations
 
 import base64
-from importlib import resources
+from dataclasses import replace
 from pathlib import Path
 
-from jinja2 import Environment, StrictUndefined
-
+from .._core import __version__
 from ..diagnosis import formatting, limits
+from ..diagnosis.actions import Concerned, concerned
 from ..diagnosis.page import HEADLINES
+from ..diagnosis.result import Diagnosis
+from ..pages import inline, render
 from .diagnose import MotionDiagnosis
 from .patched import patched_model
 from .pictures import pictures
+from .words import REMEDIES
 
 TEMPLATE = "motion.html.j2"
 MODEL = "model.xml"
+STAIRCASE = "staircase"
 
 
 def write_motion_report(done: MotionDiagnosis, folder: Path) -> Path:
@@ -27,24 +31,45 @@ def write_motion_report(done: MotionDiagnosis, folder: Path) -> Path:
     (folder / MODEL).write_text(
         patched_model(done.problem.rollouts, done.found.best.causes), encoding="utf-8"
     )
-    environment = Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    text = resources.files(__package__).joinpath(TEMPLATE).read_text(encoding="utf-8")
-    session = done.problem.session
-    page = environment.from_string(text).render(
-        found=done.diagnosis,
-        session=session.folder.resolve().name,
-        robot=session.robot.name,
-        motion=done.diagnosis.document["motion"],
-        headline=HEADLINES[done.diagnosis.verdict],
-        told=formatting,
-        limits=limits.table(done.diagnosis),
-        pictures=[
+    session, found = done.problem.session, done.diagnosis
+    values = {
+        "version": __version__,
+        "found": found,
+        "session": session.folder.resolve().name,
+        "robot": session.robot.name,
+        "motion": found.document["motion"],
+        "headline": HEADLINES[found.verdict],
+        "told": formatting,
+        "concerned": _who_must_act(found),
+        "limits": limits.table(found),
+        "staircase": inline(drawings[STAIRCASE], _steps_in_words(found)),
+        # Each of its lines has a point a picture: as SVG they would be megabytes.
+        "joints": [
             (name.partition("-")[2], base64.b64encode(drawing.png).decode("ascii"))
             for name, drawing in drawings.items()
+            if name != STAIRCASE
         ],
-    )
+    }
     file = folder / "report.html"
-    file.write_text(page, encoding="utf-8")
+    file.write_text(render(__package__, TEMPLATE, values), encoding="utf-8")
     return file
+
+
+def _who_must_act(found: Diagnosis) -> list[Concerned]:
+    """As of still sessions, with what a motion's own effects ask for."""
+    return [
+        replace(
+            group,
+            actions=tuple(
+                replace(action, do=REMEDIES.get(found.causes[action.number - 1].effect, action.do))
+                for action in group.actions
+            ),
+        )
+        for group in concerned(found)
+    ]
+
+
+def _steps_in_words(found: Diagnosis) -> str:
+    steps = found.document["gap"]["steps"]
+    told = "; ".join(f"{step['added'] or 'the model as it is'}: {step['rms_px']:.2f} px" for step in steps)
+    return f"Bars: the gap of simulator against motion as causes are added: {told}."

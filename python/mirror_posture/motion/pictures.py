@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
-from ..diagnosis.plots import AFTER, BEFORE, Drawing, figure, finished
+from ..diagnosis.plots import AFTER, BEFORE, INK, Drawing, figure, finished
 from .diagnose import MotionDiagnosis
 
 Floats = npt.NDArray[np.float64]
@@ -39,7 +39,7 @@ def _staircase(done: MotionDiagnosis) -> Drawing:
         axis.annotate(f"{value:.3g}", (value, place), xytext=(4, 0), textcoords="offset points", va="center")
     floor = done.diagnosis.gap.noise_floor_px
     if floor is not None:
-        axis.axvline(floor, color="black", ls="--", lw=1.2, label="noise")
+        axis.axvline(floor, color=INK, ls="--", lw=1.2, label="noise")
         axis.legend(loc="lower right", frameon=False)
     axis.set_yticks(range(len(values)), names)
     axis.invert_yaxis()

@@ -23,6 +23,18 @@ WORDS: Mapping[str, str] = {
     "board_mount": "the board sits elsewhere on its link",
 }
 
+REMEDIES: Mapping[str, str] = {
+    "latency": "shift the pictures' stamps by it, or trigger the camera by the log's clock",
+    "servo_lag": "look for a filter or a smoothed command in the driver, or put it into the simulator (`model.xml`)",
+    "servo_gain": "set the position loop's gains, or the model's, to agree",
+    "viscous_friction": "put it into the model (`damping`); look at grease and cables where it is new",
+    "coulomb_friction": "put it into the model (`frictionloss`); look at bearings and brakes where it is new",
+    "reflected_inertia": "put it into the model (`armature`): motor and gear as the joint feels them",
+    "torque_limit": "put it into the model (`forcerange`), or raise the drive's limit of current",
+    "velocity_limit": "put it into the command's path in the simulator, or raise the drive's limit of speed",
+}
+"""What to do about the effects that only a motion shows."""
+
 
 def sentence(verdict: str, causes: Sequence[Mapping[str, Any]], gap: Mapping[str, Any]) -> str:
     """The diagnosis in a sentence."""
