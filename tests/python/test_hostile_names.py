@@ -135,7 +135,7 @@ def test_page(name: str, tmp_path: Path) -> None:
 def test_models_written_for_simulators(tmp_path: Path) -> None:
     mujoco = pytest.importorskip("mujoco")
     from mirror_posture.diagnosis.applied.mjcf import write_mjcf
-    from mirror_posture.diagnosis.result import Cause, Estimate
+    from mirror_posture.diagnosis.parts import Cause, Estimate
     from session_folder import FRAMES, URDF, write_folder
 
     heavy = URDF.replace('<link name="lower"/>', '<link name="lower"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" '

@@ -11,7 +11,8 @@ import pytest
 from typer.testing import CliRunner
 
 import mirror_posture as mp
-from mirror_posture.diagnosis.result import Cause, Diagnosis, Estimate, Gap
+from mirror_posture.diagnosis.parts import Cause, Estimate, Gap
+from mirror_posture.diagnosis.result import Diagnosis
 
 mujoco = pytest.importorskip("mujoco")
 pytest.importorskip("mirror_lab")

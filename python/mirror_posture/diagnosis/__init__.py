@@ -7,17 +7,16 @@
     [(c.effect, c.at, c.probability) for c in found.causes]
     found.gap.before_m, found.gap.after_m
 
-`recording` hands a session to the core, `result` holds what comes back, `page` draws it, `applied` writes the better model,
+`recording` hands a session to the core, `result` and `parts` hold what comes back, `page` draws it, `applied` writes the better model,
 `feed_forward` commands around what stays, `own_effects` takes laws of one's own.
 """
 
 from .feed_forward import FeedForward, feed_forward
 from .own_effects import OwnEffect, PlaceQuantities
-from .result import (
+from .parts import (
     Alternative,
     Cause,
     Checked,
-    Diagnosis,
     Estimate,
     Field,
     Gap,
@@ -31,6 +30,7 @@ from .result import (
     Track,
     Witness,
 )
+from .result import Diagnosis
 from .run import diagnose
 
 __all__ = [

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from . import formatting
-from .result import Cause, Diagnosis, Member
+from .parts import Cause, Member
+from .result import Diagnosis
 from .vocabulary import IN_WORDS, remedy
 
 AMBIGUOUS = 0.1

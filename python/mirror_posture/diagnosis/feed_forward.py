@@ -19,7 +19,8 @@ from .._core import MirrorPostureError
 from ..arguments import checked_arguments
 from ..robot import Robot
 from ..session import Session
-from .result import Cause, Diagnosis
+from .parts import Cause
+from .result import Diagnosis
 from .vocabulary import joint_terms
 
 if TYPE_CHECKING:

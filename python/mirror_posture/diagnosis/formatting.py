@@ -7,7 +7,8 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from .result import Cause, Diagnosis, Estimate, Member
+from .parts import Cause, Estimate, Member
+from .result import Diagnosis
 from .vocabulary import BESIDE, IN_WORDS, remedy
 
 UNITS = {

@@ -9,8 +9,9 @@ import numpy as np
 
 from ..session import Session
 from . import formatting
+from .parts import Limit
 from .plots import FLOOR, INK, Drawing, figure, finished
-from .result import Diagnosis, Limit
+from .result import Diagnosis
 from .skeleton import MARGIN, VIEWS, links_of
 
 CLASSES = (

@@ -11,8 +11,9 @@ from ..session import Session
 from . import actions, formatting, limits
 from .limits import draw_limits
 from .panel_plots import draw_field, draw_track
+from .parts import Gap
 from .plots import Drawing, draw_gap, draw_signature, draw_steps, gap_told
-from .result import Diagnosis, Gap
+from .result import Diagnosis
 from .skeleton import draw_robot
 
 TEMPLATE = "report.html.j2"

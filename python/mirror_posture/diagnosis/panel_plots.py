@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from . import formatting
+from .parts import Field, Floats, Track
 from .plots import AFTER, BAR_ALPHA, BEFORE, FLOOR, FREE, INK, MANY_POINTS, Drawing, figure, finished
-from .result import Field, Floats, Track
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

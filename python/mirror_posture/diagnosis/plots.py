@@ -21,7 +21,7 @@ from ..pages.drawing import (
     finished,
 )
 from . import formatting
-from .result import Gap, Signature
+from .parts import Gap, Signature
 
 __all__ = [
     "AFTER", "BAR_ALPHA", "BEFORE", "FLOOR", "FREE", "INK", "MANY_POINTS", "PNG_DPI", "Drawing",

@@ -17,7 +17,7 @@ from .result import Diagnosis
 from .skeleton import CAUSE_COLOURS, guilty
 
 if TYPE_CHECKING:
-    from .result import SeenMarker
+    from .parts import SeenMarker
 
 MEASURED, BODY, JOINTS, POINTS = "#2f7f4f", "#777777", "#333333", "#9a9a9a"
 MARKER_RADIUS_M = 0.004

@@ -7,12 +7,14 @@ from dataclasses import MISSING, fields, is_dataclass
 from types import NoneType, UnionType
 from typing import Any, Union, get_args, get_origin, get_type_hints
 
-from . import result
+from . import parts, result
 from .result import FORMAT, VERDICTS, VERSIONS, Diagnosis
 
 PANELS = ("signatures", "tracks", "fields")
 """Arrays of points for drawing, which are read column by column."""
 NOT_OF_THE_FILE = ("document",)
+KNOWN = {**vars(parts), **vars(result)}
+"""Names in which the annotations of the dataclasses are read."""
 
 
 def document_schema() -> dict[str, Any]:
@@ -41,14 +43,14 @@ def described() -> Mapping[str, type]:
         "": Diagnosis,
         **{
             name: kind
-            for name, kind in vars(result).items()
+            for name, kind in KNOWN.items()
             if is_dataclass(kind) and isinstance(kind, type) and kind is not Diagnosis
         },
     }
 
 
 def _of_dataclass(kind: type) -> dict[str, Any]:
-    hints = get_type_hints(kind, vars(result))
+    hints = get_type_hints(kind, KNOWN)
     properties = {f.name: _of_type(hints[f.name]) for f in fields(kind) if f.name not in PANELS}
     needed = [f.name for f in fields(kind) if f.default is MISSING and f.default_factory is MISSING]
     result_schema: dict[str, Any] = {"type": "object", "properties": properties}

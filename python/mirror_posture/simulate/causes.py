@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ..diagnosis.result import Cause
+from ..diagnosis.parts import Cause
 from ..diagnosis.vocabulary import IN_WORDS, joint_terms
 from . import frame_faults as frames
 from . import optics_faults as optics

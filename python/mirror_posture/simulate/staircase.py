@@ -13,7 +13,8 @@ import numpy as np
 
 from .._core import MirrorPostureError
 from ..diagnosis.applied.apply import parts_of
-from ..diagnosis.result import Cause, Diagnosis
+from ..diagnosis.parts import Cause
+from ..diagnosis.result import Diagnosis
 from ..session import Session, load_session
 from .causes import add_cause, is_held
 from .changed import Changed

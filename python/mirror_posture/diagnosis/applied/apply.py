@@ -14,7 +14,8 @@ from ...session import Session
 from ...session.write import replace_folder, write_session_files
 from .. import formatting
 from ..fingerprint import require_same
-from ..result import Cause, Diagnosis, Estimate
+from ..parts import Cause, Estimate
+from ..result import Diagnosis
 from .mistakes import undo_mistake
 from .mjcf import MECHANICAL, write_mjcf
 from .urdf import Urdf, rotation_of_vector

@@ -10,7 +10,7 @@ from pathlib import Path
 from ..._core import MirrorPostureError
 from ...input_files import given_text
 from ...output_files import write_file
-from ..result import Cause
+from ..parts import Cause
 
 TICKS = 4096
 """A turn of the servos that LeRobot drives (STS3215, XL330, XL430)."""

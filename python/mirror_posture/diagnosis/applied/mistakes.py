@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...session import Session
-from ..result import Cause
+from ..parts import Cause
 from ..vocabulary import BESIDE, MISTAKES, remedy
 from .urdf import Urdf, rotation_of_vector
 

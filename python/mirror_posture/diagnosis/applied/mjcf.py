@@ -11,7 +11,7 @@ import numpy as np
 
 from ..._core import MirrorPostureError
 from ...session import Session
-from ..result import Cause
+from ..parts import Cause
 from ..vocabulary import IN_WORDS, joint_terms
 
 MECHANICAL = tuple(name for name, effect in IN_WORDS.items() if effect["written_to"] == "mjcf")

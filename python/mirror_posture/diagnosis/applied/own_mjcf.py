@@ -11,7 +11,7 @@ from typing import Any
 
 from ..._core import MirrorPostureError
 from ...output_files import write_file
-from ..result import Cause
+from ..parts import Cause
 from ..vocabulary import joint_terms
 from .mjcf import LEAST_STIFFNESS, PLAY_DAMPING, SERVO_RATE, STOP_TIME_S
 from .xml_text import Element, XmlText, read_xml

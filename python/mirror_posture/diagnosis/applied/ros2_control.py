@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ..._core import MirrorPostureError
 from ...output_files import write_file
-from ..result import Cause
+from ..parts import Cause
 from .xml_text import Element, XmlText, read_xml
 
 WRITTEN = ("joint_offset", "gear_ratio")

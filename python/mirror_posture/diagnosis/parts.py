@@ -1,0 +1,244 @@
+"""The parts of a diagnosis, as frozen dataclasses: causes, the gap, what was left out, panels."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from ..short_repr import ShortRepr
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A parameter in the unit that its name says, with one standard deviation."""
+
+    value: float
+    std: float
+
+
+@dataclass(frozen=True)
+class Alternative:
+    """A rival that these postures cannot tell from a cause."""
+
+    effect: str
+    at: str
+    probability: float
+
+
+@dataclass(frozen=True)
+class Member:
+    """One small error of a group (`geometry`), as the single effect that it would be: `joint_offset`, `axis_tilt`,
+    `link_length` or `marker_mount`; the value is in the unit that the parameter's name says."""
+
+    effect: str
+    at: str
+    parameter: str
+    value: float
+    std: float
+
+
+@dataclass(frozen=True)
+class Cause:
+    """An effect at a place. `rms_shift` is the shift of the markers that it makes, px (m where points were measured)."""
+
+    effect: str
+    at: str
+    probability: float
+    parameters: Mapping[str, Estimate]
+    alternatives: tuple[Alternative, ...] = ()
+    words: str = ""
+    rms_shift: float = 0.0
+    members: tuple[Member, ...] = ()
+    """Of a group (`geometry`): its small errors one by one."""
+    kind: str = ""
+    """Whom it concerns: `robot`, `setup`, `camera`, `mirror` or `data`."""
+    frames: tuple[int, ...] = ()
+    """Of a mistake in some frames only (`markers_swapped`): their numbers."""
+    stability: float | None = None
+    """Share of resamples of the postures, the search included, in which the same cause comes out; None where it was not
+    resampled."""
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """An observation that was left out: its frame, `board` or a marker's name, how many deviations it was off, and why."""
+
+    frame: int
+    target: str
+    deviations: float | None = None
+    why: str = ""
+
+
+@dataclass(frozen=True)
+class Data:
+    """What of the data was given and used; points are observations of markers. Nothing is left out without being listed."""
+
+    frames_given: int = 0
+    frames_used: int = 0
+    postures_given: int = 0
+    postures_used: int = 0
+    points_given: int = 0
+    points_used: int = 0
+    left_out: tuple[LeftOut, ...] = ()
+
+
+@dataclass(frozen=True)
+class Place:
+    """A place with its share of the gap's variance; `depends_on` says on what an unexplained part there depends."""
+
+    at: str
+    share: float
+    depends_on: str | None = None
+
+
+@dataclass(frozen=True)
+class Checked:
+    """Another session, predicted with nothing of it fitted but its own mirrors: RMS distance before and after, m (None where
+    no marker can be compared)."""
+
+    session: str
+    before_m: float | None
+    after_m: float | None
+
+
+@dataclass(frozen=True)
+class Witness:
+    """A marker that was withheld from the fit, predicted by it: RMS distance before and after, m."""
+
+    marker: str
+    before_m: float | None
+    after_m: float | None
+
+
+@dataclass(frozen=True)
+class Step:
+    """The held-out gap once the cause `added` (`effect@place`; None: the nominal model) is there beside those before it: RMS
+    in m and px, each None where there is nothing to compare."""
+
+    added: str | None
+    rms_m: float | None
+    rms_px: float | None = None
+
+
+@dataclass(frozen=True)
+class Gap:
+    """RMS distance between predicted and observed markers, on postures whose whole region was held out of the fit; None where
+    there is nothing to compare."""
+
+    before_m: float | None
+    after_m: float | None
+    noise_floor_m: float | None
+    closed: float | None = None
+    closed_ci95: tuple[float, float] | None = None
+    before_px: float | None = None
+    after_px: float | None = None
+    noise_floor_px: float | None = None
+    held_out_postures: int = 0
+    checked: tuple[Checked, ...] = ()
+    steps: tuple[Step, ...] = ()
+    """As causes are added one by one in the order told, the nominal model first; empty in a document of version 1."""
+
+
+@dataclass(frozen=True)
+class Limit:
+    """The largest size of an effect at a place that these postures would have hidden (95 %), by parameter, each alone; None:
+    they would hide any size of it."""
+
+    effect: str
+    at: str
+    parameters: Mapping[str, float | None]
+
+
+@dataclass(frozen=True)
+class Ranked:
+    """A hypothesis of the first look: log Bayes factor against the nominal model, by the score test."""
+
+    effect: str
+    at: str
+    log_bayes: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Signature(ShortRepr):
+    """The error at a place that each posture shows by itself (`error`, with `std`) and what the cause says (`fitted`).
+
+    Arrays (K,), one value a posture; `unit` (rad or m) is that of error, std and fitted. `cause` is an index into the
+    causes, or None for the part that no cause explains, of which `fitted` is the free-form error.
+    """
+
+    at: str
+    unit: str
+    cause: int | None
+    frame: npt.NDArray[np.int64]
+    position: Floats
+    torque_nm: Floats
+    direction: Floats
+    time_s: Floats
+    error: Floats
+    std: Floats
+    fitted: Floats
+    other: str | None = None
+    """The other joint on whose position the error depends (`joint:K`), where it does."""
+    other_position: Floats | None = None
+    """(K,) its commanded position, rad (m)."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Track(ShortRepr):
+    """The error of a marker, a link, a joint's axis or the camera that each posture shows by itself, component by component.
+
+    `error`, `std` and `fitted` are (K, C) arrays in `unit` (`m`, `rad`, or `1` of a ratio), one column a name in
+    `components`; `values` is (K, Q), one column a quantity in `against`. `what` is `shift`, `turn`, `tilt` or `focal`. Shifts and
+    turns are in the frame of the place: of the mount's link, of the link, of the camera. `cause` as in `Signature`.
+    """
+
+    at: str
+    what: str
+    unit: str
+    cause: int | None
+    components: tuple[str, ...]
+    against: tuple[str, ...]
+    against_units: tuple[str, ...]
+    frame: npt.NDArray[np.int64]
+    values: Floats
+    error: Floats
+    std: Floats
+    fitted: Floats
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Field(ShortRepr):
+    """What is left on average of corners and markers over the image, or of corners over the board: the signature of optics.
+
+    Over the image, `at_points` (K, 2) are px and residuals (K, 2) px, seen less predicted. Over the board, `at_points` are m
+    in its frame and residuals (K, 3) m, each corner's displacement. `of` names what was averaged at each
+    place, `corners` or `markers`, and `count` (K,) how often; `size` (2,) is that of the image, or of the board's corners. `with_cause` is None where there is no cause to take away.
+    """
+
+    at: str
+    over: str
+    unit: str
+    cause: int | None
+    size: Floats
+    at_points: Floats
+    of: tuple[str, ...]
+    count: npt.NDArray[np.int64]
+    without: Floats
+    std: Floats
+    with_cause: Floats | None = None
+
+
+@dataclass(frozen=True)
+class SeenMarker:
+    """A marker in one posture, in the root link's frame, m: as measured, by the nominal model, by the one with the causes."""
+
+    frame: int
+    marker: str
+    measured_m: tuple[float, float, float]
+    before_m: tuple[float, float, float]
+    after_m: tuple[float, float, float]
