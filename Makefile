@@ -73,7 +73,7 @@ DOCS_TOOLS := mkdocs-material==9.* "mkdocstrings[python]>=0.26"
 docs: $(VENV)/installed ## the documentation's site, into ./site: pages, references of formats, Python and Rust
 	$(BIN)/python -m pip install -q --disable-pip-version-check $(DOCS_TOOLS)
 	RUSTDOCFLAGS="-D warnings" cargo doc --locked -q --no-deps -p mirror-core
-	$(BIN)/python -m mkdocs build --strict --quiet
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
 	cp -r target/doc site/rust
 
 bench: ## throughput of the core; benches/README.md says what was measured
