@@ -135,6 +135,25 @@ def test_what_joints_share_is_told_with_its_line(tmp_path: Path) -> None:
     assert "also move neck, right_elbow" in told["joint left_elbow"] and "line 13" in told["joint left_elbow"]
 
 
+def test_a_property_that_shapes_follow_is_told(tmp_path: Path) -> None:
+    """As published descriptions write it: a link's height stands for its joint, its box and its inertia."""
+    file = tmp_path / "rr.xacro"
+    file.write_text(
+        '<robot name="rr" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:property name="height" value="1"/>\n'
+        '<xacro:property name="gap" value="0.05"/>\n'
+        '<link name="a"><visual><origin xyz="0 0 ${height/2 - gap}"/><geometry><box size="0.1 0.1 ${height}"/></geometry></visual></link>'
+        '<link name="b"/><joint name="j" type="continuous"><parent link="a"/><child link="b"/>\n'
+        '<origin xyz="0 ${2*gap} ${height - gap*2}" rpy="0 0 0"/><axis xyz="0 1 0"/></joint></robot>'
+    )
+    tree = XacroTree(file)
+    before, after = Urdf(tree.expand({})), Urdf(tree.expand({}))
+    after.shift_origin("j", np.array([0.0, 0.0, 0.004]))
+    patched = patch_own_xacro(tree, before, Urdf(after.text()))
+    assert patched.told == (
+        "joint j: rr.xacro, line 1, property height: 1 to 1.004; 2 numbers of shapes and masses follow it",
+    )
+
+
 def test_other_arguments_and_other_robots_are_refused(tmp_path: Path) -> None:
     main = write_package(tmp_path / "anything")
     before = Urdf(XacroTree(main).expand({}))

@@ -13,6 +13,7 @@ from ..._core import MirrorPostureError
 from .urdf import Urdf
 from .xacro_numbers import Place, edited, joint_lines, own_places, shared_places
 from .xacro_tree import XacroTree
+from .xml_text import XmlText
 
 SAME = 1e-9
 """rad or m: as in own_urdf."""
@@ -74,8 +75,10 @@ def patch_own_xacro(tree: XacroTree, before: Urdf, after: Urdf) -> PatchedXacro:
             continue
         changes |= found
         for place, text in found.items():
+            beside = _beside(tree, place, text)
             told.append(
                 f"joint {name}: {place.file.name}, line {place.line}, {place.words}: {place.old} to {text}"
+                + (f"; {beside} numbers of shapes and masses follow it" if beside else "")
             )
     texts = edited(tree.sources, changes)
     _check(tree, now, goal, texts)
@@ -156,6 +159,19 @@ def _solved(tree: XacroTree, place: Place, number: Number, value: float) -> str 
         text = place.moved_by(change)
     got = _numbers(Urdf(tree.expand(edited(tree.sources, {place: text}))))[number]
     return text if abs(got - value) <= SAME else None
+
+
+def _beside(tree: XacroTree, place: Place, text: str) -> int:
+    """How many attributes outside of joints' origins and axes change as well."""
+    before, after = (
+        XmlText(tree.expand(changed)).elements for changed in ({}, edited(tree.sources, {place: text}))
+    )
+    return sum(
+        one.attributes[key] != other.attributes.get(key)
+        for one, other in zip(before, after, strict=True)
+        if one.parent is None or one.parent.tag != "joint"
+        for key in one.attributes
+    )
 
 
 def _not_written(
