@@ -45,6 +45,13 @@ class ExitCode(enum.IntEnum):
     """Stopped with Ctrl-C."""
 
 
+MaxResidualPx = Annotated[
+    float, typer.Option(help="Refuse a view of the board that is farther from a flat one (RMS), px ...")
+]
+MaxResidualSquares = Annotated[
+    float,
+    typer.Option(help="... and than this share of its squares' side, which never allows more than 3 px."),
+]
 JsonOption = Annotated[
     bool, typer.Option("--json", help="Print one JSON document instead of tables; messages go to stderr.")
 ]

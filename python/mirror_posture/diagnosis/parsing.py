@@ -160,11 +160,13 @@ def read_signature(entry: Mapping[str, Any]) -> Signature:
     )
 
 
+def _table(points: Sequence[Mapping[str, Any]], name: str, columns: int) -> Floats:
+    """(points, columns): one of the points' values."""
+    return np.array([point[name] for point in points], dtype=float).reshape(len(points), columns)
+
+
 def read_track(entry: Mapping[str, Any]) -> Track:
     points, components, against = entry["points"], entry["components"], entry["against"]
-
-    def table(name: str, columns: int) -> Floats:
-        return np.array([point[name] for point in points], dtype=float).reshape(len(points), columns)
 
     return Track(
         at=entry["at"],
@@ -175,8 +177,8 @@ def read_track(entry: Mapping[str, Any]) -> Track:
         against=tuple(axis["name"] for axis in against),
         against_units=tuple(axis["unit"] for axis in against),
         frame=np.array([point["frame"] for point in points], dtype=np.int64),
-        values=table("against", len(against)),
-        **{name: table(name, len(components)) for name in ("error", "std", "fitted")},
+        values=_table(points, "against", len(against)),
+        **{name: _table(points, name, len(components)) for name in ("error", "std", "fitted")},
     )
 
 
@@ -184,19 +186,16 @@ def read_field(entry: Mapping[str, Any]) -> Field:
     points = entry["points"]
     axes = 2 if entry["over"] == "image" else 3
 
-    def table(name: str, columns: int) -> Floats:
-        return np.array([point[name] for point in points], dtype=float).reshape(len(points), columns)
-
     return Field(
         at=entry["at"],
         over=entry["over"],
         unit=entry["unit"],
         cause=entry.get("cause"),
         size=np.array(entry["size"], dtype=float),
-        at_points=table("at", 2),
+        at_points=_table(points, "at", 2),
         of=tuple(point["of"] for point in points),
         count=np.array([point["count"] for point in points], dtype=np.int64),
-        without=table("without", axes),
-        std=table("std", axes),
-        with_cause=table("with", axes) if points and "with" in points[0] else None,
+        without=_table(points, "without", axes),
+        std=_table(points, "std", axes),
+        with_cause=_table(points, "with", axes) if points and "with" in points[0] else None,
     )

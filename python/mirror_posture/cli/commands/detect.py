@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from ..output import JsonOption, Output, SessionArgument
+from ..output import JsonOption, MaxResidualPx, MaxResidualSquares, Output, SessionArgument
 
 ORDER = 30
 PANEL = "Pictures"
@@ -27,13 +27,8 @@ def command(
     overwrite: Annotated[
         bool, typer.Option(help="Replace detections (or the folder) that are there.")
     ] = False,
-    max_residual_px: Annotated[
-        float, typer.Option(help="Refuse a view of the board that is farther from a flat one (RMS), px ...")
-    ] = 1.0,
-    max_residual_squares: Annotated[
-        float,
-        typer.Option(help="... and than this share of its squares' side, which never allows more than 3 px."),
-    ] = 0.02,
+    max_residual_px: MaxResidualPx = 1.0,
+    max_residual_squares: MaxResidualSquares = 0.02,
     as_json: JsonOption = False,
 ) -> None:
     """Find the mirrored board and the coloured balls in the pictures of a session.

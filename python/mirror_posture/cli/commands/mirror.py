@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from ..output import ExitCode, JsonOption, Output
+from ..output import ExitCode, JsonOption, MaxResidualPx, MaxResidualSquares, Output
 
 ORDER = 45
 PANEL = "Measuring"
@@ -25,13 +25,8 @@ def command(
     ],
     square: Annotated[float, typer.Option(help="Side of a square, m.", show_default=False)],
     glass: Annotated[float, typer.Option(help="Thickness of the mirror's glass before its silver, m.")] = 0.0,
-    max_residual_px: Annotated[
-        float, typer.Option(help="Refuse a view of the board that is farther from a flat one (RMS), px ...")
-    ] = 1.0,
-    max_residual_squares: Annotated[
-        float,
-        typer.Option(help="... and than this share of its squares' side, which never allows more than 3 px."),
-    ] = 0.02,
+    max_residual_px: MaxResidualPx = 1.0,
+    max_residual_squares: MaxResidualSquares = 0.02,
     as_json: JsonOption = False,
 ) -> None:
     """Measure a mirror from pictures that show a chessboard directly and in the mirror; no robot needed.
