@@ -298,6 +298,8 @@ def test_homing_offsets_in_ticks(tmp_path: Path) -> None:
     assert turned - before["homing_offset"] == before["homing_offset"] - after["homing_offset"]
     with pytest.raises(MirrorPostureError, match="±2047"):
         patch_lerobot(own, found(("joint_offset", "joint:gripper", {"offset_rad": -0.1})).causes, out)
+    own.write_text(LEROBOT.replace('"drive_mode": 0', '"drive_mode": 1', 1))
+    assert "try the sign" in patch_lerobot(own, causes, out)["joint_offset", "joint:shoulder_pan"]
     own.write_text("[1]")
     with pytest.raises(MirrorPostureError, match="LeRobot"):
         patch_lerobot(own, causes, out)

@@ -62,7 +62,11 @@ def patch_lerobot(
                 "mount the horn anew, or calibrate again"
             )
         tree[name]["homing_offset"] = after
-        told[cause.effect, cause.at] = f"homing_offset of {name}: {before} to {after}"
+        told[cause.effect, cause.at] = f"homing_offset of {name}: {before} to {after}" + (
+            "; its drive_mode is not 0, so try the sign on the robot first"
+            if tree[name].get("drive_mode")
+            else ""
+        )
     # LeRobot's own form; where the file has another one (an editor's), that of its first indentation.
     indent = next(
         (len(line) - len(line.lstrip()) for line in text.splitlines() if line.startswith(" ")), None
