@@ -32,6 +32,10 @@ if TYPE_CHECKING:
 RETRIES = 3
 """How often a job is tried again that ended with an error of the machine that ran it."""
 CONNECT_SECONDS = 15.0
+OPEN_LINE = (
+    "--scheduler {}: plain tcp to another machine: whoever is on the way can read the sessions and run code on both ends; "
+    "use tls:// beyond a network of your own"
+)
 LARGEST_BYTES = 512 * 1024 * 1024
 """A session beyond this does not travel: its pictures are to be detected first, where they lie."""
 

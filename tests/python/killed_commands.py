@@ -1,8 +1,9 @@
 """Commands killed at random moments: what stands in their place afterwards is whole, the old or the new.
 
 `python tests/python/killed_commands.py --kills 500`: every command that writes is run in two ways that write different things into the same
-place, is killed by SIGKILL at a random moment, and what stands there must be one of both, byte by byte, or nothing where nothing was.
-A correction adds to what is there: every picture that it told of must be there, readable, and can be gone on with.
+place, is killed at a random moment (SIGKILL; every fifth time SIGTERM, SIGINT or SIGHUP), and what stands there must be one of both, byte by
+byte, or nothing where nothing was. A diagnosis may instead be one that says it was interrupted. A correction and a capture add to what is
+there: every picture that they told of must be there, readable, and can be gone on with.
 """
 
 from __future__ import annotations
@@ -10,20 +11,20 @@ from __future__ import annotations
 import argparse
 import hashlib
 import importlib
+import json
 import os
 import random
 import re
 import shutil
 import signal
-import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
+from killed_jobs import Job, make_jobs, start
+from killed_recordings import Capturing, kill_correction
 
 SMALL_STAMPS = re.compile(rb"/(CreationDate|ModDate) ?\(D:[^)]*\)|/ID ?\n?\[<\w+><\w+>\]|/ID \n?\[[^\]]*\]")
 """What a PDF says of the time and of itself."""
@@ -31,43 +32,9 @@ SMALL_STAMPS = re.compile(rb"/(CreationDate|ModDate) ?\(D:[^)]*\)|/ID ?\n?\[<\w+
 
 PRELOADED = (
     "matplotlib.figure", "mirror_posture.calibrate", "mirror_posture.cli.app", "mirror_posture.detect", "mirror_posture.diagnosis.page",
-    "mirror_lab.robots",
+    "mirror_posture.importing", "mirror_posture.capture", "mirror_lab.robots",
 )  # fmt: skip
-
-
-@dataclass
-class Job:
-    """A command that writes into one place, in two ways; `fresh`: the place must not be there before."""
-
-    name: str
-    place: Path
-    ways: Sequence[Sequence[object]]
-    fresh: bool = False
-    trees: dict[str, int] = field(default_factory=dict)
-    """What a whole run leaves there: its hash, and which way it was."""
-    takes_s: float = 0.0
-
-
-def start(words: Sequence[object], inside: Path) -> int:
-    """A command in a forked process; its number."""
-    child = os.fork()
-    if child:
-        return child
-    try:
-        os.chdir(inside)
-        nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, 1)
-        os.dup2(os.open(inside / "stderr", os.O_CREAT | os.O_WRONLY | os.O_TRUNC), 2)
-        sys.stdout, sys.stderr = os.fdopen(1, "w"), os.fdopen(2, "w")
-        sys.argv = ["mirror-posture", *map(str, words)]
-        from mirror_posture.cli.app import main
-
-        main()
-    except SystemExit as end:
-        os._exit(int(end.code or 0))
-    except BaseException:
-        os._exit(99)
-    os._exit(0)
+SIGNALS = (signal.SIGKILL,) * 12 + (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 
 
 def tree(place: Path) -> str | None:
@@ -109,101 +76,56 @@ def learn(job: Job, below: Path) -> None:
             f"{job.name}: both ways write the same"
         )
         job.trees[found] = way
+        if job.between:
+            job.trees |= {one: way for one in parts(job.place)}
+
+
+def parts(place: Path) -> list[str]:
+    """The hashes of what stands in a folder; a session also without what is added to it later."""
+    found = []
+    for path in sorted(place.iterdir()):
+        if not path.name.startswith("."):
+            found.append(f"{path.name} {tree(path)}")
+    return found
+
+
+def interrupted(place: Path) -> bool:
+    """Whether a diagnosis stands there that says of itself that it was interrupted."""
+    file = place / "diagnosis.json"
+    return file.exists() and bool(json.loads(file.read_text(encoding="utf-8")).get("interrupted"))
 
 
 def kill(job: Job, chance: random.Random, below: Path) -> str:
     """One kill; what stands there then."""
-    way = chance.randrange(len(job.ways))
+    way, number = chance.randrange(len(job.ways)), chance.choice(SIGNALS)
     if job.fresh:
         remove(job.place)
     before = tree(job.place)
     child = start(job.ways[way], below)
     time.sleep(chance.uniform(0.0, 1.1 * job.takes_s))
-    os.kill(child, signal.SIGKILL)
+    os.kill(child, number)
     _, status = os.waitpid(child, 0)
+    ended = not os.WIFSIGNALED(status) and os.waitstatus_to_exitcode(status) in (0, 3)
+    assert ended or os.WIFSIGNALED(status) or os.waitstatus_to_exitcode(status) in (129, 130, 143), (
+        f"{job.name}, {number}: exit code {os.waitstatus_to_exitcode(status)}: {(below / 'stderr').read_text()}"
+    )
+    if job.between:
+        now = parts(job.place)
+        known = [name for name in now if name in job.trees or name.startswith("session ")]
+        assert known == now, f"{job.name}: {set(now) - set(known)} is neither the old nor the new"
+        return "ended before the kill" if ended else "each the old or the new"
+    if number != signal.SIGKILL and job.name == "diagnose" and interrupted(job.place):
+        # The next whole run writes over it.
+        assert os.waitpid(start(job.ways[0], below), 0)[1] == 0
+        return "says that it was interrupted"
     after = tree(job.place)
-    assert after in (before, *job.trees), f"{job.name}: what stands there is neither the old nor the new"
-    if not os.WIFSIGNALED(status):
+    assert after in (before, *job.trees), (
+        f"{job.name}, {number}: what stands there is neither the old nor the new"
+    )
+    if ended:
         assert job.trees[after or ""] == way
         return "ended before the kill"
     return "the old" if after == before else "the new"
-
-
-def kill_correction(chance: random.Random, below: Path) -> str:
-    """A correction that is killed, and gone on with by the next one."""
-    from mirror_posture import load_session
-
-    folder, log = below / "run", below / "told"
-    if folder.exists() and (folder / "outcome.json").exists():
-        shutil.rmtree(folder)
-    told_before = len(load_session(folder).frames) if (folder / "frames.csv").exists() else 0
-    child = os.fork()
-    if child == 0:
-        try:
-            os.dup2(os.open(log, os.O_CREAT | os.O_WRONLY | os.O_TRUNC), 1)
-            sys.stdout = os.fdopen(1, "w")
-            import correct_child
-
-            correct_child.main(folder)
-        except BaseException:
-            os._exit(99)
-        os._exit(0)
-    time.sleep(chance.uniform(0.0, 0.6))
-    os.kill(child, signal.SIGKILL)
-    _, status = os.waitpid(child, 0)
-    assert os.WIFSIGNALED(status) or os.waitstatus_to_exitcode(status) == 0, "could not be gone on with"
-    told = [int(line) for line in log.read_text().split("\n")[:-1] if line.isdigit()]
-    if (folder / "frames.csv").exists() and (told or told_before):
-        found = len(load_session(folder).frames)
-        assert found >= max([told_before, *told]), f"{found} frames of {max([told_before, *told])} are left"
-    return "ended before the kill" if not os.WIFSIGNALED(status) else "what was told of is there"
-
-
-def make_inputs(below: Path, only: Sequence[str]) -> list[Job]:
-    """Small inputs of every command that writes, and the commands."""
-    import cv2
-
-    import small_arm
-    from board_drawing import chessboard_picture
-    from mirrored_session import write_mirrored
-
-    def off(by_rad: float) -> Callable[[dict[str, float]], dict[str, float]]:
-        return lambda q: {**q, "r_elbow": q["r_elbow"] + by_rad}
-
-    one = write_mirrored(below / "one", 4, off(0.03), 20)
-    other = write_mirrored(below / "other", 5, off(-0.04), 20)
-    (below / "arm.urdf").write_text(small_arm.URDF)
-    os.waitpid(start(["init", below / "arm.urdf", below / "arm", *small_arm.MOUNTS], below), 0)
-    for name in ("one", "other"):
-        os.waitpid(start(["diagnose", below / name, "--out", below / f"found-{name}"], below), 0)
-    pictures, drawn = below / "pictures", below / "drawn"
-    pictures.mkdir()
-    if not only or "calibrate-camera" in only:
-        for k in range(8):
-            c, s = np.cos(0.4 * k), np.sin(0.4 * k)
-            turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ np.diag([1.0, -1.0, 1.0])
-            tilt = np.array([[1.0, 0, 0], [0, 1.0, 0], [0.012 * np.cos(k), 0.012 * np.sin(k), 1.0]])
-            scale = np.array([[24.0, 0, 200 + 20.0 * (k % 4)], [0, 24.0, 150 + 15.0 * (k % 3)], [0, 0, 1.0]])
-            cv2.imwrite(str(pictures / f"{k}.png"), chessboard_picture(7, 4, scale @ tilt @ turn, seed=k))
-    if not only or "detect" in only:
-        os.waitpid(start(["render", drawn, "--postures", "1", "--yaw", "0", "--no-noise"], below), 0)
-    out = below / "out"
-    out.mkdir()
-    init = ["init", below / "arm.urdf", out / "arm", *small_arm.MOUNTS]
-    return [
-        Job("diagnose", out / "found", [["diagnose", one, "--out", out / "found"], ["diagnose", other, "--out", out / "found"]]),
-        Job("apply", out / "better", [["apply", s, below / f"found-{s.name}", "--out", out / "better", "--overwrite"] for s in (one, other)]),
-        Job("measure", out / "points.csv", [["measure", s, "--out", out / "points.csv"] for s in (one, other)]),
-        Job("measure --plot", out / "points.png", [["measure", s, "--plot", out / "points.png"] for s in (one, other)]),
-        Job("calibrate", out / "mount.json", [["calibrate", s, "--out", out / "mount.json"] for s in (one, other)]),
-        Job("board", out / "board.pdf", [["board", out / "board.pdf", "--corners", c, "--square-mm", "15", "--overwrite"] for c in ("7x4", "6x5")]),
-        Job("init", out / "arm", [init, [*init[:-1], "800"]], fresh=True),
-        Job("calibrate-camera", out / "camera.yaml",
-            [["calibrate-camera", pictures, "--corners", "7x4", "--square-mm", q, "--out", out / "camera.yaml", "--overwrite"] for q in ("20",)]),
-        Job("detect", out / "detections.csv", [["detect", drawn, "--out", out / "detections.csv", "--no-overlays", "--overwrite"]]),
-        Job("render", out / "drawn", [["render", out / "drawn", "--postures", "1", "--yaw", "0", "--seed", n, "--overwrite"] for n in ("1", "2")]),
-        Job("plan", out / "plan", [["plan", below / "arm", "--postures", n, "--mirror-size", "50x50", "--out", out / "plan"] for n in ("6", "8")]),
-    ]  # fmt: skip
 
 
 def run(
@@ -219,30 +141,34 @@ def run(
     for name in PRELOADED:
         importlib.import_module(name)
     chance = random.Random(seed)
-    jobs = [job for job in make_inputs(below, only) if not only or job.name in only]
-    for job in jobs:
+    jobs = {job.name: job for job in make_jobs(below, only)}
+    for job in jobs.values():
         learn(job, below)
         if told:
             print(f"{job.name}: {job.takes_s:.1f} s", flush=True)
-    seen: dict[str, Counter[str]] = {job.name: Counter() for job in jobs}
-    if not only or "correct" in only:
-        seen["correct"] = Counter()
-    names = list(seen)
-    until = time.monotonic() + seconds
+    capturing = Capturing(below) if not only or "capture" in only else None
+    recorders = [name for name in ("correct", "capture") if not only or name in only]
+    seen: dict[str, Counter[str]] = {name: Counter() for name in (*jobs, *recorders)}
+    names, until = list(seen), time.monotonic() + seconds
     for number in range(kills):
         if time.monotonic() > until:
             break
         name = names[number % len(names)]
-        if name == "correct":
-            seen[name][kill_correction(chance, below)] += 1
+        if name in jobs:
+            how = kill(jobs[name], chance, below)
+        elif capturing is not None and name == "capture":
+            how = capturing.kill(chance, chance.choice(SIGNALS))
         else:
-            seen[name][kill(next(job for job in jobs if job.name == name), chance, below)] += 1
+            how = kill_correction(chance, below)
+        seen[name][how] += 1
+        if told and number % 20 == 19:
+            print(f"{number + 1} kills: {dict(sum(seen.values(), Counter()))}", flush=True)
     # The next whole run removes what killed ones left beside.
-    for job in jobs:
+    for job in jobs.values():
         if job.fresh:
             remove(job.place)
         assert os.waitpid(start(job.ways[0], below), 0)[1] in (0, 3 << 8)
-        assert job.trees.get(tree(job.place) or "") == 0
+        assert job.between or job.trees.get(tree(job.place) or "") == 0
         left = [
             path.name for path in job.place.parent.iterdir() if path.name.startswith(f".{job.place.name}")
         ]

@@ -1,15 +1,8 @@
-"""Dynamixel servos on a simulated bus that speaks the real protocol: limits first, torque off on any failure."""
+"""Dynamixel servos on a simulated bus that speaks the real protocol: their file, opening, limits first, moving."""
 
 from __future__ import annotations
 
 import math
-import os
-import signal
-import subprocess
-import sys
-import threading
-import time
-from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,6 +10,7 @@ import numpy as np
 import pytest
 
 import mirror_posture as mp
+from dynamixel_arm import TOML, blind, bus, config, nominal  # noqa: F401
 from dynamixel_bus import SimulatedBus, SimulatedServo, crc16, packet, stuffed, unstuffed
 from mirror_lab.robots import HiddenBody, HiddenEffect
 from mirror_lab.robots.pixels import MirrorInRoot, exact_points, lens_of
@@ -26,9 +20,7 @@ from mirror_posture.robots import (
     ImagePoints,
     JointLimits,
     LostRobotError,
-    NoLookError,
     Nominal,
-    NotSettledError,
     UnsafeCommandError,
 )
 from mirror_posture.viewpoint import View
@@ -36,7 +28,6 @@ from mirror_posture.viewpoint import View
 pytest.importorskip("dynamixel_sdk")
 
 from mirror_posture.robots.dynamixel import DynamixelDrive, DynamixelRobot
-from mirror_posture.robots.interruption import Interrupted
 from mirror_posture.robots.servo_config import (
     SPEED_UNIT_RAD_PER_S,
     Servo,
@@ -44,58 +35,8 @@ from mirror_posture.robots.servo_config import (
     load_config,
 )
 from mirror_posture.robots.servo_line import Register
-from mirror_posture.robots.servo_robot import KEEP_S, WATCHDOG_S
-from mirror_posture.robots.servo_state import State, Torque
 
 pytestmark = pytest.mark.realtime
-
-TOML = """
-[bus]
-port = "{port}"
-baudrate = 1000000
-speed_rad_per_s = 2.0
-acceleration_rad_per_s2 = 20.0
-current_a = 0.3
-
-[joints.r_shoulder_roll]
-id = 1
-zero_counts = 1024
-direction = 1
-upper_rad = 1.6
-
-[joints.r_elbow]
-id = 2
-zero_counts = 2048
-direction = -1
-"""
-
-
-@pytest.fixture(scope="module")
-def nominal() -> Nominal:
-    return Nominal.load()
-
-
-@pytest.fixture
-def bus() -> Iterator[SimulatedBus]:
-    with SimulatedBus(SimulatedServo(1, 1100.0), SimulatedServo(2, 2000.0)) as bus:
-        yield bus
-
-
-@pytest.fixture
-def config(bus: SimulatedBus, nominal: Nominal, tmp_path: Path) -> ServoConfig:
-    file = tmp_path / "servos.toml"
-    file.write_text(TOML.format(port=bus.port))
-    return load_config(file, nominal)
-
-
-def blind() -> ImagePoints:
-    return ImagePoints(np.zeros((30, 2)), np.zeros(30, bool), np.zeros((6, 2)), np.zeros(6, bool))
-
-
-def soon(work: Callable[[], object], after_s: float) -> threading.Timer:
-    timer = threading.Timer(after_s, work)
-    timer.start()
-    return timer
 
 
 # The protocol, against the e-Manual's own packets.
@@ -273,341 +214,6 @@ def test_lost_and_garbled_answers_are_asked_for_again(
         assert robot.command({"r_elbow": 0.2}).measured["r_elbow"] == pytest.approx(0.2, abs=0.001)
 
 
-# Failures.
-
-
-@pytest.mark.parametrize("startup", [0, 1])
-def test_a_brown_out_between_two_motions_is_found_before_the_next(
-    bus: SimulatedBus, config: ServoConfig, nominal: Nominal, startup: int
-) -> None:
-    """A servo whose power dipped has no limits any more, and with start-up torque it holds as if nothing had happened."""
-    with DynamixelRobot(nominal, replace(config, speed_rad_per_s=0.5), blind) as robot:
-        robot._keeper.join(0.0)
-        bus.servos[2].table[60] = startup
-        bus.brown_out(2)
-        with pytest.raises(HardwareFaultError, match="a dip of its power"):
-            robot.command({"r_elbow": 1.0})
-        assert bus.all_off() and robot.standing.torque is Torque.OFF
-        assert bus.fastest() <= 0.5 * 4096 / (2 * math.pi)
-
-
-def test_a_brown_out_while_it_stands_is_found_by_itself(
-    bus: SimulatedBus, config: ServoConfig, nominal: Nominal
-) -> None:
-    with DynamixelRobot(nominal, replace(config, at_end="hold"), blind) as robot:
-        bus.servos[2].table[60] = 1
-        bus.brown_out(2)
-        time.sleep(2.0 * KEEP_S)
-        assert robot.standing.state is State.STOPPED
-        assert bus.all_off(), "without its limits nothing is held"
-        with pytest.raises(HardwareFaultError, match="not held, as configured"):
-            robot.command({"r_elbow": 0.5})
-
-
-def test_a_brown_out_in_a_motion(bus: SimulatedBus, config: ServoConfig, nominal: Nominal) -> None:
-    with DynamixelRobot(nominal, replace(config, speed_rad_per_s=0.5), blind) as robot:
-        timer = soon(lambda: bus.brown_out(2, 0.3), 0.3)
-        with pytest.raises((HardwareFaultError, LostRobotError)):
-            robot.command({"r_elbow": 1.0, "r_shoulder_roll": 1.0})
-        timer.join()
-        assert bus.all_off() and robot.standing.torque is Torque.OFF
-
-
-def test_held_at_the_end_where_the_file_says_so(
-    bus: SimulatedBus, config: ServoConfig, nominal: Nominal
-) -> None:
-    slow = replace(config, at_end="hold", speed_rad_per_s=0.5)
-    with DynamixelRobot(nominal, slow, blind) as robot:
-        timer = soon(lambda: os.kill(os.getpid(), signal.SIGTERM), 0.3)
-        with pytest.raises(Interrupted, match="SIGTERM"):
-            robot.command({"r_shoulder_roll": 1.5})
-        timer.join()
-        here = bus.positions()
-        assert robot.standing.sentence == "stopped, torque is held: Interrupted: SIGTERM"
-        assert all(bus.torques()) and max(map(abs, bus.speeds().values())) == 0.0
-        assert 1110.0 < here[1] < 1024 + 1.0 * 4096 / (2 * math.pi)
-    time.sleep(0.1)
-    assert all(bus.torques()) and bus.positions() == here
-    assert bus.servos[1].table[98] == 0, "nobody is there to keep a watchdog awake"
-
-
-def test_a_dead_parent_ends_the_motion(bus: SimulatedBus, config: ServoConfig, nominal: Nominal) -> None:
-    with DynamixelRobot(nominal, replace(config, speed_rad_per_s=0.5), blind) as robot:
-
-        def orphaned() -> None:
-            robot._parent = 1 << 30  # nobody's number: as if this process had been handed on
-
-        timer = soon(orphaned, 0.3)
-        with pytest.raises(LostRobotError, match="process that started this one has ended"):
-            robot.command({"r_shoulder_roll": 1.5})
-        timer.join()
-        assert bus.all_off() and robot.standing.torque is Torque.OFF
-
-
-def test_a_servo_that_dies_is_named_and_the_others_lose_their_torque(
-    bus: SimulatedBus, config: ServoConfig, nominal: Nominal
-) -> None:
-    with DynamixelRobot(nominal, config, blind) as robot:
-        bus.brown_out(2, 1e6)
-        with pytest.raises(LostRobotError):
-            robot.command({"r_elbow": 1.0})
-        assert bus.all_off() and robot.standing.torque is Torque.UNKNOWN
-        assert "No answer from r_elbow (servo 2); the others are without torque" in robot.standing.why
-
-
-def test_a_line_that_is_back_later_ends_with_the_torque_off(
-    bus: SimulatedBus, config: ServoConfig, nominal: Nominal
-) -> None:
-    with DynamixelRobot(nominal, config, blind) as robot:
-        bus.mute = True
-        with pytest.raises(LostRobotError):
-            robot.command({"r_elbow": 1.0})
-        assert robot.standing.torque is Torque.UNKNOWN and not bus.all_off()
-        bus.mute = False
-    assert bus.all_off() and robot.standing.torque is Torque.OFF
-    assert robot.standing.why.endswith("since then the line came back")
-
-
-def test_a_setting_that_another_program_changed(
-    bus: SimulatedBus, config: ServoConfig, nominal: Nominal
-) -> None:
-    with DynamixelRobot(nominal, config, blind) as robot:
-        bus.servos[1].table[10] = 4
-        with pytest.raises(HardwareFaultError, match="drive mode is 4 and was 0"):
-            robot.command({"r_shoulder_roll": 0.5})
-        assert bus.all_off()
-
-
-def test_a_goal_that_was_not_heard_is_sent_again(
-    bus: SimulatedBus, config: ServoConfig, nominal: Nominal
-) -> None:
-    with DynamixelRobot(nominal, config, blind) as robot:
-        write_all, lost = robot._drive.line.write_all, []
-
-        def deaf(register: Register, values: dict[int, int]) -> None:
-            if register.address == 116 and not lost:
-                lost.append(values)
-            else:
-                write_all(register, values)
-
-        robot._drive.line.write_all = deaf  # type: ignore[method-assign]
-        assert robot.command({"r_elbow": 0.4}).measured["r_elbow"] == pytest.approx(0.4, abs=0.001)
-        assert lost
-
-
-def test_a_joint_that_does_not_move_is_named_and_torque_goes_off(
-    bus: SimulatedBus, config: ServoConfig, nominal: Nominal
-) -> None:
-    with DynamixelRobot(nominal, config, blind) as robot:
-        bus.servos[2].jammed = True
-        with pytest.raises(NotSettledError, match=r"r_elbow at 0\.0736 rad instead of 0\.5000") as caught:
-            robot.command({"r_elbow": 0.5, "r_shoulder_roll": 0.5})
-        assert caught.value.joints == ("r_elbow",)
-        assert bus.all_off() and not robot.torque_is_on()
-        with pytest.raises(HardwareFaultError, match=r"torque is off: .*r_elbow"):
-            robot.command({"r_shoulder_roll": 0.6})
-
-
-def test_a_load_beyond_the_torque_limit_is_not_fought(
-    bus: SimulatedBus, config: ServoConfig, nominal: Nominal
-) -> None:
-    bus.servos[1].needed_current = 500
-    with (
-        DynamixelRobot(nominal, config, blind) as robot,
-        pytest.raises(NotSettledError, match="r_shoulder_roll"),
-    ):
-        robot.command({"r_shoulder_roll": 1.0})
-    assert bus.all_off()
-
-
-def test_an_overload_under_way_takes_all_torque_off(
-    bus: SimulatedBus, config: ServoConfig, nominal: Nominal
-) -> None:
-    with DynamixelRobot(nominal, config, blind) as robot:
-        timer = soon(lambda: bus.fault(1, 0x20), 0.2)
-        with pytest.raises(HardwareFaultError, match=r"r_shoulder_roll \(servo 1\): overload"):
-            robot.command({"r_shoulder_roll": 1.5, "r_elbow": 1.5})
-        timer.join()
-        assert bus.all_off()
-    assert bus.positions()[2] > 2048 - 1.4 * 4096 / (2 * math.pi), "the other joint stopped under way"
-
-
-@pytest.mark.parametrize("how", ["cut", "mute"])
-def test_a_line_cut_in_the_middle_ends_the_motion(
-    bus: SimulatedBus, config: ServoConfig, nominal: Nominal, how: str
-) -> None:
-    slow = replace(config, speed_rad_per_s=0.5)
-
-    def cut() -> None:
-        if how == "cut":
-            bus.cut()
-        else:
-            bus.mute = True
-
-    robot = DynamixelRobot(nominal, slow, blind)
-    timer = soon(cut, 0.3)
-    with pytest.raises(LostRobotError) as caught:
-        robot.command({"r_shoulder_roll": 1.5})
-    timer.join()
-    assert any(
-        "torque could not be taken off" in note
-        for note in getattr(caught.value, "__notes__", ["torque could not be taken off"])
-    )
-    time.sleep(WATCHDOG_S + 0.1)
-    stopped = bus.positions()[1]
-    time.sleep(0.2)
-    assert bus.positions()[1] == stopped
-    assert stopped < 1024 + 1.2 * 4096 / (2 * math.pi), "long before its goal"
-    with pytest.raises(HardwareFaultError, match="torque"):
-        robot.command({"r_shoulder_roll": 0.2})
-    robot.rest()
-    robot.close()
-
-
-def test_after_a_cut_the_robot_opens_again(bus: SimulatedBus, config: ServoConfig, nominal: Nominal) -> None:
-    robot = DynamixelRobot(nominal, replace(config, speed_rad_per_s=0.5), blind)
-    timer = soon(lambda: setattr(bus, "mute", True), 0.2)
-    with pytest.raises(LostRobotError):
-        robot.command({"r_shoulder_roll": 1.5})
-    timer.join()
-    robot.close()
-    time.sleep(WATCHDOG_S)
-    bus.mute = False
-    assert bus.servos[1].table[98] == 255, "the watchdog has bitten"
-    with DynamixelRobot(nominal, config, blind) as again:
-        assert bus.torque_on[-1]["jump"] == 0
-        again.command({"r_shoulder_roll": 0.3})
-
-
-def test_ctrl_c_takes_torque_off(bus: SimulatedBus, config: ServoConfig, nominal: Nominal) -> None:
-    slow = replace(config, speed_rad_per_s=0.5)
-    with DynamixelRobot(nominal, slow, blind) as robot:
-        timer = soon(lambda: os.kill(os.getpid(), signal.SIGINT), 0.3)
-        with pytest.raises(KeyboardInterrupt):
-            robot.command({"r_shoulder_roll": 1.5})
-        timer.join()
-        assert bus.all_off()
-        assert bus.positions()[1] < 1024 + 1.0 * 4096 / (2 * math.pi)
-
-
-def test_a_failing_camera_ends_in_rest(bus: SimulatedBus, config: ServoConfig, nominal: Nominal) -> None:
-    def dark() -> ImagePoints:
-        raise NoLookError("no picture")
-
-    resting = replace(config, rest={"r_shoulder_roll": 0.1})
-    with pytest.raises(NoLookError), DynamixelRobot(nominal, resting, dark) as robot:
-        robot.command({"r_shoulder_roll": 0.6})
-        robot.look()
-    assert bus.all_off()
-    assert bus.positions()[1] == pytest.approx(1024 + 0.1 * 4096 / (2 * math.pi), abs=1.0)
-
-
-ORPHAN = """
-import os, sys, time
-if os.fork():
-    time.sleep(0.8)
-    os._exit(0)
-from mirror_posture.robots import Nominal
-from mirror_posture.robots.dynamixel import DynamixelRobot
-with DynamixelRobot(Nominal.load(), sys.argv[1], lambda: None) as robot:
-    print("open", flush=True)
-    time.sleep(20)
-"""
-
-
-def test_a_robot_whose_program_lost_its_parent(bus: SimulatedBus, tmp_path: Path) -> None:
-    file = tmp_path / "child.toml"
-    file.write_text(TOML.format(port=bus.port))
-    child = subprocess.Popen(
-        [sys.executable, "-c", ORPHAN.replace("0.8", "2.5"), str(file)], stdout=subprocess.PIPE, text=True
-    )
-    assert child.stdout is not None and child.stdout.readline() == "open\n"
-    assert not bus.all_off()
-    child.wait(20.0)
-    time.sleep(2.0 * KEEP_S)
-    assert bus.all_off()
-
-
-CHILD = """
-import sys, time
-from dataclasses import replace
-from mirror_posture.robots import ImagePoints, Nominal
-from mirror_posture.robots.dynamixel import DynamixelRobot
-from mirror_posture.robots.servo_config import load_config
-nominal = Nominal.load()
-robot = DynamixelRobot(nominal, load_config(sys.argv[1], nominal), lambda: None)
-print("open", flush=True)
-if sys.argv[2] == "wait":
-    time.sleep(20)
-if sys.argv[2] == "move":
-    robot.command({"r_shoulder_roll": 1.5})
-sys.exit(3)
-"""
-
-
-@pytest.mark.parametrize("how", ["ends", "killed", "SIGTERM", "SIGHUP", "SIGINT", "SIGHUP at rest"])
-def test_a_process_that_ends_or_is_killed(
-    bus: SimulatedBus, nominal: Nominal, tmp_path: Path, how: str
-) -> None:
-    """Without a context, too: the signal comes in the middle of a motion, or while the robot stands."""
-    file = tmp_path / "child.toml"
-    file.write_text(TOML.format(port=bus.port).replace("speed_rad_per_s = 2.0", "speed_rad_per_s = 0.5"))
-    moves = {"ends": "stand", "SIGHUP at rest": "wait"}.get(how, "move")
-    child = subprocess.Popen(
-        [sys.executable, "-c", CHILD, str(file), moves],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    assert child.stdout is not None and child.stdout.readline() == "open\n"
-    if how == "ends":
-        assert child.wait(20.0) == 3
-        assert bus.all_off()
-        return
-    time.sleep(0.3)
-    if how == "killed":
-        child.kill()
-    else:
-        child.send_signal(getattr(signal, how.split()[0]))
-    _, said = child.communicate(timeout=20.0)
-    if how == "killed":
-        time.sleep(WATCHDOG_S + 0.1)
-    else:
-        assert bus.all_off() and "torque is off" in said
-    stopped = bus.positions()[1]
-    assert moves == "wait" or 1110.0 < stopped < 1024 + 1.2 * 4096 / (2 * math.pi)
-    time.sleep(0.2)
-    assert bus.positions()[1] == stopped
-
-
-# With a body behind it.
-
-
-def test_it_sees_itself_through_its_servos(bus: SimulatedBus, config: ServoConfig, nominal: Nominal) -> None:
-    """Servos with a hidden body on them, before a mirror: commands go in, image points come out."""
-    hidden = [HiddenEffect("joint_offset", "joint:r_elbow", {"offset_rad": 0.05})]
-    body = HiddenBody(nominal.robot_file.read_text(), "base_link", nominal.metadata.gravity_m_per_s2, hidden)
-    lens, rng, views = lens_of(nominal), np.random.default_rng(3), iter([View(), View(0.26)])
-    board = body.link_poses()["chest_board"][:3, 3]
-
-    def eye() -> ImagePoints:
-        body.move({s.joint: s.position_rad(round(bus.positions()[s.servo_id])) for s in config.servos})
-        view = next(views)
-        normal = view_normal(view)
-        mirror = MirrorInRoot(normal, float(normal @ board) + view.distance_m, 0.003, 1.52)
-        return exact_points(nominal, lens, body.link_poses(), mirror, 0.05, rng)
-
-    with DynamixelRobot(nominal, config, eye) as robot:
-        robot.command({"r_shoulder_roll": 1.1, "r_elbow": 0.4})
-        looks = [robot.look(), robot.look()]
-    found = mp.measure(nominal.session(looks, [0, 0])).markers
-    truth = body.link_poses()["r_hand_marker"][:3, 3]
-    hand = int(np.flatnonzero(found.marker == 0)[0])
-    assert found.measured[hand]
-    assert np.linalg.norm(found.point_in_root_m[hand] - truth) < 1e-3
-    assert np.linalg.norm(found.model_in_root_m[hand] - truth) > 2.5e-3
-
-
 # The file.
 
 
@@ -650,3 +256,31 @@ def test_counts_and_radians_are_each_others_inverse() -> None:
             assert servo.position_rad(servo.counts(position)) == pytest.approx(
                 position, abs=math.pi / 4096 + 1e-12
             )
+
+
+# With a body behind it.
+
+
+def test_it_sees_itself_through_its_servos(bus: SimulatedBus, config: ServoConfig, nominal: Nominal) -> None:
+    """Servos with a hidden body on them, before a mirror: commands go in, image points come out."""
+    hidden = [HiddenEffect("joint_offset", "joint:r_elbow", {"offset_rad": 0.05})]
+    body = HiddenBody(nominal.robot_file.read_text(), "base_link", nominal.metadata.gravity_m_per_s2, hidden)
+    lens, rng, views = lens_of(nominal), np.random.default_rng(3), iter([View(), View(0.26)])
+    board = body.link_poses()["chest_board"][:3, 3]
+
+    def eye() -> ImagePoints:
+        body.move({s.joint: s.position_rad(round(bus.positions()[s.servo_id])) for s in config.servos})
+        view = next(views)
+        normal = view_normal(view)
+        mirror = MirrorInRoot(normal, float(normal @ board) + view.distance_m, 0.003, 1.52)
+        return exact_points(nominal, lens, body.link_poses(), mirror, 0.05, rng)
+
+    with DynamixelRobot(nominal, config, eye) as robot:
+        robot.command({"r_shoulder_roll": 1.1, "r_elbow": 0.4})
+        looks = [robot.look(), robot.look()]
+    found = mp.measure(nominal.session(looks, [0, 0])).markers
+    truth = body.link_poses()["r_hand_marker"][:3, 3]
+    hand = int(np.flatnonzero(found.marker == 0)[0])
+    assert found.measured[hand]
+    assert np.linalg.norm(found.point_in_root_m[hand] - truth) < 1e-3
+    assert np.linalg.norm(found.model_in_root_m[hand] - truth) > 2.5e-3

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from .errors import BlindError
+from .whole_file import write_whole
 
 RESULT = "diagnosis.json"
 OUTSTANDING = 64
@@ -133,13 +134,11 @@ def _keep(out: Path, job: Future[Diagnosed]) -> bool:
     if error is None:
         got = job.result()
         times = {"seconds": got.seconds, "cpu_seconds": got.cpu_seconds}
-        (out / "time.json").write_text(json.dumps(times) + "\n", encoding="utf-8")
-        # The result last and in one move: it is what says that the session is done.
-        part = out / f"{RESULT}.part"
-        part.write_text(got.document, encoding="utf-8")
-        part.replace(out / RESULT)
+        write_whole(out / "time.json", json.dumps(times) + "\n")
+        # The result last: it is what says that the session is done.
+        write_whole(out / RESULT, got.document)
         failure.unlink(missing_ok=True)
         return True
     body = {"error": type(error).__name__, "message": str(error)[-4000:]}
-    failure.write_text(json.dumps(body, indent=1) + "\n", encoding="utf-8")
+    write_whole(failure, json.dumps(body, indent=1) + "\n")
     return False

@@ -9,6 +9,8 @@ from typing import Any
 
 from jinja2 import Environment
 
+from .whole_file import write_whole
+
 TARGETS = {
     "single_identifiable_right": (
         "Single identifiable cause: effect and place right, nothing invented",
@@ -163,4 +165,4 @@ def write_page(score: dict[str, Any], path: Path) -> None:
         verdict=_verdict,
         chart=_chart(score["calibration"]),
     )
-    path.write_text(html, encoding="utf-8")
+    write_whole(path, html)

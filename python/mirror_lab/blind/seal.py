@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from .errors import BlindError
+from .whole_file import write_whole
 
 FORMAT = "mirror-posture/seal"
 
@@ -24,14 +25,15 @@ def seal(answer: dict[str, Any], answer_path: Path, seal_path: Path) -> None:
     salted = {**answer, "salt": secrets.token_hex(32)}
     data = (json.dumps(salted, indent=1, sort_keys=True) + "\n").encode()
     answer_path.parent.mkdir(parents=True, exist_ok=True)
-    answer_path.write_bytes(data)
+    write_whole(answer_path, data)
     body = {
         "format": FORMAT,
         "version": 1,
         "algorithm": "sha256(salt || answer file)",
         "sha256": _digest(salted["salt"], data),
     }
-    seal_path.write_text(json.dumps(body, indent=1) + "\n", encoding="utf-8")
+    # The seal last: a session without one is none.
+    write_whole(seal_path, json.dumps(body, indent=1) + "\n")
 
 
 def _digest(salt: str, data: bytes) -> str:

@@ -151,6 +151,13 @@ def run(
             help="Address of a Dask scheduler (`tcp://HOST:8786`): its workers diagnose (extra `fleet`)."
         ),
     ] = None,
+    tls: Annotated[
+        tuple[Path, Path, Path] | None,
+        typer.Option(
+            help="For a `tls://` scheduler: the authority's certificate, one's own, and its key (PEM).",
+            metavar="CA CERT KEY",
+        ),
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Diagnose every session that has no result yet.
@@ -162,9 +169,12 @@ def run(
     output = Output(as_json)
     with _told():
         from mirror_posture.fleet import (
+            OPEN_LINE,
+            Tls,
             checked_effects,
             diagnose_folder,
             diagnose_packed,
+            is_open,
             on_fleet,
             on_this_machine,
             pack,
@@ -179,7 +189,10 @@ def run(
         def submit(pool: Executor, session: Path) -> Future[Diagnosed]:
             return pool.submit(there, pack(session)) if scheduler else pool.submit(here, session)
 
-        where = partial(on_fleet, scheduler) if scheduler else partial(on_this_machine, workers)
+        if scheduler and is_open(scheduler):
+            output.warn(OPEN_LINE.format(scheduler))
+        certificates = None if tls is None else Tls(*tls)
+        where = partial(on_fleet, scheduler, certificates) if scheduler else partial(on_this_machine, workers)
         with output.counting("diagnosing", len(sessions_to_do(cases, results))) as count:
             done = itertools.count(1)
             report = run_sessions(cases, results, submit, where, lambda *_: count(next(done)))
@@ -210,10 +223,11 @@ def score(
     with _told():
         from ..blind.score import score as score_of
         from ..blind.score_page import BY_HAND, FIRST_DAY, TARGETS, write_page
+        from ..blind.whole_file import write_whole
 
         result = score_of(cases, results, leave_out)
         out.mkdir(parents=True, exist_ok=True)
-        (out / "score.json").write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+        write_whole(out / "score.json", json.dumps(result, indent=1) + "\n")
         write_page(result, out / "score.html")
     rows = [(text, f"{result[key]['hits']} / {result[key]['of']}") for key, (text, _, _) in TARGETS.items()]
     for part, titles in ((result["by_hand"], BY_HAND), (result["first_day"], FIRST_DAY)):

@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 from jinja2 import Environment, StrictUndefined
 
+from mirror_posture.output_files import write_file
+
 from .claims import Experiment
 from .experiments import Options
 
@@ -27,7 +29,7 @@ def write(folder: Path, options: Options, done: Sequence[Experiment]) -> list[Pa
         for name, picture in experiment.pictures.items():
             file = folder / name
             if not file.exists() or file.read_bytes() != picture:
-                file.write_bytes(picture)
+                write_file(file, picture)
             files.append(file)
     texts = {
         "reproduce.json": json.dumps(document(options, done), indent=1, allow_nan=False, ensure_ascii=False),
@@ -35,7 +37,7 @@ def write(folder: Path, options: Options, done: Sequence[Experiment]) -> list[Pa
         "report.html": html(options, done),
     }
     for name, text in texts.items():
-        (folder / name).write_text(text, encoding="utf-8")
+        write_file(folder / name, text)
         files.append(folder / name)
     return files
 

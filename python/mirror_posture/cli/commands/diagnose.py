@@ -96,13 +96,10 @@ def command(
     ]
     afar: Iterator[Diagnosis] | None = None
     if scheduler is not None:
-        from ...fleet import Tls, diagnose_on_fleet, is_open
+        from ...fleet import OPEN_LINE, Tls, diagnose_on_fleet, is_open
 
         if is_open(scheduler):
-            output.warn(
-                f"--scheduler {scheduler}: plain tcp to another machine: whoever is on the way can read the sessions and run code on both "
-                "ends; use tls:// beyond a network of your own"
-            )
+            output.warn(OPEN_LINE.format(scheduler))
         afar = diagnose_on_fleet(
             sessions,
             scheduler,
