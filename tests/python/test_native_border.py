@@ -66,8 +66,22 @@ except KeyboardInterrupt:
 """
 
 
-def test_ctrl_c_is_answered_at_once(tracked: Path) -> None:
-    child = subprocess.Popen([sys.executable, "-c", CHILD, str(tracked)], stdout=subprocess.PIPE, text=True)
+DRAWS = """
+import signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)
+from mirror_posture.render import PictureOptions, View, render_session
+print("ready", flush=True)
+try:
+    # One picture of minutes.
+    render_session(sys.argv[1] + "-drawn", [{}], [View()], options=PictureOptions(samples=64, edge_samples=64))
+except KeyboardInterrupt:
+    print("interrupted", flush=True)
+"""
+
+
+@pytest.mark.parametrize("text", [CHILD, DRAWS], ids=["diagnose", "render"])
+def test_ctrl_c_is_answered_at_once(tracked: Path, text: str) -> None:
+    child = subprocess.Popen([sys.executable, "-c", text, str(tracked)], stdout=subprocess.PIPE, text=True)
     assert child.stdout is not None and child.stdout.readline() == "ready\n"
     time.sleep(0.4)
     begun = time.monotonic()

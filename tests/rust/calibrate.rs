@@ -8,6 +8,7 @@ use mirror_core::calibrate::{
 use mirror_core::camera::{Camera, Distortion};
 use mirror_core::geometry::rotation::difference;
 use mirror_core::mirror::{Board, BoardView};
+use mirror_core::{Cancel, Error};
 use nalgebra::{Isometry3, Matrix6, Point3, UnitQuaternion, Vector2, Vector3};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -84,6 +85,11 @@ fn a_cross_of_views_shows_the_transform_with_the_covariance_that_it_claims() {
     let mut rng = ChaCha8Rng::seed_from_u64(31);
     let pictures = pictures(&CROSS, 0.15);
     let options = MirrorViewOptions { corner_std_px: Some(NOISE_PX), ..MirrorViewOptions::default() };
+    let stopped = MirrorViewOptions { cancel: Cancel::new(), ..options.clone() };
+    stopped.cancel.cancel();
+    let seen = views(&pictures, &mut rng);
+    let end = calibrate_from_mirror_views(&camera(), &board(), &seen, &stopped);
+    assert!(matches!(end, Err(Error::Cancelled)));
     let (mut squares, mut sum, mut covered) = (0.0, Vector3::zeros(), 0.0);
     let trials = 200.0;
     for _ in 0..200 {

@@ -1,6 +1,7 @@
 //! The joint estimator against simulated sessions (by formulas of its own) and against the single-view estimators.
 
 use crate::traced::{Eye, Glass, noisy};
+use mirror_core::Cancel;
 use mirror_core::camera::{Camera, Distortion};
 use mirror_core::geometry::Ray;
 use mirror_core::geometry::rotation::difference;
@@ -364,6 +365,9 @@ fn what_cannot_be_determined_is_refused() {
     assert!(refuse(&[], 1, &options()).contains("frames"));
     assert!(refuse(&frames, 0, &options()).contains("marker of frame 0"));
     assert!(refuse(&frames, 1, &JointOptions { corner_std_px: 0.0, ..options() }).contains("corner"));
+    let cancel = Cancel::new();
+    cancel.cancel();
+    assert!(refuse(&frames, 1, &JointOptions { cancel, ..options() }).contains("as was asked"));
     let indefinite = BoardPrior::Covariance(-Matrix6::identity());
     assert!(refuse(&frames, 1, &JointOptions { prior: indefinite, ..options() }).contains("prior"));
     let mut broken = frames.clone();

@@ -3,11 +3,11 @@
 use crate::mirror::{Scene, pixels, scene};
 use crate::traced::Glass;
 use approx::assert_relative_eq;
-use mirror_core::Error;
 use mirror_core::joint::{JointFrame, MarkerSighting, Via};
 use mirror_core::measure::{MeasureOptions, measure_ladder};
 use mirror_core::mirror::*;
 use mirror_core::triangulate::Triangulator;
+use mirror_core::{Cancel, Error};
 use nalgebra::{Isometry3, Vector3};
 
 const MARKERS: [[f64; 3]; 2] = [[0.06, 0.05, 0.03], [-0.05, 0.08, 0.02]];
@@ -129,6 +129,9 @@ fn markers_seen_directly_or_unknown_take_no_part() {
     assert!(matches!(run(&frames(&scene), &likelihood_of_no_mirror), Err(Error::UnknownName { .. })));
     let noiseless = MeasureOptions { marker_noise_px: 0.0, ..Default::default() };
     assert!(matches!(run(&frames(&scene), &noiseless), Err(Error::OutOfRange { .. })));
+    let stopped = MeasureOptions { cancel: Cancel::new(), ..Default::default() };
+    stopped.cancel.cancel();
+    assert!(matches!(run(&frames(&scene), &stopped), Err(Error::Cancelled)));
 }
 
 #[test]

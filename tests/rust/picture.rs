@@ -133,6 +133,9 @@ fn a_drawn_ball_has_its_true_outline() {
     wall.material.paint = Paint::Plain(Colour::zeros());
     let scene = scene(&[wall, ball], pane(Vector3::new(0.1, 0.05, 1.0), 0.15, plain));
     let light = render(&scene, &eye, &Sampling { edge_grid: 8, ..Sampling::default() }).unwrap();
+    let stopped = Sampling { cancel: mirror_core::Cancel::new(), ..Sampling::default() };
+    stopped.cancel.cancel();
+    assert!(matches!(render(&scene, &eye, &stopped), Err(mirror_core::Error::Cancelled)));
     let (mut sum, mut mean) = (0.0, Vector2::zeros());
     let mut brightest: f64 = 0.0;
     for (i, pixel) in light.pixels.iter().enumerate() {

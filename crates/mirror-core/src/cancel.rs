@@ -28,6 +28,17 @@ struct State {
     deadline: Option<Instant>,
 }
 
+/// Whether both are the same token; two that are never cancelled are.
+impl PartialEq for Cancel {
+    fn eq(&self, other: &Self) -> bool {
+        match (&self.0, &other.0) {
+            (Some(one), Some(two)) => Arc::ptr_eq(one, two),
+            (None, None) => true,
+            _ => false,
+        }
+    }
+}
+
 impl Cancel {
     /// A token that stands until [`Cancel::cancel`] is called.
     #[must_use]

@@ -12,7 +12,7 @@ use mirror_core::calibrate::{
     SecondCameraSnapshot, WeakDirection, Weakness, calibrate_from_mirror_views, calibrate_with_second_camera,
 };
 use mirror_core::mirror::{Board, BoardView, GlassPane, Loss, MirrorOptics, view_from_row};
-use mirror_core::{Error, Result};
+use mirror_core::{Cancel, Error, Result};
 use nalgebra::SMatrix;
 use numpy::{PyArray1, PyArray2, PyArray3};
 use pyo3::prelude::*;
@@ -165,7 +165,9 @@ pub fn calibrate_mirror_views(
         }
     };
     let pane = GlassPane::new(glass_thickness_m, refractive_index).map_err(to_py)?;
+    let cancel = Cancel::new();
     let options = MirrorViewOptions {
+        cancel: cancel.clone(),
         optics: MirrorOptics::of_glass(pane),
         corner_std_px,
         loss: Loss::from_name(loss).map_err(to_py)?,
@@ -187,7 +189,9 @@ pub fn calibrate_mirror_views(
             }
         }
     }
-    let inner = py.work(|| calibrate_from_mirror_views(camera, &board, &views, &options)).map_err(to_py)?;
+    let inner = py
+        .work_until(&cancel, || calibrate_from_mirror_views(camera, &board, &views, &options))?
+        .map_err(to_py)?;
     Ok(PyCameraBoardCalibration { inner, rows, unread })
 }
 

@@ -4,7 +4,6 @@ use crate::arrays::{Array2Like, ArrayDynLike, isometries, pose_covariance, resha
 use crate::camera::PyCamera;
 use crate::errors::{MirrorPostureError, to_py};
 use crate::work::Work;
-use mirror_core::Error;
 use mirror_core::camera::Camera;
 use mirror_core::joint::{
     BoardPrior, JointFrame, JointOptions, MarkerSighting, PointStatus, Via, joint_estimate,
@@ -14,6 +13,7 @@ use mirror_core::mirror::{
     Board, BoardView, DetectedCorner, EstimatorOptions, GlassPane, MirrorEstimator, MirrorOptics, Sphere,
 };
 use mirror_core::triangulate::TriangulationOptions;
+use mirror_core::{Cancel, Error};
 use nalgebra::{Isometry3, Matrix3, Matrix6, Vector2, Vector3};
 use numpy::{PyArray1, PyArray2, PyArray3, PyArrayLike2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
@@ -188,7 +188,9 @@ impl MeasureInput {
         let shared = camera_from_board_covariance
             .map(|c| pose_covariance("camera_from_board_covariance", &c))
             .transpose()?;
+        let cancel = Cancel::new();
         let options = MeasureOptions {
+            cancel: cancel.clone(),
             estimator: MirrorEstimator::from_name(estimator).map_err(to_py)?,
             corners: EstimatorOptions { noise_px: corner_noise_px, ..EstimatorOptions::default() },
             marker_noise_px,
@@ -196,7 +198,7 @@ impl MeasureInput {
             triangulation: TriangulationOptions { least_parallax_rad, camera_from_board_covariance: shared },
             ..MeasureOptions::default()
         };
-        py.work(|| {
+        py.work_until(&cancel, || {
             let spheres: Vec<_> =
                 self.diameters_m.iter().map(|&d| Sphere::of_diameter_m(d)).collect::<Result<_, _>>()?;
             let done = measure_ladder(&self.camera, &self.board, &spheres, &self.frames, &options)?;
@@ -221,7 +223,7 @@ impl MeasureInput {
             }
             out.camera_from_board_covariance = shared;
             Ok(out)
-        })
+        })?
         .map_err(to_py)
     }
 
@@ -234,7 +236,9 @@ impl MeasureInput {
         least_parallax_rad: f64,
         camera_from_board_covariance: Option<Array2Like<'_>>,
     ) -> PyResult<Measured> {
+        let cancel = Cancel::new();
         let mut options = JointOptions {
+            cancel: cancel.clone(),
             optics: self.optics,
             corner_std_px: corner_noise_px,
             marker_std_px: marker_noise_px,
@@ -251,7 +255,7 @@ impl MeasureInput {
         if self.frames.is_empty() {
             return Err(MirrorPostureError::new_err("joint: no frame shows the board, needed at least one"));
         }
-        py.work(|| {
+        py.work_until(&cancel, || {
             let done = joint_estimate(&self.camera, &self.board, &self.diameters_m, &self.frames, &options)?;
             let mut out = self.empty();
             for (k, row) in self.rows.iter().enumerate() {
@@ -275,7 +279,7 @@ impl MeasureInput {
             out.chi_squared = Some(done.chi_squared);
             out.degrees_of_freedom = Some(done.degrees_of_freedom);
             Ok::<_, Error>(out)
-        })
+        })?
         .map_err(to_py)
     }
 }

@@ -3,6 +3,7 @@
 use crate::arrays::{Array2Like, isometry};
 use crate::errors::to_py;
 use crate::work::Work;
+use mirror_core::Cancel;
 use mirror_core::camera::{Camera, Distortion};
 use mirror_core::picture::{
     BallTruth, Body, Dress, Eye, Lights, Pane, PaneOptions, Sampling, Scene, Sensor, ViaTruth, ball_truth,
@@ -168,8 +169,15 @@ impl PictureMaker {
             height_m: mirror_size_m.1,
             ..PaneOptions::default()
         };
-        let sampling =
-            Sampling { grid, edge_grid, motion_px: Vector2::from(motion_px), seed, ..Sampling::default() };
+        let cancel = Cancel::new();
+        let sampling = Sampling {
+            grid,
+            edge_grid,
+            motion_px: Vector2::from(motion_px),
+            seed,
+            cancel: cancel.clone(),
+            ..Sampling::default()
+        };
         let sensor = Sensor {
             blur_px,
             exposure,
@@ -180,7 +188,7 @@ impl PictureMaker {
             seed,
         };
         let drawn = py
-            .work(|| {
+            .work_until(&cancel, || {
                 let pane = Pane::new(
                     Vector3::from(mirror_center_m),
                     Vector3::from(mirror_normal),
@@ -188,7 +196,7 @@ impl PictureMaker {
                     options,
                 )?;
                 self.drawn(&poses, pane, floor_m, &sampling, &sensor)
-            })
+            })?
             .map_err(to_py)?;
         let (height, width) = (drawn.picture.height() as usize, drawn.picture.width() as usize);
         let flat = numpy::PyArray1::from_vec(py, drawn.picture.into_raw());

@@ -3,6 +3,7 @@
 use super::mirror_start::{FEWEST_VIEWS, closed_form};
 use super::weakness::Weakness;
 use crate::camera::Camera;
+use crate::cancel::Cancel;
 use crate::error::{Error, Result, positive};
 use crate::geometry::Plane;
 use crate::joint::{BoardPrior, JointFrame, JointOptions, joint_estimate};
@@ -33,6 +34,8 @@ pub struct MirrorViewOptions {
     pub prior: Option<(Isometry3<f64>, Matrix6<f64>)>,
     /// Views whose free planar pose leaves more than this are refused, px RMS.
     pub gate_px: f64,
+    /// Looked at in every view of every step.
+    pub cancel: Cancel,
 }
 
 impl Default for MirrorViewOptions {
@@ -45,6 +48,7 @@ impl Default for MirrorViewOptions {
             loss: Loss::huber(),
             prior: None,
             gate_px: GATE_PX,
+            cancel: Cancel::default(),
         }
     }
 }
@@ -169,8 +173,14 @@ pub fn calibrate_from_mirror_views(
         })
         .collect();
     let attempt = |corner_std_px: f64, loss: Loss, prior: BoardPrior| {
-        let joint =
-            JointOptions { optics: options.optics, corner_std_px, loss, prior, ..JointOptions::default() };
+        let joint = JointOptions {
+            optics: options.optics,
+            corner_std_px,
+            loss,
+            prior,
+            cancel: options.cancel.clone(),
+            ..JointOptions::default()
+        };
         joint_estimate(camera, board, &[], &frames, &joint)
     };
     let held = Cell::new(false);

@@ -123,6 +123,7 @@ pub(crate) struct Adjusted {
 impl Problem<'_> {
     /// Terms of one frame at a state, `Σ w Jᵀ J` and `Σ w Jᵀ e`, in units of variance.
     fn frame_terms(&self, index: usize, state: &State, terms: &mut FrameTerms) -> Result<()> {
+        self.options.cancel.check()?;
         terms.clear();
         let frame = &self.frames[index];
         let plane = &state.planes[index];
@@ -268,6 +269,8 @@ impl Problem<'_> {
         let mut damping = 0.0;
         let mut decrease = f64::INFINITY;
         for taken in 0..self.options.most_steps {
+            // A step that failed since it was cancelled ends here.
+            self.options.cancel.check()?;
             let prior = self.prior(&state).map(|(_, terms)| terms);
             let raise = |damping: f64| (damping * DAMPING_RISE).max(FIRST_DAMPING);
             let Some(solution) = self.solve(&terms, prior.as_ref(), damping) else {

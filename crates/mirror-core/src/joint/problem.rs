@@ -1,5 +1,6 @@
 //! What the joint estimator is given, checked once.
 
+use crate::cancel::Cancel;
 use crate::error::{Error, Result, finite, positive};
 use crate::mirror::Via;
 use crate::mirror::{BoardView, Loss, MirrorOptics, Sphere};
@@ -62,6 +63,8 @@ pub struct JointOptions {
     pub most_steps: usize,
     /// It stops when a step is predicted to lower χ² by less than this (1e-6 of a degree of freedom is nothing).
     pub least_decrease: f64,
+    /// Looked at in every frame of every step.
+    pub cancel: Cancel,
 }
 
 impl Default for JointOptions {
@@ -77,6 +80,7 @@ impl Default for JointOptions {
             least_parallax_rad: 0.5_f64.to_radians(),
             most_steps: 100,
             least_decrease: 1e-9,
+            cancel: Cancel::default(),
         }
     }
 }

@@ -56,7 +56,7 @@ pub fn measure_ladder(
     frames: &[JointFrame],
     options: &MeasureOptions,
 ) -> Result<LadderMeasurement> {
-    let options = options.validated()?;
+    let options = options.clone().validated()?;
     let groups = group(frames, spheres.len())?;
     let rig = |frame: &JointFrame| -> Result<Rig> {
         let rig =
@@ -68,7 +68,10 @@ pub fn measure_ladder(
     };
     let mirrors: Vec<_> = frames
         .par_iter()
-        .map(|frame| options.estimator.estimate(&rig(frame)?, &frame.corners, &options.corners))
+        .map(|frame| {
+            options.cancel.check()?;
+            options.estimator.estimate(&rig(frame)?, &frame.corners, &options.corners)
+        })
         .collect();
     let markers = groups
         .into_par_iter()
@@ -77,10 +80,12 @@ pub fn measure_ladder(
                 .iter()
                 .filter_map(|s| mirrors[s.frame].as_ref().ok().map(|mirror| (mirror, s.pixel)))
                 .collect();
-            let result = locate(camera, &spheres[marker], &views, &options);
+            let result =
+                options.cancel.check().and_then(|()| locate(camera, &spheres[marker], &views, &options));
             MeasuredMarker { posture, marker, views: views.len(), result }
         })
         .collect();
+    options.cancel.check()?;
     Ok(LadderMeasurement { mirrors, markers })
 }
 

@@ -1,5 +1,6 @@
 //! What a measurement by one estimator takes into account.
 
+use crate::cancel::Cancel;
 use crate::error::{Error, Result, positive};
 use crate::mirror::{EstimatorOptions, MirrorEstimator, MirrorOptics};
 use crate::triangulate::{TriangulationOptions, Triangulator};
@@ -8,7 +9,7 @@ use crate::triangulate::{TriangulationOptions, Triangulator};
 const USUAL_NOISE_PX: f64 = 0.2;
 
 /// How a session is measured by one estimator.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct MeasureOptions {
     /// The estimator of each view's mirror.
     pub estimator: MirrorEstimator,
@@ -23,6 +24,8 @@ pub struct MeasureOptions {
     pub optics: MirrorOptics,
     /// Least parallax, and the covariance of the camera–board transform, which all views share.
     pub triangulation: TriangulationOptions,
+    /// Looked at in every view and every marker.
+    pub cancel: Cancel,
 }
 
 impl Default for MeasureOptions {
@@ -35,6 +38,7 @@ impl Default for MeasureOptions {
             marker_noise_px: USUAL_NOISE_PX,
             optics: MirrorOptics::IDEAL,
             triangulation: TriangulationOptions::default(),
+            cancel: Cancel::default(),
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use super::light::{Probe, Seen, look};
 use super::{Colour, Eye, Scene};
+use crate::cancel::Cancel;
 use crate::error::{Error, Result, finite};
 use nalgebra::Vector2;
 use rand::{Rng, SeedableRng};
@@ -21,11 +22,20 @@ pub struct Sampling {
     pub motion_px: Vector2<f64>,
     /// Seed of the samples' places.
     pub seed: u64,
+    /// Looked at in every row.
+    pub cancel: Cancel,
 }
 
 impl Default for Sampling {
     fn default() -> Self {
-        Self { grid: 2, edge_grid: 4, edge_contrast: 0.10, motion_px: Vector2::zeros(), seed: 0 }
+        Self {
+            grid: 2,
+            edge_grid: 4,
+            edge_contrast: 0.10,
+            motion_px: Vector2::zeros(),
+            seed: 0,
+            cancel: Cancel::default(),
+        }
     }
 }
 
@@ -67,14 +77,17 @@ pub fn render(scene: &Scene, eye: &Eye, sampling: &Sampling) -> Result<LightFiel
     finite("motion (px)", sampling.motion_px.y)?;
     let (width, height) = eye.size_px();
     let mut drafts = vec![Draft { mean: Colour::zeros(), low: 0.0, high: 0.0, seen: 0 }; width * height];
-    drafts.par_chunks_mut(width).enumerate().for_each(|(row, line)| {
+    drafts.par_chunks_mut(width).enumerate().try_for_each(|(row, line)| {
+        sampling.cancel.check()?;
         let mut random = row_random(sampling.seed, 0, row);
         for (column, draft) in line.iter_mut().enumerate() {
             *draft = look_at_pixel(scene, eye, sampling, sampling.grid, (column, row), &mut random);
         }
-    });
+        Ok::<(), Error>(())
+    })?;
     let mut pixels = vec![Colour::zeros(); width * height];
-    pixels.par_chunks_mut(width).enumerate().for_each(|(row, line)| {
+    pixels.par_chunks_mut(width).enumerate().try_for_each(|(row, line)| {
+        sampling.cancel.check()?;
         let mut random = row_random(sampling.seed, 1, row);
         for (column, pixel) in line.iter_mut().enumerate() {
             *pixel = if sampling.edge_grid > sampling.grid
@@ -85,7 +98,8 @@ pub fn render(scene: &Scene, eye: &Eye, sampling: &Sampling) -> Result<LightFiel
                 drafts[row * width + column].mean
             };
         }
-    });
+        Ok::<(), Error>(())
+    })?;
     Ok(LightField { width, height, pixels })
 }
 

@@ -22,7 +22,7 @@ pub(crate) fn without_false(
 ) -> Result<(Problem, f64)> {
     let clean = kept(problem, deformation, noise)?;
     let counted = |p: &Problem| p.frames.iter().map(|f| f.others.len()).sum::<usize>() as f64;
-    let share = 1.0 - counted(&clean) / counted(problem).max(1.0);
+    let share = (counted(problem) - counted(&clean)) / counted(problem).max(1.0);
     Ok((clean, share))
 }
 
