@@ -125,12 +125,15 @@ pub fn recording(data: &[u8]) {
     }
 }
 
+/// By the clock, of a machine that may be busy with much else: a diagnosis of garbage takes some tenths of a second of computing.
+const LONGEST: Duration = Duration::from_secs(60);
+
 /// Garbage is diagnosed without a panic, in time, without a number that is none, and is never called sound.
 pub fn diagnosis(data: &[u8]) {
     let Ok(recording) = made(&mut Bytes::new(data)).validated(ROBOT.position_count()) else { return };
     let options = DiagnoseOptions {
         most_causes: 1,
-        cancel: Cancel::after(Duration::from_secs(5)),
+        cancel: Cancel::after(LONGEST),
         ..DiagnoseOptions::default()
     };
     match diagnose(&ROBOT, &recording, &options, &[]) {
@@ -144,7 +147,7 @@ pub fn diagnosis(data: &[u8]) {
             );
         }
         Err(refusal) => {
-            assert!(!options.cancel.is_cancelled(), "took more than 5 s");
+            assert!(!options.cancel.is_cancelled(), "took more than {LONGEST:?}");
             assert!(!refusal.to_string().is_empty());
         }
     }

@@ -39,6 +39,13 @@ EXIF_TURNS = {
     8: "turned by 90°",
 }
 
+_Turn = Image.Transpose
+TURNED_BACK = {
+    2: _Turn.FLIP_LEFT_RIGHT, 3: _Turn.ROTATE_180, 4: _Turn.FLIP_TOP_BOTTOM, 5: _Turn.TRANSPOSE, 6: _Turn.ROTATE_90, 7: _Turn.TRANSVERSE,
+    8: _Turn.ROTATE_270,
+}  # fmt: skip
+"""What undoes the turn that a viewer makes."""
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PictureFile(ShortRepr):
@@ -90,8 +97,11 @@ def read_picture_file(path: Path | str) -> PictureFile:
         raise DetectionError(f"{file}: the picture is {kind}; take or copy it again") from None
     _check_size(*picture.size, str(file))
     try:
-        turn = EXIF_TURNS.get(picture.getexif().get(EXIF_ORIENTATION, 1), "")
-        pixels = _jpeg(content, str(file)) if _is_plain_jpeg(picture) else _bgr(picture)
+        orientation = picture.getexif().get(EXIF_ORIENTATION, 1)
+        turn = EXIF_TURNS.get(orientation, "")
+        pixels = (
+            _jpeg(content, str(file)) if _is_plain_jpeg(picture) else _bgr(_as_stored(picture, orientation))
+        )
     # Decoders fail with errors of many kinds, broken metadata included.
     except DetectionError:
         raise
@@ -117,6 +127,14 @@ def _jpeg(content: bytes, name: str) -> Picture:
             f"{name}: the picture is broken in part ({' '.join(str(error).split())}); take or copy it again"
         ) from None
     return pixels
+
+
+def _as_stored(picture: Image.Image, orientation: int) -> Image.Image:
+    """Pillow turns a TIFF by its tag as it loads it, and then the tag is gone: that is turned back."""
+    picture.load()
+    if orientation in TURNED_BACK and picture.getexif().get(EXIF_ORIENTATION, 1) != orientation:
+        return picture.transpose(TURNED_BACK[orientation])
+    return picture
 
 
 def _bgr(picture: Image.Image) -> npt.NDArray[np.generic]:

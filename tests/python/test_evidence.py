@@ -1,0 +1,83 @@
+"""Without evidence nothing is called sound: what is left out is counted and named, and too little is told as too little."""
+
+from __future__ import annotations
+
+import random
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+pytest.importorskip("mujoco", reason="the mirrored session needs mirror_lab's robots")
+
+from mirror_posture import cli
+from mirror_posture.diagnosis import diagnose
+from mirrored_session import write_mirrored
+from session_breaks.kinds import Rows, read, write
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_mirrored(
+        tmp_path_factory.mktemp("whole") / "session", 4, lambda q: {**q, "r_elbow": q["r_elbow"] + 0.03}, 24
+    )
+
+
+def changed(whole: Path, folder: Path, change: Callable[[Rows], Rows]) -> Path:
+    shutil.copytree(whole, folder)
+    head, *rows = read(folder / "detections.csv")
+    assert head[:3] == ["frame", "target", "index"]
+    write(folder / "detections.csv", [head, *change(rows)])
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda rows: [row for row in rows if row[1] != "board"], "0 of 203 observations"),
+        (lambda rows: [row for row in rows if row[1] == "board"], "no marker was seen"),
+        (lambda rows: [], "no marker was seen"),
+    ],
+    ids=["no board", "board only", "nothing"],
+)
+def test_no_evidence_is_no_answer(
+    whole: Path, tmp_path: Path, change: Callable[[Rows], Rows], words: str
+) -> None:
+    found = diagnose(changed(whole, tmp_path / "s", change)).document
+    assert found["verdict"] == "insufficient" and not found["causes"]
+    assert words in found["sentence"], found["sentence"]
+    # Of nothing no share is false.
+    assert not [
+        text for text in found["warnings"] if "far from the best model" in text and "no board" not in words
+    ]
+
+
+def test_boards_that_cannot_be_are_left_out_and_told(whole: Path, tmp_path: Path) -> None:
+    chance = random.Random(1)
+
+    def garbled(rows: Rows) -> Rows:
+        return [
+            [*row[:3], repr(chance.uniform(0, 799)), repr(chance.uniform(0, 599)), *row[5:]]
+            if row[1] == "board" and int(row[0]) % 2
+            else row
+            for row in rows
+        ]
+
+    folder = changed(whole, tmp_path / "s", garbled)
+    found = diagnose(folder).document
+    data = found["data"]
+    assert data["frames_given"] == 48 and data["frames_used"] == 24
+    boards = [left for left in data["left_out"] if left["target"] == "board"]
+    assert len(boards) >= 23 and all(left["frame"] % 2 == 1 and left["why"] for left in boards)
+    assert (
+        data["points_used"] + len([left for left in data["left_out"] if left["target"] != "board"])
+        == data["points_given"]
+    )
+    # What is left is half of the evidence, and still right.
+    assert [(cause["effect"], cause["at"]) for cause in found["causes"]] == [
+        ("joint_offset", "joint:r_elbow")
+    ]
+    shown = CliRunner().invoke(cli.app, ["diagnose", str(folder)]).output
+    assert f"used: {data['points_used']} of {data['points_given']}" in " ".join(shown.split())
