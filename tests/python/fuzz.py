@@ -17,7 +17,8 @@ import warnings
 from collections import Counter
 from pathlib import Path
 
-from fuzz_targets import CORPUS, TARGETS, Target, mutated, run, unended
+from fuzz_mutations import Target, mutated, unended
+from fuzz_targets import CORPUS, TARGETS, run
 
 SLOWEST_S = 5.0
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
 from typing import Any
 
@@ -53,7 +54,8 @@ def read_bag(
     Raises:
         MirrorPostureError: a missing package, a topic that is not there or that must be chosen, an unknown encoding.
     """
-    with _own_words(source):
+    # The decoder of MCAP's messages prints what it cannot read.
+    with _own_words(source), redirect_stdout(sys.stderr):
         return _read_bag(source, joints_topic, commands_topic, image_topic, degrees)
 
 

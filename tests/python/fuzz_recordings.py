@@ -1,0 +1,97 @@
+"""Fuzz targets of recordings to import: the joints' CSV, an MCAP file, a LeRobot dataset's info.json."""
+
+from __future__ import annotations
+
+import io
+import json
+import tempfile
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet
+
+from fuzz_mutations import Target
+from mirror_posture.importing import read_recording
+from mirror_posture.importing.films import joint_csv
+
+JOINTS = b"time_s,pan, lift ,measured:pan,measured:lift\n0,0.1,0.2,0.1,0.2\n0.5,0.1,0.2,0.1,0.2\n1,-0.1,0.3,-0.1,0.3\n"
+INFO: dict[str, Any] = {
+    "codebase_version": "v2.1", "fps": 10, "total_episodes": 1, "chunks_size": 1000,
+    "features": {"observation.state": {"names": {"motors": ["pan.pos", "lift.pos"]}}, "action": {"names": ["pan", "lift"]},
+                 "observation.images.front": {"dtype": "video"}},
+    "data_path": "data-{episode_index:03d}.parquet", "video_path": "{video_key}.mp4",
+}  # fmt: skip
+
+
+@cache
+def folder() -> Path:
+    """A dataset without its info.json, and a place for files."""
+    place = Path(tempfile.mkdtemp(prefix="fuzz-recordings-"))
+    (place / "dataset/meta").mkdir(parents=True)
+    rows = [[0.1, 0.2], [0.1, 0.2]]
+    table = pa.table(
+        {"observation.state": rows, "action": rows, "timestamp": [0.0, 0.1], "episode_index": [0, 0]}
+    )
+    pyarrow.parquet.write_table(table, place / "dataset/data-000.parquet")
+    (place / "dataset/observation.images.front.mp4").touch()
+    return place
+
+
+def joints(data: bytes) -> bool:
+    file = folder() / "joints.csv"
+    file.write_bytes(data)
+    joint_csv(file, False)
+    return True
+
+
+def mcap(data: bytes) -> bool:
+    file = folder() / "recording.mcap"
+    file.write_bytes(data)
+    for _, picture in read_recording(file).pictures():
+        assert picture.ndim == 3 and picture.dtype == "uint8"
+    return True
+
+
+def info(data: bytes) -> bool:
+    (folder() / "dataset/meta/info.json").write_bytes(data)
+    read_recording(folder() / "dataset")
+    return True
+
+
+def _mcap(packed: bool) -> bytes:
+    from mcap.writer import CompressionType
+    from mcap_ros2.writer import Writer
+    from PIL import Image
+
+    header = "std_msgs/Header header\n"
+    stamp = "================\nMSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n================\nMSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n"
+    stream, picture = io.BytesIO(), io.BytesIO()
+    Image.new("RGB", (20, 16)).save(picture, "PNG")
+    writer = Writer(stream, compression=CompressionType.LZ4 if packed else CompressionType.NONE)
+    states = writer.register_msgdef(
+        "sensor_msgs/msg/JointState",
+        header + "string[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n" + stamp,
+    )
+    pictures = writer.register_msgdef(
+        "sensor_msgs/msg/CompressedImage", header + "string format\nuint8[] data\n" + stamp
+    )
+    for k in range(2):
+        head = {"stamp": {"sec": 5 + k, "nanosec": 0}, "frame_id": ""}
+        body = {"header": head, "name": ["pan", "lift"], "position": [0.1, 0.2], "velocity": [], "effort": []}
+        writer.write_message("/joints", states, body, log_time=k)
+        writer.write_message(
+            "/camera", pictures, {"header": head, "format": "png", "data": picture.getvalue()}, log_time=k
+        )
+    writer.finish()
+    return stream.getvalue()
+
+
+RECORDINGS = {
+    "joints_csv": Target(joints, (JOINTS,)),
+    "lerobot_info": Target(info, (json.dumps(INFO).encode(),), True),
+}
+if find_spec("mcap_ros2"):
+    RECORDINGS["mcap"] = Target(mcap, (_mcap(False), _mcap(True)))
