@@ -44,7 +44,8 @@ class Recorder:
         old = [table for stem in ("frames", "detections") if (table := find_table(folder, stem)) is not None]
         self.taken: dict[int, Taken] = {}
         if overwrite:
-            for file in old:
+            # The frames last: detections without them would be of other pictures.
+            for file in reversed(old):
                 file.unlink()
         elif old:
             self._resume(old)
