@@ -131,11 +131,8 @@ const LONGEST: Duration = Duration::from_secs(60);
 /// Garbage is diagnosed without a panic, in time, without a number that is none, and is never called sound.
 pub fn diagnosis(data: &[u8]) {
     let Ok(recording) = made(&mut Bytes::new(data)).validated(ROBOT.position_count()) else { return };
-    let options = DiagnoseOptions {
-        most_causes: 1,
-        cancel: Cancel::after(LONGEST),
-        ..DiagnoseOptions::default()
-    };
+    let options =
+        DiagnoseOptions { most_causes: 1, cancel: Cancel::after(LONGEST), ..DiagnoseOptions::default() };
     match diagnose(&ROBOT, &recording, &options, &[]) {
         Ok(found) => {
             assert!(
