@@ -2,7 +2,7 @@
 //! whose blobs are false now and then, have heavy tails or linger, whose corners go together, and whose stated noise is off.
 
 use crate::gap_world::{Plan, World, Wrong};
-use mirror_core::diagnose::{Cause, DiagnoseOptions, Diagnosis, Recording, Target, diagnose};
+use mirror_core::diagnose::{Cause, DiagnoseOptions, Diagnosis, Recording, Target, Verdict, diagnose};
 use mirror_core::robot::Robot;
 use nalgebra::Vector2;
 use rand::{Rng, SeedableRng};
@@ -191,4 +191,25 @@ fn a_spring_that_stiffens_is_as_uncertain_as_its_law() {
         assert!((found.value - compliance).abs() < 2.0 * found.std, "{said}");
         assert!(found.std < 0.15 * compliance, "{said}");
     }
+}
+
+#[test]
+fn a_joint_that_rests_elsewhere_each_time_is_told_by_its_place_and_nothing_else_is() {
+    let world = World::new(4, false);
+    let mut recording = world.record(&Plan { postures: 45, seed: 77, ..Plan::default() });
+    let robot = Robot::from_urdf_str(&world.urdf()).unwrap();
+    let joint = robot.position_index("r_shoulder_yaw").unwrap();
+    let mut random = ChaCha8Rng::seed_from_u64(78);
+    let (mut posture, mut error) = (i64::MIN, 0.0);
+    for frame in &mut recording.frames {
+        if frame.posture != posture {
+            posture = frame.posture;
+            error = 0.012 * Distribution::<f64>::sample(&StandardNormal, &mut random);
+        }
+        frame.commanded[joint] += error;
+    }
+    let told = diagnosed(&world, &recording);
+    assert!(matches!(told.verdict, Verdict::Unknown | Verdict::Partial), "{}", told.sentence);
+    assert_eq!(told.r#where[0].at, "joint:r_shoulder_yaw", "{:?} {:#?}", told.r#where, told.trace);
+    assert!(told.causes.iter().all(|c| c.at == "joint:r_shoulder_yaw"), "{:?}", told.causes);
 }

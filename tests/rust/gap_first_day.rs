@@ -129,6 +129,29 @@ fn a_column_that_is_late_by_a_posture_is_named_with_its_delay() {
 }
 
 #[test]
+fn a_clock_that_is_late_by_a_row_and_a_part_is_named_once() {
+    let world = world();
+    let mut recording = world.record(&Plan { views: 1, postures: 60, ..plan(8) });
+    let old: Vec<Vec<f64>> = recording.frames.iter().map(|f| f.commanded.clone()).collect();
+    for f in 2..old.len() {
+        let between = old[f - 1].iter().zip(&old[f - 2]);
+        recording.frames[f].commanded = between.map(|(now, before)| 0.7 * now + 0.3 * before).collect();
+    }
+    let diagnosis = run(&world, &recording);
+    assert_eq!(named(&diagnosis), ["joint_late@robot"], "{:#?}", diagnosis.trace);
+    assert!((value(&diagnosis, "delay_s") - 1.3).abs() < 0.05, "{:?}", diagnosis.causes);
+}
+
+#[test]
+fn a_camera_mounted_askew_is_no_other_resolution() {
+    let world = world();
+    // Two degrees and more: no flat mirror shows the boards where they are seen then.
+    let wrong = vec![Wrong::CameraMount([0.045, -0.04, 0.05, 0.008, -0.006, 0.007])];
+    let diagnosis = run(&world, &world.record(&Plan { wrong, ..plan(17) }));
+    assert_eq!(named(&diagnosis), ["camera_mount@camera"], "{:#?}", diagnosis.trace);
+}
+
+#[test]
 fn a_log_that_stands_still_is_named_with_its_rows() {
     let world = world();
     let mut recording = world.record(&plan(9));

@@ -36,6 +36,7 @@ mod prepare;
 mod random_effects;
 mod report;
 mod screening;
+mod second_opinion;
 mod selection;
 
 #[cfg(test)]
@@ -54,6 +55,6 @@ pub use effects::about::{PlaceKind, WrittenTo};
 pub use effects::everywhere::{MistakeInfo, mistakes};
 pub use effects::own::{OwnAxis, OwnEffect, OwnParameter, OwnPlace, Quantities, quantities};
 pub use effects::registry::{EffectInfo, effects};
-pub use pipeline::diagnose;
 pub use prepare::options::{DiagnoseOptions, OtherSession};
 pub use screening::{Screening, screen_once};
+pub use second_opinion::diagnose;

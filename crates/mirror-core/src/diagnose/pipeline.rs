@@ -2,8 +2,9 @@
 
 use crate::diagnose::assessment::evidence::{self, Sources};
 use crate::diagnose::assessment::findings::Findings;
-use crate::diagnose::assessment::noise_floor::is_reached;
+use crate::diagnose::assessment::noise_floor::{is_no_noise, is_reached};
 use crate::diagnose::assessment::other_session::check;
+use crate::diagnose::assessment::survivors::keep_survivors;
 use crate::diagnose::criteria::cross_validation::in_sample;
 use crate::diagnose::criteria::lack_of_fit::adequacy;
 use crate::diagnose::data::diagnosis::{Diagnosis, Verdict};
@@ -26,9 +27,10 @@ use crate::diagnose::report::seen_markers::seen_markers;
 use crate::diagnose::selection::alternatives::settled;
 use crate::diagnose::selection::law_remainder::{MANY_CAUSES, only_their_laws};
 use crate::diagnose::selection::nonparametric::{
-    beside_free_forms, is_suspicious, retract_imitators, unexplained,
+    Unexplained, beside_free_forms, is_suspicious, retract_imitators, unexplained,
 };
 use crate::diagnose::selection::pairwise_start::from_a_pair;
+use crate::diagnose::selection::restless::beside_restless_joint;
 use crate::diagnose::selection::search::{Search, SearchOptions};
 use crate::diagnose::selection::simplify::{comes_down, drop_useless, gaps, named_in_vain, without_names};
 use crate::diagnose::selection::with_setup::{look_again_at_noise, with_or_without_setup};
@@ -133,6 +135,7 @@ pub fn diagnose(
         without_false(&search.problem, &search.deformation(&found.fit.model), found.noise)?;
     let mut fits_noise = adequacy(&clean, &search.deformation(&found.fit.model), search.measured_noise)?;
     let named = search.clone();
+    let doubtful = fits_noise.significant && !freed;
     let many_false = false_share > MANY_FALSE;
     let enough = !fits_noise.significant && !fits_noise.corners_significant && !many_false;
     if !(freed && enough)
@@ -147,7 +150,17 @@ pub fn diagnose(
             without_false(&search.problem, &search.deformation(&found.fit.model), found.noise)?;
         fits_noise = adequacy(&clean, &search.deformation(&found.fit.model), search.measured_noise)?;
     }
-    if options.allows("geometry") && (fits_noise.significant || found.fit.model.terms.len() > MANY_CAUSES) {
+    let mut restless = None;
+    if doubtful && let Some(beside) = beside_restless_joint(&search, &found, &nominal)? {
+        restless = Some(beside.node);
+        (search, found) = (beside.search, beside.found);
+        (clean, false_share) =
+            without_false(&search.problem, &search.deformation(&found.fit.model), found.noise)?;
+    }
+    if restless.is_none()
+        && options.allows("geometry")
+        && (fits_noise.significant || found.fit.model.terms.len() > MANY_CAUSES)
+    {
         if let Some(beside) = beside_geometry(&named, (&mut search, &mut found), &nominal)? {
             geometry = Some(beside.geometry);
             (search, found) = (beside.search, beside.found);
@@ -170,13 +183,17 @@ pub fn diagnose(
     let free = found.fit.model.terms.iter().any(|t| search.catalogue.is_free(t.hypothesis));
     let left = adequacy(&search.problem, &search.deformation(&found.fit.model), search.measured_noise)?;
     let named = !found.fit.model.terms.is_empty() || !found.fit.model.group.is_empty();
-    let unexplained = match unexplained(&search, &found, &left, &after)? {
-        // A remainder of no place and no structure, where the named causes reach the floor: the noise's tails.
-        Some(rest) if named && rest.is_scatter() && is_reached(&search, &found.fit, &after)? => None,
-        other => other,
+    // Where the named causes reach the floor, a remainder of no structure is the noise's tails.
+    let reached = named && !free && is_reached(&search, &found.fit, &after)?;
+    let unexplained = match restless {
+        Some(node) => Some(Unexplained::restless(node)),
+        None => unexplained(&search, &found, &left, reached)?,
     };
+    // Nothing agrees with views that disagree among themselves.
+    let loud = is_no_noise(search.measured_noise, stated).then(Unexplained::anywhere);
+    let unexplained = unexplained.or(loud);
     if free {
-        after = without_names(&search, &mut found, &mut standings, &before)?;
+        after = without_names(&search, &mut found, &mut standings)?;
     }
     if named_in_vain(&search, &found, &before, &after) {
         found.trace.push("no cause is named: together they leave the held-out gap no smaller".into());
@@ -198,6 +215,7 @@ pub fn diagnose(
         mistakes,
     };
     options.progress.enter("telling what it is worth");
+    keep_survivors(&mut findings, &ranking)?;
     let mut checked = Vec::new();
     for other in others {
         checked.push(check(&findings, other)?);

@@ -9,4 +9,5 @@ pub(super) mod noise_floor;
 pub(super) mod other_session;
 pub(super) mod posture_draws;
 pub(super) mod stability;
+pub(super) mod survivors;
 pub(super) mod uncertainty;

@@ -7,7 +7,7 @@
 //! gap after is made, tails, detector and all, so that gap and floor are sizes of the same kind.
 
 use crate::diagnose::criteria::cross_validation::{PostureGap, gap_of, seen_size, size};
-use crate::diagnose::criteria::lack_of_fit::NOTICEABLE_EXCESS;
+use crate::diagnose::criteria::lack_of_fit::{NOTICEABLE_EXCESS, SIGNIFICANT_DEVIATIONS};
 use crate::diagnose::likelihood::fit::Fit;
 use crate::diagnose::likelihood::noise_correlation::successive_correlation;
 use crate::diagnose::likelihood::saturated::{FreePosture, free_markers};
@@ -127,6 +127,13 @@ pub(crate) fn is_reached(search: &Search<'_>, fit: &Fit, after: &[PostureGap]) -
     let pixels = size(after).rms_px.is_some();
     let floor = if pixels { size_of_floor.px } else { size_of_floor.m };
     Ok(floor > 0.0 && (seen_size(after) / floor).powi(2) < 1.0 + NOTICEABLE_EXCESS)
+}
+
+/// Whether what passes for the markers' noise is none: the views of one posture disagree by more than a detector ever does that finds
+/// corners as well as these are found, or that is as good as the session states.
+pub(crate) fn is_no_noise(measured: Noise, stated: Noise) -> bool {
+    let usual = measured.corner_px.max(stated.marker_px);
+    (measured.marker_px / usual).ln() > SIGNIFICANT_DEVIATIONS * STATED_LOG_STD
 }
 
 /// How many parameters a fit has taken from the data: of one under a prior, the share that the data tell.

@@ -22,7 +22,7 @@ use rayon::prelude::*;
 use std::collections::HashMap;
 
 /// Resamples.
-const RESAMPLES: usize = 40;
+pub(crate) const RESAMPLES: usize = 40;
 /// Blocks of successive postures at most.
 const MOST_BLOCKS: usize = 64;
 /// Hypotheses that compete with the causes found: their rivals first, then those that the first look ranked highest.
@@ -39,6 +39,8 @@ const LEAST_MOUNT_ODDS: f64 = 3.0;
 pub(crate) struct Stability {
     /// Of each term of the model; none of free-form errors.
     pub terms: Vec<Option<f64>>,
+    /// As above, of the term or of a rival that the data cannot tell from it.
+    pub or_rivals: Vec<Option<f64>>,
     /// Of each displaced mount that was asked for.
     pub mounts: Vec<f64>,
 }
@@ -79,7 +81,8 @@ pub(crate) fn stability(
     let model = &findings.found.fit.model;
     let named = model.terms.iter().filter(|t| !findings.search.catalogue.is_free(t.hypothesis)).count();
     if named == 0 && mounts.is_empty() {
-        return Ok(Stability { terms: vec![None; model.terms.len()], mounts: Vec::new() });
+        let none = vec![None; model.terms.len()];
+        return Ok(Stability { terms: none.clone(), or_rivals: none, mounts: Vec::new() });
     }
     let (whole, first_group) = blocks(findings, standings, ranking)?;
     let count = whole.blocks.len();
@@ -111,8 +114,16 @@ pub(crate) fn stability(
     let of_term = |hypothesis: usize| {
         (!findings.search.catalogue.is_free(hypothesis)).then(|| share(&|r| r.0.contains(&hypothesis)))
     };
+    let or_rivals = |hypothesis: usize, standing: Option<&Standing>| {
+        let rivals: Vec<usize> = standing.iter().flat_map(|s| &s.rivals).map(|r| r.hypothesis).collect();
+        let found = |r: &CameOut| r.0.iter().any(|h| *h == hypothesis || rivals.contains(h));
+        (!findings.search.catalogue.is_free(hypothesis)).then(|| share(&found))
+    };
+    let with_standing =
+        model.terms.iter().zip(standings.iter().map(Option::as_ref).chain(core::iter::repeat(None)));
     Ok(Stability {
         terms: model.terms.iter().map(|t| of_term(t.hypothesis)).collect(),
+        or_rivals: with_standing.map(|(t, standing)| or_rivals(t.hypothesis, standing)).collect(),
         mounts: (0..mounts.len()).map(|k| share(&|r| r.1[k])).collect(),
     })
 }

@@ -1,6 +1,5 @@
 //! Whether what a model leaves is more than noise: the lack-of-fit test on free markers.
 
-use crate::diagnose::criteria::cross_validation::{PostureGap, seen_size};
 use crate::diagnose::likelihood::saturated::free_markers;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::problem::{Noise, Problem};
@@ -12,7 +11,7 @@ const QUANTILE: f64 = 0.7;
 const QUANTILE_DEVIATION: f64 = 0.524;
 /// The excess must be this many standard deviations of its own scatter, and this share of the noise's variance: smaller
 /// remainders are real but do not matter (12 % of the noise's standard deviation).
-const SIGNIFICANT_DEVIATIONS: f64 = 6.0;
+pub(crate) const SIGNIFICANT_DEVIATIONS: f64 = 6.0;
 pub(crate) const NOTICEABLE_EXCESS: f64 = 0.25;
 /// Corners above their noise by this share of its variance show wrong optics.
 const NOTICEABLE_CORNER_EXCESS: f64 = 0.5;
@@ -24,12 +23,6 @@ pub(crate) struct Adequacy {
     pub excess: f64,
     pub significant: bool,
     pub corners_significant: bool,
-}
-
-/// Whether a held-out gap is no larger than the measurement's own noise makes it.
-pub(crate) fn at_the_noise(problem: &Problem, noise: Noise, gap: &[PostureGap]) -> bool {
-    let (unit, axes) = if problem.camera.is_some() { (noise.marker_px, 2.0) } else { (noise.point_m, 3.0) };
-    (seen_size(gap) / unit).powi(2) < (1.0 + NOTICEABLE_EXCESS) * axes
 }
 
 /// Tests a model: under noise alone, what setting the markers free gains is χ² of as many degrees as it takes up.

@@ -4,5 +4,6 @@ pub(super) mod fit;
 pub(super) mod noise;
 pub(super) mod noise_correlation;
 pub(super) mod normal_equations;
+pub(super) mod probability;
 pub(super) mod saturated;
 pub(super) mod score_test;

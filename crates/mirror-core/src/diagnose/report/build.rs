@@ -13,6 +13,7 @@ use crate::diagnose::data::diagnosis::{
 };
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::effects::{Concern, Place};
+use crate::diagnose::likelihood::probability::tempered;
 use crate::diagnose::likelihood::score_test::Score;
 use crate::diagnose::model::elementary::Atom;
 use crate::diagnose::prepare::false_observations::MANY_FALSE;
@@ -24,7 +25,7 @@ use crate::diagnose::report::rms_shift::rms_shift;
 use crate::diagnose::report::sentence::sentence;
 use crate::diagnose::report::setup_causes::{setup_causes, zeros_log_bayes};
 use crate::diagnose::report::signature::free_errors;
-use crate::diagnose::selection::alternatives::{Standing, tempered};
+use crate::diagnose::selection::alternatives::Standing;
 use crate::error::Result;
 use crate::robot::Robot;
 use std::collections::BTreeMap;

@@ -4,11 +4,11 @@ use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::data::diagnosis::{Cause, Estimate};
 use crate::diagnose::effects::Concern;
 use crate::diagnose::likelihood::fit::Fit;
+use crate::diagnose::likelihood::probability::tempered;
 use crate::diagnose::model::elementary::Atom;
 use crate::diagnose::random_effects::displaced::{LEAST_LOG_ODDS, log_bayes, members_of};
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
 use crate::diagnose::report::rms_shift::rms_shift;
-use crate::diagnose::selection::alternatives::tempered;
 use crate::error::Result;
 
 /// The displaced mounts of a set-up, as causes, each with its columns of the group.

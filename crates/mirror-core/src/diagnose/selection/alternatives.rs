@@ -1,9 +1,10 @@
 //! How sure a cause is: its rivals, each fitted in its place, and their probabilities.
 
 use crate::diagnose::criteria::cross_validation::PostureGap;
-use crate::diagnose::criteria::cross_validation::seen_size;
 use crate::diagnose::effects::hypothesis::Model;
 use crate::diagnose::likelihood::fit::Fit;
+use crate::diagnose::likelihood::probability::{TEMPER, UNTHOUGHT_OF};
+use crate::diagnose::model::problem::Noise;
 use crate::diagnose::selection::search::{Found, Search, SearchOptions};
 use crate::error::Result;
 
@@ -11,17 +12,8 @@ use crate::error::Result;
 const RIVALS: usize = 8;
 /// Rivals below this are not worth a word.
 pub(crate) const LEAST_PROBABILITY: f64 = 0.01;
-/// Evidence is taken to this power: laws are never exact, so that data speak less than they seem to.
-const TEMPER: f64 = 0.35;
 /// A rival that is less likely than the cause by this (log) at a coarse noise is none.
 const FAR_BEHIND: f64 = 8.0;
-/// What is kept back for a cause that nobody thought of.
-const UNTHOUGHT_OF: f64 = 0.01;
-
-/// Probability of a cause of which only its log odds against nothing are known.
-pub(crate) fn tempered(log_odds: f64) -> f64 {
-    (1.0 - UNTHOUGHT_OF) / (1.0 + (-TEMPER * log_odds).exp())
-}
 
 /// A hypothesis with its probability.
 #[derive(Debug, Clone)]
@@ -32,35 +24,43 @@ pub(crate) struct Rival {
 }
 
 /// The probability of the i-th cause and of its rivals, best first; and of there being nothing.
+#[derive(Debug, Clone)]
 pub(crate) struct Standing {
     pub probability: f64,
     pub rivals: Vec<Rival>,
+    nothing: f64,
 }
 
 impl Standing {
     /// The rival that is likelier than the cause.
     fn likelier(&self) -> Option<&Rival> {
-        self.rivals.first().filter(|r| r.probability > self.probability)
+        self.rivals.first().filter(|r| r.probability > self.probability && r.probability > self.nothing)
     }
 
-    /// Whether something else, or nothing, is likelier.
-    fn gives_way(&self) -> bool {
-        self.likelier().is_some() || self.probability < NO_CAUSE
+    /// By what factor evidence has something else, or nothing, likelier than the cause; 1 or less where it has not.
+    fn challenged(&self) -> f64 {
+        let best = self.rivals.first().map_or(0.0, |r| r.probability).max(self.nothing);
+        best / self.probability
     }
 
-    /// Evidence is against the cause, held-out regions are for it: neither can be believed alone.
-    fn dispute(&mut self) {
-        if self.probability < DISPUTED {
-            let rivals: f64 = self.rivals.iter().map(|r| r.probability).sum();
-            let scale = (DISPUTED / rivals.max(DISPUTED)).min(1.0);
-            self.rivals.iter_mut().for_each(|r| r.probability *= scale);
-            self.probability = DISPUTED;
-        }
+    /// By what factor the challenger is likelier once held-out regions have their say as well, which speak for it by these log odds:
+    /// the two opinions pooled with equal weights (Genest and Zidek 1986).
+    fn pooled(&self, held_out: f64) -> f64 {
+        (self.challenged() * (TEMPER * held_out).exp()).sqrt()
+    }
+
+    /// The challengers are likelier than the cause by this factor at most, and no longer by what evidence alone says.
+    fn disputed(&mut self, by: f64) {
+        let scale = by / self.challenged();
+        self.rivals.iter_mut().for_each(|r| r.probability *= scale);
+        self.nothing *= scale;
+        let total = self.probability + self.nothing + self.rivals.iter().map(|r| r.probability).sum::<f64>();
+        let scale = (1.0 - UNTHOUGHT_OF) / total;
+        self.rivals.iter_mut().for_each(|r| r.probability *= scale);
+        self.nothing *= scale;
+        self.probability *= scale;
     }
 }
-
-/// Probability of a cause that evidence and held-out regions disagree on.
-const DISPUTED: f64 = 0.5;
 
 /// Fits the best rivals in the place of the i-th cause and weighs them.
 ///
@@ -94,7 +94,7 @@ pub(crate) fn standing(search: &Search<'_>, found: &Found, i: usize) -> Result<S
         .collect();
     rivals.retain(|r| r.probability >= LEAST_PROBABILITY);
     rivals.sort_by(|a, b| b.probability.total_cmp(&a.probability));
-    Ok(Standing { probability: scale, rivals })
+    Ok(Standing { probability: scale, rivals, nothing: nothing * scale })
 }
 
 /// The best rivals in the place of the i-th cause, fitted. First at the noise as large as the model without the cause leaves it:
@@ -131,11 +131,9 @@ fn rivals_at_all_noises(
 
 /// Rounds in which causes give way to their rivals.
 const ROUNDS: usize = 4;
-/// A cause that is less probable than this is none.
-const NO_CAUSE: f64 = 0.05;
 
-/// The standing of every cause, once each has given way to a rival that is more probable and predicts held-out regions no
-/// worse, or to nothing; none for free-form errors. `after` is the held-out gap.
+/// The standing of every cause, once each has given way to a rival, or to nothing, where evidence and held-out regions together have
+/// that likelier; none for free-form errors. `after` is the held-out gap.
 ///
 /// # Errors
 /// A camera or mirror that cannot be.
@@ -149,7 +147,7 @@ pub(crate) fn settled(
         let mut changed = false;
         for (i, standing) in standings.iter_mut().enumerate() {
             let Some(standing) = standing else { continue };
-            if !standing.gives_way() {
+            if standing.challenged() <= 1.0 {
                 continue;
             }
             let rival = standing.likelier();
@@ -162,9 +160,9 @@ pub(crate) fn settled(
                 None => rest,
             };
             let gap = search.held_out(&next.model, found.noise)?;
-            let worse = if search.group.columns.is_empty() { NO_WORSE } else { NO_WORSE_BESIDE_GEOMETRY };
-            if seen_size(&gap) > seen_size(after) * worse {
-                standing.dispute();
+            let pooled = standing.pooled(held_out_odds(&gap, after, found.noise));
+            if pooled <= 1.0 {
+                standing.disputed(pooled);
                 continue;
             }
             let name = |h: usize| search.catalogue.name(&search.problem.scene, h);
@@ -182,14 +180,25 @@ pub(crate) fn settled(
     }
     // Still not at rest: what would give way again is not to be believed.
     let mut last = standings(search, found)?;
-    last.iter_mut().flatten().filter(|s| s.gives_way()).for_each(Standing::dispute);
+    last.iter_mut().flatten().filter(|s| s.challenged() > 1.0).for_each(|s| s.disputed(1.0));
     Ok(last)
 }
 
-/// The held-out gap may grow by this factor where a more probable cause comes in.
-const NO_WORSE: f64 = 1.002;
-/// The same beside many small errors, of which a cause must stand out.
-const NO_WORSE_BESIDE_GEOMETRY: f64 = 1.02;
+/// By how much one model's held-out gap is likelier than another's, log, at a noise.
+pub(crate) fn held_out_odds(one: &[PostureGap], other: &[PostureGap], noise: Noise) -> f64 {
+    let pixels = one.iter().any(|g| g.pixels > 0.0);
+    let square = |gaps: &[PostureGap]| -> f64 {
+        let of = |g: &PostureGap| {
+            if pixels {
+                g.square_sum_px2 / noise.marker_px.powi(2)
+            } else {
+                g.square_sum_m2 / noise.point_m.powi(2)
+            }
+        };
+        gaps.iter().map(of).sum()
+    };
+    0.5 * (square(other) - square(one))
+}
 
 fn standings(search: &Search<'_>, found: &Found) -> Result<Vec<Option<Standing>>> {
     (0..found.fit.model.terms.len())

@@ -5,6 +5,7 @@ pub(super) mod law_remainder;
 pub(super) mod nonparametric;
 pub(super) mod pairwise_start;
 pub(super) mod posterior_odds;
+pub(super) mod restless;
 pub(super) mod search;
 pub(super) mod simplify;
 pub(super) mod with_setup;

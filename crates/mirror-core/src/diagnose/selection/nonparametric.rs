@@ -5,12 +5,12 @@
 //! explains it better and with fewer numbers. So the search is repeated with [free forms](crate::diagnose::random_effects::free_form) as hypotheses like
 //! any other, at longer odds than the vocabulary's; where the best of those models needs one, the vocabulary is not enough.
 
-use crate::diagnose::criteria::cross_validation::PostureGap;
-use crate::diagnose::criteria::lack_of_fit::{Adequacy, at_the_noise};
+use crate::diagnose::criteria::lack_of_fit::Adequacy;
 use crate::diagnose::criteria::marker_shift::marker_shift;
 use crate::diagnose::effects::Place;
 use crate::diagnose::effects::hypothesis::{Catalogue, Model};
 use crate::diagnose::likelihood::score_test::screen;
+use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::problem::Noise;
 use crate::diagnose::selection::search::{Found, Search, SearchOptions};
 use crate::error::Result;
@@ -18,7 +18,7 @@ use crate::error::Result;
 /// A free-form error that gains this (log odds) beside the causes found is worth the search.
 const WORTH_A_SEARCH: f64 = 6.0;
 /// Free-form errors must beat causes by this (log odds): laws are never exact, and data that contradict them are many.
-const LEAST_LOG_ODDS: f64 = 10.0;
+pub(crate) const LEAST_LOG_ODDS: f64 = 10.0;
 /// A remainder whose variance is this many times the noise's is no scatter, wherever it comes from.
 const LARGE_EXCESS: f64 = 1.5;
 /// A cause beside a free-form error at its own joint stands only where its shift, squared, is so many times the error's.
@@ -33,9 +33,21 @@ pub(crate) struct Unexplained {
 }
 
 impl Unexplained {
-    /// Whether it has neither a place nor anything that it depends on.
-    pub fn is_scatter(&self) -> bool {
-        self.places.iter().all(|p| p.place.is_none() && p.depends_on.is_none())
+    /// A joint that rests elsewhere each time.
+    pub fn restless(node: NodeId) -> Self {
+        let place = Some(Place::Joint(node));
+        Self {
+            places: vec![UnexplainedPlace {
+                place,
+                depends_on: Some("posture, each by itself".into()),
+                shift: 1.0,
+            }],
+        }
+    }
+
+    /// A remainder of no known place.
+    pub fn anywhere() -> Self {
+        Self { places: vec![UnexplainedPlace { place: None, depends_on: None, shift: 0.0 }] }
     }
 }
 
@@ -140,7 +152,8 @@ pub(crate) fn smaller(a: Noise, b: Noise) -> Noise {
     if size(&a) < size(&b) { a } else { b }
 }
 
-/// What the result leaves unexplained: its free-form errors, or a remainder that no place explains.
+/// What the result leaves unexplained: its free-form errors, or a remainder that no place explains; none where the named causes have
+/// `reached` the floor and there are no such errors.
 ///
 /// # Errors
 /// A camera or mirror that cannot be.
@@ -148,7 +161,7 @@ pub(crate) fn unexplained(
     search: &Search<'_>,
     found: &Found,
     adequacy: &Adequacy,
-    after: &[PostureGap],
+    reached: bool,
 ) -> Result<Option<Unexplained>> {
     let scene = &search.problem.scene;
     let all = search.deformation(&found.fit.model);
@@ -168,9 +181,8 @@ pub(crate) fn unexplained(
     out.places.sort_by(|a, b| b.shift.total_cmp(&a.shift));
     if out.places.is_empty() {
         // A small remainder that no free form finds a structure in is scatter: coloured noise, postures not quite settled.
-        // Causes explain the gap where they leave no more than the noise of it.
         let named = !found.fit.model.terms.is_empty() || !found.fit.model.group.is_empty();
-        if named && at_the_noise(&search.problem, search.measured_noise, after) {
+        if reached {
             return Ok(None);
         }
         let large = adequacy.significant && (named || adequacy.excess >= LARGE_EXCESS);

@@ -126,15 +126,11 @@ pub(crate) fn without_names(
     search: &Search<'_>,
     found: &mut Found,
     standings: &mut Vec<Option<Standing>>,
-    before: &[PostureGap],
 ) -> Result<Vec<PostureGap>> {
     let is_free = |t: &Term| search.catalogue.is_free(t.hypothesis);
     let gap_of = |model: &Model| -> Result<Vec<PostureGap>> {
         let mut causes = model.clone();
         causes.terms.retain(|t| !is_free(t));
-        if causes.terms.is_empty() && causes.group.is_empty() {
-            return Ok(before.to_vec());
-        }
         search.held_out(&causes, found.noise)
     };
     let mut model = found.fit.model.clone();

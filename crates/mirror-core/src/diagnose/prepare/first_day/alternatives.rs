@@ -18,6 +18,8 @@ const ZERO_STEP: f64 = PI / 12.0;
 /// Whole rows by which a column may be late, and parts of a row.
 const LATE_ROWS: usize = 8;
 const LATE_PARTS: usize = 10;
+/// A part of a row must shrink the loss by this share: a whole number needs no other explanation.
+const WORTH_A_PART: f64 = 0.05;
 /// Rows by which a measurement may have slipped.
 const SLIPPED_ROWS: i64 = 6;
 /// A run of fewer rows, or of fewer postures, is none.
@@ -160,7 +162,7 @@ impl<'a> Session<'a> {
         out
     }
 
-    /// A run of rows that holds other rows' measurement.
+    /// A run of rows that holds other rows' measurement. Of nearly all rows that is a log that is late ([`Session::late`]).
     pub fn of_rows(&self, variant: &Variant) -> Vec<Mistake> {
         let own = self.frame_losses(variant);
         let count = own.len();
@@ -171,6 +173,10 @@ impl<'a> Session<'a> {
             let other = self.frame_losses(&shifted);
             let gains: Vec<f64> = own.iter().zip(&other).map(|(a, b)| a.0 - b.0).collect();
             if let Some((first, last)) = best_run(&gains).filter(|(a, b)| b - a + 1 >= SHORTEST_RUN) {
+                let all = (last + 1 - first) as f64 >= NEARLY_ALL * count as f64;
+                if all && shift > 0 {
+                    continue;
+                }
                 out.push(Mistake::Rows { first, last, shift });
             }
         }
@@ -307,6 +313,20 @@ impl<'a> Session<'a> {
                 let of = |rows| Mistake::Late { joint, rows, kind };
                 let part = 1.0 / LATE_PARTS as f64;
                 of(least((rows - part).max(0.01), (rows + part).min(0.99), |x| loss(&of(x))))
+            }
+            Mistake::Late { joint, rows, .. } => {
+                // Late by more than a row: between the rows beside the best whole one.
+                let between = |(kind, from): (LateKind, f64)| {
+                    let of = |rows| Mistake::Late { joint, rows, kind };
+                    let best = of(least(from + 0.01, from + 0.99, |x| loss(&of(x))));
+                    (loss(&best), best)
+                };
+                let kinds = [LateKind::Follow, LateKind::Blend];
+                let tried = kinds.into_iter().flat_map(|kind| [(kind, rows - 1.0), (kind, rows)]);
+                let best = core::iter::once((loss(mistake) * (1.0 - WORTH_A_PART), mistake.clone()))
+                    .chain(tried.map(between))
+                    .min_by(|a, b| a.0.total_cmp(&b.0));
+                best.map_or_else(|| mistake.clone(), |b| b.1)
             }
             _ => mistake.clone(),
         }

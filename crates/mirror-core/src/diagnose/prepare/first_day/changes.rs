@@ -14,6 +14,7 @@ use crate::diagnose::model::frame::{FrameWork, PROJECTED, Task};
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::model::slips::{Slip, Slipped};
 use crate::error::Result;
+use core::ops::Range;
 use nalgebra::{DMatrix, DVector, Vector6};
 use rayon::prelude::*;
 
@@ -31,8 +32,11 @@ const LEAST_LOG_ODDS: f64 = 30.0;
 const SLIP_STD: f64 = 0.05;
 /// Steps of differences, rad and m.
 const STEP: f64 = 1e-5;
-/// Rounds in which displacement and small errors are found in turn.
-const ROUNDS: usize = 3;
+/// Rounds at most in which displacement and small errors are found in turn, until what is found more is within chance (in χ²).
+const ROUNDS: usize = 8;
+const WITHIN_CHANCE: f64 = 4.0;
+/// No more of a step is taken to be kept back for the next: a factor of ten on it.
+const MOST_KEPT: f64 = 0.9;
 /// A row farther off than so many deviations counts less: false data must not pass for a slip.
 const FAR: f64 = 60.0;
 
@@ -42,6 +46,7 @@ struct Place {
     frames: Vec<(DMatrix<f64>, DVector<f64>)>,
 }
 
+#[derive(Clone)]
 struct Best {
     slip: Slip,
     gain: f64,
@@ -69,7 +74,11 @@ pub(super) fn find(problem: &Problem, frames: &[usize], least: Noise) -> Result<
     let mut tried = Vec::new();
     for best in bests {
         problem.cancel.check()?;
-        tried.push(settled(problem, frames, least, best)?);
+        let settled = settled(problem, frames, least, best)?;
+        if settled.0.slip.what == Slipped::Board {
+            tried.push(polished(problem, frames, least, settled.0.clone())?);
+        }
+        tried.push(settled);
     }
     let noise = tried.iter().map(|t| t.1.noise).fold(without.noise, smaller);
     let alone = without.log_evidence(noise)?;
@@ -96,26 +105,57 @@ fn settled(problem: &Problem, frames: &[usize], least: Noise, mut best: Best) ->
     with.slips.push(best.slip);
     with.fit_boards()?;
     let mut fit = Tolerant::fitted(&with, frames, least)?;
+    let mut last: Option<Vector6<f64>> = None;
     for round in 0..ROUNDS {
-        let Some(more) = best_slips(&fit, &with)?.into_iter().find(|b| b.slip.what == best.slip.what) else {
-            break;
-        };
+        let place = moved(&with, &fit.deformation(), fit.noise, best.slip.what)?;
         // What is left at the same place from about the same row on belongs to this slip.
-        if round > 0 && more.gain < 4.0 {
+        let first = best.slip.first;
+        let Some(more) = scan(&place, first..first + 1) else { break };
+        if round > 0 && more.gain < WITHIN_CHANCE {
             break;
         }
-        let near = more.slip.first.abs_diff(best.slip.first) < FEWEST_FRAMES;
-        if !near {
-            break;
-        }
-        best.slip.motion += more.slip.motion;
+        // Small errors hold a part of the slip and give it back round by round: the rounds' steps shrink by one factor, and the rest of
+        // that series is taken at once (Aitken).
+        let in_stds = |motion: &Vector6<f64>| motion.component_div(&more.std);
+        let kept = last.map_or(0.0, |last: Vector6<f64>| {
+            let before = in_stds(&last);
+            before.dot(&in_stds(&more.slip.motion)) / before.norm_squared()
+        });
+        last = Some(more.slip.motion);
+        best.slip.motion += more.slip.motion / (1.0 - kept.clamp(0.0, MOST_KEPT));
         best.std = more.std;
-        if let Some(last) = with.slips.last_mut() {
-            *last = best.slip;
+        if let Some(slip) = with.slips.last_mut() {
+            *slip = best.slip;
         }
         with.fit_boards()?;
         fit = Tolerant::fitted(&with, frames, least)?;
     }
+    Ok((best, fit))
+}
+
+/// A slip of the board with all small errors at nothing but for what sits elsewhere throughout, and these only then: two small errors that
+/// cancel each other move the point about which it turned, and pass for a part of its shift.
+fn polished(problem: &Problem, frames: &[usize], least: Noise, mut best: Best) -> Result<(Best, Tolerant)> {
+    let mut with = problem.clone();
+    with.slips.push(best.slip);
+    for _ in 0..ROUNDS {
+        with.fit_boards()?;
+        let nominal = with.nominal();
+        let noise = effective(&with, &nominal, least, None)?;
+        let first = best.slip.first;
+        let Some(more) = scan(&moved(&with, &nominal, noise, best.slip.what)?, first..first + 1) else {
+            break;
+        };
+        if more.gain < WITHIN_CHANCE {
+            break;
+        }
+        best.slip.motion += more.slip.motion;
+        best.std = more.std;
+        if let Some(slip) = with.slips.last_mut() {
+            *slip = best.slip;
+        }
+    }
+    let fit = Tolerant::fitted(&with, frames, least)?;
     Ok((best, fit))
 }
 
@@ -159,10 +199,11 @@ fn best_slips(fit: &Tolerant, problem: &Problem) -> Result<Vec<Best>> {
     if problem.camera_site.is_some() {
         places.push(moved(problem, &deformation, fit.noise, Slipped::Camera)?);
     }
-    Ok(places.iter().filter_map(scan).collect())
+    Ok(places.iter().filter_map(|place| scan(place, 0..problem.frames.len())).collect())
 }
 
-fn scan(place: &Place) -> Option<Best> {
+/// The best of some rows from which on the place may sit elsewhere.
+fn scan(place: &Place, rows: Range<usize>) -> Option<Best> {
     let count = place.frames.first()?.0.nrows();
     let zero = || (DMatrix::zeros(count, count), DVector::zeros(count));
     let add = |(h, g): (DMatrix<f64>, DVector<f64>), f: &(DMatrix<f64>, DVector<f64>)| (h + &f.0, g + &f.1);
@@ -174,7 +215,7 @@ fn scan(place: &Place) -> Option<Best> {
     let mut best: Option<Best> = None;
     for k in (FEWEST_FRAMES..place.frames.len()).rev() {
         (h_b, g_b) = add((h_b, g_b), &place.frames[k]);
-        if place.frames.len() - k < FEWEST_FRAMES {
+        if place.frames.len() - k < FEWEST_FRAMES || !rows.contains(&k) {
             continue;
         }
         let e = &g_b - &h_b * &constant;

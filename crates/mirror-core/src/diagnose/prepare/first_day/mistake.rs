@@ -167,6 +167,18 @@ impl Mistake {
         Ok(())
     }
 
+    /// The one mistake that this and then another come to, if they are one: late by whole rows, and by a part of one.
+    pub fn together(&self, other: &Self) -> Option<Self> {
+        let (Self::Late { joint, rows: a, kind: of_a }, Self::Late { joint: its, rows: b, kind: of_b }) =
+            (self, other)
+        else {
+            return None;
+        };
+        let kind = if a.fract() == 0.0 { *of_b } else { *of_a };
+        let whole = a.fract() == 0.0 || b.fract() == 0.0;
+        (whole && joint == its).then_some(Self::Late { joint: *joint, rows: a + b, kind })
+    }
+
     /// Whether it is a slip of this.
     pub fn slips(&self, what: Slipped) -> bool {
         matches!(self, Self::Slip { slip, .. } if slip.what == what)

@@ -4,7 +4,7 @@
 //! or names, a column in another unit, late, or standing still, the camera of another resolution, a mirrored picture, a turned
 //! board, a marker on another link. In order:
 //!
-//! 1. [`optics`]: what the boards alone show to be impossible, undone first;
+//! 1. [`optics`]: what no small error makes possible for the boards, undone first;
 //! 2. [`alternatives`] of the body and of the log, scored at the nominal model by a loss that gross errors do not rule
 //!    ([`misfit`]), singly, and on top of the best few;
 //! 3. [`verify`]: the best few against small errors of every kind at once, by marginal likelihood;
@@ -26,6 +26,7 @@ mod verify;
 
 use crate::diagnose::data::diagnosis::{Cause, LeftOut};
 use crate::diagnose::data::recording::Recording;
+use crate::diagnose::likelihood::probability::{against, tempered};
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::prepare::boards::leave_out_wrong_grids;
 use crate::error::Result;
@@ -50,9 +51,6 @@ const LEAST_FALL: f64 = 0.03;
 const LEAST_SHARE: f64 = 0.12;
 /// Chains of mistakes that are verified.
 const VERIFIED: usize = 3;
-/// No mistake is told as more probable than this: something that nobody thought of may be behind it. One of the optics is this probable,
-/// since the boards show all others to be impossible.
-const MOST_CERTAIN: f64 = 0.99;
 /// Slips at once, and the frames on which small errors are fitted beside them.
 const MOST_SLIPS: usize = 2;
 const FRAMES_OF_SLIPS: usize = 100;
@@ -100,8 +98,8 @@ pub(crate) fn undone(
         left_out: Vec::new(),
         rows_slipped: false,
     };
-    if let Some(mistake) = optics::find(robot, recording, without, &problem.cancel)? {
-        out.undo(&mistake, MOST_CERTAIN)?;
+    if let Some((mistake, odds)) = optics::find(robot, recording, without, &problem.cancel)? {
+        out.undo(&mistake, tempered(odds))?;
     }
     problem.cancel.check()?;
     let (chain, probability) = of_the_body(&mut out, without)?;
@@ -111,7 +109,7 @@ pub(crate) fn undone(
     if !without.iter().any(|w| w == "gravity_direction")
         && let Some((mistake, odds)) = loads::turned_gravity(&out.problem)?
     {
-        out.undo(&mistake, probability_of(odds))?;
+        out.undo(&mistake, tempered(odds))?;
     }
     if !out.rows_slipped && !without.iter().any(|w| w == "slip") {
         for _ in 0..MOST_SLIPS {
@@ -124,7 +122,7 @@ pub(crate) fn undone(
             if out.problem.slips.iter().any(|s| mistake.slips(s.what)) {
                 break;
             }
-            out.undo(&mistake, probability_of(odds))?;
+            out.undo(&mistake, tempered(odds))?;
         }
     }
     if !out.rows_slipped {
@@ -246,20 +244,25 @@ fn extended(session: &Session<'_>, frames: &[usize], chain: &Chain, without: &[S
             mistake.on_variant(&mut variant);
         }
         let mut mistakes = chain.mistakes.clone();
-        mistakes.push(mistake);
+        match mistakes.last().and_then(|last| last.together(&mistake)) {
+            Some(one) => *mistakes.last_mut().unwrap_or(&mut mistake) = one,
+            None => mistakes.push(mistake),
+        }
         Chain { loss: session.misfit.mean_loss(&variant, frames), mistakes, variant }
     };
     let least = (chain.loss * (1.0 - LEAST_SHARE)).min(chain.loss - LEAST_FALL);
-    let mut out: Vec<Chain> =
-        mistakes.par_iter().map(with).filter(|c| c.loss < chain.loss - 0.5 * LEAST_FALL).collect();
-    out.sort_by(|a, b| a.loss.total_cmp(&b.loss));
+    let mut out: Vec<(&Mistake, Chain)> = mistakes
+        .par_iter()
+        .map(|m| (m, with(m)))
+        .filter(|(_, c)| c.loss < chain.loss - 0.5 * LEAST_FALL)
+        .collect();
+    out.sort_by(|a, b| a.1.loss.total_cmp(&b.1.loss));
     out.truncate(2 * BEAM);
     let mut out: Vec<Chain> = out
         .into_iter()
-        .map(|c| {
-            let Some(last) = c.mistakes.last() else { return c };
-            let refined = session.refined(last, &chain.variant, frames);
-            if refined == *last { c } else { with(&refined) }
+        .map(|(mistake, c)| {
+            let refined = session.refined(mistake, &chain.variant, frames);
+            if refined == *mistake { c } else { with(&refined) }
         })
         .filter(|c| c.loss < least)
         .collect();
@@ -302,9 +305,9 @@ fn verified(
         ));
     }
     let Some(best) = best.filter(|b| *b > 0) else { return Ok((Vec::new(), 0.0)) };
-    let odds: f64 =
-        (0..tried.len()).filter(|&i| i != best).map(|i| (POWER * (values[i] - values[best])).exp()).sum();
-    Ok((tried[best].mistakes.clone(), (1.0 / (1.0 + odds)).min(MOST_CERTAIN)))
+    let value = |i: usize| values[i] + prior(&tried[i]);
+    let others: Vec<f64> = (0..tried.len()).filter(|&i| i != best).map(|i| value(i) - value(best)).collect();
+    Ok((tried[best].mistakes.clone(), against(&others)))
 }
 
 /// Keeps the first few chains of which none is another's but for its numbers.
@@ -320,14 +323,6 @@ fn unlike(chains: &mut Vec<Chain>, count: usize) {
         }
     }
     *chains = kept;
-}
-
-/// Exponent of the power posterior: real laws are only roughly those of the model.
-const POWER: f64 = 0.35;
-
-/// Probability of a mistake of which only its log odds against small errors are known.
-fn probability_of(log_odds: f64) -> f64 {
-    (1.0 / (1.0 + (-POWER * log_odds).exp())).min(MOST_CERTAIN)
 }
 
 impl Chain {

@@ -1,10 +1,12 @@
 //! Whole mistakes of camera and board: the wrong resolution, a mirrored picture, a board that is turned.
 //!
-//! The boards tell by themselves: with these mistakes no flat mirror shows their corners where they are seen.
+//! The boards tell by themselves: with these mistakes no flat mirror shows their corners where they are seen. A camera that a hand
+//! mounted askew does nearly the same; so the likeliest mistake is weighed against small errors of every kind ([`super::verify`]).
 
 use super::misfit::Misfit;
 use super::mistake::Mistake;
 use super::variant::Variant;
+use super::verify::{Tolerant, smaller};
 use crate::cancel::Cancel;
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::model::problem::Problem;
@@ -25,7 +27,7 @@ const NO_MIRROR: f64 = 8.0;
 /// Losses of corners and markers must fall by this together.
 const LEAST_GAIN: f64 = 0.5;
 
-/// The mistake of the optics that puts boards and markers right, if one does.
+/// The mistake of the optics that puts boards and markers right, if one does, with its log odds against small errors.
 ///
 /// # Errors
 /// Invalid parameters of camera or mirror.
@@ -34,7 +36,7 @@ pub(super) fn find(
     recording: &Recording,
     without: &[String],
     cancel: &Cancel,
-) -> Result<Option<Mistake>> {
+) -> Result<Option<(Mistake, f64)>> {
     let Some(sight) = recording.sight.as_ref().filter(|s| s.board.is_some()) else { return Ok(None) };
     let step = recording.frames.len().div_ceil(FRAMES).max(1);
     let mut few = recording.clone();
@@ -68,7 +70,36 @@ pub(super) fn find(
             best = Some((gain, mistake));
         }
     }
-    Ok(best.map(|b| b.1))
+    let Some((_, mistake)) = best else { return Ok(None) };
+    let odds = log_odds(robot, &few, &problem, &mistake)?;
+    Ok((odds > super::LEAST_LOG_ODDS).then_some((mistake, odds)))
+}
+
+/// Log odds of a mistake against small errors, these free beside it as well, on the frames in which either can be; infinite where
+/// small errors leave most of the boards without a mirror.
+fn log_odds(robot: &Robot, few: &Recording, nominal: &Problem, mistake: &Mistake) -> Result<f64> {
+    let (mut robot, mut recording) = (robot.clone(), few.clone());
+    mistake.undo(&mut robot, nominal, &mut recording)?;
+    let undone = Problem::new(&robot, &recording)?;
+    let shown = |problem: &Problem| -> Vec<usize> {
+        (0..problem.boards.len()).filter(|&f| problem.boards[f].is_some()).collect()
+    };
+    let mut with = Tolerant::fitted(&undone, &shown(&undone), nominal.noise)?;
+    let Ok(mut without) = Tolerant::fitted(nominal, &shown(nominal), nominal.noise) else {
+        return Ok(f64::INFINITY);
+    };
+    let can = with.predicted()?;
+    let both: Vec<usize> = without.predicted()?.into_iter().filter(|f| can.contains(f)).collect();
+    if 2 * both.len() < can.len() {
+        return Ok(f64::INFINITY);
+    }
+    let noise = smaller(with.noise, without.noise);
+    with.keep(&both);
+    without.keep(&both);
+    let Ok(small_errors) = without.log_evidence(noise) else { return Ok(f64::INFINITY) };
+    let odds = with.log_evidence(noise)? - small_errors;
+    // What a fit loses on its way to the evidence counts as nothing seen, not as no misfit.
+    Ok(if without.predicted()?.len() < both.len() { f64::INFINITY } else { odds })
 }
 
 struct Loss {

@@ -117,6 +117,25 @@ impl Tolerant {
         Ok(out)
     }
 
+    /// The frames, of those that count, that the fitted model predicts: whose board it finds in a mirror.
+    ///
+    /// # Errors
+    /// Invalid parameters of camera or mirror.
+    pub fn predicted(&self) -> Result<Vec<usize>> {
+        let deformation = self.deformation();
+        let eye = self.problem.eye(&deformation)?;
+        let task = Task::of_residuals(&self.problem, &deformation, eye.as_ref(), self.noise);
+        let mut work = FrameWork::new(&self.problem);
+        let frames = (0..self.mask.len()).filter(|&f| self.mask[f]);
+        Ok(frames.filter(|&f| work.evaluate(&self.problem, &task, f) && work.has_plane()).collect())
+    }
+
+    /// Lets only these frames count from here on.
+    pub fn keep(&mut self, frames: &[usize]) {
+        self.mask.fill(false);
+        frames.iter().for_each(|&f| self.mask[f] = true);
+    }
+
     /// Values of the further columns, and their standard deviations.
     pub fn further(&self) -> Vec<(f64, f64)> {
         let before = self.model.nuisances.len();

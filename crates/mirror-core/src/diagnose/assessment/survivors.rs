@@ -1,0 +1,92 @@
+//! Which causes survive other draws of the postures.
+//!
+//! Where the model is not quite that of the data, evidence counts a misfit that postures share as often as they were seen, and a cause
+//! that only takes a part of it gets log odds of tens and hundreds. Postures drawn anew vary with such a misfit as the likelihood does
+//! not. So a cause is named only where it, or a rival that the data cannot tell from it, is found again in more than half of the
+//! resamples, or is needed to predict; and beside a remainder, which shows the model to be wrong, a cause is as probable as it is stable: the bagged posterior.
+//!
+//! Source: Huggins and Miller, "Robust inference and model selection using bagged posteriors" (2020).
+
+use crate::diagnose::assessment::findings::Findings;
+use crate::diagnose::assessment::noise_floor::is_reached;
+use crate::diagnose::assessment::stability::{RESAMPLES, stability};
+use crate::diagnose::criteria::cross_validation::held_out;
+use crate::diagnose::criteria::lack_of_fit::adequacy;
+use crate::diagnose::likelihood::probability::TEMPER;
+use crate::diagnose::likelihood::score_test::Score;
+use crate::diagnose::selection::alternatives::held_out_odds;
+use crate::diagnose::selection::nonparametric::unexplained;
+use crate::error::Result;
+
+/// Takes back the causes that neither survive nor are needed to predict, the least stable first.
+///
+/// A cause of which the resamples say `p` and the regions held out log odds `h` is taken back where both together, each with the same
+/// weight, are against it: `ln((1 − p) / p) + t h > 0`, with the power t of all evidence here.
+///
+/// # Errors
+/// A camera or mirror that cannot be.
+pub(crate) fn keep_survivors(findings: &mut Findings<'_>, ranking: &[Score]) -> Result<()> {
+    let mut shares = stability(findings, &findings.standings, ranking, &[])?.or_rivals;
+    let mut order: Vec<usize> = (0..shares.len()).filter(|&i| shares[i].is_some()).collect();
+    order.sort_by(|&a, &b| shares[a].partial_cmp(&shares[b]).unwrap_or(core::cmp::Ordering::Equal));
+    let mut gone: Vec<usize> = Vec::new();
+    for i in order {
+        let Some(share) = shares[i] else { continue };
+        let odds = log_odds(share);
+        if odds > 0.0 {
+            break;
+        }
+        let at = i - gone.iter().filter(|g| **g < i).count();
+        if taken_back(findings, at, share, odds)? {
+            gone.push(i);
+        }
+    }
+    gone.sort_unstable();
+    for i in gone.into_iter().rev() {
+        shares.remove(i);
+    }
+    if findings.unexplained.is_some() {
+        for (standing, share) in findings.standings.iter_mut().zip(shares) {
+            if let (Some(standing), Some(share)) = (standing, share) {
+                standing.probability *= share;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Log odds of a share of the resamples, half a resample on either side (Jeffreys).
+fn log_odds(share: f64) -> f64 {
+    let count = RESAMPLES as f64;
+    ((count * share + 0.5) / (count * (1.0 - share) + 0.5)).ln()
+}
+
+/// Takes a cause back unless it is needed to predict.
+fn taken_back(findings: &mut Findings<'_>, i: usize, share: f64, odds: f64) -> Result<bool> {
+    let (search, found) = (&findings.search, &mut findings.found);
+    let without = search.fit(&found.fit.model.without(i), found.noise, 8)?;
+    let gap = search.held_out(&without.model, found.noise)?;
+    let with = search.held_out(&found.fit.model, found.noise)?;
+    if TEMPER * held_out_odds(&gap, &with, found.noise) <= odds {
+        return Ok(false);
+    }
+    let name = search.catalogue.name(&search.problem.scene, found.fit.model.terms[i].hypothesis);
+    found.trace.push(format!("take back {name}: found again in {:.0} % of resamples", 100.0 * share));
+    found.fit = without;
+    findings.standings.remove(i);
+    // What has no name cannot be added to a model.
+    let (s, model) = (search, &found.fit.model);
+    let free = model.terms.iter().any(|t| s.catalogue.is_free(t.hypothesis));
+    findings.after = if free {
+        held_out(&s.problem, s.catalogue, &s.group, model, found.noise, s.measured_noise, true)?
+    } else {
+        gap
+    };
+    if findings.unexplained.is_none() {
+        let left = adequacy(&search.problem, &search.deformation(&found.fit.model), search.measured_noise)?;
+        let named = !found.fit.model.terms.is_empty() || !found.fit.model.group.is_empty();
+        let reached = named && is_reached(search, &found.fit, &findings.after)?;
+        findings.unexplained = unexplained(search, found, &left, reached)?;
+    }
+    Ok(true)
+}

@@ -1,0 +1,114 @@
+//! A joint that rests elsewhere each time: friction, play or a slipping clutch of which no law of rest says where it ends.
+//!
+//! Each posture p has an error of its own at the joint, `δ_p ~ N(0, s²)`. With `h_p = xᵀx` and `g_p = xᵀr` of the joint's column x in
+//! the frames of the posture, mirrors projected out, its log Bayes factor against none is, to first order and with all else as it was
+//! found, `Σ ½ [s² g_p² / (1 + s² h_p) − ln(1 + s² h_p)]`. Where that is the best account of what is left at any joint, the search is repeated
+//! with these errors free: what causes of other places, and smooth errors without a law, only took up of them is then found no more.
+//!
+//! Source: a variance component by its score, Rao (1973).
+
+use crate::diagnose::effects::hypothesis::Model;
+use crate::diagnose::likelihood::normal_equations::{inner, needs_board};
+use crate::diagnose::likelihood::saturated::postures;
+use crate::diagnose::model::body::NodeId;
+use crate::diagnose::model::elementary::{Atom, Column, Weight};
+use crate::diagnose::model::frame::{FrameWork, PROJECTED, Task};
+use crate::diagnose::model::problem::Noise;
+use crate::diagnose::selection::nonparametric::{LEAST_LOG_ODDS, log_odds};
+use crate::diagnose::selection::search::{Found, Search};
+use crate::error::Result;
+
+/// Spreads that are tried, rad or m, each so many times the one before.
+const SPREADS: (f64, f64, usize) = (2e-4, 1.5, 13);
+
+/// A search beside a joint that rests elsewhere each time.
+pub(crate) struct Restless<'a> {
+    pub node: NodeId,
+    pub search: Search<'a>,
+    pub found: Found,
+}
+
+/// The search beside the joint that most of what is left lives at; none where what was found says it better.
+///
+/// # Errors
+/// A camera or mirror that cannot be.
+pub(crate) fn beside_restless_joint<'a>(
+    search: &Search<'a>,
+    found: &Found,
+    nominal: &Model,
+) -> Result<Option<Restless<'a>>> {
+    let here = best_joint(search, &found.fit.model, found.noise)?;
+    if !here.is_some_and(|(_, _, log_bayes)| log_bayes > LEAST_LOG_ODDS) {
+        return Ok(None);
+    }
+    // Where everything is still to be explained, so that no cause that only took a part of it decides the place.
+    let Some((node, spread, _)) = best_joint(search, nominal, search.effective(nominal)?)? else {
+        return Ok(None);
+    };
+    let mut beside = search.clone();
+    for frames in postures(&search.problem) {
+        let mut weights = vec![0.0; search.problem.frames.len()];
+        frames.iter().for_each(|&f| weights[f] = 1.0);
+        beside.group.columns.push(Column { atom: Atom::Joint(node), weight: Weight::Frames(weights) });
+        beside.group.prior_std.push(spread);
+    }
+    beside.options.named_only = true;
+    let mut start = nominal.clone();
+    start.group = vec![0.0; beside.group.columns.len()];
+    let mut its = beside.run(start)?;
+    let odds = log_odds((&beside, &its), (search, found))?;
+    let joint = &search.problem.scene.body.nodes[node].joint;
+    let mut trace = found.trace.clone();
+    trace.append(&mut its.trace);
+    trace.push(format!(
+        "joint:{joint} resting elsewhere each time ({:.2} mrad): log odds {odds:.1}",
+        spread * 1e3
+    ));
+    its.trace = trace;
+    Ok((odds > LEAST_LOG_ODDS).then_some(Restless { node, search: beside, found: its }))
+}
+
+/// The joint whose own error in each posture says most of what a model leaves: its spread and log Bayes factor.
+fn best_joint(search: &Search<'_>, model: &Model, noise: Noise) -> Result<Option<(NodeId, f64, f64)>> {
+    let problem = &search.problem;
+    let scene = &problem.scene;
+    let deformation = search.deformation(model);
+    let eye = problem.eye(&deformation)?;
+    let joints: Vec<NodeId> = (0..scene.nodes()).filter(|&n| scene.relevant[n] && scene.moves(n)).collect();
+    let columns: Vec<Column> = joints.iter().map(|&n| Column::constant(Atom::Joint(n))).collect();
+    let task = Task {
+        gaussian: false,
+        with_board: needs_board(problem, &columns),
+        ..Task::of_residuals(problem, &deformation, eye.as_ref(), noise)
+    };
+    let groups = postures(problem);
+    let mut sums = vec![vec![(0.0, 0.0); groups.len()]; joints.len()];
+    let (mut work, mut column) = (FrameWork::new(problem), Vec::new());
+    for (p, frames) in groups.iter().enumerate() {
+        for &frame in frames {
+            if !work.evaluate(problem, &task, frame) {
+                continue;
+            }
+            column.resize(work.row_count + PROJECTED, 0.0);
+            for (sums, &n) in sums.iter_mut().zip(&joints) {
+                if work.column(problem, &deformation, frame, Atom::Joint(n), &mut column) {
+                    sums[p].0 += inner(&column, &column);
+                    sums[p].1 += inner(&column, &work.residual);
+                }
+            }
+        }
+    }
+    problem.cancel.check()?;
+    let (least, factor, count) = SPREADS;
+    let spreads = (0..count).map(|k| least * factor.powi(k as i32));
+    let log_bayes = |sums: &[(f64, f64)], s: f64| -> f64 {
+        let of = |&(h, g): &(f64, f64)| {
+            let told = s * s * h;
+            0.5 * (s * s * g * g / (1.0 + told) - told.ln_1p())
+        };
+        sums.iter().map(of).sum()
+    };
+    let all =
+        spreads.flat_map(|s| joints.iter().zip(&sums).map(move |(&n, sums)| (n, s, log_bayes(sums, s))));
+    Ok(all.max_by(|a, b| a.2.total_cmp(&b.2)))
+}
