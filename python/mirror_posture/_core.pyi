@@ -477,6 +477,7 @@ def measure_balls(
     camera: Camera,
     chroma_step_px: tuple[int, int],
 ) -> list[BallOutline | None]: ...
+def chroma_step(bgr: npt.NDArray[np.uint8]) -> tuple[int, int]: ...
 def color_regions(
     bgr: npt.NDArray[np.uint8],
     colors: list[list[float]],

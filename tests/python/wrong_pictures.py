@@ -18,6 +18,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import yaml
 from PIL import Image
 from typer.testing import CliRunner
 
@@ -59,19 +60,17 @@ def text(name: str, pattern: str, change: Callable[[re.Match[str]], str]) -> Cal
     return apply
 
 
-def scaled_row(factors: list[float]) -> Callable[[re.Match[str]], str]:
-    """A camera matrix's or projection's numbers times factors."""
+def camera(factors: list[float]) -> Callable[[Path], None]:
+    """Another camera's file: the camera matrix's numbers times factors."""
 
-    def change(match: re.Match[str]) -> str:
-        numbers = [float(n) for n in match[2].split(",")]
-        return match[1] + ", ".join(repr(n * f) for n, f in zip(numbers, factors, strict=True)) + match[3]
+    def apply(folder: Path) -> None:
+        file = folder / "camera.yaml"
+        tree = yaml.safe_load(file.read_text(encoding="utf-8"))
+        numbers = tree["camera_matrix"]["data"]
+        tree["camera_matrix"]["data"] = [float(n * f) for n, f in zip(numbers, factors, strict=True)]
+        file.write_text(yaml.safe_dump(tree), encoding="utf-8")
 
-    return change
-
-
-CAMERA_MATRIX = r"(camera_matrix:[^\[]*\[)([^\]]*)(\])"
-FOCAL = [1.3, 1, 1, 1, 1.3, 1, 1, 1, 1]
-HALVED = [0.5, 1, 0.5, 1, 0.5, 0.5, 1, 1, 1]
+    return apply
 
 
 def board_turned(folder: Path) -> None:
@@ -130,8 +129,8 @@ MISTAKES = [
     Mistake("board mounted turned by 180°", board_turned, "turned by 180°"),
     Mistake("board of larger squares", text("session.toml", r"(square = )([0-9.]+)()", lambda m: f"{m[1]}{1.25 * float(m[2]):.5f}"), "squares measure"),
     Mistake("another board: corners exchanged", text("session.toml", r"corners = \[\s*(\d+),\s*(\d+),?\s*\]", lambda m: f"corners = [{m[2]}, {m[1]}]"), "turned by 90°|counted|corners"),
-    Mistake("another camera's file: other lens", text("camera.yaml", CAMERA_MATRIX, scaled_row(FOCAL)), "another camera's"),
-    Mistake("camera file of half the resolution", text("camera.yaml", CAMERA_MATRIX, scaled_row(HALVED)), "another camera's|resolution"),
+    Mistake("another camera's file: other lens", camera([1.3, 1, 1, 1, 1.3, 1, 1, 1, 1]), "another camera's"),
+    Mistake("camera file of half the resolution", camera([0.5, 1, 0.5, 1, 0.5, 0.5, 1, 1, 1]), "another camera's|resolution"),
 ]  # fmt: skip
 
 

@@ -2,7 +2,7 @@
 
 use mirror_core::camera::{Camera, Distortion};
 use mirror_core::outline::{
-    Circle, EdgePoint, Picture, RadiusRange, cone_centroid, fit_circle, fit_cone, measure_ball,
+    Circle, EdgePoint, Picture, RadiusRange, chroma_step, cone_centroid, fit_circle, fit_cone, measure_ball,
 };
 use nalgebra::{Point3, Vector2, Vector3};
 use rand::{Rng, SeedableRng};
@@ -182,4 +182,36 @@ fn where_no_ball_is_none_is_measured() {
     }
     assert!(Picture::new(&bytes, 320, 241, (1, 1)).is_err());
     assert!(Picture::new(&bytes, 320, 240, (3, 1)).is_err());
+}
+
+/// A colourful wave, its two colours kept for each sample's own pixels or for pairs, repeated or interpolated.
+fn wave(step: usize, interpolated: bool) -> Vec<u8> {
+    let colour = |x: f64, y: f64| 70.0 * (0.55 * x + 0.23 * y).sin() + 20.0 * (1.7 * x - 0.4 * y).cos();
+    let sample = |i: i64, row: f64| colour((i as f64 + 0.5) * step as f64 - 0.5, row);
+    let mut bytes = Vec::new();
+    for row in 0..80 {
+        for column in 0..120 {
+            let at = (f64::from(column) + 0.5) / step as f64 - 0.5;
+            let y = f64::from(row);
+            let red = if interpolated {
+                let low = at.floor();
+                (1.0 - (at - low)) * sample(low as i64, y) + (at - low) * sample(low as i64 + 1, y)
+            } else {
+                sample(at.round() as i64, y)
+            };
+            // Red and blue move against each other, the brightness hardly.
+            let levels = [128.0 - 0.5 * red, 128.0 - 0.2 * red, 128.0 + red];
+            bytes.extend(levels.map(|v: f64| v.round().clamp(0.0, 255.0) as u8));
+        }
+    }
+    bytes
+}
+
+#[test]
+fn a_picture_tells_which_of_its_pixels_share_a_colour() {
+    let told = |bytes: &[u8]| chroma_step(&Picture::new(bytes, 120, 80, (1, 1)).unwrap());
+    assert_eq!(told(&wave(1, false)), (1, 1));
+    assert_eq!(told(&wave(2, true)), (2, 1));
+    assert_eq!(told(&wave(2, false)), (2, 1));
+    assert_eq!(told(&vec![90; 120 * 80 * 3]), (1, 1));
 }

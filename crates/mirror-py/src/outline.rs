@@ -5,8 +5,8 @@ use crate::camera::PyCamera;
 use crate::errors::{MirrorPostureError, to_py};
 use crate::work::Work;
 use mirror_core::outline::{
-    BallOutline, Circle, ColorBox, Picture, RadiusRange, color_regions as regions_of, fit_circle,
-    measure_ball,
+    BallOutline, Circle, ColorBox, Picture, RadiusRange, chroma_step as step_of, color_regions as regions_of,
+    fit_circle, measure_ball,
 };
 use numpy::ndarray::Array2;
 use numpy::{IntoPyArray, PyArray2, PyReadonlyArray3, PyUntypedArrayMethods};
@@ -116,6 +116,13 @@ fn picture_of<'a>(
         MirrorPostureError::new_err("bgr: needed an array in C order (numpy.ascontiguousarray)")
     })?;
     Picture::new(bytes, shape[1], shape[0], chroma_step_px).map_err(to_py)
+}
+
+/// Pixels across and down that share a colour, told by the picture itself: 1 or 2 each.
+#[pyfunction]
+pub fn chroma_step(py: Python<'_>, bgr: PyReadonlyArray3<'_, u8>) -> PyResult<(usize, usize)> {
+    let picture = picture_of(&bgr, (1, 1))?;
+    Ok(py.work(|| step_of(&picture)))
 }
 
 /// Area, centroid (u, v), box (left, top, width, height), px, and the box's mask (height, width).

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from .._core import MirrorPostureError
+from .._core import MirrorPostureError, chroma_step
 from ..arguments import checked_arguments
 from ..board import CHARUCO
 from ..camera import Camera
@@ -99,7 +99,8 @@ def detect_picture(
         prediction.markers,
         bounds,
         options.marker,
-        file.chroma_step_px,
+        # A decoded frame that was kept without loss: the file no longer says that its colours are coarser.
+        chroma_step(bgr) if file.chroma_step_px == (1, 1) else file.chroma_step_px,
         expected_markers(boards, setup, prediction),
         file.quantisation_step,
     )

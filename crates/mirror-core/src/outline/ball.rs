@@ -23,8 +23,8 @@ const BLUR_OF_STEP: f64 = 0.6;
 const TOLERANCE_PX: f64 = 0.675;
 /// What all edges share whatever the picture shows (pixel structure, the pane's second image), px, and what a blur of σ px carries over the rim, as a share of
 /// σ² / radius: measured on rendered balls.
-const SHARED_FLOOR_PX: f64 = 0.044;
-const SHARED_BY_BLUR: f64 = 0.59;
+const SHARED_FLOOR_PX: f64 = 0.036;
+const SHARED_BY_BLUR: f64 = 0.38;
 /// Along the outline, edges share their errors over about this length (times the blur, where that is above 1 px): what lies behind, and a codec's blocks.
 const CORRELATION_PX: f64 = 3.0;
 const CODED_CORRELATION_PX: f64 = 6.0;

@@ -60,6 +60,11 @@ pub(super) fn edges_on_rays(
         edge.std = floor.hypot(edge.std);
     }
     let shown = blur_of_rays(&edges, blur);
+    // A blur along the outline carries a bent one inward: by σ² / 2r.
+    for (ray, edge) in edges.iter_mut().enumerate() {
+        let across = blur.along(turn * ray as f64 + core::f64::consts::FRAC_PI_2).min(0.5 * radius_px[ray]);
+        edge.offset += 0.5 * across * across / radius_px[ray];
+    }
     if patch.coded {
         join_brightness(&rays, &mut edges);
     }

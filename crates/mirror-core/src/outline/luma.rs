@@ -7,7 +7,7 @@ use super::shading::ENCODING_POWER;
 /// The lens' blur where no ray shows it, and what bilinear sampling adds, px; least contrast of brightness (0..1) that shows it.
 const USUAL_LENS_PX: f64 = 0.5;
 const SAMPLING_BLUR_PX: f64 = 0.32;
-const MIN_CONTRAST: f64 = 0.1;
+const MIN_CONTRAST: f64 = 0.06;
 /// Steps of the curve from a share of light to its brightness, and the range of its slope beyond the two colours.
 const CURVE_STEPS: usize = 16;
 const END_SLOPE: (f64, f64) = (0.4, 2.5);

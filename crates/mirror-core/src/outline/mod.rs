@@ -6,7 +6,7 @@
 //! not agree with a sphere's outline (another part hides it, a highlight, a neighbour) are left out.
 //!
 //! JPEG and most video keep colour at half of the brightness' resolution: there the brightness is brought to the colour's resolution, edges are read in
-//! the codec's levels, and joined with those of the brightness at its own resolution.
+//! the codec's levels, and joined with those of the brightness at its own resolution, which is turned back to shares of light.
 //!
 //! The outline of a sphere is a cone of rays: three numbers, which part of the arc is enough for.
 //!
@@ -15,6 +15,7 @@
 //! | `ball` | the whole measurement of one ball |
 //! | `patch` | a cut-out of the picture, prepared: linear light, or levels at the colour's resolution; noise |
 //! | `regions` | regions of the markers' colours, all in one pass |
+//! | `codec` | which pixels share a colour, where the file does not say it |
 //! | `circle`, `consensus` | a circle among points: the start; edges of one outline among others |
 //! | `shading` | light on a sphere by its normal |
 //! | `rays`, `edges`, `luma`, `blur` | samples along rays, sub-pixel edges of the colour and of the brightness, and the blur that they show |
@@ -23,6 +24,7 @@
 mod ball;
 mod blur;
 mod circle;
+mod codec;
 mod cone;
 mod consensus;
 mod edges;
@@ -35,6 +37,7 @@ mod shading;
 
 pub use ball::{BallOutline, RadiusRange, measure_ball};
 pub use circle::{Circle, fit_circle};
+pub use codec::chroma_step;
 pub use cone::{ConeFit, ConeOutline, EdgePoint, cone_centroid, fit_cone};
 pub use patch::Picture;
 pub use regions::{ColorBox, ColorRegion, color_regions};

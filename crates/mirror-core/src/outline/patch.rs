@@ -77,7 +77,7 @@ pub(super) struct Patch {
     /// Linear light, or, where the codec blurs the colours, its levels (0..1): colours mix linearly where they are blurred.
     pub light: Vec<[f32; 3]>,
     /// Brightness, 0..1, as sharp as the codec has it; only where `coded`.
-    luma: Vec<f32>,
+    pub luma: Vec<f32>,
     pub coded: bool,
     /// Standard deviation by which a noisy picture was smoothed, px.
     pub smoothing_px: f64,

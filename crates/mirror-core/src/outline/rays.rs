@@ -16,6 +16,8 @@ const LEAST_WINDOW_PX: f64 = 1.75;
 const WINDOW_BASE_PX: f64 = 0.35;
 const WINDOW_PER_BLUR: f64 = 2.0;
 const WINDOW_SHARE: f64 = 0.45;
+/// How far from the outline the brightness of a coded picture is the ball's own.
+const LUMA_CLEAR_PX: f64 = 1.75;
 /// Width of the zones next to the window in which the two colours are read.
 pub(super) const ZONE_PX: f64 = 1.5;
 
@@ -64,7 +66,8 @@ impl Rays {
         let offsets: Vec<f64> = (0..samples).map(|i| -inner + STEP_PX * i as f64).collect();
         let least = radius_px.iter().copied().fold(f64::INFINITY, f64::min);
         let clear = (largest.min(widest)).min(0.6 * least);
-        let shading = Shading::fit(patch, center_px, radius_px, clear);
+        let luma_clear = LUMA_CLEAR_PX.min(0.6 * least);
+        let shading = Shading::fit(patch, center_px, radius_px, clear, luma_clear);
         let turn = core::f64::consts::TAU / count as f64;
         let direction: Vec<Vector2<f64>> = (0..count)
             .map(|i| (turn * i as f64).sin_cos())

@@ -5,6 +5,7 @@
 //! as the root of the distance from the rim: no straight line says what is there.
 
 use super::patch::Patch;
+use super::rays::median;
 use nalgebra::{SMatrix, SVector, Vector2};
 
 const TERMS: usize = 9;
@@ -52,54 +53,70 @@ impl Shading {
 
     /// Fits the light on a ball's inside, `clear_px` from its outline; even light where too little is seen.
     ///
-    /// `radius_px` are the outline's distances from the centre in evenly spaced directions.
-    pub fn fit(patch: &Patch, center_px: Vector2<f64>, radius_px: &[f64], clear_px: f64) -> Self {
+    /// `radius_px` are the outline's distances from the centre in evenly spaced directions. Where the codec blurs the colours, the brightness of an evenly painted
+    /// ball tells its light up to `luma_clear_px` from the outline.
+    pub fn fit(
+        patch: &Patch,
+        center_px: Vector2<f64>,
+        radius_px: &[f64],
+        clear_px: f64,
+        luma_clear_px: f64,
+    ) -> Self {
         let widest = radius_px.iter().copied().fold(0.0, f64::max);
         let area = core::f64::consts::PI * widest * widest;
         let stride = ((area / MOST_PIXELS as f64).sqrt().floor() as usize).max(1);
-        let mut places = Vec::new();
-        let mut colours = Vec::new();
+        let least_clear = if patch.coded { luma_clear_px.min(clear_px) } else { clear_px };
+        let mut pixels = Vec::new();
         for row in (0..patch.height).step_by(stride) {
             for column in (0..patch.width).step_by(stride) {
                 let [u, v] = patch.place(column, row);
                 let away = Vector2::new(u, v) - center_px;
                 let distance = away.norm();
-                if distance > widest {
+                if distance > widest - least_clear {
                     continue;
                 }
                 let turn = away.y.atan2(away.x).rem_euclid(core::f64::consts::TAU) / core::f64::consts::TAU;
                 let outline = radius_px[(turn * radius_px.len() as f64) as usize % radius_px.len()];
-                if distance <= outline - clear_px {
-                    let linear = patch.light[row * patch.width + column].map(|v| {
+                if distance <= outline - least_clear {
+                    let index = row * patch.width + column;
+                    let colour = patch.light[index].map(|v| {
                         let v = f64::from(v);
                         if patch.coded { v.powf(ENCODING_POWER) } else { v }
                     });
-                    places.push(away / outline);
-                    colours.push(linear);
+                    pixels.push((away / outline, colour, index, distance <= outline - clear_px));
                 }
             }
         }
-        if places.len() < TERMS {
+        let inner = || pixels.iter().filter(|p| p.3);
+        if inner().count() < TERMS {
             return Self::even();
         }
-        let typical: [f64; 3] = core::array::from_fn(|channel| {
-            let mut values: Vec<f64> = colours.iter().map(|c| c[channel]).collect();
-            let middle = values.len() / 2;
-            *values.select_nth_unstable_by(middle, f64::total_cmp).1
-        });
+        let typical: [f64; 3] =
+            core::array::from_fn(|channel| median(inner().map(|p| p.1[channel]).collect()));
         let power: f64 = typical.iter().map(|c| c * c).sum();
         if !(power > 1e-8) {
             return Self::even();
         }
-        let mut rows = Vec::with_capacity(places.len());
-        for (place, colour) in places.iter().zip(&colours) {
+        let own_colour = |colour: &[f64; 3]| {
             let along: f64 = colour.iter().zip(&typical).map(|(a, b)| a * b).sum();
             let own: f64 = colour.iter().map(|c| c * c).sum();
-            let sine2 = 1.0 - along * along / (own * power).max(1e-18);
-            if sine2 <= OTHER_COLOUR_SINE * OTHER_COLOUR_SINE {
-                rows.push((basis(place.x, place.y), along / power));
-            }
-        }
+            1.0 - along * along / (own * power).max(1e-18) <= OTHER_COLOUR_SINE * OTHER_COLOUR_SINE
+        };
+        let light_of = |index: usize| f64::from(patch.luma[index]).powf(ENCODING_POWER);
+        let typical_light = if patch.coded { median(inner().map(|p| light_of(p.2)).collect()) } else { 0.0 };
+        // Colours near the outline are mixed by the codec: there the brightness must do, and what does not fit is weighed down.
+        let rows: Vec<_> = pixels
+            .iter()
+            .filter(|(_, colour, _, clear)| !clear || own_colour(colour))
+            .map(|(place, colour, index, _)| {
+                let value = if typical_light > 1e-6 {
+                    light_of(*index) / typical_light
+                } else {
+                    colour.iter().zip(&typical).map(|(a, b)| a * b).sum::<f64>() / power
+                };
+                (basis(place.x, place.y), value)
+            })
+            .collect();
         if rows.len() < TERMS {
             return Self::even();
         }
