@@ -3,8 +3,8 @@
 use super::blur::{Blur, blur_of_rays};
 use super::luma::{lens_before_codec, lens_blur_px, luma_edges};
 use super::patch::Patch;
-use super::ray_edge::{MIN_EDGE_POINTS, RayEdge};
-use super::rays::{Rays, STEP_PX, ZONE_PX, mean_and_variance, mean_colour, median, slope};
+use super::ray_edge::{MIN_EDGE_POINTS, RayEdge, median};
+use super::rays::{Rays, STEP_PX, ZONE_PX, mean_and_variance, mean_colour, slope};
 use nalgebra::{Matrix3, Vector2, Vector3};
 
 /// Unevenness of a zone that even light and a clean picture leave, as a share of its brightness.

@@ -1,7 +1,7 @@
 //! Edges of the brightness in pictures whose codec blurs the colours, and what the lens did before the codec.
 
-use super::ray_edge::{MIN_EDGE_POINTS, RayEdge};
-use super::rays::{Rays, STEP_PX, ZONE_PX, mean_and_variance, median, window_px};
+use super::ray_edge::{MIN_EDGE_POINTS, RayEdge, median};
+use super::rays::{Rays, STEP_PX, ZONE_PX, mean_and_variance, window_px};
 use super::shading::ENCODING_POWER;
 
 /// The lens' blur where no ray shows it, and what bilinear sampling adds, px; least contrast of brightness (0..1) that shows it.

@@ -1,4 +1,4 @@
-//! Where the outline crosses one ray of a ball.
+//! Where the outline crosses one ray of a ball, and the median of what rays show.
 
 /// Fewer rays with an edge than this make no outline.
 pub(super) const MIN_EDGE_POINTS: usize = 8;
@@ -19,4 +19,13 @@ pub(super) struct RayEdge {
     /// The two colours.
     pub ball: [f64; 3],
     pub behind: [f64; 3],
+}
+
+/// The median of numbers; 0 for none.
+pub(super) fn median(mut values: Vec<f64>) -> f64 {
+    if values.is_empty() {
+        return 0.0;
+    }
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }

@@ -180,12 +180,3 @@ pub(super) fn mean_and_variance(values: impl Iterator<Item = f64> + Clone) -> (f
     let spread: f64 = values.map(|v| (v - mean).powi(2)).sum();
     (mean, spread / f64::max(count, 1.0))
 }
-
-/// The median of numbers; 0 for none.
-pub(super) fn median(mut values: Vec<f64>) -> f64 {
-    if values.is_empty() {
-        return 0.0;
-    }
-    let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f64::total_cmp).1
-}

@@ -5,7 +5,7 @@
 //! as the root of the distance from the rim: no straight line says what is there.
 
 use super::patch::Patch;
-use super::rays::median;
+use super::ray_edge::median;
 use nalgebra::{SMatrix, SVector, Vector2};
 
 const TERMS: usize = 9;
