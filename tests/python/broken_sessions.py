@@ -34,7 +34,7 @@ MOST_BYTES = 8_000_000_000
 """Of address space: the machine is not to be brought down."""
 LONGEST_CPU_S = 10
 """Who computes for so long is ended: it has failed already."""
-ENDLESS_SECONDS = 600.0
+ENDLESS_SECONDS = 1800.0
 """Wall time: a machine may be busy with other work."""
 
 Causes = tuple[tuple[str, str], ...]
