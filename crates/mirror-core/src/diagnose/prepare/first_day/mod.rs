@@ -351,15 +351,20 @@ impl Chain {
     }
 }
 
+/// The golden ratio's fraction: its multiples fall into no rhythm.
+const GOLDEN: f64 = 0.618_033_988_749_895;
+
 /// About so many frames spread over the session, up to so many of each posture.
 fn spread(postures: &[Vec<usize>], count: usize, views: usize) -> Vec<usize> {
     let wanted = (count / views).max(1);
     let step = postures.len().div_ceil(wanted).max(1);
-    // Another view of each posture in turn: rows that are off by one view must not look alike.
+    // One of each few, another one in turn by the golden ratio, and another view of it: a session's own rhythm (rows for which a posture
+    // is held) must not be met, or rows that are off by a view or two look alike.
+    let turn = |i: usize, count: usize| ((i as f64 * GOLDEN).fract() * count as f64) as usize;
     let mut out: Vec<usize> = postures
-        .iter()
-        .step_by(step)
+        .chunks(step)
         .enumerate()
+        .map(|(i, few)| (i, &few[turn(i, few.len())]))
         .flat_map(|(i, p)| (0..views.min(p.len())).map(move |k| p[(i + k) % p.len()]))
         .collect();
     out.sort_unstable();
