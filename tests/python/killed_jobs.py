@@ -43,6 +43,9 @@ def start(words: Sequence[object], inside: Path) -> int:
         main()
     except SystemExit as end:
         os._exit(int(end.code or 0))
+    except KeyboardInterrupt:
+        # Before the command had begun, or after its end.
+        os._exit(130)
     except BaseException:
         os._exit(99)
     os._exit(0)
