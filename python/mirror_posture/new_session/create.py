@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -56,12 +56,14 @@ def create_session(
     mirror: Mirror = IDEAL_MIRROR,
     packages: Mapping[str, Path] | None = None,
     xacro_arguments: Mapping[str, str] | None = None,
+    also: Callable[[Path], None] | None = None,
 ) -> NewSession:
     """Writes a session without frames: robot.urdf, camera.yaml and session.toml, to be edited by hand at will.
 
     The URDF stays as it is, to the letter, with the mounts as further links before its end; xacro is expanded
     (`xacro_arguments`), an MJCF is turned into a URDF of the same kinematics and shapes. Coarse copies of the meshes that are found (`packages`: folders of ROS packages) are kept
-    in the folder `meshes`, for plans and pictures. `board` are the keys of `[board]` without its link. The markers get evenly spread hues.
+    in the folder `meshes`, for plans and pictures. `also` writes further files into the folder before it takes its place: all are there, or
+    none. `board` are the keys of `[board]` without its link. The markers get evenly spread hues.
 
     Raises:
         MirrorPostureError: a folder that is there, a link that the robot does not have (with those that it has), a
@@ -105,6 +107,8 @@ def create_session(
         keep_coarse_meshes(robot_file, part / "robot.urdf", packages or {}, meshes)
         (part / "camera.yaml").write_text(dump_camera_info(camera), encoding="utf-8")
         (part / "session.toml").write_text(tomli_w.dumps(tree), encoding="utf-8")
+        if also is not None:
+            also(part)
     return NewSession(
         folder, robot, camera_link, board_link, marker_links, tuple(_warnings(robot, camera_link, board_link))
     )

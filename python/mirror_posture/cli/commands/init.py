@@ -128,6 +128,12 @@ def command(
     def at(text: str | None, option: str) -> tuple[float, float, float] | None:
         return None if text is None else parse_vector(text, option)
 
+    missing: list[str] = []
+
+    def draw(part: Path) -> None:
+        missing.extend(draw_setup(part, part / drawing.name))
+
+    drawing = folder / "setup.png"
     made = create_session(
         robot,
         folder,
@@ -151,9 +157,8 @@ def command(
         ),
         packages=package_folders(package or ()),
         xacro_arguments=xacro_arguments(xacro_arg or ()),
+        also=draw,
     )  # fmt: skip
-    drawing = folder / "setup.png"
-    missing = draw_setup(folder, drawing)
     for text in made.warnings:
         output.warn(text)
     if missing:
