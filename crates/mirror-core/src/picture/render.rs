@@ -78,18 +78,19 @@ pub fn render(scene: &Scene, eye: &Eye, sampling: &Sampling) -> Result<LightFiel
     let (width, height) = eye.size_px();
     let mut drafts = vec![Draft { mean: Colour::zeros(), low: 0.0, high: 0.0, seen: 0 }; width * height];
     drafts.par_chunks_mut(width).enumerate().try_for_each(|(row, line)| {
-        sampling.cancel.check()?;
         let mut random = row_random(sampling.seed, 0, row);
         for (column, draft) in line.iter_mut().enumerate() {
+            // At every pixel: a row of thousands of rays a pixel takes seconds.
+            sampling.cancel.check()?;
             *draft = look_at_pixel(scene, eye, sampling, sampling.grid, (column, row), &mut random);
         }
         Ok::<(), Error>(())
     })?;
     let mut pixels = vec![Colour::zeros(); width * height];
     pixels.par_chunks_mut(width).enumerate().try_for_each(|(row, line)| {
-        sampling.cancel.check()?;
         let mut random = row_random(sampling.seed, 1, row);
         for (column, pixel) in line.iter_mut().enumerate() {
+            sampling.cancel.check()?;
             *pixel = if sampling.edge_grid > sampling.grid
                 && is_edge(&drafts, (width, height), (column, row), sampling.edge_contrast)
             {
