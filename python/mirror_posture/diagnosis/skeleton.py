@@ -86,7 +86,9 @@ def draw_robot(session: Session, found: Diagnosis) -> Drawing:
         ax.set_xlim(ends[0] - edge, ends[1] + edge + (names if named else 0.0))
         ax.set_ylim(low[2] - edge, high[2] + edge)
         _mark(ax, [(flat(place[link]), colour, text) for link, colour, text in marked], named, ends[1] + edge)
-        ax.set_title(f"from {title}, mm", color=INK, fontsize=10, loc="left")
+        # The unit once: a slim robot's side has no room for it.
+        unit = ", mm" if ax is axes[0][0] else ""
+        ax.set_title(f"from {title}{unit}", color=INK, fontsize=10, loc="left")
         ax.set_aspect("equal")
         ax.tick_params(labelsize=8, colors=FLOOR)
         # The axis ends with the robot: beside it stand names.
