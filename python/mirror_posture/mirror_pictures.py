@@ -23,7 +23,6 @@ from .camera import Camera
 from .detect import (
     BoardOptions,
     BoardPrediction,
-    BoardView,
     DetectionOptions,
     DetectionSetup,
     GateOptions,
@@ -74,8 +73,7 @@ def mirror_from_picture(
     be trusted: the message says which and why.
     """
     found = _seen(camera, board, (), picture, camera_from_board, gate)
-    views = {view.via: view for view in found.boards}
-    mirrored = _trusted(views.get("mirror"), found.source)
+    mirrored = _trusted(found, "mirror")
     pose, covariance = camera_from_board, None
     if pose is None:
         poses = _direct(camera, board, found)
@@ -139,9 +137,7 @@ def markers_from_views(
     if not markers:
         raise MirrorPostureError("markers: none given, needed at least one")
     found = [_seen(camera, board, tuple(markers), picture, camera_from_board, gate) for picture in pictures]
-    corners = [
-        _trusted(next((v for v in one.boards if v.via == "mirror"), None), one.source) for one in found
-    ]
+    corners = [_trusted(one, "mirror") for one in found]
     pose, covariance = camera_from_board, None
     if pose is None:
         pose, covariance = _joined([_direct(camera, board, one) for one in found])
@@ -194,7 +190,7 @@ def _seen(
 
 def _direct(camera: Camera, board: Board, found: PictureDetections) -> PlanarPoses:
     """The board's pose where a picture shows it directly; one row."""
-    corners, noise_px = _trusted(next((v for v in found.boards if v.via == "direct"), None), found.source)
+    corners, noise_px = _trusted(found, "direct")
     poses = planar_poses(camera, board, corners[None], noise_px=noise_px)
     if not poses.valid[0]:
         raise MirrorPostureError(
@@ -240,11 +236,11 @@ def _stacked(parts: Sequence[MarkerPositions]) -> MarkerPositions:
     )
 
 
-def _trusted(view: BoardView | None, source: str) -> tuple[npt.NDArray[np.float64], float]:
-    """Corners (N, 2) px and the standard deviation of one axis, px, of a view that passed its checks."""
+def _trusted(found: PictureDetections, via: str) -> tuple[npt.NDArray[np.float64], float]:
+    """Corners (N, 2) px and the standard deviation of one axis, px, of a view (`direct`, `mirror`) that passed its checks."""
+    view = next((view for view in found.boards if view.via == via), None)
     if view is None or not view.ok or view.corners_px is None or view.std_px is None:
-        via = "mirror" if view is None else view.via
         reason = "not found" if view is None else view.reason
         seen = "seen directly" if via == "direct" else "in the mirror"
-        raise MirrorPostureError(f"{source}: board {seen}: {reason}")
+        raise MirrorPostureError(f"{found.source}: board {seen}: {reason}")
     return view.corners_px, float(np.sqrt(np.mean(view.std_px**2)))

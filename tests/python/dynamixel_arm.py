@@ -6,14 +6,11 @@ import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from dynamixel_bus import SimulatedBus, SimulatedServo
-from mirror_posture.robots import (
-    ImagePoints,
-    Nominal,
-)
+from mirror_posture.robots import Nominal
+from two_servos import JOINTS, blind  # noqa: F401
 
 pytest.importorskip("dynamixel_sdk")
 
@@ -22,25 +19,17 @@ from mirror_posture.robots.servo_config import (
     load_config,
 )
 
-TOML = """
+TOML = (
+    """
 [bus]
 port = "{port}"
 baudrate = 1000000
 speed_rad_per_s = 2.0
 acceleration_rad_per_s2 = 20.0
 current_a = 0.3
-
-[joints.r_shoulder_roll]
-id = 1
-zero_counts = 1024
-direction = 1
-upper_rad = 1.6
-
-[joints.r_elbow]
-id = 2
-zero_counts = 2048
-direction = -1
 """
+    + JOINTS
+)
 
 
 @pytest.fixture(scope="module")
@@ -59,10 +48,6 @@ def config(bus: SimulatedBus, nominal: Nominal, tmp_path: Path) -> ServoConfig:
     file = tmp_path / "servos.toml"
     file.write_text(TOML.format(port=bus.port))
     return load_config(file, nominal)
-
-
-def blind() -> ImagePoints:
-    return ImagePoints(np.zeros((30, 2)), np.zeros(30, bool), np.zeros((6, 2)), np.zeros(6, bool))
 
 
 def soon(work: Callable[[], object], after_s: float) -> threading.Timer:

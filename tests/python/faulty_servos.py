@@ -34,25 +34,20 @@ from mirror_posture.robots.dynamixel import DynamixelRobot
 from mirror_posture.robots.feetech import FeetechRobot
 from servo_bus import SimulatedLine
 from servo_fault_kinds import IN_A_CHILD, INJECTED, MISTAKES, Mistake, World, kinds, later
+from two_servos import JOINTS
 
 COUNTS = 4096 / (2.0 * math.pi)
-TOML = """
+TOML = (
+    """
 [bus]
 port = "{port}"
 speed_rad_per_s = {speed}
 acceleration_rad_per_s2 = 20.0
 at_end = "{at_end}"
 {torque}
-[joints.r_shoulder_roll]
-id = 1
-zero_counts = 1024
-direction = 1
-upper_rad = 1.6
-[joints.r_elbow]
-id = 2
-zero_counts = 2048
-direction = -1
 """
+    + JOINTS
+)
 AFTER_S = 1.2
 """By then whatever moves by itself has come to rest: a watchdog's 0.5 s, a lead of 0.3 s, a deceleration."""
 

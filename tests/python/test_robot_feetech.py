@@ -13,17 +13,17 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 import mirror_posture as mp
 from feetech_bus import FINE_SPEED, ZERO_IS_FREE, SimulatedBus, SimulatedServo, magnitude, packet
-from mirror_posture.robots import HardwareFaultError, ImagePoints, LostRobotError, Nominal, NotSettledError
+from mirror_posture.robots import HardwareFaultError, LostRobotError, Nominal, NotSettledError
 from mirror_posture.robots.interruption import Interrupted
 from mirror_posture.robots.servo_config import ServoConfig, load_config
 from mirror_posture.robots.servo_line import Register
 from mirror_posture.robots.servo_robot import KEEP_S, LEAD_S
 from mirror_posture.robots.servo_state import State, Torque
+from two_servos import JOINTS, blind
 
 pytest.importorskip("scservo_sdk")
 
@@ -32,24 +32,16 @@ from mirror_posture.robots.feetech import FeetechRobot
 pytestmark = pytest.mark.realtime
 
 COUNTS = 4096 / (2.0 * math.pi)
-TOML = """
+TOML = (
+    """
 [bus]
 port = "{port}"
 speed_rad_per_s = 2.0
 acceleration_rad_per_s2 = 20.0
 torque_share = 0.4
-
-[joints.r_shoulder_roll]
-id = 1
-zero_counts = 1024
-direction = 1
-upper_rad = 1.6
-
-[joints.r_elbow]
-id = 2
-zero_counts = 2048
-direction = -1
 """
+    + JOINTS
+)
 
 
 @pytest.fixture(scope="module")
@@ -68,10 +60,6 @@ def config(bus: SimulatedBus, nominal: Nominal, tmp_path: Path) -> ServoConfig:
     file = tmp_path / "servos.toml"
     file.write_text(TOML.format(port=bus.port))
     return load_config(file, nominal, "feetech")
-
-
-def blind() -> ImagePoints:
-    return ImagePoints(np.zeros((30, 2)), np.zeros(30, bool), np.zeros((6, 2)), np.zeros(6, bool))
 
 
 def test_the_simulated_line_speaks_the_published_packets() -> None:

@@ -182,9 +182,8 @@ pub fn diagnose(
     let mut standings = settled(&search, &mut found, &mut after)?;
     let free = found.fit.model.terms.iter().any(|t| search.catalogue.is_free(t.hypothesis));
     let left = adequacy(&search.problem, &search.deformation(&found.fit.model), search.measured_noise)?;
-    let named = !found.fit.model.terms.is_empty() || !found.fit.model.group.is_empty();
     // Where the named causes reach the floor, a remainder of no structure is the noise's tails.
-    let reached = named && !free && is_reached(&search, &found.fit, &after)?;
+    let reached = found.fit.model.explains() && !free && is_reached(&search, &found.fit, &after)?;
     let unexplained = match restless {
         Some(node) => Some(Unexplained::restless(node)),
         None => unexplained(&search, &found, &left, reached)?,

@@ -27,6 +27,17 @@ def patch_own_urdf(own: Path, before: Urdf, after: Urdf, out: Path) -> list[str]
         MirrorPostureError: a joint whose origin is not the session's: another robot, or one corrected already.
     """
     urdf = Urdf(read_xml(own), str(own))
+    changed = correct_joints(urdf, before, after, f"{own}", "another robot, or corrected already")
+    write_file(out, urdf.text().encode("utf-8"))
+    return changed
+
+
+def correct_joints(urdf: Urdf, before: Urdf, after: Urdf, shown_as: str, why: str) -> list[str]:
+    """Gives a URDF the origins and axes that differ between two versions of a session's robot; returns the joints changed.
+
+    Raises:
+        MirrorPostureError: a joint whose origin is not the session's; `why` says what that may come from.
+    """
     changed = []
     for name in before.joints:
         moved = not np.allclose(before.origin(name), after.origin(name), rtol=0.0, atol=SAME)
@@ -35,14 +46,13 @@ def patch_own_urdf(own: Path, before: Urdf, after: Urdf, out: Path) -> list[str]
             continue
         if not np.allclose(urdf.origin(name), before.origin(name), rtol=0.0, atol=SAME):
             raise MirrorPostureError(
-                f"{own}: the origin of joint {name!r} is not the one of the session's robot.urdf: another robot, or corrected already"
+                f"{shown_as}: the origin of joint {name!r} is not the one of the session's robot.urdf: {why}"
             )
         if moved:
             urdf.set_origin(name, after.origin(name))
         if tilted:
             urdf.set_axis(name, after.axis(name))
         changed.append(name)
-    write_file(out, urdf.text().encode("utf-8"))
     return changed
 
 

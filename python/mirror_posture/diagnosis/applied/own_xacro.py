@@ -7,16 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
-
 from ..._core import MirrorPostureError
+from .own_urdf import SAME, correct_joints
 from .urdf import Urdf
 from .xacro_numbers import Place, edited, joint_lines, own_places, shared_places
 from .xacro_tree import XacroTree
 from .xml_text import XmlText
 
-SAME = 1e-9
-"""rad or m: as in own_urdf."""
 STEP = 1e-4
 """By which a number is moved to see what follows it."""
 NOTHING = 1e-12
@@ -88,22 +85,8 @@ def patch_own_xacro(tree: XacroTree, before: Urdf, after: Urdf) -> PatchedXacro:
 def _wanted(tree: XacroTree, now: Urdf, before: Urdf, after: Urdf) -> dict[str, dict[Number, float]]:
     """By joint: the numbers that are to change, with their new values."""
     target = Urdf(tree.expand({}), str(tree.main))
-    names = []
-    for name in before.joints:
-        moved = not np.allclose(before.origin(name), after.origin(name), rtol=0.0, atol=SAME)
-        tilted = not np.allclose(before.axis(name), after.axis(name), rtol=0.0, atol=SAME)
-        if name not in now.joints or not (moved or tilted):
-            continue
-        if not np.allclose(now.origin(name), before.origin(name), rtol=0.0, atol=SAME):
-            raise MirrorPostureError(
-                f"{tree.main}: the origin of joint {name!r} is not the one of the session's robot.urdf: another robot, "
-                "other arguments (--xacro-arg), or corrected already"
-            )
-        if moved:
-            target.set_origin(name, after.origin(name))
-        if tilted:
-            target.set_axis(name, after.axis(name))
-        names.append(name)
+    why = "another robot, other arguments (--xacro-arg), or corrected already"
+    names = correct_joints(target, before, after, str(tree.main), why)
     then = _numbers(Urdf(target.text()))
     was = _numbers(now)
     return {

@@ -84,8 +84,7 @@ fn taken_back(findings: &mut Findings<'_>, i: usize, share: f64, odds: f64) -> R
     };
     if findings.unexplained.is_none() {
         let left = adequacy(&search.problem, &search.deformation(&found.fit.model), search.measured_noise)?;
-        let named = !found.fit.model.terms.is_empty() || !found.fit.model.group.is_empty();
-        let reached = named && is_reached(search, &found.fit, &findings.after)?;
+        let reached = found.fit.model.explains() && is_reached(search, &found.fit, &findings.after)?;
         findings.unexplained = unexplained(search, found, &left, reached)?;
     }
     Ok(true)

@@ -155,6 +155,11 @@ impl Model {
         }
     }
 
+    /// Whether it has causes, or small errors everywhere.
+    pub fn explains(&self) -> bool {
+        !self.terms.is_empty() || !self.group.is_empty()
+    }
+
     /// This model with one more cause, at zero.
     pub fn with(&self, catalogue: &Catalogue, hypothesis: usize, variant: f64) -> Self {
         let parameters = vec![0.0; catalogue.hypotheses[hypothesis].prior_std.len()];

@@ -181,7 +181,7 @@ pub(crate) fn unexplained(
     out.places.sort_by(|a, b| b.shift.total_cmp(&a.shift));
     if out.places.is_empty() {
         // A small remainder that no free form finds a structure in is scatter: coloured noise, postures not quite settled.
-        let named = !found.fit.model.terms.is_empty() || !found.fit.model.group.is_empty();
+        let named = found.fit.model.explains();
         if reached {
             return Ok(None);
         }
