@@ -81,3 +81,24 @@ def test_boards_that_cannot_be_are_left_out_and_told(whole: Path, tmp_path: Path
     ]
     shown = CliRunner().invoke(cli.app, ["diagnose", str(folder)]).output
     assert f"used: {data['points_used']} of {data['points_given']}" in " ".join(shown.split())
+
+
+def turned(row: list[str]) -> list[str]:
+    return [*row[:2], str(29 - int(row[2])), *row[3:]] if row[1] == "board" else row
+
+
+def flipped(row: list[str]) -> list[str]:
+    return [*row[:3], f"{799.0 - float(row[3]):.4f}", *row[4:]]
+
+
+@pytest.mark.parametrize(("change", "mistake"), [(turned, "board_turned"), (flipped, "picture_flipped")])
+def test_what_stands_beside_a_mistake_is_kept_where_the_session_as_given_predicts_nothing(
+    whole: Path, tmp_path: Path, change: Callable[[list[str]], list[str]], mistake: str
+) -> None:
+    found = diagnose(changed(whole, tmp_path / "s", lambda rows: [change(row) for row in rows]))
+    assert {cause.effect for cause in found.causes} == {mistake, "joint_offset"}, found.sentence
+    offset = next(cause for cause in found.causes if cause.effect == "joint_offset").parameters["offset_rad"]
+    assert abs(offset.value - 0.03) < 4.0 * offset.std
+    gap = found.gap
+    assert gap.before_m is None and gap.after_m is not None and gap.noise_floor_m is not None
+    assert gap.after_m < 1.1 * gap.noise_floor_m and "before nothing could be compared" in found.sentence

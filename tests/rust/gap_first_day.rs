@@ -199,6 +199,7 @@ fn a_board_counted_from_its_other_end_is_named() {
     let diagnosis = run(&world, &recording);
     assert_eq!(named(&diagnosis), ["board_turned@board"]);
     assert!((value(&diagnosis, "turn_rad") - core::f64::consts::PI).abs() < 1e-9);
+    assert_eq!(diagnosis.verdict, Verdict::Explained);
 }
 
 #[test]
@@ -265,6 +266,36 @@ fn small_causes_are_no_mistakes() {
         assert!(
             diagnosis.causes.iter().all(|c| !mistakes.contains(&c.effect.as_str())),
             "seed {seed}: {told:?}"
+        );
+    }
+}
+
+#[test]
+fn a_small_cause_beside_boards_that_fit_nowhere_is_named_with_the_mistake() {
+    let world = world();
+    let wrong = vec![Wrong::Ratio(world.bone("l_shoulder_roll"), 0.08)];
+    for upside_down in [false, true] {
+        let mut recording = world.record(&Plan { wrong: wrong.clone(), ..plan(12) });
+        let height = recording.sight.as_ref().unwrap().camera.size_px().1 as f64;
+        for sighting in recording.frames.iter_mut().flat_map(|f| &mut f.sightings) {
+            match &mut sighting.target {
+                _ if upside_down => sighting.pixel.y = height - 1.0 - sighting.pixel.y,
+                Target::Corner(i) => *i = 34 - *i,
+                Target::Marker(_) => {}
+            }
+        }
+        let diagnosis = run(&world, &recording);
+        let mut causes = named(&diagnosis);
+        causes.sort();
+        let mistake = if upside_down { "picture_flipped@camera" } else { "board_turned@board" };
+        let mut wanted = vec!["gear_ratio@joint:l_shoulder_roll", mistake];
+        wanted.sort_unstable();
+        assert_eq!(causes, wanted, "{:?}", diagnosis.gap);
+        assert_eq!(diagnosis.verdict, Verdict::Explained);
+        assert!(
+            diagnosis.gap.after_m < diagnosis.gap.noise_floor_m.map(|floor| 1.2 * floor),
+            "{:?}",
+            diagnosis.gap
         );
     }
 }

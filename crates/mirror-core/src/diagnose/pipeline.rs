@@ -172,11 +172,7 @@ pub fn diagnose(
     options.progress.enter("weighing what was found");
     // From here on without the observations that the best model shows to be false.
     search.problem = clean;
-    let (mut before, mut after) = gaps(&search, &nominal, &found)?;
-    if !mistakes.is_empty() {
-        // The nominal model is that of the session as it was given.
-        before = in_sample(&given, &given.nominal(), search.measured_noise)?;
-    }
+    let (nominal_gap, mut after) = gaps(&search, &nominal, &found)?;
     drop_useless(&mut search, &mut found, &mut after, geometry.as_ref())?;
     comes_down(&search, &mut found, &mut after)?;
     let mut standings = settled(&search, &mut found, &mut after)?;
@@ -194,12 +190,18 @@ pub fn diagnose(
     if free {
         after = without_names(&search, &mut found, &mut standings)?;
     }
-    if named_in_vain(&search, &found, &before, &after) {
+    if named_in_vain(&search, &found, &nominal_gap, &after) {
         found.trace.push("no cause is named: together they leave the held-out gap no smaller".into());
         found.fit = search.fit(&nominal, found.noise, 6)?;
-        (geometry, after) = (None, before.clone());
+        (geometry, after) = (None, nominal_gap.clone());
         standings.clear();
     }
+    let before = if mistakes.is_empty() {
+        nominal_gap
+    } else {
+        // The nominal model is that of the session as it was given.
+        in_sample(&given, &given.nominal(), search.measured_noise)?
+    };
     found.trace.splice(0..0, trace);
     let mut findings = Findings {
         search,
@@ -227,9 +229,8 @@ pub fn diagnose(
         diagnosis.sentence = evidence::what_is_false(&diagnosis.data);
         diagnosis.verdict = Verdict::Unknown;
     }
-    // Where nothing was held out and predicted, nothing is known to agree.
-    let compared = diagnosis.gap.before_m.is_some() || diagnosis.gap.before_px.is_some();
-    if evidence::insufficient(&diagnosis.data) || (diagnosis.verdict == Verdict::None && !compared) {
+    let agrees_unseen = diagnosis.verdict == Verdict::None && !diagnosis.gap.is_told();
+    if evidence::insufficient(&diagnosis.data) || agrees_unseen {
         diagnosis.sentence = evidence::what_is_missing(&diagnosis.data);
         diagnosis.verdict = Verdict::Insufficient;
         diagnosis.causes.clear();

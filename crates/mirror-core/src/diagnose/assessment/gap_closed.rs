@@ -30,13 +30,13 @@ pub(crate) fn gap_over(
     Gap {
         before_m: from.told_m(),
         after_m: to.told_m(),
-        noise_floor_m: from.told_m().map(|_| bottom.m),
+        noise_floor_m: to.told_m().map(|_| bottom.m),
         // Noise can carry the figure a little beyond 1.
         closed: closed.map(|c| c.min(1.0)),
         closed_ci95: closed.and_then(|_| interval(before, after, floor, law_shifts)),
         before_px: from.rms_px,
         after_px: to.rms_px,
-        noise_floor_px: from.rms_px.map(|_| bottom.px),
+        noise_floor_px: to.rms_px.map(|_| bottom.px),
         steps: Vec::new(),
         held_out_postures: after.len(),
         checked,

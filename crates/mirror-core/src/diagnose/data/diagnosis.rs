@@ -151,6 +151,11 @@ impl Gap {
         let (Some(before), Some(floor)) = (self.before_m, self.noise_floor_m) else { return Some(in_pixels) };
         (before < MOSTLY_NOISE * floor).then_some(in_pixels)
     }
+
+    /// Whether anything was held out and predicted: without it nothing is known to agree.
+    pub(crate) fn is_told(&self) -> bool {
+        self.after_m.is_some() || self.after_px.is_some()
+    }
 }
 
 /// One point of a signature plot: the error at a place that one posture alone shows.

@@ -64,8 +64,8 @@ pub(crate) fn diagnosis(
     let verdict = match (causes.is_empty(), &findings.unexplained) {
         (true, None) => Verdict::None,
         (true, Some(_)) => Verdict::Unknown,
-        (false, None) => Verdict::Explained,
-        (false, Some(_)) => Verdict::Partial,
+        (false, None) if gap.is_told() => Verdict::Explained,
+        (false, _) => Verdict::Partial,
     };
     let signatures = signatures(findings, &causes, recording)?;
     let panels = crate::diagnose::report::plots::panels(findings, &causes)?;

@@ -20,6 +20,11 @@ pub(crate) fn sentence(verdict: Verdict, causes: &[Cause], places: &[Where], gap
             after * 1e3,
             floor * 1e3
         ),
+        (None, [None, Some(after), Some(floor)]) => format!(
+            "before nothing could be compared, {:.2} mm after, {:.2} mm noise floor",
+            after * 1e3,
+            floor * 1e3
+        ),
         (None, _) => "no gap can be told".to_owned(),
     };
     let sizes = format!("{sizes}, on postures that the fit did not see");
@@ -30,6 +35,10 @@ pub(crate) fn sentence(verdict: Verdict, causes: &[Cause], places: &[Where], gap
             "Nothing is wrong that these postures could show: the model predicts to the noise floor ({sizes})."
         ),
         Verdict::Explained => format!("The gap is explained by {} ({sizes}).", listed(&names)),
+        Verdict::Partial if !gap.is_told() => format!(
+            "Named: {}. No marker was left to predict, so that how far it closes the gap is not known.",
+            listed(&names)
+        ),
         Verdict::Partial => {
             let explain =
                 if causes.len() == 1 && causes[0].effect != "geometry" { "explains" } else { "explain" };
