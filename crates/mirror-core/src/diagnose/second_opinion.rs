@@ -1,10 +1,11 @@
-//! A diagnosis, and a second one where the first rests on what it does not explain.
+//! A diagnosis, and a second one where the first contradicts itself or rests on what it does not explain.
 //!
-//! Slips are looked for before causes are: a step takes its share of any misfit that is not even in time. Where something is left
+//! Slips and whole mistakes are looked for before causes are: they take their share of any misfit that is like them. Where something is left
 //! unexplained beside a slip, the session is diagnosed once more as if nothing had slipped, and the slip is believed only where it leaves
-//! less on held-out regions.
+//! less on held-out regions. And where a joint's ratio is undone as a whole mistake and found again beside it, the two are one: the
+//! session is diagnosed once more without such mistakes, and the first is believed only where the second leaves something unexplained, and more.
 
-use crate::diagnose::data::diagnosis::{Diagnosis, Verdict};
+use crate::diagnose::data::diagnosis::{Cause, Diagnosis, Verdict};
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::pipeline;
 use crate::diagnose::prepare::options::{DiagnoseOptions, OtherSession};
@@ -12,10 +13,12 @@ use crate::error::Result;
 use crate::robot::Robot;
 
 const SLIP: &str = "slip";
+/// A ratio that is a whole mistake is tried as another unit of the joint, and told as a small one is.
+const RATIO: (&str, &str) = ("joint_unit", "gear_ratio");
 
 /// Diagnoses a recording: where the model is wrong, which effect causes it, how far the gap shrinks.
 ///
-/// Slips beside an unexplained remainder are asked of twice.
+/// Slips beside an unexplained remainder, and ratios that are told twice, are asked of twice.
 ///
 /// # Errors
 /// A recording that is not valid, links that do not exist, a camera that cannot be.
@@ -26,21 +29,67 @@ pub fn diagnose(
     others: &[OtherSession],
 ) -> Result<Diagnosis> {
     let first = pipeline::diagnose(robot, recording, options, others)?;
-    let unexplained = matches!(first.verdict, Verdict::Partial | Verdict::Unknown);
-    if !unexplained || !first.causes.iter().any(|c| c.effect == SLIP) {
+    let twice = is_told_twice(&first.causes);
+    let slipped = !explains(&first) && first.causes.iter().any(|c| c.effect == SLIP);
+    if !twice && !slipped {
         return Ok(first);
     }
     let mut still = options.clone();
-    still.without.push(SLIP.into());
+    still.without.push(if twice { RATIO.0 } else { SLIP }.into());
     let mut second = pipeline::diagnose(robot, recording, &still, others)?;
-    if !(left(&second) <= left(&first)) {
+    if !(left(&second) <= left(&first) || twice && explains(&second)) {
         return Ok(first);
     }
-    second.trace.insert(0, "a slip leaves no smaller gap on held-out regions: nothing has slipped".into());
+    let why = if twice {
+        "a ratio undone as a whole mistake was found again beside it: it is none"
+    } else {
+        "a slip leaves no smaller gap on held-out regions: nothing has slipped"
+    };
+    second.trace.insert(0, why.into());
     Ok(second)
+}
+
+/// Whether a ratio is told at one joint both as a whole mistake and as a small cause.
+fn is_told_twice(causes: &[Cause]) -> bool {
+    let mut ratios = causes.iter().enumerate().filter(|(_, c)| c.effect == RATIO.1);
+    ratios.any(|(i, c)| causes[..i].iter().any(|other| other.effect == c.effect && other.at == c.at))
+}
+
+/// Whether nothing is left unexplained.
+fn explains(diagnosis: &Diagnosis) -> bool {
+    !matches!(diagnosis.verdict, Verdict::Partial | Verdict::Unknown)
 }
 
 /// The held-out gap, in the unit of what was seen.
 fn left(diagnosis: &Diagnosis) -> f64 {
     diagnosis.gap.after_px.or(diagnosis.gap.after_m).unwrap_or(f64::INFINITY)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cause(effect: &str, at: &str) -> Cause {
+        Cause {
+            effect: effect.into(),
+            at: at.into(),
+            kind: "robot".into(),
+            probability: 0.99,
+            parameters: Default::default(),
+            stability: None,
+            alternatives: Vec::new(),
+            words: String::new(),
+            rms_shift: 0.0,
+            members: Vec::new(),
+            frames: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn only_a_ratio_twice_at_one_joint_is_told_twice() {
+        let (a, b) = (cause("gear_ratio", "joint:a"), cause("gear_ratio", "joint:b"));
+        let offset = cause("joint_offset", "joint:a");
+        assert!(is_told_twice(&[a.clone(), b.clone(), a.clone()]));
+        assert!(!is_told_twice(&[a, b, offset.clone(), offset]));
+    }
 }
