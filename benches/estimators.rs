@@ -6,6 +6,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use mirror_core::Cancel;
 use mirror_core::camera::{Camera, Distortion};
 use mirror_core::geometry::{Plane, Reflection};
 use mirror_core::mirror::*;
@@ -163,7 +164,15 @@ fn batches(c: &mut Criterion) {
                     b.iter(|| {
                         pool.install(|| {
                             let (boards, pixels) = (&inputs.reflected_boards, &inputs.pixels);
-                            point_pair_markers(&rig.camera, &board, boards, pixels, 0.0175).unwrap()
+                            point_pair_markers(
+                                &rig.camera,
+                                &board,
+                                boards,
+                                pixels,
+                                0.0175,
+                                &Cancel::default(),
+                            )
+                            .unwrap()
                         })
                     });
                 },
@@ -181,7 +190,13 @@ fn batches(c: &mut Criterion) {
                     let options = EstimatorOptions::default();
                     b.iter(|| {
                         pool.install(|| {
-                            estimate_rows(MirrorEstimator::MaximumLikelihood, &rig, rows, &options)
+                            estimate_rows(
+                                MirrorEstimator::MaximumLikelihood,
+                                &rig,
+                                rows,
+                                &options,
+                                &Cancel::default(),
+                            )
                         })
                     });
                 },

@@ -11,16 +11,18 @@ from __future__ import annotations
 import argparse
 import hashlib
 import importlib
+import itertools
 import json
 import os
 import random
 import re
 import shutil
 import signal
+import statistics
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from killed_jobs import Job, make_jobs, start
@@ -34,6 +36,8 @@ PRELOADED = (
     "matplotlib.figure", "mirror_posture.calibrate", "mirror_posture.cli.app", "mirror_posture.detect", "mirror_posture.diagnosis.page",
     "mirror_posture.importing", "mirror_posture.capture", "mirror_lab.robots",
 )  # fmt: skip
+SLOW = 4.0
+"""A command takes its turn less often from so many times the median of all on."""
 SIGNALS = (signal.SIGKILL,) * 12 + (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 
 
@@ -71,6 +75,10 @@ def learn(job: Job, below: Path) -> None:
         assert os.waitstatus_to_exitcode(status) in (0, 3), (
             f"{job.name}: {words}: {(below / 'stderr').read_text()}"
         )
+        if job.sound:
+            assert job.place.exists()
+            job.sound(job.place)
+            continue
         found = tree(job.place)
         assert found is not None and job.trees.get(found) in (None, way), (
             f"{job.name}: both ways write the same"
@@ -109,6 +117,10 @@ def kill(job: Job, chance: random.Random, below: Path) -> str:
     assert ended or os.WIFSIGNALED(status) or os.waitstatus_to_exitcode(status) in (129, 130, 143), (
         f"{job.name}, {number}: exit code {os.waitstatus_to_exitcode(status)}: {(below / 'stderr').read_text()}"
     )
+    if job.sound:
+        if job.place.exists():
+            job.sound(job.place)
+        return "ended before the kill" if ended else "all that is there is whole"
     if job.between:
         now = parts(job.place)
         known = [name for name in now if name in job.trees or name.startswith("session ")]
@@ -126,6 +138,15 @@ def kill(job: Job, chance: random.Random, below: Path) -> str:
         assert job.trees[after or ""] == way
         return "ended before the kill"
     return "the old" if after == before else "the new"
+
+
+def in_turn(jobs: Mapping[str, Job], recorders: Sequence[str]) -> Iterator[str]:
+    """The commands' names without end, one after the other; one that takes long only every few rounds."""
+    usual = statistics.median([job.takes_s for job in jobs.values()] or [1.0])
+    every = {name: max(1, round(job.takes_s / (SLOW * usual))) for name, job in jobs.items()}
+    for turn in itertools.count():
+        yield from (name for name in jobs if turn % every[name] == 0)
+        yield from recorders
 
 
 def run(
@@ -149,11 +170,11 @@ def run(
     capturing = Capturing(below) if not only or "capture" in only else None
     recorders = [name for name in ("correct", "capture") if not only or name in only]
     seen: dict[str, Counter[str]] = {name: Counter() for name in (*jobs, *recorders)}
-    names, until = list(seen), time.monotonic() + seconds
+    turns, until = in_turn(jobs, recorders), time.monotonic() + seconds
     for number in range(kills):
         if time.monotonic() > until:
             break
-        name = names[number % len(names)]
+        name = next(turns)
         if name in jobs:
             how = kill(jobs[name], chance, below)
         elif capturing is not None and name == "capture":
@@ -168,7 +189,10 @@ def run(
         if job.fresh:
             remove(job.place)
         assert os.waitpid(start(job.ways[0], below), 0)[1] in (0, 3 << 8)
-        assert job.between or job.trees.get(tree(job.place) or "") == 0
+        if job.sound:
+            job.sound(job.place)
+            assert not list(job.place.rglob(".*.part")), f"{job.name}: a part is left"
+        assert job.between or job.sound or job.trees.get(tree(job.place) or "") == 0
         left = [
             path.name for path in job.place.parent.iterdir() if path.name.startswith(f".{job.place.name}")
         ]

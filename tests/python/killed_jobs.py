@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import sys
 from collections.abc import Callable, Sequence
@@ -21,6 +22,8 @@ class Job:
     fresh: bool = False
     between: bool = False
     """Several outputs one after the other: only each of them is whole."""
+    sound: Callable[[Path], None] | None = None
+    """Says whether what stands there is whole, where a run writes other bytes each time (answers with a salt, times)."""
     trees: dict[str, int] = field(default_factory=dict)
     """What a whole run leaves there: its hash, and which way it was."""
     takes_s: float = 0.0
@@ -99,6 +102,24 @@ def make_jobs(below: Path, only: Sequence[str]) -> list[Job]:
         write_boards(pictures)
     if asked("detect"):
         finish(["render", drawn, "--postures", "1", "--yaw", "0", "--no-noise"], below)
+    blind = [
+        "blind",
+        "make",
+        below / "blind",
+        "--cases",
+        "2",
+        "--robot",
+        "small",
+        "--frames",
+        "60",
+        "61",
+        "--outside",
+        "0",
+    ]
+    if asked("blind run", "blind score"):
+        finish(blind, below)
+    if asked("blind score"):
+        finish(["blind", "run", below / "blind", below / "results", "--workers", "1"], below)
     fresh = ["init", below / "arm.urdf", out / "arm", *small_arm.MOUNTS]
     plots = [("--out", "points.csv"), ("--plot", "points.png"), ("--page", "points.html")]
     jobs = [
@@ -118,8 +139,60 @@ def make_jobs(below: Path, only: Sequence[str]) -> list[Job]:
         Job("render", out / "drawn", [["render", out / "drawn", "--postures", "1", "--yaw", "0", "--seed", n, "--overwrite"] for n in ("1", "2")]),
         Job("plan", out / "plan", [["plan", below / "arm", "--postures", n, "--mirror-size", "50x50", "--out", out / "plan"] for n in ("6", "8")]),
         Job("demo", out / "demo", [["demo", "--out", out / "demo", "--postures", "1"]], between=True),
+        Job("schema", out / "schemas", [["schema", "--out", out / "schemas"]], between=True),
+        *lab_jobs(below, out),
     ]  # fmt: skip
     return [job for job in jobs if asked(job.name)]
+
+
+def lab_jobs(below: Path, out: Path) -> list[Job]:
+    """The laboratory's commands. Their sessions have another salt in each run, their results other times."""
+    made = [
+        "--cases",
+        "2",
+        "--robot",
+        "small",
+        "--frames",
+        "60",
+        "61",
+        "--most",
+        "1",
+        "--outside",
+        "0",
+        "--workers",
+        "1",
+    ]
+    moved = ["--cases", "1", "--robot", "small", "--seconds", "4"]
+    return [
+        Job("blind make", out / "blind", [["blind", "make", out / "blind", *made, "--seed", n] for n in "12"], fresh=True, sound=sealed),
+        Job("moving make", out / "moving", [["moving", "make", out / "moving", *moved, "--seed", n] for n in "12"], sound=sealed),
+        Job("blind run", out / "results", [["blind", "run", below / "blind", out / "results", "--workers", "1"]], fresh=True, sound=diagnosed),
+        Job("blind score", out / "score", [["blind", "score", below / "blind", below / "results", "--out", out / "score"]], between=True),
+        Job("reproduce", out / "paper", [["reproduce", "--out", out / "paper", "--only", "fig7", "--trials", "2", "--seed", n] for n in "12"], between=True),
+    ]  # fmt: skip
+
+
+def sealed(place: Path) -> None:
+    """Sessions in a folder: each can be loaded, has its seal, and the answer that it seals; a moving one its second motion."""
+    from mirror_lab.blind.seal import unseal
+    from mirror_posture import load_session
+
+    for folder in place.glob("case-*"):
+        load_session(folder)
+        if not folder.name.endswith("-unseen"):
+            unseal(place / "answers" / f"{folder.name}.json", folder / "seal.json")
+            assert not (folder / "model.xml").exists() or folder.with_name(f"{folder.name}-unseen").is_dir()
+
+
+def diagnosed(place: Path) -> None:
+    """Results of a blind run: each that is there is a whole diagnosis, with its time."""
+    from mirror_posture.diagnosis import Diagnosis
+
+    for file in place.glob("*/diagnosis.json"):
+        Diagnosis.from_document(json.loads(file.read_text(encoding="utf-8")))
+        json.loads(file.with_name("time.json").read_text(encoding="utf-8"))
+    for file in place.glob("*/failure.json"):
+        raise AssertionError(file.read_text(encoding="utf-8"))
 
 
 def write_recording(folder: Path, *joint_files: Path) -> None:

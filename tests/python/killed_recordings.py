@@ -8,6 +8,7 @@ import shutil
 import signal
 import sys
 import time
+import traceback
 from pathlib import Path
 
 from killed_jobs import start
@@ -30,12 +31,15 @@ def kill_correction(chance: random.Random, below: Path) -> str:
 
             correct_child.main(folder)
         except BaseException:
+            (below / "stderr").write_text(traceback.format_exc())
             os._exit(99)
         os._exit(0)
     time.sleep(chance.uniform(0.0, 0.6))
     os.kill(child, signal.SIGKILL)
     _, status = os.waitpid(child, 0)
-    assert os.WIFSIGNALED(status) or os.waitstatus_to_exitcode(status) == 0, "could not be gone on with"
+    assert os.WIFSIGNALED(status) or os.waitstatus_to_exitcode(status) == 0, (
+        f"could not be gone on with: {(below / 'stderr').read_text()}"
+    )
     told = [int(line) for line in log.read_text().split("\n")[:-1] if line.isdigit()]
     if (folder / "frames.csv").exists() and (told or told_before):
         found = len(load_session(folder).frames)

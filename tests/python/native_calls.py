@@ -107,6 +107,16 @@ def calls() -> list[Call]:
         "gamma": 2.2, "jpeg_quality": 90, "seed": 1,
     }  # fmt: skip
     points = rng.uniform([-0.1, -0.1, 0.3], [0.1, 0.1, 0.6], (FRAMES, 3))
+    picture = rng.integers(0, 80, (48, 64, 3)).astype(np.uint8)
+    v, u = np.mgrid[:48, :64]
+    picture[(u - 30) ** 2 + (v - 22) ** 2 < 100] = (30, 30, 220)
+    around = 2 * np.pi * np.arange(24) / 24
+    circle = np.column_stack([30 + 10 * np.cos(around), 22 + 10 * np.sin(around)])
+    errors = [
+        ("shoulder", "offset", 0.01, None),
+        ("elbow", "coupling", 0.02, "shoulder"),
+        ("elbow", "play", 0.03, None),
+    ]
     foot = np.tile([0.0, 0.0, 0.3], (FRAMES, 1))
 
     def made(
@@ -166,6 +176,11 @@ def calls() -> list[Call]:
          [camera, (3, 2), 0.014, views, 0.2, "squared", pose, np.eye(6) * 1e-4, 5.0, 0.003, 1.52], {}),
         ("calibrate_second_camera", _core.calibrate_second_camera,
          [camera, camera, (3, 2, 0.014), (3, 2, 0.014), views, views, views], {}),
+        ("measure_balls", _core.measure_balls, [picture, np.array([[30.0, 22.0, 10.0], [5.0, 40.0, 6.0]]), np.array([[4.0, 20.0]] * 2), camera, (1, 1)], {}),
+        ("chroma_step", _core.chroma_step, [picture], {}),
+        ("color_regions", _core.color_regions, [picture, [[0.0, 12.0, 0.5, 0.25], [120.0, 20.0, 0.3, 0.2]], 20, 4], {}),
+        ("fit_circle_by_consensus", _core.fit_circle_by_consensus, [circle, 3.0, 30.0, 1.0], {}),
+        ("FeedForward", made(_core.FeedForward, ("commands", [q], {})), [robot, "base", np.array([0, 0, -9.81]), errors], {}),
         ("PictureMaker", _core.PictureMaker, [URDF], drawn),
         ("draw", _core.PictureMaker(URDF, **drawn).draw, [dict(zip(robot.link_names, poses[0], strict=True))], sketch),
         ("drawn", lambda poses, how, **k: _core.PictureMaker(URDF, **k).draw(poses, **how),

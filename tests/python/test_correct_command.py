@@ -33,6 +33,13 @@ def test_a_twin_is_corrected_and_everything_is_in_the_folder(tmp_path: Path) -> 
     assert "converged: every marker is below" in ended.output
     tree = json.loads((out / "outcome.json").read_text())
     assert tree["stop"]["kind"] == "converged"
+    data = tree["data"]
+    assert data["pictures_given"] == data["pictures_used"] == tree["views"] > 2
+    assert data["looks_given"] == data["looks_used"] == len(tree["looks"]) and data["left_out"] == []
+    assert (
+        "pictures, " in ended.output
+        and f"used: {data['looks_used']} of {data['looks_given']} looks" in ended.output
+    )
     assert tree["best_command"]["r_elbow"] == pytest.approx(0.785 - 0.06, abs=0.01)
     assert cv2.imread(str(out / "convergence.png")).shape[1] > 800
     session = load_session(out)

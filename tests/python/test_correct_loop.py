@@ -176,6 +176,13 @@ def test_a_marker_hidden_for_one_look_is_waited_for() -> None:
     outcome = correct(robot, BENT)
     assert outcome.converged, outcome.stop.sentence
     assert any(look.why == "not_seen" for look in outcome.looks)
+    data = outcome.data
+    # A look is two pictures and, where the ball was in one, a third of the same posture: each counts once.
+    assert (
+        data["looks_used"] < data["looks_given"]
+        and data["pictures_used"] <= data["pictures_given"] == outcome.views
+    )
+    assert {left["why"] for left in data["left_out"]} and data["left_out"][0]["target"] == "r_hand"
 
 
 @pytest.mark.parametrize("by_px", [(60.0, 0.0), (0.0, 12.0), (-25.0, 25.0)])

@@ -17,9 +17,9 @@ import pytest
 from correct_child import HIDDEN, OPTIONS, POSTURE
 from mirror_lab.robots import TwinOptions, TwinRobot
 from mirror_posture import MirrorPostureError, load_session, measure
-from mirror_posture.correct import CorrectOptions, Recorder, correct
+from mirror_posture.correct import CorrectOptions, Recorder, correct, recorder
 from mirror_posture.render import PictureOptions
-from mirror_posture.robots import Look
+from mirror_posture.robots import Look, Nominal
 
 CHILD = Path(__file__).parent / "correct_child.py"
 
@@ -167,3 +167,19 @@ def test_a_folder_that_is_taken_or_holds_no_recording_is_refused(tmp_path: Path)
     with pytest.raises(MirrorPostureError, match="no correction"):
         Recorder.resume(tmp_path / "x")
     assert (tmp_path / "x" / "thesis.txt").read_text() == "do not touch"
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
+def test_killed_while_it_begins_it_begins_again(tmp_path: Path) -> None:
+    nominal = Nominal.load()
+    folder = tmp_path / "run"
+    child = os.fork()
+    if child == 0:
+        # Between two of its files.
+        recorder.metadata_tree = lambda *_: os.kill(os.getpid(), 9)  # type: ignore[assignment]
+        Recorder.start(folder, nominal, ["r_elbow"])
+        os._exit(0)
+    assert os.WIFSIGNALED(os.waitpid(child, 0)[1])
+    assert not folder.exists()
+    Recorder.start(folder, nominal, ["r_elbow"])
+    assert [path.name for path in tmp_path.iterdir()] == ["run"]

@@ -14,6 +14,7 @@ import mirror_posture as mp
 from mirror_posture.detect import detect_session
 from mirror_posture.measurement import ESTIMATORS, MeasureOptions, Mount, NothingMeasuredError
 from mirror_posture.measurement.table import marker_table, summarise
+from mirror_posture.measurement.used import used
 from mirror_posture.render import DEMO_POSTURES, View, render_session
 from mirror_posture.session import Session, Views
 from session_folder import DATA, SESSION, replaced, write_folder
@@ -186,6 +187,24 @@ def test_what_is_missing_is_masked_with_its_reason(tmp_path: Path) -> None:
     assert "not seen" in str(found.mirrors.reason[0]) and "needed at least 4" in str(found.mirrors.reason[1])
     assert not found.markers.measured[:2].any() and not found.markers.measured[2]
     assert "needed 2" in str(found.markers.reason[0])
+    counts = used(session, found)
+    assert (counts.frames_given, counts.frames_used, counts.postures_given, counts.postures_used) == (
+        9,
+        7,
+        3,
+        2,
+    )
+    # Two markers in three frames of three postures, less the two that were taken away: of the first posture one view is left, of
+    # the second one marker has one.
+    assert (counts.points_given, counts.points_used) == (16, 9)
+    assert (counts.markers_given, counts.markers_used) == (len(found.markers), found.markers.measured.sum())
+    assert len(counts.left_out) == 2 + 16 - 9
+    assert {(left.frame, left.target) for left in counts.left_out} >= {
+        (0, "board"),
+        (1, "board"),
+        (5, "hand"),
+    }
+    assert all(left.why for left in counts.left_out)
     table = marker_table(found)
     assert found.to_arrow().equals(table)
     assert table["x_m"][0].as_py() is None and table["reason"][0].as_py()

@@ -93,6 +93,50 @@ def test_ctrl_c_is_answered_at_once(tracked: Path, text: str) -> None:
     assert took < 1.0, took
 
 
+BATCHES = """
+import os, signal
+import numpy as np
+import native_calls
+from mirror_posture import _core
+signal.signal(signal.SIGINT, signal.default_int_handler)
+calls = {name: (function, args) for name, function, args, _ in native_calls.calls()}
+def many(name, count, *places):
+    function, args = calls[name]
+    count = round(count * os.cpu_count())
+    return function, [np.repeat(a, count, axis=0) if k in places else a for k, a in enumerate(args)]
+# Each takes seconds, on all cores.
+batches = {
+    "second camera": many("calibrate_second_camera", 500, 4, 5, 6),
+    "triangulation": many("triangulate", 75_000, 1, 2),
+    "mirrors": many("estimate_mirrors", 40_000, 0),
+    "balls": many("measure_balls", 2_000, 1, 2),
+}
+for name, (function, args) in batches.items():
+    print(name, flush=True)
+    try:
+        function(*args)
+        print("ended by itself", flush=True)
+    except KeyboardInterrupt:
+        print("interrupted", flush=True)
+"""
+
+
+def test_ctrl_c_ends_long_batches_at_once() -> None:
+    child = subprocess.Popen(
+        [sys.executable, "-c", BATCHES], stdout=subprocess.PIPE, text=True, cwd=Path(__file__).parent
+    )
+    assert child.stdout is not None
+    for name in ("second camera", "triangulation", "mirrors", "balls"):
+        assert child.stdout.readline() == f"{name}\n"
+        time.sleep(0.15)
+        begun = time.monotonic()
+        child.send_signal(signal.SIGINT)
+        assert child.stdout.readline() == "interrupted\n", name
+        took = time.monotonic() - begun
+        assert took < 1.0, (name, took)
+    assert child.wait() == 0
+
+
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 def test_a_forked_child_diagnoses_too(tracked: Path) -> None:

@@ -111,6 +111,10 @@ def test_mujoco_finds_no_collision_on_the_whole_way(planned: Path) -> None:
     model = spec.compile()
     data = mujoco.MjData(model)
     rows = read_plan(planned / "plan" / "postures.csv", Robot.from_urdf(planned / "robot.urdf"))
+    counts = json.loads((planned / "plan" / "plan.json").read_text(encoding="utf-8"))
+    assert counts["frames"] == len(rows) <= counts["frames_asked"] < counts["drawn"]
+    assert counts["markers"] and all(0 < seen <= len(rows) for seen in counts["markers"].values())
+    assert sum(counts["not_taken"].values()) > 0
     here = np.zeros(3)
     address = [model.joint(name).qposadr[0] for name in NAMES]
     lowest = np.inf

@@ -276,7 +276,7 @@ fn a_second_camera_gives_the_transform_with_the_covariance_that_it_claims() {
     let trials = 150.0;
     for _ in 0..150 {
         let snapshots: Vec<_> = (0..4).map(|_| snapshot(&mut rng, &stand, NOISE_PX)).collect();
-        let found = calibrate_with_second_camera(&rig, &snapshots).unwrap();
+        let found = calibrate_with_second_camera(&rig, &snapshots, &Cancel::default()).unwrap();
         let error = difference(&true_camera_from_board(), &found.camera_from_board);
         squares += error.dot(&(found.covariance.try_inverse().unwrap() * error)) / trials;
         consistency += found.chi_squared / trials;
@@ -291,5 +291,29 @@ fn a_second_camera_gives_the_transform_with_the_covariance_that_it_claims() {
     // The corner noise is estimated from some hundred residuals, which widens the tails by a few per cent.
     assert!((squares - 6.0).abs() < 4.0 * (12.0_f64 / trials).sqrt() + 0.3, "{squares}");
     assert!((consistency - 18.0).abs() < 4.0 * (36.0_f64 / trials).sqrt() + 0.9, "{consistency}");
-    assert!(calibrate_with_second_camera(&rig, &[]).is_err());
+    assert!(calibrate_with_second_camera(&rig, &[], &Cancel::default()).is_err());
+}
+
+#[test]
+fn a_second_camera_of_many_snapshots_agrees_and_stops_when_it_is_cancelled() {
+    let mut rng = ChaCha8Rng::seed_from_u64(37);
+    let stand = Board::new((9, 6), 0.02).unwrap();
+    let rig = SecondCameraRig {
+        robot_camera: camera(),
+        second_camera: camera(),
+        chest_board: board(),
+        stand_board: stand,
+    };
+    // More than are asked for their agreement.
+    let snapshots: Vec<_> = (0..150).map(|_| snapshot(&mut rng, &stand, NOISE_PX)).collect();
+    let found = calibrate_with_second_camera(&rig, &snapshots, &Cancel::default()).unwrap();
+    assert_eq!((found.snapshots.len(), found.degrees_of_freedom), (150, 6 * 149));
+    let error = difference(&true_camera_from_board(), &found.camera_from_board);
+    let squares = error.dot(&(found.covariance.try_inverse().unwrap() * error));
+    // 99.99 % of chi squared with 6 degrees of freedom; an ambiguous pose of one snapshot that was chosen wrongly costs thousands.
+    assert!(squares < 27.9, "{squares}");
+    assert!((found.chi_squared / 894.0 - 1.0).abs() < 0.25, "{}", found.chi_squared);
+    let stopped = Cancel::new();
+    stopped.cancel();
+    assert_eq!(calibrate_with_second_camera(&rig, &snapshots, &stopped), Err(Error::Cancelled));
 }

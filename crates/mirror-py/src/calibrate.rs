@@ -295,6 +295,8 @@ pub fn calibrate_second_camera(
             SecondCameraSnapshot { stand_in_robot_camera, stand_in_second_camera, chest_in_second_camera }
         })
         .collect();
-    let inner = py.work(|| calibrate_with_second_camera(&rig, &snapshots)).map_err(to_py)?;
+    let cancel = Cancel::new();
+    let inner =
+        py.work_until(&cancel, || calibrate_with_second_camera(&rig, &snapshots, &cancel))?.map_err(to_py)?;
     Ok(PySecondCameraCalibration { inner })
 }

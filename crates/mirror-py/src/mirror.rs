@@ -4,11 +4,11 @@ use crate::arrays::{Array2Like, ArrayDynLike, isometry, pose_covariance, reshape
 use crate::camera::PyCamera;
 use crate::errors::to_py;
 use crate::work::Work;
-use mirror_core::Result;
 use mirror_core::mirror::{
     Board, EstimatorOptions, GlassPane, Loss, MirrorEstimate, MirrorEstimator, MirrorOptics, PlanarPose, Rig,
     estimate_rows, planar_pose_rows,
 };
+use mirror_core::{Cancel, Result};
 use nalgebra::SMatrix;
 use numpy::{PyArray1, PyArray2, PyArray3};
 use pyo3::prelude::*;
@@ -91,8 +91,10 @@ impl PyRig {
     ) -> PyResult<PyMirrors> {
         let estimator = MirrorEstimator::from_name(estimator).map_err(to_py)?;
         let options = options(noise_px, loss)?;
-        let (_, pixels) = stacked("corners_px", &corners_px, &[self.inner.board.corner_count(), 2])?;
-        let rows = py.work(|| estimate_rows(estimator, &self.inner, &pixels, &options));
+        let (count, pixels) = stacked("corners_px", &corners_px, &[self.inner.board.corner_count(), 2])?;
+        let cancel = Cancel::new();
+        let rows =
+            py.work_on(count, &cancel, || estimate_rows(estimator, &self.inner, &pixels, &options, &cancel))?;
         Ok(PyMirrors { rig: self.inner.clone(), rows })
     }
 }
@@ -233,7 +235,9 @@ pub fn planar_poses(
 ) -> PyResult<PyPlanarPoses> {
     let board = Board::new(corners, square_m).map_err(to_py)?;
     let options = options(noise_px, loss)?;
-    let (_, pixels) = stacked("corners_px", &corners_px, &[board.corner_count(), 2])?;
-    let rows = py.work(|| planar_pose_rows(&camera.inner, &board, &pixels, &options));
+    let (count, pixels) = stacked("corners_px", &corners_px, &[board.corner_count(), 2])?;
+    let cancel = Cancel::new();
+    let rows =
+        py.work_on(count, &cancel, || planar_pose_rows(&camera.inner, &board, &pixels, &options, &cancel))?;
     Ok(PyPlanarPoses { rows })
 }

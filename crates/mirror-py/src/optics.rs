@@ -5,9 +5,9 @@ use crate::camera::PyCamera;
 use crate::errors::to_py;
 use crate::mirror::{Reasons, numbers, reasons, valid};
 use crate::work::Work;
-use mirror_core::Result;
 use mirror_core::geometry::Plane;
 use mirror_core::mirror::{Curvature, GlassPane, MirrorOptics, SeenPixel, Sphere};
+use mirror_core::{Cancel, Result};
 use nalgebra::{Point3, Vector2, Vector3};
 use numpy::{PyArray1, PyArray2, PyArray3};
 use pyo3::prelude::*;
@@ -86,13 +86,16 @@ pub fn see_in_mirror(
         curvature: Curvature::new(curvature_per_m).map_err(to_py)?,
     };
     let camera = camera.inner.as_ref();
+    let cancel = Cancel::new();
     let see = |(row, point): (usize, &Vector3<f64>)| {
+        cancel.check()?;
         let foot = feet.get(row).unwrap_or(&feet[0]);
         let plane = Plane::from_foot_point(foot)?;
         optics.project_with_jacobians(camera, &plane, &Point3::from(*point))
     };
-    let rows =
-        py.work(|| points.par_iter().enumerate().with_min_len(SMALLEST_SHARE).map(see).collect::<Vec<_>>());
+    let rows = py.work_on(points.len(), &cancel, || {
+        points.par_iter().enumerate().with_min_len(SMALLEST_SHARE).map(see).collect::<Vec<_>>()
+    })?;
     Ok(PySeenInMirror { rows })
 }
 
@@ -114,8 +117,14 @@ pub fn ball_centroids<'py>(
     let centers = triples("centers_in_camera_m", &centers_in_camera_m)?;
     let ball = Sphere::of_diameter_m(diameter_m).map_err(to_py)?;
     let camera = camera.inner.as_ref();
-    let see = |center: &Vector3<f64>| ball.project(camera, &Point3::from(*center));
-    let rows: Vec<_> = py.work(|| centers.par_iter().with_min_len(SMALLEST_SHARE).map(see).collect());
+    let cancel = Cancel::new();
+    let see = |center: &Vector3<f64>| {
+        cancel.check()?;
+        ball.project(camera, &Point3::from(*center))
+    };
+    let rows: Vec<_> = py.work_on(centers.len(), &cancel, || {
+        centers.par_iter().with_min_len(SMALLEST_SHARE).map(see).collect()
+    })?;
     pixel_rows(py, &rows)
 }
 
@@ -135,9 +144,13 @@ pub fn ball_center_pixels<'py>(
     }
     let ball = Sphere::of_diameter_m(diameter_m).map_err(to_py)?;
     let camera = camera.inner.as_ref();
-    let correct =
-        |(centroid, distance): (&Vector2<f64>, &f64)| ball.center_pixel(camera, centroid, *distance);
-    let rows: Vec<_> =
-        py.work(|| centroids.par_iter().zip(&distances).with_min_len(SMALLEST_SHARE).map(correct).collect());
+    let cancel = Cancel::new();
+    let correct = |(centroid, distance): (&Vector2<f64>, &f64)| {
+        cancel.check()?;
+        ball.center_pixel(camera, centroid, *distance)
+    };
+    let rows: Vec<_> = py.work_on(centroids.len(), &cancel, || {
+        centroids.par_iter().zip(&distances).with_min_len(SMALLEST_SHARE).map(correct).collect()
+    })?;
     pixel_rows(py, &rows)
 }

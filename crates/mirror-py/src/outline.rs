@@ -4,6 +4,7 @@ use crate::arrays::{Array2Like, pairs, reshaped, shape_error};
 use crate::camera::PyCamera;
 use crate::errors::{MirrorPostureError, to_py};
 use crate::work::Work;
+use mirror_core::Cancel;
 use mirror_core::outline::{
     BallOutline, Circle, ColorBox, Picture, RadiusRange, chroma_step as step_of, color_regions as regions_of,
     fit_circle, measure_ball,
@@ -95,12 +96,14 @@ pub fn measure_balls(
     }
     let circles: Vec<Circle> = circles_px.as_array().rows().into_iter().map(circle_of).collect();
     let camera = camera.inner.as_ref();
-    let found: Vec<_> = py.work(|| {
+    let cancel = Cancel::new();
+    let found: Vec<_> = py.work_until(&cancel, || {
         let measure = |(circle, range): (&Circle, &nalgebra::Vector2<f64>)| {
-            measure_ball(&picture, circle, &RadiusRange { min_px: range.x, max_px: range.y }, camera)
+            let range = RadiusRange { min_px: range.x, max_px: range.y };
+            if cancel.is_cancelled() { None } else { measure_ball(&picture, circle, &range, camera) }
         };
         circles.par_iter().zip(&ranges).map(measure).collect()
-    });
+    })?;
     Ok(found.into_iter().map(|ball| ball.map(|inner| PyBallOutline { inner })).collect())
 }
 

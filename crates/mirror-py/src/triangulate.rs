@@ -10,7 +10,7 @@ use mirror_core::triangulate::{
     MarkerObservation, PointBatch, Triangulated, TriangulationOptions, Triangulator, point_pair_markers,
     triangulate_views,
 };
-use mirror_core::{Error, Result};
+use mirror_core::{Cancel, Error, Result};
 use nalgebra::{Matrix6, Point3, SMatrix, Vector2};
 use numpy::{AllowTypeChange, PyArray1, PyArray2, PyArray3, PyArrayLikeDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
@@ -167,11 +167,14 @@ pub fn virtual_rays(
         return Err(shape_error("mirror_rows", mirror_rows.shape(), &format!("({count},), as pixels_px")));
     }
     let numbers: Vec<i64> = mirror_rows.as_array().iter().copied().collect();
+    let cancel = Cancel::new();
     let ray = |(row, pixel): (&i64, &[f64])| {
+        cancel.check()?;
         let pixel = Vector2::new(pixel[0], pixel[1]);
         mirror_of(mirrors, *row)?.virtual_camera().ray(&mirrors.rig.camera, &pixel, noise_px)
     };
-    let rows = py.work(|| numbers.iter().zip(pixels.chunks_exact(2)).map(ray).collect());
+    let rows =
+        py.work_on(count, &cancel, || numbers.iter().zip(pixels.chunks_exact(2)).map(ray).collect())?;
     let shared = mirrors.rig.camera_from_board_covariance.unwrap_or_else(Matrix6::zeros);
     Ok(PyVirtualRays { rows, shared })
 }
@@ -206,7 +209,9 @@ pub fn triangulate(
     let options = options.validated().map_err(to_py)?;
     checked_noise(noise_px)?;
     let numbers: Vec<i64> = mirror_rows.as_array().iter().copied().collect();
+    let cancel = Cancel::new();
     let observations = (0..count).into_par_iter().map(|marker| {
+        cancel.check()?;
         let mut seen = Vec::with_capacity(views);
         for view in (marker * views)..((marker + 1) * views) {
             if numbers[view] >= 0 {
@@ -217,7 +222,7 @@ pub fn triangulate(
         }
         triangulate_views(triangulator, &mirrors.rig.camera, &seen, &options)
     });
-    let rows = py.work(|| observations.collect());
+    let rows = py.work_on(count, &cancel, || observations.collect())?;
     Ok(PyMarkers { rows })
 }
 
@@ -261,17 +266,18 @@ pub fn two_view_markers(
     least_parallax_rad: Option<f64>,
 ) -> PyResult<PyPointBatch> {
     let board = Point3::from(triple("board_in_camera_m", &board_in_camera_m)?);
-    let (_, boards) = stacked("reflected_boards_m", &reflected_boards_m, &[2, 3])?;
+    let (count, boards) = stacked("reflected_boards_m", &reflected_boards_m, &[2, 3])?;
     let (_, pixels) = stacked("pixels_px", &pixels_px, &[2, 2])?;
     let mut options = TriangulationOptions::default();
     options.least_parallax_rad = least_parallax_rad.unwrap_or(options.least_parallax_rad);
     let least = options.validated().map_err(to_py)?.least_parallax_rad;
+    let cancel = Cancel::new();
     let inner = py
-        .work(|| {
+        .work_on(count, &cancel, || {
             let (boards, _) = boards.as_chunks::<6>();
             let (pixels, _) = pixels.as_chunks::<4>();
-            point_pair_markers(&camera.inner, &board, boards, pixels, least)
-        })
+            point_pair_markers(&camera.inner, &board, boards, pixels, least, &cancel)
+        })?
         .map_err(to_py)?;
     Ok(PyPointBatch { inner })
 }

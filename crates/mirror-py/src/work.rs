@@ -10,6 +10,8 @@ use std::time::Duration;
 
 /// How often signals are looked at while the core works.
 const POLL: Duration = Duration::from_millis(40);
+/// Batches of fewer rows are done in a hundredth of a second, before a thread that looks at signals would pay.
+const SHORT: usize = 256;
 
 /// The threads, and the process that they belong to: a forked child has the memory of its parent's threads, and would
 /// wait for them forever.
@@ -40,6 +42,13 @@ pub trait Work {
     /// As [`Work::work`]; a signal whose Python handler raises (Ctrl-C) cancels the token, and its exception is what comes back.
     fn work_until<T: Send + Ungil, F: FnOnce() -> T + Send + Ungil>(
         self,
+        cancel: &Cancel,
+        work: F,
+    ) -> PyResult<T>;
+    /// As [`Work::work_until`], for a batch of so many rows of microseconds each: a short one is not looked after.
+    fn work_on<T: Send + Ungil, F: FnOnce() -> T + Send + Ungil>(
+        self,
+        rows: usize,
         cancel: &Cancel,
         work: F,
     ) -> PyResult<T>;
@@ -84,5 +93,14 @@ impl Work for Python<'_> {
                 raised.map_or(Ok(result), Err)
             })
         })
+    }
+
+    fn work_on<T: Send + Ungil, F: FnOnce() -> T + Send + Ungil>(
+        self,
+        rows: usize,
+        cancel: &Cancel,
+        work: F,
+    ) -> PyResult<T> {
+        if rows < SHORT { Ok(self.work(work)) } else { self.work_until(cancel, work) }
     }
 }

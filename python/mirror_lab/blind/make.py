@@ -22,6 +22,7 @@ from .seal import seal
 from .setup_judge import judge_by_hand
 from .shrinkage import keep_pixels
 from .simulate import Case, Options, simulate
+from .whole_file import remove_unfinished, whole_folder
 from .write import write_session
 
 COMBINABLE_ONCE = {
@@ -82,12 +83,14 @@ def _mistakes(rng: np.random.Generator) -> list[str]:
 def save(case: Case, out: Path, rng: np.random.Generator | None = None) -> Path:
     """Write the session to `out/NAME`, its answer to `out/answers/NAME.json` (and `.npz`, the noise-free pixels), its
     seal beside the session."""
-    folder = write_session(case, out / case.name, rng)
-    if case.mounting is None and case.told is None:
-        # The claimed shrinkage is judged only where nothing but the causes differs from what is told.
-        case.answer["pixels_sha256"] = keep_pixels(case, out / "answers" / f"{case.name}.npz")
-    seal(case.answer, out / "answers" / f"{case.name}.json", folder / "seal.json")
-    return folder
+    with whole_folder(out / case.name) as folder:
+        write_session(case, folder, rng)
+        if case.mounting is None and case.told is None:
+            # The claimed shrinkage is judged only where nothing but the causes differs from what is told.
+            case.answer["pixels_sha256"] = keep_pixels(case, out / "answers" / f"{case.name}.npz")
+        # The answer first: the session, with the seal in it, appears when all is there.
+        seal(case.answer, out / "answers" / f"{case.name}.json", folder / "seal.json")
+    return out / case.name
 
 
 @dataclass(frozen=True)
@@ -158,6 +161,8 @@ def make_cases(
     options = options or Options()
     planned = [None] * n if plan is None else [(name, kind, tuple(draws)) for name, kind, draws in plan]
     jobs = [_Job(out, i, seed, options, p) for i, p in enumerate(planned)]
+    for folder in (out, out / "answers"):
+        remove_unfinished(folder)
     todo = [job for job in jobs if not job.is_made]
     left = len(todo)
 

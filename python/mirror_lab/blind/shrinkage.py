@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import csv
 import hashlib
+import io
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -36,6 +37,7 @@ if sys.version_info >= (3, 11):
     import tomllib
 else:
     import tomli as tomllib
+from .whole_file import write_whole
 
 Array = NDArray[np.float64]
 
@@ -81,10 +83,12 @@ def keep_pixels(case: Case, path: Path) -> str:
     """Write a case's noise-free pixels; returns the file's SHA-256, which goes into the sealed answer."""
     corners, blobs, planes = clean_pixels(case)
     path.parent.mkdir(parents=True, exist_ok=True)
+    packed = io.BytesIO()
     np.savez_compressed(
-        path, corners_px=corners.astype(np.float32), blobs_px=blobs.astype(np.float32), planes_m=planes
+        packed, corners_px=corners.astype(np.float32), blobs_px=blobs.astype(np.float32), planes_m=planes
     )
-    return hashlib.sha256(path.read_bytes()).hexdigest()
+    write_whole(path, packed.getvalue())
+    return hashlib.sha256(packed.getvalue()).hexdigest()
 
 
 def load_pixels(path: Path, sha256: str) -> TruePixels:

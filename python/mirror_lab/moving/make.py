@@ -17,6 +17,7 @@ from ..blind.robots import Robot, board_points
 from ..blind.seal import seal
 from ..blind.simulate import draw_lens, draw_robot
 from ..blind.views import place_mirrors
+from ..blind.whole_file import remove_unfinished, whole_folder
 from .causes import LAWS, Body, Usual
 from .engine import KEPT_S, Engine, Servos, Track
 from .write import write_session
@@ -39,9 +40,17 @@ class Shutter:
 
 
 def make_case(
-    folder: Path, kind: str, effects: Sequence[str], rng: np.random.Generator, seconds: float = 20.0
+    folder: Path,
+    kind: str,
+    effects: Sequence[str],
+    rng: np.random.Generator,
+    seconds: float = 20.0,
+    sealed_in: Path | None = None,
 ) -> dict[str, Any]:
-    """Writes `folder` (the session, with `model.xml`) and `folder-unseen` (another motion of the same body); returns the answer."""
+    """Writes `folder` (the session, with `model.xml`) and `folder-unseen` (another motion of the same body); returns the answer.
+
+    `sealed_in`: a folder to which the answer goes, with its seal in the session.
+    """
     robot = draw_robot(kind, rng)
     gravity = np.array([0.0, 0.0, -9.81])
     moving = [j for j in robot.commanded if robot.ranges[j][1] - robot.ranges[j][0] > 0.05]
@@ -80,25 +89,25 @@ def make_case(
     shutter = Shutter(float(rng.uniform(0.002, 0.01)), float(rng.choice([0.0, rng.uniform(0.008, 0.02)])))
     told = round(float((noise.corner_px + noise.blob_px) / 2 * rng.uniform(0.85, 1.2)), 3)
     model = _users_model(robot, moving, stiffness, damping, armature)
-    for place, motion in ((folder, commands), (folder.parent / f"{folder.name}-unseen", unseen)):
+    seen = []
+    for motion in (commands, unseen):
         track = engine.run(times, motion, body.servos)
-        seen = _see(robot, engine, track, body, lens, noise, shutter, rng, seconds, nominal_lens)
-        write_session(
-            place,
-            robot,
-            gravity,
-            nominal_lens,
-            told,
-            shutter,
-            moving,
-            (times, motion, _readings(track, times)),
-            seen,
-        )
-        (place / "model.xml").write_text(model, encoding="utf-8")
-    return {
+        pictures = _see(robot, engine, track, body, lens, noise, shutter, rng, seconds, nominal_lens)
+        seen.append(((times, motion, _readings(track, times)), pictures))
+    answer = {
         "id": folder.name, "robot": kind, "causes": causes, "noise": noise.answer(), "seconds": seconds,
         "shutter": vars(shutter),
     }  # fmt: skip
+    # The session last: where it stands, its second motion and its answer do too.
+    for place, (log, pictures) in zip(
+        (folder.with_name(f"{folder.name}-unseen"), folder), reversed(seen), strict=True
+    ):
+        with whole_folder(place) as part:
+            write_session(part, robot, gravity, nominal_lens, told, shutter, moving, log, pictures)
+            (part / "model.xml").write_text(model, encoding="utf-8")
+            if place == folder and sealed_in is not None:
+                seal(answer, sealed_in / f"{folder.name}.json", part / "seal.json")
+    return answer
 
 
 def draw_motion(rng: np.random.Generator, times: Array, low: Array, high: Array) -> Array:
@@ -270,6 +279,8 @@ def make_cases(
         raise ValueError(f"effects: got {', '.join(unknown)}, needed some of {', '.join(sorted(LAWS))}")
     laws = sorted(only) or sorted(LAWS)
     made = []
+    for place in (out, out / "answers"):
+        remove_unfinished(place)
     for number in range(cases):
         rng = np.random.default_rng([seed, number])
         kind = robots[number % len(robots)]
@@ -280,7 +291,6 @@ def make_cases(
         )
         effects = [str(e) for e in rng.choice(laws, size=min(count, len(laws)), replace=False)]
         name = f"case-{number:04d}"
-        answer = make_case(out / name, kind, effects, rng, seconds)
-        seal(answer, out / "answers" / f"{name}.json", out / name / "seal.json")
+        make_case(out / name, kind, effects, rng, seconds, out / "answers")
         made.append(out / name)
     return made

@@ -109,6 +109,36 @@ class Outcome:
         """Whether every marker is within the tolerance of its target."""
         return self.stop.converged
 
+    @property
+    def data(self) -> dict[str, Any]:
+        """Counts of looks, pictures (or measurements of a tracker) and readings of markers, given and used; what was left out, and why.
+
+        Pictures of a look that ended before it was measured (Ctrl-C, a robot that failed) are given and not used.
+        """
+        left_out = [
+            {
+                "look": look.look,
+                "target": marker.marker,
+                "why": marker.doubt or marker.reason or "not measured",
+            }
+            for look in self.looks
+            for marker in look.markers
+            if marker.doubt is not None or marker.error_m is None
+        ]
+        readings = sum(len(look.markers) for look in self.looks)
+        believed = [look for look in self.looks if look.rms_m is not None]
+        # A further look at a posture rests on the pictures of the looks before it too.
+        used = {look.posture: look.views for look in believed}
+        return {
+            "looks_given": len(self.looks),
+            "looks_used": len(believed),
+            "pictures_given": self.views,
+            "pictures_used": sum(used.values()),
+            "points_given": readings,
+            "points_used": readings - len(left_out),
+            "left_out": left_out,
+        }
+
 
 def doubt_in_words(implausible: Mapping[str, Any] | None) -> str | None:
     """Why a reading was not believed, with its numbers."""

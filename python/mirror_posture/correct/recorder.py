@@ -19,7 +19,7 @@ import tomli_w
 
 from .._core import MirrorPostureError
 from ..input_files import LARGEST_TABLE, given_text, read_text, reason
-from ..output_files import sync_folder
+from ..output_files import new_folder, sync_folder
 from ..robots.errors import NoLookError
 from ..robots.nominal import Nominal, detect_look
 from ..robots.protocol import ImagePoints, Look, MarkerPoints
@@ -85,16 +85,17 @@ class Recorder:
             raise MirrorPostureError(
                 f"{folder}: is there already; give another folder, or --resume to go on with what it holds"
             )
-        (folder / "images").mkdir(parents=True)
-        (folder / "robot.urdf").write_bytes(nominal.robot_file.read_bytes())
-        if nominal.camera is not None:
-            (folder / "camera.yaml").write_text(dump_camera_info(nominal.camera), encoding="utf-8")
-        tree = metadata_tree(nominal.session([Look({}, 0.0)], [0]))
-        (folder / FILE).write_text(tomli_w.dumps(tree), encoding="utf-8")
-        # Last: a folder with a header is one that can be gone on with.
-        _write_whole(folder / UNFINISHED, b"")
         document = {"joints": list(joints), **(header or {})}
-        _write_whole(folder / HEADER, json.dumps(document, indent=1, allow_nan=False).encode())
+        # In one step: a folder that is there can be gone on with.
+        with new_folder(folder) as part:
+            (part / "images").mkdir()
+            (part / "robot.urdf").write_bytes(nominal.robot_file.read_bytes())
+            if nominal.camera is not None:
+                (part / "camera.yaml").write_text(dump_camera_info(nominal.camera), encoding="utf-8")
+            tree = metadata_tree(nominal.session([Look({}, 0.0)], [0]))
+            (part / FILE).write_text(tomli_w.dumps(tree), encoding="utf-8")
+            (part / UNFINISHED).touch()
+            (part / HEADER).write_text(json.dumps(document, indent=1, allow_nan=False), encoding="utf-8")
         return cls(folder, nominal, joints, Past(), 0)
 
     @classmethod
@@ -175,7 +176,7 @@ class Recorder:
 
     def end(self, outcome: Outcome) -> None:
         """Writes what came of it. An interrupted correction stays open to `resume`."""
-        document = json.dumps(_plain(asdict(outcome)), indent=1, allow_nan=False)
+        document = json.dumps(_plain({**asdict(outcome), "data": outcome.data}), indent=1, allow_nan=False)
         _write_whole(self.folder / RESULT, document.encode())
         if outcome.stop.kind not in ("interrupted", "robot_failed"):
             (self.folder / UNFINISHED).unlink(missing_ok=True)

@@ -15,6 +15,7 @@ from ..pages.drawing import AFTER, BAR_ALPHA, BEFORE, GOOD, INK, MANY_POINTS
 from ..session import Session
 from .table import summarise
 from .types import Measurement
+from .used import used
 
 TEMPLATE = "measure.html.j2"
 MILLIMETRES = 1000.0
@@ -66,6 +67,7 @@ def write_measure_page(session: Session, measurement: Measurement, file: str | o
         "rows": rows,
         "most": MOST_ROWS,
         "warnings": measurement.warnings,
+        "used": used(session, measurement).sentence,
         "summary": [s for s in summarise(measurement) if s.postures],
         "mm": _mm,
         "reasons": [f"{text} ({count} times)" if count > 1 else text for text, count in reasons.items()],

@@ -11,22 +11,23 @@ from ..diagnosis import formatting, limits
 from ..diagnosis.actions import Concerned, concerned
 from ..diagnosis.page import HEADLINES
 from ..diagnosis.result import Diagnosis
+from ..file_names import file_name_of
 from ..pages import inline, render
 from .diagnose import MotionDiagnosis
 from .patched import patched_model
-from .pictures import pictures
+from .pictures import joint_pictures, staircase
 from .words import REMEDIES
 
 TEMPLATE = "motion.html.j2"
 MODEL = "model.xml"
-STAIRCASE = "staircase"
 
 
 def write_motion_report(done: MotionDiagnosis, folder: Path) -> Path:
     """Writes `report.html`, `pictures/*.png` and the patched `model.xml` into a folder that is there; returns the page."""
-    drawings = pictures(done)
+    steps, joints = staircase(done), joint_pictures(done)
     (folder / "pictures").mkdir(exist_ok=True)
-    for name, drawing in drawings.items():
+    files = {"staircase": steps} | {f"joint-{file_name_of(joint)}": drawn for joint, drawn in joints.items()}
+    for name, drawing in files.items():
         (folder / "pictures" / f"{name}.png").write_bytes(drawing.png)
     (folder / MODEL).write_text(
         patched_model(done.problem.rollouts, done.found.best.causes), encoding="utf-8"
@@ -42,12 +43,10 @@ def write_motion_report(done: MotionDiagnosis, folder: Path) -> Path:
         "told": formatting,
         "concerned": _who_must_act(found),
         "limits": limits.table(found),
-        "staircase": inline(drawings[STAIRCASE], _steps_in_words(found)),
+        "staircase": inline(steps, _steps_in_words(found)),
         # Each of its lines has a point a picture: as SVG they would be megabytes.
         "joints": [
-            (name.partition("-")[2], base64.b64encode(drawing.png).decode("ascii"))
-            for name, drawing in drawings.items()
-            if name != STAIRCASE
+            (joint, base64.b64encode(drawing.png).decode("ascii")) for joint, drawing in joints.items()
         ],
     }
     file = folder / "report.html"

@@ -15,20 +15,21 @@ WINDOW_S = 8.0
 BINS = 15
 
 
-def pictures(done: MotionDiagnosis) -> Mapping[str, Drawing]:
-    """The drawings of the page by name, the staircase first."""
-    out = {"staircase": _staircase(done)}
+def joint_pictures(done: MotionDiagnosis) -> Mapping[str, Drawing]:
+    """The drawings of the joints that causes name, by joint."""
+    out = {}
     joints = [cause.at.partition(":")[2] for cause in done.diagnosis.causes if cause.at.startswith("joint:")]
     for joint in dict.fromkeys(joints):
-        out[f"joint-{joint}"] = _joint(done, joint)
+        out[joint] = _joint(done, joint)
     if not joints and done.problem.scales:
         # A latency shows at every joint: the one that moves most.
         widest = max(done.problem.scales, key=lambda name: done.problem.scales[name].speed)
-        out[f"joint-{widest}"] = _joint(done, widest)
+        out[widest] = _joint(done, widest)
     return out
 
 
-def _staircase(done: MotionDiagnosis) -> Drawing:
+def staircase(done: MotionDiagnosis) -> Drawing:
+    """The gap step by step."""
     steps = done.diagnosis.document["gap"]["steps"]
     drawn, axes = figure(8.0, 1.2 + 0.6 * len(steps), 1, 1)
     axis = axes[0, 0]

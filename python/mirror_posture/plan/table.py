@@ -110,6 +110,11 @@ def document(plan: Plan) -> dict[str, Any]:
             }
             for one in plan.tells
         ],
+        "frames_asked": plan.options.postures * (len(plan.mirrors) if plan.options.same_postures else 1),
+        "markers": {
+            marker.name: int(plan.markers[:, index].sum())
+            for index, marker in enumerate(plan.setting.nominal.metadata.markers)
+        },
         "drawn": plan.drawn,
         "not_taken": plan.not_taken,
         "not_checked": list(plan.ignored_pairs),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Literal
@@ -13,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..diagnosis.applied.urdf import rotation_of_rpy
+from ..file_names import file_name_of
 from .triangles import Triangles, box, coarse, cylinder, read_triangles, sphere, write_stl
 
 Floats = npt.NDArray[np.float64]
@@ -48,7 +48,7 @@ def mesh_file(name: str, urdf: Path, packages: Mapping[str, Path]) -> Path | Non
 
 def coarse_name(name: str) -> str:
     """The file name of a mesh's coarse copy."""
-    return re.sub(r"[^A-Za-z0-9.-]+", "_", name.split("://")[-1]).strip("._") + ".coarse.stl"
+    return file_name_of(name.split("://")[-1]) + ".coarse.stl"
 
 
 def keep_coarse_meshes(

@@ -5,6 +5,7 @@
 
 use super::weakness::Weakness;
 use crate::camera::Camera;
+use crate::cancel::Cancel;
 use crate::error::{Error, Result};
 use crate::geometry::rotation::{difference, moved};
 use crate::joint::board_side_from_camera_side;
@@ -16,6 +17,9 @@ use rayon::prelude::*;
 const AMBIGUOUS_RATIO: f64 = 2.0;
 /// Squared normalised distances count no further than this when poses are chosen (99.9 % of χ² with 12 degrees of freedom).
 const CONSENSUS_CAP: f64 = 33.0;
+/// So many snapshots, spread evenly over all, are asked which chain they agree with: enough to outvote ambiguous poses, and the work
+/// stays linear in the number of snapshots.
+const WITNESSES: usize = 64;
 /// The weighted mean converges in 3 to 5 steps.
 const MEAN_STEPS: usize = 20;
 /// It stops at steps below this (rad and m in one norm).
@@ -145,11 +149,13 @@ fn distance(a: &SnapshotTransform, b: &SnapshotTransform) -> f64 {
 }
 
 /// Of each snapshot the chain that agrees best with the others: ambiguous board poses disagree from snapshot to snapshot.
-fn consensus(snapshots: Vec<Vec<SnapshotTransform>>) -> Vec<SnapshotTransform> {
+fn consensus(snapshots: Vec<Vec<SnapshotTransform>>, cancel: &Cancel) -> Result<Vec<SnapshotTransform>> {
+    let step = snapshots.len().div_ceil(WITNESSES).max(1);
     let support = |candidate: &SnapshotTransform, own: usize| -> f64 {
         snapshots
             .iter()
             .enumerate()
+            .step_by(step)
             .filter(|(other, _)| *other != own)
             .map(|(_, all)| all.iter().map(|c| distance(candidate, c)).fold(CONSENSUS_CAP, f64::min))
             .sum()
@@ -158,12 +164,14 @@ fn consensus(snapshots: Vec<Vec<SnapshotTransform>>) -> Vec<SnapshotTransform> {
         .iter()
         .enumerate()
         .flat_map(|(own, all)| all.iter().map(move |c| (own, c)))
+        .take_while(|_| !cancel.is_cancelled())
         .map(|(own, c)| (support(c, own), c))
         // The first of equals is the one with the better residual.
         .min_by(|a, b| a.0.total_cmp(&b.0))
         .map(|(_, c)| c.clone());
-    let Some(reference) = reference else { return Vec::new() };
-    snapshots
+    cancel.check()?;
+    let Some(reference) = reference else { return Ok(Vec::new()) };
+    Ok(snapshots
         .into_iter()
         .filter_map(|all| {
             all.into_iter()
@@ -171,7 +179,7 @@ fn consensus(snapshots: Vec<Vec<SnapshotTransform>>) -> Vec<SnapshotTransform> {
                 .min_by(|a, b| a.0.total_cmp(&b.0))
                 .map(|(_, c)| c)
         })
-        .collect()
+        .collect())
 }
 
 /// Calibrates the camera–board transform with a second camera: the chain of three board poses of each snapshot, with its
@@ -181,13 +189,15 @@ fn consensus(snapshots: Vec<Vec<SnapshotTransform>>) -> Vec<SnapshotTransform> {
 /// A board seen nearly face-on from afar has two possible poses; the snapshots' agreement decides between them.
 ///
 /// # Errors
-/// [`Error::LengthMismatch`] without snapshots; [`Error::InView`] with the snapshot whose board pose fails.
+/// [`Error::LengthMismatch`] without snapshots; [`Error::InView`] with the snapshot whose board pose fails;
+/// [`Error::Cancelled`] where `cancel` says stop.
 ///
 /// # Source
 /// The paper, "calibration by an additional camera".
 pub fn calibrate_with_second_camera(
     rig: &SecondCameraRig,
     snapshots: &[SecondCameraSnapshot],
+    cancel: &Cancel,
 ) -> Result<SecondCameraCalibration> {
     if snapshots.is_empty() {
         return Err(Error::LengthMismatch { what: "snapshots (at least)".into(), got: 0, needed: 1 });
@@ -196,10 +206,11 @@ pub fn calibrate_with_second_camera(
         .par_iter()
         .enumerate()
         .map(|(view, snapshot)| {
+            cancel.check()?;
             chains(rig, snapshot).map_err(|source| Error::InView { view, source: Box::new(source) })
         })
         .collect::<Result<Vec<_>>>()?;
-    let mut chosen = consensus(all);
+    let mut chosen = consensus(all, cancel)?;
     let informations = chosen.iter().map(|c| information(&c.covariance)).collect::<Result<Vec<_>>>()?;
     let total: Matrix6<f64> = informations.iter().sum();
     let factor =

@@ -6,6 +6,7 @@ use super::options::EstimatorOptions;
 use super::planar::{PlanarPose, planar_pose};
 use super::rig::Rig;
 use crate::camera::Camera;
+use crate::cancel::Cancel;
 use crate::error::{Error, Result};
 use nalgebra::Vector2;
 use rayon::prelude::*;
@@ -38,27 +39,39 @@ pub fn view_from_row(board: &Board, row: &[f64]) -> Result<BoardView> {
 }
 
 /// The mirrors of many views, one result a row of pixels (see [`view_from_row`]), in their order, on all cores.
+///
+/// Rows that are not done when `cancel` says stop are [`Error::Cancelled`].
 pub fn estimate_rows(
     estimator: MirrorEstimator,
     rig: &Rig,
     rows: &[f64],
     options: &EstimatorOptions,
+    cancel: &Cancel,
 ) -> Vec<Result<MirrorEstimate>> {
     rows.par_chunks(2 * rig.board.corner_count())
         .with_min_len(SMALLEST_SHARE)
-        .map(|row| estimator.estimate(rig, &view_from_row(&rig.board, row)?, options))
+        .map(|row| {
+            cancel.check()?;
+            estimator.estimate(rig, &view_from_row(&rig.board, row)?, options)
+        })
         .collect()
 }
 
 /// The poses of many views of a board, one result a row of pixels (see [`view_from_row`]), in their order, on all cores.
+///
+/// Rows that are not done when `cancel` says stop are [`Error::Cancelled`].
 pub fn planar_pose_rows(
     camera: &Camera,
     board: &Board,
     rows: &[f64],
     options: &EstimatorOptions,
+    cancel: &Cancel,
 ) -> Vec<Result<PlanarPose>> {
     rows.par_chunks(2 * board.corner_count())
         .with_min_len(SMALLEST_SHARE)
-        .map(|row| planar_pose(camera, &view_from_row(board, row)?, options))
+        .map(|row| {
+            cancel.check()?;
+            planar_pose(camera, &view_from_row(board, row)?, options)
+        })
         .collect()
 }

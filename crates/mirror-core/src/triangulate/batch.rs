@@ -2,6 +2,7 @@
 
 use super::rays::midpoint_of_two;
 use crate::camera::Camera;
+use crate::cancel::Cancel;
 use crate::error::{Error, Result};
 use crate::geometry::Plane;
 use crate::mirror::virtual_ray;
@@ -61,13 +62,15 @@ pub struct PointBatch {
 /// `pixels_px` the marker's pixels in both.
 ///
 /// # Errors
-/// [`Error::LengthMismatch`] where the two differ in length. Rows that have no result are told in the batch.
+/// [`Error::LengthMismatch`] where the two differ in length; [`Error::Cancelled`] where `cancel` says stop. Rows that have no
+/// result are told in the batch.
 pub fn point_pair_markers(
     camera: &Camera,
     board_in_camera: &Point3<f64>,
     reflected_boards_m: &[[f64; 6]],
     pixels_px: &[[f64; 4]],
     least_parallax_rad: f64,
+    cancel: &Cancel,
 ) -> Result<PointBatch> {
     if reflected_boards_m.len() != pixels_px.len() {
         return Err(Error::LengthMismatch {
@@ -83,6 +86,7 @@ pub fn point_pair_markers(
         .zip(pixels_px)
         .enumerate()
         .with_min_len(SMALLEST_SHARE)
+        .take_any_while(|_| !cancel.is_cancelled())
         .filter_map(|(row, ((out, &[a, b, c, d, e, f]), &[ua, va, ub, vb]))| {
             let views = TwoViews {
                 reflected_boards: [Point3::new(a, b, c), Point3::new(d, e, f)],
@@ -97,6 +101,7 @@ pub fn point_pair_markers(
             }
         })
         .collect();
+    cancel.check()?;
     refused.sort_by_key(|r| r.row);
     Ok(PointBatch { points_m, refused })
 }

@@ -337,6 +337,11 @@ def _tell(output: Output, outcome: Outcome, sliding: set[str], written: list[Pat
                 output.warn(f"look {look.look}, {marker.marker}: {marker.doubt}")
             elif marker.error_m is None and marker.reason is not None:
                 output.warn(f"look {look.look}, {marker.marker}: {marker.reason}")
+    data = outcome.data
+    output.say(
+        f"used: {data['looks_used']} of {data['looks_given']} looks, {data['pictures_used']} of {data['pictures_given']} pictures, "
+        f"{data['points_used']} of {data['points_given']} readings of markers"
+    )
     rows = []
     for name, value in outcome.best_command.items():
         was = outcome.target_posture.get(name, 0.0)
@@ -365,4 +370,4 @@ def _sliding(out: Path) -> set[str]:
 
 
 def _rest(outcome: Outcome) -> dict[str, Any]:
-    return {key: value for key, value in asdict(outcome).items() if key != "stop"}
+    return {**{key: value for key, value in asdict(outcome).items() if key != "stop"}, "data": outcome.data}

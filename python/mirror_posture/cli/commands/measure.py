@@ -74,6 +74,7 @@ def command(
     output = Output(as_json)
     from ...measurement import ESTIMATORS, MeasureOptions, measure_all
     from ...measurement.table import document, summarise, write_marker_table
+    from ...measurement.used import used
 
     if estimator not in (*ESTIMATORS, ALL):
         raise MirrorPostureError(
@@ -98,12 +99,15 @@ def command(
         _show_comparison(output, measurements)
     _show_rows(output, chosen, rows)
     _show_summary(output, chosen)
+    counts = used(loaded, chosen)
+    output.say(counts.sentence)
     for warning in chosen.warnings:
         output.warn(warning)
     for row, reason in enumerate(chosen.mirrors.reason):
         if reason is not None:
             output.warn(f"frame {loaded.frames.frame[row]}: no mirror ({reason})")
 
+    result: dict[str, Any] = {**document(chosen), "data": counts}
     written = []
     if out is not None:
         if out.suffix == ".json":
@@ -112,7 +116,7 @@ def command(
             from ...output_files import write_file
             from ..output import plain
 
-            write_file(out, json.dumps(plain(document(chosen)), indent=1, allow_nan=False))
+            write_file(out, json.dumps(plain(result), indent=1, allow_nan=False))
         else:
             write_marker_table(chosen, out)
         written.append(out)
@@ -129,7 +133,6 @@ def command(
         written.append(write_measure_page(loaded, chosen, page))
     for file in written:
         output.say(f"written: {file}")
-    result: dict[str, Any] = document(chosen)
     if estimator == ALL:
         result["estimators"] = {m.estimator: summarise(m) for m in measurements}
     output.result(result)
