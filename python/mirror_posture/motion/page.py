@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from .._core import __version__
-from ..diagnosis import formatting, limits
+from ..diagnosis import actions, formatting, limits
 from ..diagnosis.actions import Concerned, concerned
 from ..diagnosis.page import HEADLINES
 from ..diagnosis.result import Diagnosis
@@ -41,6 +41,7 @@ def write_motion_report(done: MotionDiagnosis, folder: Path) -> Path:
         "motion": found.document["motion"],
         "headline": HEADLINES[found.verdict],
         "told": formatting,
+        "acts": actions,
         "concerned": _who_must_act(found),
         "limits": limits.table(found),
         "staircase": inline(steps, _steps_in_words(found)),

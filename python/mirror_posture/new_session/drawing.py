@@ -30,6 +30,7 @@ def draw_setup(
 
     Returns the names of the meshes that were not found: those links are drawn as lines.
     """
+    from matplotlib.collections import PolyCollection
     from matplotlib.figure import Figure
 
     told = load_metadata(folder)
@@ -43,9 +44,11 @@ def draw_setup(
     figure = Figure(figsize=(15, 6), layout="constrained")
     for axes, (title, across, up, across_name, up_name) in zip(figure.subplots(1, 3), VIEWS, strict=True):
         for name, parts in shapes.items():
-            if name in pose:
-                seen = _moved(pose[name], np.concatenate([part.vertices_m for part in parts]))
-                axes.plot(seen[:, across], seen[:, up], ",", color="#9aa4b2", zorder=1)
+            for part in parts if name in pose else ():
+                seen = _moved(pose[name], part.vertices_m)[:, (across, up)]
+                axes.add_collection(
+                    PolyCollection(seen[part.faces], facecolors="#d0d5dc", edgecolors="none", zorder=1)
+                )
         for joint in robot.joints:
             a, b = pose[joint.parent_link][:3, 3], pose[joint.child_link][:3, 3]
             axes.plot([a[across], b[across]], [a[up], b[up]], color="#57606a", lw=1.2, zorder=2)

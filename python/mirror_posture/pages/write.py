@@ -30,6 +30,7 @@ def render(package: str, template: str, values: Mapping[str, Any]) -> str:
         loader=FunctionLoader(load),
     )
     environment.filters["code"] = _code
+    environment.filters["name"] = _name
     return environment.get_template(template).render(values)
 
 
@@ -42,3 +43,8 @@ def inline(drawing: Drawing, says: str) -> Markup:
 def _code(text: str) -> Markup:
     """Words between backticks as code, the rest escaped."""
     return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(text))))
+
+
+def _name(text: str) -> Markup:
+    """Words with names of links and joints in them, which may be broken behind an underscore and nowhere else."""
+    return Markup(str(escape(text)).replace("_", "_<wbr>"))

@@ -86,8 +86,9 @@ def _mirror(panel: Any, plan: Plan, mirror: MirrorPlace, vertical: Floats, view:
     ring = (mirror.center_in_root_m + half) @ turn.T + shift
     panel.plot(ring @ plan.setting.forward, ring @ vertical, color="#0a7f5a", lw=2)
     top = ring[np.argmax(ring @ vertical)]
+    # One above the other: the mirrors of several views stand nearly in one place.
     panel.annotate(
-        f"view {view}", (top @ plan.setting.forward, top @ vertical), xytext=(3, 3), textcoords="offset points", fontsize=8
+        f"view {view}", (top @ plan.setting.forward, top @ vertical), xytext=(3, 3 + 10 * view), textcoords="offset points", fontsize=8
     )  # fmt: skip
 
 

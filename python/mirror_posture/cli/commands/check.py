@@ -76,11 +76,7 @@ def command(
         if page is not None:
             _write_page(output, page, session, problems=[str(error)], warnings=loaded.warnings, facts=found)
         raise
-    rows = [
-        (key.replace("_", " "), ", ".join(value) if isinstance(value, list) else str(value))
-        for key, value in summary.items()
-        if key != "warnings"
-    ]
+    rows = [(key.replace("_", " "), _in_words(value)) for key, value in summary.items() if key != "warnings"]
     output.table(f"{session} is a session", ["*", "~"], rows)
     output.table(
         "What is plausible, and what is not",
@@ -90,6 +86,12 @@ def command(
     if page is not None:
         _write_page(output, page, session, warnings=loaded.warnings, facts=found, summary=rows)
     output.result(summary | {"facts": found})
+
+
+def _in_words(value: object) -> str:
+    if isinstance(value, list):
+        return ", ".join(value)
+    return {True: "yes", False: "no"}[value] if isinstance(value, bool) else str(value)
 
 
 def _write_page(
