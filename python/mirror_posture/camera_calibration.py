@@ -76,10 +76,15 @@ def calibrate_camera(
         images = [
             view[mask].astype(np.float32) for view, mask, use in zip(points, seen, chosen, strict=True) if use
         ]
+        # Its threads add up the views in any order, and what rounding makes of it shows in the sixth digit: the same pictures, the same camera.
+        threads = cv2.getNumThreads()
+        cv2.setNumThreads(1)
         try:
             found = cv2.calibrateCameraExtended(objects, images, size_px, None, None)  # type: ignore[call-overload]
         except cv2.error as error:
             raise MirrorPostureError(f"calibration: OpenCV found no camera: {error.err}") from None
+        finally:
+            cv2.setNumThreads(threads)
         rms, matrix, lens, turns, _, std, _, each = found
         return float(rms), matrix, lens.ravel(), list(turns), std.ravel(), each.ravel()
 

@@ -15,9 +15,10 @@ import tempfile
 import time
 import warnings
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
-from fuzz_mutations import Target, mutated, unended
+from fuzz_mutations import mutated, unended
 from fuzz_targets import CORPUS, TARGETS, run
 
 SLOWEST_S = 5.0
@@ -36,7 +37,7 @@ def fuzz(name: str, runs: int, seed: int, seconds: float = float("inf"), keep: b
     ends: Counter[str] = Counter()
     own = seeds(name)
     chance, until = random.Random(f"{name}-{seed}"), time.monotonic() + seconds
-    inputs = unended(chance, Target(target.check, tuple(own), target.json_tree, target.raises))
+    inputs = unended(chance, replace(target, seeds=tuple(own)))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         for number in range(len(own) + runs):

@@ -21,6 +21,8 @@ class Target:
     json_tree: bool = False
     """Whether inputs are JSON, whose trees can be mutated."""
     raises: tuple[type[Exception], ...] = (MirrorPostureError,)
+    lengths: bool = False
+    """Whether inputs tell places and lengths within themselves: then most mutations keep the length, or none would come past the outside."""
 
 
 ODD_NUMBERS = [
@@ -62,6 +64,8 @@ def mutated(seed: bytes, chance: Any, target: Target, count: int = 0) -> bytes:
     """The input with one to four places changed: bytes, tokens, numbers, lines, or parts of a tree."""
     if target.json_tree and count % 2:
         return _mutated_tree(seed, chance)
+    if target.lengths and count % 4:
+        return _overwritten(seed, chance)
     data = seed
     for _ in range(chance.choice([1, 1, 1, 2, 3, 4])):
         data = _mutated_once(data, chance)
@@ -99,6 +103,31 @@ def _mutated_once(data: bytes, chance: Any) -> bytes:
     else:
         del lines[k]
     return b"\n".join(lines)
+
+
+ODD_BYTES = [
+    b"\x00" * 4,
+    b"\xff" * 4,
+    b"\xff\xff\xff\x7f",
+    b"\x00" * 8,
+    b"\xff" * 8,
+    b"\x01\x00\x00\x00",
+    b"\x00\x00\x00\x80",
+    b"\xff",
+    b"\x00",
+]
+
+
+def _overwritten(data: bytes, chance: Any) -> bytes:
+    """Some bytes exchanged for others, as many."""
+    out = bytearray(data)
+    # Long runs of zeros between what is told would take most of the changes.
+    told = [k for k, byte in enumerate(data) if byte] or [0]
+    for _ in range(chance.choice([1, 1, 1, 2, 4])):
+        at = chance.choice(told)
+        new = chance.choice(ODD_BYTES) if chance.random() < 0.4 else bytes([chance.randrange(256)])
+        out[at : at + len(new)] = new[: len(out) - at]
+    return bytes(out)
 
 
 def _mutated_tree(seed: bytes, chance: Any) -> bytes:

@@ -1,4 +1,4 @@
-"""Fuzz targets of recordings to import: the joints' CSV, an MCAP file, a LeRobot dataset's info.json."""
+"""Fuzz targets of recordings to import: the joints' CSV, MCAP, ROS 1 and ROS 2 bags, a LeRobot dataset's info.json."""
 
 from __future__ import annotations
 
@@ -89,9 +89,96 @@ def _mcap(packed: bool) -> bytes:
     return stream.getvalue()
 
 
+def bag(data: bytes) -> bool:
+    file = folder() / "recording.bag"
+    file.write_bytes(data)
+    return _whole(file)
+
+
+def database(data: bytes) -> bool:
+    place = _ros_2_bag()
+    next(place.glob("*.db3")).write_bytes(data)
+    return _whole(place)
+
+
+def metadata(data: bytes) -> bool:
+    place = _metadata_bag()
+    (place / "metadata.yaml").write_bytes(data)
+    return _whole(place)
+
+
+def _whole(source: Path) -> bool:
+    for _, picture in read_recording(source).pictures():
+        assert picture.ndim == 3 and picture.dtype == "uint8"
+    return True
+
+
+@cache
+def _ros_2_bag() -> Path:
+    return _written(folder() / "database", 2, "")
+
+
+@cache
+def _metadata_bag() -> Path:
+    return _written(folder() / "metadata", 2, "")
+
+
+def _written(place: Path, version: int, packed: str) -> Path:
+    """A bag with two joint states and two pictures, written by rosbags."""
+    import numpy as np
+    from rosbags import rosbag1, rosbag2
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS1_NOETIC if version == 1 else Stores.ROS2_HUMBLE)
+    writer: Any = rosbag1.Writer(place) if version == 1 else rosbag2.Writer(place, version=9)
+    if packed and version == 1:
+        writer.set_compression(rosbag1.Writer.CompressionFormat[packed])
+    elif packed:
+        writer.set_compression(rosbag2.CompressionMode[packed], rosbag2.CompressionFormat.ZSTD)
+    pack = store.serialize_ros1 if version == 1 else store.serialize_cdr
+    states, pictures = "sensor_msgs/msg/JointState", "sensor_msgs/msg/Image"
+    with writer:
+        topics = {
+            kind: writer.add_connection(topic, kind, typestore=store)
+            for topic, kind in (("/joints", states), ("/camera/image", pictures))
+        }
+        for k in range(2):
+            stamp = store.types["builtin_interfaces/msg/Time"](sec=5 + k, nanosec=0)
+            more = {"seq": 0} if version == 1 else {}
+            head = store.types["std_msgs/msg/Header"](stamp=stamp, frame_id="", **more)
+            empty = np.zeros(0)
+            state = store.types[states](
+                header=head, name=["pan", "lift"], position=np.array([0.1, 0.2]), velocity=empty, effort=empty
+            )
+            picture = store.types[pictures](
+                header=head,
+                height=6,
+                width=8,
+                encoding="rgb8",
+                is_bigendian=0,
+                step=24,
+                data=np.zeros(144, np.uint8),
+            )
+            for kind, message in ((states, state), (pictures, picture)):
+                writer.write(topics[kind], (5 + k) * 10**9, pack(message, kind))
+    return place
+
+
+def _bags() -> tuple[bytes, ...]:
+    return tuple(
+        _written(folder() / f"seed{packed}.bag", 1, packed).read_bytes() for packed in ("", "LZ4", "BZ2")
+    )
+
+
 RECORDINGS = {
     "joints_csv": Target(joints, (JOINTS,)),
     "lerobot_info": Target(info, (json.dumps(INFO).encode(),), True),
 }
 if find_spec("mcap_ros2"):
-    RECORDINGS["mcap"] = Target(mcap, (_mcap(False), _mcap(True)))
+    RECORDINGS["mcap"] = Target(mcap, (_mcap(False), _mcap(True)), lengths=True)
+if find_spec("rosbags"):
+    RECORDINGS["rosbag1"] = Target(bag, _bags(), lengths=True)
+    RECORDINGS["rosbag2_sqlite"] = Target(
+        database, (next(_written(folder() / "seed", 2, "").glob("*.db3")).read_bytes(),), lengths=True
+    )
+    RECORDINGS["rosbag2_metadata"] = Target(metadata, ((_metadata_bag() / "metadata.yaml").read_bytes(),))

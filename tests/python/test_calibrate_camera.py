@@ -118,3 +118,10 @@ def test_the_command_reads_pictures_and_writes_camera_info(tmp_path: Path) -> No
     assert camera.size_px == SIZE and camera.focal_px[0] == pytest.approx(900.0, rel=0.01)
     assert document["rms_px"] < 0.3 and len(document["views"]) >= 10
     assert "--overwrite" in CliRunner().invoke(cli.app, words).stderr
+
+
+def test_the_same_pictures_give_the_same_camera() -> None:
+    # A weak set, in which rounding shows early.
+    made = views(2, 8, (1, 6), 0.2)
+    found = [calibrate_camera(BOARD, made, SIZE).camera for _ in range(5)]
+    assert found == found[:1] * 5

@@ -25,9 +25,11 @@ RUNS = 120
 
 @pytest.mark.parametrize("name", TARGETS)
 def test_mutated_inputs(name: str) -> None:
-    ends = fuzz(name, RUNS, seed=5)
+    # Of bags each takes a fiftieth of a second: types are parsed, databases opened.
+    runs = RUNS // 4 if name.startswith("rosbag") else RUNS
+    ends = fuzz(name, runs, seed=5)
     # A run in which nothing gets through, or nothing is refused, tests nothing.
-    assert ends["taken"] >= 3 and ends["refused"] > RUNS / 4, ends
+    assert ends["taken"] >= 3 and ends["refused"] > runs / 4, ends
 
 
 NAMED_FILES = {

@@ -128,6 +128,9 @@ def test_packed_ros_2_bags_are_bounded(tmp_path: Path, monkeypatch: pytest.Monke
         with pytest.raises(MirrorPostureError, match="unfolds to more"):
             read_recording(ros_2_bag(tmp_path / mode, mode))
     plain = ros_2_bag(tmp_path / "plain", "")
+    with pytest.raises(MirrorPostureError, match="a chunk or message unfolds to more"):
+        read_recording(plain)
+    monkeypatch.setattr(bounds, "LARGEST_CHUNK", 400_000)
     with pytest.raises(MirrorPostureError, match="0 topics of sensor_msgs/msg/JointState"):
         read_recording(plain)
     metadata = plain / "metadata.yaml"
@@ -141,6 +144,37 @@ def test_packed_ros_2_bags_are_bounded(tmp_path: Path, monkeypatch: pytest.Monke
     os.mkfifo(database)
     with pytest.raises(MirrorPostureError, match="no regular file"):
         read_recording(plain)
+
+
+COMPUTED = {
+    "view": "DROP TABLE message_definitions; CREATE VIEW message_definitions AS WITH RECURSIVE c(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM c) "
+            "SELECT '' AS topic_type, '' AS encoding, '' AS encoded_message_definition, '' AS type_description_hash, x AS id FROM c",
+    "column": "CREATE TABLE m(id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER, data BLOB AS (zeroblob(900000000))); "
+              "INSERT INTO m(id, topic_id, timestamp) SELECT id, topic_id, timestamp FROM messages; DROP TABLE messages; ALTER TABLE m RENAME TO messages",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("packed", [False, True])
+@pytest.mark.parametrize("kind", COMPUTED)
+def test_databases_that_compute_while_they_are_read(kind: str, packed: bool, tmp_path: Path) -> None:
+    """The first one never ended."""
+    import sqlite3
+    from contextlib import closing
+
+    folder = ros_2_bag(tmp_path / "bag", "FILE" if packed else "")
+    plain = folder / "bag.db3"
+    if packed:
+        import zstandard
+
+        file = folder / "bag.db3.zstd"
+        plain.write_bytes(zstandard.ZstdDecompressor().decompressobj().decompress(file.read_bytes()))
+    with closing(sqlite3.connect(plain)) as database:
+        database.executescript(COMPUTED[kind])
+    if packed:
+        file.write_bytes(zstandard.ZstdCompressor().compress(plain.read_bytes()))
+        plain.unlink()
+    with pytest.raises(MirrorPostureError, match="needed plain tables of messages"):
+        read_recording(folder)
 
 
 def test_damaged_bags_are_named(tmp_path: Path) -> None:

@@ -8,9 +8,12 @@ from __future__ import annotations
 
 import bz2
 import io
+import re
+import sqlite3
+import tempfile
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import IO, Any
 
@@ -33,6 +36,9 @@ MOST_PICTURES = 2_000_000
 """Pictures of a recording at most: 18 hours of 30 a second."""
 MOST_POSITIONS = 100_000_000
 """Rows times joints of a recording at most."""
+_PLAIN_SQL = re.compile(r"\s*create\s+(table|(unique\s+)?index)\b", re.IGNORECASE)
+_COMPUTED = re.compile(r"\bas\b", re.IGNORECASE)
+"""In the definition of a table: of a column that is computed from others."""
 MOST_BAG_PARTS = 200_000
 """Of a bag's metadata.yaml; each topic has some hundred."""
 
@@ -115,14 +121,46 @@ def check_bag_folder(folder: Path) -> None:
         ) from None
     for name in names:
         with opened(folder / name, "a file of the bag") as stream:
-            if packed and _streamed_size(stream) > LARGEST_PACKED:
+            if packed:
+                _check_packed(stream, folder / name)
+        if name.endswith(".mcap"):
+            check_mcap(folder / name)
+        elif name.endswith(".db3"):
+            check_sqlite(folder / name)
+
+
+def _check_packed(stream: IO[bytes], file: Path) -> None:
+    """Refuses a packed file that unfolds to too much, or to a database that is none of messages."""
+    with tempfile.TemporaryDirectory() as place:
+        out = Path(place) / "unpacked"
+        with out.open("wb") as unpacked:
+            if _unpack(stream, unpacked) > LARGEST_PACKED:
                 raise MirrorPostureError(
-                    f"{folder / name}: unfolds to more than {LARGEST_PACKED} bytes; unpack it: zstd -d"
+                    f"{file}: unfolds to more than {LARGEST_PACKED} bytes; unpack it: zstd -d"
                 )
-    if not packed:
-        for name in names:
-            if name.endswith(".mcap"):
-                check_mcap(folder / name)
+        if ".db3" in file.name:
+            check_sqlite(out, str(file))
+
+
+def check_sqlite(file: Path, name: str = "") -> None:
+    """Refuses a bag's database in which anything is computed while it is read (views, generated columns), or a message is too large.
+
+    Any SQLite file may hold such things, and reading one row of them may take forever or all memory.
+    """
+    name = name or str(file)
+    try:
+        with closing(sqlite3.connect(f"{file.resolve().as_uri()}?mode=ro&immutable=1", uri=True)) as database:
+            for (sql,) in database.execute("SELECT sql FROM sqlite_master WHERE sql IS NOT NULL"):
+                if not _PLAIN_SQL.match(sql) or _COMPUTED.search(sql):
+                    raise MirrorPostureError(
+                        f"{name}: got {' '.join(str(sql).split())[:80]!r} in the database, needed plain tables of messages; record it again"
+                    )
+            largest = database.execute("SELECT max(length(data)) FROM messages").fetchone()[0]
+    except (sqlite3.Error, TypeError) as error:
+        raise MirrorPostureError(
+            f"{name}: cannot be read as a bag's database ({' '.join(str(error).split())[:200]}); record or copy it again"
+        ) from None
+    _check_unfolded(largest or 0, file)
 
 
 def check_open_bag(reader: Any, source: Path) -> None:
@@ -171,14 +209,15 @@ def _counted(decompressor: Any, data: bytes) -> int:
     return size
 
 
-def _streamed_size(stream: IO[bytes]) -> int:
-    """Bytes that a zstd file unfolds to; reading ends where they are too many."""
+def _unpack(stream: IO[bytes], out: IO[bytes]) -> int:
+    """Unpacks a zstd file and returns its bytes; ends where they are too many."""
     import zstandard
 
     size = 0
     reader = zstandard.ZstdDecompressor().stream_reader(stream, read_across_frames=True)
     while size <= LARGEST_PACKED and (part := reader.read(1 << 22)):
         size += len(part)
+        out.write(part)
     return size
 
 
