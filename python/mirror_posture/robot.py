@@ -141,17 +141,19 @@ class Robot:
         core, links = self.core, self.link_names
         limits, poses, axes = core.joint_limits, core.parent_from_joint, core.joint_axes
         multipliers, offsets = core.joint_multipliers, core.joint_offsets
+        # Each of these makes a new list of all joints.
+        kinds, parents, places = core.joint_kinds, core.joint_parent_links, core.joint_positions
         return tuple(
             Joint(
                 name=name,
-                kind=core.joint_kinds[j],
-                parent_link=links[core.joint_parent_links[j]],
+                kind=kinds[j],
+                parent_link=links[parents[j]],
                 child_link=links[j + 1],
                 parent_from_joint=poses[j],
                 axis=axes[j],
                 lower=float(limits[j, 0]),
                 upper=float(limits[j, 1]),
-                position=core.joint_positions[j],
+                position=places[j],
                 multiplier=float(multipliers[j]),
                 offset=float(offsets[j]),
             )

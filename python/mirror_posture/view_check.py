@@ -271,7 +271,11 @@ class _Views:
         robot, positions = session.robot, session.positions[rows]
         poses = robot.forward_kinematics(positions)
         root_from_camera, root_from_board = (poses[:, robot.link_index(name)] for name in (link, board.link))
-        markers = [robot.points(positions, link, marker.link) for marker in session.markers]
+        turn, origin = root_from_camera[:, :3, :3], root_from_camera[:, :3, 3]
+        markers = [
+            np.einsum("nji,nj->ni", turn, poses[:, robot.link_index(marker.link), :3, 3] - origin)
+            for marker in session.markers
+        ]
         glass = (session.mirror or IDEAL_MIRROR).glass
         return cls(
             camera,

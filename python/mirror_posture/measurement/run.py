@@ -162,10 +162,9 @@ def _markers(session: Session, done: Measured, correction: Floats, judge: bool) 
     # First row of each posture: its camera frame is the posture's (the head is still within one).
     numbers, first = np.unique(frames.posture, return_index=True)
     row = first[np.searchsorted(numbers, posture)]
-    seen = session.mirror_view.marker_seen
-    views = np.array(
-        [seen[frames.posture == p, m].sum() for p, m in zip(posture, marker, strict=True)], dtype=np.int64
-    )
+    counts = np.zeros((len(numbers), len(session.markers)), dtype=np.int64)
+    np.add.at(counts, np.searchsorted(numbers, frames.posture), session.mirror_view.marker_seen)
+    views = counts[np.searchsorted(numbers, posture), marker]
     camera_link = str(session.camera_link)
     model = np.zeros((len(posture), 3))
     for index, spec in enumerate(session.markers):
