@@ -203,7 +203,8 @@ def test_a_twin_is_told_before_a_picture_is_taken(planned: Path) -> None:
 
 
 def test_the_embedded_robot_on_its_stand(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("mirror_posture.plan.run.DRAWN", 2000)
+    monkeypatch.setattr("mirror_posture.plan.run.DRAWN", 800)
+    monkeypatch.setattr("mirror_posture.plan.run.POOL", 60)
     options = PlanOptions(
         postures=4, views=2, mirror_width_m=0.42, mirror_height_m=0.36, table_m=-0.2, same_postures=True,
         held=tuple(n for n in Robot.from_urdf(EMBEDDED_FOLDER / "robot.urdf").position_names if "shoulder" not in n and "elbow" not in n),
@@ -225,3 +226,93 @@ def test_what_cannot_be_planned_says_why(planned: Path, tmp_path: Path) -> None:
     (tmp_path / "postures.csv").write_text("frame,posture,pan\n0,0,x\n")
     with pytest.raises(MirrorPostureError, match="table of numbers"):
         read_plan(tmp_path / "postures.csv", Robot.from_urdf(planned / "robot.urdf"))
+
+
+def test_pinocchio_and_coal_find_no_collision_and_all_in_sight(planned: Path) -> None:
+    """A second engine, of which the product uses nothing; of SO-101 and G1 by hand: plan_by_pinocchio.py."""
+    pytest.importorskip("pinocchio")
+    from plan_by_pinocchio import judge
+
+    found = judge(planned)
+    assert found.postures >= 18 and found.pairs >= 10 and found.left_out == []
+    assert found.collisions == [] and found.board_unseen == [] and found.real_balls == []
+    assert found.glass_m > 0.03 and min(found.balls_seen) >= 1
+
+
+def test_the_second_engine_would_see_a_bad_plan(planned: Path, tmp_path: Path) -> None:
+    pytest.importorskip("pinocchio")
+    from plan_by_pinocchio import judge
+
+    for name in (
+        "robot.urdf",
+        "camera.yaml",
+        "session.toml",
+        "plan/views.csv",
+        "plan/plan.json",
+        "plan/postures.csv",
+    ):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_bytes((planned / name).read_bytes())
+    # Folded into the base; and a mirror two metres aside.
+    header, *rows = (planned / "plan" / "postures.csv").read_text().splitlines()
+    rows[0] = "0,0,0.0,-0.4,-2.2"
+    (tmp_path / "plan" / "postures.csv").write_text("\n".join([header, *rows]) + "\n")
+    header, *rows = (planned / "plan" / "views.csv").read_text().splitlines()
+    cells = rows[1].split(",")
+    cells[header.replace('"', "").split(",").index("center_y_m")] = "2.0"
+    (tmp_path / "plan" / "views.csv").write_text(
+        "\n".join([header, rows[0], ",".join(cells), *rows[2:]]) + "\n"
+    )
+    found = judge(tmp_path)
+    assert {0} <= {frame for frame, _, _ in found.collisions} <= {0, 1}
+    assert found.board_unseen == [1] and found.balls_seen[1] == 0
+
+
+HOLLOW = """<robot name="hollow"><link name="base"/><link name="shoulder"/>
+<link name="channel"><visual><geometry><mesh filename="channel.stl"/></geometry></visual></link>
+<link name="arm"><visual><origin xyz="0.08 0 0"/><geometry><box size="0.16 0.02 0.02"/></geometry></visual></link>
+<joint name="fixed" type="fixed"><parent link="base"/><child link="channel"/></joint>
+<joint name="first" type="revolute"><parent link="channel"/><child link="shoulder"/><axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+<joint name="second" type="revolute"><parent link="shoulder"/><child link="arm"/><axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+<link name="camera_optical"/><joint name="camera" type="fixed"><parent link="base"/><child link="camera_optical"/></joint>
+<link name="board"/><joint name="board" type="fixed"><parent link="base"/><child link="board"/><origin xyz="0 0 1"/></joint>
+<link name="hand_marker"/><joint name="hand" type="fixed"><parent link="arm"/><child link="hand_marker"/><origin xyz="0.3 0 0"/></joint>
+</robot>"""
+
+
+def test_an_arm_in_a_hollow_link_is_checked_against_its_walls(tmp_path: Path) -> None:
+    """A channel of two walls, as a torso beside an arm: its convex hull holds the arm at home, its walls do not."""
+    from mirror_posture.plan.candidates import ignore_by_construction
+    from mirror_posture.plan.setting import read_setting
+    from mirror_posture.shapes.body import Body
+    from mirror_posture.shapes.triangles import Triangles, box, write_stl
+
+    walls = [box(np.array([0.2, 0.01, 0.1])).moved(np.eye(3), np.array([0.1, y, 0.0])) for y in (-0.06, 0.06)]
+    channel = Triangles(
+        np.concatenate([w.vertices_m for w in walls]),
+        np.concatenate([w.faces + k * len(walls[0].vertices_m) for k, w in enumerate(walls)]),
+    )
+    write_stl(channel, tmp_path / "channel.stl")
+    (tmp_path / "robot.urdf").write_text(HOLLOW)
+    for name in ("camera.yaml", "session.toml"):
+        (tmp_path / name).write_bytes((EMBEDDED_FOLDER / name).read_bytes())
+    toml = 'format = "mirror-posture/session"\nversion = 1\nrobot = "robot.urdf"\ncamera = "camera.yaml"\nroot = "base"\ngravity = [0.0, 0.0, -9.81]\n'
+    toml += '[camera_mount]\nlink = "camera_optical"\n[board]\nlink = "board"\ncorners = [7, 4]\nsquare = 0.02\npattern = "chessboard"\n'
+    toml += '[[markers]]\nname = "hand"\nlink = "hand_marker"\ndiameter = 0.02\nmount = "known"\n'
+    (tmp_path / "session.toml").write_text(toml)
+    nominal = Nominal.load(tmp_path)
+    setting = read_setting(nominal, PlanOptions())
+    body = Body(nominal, {}, 0.01)
+    pair = frozenset(("arm", "channel"))
+    body.put(np.zeros(2))
+    assert pair in body.touching(), "by its hull the channel is full"
+    assert ignore_by_construction(body, setting, np.random.default_rng(0)) == []
+    for posture, touches in (
+        ((0.0, 0.0), False),
+        ((0.15, 0.0), False),
+        ((0.6, 0.0), True),
+        ((0.6, -0.6), False),
+        ((-0.3, -0.3), True),
+    ):
+        body.put(np.array(posture))
+        assert (pair in body.touching()) == touches, posture

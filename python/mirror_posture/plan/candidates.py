@@ -26,6 +26,10 @@ GLASS_CLEARANCES = 3.0
 """Clearances that the body keeps from the glass: the mirror does not stand exactly where it was meant."""
 ALWAYS_SAMPLES = 40
 ALWAYS_SHARE = 0.95
+AS_NEAR_AS_AT_HOME = 0.5
+RIM_SHARE, RIM_LEAST = 0.8, 3
+"""A ball counts as seen where its middle is, and so many of four points this share of its radius off it: of a half-hidden one the outline is
+not found surely."""
 FACE_POINTS = 5
 """Of the board's face, each way, that nothing may hide."""
 LEAST_BODY_M = 0.02
@@ -58,16 +62,44 @@ def draw(setting: Setting, count: int, random: np.random.Generator) -> Floats:
 
 
 def ignore_by_construction(body: Body, setting: Setting, random: np.random.Generator) -> list[str]:
-    """Has the body ignore pairs of links that touch at home or nearly always: their shapes overlap by construction."""
+    """Has the body ignore pairs of links that touch at home or nearly always; returns them.
+
+    First by the links' convex hulls. Those that overlap may be hollow, as a torso is at its armpits: they are compared again piece
+    by piece, and what is free then at home may come half as near as there (at most the clearance), not nearer.
+    """
+    sample = draw(setting, ALWAYS_SAMPLES, random)
+    hollow = _by_construction(body, setting, sample)
+    if hollow:
+        body.cut({link for pair in hollow for link in pair})
+        body.put(setting.home)
+        body.nearest_m = {
+            pair: AS_NEAR_AS_AT_HOME * distance
+            for pair, distance in body.distances_m().items()
+            if pair in hollow and distance > 0.0
+        }
+    body.ignored = _by_construction(body, setting, sample)
+    return sorted(" and ".join(sorted(pair)) for pair in body.ignored)
+
+
+def _by_construction(body: Body, setting: Setting, sample: Floats) -> set[frozenset[str]]:
+    """The pairs that touch at home, or in nearly all of a sample of postures."""
     body.put(setting.home)
-    always = Counter(body.touching())
-    at_home = set(always)
+    always = body.touching()
     count: Counter[frozenset[str]] = Counter()
-    for posture in draw(setting, ALWAYS_SAMPLES, random):
+    for posture in sample:
         body.put(posture)
         count.update(body.touching())
-    body.ignored = at_home | {pair for pair, n in count.items() if n > ALWAYS_SHARE * ALWAYS_SAMPLES}
-    return sorted(" and ".join(sorted(pair)) for pair in body.ignored)
+    return always | {pair for pair, n in count.items() if n > ALWAYS_SHARE * len(sample)}
+
+
+def moved_links(setting: Setting) -> set[str]:
+    """The links that a plan moves."""
+    robot = setting.nominal.robot
+    found: set[str] = set()
+    for joint in robot.joints:
+        if joint.position in setting.moving or joint.parent_link in found:
+            found.add(joint.child_link)
+    return found
 
 
 @dataclass(eq=False)
@@ -82,17 +114,7 @@ class Room:
 
     def links(self) -> list[str]:
         """The links that the plan moves."""
-        robot = self.setting.nominal.robot
-        ahead = {
-            robot.joints[j].child_link
-            for j in range(len(robot.joints))
-            if robot.joints[j].position in self.setting.moving
-        }
-        found: set[str] = set()
-        for joint in robot.joints:
-            if joint.child_link in ahead or joint.parent_link in found:
-                found.add(joint.child_link)
-        return sorted(found)
+        return sorted(moved_links(self.setting))
 
     def take(self, positions: Floats) -> None:
         """What follows is asked of this posture."""
@@ -201,6 +223,15 @@ def _face(setting: Setting, scene: Scene, row: int) -> Floats:
     return points
 
 
+def _rim(centre: Floats, way: Floats, radius_m: float) -> Floats:
+    """Points (4, 3) near the rim of what is seen of a ball along a way."""
+    first = np.cross(way, [1.0, 0.0, 0.0] if abs(way[0]) < abs(way[1]) else [0.0, 1.0, 0.0])
+    first /= np.linalg.norm(first)
+    second = np.cross(way, first) / np.linalg.norm(way)
+    points: Floats = centre + RIM_SHARE * radius_m * np.array([first, -first, second, -second])
+    return points
+
+
 def _unhidden(
     setting: Setting, body: Body | None, scene: Scene, sight: Sight, mirror: MirrorPlace, row: int
 ) -> Mask | None:
@@ -212,23 +243,26 @@ def _unhidden(
     eye = base_from_camera[:3, 3]
     normal, at = mirror.normal_in_root, float(mirror.normal_in_root @ mirror.center_in_root_m)
     balls = np.flatnonzero(sight.markers[row])
-    face = _face(setting, scene, row)
-    points = np.concatenate([face, scene.markers[row][balls]])
-    points = points @ base_from_camera[:3, :3].T + eye
-    image = points + 2.0 * (at - points @ normal)[:, None] * normal
-    share = (at - eye @ normal) / ((image - eye) @ normal)
-    crossing = eye + share[:, None] * (image - eye)
-    corners = len(face)
-    off = np.concatenate([np.full(corners, 1e-3), setting.radii_m[balls] + 1e-3])
-    out = body.hidden(eye, crossing, [setting.camera_link], np.zeros(len(points)))
-    back = np.array(
-        [
-            body.hidden(crossing[k], points[k : k + 1], [], off[k : k + 1])[0] if not out[k] else True
-            for k in range(len(points))
-        ]
-    )
-    if back[:corners].any():
+    turn = base_from_camera[:3, :3].T
+    face, centres = _face(setting, scene, row) @ turn + eye, scene.markers[row][balls] @ turn + eye
+
+    def clear(points: Floats, keep_off_m: float) -> Mask:
+        image = points + 2.0 * (at - points @ normal)[:, None] * normal
+        share = (at - eye @ normal) / ((image - eye) @ normal)
+        crossing = eye + share[:, None] * (image - eye)
+        found: Mask = ~body.hidden(eye, crossing, [setting.camera_link], np.zeros(len(points)))
+        off = np.array([keep_off_m])
+        for k in np.flatnonzero(found):
+            found[k] = not body.hidden(crossing[k], points[k : k + 1], [], off)[0]
+        return found
+
+    if not clear(face, 1e-3).all():
         return None
     seen = np.zeros(sight.markers.shape[1], dtype=bool)
-    seen[balls] = ~back[corners:]
+    for ball, centre in zip(balls, centres, strict=True):
+        radius, towards = float(setting.radii_m[ball]), centre + 2.0 * (at - centre @ normal) * normal - eye
+        off = radius + 1e-3
+        seen[ball] = (
+            clear(centre[None], off)[0] and clear(_rim(centre, towards, radius), off).sum() >= RIM_LEAST
+        )
     return seen

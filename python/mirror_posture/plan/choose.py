@@ -112,11 +112,16 @@ def order(
     `tally` (3, nq) is changed: the sums of the sides, and of the sides times load and times position, which shall stay near 0, so
     that play, gravity and gear do not look alike. Postures that no free path reaches are left out, with the reason.
     """
-    left, here, found = list(range(len(positions))), start, []
+    here, found = start, []
     trouble: Counter[str] = Counter()
     scale = np.maximum(np.abs(torque).max(axis=0), 1e-9)
     span = np.maximum(setting.high - setting.low, 1e-9)
     middle = 0.5 * (setting.high + setting.low)
+    # What has no free way home may be a dead end: it stands between two others, or nowhere.
+    ways_home = [path_blocked(setting, room, mirror, row, setting.home) is None for row in positions]
+    left = [row for row, free in enumerate(ways_home) if free]
+    aside = [row for row, free in enumerate(ways_home) if not free]
+    why = ""
     while left:
         options = []
         for row in left:
@@ -126,7 +131,6 @@ def order(
             )
             options.append((float(((tally + added) ** 2).sum()), row, added))
         options.sort(key=lambda option: option[:2])
-        why = ""
         for _, row, added in options[:TRIES]:
             blocked = path_blocked(setting, room, mirror, here, positions[row])
             if blocked is None:
@@ -137,9 +141,45 @@ def order(
                 break
             why = blocked
         else:
-            trouble[f"on the way there it {why}"] += len(left)
             break
+    left = _between(setting, room, mirror, positions, start, found, left + aside, ways_home)
+    if left:
+        words = f"on the way there it {why}" if why else "no free way leads there from another posture and on"
+        trouble[words] += len(left)
     return found, trouble
+
+
+def _between(
+    setting: Setting,
+    room: Room,
+    mirror: MirrorPlace,
+    positions: Floats,
+    start: Floats,
+    found: list[int],
+    left: list[int],
+    ends: Sequence[bool],
+) -> list[int]:
+    """Puts postures that the order so far does not lead to into it, where both ways are free (`ends`: or last); returns those that stay left."""
+    free: dict[tuple[int, int], bool] = {}
+
+    def is_free(a: int, b: int) -> bool:
+        if (a, b) not in free:
+            begin = start if a < 0 else positions[a]
+            free[a, b] = path_blocked(setting, room, mirror, begin, positions[b]) is None
+        return free[a, b]
+
+    more = True
+    while more:
+        more = False
+        for row in list(left):
+            for place in range(len(found), -1, -1):
+                onward = ends[row] if place == len(found) else is_free(row, found[place])
+                if onward and is_free(found[place - 1] if place else -1, row):
+                    found.insert(place, row)
+                    left.remove(row)
+                    more = True
+                    break
+    return left
 
 
 def path_blocked(

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from .._core import MirrorPostureError
 from ..arguments import checked_arguments
 from ..robots.nominal import Nominal
-from .candidates import Candidates, Room, draw, ignore_by_construction, sift
+from .candidates import Candidates, Room, draw, ignore_by_construction, moved_links, sift
 from .choose import choose, information_roots, order
 from .options import MirrorPlace, PlanOptions, turned_mirrors
 from .sensitivity import Sensitivity, moments
@@ -155,7 +155,7 @@ def _room(
     except MirrorPostureError as missing:
         warnings.append(f"collisions of the robot with itself are NOT checked: {missing}")
     else:
-        body = Body(setting.nominal, options.packages, clearance_m)
+        body = Body(setting.nominal, options.packages, clearance_m, moved_links(setting))
         if body.missing:
             warnings.append(
                 f"{len(body.missing)} meshes were not found, their links are NOT checked for collisions, as {body.missing[0]}"

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from .._core import MirrorPostureError
 from ..robots.nominal import Nominal
 from .of_links import shapes_of_links
-from .triangles import Triangles, box, sphere
+from .triangles import Triangles, box, cut, sphere
 
 try:
     import mujoco
@@ -29,6 +29,8 @@ Floats = npt.NDArray[np.float64]
 
 SHEET_M = 0.003
 """Thickness of the board with what it is glued on."""
+CUT_CELLS = 6
+"""Along the longest side of a mesh that is cut into pieces: a hull around each follows the hollows of the whole."""
 SAME_PLACE_M = 1e-4
 """Two points of a shape nearer than this count once."""
 
@@ -75,16 +77,22 @@ def place(model: mujoco.MjModel, data: mujoco.MjData, links: Sequence[str], worl
 class Body:
     """The collision shapes of a session's robot, with its board and balls.
 
-    Links of one rigid body, and rigid bodies that one joint joins, are never compared: they touch by construction. `missing` are
-    the meshes that were not found; `bare` says that no link has a shape at all.
+    Links of one rigid body, and rigid bodies that one joint joins, are never compared: they touch by construction; nor are two of
+    which none is among `moved`. `missing` are the meshes that were not found; `bare` says that no link has a shape at all.
     """
 
     def __init__(
-        self, nominal: Nominal, packages: Mapping[str, Path] | None = None, clearance_m: float = 0.005
+        self,
+        nominal: Nominal,
+        packages: Mapping[str, Path] | None = None,
+        clearance_m: float = 0.005,
+        moved: Iterable[str] | None = None,
     ) -> None:
+        self._moved = set(nominal.robot.link_names if moved is None else moved)
         self._nominal, self._robot = nominal, nominal.robot
         self._links = list(nominal.robot.link_names)
-        shapes, self.missing = shapes_of_links(nominal.robot_file, packages, "collision")
+        # What is seen is what is there: collision shapes are often smaller, a short cylinder for a shoulder.
+        shapes, self.missing = shapes_of_links(nominal.robot_file, packages, "visual")
         self.bare = not shapes
         metadata = nominal.metadata
         self._own: dict[str, str] = {}
@@ -105,26 +113,43 @@ class Body:
             for link, parts in shapes.items()
             if link in self._links
         }
+        self._shapes, self._clearance_m = shapes, clearance_m
+        self._group = rigid_bodies(nominal)
+        self._neighbours = {frozenset((group, group)) for group in self._group.values()}
+        for joint in self._robot.joints:
+            self._neighbours.add(frozenset((self._group[joint.parent_link], self._group[joint.child_link])))
+        self.ignored: set[frozenset[str]] = set()
+        self.nearest_m: dict[frozenset[str], float] = {}
+        """Of pairs that may come nearer to each other than the clearance: how near."""
+        self._compile(shapes)
+
+    def _compile(self, shapes: Mapping[str, Sequence[Triangles]]) -> None:
         spec = flat_spec(shapes, self._links)
         for geom in spec.geoms:
-            geom.margin = clearance_m
-        self._group = rigid_bodies(nominal)
-        neighbours = {frozenset((group, group)) for group in self._group.values()}
-        for joint in self._robot.joints:
-            neighbours.add(frozenset((self._group[joint.parent_link], self._group[joint.child_link])))
+            geom.margin = self._clearance_m
         for a, b in combinations(self._links, 2):
-            if frozenset((self._group[a], self._group[b])) in neighbours:
+            still = a not in self._moved and b not in self._moved
+            if still or frozenset((self._group[a], self._group[b])) in self._neighbours:
                 spec.add_exclude(bodyname1=a, bodyname2=b)
         spec.option.gravity = [0.0, 0.0, 0.0]
         try:
             self._model = spec.compile()
         except ValueError as error:
             raise MirrorPostureError(
-                f"{nominal.robot_file}: MuJoCo refuses its shapes: {' '.join(str(error).split())}"
+                f"{self._nominal.robot_file}: MuJoCo refuses its shapes: {' '.join(str(error).split())}"
             ) from None
         self._data = mujoco.MjData(self._model)
         self._name = [self._model.body(int(b)).name for b in self._model.geom_bodyid]
-        self.ignored: set[frozenset[str]] = set()
+
+    def cut(self, links: Iterable[str]) -> None:
+        """From now on these links are compared piece by piece: MuJoCo takes a mesh for its convex hull, which fills an armpit."""
+        wanted = set(links)
+        self._compile(
+            {
+                link: [piece for part in parts for piece in cut(part, CUT_CELLS)] if link in wanted else parts
+                for link, parts in self._shapes.items()
+            }
+        )
 
     def put(self, positions: Floats) -> Floats:
         """Takes a posture (nq,); returns `base_from_link` (L, 4, 4) of all links. What follows is asked of this posture."""
@@ -133,11 +158,22 @@ class Body:
         place(self._model, self._data, self._links, poses)
         return poses
 
-    def touching(self) -> set[frozenset[str]]:
-        """The pairs of links that are nearer to each other than the clearance, but for those that `ignored` names."""
+    def distances_m(self) -> dict[frozenset[str], float]:
+        """The pairs of links nearer to each other than the clearance, and how near, m (negative: one is in the other)."""
         mujoco.mj_collision(self._model, self._data)
-        pairs = {frozenset((self._name[geom[0]], self._name[geom[1]])) for geom in self._data.contact.geom}
-        return pairs - self.ignored
+        found: dict[frozenset[str], float] = {}
+        for geom, distance in zip(self._data.contact.geom, self._data.contact.dist, strict=True):
+            pair = frozenset((self._name[geom[0]], self._name[geom[1]]))
+            found[pair] = min(float(distance), found.get(pair, np.inf))
+        return found
+
+    def touching(self) -> set[frozenset[str]]:
+        """The pairs of links that are nearer to each other than they may be, but for those that `ignored` names."""
+        return {
+            pair
+            for pair, distance in self.distances_m().items()
+            if pair not in self.ignored and distance < self.nearest_m.get(pair, np.inf)
+        }
 
     def extent_m(self, direction: Floats, links: Iterable[str] | None = None) -> float:
         """How far the body reaches along a direction (3,) of the base's frame, m; −∞ where nothing has a shape."""

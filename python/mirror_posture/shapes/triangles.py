@@ -17,6 +17,8 @@ STL_HEADER_BYTES = 84
 STL_TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 ROUND = 24
 """Corners of a circle."""
+SKIN_M = 2e-4
+"""Thickness of a piece of a surface."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,6 +92,31 @@ def coarse(mesh: Triangles, cells: int) -> Triangles:
     if not len(one):
         return mesh
     return Triangles(mesh.vertices_m[order][first], faces[np.sort(one)])
+
+
+def cut(mesh: Triangles, cells: int) -> list[Triangles]:
+    """The mesh's surface in pieces: its faces by the cell of a grid, `cells` along its longest side, that their middle lies in.
+
+    A convex hull around each piece follows a hollow surface, which one hull around the whole mesh fills. Each piece is
+    `SKIN_M` thick, so that a flat one has a hull too.
+    """
+    corners = mesh.vertices_m[mesh.faces]
+    low, high = mesh.vertices_m.min(axis=0), mesh.vertices_m.max(axis=0)
+    side = float((high - low).max()) / cells
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    area = np.linalg.norm(normal, axis=1)
+    if not side > 0.0 or not (area > 0.0).any():
+        return [mesh]
+    corners, normal = corners[area > 0.0], normal[area > 0.0] / area[area > 0.0, None]
+    cell = np.floor((corners.mean(axis=1) - low) / side).astype(np.int64)
+    _, piece = np.unique(cell, axis=0, return_inverse=True)
+    pieces = []
+    for number in range(int(piece.max()) + 1):
+        outer = corners[piece.ravel() == number]
+        inner = outer - SKIN_M * normal[piece.ravel() == number][:, None]
+        vertices = np.concatenate([outer, inner]).reshape(-1, 3)
+        pieces.append(Triangles(vertices, np.arange(len(vertices)).reshape(-1, 3)))
+    return pieces
 
 
 def box(size_m: Floats) -> Triangles:
