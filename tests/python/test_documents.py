@@ -13,7 +13,17 @@ import pytest
 import typer.main
 from typer.testing import CliRunner
 
-from document_commands import DOCUMENTS, ELSEWHERE, PROJECT, RUN, Printed, commands, inline_commands, same
+from document_commands import (
+    DOCUMENTS,
+    ELSEWHERE,
+    PROGRAM,
+    PROJECT,
+    RUN,
+    Printed,
+    commands,
+    inline_commands,
+    same,
+)
 from mirror_posture.cli.app import app
 from session_folder import URDF, write_folder
 from tracked_session import write_tracked
@@ -75,6 +85,32 @@ def test_every_command_within_a_sentence_is_taken() -> None:
         parse(words)
         tried += 1
     assert tried > 5
+
+
+def test_every_help_has_an_example_and_what_is_next_and_both_are_taken() -> None:
+    said = set()
+    for name, command in GROUP.commands.items():  # type: ignore[attr-defined]
+        if name in LAB:
+            continue
+        parts = dict(
+            re.findall(r"^ *(Example|Next): (.*?)(?:\n\n|\Z)", command.help, re.MULTILINE | re.DOTALL)
+        )
+        assert "Example" in parts, name
+        said |= {name} if "Next" in parts else set()
+        for words in re.findall(rf"`{PROGRAM} ([^`]+)`", " ".join(" ".join(parts.values()).split())):
+            if "--help" not in words:
+                parse(shlex.split(words.partition(" > ")[0]))
+    assert said >= {
+        "board",
+        "init",
+        "calibrate-camera",
+        "plan",
+        "capture",
+        "import",
+        "check",
+        "detect",
+        "diagnose",
+    }
 
 
 def test_a_wrong_option_would_be_seen() -> None:

@@ -71,6 +71,8 @@ def command(
     The folder is a session with the same observations: diagnose it again to see what is left.
 
     Example: `mirror-posture apply my-session diagnosis --out better-session --urdf my_robot.urdf`
+
+    Next: `mirror-posture diagnose better-session --out what-is-left`
     """
     output = Output(as_json)
     from ...diagnosis import Diagnosis

@@ -41,6 +41,8 @@ def command(
     did. Said beside it: which squares, balls and colours the distance to the mirror asks for.
 
     Example: `mirror-posture board board.pdf --distance-m 0.4 --focal-px 900`
+
+    Next: `mirror-posture calibrate-camera --help`, `mirror-posture init --help`
     """
     output = Output(as_json)
     from ..._core import MirrorPostureError

@@ -32,6 +32,8 @@ def command(
     their standard deviations, the residual, how much of the picture was covered, and what is weak.
 
     Example: `mirror-posture calibrate-camera pictures --corners 7x4 --square-mm 20 --out my-session/camera.yaml --overwrite`
+
+    Next: `mirror-posture init --help` (it takes the file as --camera-file)
     """
     output = Output(as_json)
     import numpy as np

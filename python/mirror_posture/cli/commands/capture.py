@@ -53,6 +53,8 @@ def command(
     Pictures of a folder that are named by their frame, as 0012.png, are taken as they are.
 
     Example: `mirror-posture capture my-session --source webcam:0`
+
+    Next: `mirror-posture check my-session`, then `mirror-posture diagnose my-session --out diagnosis`
     """
     output = Output(as_json)
     from ..._core import MirrorPostureError

@@ -34,6 +34,8 @@ def command(
     tested for pictures that are mirrored, turned, of another board or of another camera.
 
     Example: `mirror-posture check my-session`
+
+    Next: `mirror-posture measure my-session`, or `mirror-posture diagnose my-session --out diagnosis`
     """
     output = Output(as_json)
     from ..._core import MirrorPostureError

@@ -112,6 +112,8 @@ def command(
 
     Example: `mirror-posture correct twin --out corrected --joint r_shoulder_pitch=-30,r_shoulder_roll=50,r_elbow=45
     --hide joint_offset@joint:r_elbow:offset_rad=0.06`
+
+    Next: `mirror-posture diagnose corrected`, which says why it stood wrong
     """
     output = Output(as_json)
     settings: dict[str, Any] = {

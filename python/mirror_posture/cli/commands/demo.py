@@ -10,7 +10,7 @@ import typer
 
 from ..output import JsonOption, Output
 
-ORDER = 5
+ORDER = 1
 PANEL = "Start here"
 NEEDS_ARGUMENTS = False
 PICTURES = ("[0-9]*.png",)

@@ -38,6 +38,8 @@ def command(
     their reason: look at the overlays when something is missing.
 
     Example: `mirror-posture detect my-session`
+
+    Next: `mirror-posture measure my-session`, or `mirror-posture diagnose my-session --out diagnosis`
     """
     output = Output(as_json)
     import json

@@ -85,6 +85,8 @@ def command(
     Exit code 0 for every verdict, 1 where the session cannot be meant or is too small to diagnose.
 
     Example: `mirror-posture diagnose my-session --out diagnosis --check my-other-session`
+
+    Next: `mirror-posture apply my-session diagnosis --out better-session`
     """
     output = Output(as_json)
     from ...diagnosis.run import DiagnosisInterrupted

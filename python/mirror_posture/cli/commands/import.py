@@ -62,6 +62,8 @@ def command(
     `pip install "mirror-posture[import]"` for bags and films.
 
     Example: `mirror-posture import recording.mcap my-session`
+
+    Next: `mirror-posture check my-session`, then `mirror-posture diagnose my-session --out diagnosis`
     """
     output = Output(as_json)
     from ..._core import MirrorPostureError

@@ -83,6 +83,8 @@ def command(
 
     Example: `mirror-posture init arm.urdf my-session --camera base --camera-at 0.1,0,0.3 --board base --board-at 0.1,0,0.1
     --marker hand=gripper@0,0,0.05`
+
+    Next: `mirror-posture plan my-session`
     """
     output = Output(as_json)
     from ..._core import MirrorPostureError

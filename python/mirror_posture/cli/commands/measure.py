@@ -70,6 +70,8 @@ def command(
     `pose` and `point-pair` are the paper's, for comparison.
 
     Example: `mirror-posture measure my-session --plot gap.png --out markers.csv`
+
+    Next: `mirror-posture diagnose my-session --out diagnosis`
     """
     output = Output(as_json)
     from ...measurement import ESTIMATORS, MeasureOptions, measure_all

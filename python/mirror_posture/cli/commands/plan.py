@@ -82,6 +82,8 @@ def command(
     Writes postures.csv (for `capture`), views.csv (where the mirror stands), plan.json and plan.png. Look at the picture.
 
     Example: `mirror-posture plan my-session --mirror-size 40x60`
+
+    Next: `mirror-posture capture my-session`, or `mirror-posture render rehearsal --template my-session --meshes --plan my-session/plan`
     """
     output = Output(as_json)
     from ...new_session import parse_vector

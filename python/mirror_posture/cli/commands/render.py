@@ -77,6 +77,8 @@ def command(
 
     Example: `mirror-posture render my-session --yaw 0 --yaw 15 --offset r_shoulder_roll=2.5`;
     `mirror-posture render look.png --template my-session --meshes --preview --joint elbow=30`
+
+    Next: `mirror-posture detect my-session`
     """
     output = Output(as_json)
     from ...render import DEMO_POSTURES, DEMO_VIEWS, EMBEDDED_FOLDER, PictureOptions, View, render_session
