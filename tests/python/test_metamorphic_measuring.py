@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import csv
+import json
 import os
 import re
 import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,9 +18,19 @@ import yaml
 
 pytest.importorskip("mujoco", reason="the session needs mirror_lab's robots")
 
+from mirror_posture import load_session
+from mirror_posture.diagnosis import diagnose
 from mirror_posture.measurement import MeasureOptions, measure
 from mirrored_session import write_mirrored
-from test_metamorphic import shuffled_columns, shuffled_elements, shuffled_rows, vectors
+from test_metamorphic import (
+    said,
+    shuffled_columns,
+    shuffled_elements,
+    shuffled_rows,
+    unsigned,
+    vectors,
+)
+from test_metamorphic import same as alike
 
 Floats = np.ndarray
 
@@ -137,6 +149,150 @@ def test_units_of_time(original: Path, found: tuple[Floats, Floats], tmp_path: P
         return "\n".join(map(",".join, rows)) + "\n"
 
     same(again(original, tmp_path / "time", frames=milliseconds), found, 0.0)
+
+
+def shuffled_sections(text: str) -> str:
+    """Other orders of the markers and of the sections; what stands before them stays first."""
+    head, *sections = re.split(r"(?m)^(?=\[)", text)
+    markers = [one for one in sections if one.startswith("[[markers]]")][::-1]
+    others = [one for one in sections if not one.startswith("[[markers]]")][::-1]
+    return head + "\n".join([*markers, *others])
+
+
+def test_order_of_sections(original: Path, found: tuple[Floats, Floats], tmp_path: Path) -> None:
+    folder = tmp_path / "session"
+    other = again(original, folder, session=shuffled_sections)
+    names, before = (list(load_session(at).marker_names) for at in (folder, original))
+    assert names == before[::-1]
+    # Rows are posture by posture, markers in the order of the session.
+    keys = [(p, names[m]) for p, m in zip(*rows_of(folder), strict=True)]
+    old = [(p, before[m]) for p, m in zip(*rows_of(original), strict=True)]
+    order = [keys.index(key) for key in old]
+    assert order != sorted(order)
+    same((other[0][order], other[1][order]), found, 1e-9)
+
+
+def rows_of(folder: Path) -> tuple[list[int], list[int]]:
+    markers = measure(folder).markers
+    return markers.posture.tolist(), markers.marker.tolist()
+
+
+TURN_RPY = (0.4, -0.9, 2.1)
+SHIFT_M = (0.3, -0.2, 0.7)
+
+
+def matrix_of(rpy: tuple[float, float, float]) -> Floats:
+    """Fixed axes, x first."""
+    (a, b, c), (d, e, f) = np.cos(rpy), np.sin(rpy)
+    about_z, about_y, about_x = (
+        np.array([[c, -f, 0], [f, c, 0], [0, 0, 1]]),
+        np.array([[b, 0, e], [0, 1, 0], [-e, 0, b]]),
+        np.array([[1, 0, 0], [0, a, -d], [0, d, a]]),
+    )
+    return about_z @ about_y @ about_x
+
+
+def on_a_bench(text: str) -> str:
+    """A root below the robot's, turned and shifted."""
+    joint = (
+        '<link name="bench"/><joint name="bolts" type="fixed"><parent link="bench"/><child link="base_link"/>'
+        f'<origin xyz="{" ".join(map(str, SHIFT_M))}" rpy="{" ".join(map(str, TURN_RPY))}"/></joint></robot>'
+    )
+    return text.replace("</robot>", joint)
+
+
+def turned_gravity(text: str) -> str:
+    turned = matrix_of(TURN_RPY) @ [0.0, 0.0, -9.81]
+    text = text.replace('root = "base_link"', 'root = "bench"')
+    return re.sub(r"gravity = \[[^]]*\]", f"gravity = {turned.tolist()!r}", text)
+
+
+def test_a_turned_world(original: Path, found: tuple[Floats, Floats], tmp_path: Path) -> None:
+    points, _ = again(original, tmp_path / "session", robot=on_a_bench, session=turned_gravity)
+    np.testing.assert_allclose(points, found[0] @ matrix_of(TURN_RPY).T + SHIFT_M, rtol=0.0, atol=1e-9)
+
+
+def reflected_robot(text: str) -> str:
+    """y is −y in every link's frame: origins are reflected, angles about x and z and axes (which are no points) turn round."""
+    text = vectors(text, "xyz", lambda p: [p[0], -p[1], p[2]], "origin")
+    text = vectors(text, "rpy", lambda a: [-a[0], a[1], -a[2]], "origin")
+    return vectors(text, "xyz", lambda a: [-a[0], a[1], -a[2]], "axis")
+
+
+def flipped_camera(text: str) -> str:
+    """The camera's y is −y as well: rows are counted from below, and the lens's first tangential coefficient changes its sign."""
+    tree = yaml.safe_load(text)
+    tree["camera_matrix"]["data"][5] = tree["image_height"] - 1 - tree["camera_matrix"]["data"][5]
+    tree["distortion_coefficients"]["data"][2] *= -1.0
+    return yaml.safe_dump(tree)
+
+
+def flipped_points(corners: tuple[int, int], height_px: int) -> Callable[[str], str]:
+    """And the board's: its rows of corners are counted from the other side."""
+
+    def change(text: str) -> str:
+        head, *rows = csv.reader(text.splitlines())
+        target, index, v = (head.index(name) for name in ("target", "index", "v"))
+        for row in rows:
+            row[v] = repr(height_px - 1 - float(row[v]))
+            if row[target] == "board":
+                iy, ix = divmod(int(row[index]), corners[0])
+                row[index] = str((corners[1] - 1 - iy) * corners[0] + ix)
+        return "\n".join(map(",".join, [head, *rows])) + "\n"
+
+    return change
+
+
+def reflected(original: Path) -> dict[str, Callable[[str], str]]:
+    """The changes that make the mirrored world of a session."""
+    session = load_session(original)
+    board, camera = session.board, session.camera
+    assert board is not None and camera is not None
+    return {
+        "robot": reflected_robot,
+        "camera": flipped_camera,
+        "detections": flipped_points((board.columns, board.rows), camera.size_px[1]),
+    }
+
+
+def test_a_mirrored_world(original: Path, found: tuple[Floats, Floats], tmp_path: Path) -> None:
+    points, deviations = again(original, tmp_path / "session", **reflected(original))
+    same((points, deviations), (found[0] * [1.0, -1.0, 1.0], found[1]), 1e-7)
+
+
+def test_a_diagnosis_in_the_mirror(tmp_path: Path) -> None:
+    """Order changes nothing at all; names, a mirrored and a turned world nothing of what is said."""
+    original = write_mirrored(tmp_path / "original", 7, lambda q: {**q, "r_elbow": q["r_elbow"] + 0.03}, 16)
+
+    def diagnosed(name: str, **changes: Callable[[str], str]) -> dict[str, Any]:
+        folder = tmp_path / name
+        folder.mkdir()
+        for file in original.iterdir():
+            text = file.read_text(encoding="utf-8")
+            (folder / file.name).write_text(changes.get(file.stem, str)(text), encoding="utf-8")
+        document: dict[str, Any] = json.loads(diagnose(folder, most_causes=1).to_json())
+        return document
+
+    found = diagnosed("same")
+    assert [cause["at"] for cause in found["causes"]] == ["joint:r_elbow"]
+    order = diagnosed(
+        "order", detections=lambda t: shuffled_columns(shuffled_rows(t)), robot=shuffled_elements
+    )
+    alike(unsigned(order), unsigned(found), 0.0)
+
+    def renamed(text: str) -> str:
+        return text.replace("r_elbow", "Gelenk 7").replace("r_hand", "Kugel").replace("chest_board", "Brett")
+
+    mirror = reflected(original)
+    changed = diagnosed(
+        "changed",
+        robot=lambda t: renamed(on_a_bench(mirror["robot"](t))),
+        camera=mirror["camera"],
+        detections=lambda t: renamed(mirror["detections"](t)),
+        session=lambda t: renamed(turned_gravity(t)),
+        frames=renamed,
+    )
+    alike(said(changed), json.loads(renamed(json.dumps(said(found)))), 1e-3)
 
 
 def test_numbers_of_threads(original: Path, found: tuple[Floats, Floats]) -> None:
