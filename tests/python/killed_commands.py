@@ -1,7 +1,7 @@
 """Commands killed at random moments: what stands in their place afterwards is whole, the old or the new.
 
 `python tests/python/killed_commands.py --kills 500`: every command that writes is run in two ways that write different things into the same
-place, is killed at a random moment (SIGKILL; every fifth time SIGTERM, SIGINT or SIGHUP), and what stands there must be one of both, byte by
+place, is killed at a random moment (SIGKILL; every fifth time SIGTERM, SIGINT or SIGHUP; every second time while it writes), and what stands there must be one of both, byte by
 byte, or nothing where nothing was. A diagnosis may instead be one that says it was interrupted. A correction and a capture add to what is
 there: every picture that they told of must be there, readable, and can be gone on with.
 """
@@ -103,14 +103,42 @@ def interrupted(place: Path) -> bool:
     return file.exists() and bool(json.loads(file.read_text(encoding="utf-8")).get("interrupted"))
 
 
+def unfinished(job: Job) -> set[Path]:
+    """What is being written beside the job's place and in it, or was when a run was killed."""
+    try:
+        beside = set(job.place.parent.glob(f".{job.place.name}*.part*"))
+        return beside | set(job.place.rglob(".*.part*") if job.place.is_dir() else ())
+    except FileNotFoundError:
+        # Renamed while it was looked through.
+        return set()
+
+
+def wait_for_writing(job: Job, child: int, left: set[Path]) -> None:
+    """Until something unfinished stands there that is not left from earlier runs, or the command has ended."""
+    end = time.monotonic() + 20.0 * job.takes_s
+    while time.monotonic() < end:
+        if unfinished(job) - left:
+            return
+        # Not waited for: it keeps its number until it is.
+        if os.waitid(os.P_PID, child, os.WEXITED | os.WNOHANG | os.WNOWAIT) is not None:
+            return
+        time.sleep(0.0005)
+
+
 def kill(job: Job, chance: random.Random, below: Path) -> str:
     """One kill; what stands there then."""
     way, number = chance.randrange(len(job.ways)), chance.choice(SIGNALS)
     if job.fresh:
         remove(job.place)
     before = tree(job.place)
+    left = unfinished(job)
     child = start(job.ways[way], below)
-    time.sleep(chance.uniform(0.0, 1.1 * job.takes_s))
+    if chance.random() < 0.5:
+        # While it writes, which is a hundredth of its time.
+        wait_for_writing(job, child, left)
+        time.sleep(0.03 * chance.random() ** 3)
+    else:
+        time.sleep(chance.uniform(0.0, 1.1 * job.takes_s))
     os.kill(child, number)
     _, status = os.waitpid(child, 0)
     ended = not os.WIFSIGNALED(status) and os.waitstatus_to_exitcode(status) in (0, 3)

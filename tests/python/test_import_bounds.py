@@ -305,3 +305,15 @@ def test_datasets_stay_in_their_folder(tmp_path: Path) -> None:
     for changes in ({"features": []}, {"total_episodes": "x"}, {"fps": 0}, {"features": {"film": 3}}):
         with pytest.raises(MirrorPostureError):
             read_recording(dataset(place, **changes))
+
+
+def test_nothing_of_a_bag_is_printed(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """The decoder prints definitions that it cannot read, control characters and all."""
+    file = mcap(tmp_path / "a.mcap", "NONE", ["a"], jpeg())
+    data = file.read_bytes()
+    for text in (b"string format", b"float64[] effort"):
+        bad = b"\x1b]0;x\x07".ljust(len(text), b"x")
+        file.write_bytes(data.replace(text, bad))
+        with pytest.raises(MirrorPostureError, match="cannot be read as a bag"):
+            list(read_recording(file).pictures())
+    assert capfd.readouterr() == ("", "")

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import sys
+import io
 from collections.abc import Iterator
-from contextlib import contextmanager, redirect_stdout
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from pathlib import Path
 from typing import Any
 
@@ -54,8 +54,7 @@ def read_bag(
     Raises:
         MirrorPostureError: a missing package, a topic that is not there or that must be chosen, an unknown encoding.
     """
-    # The decoder of MCAP's messages prints what it cannot read.
-    with _own_words(source), redirect_stdout(sys.stderr):
+    with _own_words(source):
         return _read_bag(source, joints_topic, commands_topic, image_topic, degrees)
 
 
@@ -157,9 +156,15 @@ def _messages(source: Path, topics: list[str]) -> Iterator[Message]:
 
         with source.open("rb") as stream:
             reader = make_reader(stream, decoder_factories=[DecoderFactory()])
-            for _, channel, raw, message in reader.iter_decoded_messages(topics=topics):
+            messages = iter(reader.iter_decoded_messages(topics=topics))
+            while True:
+                # The decoder prints what it cannot read, whatever a bag holds, and then raises it.
+                with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
+                    decoded_message = next(messages, None)
+                if decoded_message is None:
+                    return
+                _, channel, raw, message = decoded_message
                 yield channel.topic, raw.log_time * 1e-9, message
-        return
     with _any_reader(source) as reader:
         connections = [connection for connection in reader.connections if connection.topic in topics]
         for connection, time, data in reader.messages(connections=connections):
