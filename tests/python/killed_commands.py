@@ -122,7 +122,7 @@ def wait_for_writing(job: Job, child: int, left: set[Path]) -> None:
         # Not waited for: it keeps its number until it is.
         if os.waitid(os.P_PID, child, os.WEXITED | os.WNOHANG | os.WNOWAIT) is not None:
             return
-        time.sleep(0.0005)
+        time.sleep(0.002)
 
 
 def kill(job: Job, chance: random.Random, below: Path) -> str:

@@ -44,7 +44,8 @@ def test_broken_sessions_end_in_an_error_or_an_answer(tracked: Path, tmp_path: P
 
 
 def test_killed_commands_leave_whole_results(tmp_path: Path) -> None:
-    seen = killed_commands.run(9, 5, tmp_path, ("diagnose", "apply", "import"))
+    # A folder that is exchanged, and a file; those that take seconds are for a run by hand.
+    seen = killed_commands.run(8, 5, tmp_path, ("import", "board"))
     assert sum(counts["the old"] + counts["the new"] for counts in seen.values()) > 1
 
 
