@@ -77,7 +77,7 @@ G1_WORDS = [
     "--marker", "forearm=right_elbow_link@0.07,0,0.04", "--square-mm", "20", "--ball-mm", "30", "--glass-mm", "0",
 ]  # fmt: skip
 SO101 = Body(
-    "so_arm_description/urdf/so101.urdf", SO101_WORDS, ["--postures", "24"], {"elbow_flex": 0.05}, {"shoulder_lift": 0.04},
+    "so_arm_description/urdf/so101.urdf", SO101_WORDS, [], {"elbow_flex": 0.05}, {"shoulder_lift": 0.04},
 )  # fmt: skip
 BODIES = {
     "so101": SO101,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -65,9 +66,13 @@ def mounted(name: str, folder: Path, **moved: tuple[tuple[float, ...], tuple[flo
     data = pytest.importorskip("mirror_lab.blind.known_robots")
     file, root, mounts, _, _ = BODIES[name]
     try:
-        urdf = data._described(file).read_text(encoding="utf-8")
+        described = data._described(file)
+        urdf = described.read_text(encoding="utf-8")
     except MirrorPostureError as missing:
         pytest.skip(str(missing))
+    # example-robot-data's meshes are named by package; its folder of robots lies in the package.
+    package = described.parents[len(Path(file).parts) - 1].parent
+    urdf = urdf.replace("package://example-robot-data/", f"{package}/")
     added, markers = "", ""
     for link, (parent, xyz, rpy) in mounts.items():
         xyz, rpy = moved.get(link, (xyz, rpy))
@@ -144,7 +149,7 @@ def test_a_mirror_that_would_touch_the_robot_is_not_proposed(tmp_path: Path) -> 
     [
         ("camera_optical", ((0.085, 0.0, 0.42), (-math.pi / 2, 0.0, math.pi / 2)), "camera looks away"),
         ("chest_board", ((0.13, 0.0, 0.2), (0.0, 0.0, 0.0)), "board does not face the mirror"),
-        ("r_hand_marker", ((0.0, -3.0, 3.0), (0.0, 0.0, 0.0)), "out of the picture are: marker r_hand"),
+        ("r_hand_marker", ((0.0, -9.0, 9.0), (0.0, 0.0, 0.0)), "out of the picture are: marker r_hand"),
     ],
 )
 def test_what_cannot_be_seen_is_said_before_anything_moves(
@@ -190,3 +195,17 @@ def test_a_far_mirror_is_drawn_large_enough(tmp_path: Path) -> None:
     (near,) = view_planes([View()], board)
     robot.turn(View())
     assert robot._mirror_size_m(poses, near) == (0.0, 0.0), "a near mirror is as large as by default"
+
+
+def test_a_hand_that_reaches_farther_than_its_link_keeps_off_the_glass(tmp_path: Path) -> None:
+    """A box of 20 cm before the hand's origin, in the URDF alone: the mirror is proposed beyond it."""
+    bare = mounted("so101", tmp_path)
+    text = re.sub(r"<(visual|collision)>.*?</\1>", "", bare.robot_file.read_text(), flags=re.DOTALL)
+    bare.robot_file.write_text(text)
+    short = reach_m(make_target(bare, SO101[3], CorrectOptions()))
+    box = '<visual><origin xyz="0.5 0 0"/><geometry><box size="0.2 0.02 0.02"/></geometry></visual>'
+    bare.robot_file.write_text(text.replace('<link name="base_link">', f'<link name="base_link">{box}'))
+    target = make_target(Nominal.load(tmp_path), SO101[3], CorrectOptions())
+    # The board sits at x = 0, the box ends at 0.6 m; 2 cm are kept from the glass.
+    assert reach_m(target) == pytest.approx(0.62, abs=0.004) and short < 0.5
+    assert all(view.distance_m > 0.62 * math.cos(view.yaw_rad) for view in propose_views(target, 3))

@@ -15,6 +15,7 @@ from ..measurement import MeasureOptions, NothingMeasuredError, measure
 from ..mirror import IDEAL_MIRROR
 from ..optics import see_in_mirror
 from ..robots.protocol import ImagePoints, Look
+from ..shapes.reach import outermost_points
 from ..viewpoint import View
 from .target import Target
 
@@ -38,7 +39,7 @@ FARTHER = (1.25, 1.5, 1.8)
 BEYOND_REACH = (1.2, 1.5, 1.9, 2.4, 3.0)
 """Where the mirror cannot stand near its usual distance: so many times as far as the body reaches towards it."""
 CLEARANCE_M = 0.02
-"""Of every link's origin and every ball's surface from the glass."""
+"""Of every link's origin and shape and every ball's surface from the glass."""
 USUAL_VIEWS = 3
 EASE = 0.1
 """How much better (a part of the deviation) a view turned by the farthest angle must be to be taken before one straight ahead."""
@@ -60,13 +61,23 @@ def _scene(target: Target) -> tuple[Floats, Floats]:
 
 
 def _body(target: Target) -> tuple[Floats, Floats]:
-    """Where the robot is, in the camera's frame: every link's origin, and how far from it the glass must stay, m."""
+    """Where the robot is, in the camera's frame: points of it, and how far from each the glass must stay, m.
+
+    Every link's origin, and the outermost points of its shapes where the URDF has shapes whose files are found.
+    """
     robot, metadata = target.nominal.robot, target.nominal.metadata
     names = robot.link_names
     poses = robot.link_poses(target.positions[None], [target.camera_link, *names])[0]
-    camera_from = np.linalg.inv(poses[0]) @ poses[1:]
+    camera_from = dict(zip(names, np.linalg.inv(poses[0]) @ poses[1:], strict=True))
     radius = {m.link: 0.5 * m.diameter_m for m in metadata.markers}
-    return camera_from[:, :3, 3], np.array([CLEARANCE_M + radius.get(name, 0.0) for name in names])
+    shapes = outermost_points(target.nominal.robot_file)
+    points = [camera_from[name][None, :3, 3] for name in names]
+    clearance_m = [np.array([CLEARANCE_M + radius.get(name, 0.0)]) for name in names]
+    for name, shape in shapes.items():
+        if name in camera_from:
+            points.append(shape @ camera_from[name][:3, :3].T + camera_from[name][:3, 3])
+            clearance_m.append(np.full(len(shape), CLEARANCE_M))
+    return np.concatenate(points), np.concatenate(clearance_m)
 
 
 def reach_m(target: Target) -> float:

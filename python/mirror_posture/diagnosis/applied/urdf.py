@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..._core import MirrorPostureError
+from ...rpy import rotation_of_rpy
 from .xml_text import Element, XmlText
 
 Floats = npt.NDArray[np.float64]
@@ -214,18 +215,6 @@ class Urdf:
                     body[parent] = body[at] @ np.linalg.inv(self.origin(name))
                     todo.append(parent)
         return body
-
-
-def rotation_of_rpy(rpy_rad: Floats) -> Floats:
-    """`Rz(yaw) Ry(pitch) Rx(roll)`, URDF's fixed-axis angles."""
-    (cr, cp, cy), (sr, sp, sy) = np.cos(rpy_rad), np.sin(rpy_rad)
-    return np.array(
-        [
-            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-            [-sp, cp * sr, cp * cr],
-        ]
-    )
 
 
 def rpy_of_rotation(rotation: Floats) -> Floats:
