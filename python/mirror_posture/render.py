@@ -22,6 +22,7 @@ import numpy.typing as npt
 from ._core import MirrorPostureError, PictureMaker
 from .arguments import checked_arguments
 from .camera import Camera
+from .input_files import LARGEST_MODEL, given_text
 from .mirror import FLOAT_GLASS_INDEX, Mirror
 from .robot import Robot
 from .session.camera_info import load_camera_info
@@ -157,7 +158,7 @@ class Painter:
             rgb = colorsys.hsv_to_rgb(hue, 0.0 if marker.color is None else BALL_SATURATION, BALL_VALUE)
             balls.append((marker.name, marker.link, marker.diameter_m, list(rgb)))
         maker = PictureMaker(
-            (folder / metadata.robot).read_text(encoding="utf-8"),
+            given_text(folder / metadata.robot, "the robot's URDF", LARGEST_MODEL),
             size_px=camera.size_px,
             focal_px=camera.focal_px,
             center_px=camera.center_px,

@@ -272,6 +272,34 @@ def bindings(data: bytes) -> bool:
     return True
 
 
+PLAN = b"frame,posture,shoulder,elbow\n0,0,0.1,0.2\n1,0,0.1,0.2\n2,1,-0.3,0.4\n"
+CAPTURED = (
+    b"frame,posture,time_s,image,shoulder,elbow,measured:elbow\n"
+    b"0,0,0,images/0000.png,0.1,0.2,0.2\n2,1,3.5,images/0002.png,-0.3,0.4,0.41\n"
+)
+
+
+def plan(data: bytes) -> bool:
+    from mirror_posture.plan import read_plan
+
+    read_plan(written("postures.csv", data), robot())
+    return True
+
+
+def captured(data: bytes) -> bool:
+    """A capture that is gone on with."""
+    from mirror_posture.capture.recorder import Recorder
+    from mirror_posture.plan import read_plan
+
+    folder = scratch() / "captured"
+    (folder / "images").mkdir(parents=True, exist_ok=True)
+    for name in ("0000", "0002"):
+        (folder / f"images/{name}.png").touch()
+    (folder / "frames.csv").write_bytes(data)
+    assert Recorder(folder, read_plan(written("captured-plan.csv", PLAN), robot())).taken.keys() <= {0, 1, 2}
+    return True
+
+
 def picture(data: bytes) -> bool:
     from mirror_posture.detect import read_picture
 
@@ -348,6 +376,8 @@ TARGETS: dict[str, Target] = {
         (_json({"joints": ["shoulder", "elbow"], "seed": 1}) + b"\0" + (_json(READING) + b"\n") * 2,),
     ),
     "bindings": Target(bindings, (_json(HEADER),), True, (MirrorPostureError, UnicodeDecodeError)),
+    "plan_csv": Target(plan, (PLAN,)),
+    "captured_csv": Target(captured, (CAPTURED,)),
     "pictures": Target(picture, tuple(_pictures())),
     **RECORDINGS,
 }

@@ -59,6 +59,14 @@ def test_files_that_somebody_names_are_regular_and_bounded(name: str, tmp_path: 
         NAMED_FILES[name](file)
 
 
+def test_a_mesh_beyond_all_bounds_is_none(tmp_path: Path) -> None:
+    from mirror_posture.shapes.triangles import read_triangles
+
+    with (tmp_path / "a.stl").open("wb") as stream:
+        stream.truncate(2_000_000_000)
+    assert read_triangles(tmp_path / "a.stl") is None
+
+
 @pytest.mark.parametrize("key", ["robot", "camera"])
 def test_no_command_follows_a_session_out_of_its_folder(key: str, tmp_path: Path) -> None:
     name = {"robot": "robot.urdf", "camera": "camera.yaml"}[key]

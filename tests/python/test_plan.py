@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -224,8 +225,24 @@ def test_what_cannot_be_planned_says_why(planned: Path, tmp_path: Path) -> None:
     with pytest.raises(MirrorPostureError, match="postures"):
         PlanOptions(postures=1)
     (tmp_path / "postures.csv").write_text("frame,posture,pan\n0,0,x\n")
+    file, robot = tmp_path / "postures.csv", Robot.from_urdf(planned / "robot.urdf")
     with pytest.raises(MirrorPostureError, match="table of numbers"):
-        read_plan(tmp_path / "postures.csv", Robot.from_urdf(planned / "robot.urdf"))
+        read_plan(file, robot)
+    for text, told in (
+        ("frame,posture,pan\n0.5,0,0\n", "whole number"),
+        ("frame,posture,pan\n0,-1,0\n", "whole number"),
+        ("frame,posture,pan\n0,0,0\n0,1,0\n", "twice"),
+        ("frame,posture,pan, pan\n0,0,0,0\n", "twice"),
+        ("frame,posture,pan\n0,0,nan\n", "finite number"),
+        ("frame,posture" + ",x" * 6000 + "\n", "at most 5000 columns"),
+    ):
+        file.write_text(text)
+        with pytest.raises(MirrorPostureError, match=told):
+            read_plan(file, robot)
+    file.unlink()
+    os.mkfifo(file)
+    with pytest.raises(MirrorPostureError, match="no regular file"):
+        read_plan(file, robot)
 
 
 def test_pinocchio_and_coal_find_no_collision_and_all_in_sight(planned: Path) -> None:

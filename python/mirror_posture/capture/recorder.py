@@ -10,12 +10,11 @@ from typing import Any
 import cv2
 import numpy as np
 import pyarrow as pa
-import pyarrow.csv
 
 from .._core import MirrorPostureError
 from ..output_files import new_file, write_file
 from ..plan.table import PlannedFrame
-from ..session.tables import find_table
+from ..session.tables import find_table, open_table
 from ..session.write import write_table
 
 FRAMES = "frames.csv"
@@ -55,8 +54,8 @@ class Recorder:
         again = "add --overwrite to replace them, or give another session"
         if [file.name for file in old] != [FRAMES]:
             raise MirrorPostureError(f"{told}; {again}")
-        table = pyarrow.csv.read_csv(self._folder / FRAMES)
-        columns = {name: table[name].to_pylist() for name in table.column_names}
+        table = open_table(self._folder / FRAMES)
+        columns = {name: cells.to_pylist() for name, cells in table.columns.items()}
         joints = [
             name
             for name in columns
@@ -64,13 +63,20 @@ class Recorder:
         ]
         if joints != self._joints or "image" not in columns:
             raise MirrorPostureError(f"{told}, of another plan; {again}")
+        try:
+            self._take(columns, joints)
+        except (ValueError, KeyError):
+            raise MirrorPostureError(f"{told}, of another plan; {again}") from None
+
+    def _take(self, columns: Mapping[str, list[str]], joints: Sequence[str]) -> None:
+        """Rows that were taken already. Raises ValueError or KeyError for those that are not of this plan."""
         for row, frame in enumerate(columns["frame"]):
             planned = self._plan.get(int(frame))
             same = planned is not None and all(
                 abs(float(columns[name][row]) - planned.commanded[name]) < 1e-9 for name in joints
             )
             if planned is None or not same or not (self._folder / columns["image"][row]).is_file():
-                raise MirrorPostureError(f"{told}, of another plan (row {row + 1}); {again}")
+                raise ValueError
             measured = {
                 name.split(":", 1)[1]: float(columns[name][row])
                 for name in columns

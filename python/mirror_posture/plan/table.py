@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.csv
 
 from .._core import MirrorPostureError
 from ..output_files import new_folder
 from ..robot import Robot
+from ..session.tables import open_table
 from ..session.write import write_table
 from .run import Plan
 
@@ -136,6 +136,10 @@ def read_plan(file: Path, robot: Robot) -> list[PlannedFrame]:
     for name in ("frame", "posture"):
         if name not in columns:
             raise MirrorPostureError(f"{file}: has no column {name!r}; mirror-posture plan writes it")
+    for name in ("frame", "posture"):
+        _check_whole(file, name, columns[name])
+    if len(set(columns["frame"])) < len(columns["frame"]):
+        raise MirrorPostureError(f"{file}: a frame stands there twice; needed each once")
     joints = [name for name in columns if name not in ("frame", "posture")]
     for name in joints:
         robot.position_index(name)
@@ -145,6 +149,7 @@ def read_plan(file: Path, robot: Robot) -> list[PlannedFrame]:
         table = numbers_of(beside)
         if "frame" not in table or "view" not in table:
             raise MirrorPostureError(f"{beside}: needed the columns frame and view")
+        _check_whole(beside, "view", table["view"])
         views |= dict(zip(table["frame"], table["view"], strict=True))
     return [
         PlannedFrame(
@@ -154,18 +159,27 @@ def read_plan(file: Path, robot: Robot) -> list[PlannedFrame]:
     ]  # fmt: skip
 
 
+def _check_whole(file: Path, column: str, values: list[float]) -> None:
+    for row, value in enumerate(values):
+        if value != int(value) or not 0 <= value < 2**53:
+            raise MirrorPostureError(
+                f"{file}, row {row + 1}, column {column!r}: got {value:g}, needed a whole number from 0 on"
+            )
+
+
 def numbers_of(file: Path) -> dict[str, list[float]]:
     """The columns of a table of finite numbers. Raises `MirrorPostureError`, which names file, row and column."""
+    if not file.exists():
+        raise MirrorPostureError(f"{file}: there is no such file; mirror-posture plan writes it")
+    table = open_table(file)
     try:
-        table = pyarrow.csv.read_csv(file)
         found = {
-            str(name).strip(): [float(v) for v in column.cast(pa.float64()).to_pylist()]
-            for name, column in zip(table.column_names, table.columns, strict=True)
+            name: [float(v) for v in column.cast(pa.float64()).to_pylist()]
+            for name, column in table.columns.items()
         }
-    except FileNotFoundError:
-        raise MirrorPostureError(f"{file}: there is no such file; mirror-posture plan writes it") from None
-    except (OSError, pa.ArrowInvalid, TypeError) as error:
-        raise MirrorPostureError(f"{file}: cannot be read as a table of numbers: {error}") from None
+    except (pa.ArrowInvalid, TypeError) as error:
+        text = " ".join(str(error).split())[:200]
+        raise MirrorPostureError(f"{file}: cannot be read as a table of numbers: {text}") from None
     for name, values in found.items():
         for row, value in enumerate(values):
             if not math.isfinite(value):

@@ -10,11 +10,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ..input_files import read_regular
+
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
 STL_HEADER_BYTES = 84
 STL_TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+LARGEST_MESH = 1_000_000_000
+"""Bytes of a mesh file at most."""
 ROUND = 24
 """Corners of a circle."""
 SKIN_M = 2e-4
@@ -39,8 +43,9 @@ def read_triangles(file: Path) -> Triangles | None:
     Binary STL is read here, every other kind by trimesh, where that is installed.
     """
     try:
+        # Whatever a robot's description names: bounded, also where trimesh opens it itself.
+        data = read_regular(file, LARGEST_MESH)
         if file.suffix.lower() == ".stl":
-            data = file.read_bytes()
             count = int.from_bytes(data[80:STL_HEADER_BYTES], "little")
             if len(data) == STL_HEADER_BYTES + count * STL_TRIANGLE.itemsize:
                 corners = np.frombuffer(data, STL_TRIANGLE, offset=STL_HEADER_BYTES)["corners"]
