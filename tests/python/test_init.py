@@ -92,6 +92,26 @@ def test_what_is_left_out_is_asked_for(arm: Path, tmp_path: Path) -> None:
     assert tree["markers"][1]["color"]["hue"] == 180.0
 
 
+def test_places_are_asked_for_with_their_links(arm: Path, tmp_path: Path) -> None:
+    answers = "base\n0,0,0.3\n1,0,-0.2\nbase\n0,0,0.1\n\nhand=upper@0.2,0,0\n"
+    run("init", arm, tmp_path / "asked", input=answers)
+    words = [
+        "--camera",
+        "base",
+        "--camera-at",
+        "0,0,0.3",
+        "--camera-looks",
+        "1,0,-0.2",
+        "--board",
+        "base",
+        "--board-at",
+        "0,0,0.1",
+    ]
+    run("init", arm, tmp_path / "told", *words, "--marker", "hand=upper@0.2,0,0")
+    for name in ("robot.urdf", "session.toml", "camera.yaml"):
+        assert (tmp_path / "asked" / name).read_bytes() == (tmp_path / "told" / name).read_bytes()
+
+
 def test_a_board_that_looks_away_is_told(arm: Path, tmp_path: Path) -> None:
     assert "180° apart" in run("init", arm, tmp_path / "s", *WORDS, "--board-faces=-1,0,0").stderr
 

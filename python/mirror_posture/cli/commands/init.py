@@ -94,8 +94,18 @@ def command(
     from ...new_session import CameraMount, FaceMount, create_session, draw_setup, parse_marker, parse_vector
     from ...session import load_camera_info
 
-    camera = camera if camera is not None else typer.prompt("Link that carries the camera", err=True)
-    board = board if board is not None else typer.prompt("Link that carries the board", err=True)
+    if camera is None:
+        camera = typer.prompt("Link that carries the camera", err=True)
+        if camera_at is None:
+            camera_at = _place("Its optical centre X,Y,Z there, m (Enter: that link is the optical frame)")
+            if camera_at is not None:
+                camera_looks = typer.prompt("Where it looks, in that link's frame", camera_looks, err=True)
+    if board is None:
+        board = typer.prompt("Link that carries the board", err=True)
+        if board_at is None:
+            board_at = _place("Its centre X,Y,Z there, m (Enter: that link is the board's frame)")
+            if board_at is not None:
+                board_faces = typer.prompt("Where its printed face looks", board_faces, err=True)
     given = list(marker or ())
     while not given:
         given = typer.prompt("Markers as NAME=LINK@X,Y,Z, with blanks between them", err=True).split()
@@ -180,6 +190,11 @@ def command(
             "warnings": list(made.warnings),
         }
     )
+
+
+def _place(question: str) -> str | None:
+    """A place that is asked for; None where only Enter was pressed."""
+    return typer.prompt(question, "", show_default=False, err=True) or None
 
 
 def _two(text: str, option: str, example: str) -> tuple[int, int]:
