@@ -40,9 +40,10 @@ WHOLE_FRACTION = 0.93
 WHOLE_ARC = 0.6
 SHARP_SHARE = 0.2
 PARTIAL_SIZE_FACTOR = 1.13
-# A codec's blocks shift all edges of a side alike: the variance of the centre grows by this with each level of its quantisation step, measured on balls of
-# 15 to 25 px at JPEG qualities 92 to 20.
-WIDENED_BY_STEP = 0.22
+# A codec's blocks shift all edges of a side alike, by errors whose variance grows with the square of its quantisation step (levels): from this step on they are
+# most of what the centre's variance has. Measured on balls of 15 to 40 px at JPEG qualities 98 to 20; where colour is coarser, most of it shows in the edges.
+TELLING_STEP = 10.0
+TELLING_STEP_OF_COARSE_COLOUR = 30.0
 # Width of the outline's rim that is left out of the seen share.
 RIM_PX = 0.8
 # A white, blown-out pixel has all channels at or above this.
@@ -114,8 +115,8 @@ def detect_markers(
     ]
     # All outlines of the picture at once: the core shares them out.
     starts = [start for job in jobs for start in job.starts]
-    # Where colour has brightness' resolution, the edges' scatter does not show the blocks; elsewhere the core counts with them.
-    widened = 1.0 + WIDENED_BY_STEP * quantisation_step if chroma_step_px == (1, 1) else 1.0
+    telling = TELLING_STEP if chroma_step_px == (1, 1) else TELLING_STEP_OF_COARSE_COLOUR
+    widened = 1.0 + (quantisation_step / telling) ** 2
     fits = iter(
         None if fit is None else replace(fit, centroid_covariance_px2=widened * fit.centroid_covariance_px2)
         for fit in measure_balls(bgr, starts, assumed, chroma_step_px)

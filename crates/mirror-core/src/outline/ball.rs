@@ -23,13 +23,17 @@ const BLUR_OF_STEP: f64 = 0.6;
 const TOLERANCE_PX: f64 = 0.675;
 /// What all edges share whatever the picture shows (pixel structure, the pane's second image), px, and what a blur of σ px carries over the rim, as a share of
 /// σ² / radius: measured on rendered balls.
-const SHARED_FLOOR_PX: f64 = 0.036;
-const SHARED_BY_BLUR: f64 = 0.38;
+const SHARED_FLOOR_PX: f64 = 0.031;
+const SHARED_BY_BLUR: f64 = 0.31;
+/// In coded pictures, edges share this share of their own deviation with their neighbours: a block of colour spans a broad part of a ball's outline.
+const SHARED_OF_CODED: f64 = 0.4;
 /// Along the outline, edges share their errors over about this length (times the blur, where that is above 1 px): what lies behind, and a codec's blocks.
 const CORRELATION_PX: f64 = 3.0;
 const CODED_CORRELATION_PX: f64 = 6.0;
 /// How much longer for each px by which a noisy picture was smoothed.
 const SMOOTHED_CORRELATION: f64 = 0.5;
+/// Least square of the share of the outline that edges agree with, in that.
+const LEAST_HELD: f64 = 0.1;
 /// What has no edge (another part before the ball) spoils the edges beside it over this length.
 const SPOILED_PX: f64 = 2.0;
 
@@ -97,12 +101,16 @@ pub fn measure_ball(
         let (points, inlier): (Vec<EdgePoint>, Vec<bool>) = (0..count)
             .filter(|i| found[*i])
             .map(|i| {
-                let shared_std_px = floor.hypot(edges.shared_std_px[i]);
+                let by_blocks = if patch.coded { SHARED_OF_CODED * edges.std_px[i] } else { 0.0 };
+                let shared_std_px = floor.hypot(edges.shared_std_px[i]).hypot(by_blocks);
                 (EdgePoint { pixel: edges.points_px[i], std_px: edges.std_px[i], shared_std_px }, together[i])
             })
             .unzip();
-        let shared =
-            correlation * blur.mean_px().max(1.0) * (1.0 + SMOOTHED_CORRELATION * patch.smoothing_px);
+        let wide = blur.mean_px().max(1.0);
+        // The coarser a codec has made the colour, the longer are its errors; and where other things hold a part of the outline, some of the rest is theirs too.
+        let held = together.iter().filter(|t| **t).count() as f64 / count as f64;
+        let longer = if patch.coded { wide / (held * held).max(LEAST_HELD) } else { 1.0 };
+        let shared = correlation * wide * longer * (1.0 + SMOOTHED_CORRELATION * patch.smoothing_px);
         let correlated = shared * count as f64 / (core::f64::consts::TAU * circle.radius_px);
         let cone = fit_cone_from(&points, inlier, &center, camera, correlated)?;
         circle = Circle { center_px: cone.centroid_px, radius_px: cone.mean_radius_px };

@@ -22,6 +22,12 @@ impl Blur {
         Self { mean: std_px * std_px, even: [0.0; 2] }
     }
 
+    /// The same with its standard deviation times a share, at least `least_px`.
+    pub fn scaled(&self, share: f64, least_px: f64) -> Self {
+        let mean = (self.mean * share * share).max(least_px * least_px);
+        Self { mean, even: self.even.map(|e| e * mean / self.mean) }
+    }
+
     /// Standard deviation along a direction, px.
     pub fn along(&self, angle_rad: f64) -> f64 {
         let (sine, cosine) = (2.0 * angle_rad).sin_cos();

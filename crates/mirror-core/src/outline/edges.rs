@@ -1,11 +1,13 @@
 //! Sub-pixel edges of a ball's colour along rays.
 
 use super::blur::{Blur, blur_of_rays};
+use super::hues::{Hue, hues_of_zones};
 use super::luma::{lens_before_codec, lens_blur_px, luma_edges};
 use super::patch::Patch;
-use super::ray_edge::{MIN_EDGE_POINTS, RayEdge, median};
+use super::ray_edge::{RayEdge, median};
 use super::rays::{Rays, STEP_PX, ZONE_PX, mean_and_variance, mean_colour, slope};
-use nalgebra::{Matrix3, Vector2, Vector3};
+use super::scatter::noise_of;
+use nalgebra::Vector2;
 
 /// Unevenness of a zone that even light and a clean picture leave, as a share of its brightness.
 const SHARE_FLOOR: f64 = 0.02;
@@ -22,6 +24,9 @@ const MIN_COLOUR_SINE: f64 = 0.12;
 const BLACK_SHARE: f64 = 0.03;
 /// How far apart edges of colour and brightness may be, px.
 const LUMA_REACH_PX: f64 = 1.0;
+/// What a coded picture's edges show as blur holds the codec's errors too: so much of it is blur, and at least so much, px. A window of more would sum up more of the errors.
+const CODED_BLUR_SHARE: f64 = 0.9;
+const LEAST_CODED_BLUR_PX: f64 = 0.8;
 /// Passes of setting the zones around the edge that was found.
 const PASSES: usize = 3;
 
@@ -53,20 +58,24 @@ pub(super) fn edges_on_rays(
     let turn = core::f64::consts::TAU / count as f64;
     let by_ray: Vec<f64> = (0..count).map(|i| blur.along(turn * i as f64)).collect();
     let rays = Rays::cast(patch, center_px, radius_px, &by_ray, outermost);
-    let mut edges: Vec<RayEdge> = (0..count).map(|ray| colour_edge(&rays, ray, outermost)).collect();
+    let hues = (patch.coded && !outermost).then(|| hues_of_zones(&rays));
+    let mut edges: Vec<RayEdge> =
+        (0..count).map(|ray| colour_edge(&rays, ray, hues.as_ref().map(|h| h[ray]), outermost)).collect();
     for (ray, edge) in edges.iter_mut().enumerate() {
         edge.found &= rays.inside[ray] && edge.offset.abs() < rays.reach_px && edge.offset.is_finite();
         let floor = if patch.coded { CODED_EDGE_FLOOR_PX } else { EDGE_FLOOR_PX };
         edge.std = floor.hypot(edge.std);
     }
+    let lens_px = if patch.coded { lens_blur_px(&rays, &edges) } else { 0.0 };
     let shown = blur_of_rays(&edges, blur);
+    let shown = if patch.coded { shown.scaled(CODED_BLUR_SHARE, LEAST_CODED_BLUR_PX) } else { shown };
     // A blur along the outline carries a bent one inward: by σ² / 2r.
     for (ray, edge) in edges.iter_mut().enumerate() {
         let across = blur.along(turn * ray as f64 + core::f64::consts::FRAC_PI_2).min(0.5 * radius_px[ray]);
         edge.offset += 0.5 * across * across / radius_px[ray];
     }
     if patch.coded {
-        join_brightness(&rays, &mut edges);
+        join_brightness(&rays, &mut edges, lens_px);
     }
     let points = edges
         .iter()
@@ -97,51 +106,27 @@ fn shared_std_px(edges: &[RayEdge]) -> Vec<f64> {
 }
 
 /// The brightness is as sharp as the picture: where ball and background differ in it, it says better where the edge is.
-fn join_brightness(rays: &Rays, edges: &mut [RayEdge]) {
-    let lens_px = lens_blur_px(rays, edges);
+fn join_brightness(rays: &Rays, edges: &mut [RayEdge], lens_px: f64) {
     for edge in edges.iter_mut() {
         edge.offset -= lens_before_codec(edge, lens_px);
     }
     let mut sharp = luma_edges(rays, edges, lens_px);
-    let colour_spread = spread_px(rays, edges.iter().map(|e| (e.offset, e.found)));
-    let luma_spread =
-        spread_px(rays, edges.iter().zip(&sharp).map(|(e, s)| (s.offset, e.found && s.std_px.is_finite())));
+    let colour_noise = noise_of(rays, edges.iter().map(|e| (e.offset, e.contrast, e.found)));
+    let luma_noise = noise_of(
+        rays,
+        edges.iter().zip(&sharp).map(|(e, s)| (s.offset, s.contrast, e.found && s.std_px.is_finite())),
+    );
+    // Another thing before the ball may differ more from it than what lies behind: its edges must not weigh more than the outline's.
+    let usual = median(edges.iter().filter(|e| e.found).map(|e| e.contrast).collect());
+    let usual_luma = median(sharp.iter().filter(|s| s.std_px.is_finite()).map(|s| s.contrast).collect());
     for (edge, sharp) in edges.iter_mut().zip(&mut sharp) {
-        edge.std = edge.std.hypot(colour_spread);
-        sharp.std_px = sharp.std_px.hypot(luma_spread);
+        edge.std = edge.std.hypot(colour_noise / edge.contrast.clamp(1e-6, usual.max(1e-6)));
+        sharp.std_px = sharp.std_px.hypot(luma_noise / sharp.contrast.clamp(1e-6, usual_luma.max(1e-6)));
         let agrees = (sharp.offset - edge.offset).abs() < LUMA_REACH_PX.max(2.0 * edge.std);
         let weight = if agrees { (edge.std / sharp.std_px).powi(2) } else { 0.0 };
         edge.offset = (edge.offset + weight * sharp.offset) / (1.0 + weight);
         edge.std /= (1.0 + weight).sqrt();
     }
-}
-
-/// Standard deviation of edges round a shifted and scaled outline, by the median: what a codec adds does not follow the outline.
-fn spread_px(rays: &Rays, edges: impl Iterator<Item = (f64, bool)>) -> f64 {
-    let rows: Vec<(Vector3<f64>, f64)> = edges
-        .enumerate()
-        .filter(|(_, (_, valid))| *valid)
-        .map(|(ray, (offset, _))| (Vector3::new(1.0, rays.direction[ray].x, rays.direction[ray].y), offset))
-        .collect();
-    if rows.len() < MIN_EDGE_POINTS {
-        return 1.0;
-    }
-    let mut weights = vec![1.0; rows.len()];
-    let mut sizes = Vec::new();
-    for _ in 0..4 {
-        let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
-        for ((row, value), weight) in rows.iter().zip(&weights) {
-            normal += row * row.transpose() * *weight;
-            right += row * (weight * value);
-        }
-        normal += Matrix3::identity() * 1e-9;
-        let Some(factor) = normal.cholesky() else { return 1.0 };
-        let solution = factor.solve(&right);
-        sizes = rows.iter().map(|(row, value)| (value - solution.dot(row)).abs()).collect();
-        let scale = (3.0 * median(sizes.clone())).max(0.02);
-        weights = sizes.iter().map(|s| (1.0 / (1.0 + (s / scale).powi(2))).powi(2)).collect();
-    }
-    1.4826 * median(sizes)
 }
 
 /// Parts of ball and background that make up a colour, or of the ball alone before black.
@@ -170,6 +155,16 @@ impl Unmixing {
         telling.then_some(Self { ball, behind, bb, bg, gg, black })
     }
 
+    /// Noise of a colour by that of the coverage `trust s + (1 − trust)(1 − w)` made of it.
+    fn contrast(&self, trust: f64) -> f64 {
+        if self.black {
+            return (self.bb - self.bg) / self.bb.sqrt();
+        }
+        let other = 1.0 - trust;
+        let power = trust * trust * self.gg + other * other * self.bb + 2.0 * trust * other * self.bg;
+        ((self.bb * self.gg - self.bg * self.bg) / power).sqrt()
+    }
+
     /// Parts of the ball and of what lies behind.
     fn parts(&self, colour: &[f64; 3]) -> (f64, f64) {
         let ib = dot(colour, &self.ball);
@@ -183,7 +178,7 @@ impl Unmixing {
     }
 }
 
-fn colour_edge(rays: &Rays, ray: usize, outermost: bool) -> RayEdge {
+fn colour_edge(rays: &Rays, ray: usize, hues: Option<[Hue; 2]>, outermost: bool) -> RayEdge {
     let none = RayEdge {
         offset: 0.0,
         std: 1.0,
@@ -191,6 +186,7 @@ fn colour_edge(rays: &Rays, ray: usize, outermost: bool) -> RayEdge {
         trend: 0.0,
         doubt: 0.0,
         moment: 0.0,
+        contrast: 0.0,
         ball: [0.0; 3],
         behind: [0.0; 3],
     };
@@ -206,6 +202,10 @@ fn colour_edge(rays: &Rays, ray: usize, outermost: bool) -> RayEdge {
         }
         let (ball, behind) =
             (mean_colour(&colours[ball_zone.clone()]), mean_colour(&colours[behind_zone.clone()]));
+        let (ball, behind) = match hues {
+            Some([own, other]) => (own.of(&ball), other.of(&behind)),
+            None => (ball, behind),
+        };
         let Some(unmixing) = Unmixing::new(ball, behind) else { return none };
         let zone_shade = mean_and_variance(shade[ball_zone.clone()].iter().copied()).0;
         // The ball's own light along the ray against that of the zone; beyond the rim, as at the rim.
@@ -244,6 +244,7 @@ fn colour_edge(rays: &Rays, ray: usize, outermost: bool) -> RayEdge {
         }
         result.std = window * (variance_ball * variance_behind / (variance_ball + variance_behind)).sqrt();
         result.found = true;
+        result.contrast = unmixing.contrast(trust);
         result.ball = ball;
         result.behind = behind;
         let (moment, _) = rays.integral(edge, window + ZONE_PX, |i| {

@@ -24,6 +24,8 @@ const WEIGHTS: [f64; 3] = [0.114, 0.587, 0.299];
 pub(super) struct LumaEdge {
     pub offset: f64,
     pub std_px: f64,
+    /// Difference of the two brightnesses, 0..1.
+    pub contrast: f64,
 }
 
 fn mean_in(rays: &Rays, values: &[f64], low: f64, high: f64) -> (f64, f64) {
@@ -120,7 +122,7 @@ pub(super) fn luma_edges(rays: &Rays, edges: &[RayEdge], lens_px: f64) -> Vec<Lu
 }
 
 fn luma_edge(rays: &Rays, ray: usize, colour: &RayEdge, window: f64) -> LumaEdge {
-    let none = LumaEdge { offset: colour.offset, std_px: f64::INFINITY };
+    let none = LumaEdge { offset: colour.offset, std_px: f64::INFINITY, contrast: 0.0 };
     if !colour.found {
         return none;
     }
@@ -153,6 +155,7 @@ fn luma_edge(rays: &Rays, ray: usize, colour: &RayEdge, window: f64) -> LumaEdge
         let doubt = SHADE_DOUBT * own * (1.0 - carried(rim)) / contrast;
         let uneven = (uneven_ball + uneven_behind) / (contrast * contrast) + doubt * doubt;
         found.offset = edge + (covered - model).clamp(-1.5, 1.5);
+        found.contrast = contrast.abs();
         found.std_px = EDGE_FLOOR_PX.hypot(0.5 * window * uneven.sqrt());
     }
     found

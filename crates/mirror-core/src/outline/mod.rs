@@ -18,6 +18,7 @@
 //! | `codec` | which pixels share a colour, where the file does not say it |
 //! | `circle`, `consensus` | a circle among points: the start; edges of one outline among others |
 //! | `shading` | light on a sphere by its normal |
+//! | `hues`, `scatter` | in coded pictures: colours smoothed along the outline, and how far edges scatter round it |
 //! | `rays`, `edges`, `luma`, `blur` | samples along rays, sub-pixel edges of the colour and of the brightness, and the blur that they show |
 //! | `cone` | the cone of rays that touch a sphere, with covariance |
 
@@ -28,11 +29,13 @@ mod codec;
 mod cone;
 mod consensus;
 mod edges;
+mod hues;
 mod luma;
 mod patch;
 mod ray_edge;
 mod rays;
 mod regions;
+mod scatter;
 mod shading;
 
 pub use ball::{BallOutline, RadiusRange, measure_ball};

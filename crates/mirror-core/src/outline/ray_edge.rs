@@ -16,6 +16,8 @@ pub(super) struct RayEdge {
     pub doubt: f64,
     /// Second moment of what is covered by half, px²: the blur's variance.
     pub moment: f64,
+    /// How far the ball's colour and that behind it are apart where they are told from each other, in the patch's values: noise divided by it is noise of the share.
+    pub contrast: f64,
     /// The two colours.
     pub ball: [f64; 3],
     pub behind: [f64; 3],

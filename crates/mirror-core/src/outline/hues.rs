@@ -1,0 +1,53 @@
+//! Hues of a coded picture beside a ball's outline, smoothed along it.
+
+use super::ray_edge::median;
+use super::rays::{Rays, ZONE_PX, mean_colour};
+
+/// Weights of blue, green and red in the brightness.
+const BRIGHTNESS: [f64; 3] = [0.114, 0.587, 0.299];
+/// A ball has one paint and light of nearly one colour over this angle (rad, on both sides); what lies behind changes sooner.
+const OWN_REACH_RAD: f64 = 0.6;
+const BEHIND_REACH_RAD: f64 = 0.3;
+
+fn brightness_of(bgr: &[f64; 3]) -> f64 {
+    bgr.iter().zip(BRIGHTNESS).map(|(level, weight)| level * weight).sum()
+}
+
+/// A colour of brightness 1.
+#[derive(Clone, Copy)]
+pub(super) struct Hue([f64; 3]);
+
+impl Hue {
+    /// A colour's brightness with this hue.
+    pub fn of(&self, colour: &[f64; 3]) -> [f64; 3] {
+        let brightness = brightness_of(colour);
+        self.0.map(|channel| channel * brightness)
+    }
+}
+
+/// The hues of the ball and of what lies behind by ray, medians over neighbours: a codec's errors of colour are as long as a zone, and an error of a zone's colour moves the edge by
+/// its share of the window; the brightness of each zone is kept well.
+pub(super) fn hues_of_zones(rays: &Rays) -> Vec<[Hue; 2]> {
+    let count = rays.radius_px.len();
+    let smoothed = |zone: &dyn Fn(f64) -> (f64, f64), reach_rad: f64| -> Vec<Hue> {
+        let own: Vec<[f64; 3]> = (0..count)
+            .map(|ray| {
+                let (low, high) = zone(rays.window_px[ray]);
+                let colour = mean_colour(&rays.colours(ray)[rays.between(low, high)]);
+                let brightness = brightness_of(&colour).max(1e-3);
+                colour.map(|channel| channel / brightness)
+            })
+            .collect();
+        let reach = ((reach_rad / core::f64::consts::TAU * count as f64) as usize).min(count / 2 - 1);
+        (0..count)
+            .map(|ray| {
+                Hue(core::array::from_fn(|channel| {
+                    median((0..=2 * reach).map(|j| own[(ray + count + j - reach) % count][channel]).collect())
+                }))
+            })
+            .collect()
+    };
+    let own = smoothed(&|window| (-window - ZONE_PX, -window), OWN_REACH_RAD);
+    let other = smoothed(&|window| (window, window + ZONE_PX), BEHIND_REACH_RAD);
+    own.into_iter().zip(other).map(|(own, other)| [own, other]).collect()
+}
