@@ -1,6 +1,6 @@
 """Pictures of a board and balls in a mirror, drawn anew: other geometry, light, lens, sensor and codecs than `ball_variants` has.
 
-    python tests/python/fresh_pictures.py [--scenes 6] [--seed 1] [--only TEXT ...] [--worst]
+    python tests/python/fresh_pictures.py [--scenes 6] [--seed 1] [--only TEXT ...] [--worst] [--markers]
 
 A pinhole camera, a plane mirror, a chessboard by its homography, spheres by ray casting with a sun (hard shadow line, their own and a cast one), sky, gloss and uneven paint, limbs
 behind and before them, all in linear light and supersampled; then lens (disc, Gauss, path of a shake), ghost, sensor (Bayer mosaic, photon and read noise), curve and codec
@@ -693,8 +693,87 @@ def score(name: str, scenes: int, seed: int) -> Score:
     return result
 
 
+TURNS_RAD = [(-0.05, -0.01), (0.05, 0.03)]
+WRONG_MARKER_M = 0.002
+
+
+def markers_of(
+    name: str, look: Look, number: int, seed: int
+) -> tuple[list[tuple[str, float, float, float]], int]:
+    """Markers triangulated from two views of a look: name, distance from the truth (m), its claimed deviation (root of the covariance's trace, m), normalised
+    squared error; and how many were masked. Nothing but camera, board, colours and sizes is given."""
+    from mirror_posture import Board, Camera, ColorRange, Marker, MirrorPostureError, markers_from_views
+
+    start = [seed, number, sum((i + 1) * ord(c) for i, c in enumerate(name)), 2]
+    scenes, real = views(look, start, TURNS_RAD)
+    first = scenes[0]
+    matrix = first.camera
+    camera = Camera(look.size_px, (matrix[0, 0], matrix[1, 1]), (matrix[0, 2], matrix[1, 2]))
+    markers = [
+        Marker(ball.name, diameter_m=2.0 * ball.radius_m, color=ColorRange(ball.hue_deg, 18.0, 0.4, 0.12))
+        for ball in first.balls
+    ]
+    with tempfile.TemporaryDirectory() as place:
+        pictures: list[Any] = []
+        for index, scene in enumerate(scenes):
+            if scene.coded is None:
+                pictures.append(scene.bgr)
+                continue
+            suffix = "webp" if scene.coded[:4] == b"RIFF" else "jpg"
+            file = Path(place) / f"{index}.{suffix}"
+            file.write_bytes(scene.coded)
+            pictures.append(file)
+        try:
+            found = markers_from_views(
+                camera,
+                Board(COLUMNS, ROWS, SQUARE_M),
+                markers,
+                pictures,
+                camera_from_board=first.camera_from_board,
+            )
+        except MirrorPostureError:
+            return [], len(markers)
+    told = []
+    for row, ball in enumerate(first.balls):
+        if found.positions.valid[row]:
+            error = found.positions.points_in_camera_m[row] - real[row]
+            covariance = found.positions.covariances_m2[row]
+            squares = float(error @ np.linalg.solve(covariance, error)) / 3.0
+            told.append(
+                (ball.name, float(np.linalg.norm(error)), float(np.sqrt(np.trace(covariance))), squares)
+            )
+    return told, len(first.balls) - len(told)
+
+
+def wrong_marker(off_m: float, std_m: float) -> bool:
+    return off_m > WRONG_MARKER_M and off_m > 4.0 * std_m
+
+
+def score_markers(names: list[str], scenes: int, seed: int) -> None:
+    print("| variant | markers, masked | wrong | RMS mm | NSE |\n| --- | --- | --- | --- | --- |")
+    everything: list[tuple[str, float, float, float]] = []
+    for name in names:
+        told: list[tuple[str, float, float, float]] = []
+        masked = 0
+        for number in range(scenes):
+            some, less = markers_of(name, LOOKS[name], number, seed)
+            told, masked = told + some, masked + less
+        everything += told
+        wrong = sum(wrong_marker(off, std) for _, off, std, _ in told)
+        rms = 1000.0 * np.sqrt(np.mean([off**2 for _, off, _, _ in told])) if told else np.nan
+        nse = np.mean([squares for *_, squares in told]) if told else np.nan
+        print(f"| {name} | {len(told)}, {masked} | {wrong} | {rms:.2f} | {nse:.2f} |", flush=True)
+    wrong = sum(wrong_marker(off, std) for _, off, std, _ in everything)
+    print(
+        f"\n{len(names)} variants, {len(everything)} markers, {wrong} wrong ({100 * wrong / max(len(everything), 1):.2f} %)"
+    )
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument(
+        "--markers", action="store_true", help="markers triangulated from two views of each variant"
+    )
     parser.add_argument("--scenes", type=int, default=6)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", nargs="*", default=[""])
@@ -703,6 +782,9 @@ def main() -> None:
     parser.add_argument("--save", type=Path)
     given = parser.parse_args()
     names = [name for name in LOOKS if any(text in name for text in given.only)]
+    if given.markers:
+        score_markers(names, given.scenes, given.seed)
+        return
     print(
         "| variant | balls found, recall of ≥ 80 % visible | wrong | RMS px | NSE | boards found, wrong, RMS px |\n| --- | --- | --- | --- | --- | --- |"
     )
