@@ -81,7 +81,7 @@ SO101 = Body(
 )  # fmt: skip
 BODIES = {
     "so101": SO101,
-    "so101-swapped": Body(SO101.urdf, SO101_WORDS, SO101.plan, {}, {"shoulder_lift": 0.04}, ("wrist_flex", "elbow_flex")),
+    "so101-swapped": Body(SO101.urdf, SO101_WORDS, SO101.plan, {}, {"shoulder_lift": 0.04}, ("elbow_flex", "wrist_flex")),
     "g1": Body(
         "g1_description/urdf/g1_29dof_rev_1_0.urdf", G1_WORDS, ["--postures", "24"], {"right_elbow_joint": 0.04}, {"right_shoulder_roll_joint": 0.03},
     ),

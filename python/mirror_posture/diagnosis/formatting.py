@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from .parts import Cause, Estimate, Member
 from .result import Diagnosis
@@ -258,3 +259,11 @@ def _unexplained_place(found: Diagnosis) -> str:
     if left.depends_on == "nothing":
         return f"{at}, where what is left is the same in every posture"
     return f"{at}, where what is left depends on {dependence(left.depends_on or '')}"
+
+
+ENCODER_COLUMNS = ("before", "after", "before_zero_free", "after_zero_free")
+
+
+def telling_encoders(entries: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+    """Of the witness' encoders those that differ from a prediction in the digits shown: a table of zeros tells nothing."""
+    return [e for e in entries if any(f"{1e3 * e[key]:.2f}" != "0.00" for key in ENCODER_COLUMNS)]

@@ -240,6 +240,7 @@ def write_results(output: Output, session: Session, found: Diagnosis, folder: Pa
 
 def _show(output: Output, folder: Path, found: Diagnosis) -> None:
     from ...diagnosis.formatting import (
+        ENCODER_COLUMNS,
         dependence,
         effect_in_words,
         millimetres,
@@ -248,6 +249,7 @@ def _show(output: Output, folder: Path, found: Diagnosis) -> None:
         place_in_words,
         steps,
         tell_all,
+        telling_encoders,
     )
     from ...diagnosis.limits import line as limits_line
 
@@ -319,13 +321,16 @@ def _show(output: Output, folder: Path, found: Diagnosis) -> None:
             ],
             caption="each of them is in diagnosis.json",
         )
-    encoders = found.document.get("encoder_witness", ())
+    read = found.document.get("encoder_witness", ())
+    encoders = telling_encoders(read)
     if encoders:
-        columns = ("before", "after", "before_zero_free", "after_zero_free")
         output.table(
             "Encoders that no fit saw: RMS of reading less prediction, mrad (a prismatic joint: mm)",
             ("*joint", "before", "after", "before, zero free", "after, zero free"),
-            [(e["joint"], *(f"{1e3 * e[key]:.2f}" for key in columns)) for e in encoders],
+            [(e["joint"], *(f"{1e3 * e[key]:.2f}" for key in ENCODER_COLUMNS)) for e in encoders],
+            caption=f"{len(read) - len(encoders)} others read what is predicted"
+            if len(encoders) < len(read)
+            else "",
         )
     accelerometers = found.document.get("accelerometer_witness", ())
     if accelerometers:
