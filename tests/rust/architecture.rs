@@ -7,7 +7,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 /// The stages of the diagnosis: each uses itself and those before it.
-const STAGES: [&str; 10] = [
+const STAGES: [&str; 11] = [
+    "principles",
     "data",
     "model",
     "effects",

@@ -33,6 +33,7 @@ mod likelihood;
 mod model;
 mod pipeline;
 mod prepare;
+mod principles;
 mod random_effects;
 mod report;
 mod screening;

@@ -5,13 +5,12 @@ use crate::diagnose::data::diagnosis::{Data, LeftOut};
 use crate::diagnose::data::recording::{Recording, Target, Via};
 use crate::diagnose::model::frame::{FrameWork, Task};
 use crate::diagnose::model::problem::{Observation, Problem, Seen};
+use crate::diagnose::principles::FEWEST_POSTURES;
 use crate::error::Result;
 use std::collections::BTreeSet;
 
 /// More false observations than this share are a finding, not a footnote.
 const MUCH_FALSE: f64 = 0.05;
-/// With fewer postures that can be used than this nothing can be said.
-const FEWEST_POSTURES: usize = 3;
 /// Fewer markers' observations than this leave no freedom to tell anything.
 const FEWEST_POINTS: usize = 8;
 

@@ -6,12 +6,11 @@
 use crate::diagnose::assessment::noise_floor::Floor;
 use crate::diagnose::criteria::cross_validation::{PostureGap, size};
 use crate::diagnose::data::diagnosis::{Checked, Gap};
+use crate::diagnose::principles::FEWEST_POSTURES;
 use std::collections::HashMap;
 
 /// Bootstrap resamples over postures.
 const RESAMPLES: usize = 400;
-/// With fewer postures than this there is no interval.
-const FEWEST_POSTURES: usize = 3;
 /// A gap smaller than this share of the noise floor is none: there is nothing to close.
 const NO_GAP: f64 = 0.02;
 

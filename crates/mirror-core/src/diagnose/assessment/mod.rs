@@ -11,3 +11,4 @@ pub(super) mod posture_draws;
 pub(super) mod stability;
 pub(super) mod survivors;
 pub(super) mod uncertainty;
+pub(super) mod weighed;

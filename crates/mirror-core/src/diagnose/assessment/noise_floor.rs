@@ -13,18 +13,16 @@ use crate::diagnose::likelihood::noise_correlation::successive_correlation;
 use crate::diagnose::likelihood::saturated::{FreePosture, free_markers};
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::problem::{Noise, Problem};
+use crate::diagnose::model::solver::SOLVER;
+use crate::diagnose::principles::FEWEST_REDUNDANT_ROWS;
 use crate::diagnose::selection::search::Search;
 use crate::error::Result;
 
-/// With fewer redundant rows than this the views do not tell the noise.
-const FEWEST_REDUNDANT_ROWS: f64 = 40.0;
 /// A stated noise is a rule of thumb, one figure for corners and blobs, which differ by two commonly: relative, one
 /// standard deviation.
 const STATED_LOG_STD: f64 = 0.3;
 /// The views' noise is what it seems but for what their planes share (one mirror a view, its board's corners), relative.
 const VIEWS_LOG_STD: f64 = 0.04;
-/// Rounds in which the views' noise and the weights that it gives the planes settle.
-const ROUNDS: usize = 3;
 
 /// A figure known by itself: its value and the standard deviation of its logarithm.
 #[derive(Debug, Clone, Copy)]
@@ -185,7 +183,7 @@ fn independent(
     }
     let mut at = noise;
     let mut postures = postures.to_vec();
-    for _ in 0..ROUNDS {
+    for _ in 0..SOLVER.rounds {
         let variance = postures.iter().map(|p| p.chi2_free.max(0.0)).sum::<f64>() / redundant(&postures);
         if variance <= 0.0 {
             return Ok(stated);

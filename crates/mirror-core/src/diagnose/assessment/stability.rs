@@ -14,6 +14,7 @@ use crate::diagnose::likelihood::fit::Active;
 use crate::diagnose::likelihood::normal_equations::{Normal, needs_board};
 use crate::diagnose::likelihood::saturated::postures;
 use crate::diagnose::likelihood::score_test::Score;
+use crate::diagnose::principles::{LEAST_LOG_ODDS, LOG_PRIOR_SAME_PLACE};
 use crate::diagnose::selection::alternatives::Standing;
 use crate::error::Result;
 use core::ops::Range;
@@ -29,10 +30,6 @@ const MOST_BLOCKS: usize = 64;
 const COMPETING: usize = 28;
 /// Causes that a resample's search adds at most, beyond those that were found.
 const MORE_CAUSES: usize = 2;
-/// As in the search: a second cause at one joint is less likely by this (log).
-const LOG_PRIOR_SAME_PLACE: f64 = -4.0;
-/// A mount is told from these log odds on.
-const LEAST_MOUNT_ODDS: f64 = 3.0;
 
 /// Shares of the resamples in which the same came out.
 #[derive(Debug, Clone, Default)]
@@ -351,7 +348,7 @@ impl Blocks {
             let own = DMatrix::from_fn(at.len(), at.len(), |i, j| covariance[(at[i], at[j])]).cholesky()?;
             let values = DVector::from_fn(at.len(), |i, _| mean[at[i]]);
             let log_det: f64 = own.l_dirty().diagonal().iter().map(|x| x.ln()).sum();
-            Some(0.5 * values.dot(&own.solve(&values)) + log_det >= LEAST_MOUNT_ODDS)
+            Some(0.5 * values.dot(&own.solve(&values)) + log_det >= LEAST_LOG_ODDS)
         };
         mounts.iter().map(of_mount).collect()
     }

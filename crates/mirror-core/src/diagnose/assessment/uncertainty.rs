@@ -17,10 +17,8 @@ use crate::diagnose::likelihood::fit::{Fit, FitOptions, Group, fit};
 use crate::diagnose::likelihood::noise_correlation;
 use crate::diagnose::model::elementary::{Atom, Column, Weight, transverse_moment};
 use crate::diagnose::model::problem::Noise;
+use crate::diagnose::model::solver::SOLVER;
 use crate::error::Result;
-
-/// Steps of the fit in which all laws have their slack.
-const LOOSE_STEPS: usize = 6;
 
 /// By how much a spring may be stiffer under its largest load than when hardly loaded: one standard deviation of s.
 const STIFFENING_STD: f64 = 0.15;
@@ -49,7 +47,7 @@ pub(crate) fn deviations(findings: &Findings<'_>, floor: &Floor) -> Result<Devia
     let left = search.measured_noise.marker_px * floor.fitted_scale;
     let seen = Noise { marker_px: found.noise.marker_px.max(left), ..found.noise };
     let noise = noise_correlation::of_means(&search.problem, &all, seen)?;
-    let loose = search.fit_with_slack(&found.fit.model, None, noise, LOOSE_STEPS)?;
+    let loose = search.fit_with_slack(&found.fit.model, None, noise, SOLVER.loose_steps)?;
     let stiffening = fit_of_stiffening(findings, noise)?;
     let measured = search.measured_noise;
     let unit = if search.problem.camera.is_some() { measured.marker_px } else { measured.point_m };
@@ -99,7 +97,7 @@ fn elsewhere_bent(findings: &Findings<'_>, term: &Term, noise: Noise) -> Result<
     search.problem.scene.body.nodes[node].bend_pivot *= 1.0 + OFF_THE_MIDDLE;
     let deformation = search.deformation(model);
     search.problem.scene.update_loads(&deformation);
-    search.fit(model, noise, LOOSE_STEPS).map(Some)
+    search.fit(model, noise, SOLVER.loose_steps).map(Some)
 }
 
 /// Whether a law is one of springs.
@@ -144,6 +142,6 @@ fn fit_of_stiffening(findings: &Findings<'_>, noise: Noise) -> Result<Option<Fit
     }
     let mut start = model.clone();
     start.group.resize(group.columns.len(), 0.0);
-    let options = FitOptions { noise, steps: LOOSE_STEPS };
+    let options = FitOptions { noise, steps: SOLVER.loose_steps };
     fit(&search.problem, search.catalogue, &group, &start, options, search.mask).map(Some)
 }

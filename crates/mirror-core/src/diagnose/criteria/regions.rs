@@ -2,10 +2,10 @@
 
 use crate::diagnose::likelihood::saturated::postures;
 use crate::diagnose::model::problem::Problem;
+use crate::diagnose::model::solver::SOLVER;
 
 /// Regions that are held out in turn.
 pub(crate) const REGIONS: usize = 5;
-const ROUNDS: usize = 25;
 
 /// The region of each frame: k-means on the standardised commanded positions of the moving joints, one row a posture.
 ///
@@ -37,7 +37,7 @@ pub(crate) fn regions(problem: &Problem) -> Vec<usize> {
         }
     }
     let mut labels = vec![0; rows.len()];
-    for _ in 0..ROUNDS {
+    for _ in 0..SOLVER.cluster_rounds {
         for (row, label) in rows.iter().zip(&mut labels) {
             *label = (0..centers.len())
                 .min_by(|&a, &b| distance(row, &centers[a]).total_cmp(&distance(row, &centers[b])))

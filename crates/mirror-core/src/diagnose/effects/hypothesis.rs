@@ -6,6 +6,7 @@ use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::{Atom, Column};
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::model::scene::Scene;
+use crate::diagnose::principles::LOG_PRIOR_FREE;
 use std::sync::Arc;
 
 /// An unknown mount may be this far from where the URDF starts it, m.
@@ -32,9 +33,6 @@ pub(crate) struct Catalogue {
     /// Hypotheses from this one on are free-form errors, not causes.
     first_free: usize,
 }
-
-/// How much less likely a free-form error is than a cause of the vocabulary (log), beside its share among its kind.
-const LOG_PRIOR_FREE: f64 = -6.0;
 
 impl Catalogue {
     /// All places of all effects; `without` names effects that are switched off.

@@ -5,6 +5,7 @@ use crate::diagnose::likelihood::normal_equations::{Normal, needs_board};
 use crate::diagnose::model::camera_and_mirror::FootPoints;
 use crate::diagnose::model::elementary::Column;
 use crate::diagnose::model::problem::{Noise, Problem};
+use crate::diagnose::model::solver::SOLVER;
 use crate::error::Result;
 
 use core::ops::Range;
@@ -25,16 +26,14 @@ pub(crate) struct FitOptions {
     pub steps: usize,
 }
 
-/// A step that gains less than this (in −2 log likelihood) is taken without looking at its result: what it leaves is of second
-/// order, and log evidence need not be known better than to a hundredth.
-const LAST_GAIN: f64 = 0.02;
-
 /// A fitted model.
 #[derive(Debug, Clone)]
 pub(crate) struct Fit {
     pub model: Model,
     /// Log marginal likelihood (Laplace), up to a constant that all models of the recording share.
     pub log_evidence: f64,
+    /// −2 log likelihood with the priors' penalty: what the parameters leave.
+    pub misfit: f64,
     /// Covariance of all parameters: nuisances, group, then the terms' in order.
     pub covariance: DMatrix<f64>,
     /// Where the terms' parameters begin in it.
@@ -151,12 +150,28 @@ pub(crate) fn fit(
     options: FitOptions,
     mask: Option<&[bool]>,
 ) -> Result<Fit> {
+    fit_below(problem, catalogue, group, start, options, mask, f64::INFINITY)
+}
+
+/// As [`fit`], given up once it is clear that the misfit will not come below `hopeless`.
+///
+/// # Errors
+/// A camera or mirror that cannot be.
+pub(crate) fn fit_below(
+    problem: &Problem,
+    catalogue: &Catalogue,
+    group: &Group,
+    start: &Model,
+    options: FitOptions,
+    mask: Option<&[bool]>,
+    hopeless: f64,
+) -> Result<Fit> {
     let mut model = start.clone();
     let mut damping = 1e-9;
     let start = model.planes.take();
     let (mut normal, mut active) =
         linearise(problem, catalogue, group, &model, options.noise, start.as_deref(), mask)?;
-    for _ in 0..options.steps {
+    for taken in 0..options.steps {
         if active.values.is_empty() {
             break;
         }
@@ -164,6 +179,9 @@ pub(crate) fn fit(
         let mut moved = false;
         for _ in 0..6 {
             let Some((step, gain)) = step(&normal, &active, damping) else { break };
+            if taken > 0 && current - SOLVER.most_hoped * gain > hopeless {
+                break;
+            }
             let values: Vec<f64> = active
                 .values
                 .iter()
@@ -172,7 +190,7 @@ pub(crate) fn fit(
                 .map(|((v, s), positive)| if *positive { (v + s).max(0.0) } else { v + s })
                 .collect();
             let next = active.model(&model, &values);
-            if gain < LAST_GAIN {
+            if gain < SOLVER.last_gain {
                 normal.cost = current - gain - active.penalty(&values);
                 (model, active.values) = (next, values);
                 break;
@@ -428,6 +446,7 @@ fn summary(model: Model, normal: &Normal, active: &Active) -> Fit {
     };
     Fit {
         log_evidence: -0.5 * (normal.cost + penalty + log_det),
+        misfit: normal.cost + active.penalty(&active.values),
         covariance,
         first_term: active.first_term,
         model,

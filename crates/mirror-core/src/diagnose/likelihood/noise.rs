@@ -5,6 +5,7 @@ use crate::diagnose::likelihood::saturated::free_markers;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::frame::{FrameWork, Task};
 use crate::diagnose::model::problem::{Noise, Problem};
+use crate::diagnose::principles::FEWEST_REDUNDANT_ROWS;
 use crate::error::Result;
 use nalgebra::{SMatrix, SVector, Vector2};
 use rayon::prelude::*;
@@ -13,8 +14,6 @@ use rayon::prelude::*;
 const LEAST_PIXEL_STD_PX: f64 = 0.005;
 /// As above, m.
 const LEAST_POINT_STD_M: f64 = 1e-6;
-/// With fewer redundant rows than this the stated noise is believed instead of the views' disagreement.
-const FEWEST_REDUNDANT_ROWS: f64 = 40.0;
 /// A stated noise of measured points is too large where a model leaves less than this share of it: more than chance, and what parameters
 /// take, allow.
 const OVERSTATED: f64 = 0.8;

@@ -2,13 +2,13 @@
 
 use crate::diagnose::model::camera_and_mirror::FootPoints;
 use crate::diagnose::model::deformation::Deformation;
-use crate::diagnose::model::elementary::Column;
-use crate::diagnose::model::frame::{FrameWork, PROJECTED, Span, Task, Wanted};
+use crate::diagnose::model::elementary::{Atom, Column};
+use crate::diagnose::model::frame::{FrameWork, PROJECTED, Span, Table, Task, Wanted, add_products, stride};
 use crate::diagnose::model::problem::{FRAMES_A_CHUNK, Noise, Problem};
 use crate::error::Result;
-use multiversion::multiversion;
 use nalgebra::{DMatrix, DVector, Vector3};
 use rayon::prelude::*;
+use std::collections::HashMap;
 
 /// `H = Σ ⟨x, xᵀ⟩`, `g = Σ ⟨x, r⟩`, and the cost (−2 log likelihood).
 #[derive(Debug, Clone)]
@@ -63,36 +63,31 @@ pub(crate) fn inner(x: &[f64], y: &[f64]) -> f64 {
     along - plane
 }
 
-/// [`inner`] of two columns that are 0 outside their spans.
-#[inline(always)]
-pub(crate) fn inner_in(x: &[f64], in_x: Span, y: &[f64], in_y: Span) -> f64 {
-    let rows = x.len() - PROJECTED;
-    let (start, end) = (in_x.start.max(in_y.start), in_x.end.min(in_y.end));
-    let along = if start < end { dot(&x[start..end], &y[start..end]) } else { 0.0 };
-    let plane: f64 = x[rows..].iter().zip(&y[rows..]).map(|(a, b)| a * b).sum();
-    along - plane
-}
-
 /// Whether any column moves how the board's corners are seen.
 pub(crate) fn needs_board(problem: &Problem, columns: &[Column]) -> bool {
     let Some(board) = problem.board else { return false };
     columns.iter().any(|c| moves_board(problem, c.atom, board.node))
 }
 
-fn moves_board(
-    problem: &Problem,
-    atom: crate::diagnose::model::elementary::Atom,
-    board: Option<usize>,
-) -> bool {
+fn moves_board(problem: &Problem, atom: Atom, board: Option<usize>) -> bool {
     if atom.is_optical() {
         return true;
     }
-    if let crate::diagnose::model::elementary::Atom::BoardMount(_) = atom {
+    if let Atom::BoardMount(_) = atom {
         return !problem.camera_beside_board();
     }
     let camera = problem.camera_site.and_then(|s| s.node);
     crate::diagnose::model::elementary::moves(atom, &problem.scene, board)
         != crate::diagnose::model::elementary::moves(atom, &problem.scene, camera)
+}
+
+impl Problem {
+    /// Counts the work of linearising the frames that count by so many columns.
+    pub(crate) fn spend(&self, with_board: bool, columns: usize, mask: Option<&[bool]>) {
+        let frames = || self.frames.iter().enumerate().filter(|(f, _)| counts(mask, *f)).map(|f| f.1);
+        let corners: usize = if with_board { frames().map(|f| f.corners.len()).sum() } else { 0 };
+        self.budget.spend(frames().count(), corners, columns);
+    }
 }
 
 /// Whether a frame counts.
@@ -101,16 +96,6 @@ pub(crate) fn counts(mask: Option<&[bool]>, frame: usize) -> bool {
 }
 
 impl Normal {
-    /// Of no frame, by so many parameters.
-    pub fn zeros(count: usize) -> Self {
-        Self {
-            h: DMatrix::zeros(count, count),
-            g: DVector::zeros(count),
-            cost: 0.0,
-            planes: Planes::default(),
-        }
-    }
-
     /// Linearises all frames that `mask` lets count, at a deformation, by the given columns.
     ///
     /// # Errors
@@ -133,38 +118,97 @@ impl Normal {
             gaussian: false,
             wanted: Wanted::by(columns),
             planes: planes.map(Vec::as_slice),
+            condensed: true,
         };
         let count = columns.len();
+        let by_atom = by_atom(columns);
         let fresh = with_board && problem.needs_fresh_board(deformation);
-        let chunks: Vec<Self> = chunks(problem.frames.len())
+        let chunks: Vec<Sums> = chunks(problem.frames.len())
             .into_par_iter()
             .map_init(
-                || (FrameWork::new(problem), Vec::new()),
-                |(work, buffer), frames| {
-                    let mut sum = Self::zeros(count);
+                || Scratch::new(problem),
+                |scratch, frames| {
+                    let mut sum = Sums::zeros(count);
                     for frame in frames {
                         if fresh {
                             sum.planes.feet.push(None);
                             sum.planes.by_parameter.resize(sum.planes.feet.len() * count, Vector3::zeros());
                         }
                         if counts(mask, frame) {
-                            sum.add_frame(problem, &task, columns, frame, work, buffer);
+                            scratch.add_frame(problem, &task, columns, &by_atom, frame, &mut sum);
                         }
                     }
                     sum
                 },
             )
             .collect();
-        let mut total = Self::zeros(count);
+        problem.spend(with_board, count, mask);
+        let mut total = Sums::zeros(count);
         for chunk in chunks {
-            total.h += chunk.h;
-            total.g += chunk.g;
-            total.cost += chunk.cost;
-            total.planes.feet.extend(chunk.planes.feet);
-            total.planes.by_parameter.extend(chunk.planes.by_parameter);
+            total.add(chunk);
         }
-        total.h.fill_lower_triangle_with_upper_triangle();
-        Ok(total)
+        Ok(total.into_normal())
+    }
+}
+
+/// What some frames add up to.
+struct Sums {
+    count: usize,
+    /// Products of the columns, and of the residual as the last, with those before.
+    products: Vec<f64>,
+    cost: f64,
+    planes: Planes,
+}
+
+impl Sums {
+    fn zeros(count: usize) -> Self {
+        let products = vec![0.0; (count + 1) * stride(count + 1)];
+        Self { count, products, cost: 0.0, planes: Planes::default() }
+    }
+
+    fn add(&mut self, other: Self) {
+        self.products.iter_mut().zip(&other.products).for_each(|(a, b)| *a += b);
+        self.cost += other.cost;
+        self.planes.feet.extend(other.planes.feet);
+        self.planes.by_parameter.extend(other.planes.by_parameter);
+    }
+
+    fn into_normal(self) -> Normal {
+        let (count, stride) = (self.count, stride(self.count + 1));
+        let at = |i: usize, j: usize| self.products[i.max(j) * stride + i.min(j)];
+        Normal {
+            h: DMatrix::from_fn(count, count, at),
+            g: DVector::from_fn(count, |i, _| at(i, count)),
+            cost: self.cost,
+            planes: self.planes,
+        }
+    }
+}
+
+/// The different atoms of some columns, each with its columns: an atom's vector is computed once a frame.
+pub(crate) fn by_atom(columns: &[Column]) -> Vec<(Atom, Vec<usize>)> {
+    let mut index: HashMap<Atom, usize> = HashMap::new();
+    let mut out: Vec<(Atom, Vec<usize>)> = Vec::new();
+    for (i, column) in columns.iter().enumerate() {
+        let at = *index.entry(column.atom).or_insert(out.len());
+        if at == out.len() {
+            out.push((column.atom, Vec::new()));
+        }
+        out[at].1.push(i);
+    }
+    out
+}
+
+/// Reusable memory.
+struct Scratch {
+    work: FrameWork,
+    vector: Vec<f64>,
+    table: Table,
+}
+
+impl Scratch {
+    fn new(problem: &Problem) -> Self {
+        Self { work: FrameWork::new(problem), vector: Vec::new(), table: Table::default() }
     }
 
     fn add_frame(
@@ -172,59 +216,41 @@ impl Normal {
         problem: &Problem,
         task: &Task<'_>,
         columns: &[Column],
+        by_atom: &[(Atom, Vec<usize>)],
         frame: usize,
-        work: &mut FrameWork,
-        buffer: &mut Vec<f64>,
+        sum: &mut Sums,
     ) {
+        let Self { work, vector, table } = self;
         if !work.evaluate(problem, task, frame) {
             return;
         }
-        self.cost += work.cost;
-        let with_plane = work.has_plane() && !self.planes.feet.is_empty();
-        if let Some(foot) = self.planes.feet.last_mut().filter(|_| with_plane) {
+        sum.cost += work.cost;
+        let count = columns.len();
+        let with_plane = work.has_plane() && !sum.planes.feet.is_empty();
+        if let Some(foot) = sum.planes.feet.last_mut().filter(|_| with_plane) {
             *foot = Some(work.best_foot());
         }
-        let of_frame = self.planes.by_parameter.len().saturating_sub(columns.len());
-        let stride = work.row_count + PROJECTED;
-        buffer.resize(stride * columns.len(), 0.0);
-        let mut present: Vec<(usize, Span)> = Vec::with_capacity(columns.len());
-        for (i, column) in columns.iter().enumerate() {
-            let weight = column.weight.at(&problem.scene, frame);
-            if weight == 0.0 {
+        let of_frame = sum.planes.by_parameter.len().saturating_sub(count);
+        vector.resize(work.row_count + PROJECTED, 0.0);
+        table.clear(count + 1, work.row_count);
+        for (atom, indices) in by_atom {
+            let weight = |i: usize| columns[i].weight.at(&problem.scene, frame);
+            let mut weights = indices.iter().map(|&i| (i, weight(i))).filter(|w| w.1 != 0.0).peekable();
+            if weights.peek().is_none() {
                 continue;
             }
-            let out = &mut buffer[i * stride..(i + 1) * stride];
-            if let Some(span) = work.column_in(problem, task.deformation, frame, column.atom, out) {
-                if weight != 1.0 {
-                    out.iter_mut().for_each(|x| *x *= weight);
-                }
-                present.push((i, span));
+            let Some(span) = work.column_in(problem, task.deformation, frame, *atom, vector) else {
+                continue;
+            };
+            for (i, weight) in weights {
+                table.write(i, vector, span, weight);
                 if with_plane {
-                    self.planes.by_parameter[of_frame + i] = work.foot_by(out);
+                    sum.planes.by_parameter[of_frame + i] = work.foot_by(vector) * weight;
                 }
             }
         }
-        add_products(buffer, stride, &present, &work.residual, &mut self.h, &mut self.g);
-    }
-}
-
-/// Adds a frame's products of columns with columns (the upper triangle) and with the residual.
-#[multiversion(targets("x86_64+avx512f", "x86_64+avx2"))]
-fn add_products(
-    columns: &[f64],
-    stride: usize,
-    present: &[(usize, Span)],
-    residual: &[f64],
-    h: &mut DMatrix<f64>,
-    g: &mut DVector<f64>,
-) {
-    let everywhere = Span { start: 0, end: stride - PROJECTED };
-    for (at, &(i, span)) in present.iter().enumerate() {
-        let x = &columns[i * stride..(i + 1) * stride];
-        g[i] += inner_in(x, span, residual, everywhere);
-        for &(j, other) in &present[at..] {
-            h[(i, j)] += inner_in(x, span, &columns[j * stride..(j + 1) * stride], other);
-        }
+        table.write(count, &work.residual, Span { start: 0, end: work.row_count }, 1.0);
+        add_products(table, table, true, &mut sum.products);
     }
 }
 

@@ -1,9 +1,6 @@
 //! From log odds to a probability that can be believed.
 
-/// Evidence is taken to this power (a power posterior: Holmes and Walker 2017): laws are never exact, so that data speak less than they seem to.
-pub(crate) const TEMPER: f64 = 0.35;
-/// What is kept back for a cause that nobody thought of: nothing is told as more probable than the rest.
-pub(crate) const UNTHOUGHT_OF: f64 = 0.01;
+use crate::diagnose::principles::{TEMPER, UNTHOUGHT_OF};
 
 /// Probability of a cause of which only its log odds against nothing are known.
 pub(crate) fn tempered(log_odds: f64) -> f64 {

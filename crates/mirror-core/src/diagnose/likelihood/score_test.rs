@@ -8,12 +8,12 @@
 
 use crate::diagnose::effects::hypothesis::{Catalogue, Model};
 use crate::diagnose::likelihood::fit::{Active, Group};
-use crate::diagnose::likelihood::normal_equations::{Normal, counts, inner_in, needs_board, rounds};
+use crate::diagnose::likelihood::normal_equations::{by_atom, counts, inner, needs_board, rounds};
 use crate::diagnose::model::elementary::{Atom, Column};
-use crate::diagnose::model::frame::{FrameWork, PROJECTED, Span, Task, Wanted};
+use crate::diagnose::model::frame::{FrameWork, PROJECTED, Span, Table, Task, Wanted, add_products, stride};
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::error::Result;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 use std::collections::HashMap;
 
@@ -38,12 +38,53 @@ struct Candidate {
     products: Vec<usize>,
 }
 
-/// Sums of one candidate over frames.
+/// Sums of one candidate over frames: products of its columns with each other, of the active columns with them (one row each), and of
+/// the residual with them.
 #[derive(Clone)]
 struct Sums {
     a: DMatrix<f64>,
     b: DMatrix<f64>,
     g: DVector<f64>,
+}
+
+/// What is screened beside what.
+struct Screened<'a> {
+    active: &'a [Column],
+    /// The candidates' atoms first; each with the active columns that it has.
+    atoms: Vec<(Atom, Vec<usize>)>,
+    candidate_atoms: usize,
+    pairs: &'a [(usize, usize)],
+    candidates: &'a [Candidate],
+}
+
+/// Sums of some frames.
+struct Part {
+    /// Products of the active columns, and of the residual as the last, with those before.
+    base: Vec<f64>,
+    sums: Vec<Sums>,
+}
+
+impl Part {
+    fn zeros(what: &Screened<'_>) -> Self {
+        let count = what.active.len();
+        let of = |c: &Candidate| {
+            let k = c.columns.len();
+            Sums { a: DMatrix::zeros(k, k), b: DMatrix::zeros(count, k), g: DVector::zeros(k) }
+        };
+        Self {
+            base: vec![0.0; (count + 1) * stride(count + 1)],
+            sums: what.candidates.iter().map(of).collect(),
+        }
+    }
+
+    fn add(&mut self, part: &Self) {
+        self.base.iter_mut().zip(&part.base).for_each(|(a, b)| *a += b);
+        for (total, part) in self.sums.iter_mut().zip(&part.sums) {
+            total.a += &part.a;
+            total.b += &part.b;
+            total.g += &part.g;
+        }
+    }
 }
 
 /// Scores all hypotheses that are not yet in the model, best first.
@@ -111,78 +152,70 @@ pub(crate) fn screen(
         gaussian: false,
         wanted: Wanted::by(&everything),
         planes: model.planes.as_deref().map(Vec::as_slice),
+        condensed: true,
     };
-    let empty = || -> (Normal, Vec<Sums>) {
-        let sums = candidates
-            .iter()
-            .map(|c| {
-                let k = c.columns.len();
-                Sums { a: DMatrix::zeros(k, k), b: DMatrix::zeros(k, count), g: DVector::zeros(k) }
-            })
-            .collect();
-        (Normal::zeros(count), sums)
-    };
-    let (mut normal, mut sums) = empty();
+    let candidate_atoms = atoms.len();
+    let mut atoms: Vec<(Atom, Vec<usize>)> = atoms.into_iter().map(|a| (a, Vec::new())).collect();
+    for (atom, indices) in by_atom(&active.columns) {
+        match atom_index.get(&atom) {
+            Some(&at) => atoms[at].1 = indices,
+            None => atoms.push((atom, indices)),
+        }
+    }
+    let what =
+        Screened { active: &active.columns, atoms, candidate_atoms, pairs: &pairs, candidates: &candidates };
+    let mut total = Part::zeros(&what);
     for round in rounds(problem.frames.len()) {
-        let parts: Vec<(Normal, Vec<Sums>)> = round
+        let parts: Vec<Part> = round
             .into_par_iter()
             .map_init(
                 || Scratch::new(problem),
                 |scratch, frames| {
-                    let (mut normal, mut sums) = empty();
+                    let mut part = Part::zeros(&what);
                     for frame in frames.filter(|&f| counts(mask, f)) {
-                        scratch.add_frame(
-                            problem,
-                            &task,
-                            &active,
-                            &atoms,
-                            &pairs,
-                            &candidates,
-                            frame,
-                            &mut normal,
-                            &mut sums,
-                        );
+                        scratch.add_frame(problem, &task, &what, frame, &mut part);
                     }
-                    (normal, sums)
+                    part
                 },
             )
             .collect();
-        for (n, s) in parts {
-            normal.h += n.h;
-            normal.g += n.g;
-            for (total, part) in sums.iter_mut().zip(s) {
-                total.a += part.a;
-                total.b += part.b;
-                total.g += part.g;
-            }
-        }
+        parts.iter().for_each(|part| total.add(part));
     }
-    normal.h.fill_lower_triangle_with_upper_triangle();
-    active.add_priors(&mut normal.h, &mut normal.g);
-    let base = normal.h.clone().cholesky();
+    problem.spend(with_board, count + candidate_atoms, mask);
+    let at = |i: usize, j: usize| total.base[i.max(j) * stride(count + 1) + i.min(j)];
+    let mut h = DMatrix::from_fn(count, count, at);
+    let mut g = DVector::from_fn(count, |i, _| at(i, count));
+    active.add_priors(&mut h, &mut g);
+    let base = h.cholesky().and_then(|factor| {
+        let along = factor.l_dirty().solve_lower_triangular(&g)?;
+        Some((factor, along))
+    });
     let mut scores: Vec<Score> = candidates
         .iter()
-        .zip(&sums)
-        .map(|(candidate, sums)| score(catalogue, candidate, sums, base.as_ref(), &normal.g))
+        .zip(&total.sums)
+        .map(|(candidate, sums)| score(catalogue, candidate, sums, base.as_ref()))
         .collect();
     scores.sort_by(|x, y| y.log_bayes.total_cmp(&x.log_bayes));
     Ok(scores)
 }
 
+/// `base`: the Cholesky factor L of what the model has already, and `L⁻¹ g` of its gradient.
 fn score(
     catalogue: &Catalogue,
     candidate: &Candidate,
     sums: &Sums,
-    base: Option<&nalgebra::Cholesky<f64, nalgebra::Dyn>>,
-    base_gradient: &DVector<f64>,
+    base: Option<&(Cholesky<f64, Dyn>, DVector<f64>)>,
 ) -> Score {
     let hypothesis = &catalogue.hypotheses[candidate.hypothesis];
     let s = DVector::from_column_slice(&hypothesis.prior_std);
     let (mut a, mut g) = (sums.a.clone(), sums.g.clone());
     a.fill_lower_triangle_with_upper_triangle();
-    if let (Some(base), true) = (base, sums.b.ncols() > 0) {
-        a -= &sums.b * base.solve(&sums.b.transpose());
-        g -= &sums.b * base.solve(base_gradient);
+    if let Some((factor, along)) = base
+        && sums.b.nrows() > 0
+        && let Some(b) = factor.l_dirty().solve_lower_triangular(&sums.b)
+    {
+        a -= b.tr_mul(&b);
+        g -= b.tr_mul(along);
     }
     let k = g.len();
     let scaled = DMatrix::from_fn(k, k, |i, j| a[(i, j)] * s[i] * s[j] + if i == j { 1.0 } else { 0.0 });
@@ -207,16 +240,16 @@ fn score(
     }
 }
 
+/// Reusable memory. The residual stands behind the active columns.
 struct Scratch {
     work: FrameWork,
-    /// Vectors of the active columns, and where each is not 0; none where it is absent from the frame.
-    active: Vec<f64>,
-    present: Vec<Option<Span>>,
-    /// The same of the atoms.
+    /// Vectors of the atoms, and where each is not 0; none where it is absent from the frame.
     by_atom: Vec<f64>,
     atom_spans: Vec<Option<Span>>,
-    atom_residual: Vec<f64>,
-    /// `[atom * active + active]`.
+    /// The active columns with the residual, and the atoms.
+    active: Table,
+    atoms: Table,
+    /// Products of each atom with each active column, and with the residual.
     atom_active: Vec<f64>,
     /// Products of the pairs of atoms.
     pair_products: Vec<f64>,
@@ -226,11 +259,10 @@ impl Scratch {
     fn new(problem: &Problem) -> Self {
         Self {
             work: FrameWork::new(problem),
-            active: Vec::new(),
-            present: Vec::new(),
             by_atom: Vec::new(),
             atom_spans: Vec::new(),
-            atom_residual: Vec::new(),
+            active: Table::default(),
+            atoms: Table::default(),
             atom_active: Vec::new(),
             pair_products: Vec::new(),
         }
@@ -240,90 +272,69 @@ impl Scratch {
         &mut self,
         problem: &Problem,
         task: &Task<'_>,
-        active: &Active,
-        atoms: &[Atom],
-        pairs: &[(usize, usize)],
-        candidates: &[Candidate],
+        what: &Screened<'_>,
         frame: usize,
-        normal: &mut Normal,
-        sums: &mut [Sums],
+        out: &mut Part,
     ) {
         if !self.work.evaluate(problem, task, frame) {
             return;
         }
         let scene = &problem.scene;
-        let stride = self.work.row_count + PROJECTED;
-        let everywhere = Span { start: 0, end: self.work.row_count };
-        let count = active.columns.len();
-        self.active.resize(stride * count, 0.0);
-        self.present.clear();
-        for (i, column) in active.columns.iter().enumerate() {
-            let out = &mut self.active[i * stride..(i + 1) * stride];
-            let weight = column.weight.at(scene, frame);
-            let span = if weight == 0.0 {
-                None
-            } else {
-                self.work.column_in(problem, task.deformation, frame, column.atom, out)
-            };
-            if span.is_some() && weight != 1.0 {
-                out.iter_mut().for_each(|x| *x *= weight);
-            }
-            self.present.push(span);
-        }
-        let residual = &self.work.residual;
-        let vector = |i: usize| &self.active[i * stride..(i + 1) * stride];
-        for i in 0..count {
-            let Some(in_x) = self.present[i] else { continue };
-            normal.g[i] += inner_in(vector(i), in_x, residual, everywhere);
-            for j in i..count {
-                if let Some(in_y) = self.present[j] {
-                    normal.h[(i, j)] += inner_in(vector(i), in_x, vector(j), in_y);
+        let (rows, count) = (self.work.row_count, what.active.len());
+        let length = rows + PROJECTED;
+        self.active.clear(count + 1, rows);
+        self.atoms.clear(what.candidate_atoms, rows);
+        self.by_atom.resize(what.atoms.len() * length, 0.0);
+        self.atom_spans.clear();
+        for (a, (atom, indices)) in what.atoms.iter().enumerate() {
+            let vector = &mut self.by_atom[a * length..(a + 1) * length];
+            let span = self.work.column_in(problem, task.deformation, frame, *atom, vector);
+            self.atom_spans.push(span);
+            let Some(span) = span else { continue };
+            for &i in indices {
+                let weight = what.active[i].weight.at(scene, frame);
+                if weight != 0.0 {
+                    self.active.write(i, vector, span, weight);
                 }
             }
-        }
-        self.by_atom.resize(atoms.len() * stride, 0.0);
-        self.atom_active.resize(atoms.len() * count, 0.0);
-        self.atom_spans.clear();
-        self.atom_residual.clear();
-        for (a, atom) in atoms.iter().enumerate() {
-            let out = &mut self.by_atom[a * stride..(a + 1) * stride];
-            let span = self.work.column_in(problem, task.deformation, frame, *atom, out);
-            self.atom_spans.push(span);
-            let Some(in_x) = span else {
-                self.atom_residual.push(0.0);
-                continue;
-            };
-            self.atom_residual.push(inner_in(out, in_x, residual, everywhere));
-            for i in 0..count {
-                self.atom_active[a * count + i] =
-                    self.present[i].map_or(0.0, |in_y| inner_in(out, in_x, vector(i), in_y));
+            if a < what.candidate_atoms {
+                self.atoms.write(a, vector, span, 1.0);
             }
         }
-        let atom = |a: usize| &self.by_atom[a * stride..(a + 1) * stride];
+        self.active.write(count, &self.work.residual, Span { start: 0, end: rows }, 1.0);
+        add_products(&self.active, &self.active, true, &mut out.base);
+        let stride = stride(count + 1);
+        self.atom_active.clear();
+        self.atom_active.resize(what.candidate_atoms * stride, 0.0);
+        add_products(&self.atoms, &self.active, false, &mut self.atom_active);
+        let atom = |a: usize| &self.by_atom[a * length..(a + 1) * length];
         self.pair_products.clear();
-        self.pair_products.extend(pairs.iter().map(|&(a, b)| {
+        self.pair_products.extend(what.pairs.iter().map(|&(a, b)| {
             match (self.atom_spans[a], self.atom_spans[b]) {
-                (Some(in_x), Some(in_y)) => inner_in(atom(a), in_x, atom(b), in_y),
+                (Some(_), Some(_)) => inner(atom(a), atom(b)),
                 _ => 0.0,
             }
         }));
-        for (candidate, sums) in candidates.iter().zip(sums) {
+        let mut weights = Vec::new();
+        for (candidate, sums) in what.candidates.iter().zip(&mut out.sums) {
             let columns = &candidate.columns;
-            for (i, (a, column)) in columns.iter().enumerate() {
-                let there = self.atom_spans[*a].is_some();
-                let w = if there { column.weight.at(scene, frame) } else { 0.0 };
+            weights.clear();
+            weights.extend(columns.iter().map(|(a, column)| {
+                if self.atom_spans[*a].is_some() { column.weight.at(scene, frame) } else { 0.0 }
+            }));
+            for (i, (a, _)) in columns.iter().enumerate() {
+                let w = weights[i];
                 if w == 0.0 {
                     continue;
                 }
-                sums.g[i] += w * self.atom_residual[*a];
-                for c in 0..count {
-                    sums.b[(i, c)] += w * self.atom_active[a * count + c];
+                let products = &self.atom_active[a * stride..a * stride + count + 1];
+                sums.g[i] += w * products[count];
+                for (b, product) in sums.b.column_mut(i).iter_mut().zip(products) {
+                    *b += w * product;
                 }
-                for (j, (b, other)) in columns.iter().enumerate().skip(i) {
-                    if self.atom_spans[*b].is_some() {
-                        let product = self.pair_products[candidate.products[i * columns.len() + j]];
-                        sums.a[(i, j)] += w * other.weight.at(scene, frame) * product;
-                    }
+                for j in i..columns.len() {
+                    sums.a[(i, j)] +=
+                        w * weights[j] * self.pair_products[candidate.products[i * columns.len() + j]];
                 }
             }
         }

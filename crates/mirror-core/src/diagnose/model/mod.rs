@@ -14,4 +14,6 @@ pub(super) mod robust;
 pub(super) mod scene;
 pub(super) mod sites;
 pub(super) mod slips;
+pub(super) mod solver;
 pub(super) mod start;
+pub(super) mod work_budget;

@@ -10,6 +10,7 @@ use crate::diagnose::model::elementary::Atom;
 use crate::diagnose::model::pose::Pose;
 use crate::diagnose::model::scene::Scene;
 use crate::diagnose::model::slips::Slip;
+use crate::diagnose::model::work_budget::WorkBudget;
 use crate::error::Result;
 use crate::geometry::Plane;
 use crate::mirror::Sphere;
@@ -93,6 +94,8 @@ pub(crate) struct Problem {
     pub between_camera_and_board: Vec<usize>,
     /// Looked at whenever an eye is made, and in every frame that is evaluated.
     pub cancel: Cancel,
+    /// Counts what is evaluated.
+    pub budget: WorkBudget,
     /// Told how far the search has come.
     pub progress: Progress,
 }
@@ -199,6 +202,7 @@ impl Problem {
             boards: Vec::new(),
             between_camera_and_board,
             cancel: Cancel::default(),
+            budget: WorkBudget::of(recording.frames.len()),
             progress: Progress::default(),
             scene,
         })

@@ -4,4 +4,5 @@ pub(super) mod boards;
 pub(super) mod false_observations;
 pub(super) mod first_day;
 pub(super) mod options;
+pub(super) mod prepared;
 pub(super) mod row_slip;

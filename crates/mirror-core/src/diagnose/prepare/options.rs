@@ -3,11 +3,14 @@
 use crate::cancel::Cancel;
 use crate::diagnose::data::progress::Progress;
 use crate::diagnose::data::recording::Recording;
-use crate::diagnose::effects::Effect;
 use crate::diagnose::effects::everywhere::EVERYWHERE;
-use crate::diagnose::effects::own::OwnEffect;
+use crate::diagnose::effects::hypothesis::Catalogue;
+use crate::diagnose::effects::own::{OwnEffect, own_effects};
+use crate::diagnose::effects::{Effect, Stiction, vocabulary};
+use crate::diagnose::model::scene::Scene;
 use crate::error::{Error, Result};
 use crate::robot::Robot;
+use std::sync::Arc;
 
 /// How to diagnose.
 #[derive(Debug, Clone, Default)]
@@ -45,11 +48,26 @@ impl DiagnoseOptions {
         !self.without.iter().any(|w| w == name)
     }
 
+    /// The hypotheses of a session: the vocabulary and the options' own effects, without those that are switched off.
+    ///
+    /// # Errors
+    /// [`Error::UnknownName`]: a name in `without` that is none; an own effect that this session cannot have.
+    pub(crate) fn catalogue(&self, scene: &Scene) -> Result<Catalogue> {
+        let mut effects = vocabulary();
+        if !self.allows("joint_compliance") {
+            effects.retain(|e| e.name() != "stiction");
+            effects.push(Box::new(Stiction { droops: false }));
+        }
+        effects.extend(own_effects(&self.own, scene)?);
+        self.check_names(&effects)?;
+        Ok(Catalogue::new(scene, effects.into_iter().map(Arc::from).collect(), &self.without))
+    }
+
     /// Refuses names in `without` that are none.
     ///
     /// # Errors
     /// [`Error::UnknownName`], with the valid names.
-    pub(crate) fn check_names(&self, effects: &[Box<dyn Effect>]) -> Result<()> {
+    fn check_names(&self, effects: &[Box<dyn Effect>]) -> Result<()> {
         let valid = || effects.iter().map(|e| e.name()).chain(EVERYWHERE.iter().map(|m| m.name));
         match self.without.iter().find(|w| !valid().any(|v| v == w.as_str())) {
             None => Ok(()),

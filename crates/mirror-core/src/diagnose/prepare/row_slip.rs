@@ -6,17 +6,12 @@
 use crate::diagnose::likelihood::normal_equations::chunks;
 use crate::diagnose::model::frame::{FrameWork, Task};
 use crate::diagnose::model::problem::{Noise, Problem};
+use crate::diagnose::principles::{BEYOND_DOUBT, FEWEST_POSTURES};
 use crate::error::Result;
 use rayon::prelude::*;
 
 /// Rows that a measurement may have slipped.
 const LARGEST_SHIFT: i64 = 6;
-/// The cost that a frame may gain at most: no single frame decides.
-const MOST_GAIN_A_FRAME: f64 = 60.0;
-/// A run must gain this much cost (−2 log likelihood) in all: 2 log of the number of runs and shifts tried, and a margin.
-const LEAST_GAIN: f64 = 120.0;
-/// A run of fewer frames is an outlier, not a slip.
-const SHORTEST_RUN: usize = 3;
 
 /// A run of slipped rows.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -66,14 +61,15 @@ pub(crate) fn find(problem: &Problem, noise: Noise) -> Result<Option<Slip>> {
         let (mut start, mut sum) = (0, 0.0);
         for f in 0..frames {
             let gain = match (own[f], other[f]) {
-                (Some(a), Some(b)) => (a - b).clamp(-MOST_GAIN_A_FRAME, MOST_GAIN_A_FRAME),
-                _ => -MOST_GAIN_A_FRAME,
+                (Some(a), Some(b)) => (a - b).clamp(-2.0 * BEYOND_DOUBT, 2.0 * BEYOND_DOUBT),
+                _ => -2.0 * BEYOND_DOUBT,
             };
             if sum <= 0.0 {
                 (start, sum) = (f, 0.0);
             }
             sum += gain;
-            if sum > best.map_or(LEAST_GAIN, |b| b.gain) && f + 1 - start >= SHORTEST_RUN {
+            // In −2 log likelihood: beyond doubt, and as much again for the number of runs and shifts that are tried.
+            if sum > best.map_or(4.0 * BEYOND_DOUBT, |b| b.gain) && f + 1 - start >= FEWEST_POSTURES {
                 best = Some(Slip { first: start, last: f, shift, gain: sum });
             }
         }

@@ -3,11 +3,9 @@
 
 use crate::diagnose::effects::Place;
 use crate::diagnose::likelihood::fit::Fit;
+use crate::diagnose::principles::LEAST_LOG_ODDS;
 use crate::diagnose::random_effects::geometric_tolerances::{Geometry, single_effect};
 use nalgebra::{DMatrix, DVector};
-
-/// A displacement is told from these log odds on: 3 is 20 to 1.
-pub(crate) const LEAST_LOG_ODDS: f64 = 3.0;
 
 /// The group's columns of one effect at one place, each with the parameter's name.
 pub(crate) fn members_of(setup: &Geometry, effect: &str, place: Place) -> Vec<(usize, &'static str)> {

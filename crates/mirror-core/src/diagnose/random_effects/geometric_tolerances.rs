@@ -15,13 +15,8 @@ use crate::diagnose::likelihood::fit::{Fit, FitOptions, Group, Linearised, fit};
 use crate::diagnose::model::elementary::{Atom, Column};
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::model::scene::Scene;
+use crate::diagnose::model::solver::SOLVER;
 use crate::error::Result;
-
-/// Rounds in which spreads and values are found in turn, and steps of the spreads at each round's linear model.
-const ROUNDS: usize = 3;
-const SPREAD_STEPS: usize = 25;
-/// Spreads that changed by less than this (log) are settled.
-const SETTLED: f64 = 0.05;
 
 /// Angles, lengths of links, places of markers, of the board and of the camera: each kind has its own spread. What a person mounts is
 /// mounted by another tolerance than the links are made.
@@ -288,17 +283,17 @@ impl Geometry {
         let mut model = start.clone();
         model.group.resize(self.group.columns.len(), 0.0);
         let mut best = fit(problem, catalogue, &self.group, &model, options, mask)?;
-        for _ in 0..ROUNDS {
+        for _ in 0..SOLVER.rounds {
             let here = Linearised::at(problem, catalogue, &self.group, &best.model, options, mask)?;
             let before = self.clone();
-            for _ in 0..SPREAD_STEPS {
+            for _ in 0..SOLVER.spread_steps {
                 if !self.step_spreads(&here, best.model.nuisances.len()) {
                     break;
                 }
             }
             best =
                 fit(problem, catalogue, &self.group, &best.model, FitOptions { steps: 3, ..options }, mask)?;
-            if self.change_from(&before) < SETTLED {
+            if self.change_from(&before) < SOLVER.spreads_settled {
                 break;
             }
         }
@@ -323,19 +318,20 @@ impl Geometry {
             if weight > LEAST_TOLD {
                 let next = ((sum[at] + habit.worth * habit.common.powi(2)) / weight).sqrt();
                 // Not in one leap: the next step's values depend on it.
-                let next = next.clamp(self.spreads[at] / LARGEST_STEP, self.spreads[at] * LARGEST_STEP);
+                let next = next.clamp(
+                    self.spreads[at] / SOLVER.largest_spread_step,
+                    self.spreads[at] * SOLVER.largest_spread_step,
+                );
                 self.spreads[at] = next.clamp(habit.least, habit.most);
             }
         }
         self.set_priors();
-        self.change_from(&before) > 0.1 * SETTLED
+        self.change_from(&before) > 0.1 * SOLVER.spreads_settled
     }
 }
 
 /// A kind of which the data tell less than this of one value keeps its spread.
 const LEAST_TOLD: f64 = 0.05;
-/// A spread changes by no more than this factor in one step.
-const LARGEST_STEP: f64 = 3.0;
 
 /// What the session states of an elementary displacement of a mount, rad or m.
 fn stated(tolerances: &Tolerances, atom: Atom) -> Option<f64> {

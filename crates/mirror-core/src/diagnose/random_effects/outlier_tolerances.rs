@@ -3,6 +3,7 @@
 use crate::diagnose::effects::hypothesis::{Catalogue, Model, Term};
 use crate::diagnose::likelihood::fit::Fit;
 use crate::diagnose::model::elementary::Atom;
+use crate::diagnose::principles::LEAST_LOG_ODDS;
 use crate::diagnose::random_effects::geometric_tolerances::{Geometry, KINDS, Kind, single_effect};
 use std::collections::BTreeMap;
 
@@ -89,6 +90,3 @@ pub(crate) fn standing_out(setup: &Geometry, catalogue: &Catalogue, fit: &Fit) -
         prior_scale: 1.0,
     })
 }
-
-/// Log odds from which on a zero is an error of its own.
-const LEAST_LOG_ODDS: f64 = 3.0;

@@ -11,6 +11,7 @@ use crate::diagnose::data::diagnosis::{Cause, GapStep};
 use crate::diagnose::effects::hypothesis::Model;
 use crate::diagnose::likelihood::fit::{FitOptions, fit};
 use crate::diagnose::likelihood::saturated::free_markers;
+use crate::diagnose::model::solver::SOLVER;
 use crate::error::Result;
 use rayon::prelude::*;
 
@@ -26,10 +27,6 @@ pub(crate) enum Part {
     /// Nothing of its own: slipped rows are left out of all figures, a droop comes with its stiction.
     Nothing,
 }
-
-/// Gauss–Newton steps of a region's fit, and of its nuisances at each step.
-const FIT_STEPS: usize = 4;
-const NUISANCE_STEPS: usize = 3;
 
 /// The steps; of `causes` each has its part.
 ///
@@ -62,7 +59,7 @@ fn step(added: Option<String>, of: Option<GapSize>) -> GapStep {
 fn sizes(findings: &Findings<'_>, parts: &[Part], wanted: &[usize]) -> Result<Vec<GapSize>> {
     let search = &findings.search;
     let (problem, model) = (&search.problem, &findings.found.fit.model);
-    let options = FitOptions { noise: findings.found.noise, steps: FIT_STEPS };
+    let options = FitOptions { noise: findings.found.noise, steps: SOLVER.candidate_steps };
     let labels = regions(problem);
     let count = labels.iter().max().map_or(0, |m| m + 1);
     let of_regions = (0..count)
@@ -76,7 +73,7 @@ fn sizes(findings: &Findings<'_>, parts: &[Part], wanted: &[usize]) -> Result<Ve
                 .map(|&k| {
                     let mut some = with_first(findings, &fitted, parts, k);
                     if !some.nuisances.is_empty() {
-                        let options = FitOptions { steps: NUISANCE_STEPS, ..options };
+                        let options = FitOptions { steps: SOLVER.rounds, ..options };
                         some = fit(problem, search.catalogue, &search.group, &some, options, Some(&train))?
                             .model;
                     }

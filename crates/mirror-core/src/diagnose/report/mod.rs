@@ -4,6 +4,7 @@ pub(super) mod build;
 pub(super) mod fields;
 pub(super) mod gap_steps;
 pub(super) mod plots;
+pub(super) mod reservations;
 pub(super) mod rms_shift;
 pub(super) mod seen_markers;
 pub(super) mod sentence;

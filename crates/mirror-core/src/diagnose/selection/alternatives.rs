@@ -3,15 +3,15 @@
 use crate::diagnose::criteria::cross_validation::PostureGap;
 use crate::diagnose::effects::hypothesis::Model;
 use crate::diagnose::likelihood::fit::Fit;
-use crate::diagnose::likelihood::probability::{TEMPER, UNTHOUGHT_OF};
 use crate::diagnose::model::problem::Noise;
+use crate::diagnose::principles::{TEMPER, UNTHOUGHT_OF};
 use crate::diagnose::selection::search::{Found, Search, SearchOptions};
 use crate::error::Result;
 
 /// Rivals that are fitted exactly.
 const RIVALS: usize = 8;
-/// Rivals below this are not worth a word.
-pub(crate) const LEAST_PROBABILITY: f64 = 0.01;
+/// The same where the work of a diagnosis is at its limit.
+const FEW_RIVALS: usize = 2;
 /// A rival that is less likely than the cause by this (log) at a coarse noise is none.
 const FAR_BEHIND: f64 = 8.0;
 
@@ -92,7 +92,7 @@ pub(crate) fn standing(search: &Search<'_>, found: &Found, i: usize) -> Result<S
         .into_iter()
         .map(|(hypothesis, variant, w)| Rival { hypothesis, variant, probability: w * scale })
         .collect();
-    rivals.retain(|r| r.probability >= LEAST_PROBABILITY);
+    rivals.retain(|r| r.probability >= UNTHOUGHT_OF);
     rivals.sort_by(|a, b| b.probability.total_cmp(&a.probability));
     Ok(Standing { probability: scale, rivals, nothing: nothing * scale })
 }
@@ -107,7 +107,9 @@ fn rivals_at_all_noises(
     own: usize,
 ) -> Result<Vec<Fit>> {
     let coarse = named.effective(rest)?;
-    let candidates = named.candidates(rest, coarse, RIVALS, Some(own))?;
+    let own_fit = named.fit_with_slack(&found.fit.model, Some(i), coarse, 4)?;
+    let count = if named.problem.budget.is_spent() { FEW_RIVALS } else { RIVALS };
+    let candidates = named.candidates(rest, coarse, count, Some((own, &own_fit)))?;
     let is_rival = |fit: &&Fit| {
         fit.model.terms.last().is_some_and(|term| {
             // What comes down to a simpler rival is that rival.
@@ -118,7 +120,6 @@ fn rivals_at_all_noises(
     if !candidates.iter().any(|fit| is_rival(&fit)) {
         return Ok(Vec::new());
     }
-    let own_fit = named.fit_with_slack(&found.fit.model, Some(i), coarse, 4)?;
     let reference = named.log_posterior(&own_fit);
     candidates
         .iter()
@@ -132,8 +133,7 @@ fn rivals_at_all_noises(
 /// Rounds in which causes give way to their rivals.
 const ROUNDS: usize = 4;
 
-/// The standing of every cause, once each has given way to a rival, or to nothing, where evidence and held-out regions together have
-/// that likelier; none for free-form errors. `after` is the held-out gap.
+/// As [`at_rest`]; where the search ended at its limit of work, something that was not looked at may be as likely as what was found.
 ///
 /// # Errors
 /// A camera or mirror that cannot be.
@@ -142,7 +142,29 @@ pub(crate) fn settled(
     found: &mut Found,
     after: &mut Vec<PostureGap>,
 ) -> Result<Vec<Option<Standing>>> {
-    for _ in 0..ROUNDS {
+    let mut standings = at_rest(search, found, after)?;
+    if search.problem.budget.is_spent() {
+        for standing in standings.iter_mut().flatten() {
+            standing.probability /= 1.0 + standing.probability;
+        }
+    }
+    Ok(standings)
+}
+
+/// The standing of every cause, once each has given way to a rival, or to nothing, where evidence and held-out regions together have
+/// that likelier; none for free-form errors. `after` is the held-out gap.
+///
+/// # Errors
+/// A camera or mirror that cannot be.
+fn at_rest(
+    search: &Search<'_>,
+    found: &mut Found,
+    after: &mut Vec<PostureGap>,
+) -> Result<Vec<Option<Standing>>> {
+    for round in 0..ROUNDS {
+        if round > 0 && search.problem.budget.is_spent() {
+            break;
+        }
         let mut standings = standings(search, found)?;
         let mut changed = false;
         for (i, standing) in standings.iter_mut().enumerate() {

@@ -1,6 +1,7 @@
 //! Which causes: prior and posterior odds, the search and its moves, alternatives.
 
 pub(super) mod alternatives;
+pub(super) mod beyond;
 pub(super) mod law_remainder;
 pub(super) mod nonparametric;
 pub(super) mod pairwise_start;

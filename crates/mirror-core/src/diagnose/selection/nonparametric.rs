@@ -97,6 +97,9 @@ pub(crate) fn beside_free_forms<'a>(
     nominal: &Model,
     enough: bool,
 ) -> Result<Option<(Search<'a>, Found)>> {
+    if search.problem.budget.is_spent() {
+        return Ok(None);
+    }
     let terms = found.fit.model.terms.len();
     // Where the causes suffice, free-form errors must do with fewer.
     let most_causes = if enough { terms.saturating_sub(1).max(1) } else { search.options.most_causes };

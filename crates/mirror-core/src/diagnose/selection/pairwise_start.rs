@@ -35,7 +35,7 @@ pub(crate) fn from_a_pair<'a>(
     found: &Found,
     nominal: &Model,
 ) -> Result<Option<(Search<'a>, Found)>> {
-    if found.fit.model.terms.len() < PERHAPS_A_PAIR {
+    if found.fit.model.terms.len() < PERHAPS_A_PAIR || search.problem.budget.is_spent() {
         return Ok(None);
     }
     let scatter = search.effective(nominal)?;

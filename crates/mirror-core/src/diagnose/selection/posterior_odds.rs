@@ -4,22 +4,18 @@ use crate::diagnose::criteria::marker_shift::marker_shift;
 use crate::diagnose::effects::hypothesis::{Model, Term};
 use crate::diagnose::likelihood::fit::{Fit, FitOptions, Linearised};
 use crate::diagnose::model::problem::Noise;
-use crate::diagnose::selection::search::{FINAL_STEPS, Search};
+use crate::diagnose::model::solver::SOLVER;
+use crate::diagnose::principles::{BEYOND_DOUBT, LOG_PRIOR_CROWD, LOG_PRIOR_SAME_PLACE};
+use crate::diagnose::selection::search::Search;
 use crate::error::Result;
 
-/// Log of how much less likely a second cause is where there is one already: what looks like two is rather a law that
-/// the vocabulary has not.
-const LOG_PRIOR_SAME_PLACE: f64 = -4.0;
 /// So many causes at one joint are a crowd: together they only imitate the law that is really there.
 const CROWD: usize = 3;
-const LOG_PRIOR_CROWD: f64 = -40.0;
 /// Share of a common size below which an error is called a tolerance.
 const PRIOR_TOLERANCE: f64 = 0.005;
 const LEAST_TOLERANCE: f64 = 1e-6;
 /// A tolerated error moves the markers by no more than this many standard deviations of the noise.
 const UNSEEN_SHIFT: f64 = 0.08;
-/// Log odds that the linearised model need not be wrong about: exactly fitted they would still be beyond doubt.
-const CLEAR_ODDS: f64 = 60.0;
 
 impl Search<'_> {
     fn log_prior(&self, model: &Model) -> f64 {
@@ -45,7 +41,8 @@ impl Search<'_> {
 
     /// The i-th cause at a size that is tolerated rather than called a cause, all else refitted: at most
     /// [`PRIOR_TOLERANCE`] of the size that such an error commonly has, and no more than could be seen. The laws of the other causes have their slack.
-    fn tolerated(&self, fit: &Fit, i: usize, noise: Noise) -> Result<Fit> {
+    /// Given up where it is clear that the misfit stays above `hopeless`.
+    fn tolerated(&self, fit: &Fit, i: usize, noise: Noise, hopeless: f64) -> Result<Fit> {
         let term = &fit.model.terms[i];
         let stds = &self.catalogue.hypotheses[term.hypothesis].prior_std;
         let multiple = (term.parameters.iter().zip(stds).map(|(p, s)| (p / s).powi(2)).sum::<f64>()
@@ -60,7 +57,7 @@ impl Search<'_> {
         let mut model = fit.model.clone();
         model.terms[i].prior_scale = scale;
         model.terms[i].parameters.iter_mut().for_each(|p| *p *= scale.min(0.5));
-        self.fit_with_slack(&model, Some(i), noise, FINAL_STEPS)
+        self.fit_below(&model, Some(i), noise, SOLVER.final_steps, hopeless)
     }
 
     /// Log posterior odds of the i-th cause: found, against tolerated.
@@ -68,8 +65,8 @@ impl Search<'_> {
         if let Some(odds) = self.clear_odds(fit, i, noise)? {
             return Ok(odds);
         }
-        let tolerated = self.tolerated(fit, i, noise)?;
-        let found = self.fit_with_slack(&fit.model, Some(i), noise, FINAL_STEPS)?;
+        let found = self.fit_with_slack(&fit.model, Some(i), noise, SOLVER.final_steps)?;
+        let tolerated = self.tolerated(fit, i, noise, found.misfit + 8.0 * BEYOND_DOUBT)?;
         Ok(found.log_evidence + self.log_prior_of(&fit.model, i) - tolerated.log_evidence)
     }
 
@@ -89,6 +86,7 @@ impl Search<'_> {
         let tolerated = [PRIOR_TOLERANCE, LEAST_TOLERANCE].map(|scale| here.log_evidence(own.clone(), scale));
         let [Some(large), Some(small)] = tolerated else { return Ok(None) };
         let odds = found + self.log_prior_of(&fit.model, i) - large.max(small);
-        Ok((odds > CLEAR_ODDS).then_some(odds))
+        // Exactly fitted they would still be beyond doubt.
+        Ok((odds > 2.0 * BEYOND_DOUBT).then_some(odds))
     }
 }

@@ -3,10 +3,12 @@
 use crate::diagnose::data::diagnosis::{Cause, Estimate};
 use crate::diagnose::data::progress::UNWEIGHED;
 use crate::diagnose::effects::hypothesis::{Catalogue, Model, Term};
-use crate::diagnose::likelihood::fit::{Fit, FitOptions, Group, fit, likeliest_variants};
+use crate::diagnose::likelihood::fit::{Fit, FitOptions, Group, fit, fit_below, likeliest_variants};
 use crate::diagnose::likelihood::noise::effective;
 use crate::diagnose::likelihood::score_test::{Score, screen};
 use crate::diagnose::model::problem::{Noise, Problem};
+use crate::diagnose::model::solver::SOLVER;
+use crate::diagnose::principles::{BEYOND_DOUBT, LEAST_LOG_ODDS};
 use crate::diagnose::random_effects::law_discrepancy::with_slack;
 use crate::error::Result;
 use rayon::prelude::*;
@@ -28,15 +30,25 @@ pub(crate) struct SearchOptions {
 
 impl Default for SearchOptions {
     fn default() -> Self {
-        Self { most_causes: 6, refined: 6, named_only: false, left_out: Vec::new(), least_log_odds: 3.0 }
+        Self {
+            most_causes: 6,
+            refined: 6,
+            named_only: false,
+            left_out: Vec::new(),
+            least_log_odds: LEAST_LOG_ODDS,
+        }
     }
 }
 
-/// Gauss–Newton steps of a candidate, and of the model that is kept.
-const CANDIDATE_STEPS: usize = 4;
-pub(crate) const FINAL_STEPS: usize = 12;
-/// Loads and postures are taken in turn this often: each turn leaves the share by which the droop changes the load.
-const LOAD_STEPS: usize = 2;
+impl SearchOptions {
+    /// With no more causes than so many; 0 for the usual number.
+    pub fn of(most_causes: usize) -> Self {
+        let usual = Self::default();
+        let most_causes = if most_causes == 0 { usual.most_causes } else { most_causes };
+        Self { most_causes, ..usual }
+    }
+}
+
 /// A hypothesis that is less likely than the likeliest by this (log) is no cause in its stead.
 const NEARLY_AS_LIKELY: f64 = 5.0;
 /// Where the likeliest addition is this unlikely a cause, the others need not be tried.
@@ -90,9 +102,21 @@ impl Search<'_> {
         noise: Noise,
         steps: usize,
     ) -> Result<Fit> {
+        self.fit_below(model, in_question, noise, steps, f64::INFINITY)
+    }
+
+    /// As [`Search::fit_with_slack`], given up once it is clear that the misfit stays above `hopeless`.
+    pub fn fit_below(
+        &self,
+        model: &Model,
+        in_question: Option<usize>,
+        noise: Noise,
+        steps: usize,
+        hopeless: f64,
+    ) -> Result<Fit> {
         let (group, start) = self.loosened(model, in_question);
-        let mut fit =
-            fit(&self.problem, self.catalogue, &group, &start, FitOptions { noise, steps }, self.mask)?;
+        let options = FitOptions { noise, steps };
+        let mut fit = fit_below(&self.problem, self.catalogue, &group, &start, options, self.mask, hopeless)?;
         fit.model.group.truncate(model.group.len());
         Ok(fit)
     }
@@ -133,32 +157,41 @@ impl Search<'_> {
     }
 
     /// Fits the most promising additions to a model, at a noise; best first. `but` is left out, if it stands in the model's
-    /// place by itself already.
+    /// place by itself already: a fit with whose misfit all others must compete.
     pub fn candidates(
         &self,
         model: &Model,
         noise: Noise,
         count: usize,
-        but: Option<usize>,
+        but: Option<(usize, &Fit)>,
     ) -> Result<Vec<Fit>> {
         let (group, start) = self.loosened(model, None);
         let scores = screen(&self.problem, self.catalogue, &group, &start, noise, self.mask)?;
-        let chosen = self.most_promising(&scores, count, but);
-        let mut fits = chosen
-            .par_iter()
-            .map(|score| {
-                let mut next = model.with(self.catalogue, score.hypothesis, score.variant);
-                if let Some(term) = next.terms.last_mut() {
-                    let positive = self.catalogue.effect(score.hypothesis).is_positive();
-                    term.parameters =
-                        score.parameters.iter().map(|p| if positive { p.max(0.0) } else { *p }).collect();
-                }
-                let last = next.terms.len() - 1;
-                self.fit_with_slack(&next, Some(last), noise, CANDIDATE_STEPS)
-            })
+        let chosen = self.most_promising(&scores, count, but.map(|b| b.0));
+        let fitted = |score: &&Score, hopeless: f64| {
+            let mut next = model.with(self.catalogue, score.hypothesis, score.variant);
+            if let Some(term) = next.terms.last_mut() {
+                let positive = self.catalogue.effect(score.hypothesis).is_positive();
+                term.parameters =
+                    score.parameters.iter().map(|p| if positive { p.max(0.0) } else { *p }).collect();
+            }
+            let last = next.terms.len() - 1;
             // A linear estimate may lie where no camera or mirror can be: such a hypothesis is no candidate.
-            .filter_map(Result::ok)
-            .collect::<Vec<Fit>>();
+            self.fit_below(&next, Some(last), noise, SOLVER.candidate_steps, hopeless).ok()
+        };
+        // The others need not be fitted to their end where they fall far behind the first, or behind what is there already.
+        let hopeless = |fit: Option<&Fit>| fit.map_or(f64::INFINITY, |f| f.misfit + 2.0 * BEYOND_DOUBT);
+        let own = hopeless(but.map(|b| b.1));
+        let mut fits: Vec<Fit> = chosen.first().and_then(|score| fitted(score, own)).into_iter().collect();
+        let least = own.min(hopeless(fits.first()));
+        fits.extend(
+            chosen
+                .get(1..)
+                .unwrap_or_default()
+                .par_iter()
+                .filter_map(|score| fitted(score, least))
+                .collect::<Vec<Fit>>(),
+        );
         self.problem.cancel.check()?;
         fits.sort_by(|a, b| self.log_posterior(b).total_cmp(&self.log_posterior(a)));
         // The score test takes a play of no width; of its real width another friction may fit far better.
@@ -183,7 +216,8 @@ impl Search<'_> {
             .map(|&variant| {
                 let mut model = fit.model.clone();
                 model.terms[last].variant = variant;
-                self.fit_with_slack(&model, Some(last), noise, CANDIDATE_STEPS)
+                let hopeless = fit.misfit + 2.0 * BEYOND_DOUBT;
+                self.fit_below(&model, Some(last), noise, SOLVER.candidate_steps, hopeless)
             })
             .collect::<Result<Vec<Fit>>>()?;
         let best = tried.into_iter().max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence));
@@ -246,10 +280,10 @@ impl Search<'_> {
     fn settle(&mut self, mut best: Fit, noise: Noise) -> Result<Fit> {
         let by_load = |t: &Term| self.catalogue.effect(t.hypothesis).depends_on_load();
         let loaded = best.model.terms.iter().any(by_load);
-        for _ in 0..if loaded { LOAD_STEPS } else { 0 } {
+        for _ in 0..if loaded { SOLVER.load_steps } else { 0 } {
             let deformation = best.model.deformation(&self.problem, self.catalogue, &self.group.columns);
             self.problem.scene.update_loads(&deformation);
-            best = self.fit(&best.model, noise, FINAL_STEPS)?;
+            best = self.fit(&best.model, noise, SOLVER.final_steps)?;
         }
         self.refine_variants(best, noise)
     }
@@ -257,6 +291,9 @@ impl Search<'_> {
     /// Refines discrete unknowns (friction torques) between the values that were screened.
     fn refine_variants(&self, mut best: Fit, noise: Noise) -> Result<Fit> {
         for i in 0..best.model.terms.len() {
+            if self.problem.budget.is_spent() {
+                break;
+            }
             let term = &best.model.terms[i];
             if self.catalogue.hypotheses[term.hypothesis].variants.len() < 2
                 || !term.variant.is_finite()
@@ -271,7 +308,7 @@ impl Search<'_> {
                 .map(|&variant| {
                     let mut model = best.model.clone();
                     model.terms[i].variant = variant;
-                    self.fit(&model, noise, CANDIDATE_STEPS)
+                    self.fit(&model, noise, SOLVER.candidate_steps)
                 })
                 .collect::<Result<Vec<Fit>>>()?;
             if let Some(better) = tried.into_iter().max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
@@ -290,7 +327,7 @@ impl Search<'_> {
     pub fn run(&mut self, start: Model) -> Result<Found> {
         let mut trace = Vec::new();
         let mut noise = self.effective(&start)?;
-        let mut best = self.fit(&start, noise, FINAL_STEPS)?;
+        let mut best = self.fit(&start, noise, SOLVER.final_steps)?;
         noise = self.effective(&best.model)?;
         if !best.model.terms.is_empty() {
             best = self.prune(best, noise, &mut trace)?;
@@ -298,16 +335,22 @@ impl Search<'_> {
         }
         let mut seen = vec![hypotheses_of(&best)];
         while best.model.terms.len() < self.options.most_causes {
+            if self.problem.budget.is_spent() {
+                trace.push("the search ends at its limit of work".into());
+                break;
+            }
             let candidates = self.candidates(&best.model, noise, self.options.refined, None)?;
             let Some(first) = candidates.first() else { break };
             // Weighed at the noise that the larger model leaves: the smaller one must not hide behind its own misfit.
             let next_noise = self.effective(&first.model)?;
+            let least = self.log_posterior(first) - BEYOND_DOUBT;
             let refits = candidates
-                .iter()
+                .par_iter()
                 .take(3)
+                .filter(|c| self.log_posterior(c) > least)
                 .map(|c| {
                     let last = c.model.terms.len() - 1;
-                    self.fit_with_slack(&c.model, Some(last), next_noise, FINAL_STEPS)
+                    self.fit_with_slack(&c.model, Some(last), next_noise, SOLVER.final_steps)
                 })
                 .collect::<Result<Vec<Fit>>>()?;
             let mut refits = refits;
@@ -337,7 +380,7 @@ impl Search<'_> {
             let Some(larger) = larger else { break };
             best = self.settle(larger, next_noise)?;
             noise = self.effective(&best.model)?;
-            best = self.fit(&best.model, noise, FINAL_STEPS)?;
+            best = self.fit(&best.model, noise, SOLVER.final_steps)?;
             best = self.exchange(best, noise, &mut trace)?;
             best = self.merge(best, noise, &mut trace)?;
             best = self.prune(best, noise, &mut trace)?;
@@ -396,7 +439,7 @@ impl Search<'_> {
             if odds < self.options.least_log_odds {
                 let name = self.catalogue.name(&self.problem.scene, best.model.terms[i].hypothesis);
                 trace.push(format!("drop {name}: log odds {odds:.1}"));
-                let without = self.fit(&best.model.without(i), noise, FINAL_STEPS)?;
+                let without = self.fit(&best.model.without(i), noise, SOLVER.final_steps)?;
                 best = self.settle(without, noise)?;
                 i = 0;
             } else {
@@ -408,17 +451,21 @@ impl Search<'_> {
 
     /// Replaces causes by better rivals, now that the others are there.
     fn exchange(&mut self, mut best: Fit, noise: Noise, trace: &mut Vec<String>) -> Result<Fit> {
-        if best.model.terms.len() < 2 {
+        if best.model.terms.len() < 2 || self.problem.budget.is_spent() {
             return Ok(best);
         }
         for i in 0..best.model.terms.len() - 1 {
             let own = best.model.terms[i].hypothesis;
-            let rivals = self.candidates(&best.model.without(i), noise, self.options.refined, Some(own))?;
+            let here = self.fit_with_slack(&best.model, Some(i), noise, SOLVER.final_steps)?;
+            let rest = best.model.without(i);
+            let rivals = self.candidates(&rest, noise, self.options.refined, Some((own, &here)))?;
             let Some(rival) = rivals.first() else { continue };
+            if self.log_posterior(rival) < self.log_posterior(&here) - BEYOND_DOUBT {
+                continue;
+            }
             let last = rival.model.terms.len() - 1;
-            let rival = self.fit_with_slack(&rival.model, Some(last), noise, FINAL_STEPS)?;
-            let own = self.fit_with_slack(&best.model, Some(i), noise, FINAL_STEPS)?;
-            if self.log_posterior(&rival) > self.log_posterior(&own) + 1e-6 {
+            let rival = self.fit_with_slack(&rival.model, Some(last), noise, SOLVER.final_steps)?;
+            if self.log_posterior(&rival) > self.log_posterior(&here) + 1e-6 {
                 let old = self.catalogue.name(&self.problem.scene, best.model.terms[i].hypothesis);
                 let new = self.name_of_last(&rival);
                 if old != new {
@@ -441,13 +488,14 @@ impl Search<'_> {
                 && !free(&terms[i])
                 && !free(&terms[k])
         });
-        let Some((i, k)) = pair else { return Ok(best) };
+        let Some((i, k)) = pair.filter(|_| !self.problem.budget.is_spent()) else { return Ok(best) };
         let rest = best.model.without(i).without(k);
         let merged = self.candidates(&rest, noise, self.options.refined, None)?;
         let same_place = |f: &&Fit| f.model.terms.last().is_some_and(|t| node(t) == node(&terms[i]));
         let Some(one) = merged.iter().find(same_place) else { return Ok(best) };
-        let one = self.fit_with_slack(&one.model, Some(one.model.terms.len() - 1), noise, FINAL_STEPS)?;
-        let two = self.fit_with_slack(&best.model, Some(i), noise, FINAL_STEPS)?;
+        let one =
+            self.fit_with_slack(&one.model, Some(one.model.terms.len() - 1), noise, SOLVER.final_steps)?;
+        let two = self.fit_with_slack(&best.model, Some(i), noise, SOLVER.final_steps)?;
         if self.log_posterior(&one) > self.log_posterior(&two) {
             let name = |t: usize| self.catalogue.name(&self.problem.scene, terms[t].hypothesis);
             trace.push(format!("{} for {} and {}", self.name_of_last(&one), name(k), name(i)));

@@ -10,7 +10,9 @@ use crate::diagnose::effects::hypothesis::Model;
 use crate::diagnose::likelihood::fit::FitOptions;
 use crate::diagnose::likelihood::noise;
 use crate::diagnose::model::problem::Noise;
+use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::prepare::false_observations::without_false;
+use crate::diagnose::principles::LOG_PRIOR_SETUP;
 use crate::diagnose::random_effects::displaced::all_displaced;
 use crate::diagnose::random_effects::geometric_tolerances::{Geometry, Kind};
 use crate::diagnose::random_effects::outlier_tolerances::standing_out;
@@ -18,13 +20,8 @@ use crate::diagnose::selection::nonparametric::log_odds;
 use crate::diagnose::selection::search::{Found, Search, SearchOptions};
 use crate::error::Result;
 
-/// Log prior odds of a displaced set-up against a session that was mounted by a machine: with it free there is hardly a remainder that
-/// it could not take a part of.
-const LOG_PRIOR_SETUP: f64 = -12.0;
 /// A cause beside the set-up is kept from these log odds on: what else could be in its place is in the model already.
 const LEAST_LOG_ODDS: f64 = 2.0;
-/// Rounds in which causes and spreads are found in turn.
-const ROUNDS: usize = 3;
 /// Spreads that changed by less than this (log, summed over the kinds) need no second search.
 const SPREADS_SETTLED: f64 = 0.7;
 /// The markers' noise is told anew where what it seemed is more than this share too large.
@@ -132,7 +129,10 @@ pub(crate) fn with_setup<'a>(
     look_again_at_noise(&mut search, &start, stated)?;
     let mut trace = alone.trace.clone();
     let mut result: Option<Found> = None;
-    for _ in 0..ROUNDS {
+    for round in 0..SOLVER.rounds {
+        if round > 0 && search.problem.budget.is_spent() {
+            break;
+        }
         let mut next = search.run(start.clone())?;
         trace.append(&mut next.trace);
         let before = setup.clone();

@@ -6,14 +6,13 @@ use crate::diagnose::effects::hypothesis::{Model, Term};
 use crate::diagnose::likelihood::fit::{FitOptions, fit};
 use crate::diagnose::likelihood::score_test::screen;
 use crate::diagnose::model::problem::Noise;
+use crate::diagnose::principles::LOG_PRIOR_GEOMETRY;
 use crate::diagnose::random_effects::geometric_tolerances::{Geometry, Kind};
 use crate::diagnose::random_effects::outlier_tolerances::name_outlying;
 use crate::diagnose::selection::nonparametric::log_odds;
 use crate::diagnose::selection::search::{Found, Search};
 use crate::error::Result;
 
-/// Log prior odds of manufacturing tolerance against single causes.
-const LOG_PRIOR_GEOMETRY: f64 = -10.0;
 /// The group's shift, squared, as a share of the causes': a smaller group only takes up what the causes' laws are wrong by.
 const LEAST_GROUP_SHARE: f64 = 0.02;
 /// Joints that are tried as elastic together: one at a time none may stand out from the small errors, all of them do.
@@ -54,7 +53,7 @@ pub(crate) fn beside_geometry<'a>(
     nominal: &Model,
 ) -> Result<Option<BesideGeometry<'a>>> {
     let mut geometry = Geometry::new(&named.problem, !named.group.columns.is_empty());
-    if geometry.group.columns.is_empty() {
+    if geometry.group.columns.is_empty() || named.problem.budget.is_spent() {
         return Ok(None);
     }
     let mut search = Search { group: geometry.group.clone(), ..named.clone() };

@@ -9,6 +9,7 @@ use crate::diagnose::model::elementary::{Atom, Column};
 use crate::diagnose::model::frame::{FrameWork, PROJECTED, Task, Wanted};
 use crate::diagnose::model::free_values::FREE_OPTICS;
 use crate::diagnose::model::problem::Problem;
+use crate::diagnose::model::solver::SOLVER;
 use crate::robot::Robot;
 use nalgebra::{DMatrix, DVector, Vector3};
 use std::sync::Arc;
@@ -89,6 +90,7 @@ fn evaluated(problem: &Problem, deformation: &Deformation, frame: usize) -> Fram
         gaussian: true,
         wanted: Wanted { optics: true, lens: true, mirror: true, free: true },
         planes: None,
+        condensed: false,
     };
     let mut work = FrameWork::new(problem);
     assert!(work.evaluate(problem, &task, frame));
@@ -247,6 +249,7 @@ fn the_ideal_mirrors_short_cut_is_the_general_optics() {
                 gaussian: true,
                 wanted: Wanted { optics: true, lens: true, mirror: true, free: true },
                 planes: None,
+                condensed: false,
             };
             let mut work = FrameWork::new(&problem);
             assert!(work.evaluate(&problem, &task, frame));
@@ -257,4 +260,52 @@ fn the_ideal_mirrors_short_cut_is_the_general_optics() {
         assert!((&rows_a - &rows_b).norm() < 1e-7 * rows_a.norm());
         assert!(a.iter().zip(&b).all(|(x, y)| (x - y).abs() < 1e-6));
     }
+}
+
+/// Condensed corners have the products of the corners themselves: of every atom with every atom and with the residual.
+#[test]
+fn condensed_corners_have_the_same_products() {
+    for neck in [true, false] {
+        let problem = problem_with(neck);
+        let d = somewhere(&problem);
+        let eye = problem.eye(&d).unwrap();
+        let full = evaluated(&problem, &d, 1);
+        let mut condensed = FrameWork::new(&problem);
+        let task = Task {
+            deformation: &d,
+            eye: eye.as_ref(),
+            noise: problem.noise,
+            with_board: true,
+            gaussian: true,
+            wanted: Wanted { optics: true, lens: true, mirror: true, free: true },
+            planes: None,
+            condensed: true,
+        };
+        assert!(condensed.evaluate(&problem, &task, 1));
+        assert!(condensed.row_count < full.row_count / 2);
+        let vectors = |work: &FrameWork| -> Vec<Option<Vec<f64>>> {
+            let atoms = atoms(&problem);
+            let of_atoms = atoms.into_iter().map(|a| column(work, &problem, &d, 1, a));
+            of_atoms.chain([Some(work.residual.clone())]).collect()
+        };
+        let (exact, few) = (vectors(&full), vectors(&condensed));
+        for (i, (x, a)) in exact.iter().zip(&few).enumerate() {
+            assert_eq!(x.is_some(), a.is_some(), "atom {i}");
+            let (Some(x), Some(a)) = (x, a) else { continue };
+            for (y, b) in exact.iter().zip(&few).take(i) {
+                let (Some(y), Some(b)) = (y, b) else { continue };
+                let scale = (dot(x, x) * dot(y, y)).sqrt();
+                let difference = (inner(x, y) - inner(a, b)).abs();
+                // Columns that depend on others are left out: their products are off by the root of what is not in them at most, each.
+                assert!(
+                    difference <= 10.0 * SOLVER.dependent.sqrt() * scale,
+                    "atom {i}: {difference} of {scale}"
+                );
+            }
+        }
+    }
+}
+
+fn dot(x: &[f64], y: &[f64]) -> f64 {
+    x.iter().zip(y).map(|(a, b)| a * b).sum()
 }

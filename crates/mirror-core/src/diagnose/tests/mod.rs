@@ -8,6 +8,7 @@ mod adequacy;
 mod gap_world;
 mod jacobians;
 mod places;
+mod principles;
 mod prior;
 mod shortcuts;
 mod statistics;

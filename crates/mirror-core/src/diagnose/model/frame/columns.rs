@@ -1,18 +1,12 @@
 //! The columns of a frame: how its rows move with an elementary change of the model.
 
-use super::work::{FrameWork, PROJECTED, Rows};
+use super::products::{PROJECTED, Span};
+use super::work::{FrameWork, Rows};
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::{Atom, Twist, body_twist, moves};
 use crate::diagnose::model::free_values::FREE_OPTICS;
 use crate::diagnose::model::problem::Problem;
 use nalgebra::Vector3;
-
-/// The rows of a column that are not 0, from `start` to before `end`.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(crate) struct Span {
-    pub start: usize,
-    pub end: usize,
-}
 
 /// How an atom of the body moves a row's target against its observer: 1, −1 where it is the observer that moves, or not at all.
 fn motion(problem: &Problem, row: &Rows, atom: Atom) -> Option<f64> {
@@ -71,10 +65,18 @@ impl FrameWork {
             Atom::BoardMount(k) => self.board_twist(problem, deformation, k),
             _ => body_twist(atom, &problem.scene, &self.poses, deformation, frame),
         };
+        let condensed = &self.condensed;
         let mut at = 0;
+        if condensed.corners > 0 {
+            if let Some(end) = self.condensed_column(problem, atom, twist.as_ref(), out) {
+                span = Some(Span { start: 0, end });
+                gradient = condensed.plane_of(out);
+            }
+            at = condensed.rank;
+        }
         // Rows of one target follow each other: whether the atom moves it is asked once.
         let mut last = None;
-        for row in &self.rows {
+        for row in &self.rows[condensed.corners..] {
             let value = match &twist {
                 Some(twist) => {
                     let sign = match last {
@@ -94,7 +96,11 @@ impl FrameWork {
             if let Some(value) = value {
                 let end = at + row.count;
                 span = Some(Span { start: span.map_or(at, |s| s.start), end });
-                out[at..end].copy_from_slice(&value.as_slice()[..row.count]);
+                out[at] = value.x;
+                out[at + 1] = value.y;
+                if row.count > 2 {
+                    out[at + 2] = value.z;
+                }
                 gradient += row.plane.tr_mul(&value);
             }
             at += row.count;
@@ -103,6 +109,29 @@ impl FrameWork {
             out[at..at + PROJECTED].copy_from_slice((self.plane_inverse_factor * gradient).as_slice());
         }
         span
+    }
+
+    /// A column's rows of the condensed corners; where they end, or none where the atom does not move them.
+    fn condensed_column(
+        &self,
+        problem: &Problem,
+        atom: Atom,
+        twist: Option<&Twist>,
+        out: &mut [f64],
+    ) -> Option<usize> {
+        let condensed = &self.condensed;
+        let corner = self.rows.first()?;
+        if let Some(twist) = twist {
+            let sign = match atom {
+                Atom::BoardMount(_) => board_motion(problem, corner),
+                _ => motion(problem, corner, atom),
+            };
+            return sign.map(|sign| condensed.by_twist(twist, sign, out));
+        }
+        match atom {
+            Atom::FreeOptics(k) => corner.free.map(|_| condensed.by_free(k, out)),
+            _ => optics_column(atom).filter(|_| corner.optics.is_some()).map(|k| condensed.by_optics(k, out)),
+        }
     }
 
     #[inline]

@@ -5,11 +5,14 @@
 //! `⟨x, y⟩ = x·y − (L⁻¹Dᵀx)·(L⁻¹Dᵀy)`: each vector is stored as its rows followed by the three numbers `L⁻¹Dᵀx`.
 
 mod columns;
+mod condensed;
+mod condensing;
 mod corners;
 mod observe;
+mod products;
 mod sight;
 mod work;
 
-pub(crate) use columns::Span;
+pub(crate) use products::{PROJECTED, Span, Table, add_products, stride};
 pub(crate) use sight::Wanted;
-pub(crate) use work::{FrameWork, PROJECTED, Task};
+pub(crate) use work::{FrameWork, Task};

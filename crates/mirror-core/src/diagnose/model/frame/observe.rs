@@ -150,10 +150,13 @@ impl FrameWork {
             let by_camera = by_camera.fixed_rows::<2>(0);
             let mut optics = OpticsColumns::zeros();
             // p_real = Exp(ω)ᵀ (p − v): ∂/∂ω = p̂ J_r(ω), ∂/∂v = −Exp(ω)ᵀ.
-            optics
-                .fixed_columns_mut::<3>(0)
-                .copy_from(&(by_camera * (in_camera.cross_matrix() * eye.mount_jacobian)));
-            optics.fixed_columns_mut::<3>(3).copy_from(&-(by_camera * eye.camera_from_mount.r));
+            // Condensed corners have them by the board's motion.
+            if !(task.condensed && via == Via::Mirror && marker.is_none()) {
+                optics
+                    .fixed_columns_mut::<3>(0)
+                    .copy_from(&(by_camera * (in_camera.cross_matrix() * eye.mount_jacobian)));
+                optics.fixed_columns_mut::<3>(3).copy_from(&-(by_camera * eye.camera_from_mount.r));
+            }
             optics.fixed_columns_mut::<4>(6).copy_from(&(sight.by_lens * scale));
             if let SeenAt::Corner(c) = seen {
                 let by_scale = camera_from_world.r * (world_from_target.r * problem.corners[c.index]);

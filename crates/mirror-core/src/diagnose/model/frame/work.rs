@@ -1,5 +1,7 @@
 //! The workspace of one frame: its mirror fitted, its rows evaluated.
 
+use super::condensed::Condensed;
+use super::products::PROJECTED;
 use super::sight::{Wanted, mirrored_pixel, start_of_plane};
 use crate::diagnose::model::body::{NodeId, Site};
 use crate::diagnose::model::camera_and_mirror::Eye;
@@ -8,26 +10,11 @@ use crate::diagnose::model::free_optics::{FreeColumns, corner_point};
 use crate::diagnose::model::kinematics::NodePoses;
 use crate::diagnose::model::pose::{Pose, exp};
 use crate::diagnose::model::problem::{BoardFit, FrameData, Noise, Problem};
+use crate::diagnose::model::solver::SOLVER;
 use nalgebra::{Matrix3, SMatrix, Vector2, Vector3, Vector6};
 
-/// Gauss–Newton steps for a board's plane; it starts within millimetres and converges quadratically.
-const BOARD_STEPS: usize = 12;
-/// Share of a board's χ² below which a further step's gain does not matter.
-const BOARD_GAIN: f64 = 1e-4;
-/// Steps that a plane takes from the board's own optimum to that of the whole frame: a tiny way.
-const PLANE_STEPS: usize = 2;
-/// A plane from nearby is good where the next step would gain less than this (in −2 log likelihood), and is not near where it
-/// would gain more than that: good observations could look false from there.
-const LAST_PLANE_GAIN: f64 = 0.01;
-const NEARBY_GAIN: f64 = 30.0;
-const NEARBY_STEPS: usize = 4;
-/// A plane at which less than this share of the board's corners counts is not near: from there good corners look false, weigh nothing and
-/// would never draw it back.
-const LEAST_CORNERS_COUNTED: f64 = 0.8;
 /// A board with fewer corners than this does not show a plane with a margin.
 const FEWEST_CORNERS: usize = 4;
-/// Extra numbers behind a column's rows: its projection on the plane's three parameters.
-pub(crate) const PROJECTED: usize = 3;
 
 /// The rows of one observation (two of an image point, three of a measured point), whitened.
 #[derive(Debug, Clone)]
@@ -76,6 +63,10 @@ pub(crate) struct FrameWork {
     pub(super) optics: Vec<OpticsColumns>,
     /// Free-form columns of the rows, whitened.
     pub(super) free: Vec<FreeColumns>,
+    /// Whether boards are fitted roughly.
+    rough: bool,
+    /// The corners' rows, where a task asks for them condensed.
+    pub(super) condensed: Condensed,
 }
 
 /// Two rows by camera mount (6), focal, cx, cy, k1, board scale, glass, curvature.
@@ -96,6 +87,9 @@ pub(crate) struct Task<'a> {
     /// Foot points from which the planes of frames with fresh boards start, where they are nearly known: boards are not fitted
     /// by themselves first then, and [`FrameWork::board_excess`] is not told.
     pub planes: Option<&'a [Option<Vector3<f64>>]>,
+    /// Whether the corners' rows may be condensed to a few of the same products: rows and residual are then not those of
+    /// observations.
+    pub condensed: bool,
 }
 
 impl<'a> Task<'a> {
@@ -114,6 +108,7 @@ impl<'a> Task<'a> {
             gaussian: true,
             wanted: Wanted::default(),
             planes: None,
+            condensed: false,
         }
     }
 }
@@ -137,7 +132,14 @@ impl FrameWork {
             residual: Vec::new(),
             optics: Vec::new(),
             free: Vec::new(),
+            rough: false,
+            condensed: Condensed::default(),
         }
+    }
+
+    /// As [`FrameWork::new`], for boards that are fitted roughly.
+    pub fn rough(problem: &Problem) -> Self {
+        Self { rough: true, ..Self::new(problem) }
     }
 
     fn pose(&mut self, problem: &Problem, deformation: &Deformation, frame: usize) {
@@ -185,11 +187,17 @@ impl FrameWork {
         if corners.len() < FEWEST_CORNERS {
             return None;
         }
+        let (steps, each) = if self.rough {
+            (SOLVER.rough_board_steps, corners.len().div_ceil(SOLVER.rough_corners))
+        } else {
+            (SOLVER.board_steps, 1)
+        };
         self.pose(problem, deformation, frame);
         let camera_from_board = self.camera_from_world(problem, eye).then(&self.world_from_board(&board));
         let scale = 1.0 + deformation.board_scale_error;
         let points: Vec<Vector3<f64>> = corners
             .iter()
+            .step_by(each)
             .map(|(index, _)| camera_from_board.point(&corner_point(problem, eye, *index, scale)))
             .collect();
         let mut foot = match start {
@@ -198,7 +206,7 @@ impl FrameWork {
         };
         let evaluate = |foot: &Vector3<f64>| -> Option<(f64, Matrix3<f64>, Vector3<f64>)> {
             let (mut chi2, mut information, mut gradient) = (0.0, Matrix3::zeros(), Vector3::zeros());
-            for ((_, pixel), point) in corners.iter().zip(&points) {
+            for ((_, pixel), point) in corners.iter().step_by(each).zip(&points) {
                 let (at, by_foot) = mirrored_pixel(eye, foot, point)?;
                 let r = pixel - at;
                 chi2 += r.norm_squared();
@@ -209,14 +217,14 @@ impl FrameWork {
         };
         let (mut chi2, mut information, mut gradient) = evaluate(&foot)?;
         let mut damping = 1e-6;
-        for _ in 0..BOARD_STEPS {
+        for _ in 0..steps {
             let mut damped = information;
             for i in 0..3 {
                 damped[(i, i)] *= 1.0 + damping;
             }
             let step = damped.cholesky()?.solve(&gradient);
             // What is left to gain is next to nothing: the step is taken, its result not looked at.
-            if step.dot(&gradient) < BOARD_GAIN * chi2 {
+            if step.dot(&gradient) < SOLVER.board_gain * chi2 {
                 foot += step;
                 break;
             }
@@ -265,6 +273,7 @@ impl FrameWork {
     /// a problem that was cancelled.
     pub fn evaluate(&mut self, problem: &Problem, task: &Task<'_>, frame: usize) -> bool {
         self.rows.clear();
+        self.condensed.corners = 0;
         self.cost = 0.0;
         self.has_plane = false;
         if problem.cancel.is_cancelled() {
@@ -310,7 +319,7 @@ impl FrameWork {
         }
         let corner_variance = task.noise.corner_px * task.noise.corner_px;
         // The plane goes from the board's optimum to the whole frame's, weights as of the present residuals.
-        for _ in 0..if self.has_plane { PLANE_STEPS } else { 0 } {
+        for _ in 0..if self.has_plane { SOLVER.plane_steps } else { 0 } {
             let Some(fit) = &board else { break };
             self.rows.clear();
             let mut g = fit.information / corner_variance;
@@ -361,6 +370,9 @@ impl FrameWork {
             }
         }
         self.collect_residual(if task.with_board { Vector3::zeros() } else { self.board_gradient });
+        if let Some(eye) = task.eye.filter(|_| task.condensed && first_other > 0) {
+            self.condense(problem, eye, first_other);
+        }
         self.row_count > 0 || self.cost > 0.0
     }
 
@@ -383,7 +395,7 @@ impl FrameWork {
     /// Evaluates a frame with all its rows from a plane that is nearly the best: Gauss–Newton on the whole frame, until the next
     /// step would gain next to nothing; the cost is that after it. False where the plane was not near.
     fn evaluate_nearby(&mut self, problem: &Problem, task: &Task<'_>, data: &FrameData) -> bool {
-        for _ in 0..NEARBY_STEPS {
+        for _ in 0..SOLVER.nearby_steps {
             self.rows.clear();
             self.optics.clear();
             self.free.clear();
@@ -391,9 +403,10 @@ impl FrameWork {
             self.board_excess = 0.0;
             self.observe_board(problem, task, data);
             let counted: f64 = self.rows.iter().map(|r| (r.scale * task.noise.corner_px).powi(2)).sum();
-            if counted < LEAST_CORNERS_COUNTED * self.rows.len() as f64 {
+            if counted < SOLVER.least_corners_counted * self.rows.len() as f64 {
                 return false;
             }
+            let corners = self.rows.len();
             self.observe(problem, task, data, true);
             let g: Matrix3<f64> = self.rows.iter().map(|r| r.plane.tr_mul(&r.plane)).sum();
             let Some(inverse) = g.cholesky().and_then(|c| c.l().try_inverse()) else { return false };
@@ -401,11 +414,14 @@ impl FrameWork {
             self.collect_residual(Vector3::zeros());
             let projected = self.projected_residual();
             let gain = projected.norm_squared();
-            if gain < LAST_PLANE_GAIN {
+            if gain < SOLVER.last_plane_gain {
                 self.cost -= gain;
+                if let Some(eye) = task.eye.filter(|_| task.condensed && corners > 0) {
+                    self.condense(problem, eye, corners);
+                }
                 return true;
             }
-            if !(gain < NEARBY_GAIN) {
+            if !(gain < SOLVER.nearby_gain) {
                 return false;
             }
             self.foot = self.best_foot();

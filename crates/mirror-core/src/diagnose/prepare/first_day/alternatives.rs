@@ -5,6 +5,7 @@ use super::mistake::{LateKind, Mistake};
 use super::variant::{Variant, seen_joints};
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::problem::{Observation, Problem, Seen};
+use crate::diagnose::principles::{FEWEST_FRAMES, FEWEST_POSTURES};
 use core::f64::consts::{PI, TAU};
 
 /// What a column of another unit must be multiplied by: degrees, half turns, turns, tenths and hundredths of a degree, ticks of
@@ -22,9 +23,6 @@ const LATE_PARTS: usize = 10;
 const WORTH_A_PART: f64 = 0.05;
 /// Rows by which a measurement may have slipped.
 const SLIPPED_ROWS: i64 = 6;
-/// A run of fewer rows, or of fewer postures, is none.
-const SHORTEST_RUN: usize = 6;
-const FEWEST_POSTURES: usize = 3;
 /// A frame whose loss falls by this was seen with another label, or at another row.
 const CLEAR: f64 = 1.5;
 /// A share of the frames that is all of them.
@@ -172,7 +170,7 @@ impl<'a> Session<'a> {
             Mistake::Rows { first: 0, last: count - 1, shift }.on_variant(&mut shifted);
             let other = self.frame_losses(&shifted);
             let gains: Vec<f64> = own.iter().zip(&other).map(|(a, b)| a.0 - b.0).collect();
-            if let Some((first, last)) = best_run(&gains).filter(|(a, b)| b - a + 1 >= SHORTEST_RUN) {
+            if let Some((first, last)) = best_run(&gains).filter(|(a, b)| b - a + 1 >= FEWEST_FRAMES) {
                 let all = (last + 1 - first) as f64 >= NEARLY_ALL * count as f64;
                 if all && shift > 0 {
                     continue;
@@ -211,7 +209,7 @@ impl<'a> Session<'a> {
                 held.positions[first..].iter_mut().for_each(|row| row[joint] = position);
                 let other = self.frame_losses_from(&held, first);
                 let gains: Vec<f64> = (first..own.len()).map(|f| own[f].0 - other[f - first]).collect();
-                let Some((a, b)) = best_run(&gains).filter(|(a, b)| b - a + 1 >= SHORTEST_RUN) else {
+                let Some((a, b)) = best_run(&gains).filter(|(a, b)| b - a + 1 >= FEWEST_FRAMES) else {
                     continue;
                 };
                 let gain: f64 = gains[a..=b].iter().sum();
@@ -251,7 +249,7 @@ impl<'a> Session<'a> {
             let last = f - 1;
             let mut others: Vec<&Vec<f64>> = variant.positions[first..=last].iter().collect();
             others.dedup();
-            if others.len() >= FEWEST_POSTURES && last + 1 - first >= SHORTEST_RUN {
+            if others.len() >= FEWEST_POSTURES && last + 1 - first >= FEWEST_FRAMES {
                 out.push((first, last));
             }
             first = f;

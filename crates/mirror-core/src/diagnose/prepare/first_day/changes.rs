@@ -13,25 +13,21 @@ use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::frame::{FrameWork, PROJECTED, Task};
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::model::slips::{Slip, Slipped};
+use crate::diagnose::model::solver::SOLVER;
+use crate::diagnose::principles::{BEYOND_DOUBT, FEWEST_FRAMES};
 use crate::error::Result;
 use core::ops::Range;
 use nalgebra::{DMatrix, DVector, Vector6};
 use rayon::prelude::*;
 
-/// Fewer frames on one side of a slip do not show it.
-const FEWEST_FRAMES: usize = 6;
 /// A gap this many times the noise is worth the look.
 const A_GAP: f64 = 1.15;
 /// χ² that a displacement from a row on must gain, of so many rows and places that are tried.
 const LEAST_GAIN: f64 = 80.0;
 /// Half of the observations must be within so many times the noise with the slip.
 const ABOUT_RIGHT: f64 = 1.5;
-/// Log marginal likelihood that it must gain over small errors.
-const LEAST_LOG_ODDS: f64 = 30.0;
 /// How far something may slip, rad and m: one standard deviation.
 const SLIP_STD: f64 = 0.05;
-/// Steps of differences, rad and m.
-const STEP: f64 = 1e-5;
 /// Rounds at most in which displacement and small errors are found in turn, until what is found more is within chance (in χ²).
 const ROUNDS: usize = 8;
 const WITHIN_CHANCE: f64 = 4.0;
@@ -89,7 +85,7 @@ pub(super) fn find(problem: &Problem, frames: &[usize], least: Noise) -> Result<
             continue;
         }
         let odds = fit.log_evidence(noise)? - alone;
-        if odds > found.as_ref().map_or(LEAST_LOG_ODDS, |f| f.0) {
+        if odds > found.as_ref().map_or(BEYOND_DOUBT, |f| f.0) {
             found = Some((odds, best));
         }
     }
@@ -297,7 +293,7 @@ fn moved(problem: &Problem, deformation: &Deformation, noise: Noise, what: Slipp
     for k in 0..6 {
         let mut step = problem.clone();
         let mut motion = Vector6::zeros();
-        motion[k] = STEP;
+        motion[k] = SOLVER.difference;
         step.slips.push(Slip { what, first: 0, motion });
         step.fit_boards()?;
         columns.push(residuals(&step, deformation, noise)?);
@@ -312,7 +308,7 @@ fn moved(problem: &Problem, deformation: &Deformation, noise: Noise, what: Slipp
             // Residuals are seen less predicted: a column is minus their change.
             let by: Vec<Vec<f64>> = columns
                 .iter()
-                .map(|c| c[f].iter().zip(&base[f]).map(|(a, b)| (b - a) / STEP).collect())
+                .map(|c| c[f].iter().zip(&base[f]).map(|(a, b)| (b - a) / SOLVER.difference).collect())
                 .collect();
             let square: f64 = base[f].iter().map(|r| r * r).sum();
             let weight = 1.0 / (1.0 + square / (rows as f64 * FAR * FAR));

@@ -14,6 +14,7 @@ use crate::diagnose::model::pose::Pose;
 use crate::diagnose::model::problem::{Observation, Problem, Seen};
 use crate::error::Result;
 use nalgebra::{Matrix3, Point3, Vector3};
+use std::sync::Mutex;
 
 /// What a set-up by hand and small causes leave, as a share of the reach; and its bounds, m.
 const USUAL_SHARE: f64 = 0.03;
@@ -22,6 +23,11 @@ const USUAL_BOUNDS_M: (f64, f64) = (0.006, 0.03);
 const NOT_PREDICTED_M: f64 = 1.0;
 /// Rounds in which the frame of the measured points and unknown mounts are found beside each other.
 const ROUNDS: usize = 4;
+/// Mirrors that are remembered of a frame: chains of mistakes ask for the same positions between camera and board again and again.
+const MOST_REMEMBERED: usize = 64;
+
+/// Positions between camera and board, and where the mirror then is.
+type Remembered = Vec<(Vec<f64>, Option<Vector3<f64>>)>;
 
 /// The distance of one observation, m.
 #[derive(Debug, Clone, Copy)]
@@ -37,6 +43,8 @@ pub(super) struct Misfit<'a> {
     still: Deformation,
     /// The mirrors as the boards show them at the recorded positions.
     feet: Vec<Option<Vector3<f64>>>,
+    /// Of each frame, the mirrors at other positions.
+    at_others: Vec<Mutex<Remembered>>,
     /// Size of usual errors, m.
     pub usual_m: f64,
 }
@@ -52,6 +60,7 @@ impl<'a> Misfit<'a> {
             eye: problem.eye(&problem.nominal())?,
             still: Deformation::nominal(1, problem.scene.nodes(), problem.marker_sites.len()),
             feet: problem.boards.iter().map(|b| b.map(|b| b.foot)).collect(),
+            at_others: problem.boards.iter().map(|_| Mutex::default()).collect(),
             usual_m: (USUAL_SHARE * reach).clamp(USUAL_BOUNDS_M.0, USUAL_BOUNDS_M.1),
             problem,
         })
@@ -157,21 +166,29 @@ impl<'a> Misfit<'a> {
     fn foot(&self, work: &mut Work, variant: &Variant, frame: usize) -> Option<Vector3<f64>> {
         let known = self.feet[frame]?;
         let scene = &self.problem.scene;
-        let moved = self
-            .problem
-            .between_camera_and_board
-            .iter()
-            .any(|&n| (variant.node(&scene.body, frame, n) - scene.q(frame, n)).abs() > 1e-9);
-        if !moved {
+        let between = &self.problem.between_camera_and_board;
+        let changes: Vec<f64> =
+            between.iter().map(|&n| variant.node(&scene.body, frame, n) - scene.q(frame, n)).collect();
+        if changes.iter().all(|change| change.abs() <= 1e-9) {
             return Some(known);
         }
-        let deformation = work.moved.get_or_insert_with(|| self.problem.nominal());
-        for &n in &self.problem.between_camera_and_board {
-            let change =
-                variant.node(&scene.body, frame, n) - scene.q(frame, n) - deformation.joint_delta(frame, n);
-            deformation.add_joint_delta(frame, n, change);
+        if let Ok(remembered) = self.at_others[frame].lock()
+            && let Some((_, foot)) = remembered.iter().find(|(at, _)| *at == changes)
+        {
+            return *foot;
         }
-        work.frame.fit_board(self.problem, deformation, self.eye.as_ref(), frame, None).map(|fit| fit.foot)
+        let deformation = work.moved.get_or_insert_with(|| self.problem.nominal());
+        for (&n, change) in between.iter().zip(&changes) {
+            deformation.add_joint_delta(frame, n, change - deformation.joint_delta(frame, n));
+        }
+        let fit = work.frame.fit_board(self.problem, deformation, self.eye.as_ref(), frame, None);
+        let foot = fit.map(|fit| fit.foot);
+        if let Ok(mut remembered) = self.at_others[frame].lock()
+            && remembered.len() < MOST_REMEMBERED
+        {
+            remembered.push((changes, foot));
+        }
+        foot
     }
 
     /// As [`Misfit::distances`], while the frame of the measured points and unknown mounts are found robustly beside.
@@ -236,7 +253,7 @@ impl Work {
         Self {
             poses: NodePoses::new(nodes),
             positions: vec![0.0; nodes],
-            frame: FrameWork::new(problem),
+            frame: FrameWork::rough(problem),
             moved: None,
         }
     }

@@ -29,6 +29,7 @@ use crate::diagnose::data::recording::Recording;
 use crate::diagnose::likelihood::probability::{against, tempered};
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::prepare::boards::leave_out_wrong_grids;
+use crate::diagnose::principles::BEYOND_DOUBT;
 use crate::error::Result;
 use crate::robot::Robot;
 use alternatives::Session;
@@ -54,8 +55,6 @@ const VERIFIED: usize = 3;
 /// Slips at once, and the frames on which small errors are fitted beside them.
 const MOST_SLIPS: usize = 2;
 const FRAMES_OF_SLIPS: usize = 100;
-/// A mistake must gain this log marginal likelihood over small errors.
-const LEAST_LOG_ODDS: f64 = 30.0;
 
 /// The session with its mistakes undone.
 pub(crate) struct Undone {
@@ -154,11 +153,11 @@ impl Undone {
         mistake.undo(&mut self.robot, &self.problem, &mut self.recording)?;
         let sites = (self.problem.marker_sites.clone(), self.problem.marker_mounts.clone());
         let slips = core::mem::take(&mut self.problem.slips);
-        let cancel = self.problem.cancel.clone();
+        let (cancel, budget) = (self.problem.cancel.clone(), self.problem.budget.clone());
         self.problem = Problem::new(&self.robot, &self.recording)?;
         (self.problem.marker_sites, self.problem.marker_mounts) = sites;
         leave_out_wrong_grids(&mut self.problem);
-        self.problem.cancel = cancel;
+        (self.problem.cancel, self.problem.budget) = (cancel, budget);
         self.problem.slips = slips;
         if !self.problem.slips.is_empty() {
             self.problem.fit_boards()?;
@@ -293,7 +292,7 @@ fn verified(
         .iter_mut()
         .map(|f| f.as_mut().ok().and_then(|f| f.log_evidence(noise).ok()).unwrap_or(f64::NEG_INFINITY))
         .collect();
-    let prior = |c: &Chain| -LEAST_LOG_ODDS * c.mistakes.len() as f64;
+    let prior = |c: &Chain| -BEYOND_DOUBT * c.mistakes.len() as f64;
     let best = (0..tried.len())
         .max_by(|&a, &b| (values[a] + prior(&tried[a])).total_cmp(&(values[b] + prior(&tried[b]))));
     for (chain, value) in tried.iter().zip(&values) {
@@ -342,6 +341,7 @@ impl Chain {
         let mut problem = Problem::new(&robot, &recording)?;
         problem.noise = session.problem.noise;
         problem.cancel = session.problem.cancel.clone();
+        problem.budget = session.problem.budget.clone();
         problem.marker_sites.clone_from(&session.problem.marker_sites);
         problem.marker_mounts.clone_from(&session.problem.marker_mounts);
         for mistake in &self.mistakes {

@@ -10,6 +10,7 @@ use super::verify::{Tolerant, smaller};
 use crate::cancel::Cancel;
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::model::problem::Problem;
+use crate::diagnose::principles::BEYOND_DOUBT;
 use crate::error::Result;
 use crate::robot::Robot;
 use nalgebra::Vector2;
@@ -72,7 +73,7 @@ pub(super) fn find(
     }
     let Some((_, mistake)) = best else { return Ok(None) };
     let odds = log_odds(robot, &few, &problem, &mistake)?;
-    Ok((odds > super::LEAST_LOG_ODDS).then_some((mistake, odds)))
+    Ok((odds > BEYOND_DOUBT).then_some((mistake, odds)))
 }
 
 /// Log odds of a mistake against small errors, these free beside it as well, on the frames in which either can be; infinite where

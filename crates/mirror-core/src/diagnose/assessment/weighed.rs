@@ -1,0 +1,74 @@
+//! What was found, weighed: causes that do not help on held-out regions are dropped, improbable ones give way, the remainder is tested
+//! against the noise.
+
+use crate::diagnose::assessment::findings::Findings;
+use crate::diagnose::assessment::noise_floor::{is_no_noise, is_reached};
+use crate::diagnose::criteria::cross_validation::in_sample;
+use crate::diagnose::criteria::lack_of_fit::adequacy;
+use crate::diagnose::effects::hypothesis::Model;
+use crate::diagnose::model::solver::SOLVER;
+use crate::diagnose::prepare::prepared::Prepared;
+use crate::diagnose::selection::alternatives::settled;
+use crate::diagnose::selection::beyond::Beyond;
+use crate::diagnose::selection::nonparametric::{Unexplained, unexplained};
+use crate::diagnose::selection::search::{Found, Search};
+use crate::diagnose::selection::simplify::{comes_down, drop_useless, gaps, named_in_vain, without_names};
+use crate::error::Result;
+
+/// Weighs what was found, without the observations that the best model shows to be false.
+///
+/// # Errors
+/// A camera or mirror that cannot be.
+pub(crate) fn weighed<'a>(
+    (mut search, mut found): (Search<'a>, Found),
+    beyond: Beyond,
+    nominal: &Model,
+    prepared: &Prepared,
+) -> Result<Findings<'a>> {
+    let Beyond { mut geometry, restless, clean, false_share } = beyond;
+    search.problem = clean;
+    let (nominal_gap, mut after) = gaps(&search, nominal, &found)?;
+    drop_useless(&mut search, &mut found, &mut after, geometry.as_ref())?;
+    comes_down(&search, &mut found, &mut after)?;
+    let mut standings = settled(&search, &mut found, &mut after)?;
+    let free = found.fit.model.terms.iter().any(|t| search.catalogue.is_free(t.hypothesis));
+    let left = adequacy(&search.problem, &search.deformation(&found.fit.model), search.measured_noise)?;
+    // Where the named causes reach the floor, a remainder of no structure is the noise's tails.
+    let reached = found.fit.model.explains() && !free && is_reached(&search, &found.fit, &after)?;
+    let unexplained = match restless {
+        Some(node) => Some(Unexplained::restless(node)),
+        None => unexplained(&search, &found, &left, reached)?,
+    };
+    // Nothing agrees with views that disagree among themselves.
+    let loud = is_no_noise(search.measured_noise, prepared.stated).then(Unexplained::anywhere);
+    let unexplained = unexplained.or(loud);
+    if free {
+        after = without_names(&search, &mut found, &mut standings)?;
+    }
+    if named_in_vain(&search, &found, &nominal_gap, &after) {
+        found.trace.push("no cause is named: together they leave the held-out gap no smaller".into());
+        found.fit = search.fit(nominal, found.noise, SOLVER.loose_steps)?;
+        (geometry, after) = (None, nominal_gap.clone());
+        standings.clear();
+    }
+    let before = if prepared.mistakes().is_empty() {
+        nominal_gap
+    } else {
+        // The nominal model is that of the session as it was given.
+        let given = &prepared.given;
+        in_sample(given, &given.nominal(), search.measured_noise)?
+    };
+    found.trace.splice(0..0, prepared.trace().iter().cloned());
+    Ok(Findings {
+        search,
+        found,
+        geometry,
+        slip: prepared.slip,
+        before,
+        after,
+        unexplained,
+        false_share,
+        standings,
+        mistakes: prepared.mistakes().to_vec(),
+    })
+}

@@ -1,0 +1,120 @@
+//! The board's corners of a frame as a few rows that have the same products.
+//!
+//! A board shows a hundred rows, yet all that moves them is few: the board's motion against the camera (six numbers), the
+//! optics, the mirror's plane. With B these columns and P the plane's, all weighted, and `[B P]ᵀ[B P] = RᵀR` (Cholesky, columns
+//! that depend on those before left out), the rows of R have the same products with each other as those of `[B P]`, and
+//! `R⁻ᵀ[B P]ᵀr` stands for the residual r: normal equations are the same, of a dozen rows instead of a hundred.
+
+use super::products::{PROJECTED, Table, stride};
+use crate::diagnose::model::elementary::Twist;
+use crate::diagnose::model::solver::SOLVER;
+use nalgebra::Vector3;
+
+/// Numbers of the board's motion: a turn and a shift.
+pub(super) const MOTION: usize = 6;
+/// Columns by the optics, as in `OpticsColumns`: the camera's mount moves the board against the camera, the others are
+/// columns of their own.
+pub(super) const MOUNT: usize = 6;
+pub(super) const OPTICS: usize = 13 - MOUNT;
+
+/// The condensed corners of a frame; none where `corners` is 0.
+#[derive(Debug, Default)]
+pub(super) struct Condensed {
+    /// How many of the frame's observations these rows stand for: the first ones.
+    pub corners: usize,
+    /// How many rows they are.
+    pub rank: usize,
+    /// How many of them the board's motion moves: the first ones.
+    pub(super) of_motion: usize,
+    /// R, row by row: motion, optics, free-form errors, plane, residual.
+    pub(super) factor: Vec<f64>,
+    pub(super) columns: usize,
+    pub(super) free_from: usize,
+    /// The point that the board turns about in the motion's columns, in the world.
+    pub(super) about: Vector3<f64>,
+    /// How the board moves against the camera with each parameter of the camera's mount.
+    pub(super) by_mount: Option<[Twist; MOUNT]>,
+    pub(super) table: Table,
+    pub(super) gram: Vec<f64>,
+}
+
+impl Condensed {
+    fn row(&self, row: usize) -> &[f64] {
+        &self.factor[row * self.columns..(row + 1) * self.columns]
+    }
+
+    /// The rows of a column that moves the board by a twist; how many of them are not 0.
+    pub fn by_twist(&self, twist: &Twist, sign: f64, out: &mut [f64]) -> usize {
+        let turn = twist.omega * sign;
+        let shift = (twist.omega.cross(&self.about) + twist.shift) * sign;
+        let by = [turn.x, turn.y, turn.z, shift.x, shift.y, shift.z];
+        for (row, out) in out[..self.of_motion].iter_mut().enumerate() {
+            *out = self.row(row)[..MOTION].iter().zip(by).map(|(a, b)| a * b).sum();
+        }
+        self.of_motion
+    }
+
+    /// The rows of a column by the optics.
+    pub fn by_optics(&self, column: usize, out: &mut [f64]) -> usize {
+        match &self.by_mount {
+            Some(by_mount) if column < MOUNT => self.by_twist(&by_mount[column], 1.0, out),
+            _ => self.copy(MOTION + column - MOUNT, out),
+        }
+    }
+
+    /// The rows of a column by a free-form error.
+    pub fn by_free(&self, column: usize, out: &mut [f64]) -> usize {
+        self.copy(self.free_from + column, out)
+    }
+
+    fn copy(&self, column: usize, out: &mut [f64]) -> usize {
+        for (row, out) in out[..self.rank].iter_mut().enumerate() {
+            *out = self.row(row)[column];
+        }
+        self.rank
+    }
+
+    /// The rows' part of a product with the plane's columns, `Pᵀx`.
+    pub fn plane_of(&self, x: &[f64]) -> Vector3<f64> {
+        let first = self.columns - 1 - PROJECTED;
+        let mut out = Vector3::zeros();
+        for (row, x) in x[..self.rank].iter().enumerate() {
+            let plane = &self.row(row)[first..first + PROJECTED];
+            out += Vector3::new(plane[0], plane[1], plane[2]) * *x;
+        }
+        out
+    }
+
+    /// R's rows by the products of all columns with each other.
+    pub(super) fn factorise(&mut self) {
+        let (m, wide) = (self.columns, stride(self.columns));
+        self.factor.clear();
+        self.rank = 0;
+        for k in 0..m - 1 {
+            if k == MOTION {
+                self.of_motion = self.rank;
+            }
+            // What is left of the products with column k once the rows above are taken out.
+            let at = self.factor.len();
+            self.factor.resize(at + m, 0.0);
+            let (above, next) = self.factor.split_at_mut(at);
+            for (j, next) in next.iter_mut().enumerate().skip(k) {
+                *next = self.gram[j * wide + k];
+            }
+            for row in above.chunks_exact(m) {
+                let share = row[k];
+                if share != 0.0 {
+                    next[k..].iter_mut().zip(&row[k..]).for_each(|(n, r)| *n -= share * r);
+                }
+            }
+            // Written so that NaN is left out.
+            if next[k] > SOLVER.dependent * self.gram[k * wide + k] {
+                let root = next[k].sqrt();
+                next[k..].iter_mut().for_each(|n| *n /= root);
+                self.rank += 1;
+            } else {
+                self.factor.truncate(at);
+            }
+        }
+    }
+}

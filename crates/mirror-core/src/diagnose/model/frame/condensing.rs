@@ -1,0 +1,71 @@
+//! The corners of an evaluated frame, condensed.
+
+use super::condensed::{MOTION, MOUNT, OPTICS};
+use super::products::{PROJECTED, add_products, stride};
+use super::work::{FrameWork, Rows};
+use crate::diagnose::model::camera_and_mirror::Eye;
+use crate::diagnose::model::elementary::Twist;
+use crate::diagnose::model::free_values::FREE_OPTICS;
+use crate::diagnose::model::problem::Problem;
+use nalgebra::Vector3;
+
+impl FrameWork {
+    /// Condenses the first `corners` observations, which are the board's corners, and the residual with them.
+    pub(super) fn condense(&mut self, problem: &Problem, eye: &Eye, corners: usize) {
+        let world_from_camera = self.camera_from_world(problem, eye).inverse();
+        let rows: &[Rows] = &self.rows[..corners];
+        let condensed = &mut self.condensed;
+        condensed.corners = corners;
+        let (optics, free) = (rows.iter().all(|r| r.optics.is_some()), rows.iter().all(|r| r.free.is_some()));
+        condensed.by_mount = optics.then(|| {
+            // p ↦ Exp(ω)ᵀ(p − v): by ω p × J_r e, by v −Exp(ω)ᵀ e.
+            core::array::from_fn(|k| match k.checked_sub(3) {
+                None => {
+                    let turn = -(world_from_camera.r * eye.mount_jacobian.column(k));
+                    Twist::about(&world_from_camera.t, turn)
+                }
+                Some(k) => Twist::along(-(world_from_camera.r * eye.camera_from_mount.r.column(k))),
+            })
+        });
+        condensed.free_from = MOTION + if optics { OPTICS } else { 0 };
+        let plane_from = condensed.free_from + if free { FREE_OPTICS } else { 0 };
+        let m = plane_from + PROJECTED + 1;
+        condensed.columns = m;
+        condensed.about = rows[0].point;
+        condensed.table.clear_rows(m, 2 * corners);
+        for (i, row) in rows.iter().enumerate() {
+            let arm = row.point - condensed.about;
+            for c in 0..2 {
+                let out = condensed.table.row_mut(2 * i + c);
+                let by = Vector3::new(row.by_world[(c, 0)], row.by_world[(c, 1)], row.by_world[(c, 2)]);
+                let turn = arm.cross(&by);
+                for k in 0..3 {
+                    out[k] = turn[k];
+                    out[3 + k] = by[k];
+                    out[plane_from + k] = row.plane[(c, k)];
+                }
+                if let Some(by_optics) = row.optics.filter(|_| optics).and_then(|o| self.optics.get(o)) {
+                    for k in 0..OPTICS {
+                        out[MOTION + k] = by_optics[(c, MOUNT + k)];
+                    }
+                }
+                if let Some(by_free) = row.free.filter(|_| free).and_then(|f| self.free.get(f)) {
+                    for k in 0..FREE_OPTICS {
+                        out[condensed.free_from + k] = by_free[(c, k)];
+                    }
+                }
+                out[m - 1] = row.residual[c];
+            }
+        }
+        condensed.gram.clear();
+        condensed.gram.resize(m * stride(m), 0.0);
+        add_products(&condensed.table, &condensed.table, true, &mut condensed.gram);
+        condensed.factorise();
+        let rank = condensed.rank;
+        let others = self.residual[2 * corners..].to_vec();
+        self.residual.clear();
+        self.residual.extend((0..rank).map(|row| condensed.factor[row * m + m - 1]));
+        self.residual.extend(others);
+        self.row_count = self.row_count - 2 * corners + rank;
+    }
+}

@@ -1,0 +1,74 @@
+//! Options of the solvers: steps and tolerances. None of them decides anything: with more steps or finer tolerances results move by less
+//! than their noise.
+
+/// Steps and tolerances of all solvers of the diagnosis.
+pub(crate) struct Solver {
+    /// Gauss–Newton steps for a board's plane; it starts within millimetres and converges quadratically.
+    pub board_steps: usize,
+    /// Share of a board's χ² below which a further step's gain does not matter.
+    pub board_gain: f64,
+    /// Steps, and how many of the corners are used, where the plane need only be known to a share of the markers' distances.
+    pub rough_board_steps: usize,
+    pub rough_corners: usize,
+    /// Steps that a plane takes from the board's own optimum to that of the whole frame: a tiny way.
+    pub plane_steps: usize,
+    /// A plane from nearby is good where the next step would gain less than this (in −2 log likelihood),
+    pub last_plane_gain: f64,
+    /// and is not near where it would gain more than this, or after so many steps, or where a smaller share of the board's corners counts:
+    /// from there good corners look false, weigh nothing and would never draw it back.
+    pub nearby_gain: f64,
+    pub nearby_steps: usize,
+    pub least_corners_counted: f64,
+    /// A condensed column of which less than this share (squared) is not in those before it depends on them to the last digits.
+    pub dependent: f64,
+    /// A step of a model's fit that gains less than this (in −2 log likelihood) is taken without looking at its result: what it leaves is of
+    /// second order, and log evidence need not be known better than to a hundredth.
+    pub last_gain: f64,
+    /// The linear model foretells what a fit will gain to within this factor: one that would not reach what it must with so much is given
+    /// up.
+    pub most_hoped: f64,
+    /// Gauss–Newton steps of a candidate, and of the model that is kept.
+    pub candidate_steps: usize,
+    pub final_steps: usize,
+    /// Steps of a fit that only follows a change of noise or spreads.
+    pub loose_steps: usize,
+    /// Loads and postures are taken in turn this often: each turn leaves the share by which the droop changes the load.
+    pub load_steps: usize,
+    /// Rounds in which two things that depend on each other are found in turn: values and spreads, noise and causes, displacement and
+    /// small errors.
+    pub rounds: usize,
+    /// Steps of the spreads at one linear model; by no more than this factor each.
+    pub spread_steps: usize,
+    pub largest_spread_step: f64,
+    /// Spreads that changed by less than this (log) are settled.
+    pub spreads_settled: f64,
+    /// Rounds of the clustering of postures.
+    pub cluster_rounds: usize,
+    /// Step of differences, rad and m.
+    pub difference: f64,
+}
+
+pub(crate) const SOLVER: Solver = Solver {
+    board_steps: 12,
+    board_gain: 1e-4,
+    rough_board_steps: 5,
+    rough_corners: 16,
+    plane_steps: 2,
+    last_plane_gain: 0.01,
+    nearby_gain: 30.0,
+    nearby_steps: 4,
+    least_corners_counted: 0.8,
+    dependent: 1e-15,
+    last_gain: 0.02,
+    most_hoped: 3.0,
+    candidate_steps: 4,
+    final_steps: 12,
+    loose_steps: 6,
+    load_steps: 2,
+    rounds: 3,
+    spread_steps: 25,
+    largest_spread_step: 3.0,
+    spreads_settled: 0.05,
+    cluster_rounds: 25,
+    difference: 1e-5,
+};

@@ -1,0 +1,86 @@
+//! A session ready for the search: whole mistakes undone, the noise known, slipped rows left out.
+
+use super::boards::leave_out_wrong_grids;
+use super::first_day::{self, Undone};
+use super::options::DiagnoseOptions;
+use super::row_slip::{self, Slip};
+use crate::diagnose::data::diagnosis::{Cause, LeftOut};
+use crate::diagnose::data::recording::Recording;
+use crate::diagnose::likelihood::noise;
+use crate::diagnose::model::problem::{Noise, Problem};
+use crate::error::Result;
+use crate::robot::Robot;
+
+/// A session ready for the search.
+pub(crate) struct Prepared {
+    /// As it was given.
+    pub given: Problem,
+    /// With its mistakes undone.
+    pub arranged: Problem,
+    /// The same without slipped rows, at the noise that the data show.
+    pub problem: Problem,
+    /// The noise that the session states.
+    pub stated: Noise,
+    pub slip: Option<Slip>,
+    pub left_out: Vec<LeftOut>,
+    undone: Option<Undone>,
+}
+
+impl Prepared {
+    /// Prepares a session.
+    ///
+    /// # Errors
+    /// A recording that is not valid, links that do not exist, a camera that cannot be.
+    pub fn new(robot: &Robot, recording: &Recording, options: &DiagnoseOptions) -> Result<Self> {
+        let mut problem = Problem::new(robot, recording)?;
+        problem.cancel = options.cancel.clone();
+        problem.progress = options.progress.clone();
+        let stated = problem.noise;
+        let mut left_out = leave_out_wrong_grids(&mut problem);
+        let given = problem.clone();
+        let undone = first_day::undone(robot, recording, &problem, &options.without)?;
+        if let Some(undone) = &undone {
+            problem = undone.problem.clone();
+            problem.cancel = given.cancel.clone();
+            problem.budget = given.budget.clone();
+            problem.progress = given.progress.clone();
+            options.progress.tell_mistakes(&undone.told);
+            leave_out_wrong_grids(&mut problem);
+            left_out.extend(undone.left_out.iter().cloned());
+        }
+        let arranged = problem.clone();
+        let nominal = problem.nominal();
+        problem.noise = noise::estimate(&problem, &nominal, stated)?;
+        let slip = if options.allows("pairing") {
+            let scatter = noise::effective(&problem, &nominal, problem.noise, None)?;
+            row_slip::find(&problem, scatter)?
+        } else {
+            None
+        };
+        if let Some(slip) = &slip {
+            problem.leave_out(slip.first..=slip.last);
+            problem.noise = noise::estimate(&problem, &nominal, stated)?;
+        }
+        Ok(Self { given, arranged, problem, stated, slip, left_out, undone })
+    }
+
+    /// The robot with its mistakes undone.
+    pub fn robot<'a>(&'a self, given: &'a Robot) -> &'a Robot {
+        self.undone.as_ref().map_or(given, |u| &u.robot)
+    }
+
+    /// The recording with its mistakes undone.
+    pub fn recording<'a>(&'a self, given: &'a Recording) -> &'a Recording {
+        self.undone.as_ref().map_or(given, |u| &u.recording)
+    }
+
+    /// Whole mistakes of model or log.
+    pub fn mistakes(&self) -> &[Cause] {
+        self.undone.as_ref().map_or(&[], |u| &u.told)
+    }
+
+    /// How they were found, a line a step.
+    pub fn trace(&self) -> &[String] {
+        self.undone.as_ref().map_or(&[], |u| &u.trace)
+    }
+}

@@ -1,0 +1,33 @@
+//! Where the data do not carry the verdict that the search came to: too few, too much false, or the search not at its end.
+
+use crate::diagnose::assessment::evidence;
+use crate::diagnose::assessment::findings::Findings;
+use crate::diagnose::data::diagnosis::{Diagnosis, Verdict};
+
+/// Takes a verdict back that the counted data do not carry.
+pub(crate) fn reserve(diagnosis: &mut Diagnosis, findings: &Findings<'_>) {
+    if diagnosis.verdict == Verdict::None && evidence::much_is_false(&diagnosis.data) {
+        diagnosis.sentence = evidence::what_is_false(&diagnosis.data);
+        diagnosis.verdict = Verdict::Unknown;
+    }
+    // Where nothing was held out and predicted, nothing is known to agree.
+    if evidence::insufficient(&diagnosis.data)
+        || (diagnosis.verdict == Verdict::None && !diagnosis.gap.is_told())
+    {
+        diagnosis.sentence = evidence::what_is_missing(&diagnosis.data);
+        diagnosis.verdict = Verdict::Insufficient;
+        diagnosis.causes.clear();
+        diagnosis.gap.steps.truncate(1);
+        diagnosis.limits.clear();
+        diagnosis.r#where.clear();
+        diagnosis.signatures.clear();
+        diagnosis.tracks.clear();
+        diagnosis.fields.clear();
+        diagnosis.next_postures.clear();
+    }
+    let budget = &findings.search.problem.budget;
+    diagnosis.trace.push(format!("work: {:.0} % of the limit", 100.0 * budget.share()));
+    if budget.is_spent() && matches!(diagnosis.verdict, Verdict::Partial | Verdict::Unknown) {
+        diagnosis.sentence += " The search ended at its limit of work: causes may be missing.";
+    }
+}

@@ -1,0 +1,79 @@
+//! Beyond single causes: free-form errors beside the vocabulary where there is reason for doubt, a joint that rests elsewhere each time,
+//! many small errors where a remainder or many causes are left.
+
+use crate::diagnose::criteria::lack_of_fit::adequacy;
+use crate::diagnose::effects::hypothesis::{Catalogue, Model};
+use crate::diagnose::model::body::NodeId;
+use crate::diagnose::model::problem::Problem;
+use crate::diagnose::prepare::false_observations::{MANY_FALSE, without_false};
+use crate::diagnose::random_effects::geometric_tolerances::Geometry;
+use crate::diagnose::selection::law_remainder::{MANY_CAUSES, only_their_laws};
+use crate::diagnose::selection::nonparametric::{beside_free_forms, is_suspicious, retract_imitators};
+use crate::diagnose::selection::restless::beside_restless_joint;
+use crate::diagnose::selection::search::{Found, Search};
+use crate::diagnose::selection::with_tolerances::beside_geometry;
+use crate::error::Result;
+
+/// What was seen on the way.
+pub(crate) struct Beyond {
+    /// Small errors everywhere, where they are part of the answer.
+    pub geometry: Option<Geometry>,
+    /// The joint that rests elsewhere each time.
+    pub restless: Option<NodeId>,
+    /// The problem without the observations that the best model shows to be false, and their share.
+    pub clean: Problem,
+    pub false_share: f64,
+}
+
+/// Looks beyond single causes and replaces what was found by what is likelier; `setup` is the set-up that was set free.
+///
+/// # Errors
+/// A camera or mirror that cannot be.
+pub(crate) fn look_beyond<'a>(
+    (search, found): (&mut Search<'a>, &mut Found),
+    all: &'a Catalogue,
+    nominal: &Model,
+    setup: Option<Geometry>,
+    with_geometry: bool,
+) -> Result<Beyond> {
+    let without_false = |search: &Search<'_>, found: &Found| {
+        without_false(&search.problem, &search.deformation(&found.fit.model), found.noise)
+    };
+    let left = |search: &Search<'_>, found: &Found, clean: &Problem| {
+        adequacy(clean, &search.deformation(&found.fit.model), search.measured_noise)
+    };
+    let freed = setup.is_some();
+    let mut geometry = setup;
+    let (mut clean, mut false_share) = without_false(search, found)?;
+    let mut fits_noise = left(search, found, &clean)?;
+    let named = search.clone();
+    let doubtful = fits_noise.significant && !freed;
+    let many_false = false_share > MANY_FALSE;
+    let enough = !fits_noise.significant && !fits_noise.corners_significant && !many_false;
+    if !(freed && enough)
+        && is_suspicious(search, found, all, &fits_noise, many_false)?
+        && let Some((its_search, its_found)) = beside_free_forms(search, found, all, nominal, enough)?
+        && !only_their_laws(search, found, (&its_search, &its_found), all)?
+    {
+        (*search, *found) = (its_search, its_found);
+        retract_imitators(search, found)?;
+        (clean, false_share) = without_false(search, found)?;
+        fits_noise = left(search, found, &clean)?;
+    }
+    let mut restless = None;
+    if doubtful && let Some(beside) = beside_restless_joint(search, found, nominal)? {
+        restless = Some(beside.node);
+        (*search, *found) = (beside.search, beside.found);
+        (clean, false_share) = without_false(search, found)?;
+    }
+    let many = found.fit.model.terms.len() > MANY_CAUSES;
+    if restless.is_none() && with_geometry && (fits_noise.significant || many) {
+        if let Some(beside) = beside_geometry(&named, (search, found), nominal)? {
+            geometry = Some(beside.geometry);
+            (*search, *found) = (beside.search, beside.found);
+        }
+        (clean, false_share) = without_false(search, found)?;
+    }
+    geometry = geometry.filter(|_| !found.fit.model.group.is_empty());
+    Ok(Beyond { geometry, restless, clean, false_share })
+}
