@@ -20,6 +20,8 @@ SAME_COMMAND = 1e-4
 """rad (m): commands of one posture that differ by more are of different postures; text of few digits rounds below it."""
 LONGEST_REACH_M = 50.0
 """Sum of the origins' lengths from the root to a link: beyond it they are in mm."""
+SHORTEST_REACH_M, BOARD_SHARE = 0.005, 0.2
+"""A robot is larger than this, and than this share of the board that it carries."""
 LEAST_PICTURE_PX = 16
 FOCAL_SHARE = (0.1, 100.0)
 """Focal length in widths of the picture: below the first a lens sees 157° and more, fisheyes have 0.3."""
@@ -44,6 +46,9 @@ LEAST_CORNERS = 8
 BENT, MOSTLY = 0.1, 0.8
 """Misfit of a board's corners to a plane's image, as a share of the board's size in the picture: lenses and mirrors bend it by a
 few hundredths. Where this share of the boards is beyond it, the corners' numbers are others."""
+NEARER = 0.5
+"""Light from the board to the camera goes at least straight. A picture of the board that is larger than it would be at this share of the
+straight distance is of a board whose square, or of a camera whose focal length, is in another unit."""
 LEAST_FACING = 0.1
 """Cosine between the board's face and what the camera sees of it in the mirror: both must look at the mirror."""
 
@@ -58,6 +63,8 @@ def check_plausible(session: Session, problems: Problems) -> list[str]:
         warnings += _camera(session)
     with problems.kept():
         _boards(session)
+    with problems.kept():
+        _board_distance(session)
     with problems.kept():
         _postures(session)
     with problems.kept():
@@ -87,6 +94,16 @@ def _reach(session: Session, reach_m: float) -> None:
             session.robot_file.name,
             f"got a reach of {reach_m:g} m from the root to the farthest link, needed at most {LONGEST_REACH_M:g} m: "
             "are the origins in mm?",
+        )
+    board = session.board
+    board_m = float(np.hypot(*board.corners)) * board.square_m if board else 0.0
+    least_m = max(SHORTEST_REACH_M, BOARD_SHARE * board_m)
+    if reach_m < least_m:
+        than = f"a fifth of its board's {board_m:.3g} m" if board_m > 0.0 else "any robot"
+        raise SessionError(
+            session.robot_file.name,
+            f"got a reach of {reach_m:.3g} m from the root to the farthest link, smaller than {than}; needed origins in m: were they divided "
+            "by 1000, or is the board's square in another unit?",
         )
 
 
@@ -284,6 +301,35 @@ def _misfit(flat: Floats, px: Floats) -> float:
         off = image[:, :2] / image[:, 2:] - np.stack([u, v], axis=1)
     rms = float(np.sqrt((off**2).sum(axis=1).mean()))
     return rms if np.isfinite(rms) else np.inf
+
+
+def _board_distance(session: Session) -> None:
+    """No mirror shows the board nearer than it is: the way over the mirror is longer than the straight one.
+
+    A board of size s shows at most f s / d pixels at a distance of d, less where it is turned away.
+    """
+    camera, board, link = session.camera, session.board, session.camera_link
+    seen = session.mirror_view.board_seen
+    rows = np.flatnonzero(seen.sum(axis=1) >= LEAST_CORNERS)
+    if camera is None or board is None or link is None or not len(rows):
+        return
+    poses = session.robot.link_poses(session.positions[rows], [link, board.link])
+    camera_in_world = poses[:, 0, :3, 3]
+    straight_m = np.linalg.norm(poses[:, 1, :3, 3] - camera_in_world, axis=1)
+    spread_px, spread_m = (
+        np.array([np.sqrt(np.var(at[here], axis=0).sum()) for at, here in zip(points, seen[rows], strict=True)])
+        for points in (
+            session.mirror_view.board_px[rows],
+            np.broadcast_to(board.corner_in_board_m, (len(rows), *board.corner_in_board_m.shape)),
+        )
+    )
+    shown_m = max(camera.fx_px, camera.fy_px) * spread_m / np.maximum(spread_px, 1e-9)
+    if np.median(shown_m / np.maximum(straight_m, 1e-9)) < NEARER:
+        raise SessionError(
+            "session.toml",
+            f"in the mirror the board looks {np.median(shown_m):.3g} m away, nearer than the {np.median(straight_m):.3g} m straight from the "
+            f"camera; needed: at least as far. Is its square of {board.square_m:g} m in m, and the camera file that of this camera?",
+        )
 
 
 def _facing(session: Session) -> list[str]:

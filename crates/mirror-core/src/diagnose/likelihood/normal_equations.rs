@@ -221,10 +221,11 @@ impl Scratch {
         sum: &mut Sums,
     ) {
         let Self { work, vector, table } = self;
-        if !work.evaluate(problem, task, frame) {
+        let predicted = work.evaluate(problem, task, frame);
+        sum.cost += work.cost;
+        if !predicted {
             return;
         }
-        sum.cost += work.cost;
         let count = columns.len();
         let with_plane = work.has_plane() && !sum.planes.feet.is_empty();
         if let Some(foot) = sum.planes.feet.last_mut().filter(|_| with_plane) {

@@ -147,7 +147,7 @@ impl Problem {
                 .collect(),
             _ => Vec::new(),
         };
-        let frames = recording
+        let frames: Vec<FrameData> = recording
             .frames
             .iter()
             .map(|frame| {
@@ -176,6 +176,10 @@ impl Problem {
             })
             .collect();
         let pixel_std = recording.pixel_std_px.unwrap_or(0.25);
+        // A set-up that is free: board, camera and markers where they are mounted, and the joints' zeros.
+        let joints = scene.relevant.iter().filter(|r| **r).count();
+        let setup = 12 + 3 * recording.markers.len() + joints;
+        let corners_seen = frames.iter().map(|f| f.corners.len()).sum();
         Ok(Self {
             frames,
             posture: recording.frames.iter().map(|f| f.posture).collect(),
@@ -202,7 +206,7 @@ impl Problem {
             boards: Vec::new(),
             between_camera_and_board,
             cancel: Cancel::default(),
-            budget: WorkBudget::of(recording.frames.len()),
+            budget: WorkBudget::of(recording.frames.len(), corners_seen, setup),
             progress: Progress::default(),
             scene,
         })

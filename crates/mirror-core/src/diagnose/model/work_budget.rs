@@ -6,14 +6,17 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Of a session's frames each, and of so many frames at least; a unit is some five nanoseconds of one core. Sessions of simulators and by
-/// hand mostly end at a fifth to three quarters of it.
-const MOST_A_FRAME: u64 = 12_000_000;
-const FEWEST_FRAMES: usize = 50;
-/// A frame; each corner of its board, where these are rows; each column; each product of two.
+/// As much as so many linearisations of the whole session by a set-up that is free; sessions of simulators and by hand mostly end at a fifth to
+/// three quarters of it.
+const MOST_LINEARISATIONS: u64 = 1200;
+/// Of so many frames at least.
+const FEWEST_FRAMES: usize = 40;
+/// A frame; each corner of its board, where these are rows; each column; each product of two is a half. In some five nanoseconds of one core.
 const FRAME: u64 = 4000;
 const CORNER: u64 = 150;
 const COLUMN: u64 = 30;
+/// A corner that is predicted while a board's mirror is fitted.
+const PREDICTED: u64 = 30;
 
 /// The work of one diagnosis; clones count together.
 #[derive(Debug, Clone)]
@@ -23,16 +26,20 @@ pub(crate) struct WorkBudget {
 }
 
 impl WorkBudget {
-    /// Of a session of so many frames.
-    pub fn of(frames: usize) -> Self {
-        Self { spent: Arc::default(), most: MOST_A_FRAME * frames.max(FEWEST_FRAMES) as u64 }
+    /// Of a session of so many frames, with so many corners of boards in all and so many columns of its set-up.
+    pub fn of(frames: usize, corners: usize, columns: usize) -> Self {
+        let once = linearisation(frames.max(FEWEST_FRAMES), corners, columns);
+        Self { spent: Arc::default(), most: MOST_LINEARISATIONS * once }
     }
 
     /// Counts frames that were linearised by so many columns, with so many corners as rows.
     pub fn spend(&self, frames: usize, corners: usize, columns: usize) {
-        let (frames, corners, columns) = (frames as u64, corners as u64, columns as u64);
-        let work = frames * (FRAME + COLUMN * columns + columns * columns / 2) + corners * CORNER;
-        self.spent.fetch_add(work, Ordering::Relaxed);
+        self.spent.fetch_add(linearisation(frames, corners, columns), Ordering::Relaxed);
+    }
+
+    /// Counts corners that were predicted to fit a board's mirror.
+    pub fn spend_predicted(&self, corners: usize) {
+        self.spent.fetch_add(corners as u64 * PREDICTED, Ordering::Relaxed);
     }
 
     /// Whether nothing further is begun.
@@ -44,4 +51,10 @@ impl WorkBudget {
     pub fn share(&self) -> f64 {
         self.spent.load(Ordering::Relaxed) as f64 / self.most as f64
     }
+}
+
+/// The work of linearising so many frames, with so many corners as rows, by so many columns.
+fn linearisation(frames: usize, corners: usize, columns: usize) -> u64 {
+    let (frames, corners, columns) = (frames as u64, corners as u64, columns as u64);
+    frames * (FRAME + COLUMN * columns + columns * columns / 2) + corners * CORNER
 }

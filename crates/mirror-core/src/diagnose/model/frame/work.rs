@@ -1,6 +1,7 @@
 //! The workspace of one frame: its mirror fitted, its rows evaluated.
 
 use super::condensed::Condensed;
+use super::observe::unpredicted;
 use super::products::PROJECTED;
 use super::sight::{Wanted, mirrored_pixel, start_of_plane};
 use crate::diagnose::model::body::{NodeId, Site};
@@ -215,6 +216,7 @@ impl FrameWork {
             }
             Some((chi2, information, gradient))
         };
+        problem.budget.spend_predicted(points.len());
         let (mut chi2, mut information, mut gradient) = evaluate(&foot)?;
         let mut damping = 1e-6;
         for _ in 0..steps {
@@ -228,6 +230,7 @@ impl FrameWork {
                 foot += step;
                 break;
             }
+            problem.budget.spend_predicted(points.len());
             match evaluate(&(foot + step)) {
                 Some(next) if next.0 <= chi2 => {
                     let done = chi2 - next.0 < 1e-9 * chi2;
@@ -269,8 +272,9 @@ impl FrameWork {
 
     /// Evaluates a frame: after it, [`FrameWork::cost`], [`FrameWork::residual`] and columns can be read.
     ///
-    /// False where the frame shows nothing that the model can predict (no board for its mirror, say), and for all frames of
-    /// a problem that was cancelled.
+    /// False where the frame shows nothing that a model could predict (no board for its mirror, say), and for all frames of
+    /// a problem that was cancelled. Where it is this model that
+    /// predicts nothing of it, the cost is that of false observations: to lose a frame must not pay.
     pub fn evaluate(&mut self, problem: &Problem, task: &Task<'_>, frame: usize) -> bool {
         self.rows.clear();
         self.condensed.corners = 0;
@@ -358,6 +362,11 @@ impl FrameWork {
                 self.cost += fit.chi2_px2 / corner_variance + self.board_excess;
             }
         }
+        // No mirror shows this board: all that was seen in it is as wrong as a false observation.
+        let lost = match task.eye.filter(|_| nominal_board.is_some() && !self.has_plane) {
+            Some(eye) => unpredicted(eye, task, data),
+            None => 0.0,
+        };
         let first_other = self.rows.len();
         self.observe(problem, task, data, true);
         for row in &self.rows[first_other..] {
@@ -366,6 +375,7 @@ impl FrameWork {
         if self.has_plane {
             match g.cholesky().and_then(|c| c.l().try_inverse()) {
                 Some(inverse) => self.plane_inverse_factor = inverse,
+                // Nothing here is likely enough to weigh anything.
                 None => return false,
             }
         }
@@ -373,7 +383,9 @@ impl FrameWork {
         if let Some(eye) = task.eye.filter(|_| task.condensed && first_other > 0) {
             self.condense(problem, eye, first_other);
         }
-        self.row_count > 0 || self.cost > 0.0
+        let predicted = self.row_count > 0 || self.cost > 0.0;
+        self.cost += lost;
+        predicted
     }
 
     /// The residual with its projection on the plane's parameters; `gradient` is that of what has no rows.
