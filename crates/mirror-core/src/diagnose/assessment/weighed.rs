@@ -27,6 +27,7 @@ pub(crate) fn weighed<'a>(
 ) -> Result<Findings<'a>> {
     let Beyond { mut geometry, restless, clean, false_share } = beyond;
     search.problem = clean;
+    let unfinished = search.problem.budget.is_spent();
     let (nominal_gap, mut after) = gaps(&search, nominal, &found)?;
     drop_useless(&mut search, &mut found, &mut after, geometry.as_ref())?;
     comes_down(&search, &mut found, &mut after)?;
@@ -45,8 +46,14 @@ pub(crate) fn weighed<'a>(
     if free {
         after = without_names(&search, &mut found, &mut standings)?;
     }
-    if named_in_vain(&search, &found, &nominal_gap, &after) {
-        found.trace.push("no cause is named: together they leave the held-out gap no smaller".into());
+    // Causes beside a remainder are believed where they were weighed against errors of no name, which a search that was cut off was not.
+    let cut_off = unexplained.is_some() && unfinished;
+    if cut_off || named_in_vain(&search, &found, &nominal_gap, &after) {
+        found.trace.push(if cut_off {
+            "no cause is named: the search for them did not come to its end".into()
+        } else {
+            "no cause is named: together they leave the held-out gap no smaller".into()
+        });
         found.fit = search.fit(nominal, found.noise, SOLVER.loose_steps)?;
         (geometry, after) = (None, nominal_gap.clone());
         standings.clear();

@@ -19,7 +19,8 @@ pub(crate) struct Solver {
     pub nearby_gain: f64,
     pub nearby_steps: usize,
     pub least_corners_counted: f64,
-    /// A condensed column of which less than this share (squared) is not in those before it depends on them to the last digits.
+    /// A condensed column of which less than this share (squared) is not in those before it depends on them to the last digits: rounding is a
+    /// share of some 1e-15 of the columns' squares.
     pub dependent: f64,
     /// A step of a model's fit that gains less than this (in −2 log likelihood) is taken without looking at its result: what it leaves is of
     /// second order, and log evidence need not be known better than to a hundredth.

@@ -9,12 +9,12 @@ use std::sync::atomic::{AtomicU64, Ordering};
 /// As much as so many linearisations of the whole session by a set-up that is free; sessions of simulators and by hand mostly end at a fifth to
 /// three quarters of it.
 const MOST_LINEARISATIONS: u64 = 1200;
-/// Of so many frames at least.
-const FEWEST_FRAMES: usize = 40;
+/// At least: three seconds or so.
+const LEAST: u64 = 650_000_000;
 /// A frame; each corner of its board, where these are rows; each column; each product of two is a half. In some five nanoseconds of one core.
-const FRAME: u64 = 4000;
-const CORNER: u64 = 150;
-const COLUMN: u64 = 30;
+const FRAME: u64 = 600;
+const CORNER: u64 = 200;
+const COLUMN: u64 = 20;
 /// A corner that is predicted while a board's mirror is fitted.
 const PREDICTED: u64 = 30;
 
@@ -28,8 +28,8 @@ pub(crate) struct WorkBudget {
 impl WorkBudget {
     /// Of a session of so many frames, with so many corners of boards in all and so many columns of its set-up.
     pub fn of(frames: usize, corners: usize, columns: usize) -> Self {
-        let once = linearisation(frames.max(FEWEST_FRAMES), corners, columns);
-        Self { spent: Arc::default(), most: MOST_LINEARISATIONS * once }
+        let most = MOST_LINEARISATIONS * linearisation(frames, corners, columns);
+        Self { spent: Arc::default(), most: most.max(LEAST) }
     }
 
     /// Counts frames that were linearised by so many columns, with so many corners as rows.
@@ -57,4 +57,22 @@ impl WorkBudget {
 fn linearisation(frames: usize, corners: usize, columns: usize) -> u64 {
     let (frames, corners, columns) = (frames as u64, corners as u64, columns as u64);
     frames * (FRAME + COLUMN * columns + columns * columns / 2) + corners * CORNER
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn clones_spend_one_budget_and_longer_sessions_have_more() {
+        let budget = WorkBudget::of(200, 200 * 40, 40);
+        let clone = budget.clone();
+        while !clone.is_spent() {
+            clone.spend(200, 200 * 40, 40);
+        }
+        assert!(budget.is_spent() && budget.share() < 1.01);
+        assert_eq!(budget.spent.load(Ordering::Relaxed), MOST_LINEARISATIONS * linearisation(200, 8000, 40));
+        assert!(WorkBudget::of(400, 400 * 40, 40).most == 2 * budget.most);
+        assert!(WorkBudget::of(2, 80, 5).most == LEAST);
+    }
 }

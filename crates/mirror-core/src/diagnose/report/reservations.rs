@@ -28,6 +28,6 @@ pub(crate) fn reserve(diagnosis: &mut Diagnosis, findings: &Findings<'_>) {
     let budget = &findings.search.problem.budget;
     diagnosis.trace.push(format!("work: {:.0} % of the limit", 100.0 * budget.share()));
     if budget.is_spent() && matches!(diagnosis.verdict, Verdict::Partial | Verdict::Unknown) {
-        diagnosis.sentence += " The search ended at its limit of work: causes may be missing.";
+        diagnosis.sentence += " The search ended at its limit of work: a cause may be among those known.";
     }
 }

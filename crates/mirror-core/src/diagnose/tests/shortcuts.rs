@@ -51,6 +51,23 @@ fn planes_from_nearby_give_the_equations_of_planes_from_afar() {
     }
 }
 
+/// A camera that looks elsewhere finds no board in any mirror: its frames must not be cheaper than frames that are seen badly.
+#[test]
+fn frames_that_a_model_loses_cost_what_false_observations_cost() {
+    let problem = problem();
+    let columns = [Atom::CameraMount(0), Atom::CameraMount(1)].map(Column::constant);
+    let cost = |turn_rad: f64| {
+        let mut d = problem.nominal();
+        columns.iter().for_each(|c| c.add(turn_rad, &problem.scene, &mut d));
+        Normal::at(&problem, &d, NOISE, &columns, true, None, None).unwrap().cost
+    };
+    let (as_it_is, badly, not_at_all) = (cost(0.0), cost(0.3), cost(2.5));
+    let seen: usize = problem.frames.iter().map(|f| f.corners.len() + f.others.len()).sum();
+    assert!(as_it_is < badly && badly < 1.01 * not_at_all, "{as_it_is} {badly} {not_at_all}");
+    // More than 20 each: a standard deviation of 0.15 px in a picture of hundreds by hundreds.
+    assert!(not_at_all > 20.0 * seen as f64, "{not_at_all} of {seen} observations");
+}
+
 #[test]
 fn evidence_without_a_fit_is_that_of_the_fit() {
     let problem = problem();

@@ -128,10 +128,7 @@ impl FrameWork {
             };
             return sign.map(|sign| condensed.by_twist(twist, sign, out));
         }
-        match atom {
-            Atom::FreeOptics(k) => corner.free.map(|_| condensed.by_free(k, out)),
-            _ => optics_column(atom).filter(|_| corner.optics.is_some()).map(|k| condensed.by_optics(k, out)),
-        }
+        optics_column(atom).filter(|_| corner.optics.is_some()).map(|k| condensed.by_optics(k, out))
     }
 
     #[inline]

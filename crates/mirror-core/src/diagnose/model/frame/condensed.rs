@@ -4,6 +4,8 @@
 //! optics, the mirror's plane. With B these columns and P the plane's, all weighted, and `[B P]ᵀ[B P] = RᵀR` (Cholesky, columns
 //! that depend on those before left out), the rows of R have the same products with each other as those of `[B P]`, and
 //! `R⁻ᵀ[B P]ᵀr` stands for the residual r: normal equations are the same, of a dozen rows instead of a hundred.
+//!
+//! Free-form errors are not among the columns: there are dozens of them, which nearly depend on each other.
 
 use super::products::{PROJECTED, Table, stride};
 use crate::diagnose::model::elementary::Twist;
@@ -26,10 +28,9 @@ pub(super) struct Condensed {
     pub rank: usize,
     /// How many of them the board's motion moves: the first ones.
     pub(super) of_motion: usize,
-    /// R, row by row: motion, optics, free-form errors, plane, residual.
+    /// R, row by row: motion, optics, plane, residual.
     pub(super) factor: Vec<f64>,
     pub(super) columns: usize,
-    pub(super) free_from: usize,
     /// The point that the board turns about in the motion's columns, in the world.
     pub(super) about: Vector3<f64>,
     /// How the board moves against the camera with each parameter of the camera's mount.
@@ -60,11 +61,6 @@ impl Condensed {
             Some(by_mount) if column < MOUNT => self.by_twist(&by_mount[column], 1.0, out),
             _ => self.copy(MOTION + column - MOUNT, out),
         }
-    }
-
-    /// The rows of a column by a free-form error.
-    pub fn by_free(&self, column: usize, out: &mut [f64]) -> usize {
-        self.copy(self.free_from + column, out)
     }
 
     fn copy(&self, column: usize, out: &mut [f64]) -> usize {

@@ -5,7 +5,6 @@ use super::products::{PROJECTED, add_products, stride};
 use super::work::{FrameWork, Rows};
 use crate::diagnose::model::camera_and_mirror::Eye;
 use crate::diagnose::model::elementary::Twist;
-use crate::diagnose::model::free_values::FREE_OPTICS;
 use crate::diagnose::model::problem::Problem;
 use nalgebra::Vector3;
 
@@ -16,7 +15,7 @@ impl FrameWork {
         let rows: &[Rows] = &self.rows[..corners];
         let condensed = &mut self.condensed;
         condensed.corners = corners;
-        let (optics, free) = (rows.iter().all(|r| r.optics.is_some()), rows.iter().all(|r| r.free.is_some()));
+        let optics = rows.iter().all(|r| r.optics.is_some());
         condensed.by_mount = optics.then(|| {
             // p ↦ Exp(ω)ᵀ(p − v): by ω p × J_r e, by v −Exp(ω)ᵀ e.
             core::array::from_fn(|k| match k.checked_sub(3) {
@@ -27,8 +26,7 @@ impl FrameWork {
                 Some(k) => Twist::along(-(world_from_camera.r * eye.camera_from_mount.r.column(k))),
             })
         });
-        condensed.free_from = MOTION + if optics { OPTICS } else { 0 };
-        let plane_from = condensed.free_from + if free { FREE_OPTICS } else { 0 };
+        let plane_from = MOTION + if optics { OPTICS } else { 0 };
         let m = plane_from + PROJECTED + 1;
         condensed.columns = m;
         condensed.about = rows[0].point;
@@ -47,11 +45,6 @@ impl FrameWork {
                 if let Some(by_optics) = row.optics.filter(|_| optics).and_then(|o| self.optics.get(o)) {
                     for k in 0..OPTICS {
                         out[MOTION + k] = by_optics[(c, MOUNT + k)];
-                    }
-                }
-                if let Some(by_free) = row.free.filter(|_| free).and_then(|f| self.free.get(f)) {
-                    for k in 0..FREE_OPTICS {
-                        out[condensed.free_from + k] = by_free[(c, k)];
                     }
                 }
                 out[m - 1] = row.residual[c];

@@ -30,18 +30,22 @@ fn pixel_mixture(eye: &Eye, std: f64) -> Mixture {
     Mixture::new(std, 2, f64::from(w) * f64::from(h))
 }
 
-/// The cost of all that is seen in a mirror that the model does not find, −2 log likelihood.
-pub(super) fn unpredicted(eye: &Eye, task: &Task<'_>, data: &FrameData) -> f64 {
-    let false_at = |std: f64| pixel_mixture(eye, std).of(f64::INFINITY).cost;
-    let others = data.others.iter().map(|observation| match observation {
-        Observation::Pixel { seen: Seen::Marker(_), via: Via::Mirror, .. } => false_at(task.noise.marker_px),
-        Observation::Pixel { seen: Seen::Corner(_), via: Via::Mirror, .. } => false_at(task.noise.corner_px),
-        Observation::Pixel { .. } | Observation::Point { .. } => 0.0,
-    });
-    data.corners.len() as f64 * false_at(task.noise.corner_px) + others.sum::<f64>()
-}
-
 impl FrameWork {
+    /// The cost of all that is seen in a mirror that the model does not find, −2 log likelihood.
+    pub(super) fn unpredicted(eye: &Eye, task: &Task<'_>, data: &FrameData) -> f64 {
+        let false_at = |std: f64| pixel_mixture(eye, std).of(f64::INFINITY).cost;
+        let others = data.others.iter().map(|observation| match observation {
+            Observation::Pixel { seen: Seen::Marker(_), via: Via::Mirror, .. } => {
+                false_at(task.noise.marker_px)
+            }
+            Observation::Pixel { seen: Seen::Corner(_), via: Via::Mirror, .. } => {
+                false_at(task.noise.corner_px)
+            }
+            Observation::Pixel { .. } | Observation::Point { .. } => 0.0,
+        });
+        data.corners.len() as f64 * false_at(task.noise.corner_px) + others.sum::<f64>()
+    }
+
     pub(super) fn observe_board(&mut self, problem: &Problem, task: &Task<'_>, data: &FrameData) {
         let (Some(eye), Some(board)) = (task.eye, problem.board_in(self.frame)) else { return };
         let camera_from_world = self.camera_from_world(problem, eye);
@@ -162,7 +166,7 @@ impl FrameWork {
             let mut optics = OpticsColumns::zeros();
             // p_real = Exp(ω)ᵀ (p − v): ∂/∂ω = p̂ J_r(ω), ∂/∂v = −Exp(ω)ᵀ.
             // Condensed corners have them by the board's motion.
-            if !(task.condensed && via == Via::Mirror && marker.is_none()) {
+            if !(task.condenses() && via == Via::Mirror && marker.is_none()) {
                 optics
                     .fixed_columns_mut::<3>(0)
                     .copy_from(&(by_camera * (in_camera.cross_matrix() * eye.mount_jacobian)));

@@ -1,7 +1,6 @@
 //! The workspace of one frame: its mirror fitted, its rows evaluated.
 
 use super::condensed::Condensed;
-use super::observe::unpredicted;
 use super::products::PROJECTED;
 use super::sight::{Wanted, mirrored_pixel, start_of_plane};
 use crate::diagnose::model::body::{NodeId, Site};
@@ -89,11 +88,15 @@ pub(crate) struct Task<'a> {
     /// by themselves first then, and [`FrameWork::board_excess`] is not told.
     pub planes: Option<&'a [Option<Vector3<f64>>]>,
     /// Whether the corners' rows may be condensed to a few of the same products: rows and residual are then not those of
-    /// observations.
+    /// observations. Where free-form columns are wanted they are not.
     pub condensed: bool,
 }
 
 impl<'a> Task<'a> {
+    pub(super) fn condenses(&self) -> bool {
+        self.condensed && !self.wanted.free
+    }
+
     /// For residuals alone: every observation in full, no column, the board where the deformation changes how it is seen.
     pub fn of_residuals(
         problem: &Problem,
@@ -364,7 +367,7 @@ impl FrameWork {
         }
         // No mirror shows this board: all that was seen in it is as wrong as a false observation.
         let lost = match task.eye.filter(|_| nominal_board.is_some() && !self.has_plane) {
-            Some(eye) => unpredicted(eye, task, data),
+            Some(eye) => Self::unpredicted(eye, task, data),
             None => 0.0,
         };
         let first_other = self.rows.len();
@@ -380,7 +383,7 @@ impl FrameWork {
             }
         }
         self.collect_residual(if task.with_board { Vector3::zeros() } else { self.board_gradient });
-        if let Some(eye) = task.eye.filter(|_| task.condensed && first_other > 0) {
+        if let Some(eye) = task.eye.filter(|_| task.condenses() && first_other > 0) {
             self.condense(problem, eye, first_other);
         }
         let predicted = self.row_count > 0 || self.cost > 0.0;
@@ -428,7 +431,7 @@ impl FrameWork {
             let gain = projected.norm_squared();
             if gain < SOLVER.last_plane_gain {
                 self.cost -= gain;
-                if let Some(eye) = task.eye.filter(|_| task.condensed && corners > 0) {
+                if let Some(eye) = task.eye.filter(|_| task.condenses() && corners > 0) {
                     self.condense(problem, eye, corners);
                 }
                 return true;
