@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import pickle
+import re
 import resource
 import subprocess
 import sys
@@ -17,6 +18,7 @@ import pytest
 
 from mirror_posture import SessionError, load_session
 from mirror_posture.session import write_session
+from mirrored_session import write_mirrored
 from session_folder import (
     CAMERA,
     DETECTIONS,
@@ -324,3 +326,28 @@ def test_a_refusal_comes_back_from_another_process_whole() -> None:
     error = SessionError("frames.csv", "got nothing", row=3, column="elbow")
     again = pickle.loads(pickle.dumps(error))
     assert (str(again), again.row, again.column, again.file) == (str(error), 3, "elbow", error.file)
+
+
+def test_a_board_cannot_look_nearer_than_it_is(tmp_path: Path) -> None:
+    folder = write_mirrored(tmp_path / "session", 1, postures=4)
+    load_session(folder)
+    text = (folder / "session.toml").read_text()
+    (folder / "session.toml").write_text(text.replace("square = 0.014", "square = 0.001"))
+    with pytest.raises(
+        SessionError,
+        match=r"looks 0\.\d+ m away, nearer than the 0\.\d+ m straight.*Is its square of 0\.001 m in m",
+    ):
+        load_session(folder)
+
+
+def test_a_robot_is_larger_than_its_board(tmp_path: Path) -> None:
+    folder = write_mirrored(tmp_path / "session", 1, postures=4)
+    file = next(folder.glob("*.urdf"))
+    small = re.sub(
+        r'xyz="([^"]+)"',
+        lambda m: 'xyz="' + " ".join(str(1e-3 * float(x)) for x in m[1].split()) + '"',
+        file.read_text(),
+    )
+    file.write_text(small)
+    with pytest.raises(SessionError, match=r"smaller than a fifth of its board's .* divided by 1000"):
+        load_session(folder)

@@ -317,7 +317,9 @@ def _board_distance(session: Session) -> None:
     camera_in_world = poses[:, 0, :3, 3]
     straight_m = np.linalg.norm(poses[:, 1, :3, 3] - camera_in_world, axis=1)
     spread_px, spread_m = (
-        np.array([np.sqrt(np.var(at[here], axis=0).sum()) for at, here in zip(points, seen[rows], strict=True)])
+        np.array(
+            [np.sqrt(np.var(at[here], axis=0).sum()) for at, here in zip(points, seen[rows], strict=True)]
+        )
         for points in (
             session.mirror_view.board_px[rows],
             np.broadcast_to(board.corner_in_board_m, (len(rows), *board.corner_in_board_m.shape)),
