@@ -12,7 +12,7 @@ use nalgebra::Vector2;
 /// Unevenness of a zone that even light and a clean picture leave, as a share of its brightness.
 const SHARE_FLOOR: f64 = 0.02;
 /// How much of the light's change from the zone to the rim may be wrong.
-const SHADE_DOUBT: f64 = 0.25;
+const SHADE_DOUBT: f64 = 0.18;
 /// Range of the light at the rim against that in the zone.
 const SHADE_RANGE: (f64, f64) = (0.3, 2.5);
 /// Error of an edge from pixel structure alone, px; of a coded picture's colour.

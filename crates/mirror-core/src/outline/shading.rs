@@ -9,8 +9,9 @@ use super::ray_edge::median;
 use nalgebra::{SMatrix, SVector, Vector2};
 
 const TERMS: usize = 9;
-/// How much each order of harmonics is held back, as a share of the weight of the pixels: small balls show few.
-const RIDGE: [f64; 3] = [1e-9, 2e-3, 2e-2];
+/// How much each order of harmonics is held back, as a share of the weight of the pixels: small balls show few. The first order hardly: what a lamp's light loses towards the rim must
+/// be carried there whole.
+const RIDGE: [f64; 3] = [1e-9, 2e-4, 2e-2];
 /// Pixels of another colour than the ball's (sine of the angle between them) tell nothing of its light.
 const OTHER_COLOUR_SINE: f64 = 0.3;
 /// The most pixels that are read.
