@@ -108,7 +108,7 @@ def diagnose(number: int, folder: Path, kind: Kind, what: str, whole: tuple[str,
     if (
         code == 0
         and verdict not in (None, "insufficient")
-        and not (gap.get("before_m") or gap.get("before_px"))
+        and not any(gap.get(f"{when}_{unit}") for when in ("before", "after") for unit in ("m", "px"))
     ):
         faults.append("a verdict without a gap")
     if kind.must == "refused" and code == 0 and verdict != "insufficient":

@@ -102,3 +102,10 @@ def test_what_stands_beside_a_mistake_is_kept_where_the_session_as_given_predict
     gap = found.gap
     assert gap.before_m is None and gap.after_m is not None and gap.noise_floor_m is not None
     assert gap.after_m < 1.1 * gap.noise_floor_m and "before nothing could be compared" in found.sentence
+
+
+def test_corners_far_noisier_than_stated_are_no_agreement(whole: Path, tmp_path: Path) -> None:
+    def rounded(rows: Rows) -> Rows:
+        return [[*row[:3], *(str(round(float(px), -1)) for px in row[3:5]), *row[5:]] for row in rows]
+
+    assert diagnose(changed(whole, tmp_path / "s", rounded)).verdict in ("unknown", "insufficient")

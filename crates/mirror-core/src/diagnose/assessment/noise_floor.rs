@@ -127,11 +127,12 @@ pub(crate) fn is_reached(search: &Search<'_>, fit: &Fit, after: &[PostureGap]) -
     Ok(floor > 0.0 && (seen_size(after) / floor).powi(2) < 1.0 + NOTICEABLE_EXCESS)
 }
 
-/// Whether what passes for the markers' noise is none: the views of one posture disagree by more than a detector ever does that finds
-/// corners as well as these are found, or that is as good as the session states.
+/// Whether what passes for noise is none: the views of one posture disagree on markers by more than a detector ever does that finds
+/// corners as well as these are found, or that is as good as the session states; or corners are found worse by as much as it states.
 pub(crate) fn is_no_noise(measured: Noise, stated: Noise) -> bool {
-    let usual = measured.corner_px.max(stated.marker_px);
-    (measured.marker_px / usual).ln() > SIGNIFICANT_DEVIATIONS * STATED_LOG_STD
+    let far = |one: f64, usual: f64| (one / usual).ln() > SIGNIFICANT_DEVIATIONS * STATED_LOG_STD;
+    far(measured.marker_px, measured.corner_px.max(stated.marker_px))
+        || far(measured.corner_px, stated.corner_px)
 }
 
 /// How many parameters a fit has taken from the data: of one under a prior, the share that the data tell.

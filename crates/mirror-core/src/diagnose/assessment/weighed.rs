@@ -3,7 +3,7 @@
 
 use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::assessment::noise_floor::{is_no_noise, is_reached};
-use crate::diagnose::criteria::cross_validation::in_sample;
+use crate::diagnose::criteria::cross_validation::{PostureGap, in_sample};
 use crate::diagnose::criteria::lack_of_fit::adequacy;
 use crate::diagnose::effects::hypothesis::Model;
 use crate::diagnose::model::solver::SOLVER;
@@ -29,31 +29,46 @@ pub(crate) fn weighed<'a>(
     search.problem = clean;
     let unfinished = search.problem.budget.is_spent();
     let (nominal_gap, mut after) = gaps(&search, nominal, &found)?;
-    drop_useless(&mut search, &mut found, &mut after, geometry.as_ref())?;
-    comes_down(&search, &mut found, &mut after)?;
-    let mut standings = settled(&search, &mut found, &mut after)?;
-    let free = found.fit.model.terms.iter().any(|t| search.catalogue.is_free(t.hypothesis));
-    let left = adequacy(&search.problem, &search.deformation(&found.fit.model), search.measured_noise)?;
+    let has_free = |search: &Search<'_>, found: &Found| {
+        found.fit.model.terms.iter().any(|t| search.catalogue.is_free(t.hypothesis))
+    };
+    let with_free = has_free(&search, &found);
+    let left = |search: &Search<'_>, found: &Found| {
+        adequacy(&search.problem, &search.deformation(&found.fit.model), search.measured_noise)
+    };
+    // Nothing agrees with views that disagree among themselves.
+    let loud = is_no_noise(search.measured_noise, prepared.stated);
+    let mut standings = Vec::new();
+    // Causes beside a remainder are believed where they were weighed against errors of no name, which a search that was cut off was not.
+    let hopeless = |search: &Search<'_>, found: &Found, after: &[PostureGap]| -> Result<bool> {
+        Ok(loud || left(search, found)?.significant && !is_reached(search, &found.fit, after)?)
+    };
+    if unfinished && hopeless(&search, &found, &after)? {
+        found.trace.push("no cause is named: the search for them did not come to its end".into());
+        found.fit = search.fit(nominal, found.noise, SOLVER.loose_steps)?;
+        (geometry, after) = (None, nominal_gap.clone());
+    } else {
+        drop_useless(&mut search, &mut found, &mut after, geometry.as_ref())?;
+        comes_down(&search, &mut found, &mut after)?;
+        standings = settled(&search, &mut found, &mut after)?;
+    }
+    let free = has_free(&search, &found);
+    let left = left(&search, &found)?;
     // Where the named causes reach the floor, a remainder of no structure is the noise's tails.
-    let reached = found.fit.model.explains() && !free && is_reached(&search, &found.fit, &after)?;
+    // So is a structure of the corners that makes markers no better predictable where they were held out.
+    let in_vain = with_free && !free && !left.significant;
+    let reached =
+        (found.fit.model.explains() && !free || in_vain) && is_reached(&search, &found.fit, &after)?;
     let unexplained = match restless {
         Some(node) => Some(Unexplained::restless(node)),
         None => unexplained(&search, &found, &left, reached)?,
     };
-    // Nothing agrees with views that disagree among themselves.
-    let loud = is_no_noise(search.measured_noise, prepared.stated).then(Unexplained::anywhere);
-    let unexplained = unexplained.or(loud);
+    let unexplained = unexplained.or(loud.then(Unexplained::anywhere));
     if free {
         after = without_names(&search, &mut found, &mut standings)?;
     }
-    // Causes beside a remainder are believed where they were weighed against errors of no name, which a search that was cut off was not.
-    let cut_off = unexplained.is_some() && unfinished;
-    if cut_off || named_in_vain(&search, &found, &nominal_gap, &after) {
-        found.trace.push(if cut_off {
-            "no cause is named: the search for them did not come to its end".into()
-        } else {
-            "no cause is named: together they leave the held-out gap no smaller".into()
-        });
+    if named_in_vain(&search, &found, &nominal_gap, &after) {
+        found.trace.push("no cause is named: together they leave the held-out gap no smaller".into());
         found.fit = search.fit(nominal, found.noise, SOLVER.loose_steps)?;
         (geometry, after) = (None, nominal_gap.clone());
         standings.clear();

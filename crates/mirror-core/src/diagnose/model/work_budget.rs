@@ -8,15 +8,15 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 /// As much as so many linearisations of the whole session by a set-up that is free; sessions of simulators and by hand mostly end at a fifth to
 /// three quarters of it.
-const MOST_LINEARISATIONS: u64 = 1200;
+const MOST_LINEARISATIONS: u64 = 1330;
 /// At least: three seconds or so.
-const LEAST: u64 = 650_000_000;
-/// A frame; each corner of its board, where these are rows; each column; each product of two is a half. In some five nanoseconds of one core.
+const LEAST: u64 = 480_000_000;
+/// A frame; each corner of its board, where these are rows; each column; each product of two is a quarter. In some five nanoseconds of one core.
 const FRAME: u64 = 600;
-const CORNER: u64 = 200;
-const COLUMN: u64 = 20;
+const CORNER: u64 = 260;
+const COLUMN: u64 = 15;
 /// A corner that is predicted while a board's mirror is fitted.
-const PREDICTED: u64 = 30;
+const PREDICTED: u64 = 110;
 
 /// The work of one diagnosis; clones count together.
 #[derive(Debug, Clone)]
@@ -56,7 +56,7 @@ impl WorkBudget {
 /// The work of linearising so many frames, with so many corners as rows, by so many columns.
 fn linearisation(frames: usize, corners: usize, columns: usize) -> u64 {
     let (frames, corners, columns) = (frames as u64, corners as u64, columns as u64);
-    frames * (FRAME + COLUMN * columns + columns * columns / 2) + corners * CORNER
+    frames * (FRAME + COLUMN * columns + columns * columns / 4) + corners * CORNER
 }
 
 #[cfg(test)]

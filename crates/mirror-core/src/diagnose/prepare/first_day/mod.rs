@@ -78,6 +78,9 @@ struct Chain {
     loss: f64,
 }
 
+/// Of the work of a diagnosis, what may go into chains of mistakes: where nothing fits, each further one is as costly as it is vain.
+const SHARE_OF_WORK: f64 = 0.2;
+
 /// Finds and undoes whole mistakes; none where there is none.
 ///
 /// # Errors
@@ -201,6 +204,7 @@ fn chain_of_the_body(
         }
         // What was passed over after a stop has numbers that mean nothing.
         problem.cancel.check()?;
+        let costly = problem.budget.share() > SHARE_OF_WORK;
         next.sort_by(|a, b| a.loss.total_cmp(&b.loss));
         unlike(&mut next, BEAM);
         let best = level.first().map_or(f64::INFINITY, |c| c.loss);
@@ -209,7 +213,7 @@ fn chain_of_the_body(
         }
         chains.extend(next.iter().cloned());
         level = next;
-        if level[0].loss < GROSS {
+        if level[0].loss < GROSS || costly {
             break;
         }
     }
@@ -231,7 +235,11 @@ fn extended(session: &Session<'_>, frames: &[usize], chain: &Chain, without: &[S
     mistakes.extend(session.of_labels(&chain.variant));
     mistakes.extend(session.of_rows(&chain.variant));
     mistakes.extend(session.of_stops(&chain.variant));
-    mistakes.extend(mounts::elsewhere(session.problem, session.misfit, &chain.variant, frames));
+    // Where as many as half of the markers are elsewhere it is what all of them are seen with that is wrong.
+    let elsewhere = chain.mistakes.iter().filter(|m| matches!(m, Mistake::MarkerParent { .. })).count();
+    if 2 * (elsewhere + 1) < session.problem.marker_sites.len().max(3) {
+        mistakes.extend(mounts::elsewhere(session.problem, session.misfit, &chain.variant, frames));
+    }
     mistakes.retain(|m| !without.iter().any(|w| w == m.effect()));
     let with = |mistake: &Mistake| {
         let mut mistake = mistake.clone();
