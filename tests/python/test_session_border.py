@@ -120,6 +120,12 @@ REFUSED: dict[str, tuple[dict[str, str | None], str, int | None, str]] = {
     ),
     "square in mm": ({"session": replaced(SESSION, "0.014", "14.0")}, "session.toml", None, "board.square"),
     "ball in mm": ({"session": replaced(SESSION, "0.0116", "11.6")}, "session.toml", None, "diameter"),
+    "noise of nothing": (
+        {"session": replaced(SESSION, "pixel_std = 0.2", "pixel_std = 1e-300")},
+        "session.toml",
+        None,
+        "noise.pixel_std",
+    ),
     "glass in mm": ({"session": replaced(SESSION, "0.003", "3.0")}, "session.toml", None, "glass_thickness"),
     "tolerance in mm": (
         {"session": replaced(SESSION, "square", "tolerance_m = 3.0\nsquare")},

@@ -23,6 +23,8 @@ LARGEST_INDEX = 3.0
 LARGEST_MIRROR_M = 10.0
 """Width and height."""
 """Diamond has 2.4."""
+SMALLEST_PIXEL_STD, SMALLEST_POINT_STD_M = 1e-6, 1e-9
+"""Below these rounding is larger: nothing would agree with anything."""
 LARGEST_PIXEL_STD, LARGEST_POINT_STD_M, LARGEST_TOLERANCE_M = 20.0, 0.05, 0.5
 """Beyond these a measurement would hide whatever is wrong with a robot: the unit is another."""
 
@@ -195,7 +197,7 @@ NOISE = Section(
             what="Standard deviation, one axis, of a corner or a ball's centre.",
             unit="px",
             default=None,
-            above=0.0,
+            at_least=SMALLEST_PIXEL_STD,
             below=LARGEST_PIXEL_STD,
         ),
         Number(
@@ -203,7 +205,7 @@ NOISE = Section(
             what="Standard deviation, one axis, of points.csv.",
             unit="m",
             default=None,
-            above=0.0,
+            at_least=SMALLEST_POINT_STD_M,
             below=LARGEST_POINT_STD_M,
         ),
     ),
