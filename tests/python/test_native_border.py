@@ -105,11 +105,11 @@ def many(name, count, *places):
     function, args = calls[name]
     count = round(count * os.cpu_count())
     return function, [np.repeat(a, count, axis=0) if k in places else a for k, a in enumerate(args)]
-# Each takes seconds, on all cores.
+# Each takes 3 s and more, on all cores of a quiet machine.
 batches = {
     "second camera": many("calibrate_second_camera", 500, 4, 5, 6),
-    "triangulation": many("triangulate", 75_000, 1, 2),
-    "mirrors": many("estimate_mirrors", 40_000, 0),
+    "triangulation": many("triangulate", 150_000, 1, 2),
+    "mirrors": many("estimate_mirrors", 80_000, 0),
     "balls": many("measure_balls", 2_000, 1, 2),
 }
 for name, (function, args) in batches.items():
@@ -129,12 +129,13 @@ def test_ctrl_c_ends_long_batches_at_once() -> None:
     assert child.stdout is not None
     for name in ("second camera", "triangulation", "mirrors", "balls"):
         assert child.stdout.readline() == f"{name}\n"
-        time.sleep(0.15)
+        time.sleep(0.3)
         begun = time.monotonic()
         child.send_signal(signal.SIGINT)
         assert child.stdout.readline() == "interrupted\n", name
         took = time.monotonic() - begun
-        assert took < 1.0, (name, took)
+        # Some hundredths on a quiet machine, once the arguments are read.
+        assert took < 2.0, (name, took)
     assert child.wait() == 0
 
 

@@ -262,9 +262,7 @@ fn snapshot(rng: &mut ChaCha8Rng, stand: &Board, noise: f64) -> SecondCameraSnap
     }
 }
 
-#[test]
-fn a_second_camera_gives_the_transform_with_the_covariance_that_it_claims() {
-    let mut rng = ChaCha8Rng::seed_from_u64(36);
+fn second_camera() -> (Board, SecondCameraRig) {
     let stand = Board::new((9, 6), 0.02).unwrap();
     let rig = SecondCameraRig {
         robot_camera: camera(),
@@ -272,6 +270,13 @@ fn a_second_camera_gives_the_transform_with_the_covariance_that_it_claims() {
         chest_board: board(),
         stand_board: stand,
     };
+    (stand, rig)
+}
+
+#[test]
+fn a_second_camera_gives_the_transform_with_the_covariance_that_it_claims() {
+    let mut rng = ChaCha8Rng::seed_from_u64(36);
+    let (stand, rig) = second_camera();
     let (mut squares, mut consistency, mut translation) = (0.0, 0.0, 0.0);
     let trials = 150.0;
     for _ in 0..150 {
@@ -297,13 +302,7 @@ fn a_second_camera_gives_the_transform_with_the_covariance_that_it_claims() {
 #[test]
 fn a_second_camera_of_many_snapshots_agrees_and_stops_when_it_is_cancelled() {
     let mut rng = ChaCha8Rng::seed_from_u64(37);
-    let stand = Board::new((9, 6), 0.02).unwrap();
-    let rig = SecondCameraRig {
-        robot_camera: camera(),
-        second_camera: camera(),
-        chest_board: board(),
-        stand_board: stand,
-    };
+    let (stand, rig) = second_camera();
     // More than are asked for their agreement.
     let snapshots: Vec<_> = (0..150).map(|_| snapshot(&mut rng, &stand, NOISE_PX)).collect();
     let found = calibrate_with_second_camera(&rig, &snapshots, &Cancel::default()).unwrap();
