@@ -4,10 +4,22 @@ use crate::diagnose::assessment::evidence;
 use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::data::diagnosis::{Diagnosis, Verdict};
 
+/// A gap of so many noise floors is none of noise, however few postures show it.
+const FAR_ABOVE: f64 = 2.0;
+
 /// Takes a verdict back that the counted data do not carry.
 pub(crate) fn reserve(diagnosis: &mut Diagnosis, findings: &Findings<'_>) {
     if diagnosis.verdict == Verdict::None && evidence::much_is_false(&diagnosis.data) {
         diagnosis.sentence = evidence::what_is_false(&diagnosis.data);
+        diagnosis.verdict = Verdict::Unknown;
+    }
+    // Too few postures may make no test significant: what is far above its own floor agrees with nothing all the same.
+    let far = |gap: Option<f64>, floor: Option<f64>| matches!((gap, floor), (Some(gap), Some(floor)) if gap > FAR_ABOVE * floor);
+    let gap = &diagnosis.gap;
+    let is_far = far(gap.after_px, gap.noise_floor_px) || far(gap.after_m, gap.noise_floor_m);
+    if diagnosis.verdict == Verdict::None && is_far {
+        diagnosis.sentence =
+            "There is a gap far above the noise floor, and these postures show neither its place nor its law.".into();
         diagnosis.verdict = Verdict::Unknown;
     }
     // Where nothing was held out and predicted, nothing is known to agree.
