@@ -112,8 +112,10 @@ fn stop(from: f64, path: &[f64], reach: f64) -> Vec<f64> {
     let mut dragged = from;
     path.iter()
         .map(|&q| {
-            dragged = dragged.clamp(q - reach, q + reach);
-            (q - dragged) / reach
+            // No clamp: positions whose range overflows have no finite reach, and no slack that could be told.
+            dragged = dragged.max(q - reach).min(q + reach);
+            let share = (q - dragged) / reach;
+            if share.is_finite() { share } else { 0.0 }
         })
         .collect()
 }
