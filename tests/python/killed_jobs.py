@@ -64,6 +64,10 @@ def off(by_rad: float) -> Callable[[dict[str, float]], dict[str, float]]:
     return lambda q: {**q, "r_elbow": q["r_elbow"] + by_rad}
 
 
+SMALL_CASES = ["--cases", "2", "--robot", "small", "--frames", "60", "61", "--outside", "0"]
+"""Of the blind check, made in seconds."""
+
+
 def make_jobs(below: Path, only: Sequence[str]) -> list[Job]:
     """Small inputs of the commands, and the commands; `only`: of some."""
     import small_arm
@@ -102,20 +106,7 @@ def make_jobs(below: Path, only: Sequence[str]) -> list[Job]:
         write_boards(pictures)
     if asked("detect"):
         finish(["render", drawn, "--postures", "1", "--yaw", "0", "--no-noise"], below)
-    blind = [
-        "blind",
-        "make",
-        below / "blind",
-        "--cases",
-        "2",
-        "--robot",
-        "small",
-        "--frames",
-        "60",
-        "61",
-        "--outside",
-        "0",
-    ]
+    blind = ["blind", "make", below / "blind", *SMALL_CASES]
     if asked("blind run", "blind score"):
         finish(blind, below)
     if asked("blind score"):
@@ -147,21 +138,7 @@ def make_jobs(below: Path, only: Sequence[str]) -> list[Job]:
 
 def lab_jobs(below: Path, out: Path) -> list[Job]:
     """The laboratory's commands. Their sessions have another salt in each run, their results other times."""
-    made = [
-        "--cases",
-        "2",
-        "--robot",
-        "small",
-        "--frames",
-        "60",
-        "61",
-        "--most",
-        "1",
-        "--outside",
-        "0",
-        "--workers",
-        "1",
-    ]
+    made = [*SMALL_CASES, "--most", "1", "--workers", "1"]
     moved = ["--cases", "1", "--robot", "small", "--seconds", "4"]
     return [
         Job("blind make", out / "blind", [["blind", "make", out / "blind", *made, "--seed", n] for n in "12"], fresh=True, sound=sealed),

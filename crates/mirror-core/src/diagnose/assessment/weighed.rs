@@ -36,14 +36,15 @@ pub(crate) fn weighed<'a>(
     let left = |search: &Search<'_>, found: &Found| {
         adequacy(&search.problem, &search.deformation(&found.fit.model), search.measured_noise)
     };
-    // Nothing agrees with views that disagree among themselves.
+    // Nothing agrees with views that disagree among themselves, nor is anything known to where the search was cut off.
     let loud = is_no_noise(search.measured_noise, prepared.stated);
     let mut standings = Vec::new();
     // Causes beside a remainder are believed where they were weighed against errors of no name, which a search that was cut off was not.
     let hopeless = |search: &Search<'_>, found: &Found, after: &[PostureGap]| -> Result<bool> {
         Ok(loud || left(search, found)?.significant && !is_reached(search, &found.fit, after)?)
     };
-    if unfinished && hopeless(&search, &found, &after)? {
+    let cut_off = unfinished && hopeless(&search, &found, &after)?;
+    if cut_off {
         found.trace.push("no cause is named: the search for them did not come to its end".into());
         found.fit = search.fit(nominal, found.noise, SOLVER.loose_steps)?;
         (geometry, after) = (None, nominal_gap.clone());
@@ -63,7 +64,7 @@ pub(crate) fn weighed<'a>(
         Some(node) => Some(Unexplained::restless(node)),
         None => unexplained(&search, &found, &left, reached)?,
     };
-    let unexplained = unexplained.or(loud.then(Unexplained::anywhere));
+    let unexplained = unexplained.or((loud || cut_off).then(Unexplained::anywhere));
     if free {
         after = without_names(&search, &mut found, &mut standings)?;
     }
