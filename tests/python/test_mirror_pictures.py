@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 
 from board_drawing import chessboard_picture
-from fresh_pictures import LOOKS, Look, markers_of, views, wrong_marker
+from fresh_looks import LOOKS, Look
+from fresh_pictures import markers_of, wrong_marker
+from fresh_scene import views
 from mirror_posture import (
     Board,
     Camera,

@@ -1,6 +1,6 @@
 """Pictures that are not what the session says, by the command line: named with the fix by `detect`, and nothing is measured from their image points.
 
-The pictures are drawn (`fresh_pictures`), the robot is one link with a camera, a board and balls. `wrong_pictures.py` holds all mistakes against two rendered robots.
+The pictures are drawn (`fresh_scene`), the robot is one link with a camera, a board and balls. `wrong_pictures.py` holds all mistakes against two rendered robots.
 """
 
 from __future__ import annotations
@@ -12,7 +12,8 @@ import cv2
 import numpy as np
 import pytest
 
-from fresh_pictures import COLUMNS, ROWS, SQUARE_M, Look, views
+from fresh_looks import COLUMNS, ROWS, SQUARE_M, Look
+from fresh_scene import views
 from mirror_posture.detect import detect_session
 from mirror_posture.session import write_detections
 from wrong_pictures import said
