@@ -127,12 +127,17 @@ pub(crate) fn is_reached(search: &Search<'_>, fit: &Fit, after: &[PostureGap]) -
     Ok(floor > 0.0 && (seen_size(after) / floor).powi(2) < 1.0 + NOTICEABLE_EXCESS)
 }
 
+/// Measured points that scatter by this share of the robot's reach show nothing of it.
+const SHARE_OF_REACH: f64 = 0.1;
+
 /// Whether what passes for noise is none: the views of one posture disagree on markers by more than a detector ever does that finds
-/// corners as well as these are found, or that is as good as the session states; or corners are found worse by as much as it states.
-pub(crate) fn is_no_noise(measured: Noise, stated: Noise) -> bool {
+/// corners as well as these are found, or that is as good as the session states; or corners are found worse by as much as it states;
+/// or measured points scatter as far as the robot's links are long.
+pub(crate) fn is_no_noise(measured: Noise, stated: Noise, reach_m: f64) -> bool {
     let far = |one: f64, usual: f64| (one / usual).ln() > SIGNIFICANT_DEVIATIONS * STATED_LOG_STD;
     far(measured.marker_px, measured.corner_px.max(stated.marker_px))
         || far(measured.corner_px, stated.corner_px)
+        || measured.point_m > SHARE_OF_REACH * reach_m
 }
 
 /// How many parameters a fit has taken from the data: of one under a prior, the share that the data tell.

@@ -37,7 +37,7 @@ pub(crate) fn weighed<'a>(
         adequacy(&search.problem, &search.deformation(&found.fit.model), search.measured_noise)
     };
     // Nothing agrees with views that disagree among themselves, nor is anything known to where the search was cut off.
-    let loud = is_no_noise(search.measured_noise, prepared.stated);
+    let loud = is_no_noise(search.measured_noise, prepared.stated, search.problem.scene.reach_m);
     let mut standings = Vec::new();
     // Causes beside a remainder are believed where they were weighed against errors of no name, which a search that was cut off was not.
     let hopeless = |search: &Search<'_>, found: &Found, after: &[PostureGap]| -> Result<bool> {
