@@ -185,8 +185,9 @@ def run(
     only: Sequence[str] = (),
     told: bool = False,
     seconds: float = float("inf"),
+    enough: int | None = None,
 ) -> dict[str, Counter[str]]:
-    """Kills so many commands in turn; what stood there, by command."""
+    """Kills so many commands in turn, or until `enough` of them struck a command at work; what stood there, by command."""
     # Imported once: a child's time is that of its own work, and it holds no threads of the core.
     for name in PRELOADED:
         importlib.import_module(name)
@@ -201,7 +202,8 @@ def run(
     seen: dict[str, Counter[str]] = {name: Counter() for name in (*jobs, *recorders)}
     turns, until = in_turn(jobs, recorders), time.monotonic() + seconds
     for number in range(kills):
-        if time.monotonic() > until:
+        struck = sum(counts["the old"] + counts["the new"] for counts in seen.values())
+        if time.monotonic() > until or (enough is not None and struck >= enough):
             break
         name = next(turns)
         if name in jobs:

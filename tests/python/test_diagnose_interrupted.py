@@ -27,20 +27,26 @@ def _actual(q: dict[str, float]) -> dict[str, float]:
     return q | {"r_elbow": 1.05 * q["r_elbow"]}
 
 
+def _clocks() -> tuple[float, float]:
+    """By the clock, and of the processor, s."""
+    return time.perf_counter(), time.process_time()
+
+
 def _interrupted(session: Path, after: str) -> tuple[DiagnosisInterrupted, float, list[str]]:
     """Diagnoses, with a Ctrl-C as soon as the stage begins with `after`; how long the answer took, and the stages."""
     stages: list[str] = []
-    pressed: list[float] = []
+    pressed: list[tuple[float, float]] = []
 
     def watch(stage: str, found: int) -> None:
         stages.append(stage)
         if stage.startswith(after) and not pressed:
-            pressed.append(time.perf_counter())
+            pressed.append(_clocks())
             _thread.interrupt_main()
 
     with pytest.raises(DiagnosisInterrupted) as caught:
         mp.diagnose(session, progress=watch)
-    return caught.value, time.perf_counter() - pressed[0], stages
+    # The lesser of both: neither a busy machine's pauses nor a second core's work count.
+    return caught.value, min(now - then for now, then in zip(_clocks(), pressed[0], strict=True)), stages
 
 
 @pytest.mark.skipif(not LONG.is_dir(), reason=f"{LONG} is not there")
