@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 OUT ?= out
 FUZZ_SECONDS ?= 60
 FUZZ_TARGETS := camera recording urdf dress diagnosis
-# The build that `cargo test` makes (optimised, see Cargo.toml) is the one that the wheel shares its crates with.
+# The build that `cargo test --workspace` makes (optimised, see Cargo.toml) is the one that the wheel shares its crates with.
 PROFILE ?= dev
 WHEELS := target/wheels
 
@@ -30,7 +30,7 @@ test: format test-rust test-python ## all tests, as the CI runs them
 check: lint test ## before a commit: the lints, then all tests
 
 test-rust: ## the core's tests; needs no Python
-	cargo test --locked -q
+	cargo test --locked -q --workspace
 
 test-python: $(VENV)/installed-for-tests ## build and install the wheel, test it
 	$(BIN)/python -m pytest -q -n 2 -m "not realtime"
