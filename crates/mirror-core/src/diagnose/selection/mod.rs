@@ -2,6 +2,7 @@
 
 pub(super) mod alternatives;
 pub(super) mod beyond;
+mod candidates;
 pub(super) mod law_remainder;
 pub(super) mod nonparametric;
 pub(super) mod pairwise_start;

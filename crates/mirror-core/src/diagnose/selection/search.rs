@@ -3,9 +3,8 @@
 use crate::diagnose::data::diagnosis::{Cause, Estimate};
 use crate::diagnose::data::progress::UNWEIGHED;
 use crate::diagnose::effects::hypothesis::{Catalogue, Model, Term};
-use crate::diagnose::likelihood::fit::{Fit, FitOptions, Group, fit, fit_below, likeliest_variants};
+use crate::diagnose::likelihood::fit::{Fit, FitOptions, Group, fit, fit_below};
 use crate::diagnose::likelihood::noise::effective;
-use crate::diagnose::likelihood::score_test::{Score, screen};
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::principles::{BEYOND_DOUBT, LEAST_LOG_ODDS};
@@ -53,19 +52,6 @@ impl SearchOptions {
 const NEARLY_AS_LIKELY: f64 = 5.0;
 /// Where the likeliest addition is this unlikely a cause, the others need not be tried.
 const HOPELESS_LOG_ODDS: f64 = -3.5;
-/// How many of the best candidates are tried with all their discrete unknowns.
-const VARIANTS_RETRIED: usize = 3;
-/// How many values of a discrete unknown are fitted exactly: the likeliest by one linear model.
-const VARIANTS_FITTED: usize = 3;
-/// The score test is of the linearised model: a hypothesis that it puts lower than the best by more than this (log), and by
-/// more than this share of the best's, is not the best when fitted either.
-const LEAST_REACH: f64 = 25.0;
-const REACH: f64 = 0.15;
-/// The same for hypotheses with a discrete unknown, which the score test takes at a play of no width.
-const REACH_OF_VARIANTS: f64 = 0.5;
-/// Factors on a discrete unknown (a friction torque) that are tried once the cause is found.
-const VARIANT_FACTORS: [f64; 8] = [0.7, 0.8, 0.88, 0.95, 1.06, 1.14, 1.25, 1.4];
-
 /// A model that the search ended with.
 #[derive(Debug, Clone)]
 pub(crate) struct Found {
@@ -156,126 +142,6 @@ impl Search<'_> {
         )
     }
 
-    /// Fits the most promising additions to a model, at a noise; best first. `but` is left out, if it stands in the model's
-    /// place by itself already: a fit with whose misfit all others must compete.
-    pub fn candidates(
-        &self,
-        model: &Model,
-        noise: Noise,
-        count: usize,
-        but: Option<(usize, &Fit)>,
-    ) -> Result<Vec<Fit>> {
-        let (group, start) = self.loosened(model, None);
-        let scores = screen(&self.problem, self.catalogue, &group, &start, noise, self.mask)?;
-        let chosen = self.most_promising(&scores, count, but.map(|b| b.0));
-        let fitted = |score: &&Score, hopeless: f64| {
-            let mut next = model.with(self.catalogue, score.hypothesis, score.variant);
-            if let Some(term) = next.terms.last_mut() {
-                let positive = self.catalogue.effect(score.hypothesis).is_positive();
-                term.parameters =
-                    score.parameters.iter().map(|p| if positive { p.max(0.0) } else { *p }).collect();
-            }
-            let last = next.terms.len() - 1;
-            // A linear estimate may lie where no camera or mirror can be: such a hypothesis is no candidate.
-            self.fit_below(&next, Some(last), noise, SOLVER.candidate_steps, hopeless).ok()
-        };
-        // The others need not be fitted to their end where they fall far behind the first, or behind what is there already.
-        let hopeless = |fit: Option<&Fit>| fit.map_or(f64::INFINITY, |f| f.misfit + 2.0 * BEYOND_DOUBT);
-        let own = hopeless(but.map(|b| b.1));
-        let mut fits: Vec<Fit> = chosen.first().and_then(|score| fitted(score, own)).into_iter().collect();
-        let least = own.min(hopeless(fits.first()));
-        fits.extend(
-            chosen
-                .get(1..)
-                .unwrap_or_default()
-                .par_iter()
-                .filter_map(|score| fitted(score, least))
-                .collect::<Vec<Fit>>(),
-        );
-        self.problem.cancel.check()?;
-        fits.sort_by(|a, b| self.log_posterior(b).total_cmp(&self.log_posterior(a)));
-        // The score test takes a play of no width; of its real width another friction may fit far better.
-        for fit in fits.iter_mut().take(VARIANTS_RETRIED) {
-            *fit = self.best_variant(fit, noise)?;
-        }
-        fits.sort_by(|a, b| self.log_posterior(b).total_cmp(&self.log_posterior(a)));
-        Ok(fits)
-    }
-
-    /// The last cause with the best of all its discrete unknowns, each fitted.
-    fn best_variant(&self, fit: &Fit, noise: Noise) -> Result<Fit> {
-        let Some(term) = fit.model.terms.last() else { return Ok(fit.clone()) };
-        let variants = &self.catalogue.hypotheses[term.hypothesis].variants;
-        if variants.len() < 2 {
-            return Ok(fit.clone());
-        }
-        let last = fit.model.terms.len() - 1;
-        let likeliest = self.likeliest_variants(&fit.model, (last, Some(last)), noise, variants)?;
-        let tried = likeliest
-            .par_iter()
-            .map(|&variant| {
-                let mut model = fit.model.clone();
-                model.terms[last].variant = variant;
-                let hopeless = fit.misfit + 2.0 * BEYOND_DOUBT;
-                self.fit_below(&model, Some(last), noise, SOLVER.candidate_steps, hopeless)
-            })
-            .collect::<Result<Vec<Fit>>>()?;
-        let best = tried.into_iter().max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence));
-        Ok(best.filter(|b| b.log_evidence > fit.log_evidence).unwrap_or_else(|| fit.clone()))
-    }
-
-    /// The few likeliest of some values of a cause's discrete unknown, the laws of all but the cause in question with their slack.
-    fn likeliest_variants(
-        &self,
-        model: &Model,
-        (i, in_question): (usize, Option<usize>),
-        noise: Noise,
-        variants: &[f64],
-    ) -> Result<Vec<f64>> {
-        let (group, start) = match in_question {
-            Some(_) => self.loosened(model, in_question),
-            None => (self.group.clone(), model.clone()),
-        };
-        let mut sorted = likeliest_variants(
-            &self.problem,
-            self.catalogue,
-            (&group, &start),
-            i,
-            variants,
-            noise,
-            self.mask,
-        )?;
-        sorted.truncate(VARIANTS_FITTED);
-        Ok(sorted)
-    }
-
-    /// The best variant of each of the `count` best hypotheses that could be the best when fitted exactly.
-    fn most_promising<'s>(&self, scores: &'s [Score], count: usize, but: Option<usize>) -> Vec<&'s Score> {
-        let value = |s: &Score| s.log_bayes + self.catalogue.hypotheses[s.hypothesis].log_prior;
-        let wanted = |s: &&Score| {
-            let unnamed = self.options.named_only && self.catalogue.is_free(s.hypothesis);
-            !unnamed && !self.options.left_out.contains(&s.hypothesis)
-        };
-        let mut sorted: Vec<&Score> = scores.iter().filter(wanted).collect();
-        sorted.sort_by(|a, b| value(b).total_cmp(&value(a)));
-        let best = sorted.first().map_or(0.0, |s| value(s));
-        let several = |s: &Score| self.catalogue.hypotheses[s.hypothesis].variants.len() > 1;
-        let mut chosen: Vec<&Score> = Vec::new();
-        for score in sorted {
-            let share = if several(score) { REACH_OF_VARIANTS } else { REACH };
-            let in_reach = value(score) >= best - LEAST_REACH - share * best.max(0.0);
-            let known = but == Some(score.hypothesis) && !several(score);
-            if chosen.len() < count
-                && in_reach
-                && !known
-                && !chosen.iter().any(|c| c.hypothesis == score.hypothesis)
-            {
-                chosen.push(score);
-            }
-        }
-        chosen
-    }
-
     /// Fits a model with gravity's loads taken at its own postures: load and posture are found in turn.
     fn settle(&mut self, mut best: Fit, noise: Noise) -> Result<Fit> {
         let by_load = |t: &Term| self.catalogue.effect(t.hypothesis).depends_on_load();
@@ -286,38 +152,6 @@ impl Search<'_> {
             best = self.fit(&best.model, noise, SOLVER.final_steps)?;
         }
         self.refine_variants(best, noise)
-    }
-
-    /// Refines discrete unknowns (friction torques) between the values that were screened.
-    fn refine_variants(&self, mut best: Fit, noise: Noise) -> Result<Fit> {
-        for i in 0..best.model.terms.len() {
-            if self.problem.budget.is_spent() {
-                break;
-            }
-            let term = &best.model.terms[i];
-            if self.catalogue.hypotheses[term.hypothesis].variants.len() < 2
-                || !term.variant.is_finite()
-                || term.variant == 0.0
-            {
-                continue;
-            }
-            let near = VARIANT_FACTORS.map(|factor| factor * term.variant);
-            let tried = self
-                .likeliest_variants(&best.model, (i, None), noise, &near)?
-                .par_iter()
-                .map(|&variant| {
-                    let mut model = best.model.clone();
-                    model.terms[i].variant = variant;
-                    self.fit(&model, noise, SOLVER.candidate_steps)
-                })
-                .collect::<Result<Vec<Fit>>>()?;
-            if let Some(better) = tried.into_iter().max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
-                && better.log_evidence > best.log_evidence
-            {
-                best = better;
-            }
-        }
-        Ok(best)
     }
 
     /// Runs the ladder up and down until neither adding, dropping nor exchanging a cause helps.
