@@ -100,6 +100,47 @@ def test_a_motion_shows_what_is_larger_than_its_limits_and_hides_what_is_smaller
     assert shown == {3.0: {("gear_ratio", f"joint:{joint}")}, 0.1: set()}
 
 
+def test_twins_below_the_noise_stay_ambiguous_and_a_move_is_told_that_parts_them(
+    late: tuple[Path, float],
+) -> None:
+    """The images moved by hand as a late servo would: of one far below the noise several laws say the same, of a large one none does."""
+    from mirror_posture.motion.alternatives import rivals_of
+    from mirror_posture.motion.next_moves import next_moves, postures
+    from mirror_posture.motion.problem import Problem
+    from mirror_posture.motion.search import search
+
+    problem = Problem(mp.load_session(late[0]), late[0] / "model.xml")
+    joint = f"joint:{next(name for name in problem.scales if name.endswith('elbow'))}"
+    problem.hypotheses = {
+        key: one for key, one in problem.hypotheses.items() if key[1] == joint or key[0] == "latency"
+    }
+    first = search(problem, 1)
+    images, twins = (
+        problem.view.image_px,
+        {("servo_lag", joint), ("viscous_friction", joint), ("servo_gain", joint)},
+    )
+    told = {}
+    for lag_s in (0.002, 0.06):
+        there = {**first.best.causes, ("servo_lag", joint): (lag_s,)}
+        problem.view.image_px = images + problem.errors_px(first.best.causes) - problem.errors_px(there)
+        found = search(problem, 2, start=first.best.causes)
+        (new,) = set(found.best.causes) - set(first.best.causes)
+        rivals = rivals_of(problem, found, new)
+        told[lag_s] = dict(rivals.others) | {new: rivals.probability}
+        if lag_s == 0.002:
+            (move,) = next_moves(problem, found, {new: rivals}, [])
+            assert f"joint:{move.joint}" == joint and move.pictures > 0
+            assert [p[move.joint] for p in postures([move])] == [
+                move.start[move.joint],
+                move.end[move.joint],
+            ]
+    problem.view.image_px = images
+    weak, strong = told[0.002], told[0.06]
+    assert sum(weak.get(key, 0.0) for key in twins) > 0.9 and max(weak.values()) < 0.8
+    assert weak["servo_lag", joint] > 0.05
+    assert strong["servo_lag", joint] > max(0.75, max(weak.values()))
+
+
 def test_encoders_see_a_late_servo_and_no_wrong_zero(late: tuple[Path, float]) -> None:
     from mirror_posture.motion.encoders import encoder_witness
     from mirror_posture.motion.problem import Problem

@@ -95,7 +95,8 @@ class Engine:
         rest, moving = int(REST_S / h), int((time_s[-1] - time_s[0]) / h)
         times = time_s[0] + h * np.maximum(np.arange(rest + moving) - rest, 0)
         told = np.stack([np.interp(times, time_s, c) for c in commands.T], axis=1)
-        lag = np.where(servos.lag_s > 0, 1 - np.exp(-h / np.maximum(servos.lag_s, 1e-9)), 1.0)
+        late = servos.lag_s > 0
+        lag = np.where(late, 1 - np.exp(-h / np.maximum(servos.lag_s, 1e-9)), 1.0)
         most = servos.velocity_limit * h
         u = told[0].copy()
         keep = round(KEPT_S / h)
@@ -104,7 +105,9 @@ class Engine:
         before = np.zeros(len(order))
         rubbing = np.flatnonzero(servos.friction)
         for i, target in enumerate(told):
-            step = np.clip(target - u, -most, most) * lag
+            # A filter follows what it was told in the middle of a step: told at its end it would be late by half a step less.
+            goal = np.where(late, 0.5 * (target + told[max(i - 1, 0)]), target)
+            step = np.clip(goal - u, -most, most) * lag
             u = u + step
             speed = v[order].copy()
             asked = k * (u - q[order]) - d * speed

@@ -219,6 +219,8 @@ def next_step(found: Diagnosis) -> str:
         return "Nothing to mend: the model predicts as well as the measurement's noise allows."
     if verdict == "insufficient":
         return "Record more: postures in which the board and the markers are seen together; `mirror-posture check` tells what is missing."
+    if found.document.get("motion", {}).get("next_moves") and any(c.alternatives for c in found.causes):
+        return "Record a motion with the suggested moves too (report.html), and diagnose again: they tell the rivals apart."
     if "motion" in found.document:
         return "Change the simulator's model as the model.xml of --out has it, record another motion, and diagnose it with --check."
     rivals = [cause for cause in found.causes if cause.alternatives]

@@ -1,58 +1,79 @@
-"""Rivals of a cause: hypotheses whose columns, the other causes projected out, say the same of these pictures.
+"""Rivals of a cause: hypotheses that say the same of these pictures, the other causes free beside them.
 
-Each that the first look puts near is fitted in the cause's place; probabilities follow from the criterion,
-`p ∝ exp(advantage / 2)`. A cause that was not near any other has only what the search's own margin leaves.
+Every hypothesis is scored in the cause's place by the first look. Those that it puts near are fitted there; probabilities follow from
+the evidence of each. Of one that was not fitted the first look's own distance from the cause stands for it, so that a rival that is
+as near as this is never left out of the sum.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from .effects import Key
-from .fit import Fitted, fit
+from .evidence import log_odds, trusted_to
+from .fit import Fitted, fit_all
 from .problem import Problem
-from .screen import with_cause
-from .search import Found, advantage, columns_of
+from .search import Found, columns_of, start_of, without_cause
 
-NEAR = 60.0
-"""In the criterion's units: a rival farther behind at the first look is not fitted."""
-RIVALS = 4
+NEAR = 30.0
+"""Log odds: a rival farther behind at the first look is not fitted..."""
+SHARE = 0.25
+"""... nor one farther behind than this share of what the cause gains: what is large is not linear."""
+RIVALS = 6
 LEAST_PROBABILITY = 0.01
 MOST_PROBABILITY = 0.999
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Rivals:
-    """The probability of a cause, and of those that might stand in its place."""
+    """The probability of a cause, and of those that might stand in its place, the likeliest first.
+
+    `models` are those that were fitted with a rival in its place; `better` is the one that is likelier than the cause, if any is.
+    """
 
     probability: float
     others: tuple[tuple[Key, float], ...]
+    models: Mapping[Key, Fitted] = field(default_factory=dict)
+    better: Fitted | None = None
 
 
 def rivals_of(problem: Problem, found: Found, key: Key) -> Rivals:
     """The rivals of one of the causes found."""
     best, scale = found.best, found.noise_scale
-    rest = {k: v for k, v in best.causes.items() if k != key}
-    without = fit(problem, rest, scale, iterations=2)
+    inflation = best.misfit.inflation
+    columns, _ = columns_of(problem, best, scale)
+    without, known, scored = without_cause(problem, found.screen, best, columns, key, scale)
     if without is None:
         return Rivals(MOST_PROBABILITY, ())
-    known, taken = columns_of(problem, without, scale)
-    scored = found.screen.scores(without.residual, taken, list(rest), scale)
-    inflation, rows = best.misfit.inflation, max(2.0, best.misfit.effective_rows)
-    worth = {s.key: s.gain / inflation - len(s.start) * np.log(rows) for s in scored}
-    near = sorted((s for s in scored if s.key != key), key=lambda s: -worth[s.key])[:RIVALS]
-    own = max([worth.get(key, 0.0), advantage(best, without)])
-    weights: dict[Key, float] = {}
-    for one in near:
-        if worth[one.key] < own - NEAR - 0.2 * abs(own):
+    gain = {s.key: 0.5 * s.gain / inflation for s in scored}
+    own = max(gain.get(key, 0.0), 0.5 * (without.misfit.squares - best.misfit.squares) / inflation)
+    behind = {s.key: own - gain[s.key] for s in scored if s.key != key}
+    near = [s for s in scored if s.key != key and behind[s.key] < NEAR + SHARE * own][:RIVALS]
+    # The cause itself once more beside them: with the same columns, as far as they are.
+    starts = [dict(best.causes), *(start_of(problem, without, one, scale) for one in near)]
+    itself, *trials = fit_all(problem, starts, scale, iterations=6, known=known, enough=0.05)
+    itself, does = itself or best, without.misfit.squares - best.misfit.squares
+    odds = {k: -max(0.0, distance) / trusted_to(does, inflation) for k, distance in behind.items()}
+    models: dict[Key, Fitted] = {}
+    better: tuple[float, Fitted | None] = (0.0, None)
+    for one, trial in zip(near, trials, strict=True):
+        odds.pop(one.key)
+        if trial is None:
             continue
-        trial: Fitted | None = fit(problem, with_cause(rest, one), scale, iterations=4, known=known)
-        if trial is not None:
-            weights[one.key] = float(np.exp(0.5 * min(0.0, advantage(trial, best))))
-    total = 1.0 + sum(weights.values())
+        models[one.key] = trial
+        odds[one.key] = log_odds(problem, trial, itself, inflation, does)
+        if odds[one.key] > better[0]:
+            better = (odds[one.key], trial)
+    most = max([0.0, *odds.values()])
+    weights = {k: float(np.exp(o - most)) for k, o in odds.items()}
+    total = float(np.exp(-most)) + sum(weights.values())
     others = sorted(((k, w / total) for k, w in weights.items()), key=lambda pair: -pair[1])
     return Rivals(
-        min(MOST_PROBABILITY, 1.0 / total), tuple((k, p) for k, p in others if p > LEAST_PROBABILITY)
+        min(MOST_PROBABILITY, float(np.exp(-most)) / total),
+        tuple((k, p) for k, p in others if p > LEAST_PROBABILITY),
+        models,
+        better[1],
     )

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from ..diagnosis.result import Diagnosis
 from ..session import Session, as_session
 from ..short_repr import ShortRepr
-from .alternatives import rivals_of
+from .alternatives import Rivals, rivals_of
 from .effects import Key
 from .fit import design, evaluated, fit
 from .problem import Problem
@@ -69,9 +69,23 @@ def diagnose_motion(
             if few
             else search(problem, most_causes, progress, start=found.best.causes)
         )
-    rivals = {key: rivals_of(problem, found, key) for key in found.best.causes}
+    found, rivals = _likeliest(problem, found)
     tree = document(problem, found, rivals, covariance(problem, found))
     return MotionDiagnosis(Diagnosis.from_document(tree), problem, found)
+
+
+def _likeliest(problem: Problem, found: Found) -> tuple[Found, dict[Key, Rivals]]:
+    """The causes with their rivals; where a rival is the likelier one, it is the cause."""
+    for _ in range(len(found.best.causes)):
+        rivals = {key: rivals_of(problem, found, key) for key in found.best.causes}
+        better = next((one.better for one in rivals.values() if one.better is not None), None)
+        if better is None:
+            return found, rivals
+        problem.rollouts.refine(better.causes)
+        best = fit(problem, better.causes, found.noise_scale, iterations=4) or better
+        trace = (*found.trace, "likelier: " + ", ".join(f"{e}@{at}" for e, at in best.causes))
+        found = replace(found, best=best, trace=trace)
+    return found, {key: rivals_of(problem, found, key) for key in found.best.causes}
 
 
 def covariance(problem: Problem, found: Found) -> tuple[list[tuple[Key, int]], Floats, Floats]:

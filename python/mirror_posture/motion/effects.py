@@ -82,6 +82,8 @@ class Hypothesis:
     lower: tuple[float, ...]
     upper: tuple[float, ...]
     starts: tuple[tuple[float, ...], ...]
+    usual: tuple[float, ...]
+    """How large each parameter usually is where the effect is there: the scale of its prior."""
 
     @property
     def key(self) -> Key:
@@ -136,33 +138,41 @@ def of_joint(name: str, scale: JointScale) -> list[Hypothesis]:
     """The hypotheses at a joint that moves."""
     place = f"joint:{name}"
 
-    def one(effect: str, step: float, lower: float = -np.inf, upper: float = np.inf) -> Hypothesis:
-        return Hypothesis(EFFECTS[effect], place, (step,), (lower,), (upper,), ((step,),))
+    def one(
+        effect: str, step: float, usual: float, lower: float = -np.inf, upper: float = np.inf
+    ) -> Hypothesis:
+        return Hypothesis(EFFECTS[effect], place, (step,), (lower,), (upper,), ((step,),), (usual,))
 
     def limit(effect: str, largest: float) -> Hypothesis:
         starts = tuple((share * largest,) for share in LIMIT_SHARES)
-        return Hypothesis(
-            EFFECTS[effect], place, (0.02 * largest,), (0.05 * largest,), (1.5 * largest,), starts
-        )
+        bounds = (0.05 * largest,), (1.5 * largest,)
+        return Hypothesis(EFFECTS[effect], place, (0.02 * largest,), *bounds, starts, (0.5 * largest,))
 
     out = [
-        one("servo_lag", 0.005, 0.0, 0.5),
-        one("joint_offset", 0.005, -1.0, 1.0),
-        one("gear_ratio", 0.005, -0.5, 0.5),
-        one("backlash", 0.01, 0.0, 0.5),
+        one("servo_lag", 0.005, 0.03, 0.0, 0.5),
+        one("joint_offset", 0.005, 0.02, -1.0, 1.0),
+        one("gear_ratio", 0.005, 0.03, -0.5, 0.5),
+        one("backlash", 0.01, 0.03, 0.0, 0.5),
         limit("velocity_limit", scale.speed),
     ]
     if scale.torque > 0.0:
-        out.append(one("joint_compliance", 0.01 / scale.torque, 0.0))
+        out.append(one("joint_compliance", 0.01 / scale.torque, 0.03 / scale.torque, 0.0))
     if scale.has_servo:
         damping = max(scale.damping, 0.005 * scale.stiffness)
+        inertia = max(0.1 * scale.armature, 1e-6)
         out += [
             Hypothesis(
-                EFFECTS["servo_gain"], place, (0.05, 0.05), (-0.9, -0.95), (20.0, 20.0), ((0.05, 0.05),)
+                EFFECTS["servo_gain"],
+                place,
+                (0.05, 0.05),
+                (-0.9, -0.95),
+                (20.0, 20.0),
+                ((0.05, 0.05),),
+                (1.0, 1.0),
             ),
-            one("viscous_friction", 0.05 * damping, -0.9 * scale.damping),
-            one("coulomb_friction", 0.05 * scale.torque, -scale.friction),
-            one("reflected_inertia", max(0.1 * scale.armature, 1e-6), -0.9 * scale.armature),
+            one("viscous_friction", 0.05 * damping, damping, -0.9 * scale.damping),
+            one("coulomb_friction", 0.05 * scale.torque, 0.5 * scale.torque, -scale.friction),
+            one("reflected_inertia", inertia, 30.0 * inertia, -0.9 * scale.armature),
             limit("torque_limit", scale.torque),
         ]
     return out
@@ -174,13 +184,15 @@ def of_setup(markers: tuple[str, ...]) -> list[Hypothesis]:
 
     def pose(effect: str, at: str) -> Hypothesis:
         step = (radian,) * 3 + (metre,) * 3
-        return Hypothesis(EFFECTS[effect], at, step, (-0.5,) * 6, (0.5,) * 6, (step,))
+        usual = (0.01,) * 3 + (0.003,) * 3
+        return Hypothesis(EFFECTS[effect], at, step, (-0.5,) * 6, (0.5,) * 6, (step,), usual)
 
-    out = [Hypothesis(EFFECTS["latency"], "camera", (0.002,), (-0.5,), (0.5,), ((0.002,),))]
-    out += [
-        Hypothesis(
-            EFFECTS["marker_mount"], f"marker:{name}", (metre,) * 3, (-0.2,) * 3, (0.2,) * 3, ((metre,) * 3,)
+    def shift(name: str) -> Hypothesis:
+        step = (metre,) * 3
+        return Hypothesis(
+            EFFECTS["marker_mount"], f"marker:{name}", step, (-0.2,) * 3, (0.2,) * 3, (step,), (0.004,) * 3
         )
-        for name in markers
-    ]
+
+    out = [Hypothesis(EFFECTS["latency"], "camera", (0.002,), (-0.5,), (0.5,), ((0.002,),), (0.02,))]
+    out += [shift(name) for name in markers]
     return [*out, pose("camera_mount", "camera"), pose("board_mount", "board")]

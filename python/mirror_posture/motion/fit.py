@@ -1,17 +1,17 @@
-"""Bounded Gauss-Newton (Levenberg-Marquardt) of a moving session's causes.
+"""Bounded Gauss-Newton (Levenberg-Marquardt) of a moving session's causes, several models side by side.
 
-In steps p of the parameters (their usual sizes): minimise |r(p)|², r in units of the noise, by
+In steps p of the parameters: minimise |r(p)|², r in units of the noise, by
 
     (JᵀJ + λ diag(JᵀJ) + I / 200²) δ = Jᵀ r,
 
-J from central differences through the simulator; a step that leaves the bounds is cut there, one that does not lower the squares
-is tried shorter.
+J from differences to one side through the simulator; a step that leaves the bounds is cut there, one that does not lower the squares
+is tried shorter. What several models ask of the simulator goes to it together, so that all cores are at work.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -31,11 +31,16 @@ SMALL_DECREASE = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """Causes with fitted parameters, what they leave (F, markers, 2) in units of the noise, and its misfit."""
+    """Causes with fitted parameters, what they leave (F, markers, 2) in units of the noise, and its misfit.
+
+    `of` and `information` are the parameters and JᵀJ, in steps, where a fit last had them.
+    """
 
     causes: Causes
     residual: Floats
     misfit: Misfit
+    of: tuple[tuple[Key, int], ...] = ()
+    information: Floats | None = None
 
     @property
     def parameters(self) -> int:
@@ -45,11 +50,16 @@ class Fitted:
 
 def evaluated(problem: Problem, causes: Causes, scale: float) -> Fitted | None:
     """A model as it is; None where its simulation diverges."""
-    (residual,) = problem.residuals([causes])
-    if residual is None:
-        return None
-    residual = residual / scale
-    return Fitted(causes, residual, misfit(residual, problem.view.seen))
+    return evaluated_all(problem, [causes], scale)[0]
+
+
+def evaluated_all(problem: Problem, several: Sequence[Causes], scale: float) -> list[Fitted | None]:
+    """Models as they are, simulated together; None where a simulation diverges."""
+    seen = problem.view.seen
+    return [
+        None if r is None else Fitted(causes, r / scale, misfit(r / scale, seen))
+        for causes, r in zip(several, problem.residuals(several), strict=True)
+    ]
 
 
 def fit(
@@ -61,45 +71,96 @@ def fit(
     known: Known | None = None,
 ) -> Fitted | None:
     """Fits all parameters of the causes; `known` are columns (of one step, whitened) that need not be computed anew."""
-    best = evaluated(problem, start, scale)
-    if best is None or not start:
-        return best
-    damping = 1e-6
+    return fit_all(problem, [start], scale, iterations=iterations, known=known)[0]
+
+
+@dataclass(eq=False)
+class _Trial:
+    best: Fitted
+    damping: float = 1e-6
+    going: bool = True
+
+
+def fit_all(
+    problem: Problem,
+    starts: Sequence[Causes],
+    scale: float,
+    *,
+    iterations: int = 6,
+    known: Known | None = None,
+    hopeless: Callable[[Fitted, Fitted], bool] | None = None,
+    enough: float = SMALL_DECREASE,
+) -> list[Fitted | None]:
+    """Fits several models side by side.
+
+    `hopeless(one, best)` tells after each step of the first whether it need not be fitted further, beside the best of all so far;
+    a step that lowers the squares by less than `enough` is the last.
+    """
+    first = evaluated_all(problem, starts, scale)
+    trials = [None if f is None else _Trial(f, going=bool(f.causes)) for f in first]
     for _ in range(iterations):
-        of, columns = design(problem, best.causes, known)
-        columns = columns / scale
-        seen = problem.view.seen
-        matrix, residual = (
-            columns[seen].reshape(2 * int(seen.sum()), len(of)),
-            best.residual[seen].reshape(-1),
-        )
-        normal, gradient = matrix.T @ matrix, matrix.T @ residual
-        normal += np.eye(len(of)) / PRIOR_STEPS**2
-        better = None
+        going = [trial for trial in trials if trial is not None and trial.going]
+        if not going:
+            break
+        _ahead(problem, [trial.best.causes for trial in going], known)
+        systems = [_normal(problem, trial, scale, known) for trial in going]
+        waiting = list(zip(going, systems, strict=True))
+        before = [trial.best for trial in going]
         for _ in range(SHORTENINGS):
-            step = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), gradient)
-            trial = evaluated(problem, moved(problem, best.causes, of, step), scale)
-            if trial is not None and trial.misfit.squares < best.misfit.squares:
-                better = trial
-                damping = max(1e-8, 0.1 * damping)
+            if not waiting:
                 break
-            damping = max(1e-2, 10.0 * damping)
-        if better is None:
-            break
-        gained = best.misfit.squares - better.misfit.squares
-        best = better
-        if gained < SMALL_DECREASE * max(1.0, best.misfit.squares / best.misfit.rows):
-            break
-    return best
+            tried = [_step(problem, trial, *system) for trial, system in waiting]
+            again = []
+            for (trial, system), new in zip(waiting, evaluated_all(problem, tried, scale), strict=True):
+                if new is not None and new.misfit.squares < trial.best.misfit.squares:
+                    trial.damping = max(1e-8, 0.1 * trial.damping)
+                    trial.best = replace(new, of=trial.best.of, information=trial.best.information)
+                else:
+                    trial.damping = max(1e-2, 10.0 * trial.damping)
+                    again.append((trial, system))
+            waiting = again
+        for trial, old in zip(going, before, strict=True):
+            new_misfit = trial.best.misfit
+            gained = old.misfit.squares - new_misfit.squares
+            trial.going = gained >= enough * max(1.0, new_misfit.squares / new_misfit.rows)
+        if hopeless is not None:
+            best = min((t.best for t in trials if t is not None), key=lambda f: f.misfit.squares)
+            for trial in going:
+                trial.going = trial.going and not hopeless(trial.best, best)
+    return [None if trial is None else trial.best for trial in trials]
+
+
+def _ahead(problem: Problem, several: Sequence[Causes], known: Known | None) -> None:
+    """Simulates together what the columns of several models will ask for."""
+    problem.ahead(
+        [(causes, [key for key in causes if (key, 0) not in (known or {})]) for causes in several],
+        central=False,
+    )
+
+
+def _normal(problem: Problem, trial: _Trial, scale: float, known: Known | None) -> tuple[Floats, Floats]:
+    of, columns = design(problem, trial.best.causes, known, central=False)
+    seen = problem.view.seen
+    matrix = columns[seen].reshape(2 * int(seen.sum()), len(of)) / scale
+    normal = matrix.T @ matrix
+    trial.best = replace(trial.best, of=tuple(of), information=normal)
+    return normal + np.eye(len(of)) / PRIOR_STEPS**2, matrix.T @ trial.best.residual[seen].reshape(-1)
+
+
+def _step(problem: Problem, trial: _Trial, normal: Floats, gradient: Floats) -> Causes:
+    step = np.asarray(
+        np.linalg.solve(normal + trial.damping * np.diag(np.diag(normal)), gradient), dtype=np.float64
+    )
+    return moved(problem, trial.best.causes, trial.best.of, step)
 
 
 def design(
-    problem: Problem, causes: Causes, known: Known | None = None
+    problem: Problem, causes: Causes, known: Known | None = None, *, central: bool = True
 ) -> tuple[list[tuple[Key, int]], Floats]:
     """All columns of a model's parameters (F, markers, 2, P), those that are known taken over."""
     known = known or {}
     fresh = [key for key in causes if (key, 0) not in known]
-    of, columns = problem.columns(causes, fresh)
+    of, columns = problem.columns(causes, fresh, central=central)
     for key in causes:
         if (key, 0) in known:
             for k in range(len(problem.hypotheses[key].step)):

@@ -25,6 +25,8 @@ Floats = npt.NDArray[np.float64]
 POSITION_STEP = 1e-5
 WEAK_SHARE = 1e-3
 """A picture whose information of a joint is below this share of the usual shows nothing of it."""
+MOST_AHEAD = 44
+"""Motions simulated ahead of their use: fewer than are kept."""
 LOAD_SHARE = 0.02
 """Share of a joint's usual load at which its play has gone over to one side."""
 
@@ -34,7 +36,7 @@ class Problem:
 
     def __init__(self, session: Session, model_file: Path | None = None) -> None:
         self.recording: Recording = recording_of(session)
-        self.session = session
+        self.session, self.model_file = session, model_file
         self.rollouts = Rollouts(self.recording, model_file)
         self.joints = self.rollouts.joints
         self.columns_of = np.array([session.robot.position_names.index(name) for name in self.joints])
@@ -69,27 +71,10 @@ class Problem:
 
     def places(self, causes: Causes, motion: Motion) -> Places:
         """Where the joints stand when markers and board are seen."""
-        latency = causes.get(("latency", "camera"), (0.0,))[0]
-        markers = motion.at(self.recording.marker_time_s - latency)
-        board = motion.at(self.recording.board_time_s - latency)
-        for (effect, at), values in causes.items():
-            place = at.partition(":")[2]
-            if place not in self.joints:
-                continue
-            j = self.joints.index(place)
-            if effect == "joint_offset":
-                markers[..., j] += values[0]
-                board[..., j] += values[0]
-            elif effect == "gear_ratio":
-                markers[..., j] *= 1.0 + values[0]
-                board[..., j] *= 1.0 + values[0]
-            elif effect in ("joint_compliance", "backlash"):
-                load = self.rollouts.load(motion, self.recording.board_time_s - latency)[:, j]
-                if effect == "backlash":
-                    usual = float(np.sqrt(np.mean(load**2))) + 1e-12
-                    load = 0.5 * np.tanh(load / (LOAD_SHARE * usual))
-                markers[..., j] += values[0] * load[:, None]
-                board[..., j] += values[0] * load
+        recording = self.recording
+        markers, board = positions(
+            self.rollouts, causes, motion, recording.marker_time_s, recording.board_time_s
+        )
         count = len(self.session.robot.position_names)
         all_markers, all_board = np.zeros((*markers.shape[:2], count)), np.zeros((len(board), count))
         all_markers[..., self.columns_of], all_board[..., self.columns_of] = markers, board
@@ -168,6 +153,19 @@ class Problem:
         Returns which parameter each column is of, and the columns (F, markers, 2, P). A parameter at a bound is differenced to
         one side; one whose simulation diverges has a column of zeros.
         """
+        of, ahead, behind = self._differenced(base, keys, central)
+        changes = self.changes(base, [*ahead, *behind])
+        empty = np.zeros((*self.view.seen.shape, 2))
+        columns = [
+            empty if up is None or down is None else up - down
+            for up, down in zip(changes[: len(of)], changes[len(of) :], strict=True)
+        ]
+        return of, np.stack(columns, axis=-1) if columns else empty[..., None][..., :0]
+
+    def _differenced(
+        self, base: Causes, keys: Sequence[Key], central: bool
+    ) -> tuple[list[tuple[Key, int]], list[Causes], list[Causes]]:
+        """Parameters, and the causes ahead of and behind each, whose predictions are differenced."""
         of, ahead, behind = [], [], []
         for key in keys:
             h = self.hypotheses[key]
@@ -181,13 +179,15 @@ class Problem:
                 of.append((key, k))
                 ahead.append({**base, key: tuple(up)})
                 behind.append({**base, key: tuple(down)} if any(down) or key in base else dict(base))
-        changes = self.changes(base, [*ahead, *behind])
-        empty = np.zeros((*self.view.seen.shape, 2))
-        columns = [
-            empty if up is None or down is None else up - down
-            for up, down in zip(changes[: len(of)], changes[len(of) :], strict=True)
-        ]
-        return of, np.stack(columns, axis=-1) if columns else empty[..., None][..., :0]
+        return of, ahead, behind
+
+    def ahead(self, several: Sequence[tuple[Causes, Sequence[Key]]], *, central: bool) -> None:
+        """Simulates together what `columns` of several models and causes will ask for: all cores are at work."""
+        wanted: list[Causes] = []
+        for base, keys in several:
+            _, ahead, behind = self._differenced(base, keys, central)
+            wanted += [base, *ahead, *behind]
+        self.rollouts.motions(wanted[:MOST_AHEAD])
 
     def leave_out(self, false: npt.NDArray[np.bool_]) -> None:
         """Leaves out these images (F, markers) as false and no other; all columns must be computed anew."""
@@ -224,6 +224,34 @@ class Problem:
         pull = np.where(seen, column * residual, 0.0).sum(axis=(1, 2))
         weak = power <= (WEAK_SHARE * np.median(power[power > 0.0]) if (power > 0.0).any() else 0.0)
         return np.asarray(np.where(weak, np.nan, pull / np.where(weak, 1.0, power)))
+
+
+def positions(
+    rollouts: Rollouts, causes: Causes, motion: Motion, marker_time_s: Floats, board_time_s: Floats
+) -> tuple[Floats, Floats]:
+    """Where the links of a simulated motion stand at times (F, markers) and (F,): (F, markers, joints) and (F, joints)."""
+    latency = causes.get(("latency", "camera"), (0.0,))[0]
+    markers = motion.at(marker_time_s - latency)
+    board = motion.at(board_time_s - latency)
+    for (effect, at), values in causes.items():
+        place = at.partition(":")[2]
+        if place not in rollouts.joints:
+            continue
+        j = rollouts.joints.index(place)
+        if effect == "joint_offset":
+            markers[..., j] += values[0]
+            board[..., j] += values[0]
+        elif effect == "gear_ratio":
+            markers[..., j] *= 1.0 + values[0]
+            board[..., j] *= 1.0 + values[0]
+        elif effect in ("joint_compliance", "backlash"):
+            load = rollouts.load(motion, board_time_s - latency)[:, j]
+            if effect == "backlash":
+                usual = float(np.sqrt(np.mean(load**2))) + 1e-12
+                load = 0.5 * np.tanh(load / (LOAD_SHARE * usual))
+            markers[..., j] += values[0] * load[:, None]
+            board[..., j] += values[0] * load
+    return markers, board
 
 
 def _key(causes: Causes) -> tuple[object, ...]:

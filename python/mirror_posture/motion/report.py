@@ -14,6 +14,7 @@ from .alternatives import Rivals
 from .effects import Key, told
 from .encoders import encoder_witness
 from .fit import Fitted, evaluated
+from .next_moves import next_moves, postures
 from .problem import Problem
 from .search import SEGMENTS, Found
 from .shown import limits, stability
@@ -77,11 +78,15 @@ def document(
         )
     gap = _gap(problem, found, columns)
     gap["steps"] = _steps(problem, order, best)
+    # With all causes the gap is told on pictures that the parameters did not see.
+    gap["steps"][-1] |= {"rms_px": gap["after_px"], "rms_m": gap["after_m"]}
     verdict = _verdict(bool(order), left)
     total = sum(share.values()) or 1.0
     where: dict[str, float] = {}
     for key in order:
         where[key[1]] = where.get(key[1], 0.0) + share[key] / total
+    hidden = limits(problem, found)
+    moves = next_moves(problem, found, rivals, hidden)
     session = problem.session
     seen, given = view.seen, session.mirror_view.marker_seen
     frames = session.frames.frame
@@ -91,15 +96,16 @@ def document(
         "motion": {
             "seconds": float(np.ptp(problem.recording.board_time_s)),
             "simulated": problem.rollouts.count,
+            "next_moves": [move.as_tree() for move in moves],
         },
         "verdict": verdict,
         "sentence": sentence(verdict, causes, gap),
         "causes": causes,
         "where": [{"at": at, "share": round(s, 4)} for at, s in sorted(where.items(), key=lambda p: -p[1])],
         "gap": gap,
-        "limits": limits(problem, found),
+        "limits": hidden,
         "encoder_witness": encoder_witness(problem, best.causes),
-        "next_postures": [],
+        "next_postures": postures(moves),
         "warnings": list(problem.rollouts.simulator.notes),
         "noise": {"marker_px": scale * view.noise_px},
         "trace": list(found.trace),

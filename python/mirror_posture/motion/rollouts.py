@@ -67,7 +67,7 @@ def _between(table: Floats, place: Floats) -> Floats:
 class Rollouts:
     """The simulator of a moving session: causes to motions, the last ones remembered."""
 
-    def __init__(self, recording: Recording, model_file: Path | None) -> None:
+    def __init__(self, recording: Recording, model_file: Path | None, *, exact: bool = True) -> None:
         self.recording = recording
         self.simulator: Simulator = build(recording.session, model_file)
         self.joints = self.simulator.joints
@@ -100,7 +100,8 @@ class Rollouts:
         self.count = 0
         """Motions simulated so far."""
         self._correction = (np.zeros(0), np.zeros(0))
-        self.refine({})
+        if exact:
+            self.refine({})
 
     def scales(self, nominal: Motion) -> dict[str, JointScale]:
         """What is usual of each joint that the log moves."""

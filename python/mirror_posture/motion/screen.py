@@ -2,7 +2,7 @@
 
 With the residuals r and the columns Q of the causes that a model has projected out, a hypothesis with the columns C lowers the
 squares by `2 aᵀCᵀr − aᵀCᵀC a` at its best amplitude a within its bounds. A limit, which has no derivative before it is
-reached, is tried at several sizes.
+reached, is tried at several sizes: the mildest first, tighter ones where that one tells something.
 """
 
 from __future__ import annotations
@@ -21,6 +21,9 @@ Floats = npt.NDArray[np.float64]
 RIDGE = 1e-9
 LIMIT_AMPLITUDE = (0.3, 1.6)
 """How much more or less than at the size tried a limit may change the prediction, to be counted."""
+TOLD_DEVIATIONS = 3.0
+"""By so many standard deviations the mildest limit must speak for itself, before tighter ones are simulated."""
+MOST_LIMITS = 6
 
 
 @dataclass(frozen=True)
@@ -38,17 +41,23 @@ class Screen:
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
         smooth = [h for h in problem.hypotheses.values() if not h.effect.is_limit]
-        limits = [h for h in problem.hypotheses.values() if h.effect.is_limit]
-        of, columns = problem.columns({}, [h.key for h in smooth], central=False)
-        sizes = [(h, start) for h in limits for start in h.starts]
-        changes = problem.changes({}, [{h.key: start} for h, start in sizes])
-        kept = [(size, change) for size, change in zip(sizes, changes, strict=True) if change is not None]
+        of, self._columns = problem.columns({}, [h.key for h in smooth], central=False)
         self.slots: dict[Key, list[int]] = {}
         for column, (key, _) in enumerate(of):
             self.slots.setdefault(key, []).append(column)
-        self.limits = [(h, start, len(of) + i) for i, ((h, start), _) in enumerate(kept)]
-        changed = [change[..., None] for _, change in kept]
-        self._columns = np.concatenate([columns, *changed], axis=-1)
+        self.limits: list[tuple[Hypothesis, tuple[float, ...], int]] = []
+        # A limit acts wherever a tighter one acts, the same way: where the mildest tried tells nothing, none does.
+        limits = [h for h in problem.hypotheses.values() if h.effect.is_limit]
+        self._try_limits([(h, h.starts[-1]) for h in limits])
+
+    def _try_limits(self, sizes: list[tuple[Hypothesis, tuple[float, ...]]]) -> None:
+        # A body that its servo cannot hold falls far: nothing of that is linear.
+        base, *told = self.problem.residuals([{}, *({h.key: start} for h, start in sizes)])
+        assert base is not None
+        kept = [(size, r) for size, r in zip(sizes, told, strict=True) if r is not None]
+        first = self._columns.shape[-1]
+        self.limits += [(h, start, first + i) for i, ((h, start), _) in enumerate(kept)]
+        self._columns = np.concatenate([self._columns, *((base - r)[..., None] for _, r in kept)], axis=-1)
 
     @property
     def matrix(self) -> Floats:
@@ -59,12 +68,12 @@ class Screen:
     def scores(self, residual: Floats, taken: Floats, skip: Sequence[Key], scale: float) -> list[Scored]:
         """Hypotheses by gain, the best first: `residual` (F, markers, 2) and the columns `taken` (rows, P) in units of the noise."""
         r = residual[self.problem.view.seen].reshape(-1)
-        c = self.matrix / scale
-        whole = np.einsum("ij,ij->j", c, c)
-        if taken.shape[1]:
-            q, _ = np.linalg.qr(taken)
-            r = r - q @ (q.T @ r)
-            c = c - q @ (q.T @ c)
+        q, _ = np.linalg.qr(taken) if taken.shape[1] else (np.zeros((len(r), 0)), None)
+        r = r - q @ (q.T @ r)
+        c, whole = self._free(q, scale)
+        if tighter := self._tighter(c, whole, r, skip):
+            self._try_limits(tighter)
+            c, whole = self._free(q, scale)
         by_residual, squares = c.T @ r, np.einsum("ij,ij->j", c, c)
         out = []
         for key, slots in self.slots.items():
@@ -84,6 +93,26 @@ class Screen:
             if gain > 0.0 and (h.key not in best or gain > best[h.key].gain):
                 best[h.key] = Scored(h.key, float(gain), start)
         return sorted([*out, *best.values()], key=lambda s: -s.gain)
+
+    def _free(self, q: Floats, scale: float) -> tuple[Floats, Floats]:
+        """Columns with the orthonormal ones projected out, and their squares before."""
+        c = self.matrix / scale
+        whole = np.einsum("ij,ij->j", c, c)
+        return (c - q @ (q.T @ c) if q.shape[1] else c), whole
+
+    def _tighter(
+        self, c: Floats, whole: Floats, r: Floats, skip: Sequence[Key]
+    ) -> list[tuple[Hypothesis, tuple[float, ...]]]:
+        """Sizes not tried yet of the limits whose mildest size tells something, of no more than a few: the clearest."""
+        clear: dict[Key, float] = {}
+        tried = {(h.key, start) for h, start, _ in self.limits}
+        for h, start, column in self.limits:
+            power = float(c[:, column] @ c[:, column])
+            if h.key not in skip and start == h.starts[-1] and power >= 1e-6 * max(1.0, whole[column]):
+                clear[h.key] = float(c[:, column] @ r) / float(np.sqrt(power))
+        first = sorted((key for key in clear if clear[key] > TOLD_DEVIATIONS), key=lambda key: -clear[key])
+        clearest = [self.problem.hypotheses[key] for key in first[:MOST_LIMITS]]
+        return [(h, start) for h in clearest for start in h.starts if (h.key, start) not in tried]
 
 
 def _best(

@@ -9,16 +9,16 @@ parameters were not fitted to.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from .effects import Causes, Key
-from .fit import Fitted, design, evaluated, fit
+from .fit import Fitted, design, evaluated, evaluated_all, fit, fit_all
 from .problem import Problem
 from .screen import Scored, Screen, with_cause
-from .statistics import noise_scale
+from .statistics import misfit, noise_scale
 
 Floats = npt.NDArray[np.float64]
 
@@ -29,6 +29,10 @@ MARGIN = 6.0
 LEAST_SHIFT = 0.1
 """In units of the noise: a cause that moves the markers by less, RMS, is not told."""
 SEGMENTS = 5
+HOPELESS = (60.0, 0.5)
+"""A model is fitted no further where the criterion has it behind the best by so much, and by this share of what the best gained."""
+UNLIKE = 0.5
+"""Share of what a cause gains, at the first look, below which another is not tried in its place."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,9 +56,11 @@ def search(
     """Searches the causes of a moving session, from none or from those of an earlier search."""
     say = progress or (lambda _: None)
     start = start or {}
-    first_fit = fit(problem, start, 1.0, iterations=3) if start else evaluated(problem, {}, 1.0)
-    assert first_fit is not None
-    scale = noise_scale(first_fit.residual, problem.view.seen)
+    as_it_is = evaluated(problem, {}, 1.0)
+    first_fit = fit(problem, start, 1.0, iterations=3) if start else as_it_is
+    assert first_fit is not None and as_it_is is not None
+    # A model that is wrong in what is quick adds to it, none takes away.
+    scale = min(noise_scale(model.residual, problem.view.seen) for model in (as_it_is, first_fit))
     base, best = evaluated(problem, {}, scale), evaluated(problem, first_fit.causes, scale)
     assert base is not None and best is not None
     say("first look")
@@ -87,7 +93,7 @@ def search(
         problem.rollouts.refine(best.causes)
         best = fit(problem, best.causes, scale, iterations=2) or best
         fresh = noise_scale(best.residual * scale, problem.view.seen)
-        if abs(fresh / scale - 1.0) > 0.02:
+        if fresh < 0.98 * scale:
             scale = fresh
             best = evaluated(problem, best.causes, scale) or best
             nominal = evaluated(problem, {}, scale) or nominal
@@ -117,12 +123,38 @@ def _best_addition(
 ) -> Fitted | None:
     inflation, rows = base.misfit.inflation, max(2.0, base.misfit.effective_rows)
     ranked = sorted(scored, key=lambda s: -(s.gain / inflation - len(s.start) * np.log(rows)))
-    trials = []
-    for one in ranked[:TRIED]:
-        trial = fit(problem, with_cause(base.causes, one), scale, iterations=4, known=known)
-        if trial is not None:
-            trials.append(trial)
-    return best_of(trials)
+    starts = [start_of(problem, base, one, scale) for one in ranked[:TRIED]]
+    return best_of(_fitted(problem, base, starts, known, scale, 4))
+
+
+def start_of(problem: Problem, base: Fitted, scored: Scored, scale: float) -> Causes:
+    """A model with one more cause, where its fit shall start: a limit at the size that leaves least."""
+    hypothesis = problem.hypotheses[scored.key]
+    if not hypothesis.effect.is_limit:
+        return with_cause(base.causes, scored)
+    sizes = [{**base.causes, scored.key: start} for start in hypothesis.starts]
+    found = [model for model in evaluated_all(problem, sizes, scale) if model is not None]
+    if not found:
+        return with_cause(base.causes, scored)
+    return min(found, key=lambda model: model.misfit.squares).causes
+
+
+def _fitted(
+    problem: Problem,
+    base: Fitted,
+    starts: list[Causes],
+    known: dict[tuple[Key, int], Floats],
+    scale: float,
+    iterations: int,
+) -> list[Fitted]:
+    """Models fitted side by side, those that fall far behind given up."""
+
+    def hopeless(one: Fitted, best: Fitted) -> bool:
+        behind = advantage(best, one)
+        return behind > HOPELESS[0] and behind > HOPELESS[1] * advantage(best, base)
+
+    trials = fit_all(problem, starts, scale, iterations=iterations, known=known, hopeless=hopeless)
+    return [trial for trial in trials if trial is not None]
 
 
 def best_of(trials: list[Fitted]) -> Fitted | None:
@@ -139,29 +171,60 @@ def _revised(problem: Problem, screen: Screen, model: Fitted, scale: float, trac
     if len(model.causes) < 2:
         return model
     best = model
+    columns, _ = columns_of(problem, best, scale)
     for key in list(model.causes)[:-1]:
         if key not in best.causes:
             continue
-        rest = {k: v for k, v in best.causes.items() if k != key}
-        without = fit(problem, rest, scale, iterations=3)
+        without, known, scored = without_cause(problem, screen, best, columns, key, scale)
         if without is None:
             continue
-        if advantage(without, best) > 0.0:
-            trace.append(f"- {key[0]}@{key[1]}: {_told(without)}")
-            best = without
-            continue
-        known, taken = columns_of(problem, without, scale)
-        scored = screen.scores(without.residual, taken, list(rest), scale)[:3]
-        trials = [
-            fit(problem, with_cause(without.causes, one), scale, iterations=3, known=known)
-            for one in scored
-            if one.key != key
-        ]
-        other = best_of([trial for trial in trials if trial is not None])
+        own = max((s.gain for s in scored if s.key == key), default=0.0)
+        if advantage(without, best) > -HOPELESS[0]:
+            fitted = fit(problem, without.causes, scale, iterations=3) or without
+            if advantage(fitted, best) > 0.0:
+                trace.append(f"- {key[0]}@{key[1]}: {_told(fitted)}")
+                best = fitted
+                columns, _ = columns_of(problem, best, scale)
+                continue
+        starts = [
+            start_of(problem, without, one, scale)
+            for one in scored[:4]
+            if one.key != key and one.gain > UNLIKE * own
+        ][:3]
+        other = best_of(_fitted(problem, without, starts, known, scale, 3))
         if other is not None and advantage(other, best) > 0.0:
             trace.append(f"{key[0]}@{key[1]} exchanged: {_told(other)}")
             best = fit(problem, other.causes, scale) or other
+            columns, _ = columns_of(problem, best, scale)
     return best
+
+
+def without_cause(
+    problem: Problem,
+    screen: Screen,
+    model: Fitted,
+    columns: dict[tuple[Key, int], Floats],
+    key: Key,
+    scale: float,
+) -> tuple[Fitted | None, dict[tuple[Key, int], Floats], list[Scored]]:
+    """The model without one of its causes, the others as they are and free to one linear step: what it leaves is told so.
+
+    Then the others' columns, and what each hypothesis would gain in its place, the best first.
+    """
+    rest = {k: v for k, v in model.causes.items() if k != key}
+    without = evaluated(problem, rest, scale)
+    known = {slot: column for slot, column in columns.items() if slot[0] != key}
+    if without is None:
+        return None, known, []
+    seen = problem.view.seen
+    taken = np.zeros((2 * int(seen.sum()), 0))
+    if known:
+        taken = np.stack([column[seen].reshape(-1) for column in known.values()], axis=1) / scale
+        step = np.linalg.lstsq(taken, without.residual[seen].reshape(-1), rcond=1e-10)[0]
+        left = without.residual.copy()
+        left[seen] -= (taken @ step).reshape(-1, 2)
+        without = replace(without, residual=left, misfit=misfit(left, seen))
+    return without, known, screen.scores(without.residual, taken, list(rest), scale)
 
 
 def held_out_squares(problem: Problem, model: Fitted, scale: float) -> float:

@@ -17,7 +17,8 @@ Mask = npt.NDArray[np.bool_]
 
 FOURTH = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
 MAD_TO_STD = 1.4826
-LEAST_SCALE = 0.2
+LEAST_SCALE, MOST_SCALE = 0.2, 6.0
+"""Of the stated noise: where a model is wildly wrong its own error is quick too, and would pass for noise."""
 TAILS = 6.0
 RHO = np.linspace(0.0, 0.6, 121)
 """Correlations that a detector's errors may have from picture to picture."""
@@ -64,7 +65,7 @@ def noise_scale(whitened: Floats, seen: Mask) -> float:
     ratio = float(np.mean(now * following)) / power
     variance, correlation = _of_differences(RHO)
     at = int(np.argmin(np.abs(correlation - ratio)))
-    return max(LEAST_SCALE, float(np.sqrt(power / variance[at])))
+    return min(MOST_SCALE, max(LEAST_SCALE, float(np.sqrt(power / variance[at]))))
 
 
 def _of_differences(rho: Floats) -> tuple[Floats, Floats]:

@@ -133,8 +133,7 @@ class View:
             foot = foot + np.einsum(
                 "fkl,fl->fk", self.foot_by_twist, _log(self.board_from_camera @ camera_from_board)
             )
-        pixels, by_foot = np.zeros((frames, markers, 2)), np.zeros((frames, markers, 2, 3))
-        good = np.zeros((frames, markers), dtype=bool)
+        points = np.zeros((frames, markers, 3))
         mirror = self.session.mirror
         glass = {} if mirror is None else mirror.glass
         for m, link in enumerate(self.marker_links):
@@ -143,10 +142,11 @@ class View:
             shift = np.append(
                 causes.get(("marker_mount", f"marker:{self.session.markers[m].name}"), (0.0,) * 3), 1.0
             )
-            point = (np.linalg.inv(camera) @ (poses[:, 2] @ shift)[..., None])[:, :3, 0]
-            told = see_in_mirror(self.camera, foot, point, **glass)
-            valid = np.asarray(told.valid)
-            pixels[:, m], by_foot[:, m], good[:, m] = told.pixels_px, told.by_foot_point, valid
+            points[:, m] = (_inverses(camera) @ (poses[:, 2] @ shift)[..., None])[:, :3, 0]
+        told = see_in_mirror(self.camera, np.repeat(foot, markers, axis=0), points.reshape(-1, 3), **glass)
+        good = np.asarray(told.valid).reshape(frames, markers)
+        pixels = np.asarray(told.pixels_px).reshape(frames, markers, 2)
+        by_foot = np.asarray(told.by_foot_point).reshape(frames, markers, 2, 3)
         return np.where(good[..., None], pixels, 0.0), np.where(good[..., None, None], by_foot, 0.0), good
 
     def _centre_balls(self, nominal: Places) -> None:
@@ -226,6 +226,14 @@ class View:
         ).reshape(frames, 2 * markers, -1)
         out = self.whitening @ rows
         return np.asarray(out.reshape(frames, markers, 2, *residual_px.shape[3:]))
+
+
+def _inverses(poses: Floats) -> Floats:
+    """Of rigid poses (N, 4, 4)."""
+    out: Floats = poses.copy()
+    out[:, :3, :3] = np.swapaxes(poses[:, :3, :3], 1, 2)
+    out[:, :3, 3] = -(out[:, :3, :3] @ poses[:, :3, 3:])[:, :, 0]
+    return out
 
 
 def _pose(values: tuple[float, ...]) -> Floats:

@@ -1,0 +1,49 @@
+"""The evidence of a fitted model: how likely the pictures are with its parameters anywhere that is usual of them.
+
+By Laplace about the fit, u the parameters' usual sizes (the scale of a Cauchy prior), φ what squares count less:
+
+    log E = −|r|² / 2φ − ½ log det(I + U JᵀJ U / φ) − Σ log(1 + (p / u)²)
+
+A parameter that the pictures hardly tell costs nothing, as it should: a price for each parameter by the number of rows, which the
+search asks of a cause before it takes one in, would drive such a model out, and its simpler rival would look certain.
+
+A law is not true to the last digit: by LAW_SHARE of what a cause does, RMS, the real body may depart from it, in the very direction
+in which two models differ. All squares count less by `1 + LAW_SHARE² G / φ`, G what the cause lowers them by.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .fit import Fitted
+from .problem import Problem
+
+LAW_SHARE = 0.1
+
+
+def volume(problem: Problem, model: Fitted, inflation: float) -> float:
+    """What the evidence of a fitted model has besides its squares: how much of what is usual of its parameters it leaves."""
+    if model.information is None or not model.of:
+        return 0.0
+    step = np.array([problem.hypotheses[key].step[k] for key, k in model.of])
+    usual = np.array([problem.hypotheses[key].usual[k] for key, k in model.of])
+    u = usual / step
+    inner = np.eye(len(u)) + model.information * np.outer(u, u) / inflation
+    out = -0.5 * float(np.linalg.slogdet(inner)[1])
+    for (key, k), size in zip(model.of, usual, strict=True):
+        # A limit is not small where it is usual.
+        if not problem.hypotheses[key].effect.is_limit:
+            out -= float(np.log1p((model.causes[key][k] / size) ** 2))
+    return out
+
+
+def log_odds(problem: Problem, one: Fitted, other: Fitted, inflation: float, does: float) -> float:
+    """Of one fitted model against another that stands in its place; `does`: what the cause in question lowers the squares by."""
+    inflation *= trusted_to(does, inflation)
+    by_squares = 0.5 * (other.misfit.squares - one.misfit.squares) / inflation
+    return by_squares + volume(problem, one, inflation) - volume(problem, other, inflation)
+
+
+def trusted_to(does: float, inflation: float) -> float:
+    """By how much squares count less since laws are not exact; `does`: what the cause in question lowers them by."""
+    return 1.0 + LAW_SHARE**2 * max(0.0, does) / inflation
