@@ -14,6 +14,7 @@ import pytest
 import mirror_posture as mp
 from mirror_posture import calibrate, correct, detect, diagnosis, mirror, optics, session, triangulate
 from mirror_posture.robots import JointLimits, check_command
+from mirror_posture.robots.errors import NotSettledError, UnsafeCommandError
 from session_folder import URDF, write_folder
 
 MODULES = (mp, calibrate, correct, detect, diagnosis, mirror, optics, session, triangulate)
@@ -126,6 +127,25 @@ def test_robot_camera_and_session_survive_pickling(tmp_path: Path) -> None:
     )
     point = [[0.1, 0.2, 1.0]]
     np.testing.assert_array_equal(again.camera.project(point), loaded.camera.project(point))
+
+
+def test_errors_come_back_from_pickling(tmp_path: Path) -> None:
+    folder = write_folder(tmp_path)
+    rows = (folder / "frames.csv").read_text(encoding="utf-8").splitlines()
+    (folder / "frames.csv").write_text(
+        "\n".join([rows[0], *(row.replace(",0.", ",x") for row in rows[1:])]) + "\n", encoding="utf-8"
+    )
+    with pytest.raises(session.SessionError) as caught:
+        mp.load_session(folder)
+    # The first problem is one of all problems: an error that holds itself.
+    assert caught.value.problems[0] is caught.value
+    again = pickle.loads(pickle.dumps(caught.value))
+    assert str(again) == str(caught.value) and again.row == caught.value.row and again.problems[0] is again
+    assert [str(one) for one in again.problems] == [str(one) for one in caught.value.problems]
+    refused = UnsafeCommandError("elbow: beyond its limits", joint="elbow", position=3.0)
+    for error in (refused, NotSettledError("elbow: still moving", joints=("elbow",))):
+        back = pickle.loads(pickle.dumps(error))
+        assert type(back) is type(error) and str(back) == str(error) and vars(back) == vars(error)
 
 
 def test_modules_are_reachable_from_the_package() -> None:

@@ -10,6 +10,7 @@ from threading import Event, Thread
 
 from .._core import DiagnosisProgress, GapRecording, MirrorPostureError
 from ..arguments import checked_arguments
+from ..error_pickling import PickledWhole
 from ..session import Session, as_session
 from .accelerometers import accelerometer_witness
 from .encoders import encoder_witness
@@ -25,7 +26,7 @@ MOST_CAUSES = 6
 WITNESS = "witness:"
 
 
-class DiagnosisInterrupted(KeyboardInterrupt):
+class DiagnosisInterrupted(PickledWhole, KeyboardInterrupt):
     """Ctrl-C while a session was diagnosed; `found` is what was found so far."""
 
     def __init__(self, found: Diagnosis) -> None:

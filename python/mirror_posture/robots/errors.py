@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from .._core import MirrorPostureError
+from ..error_pickling import PickledWhole
 
 
-class RobotError(MirrorPostureError):
+class RobotError(PickledWhole, MirrorPostureError):
     """A robot that did not do what it was asked for."""
 
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 from .._core import MirrorPostureError
+from ..error_pickling import PickledWhole
 
 
-class SessionError(MirrorPostureError):
+class SessionError(PickledWhole, MirrorPostureError):
     """A session that cannot be meant as it stands.
 
     The message is one line: place, what was got, what was needed, the fix. `file`, `row` (counted from 1 below
@@ -33,17 +33,6 @@ class SessionError(MirrorPostureError):
         if column is not None:
             place += f", column {column!r}"
         super().__init__(f"{place}: {problem}")
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        # A worker process hands its errors back pickled; the message is made, not given.
-        return _as_it_was, (str(self), dict(self.__dict__))
-
-
-def _as_it_was(message: str, state: dict[str, Any]) -> SessionError:
-    error = SessionError.__new__(SessionError)
-    MirrorPostureError.__init__(error, message)
-    error.__dict__.update(state)
-    return error
 
 
 class Problems:

@@ -1,0 +1,22 @@
+"""Errors that cross a process: a worker hands its errors back pickled."""
+
+from __future__ import annotations
+
+from typing import Any
+
+
+class PickledWhole:
+    """An error that comes back from pickling as it was, whatever its `__init__` takes.
+
+    Python would call the class with the message alone. Here the message and the fields are put back without `__init__`; the
+    fields come after the error itself, so that one of them may hold the error again (all problems of a session).
+    """
+
+    args: tuple[Any, ...]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _with_message, (type(self), self.args), dict(self.__dict__)
+
+
+def _with_message(kind: type[BaseException], args: tuple[Any, ...]) -> BaseException:
+    return kind.__new__(kind, *args)
