@@ -95,11 +95,12 @@ pub fn camera(data: &[u8]) {
         let pixel = Vector2::from(bytes.numbers::<2>());
         if let Ok(ray) = camera.unproject(&pixel) {
             assert!((ray.norm() - 1.0).abs() < 1e-9, "{ray:?}");
-            if let Ok(again) = camera.project(&Point3::from(ray.into_inner())) {
-                assert!(
-                    (again - pixel).norm() <= 1e-3 * (1.0 + focal.norm() + pixel.norm()),
-                    "{pixel:?} {again:?}"
-                );
+            if let Ok((again, by_point)) = camera.project_with_point_jacobian(&Point3::from(ray.into_inner()))
+            {
+                // A lens with coefficients of 1e12 makes 0.2 % of the last digit of a ray.
+                let rounding = 16.0 * f64::EPSILON * by_point.norm();
+                let allowed = 1e-3 * (1.0 + focal.norm() + pixel.norm()) + rounding;
+                assert!((again - pixel).norm() <= allowed, "{pixel:?} {again:?} {allowed}");
             }
         }
     }
