@@ -76,7 +76,7 @@ class Body:
         nx, ny = board["corners"]
         size = np.array([(nx + 1) * board["square"], (ny + 1) * board["square"], 0.002])
         self._add(shapes, "board", board["link"], coal.Box(*size), np.array([0.0, 0.0, -0.0015]))
-        grid = [((x - (nx - 1) / 2), (y - (ny - 1) / 2), 0.0) for y in (0, ny - 1) for x in (0, nx - 1)]
+        grid = [((x - (nx - 1) / 2), (y - (ny - 1) / 2), 0.0) for y in range(ny) for x in range(nx)]
         self.corners_in_board = np.array(grid) * board["square"]
         self.shapes = shapes
         self._vertices = [self._vertices_of(one) for one in shapes.geometryObjects]

@@ -285,6 +285,110 @@ def test_the_second_engine_would_see_a_bad_plan(planned: Path, tmp_path: Path) -
     assert found.board_unseen == [1] and found.balls_seen[1] == 0
 
 
+def target_of(planned: Path, row: int) -> list[object]:
+    """A posture of the plan, as `correct` takes it."""
+    rows = table(planned / "plan" / "postures.csv")
+    return [word for name in NAMES for word in ("--joint", f"{name}={float(rows[name][row])!r}rad")]
+
+
+def test_a_correction_looks_from_the_plans_viewpoints(planned: Path, tmp_path: Path) -> None:
+    posture = target_of(planned, 3)
+    out = tmp_path / "corrected"
+    hidden = ("--hide", "joint_offset@joint:lift:offset_rad=0.04")
+    words = ("correct", "twin", "--session", planned, "--plan", planned / "plan", *posture, *hidden)
+    words = (*words, "--no-pictures", "--stand-error-deg", 0)
+    told = run(*words, "--out", out)
+    assert "viewpoints of the plan's mirror for a look" in told.output
+    ended = json.loads((out / "outcome.json").read_text())
+    assert ended["stop"]["kind"] == "converged"
+    assert ended["best_command"]["lift"] == pytest.approx(ended["target_posture"]["lift"] - 0.04, abs=0.01)
+    header = json.loads((out / "correction.json").read_text())["settings"]["planned"]
+    plan = json.loads((planned / "plan" / "plan.json").read_text())["mirror"]["views"]
+    board = Robot.from_urdf(planned / "robot.urdf").link_poses(np.zeros((1, 3)), ["base", "session_board"])[0]
+    at = np.linalg.solve(board[0], board[1])[:3, 3]
+    center, normals = plan[0]["center_in_root_m"], [np.array(view["normal_in_root"]) for view in plan]
+    own = 0
+    assert len(header["usual"]) == 3 and len(header["further"]) == 2
+    for yaw, pitch, distance in (*header["usual"], *header["further"]):
+        normal = np.array([math.cos(pitch) * math.cos(yaw), math.cos(pitch) * math.sin(yaw), math.sin(pitch)])
+        # The mirror stays in its place, and is turned about its centre.
+        assert normal @ (np.array(center) - at) == pytest.approx(distance, abs=1e-9)
+        own += any(np.allclose(normal, one, atol=1e-9) for one in normals)
+    assert own >= 1, "the one in which the plan has this posture"
+    # What is resumed keeps them, though the plan has gone.
+    assert run(*words[:4], "--out", out, "--resume", "--json").stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--joint", "pan=0", "--joint", "lift=-20", "--joint", "elbow=-120"), "touches"),
+        (("--joint", "pan=40"), "needed two ways to turn"),
+        (("--joint", "pan=1", "--view", "0,0", "--view", "9,0"), "--view and --plan"),
+    ],
+)
+def test_a_target_that_the_plans_room_does_not_allow_is_refused(
+    planned: Path, tmp_path: Path, words: tuple[str, ...], said: str
+) -> None:
+    out = tmp_path / "corrected"
+    told = run(
+        "correct", "twin", "--session", planned, "--plan", planned / "plan", *words, "--no-pictures", "--out", out, code=1
+    )  # fmt: skip
+    assert said in " ".join(told.stderr.split()) and not out.exists()
+
+
+def test_a_broken_plan_is_named(planned: Path, tmp_path: Path) -> None:
+    from mirror_posture.plan.again import read_planned_room
+
+    nominal = Nominal.load(planned)
+    for change, said in (
+        (lambda plan: plan.pop("options"), "'options'"),
+        (lambda plan: plan["options"].update(clearance_m="wide"), "plan.json"),
+        (lambda plan: plan["options"].update(home={"pen": 0.1}), "pen"),
+        (lambda plan: plan["options"].update(table_m=math.inf), "plan.json"),
+    ):
+        plan = json.loads((planned / "plan" / "plan.json").read_text())
+        change(plan)
+        for name in ("views.csv", "postures.csv"):
+            (tmp_path / name).write_bytes((planned / "plan" / name).read_bytes())
+        (tmp_path / "plan.json").write_text(json.dumps(plan))
+        with pytest.raises(MirrorPostureError, match=said):
+            read_planned_room(tmp_path, nominal)
+    with pytest.raises(MirrorPostureError, match="there is no such file"):
+        read_planned_room(tmp_path / "nowhere", nominal)
+
+
+def test_a_thumb_before_any_corner_of_the_board_hides_it(planned: Path, tmp_path: Path) -> None:
+    """A ball of 8 mm on the way from the mirror to one corner, squares of 20 mm: the view is not planned."""
+    from mirror_posture.plan.again import read_planned_room
+
+    rows, views = table(planned / "plan" / "postures.csv"), table(planned / "plan" / "views.csv")
+    q = np.array([rows[name][0] for name in NAMES])
+    robot = Robot.from_urdf(planned / "robot.urdf")
+    eye, board = (np.linalg.solve(p0, p) for p0, p in [
+        (robot.link_poses(q[None], ["base", link])[0]) for link in ("session_camera_optical", "session_board")
+    ])  # fmt: skip
+    normal = np.array([views[f"normal_{a}"][0] for a in "xyz"])
+    center = np.array([views[f"center_{a}_m"][0] for a in "xyz"])
+    behind = eye[:3, 3] - 2.0 * ((eye[:3, 3] - center) @ normal) * normal
+    for name in ("camera.yaml", "session.toml"):
+        (tmp_path / name).write_bytes((planned / name).read_bytes())
+    text = (planned / "robot.urdf").read_text()
+    for x, y, hides in ((0, 1, True), (2, 1, True), (6, 3, True), (12, 1, False)):
+        corner = board[:3, :3] @ np.array([(x - 3.0) * 0.02, (y - 1.5) * 0.02, 0.0]) + board[:3, 3]
+        at = corner + 0.1 * (behind - corner) / np.linalg.norm(behind - corner)
+        thumb = '<link name="thumb"><visual><geometry><sphere radius="0.004"/></geometry></visual></link><joint name="thumb" type="fixed"><parent link="turret"/><child link="thumb"/><origin xyz="{}"/></joint></robot>'
+        turret = robot.link_poses(q[None], ["base", "turret"])[0]
+        turret = np.linalg.solve(turret[0], turret[1])
+        place = turret[:3, :3].T @ (at - turret[:3, 3])
+        (tmp_path / "robot.urdf").write_text(
+            text.replace("</robot>", thumb.format(" ".join(map(repr, place.tolist()))))
+        )
+        room = read_planned_room(planned / "plan", Nominal.load(tmp_path))
+        why = room.why_not(room.mirrors[int(views["view"][0])], q, [])
+        assert (why == "the robot hides the board from the mirror") == hides, (x, y, why)
+
+
 HOLLOW = """<robot name="hollow"><link name="base"/><link name="shoulder"/>
 <link name="channel"><visual><geometry><mesh filename="channel.stl"/></geometry></visual></link>
 <link name="arm"><visual><origin xyz="0.08 0 0"/><geometry><box size="0.16 0.02 0.02"/></geometry></visual></link>
@@ -299,7 +403,7 @@ HOLLOW = """<robot name="hollow"><link name="base"/><link name="shoulder"/>
 
 def test_an_arm_in_a_hollow_link_is_checked_against_its_walls(tmp_path: Path) -> None:
     """A channel of two walls, as a torso beside an arm: its convex hull holds the arm at home, its walls do not."""
-    from mirror_posture.plan.candidates import ignore_by_construction
+    from mirror_posture.plan.room import ignore_by_construction
     from mirror_posture.plan.setting import read_setting
     from mirror_posture.shapes.body import Body
     from mirror_posture.shapes.triangles import Triangles, box, write_stl

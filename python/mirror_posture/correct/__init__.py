@@ -13,6 +13,7 @@ from .._core import CorrectionStep, correction_step
 from .loop import CommandForPosture, correct
 from .options import PAPER_VIEWS, CorrectOptions, MeasureChoice, StepOptions, StopOptions
 from .outcome import LookReport, MarkerError, Outcome, Stop
+from .planned import PlannedViews, views_of_plan
 from .planner import propose_views
 from .recorder import Recorder
 from .target import Target, make_target
@@ -26,6 +27,7 @@ __all__ = [
     "MarkerError",
     "MeasureChoice",
     "Outcome",
+    "PlannedViews",
     "Recorder",
     "StepOptions",
     "Stop",
@@ -35,4 +37,5 @@ __all__ = [
     "correction_step",
     "make_target",
     "propose_views",
+    "views_of_plan",
 ]

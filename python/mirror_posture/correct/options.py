@@ -85,12 +85,14 @@ class CorrectOptions:
     """Joints that are not moved. Those between camera and board are held anyway."""
     views: tuple[View, ...] | None = None
     """Where the mirror stands in each look's pictures. None: proposed for the target (`propose_views`)."""
+    further_views: tuple[View, ...] | None = None
+    """Where it may stand for a look that is too uncertain to say anything. None: `extra_views` are proposed."""
     views_a_look: int = 3
     """How many viewpoints are proposed for a look."""
     view_joints: tuple[tuple[tuple[str, float], ...], ...] = ()
     """Instead of turning mirror or stand: for each view, joints of the robot (waist, legs) and where they go, rad."""
     extra_views: int = 2
-    """More viewpoints that a look may take where its measurement is too uncertain to say anything."""
+    """How many viewpoints more are proposed for a look whose measurement is too uncertain to say anything."""
 
     def check(self) -> None:
         """Refuses what makes no sense; the numbers of steps and stops are checked by the core."""

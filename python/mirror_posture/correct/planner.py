@@ -255,19 +255,22 @@ class _Proposal:
     risk: float = math.inf
 
 
-def _proposal(target: Target, count: int, kept: Sequence[View], start: View) -> _Proposal:
-    options = prospects(target, start)
-    if not options:
-        return _Proposal(list(kept))
-    chosen = [p for view in kept for p in prospects(target, view, (view.yaw_rad,), (view.pitch_rad,))]
+def best_first(
+    target: Target, options: Sequence[Prospect], count: int, kept: Sequence[Prospect] = ()
+) -> list[Prospect]:
+    """`kept` and others of these views, at most `count`: the best pair first, then one at a time what helps most.
+
+    Empty where no pair measures all markers.
+    """
+    chosen = list(kept)
     if len(chosen) < 2:
         first = chosen or options
         pairs = [[a, b] for i, a in enumerate(first) for b in (options if chosen else options[i + 1 :])]
         if not pairs:
-            return _Proposal(list(kept))
+            return []
         cost = predicted_std_m(target, pairs) * np.array([_effort(pair) for pair in pairs])
         if not np.isfinite(cost).any():
-            return _Proposal(list(kept))
+            return []
         chosen = list(pairs[int(np.argmin(cost))])
     while len(chosen) < count:
         rest = [p for p in options if all(p.view != c.view for c in chosen)]
@@ -280,6 +283,15 @@ def _proposal(target: Target, count: int, kept: Sequence[View], start: View) -> 
         sets = [[*chosen, p] for p in rest]
         cost = predicted_std_m(target, sets) * np.array([_effort([p]) for p in rest])
         chosen.append(rest[int(np.argmin(cost))])
+    return chosen
+
+
+def _proposal(target: Target, count: int, kept: Sequence[View], start: View) -> _Proposal:
+    options = prospects(target, start)
+    seen = [p for view in kept for p in prospects(target, view, (view.yaw_rad,), (view.pitch_rad,))]
+    chosen = best_first(target, options, count, seen) if options else []
+    if not chosen:
+        return _Proposal(list(kept))
     head = chosen[:USUAL_VIEWS]
     views = (list(kept) + [c.view for c in chosen if c.view not in kept])[:count]
     cost = float(predicted_std_m(target, [head])[0]) * _effort(head)

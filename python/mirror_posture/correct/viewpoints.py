@@ -46,19 +46,21 @@ def choose_viewpoints(robot: CommandedRobot, target: Target, options: CorrectOpt
         return Viewpoints(stations, stations[::-1])
     if not isinstance(robot, TurnsView):
         return Viewpoints((Viewpoint(),), ())
-    views = options.views
-    further: Sequence[View] = ()
-    if views is None or options.extra_views:
+    views, further = options.views, options.further_views
+    if views is None or (further is None and options.extra_views):
         kept = () if views is None else views
         count = max(options.views_a_look, len(kept)) if views is None else len(views)
         proposed = propose_views(target, count + options.extra_views, kept, start=robot.view)
-        views, further = tuple(proposed[:count]), proposed[count:]
+        views = tuple(proposed[:count])
+        further = tuple(proposed[count:]) if further is None else further
         if len(views) < 2:
             raise MirrorPostureError(
                 f"views: the model finds no two in which board and markers are seen and nothing touches the mirror: "
                 f"{why_not_seen(target, robot.view)}; or give the views (--view)"
             )
-    return Viewpoints(tuple(Viewpoint(view) for view in views), tuple(Viewpoint(view) for view in further))
+    return Viewpoints(
+        tuple(Viewpoint(view) for view in views), tuple(Viewpoint(view) for view in further or ())
+    )
 
 
 def _check_turning(target: Target, stations: Sequence[Viewpoint]) -> None:

@@ -12,8 +12,9 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from .candidates import Candidates, Room
+from .candidates import Candidates
 from .options import MirrorPlace
+from .room import Room
 from .sensitivity import Moment, Sensitivity
 from .setting import Setting
 

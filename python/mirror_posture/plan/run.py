@@ -14,11 +14,12 @@ import numpy.typing as npt
 from .._core import MirrorPostureError
 from ..arguments import checked_arguments
 from ..robots.nominal import Nominal
-from .candidates import Candidates, Room, draw, ignore_by_construction, moved_links, sift
+from .candidates import Candidates, sift
 from .choose import choose, information_roots, order
 from .options import MirrorPlace, PlanOptions, turned_mirrors
+from .room import Room, room_of
 from .sensitivity import Sensitivity, moments
-from .setting import Setting, read_setting
+from .setting import Setting, draw, read_setting
 from .sight import look, scene_of
 from .telling import Tells, what_it_tells
 
@@ -34,8 +35,6 @@ POOL = 160
 SECONDS_A_FRAME = 10.0
 """How long a posture with its picture is taken to last."""
 LEAST_FRAMES = 4
-CLEARANCE_M, USUAL_SIZE_M = 0.01, 0.6
-"""The clearance of a robot of at least this size."""
 Say = Callable[[str], None]
 
 
@@ -86,7 +85,7 @@ def make_plan(
     options = (options or PlanOptions()).before(nominal.metadata.mirror)
     setting = read_setting(nominal, options)
     random = np.random.default_rng(options.seed)
-    room, ignored, warnings = _room(setting, options, random)
+    room, ignored, warnings = room_of(setting, options, random)
     say("looking for the mirror's place")
     mirrors = _place(setting, room, options, random)
     say("drawing postures")
@@ -141,48 +140,6 @@ def make_plan(
         dict(reasons), candidates.drawn, tuple(warnings), tuple(ignored),
         float(first.normal_in_root @ (first.center_in_root_m - board)),
     )  # fmt: skip
-
-
-def _room(
-    setting: Setting, options: PlanOptions, random: np.random.Generator
-) -> tuple[Room, list[str], list[str]]:
-    warnings: list[str] = []
-    ignored: list[str] = []
-    clearance_m = _clearance_m(setting, options)
-    body = None
-    try:
-        from ..shapes.body import Body
-    except MirrorPostureError as missing:
-        warnings.append(f"collisions of the robot with itself are NOT checked: {missing}")
-    else:
-        body = Body(setting.nominal, options.packages, clearance_m, moved_links(setting))
-        if body.missing:
-            warnings.append(
-                f"{len(body.missing)} meshes were not found, their links are NOT checked for collisions, as {body.missing[0]}"
-            )
-        if body.bare:
-            warnings.append("the URDF has no shapes: collisions of the robot with itself are NOT checked")
-            body = None
-    if body is not None:
-        ignored = ignore_by_construction(body, setting, random)
-    room = Room(setting, body, clearance_m, None)
-    room.take(setting.home)
-    if options.table_m is None:
-        # What stands on the table at home touches it, and is not moved.
-        lowest = -room.reach_m(-setting.up)
-        room.table_m = lowest - clearance_m if lowest > -np.inf else None
-    else:
-        room.table_m = options.table_m + float(setting.up @ setting.base_from_root[:3, 3])
-    return room, ignored, warnings
-
-
-def _clearance_m(setting: Setting, options: PlanOptions) -> float:
-    if options.clearance_m is not None:
-        return options.clearance_m
-    robot = setting.nominal.robot
-    origins = robot.link_poses(setting.home[None], list(robot.link_names))[0, :, :3, 3]
-    size = float(np.linalg.norm(origins.max(axis=0) - origins.min(axis=0)))
-    return CLEARANCE_M * min(1.0, size / USUAL_SIZE_M)
 
 
 def _place(

@@ -20,6 +20,8 @@ FROM_THE_END = 0.03
 """Share of a joint's range that is left at either end."""
 WIDEST_RAD = 2.5
 """Of a joint without limits, to either side of home."""
+NEAR_HOME = (0.15, 0.35, 0.7)
+"""Besides postures from the whole ranges some are drawn nearer to home, where more of them are in sight."""
 USUAL_NOISE_PX = 0.15
 LEVEL_RAD = math.radians(45.0)
 
@@ -129,3 +131,13 @@ def read_setting(nominal: Nominal, options: PlanOptions) -> Setting:
         nominal, nominal.camera, metadata.board, camera_link, home, low, high, moving,
         up, forward / np.linalg.norm(forward), base_from[1], noise,
     )  # fmt: skip
+
+
+def draw(setting: Setting, count: int, random: np.random.Generator) -> Floats:
+    """Random postures (count, nq) within the limits, home among them."""
+    low, high, home = setting.low, setting.high, setting.home
+    uniform = low + (high - low) * random.random((count, len(home)))
+    scale = random.choice([1.0, *NEAR_HOME], size=(count, 1))
+    found: Floats = np.clip(home + scale * (uniform - home), low, high)
+    found[0] = home
+    return found

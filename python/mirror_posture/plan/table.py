@@ -120,8 +120,8 @@ def document(plan: Plan) -> dict[str, Any]:
         "not_checked": list(plan.ignored_pairs),
         "warnings": list(plan.warnings),
         "options": {
-            key: (list(map(str, value.items())) if isinstance(value, dict) else value)
-            for key, value in asdict(plan.options).items()
+            **asdict(plan.options),
+            "packages": {k: str(v) for k, v in plan.options.packages.items()},
         },
     }
 

@@ -33,6 +33,9 @@ CUT_CELLS = 6
 """Along the longest side of a mesh that is cut into pieces: a hull around each follows the hollows of the whole."""
 SAME_PLACE_M = 1e-4
 """Two points of a shape nearer than this count once."""
+HOUSING = 1
+"""MuJoCo's group of the shapes that move with the camera."""
+ALL_BUT_HOUSING = np.array([group != HOUSING for group in range(6)], dtype=np.uint8)
 
 
 def rigid_bodies(nominal: Nominal) -> dict[str, int]:
@@ -125,8 +128,11 @@ class Body:
 
     def _compile(self, shapes: Mapping[str, Sequence[Triangles]]) -> None:
         spec = flat_spec(shapes, self._links)
+        camera = self._nominal.metadata.camera_link
         for geom in spec.geoms:
             geom.margin = self._clearance_m
+            if camera is not None and self._group[geom.parent.name] == self._group[camera]:
+                geom.group = HOUSING
         for a, b in combinations(self._links, 2):
             still = a not in self._moved and b not in self._moved
             if still or frozenset((self._group[a], self._group[b])) in self._neighbours:
@@ -187,29 +193,16 @@ class Body:
                 )
         return most
 
-    def hidden(
-        self, start_m: Floats, ends_m: Floats, besides: Sequence[str], keep_off_m: Floats
-    ) -> npt.NDArray[np.bool_]:
-        """Which of the straight ways from a point to points (N, 3), all in the base's frame, the body blocks.
+    def hides(
+        self, start_m: Floats, end_m: Floats, keep_off_m: float = 0.0, past_camera: bool = False
+    ) -> bool:
+        """Whether the body blocks the straight way from a point to a point (3,), both in the base's frame.
 
-        The last `keep_off_m` (N,) of each way are free: what lies there is what is looked at. Links of the rigid bodies of
-        `besides` block nothing on their own account: a camera sits in its housing.
+        The last `keep_off_m` of the way are free: what lies there is what is looked at. With `past_camera` the rigid body that carries
+        the camera blocks nothing: it sits in its housing.
         """
-        groups = {self._group[link] for link in besides}
-        blocked = np.zeros(len(ends_m), dtype=bool)
-        geom = np.zeros(1, dtype=np.int32)
-        for row, end in enumerate(ends_m):
-            way = end - start_m
-            length = float(np.linalg.norm(way))
-            at, left = start_m, length - float(keep_off_m[row])
-            while left > 0.0:
-                distance = mujoco.mj_ray(self._model, self._data, at, way / length, None, 1, -1, geom)
-                if distance < 0.0 or distance > left:
-                    break
-                if self._group[self._name[geom[0]]] not in groups:
-                    blocked[row] = True
-                    break
-                # Behind this face of the housing.
-                step = distance + 1e-5
-                at, left = at + step * way / length, left - step
-        return blocked
+        way = end_m - start_m
+        length = float(np.linalg.norm(way))
+        wanted = ALL_BUT_HOUSING if past_camera else None
+        distance = mujoco.mj_ray(self._model, self._data, start_m, way / length, wanted, 1, -1, None)
+        return bool(0.0 <= distance <= length - keep_off_m)

@@ -15,7 +15,7 @@ from ..._core import MirrorPostureError
 from ..output import ExitCode, JsonOption, Output
 
 if TYPE_CHECKING:
-    from ...correct import CorrectOptions, LookReport, Outcome
+    from ...correct import CorrectOptions, LookReport, Outcome, Target
     from ...robots import CommandedRobot
 
 ORDER = 50
@@ -65,6 +65,12 @@ def command(
         list[str] | None,
         typer.Option(help="YAW,PITCH of a viewpoint, degrees; at least two. By default they are proposed."),
     ] = None,
+    plan: Annotated[
+        Path | None,
+        typer.Option(
+            help="Instead: the folder of a `plan`: its mirror, turned to where the target is seen and free."
+        ),
+    ] = None,
     turn_by: Annotated[
         list[str] | None,
         typer.Option(
@@ -110,6 +116,9 @@ def command(
     The folder is a session that grows while it runs: whatever ends it, nothing captured is lost, and `--resume` goes on.
     Ctrl-C, SIGTERM and SIGHUP bring the robot to rest, and it says what became of the torque. Exit code 0 converged, 3 ended otherwise, 130 stopped with Ctrl-C.
 
+    Where the mirror stands is proposed, or told (--view), or taken from a plan (--plan my-session/plan): its viewpoints from which the
+    target is seen past the robot, with a free way to it.
+
     Example: `mirror-posture correct twin --out corrected --joint r_shoulder_pitch=-30,r_shoulder_roll=50,r_elbow=45
     --hide joint_offset@joint:r_elbow:offset_rad=0.06`
 
@@ -130,6 +139,7 @@ def command(
         "damping": damping,
         "estimator": estimator,
         "view": view or [],
+        "plan": None if plan is None else str(plan.resolve()),
         "turn_by": turn_by or [],
         "views": views,
         "hide": hide or [],
@@ -174,6 +184,7 @@ def _run(output: Output, out: Path, settings: dict[str, Any], resume: bool) -> t
     else:
         posture = _posture(settings)
         nominal = Nominal.load(settings["session"]) if settings["session"] else Nominal.load()
+    _one_way_of_looking(settings)
     options = build_options(settings)
     options.check()
     with _progress(output) as (say, on_look, on_picture), ending_signals():
@@ -181,7 +192,11 @@ def _run(output: Output, out: Path, settings: dict[str, Any], resume: bool) -> t
             ahead = _ahead(output, settings, machine, posture)
             if recorder is None:
                 # A target that cannot be must not leave a folder in the way of the next try.
-                make_target(nominal, posture, options).corrector(options)
+                target = make_target(nominal, posture, options)
+                target.corrector(options)
+                if settings["plan"] is not None:
+                    settings["planned"] = _planned(output, settings, machine, target)
+                    options = build_options(settings)
                 recorder = Recorder.start(
                     out, nominal, machine.joint_names, {"settings": settings, "posture": posture}
                 )
@@ -218,6 +233,37 @@ def _ahead(
     return lambda _: commands
 
 
+def _one_way_of_looking(settings: Mapping[str, Any]) -> None:
+    given = [f"--{name.replace('_', '-')}" for name in ("view", "plan", "turn_by") if settings.get(name)]
+    if len(given) > 1:
+        raise MirrorPostureError(f"{' and '.join(given)}: needed one of them; each says from where to look")
+
+
+def _planned(
+    output: Output, settings: Mapping[str, Any], machine: CommandedRobot, target: Target
+) -> dict[str, list[list[float]]]:
+    """The plan's viewpoints, as the settings keep them: what is resumed goes on with them, whatever became of the plan."""
+    from ...correct import views_of_plan
+    from ...robots.protocol import TurnsView
+
+    if not isinstance(machine, TurnsView):
+        raise MirrorPostureError(
+            f"--plan: {machine.name} has nobody and nothing that turns its mirror; needed --turn-by, or by-hand"
+        )
+    found = views_of_plan(target, settings["plan"], machine.commanded, settings["views"])
+    for text in found.warnings:
+        output.warn(text)
+    for text in found.left_out:
+        output.say(f"not taken of the plan's viewpoints: {text}")
+    output.say(
+        f"{len(found.usual)} viewpoints of the plan's mirror for a look, {len(found.further)} further ones"
+    )
+    return {
+        kind: [[v.yaw_rad, v.pitch_rad, v.distance_m] for v in views]
+        for kind, views in (("usual", found.usual), ("further", found.further))
+    }
+
+
 def _posture(settings: Mapping[str, Any]) -> dict[str, float]:
     from ._robots import parse_joints, read_posture
 
@@ -243,6 +289,9 @@ def build_options(settings: Mapping[str, Any]) -> CorrectOptions:
             raise MirrorPostureError(
                 f"--view: got {text!r}, needed YAW,PITCH in degrees, as in 15,0"
             ) from None
+    kept, further = tuple(views), None
+    if (planned := settings.get("planned")) is not None:
+        kept, further = (tuple(View(*numbers) for numbers in planned[kind]) for kind in ("usual", "further"))
     return CorrectOptions(
         step=StepOptions(
             gain=settings["gain"], mu_m_per_rad=settings["damping"], jacobian=settings["jacobian"]
@@ -251,7 +300,8 @@ def build_options(settings: Mapping[str, Any]) -> CorrectOptions:
         measure=MeasureChoice(estimator=settings["estimator"]),
         markers=tuple(settings["marker"]),
         held=tuple(settings["hold"]),
-        views=tuple(views) or None,
+        views=kept or None,
+        further_views=further,
         views_a_look=settings["views"],
         view_joints=tuple(tuple(parse_joints([text], "--turn-by").items()) for text in settings["turn_by"]),
     )

@@ -1,0 +1,154 @@
+"""A plan read back: its mirrors and its room, asked whether another posture may be held there, and what it would show."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from .._core import MirrorPostureError
+from ..input_files import LARGEST_TEXT, given_text
+from ..robots.nominal import Nominal
+from .candidates import sift
+from .choose import path_blocked
+from .options import MirrorPlace, PlanOptions, turned_mirrors
+from .room import Room, room_of
+from .setting import Setting, read_setting
+from .simple import planned_mirrors
+from .table import DOCUMENT
+
+Floats = npt.NDArray[np.float64]
+
+NEEDED = "the plan.json of `mirror-posture plan`"
+SAME_TURN_RAD = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedRoom:
+    """The mirrors that a plan used, and what the robot must keep clear of before them."""
+
+    setting: Setting
+    options: PlanOptions
+    room: Room
+    mirrors: tuple[MirrorPlace, ...]
+    """In the root's frame, one for each way in which the plan turns it."""
+    turned: tuple[MirrorPlace, ...]
+    """The same mirror turned about its centre in other ways, as a plan may turn it; none where it is fixed."""
+    warnings: tuple[str, ...]
+
+    def collision(self, positions: Floats, start: Floats | None = None) -> str | None:
+        """What a posture (nq,) runs into, itself or the table, or the straight way to it from `start`; None where both are free."""
+        self.room.take(positions)
+        trouble = self.room.collision()
+        if trouble is not None:
+            pairs = () if self.room.body is None else sorted(map(sorted, self.room.body.touching()))
+            return f"it {trouble}" + (f" ({' and '.join(pairs[0])})" if pairs else "")
+        if start is not None:
+            trouble = path_blocked(self.setting, self.room, None, start, positions)
+        return None if trouble is None else f"on the way there it {trouble}"
+
+    def why_not(
+        self, mirror: MirrorPlace, positions: Floats, markers: Sequence[int], start: Floats | None = None
+    ) -> str | None:
+        """Why a posture (nq,) cannot be held before a mirror (in the root's frame) with these markers in sight; None where it can.
+
+        With `start`, the glass must be clear of the straight way from there too: the mirror may stand already.
+        """
+        turn, shift = self.setting.base_from_root[:3, :3], self.setting.base_from_root[:3, 3]
+        in_base = replace(
+            mirror,
+            center_in_root_m=turn @ mirror.center_in_root_m + shift,
+            normal_in_root=turn @ mirror.normal_in_root,
+            up_in_root=turn @ mirror.up_in_root,
+        )
+        none = np.random.default_rng(0)
+        found = sift(self.setting, [in_base], self.room, self.options, positions[None], 1, none)
+        if not len(found.view):
+            return next(iter(found.reasons), "board and balls are not to be seen")
+        names = [marker.name for marker in self.setting.nominal.metadata.markers]
+        if unseen := [names[index] for index in markers if not found.markers[0, index]]:
+            return f"{', '.join(unseen)} is not to be seen in the mirror, or hidden by the robot"
+        if start is not None:
+            trouble = path_blocked(self.setting, self.room, in_base, start, positions)
+            return None if trouble is None else f"on the way there it {trouble}"
+        return None
+
+
+def read_planned_room(folder: Path, nominal: Nominal) -> PlannedRoom:
+    """The mirrors and the room of a plan's folder, for the robot of a session.
+
+    Raises:
+        MirrorPostureError: no plan there, one that is broken (file, row and column, or key), or one of another robot.
+    """
+    options = _options(folder / DOCUMENT).before(nominal.metadata.mirror)
+    rows = planned_mirrors(folder, nominal)
+    setting = read_setting(nominal, options)
+    room, _, warnings = room_of(setting, options, np.random.default_rng(options.seed))
+    up_in_root = setting.base_from_root[:3, :3].T @ setting.up
+    if not rows:
+        raise MirrorPostureError(f"{folder / 'postures.csv'}: has no rows; needed a plan of some postures")
+    places: dict[int, MirrorPlace] = {}
+    for row, center, normal in rows:
+        length = float(np.linalg.norm(normal))
+        if abs(length - 1.0) > SAME_TURN_RAD:
+            raise MirrorPostureError(
+                f"{folder / 'views.csv'}: frame {row.frame}: the normal has length {length:.6g}, needed 1"
+            )
+        up = up_in_root - (up_in_root @ normal) * normal
+        if np.linalg.norm(up) < SAME_TURN_RAD:
+            raise MirrorPostureError(
+                f"{folder / 'views.csv'}: frame {row.frame}: the mirror lies flat, needed one that stands"
+            )
+        places.setdefault(
+            row.view, MirrorPlace(center, normal, up / np.linalg.norm(up), *options.mirror_size_m)
+        )
+    mirrors = tuple(places[view] for view in sorted(places))
+    forward = setting.base_from_root[:3, :3].T @ setting.forward
+    others = turned_mirrors(options, mirrors[0].center_in_root_m, forward, up_in_root)
+    turned = tuple(one for one in others if all(_apart(one, mirror) for mirror in mirrors))
+    warned = tuple(warnings)
+    return PlannedRoom(setting, options, room, mirrors, () if options.mirror_fixed else turned, warned)
+
+
+def _apart(one: MirrorPlace, other: MirrorPlace) -> bool:
+    return float(np.linalg.norm(one.normal_in_root - other.normal_in_root)) > SAME_TURN_RAD
+
+
+def _options(file: Path) -> PlanOptions:
+    """What the plan was made for, as plan.json keeps it: all that postures are judged by."""
+    try:
+        told = json.loads(given_text(file, NEEDED, LARGEST_TEXT))["options"]
+        return PlanOptions(
+            mirror_width_m=_number(told["mirror_width_m"]),
+            mirror_height_m=_number(told["mirror_height_m"]),
+            table_m=_number(told["table_m"]),
+            clearance_m=_number(told["clearance_m"]),
+            home={str(name): float(_number(value) or 0.0) for name, value in told["home"].items()},
+            held=tuple(map(str, told["held"])),
+            mirror_fixed=bool(told["mirror_fixed"]),
+            real_balls_allowed=bool(told["real_balls_allowed"]),
+            packages={str(name): Path(str(path)) for name, path in told["packages"].items()},
+        )
+    except KeyError as missing:
+        raise MirrorPostureError(f"{file}: has no {missing}; needed {NEEDED}; plan once more") from None
+    except (ValueError, TypeError, AttributeError, RecursionError) as error:
+        told = " ".join(str(error).split())[:200]
+        raise MirrorPostureError(
+            f"{file}: cannot be read ({told}); needed {NEEDED}; plan once more"
+        ) from None
+
+
+def _number(value: Any) -> float | None:
+    """A finite number or None. Raises ValueError."""
+    if value is None:
+        return None
+    number = float(value)
+    if not math.isfinite(number):
+        raise ValueError(f"got {value!r}, needed a finite number")
+    return number

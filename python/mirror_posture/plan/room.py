@@ -1,0 +1,161 @@
+"""What a posture must keep clear of: the robot itself, the table, the glass."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from .._core import MirrorPostureError
+from .options import MirrorPlace, PlanOptions
+from .setting import Setting, draw
+
+if TYPE_CHECKING:
+    from ..shapes.body import Body
+
+Floats = npt.NDArray[np.float64]
+
+GLASS_CLEARANCES = 3.0
+"""Clearances that the body keeps from the glass: the mirror does not stand exactly where it was meant."""
+ALWAYS_SAMPLES = 40
+ALWAYS_SHARE = 0.95
+AS_NEAR_AS_AT_HOME = 0.5
+CLEARANCE_M, USUAL_SIZE_M = 0.01, 0.6
+"""The clearance of a robot of at least this size."""
+LEAST_BODY_M = 0.02
+"""Without shapes: every link's origin is taken for a ball of this radius."""
+
+
+@dataclass(eq=False)
+class Room:
+    """What a posture must keep clear of: itself, the table, the glass."""
+
+    setting: Setting
+    body: Body | None
+    clearance_m: float
+    table_m: float | None
+    """Height along `up` in the base's frame."""
+
+    def links(self) -> list[str]:
+        """The links that the plan moves."""
+        return sorted(moved_links(self.setting))
+
+    def take(self, positions: Floats) -> None:
+        """What follows is asked of this posture."""
+        robot = self.setting.nominal.robot
+        if self.body is not None:
+            self.body.put(positions)
+        else:
+            self._origins = robot.link_poses(positions[None], list(robot.link_names))[0]
+
+    def reach_m(self, direction: Floats, moved_only: bool = False) -> float:
+        """How far the robot reaches along a direction, m."""
+        wanted = self.links() if moved_only else None
+        if self.body is not None:
+            return self.body.extent_m(direction, wanted)
+        names = list(self.setting.nominal.robot.link_names)
+        rows = range(len(names)) if wanted is None else [names.index(name) for name in wanted]
+        return max(float(self._origins[row, :3, 3] @ direction) for row in rows) + LEAST_BODY_M
+
+    def collision(self) -> str | None:
+        """What the posture runs into, itself or the table; None where it is free."""
+        if self.body is not None and self.body.touching():
+            return "touches itself"
+        if (
+            self.table_m is not None
+            and -self.reach_m(-self.setting.up, True) < self.table_m + self.clearance_m
+        ):
+            return "touches the table"
+        return None
+
+    def glass_free(self, mirror: MirrorPlace) -> bool:
+        """Whether the robot stays before the mirror's plane; told in the base's frame."""
+        at = float(mirror.normal_in_root @ mirror.center_in_root_m)
+        return self.reach_m(mirror.normal_in_root) < at - GLASS_CLEARANCES * self.clearance_m
+
+
+def room_of(
+    setting: Setting, options: PlanOptions, random: np.random.Generator
+) -> tuple[Room, list[str], list[str]]:
+    """The room around a robot at home, the pairs of links that are not compared, and warnings of what is not checked."""
+    warnings: list[str] = []
+    ignored: list[str] = []
+    clearance_m = _clearance_m(setting, options)
+    body = None
+    try:
+        from ..shapes.body import Body
+    except MirrorPostureError as missing:
+        warnings.append(f"collisions of the robot with itself are NOT checked: {missing}")
+    else:
+        body = Body(setting.nominal, options.packages, clearance_m, moved_links(setting))
+        if body.missing:
+            warnings.append(
+                f"{len(body.missing)} meshes were not found, their links are NOT checked for collisions, as {body.missing[0]}"
+            )
+        if body.bare:
+            warnings.append("the URDF has no shapes: collisions of the robot with itself are NOT checked")
+            body = None
+    if body is not None:
+        ignored = ignore_by_construction(body, setting, random)
+    room = Room(setting, body, clearance_m, None)
+    room.take(setting.home)
+    if options.table_m is None:
+        # What stands on the table at home touches it, and is not moved.
+        lowest = -room.reach_m(-setting.up)
+        room.table_m = lowest - clearance_m if lowest > -np.inf else None
+    else:
+        room.table_m = options.table_m + float(setting.up @ setting.base_from_root[:3, 3])
+    return room, ignored, warnings
+
+
+def _clearance_m(setting: Setting, options: PlanOptions) -> float:
+    if options.clearance_m is not None:
+        return options.clearance_m
+    robot = setting.nominal.robot
+    origins = robot.link_poses(setting.home[None], list(robot.link_names))[0, :, :3, 3]
+    size = float(np.linalg.norm(origins.max(axis=0) - origins.min(axis=0)))
+    return CLEARANCE_M * min(1.0, size / USUAL_SIZE_M)
+
+
+def ignore_by_construction(body: Body, setting: Setting, random: np.random.Generator) -> list[str]:
+    """Has the body ignore pairs of links that touch at home or nearly always; returns them.
+
+    First by the links' convex hulls. Those that overlap may be hollow, as a torso is at its armpits: they are compared again piece
+    by piece, and what is free then at home may come half as near as there (at most the clearance), not nearer.
+    """
+    sample = draw(setting, ALWAYS_SAMPLES, random)
+    hollow = _by_construction(body, setting, sample)
+    if hollow:
+        body.cut({link for pair in hollow for link in pair})
+        body.put(setting.home)
+        body.nearest_m = {
+            pair: AS_NEAR_AS_AT_HOME * distance
+            for pair, distance in body.distances_m().items()
+            if pair in hollow and distance > 0.0
+        }
+    body.ignored = _by_construction(body, setting, sample)
+    return sorted(" and ".join(sorted(pair)) for pair in body.ignored)
+
+
+def _by_construction(body: Body, setting: Setting, sample: Floats) -> set[frozenset[str]]:
+    """The pairs that touch at home, or in nearly all of a sample of postures."""
+    body.put(setting.home)
+    always = body.touching()
+    count: Counter[frozenset[str]] = Counter()
+    for posture in sample:
+        body.put(posture)
+        count.update(body.touching())
+    return always | {pair for pair, n in count.items() if n > ALWAYS_SHARE * len(sample)}
+
+
+def moved_links(setting: Setting) -> set[str]:
+    """The links that a plan moves."""
+    robot = setting.nominal.robot
+    found: set[str] = set()
+    for joint in robot.joints:
+        if joint.position in setting.moving or joint.parent_link in found:
+            found.add(joint.child_link)
+    return found
