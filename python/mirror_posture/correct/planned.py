@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,12 +13,18 @@ import numpy.typing as npt
 
 from .._core import MirrorPostureError
 from ..arguments import checked_arguments
-from ..plan.again import read_planned_room
+from ..plan.again import PlannedRoom, read_planned_room
 from ..plan.options import MirrorPlace
 from ..viewpoint import View
-from .planner import USUAL_VIEWS, Prospect, best_first, prospects
+from .planner import USUAL_VIEWS, Prospect, best_first, predicted_std_m, prospects
 from .target import Target
 
+Floats = npt.NDArray[np.float64]
+
+FARTHER = (1.0, 1.25, 1.6, 2.0)
+"""A target may reach farther than the plan's postures, or need more of the picture: so many times as far as planned the mirror may stand."""
+GOOD_STD_M = 0.0002
+"""Of a marker along its worst axis: with this a correction sees a millimetre, and the mirror stays where it is."""
 FURTHER = 2
 """Viewpoints beside the usual ones, for a look that is too uncertain."""
 
@@ -31,8 +37,8 @@ class PlannedViews:
     """Of every look, best first."""
     further: tuple[View, ...]
     """For a look that is too uncertain to say anything."""
-    left_out: tuple[str, ...]
-    """The plan's own viewpoints that are not taken, each with the reason."""
+    std_m: float
+    """The largest standard deviation that a marker would have along its worst axis, as the model predicts it."""
     warnings: tuple[str, ...]
     """What could not be checked."""
 
@@ -44,16 +50,17 @@ def views_of_plan(
     start: Mapping[str, float] | None = None,
     count: int = USUAL_VIEWS,
 ) -> PlannedViews:
-    """The viewpoints of a plan's folder for a target: `count` usual ones, and further ones.
+    """The viewpoints of a plan's mirror for a target: `count` usual ones, and further ones.
 
-    A viewpoint is taken where the mirror (of the plan's size, at its place) shows the board and all of the target's markers, past the
-    robot's own body, with no real ball beside them, and the body keeps clear of the glass, at the target and on the straight way to it from
-    `start` (rad by joint name; others at 0). The plan's own viewpoints come first, ordered by how well they measure together, as
-    `propose_views` does; then, since a plan may show a posture in one viewpoint only, its mirror turned in other ways (unless it is fixed).
+    A viewpoint is taken where the mirror, of the plan's size, shows the board and all of the target's markers, past the robot's own body, with
+    no real ball beside them, and the body keeps the plan's clearance from the glass, at the target and on the straight way to it from `start` (rad by
+    joint name; others at 0). The mirror is turned in the ways that a plan tries, slid within its plane so that it shows them, and
+    stands at the plan's distance, or farther where that measures too badly; one whose place was told (`--mirror-at`, `mirror.center`) stays. Taken
+    are the ways that measure best together, as in `propose_views`.
 
     Raises:
         MirrorPostureError: a folder that is no plan of this robot; a target, or a way to it, on which the robot touches itself or the table;
-            fewer than two viewpoints, with the reason for each.
+            fewer than two viewpoints, with the reasons.
     """
     folder = Path(folder)
     planned = read_planned_room(folder, target.nominal)
@@ -64,40 +71,49 @@ def views_of_plan(
             f"{folder}: the target cannot be held in this plan's room: {trouble}; choose another target, begin elsewhere, or "
             "plan with less clearance (--clearance-mm) or another --table"
         )
-    left_out: list[str] = []
-
-    def shown(mirrors: Sequence[MirrorPlace]) -> list[Prospect]:
-        found = []
-        for mirror in mirrors:
-            view = _view(mirror, target)
-            why = planned.why_not(mirror, target.positions, target.marker_indices, begin)
-            seen = (
-                prospects(target, view, (view.yaw_rad,), (view.pitch_rad,))
-                if why is None and view.distance_m > 0.0
-                else []
-            )
-            found += seen
-            if not seen:
-                why = why or "board or markers come too near to the edge of the picture"
-                left_out.append(
-                    f"yaw {math.degrees(view.yaw_rad):+.0f}°, pitch {math.degrees(view.pitch_rad):+.0f}°: {why}"
-                )
-        return found
-
-    own = shown(planned.mirrors)
-    told = tuple(left_out)
-    kept = best_first(target, own, len(own)) or own[:1]
-    chosen = best_first(target, [*own, *shown(planned.turned)], max(count, len(kept)) + FURTHER, kept)
-    if len(chosen) < 2:
+    best: tuple[float, list[Prospect]] = (math.inf, [])
+    left_out: dict[str, None] = {}
+    for farther in (1.0,) if planned.told_place else FARTHER:
+        offered, reasons = _offered(planned, target, begin, farther)
+        left_out |= dict.fromkeys(reasons)
+        chosen = best_first(target, offered, count + FURTHER)
+        if len(chosen) < 2:
+            continue
+        std_m = float(predicted_std_m(target, [chosen[:count]])[0])
+        if std_m < best[0]:
+            best = std_m, chosen
+        if std_m <= GOOD_STD_M:
+            break
+    if not best[1]:
         raise MirrorPostureError(
-            f"{folder}: needed two ways to turn this plan's mirror for the target, got {len(own)} ({'; '.join(left_out) or 'it has one'}); "
+            f"{folder}: needed two ways to turn this plan's mirror for the target, there are none ({'; '.join(left_out) or 'it is fixed'}); "
             "choose another target or other markers, or go without --plan"
         )
-    views = [one.view for one in chosen]
-    return PlannedViews(tuple(views[:count]), tuple(views[count:]), told, planned.warnings)
+    views = [one.view for one in best[1]]
+    return PlannedViews(tuple(views[:count]), tuple(views[count:]), best[0], planned.warnings)
 
 
-def _positions(target: Target, named: Mapping[str, float]) -> npt.NDArray[np.float64]:
+def _offered(
+    planned: PlannedRoom, target: Target, start: Floats | None, farther: float
+) -> tuple[list[Prospect], list[str]]:
+    """The ways to turn the mirror, so many times as far as planned, that can be taken, and why others cannot."""
+    offered, left_out = [], []
+    for turned in (*planned.mirrors, *planned.turned):
+        mirror = planned.moved(turned, target.positions, target.marker_indices, farther)
+        view = _view(mirror, target)
+        why = planned.why_not(mirror, target.positions, target.marker_indices, start)
+        if why is None:
+            seen = (
+                prospects(target, view, (view.yaw_rad,), (view.pitch_rad,)) if view.distance_m > 0.0 else []
+            )
+            offered += seen
+            why = None if seen else "board or markers come too near to the edge of the picture"
+        if why is not None:
+            left_out.append(why)
+    return offered, left_out
+
+
+def _positions(target: Target, named: Mapping[str, float]) -> Floats:
     names = target.nominal.robot.position_names
     return np.array([float(named.get(name, 0.0)) for name in names])
 

@@ -20,6 +20,7 @@ from .choose import path_blocked
 from .options import MirrorPlace, PlanOptions, turned_mirrors
 from .room import Room, room_of
 from .setting import Setting, read_setting
+from .sight import scene_of
 from .simple import planned_mirrors
 from .table import DOCUMENT
 
@@ -60,13 +61,7 @@ class PlannedRoom:
 
         With `start`, the glass must be clear of the straight way from there too: the mirror may stand already.
         """
-        turn, shift = self.setting.base_from_root[:3, :3], self.setting.base_from_root[:3, 3]
-        in_base = replace(
-            mirror,
-            center_in_root_m=turn @ mirror.center_in_root_m + shift,
-            normal_in_root=turn @ mirror.normal_in_root,
-            up_in_root=turn @ mirror.up_in_root,
-        )
+        in_base = self._in_base(mirror)
         none = np.random.default_rng(0)
         found = sift(self.setting, [in_base], self.room, self.options, positions[None], 1, none)
         if not len(found.view):
@@ -78,6 +73,42 @@ class PlannedRoom:
             trouble = path_blocked(self.setting, self.room, in_base, start, positions)
             return None if trouble is None else f"on the way there it {trouble}"
         return None
+
+    def _in_base(self, mirror: MirrorPlace) -> MirrorPlace:
+        turn, shift = self.setting.base_from_root[:3, :3], self.setting.base_from_root[:3, 3]
+        return replace(
+            mirror,
+            center_in_root_m=turn @ mirror.center_in_root_m + shift,
+            normal_in_root=turn @ mirror.normal_in_root,
+            up_in_root=turn @ mirror.up_in_root,
+        )
+
+    @property
+    def told_place(self) -> bool:
+        """Whether somebody said where the mirror stands: then it stays there."""
+        return self.options.mirror_fixed or self.options.mirror_at_m is not None
+
+    def moved(
+        self, mirror: MirrorPlace, positions: Floats, markers: Sequence[int], farther: float
+    ) -> MirrorPlace:
+        """A mirror so many times as far before the board, and slid within its plane so that the board and these markers of a posture lie about its
+        middle. One whose place was told stays there.
+        """
+        if self.told_place:
+            return mirror
+        scene, place = scene_of(self.setting, positions[None]), self._in_base(mirror)
+        base_from_camera = np.linalg.inv(scene.camera_from_base[0])
+        points = np.concatenate([scene.corners[0], scene.markers[0, list(markers)]])
+        eye, points = base_from_camera[:3, 3], points @ base_from_camera[:3, :3].T + base_from_camera[:3, 3]
+        normal, corners = place.normal_in_root, len(scene.corners[0])
+        away_m = (farther - 1.0) * float((place.center_in_root_m - points[:corners].mean(axis=0)) @ normal)
+        center = place.center_in_root_m + away_m * normal
+        image = points + 2.0 * ((center - points) @ normal)[:, None] * normal - eye
+        met = eye + image * (((center - eye) @ normal) / (image @ normal))[:, None]
+        aside = (met - center) @ np.stack([place.right_in_root, place.up_in_root]).T
+        right, up = 0.5 * (aside.min(axis=0) + aside.max(axis=0))
+        shift = away_m * mirror.normal_in_root + right * mirror.right_in_root + up * mirror.up_in_root
+        return replace(mirror, center_in_root_m=mirror.center_in_root_m + shift)
 
 
 def read_planned_room(folder: Path, nominal: Nominal) -> PlannedRoom:

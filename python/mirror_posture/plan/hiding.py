@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -59,22 +60,28 @@ def unhidden(
     turn = base_from_camera[:3, :3].T
     face, centres = _face(setting, scene, row) @ turn + eye, scene.markers[row][balls] @ turn + eye
 
+    # The camera's image: the way from the mirror to a point lies on the line from there.
     behind = eye + 2.0 * (at - eye @ normal) * normal
-    """The camera's image: the way from the mirror to a point lies on the line from there."""
 
-    def clear(point: Floats, keep_off_m: float) -> bool:
-        image = point + 2.0 * (at - point @ normal) * normal
-        share = (at - eye @ normal) / ((image - eye) @ normal)
-        crossing = eye + share * (image - eye)
-        return not (body.hides(behind, point, keep_off_m) or body.hides(eye, crossing, past_camera=True))
+    def clear(points: Floats, keep_off_m: float) -> Iterator[bool]:
+        """Of each point (N, 3) whether the way to the mirror and on to the camera is free, the last `keep_off_m` before it aside."""
+        back = points - behind
+        length = np.linalg.norm(back, axis=1)
+        back /= length[:, None]
+        image = points + 2.0 * (at - points @ normal)[:, None] * normal - eye
+        out = image / length[:, None]
+        share = (at - eye @ normal) / (image @ normal)
+        for k, whole in enumerate(length):
+            yield not (
+                body.hides(behind, back[k], whole - keep_off_m)
+                or body.hides(eye, out[k], share[k] * whole, past_camera=True)
+            )
 
-    if not all(clear(point, 1e-3) for point in face):
+    if not all(clear(face, 1e-3)):
         return None
     seen = np.zeros(sight.markers.shape[1], dtype=bool)
     for ball, centre in zip(balls, centres, strict=True):
         radius, towards = float(setting.radii_m[ball]), centre + 2.0 * (at - centre @ normal) * normal - eye
-        off = radius + 1e-3
-        seen[ball] = (
-            clear(centre, off) and sum(clear(p, off) for p in _rim(centre, towards, radius)) >= RIM_LEAST
-        )
+        middle, *rim = clear(np.vstack([centre, _rim(centre, towards, radius)]), radius + 1e-3)
+        seen[ball] = middle and sum(rim) >= RIM_LEAST
     return seen

@@ -193,16 +193,11 @@ class Body:
                 )
         return most
 
-    def hides(
-        self, start_m: Floats, end_m: Floats, keep_off_m: float = 0.0, past_camera: bool = False
-    ) -> bool:
-        """Whether the body blocks the straight way from a point to a point (3,), both in the base's frame.
+    def hides(self, start_m: Floats, way: Floats, length_m: float, past_camera: bool = False) -> bool:
+        """Whether the body blocks the straight way from a point (3,) along a unit vector (3,), both in the base's frame, up to a length.
 
-        The last `keep_off_m` of the way are free: what lies there is what is looked at. With `past_camera` the rigid body that carries
-        the camera blocks nothing: it sits in its housing.
+        With `past_camera` the rigid body that carries the camera blocks nothing: it sits in its housing.
         """
-        way = end_m - start_m
-        length = float(np.linalg.norm(way))
         wanted = ALL_BUT_HOUSING if past_camera else None
-        distance = mujoco.mj_ray(self._model, self._data, start_m, way / length, wanted, 1, -1, None)
-        return bool(0.0 <= distance <= length - keep_off_m)
+        distance = mujoco.mj_ray(self._model, self._data, start_m, way, wanted, 1, -1, None)
+        return bool(0.0 <= distance <= length_m)

@@ -68,7 +68,7 @@ def command(
     plan: Annotated[
         Path | None,
         typer.Option(
-            help="Instead: the folder of a `plan`: its mirror, turned to where the target is seen and free."
+            help="Instead: the folder of a `plan`: its mirror, placed where the target is seen and free."
         ),
     ] = None,
     turn_by: Annotated[
@@ -116,8 +116,8 @@ def command(
     The folder is a session that grows while it runs: whatever ends it, nothing captured is lost, and `--resume` goes on.
     Ctrl-C, SIGTERM and SIGHUP bring the robot to rest, and it says what became of the torque. Exit code 0 converged, 3 ended otherwise, 130 stopped with Ctrl-C.
 
-    Where the mirror stands is proposed, or told (--view), or taken from a plan (--plan my-session/plan): its viewpoints from which the
-    target is seen past the robot, with a free way to it.
+    Where the mirror stands is proposed, or told (--view), or found by a plan's mirror and room (--plan my-session/plan): the
+    target is seen past the robot then, free of the glass, with a free way to it.
 
     Example: `mirror-posture correct twin --out corrected --joint r_shoulder_pitch=-30,r_shoulder_roll=50,r_elbow=45
     --hide joint_offset@joint:r_elbow:offset_rad=0.06`
@@ -253,10 +253,9 @@ def _planned(
     found = views_of_plan(target, settings["plan"], machine.commanded, settings["views"])
     for text in found.warnings:
         output.warn(text)
-    for text in found.left_out:
-        output.say(f"not taken of the plan's viewpoints: {text}")
     output.say(
-        f"{len(found.usual)} viewpoints of the plan's mirror for a look, {len(found.further)} further ones"
+        f"{len(found.usual)} viewpoints of the plan's mirror for a look, {len(found.further)} further ones: "
+        f"± {MILLIMETRES * found.std_m:.2f} mm along a marker's worst axis is expected"
     )
     return {
         kind: [[v.yaw_rad, v.pitch_rad, v.distance_m] for v in views]
