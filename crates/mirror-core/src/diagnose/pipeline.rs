@@ -16,6 +16,7 @@ use crate::diagnose::random_effects::free_form::free_forms;
 use crate::diagnose::report::build;
 use crate::diagnose::report::reservations::reserve;
 use crate::diagnose::report::seen_markers::seen_markers;
+use crate::diagnose::selection::beside_slips::settle_slips;
 use crate::diagnose::selection::beyond::look_beyond;
 use crate::diagnose::selection::pairwise_start::from_a_pair;
 use crate::diagnose::selection::search::{Search, SearchOptions};
@@ -29,7 +30,7 @@ use crate::robot::Robot;
 /// do not suffice; where there is reason for doubt, the same with free-form errors beside the vocabulary, or with a joint that rests
 /// elsewhere each time; where that leaves a remainder or many causes, the same beside many small errors (`geometry`); causes that do not
 /// help on held-out regions are dropped, improbable ones give way; the remainder is tested against the noise; causes that other draws of
-/// the postures do not show again are taken back.
+/// the postures do not show again are taken back. `closely`: whole mistakes are looked for where nothing is gross too.
 ///
 /// # Errors
 /// A recording that is not valid, links that do not exist, a camera that cannot be.
@@ -38,9 +39,10 @@ pub fn diagnose(
     recording: &Recording,
     options: &DiagnoseOptions,
     others: &[OtherSession],
+    closely: bool,
 ) -> Result<Diagnosis> {
     options.progress.enter("looking for whole mistakes");
-    let prepared = Prepared::new(robot, recording, options)?;
+    let mut prepared = Prepared::new(robot, recording, options, closely)?;
     let (problem, stated) = (prepared.problem.clone(), prepared.stated);
     let catalogue = options.catalogue(&problem.scene)?;
     let all = Catalogue::with_free_forms(&catalogue, &problem.scene, free_forms(&problem.scene));
@@ -57,6 +59,9 @@ pub fn diagnose(
         options: SearchOptions::of(options.most_causes),
         mask: None,
     };
+    for (slip, std) in settle_slips(&mut search, &nominal)? {
+        prepared.moved(&search.problem, slip, std)?;
+    }
     let (mut found, setup) = with_or_without_setup(&mut search, &nominal, stated, &options.without)?;
     if setup.is_none() {
         if let Some(other) = from_a_pair(&search, &found, &nominal)? {

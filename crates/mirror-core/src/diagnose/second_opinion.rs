@@ -2,7 +2,8 @@
 //!
 //! Slips and whole mistakes are looked for before causes are: they take their share of any misfit that is like them. Where something is left
 //! unexplained beside a slip, the session is diagnosed once more as if nothing had slipped, and the slip is believed only where it leaves
-//! less on held-out regions. And where a joint's ratio is undone as a whole mistake and found again beside it, the two are one: the
+//! less on held-out regions. The same goes for rows said to hold other rows' measurement: a joint whose log is a little late looks like that where
+//! it moves to and fro, and the second look is for whole mistakes that do no more than small errors. And where a joint's ratio is undone as a whole mistake and found again beside it, the two are one: the
 //! session is diagnosed once more without such mistakes, and the first is believed only where the second leaves something unexplained, and more.
 
 use crate::diagnose::data::diagnosis::{Cause, Diagnosis, Verdict};
@@ -13,12 +14,13 @@ use crate::error::Result;
 use crate::robot::Robot;
 
 const SLIP: &str = "slip";
+const PAIRING: &str = "pairing";
 /// A ratio that is a whole mistake is tried as another unit of the joint, and told as a small one is.
 const RATIO: (&str, &str) = ("joint_unit", "gear_ratio");
 
 /// Diagnoses a recording: where the model is wrong, which effect causes it, how far the gap shrinks.
 ///
-/// Slips beside an unexplained remainder, and ratios that are told twice, are asked of twice.
+/// Slips and rows of their own beside an unexplained remainder, and ratios that are told twice, are asked of twice.
 ///
 /// # Errors
 /// A recording that is not valid, links that do not exist, a camera that cannot be.
@@ -28,23 +30,24 @@ pub fn diagnose(
     options: &DiagnoseOptions,
     others: &[OtherSession],
 ) -> Result<Diagnosis> {
-    let first = pipeline::diagnose(robot, recording, options, others)?;
+    let first = pipeline::diagnose(robot, recording, options, others, false)?;
+    let named = |effect: &str| first.causes.iter().any(|c| c.effect == effect);
     let twice = is_told_twice(&first.causes);
-    let slipped = !explains(&first) && first.causes.iter().any(|c| c.effect == SLIP);
-    if !twice && !slipped {
+    let (effect, why) = if twice {
+        (RATIO.0, "a ratio undone as a whole mistake was found again beside it: it is none")
+    } else if !explains(&first) && named(SLIP) {
+        (SLIP, "a slip leaves no smaller gap on held-out regions: nothing has slipped")
+    } else if !explains(&first) && named(PAIRING) {
+        (PAIRING, "rows of their own leave no smaller gap on held-out regions: they are in order")
+    } else {
         return Ok(first);
-    }
+    };
     let mut still = options.clone();
-    still.without.push(if twice { RATIO.0 } else { SLIP }.into());
-    let mut second = pipeline::diagnose(robot, recording, &still, others)?;
+    still.without.push(effect.into());
+    let mut second = pipeline::diagnose(robot, recording, &still, others, effect == PAIRING)?;
     if !(left(&second) <= left(&first) || twice && explains(&second)) {
         return Ok(first);
     }
-    let why = if twice {
-        "a ratio undone as a whole mistake was found again beside it: it is none"
-    } else {
-        "a slip leaves no smaller gap on held-out regions: nothing has slipped"
-    };
     second.trace.insert(0, why.into());
     Ok(second)
 }

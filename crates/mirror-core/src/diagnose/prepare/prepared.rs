@@ -1,7 +1,7 @@
 //! A session ready for the search: whole mistakes undone, the noise known, slipped rows left out.
 
 use super::boards::leave_out_wrong_grids;
-use super::first_day::{self, Undone};
+use super::first_day::{self, Mistake, Undone};
 use super::options::DiagnoseOptions;
 use super::row_slip::{self, Slip};
 use crate::diagnose::data::diagnosis::{Cause, LeftOut};
@@ -10,6 +10,7 @@ use crate::diagnose::likelihood::noise;
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::error::Result;
 use crate::robot::Robot;
+use nalgebra::Vector6;
 
 /// A session ready for the search.
 pub(crate) struct Prepared {
@@ -27,18 +28,23 @@ pub(crate) struct Prepared {
 }
 
 impl Prepared {
-    /// Prepares a session.
+    /// Prepares a session; `closely`: whole mistakes are looked for where nothing is gross too.
     ///
     /// # Errors
     /// A recording that is not valid, links that do not exist, a camera that cannot be.
-    pub fn new(robot: &Robot, recording: &Recording, options: &DiagnoseOptions) -> Result<Self> {
+    pub fn new(
+        robot: &Robot,
+        recording: &Recording,
+        options: &DiagnoseOptions,
+        closely: bool,
+    ) -> Result<Self> {
         let mut problem = Problem::new(robot, recording)?;
         problem.cancel = options.cancel.clone();
         problem.progress = options.progress.clone();
         let stated = problem.noise;
         let mut left_out = leave_out_wrong_grids(&mut problem);
         let given = problem.clone();
-        let undone = first_day::undone(robot, recording, &problem, &options.without)?;
+        let undone = first_day::undone(robot, recording, &problem, &options.without, closely)?;
         if let Some(undone) = &undone {
             problem = undone.problem.clone();
             problem.cancel = given.cancel.clone();
@@ -62,6 +68,25 @@ impl Prepared {
             problem.noise = noise::estimate(&problem, &nominal, stated)?;
         }
         Ok(Self { given, arranged, problem, stated, slip, left_out, undone })
+    }
+
+    /// Takes over how far something slipped, found again beside causes in a problem of the search.
+    ///
+    /// # Errors
+    /// Invalid parameters of camera or mirror.
+    pub fn moved(&mut self, problem: &Problem, which: usize, std: Vector6<f64>) -> Result<()> {
+        self.arranged.slips.clone_from(&problem.slips);
+        self.arranged.fit_boards()?;
+        let Some(undone) = &mut self.undone else { return Ok(()) };
+        let mistake = Mistake::Slip { slip: problem.slips[which], std };
+        let told = first_day::told(&mistake, &undone.robot, &undone.recording, problem, 1.0);
+        for new in told {
+            let same = |old: &&mut Cause| old.effect == new.effect && old.at == new.at;
+            if let Some(old) = undone.told.iter_mut().find(same) {
+                old.parameters = new.parameters;
+            }
+        }
+        Ok(())
     }
 
     /// The robot with its mistakes undone.

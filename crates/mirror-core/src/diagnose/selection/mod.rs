@@ -1,6 +1,7 @@
 //! Which causes: prior and posterior odds, the search and its moves, alternatives.
 
 pub(super) mod alternatives;
+pub(super) mod beside_slips;
 pub(super) mod beyond;
 mod candidates;
 pub(super) mod law_remainder;

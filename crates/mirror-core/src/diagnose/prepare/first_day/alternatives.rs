@@ -14,6 +14,9 @@ pub(super) const UNITS: [f64; 9] =
     [PI / 180.0, PI, TAU, PI / 1800.0, PI / 18000.0, TAU / 4096.0, TAU / 1024.0, TAU / 16384.0, 1e-3];
 /// Other factors that are tried, and refined: a transmission that is another one.
 const FACTORS: [f64; 10] = [0.2, 1.0 / 3.0, 0.5, 2.0 / 3.0, 0.8, 1.25, 1.5, 2.0, 3.0, 5.0];
+/// Factors on the board's squares, refined by as much as lies between them.
+const SQUARES: [f64; 10] = [0.5, 2.0 / 3.0, 0.75, 0.8, 0.9, 1.1, 1.25, 4.0 / 3.0, 1.5, 2.0];
+const SQUARES_STEP: f64 = 1.12;
 /// Zeros that are tried, rad: every 15°.
 const ZERO_STEP: f64 = PI / 12.0;
 /// Whole rows by which a column may be late, and parts of a row.
@@ -77,6 +80,14 @@ impl<'a> Session<'a> {
         out.extend(self.sides());
         out.extend(self.late(&moving));
         out
+    }
+
+    /// The board printed at another size.
+    pub fn of_squares(&self, variant: &Variant) -> Vec<Mistake> {
+        if self.problem.board.is_none() || variant.squares != 1.0 {
+            return Vec::new();
+        }
+        SQUARES.iter().map(|&factor| Mistake::Squares { factor }).collect()
     }
 
     /// Two like chains of joints exchanged at once: left and right.
@@ -306,6 +317,10 @@ impl<'a> Session<'a> {
             Mistake::JointUnit { joint, factor } if !UNITS.contains(&factor) => {
                 let of = |factor| Mistake::JointUnit { joint, factor };
                 of(least(factor * 0.8, factor * 1.25, |x| loss(&of(x))))
+            }
+            Mistake::Squares { factor } => {
+                let of = |factor| Mistake::Squares { factor };
+                of(least(factor / SQUARES_STEP, factor * SQUARES_STEP, |x| loss(&of(x))))
             }
             Mistake::Late { joint, rows, kind } if rows < 1.0 => {
                 let of = |rows| Mistake::Late { joint, rows, kind };

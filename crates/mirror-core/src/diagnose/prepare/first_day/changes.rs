@@ -134,25 +134,39 @@ fn settled(problem: &Problem, frames: &[usize], least: Noise, mut best: Best) ->
 fn polished(problem: &Problem, frames: &[usize], least: Noise, mut best: Best) -> Result<(Best, Tolerant)> {
     let mut with = problem.clone();
     with.slips.push(best.slip);
+    with.fit_boards()?;
+    let nominal = with.nominal();
+    if let Some(std) = settle_slip(&mut with, &nominal, least, problem.slips.len())? {
+        best.std = std;
+    }
+    best.slip = with.slips[problem.slips.len()];
+    let fit = Tolerant::fitted(&with, frames, least)?;
+    Ok((best, fit))
+}
+
+/// The motion of one of a problem's slips with everything else as a model has it; its standard deviations, none where it stays as it is.
+///
+/// # Errors
+/// Invalid parameters of camera or mirror.
+pub(crate) fn settle_slip(
+    problem: &mut Problem,
+    model: &Deformation,
+    least: Noise,
+    which: usize,
+) -> Result<Option<Vector6<f64>>> {
+    let mut std = None;
     for _ in 0..ROUNDS {
-        with.fit_boards()?;
-        let nominal = with.nominal();
-        let noise = effective(&with, &nominal, least, None)?;
-        let first = best.slip.first;
-        let Some(more) = scan(&moved(&with, &nominal, noise, best.slip.what)?, first..first + 1) else {
-            break;
-        };
+        let noise = effective(problem, model, least, None)?;
+        let Slip { what, first, .. } = problem.slips[which];
+        let Some(more) = scan(&moved(problem, model, noise, what)?, first..first + 1) else { break };
         if more.gain < WITHIN_CHANCE {
             break;
         }
-        best.slip.motion += more.slip.motion;
-        best.std = more.std;
-        if let Some(slip) = with.slips.last_mut() {
-            *slip = best.slip;
-        }
+        problem.slips[which].motion += more.slip.motion;
+        problem.fit_boards()?;
+        std = Some(more.std);
     }
-    let fit = Tolerant::fitted(&with, frames, least)?;
-    Ok((best, fit))
+    Ok(std)
 }
 
 /// Marker or camera: the slip is as many columns more, found together with all small errors.

@@ -26,7 +26,7 @@ const ROUNDS: usize = 4;
 /// Mirrors that are remembered of a frame: chains of mistakes ask for the same positions between camera and board again and again.
 const MOST_REMEMBERED: usize = 64;
 
-/// Positions between camera and board, and where the mirror then is.
+/// Positions between camera and board and the squares' size, each less the nominal one, and where the mirror then is.
 type Remembered = Vec<(Vec<f64>, Option<Vector3<f64>>)>;
 
 /// The distance of one observation, m.
@@ -162,13 +162,14 @@ impl<'a> Misfit<'a> {
         }
     }
 
-    /// The mirror of a frame. Where joints lie between camera and board it depends on their positions.
+    /// The mirror of a frame. It depends on the size of the board's squares, and on the joints between camera and board.
     fn foot(&self, work: &mut Work, variant: &Variant, frame: usize) -> Option<Vector3<f64>> {
         let known = self.feet[frame]?;
         let scene = &self.problem.scene;
         let between = &self.problem.between_camera_and_board;
-        let changes: Vec<f64> =
-            between.iter().map(|&n| variant.node(&scene.body, frame, n) - scene.q(frame, n)).collect();
+        let larger = variant.squares - 1.0;
+        let moved = between.iter().map(|&n| variant.node(&scene.body, frame, n) - scene.q(frame, n));
+        let changes: Vec<f64> = moved.chain([larger]).collect();
         if changes.iter().all(|change| change.abs() <= 1e-9) {
             return Some(known);
         }
@@ -181,6 +182,7 @@ impl<'a> Misfit<'a> {
         for (&n, change) in between.iter().zip(&changes) {
             deformation.add_joint_delta(frame, n, change - deformation.joint_delta(frame, n));
         }
+        deformation.board_scale_error = larger;
         let fit = work.frame.fit_board(self.problem, deformation, self.eye.as_ref(), frame, None);
         let foot = fit.map(|fit| fit.foot);
         if let Ok(mut remembered) = self.at_others[frame].lock()

@@ -38,6 +38,9 @@ pub(crate) enum Mistake {
     Resolution { factor: f64, offset_px: Vector2<f64> },
     /// The picture is mirrored: 1 left and right, 2 up and down, 3 both.
     Flipped { flip: u8 },
+    /// The board's squares are larger by this factor: looked for so that nothing else passes for it, and left to the search, which finds it as
+    /// `board_scale`.
+    Squares { factor: f64 },
     /// The board's corners are counted from another corner: quarter turns.
     BoardTurned { quarters: u8 },
     /// The marker is fixed to another body, at this place in its frame, m.
@@ -97,6 +100,7 @@ impl Mistake {
                     variant.labels[f].swap(a, b);
                 }
             }
+            Self::Squares { factor } => variant.squares *= factor,
             Self::MarkerParent { marker, node, place } => {
                 let r = variant.sites[marker].node_from_site.r;
                 variant.sites[marker] = Site { node, node_from_site: Pose { r, t: place } };
@@ -121,6 +125,11 @@ impl Mistake {
                         scaled_center(&c.center_px(), *factor) + offset_px,
                         c.distortion(),
                     )?;
+                }
+            }
+            Self::Squares { factor } => {
+                if let Some(board) = recording.sight.as_mut().and_then(|s| s.board.as_mut()) {
+                    board.square_m *= factor;
                 }
             }
             Self::Flipped { flip } => flip_pictures(recording, *flip),
@@ -157,6 +166,8 @@ impl Mistake {
                 let site = Site { node: *node, node_from_site: Pose { r: turn, t: *place } };
                 problem.marker_sites[*marker] = site;
                 problem.marker_mounts[*marker] = Site { node: *node, node_from_site: Pose::identity() };
+                // Where on that link nobody has said: the place is where the search begins.
+                problem.scene.mount_known[*marker] = false;
             }
             Self::Slip { slip, .. } => {
                 problem.slips.push(*slip);
@@ -197,6 +208,7 @@ impl Mistake {
             Self::Resolution { .. } => "camera_resolution",
             Self::Flipped { .. } => "picture_flipped",
             Self::BoardTurned { .. } => "board_turned",
+            Self::Squares { .. } => "board_scale",
             Self::MarkerParent { .. } => "marker_parent",
             Self::Gravity { .. } => "gravity_direction",
             Self::Slip { .. } => "slip",
@@ -213,7 +225,9 @@ impl Mistake {
             | (Self::JointFrozen { joint: a, .. }, Self::JointFrozen { joint: b, .. }) => a == b,
             (Self::Late { joint: a, .. }, Self::Late { joint: b, .. }) => a == b,
             (Self::MarkersSwapped { markers: a, .. }, Self::MarkersSwapped { markers: b, .. }) => a == b,
-            (Self::AllUnits { .. }, Self::AllUnits { .. }) | (Self::Rows { .. }, Self::Rows { .. }) => true,
+            (Self::AllUnits { .. }, Self::AllUnits { .. })
+            | (Self::Squares { .. }, Self::Squares { .. })
+            | (Self::Rows { .. }, Self::Rows { .. }) => true,
             _ => self == other,
         }
     }

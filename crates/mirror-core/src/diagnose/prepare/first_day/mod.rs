@@ -33,10 +33,11 @@ use crate::diagnose::principles::BEYOND_DOUBT;
 use crate::error::Result;
 use crate::robot::Robot;
 use alternatives::Session;
+pub(crate) use changes::settle_slip;
 use misfit::Misfit;
 pub(crate) use mistake::Mistake;
 use rayon::prelude::*;
-use told::told;
+pub(crate) use told::told;
 use variant::Variant;
 use verify::{Tolerant, smaller};
 
@@ -66,8 +67,9 @@ pub(crate) struct Undone {
     pub trace: Vec<String>,
     /// Single observations that are false.
     pub left_out: Vec<LeftOut>,
-    /// Whether rows hold other rows' measurement, which a later stage leaves out: until then they would pass for slips.
-    rows_slipped: bool,
+    /// Whether rows hold other rows' measurement, or the board's squares are of another size, of which later stages take care: until
+    /// then they would pass for slips and false observations.
+    unsettled: bool,
 }
 
 /// A chain of mistakes with the session as it would be.
@@ -81,7 +83,8 @@ struct Chain {
 /// Of the work of a diagnosis, what may go into chains of mistakes: where nothing fits, each further one is as costly as it is vain.
 const SHARE_OF_WORK: f64 = 0.2;
 
-/// Finds and undoes whole mistakes; none where there is none.
+/// Finds and undoes whole mistakes; none where there is none. `closely`: also those that do no more than small errors do (a late column of a joint
+/// that hardly moves).
 ///
 /// # Errors
 /// Invalid parameters of camera or mirror.
@@ -90,6 +93,7 @@ pub(crate) fn undone(
     recording: &Recording,
     problem: &Problem,
     without: &[String],
+    closely: bool,
 ) -> Result<Option<Undone>> {
     let mut out = Undone {
         robot: robot.clone(),
@@ -98,13 +102,13 @@ pub(crate) fn undone(
         told: Vec::new(),
         trace: Vec::new(),
         left_out: Vec::new(),
-        rows_slipped: false,
+        unsettled: false,
     };
     if let Some((mistake, odds)) = optics::find(robot, recording, without, &problem.cancel)? {
         out.undo(&mistake, tempered(odds))?;
     }
     problem.cancel.check()?;
-    let (chain, probability) = of_the_body(&mut out, without)?;
+    let (chain, probability) = of_the_body(&mut out, without, closely)?;
     for mistake in &chain {
         out.undo(mistake, probability)?;
     }
@@ -113,7 +117,7 @@ pub(crate) fn undone(
     {
         out.undo(&mistake, tempered(odds))?;
     }
-    if !out.rows_slipped && !without.iter().any(|w| w == "slip") {
+    if !out.unsettled && !without.iter().any(|w| w == "slip") {
         for _ in 0..MOST_SLIPS {
             let postures = crate::diagnose::likelihood::saturated::postures(&out.problem);
             let frames = spread(&postures, FRAMES_OF_SLIPS, 1);
@@ -127,7 +131,7 @@ pub(crate) fn undone(
             out.undo(&mistake, tempered(odds))?;
         }
     }
-    if !out.rows_slipped {
+    if !out.unsettled {
         out.leave_out_false()?;
     }
     let nothing = out.told.is_empty() && out.trace.is_empty() && out.left_out.is_empty();
@@ -155,10 +159,12 @@ impl Undone {
         self.told.extend(told(mistake, &self.robot, &self.recording, &self.problem, probability));
         mistake.undo(&mut self.robot, &self.problem, &mut self.recording)?;
         let sites = (self.problem.marker_sites.clone(), self.problem.marker_mounts.clone());
+        let mount_known = self.problem.scene.mount_known.clone();
         let slips = core::mem::take(&mut self.problem.slips);
         let (cancel, budget) = (self.problem.cancel.clone(), self.problem.budget.clone());
         self.problem = Problem::new(&self.robot, &self.recording)?;
         (self.problem.marker_sites, self.problem.marker_mounts) = sites;
+        self.problem.scene.mount_known = mount_known;
         leave_out_wrong_grids(&mut self.problem);
         (self.problem.cancel, self.problem.budget) = (cancel, budget);
         self.problem.slips = slips;
@@ -170,13 +176,13 @@ impl Undone {
 }
 
 /// The chain of mistakes of body and log that is likelier than small errors, and its probability.
-fn of_the_body(session: &mut Undone, without: &[String]) -> Result<(Vec<Mistake>, f64)> {
+fn of_the_body(session: &mut Undone, without: &[String], closely: bool) -> Result<(Vec<Mistake>, f64)> {
     let mut lines = Vec::new();
-    let (mut chain, probability) = chain_of_the_body(session, without, &mut lines)?;
+    let (mut chain, probability) = chain_of_the_body(session, without, closely, &mut lines)?;
     let all = chain.len();
-    // Slipped rows are found, and left out, by the stage that follows.
-    chain.retain(|m| !matches!(m, Mistake::Rows { .. }));
-    session.rows_slipped = chain.len() < all;
+    // Slipped rows are found, and left out, by the stage that follows; the squares' size by the search.
+    chain.retain(|m| !matches!(m, Mistake::Rows { .. } | Mistake::Squares { .. }));
+    session.unsettled = chain.len() < all;
     session.trace.append(&mut lines);
     Ok((chain, probability))
 }
@@ -184,6 +190,7 @@ fn of_the_body(session: &mut Undone, without: &[String]) -> Result<(Vec<Mistake>
 fn chain_of_the_body(
     session: &Undone,
     without: &[String],
+    closely: bool,
     lines: &mut Vec<String>,
 ) -> Result<(Vec<Mistake>, f64)> {
     let problem = &session.problem;
@@ -192,7 +199,7 @@ fn chain_of_the_body(
     let frames = spread(&all.postures, FRAMES, 1);
     let variant = Variant::of(&session.recording, problem);
     let nominal = Chain { mistakes: Vec::new(), loss: misfit.mean_loss(&variant, &frames), variant };
-    if !(nominal.loss > GROSS) {
+    if !(nominal.loss > GROSS || closely) {
         return Ok((Vec::new(), 0.0));
     }
     let mut chains = vec![nominal.clone()];
@@ -235,6 +242,7 @@ fn extended(session: &Session<'_>, frames: &[usize], chain: &Chain, without: &[S
     mistakes.extend(session.of_labels(&chain.variant));
     mistakes.extend(session.of_rows(&chain.variant));
     mistakes.extend(session.of_stops(&chain.variant));
+    mistakes.extend(session.of_squares(&chain.variant));
     // Where as many as half of the markers are elsewhere it is what all of them are seen with that is wrong.
     let elsewhere = chain.mistakes.iter().filter(|m| matches!(m, Mistake::MarkerParent { .. })).count();
     if 2 * (elsewhere + 1) < session.problem.marker_sites.len().max(3) {
@@ -352,6 +360,7 @@ impl Chain {
         problem.budget = session.problem.budget.clone();
         problem.marker_sites.clone_from(&session.problem.marker_sites);
         problem.marker_mounts.clone_from(&session.problem.marker_mounts);
+        problem.scene.mount_known.clone_from(&session.problem.scene.mount_known);
         for mistake in &self.mistakes {
             mistake.on_problem(&mut problem)?;
         }

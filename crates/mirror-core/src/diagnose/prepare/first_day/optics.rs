@@ -43,8 +43,9 @@ pub(super) fn find(
     let mut few = recording.clone();
     few.frames = recording.frames.iter().step_by(step).cloned().collect();
     let nominal = loss(robot, &few)?;
-    // A mistake of the optics spoils every board: where some are right it is the others that are wrong.
-    if nominal.better < USUAL_LOSS {
+    // A mistake of the optics spoils every board: where some are right it is the others that are wrong. Seen in a mirror whose distance nobody
+    // knows, a board hardly shows another focal length; then the markers do.
+    if nominal.better < USUAL_LOSS && !(nominal.markers > USUAL_LOSS) {
         return Ok(None);
     }
     let square = sight.board.as_ref().is_some_and(|b| b.corners.0 == b.corners.1);

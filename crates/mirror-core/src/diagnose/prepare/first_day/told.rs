@@ -18,7 +18,7 @@ const WHOLE_STD: f64 = 0.5;
 const REFINED_STD: f64 = 0.01;
 
 /// Causes of a mistake: one, or one for each pair of exchanged joints.
-pub(super) fn told(
+pub(crate) fn told(
     mistake: &Mistake,
     robot: &Robot,
     recording: &Recording,
@@ -178,7 +178,8 @@ pub(super) fn told(
             }
             vec![cause("slip", at, &parameters, "from a row on it sits elsewhere")]
         }
-        Mistake::Rows { .. } => Vec::new(),
+        // Found, and told, by later stages.
+        Mistake::Rows { .. } | Mistake::Squares { .. } => Vec::new(),
     }
 }
 

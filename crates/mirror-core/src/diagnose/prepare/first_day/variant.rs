@@ -15,6 +15,8 @@ pub(super) struct Variant {
     pub labels: Vec<Vec<usize>>,
     /// The markers' places.
     pub sites: Vec<Site>,
+    /// By what the board's squares are larger than the session says.
+    pub squares: f64,
 }
 
 impl Variant {
@@ -26,6 +28,7 @@ impl Variant {
             signs: vec![1.0; problem.scene.nodes()],
             labels: vec![(0..markers).collect(); recording.frames.len()],
             sites: problem.marker_sites.clone(),
+            squares: 1.0,
         }
     }
 

@@ -1,0 +1,40 @@
+//! Slips beside causes: how far something slipped was found before any cause was known, with all small errors free beside it. What these
+//! took of the motion, or gave to it, causes that cancel each other would make up for.
+
+use crate::diagnose::effects::hypothesis::Model;
+use crate::diagnose::prepare::first_day::settle_slip;
+use crate::diagnose::selection::search::{Search, SearchOptions};
+use crate::error::Result;
+use nalgebra::Vector6;
+
+/// Causes in the model at which the slips are found again, round by round: first what is largest, then what it hid.
+const CAUSES: [usize; 2] = [1, 3];
+
+/// The slips of a search's problem beside its largest causes; of each that moved, its number and the standard deviations of its motion.
+///
+/// # Errors
+/// A camera or mirror that cannot be.
+pub(crate) fn settle_slips(search: &mut Search<'_>, nominal: &Model) -> Result<Vec<(usize, Vector6<f64>)>> {
+    let mut moved: Vec<(usize, Vector6<f64>)> = Vec::new();
+    let slips = search.problem.slips.len();
+    for most_causes in CAUSES {
+        if slips == 0 || search.problem.budget.is_spent() {
+            break;
+        }
+        let options = SearchOptions { most_causes, ..search.options.clone() };
+        let found = Search { options, ..search.clone() }.run(nominal.clone())?;
+        let causes = search.deformation(&found.fit.model);
+        let mut still = true;
+        for which in 0..slips {
+            if let Some(std) = settle_slip(&mut search.problem, &causes, search.measured_noise, which)? {
+                moved.retain(|(other, _)| *other != which);
+                moved.push((which, std));
+                still = false;
+            }
+        }
+        if still {
+            break;
+        }
+    }
+    Ok(moved)
+}
