@@ -6,7 +6,7 @@
 //! cone by less than 0.05 px.
 
 use super::circle::Circle;
-use super::ray_edge::MIN_EDGE_POINTS;
+use super::ray_edge::{MIN_EDGE_POINTS, NORMAL_SPREAD, median};
 use crate::camera::Camera;
 use nalgebra::{Matrix2, Matrix2x3, Matrix3, Point3, SMatrix, Vector2, Vector3};
 
@@ -15,6 +15,10 @@ const BOUNDARY_POINTS: usize = 72;
 /// Edge points farther from the fitted outline than this belong to something else, px, unless they are this uncertain themselves (deviations).
 const INLIER_PX: f64 = 0.45;
 const INLIER_DEVIATIONS: f64 = 2.5;
+/// An edge that stands out from its neighbours' scatter is not the sphere's either, however near it is: so many of the spreads (of normal deviations) that the others
+/// show in their own deviations; at least so much they always scatter.
+const OUTSTANDING_SPREADS: f64 = 3.0;
+const LEAST_SPREAD: f64 = 0.5;
 /// Times that, an edge is of another thing for sure.
 const FAR_OFF: f64 = 2.0;
 /// Steps of the robust refit: inliers are chosen again from the last fit.
@@ -98,7 +102,7 @@ pub(super) fn fit_cone_from(
         for (away, ray) in away.iter_mut().zip(&rays) {
             *away = distance_px(ray, &parameters, scale)?;
         }
-        let chosen = agreeing(&away, points);
+        let chosen = agreeing(&away, points, &inlier);
         if chosen == inlier {
             break;
         }
@@ -228,12 +232,18 @@ fn distance_gradient(ray: &Vector3<f64>, parameters: &Vector3<f64>, scale: f64) 
     (by_along / -sine - parameters / (length.powi(3) * half_sine)) * scale
 }
 
-/// Edges within the tolerance, those beside a stray one left out: what hides the outline blurs its neighbours too.
-fn agreeing(away: &[f64], points: &[EdgePoint]) -> Vec<bool> {
+/// Edges within the tolerance, those beside a stray one left out: what hides the outline blurs its neighbours too. `before` are those that the last fit had.
+///
+/// A shadow beside the ball moves edges by some tenths of a pixel: little against the tolerance that noisy and coded pictures need, much against the scatter of a
+/// clear one. That is told by the median of the residuals (Rousseeuw and Leroy, "Robust Regression and Outlier Detection", 1987).
+fn agreeing(away: &[f64], points: &[EdgePoint], before: &[bool]) -> Vec<bool> {
+    let whitened = away.iter().zip(points).map(|(d, p)| d.abs() / p.std_px);
+    let shown = median(whitened.zip(before).filter(|(_, b)| **b).map(|(size, _)| size).collect());
+    let most = OUTSTANDING_SPREADS * (NORMAL_SPREAD * shown).max(LEAST_SPREAD);
     let near: Vec<bool> = away
         .iter()
         .zip(points)
-        .map(|(d, p)| d.abs() <= INLIER_PX.max(INLIER_DEVIATIONS * p.std_px))
+        .map(|(d, p)| d.abs() <= INLIER_PX.max(INLIER_DEVIATIONS * p.std_px).min(most * p.std_px))
         .collect();
     let count = near.len();
     // Far off, it is another thing, and spoils more.

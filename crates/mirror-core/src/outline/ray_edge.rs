@@ -3,6 +3,9 @@
 /// Fewer rays with an edge than this make no outline.
 pub(super) const MIN_EDGE_POINTS: usize = 8;
 
+/// Standard deviation of normal numbers by the median of their sizes.
+pub(super) const NORMAL_SPREAD: f64 = 1.4826;
+
 /// The edge on one ray.
 #[derive(Clone, Copy)]
 pub(super) struct RayEdge {

@@ -1,7 +1,7 @@
 //! How far edges scatter round one outline, whatever touches it.
 
 use super::circle::Indices;
-use super::ray_edge::{MIN_EDGE_POINTS, median};
+use super::ray_edge::{MIN_EDGE_POINTS, NORMAL_SPREAD, median};
 use super::rays::Rays;
 use nalgebra::{Matrix3, Vector3};
 
@@ -56,5 +56,5 @@ pub(super) fn noise_of(rays: &Rays, edges: impl Iterator<Item = (f64, f64, bool)
         let Some(factor) = normal.cholesky() else { return 1.0 };
         sizes = sizes_of(&factor.solve(&right));
     }
-    1.4826 * median(sizes)
+    NORMAL_SPREAD * median(sizes)
 }
