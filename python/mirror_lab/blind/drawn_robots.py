@@ -151,16 +151,24 @@ def small_humanoid(rng: np.random.Generator) -> Robot:
     )
 
 
-def random_robot(rng: np.random.Generator) -> Robot:
+def two_arms(rng: np.random.Generator) -> Robot:
+    """As `random_robot`, with two arms of seven joints each."""
+    return random_robot(rng, ["a", "b"], 7)
+
+
+def random_robot(
+    rng: np.random.Generator, arms: Sequence[str] | None = None, joints_each: int | None = None
+) -> Robot:
     """A post with a camera, a board and one or two arms, whose joints, oblique axes, lengths and masses are all
-    drawn."""
+    drawn; how many arms and joints too, where that is not told."""
     reach = rng.uniform(0.45, 0.9)
-    arms = ["a", "b"] if rng.random() < 0.6 else ["a"]
+    if arms is None:
+        arms = ["a", "b"] if rng.random() < 0.6 else ["a"]
     parts = [_link("post", 5.0, (0, 0, 0.2), 0.4)]
     ranges: dict[str, tuple[float, float]] = {}
     markers: list[str] = []
     for arm in arms:
-        joints = int(rng.integers(4, 7))
+        joints = int(rng.integers(4, 7)) if joints_each is None else joints_each
         share = rng.uniform(0.5, 1.5, joints)
         lengths = reach * share / share.sum()
         side = {"a": -1.0, "b": 1.0}[arm]

@@ -24,7 +24,9 @@ def make(
     seed: Annotated[int, typer.Option(min=0, help="The same seed makes the same sessions.")] = 0,
     robot: Annotated[
         list[str] | None,
-        typer.Option(help="`small`, `random` or `ur10`; may be repeated. All three by default."),
+        typer.Option(
+            help="`small`, `random`, `ur10` (these three by default) or `two-arms` (14 joints); may be repeated."
+        ),
     ] = None,
     least: Annotated[int, typer.Option(min=0, max=3, help="Least number of causes.")] = 0,
     most: Annotated[int, typer.Option(min=0, max=3, help="Largest number of causes.")] = 3,

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..blind import optics
+from ..blind.drawn_robots import two_arms
 from ..blind.noise import Noise, add_outliers, blob_errors, corner_errors, draw_noise
 from ..blind.robots import Robot, board_points
 from ..blind.seal import seal
@@ -25,6 +26,8 @@ from .write import write_session
 Array = NDArray[np.float64]
 
 ROBOTS = ("small", "random", "ur10")
+TWO_ARMS = "two-arms"
+"""A kind of this judge's own: fourteen joints."""
 LOG_RATE_HZ, PICTURES_HZ = 100.0, 30.0
 TICK_RAD = 2 * np.pi / 4096
 EXPOSED = 3
@@ -51,7 +54,7 @@ def make_case(
 
     `sealed_in`: a folder to which the answer goes, with its seal in the session.
     """
-    robot = draw_robot(kind, rng)
+    robot = two_arms(rng) if kind == TWO_ARMS else draw_robot(kind, rng)
     gravity = np.array([0.0, 0.0, -9.81])
     moving = [j for j in robot.commanded if robot.ranges[j][1] - robot.ranges[j][0] > 0.05]
     engine = Engine(robot.urdf, moving, gravity)
@@ -217,11 +220,22 @@ def _see(
     at_row = start + shutter.readout_s * row / lens.size_px[1]
     share = (np.arange(EXPOSED) + 0.5) / EXPOSED
     blobs = np.mean([images(at_row + s * shutter.exposure_s) for s in share], axis=0)
-    corners, _ = scene(stamps + 0.5 * (shutter.exposure_s + shutter.readout_s))
-    seen = lens.image(
-        optics.apparent(mirror.rows(np.repeat(np.arange(frames), count)), corners.reshape(-1, 3))
+    # Corners are exposed row by row as the markers are; within a picture a parabola in time is all that they move along.
+    parts = [scene(stamps + 0.5 * shutter.exposure_s + s * shutter.readout_s)[0] for s in (0.0, 0.5, 1.0)]
+
+    def corner_images(points: Array) -> Array:
+        seen = lens.image(
+            optics.apparent(mirror.rows(np.repeat(np.arange(frames), count)), points.reshape(-1, 3))
+        )
+        return np.asarray(seen.reshape(frames, count, 2))
+
+    middle_row = np.nan_to_num(corner_images(parts[1])[..., 1], nan=lens.size_px[1] / 2)
+    s = np.clip(middle_row / lens.size_px[1], 0, 1)[..., None]
+    at_own_row = (
+        2 * (s - 0.5) * (s - 1) * parts[0] - 4 * s * (s - 1) * parts[1] + 2 * s * (s - 0.5) * parts[2]
     )
-    corners_px = seen.reshape(frames, count, 2) + corner_errors(noise, rng, frames, robot.board_corners)
+    seen = corner_images(at_own_row)
+    corners_px = seen + corner_errors(noise, rng, frames, robot.board_corners)
     blobs_px = add_outliers(noise, rng, blobs + blob_errors(noise, rng, frames, markers))
     size = np.array(robot.image_size)
     for px in (corners_px, blobs_px):

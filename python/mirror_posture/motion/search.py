@@ -31,6 +31,8 @@ LEAST_SHIFT = 0.1
 SEGMENTS = 5
 HOPELESS = (60.0, 0.5)
 """A model is fitted no further where the criterion has it behind the best by so much, and by this share of what the best gained."""
+MOST_STEPS = 15_000_000
+"""Of all simulations together, until which the search looks for one more cause: five hundred motions of a minute."""
 UNLIKE = 0.5
 """Share of what a cause gains, at the first look, below which another is not tried in its place."""
 
@@ -71,6 +73,9 @@ def search(
     nominal, first = base, screen.scores(base.residual, np.zeros((base.misfit.rows, 0)), (), scale)[:20]
     price = 2.0 * np.log(len(problem.hypotheses))
     while len(best.causes) < most_causes:
+        if problem.rollouts.count * len(problem.rollouts.time_s) > MOST_STEPS:
+            trace.append(f"stopped after {problem.rollouts.count} simulated motions")
+            break
         known, taken = columns_of(problem, best, scale)
         scored = screen.scores(best.residual, taken, list(best.causes), scale)
         trial = _best_addition(problem, best, scored, known, scale)

@@ -31,6 +31,8 @@ TWIST_STEP = 1e-4
 """rad, m: of the differences that tell how a mirror's foot moves with the camera against the board."""
 NEIGHBOURS, FALSE_DEVIATIONS = 2, 6.0
 """An image is false where it lies by so many deviations off the median of two before and two after."""
+MOST_FALSE = 0.1
+"""Of a marker's images."""
 HIDDEN = 1e6
 """px²: the variance of a marker that was not seen."""
 
@@ -174,7 +176,10 @@ class View:
             warnings.simplefilter("ignore", RuntimeWarning)
             off = np.abs(residual_px - np.nanmedian(np.stack(others), axis=0)).max(axis=2)
             usual = 1.4826 * np.nanmedian(off) / 1.2
-        return np.asarray(np.nan_to_num(off) > max(FALSE_DEVIATIONS * usual, 4.0 * self.noise_px))
+        false = np.nan_to_num(off) > max(FALSE_DEVIATIONS * usual, 4.0 * self.noise_px)
+        # A limb that swings as the model never does leaves many behind: then it is the model that is wrong.
+        shown = np.isfinite(residual_px).all(axis=2).sum(axis=0)
+        return np.asarray(false & (false.sum(axis=0) <= MOST_FALSE * shown))
 
     def leave_out(self, false: npt.NDArray[np.bool_]) -> None:
         """Counts all images that the pictures show but these (F, markers), which are false."""
