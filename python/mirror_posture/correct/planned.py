@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -54,7 +55,7 @@ def views_of_plan(
 
     A viewpoint is taken where the mirror, of the plan's size, shows the board and all of the target's markers, past the robot's own body, with
     no real ball beside them, and the body keeps the plan's clearance from the glass, at the target and on the straight way to it from `start` (rad by
-    joint name; others at 0). The mirror is turned in the ways that a plan tries, slid within its plane so that it shows them, and
+    joint name; others at 0). The mirror is turned in many ways, slid within its plane so that it shows them, and
     stands at the plan's distance, or farther where that measures too badly; one whose place was told (`--mirror-at`, `mirror.center`) stays. Taken
     are the ways that measure best together, as in `propose_views`.
 
@@ -72,10 +73,10 @@ def views_of_plan(
             "plan with less clearance (--clearance-mm) or another --table"
         )
     best: tuple[float, list[Prospect]] = (math.inf, [])
-    left_out: dict[str, None] = {}
+    left_out: Counter[str] = Counter()
     for farther in (1.0,) if planned.told_place else FARTHER:
         offered, reasons = _offered(planned, target, begin, farther)
-        left_out |= dict.fromkeys(reasons)
+        left_out += reasons
         chosen = best_first(target, offered, count + FURTHER)
         if len(chosen) < 2:
             continue
@@ -85,8 +86,12 @@ def views_of_plan(
         if std_m <= GOOD_STD_M:
             break
     if not best[1]:
+        why = (
+            "; ".join(f"{number} ways: {reason}" for reason, number in left_out.most_common())
+            or "it is fixed"
+        )
         raise MirrorPostureError(
-            f"{folder}: needed two ways to turn this plan's mirror for the target, there are none ({'; '.join(left_out) or 'it is fixed'}); "
+            f"{folder}: needed two ways to turn this plan's mirror for the target, found fewer ({why}); "
             "choose another target or other markers, or go without --plan"
         )
     views = [one.view for one in best[1]]
@@ -95,22 +100,21 @@ def views_of_plan(
 
 def _offered(
     planned: PlannedRoom, target: Target, start: Floats | None, farther: float
-) -> tuple[list[Prospect], list[str]]:
+) -> tuple[list[Prospect], Counter[str]]:
     """The ways to turn the mirror, so many times as far as planned, that can be taken, and why others cannot."""
-    offered, left_out = [], []
-    for turned in (*planned.mirrors, *planned.turned):
+    mirrors, seen = [], []
+    for turned in planned.mirrors:
         mirror = planned.moved(turned, target.positions, target.marker_indices, farther)
         view = _view(mirror, target)
-        why = planned.why_not(mirror, target.positions, target.marker_indices, start)
-        if why is None:
-            seen = (
-                prospects(target, view, (view.yaw_rad,), (view.pitch_rad,)) if view.distance_m > 0.0 else []
-            )
-            offered += seen
-            why = None if seen else "board or markers come too near to the edge of the picture"
-        if why is not None:
-            left_out.append(why)
-    return offered, left_out
+        if view.distance_m > 0.0:
+            here = prospects(target, view, (view.yaw_rad,), (view.pitch_rad,))
+            mirrors += [mirror] * len(here)
+            seen += here
+    good, reasons = planned.takeable(mirrors, target.positions, target.marker_indices, start)
+    reasons["board or markers come too near to the picture's edge, or the robot to the glass"] += len(
+        planned.mirrors
+    ) - len(mirrors)
+    return [seen[index] for index in good], reasons
 
 
 def _positions(target: Target, named: Mapping[str, float]) -> Floats:

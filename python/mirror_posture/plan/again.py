@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,7 +17,7 @@ from .._core import MirrorPostureError
 from ..input_files import LARGEST_TEXT, given_text
 from ..robots.nominal import Nominal
 from .candidates import sift
-from .choose import path_blocked
+from .choose import between, path_blocked
 from .options import MirrorPlace, PlanOptions, turned_mirrors
 from .room import Room, room_of
 from .setting import Setting, read_setting
@@ -28,6 +29,8 @@ Floats = npt.NDArray[np.float64]
 
 NEEDED = "the plan.json of `mirror-posture plan`"
 SAME_TURN_RAD = 1e-6
+MORE_YAWS_DEG, MORE_PITCHES_DEG = range(-24, 25, 6), range(-16, 17, 4)
+"""Ways to turn the mirror for one posture: a plan tries fewer, for thousands."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,9 +41,7 @@ class PlannedRoom:
     options: PlanOptions
     room: Room
     mirrors: tuple[MirrorPlace, ...]
-    """In the root's frame, one for each way in which the plan turns it."""
-    turned: tuple[MirrorPlace, ...]
-    """The same mirror turned about its centre in other ways, as a plan may turn it; none where it is fixed."""
+    """In the root's frame: in each way in which the plan turns it, then turned about its centre in others; one where it is fixed."""
     warnings: tuple[str, ...]
 
     def collision(self, positions: Floats, start: Floats | None = None) -> str | None:
@@ -54,25 +55,35 @@ class PlannedRoom:
             trouble = path_blocked(self.setting, self.room, None, start, positions)
         return None if trouble is None else f"on the way there it {trouble}"
 
-    def why_not(
-        self, mirror: MirrorPlace, positions: Floats, markers: Sequence[int], start: Floats | None = None
-    ) -> str | None:
-        """Why a posture (nq,) cannot be held before a mirror (in the root's frame) with these markers in sight; None where it can.
+    def takeable(
+        self,
+        mirrors: Sequence[MirrorPlace],
+        positions: Floats,
+        markers: Sequence[int],
+        start: Floats | None = None,
+    ) -> tuple[list[int], Counter[str]]:
+        """Before which of these mirrors (in the root's frame) a posture (nq,) can be held with these markers in sight, and why not before others.
 
         With `start`, the glass must be clear of the straight way from there too: the mirror may stand already.
         """
-        in_base = self._in_base(mirror)
-        none = np.random.default_rng(0)
-        found = sift(self.setting, [in_base], self.room, self.options, positions[None], 1, none)
-        if not len(found.view):
-            return next(iter(found.reasons), "board and balls are not to be seen")
+        places = [self._in_base(mirror) for mirror in mirrors]
+        any_order = np.random.default_rng(0)
+        found = sift(self.setting, places, self.room, self.options, positions[None], 1, any_order)
+        reasons = Counter(found.reasons)
         names = [marker.name for marker in self.setting.nominal.metadata.markers]
-        if unseen := [names[index] for index in markers if not found.markers[0, index]]:
-            return f"{', '.join(unseen)} is not to be seen in the mirror, or hidden by the robot"
-        if start is not None:
-            trouble = path_blocked(self.setting, self.room, in_base, start, positions)
-            return None if trouble is None else f"on the way there it {trouble}"
-        return None
+        good = []
+        for view, seen in zip(found.view.tolist(), found.markers, strict=True):
+            unseen = [names[index] for index in markers if not seen[index]]
+            if unseen:
+                reasons[f"{', '.join(unseen)} is not to be seen in the mirror, or hidden by the robot"] += 1
+            else:
+                good.append(view)
+        for posture in () if start is None else between(start, positions):
+            self.room.take(posture)
+            touched = [view for view in good if not self.room.glass_free(places[view])]
+            reasons["it comes too near to the glass on the way there"] += len(touched)
+            good = [view for view in good if view not in touched]
+        return good, +reasons
 
     def _in_base(self, mirror: MirrorPlace) -> MirrorPlace:
         turn, shift = self.setting.base_from_root[:3, :3], self.setting.base_from_root[:3, 3]
@@ -141,10 +152,12 @@ def read_planned_room(folder: Path, nominal: Nominal) -> PlannedRoom:
         )
     mirrors = tuple(places[view] for view in sorted(places))
     forward = setting.base_from_root[:3, :3].T @ setting.forward
-    others = turned_mirrors(options, mirrors[0].center_in_root_m, forward, up_in_root)
-    turned = tuple(one for one in others if all(_apart(one, mirror) for mirror in mirrors))
-    warned = tuple(warnings)
-    return PlannedRoom(setting, options, room, mirrors, () if options.mirror_fixed else turned, warned)
+    others = turned_mirrors(
+        options, mirrors[0].center_in_root_m, forward, up_in_root, MORE_YAWS_DEG, MORE_PITCHES_DEG
+    )
+    if not options.mirror_fixed:
+        mirrors += tuple(one for one in others if all(_apart(one, mirror) for mirror in mirrors))
+    return PlannedRoom(setting, options, room, mirrors, tuple(warnings))
 
 
 def _apart(one: MirrorPlace, other: MirrorPlace) -> bool:

@@ -7,7 +7,7 @@ greedy choice comes near; Atkinson, Donev and Tobias 2007, ch. 12).
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -187,12 +187,18 @@ def path_blocked(
     setting: Setting, room: Room, mirror: MirrorPlace | None, start: Floats, end: Floats
 ) -> str | None:
     """What the straight way between two postures runs into; None where it is free. The ends are not checked again."""
-    steps = max(2, int(np.ceil(np.abs(end - start).max() / STEP_RAD)))
-    for share in np.linspace(0.0, 1.0, steps + 1)[1:-1]:
-        room.take(start + share * (end - start))
+    for posture in between(start, end):
+        room.take(posture)
         trouble = room.collision()
         if trouble is not None:
             return trouble
         if mirror is not None and not room.glass_free(mirror):
             return "comes too near to the glass"
     return None
+
+
+def between(start: Floats, end: Floats) -> Iterator[Floats]:
+    """Postures on the straight way between two, close enough to check it; the ends are not among them."""
+    steps = max(2, int(np.ceil(np.abs(end - start).max() / STEP_RAD)))
+    for share in np.linspace(0.0, 1.0, steps + 1)[1:-1]:
+        yield start + share * (end - start)

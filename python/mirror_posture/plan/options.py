@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -104,14 +104,21 @@ class PlanOptions:
             raise MirrorPostureError(f"plan, noise_px: got {self.noise_px!r}, needed a number above 0")
 
 
-def turned_mirrors(options: PlanOptions, center_m: Floats, forward: Floats, up: Floats) -> list[MirrorPlace]:
+def turned_mirrors(
+    options: PlanOptions,
+    center_m: Floats,
+    forward: Floats,
+    up: Floats,
+    yaws_deg: Sequence[float] = YAWS_DEG,
+    pitches_deg: Sequence[float] = PITCHES_DEG,
+) -> list[MirrorPlace]:
     """The mirror turned about its centre, the unturned one first; `forward` is where it is seen from the robot."""
     across = np.cross(up, forward)
     across /= np.linalg.norm(across)
     turns = [(0.0, 0.0)]
     if not options.mirror_fixed:
         # Far apart in yaw first; every other one leans, since yaw alone leaves one direction of the camera unseen.
-        turns = [(yaw, pitch) for pitch in PITCHES_DEG for yaw in YAWS_DEG]
+        turns = [(yaw, pitch) for pitch in pitches_deg for yaw in yaws_deg]
         turns = sorted(turns, key=lambda turn: (abs(turn[0]) + abs(turn[1]), turn))
     found = []
     for yaw_deg, pitch_deg in turns:
