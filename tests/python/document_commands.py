@@ -67,32 +67,66 @@ def inline_commands() -> list[Printed]:
 RUN = {
     "docs/setting-up.md": ("board", "init"),
     "docs/tutorial.md": ("board",),
+    "docs/first-hour.md": ("board",),
     "docs/diagnosing.md": ("diagnose", "apply"),
     "docs/formats.md": ("check", "schema"),
 }
-"""By document, the commands that `test_documents.py` runs as they are printed."""
+"""By document, the commands that `test_documents.py` runs as they are printed, with what they print. A command that another page prints alike is
+run by that."""
+
+
+@dataclass(frozen=True)
+class Elsewhere:
+    """What runs the like of a printed command that is not run as printed in every test run."""
+
+    file: str
+    """Of tests/python."""
+    like: str
+    """A part of that file: the command as it is run there."""
+    why: str
+    by_hand: bool = False
+    """Whether no test run has it; `file` is a script then."""
+
+
 ELSEWHERE = {
-    "correct": "test_correct_page.py runs those of the twin; those of hardware up to the missing robot",
-    "render": "58 s: 12 ray-traced pictures; test_cli_commands.py renders two; slow_documents.py runs it",
-    "measure": "as printed in README on those pictures: slow_documents.py; test_documents.py measures its own session",
-    "demo": "`make demo` of every CI run",
-    "calibrate-camera": "needs pictures of a board: test_calibrate_camera.py draws them",
-    "import": "needs a recording: test_import.py writes them with their own libraries",
-    "plan": "20 s: test_plan.py plans a small robot; slow_documents.py",
-    "capture": "needs a camera and a browser: test_capture.py",
-    "simulate": "minutes in MuJoCo: test_simulate.py",
-    "blind": "an hour: test_blind_protocol.py makes, runs and scores a few; --scheduler needs machines: test_fleet.py",
-    "moving": "half an hour of sessions in motion: test_moving_judge.py makes and judges a small one",
-    "reproduce": "25 s to a quarter of an hour: test_reproduce.py",
-    "diagnose": "with --scheduler: machines of a fleet: test_fleet.py; else docs/diagnosing.md",
-    "apply": "with the user's own files: test_apply_patch.py",
-    "mirror": "needs a picture of a board and its reflection: test_mirror_pictures.py",
-    "init": "as printed in docs/setting-up.md; on an SO-101: strangers_hour.py",
-    "board": "as printed in docs/setting-up.md",
-    "check": "as printed in docs/formats.md",
-    "schema": "as printed in docs/formats.md",
-}
-"""By command, why it is not run as printed in every test run, and by what instead."""
+    "render": Elsewhere("test_cli_commands.py", '"render", folder, "--postures", 1', "12 ray-traced pictures take a minute: two are drawn there"),
+    "render look.png": Elsewhere("test_mesh_pictures.py", '"--preview")', "needs an arm with meshes: one of boxes is drawn there"),
+    "render rehearsal": Elsewhere("test_mesh_pictures.py", '"render", tmp_path / "drawn"', "as above; a plan of 36 pictures takes a minute"),
+    "measure": Elsewhere("test_cli_commands.py", '"measure", detected, "--plot"', "of the two pictures that are drawn there"),
+    "correct twin": Elsewhere("test_correct_page.py", 'words.append("--no-pictures")', "drawn pictures take a minute: run as printed, but without them"),
+    "correct by-hand": Elsewhere("test_correct_page.py", '"posture.toml" in ended.stderr', "run as printed, up to the robot that is not there"),
+    "correct dynamixel": Elsewhere("test_correct_page.py", '"posture.toml" in ended.stderr', "as above"),
+    "correct own": Elsewhere("test_correct_page.py", '"posture.toml" in ended.stderr', "as above"),
+    "calibrate-camera": Elsewhere("test_calibrate_camera.py", '"calibrate-camera"', "needs pictures of a board: they are drawn there"),
+    "import": Elsewhere("test_import.py", 'run("import", *words[:1], session', "needs recordings: written there by their own libraries"),
+    "init so101.urdf": Elsewhere("test_init.py", "init", "needs the arm's meshes; printed output: hour_in_document.py"),
+    "init g1_29dof_rev_1_0.urdf": Elsewhere("test_init.py", "init", "as above"),
+    "plan": Elsewhere("test_plan.py", '"plan", folder, "--mirror-size"', "20 s: planned there for an arm of boxes; printed output: hour_in_document.py"),
+    "capture": Elsewhere("test_capture.py", 'run("capture", session, "--source", folder', "needs a camera: pictures of a folder and a film there; a browser opens the page"),
+    "check": Elsewhere("test_documents.py", 'run_printed("docs/formats.md")', "of the hour's session; printed output: hour_in_document.py"),
+    "simulate": Elsewhere("test_simulate.py", '"simulate", str(session), "--out"', "minutes in MuJoCo: a small session there"),
+    "blind make": Elsewhere("test_lab_commands.py", "blind make", "an hour: one case there"),
+    "blind run": Elsewhere("test_lab_commands.py", "blind run", "an hour: what is diagnosed already there; test_blind_protocol.py runs the runner, test_fleet.py with machines"),
+    "blind score": Elsewhere("test_lab_commands.py", "blind score", "one case there"),
+    "moving make": Elsewhere("test_lab_commands.py", "moving make", "20 motions: one of 4 s there"),
+    "moving run": Elsewhere("test_lab_commands.py", "moving run", "minutes a motion: what is diagnosed already there; test_motion.py diagnoses one"),
+    "moving score": Elsewhere("test_lab_commands.py", "moving score", "of the motion that is made there"),
+    "moving peers": Elsewhere("slow_documents.py", "moving peers", "two minutes: a diagnosis and MuJoCo's identification of the same motion", by_hand=True),
+    "reproduce": Elsewhere("test_reproduce.py", '["reproduce", "--out"', "25 s to a quarter of an hour: some figures with few trials there"),
+    "diagnose": Elsewhere("test_documents.py", 'run_printed("docs/diagnosing.md")', "of the hour's sessions; printed output: hour_in_document.py"),
+    "diagnose my-motion": Elsewhere("test_motion.py", '"--model"', "minutes: a short motion there"),
+    "diagnose session-*": Elsewhere("test_fleet.py", '["diagnose", *folders', "needs machines of a fleet: one of threads there"),
+    "apply": Elsewhere("test_apply_patch.py", "cli.app, [str(argument) for argument in arguments]", "with the user's own files: several are patched there"),
+}  # fmt: skip
+"""By the beginning of a command (the longest counts) what runs its like. What the commands of docs/first-hour.md print is compared with a whole hour,
+some minutes each, by `strangers_hour.py` and `hour_in_document.py` (by hand); what those of README print on drawn pictures by `slow_documents.py`."""
+
+
+def elsewhere(words: str) -> Elsewhere | None:
+    """What runs the like of a command; of its beginnings the longest one counts."""
+    told = words.removeprefix(f"{PROGRAM} ")
+    known = [start for start in ELSEWHERE if told == start or told.startswith(f"{start} ")]
+    return ELSEWHERE[max(known, key=len)] if known else None
 
 
 def same(printed: str, said: str) -> str | None:

@@ -19,6 +19,8 @@ SLOW = (
     ("README.md", "measure"),
     ("docs/correcting.md", "correct twin"),
     ("docs/reproduce.md", "reproduce"),
+    ("docs/moving.md", "moving make"),
+    ("docs/moving.md", "moving peers"),
 )
 """Document, and how the command begins."""
 QUARTER_OF_AN_HOUR = ("--pictures",)

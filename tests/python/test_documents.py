@@ -21,6 +21,7 @@ from document_commands import (
     RUN,
     Printed,
     commands,
+    elsewhere,
     inline_commands,
     same,
 )
@@ -62,14 +63,31 @@ def test_every_printed_command_is_taken_and_proved(printed: Printed) -> None:
     if words[0] in LAB and words[0] not in GROUP.commands:  # type: ignore[attr-defined]
         pytest.skip(f"{words[0]} joins with the installed mirror-posture-lab")
     parse(words)
-    runs_here = words[0] in RUN.get(printed.document, ())
-    assert runs_here or words[0] in ELSEWHERE, "say in document_commands.py how it is proved"
+    assert runs_here(printed) or elsewhere(printed.words) is not None, (
+        "say in document_commands.py how it is proved"
+    )
 
 
-def test_the_proofs_are_there() -> None:
-    for reason in ELSEWHERE.values():
-        for name in re.findall(r"\w+\.py", reason):
-            assert (PROJECT / "tests" / "python" / name).is_file(), name
+def runs_here(printed: Printed) -> bool:
+    """Whether it is run as printed, on its own page or on another that prints it alike."""
+    command = printed.words.split()[1]
+    return any(
+        other.words == printed.words and command in RUN.get(other.document, ())
+        for other in PRINTED
+        if other.output is not None or printed.output is None
+    )
+
+
+@pytest.mark.parametrize("start", ELSEWHERE)
+def test_what_runs_the_like_of_a_command_is_there(start: str) -> None:
+    proof = ELSEWHERE[start]
+    assert proof.like in (PROJECT / "tests" / "python" / proof.file).read_text(encoding="utf-8")
+    assert proof.by_hand != proof.file.startswith("test_")
+    for name in re.findall(r"\w+\.py", proof.why):
+        assert (PROJECT / "tests" / "python" / name).is_file(), name
+    # What nobody prints any more needs no proof.
+    asked = [p for p in PRINTED if elsewhere(p.words) is proof and not runs_here(p)]
+    assert asked, f"{start}: no page prints it, or all are run as printed"
 
 
 def test_every_command_within_a_sentence_is_taken() -> None:
@@ -119,10 +137,14 @@ def test_a_wrong_option_would_be_seen() -> None:
 
 
 def run_printed(document: str) -> None:
+    done = set()
     for printed in PRINTED:
         words = shlex.split(printed.words)[1:]
-        if printed.document != document or words[0] not in RUN[document] or "--urdf" in words:
+        if printed.document != document or words[0] not in RUN[document] or "--lerobot" in words:
             continue
+        if printed in done:
+            continue
+        done.add(printed)
         ended = CliRunner().invoke(app, words, env={"COLUMNS": "120"})
         assert ended.exit_code == 0, f"{printed.words}: {ended.output}"
         if printed.output is not None:
@@ -144,6 +166,12 @@ def test_tutorial(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its further commands need the arm's meshes and half an hour: strangers_hour.py runs them."""
     monkeypatch.chdir(tmp_path)
     run_printed("docs/tutorial.md")
+
+
+def test_first_hour(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The other commands take minutes: hour_in_document.py compares them with an hour that strangers_hour.py has run."""
+    monkeypatch.chdir(tmp_path)
+    run_printed("docs/first-hour.md")
 
 
 def test_formats(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -204,8 +204,8 @@ def test_a_twin_is_told_before_a_picture_is_taken(planned: Path) -> None:
 
 
 def test_the_embedded_robot_on_its_stand(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("mirror_posture.plan.run.DRAWN", 800)
-    monkeypatch.setattr("mirror_posture.plan.run.POOL", 60)
+    monkeypatch.setattr("mirror_posture.plan.run.DRAWN", 500)
+    monkeypatch.setattr("mirror_posture.plan.run.POOL", 32)
     options = PlanOptions(
         postures=4, views=2, mirror_width_m=0.42, mirror_height_m=0.36, table_m=-0.2, same_postures=True,
         held=tuple(n for n in Robot.from_urdf(EMBEDDED_FOLDER / "robot.urdf").position_names if "shoulder" not in n and "elbow" not in n),
@@ -303,7 +303,7 @@ def test_a_correction_looks_from_the_plans_viewpoints(planned: Path, tmp_path: P
     assert ended["stop"]["kind"] == "converged"
     assert ended["best_command"]["lift"] == pytest.approx(ended["target_posture"]["lift"] - 0.04, abs=0.01)
     header = json.loads((out / "correction.json").read_text())["settings"]["planned"]
-    assert len(header["usual"]) == 3 and len(header["further"]) == 2
+    assert len(header["usual"]) >= 3 and len(header["usual"] + header["further"]) == 6
     # By OpenCV: board and ball are in the picture of each, as far from its edges as a plan asks, and nothing of the arm reaches the glass.
     robot, camera = Robot.from_urdf(planned / "robot.urdf"), load_camera_info(planned / "camera.yaml")
     rows = table(planned / "plan" / "postures.csv")

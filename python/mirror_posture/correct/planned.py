@@ -24,10 +24,10 @@ Floats = npt.NDArray[np.float64]
 
 FARTHER = (1.0, 1.25, 1.6, 2.0)
 """A target may reach farther than the plan's postures, or need more of the picture: so many times as far as planned the mirror may stand."""
-GOOD_STD_M = 0.0002
+GOOD_STD_M = 0.00015
 """Of a marker along its worst axis: with this a correction sees a millimetre, and the mirror stays where it is."""
-FURTHER = 2
-"""Viewpoints beside the usual ones, for a look that is too uncertain."""
+FURTHER = 3
+"""Viewpoints beside the asked ones: of a look that would measure too badly without, or of one that turns out too uncertain."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ def views_of_plan(
     start: Mapping[str, float] | None = None,
     count: int = USUAL_VIEWS,
 ) -> PlannedViews:
-    """The viewpoints of a plan's mirror for a target: `count` usual ones, and further ones.
+    """The viewpoints of a plan's mirror for a target: `count` usual ones (up to three more where these measure too badly), and further ones.
 
     A viewpoint is taken where the mirror, of the plan's size, shows the board and all of the target's markers, past the robot's own body, with
     no real ball beside them, and the body keeps the plan's clearance from the glass, at the target and on the straight way to it from `start` (rad by
@@ -72,7 +72,7 @@ def views_of_plan(
             f"{folder}: the target cannot be held in this plan's room: {trouble}; choose another target, begin elsewhere, or "
             "plan with less clearance (--clearance-mm) or another --table"
         )
-    best: tuple[float, list[Prospect]] = (math.inf, [])
+    best: tuple[float, list[Prospect], list[Prospect]] = (math.inf, [], [])
     left_out: Counter[str] = Counter()
     for farther in (1.0,) if planned.told_place else FARTHER:
         offered, reasons = _offered(planned, target, begin, farther)
@@ -80,10 +80,14 @@ def views_of_plan(
         chosen = best_first(target, offered, count + FURTHER)
         if len(chosen) < 2:
             continue
-        std_m = float(predicted_std_m(target, [chosen[:count]])[0])
-        if std_m < best[0]:
-            best = std_m, chosen
-        if std_m <= GOOD_STD_M:
+        # More viewpoints a look where the first ones measure too badly.
+        sets = [chosen[:number] for number in range(min(count, len(chosen)), len(chosen) + 1)]
+        std_m = predicted_std_m(target, sets)
+        good = np.flatnonzero(std_m <= GOOD_STD_M)
+        number = int(good[0]) if len(good) else len(sets) - 1
+        if std_m[number] < best[0]:
+            best = float(std_m[number]), sets[number], chosen[len(sets[number]) :]
+        if len(good):
             break
     if not best[1]:
         why = (
@@ -94,8 +98,8 @@ def views_of_plan(
             f"{folder}: needed two ways to turn this plan's mirror for the target, found fewer ({why}); "
             "choose another target or other markers, or go without --plan"
         )
-    views = [one.view for one in best[1]]
-    return PlannedViews(tuple(views[:count]), tuple(views[count:]), best[0], planned.warnings)
+    usual, further = (tuple(one.view for one in part) for part in best[1:])
+    return PlannedViews(usual, further, best[0], planned.warnings)
 
 
 def _offered(
