@@ -67,6 +67,26 @@ def test_the_true_cause_closes_the_gap_in_the_simulator(tmp_path: Path, effect: 
     assert after < before
 
 
+def test_a_body_that_is_shifted_is_off_by_its_shift_in_metres(tmp_path: Path) -> None:
+    from mirror_posture.simulate import simulated_gap
+    from mirror_posture.simulate.staircase import with_causes
+
+    folder, causes = _made(tmp_path, "joint_offset", 11)
+    session = mp.load_session(folder)
+    changed, _, rest = with_causes(session, None, causes)
+    before = simulated_gap(changed.session, rest)
+    assert before.rms_m is not None and before.rms_m < 0.002
+    # All bodies but camera and board: each marker is then 20 mm off, in the root's frame.
+    shift_m = np.array([0.0, 0.012, 0.016])
+    for marker in session.markers:
+        rest.root_from_link[marker.link] = rest.root_from_link[marker.link].copy()
+        rest.root_from_link[marker.link][:, :3, 3] += shift_m
+    after = simulated_gap(changed.session, rest)
+    assert after.measured == before.measured
+    # A little less where one view only shows a marker, whose depth it does not tell.
+    assert after.rms_m is not None and 0.85 * 0.02 < after.rms_m < 1.1 * 0.02, after.rms_m
+
+
 def test_a_spring_closes_most_of_the_gap_of_a_spring_that_stiffens(tmp_path: Path) -> None:
     from mirror_posture.simulate import simulate
 

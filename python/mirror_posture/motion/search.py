@@ -116,7 +116,7 @@ def advantage(one: Fitted, other: Fitted) -> float:
 
 def columns_of(problem: Problem, model: Fitted, scale: float) -> tuple[dict[tuple[Key, int], Floats], Floats]:
     """The columns of a model's own parameters: by parameter (whitened), and as a matrix in units of the noise."""
-    of, columns = design(problem, model.causes)
+    of, columns = design(problem, model.causes, central=False)
     seen = problem.view.seen
     return {one: columns[..., i] for i, one in enumerate(of)}, columns[seen].reshape(
         2 * int(seen.sum()), len(of)
@@ -236,7 +236,7 @@ def held_out_squares(problem: Problem, model: Fitted, scale: float) -> float:
     """Squares on segments of time, each predicted with parameters that were fitted (one linear step) to the others."""
     if not model.causes:
         return model.misfit.squares
-    of, columns = design(problem, model.causes)
+    of, columns = design(problem, model.causes, central=False)
     columns = columns / scale
     seen, frames = problem.view.seen, len(columns)
     matrix, residual = columns[seen].reshape(2 * int(seen.sum()), len(of)), model.residual[seen].reshape(-1)
