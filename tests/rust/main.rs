@@ -17,6 +17,7 @@ mod gap_first_day;
 mod gap_panels;
 mod gap_sessions;
 mod gap_setup;
+mod gap_several_mistakes;
 mod gap_world;
 mod glass;
 mod joint;

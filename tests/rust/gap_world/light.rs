@@ -10,6 +10,7 @@ pub(super) struct Light {
     center_px: Vector2<f64>,
     k1: f64,
     pub(super) board_scale: f64,
+    pub(super) board: Isometry3<f64>,
     glass_m: f64,
     curvature: f64,
 }
@@ -22,6 +23,7 @@ impl Light {
             center_px: Vector2::from(CENTER_PX),
             k1: 0.0,
             board_scale: 1.0,
+            board: Isometry3::identity(),
             glass_m: 0.0,
             curvature: 0.0,
         };
@@ -29,6 +31,9 @@ impl Light {
             match *w {
                 Wrong::CameraMount([a, b, c, x, y, z]) => {
                     out.mount = Isometry3::new(Vector3::new(x, y, z), Vector3::new(a, b, c));
+                }
+                Wrong::BoardMount([a, b, c, x, y, z]) => {
+                    out.board = Isometry3::new(Vector3::new(x, y, z), Vector3::new(a, b, c));
                 }
                 Wrong::Focal(e) => out.focal_px *= 1.0 + e,
                 Wrong::Center(u, v) => out.center_px += Vector2::new(u, v),

@@ -53,6 +53,8 @@ pub enum Wrong {
     Drift(usize, f64),
     Mount(usize, [f64; 3]),
     CameraMount([f64; 6]),
+    /// The board alone: rotation vector and shift in its own frame.
+    BoardMount([f64; 6]),
     Focal(f64),
     Center(f64, f64),
     Radial(f64),

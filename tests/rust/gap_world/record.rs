@@ -48,7 +48,7 @@ impl World {
                     sightings.push(Sighting { target, via: Via::Mirror, pixel });
                 }
             };
-            let board = isometry(Vector3::from(BOARD_AT), [quarter, 0.0, quarter]);
+            let board = isometry(Vector3::from(BOARD_AT), [quarter, 0.0, quarter]) * light.board;
             for i in 0..CORNERS.0 * CORNERS.1 {
                 let x = (i % CORNERS.0) as f64 - (CORNERS.0 as f64 - 1.0) / 2.0;
                 let y = (i / CORNERS.0) as f64 - (CORNERS.1 as f64 - 1.0) / 2.0;

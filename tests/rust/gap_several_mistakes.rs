@@ -1,0 +1,99 @@
+//! Whole mistakes beside others and beside small causes: all are named, and nothing that makes up for one of them.
+
+use crate::gap_world::{Plan, World, Wrong};
+use mirror_core::camera::Camera;
+use mirror_core::diagnose::{DiagnoseOptions, Diagnosis, Recording, diagnose};
+use mirror_core::robot::Robot;
+
+fn world() -> World {
+    World::new(4, false)
+}
+
+fn robot(world: &World) -> Robot {
+    Robot::from_urdf_str(&world.urdf()).unwrap()
+}
+
+fn plan(seed: u64, wrong: Vec<Wrong>) -> Plan {
+    Plan { postures: 40, seed, wrong, ..Plan::default() }
+}
+
+fn run(world: &World, recording: &Recording) -> Diagnosis {
+    diagnose(&robot(world), recording, &DiagnoseOptions::default(), &[]).unwrap()
+}
+
+fn named(diagnosis: &Diagnosis) -> Vec<String> {
+    let mut out: Vec<String> = diagnosis.causes.iter().map(|c| format!("{}@{}", c.effect, c.at)).collect();
+    out.sort();
+    out
+}
+
+fn assert_near(diagnosis: &Diagnosis, effect: &str, parameter: &str, want: f64, within: f64) {
+    let cause = diagnosis.causes.iter().find(|c| c.effect == effect).unwrap();
+    let got = cause.parameters[parameter];
+    assert!((got.value - want).abs() < within, "{effect} {parameter}: {got:?}, put in {want}");
+}
+
+#[test]
+fn a_board_of_another_print_beside_exchanged_columns_is_no_marker_elsewhere() {
+    let world = world();
+    let mut recording = world.record(&plan(41, vec![Wrong::BoardScale(0.1)]));
+    let column = |name: &str| robot(&world).position_index(name).unwrap();
+    let (a, b) = (column("r_shoulder_pitch"), column("r_elbow"));
+    recording.frames.iter_mut().for_each(|f| f.commanded.swap(a, b));
+    let diagnosis = run(&world, &recording);
+    let wanted = ["board_scale@board", "joints_swapped@joint:r_shoulder_pitch<->joint:r_elbow"];
+    assert_eq!(named(&diagnosis), wanted, "{:?}", diagnosis.trace);
+    assert_near(&diagnosis, "board_scale", "scale_error", 0.1, 0.003);
+}
+
+#[test]
+fn a_camera_of_three_quarters_beside_a_gear_is_no_focal_length_and_centre() {
+    let world = world();
+    let mut recording = world.record(&plan(42, vec![Wrong::Ratio(world.bone("l_elbow"), 0.04)]));
+    let sight = recording.sight.as_mut().unwrap();
+    let c = &sight.camera;
+    let factor = 4.0 / 3.0;
+    sight.camera =
+        Camera::new((800, 600), c.focal_px() * factor, c.center_px() * factor, c.distortion()).unwrap();
+    let diagnosis = run(&world, &recording);
+    assert_eq!(named(&diagnosis), ["camera_resolution@camera", "gear_ratio@joint:l_elbow"]);
+    assert_near(&diagnosis, "camera_resolution", "factor", 0.75, 1e-12);
+    assert_near(&diagnosis, "gear_ratio", "scale_error", 0.04, 0.005);
+}
+
+#[test]
+fn a_board_that_slips_beside_a_gear_leaves_nothing_for_others_to_make_up() {
+    let world = world();
+    let gear = || Wrong::Ratio(world.bone("r_shoulder_pitch"), 0.03);
+    let motion = [0.003, -0.003, 0.017, -0.0006, -0.0037, -0.0023];
+    let mut recording = world.record(&plan(43, vec![gear()]));
+    let after = world.record(&plan(43, vec![gear(), Wrong::BoardMount(motion)]));
+    let first = 50;
+    for (frame, moved) in recording.frames.iter_mut().zip(&after.frames).skip(first) {
+        frame.sightings.clone_from(&moved.sightings);
+    }
+    let diagnosis = run(&world, &recording);
+    assert_eq!(named(&diagnosis), ["gear_ratio@joint:r_shoulder_pitch", "slip@board"]);
+    assert_near(&diagnosis, "slip", "first_frame", first as f64, 0.5);
+    let slip = diagnosis.causes.iter().find(|c| c.effect == "slip").unwrap();
+    for (k, name) in ["rx_rad", "ry_rad", "rz_rad", "dx_m", "dy_m", "dz_m"].into_iter().enumerate() {
+        let got = slip.parameters[name];
+        assert!((got.value - motion[k]).abs() < 4.0 * got.std, "{name}: {got:?}, put in {}", motion[k]);
+        assert!(got.std < 2.5e-3, "{name}: {got:?}");
+    }
+}
+
+#[test]
+fn a_marker_on_another_link_before_a_cropped_camera_is_placed_once() {
+    let real = world();
+    let recording = real.record(&plan(44, vec![Wrong::Center(60.0, -40.0)]));
+    let mut believed = world();
+    believed.markers[4].1 = believed.bone("r_shoulder_yaw");
+    let diagnosis = run(&believed, &recording);
+    let causes = named(&diagnosis);
+    assert!(causes.contains(&"marker_parent@marker:r_fore<-link:r_elbow_link".to_owned()), "{causes:?}");
+    assert!(causes.iter().any(|c| c.ends_with("@camera")) && causes.len() == 2, "{causes:?}");
+    for (name, axis) in [("dx_m", 0), ("dy_m", 1), ("dz_m", 2)] {
+        assert_near(&diagnosis, "marker_parent", name, real.markers[4].2[axis], 2e-3);
+    }
+}
