@@ -91,12 +91,18 @@ def room_of(
         warnings.append(f"collisions of the robot with itself are NOT checked: {missing}")
     else:
         body = Body(setting.nominal, options.packages, clearance_m, moved_links(setting))
-        if body.missing:
+        where = "say where their ROS package lies: --package NAME=FOLDER, best of `init`, which keeps copies"
+        if body.bare and body.missing:
             warnings.append(
-                f"{len(body.missing)} meshes were not found, their links are NOT checked for collisions, as {body.missing[0]}"
+                f"none of the robot's meshes was found, as {body.missing[0]}: collisions of the robot with itself are NOT checked; {where}"
             )
-        if body.bare:
+        elif body.missing:
+            warnings.append(
+                f"{len(body.missing)} meshes were not found, their links are NOT checked for collisions, as {body.missing[0]}; {where}"
+            )
+        elif body.bare:
             warnings.append("the URDF has no shapes: collisions of the robot with itself are NOT checked")
+        if body.bare:
             body = None
     if body is not None:
         ignored = ignore_by_construction(body, setting, random)

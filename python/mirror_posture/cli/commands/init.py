@@ -175,7 +175,7 @@ def command(
         output.warn(text)
     if missing:
         output.say(
-            f"{len(missing)} meshes were not drawn (not found; other kinds than STL need trimesh), as {missing[0]}"
+            f"{len(missing)} meshes were not drawn (not found: --package NAME=FOLDER says where a ROS package lies; other kinds than STL need trimesh), as {missing[0]}"
         )
     output.say(f"written: {folder}/session.toml, robot.urdf, camera.yaml; look at {drawing}")
     output.say(f"joints that move: {', '.join(made.robot.position_names)}")
