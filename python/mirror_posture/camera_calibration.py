@@ -104,12 +104,13 @@ def calibrate_camera(
         "plumb_bob",
         tuple(float(v) for v in lens[:5]),
     )
-    coverage = _coverage(
+    covered = _covered(
         [view[mask] for view, mask, use in zip(points, seen, used, strict=True) if use], size_px
     )
+    coverage = float(covered.mean())
     tilt = max(float(np.arccos(min(1.0, abs(cv2.Rodrigues(turn)[0][2, 2])))) for turn in turns)
     fx, fy, cx, cy = (float(v) for v in std[:4])
-    weak = _weak(int(used.sum()), int((~used).sum()), coverage, tilt, max(fx, fy) / camera.focal_px[0])
+    weak = _weak(int(used.sum()), int((~used).sum()), covered, tilt, max(fx, fy) / camera.focal_px[0])
     return CameraCalibration(
         camera,
         (fx, fy, cx, cy),
@@ -123,22 +124,38 @@ def calibrate_camera(
     )
 
 
-def _coverage(views: Sequence[Floats], size_px: tuple[int, int]) -> float:
+def _covered(views: Sequence[Floats], size_px: tuple[int, int]) -> npt.NDArray[np.bool_]:
+    """In which of the picture's cells (down, across) corners were."""
     points = np.concatenate(views)
     across = np.clip((points[:, 0] / size_px[0] * CELLS[0]).astype(int), 0, CELLS[0] - 1)
     down = np.clip((points[:, 1] / size_px[1] * CELLS[1]).astype(int), 0, CELLS[1] - 1)
-    return len(set(zip(across.tolist(), down.tolist(), strict=True))) / (CELLS[0] * CELLS[1])
+    covered = np.zeros(CELLS[::-1], dtype=bool)
+    covered[down, across] = True
+    return covered
 
 
-def _weak(views: int, left_out: int, coverage: float, tilt_rad: float, focal_std: float) -> list[str]:
+def _emptiest(covered: npt.NDArray[np.bool_]) -> str:
+    """The part of the picture, of three by three, with the fewest cells in which corners were; of equal ones a corner, where the lens bends most."""
+    share = {
+        f"{row} {column}": float(part.mean())
+        for row, rows in zip(("upper", "middle", "lower"), np.array_split(covered, 3), strict=True)
+        for column, part in zip(("left", "middle", "right"), np.array_split(rows, 3, axis=1), strict=True)
+    }
+    return min(share, key=lambda name: (share[name], name.count("middle"))).replace("middle middle", "middle")
+
+
+def _weak(
+    views: int, left_out: int, covered: npt.NDArray[np.bool_], tilt_rad: float, focal_std: float
+) -> list[str]:
     weak = []
+    coverage = float(covered.mean())
     if views < GOOD_VIEWS:
         weak.append(f"{views} views: take {GOOD_VIEWS} or more")
     if left_out:
         weak.append(f"{left_out} views do not fit the others: look at them (bent board, blur, a wrong grid)")
     if coverage < GOOD_COVERAGE:
         weak.append(
-            f"corners in {100 * coverage:.0f} % of the picture: hold the board into the corners and edges too"
+            f"corners in {100 * coverage:.0f} % of the picture: hold the board into the corners and edges too, the {_emptiest(covered)} first"
         )
     if np.degrees(tilt_rad) < GOOD_TILT_DEG:
         weak.append(

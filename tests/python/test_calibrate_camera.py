@@ -86,10 +86,8 @@ def test_a_view_that_does_not_fit_is_left_out_and_named() -> None:
         calibrate_camera(BOARD, [np.zeros((5, 2))] * 5, SIZE)
 
 
-def test_the_command_reads_pictures_and_writes_camera_info(tmp_path: Path) -> None:
-    folder = tmp_path / "pictures"
-    folder.mkdir()
-    # A flat drawing of the board, warped by a pinhole camera's homography: 8 x 5 squares with a white border.
+def pictures(seed: int, count: int) -> list[np.ndarray]:
+    """A flat drawing of the board, warped by a pinhole camera's homography: 8 x 5 squares with a white border."""
     scale, border = 60, 60
     drawn = np.full((5 * scale + 2 * border, 8 * scale + 2 * border), 255, np.uint8)
     for row in range(5):
@@ -101,12 +99,20 @@ def test_the_command_reads_pictures_and_writes_camera_info(tmp_path: Path) -> No
         [[0.02 / scale, 0, -0.02 * 4 - 0.02 * (border - 0.5) / scale], [0, -0.02 / scale, 0.02 * 2.5 + 0.02 * (border - 0.5) / scale], [0, 0, 1.0]]
     )  # fmt: skip
     matrix = np.array([[900.0, 0, 639.5], [0, 900.0, 359.5], [0, 0, 1]])
-    generator = np.random.default_rng(5)
-    for index in range(12):
+    generator = np.random.default_rng(seed)
+    made = []
+    for _ in range(count):
         rotation, at = pose(generator, np.radians(generator.uniform(15, 40)))
         at = at * [0.6, 0.6, 1.0] + [0, 0, 0.08]
         homography = matrix @ np.column_stack([rotation[:, 0], rotation[:, 1], at]) @ metres_from_drawn
-        picture = cv2.warpPerspective(drawn, homography, SIZE, flags=cv2.INTER_AREA, borderValue=190)
+        made.append(cv2.warpPerspective(drawn, homography, SIZE, flags=cv2.INTER_AREA, borderValue=190))
+    return made
+
+
+def test_the_command_reads_pictures_and_writes_camera_info(tmp_path: Path) -> None:
+    folder = tmp_path / "pictures"
+    folder.mkdir()
+    for index, picture in enumerate(pictures(5, 12)):
         cv2.imwrite(str(folder / f"{index:02d}.png"), picture)
     cv2.imwrite(str(folder / "empty.png"), np.full((720, 1280), 128, np.uint8))
     words = ["calibrate-camera", str(folder), "--out", str(tmp_path / "camera.yaml"), "--json"]
@@ -125,3 +131,35 @@ def test_the_same_pictures_give_the_same_camera() -> None:
     made = views(2, 8, (1, 6), 0.2)
     found = [calibrate_camera(BOARD, made, SIZE).camera for _ in range(5)]
     assert found == found[:1] * 5
+
+
+def test_a_film_is_calibrated_by_what_is_held_still_in_it(tmp_path: Path) -> None:
+    """Each place is held for a second at 5 pictures a second, the third twice; in between the board is gone."""
+    shown = pictures(5, 6)
+    film = cv2.VideoWriter(str(tmp_path / "film.avi"), cv2.VideoWriter_fourcc(*"MJPG"), 5, SIZE)
+    for picture in [*shown[:3], shown[2], *shown[3:]]:
+        for frame in [np.full_like(shown[0], 190)] * 2 + [picture] * 5:
+            film.write(cv2.cvtColor(frame, cv2.COLOR_GRAY2BGR))
+    film.release()
+    words = [
+        "calibrate-camera",
+        str(tmp_path / "taken"),
+        "--source",
+        str(tmp_path / "film.avi"),
+        "--most",
+        "5",
+    ]
+    run = CliRunner().invoke(cli.app, [*words, "--out", str(tmp_path / "camera.yaml")])
+    assert run.exit_code == 0, run.output
+    said = " ".join(run.output.split())
+    assert "the board was there before" in said and "picture 5:" in said and "more at least" in said
+    assert len(list((tmp_path / "taken").iterdir())) == 5, "the place that was held twice is taken once"
+    assert load_camera_info(tmp_path / "camera.yaml").focal_px[0] == pytest.approx(900.0, rel=0.05)
+    again = CliRunner().invoke(cli.app, [*words, "--out", str(tmp_path / "b.yaml")])
+    assert "needed a new folder" in " ".join(again.stderr.split())
+
+
+def test_where_the_board_was_not_yet_is_said() -> None:
+    left = [np.where(view > 0, view * [0.4, 1.0], view) for view in views(4, 12, (20, 40))]
+    said = " ".join(calibrate_camera(BOARD, left, SIZE).weak)
+    assert "corners and edges too, the" in said and "right first" in said

@@ -15,8 +15,17 @@ PANEL = "Setting up"
 
 def command(
     pictures: Annotated[
-        Path, typer.Argument(help="Folder with pictures of the board, seen directly.", show_default=False)
+        Path,
+        typer.Argument(
+            help="Folder with pictures of the board, seen directly; a new one with --source.",
+            show_default=False,
+        ),
     ],
+    source: Annotated[
+        str | None,
+        typer.Option(help="Takes the pictures by itself: webcam:0, rtsp://ADDRESS, or a film."),
+    ] = None,
+    most: Annotated[int, typer.Option(help="With --source: how many pictures at most.", min=4)] = 30,
     out: Annotated[Path, typer.Option(help="camera.yaml to write (ROS camera_info).")] = Path("camera.yaml"),
     corners: Annotated[str, typer.Option(help="Inner corners of the board, NXxNY.")] = "7x4",
     square_mm: Annotated[float, typer.Option(help="Side of a square as measured on the print, mm.")] = 20.0,
@@ -30,6 +39,9 @@ def command(
 
     The board is held before the camera, no mirror is needed. Focus and zoom stay as they will be. Told are the numbers with
     their standard deviations, the residual, how much of the picture was covered, and what is weak.
+
+    With --source a picture is taken whenever the board is held still in a new place; after each it says what is still weak, and it
+    ends by itself when nothing is. Ctrl-C ends it too: the pictures stay in the folder, to be calibrated without --source.
 
     Example: `mirror-posture calibrate-camera pictures --corners 7x4 --square-mm 20 --out my-session/camera.yaml --overwrite`
 
@@ -61,6 +73,20 @@ def command(
     pattern = "chessboard" if charuco is None else "charuco"
     board = BoardSheet(nx, ny, square_mm / 1000.0, pattern, None, charuco, "a3").board()
     options = DetectionOptions(board=BoardOptions(views=("direct",)))
+    if source is not None:
+        from ...capture.board_pictures import take_board_pictures
+        from ...capture.sources import open_source
+
+        opened = open_source(source, None)
+        try:
+            count = take_board_pictures(opened, board, pictures, most, output.say)
+        finally:
+            opened.close()
+        output.say(f"{count} pictures are in {pictures}")
+        if count == 0:
+            raise MirrorPostureError(
+                f"--source {source}: the board was not held still in it; is it {corners}?"
+            )
     found, names, refused, size = [], [], [], None
     files = list_pictures(pictures)
     for file in output.progress(files, "detecting", len(files)):
