@@ -138,6 +138,7 @@ pub(crate) fn nuisances(problem: &Problem) -> Vec<(Column, f64)> {
             out.push((Column::constant(Atom::FramePose(k)), UNKNOWN_FRAME_STD));
         }
     }
+    out.extend(problem.loose.iter().map(|l| (l.column.clone(), l.std)));
     out
 }
 

@@ -7,6 +7,7 @@ use crate::diagnose::data::recording::{PointsFrame, Recording, Target, Tolerance
 use crate::diagnose::model::body::Site;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::Atom;
+use crate::diagnose::model::loose::Loose;
 use crate::diagnose::model::pose::Pose;
 use crate::diagnose::model::scene::Scene;
 use crate::diagnose::model::slips::Slip;
@@ -77,6 +78,8 @@ pub(crate) struct Problem {
     pub camera_site: Option<Site>,
     /// What slipped in the middle of the session.
     pub slips: Vec<Slip>,
+    /// Numbers of whole mistakes that stay free.
+    pub loose: Vec<Loose>,
     pub camera: Option<Camera>,
     pub refractive_index: f64,
     /// The link (or the root, for an unknown frame) against which measured points are told.
@@ -192,6 +195,7 @@ impl Problem {
             corners,
             camera_site,
             slips: Vec::new(),
+            loose: Vec::new(),
             camera: sight.map(|s| s.camera.clone()),
             refractive_index: sight.map_or(1.52, |s| s.refractive_index),
             points_site,

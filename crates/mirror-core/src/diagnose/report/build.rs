@@ -12,7 +12,6 @@ use crate::diagnose::data::diagnosis::{
     Verdict, Where,
 };
 use crate::diagnose::data::recording::Recording;
-use crate::diagnose::effects::hypothesis::nuisances;
 use crate::diagnose::effects::{Concern, Place};
 use crate::diagnose::likelihood::probability::tempered;
 use crate::diagnose::likelihood::score_test::Score;
@@ -21,6 +20,7 @@ use crate::diagnose::prepare::false_observations::MANY_FALSE;
 use crate::diagnose::prepare::row_slip::WHOLE_FRAME_STD;
 use crate::diagnose::random_effects::displaced::log_bayes;
 use crate::diagnose::random_effects::geometric_tolerances::{Geometry, Kind};
+use crate::diagnose::report::free_numbers::with_free_numbers;
 use crate::diagnose::report::gap_steps::{Part, gap_steps};
 use crate::diagnose::report::rms_shift::rms_shift;
 use crate::diagnose::report::sentence::sentence;
@@ -265,7 +265,7 @@ fn causes(
     let moved = (seen_size(&findings.before).powi(2) - seen_size(&findings.after).powi(2)).max(0.0).sqrt();
     for mistake in &findings.mistakes {
         let mut cause = mistake.clone();
-        place_of_marker(&mut cause, findings);
+        with_free_numbers(&mut cause, findings);
         cause.rms_shift = moved / (findings.mistakes.len() as f64).sqrt();
         out.push((cause, Part::Mistake));
     }
@@ -293,23 +293,6 @@ fn causes(
         out.push((cause, Part::Nothing));
     }
     Ok(out)
-}
-
-/// Where a marker sits on the link that it turned out to be fixed to: the place that was found first, and what the fit with all causes adds to it.
-fn place_of_marker(cause: &mut Cause, findings: &Findings<'_>) {
-    let (problem, fit) = (&findings.search.problem, &findings.found.fit);
-    let names = problem.scene.marker_names.iter();
-    let own = |name: &String| cause.at.starts_with(&format!("marker:{name}<-"));
-    let Some(marker) = names.clone().position(own).filter(|_| cause.effect == "marker_parent") else {
-        return;
-    };
-    for (i, (column, _)) in nuisances(problem).iter().enumerate() {
-        let Atom::MarkerShift(m, k) = column.atom else { continue };
-        if let Some(place) = cause.parameters.get_mut(["dx_m", "dy_m", "dz_m"][k]).filter(|_| m == marker) {
-            place.value += fit.model.nuisances[i];
-            place.std = fit.covariance[(i, i)].max(0.0).sqrt();
-        }
-    }
 }
 
 /// Log odds from which on the joints' zeros all together are told as `geometry`.

@@ -2,6 +2,7 @@
 
 pub(super) mod build;
 pub(super) mod fields;
+mod free_numbers;
 pub(super) mod gap_steps;
 pub(super) mod plots;
 pub(super) mod reservations;

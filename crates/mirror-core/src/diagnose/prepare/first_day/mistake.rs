@@ -257,7 +257,7 @@ pub(super) fn scaled_center(center: &Vector2<f64>, factor: f64) -> Vector2<f64> 
 }
 
 /// A late column put in time.
-fn in_time(column: &[f64], rows: f64, kind: LateKind) -> Vec<f64> {
+pub(super) fn in_time(column: &[f64], rows: f64, kind: LateKind) -> Vec<f64> {
     let count = column.len();
     let whole = rows.floor();
     let part = rows - whole;

@@ -14,6 +14,7 @@
 
 mod alternatives;
 mod changes;
+mod free_numbers;
 mod loads;
 mod misfit;
 mod mistake;
@@ -141,7 +142,7 @@ pub(crate) fn undone(
 impl Undone {
     /// Leaves out what no small error explains: digits, labels, rows whose joints were elsewhere.
     fn leave_out_false(&mut self) -> Result<()> {
-        let names: Vec<String> = self.robot.position_names().map(str::to_owned).collect();
+        let names = names(&self.robot);
         let found = outlying::find(&self.problem, &self.recording, &names, self.problem.noise)?;
         for outlying::False { frame, indices, told } in found {
             outlying::remove(&mut self.recording.frames[frame], &indices);
@@ -157,6 +158,8 @@ impl Undone {
 
     fn undo(&mut self, mistake: &Mistake, probability: f64) -> Result<()> {
         self.told.extend(told(mistake, &self.robot, &self.recording, &self.problem, probability));
+        let mut loose = core::mem::take(&mut self.problem.loose);
+        loose.extend(mistake.loose(&self.recording, &self.problem, &names(&self.robot)));
         mistake.undo(&mut self.robot, &self.problem, &mut self.recording)?;
         let sites = (self.problem.marker_sites.clone(), self.problem.marker_mounts.clone());
         let mount_known = self.problem.scene.mount_known.clone();
@@ -168,11 +171,16 @@ impl Undone {
         leave_out_wrong_grids(&mut self.problem);
         (self.problem.cancel, self.problem.budget) = (cancel, budget);
         self.problem.slips = slips;
+        self.problem.loose = loose;
         if !self.problem.slips.is_empty() {
             self.problem.fit_boards()?;
         }
         mistake.on_problem(&mut self.problem)
     }
+}
+
+fn names(robot: &Robot) -> Vec<String> {
+    robot.position_names().map(str::to_owned).collect()
 }
 
 /// The chain of mistakes of body and log that is likelier than small errors, and its probability.

@@ -194,7 +194,7 @@ fn kind(effect: &str) -> &'static str {
 }
 
 /// Time from row to row, s; none where no time was recorded.
-fn row_step_s(recording: &Recording) -> Option<f64> {
+pub(super) fn row_step_s(recording: &Recording) -> Option<f64> {
     let mut steps: Vec<f64> = recording.frames.windows(2).map(|w| w[1].time_s - w[0].time_s).collect();
     steps.sort_by(f64::total_cmp);
     let median = steps.get(steps.len() / 2).copied()?;
