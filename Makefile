@@ -40,7 +40,7 @@ test-floors: $(VENV)/wheel ## detection and sessions with the oldest dependencie
 	$(PYTHON) -m venv $(VENV)-floors
 	$(VENV)-floors/bin/python -m pip install -q --disable-pip-version-check $(WHEELS)/mirror_posture-*.whl $(FLOORS) pytest hypothesis
 	$(VENV)-floors/bin/python -m pytest -q -p no:cacheprovider tests/python/test_detect_markers.py tests/python/test_detect_labels.py \
-	  tests/python/test_detect_board.py tests/python/test_detect_charuco.py tests/python/test_session.py tests/python/test_session_write.py
+	  tests/python/test_detect_board.py tests/python/test_detect_charuco.py tests/python/test_session.py tests/python/test_session_refusals.py tests/python/test_session_write.py
 
 format: $(VENV)/installed-for-tests ## whether all sources are formatted
 	cargo fmt --all --check
