@@ -63,3 +63,26 @@ def test_a_preview_and_a_session_with_meshes(tmp_path: Path) -> None:
         run("render", tmp_path / "x", *words, "--preview", code=1).stderr.split()
     )
     assert "--meshes" in run("render", tmp_path / "x", "--joint", "lift=3", code=1).stderr
+
+
+def test_a_twin_looks_with_its_meshes(tmp_path: Path) -> None:
+    """What is detected in the picture of a twin with meshes is where its exact pixels are, a hidden error included."""
+    from mirror_lab.robots import HiddenEffect, TwinOptions, TwinRobot
+    from mirror_posture.robots import Nominal, detect_look
+    from mirror_posture.viewpoint import View
+
+    nominal = Nominal.load(setup(tmp_path))
+    hidden = [HiddenEffect("joint_offset", "joint:lift", {"offset_rad": 0.1})]
+    view, posture = View(0.0, 0.1, 0.5), {"pan": -0.3, "lift": 1.2, "elbow": -1.4}
+    seen = []
+    for options in (
+        TwinOptions(meshes=True, view=view),
+        TwinOptions(pictures=False, noise_px=0.0, view=view),
+    ):
+        with TwinRobot(hidden, options, nominal) as robot:
+            robot.command(posture)
+            seen.append(detect_look(nominal, robot.look()).points)
+    drawn, exact = seen
+    assert drawn is not None and exact is not None and drawn.board_seen.all() and drawn.marker_seen.any()
+    assert np.abs(drawn.board_px - exact.board_px).max() < 0.5
+    assert np.abs(drawn.marker_px - exact.marker_px)[drawn.marker_seen].max() < 0.7

@@ -18,6 +18,7 @@ def open_twin(settings: Mapping[str, Any], nominal: Nominal, say: Callable[[str]
         _hidden(settings),
         TwinOptions(
             pictures=settings["pictures"],
+            meshes=settings.get("meshes", False),
             noise_px=settings["noise_px"],
             stand_error_rad=math.radians(settings["stand_error_deg"]),
             seed=settings["seed"],

@@ -25,11 +25,14 @@ from .stand import SimulatedStand
 
 if TYPE_CHECKING:
     from mirror_posture.render import MirrorPlane, PictureOptions
+    from mirror_posture.shapes.mesh_pictures import MeshPainter
 
 MIRROR_MARGIN_M = 0.06
 """Between what has to be seen and the mirror's edge: half a ball, the board's rim."""
 USUAL_DISTANCE_M = 0.3
 """Nearer than that the mirror has the size that pictures have by default."""
+WALL_M = 2.0
+"""Of the mirror before a twin with meshes, either way: as large as needed."""
 SECONDS_A_COMMAND = 1.0
 SECONDS_A_LOOK = 0.5
 """The twin's own time, by which a drift wanders: a small servo's motion, a camera's picture."""
@@ -41,6 +44,9 @@ class TwinOptions:
 
     pictures: bool = True
     """False: exact pixels with noise, no rendering and no detection."""
+    meshes: bool = False
+    """True: pictures by MuJoCo's renderer, with the robot's meshes and a mirror without glass or noise; False: traced ray by ray, glass and all, with
+    its primitive shapes only."""
     noise_px: float = 0.1
     """Of exact pixels: standard deviation, one axis."""
     view: View = field(default_factory=View)
@@ -88,18 +94,32 @@ class TwinRobot(SimulatedStand, RobotBase):
         self._board_in_root = self.body.link_poses()[metadata.board.link][:3, 3].copy()
         self._time_s = 0.0
         self._looks = 0
-        self._painter = None
+        self._painter = self._meshes = None
         if self.options.pictures:
             if metadata.root != nominal.robot.link_names[0]:
                 raise MirrorPostureError(
                     f"{nominal.folder}: a twin with pictures needs root = {nominal.robot.link_names[0]!r} (the URDF's root), "
                     f"got {metadata.root!r}; use pictures=False"
                 )
-            from mirror_posture.render import Painter
+            if self.options.meshes:
+                self._meshes = self._mesh_painter(nominal)
+            else:
+                from mirror_posture.render import Painter
 
-            self._painter = Painter.load(nominal.folder)
+                self._painter = Painter.load(nominal.folder)
         self._stand(self.options.view, self.options.stand_error_rad, self._random)
         self.body.move(self.commanded)
+
+    def _mesh_painter(self, nominal: Nominal) -> MeshPainter:
+        claimed, glass = nominal.metadata.mirror, self.options.glass_thickness_m
+        if (glass or 0.0) > 0.0 or (claimed is not None and claimed.glass_thickness_m > 0.0):
+            raise MirrorPostureError(
+                f"{nominal.folder}: a twin with meshes looks into a mirror without glass; needed glass_thickness = 0 in [mirror], or "
+                "meshes=False"
+            )
+        from mirror_posture.shapes.mesh_pictures import MeshPainter
+
+        return MeshPainter(nominal, (WALL_M, WALL_M))
 
     def marker_truth_m(self) -> dict[str, np.ndarray]:
         """Where the balls really are in the root's frame, m: for tests and figures, no robot knows it."""
@@ -121,6 +141,12 @@ class TwinRobot(SimulatedStand, RobotBase):
         if glass is None:
             glass = 0.0 if claimed is None else claimed.glass_thickness_m
         index = FLOAT_GLASS_INDEX if claimed is None else claimed.refractive_index
+        if self._meshes is not None:
+            from mirror_posture.render import view_planes
+
+            plane = view_planes([self._real_view], self._board_in_root)[0]
+            picture_bgr = self._meshes.draw_links(poses, plane.center_in_root_m, plane.normal_in_root)
+            return Look(self.commanded, self._time_s, view=self._view, picture_bgr=picture_bgr)
         if self._painter is not None:
             from mirror_posture.render import PictureOptions, view_planes
 

@@ -66,6 +66,8 @@ class PlannedRoom:
 
         With `start`, the glass must be clear of the straight way from there too: the mirror may stand already.
         """
+        if not mirrors:
+            return [], Counter()
         places = [self._in_base(mirror) for mirror in mirrors]
         any_order = np.random.default_rng(0)
         found = sift(self.setting, places, self.room, self.options, positions[None], 1, any_order)

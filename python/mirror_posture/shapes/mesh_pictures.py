@@ -82,10 +82,23 @@ class MeshPainter:
         q = robot.positions({name: [value] for name, value in positions.items()})
         q = np.zeros((1, len(robot.position_names))) if not len(q) else q
         poses = robot.link_poses(q, self._links)[0]
+        root = np.linalg.inv(poses[self._links.index(self._nominal.metadata.root)])
+        return self.draw_links(
+            dict(zip(self._links, root @ poses, strict=True)), center_in_root_m, normal_in_root
+        )
+
+    def draw_links(
+        self,
+        root_from_link: Mapping[str, Floats],
+        center_in_root_m: npt.ArrayLike,
+        normal_in_root: npt.ArrayLike,
+    ) -> npt.NDArray[np.uint8]:
+        """The same with the links (4, 4) wherever something else says that they are: a simulator, a body with errors."""
+        poses = np.array([root_from_link[name] for name in self._links])
         place(self._model, self._data, self._links, poses)
-        root = poses[self._links.index(self._nominal.metadata.root)]
-        center = root[:3, :3] @ np.asarray(center_in_root_m) + root[:3, 3]
-        return self._renderer.picture(self._data, center, root[:3, :3] @ np.asarray(normal_in_root))
+        return self._renderer.picture(
+            self._data, np.asarray(center_in_root_m, dtype=float), np.asarray(normal_in_root, dtype=float)
+        )
 
     def close(self) -> None:
         """Frees the OpenGL context."""

@@ -86,6 +86,12 @@ def command(
     pictures: Annotated[
         bool, typer.Option(help="twin, mujoco: whether looks are pictures, or exact pixels with noise.")
     ] = True,
+    meshes: Annotated[
+        bool,
+        typer.Option(
+            "--meshes", help="twin: pictures with the robot's meshes, before a mirror without glass."
+        ),
+    ] = False,
     noise_px: Annotated[float, typer.Option(help="twin, mujoco: noise of exact pixels, px.", min=0.0)] = 0.1,
     stand_error_deg: Annotated[
         float, typer.Option(help="twin, mujoco: how far off a hand-turned stand ends, degrees.", min=0.0)
@@ -144,6 +150,7 @@ def command(
         "views": views,
         "hide": hide or [],
         "pictures": pictures,
+        "meshes": meshes,
         "noise_px": noise_px,
         "stand_error_deg": stand_error_deg,
         "seed": seed,
@@ -234,6 +241,8 @@ def _ahead(
 
 
 def _one_way_of_looking(settings: Mapping[str, Any]) -> None:
+    if settings.get("meshes") and settings["robot"] != "twin":
+        raise MirrorPostureError(f"--meshes: needed the twin, not {settings['robot']}")
     given = [f"--{name.replace('_', '-')}" for name in ("view", "plan", "turn_by") if settings.get(name)]
     if len(given) > 1:
         raise MirrorPostureError(f"{' and '.join(given)}: needed one of them; each says from where to look")
