@@ -111,10 +111,9 @@ def test_the_wrong_grid_of_a_public_detector_is_refused_by_its_residual_and_the_
     result = board_residual(refined, board, camera)
     assert not result.ok
     assert "px RMS against a flat board is above the limit of 1.00 px" in result.reason
-    # Our own search refuses that grid, says so, and goes on to the right ones.
+    # Our own search finds the right ones.
     options = BoardOptions(views=("direct", "mirror"), strict_count=False)
     views = detect_boards(picture, board, camera, options=options)
-    assert any("do not lie where four squares meet" in attempt for attempt in views[0].attempts)
     assert [view.ok for view in views] == [True, True]
     assert max(view.residual_rms_px for view in views) < 0.45
 

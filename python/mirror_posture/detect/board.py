@@ -7,7 +7,6 @@ the others failed of is kept in `attempts`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 
 import cv2
@@ -17,13 +16,9 @@ from ..arguments import checked_arguments
 from ..board import Board
 from ..camera import Camera
 from . import corners, gate, labels, pattern
+from .board_search import Places, candidates, resized, scale_of
 from .prediction import predicted_corners_px
 from .types import BoardPrediction, BoardView, FloatArray, Pixels, Via, check_board
-
-# Larger pictures are searched at about this width first: the detectors look for squares of tens of pixels.
-SEARCH_WIDTH_PX = 1632
-# Below this width a second search at twice the size finds small squares.
-UPSCALE_BELOW_PX = 1300
 
 
 @dataclass(frozen=True)
@@ -138,13 +133,15 @@ def _search_all(
     """All boards of the picture, the found ones painted over one by one, and the best grid that failed a check."""
     found: list[_Found] = []
     failed: _Found | None = None
-    remaining = gray.copy()
+    remaining = gray
+    scale = scale_of(gray)
+    shown = Places(resized(gray, scale), board.corner_count)
     limit = len(options.views) + (1 if options.strict_count else 0)
     while len(found) < limit:
         # The search for a surplus board is the quick one: it only guards against a mistaken identity.
         quick = len(found) >= len(options.views)
         item = None
-        for method, candidate in _candidates(remaining, board, quick):
+        for method, candidate in candidates(remaining, scale, board, shown, quick):
             examined = _examine(gray, candidate, method, board, camera, options)
             if not examined.reason:
                 item = examined
@@ -156,67 +153,10 @@ def _search_all(
             break
         attempts.append(f"{item.method}: accepted")
         found.append(item)
-        remaining = _cover(remaining, item.grid)
+        outline = _outline(item.grid)
+        shown.cover((outline + 0.5) * scale - 0.5)
+        remaining = _painted(remaining, outline)
     return found, failed
-
-
-def _candidates(gray: Pixels, board: Board, quick: bool) -> Iterator[tuple[str, FloatArray]]:
-    """Grids (ny, nx, 2) by detector and preparation, the best and fastest first."""
-    width = gray.shape[1]
-    scale = min(1.0, SEARCH_WIDTH_PX / width)
-    small = gray if scale == 1.0 else cv2.resize(gray, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-    yield from _run("classic", small, scale, board, _classic_quick if quick else _classic)
-    if quick:
-        return
-    yield from _run("sector", small, scale, board, _sector)
-    contrast = cv2.createCLAHE(clipLimit=4.0, tileGridSize=(8, 8)).apply(small)
-    yield from _run("classic, contrast enhanced", contrast, scale, board, _classic)
-    yield from _run("sector, contrast enhanced", contrast, scale, board, _sector)
-    if scale < 1.0:
-        yield from _run("sector, full size", gray, 1.0, board, _sector)
-    elif width < UPSCALE_BELOW_PX:
-        double = cv2.resize(contrast, None, fx=2.0, fy=2.0, interpolation=cv2.INTER_CUBIC)
-        yield from _run("classic, enlarged", double, 2.0, board, _classic)
-        yield from _run("sector, enlarged", double, 2.0, board, _sector)
-
-
-def _classic(gray: Pixels, size: tuple[int, int]) -> Pixels | None:
-    found, points = cv2.findChessboardCorners(
-        gray, size, flags=cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
-    )
-    return points if found else None
-
-
-def _classic_quick(gray: Pixels, size: tuple[int, int]) -> Pixels | None:
-    flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_FAST_CHECK
-    found, points = cv2.findChessboardCorners(gray, size, flags=flags)
-    return points if found else None
-
-
-def _sector(gray: Pixels, size: tuple[int, int]) -> Pixels | None:
-    found, points = cv2.findChessboardCornersSB(
-        gray, size, flags=cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_NORMALIZE_IMAGE
-    )
-    return points if found else None
-
-
-def _run(
-    name: str,
-    gray: Pixels,
-    scale: float,
-    board: Board,
-    detector: Callable[[Pixels, tuple[int, int]], Pixels | None],
-) -> Iterator[tuple[str, FloatArray]]:
-    try:
-        points = detector(gray, (board.columns, board.rows))
-    except cv2.error:
-        # OpenCV's detectors assert on some degenerate pictures (a few pixels high, say): nothing to find in those.
-        return
-    if points is None or points.size != 2 * board.corner_count or not np.isfinite(points).all():
-        return
-    grid = points.reshape(board.rows, board.columns, 2).astype(np.float64)
-    # Pixel centres, not corners, are whole numbers: a resized picture is shifted by half a pixel.
-    yield name, (grid + 0.5) / scale - 0.5
 
 
 def _examine(
@@ -277,14 +217,19 @@ def _area_px2(grid: FloatArray) -> float:
     return float(cv2.contourArea(cv2.convexHull(grid.reshape(-1, 2).astype(np.float32))))
 
 
-def _cover(gray: Pixels, grid: FloatArray) -> Pixels:
-    """The picture with a found board and its outer squares painted over."""
+def _outline(grid: FloatArray) -> FloatArray:
+    """Corners of a found board with its outer squares, px."""
     ny, nx = grid.shape[:2]
     outline = np.array([grid[0, 0], grid[0, -1], grid[-1, -1], grid[-1, 0]])
     middle = outline.mean(axis=0)
-    grown = middle + (outline - middle) * (1.0 + 2.4 / (min(nx, ny) - 1))
+    grown: FloatArray = middle + (outline - middle) * (1.0 + 2.4 / (min(nx, ny) - 1))
+    return grown
+
+
+def _painted(gray: Pixels, outline_px: FloatArray) -> Pixels:
+    """The picture with a found board painted over."""
     covered = gray.copy()
     # A typical grey: every eighth pixel tells it.
-    cv2.fillConvexPoly(covered, np.rint(grown).astype(np.int32), int(np.median(gray[::8, ::8])))
+    cv2.fillConvexPoly(covered, np.rint(outline_px).astype(np.int32), int(np.median(gray[::8, ::8])))
     result: Pixels = covered
     return result

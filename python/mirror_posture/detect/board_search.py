@@ -1,0 +1,154 @@
+"""Candidates for chessboards in a picture: in which places OpenCV's detectors look, in which order, after which preparation.
+
+The quick look at crossings (`places`) says where a board can be; detectors, which take a hundred times as long on what is no board, see only those parts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import cv2
+import numpy as np
+
+from ..board import Board
+from .places import LEAST_SHOWN, Place, board_places
+from .types import FloatArray, Pixels
+
+# Larger pictures are searched at about this width: the detectors look for squares of tens of pixels.
+SEARCH_WIDTH_PX = 1632
+# Sizes in which places of boards are looked for, the most usual first: a small picture is free of noise and blur, a large one shows small squares.
+PLACE_SCALES = (0.5, 0.25, 1.0)
+# Parts below this size are searched once more at twice the size, for small squares.
+UPSCALE_BELOW_PX = 500
+# The slower ways are tried in so many places, those with nearest to the board's number of crossings first.
+MOST_SEARCHED = 2
+
+
+def scale_of(gray: Pixels) -> float:
+    """How much a picture is reduced for the search."""
+    return min(1.0, SEARCH_WIDTH_PX / gray.shape[1])
+
+
+class Places:
+    """Where a picture may hold boards, by the size that it is looked at in; what lies on boards that were found no longer counts."""
+
+    def __init__(self, gray: Pixels, corner_count: int) -> None:
+        self._gray, self._corner_count = gray, corner_count
+        self._by_scale: dict[float, tuple[Place, ...]] = {}
+        self._covered: list[FloatArray] = []
+
+    def at(self, scale: float) -> tuple[Place, ...]:
+        if scale not in self._by_scale:
+            self._by_scale[scale] = board_places(self._gray, self._corner_count, scale)
+        least = LEAST_SHOWN * self._corner_count
+        return tuple(place for place in self._by_scale[scale] if self._open(place) >= least)
+
+    def looked_at(self) -> tuple[float, ...]:
+        return tuple(self._by_scale)
+
+    def cover(self, outline_px: FloatArray) -> None:
+        self._covered.append(outline_px.astype(np.float32))
+
+    def _open(self, place: Place) -> int:
+        return sum(
+            all(cv2.pointPolygonTest(outline, (float(u), float(v)), False) < 0.0 for outline in self._covered)
+            for u, v in place.crossings_px
+        )
+
+
+def candidates(
+    gray: Pixels, scale: float, board: Board, shown: Places, quick: bool
+) -> Iterator[tuple[str, FloatArray]]:
+    """Grids (ny, nx, 2) by place, detector and preparation, the likeliest and fastest first."""
+    small = resized(gray, scale)
+    tried: list[Place] = []
+    for size in shown.looked_at() if quick else PLACE_SCALES:
+        for place in shown.at(size):
+            if any(place.same_as(other) for other in tried):
+                continue
+            tried.append(place)
+            yield from _in_place(small, scale, place, board, _QUICK if quick else _FIRST)
+    if quick:
+        return
+    tried.sort(key=lambda place: place.unlike(board.corner_count))
+    for place in tried[:MOST_SEARCHED]:
+        yield from _in_place(small, scale, place, board, _SLOW)
+    # Crossings may be too poor to be told: the whole picture, if the detector's own quick look sees squares.
+    if not tried:
+        whole = Place((0, 0, small.shape[1], small.shape[0]), np.empty((0, 2)))
+        yield from _in_place(small, scale, whole, board, _QUICK)
+
+
+def _in_place(
+    small: Pixels, scale: float, place: Place, board: Board, ways: tuple[str, ...]
+) -> Iterator[tuple[str, FloatArray]]:
+    left, top, right, bottom = place.box_px
+    part = np.ascontiguousarray(small[top:bottom, left:right])
+    contrast: Pixels | None = None
+    for way in ways:
+        detector = DETECTORS[way.split(",")[0]]
+        prepared, times = part, 1.0
+        if "," in way:
+            if contrast is None:
+                contrast = cv2.createCLAHE(clipLimit=4.0, tileGridSize=(4, 4)).apply(part)
+            prepared = contrast
+        if way.endswith("enlarged"):
+            if max(part.shape) > UPSCALE_BELOW_PX:
+                continue
+            prepared, times = cv2.resize(prepared, None, fx=2.0, fy=2.0, interpolation=cv2.INTER_CUBIC), 2.0
+        for name, grid in _run(way, prepared, times, board, detector):
+            # Pixel centres, not corners, are whole numbers: a resized picture is shifted by half a pixel.
+            yield name, (grid + np.array([left, top], dtype=np.float64) + 0.5) / scale - 0.5
+
+
+def resized(gray: Pixels, scale: float) -> Pixels:
+    if scale == 1.0:
+        return gray
+    small: Pixels = cv2.resize(gray, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    return small
+
+
+def _classic(gray: Pixels, size: tuple[int, int]) -> Pixels | None:
+    found, points = cv2.findChessboardCorners(
+        gray, size, flags=cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
+    )
+    return points if found else None
+
+
+def _classic_quick(gray: Pixels, size: tuple[int, int]) -> Pixels | None:
+    flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_FAST_CHECK
+    found, points = cv2.findChessboardCorners(gray, size, flags=flags)
+    return points if found else None
+
+
+def _sector(gray: Pixels, size: tuple[int, int]) -> Pixels | None:
+    found, points = cv2.findChessboardCornersSB(
+        gray, size, flags=cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_NORMALIZE_IMAGE
+    )
+    return points if found else None
+
+
+# Ways to search a place: a detector and, after the comma, how the picture is prepared.
+_QUICK = ("quick",)
+_FIRST = ("classic",)
+_SLOW = ("sector", "classic, contrast enhanced", "sector, enlarged")
+DETECTORS = {"quick": _classic_quick, "classic": _classic, "sector": _sector}
+
+
+def _run(
+    name: str,
+    gray: Pixels,
+    scale: float,
+    board: Board,
+    detector: Callable[[Pixels, tuple[int, int]], Pixels | None],
+) -> Iterator[tuple[str, FloatArray]]:
+    try:
+        points = detector(gray, (board.columns, board.rows))
+    except cv2.error:
+        # OpenCV's detectors assert on some degenerate pictures (a few pixels high, say): nothing to find in those.
+        return
+    if points is None or points.size != 2 * board.corner_count or not np.isfinite(points).all():
+        return
+    grid = points.reshape(board.rows, board.columns, 2).astype(np.float64)
+    # Pixel centres, not corners, are whole numbers: a resized picture is shifted by half a pixel.
+    yield name, (grid + 0.5) / scale - 0.5

@@ -1,0 +1,201 @@
+"""Where in a picture a chessboard can be: crossings of its squares, joined to those beside them.
+
+Half of the time of a search without success goes into thresholds that a full detector tries on what is no board. A crossing of squares is a saddle of the
+brightness, and those beside it along the grid are saddles turned by a right angle (dark and light change places); noise and texture have saddles, but not in such company.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from ..short_repr import ShortRepr
+from .types import FloatArray, Pixels
+
+# Smaller pictures show no board.
+LEAST_SIDE_PX = 16.0
+# Blur before the second derivatives, px. A crossing of contrast C blurred by σ has a mixed derivative of C / (π σ²); a pixel's own blur adds to σ².
+BLUR_PX = 1.2
+PIXEL_VARIANCE_PX2 = 0.5
+# Least share of that which a crossing shows, and its least contrast, levels.
+LEAST_SADDLE = 0.35
+LEAST_CONTRAST = 12.0
+# The same in standard deviations of the noise of one pixel.
+LEAST_CONTRAST_NOISES = 2.0
+# Half width of the window in which the contrast is read, px.
+CONTRAST_REACH_PX = 4
+# The most saddles that are joined, the strongest first, and how many neighbours of each are looked at.
+MOST_SADDLES = 500
+NEIGHBOURS = 12
+# Neighbours along the grid: cosine of their axes' doubled angle, and ratio of their strengths.
+OPPOSITE_COSINE = -0.7
+STRENGTH_RATIO = 3.0
+# A step to a partner is repeated beyond it or on the other side, to this share of the step: perspective changes the steps of a grid slowly.
+STEP_SHARE = 0.3
+# Partners are at most so many times as far away as the nearest one: first as on a board seen from the front, which parts it from things beside it, then as on one
+# that is seen at a flat angle.
+STEP_RATIOS = (1.7, 4.0)
+# Least partners of a crossing: a corner of the grid has two. Counted again without those that had too few, so many times.
+LEAST_PARTNERS = 2
+ROUNDS = 4
+# A board of which this share of the crossings shows may be found; glare and blur hide some from the derivatives.
+LEAST_SHOWN = 0.8
+# The place reaches so many distances of neighbours beyond the crossings: the outer squares and a margin of paper.
+MARGIN_STEPS = 2.5
+MOST_PLACES = 4
+# Places that share this part of the smaller one's area are one.
+SAME_SHARE = 0.6
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Place(ShortRepr):
+    """A part of the picture that may hold a board: `(left, top, right, bottom)` px, and the crossings that it shows, `(N, 2)` px."""
+
+    box_px: tuple[int, int, int, int]
+    crossings_px: FloatArray
+
+    def unlike(self, corner_count: int) -> int:
+        """How far the number of crossings is from a board's: a wall of tiles shows many more."""
+        return abs(len(self.crossings_px) - corner_count)
+
+    def same_as(self, other: Place) -> bool:
+        """Whether two places share most of the smaller one."""
+        one, two = self.box_px, other.box_px
+        across = min(one[2], two[2]) - max(one[0], two[0])
+        down = min(one[3], two[3]) - max(one[1], two[1])
+        least = min((box[2] - box[0]) * (box[3] - box[1]) for box in (one, two))
+        return max(across, 0) * max(down, 0) > SAME_SHARE * least
+
+
+@dataclass(frozen=True)
+class _Saddles:
+    place_px: FloatArray
+    axis: FloatArray
+    strength: FloatArray
+
+
+def board_places(gray: Pixels, corner_count: int, scale: float = 0.5) -> tuple[Place, ...]:
+    """Parts of a grey picture (H, W) that show most of a board's `corner_count` crossings when it is looked at in a size `scale`, the likeliest first."""
+    height, width = gray.shape
+    if min(height, width) * scale < LEAST_SIDE_PX:
+        return ()
+    small = gray if scale == 1.0 else cv2.resize(gray, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    saddles = _saddles(small)
+    found: list[Place] = []
+    groups = [group for ratio in STEP_RATIOS for group in _groups(saddles, LEAST_SHOWN * corner_count, ratio)]
+    for points, step in groups:
+        low = (points.min(axis=0) - MARGIN_STEPS * step) / scale
+        high = (points.max(axis=0) + MARGIN_STEPS * step + 1.0) / scale
+        left, top = max(int(low[0]), 0), max(int(low[1]), 0)
+        right, bottom = min(int(high[0]) + 1, width), min(int(high[1]) + 1, height)
+        place = Place((left, top, right, bottom), (points + 0.5) / scale - 0.5)
+        if not any(place.same_as(other) for other in found):
+            found.append(place)
+    found.sort(key=lambda one: one.unlike(corner_count))
+    return tuple(found[:MOST_PLACES])
+
+
+def _saddles(gray: Pixels) -> _Saddles:
+    smooth = cv2.GaussianBlur(gray.astype(np.float32), (0, 0), BLUR_PX)
+    # Sobel's second derivatives are four times the derivative.
+    xx, yy, xy = (cv2.Sobel(smooth, cv2.CV_32F, *order, scale=0.25) for order in ((2, 0), (0, 2), (1, 1)))
+    curvature = xy * xy - xx * yy
+    window = np.ones((2 * CONTRAST_REACH_PX + 1,) * 2, np.uint8)
+    contrast = cv2.dilate(smooth, window) - cv2.erode(smooth, window)
+    needed = (LEAST_SADDLE * contrast / (np.pi * (BLUR_PX**2 + PIXEL_VARIANCE_PX2))) ** 2
+    least = max(LEAST_CONTRAST, LEAST_CONTRAST_NOISES * _noise_levels(gray))
+    peak = (
+        (curvature >= cv2.dilate(curvature, np.ones((5, 5), np.uint8)))
+        & (curvature > needed)
+        & (contrast > least)
+    )
+    rows, columns = np.nonzero(peak)
+    strength = np.sqrt(curvature[rows, columns])
+    if len(rows) > MOST_SADDLES:
+        best = np.argpartition(-strength, MOST_SADDLES)[:MOST_SADDLES]
+        rows, columns, strength = rows[best], columns[best], strength[best]
+    half = 0.5 * (xx - yy)[rows, columns]
+    mixed = xy[rows, columns]
+    length = np.maximum(np.hypot(half, mixed), 1e-9)
+    return _Saddles(
+        np.column_stack([columns, rows]).astype(np.float64),
+        np.column_stack([half / length, mixed / length]).astype(np.float64),
+        strength.astype(np.float64),
+    )
+
+
+def _noise_levels(gray: Pixels) -> float:
+    """Standard deviation of a pixel's noise: the median of mixed differences, which edges hardly touch."""
+    part = gray[::2].astype(np.int16)
+    mixed = np.abs(np.diff(np.diff(part, axis=0), axis=1)[:, ::3])
+    return float(np.median(mixed)) / 0.6745 / 2.0
+
+
+def _groups(saddles: _Saddles, least: float, step_ratio: float) -> list[tuple[FloatArray, float]]:
+    """Saddles joined to neighbours that are turned against them: places (N, 2) and the neighbours' typical distance, of groups with at least so many."""
+    count = len(saddles.place_px)
+    if count < max(least, NEIGHBOURS + 1):
+        return []
+    u, v = saddles.place_px.T
+    squares = (u[:, None] - u[None]) ** 2 + (v[:, None] - v[None]) ** 2
+    np.fill_diagonal(squares, np.inf)
+    near = np.argpartition(squares, NEIGHBOURS - 1, axis=1)[:, :NEIGHBOURS]
+    mine = np.repeat(np.arange(count), NEIGHBOURS)
+    other = near.ravel()
+    turned = np.einsum("ij,ij->i", saddles.axis[mine], saddles.axis[other]) < OPPOSITE_COSINE
+    ratio = saddles.strength[mine] / saddles.strength[other]
+    joined = turned & (ratio < STRENGTH_RATIO) & (ratio > 1.0 / STRENGTH_RATIO)
+    mine, other = mine[joined], other[joined]
+    away = np.sqrt(squares[mine, other])
+    nearest = np.full(count, np.inf)
+    np.minimum.at(nearest, mine, away)
+    steady = away <= step_ratio * np.minimum(nearest[mine], nearest[other])
+    mine, other = mine[steady], other[steady]
+    repeated = _repeated(saddles.place_px, mine, other)
+    mine, other = mine[repeated], other[repeated]
+    for _ in range(ROUNDS):
+        partners = np.bincount(mine, minlength=count) >= LEAST_PARTNERS
+        kept = partners[mine] & partners[other]
+        mine, other = mine[kept], other[kept]
+    label = _labels(count, mine, other)
+    groups = []
+    for one, size in zip(*np.unique(label[np.unique(mine)], return_counts=True), strict=True):
+        if size >= least:
+            inside = label[mine] == one
+            step = float(np.median(np.sqrt(squares[mine[inside], other[inside]])))
+            groups.append((saddles.place_px[np.unique(mine[inside])], step))
+    return groups
+
+
+def _repeated(
+    place_px: FloatArray, mine: npt.NDArray[np.intp], other: npt.NDArray[np.intp]
+) -> npt.NDArray[np.bool_]:
+    """Which links go on by about the same step, at either end."""
+    count = len(place_px)
+    # Links of each saddle, side by side; what is missing points at a place far away.
+    links = np.full((count, NEIGHBOURS), count)
+    column = np.arange(len(mine)) - np.searchsorted(mine, mine)
+    links[mine, column] = other
+    places = np.vstack([place_px, np.full((1, 2), 1e9)])
+    step = place_px[other] - place_px[mine]
+    allowed = STEP_SHARE * np.hypot(step[:, 0], step[:, 1])
+    found = np.zeros(len(mine), dtype=bool)
+    for end, beyond in ((other, place_px[other] + step), (mine, place_px[mine] - step)):
+        away = places[links[end]] - beyond[:, None]
+        found |= (np.hypot(away[..., 0], away[..., 1]) < allowed[:, None]).any(axis=1)
+    return found
+
+
+def _labels(count: int, mine: npt.NDArray[np.intp], other: npt.NDArray[np.intp]) -> npt.NDArray[np.intp]:
+    """Connected components by the least index that reaches each."""
+    label = np.arange(count)
+    while True:
+        before = label.copy()
+        np.minimum.at(label, mine, label[other])
+        np.minimum.at(label, other, label[mine])
+        label = label[label]
+        if np.array_equal(label, before):
+            return label
