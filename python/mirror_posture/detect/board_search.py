@@ -26,7 +26,7 @@ MOST_SEARCHED = 2
 
 def scale_of(gray: Pixels) -> float:
     """How much a picture is reduced for the search."""
-    return min(1.0, SEARCH_WIDTH_PX / gray.shape[1])
+    return min(1.0, SEARCH_WIDTH_PX / float(gray.shape[1]))
 
 
 class Places:
