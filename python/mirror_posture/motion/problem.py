@@ -58,6 +58,7 @@ class Problem:
         self.hypotheses |= {h.key: h for h in of_setup(session.marker_names)}
         self._by_position: Floats | None = None
         self._from_nominal: dict[tuple[object, ...], Floats | None] = {}
+        self._kept: dict[tuple[object, ...], Places | None] = {}
 
     def _moving_joints(self) -> set[str]:
         """The joints whose positions change what is seen."""
@@ -88,6 +89,30 @@ class Problem:
             else self.view.whitened(self.view.residual_px(self.places(causes, motion), causes))
             for causes, motion in zip(several, self.rollouts.motions(several), strict=True)
         ]
+
+    def large_changes(self, several: Sequence[Causes]) -> list[Floats | None]:
+        """As `changes` from the model as it is, through the optics: for what moves the images too far to be linear.
+
+        What each does to the joints is kept, so that asking again costs no simulation.
+        """
+        nominal = self.rollouts.nominal()
+        here = self.places({}, nominal)
+        fresh = [causes for causes in several if _key(causes) not in self._kept]
+        for causes, motion in zip(fresh, self.rollouts.motions(fresh), strict=True):
+            there = None if motion is None else self.places(causes, motion)
+            self._kept[_key(causes)] = (
+                None if there is None else Places(there.markers - here.markers, there.board - here.board)
+            )
+        base = self.view.whitened(self.view.residual_px(here, {}))
+        out: list[Floats | None] = []
+        for causes in several:
+            moved = self._kept[_key(causes)]
+            if moved is None:
+                out.append(None)
+                continue
+            there = Places(here.markers + moved.markers, here.board + moved.board)
+            out.append(base - self.view.whitened(self.view.residual_px(there, causes)))
+        return out
 
     def by_position(self) -> Floats:
         """(F, markers, 2, joints): whitened images by joint positions, at the nominal model."""

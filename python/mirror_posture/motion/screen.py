@@ -52,12 +52,11 @@ class Screen:
 
     def _try_limits(self, sizes: list[tuple[Hypothesis, tuple[float, ...]]]) -> None:
         # A body that its servo cannot hold falls far: nothing of that is linear.
-        base, *told = self.problem.residuals([{}, *({h.key: start} for h, start in sizes)])
-        assert base is not None
-        kept = [(size, r) for size, r in zip(sizes, told, strict=True) if r is not None]
+        changes = self.problem.large_changes([{h.key: start} for h, start in sizes])
+        kept = [(size, change) for size, change in zip(sizes, changes, strict=True) if change is not None]
         first = self._columns.shape[-1]
         self.limits += [(h, start, first + i) for i, ((h, start), _) in enumerate(kept)]
-        self._columns = np.concatenate([self._columns, *((base - r)[..., None] for _, r in kept)], axis=-1)
+        self._columns = np.concatenate([self._columns, *(change[..., None] for _, change in kept)], axis=-1)
 
     @property
     def matrix(self) -> Floats:

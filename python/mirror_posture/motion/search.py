@@ -26,6 +26,8 @@ TRIED = 6
 """Hypotheses of the first look that are fitted, each round."""
 MARGIN = 6.0
 """Twice the log odds that a new cause must have over its price."""
+AT_NOISE = 1.15
+"""RMS of what is left, in units of the noise: up to here it is small."""
 LEAST_SHIFT = 0.1
 """In units of the noise: a cause that moves the markers by less, RMS, is not told."""
 SEGMENTS = 5
@@ -127,7 +129,11 @@ def _best_addition(
     problem: Problem, base: Fitted, scored: list[Scored], known: dict[tuple[Key, int], Floats], scale: float
 ) -> Fitted | None:
     inflation, rows = base.misfit.inflation, max(2.0, base.misfit.effective_rows)
-    ranked = sorted(scored, key=lambda s: -(s.gain / inflation - len(s.start) * np.log(rows)))
+    worth = {one.key: one.gain / inflation - len(one.start) * float(np.log(rows)) for one in scored}
+    ranked = sorted(scored, key=lambda one: -worth[one.key])
+    if base.misfit.squares <= AT_NOISE**2 * base.misfit.rows:
+        # What is left is small, and small effects are linear: those that gain less than they cost need no fit.
+        ranked = [one for one in ranked if worth[one.key] > 0.0]
     starts = [start_of(problem, base, one, scale) for one in ranked[:TRIED]]
     return best_of(_fitted(problem, base, starts, known, scale, 4))
 
