@@ -18,7 +18,7 @@ from .effects import Key
 from .fit import design, evaluated, fit
 from .problem import Problem
 from .report import document
-from .search import Found, search
+from .search import AT_NOISE, Found, search
 
 Floats = npt.NDArray[np.float64]
 
@@ -75,17 +75,20 @@ def diagnose_motion(
 
 
 def _likeliest(problem: Problem, found: Found) -> tuple[Found, dict[Key, Rivals]]:
-    """The causes with their rivals; where a rival is the likelier one, it is the cause."""
-    for _ in range(len(found.best.causes)):
+    """The causes with their rivals; where a rival is the likelier one, it is the cause: unless something is left unexplained."""
+    been = {frozenset(found.best.causes)}
+    while True:
         rivals = {key: rivals_of(problem, found, key) for key in found.best.causes}
         better = next((one.better for one in rivals.values() if one.better is not None), None)
-        if better is None:
+        misfit = found.best.misfit
+        left = misfit.squares > AT_NOISE**2 * misfit.rows
+        if better is None or left or frozenset(better.causes) in been:
             return found, rivals
+        been.add(frozenset(better.causes))
         problem.rollouts.refine(better.causes)
         best = fit(problem, better.causes, found.noise_scale, iterations=4) or better
         trace = (*found.trace, "likelier: " + ", ".join(f"{e}@{at}" for e, at in best.causes))
         found = replace(found, best=best, trace=trace)
-    return found, {key: rivals_of(problem, found, key) for key in found.best.causes}
 
 
 def covariance(problem: Problem, found: Found) -> tuple[list[tuple[Key, int]], Floats, Floats]:

@@ -105,6 +105,8 @@ class JointScale:
     friction: float
     torque: float
     """The largest of its servo, N m."""
+    torque_levels: tuple[float, ...]
+    """What its servo's torque stays below for shares of the time (`LEVELS`), rising, N m."""
     speed: float
     """The largest commanded, rad/s."""
     has_servo: bool
@@ -131,7 +133,9 @@ def told(key: Key, values: tuple[float, ...], covariance: Floats) -> tuple[list[
 
 
 LIMIT_SHARES = (0.4, 0.55, 0.7, 0.85)
-"""Shares of a joint's largest torque or speed at which its limit is tried."""
+"""Shares of a joint's largest speed at which its limit is tried."""
+LEVELS = (0.6, 0.8, 0.92, 0.98)
+"""Shares of the time that a joint's torque is below the limits that are tried: the largest may be a single jerk, which tells nothing."""
 
 
 def of_joint(name: str, scale: JointScale) -> list[Hypothesis]:
@@ -143,8 +147,8 @@ def of_joint(name: str, scale: JointScale) -> list[Hypothesis]:
     ) -> Hypothesis:
         return Hypothesis(EFFECTS[effect], place, (step,), (lower,), (upper,), ((step,),), (usual,))
 
-    def limit(effect: str, largest: float) -> Hypothesis:
-        starts = tuple((share * largest,) for share in LIMIT_SHARES)
+    def limit(effect: str, largest: float, sizes: tuple[float, ...]) -> Hypothesis:
+        starts = tuple((size,) for size in sizes)
         bounds = (0.05 * largest,), (1.5 * largest,)
         return Hypothesis(EFFECTS[effect], place, (0.02 * largest,), *bounds, starts, (0.5 * largest,))
 
@@ -153,7 +157,7 @@ def of_joint(name: str, scale: JointScale) -> list[Hypothesis]:
         one("joint_offset", 0.005, 0.02, -1.0, 1.0),
         one("gear_ratio", 0.005, 0.03, -0.5, 0.5),
         one("backlash", 0.01, 0.03, 0.0, 0.5),
-        limit("velocity_limit", scale.speed),
+        limit("velocity_limit", scale.speed, tuple(share * scale.speed for share in LIMIT_SHARES)),
     ]
     if scale.torque > 0.0:
         out.append(one("joint_compliance", 0.01 / scale.torque, 0.03 / scale.torque, 0.0))
@@ -173,7 +177,7 @@ def of_joint(name: str, scale: JointScale) -> list[Hypothesis]:
             one("viscous_friction", 0.05 * damping, damping, -0.9 * scale.damping),
             one("coulomb_friction", 0.05 * scale.torque, 0.5 * scale.torque, -scale.friction),
             one("reflected_inertia", inertia, 30.0 * inertia, -0.9 * scale.armature),
-            limit("torque_limit", scale.torque),
+            limit("torque_limit", scale.torque, scale.torque_levels),
         ]
     return out
 

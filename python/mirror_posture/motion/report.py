@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from ..diagnosis.fingerprint import KEY, fingerprint
 from ..diagnosis.result import FORMAT, VERSION
-from .alternatives import Rivals
+from .alternatives import LEAST_PROBABILITY, Rivals
 from .effects import Key, told
 from .encoders import encoder_witness
 from .fit import Fitted, evaluated
@@ -69,6 +69,7 @@ def document(
                 "alternatives": [
                     {"effect": effect, "at": at, "probability": round(trust * p, 4)}
                     for (effect, at), p in rivals[key].others
+                    if trust * p > LEAST_PROBABILITY
                 ],
                 "words": WORDS[key[0]],
                 "rms_shift": float(

@@ -22,7 +22,7 @@ from mujoco import rollout
 from .._core import MirrorPostureError
 from ..short_repr import ShortRepr
 from ..simulate.model import STIFF_FRICTION, Simulator, build
-from .effects import EFFECTS, Causes, JointScale, gains
+from .effects import EFFECTS, LEVELS, Causes, JointScale, gains
 from .recording import Recording
 
 Floats = npt.NDArray[np.float64]
@@ -118,6 +118,7 @@ class Rollouts:
                 float(self.model.dof_armature[self.dof[column]]),
                 float(self.model.dof_frictionloss[self.dof[column]]),
                 float(np.quantile(np.abs(force), 0.999)),
+                tuple(float(level) for level in np.quantile(np.abs(force), LEVELS)),
                 float(np.quantile(np.abs(np.gradient(self.commands[:, column], STEP_S)), 0.999)),
                 name in self.simulator.kept,
             )

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .effects import Causes, Key
+from .evidence import LAW_SHARE
 from .fit import Fitted, design, evaluated, evaluated_all, fit, fit_all
 from .problem import Problem
 from .screen import Scored, Screen, with_cause
@@ -33,6 +34,8 @@ LEAST_SHIFT = 0.1
 SEGMENTS = 5
 HOPELESS = (60.0, 0.5)
 """A model is fitted no further where the criterion has it behind the best by so much, and by this share of what the best gained."""
+MOST_AHEAD, FAR = 3, 1.5
+"""So many causes may be tried together before they pay, while more than so much of the noise, RMS, is left."""
 MOST_STEPS = 15_000_000
 """Of all simulations together, until which the search looks for one more cause: five hundred motions of a minute."""
 UNLIKE = 0.5
@@ -73,7 +76,8 @@ def search(
         f"nominal: {_told(base)}, {len(problem.hypotheses)} hypotheses, noise scale {scale:.3f}"
     ]
     nominal, first = base, screen.scores(base.residual, np.zeros((base.misfit.rows, 0)), (), scale)[:20]
-    price = 2.0 * np.log(len(problem.hypotheses))
+    price = 2.0 * float(np.log(len(problem.hypotheses))) + MARGIN
+    accepted, ahead = best, 0
     while len(best.causes) < most_causes:
         if problem.rollouts.count * len(problem.rollouts.time_s) > MOST_STEPS:
             trace.append(f"stopped after {problem.rollouts.count} simulated motions")
@@ -84,28 +88,48 @@ def search(
         if trial is None:
             break
         trial = fit(problem, trial.causes, scale) or trial
-        gained = best.misfit.squares - trial.misfit.squares
-        worth = advantage(trial, best)
-        (new,) = [key for key in trial.causes if key not in best.causes]
-        held = held_out_squares(problem, trial, scale) < held_out_squares(problem, best, scale)
-        taken_in = worth > price + MARGIN and gained > LEAST_SHIFT**2 * trial.misfit.rows and held
-        trace.append(
-            f"{'+' if taken_in else 'not'} {new[0]}@{new[1]}: {_told(trial)}, worth {worth:.1f} of {price + MARGIN:.1f}"
-            + ("" if held else ", not on segments held out")
-        )
+        ahead += 1
+        taken_in, why = _pays(problem, accepted, trial, scale, ahead * price)
+        trace.append(("+ " if taken_in else "not ") + why)
         say(trace[-1])
-        if not taken_in:
+        if taken_in:
+            best = _revised(problem, screen, trial, scale, trace)
+            problem.rollouts.refine(best.causes)
+            best = fit(problem, best.causes, scale, iterations=2) or best
+            fresh = noise_scale(best.residual * scale, problem.view.seen)
+            if fresh < 0.98 * scale:
+                scale = fresh
+                best = evaluated(problem, best.causes, scale) or best
+                nominal = evaluated(problem, {}, scale) or nominal
+            accepted, ahead = best, 0
+        elif ahead < MOST_AHEAD and trial.misfit.squares > FAR**2 * trial.misfit.rows:
+            # Beside much that is wrong one cause seems to be worth little: perhaps together with the next.
+            best = trial
+        else:
             break
-        best = _revised(problem, screen, trial, scale, trace)
-        problem.rollouts.refine(best.causes)
-        best = fit(problem, best.causes, scale, iterations=2) or best
-        fresh = noise_scale(best.residual * scale, problem.view.seen)
-        if fresh < 0.98 * scale:
-            scale = fresh
-            best = evaluated(problem, best.causes, scale) or best
-            nominal = evaluated(problem, {}, scale) or nominal
-    best = fit(problem, best.causes, scale, iterations=4) or best
+    best = fit(problem, accepted.causes, scale, iterations=4) or accepted
     return Found(nominal, best, scale, screen, tuple(trace), tuple(first))
+
+
+def _pays(problem: Problem, before: Fitted, trial: Fitted, scale: float, price: float) -> tuple[bool, str]:
+    """Whether a model with more causes is better than one before it, by all that is asked; and in words."""
+    new = [key for key in trial.causes if key not in before.causes]
+    gained = before.misfit.squares - trial.misfit.squares
+    worth = advantage(trial, before)
+    held = held_out_squares(problem, trial, scale) < held_out_squares(problem, before, scale)
+    told = f"{', '.join(f'{e}@{at}' for e, at in new)}: {_told(trial)}, worth {worth:.1f} of {price:.1f}"
+    pays = worth > price and gained > LEAST_SHIFT**2 * trial.misfit.rows
+    if not held:
+        return False, f"{told}, not on segments held out"
+    places = {at for _, at in new}
+    beside = [key for key in before.causes if key[1] in places]
+    if pays and beside:
+        rest = evaluated(problem, {k: v for k, v in trial.causes.items() if k not in beside}, scale)
+        if rest is not None:
+            does = rest.misfit.squares - trial.misfit.squares
+            if gained < LAW_SHARE**2 * does:
+                return False, f"{told}, within what the law of {beside[0][0]} may be off"
+    return pays, told
 
 
 def advantage(one: Fitted, other: Fitted) -> float:
