@@ -10,6 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 import mirror_posture as mp
+from diagnosis_format import faults
 
 mujoco = pytest.importorskip("mujoco")
 pytest.importorskip("pinocchio")
@@ -52,6 +53,7 @@ def test_a_late_camera_is_found_and_another_motion_is_predicted(
     )
     assert run.exit_code == 0, run.output
     tree = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
+    assert faults(tree) == []
     (cause,) = tree["causes"]
     assert (cause["effect"], cause["at"]) == ("latency", "camera")
     assert abs(cause["parameters"]["latency_s"]["value"] - latency_s) < 0.002
@@ -178,6 +180,18 @@ def test_columns_are_the_differences_of_residuals(late: tuple[Path, float]) -> N
             exact = 2.0 * (base - moved)[seen]
             told = columns[..., k][seen]
             assert np.linalg.norm(told - exact) < 0.05 * np.linalg.norm(exact) + 1e-9, (key, slot)
+
+
+def test_limits_of_torque_are_tried_where_they_act(late: tuple[Path, float]) -> None:
+    """A servo jerks once where the log begins in the middle of a motion: of a limit just below that jerk nothing is seen."""
+    from mirror_posture.motion.problem import Problem
+
+    problem = Problem(mp.load_session(late[0]), late[0] / "model.xml")
+    rollouts = problem.rollouts
+    for name, scale in problem.scales.items():
+        torque = np.abs(rollouts._servo_torque(rollouts.nominal(), rollouts.joints.index(name)))
+        acts = [float((torque > level).mean()) for level in scale.torque_levels]
+        assert acts == sorted(acts, reverse=True) and 0.01 < acts[-1] < acts[0] < 0.5, name
 
 
 def test_laws_of_commands() -> None:
