@@ -352,6 +352,7 @@ def test_a_broken_plan_is_named(planned: Path, tmp_path: Path) -> None:
         (lambda plan: plan["options"].update(clearance_m="wide"), "plan.json"),
         (lambda plan: plan["options"].update(home={"pen": 0.1}), "pen"),
         (lambda plan: plan["options"].update(table_m=math.inf), "plan.json"),
+        (lambda plan: plan["options"].update(mirror_at_m=[0.5, 0.0]), "plan.json"),
     ):
         plan = json.loads((planned / "plan" / "plan.json").read_text())
         change(plan)
@@ -362,6 +363,28 @@ def test_a_broken_plan_is_named(planned: Path, tmp_path: Path) -> None:
             read_planned_room(tmp_path, nominal)
     with pytest.raises(MirrorPostureError, match="there is no such file"):
         read_planned_room(tmp_path / "nowhere", nominal)
+
+
+def test_a_mirror_whose_place_was_told_is_turned_there_and_not_moved(planned: Path, tmp_path: Path) -> None:
+    from mirror_posture.plan.again import read_planned_room
+
+    plan = json.loads((planned / "plan" / "plan.json").read_text())
+    for name in ("views.csv", "postures.csv"):
+        (tmp_path / name).write_bytes((planned / "plan" / name).read_bytes())
+    q = np.array([table(planned / "plan" / "postures.csv")[name][3] for name in NAMES])
+    nominal, moves, ways = Nominal.load(planned), [], []
+    for told in (
+        {"mirror_at_m": None},
+        {"mirror_at_m": plan["mirror"]["views"][0]["center_in_root_m"]},
+        {"mirror_fixed": True},
+    ):
+        (tmp_path / "plan.json").write_text(json.dumps({**plan, "options": {**plan["options"], **told}}))
+        room = read_planned_room(tmp_path, nominal)
+        moved = room.moved(room.mirrors[0], q, [0], 1.5)
+        moves.append(float(np.linalg.norm(moved.center_in_root_m - room.mirrors[0].center_in_root_m)))
+        ways.append(len(room.mirrors))
+    assert moves[0] > 0.1 and moves[1:] == [0.0, 0.0]
+    assert ways[0] == ways[1] > 50 and ways[2] == len(plan["mirror"]["views"])
 
 
 def test_a_thumb_before_any_corner_of_the_board_hides_it(planned: Path, tmp_path: Path) -> None:

@@ -173,6 +173,7 @@ def _options(file: Path) -> PlanOptions:
         return PlanOptions(
             mirror_width_m=_number(told["mirror_width_m"]),
             mirror_height_m=_number(told["mirror_height_m"]),
+            mirror_at_m=None if told["mirror_at_m"] is None else _place(told["mirror_at_m"]),
             table_m=_number(told["table_m"]),
             clearance_m=_number(told["clearance_m"]),
             home={str(name): float(_number(value) or 0.0) for name, value in told["home"].items()},
@@ -198,3 +199,11 @@ def _number(value: Any) -> float | None:
     if not math.isfinite(number):
         raise ValueError(f"got {value!r}, needed a finite number")
     return number
+
+
+def _place(values: Any) -> tuple[float, float, float]:
+    """Three finite numbers. Raises ValueError."""
+    x, y, z = (_number(value) for value in values)
+    if x is None or y is None or z is None:
+        raise ValueError(f"got {values!r}, needed X, Y, Z in metres")
+    return x, y, z
