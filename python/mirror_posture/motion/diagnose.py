@@ -123,9 +123,9 @@ def unseen_gap(
     """The gap of another motion with the model as it is and with the causes found. Raises `MirrorPostureError` as a diagnosis."""
     other = Problem(as_session(session), None if model is None else Path(model))
     causes = done.found.best.causes
-    before, after = other.rms({}), other.rms(causes)
     other.rollouts.refine(causes)
-    after = other.rms(causes)
+    other.leave_out_false(causes)
+    before, after = other.rms({}), other.rms(causes)
     scale = done.found.noise_scale * done.problem.view.noise_px / other.view.noise_px
     return Unseen(before[0], after[0], other.floor_px(scale), before[1], after[1])
 

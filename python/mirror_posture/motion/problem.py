@@ -219,6 +219,14 @@ class Problem:
         self.view.leave_out(false)
         self._by_position = None
 
+    def leave_out_false(self, causes: Causes) -> None:
+        """Leaves out the images that lie far from where those before and after have the marker, beside a model with causes.
+
+        A model that is wrong is so in neighbouring pictures too: of its errors none is hidden.
+        """
+        self.leave_out(np.zeros_like(self.view.false))
+        self.leave_out(self.view.false_among(self.errors_px(causes)))
+
     def errors_px(self, causes: Causes) -> Floats:
         """(F, markers, 2): seen less predicted, px, the mirror where the board's reflection tells it."""
         (motion,) = self.rollouts.motions([causes])

@@ -181,6 +181,10 @@ class View:
         shown = np.isfinite(residual_px).all(axis=2).sum(axis=0)
         return np.asarray(false & (false.sum(axis=0) <= MOST_FALSE * shown))
 
+    def false_among(self, residual_px: Floats) -> npt.NDArray[np.bool_]:
+        """(F, markers): the false ones of all images that count, by the residuals that a model leaves."""
+        return self._false(np.where(self.seen[..., None], residual_px, np.nan))
+
     def leave_out(self, false: npt.NDArray[np.bool_]) -> None:
         """Counts all images that the pictures show but these (F, markers), which are false."""
         self.false = false & self._shown
