@@ -182,6 +182,22 @@ def test_columns_are_the_differences_of_residuals(late: tuple[Path, float]) -> N
             assert np.linalg.norm(told - exact) < 0.05 * np.linalg.norm(exact) + 1e-9, (key, slot)
 
 
+def test_a_spring_may_be_off_its_straight_line_by_no_more_than_a_tenth(late: tuple[Path, float]) -> None:
+    from mirror_posture.motion.problem import Problem
+    from mirror_posture.motion.springs import stiffening_columns
+
+    problem = Problem(mp.load_session(late[0]), late[0] / "model.xml")
+    joint = f"joint:{next(name for name in problem.scales if name.endswith('elbow'))}"
+    key, give = ("joint_compliance", joint), 0.02 / problem.scales[joint.partition(":")[2]].torque
+    _, columns = problem.columns({key: (give,)}, [key])
+    whole = columns[..., 0] * give / problem.hypotheses[key].step[0]
+    off = stiffening_columns(problem, {key: (give,)})[..., 0]
+    assert np.all(np.abs(off) <= 0.1 * np.abs(whole) + 1e-6 * np.abs(whole).max())
+    share = np.linalg.norm(off) / np.linalg.norm(whole)
+    assert 0.02 < share < 0.1
+    assert stiffening_columns(problem, {("latency", "camera"): (0.01,)}).shape[-1] == 0
+
+
 def test_limits_of_torque_are_tried_where_they_act(late: tuple[Path, float]) -> None:
     """A servo jerks once where the log begins in the middle of a motion: of a limit just below that jerk nothing is seen."""
     from mirror_posture.motion.problem import Problem

@@ -19,6 +19,7 @@ from .fit import design, evaluated, fit
 from .problem import Problem
 from .report import document
 from .search import AT_NOISE, Found, search
+from .springs import stiffening_columns
 
 Floats = npt.NDArray[np.float64]
 
@@ -94,14 +95,20 @@ def _likeliest(problem: Problem, found: Found) -> tuple[Found, dict[Key, Rivals]
 def covariance(problem: Problem, found: Found) -> tuple[list[tuple[Key, int]], Floats, Floats]:
     """Of the fitted parameters, in steps: which they are, their covariance, and their columns in units of the noise.
 
-    `(JᵀJ)⁻¹`, times what the residuals exceed white noise by.
+    `(JᵀJ)⁻¹`, times what the residuals exceed white noise by; and what a spring that is not straight does to all that was fitted.
     """
     of, columns = design(problem, found.best.causes)
     columns = columns / found.noise_scale
     seen = problem.view.seen
     matrix = columns[seen].reshape(2 * int(seen.sum()), len(of))
-    normal = matrix.T @ matrix + 1e-9 * np.eye(len(of))
-    return of, np.linalg.pinv(normal) * found.best.misfit.inflation, columns
+    normal, inflation = matrix.T @ matrix + 1e-9 * np.eye(len(of)), found.best.misfit.inflation
+    out = np.linalg.pinv(normal) * inflation
+    # By how much a spring that stiffens as usual moves what was fitted without it.
+    springs = (
+        stiffening_columns(problem, found.best.causes)[seen].reshape(len(matrix), -1) / found.noise_scale
+    )
+    shift = np.linalg.pinv(normal) @ (matrix.T @ springs)
+    return of, out + shift @ shift.T, columns
 
 
 @dataclass(frozen=True)
