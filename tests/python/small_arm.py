@@ -40,9 +40,10 @@ def run(*arguments: object, code: int = 0, **options):
     return result
 
 
-def setup(folder: Path) -> Path:
-    """A session without frames, made by `init`."""
+def setup(folder: Path, half: bool = False) -> Path:
+    """A session without frames, made by `init`; `half`: of a camera with half as many pixels across and down."""
     file = folder / "small_arm.urdf"
     file.write_text(URDF)
-    run("init", file, folder / "session", *MOUNTS)
+    smaller = ["--picture", "480x360", "--focal-px", "380"]
+    run("init", file, folder / "session", *(MOUNTS[:-4] + smaller if half else MOUNTS))
     return folder / "session"

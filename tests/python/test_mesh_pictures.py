@@ -21,7 +21,7 @@ pytestmark = pytest.mark.skipif(
 
 
 def test_a_preview_and_a_session_with_meshes(tmp_path: Path) -> None:
-    session = setup(tmp_path)
+    session = setup(tmp_path, half=True)
     words = [
         "--template",
         session,
@@ -35,7 +35,7 @@ def test_a_preview_and_a_session_with_meshes(tmp_path: Path) -> None:
     ]
     run("render", tmp_path / "look.png", *words, "--preview")
     picture = cv2.imread(str(tmp_path / "look.png"))
-    assert picture.shape == (720, 960, 3)
+    assert picture.shape == (360, 480, 3)
     picture_hsv = cv2.cvtColor(picture, cv2.COLOR_BGR2HSV)
     hue, saturation, value = cv2.split(picture_hsv)
     # By hand: lift and elbow turn the arm in its plane y = 0; the mirror stands 0.5 m before the board, x = 0.52.
@@ -47,11 +47,11 @@ def test_a_preview_and_a_session_with_meshes(tmp_path: Path) -> None:
     mirrored = np.array([2 * 0.52 - hand[0], 0.0, hand[1]]) - [-0.05, 0.12, 0.25]
     forward = np.array([1.0, 0.0, -0.2]) / np.hypot(1.0, 0.2)
     right, down = np.array([0.0, -1.0, 0.0]), np.cross(forward, [0.0, -1.0, 0.0])
-    at = 760 * np.array([mirrored @ right, mirrored @ down]) / (mirrored @ forward) + [479.5, 359.5]
+    at = 380 * np.array([mirrored @ right, mirrored @ down]) / (mirrored @ forward) + [239.5, 179.5]
     red = ((hue < 8) | (hue > 172)) & (saturation > 150) & (value > 60)
     # The real ball is in the picture as well, larger.
     _, _, _, centers = cv2.connectedComponentsWithStats(red.astype(np.uint8))
-    assert np.linalg.norm(centers[1:] - at, axis=1).min() < 1.5
+    assert np.linalg.norm(centers[1:] - at, axis=1).min() < 1.0
     # A small mirror ends: the ball is not in it any more.
     run("render", tmp_path / "small.png", *words, "--preview", "--mirror-size", "4x4")
     small = cv2.cvtColor(cv2.imread(str(tmp_path / "small.png")), cv2.COLOR_BGR2HSV)
@@ -71,7 +71,7 @@ def test_a_twin_looks_with_its_meshes(tmp_path: Path) -> None:
     from mirror_posture.robots import Nominal, detect_look
     from mirror_posture.viewpoint import View
 
-    nominal = Nominal.load(setup(tmp_path))
+    nominal = Nominal.load(setup(tmp_path, half=True))
     hidden = [HiddenEffect("joint_offset", "joint:lift", {"offset_rad": 0.1})]
     view, posture = View(0.0, 0.1, 0.5), {"pan": -0.3, "lift": 1.2, "elbow": -1.4}
     seen = []
