@@ -32,5 +32,7 @@ pub(crate) const LOG_PRIOR_SETUP: f64 = -12.0;
 pub(crate) const FEWEST_POSTURES: usize = 3;
 /// A run of fewer frames is no run: two postures of three views each.
 pub(crate) const FEWEST_FRAMES: usize = 2 * FEWEST_POSTURES;
+/// A share of the frames that is all of them.
+pub(crate) const NEARLY_ALL: f64 = 0.75;
 /// A variance that rests on fewer rows is known to no better than a quarter.
 pub(crate) const FEWEST_REDUNDANT_ROWS: f64 = 40.0;

@@ -3,10 +3,11 @@
 //! Slips and whole mistakes are looked for before causes are: they take their share of any misfit that is like them. Where something is left
 //! unexplained beside a slip, the session is diagnosed once more as if nothing had slipped, and the slip is believed only where it leaves
 //! less on held-out regions. The same goes for rows said to hold other rows' measurement: a joint whose log is a little late looks like that where
-//! it moves to and fro, and the second look is for whole mistakes that do no more than small errors. And where a joint's ratio is undone as a whole mistake and found again beside it, the two are one: the
+//! it moves to and fro, and the second look is for whole mistakes that do no more than small errors; and where what is left depends on the path or on each posture by
+//! itself, such a look is believed if it explains all. And where a joint's ratio is undone as a whole mistake and found again beside it, the two are one: the
 //! session is diagnosed once more without such mistakes, and the first is believed only where the second leaves something unexplained, and more.
 
-use crate::diagnose::data::diagnosis::{Cause, Diagnosis, Verdict};
+use crate::diagnose::data::diagnosis::{Cause, Diagnosis, Verdict, Where};
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::pipeline;
 use crate::diagnose::prepare::options::{DiagnoseOptions, OtherSession};
@@ -15,6 +16,8 @@ use crate::robot::Robot;
 
 const SLIP: &str = "slip";
 const PAIRING: &str = "pairing";
+/// What a place depends on where a second, closer look for whole mistakes is worth it.
+const OF_PATH: [&str; 2] = ["history", "posture, each by itself"];
 /// A ratio that is a whole mistake is tried as another unit of the joint, and told as a small one is.
 const RATIO: (&str, &str) = ("joint_unit", "gear_ratio");
 
@@ -31,25 +34,79 @@ pub fn diagnose(
     others: &[OtherSession],
 ) -> Result<Diagnosis> {
     let first = pipeline::diagnose(robot, recording, options, others, false)?;
-    let named = |effect: &str| first.causes.iter().any(|c| c.effect == effect);
-    let twice = is_told_twice(&first.causes);
-    let (effect, why) = if twice {
-        (RATIO.0, "a ratio undone as a whole mistake was found again beside it: it is none")
-    } else if !explains(&first) && named(SLIP) {
-        (SLIP, "a slip leaves no smaller gap on held-out regions: nothing has slipped")
-    } else if !explains(&first) && named(PAIRING) {
-        (PAIRING, "rows of their own leave no smaller gap on held-out regions: they are in order")
-    } else {
-        return Ok(first);
-    };
+    let Some(doubt) = Doubt::of(&first) else { return Ok(first) };
     let mut still = options.clone();
-    still.without.push(effect.into());
-    let mut second = pipeline::diagnose(robot, recording, &still, others, effect == PAIRING)?;
-    if !(left(&second) <= left(&first) || twice && explains(&second)) {
+    still.without.extend(doubt.without().map(str::to_owned));
+    let mut second = pipeline::diagnose(robot, recording, &still, others, doubt.looks_closely())?;
+    let better = left(&second) <= left(&first);
+    let believed = match doubt {
+        Doubt::Twice => better || explains(&second),
+        Doubt::Slip | Doubt::Pairing => better,
+        Doubt::Path => better && explains(&second),
+    };
+    if !believed {
         return Ok(first);
     }
-    second.trace.insert(0, why.into());
+    second.trace.insert(0, doubt.words().into());
     Ok(second)
+}
+
+/// What a first diagnosis is asked again about.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Doubt {
+    /// A ratio is told twice at one joint.
+    Twice,
+    /// A slip beside something unexplained.
+    Slip,
+    /// Rows of their own beside something unexplained.
+    Pairing,
+    /// What is left depends on the path, or on each posture by itself: a joint that stood still over some rows, or whose log is late, does that.
+    Path,
+}
+
+impl Doubt {
+    fn of(first: &Diagnosis) -> Option<Self> {
+        let named = |effect: &str| first.causes.iter().any(|c| c.effect == effect);
+        if is_told_twice(&first.causes) {
+            return Some(Self::Twice);
+        }
+        if explains(first) {
+            return None;
+        }
+        let of_path = |place: &Where| place.depends_on.as_deref().is_some_and(|on| OF_PATH.contains(&on));
+        match () {
+            () if named(SLIP) => Some(Self::Slip),
+            () if named(PAIRING) => Some(Self::Pairing),
+            () if first.r#where.iter().any(of_path) => Some(Self::Path),
+            () => None,
+        }
+    }
+
+    /// What the second diagnosis does without.
+    fn without(self) -> Option<&'static str> {
+        match self {
+            Self::Twice => Some(RATIO.0),
+            Self::Slip => Some(SLIP),
+            Self::Pairing => Some(PAIRING),
+            Self::Path => None,
+        }
+    }
+
+    /// Whether whole mistakes are looked for that do no more than small errors.
+    fn looks_closely(self) -> bool {
+        matches!(self, Self::Pairing | Self::Path)
+    }
+
+    fn words(self) -> &'static str {
+        match self {
+            Self::Twice => "a ratio undone as a whole mistake was found again beside it: it is none",
+            Self::Slip => "a slip leaves no smaller gap on held-out regions: nothing has slipped",
+            Self::Pairing => "rows of their own leave no smaller gap on held-out regions: they are in order",
+            Self::Path => {
+                "what depended on the path is explained by a whole mistake that does no more than small errors"
+            }
+        }
+    }
 }
 
 /// Whether a ratio is told at one joint both as a whole mistake and as a small cause.

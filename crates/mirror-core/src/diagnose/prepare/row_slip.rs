@@ -6,7 +6,7 @@
 use crate::diagnose::likelihood::normal_equations::chunks;
 use crate::diagnose::model::frame::{FrameWork, Task};
 use crate::diagnose::model::problem::{Noise, Problem};
-use crate::diagnose::principles::{BEYOND_DOUBT, FEWEST_POSTURES};
+use crate::diagnose::principles::{BEYOND_DOUBT, FEWEST_POSTURES, NEARLY_ALL};
 use crate::error::Result;
 use rayon::prelude::*;
 
@@ -74,7 +74,9 @@ pub(crate) fn find(problem: &Problem, noise: Noise) -> Result<Option<Slip>> {
             }
         }
     }
-    Ok(best)
+    // Of nearly all rows it is a log that is late, if by part of a row: found as a whole mistake, or not known.
+    let nearly_all = |b: &Slip| b.shift > 0 && (b.last + 1 - b.first) as f64 >= NEARLY_ALL * frames as f64;
+    Ok(best.filter(|b| !nearly_all(b)))
 }
 
 /// Cost of each frame under the commanded posture of `shift` rows away; none where there is no such row or observation.

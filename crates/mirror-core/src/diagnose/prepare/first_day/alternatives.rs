@@ -5,7 +5,7 @@ use super::mistake::{LateKind, Mistake};
 use super::variant::{Variant, seen_joints};
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::problem::{Observation, Problem, Seen};
-use crate::diagnose::principles::{FEWEST_FRAMES, FEWEST_POSTURES};
+use crate::diagnose::principles::{FEWEST_FRAMES, FEWEST_POSTURES, NEARLY_ALL};
 use core::f64::consts::{PI, TAU};
 
 /// What a column of another unit must be multiplied by: degrees, half turns, turns, tenths and hundredths of a degree, ticks of
@@ -22,14 +22,14 @@ const ZERO_STEP: f64 = PI / 12.0;
 /// Whole rows by which a column may be late, and parts of a row.
 const LATE_ROWS: usize = 8;
 const LATE_PARTS: usize = 10;
+/// The same of all joints at once: where every row is a blend, one of half a row is nearly as far from one of 0.54 as from none.
+const LATE_PARTS_OF_ALL: usize = 40;
 /// A part of a row must shrink the loss by this share: a whole number needs no other explanation.
 const WORTH_A_PART: f64 = 0.05;
 /// Rows by which a measurement may have slipped.
 const SLIPPED_ROWS: i64 = 6;
 /// A frame whose loss falls by this was seen with another label, or at another row.
 const CLEAR: f64 = 1.5;
-/// A share of the frames that is all of them.
-const NEARLY_ALL: f64 = 0.75;
 /// Positions that are tried where a joint's is not known.
 const FREE_POSITIONS: usize = 25;
 
@@ -126,8 +126,9 @@ impl<'a> Session<'a> {
             for rows in 1..=LATE_ROWS {
                 out.push(Mistake::Late { joint, rows: rows as f64, kind: LateKind::Follow });
             }
-            for part in 1..LATE_PARTS {
-                let rows = part as f64 / LATE_PARTS as f64;
+            let parts = if joint.is_some() { LATE_PARTS } else { LATE_PARTS_OF_ALL };
+            for part in 1..parts {
+                let rows = part as f64 / parts as f64;
                 out.push(Mistake::Late { joint, rows, kind: LateKind::Follow });
                 out.push(Mistake::Late { joint, rows, kind: LateKind::Blend });
             }
