@@ -9,6 +9,7 @@ from pathlib import Path
 from .._core import __version__
 from ..diagnosis import actions, formatting, limits
 from ..diagnosis.actions import Concerned, concerned
+from ..diagnosis.next_postures import write_next_postures
 from ..diagnosis.page import HEADLINES
 from ..diagnosis.result import Diagnosis
 from ..file_names import file_name_of
@@ -20,10 +21,11 @@ from .words import REMEDIES
 
 TEMPLATE = "motion.html.j2"
 MODEL = "model.xml"
+NEXT_POSTURES = "next-postures.csv"
 
 
 def write_motion_report(done: MotionDiagnosis, folder: Path) -> Path:
-    """Writes `report.html`, `pictures/*.png` and the patched `model.xml` into a folder that is there; returns the page."""
+    """Writes `report.html`, `pictures/*.png`, the patched `model.xml` and, where moves are told, `next-postures.csv`; returns the page."""
     steps, joints = staircase(done), joint_pictures(done)
     (folder / "pictures").mkdir(exist_ok=True)
     files = {"staircase": steps} | {f"joint-{file_name_of(joint)}": drawn for joint, drawn in joints.items()}
@@ -33,6 +35,8 @@ def write_motion_report(done: MotionDiagnosis, folder: Path) -> Path:
         patched_model(done.problem.rollouts, done.found.best.causes), encoding="utf-8"
     )
     session, found = done.problem.session, done.diagnosis
+    if found.next_postures:
+        write_next_postures(found, folder / NEXT_POSTURES)
     values = {
         "version": __version__,
         "found": found,
