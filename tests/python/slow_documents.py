@@ -23,8 +23,8 @@ SLOW = (
     ("docs/moving.md", "moving peers"),
 )
 """Document, and how the command begins."""
-QUARTER_OF_AN_HOUR = ("--pictures",)
-"""Options of commands that are run with `--all` only."""
+QUARTER_OF_AN_HOUR = ("--pictures", "moving")
+"""Words of commands that are run with `--all` only."""
 
 
 def main() -> None:
