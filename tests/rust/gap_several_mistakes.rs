@@ -97,3 +97,36 @@ fn a_marker_on_another_link_before_a_cropped_camera_is_placed_once() {
         assert_near(&diagnosis, "marker_parent", name, real.markers[4].2[axis], 2e-3);
     }
 }
+
+#[test]
+fn a_clock_that_is_late_by_half_a_row_of_three_is_no_exchange_of_rows() {
+    let world = world();
+    let mut recording = world.record(&Plan { views: 3, ..plan(45, Vec::new()) });
+    recording.frames.iter_mut().enumerate().for_each(|(row, frame)| frame.posture = row as i64);
+    let old: Vec<Vec<f64>> = recording.frames.iter().map(|f| f.commanded.clone()).collect();
+    let part = 0.54;
+    for f in 1..old.len() {
+        let both = old[f].iter().zip(&old[f - 1]);
+        recording.frames[f].commanded =
+            both.map(|(now, before)| (1.0 - part) * now + part * before).collect();
+    }
+    let diagnosis = run(&world, &recording);
+    assert_eq!(named(&diagnosis), ["joint_late@robot"], "{:?}", diagnosis.trace);
+    // A row a second.
+    assert_near(&diagnosis, "joint_late", "delay_s", part, 0.005);
+}
+
+#[test]
+fn a_right_angle_beside_a_link_that_is_too_long_leaves_no_play() {
+    let world = world();
+    let wrong = vec![Wrong::Length(Some(world.bone("l_shoulder_pitch")), [0.0, -0.0015, 0.0])];
+    let mut recording = world.record(&plan(46, wrong));
+    let elbow = robot(&world).position_index("l_elbow").unwrap();
+    let right_angle = core::f64::consts::FRAC_PI_2;
+    recording.frames.iter_mut().for_each(|f| f.commanded[elbow] += right_angle);
+    let diagnosis = run(&world, &recording);
+    let causes = named(&diagnosis);
+    assert_eq!(causes.iter().filter(|c| c.ends_with("@joint:l_elbow")).count(), 1, "{causes:?}");
+    let zero = diagnosis.causes.iter().find(|c| c.effect == "joint_offset").unwrap().parameters["offset_rad"];
+    assert!((zero.value + right_angle).abs() < 4.0 * zero.std && zero.std < 2e-3, "{zero:?}");
+}
