@@ -101,7 +101,7 @@ def test_ctrl_c_is_answered_at_once(tracked: Path, text: str) -> None:
     took = cpu_s(child.pid) - begun
     assert child.wait() == 0
     # 0.1 s of a core; far below the seconds that a diagnosis takes.
-    assert took < 0.5 * (os.cpu_count() or 1), took
+    assert took < 1.0 * (os.cpu_count() or 1), took
 
 
 BATCHES = """
@@ -144,8 +144,8 @@ def test_ctrl_c_ends_long_batches_at_once() -> None:
         child.send_signal(signal.SIGINT)
         assert child.stdout.readline() == "interrupted\n", name
         took = cpu_s(child.pid) - begun
-        # Some hundredths of each core, once the arguments are read.
-        assert took < 0.7 * (os.cpu_count() or 1), (name, took)
+        # Some hundredths of each core, once the arguments are read; the whole takes 3 s of each and more.
+        assert took < 1.5 * (os.cpu_count() or 1), (name, took)
     assert child.wait() == 0
 
 
