@@ -32,6 +32,8 @@ pub(crate) const LOG_PRIOR_SETUP: f64 = -12.0;
 pub(crate) const FEWEST_POSTURES: usize = 3;
 /// A run of fewer frames is no run: two postures of three views each.
 pub(crate) const FEWEST_FRAMES: usize = 2 * FEWEST_POSTURES;
+/// The held-out gap with many small errors, a slip or exchanged rows must be smaller than without by this factor.
+pub(crate) const LEAST_HELD_OUT_RATIO: f64 = 0.98;
 /// A share of the frames that is all of them.
 pub(crate) const NEARLY_ALL: f64 = 0.75;
 /// A variance that rests on fewer rows is known to no better than a quarter.

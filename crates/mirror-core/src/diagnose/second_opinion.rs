@@ -11,6 +11,7 @@ use crate::diagnose::data::diagnosis::{Cause, Diagnosis, Verdict, Where};
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::pipeline;
 use crate::diagnose::prepare::options::{DiagnoseOptions, OtherSession};
+use crate::diagnose::principles::LEAST_HELD_OUT_RATIO;
 use crate::error::Result;
 use crate::robot::Robot;
 
@@ -38,11 +39,11 @@ pub fn diagnose(
     let mut still = options.clone();
     still.without.extend(doubt.without().map(str::to_owned));
     let mut second = pipeline::diagnose(robot, recording, &still, others, doubt.looks_closely())?;
-    let better = left(&second) <= left(&first);
+    let no_worse = left(&second) <= left(&first);
     let believed = match doubt {
-        Doubt::Twice => better || explains(&second),
-        Doubt::Slip | Doubt::Pairing => better,
-        Doubt::Path => better && explains(&second),
+        Doubt::Twice => no_worse || explains(&second),
+        Doubt::Slip | Doubt::Pairing => LEAST_HELD_OUT_RATIO * left(&second) <= left(&first),
+        Doubt::Path => no_worse && explains(&second),
     };
     if !believed {
         return Ok(first);

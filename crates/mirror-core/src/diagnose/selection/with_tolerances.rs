@@ -6,7 +6,7 @@ use crate::diagnose::effects::hypothesis::{Model, Term};
 use crate::diagnose::likelihood::fit::{FitOptions, fit};
 use crate::diagnose::likelihood::score_test::screen;
 use crate::diagnose::model::problem::Noise;
-use crate::diagnose::principles::LOG_PRIOR_GEOMETRY;
+use crate::diagnose::principles::{LEAST_HELD_OUT_RATIO, LOG_PRIOR_GEOMETRY};
 use crate::diagnose::random_effects::geometric_tolerances::{Geometry, Kind};
 use crate::diagnose::random_effects::outlier_tolerances::name_outlying;
 use crate::diagnose::selection::nonparametric::log_odds;
@@ -25,8 +25,6 @@ const FEWEST_TOLD: f64 = 2.5;
 /// Where they leave so many times the measurement's noise they must shrink the gap by more than chance can.
 const LOUD: f64 = 5.0;
 const LEAST_RATIO_WHERE_LOUD: f64 = 0.8;
-/// The held-out gap with many small errors must be smaller than without by this factor.
-const LEAST_HELD_OUT_RATIO: f64 = 0.98;
 
 /// A gear's error beside small errors reaches so many times their spread either way, or is one of them.
 const STANDS_OUT: f64 = 1.5;
