@@ -23,7 +23,7 @@ const BLUR_OF_STEP: f64 = 0.6;
 const TOLERANCE_PX: f64 = 0.675;
 /// What all edges share whatever the picture shows (pixel structure, the pane's second image), px, and what a blur of σ px carries over the rim, as a share of
 /// σ² / radius: measured on rendered balls.
-const SHARED_FLOOR_PX: f64 = 0.028;
+const SHARED_FLOOR_PX: f64 = 0.024;
 const SHARED_BY_BLUR: f64 = 0.31;
 /// In coded pictures, edges share this share of their own deviation with their neighbours: a block of colour spans a broad part of a ball's outline.
 const SHARED_OF_CODED: f64 = 0.4;

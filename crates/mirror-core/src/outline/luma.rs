@@ -117,7 +117,7 @@ impl Curve {
 
 /// Edges of the brightness near those of the colour.
 pub(super) fn luma_edges(rays: &Rays, edges: &[RayEdge], lens_px: f64) -> Vec<LumaEdge> {
-    let window = window_px(lens_px).min(0.45 * rays.mean_radius_px);
+    let window = window_px(lens_px, true).min(0.45 * rays.mean_radius_px);
     edges.iter().enumerate().map(|(ray, edge)| luma_edge(rays, ray, edge, window)).collect()
 }
 

@@ -17,6 +17,8 @@ pub(super) struct RayEdge {
     /// and what the ball's rim is doubted anyway.
     pub trend: f64,
     pub doubt: f64,
+    /// What few levels between the two colours let it share with all others, px.
+    pub dark: f64,
     /// Second moment of what is covered by half, px²: the blur's variance.
     pub moment: f64,
     /// How far the ball's colour and that behind it are apart where they are told from each other, in the patch's values: noise divided by it is noise of the share.

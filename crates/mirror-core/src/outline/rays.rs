@@ -11,10 +11,11 @@ pub(super) const STEP_PX: f64 = 0.25;
 const REACH_PX: f64 = 3.0;
 const REACH_SHARE: f64 = 0.4;
 const ROUGH_SHARE: f64 = 0.12;
-/// Half width of the window over which the covered length is summed, for the least blur and for each px of it; at most this share of the radius.
-const LEAST_WINDOW_PX: f64 = 1.75;
-const WINDOW_BASE_PX: f64 = 0.35;
-const WINDOW_PER_BLUR: f64 = 2.0;
+/// Half width of the window over which the covered length is summed: at least so much, a part that no blur changes, and for each px of blur. What a window holds beyond
+/// the blur is other things' light; a codec's own blur is told less well, and has its own.
+const WINDOW: [f64; 3] = [1.5, -0.1, 2.2];
+const CODED_WINDOW: [f64; 3] = [1.75, 0.35, 2.0];
+/// It is at most this share of the radius.
 const WINDOW_SHARE: f64 = 0.45;
 /// How far from the outline the brightness of a coded picture is the ball's own.
 const LUMA_CLEAR_PX: f64 = 1.75;
@@ -22,8 +23,9 @@ const LUMA_CLEAR_PX: f64 = 1.75;
 pub(super) const ZONE_PX: f64 = 1.5;
 
 /// Half width of the window for a blur.
-pub(super) fn window_px(blur_px: f64) -> f64 {
-    (WINDOW_BASE_PX + WINDOW_PER_BLUR * blur_px).max(LEAST_WINDOW_PX)
+pub(super) fn window_px(blur_px: f64, coded: bool) -> f64 {
+    let [least, base, per_blur] = if coded { CODED_WINDOW } else { WINDOW };
+    (base + per_blur * blur_px).max(least)
 }
 
 /// Evenly spaced rays from a centre, sampled around the outline expected on each.
@@ -58,7 +60,7 @@ impl Rays {
         let count = radius_px.len();
         let mean = radius_px.iter().sum::<f64>() / count as f64;
         let widest = WINDOW_SHARE * mean;
-        let window: Vec<f64> = blur_px.iter().map(|b| window_px(*b).min(widest)).collect();
+        let window: Vec<f64> = blur_px.iter().map(|b| window_px(*b, patch.coded).min(widest)).collect();
         let largest = window.iter().copied().fold(0.0, f64::max);
         let reach = (REACH_PX.min(REACH_SHARE * mean)).max(if rough { ROUGH_SHARE * mean } else { 0.0 });
         let inner = (mean - 0.25).min(reach + largest + ZONE_PX);
