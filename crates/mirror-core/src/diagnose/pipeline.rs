@@ -32,6 +32,8 @@ use crate::robot::Robot;
 /// help on held-out regions are dropped, improbable ones give way; the remainder is tested against the noise; causes that other draws of
 /// the postures do not show again are taken back. `closely`: whole mistakes are looked for where nothing is gross too.
 ///
+/// The diagnosis, and the share of its limit of work that it took.
+///
 /// # Errors
 /// A recording that is not valid, links that do not exist, a camera that cannot be.
 pub fn diagnose(
@@ -40,7 +42,7 @@ pub fn diagnose(
     options: &DiagnoseOptions,
     others: &[OtherSession],
     closely: bool,
-) -> Result<Diagnosis> {
+) -> Result<(Diagnosis, f64)> {
     options.progress.enter("looking for whole mistakes");
     let mut prepared = Prepared::new(robot, recording, options, closely)?;
     let (problem, stated) = (prepared.problem.clone(), prepared.stated);
@@ -95,5 +97,5 @@ pub fn diagnose(
     }
     // Frames that were passed over on the way out left numbers that mean nothing.
     options.cancel.check()?;
-    Ok(diagnosis)
+    Ok((diagnosis, prepared.given.budget.share()))
 }

@@ -17,6 +17,8 @@ use crate::robot::Robot;
 
 const SLIP: &str = "slip";
 const PAIRING: &str = "pairing";
+/// A closer look is taken where the first one took no more than this share of its limit of work: both together stay bounded.
+const MOST_WORK: f64 = 0.6;
 /// What a place depends on where a second, closer look for whole mistakes is worth it.
 const OF_PATH: [&str; 2] = ["history", "posture, each by itself"];
 /// A ratio that is a whole mistake is tried as another unit of the joint, and told as a small one is.
@@ -34,11 +36,13 @@ pub fn diagnose(
     options: &DiagnoseOptions,
     others: &[OtherSession],
 ) -> Result<Diagnosis> {
-    let first = pipeline::diagnose(robot, recording, options, others, false)?;
-    let Some(doubt) = Doubt::of(&first) else { return Ok(first) };
+    let (first, work) = pipeline::diagnose(robot, recording, options, others, false)?;
+    let Some(doubt) = Doubt::of(&first).filter(|d| !d.looks_closely() || work < MOST_WORK) else {
+        return Ok(first);
+    };
     let mut still = options.clone();
     still.without.extend(doubt.without().map(str::to_owned));
-    let mut second = pipeline::diagnose(robot, recording, &still, others, doubt.looks_closely())?;
+    let (mut second, _) = pipeline::diagnose(robot, recording, &still, others, doubt.looks_closely())?;
     let no_worse = left(&second) <= left(&first);
     let believed = match doubt {
         Doubt::Twice => no_worse || explains(&second),

@@ -59,7 +59,9 @@ impl<'a> Session<'a> {
     }
 
     /// Mistakes of single joints and pairs of them, of all rows alike.
-    pub fn of_joints(&self, variant: &Variant) -> Vec<Mistake> {
+    ///
+    /// `finely`: late logs of all joints in finer parts.
+    pub fn of_joints(&self, variant: &Variant, finely: bool) -> Vec<Mistake> {
         let mut out = Vec::new();
         let moving: Vec<(usize, NodeId)> =
             self.joints.iter().copied().filter(|(j, _)| moves(&variant.column(*j))).collect();
@@ -78,7 +80,7 @@ impl<'a> Session<'a> {
         }
         out.extend(UNITS.iter().map(|&factor| Mistake::AllUnits { factor }));
         out.extend(self.sides());
-        out.extend(self.late(&moving));
+        out.extend(self.late(&moving, finely));
         out
     }
 
@@ -116,7 +118,7 @@ impl<'a> Session<'a> {
         out
     }
 
-    fn late(&self, moving: &[(usize, NodeId)]) -> Vec<Mistake> {
+    fn late(&self, moving: &[(usize, NodeId)], finely: bool) -> Vec<Mistake> {
         if !self.ordered {
             return Vec::new();
         }
@@ -126,7 +128,7 @@ impl<'a> Session<'a> {
             for rows in 1..=LATE_ROWS {
                 out.push(Mistake::Late { joint, rows: rows as f64, kind: LateKind::Follow });
             }
-            let parts = if joint.is_some() { LATE_PARTS } else { LATE_PARTS_OF_ALL };
+            let parts = if joint.is_none() && finely { LATE_PARTS_OF_ALL } else { LATE_PARTS };
             for part in 1..parts {
                 let rows = part as f64 / parts as f64;
                 out.push(Mistake::Late { joint, rows, kind: LateKind::Follow });

@@ -246,7 +246,7 @@ fn chain_of_the_body(
 
 /// A chain with each further mistake that makes it clearly better; the best few.
 fn extended(session: &Session<'_>, frames: &[usize], chain: &Chain, without: &[String]) -> Vec<Chain> {
-    let mut mistakes = session.of_joints(&chain.variant);
+    let mut mistakes = session.of_joints(&chain.variant, chain.mistakes.is_empty());
     mistakes.extend(session.of_labels(&chain.variant));
     mistakes.extend(session.of_rows(&chain.variant));
     mistakes.extend(session.of_stops(&chain.variant));
