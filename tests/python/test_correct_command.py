@@ -100,7 +100,7 @@ def test_a_signal_that_ends_the_program_rests_first(tmp_path: Path) -> None:
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
-        env=dict(os.environ) | {"PYTHONPATH": path},
+        env=dict(os.environ) | {"PYTHONPATH": path, "SLOW_ROBOT_WAITS_AT": "4"},
     )
     assert child.stderr is not None and child.stderr.readline().startswith("look 1")
     child.send_signal(getattr(signal, name))
@@ -127,7 +127,11 @@ def test_ctrl_c_rests_exits_with_130_and_resume_goes_on(tmp_path: Path) -> None:
     here = str(Path(__file__).parent)
     environment = dict(os.environ) | {"PYTHONPATH": os.pathsep.join([here, os.environ.get("PYTHONPATH", "")])}
     child = subprocess.Popen(
-        [*program, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment
+        [*program, *words],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=environment | {"SLOW_ROBOT_WAITS_AT": "7"},
     )
     assert child.stderr is not None and child.stdout is not None
     told = [child.stderr.readline(), child.stderr.readline()]
