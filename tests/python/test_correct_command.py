@@ -112,7 +112,9 @@ def test_a_signal_that_ends_the_program_rests_first(tmp_path: Path) -> None:
 
 def test_ctrl_c_rests_exits_with_130_and_resume_goes_on(tmp_path: Path) -> None:
     out = tmp_path / "stopped"
-    program = [sys.executable, "-c", "from mirror_posture.cli import main; main()"]
+    # A shell in the background has its children ignore the interrupt.
+    heard = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
+    program = [sys.executable, "-c", heard + "from mirror_posture.cli import main; main()"]
     words = [
         "correct",
         "own",
