@@ -16,7 +16,8 @@ from ..arguments import checked_arguments
 from ..board import Board
 from ..camera import Camera
 from . import corners, gate, labels, pattern
-from .board_search import Places, candidates, resized, scale_of
+from .board_search import Places, candidates, scale_of
+from .places import resized
 from .prediction import predicted_corners_px
 from .types import BoardPrediction, BoardView, FloatArray, Pixels, Via, check_board
 

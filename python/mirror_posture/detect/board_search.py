@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from ..board import Board
-from .places import LEAST_SHOWN, Place, board_places
+from .places import LEAST_SHOWN, Place, board_places, resized
 from .types import FloatArray, Pixels
 
 # Larger pictures are searched at about this width: the detectors look for squares of tens of pixels.
@@ -99,13 +99,6 @@ def _in_place(
         for name, grid in _run(way, prepared, times, board, detector):
             # Pixel centres, not corners, are whole numbers: a resized picture is shifted by half a pixel.
             yield name, (grid + np.array([left, top], dtype=np.float64) + 0.5) / scale - 0.5
-
-
-def resized(gray: Pixels, scale: float) -> Pixels:
-    if scale == 1.0:
-        return gray
-    small: Pixels = cv2.resize(gray, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-    return small
 
 
 def _classic(gray: Pixels, size: tuple[int, int]) -> Pixels | None:

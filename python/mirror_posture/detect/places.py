@@ -82,8 +82,7 @@ def board_places(gray: Pixels, corner_count: int, scale: float = 0.5) -> tuple[P
     height, width = gray.shape
     if min(height, width) * scale < LEAST_SIDE_PX:
         return ()
-    small = gray if scale == 1.0 else cv2.resize(gray, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-    saddles = _saddles(small)
+    saddles = _saddles(resized(gray, scale))
     found: list[Place] = []
     groups = [group for ratio in STEP_RATIOS for group in _groups(saddles, LEAST_SHOWN * corner_count, ratio)]
     for points, step in groups:
@@ -96,6 +95,14 @@ def board_places(gray: Pixels, corner_count: int, scale: float = 0.5) -> tuple[P
             found.append(place)
     found.sort(key=lambda one: one.unlike(corner_count))
     return tuple(found[:MOST_PLACES])
+
+
+def resized(gray: Pixels, scale: float) -> Pixels:
+    """A picture at another size: pixels are averaged, none is left out."""
+    if scale == 1.0:
+        return gray
+    small: Pixels = cv2.resize(gray, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    return small
 
 
 def _saddles(gray: Pixels) -> _Saddles:

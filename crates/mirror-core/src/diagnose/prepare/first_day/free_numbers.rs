@@ -5,6 +5,7 @@ use super::mistake::{Mistake, in_time};
 use super::told::row_step_s;
 use super::variant::{Variant, seen_joints};
 use crate::diagnose::data::recording::Recording;
+use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::loose::Loose;
 use crate::diagnose::model::problem::Problem;
@@ -21,26 +22,26 @@ impl Mistake {
     pub(super) fn loose(&self, recording: &Recording, problem: &Problem, names: &[String]) -> Vec<Loose> {
         let body = &problem.scene.body;
         let joints = seen_joints(body, &problem.scene.relevant);
-        let node_of = |joint: usize| joints.iter().find(|(j, _)| *j == joint).map(|(_, node)| *node);
-        let of = |joint: usize, weight: Weight, std: f64, effect: &str, parameter: &str, unit: f64| {
-            node_of(joint).map(|node| Loose {
-                column: Column { atom: Atom::Joint(node), weight },
-                std,
-                effect: effect.into(),
-                at: format!("joint:{}", names[joint]),
-                parameter: parameter.into(),
-                unit,
-            })
+        let of_joints = |joint: Option<usize>| {
+            joints.iter().copied().filter(move |(j, _)| joint.is_none_or(|one| one == *j))
         };
+        let of =
+            |(joint, node): (usize, NodeId), weight: Weight, std, effect: &str, parameter: &str, unit| {
+                Loose {
+                    column: Column { atom: Atom::Joint(node), weight },
+                    std,
+                    effect: effect.into(),
+                    at: format!("joint:{}", names[joint]),
+                    parameter: parameter.into(),
+                    unit,
+                }
+            };
         match *self {
-            Self::Zero { joint, .. } => {
-                of(joint, Weight::One, ZERO_STD, "joint_offset", "offset_rad", 1.0).into_iter().collect()
-            }
-            Self::JointUnit { joint, factor } if !UNITS.contains(&factor) => node_of(joint)
-                .and_then(|node| {
-                    of(joint, Weight::Position(node), RATIO_STD, "gear_ratio", "scale_error", factor)
-                })
-                .into_iter()
+            Self::Zero { joint, .. } => of_joints(Some(joint))
+                .map(|one| of(one, Weight::One, ZERO_STD, "joint_offset", "offset_rad", 1.0))
+                .collect(),
+            Self::JointUnit { joint, factor } if !UNITS.contains(&factor) => of_joints(Some(joint))
+                .map(|one| of(one, Weight::Position(one.1), RATIO_STD, "gear_ratio", "scale_error", factor))
                 .collect(),
             Self::Late { joint, rows, kind } if rows.fract() != 0.0 => {
                 let before = Variant::of(recording, problem);
@@ -48,21 +49,19 @@ impl Mistake {
                     Some(step_s) => (step_s, "delay_s"),
                     None => (1.0, "delay_rows"),
                 };
-                let late = joints.iter().filter(|(j, _)| joint.is_none_or(|one| one == *j));
-                late.filter_map(|&(j, node)| {
-                    let column = before.column(j);
-                    let ends = [rows - STEP_ROWS, rows + STEP_ROWS].map(|r| in_time(&column, r, kind));
-                    let multiplier = body.nodes[node].command.1;
-                    let speed =
-                        ends[0].iter().zip(&ends[1]).map(|(a, b)| multiplier * (b - a) / (2.0 * STEP_ROWS));
-                    let mut loose =
-                        of(j, Weight::Frames(speed.collect()), ROWS_STD, "joint_late", parameter, unit)?;
-                    if joint.is_none() {
-                        loose.at = "robot".into();
-                    }
-                    Some(loose)
-                })
-                .collect()
+                let loose = |one: (usize, NodeId)| {
+                    let column = before.column(one.0);
+                    let [early, late] =
+                        [rows - STEP_ROWS, rows + STEP_ROWS].map(|r| in_time(&column, r, kind));
+                    let per_row = body.nodes[one.1].command.1 / (2.0 * STEP_ROWS);
+                    let speed = early.iter().zip(&late).map(|(a, b)| per_row * (b - a)).collect();
+                    of(one, Weight::Frames(speed), ROWS_STD, "joint_late", parameter, unit)
+                };
+                let all = of_joints(joint).map(loose);
+                if joint.is_some() {
+                    return all.collect();
+                }
+                all.map(|one| Loose { at: "robot".into(), ..one }).collect()
             }
             _ => Vec::new(),
         }

@@ -161,15 +161,9 @@ impl Undone {
         let mut loose = core::mem::take(&mut self.problem.loose);
         loose.extend(mistake.loose(&self.recording, &self.problem, &names(&self.robot)));
         mistake.undo(&mut self.robot, &self.problem, &mut self.recording)?;
-        let sites = (self.problem.marker_sites.clone(), self.problem.marker_mounts.clone());
-        let mount_known = self.problem.scene.mount_known.clone();
         let slips = core::mem::take(&mut self.problem.slips);
-        let (cancel, budget) = (self.problem.cancel.clone(), self.problem.budget.clone());
-        self.problem = Problem::new(&self.robot, &self.recording)?;
-        (self.problem.marker_sites, self.problem.marker_mounts) = sites;
-        self.problem.scene.mount_known = mount_known;
+        self.problem = arranged_again(&self.robot, &self.recording, &self.problem)?;
         leave_out_wrong_grids(&mut self.problem);
-        (self.problem.cancel, self.problem.budget) = (cancel, budget);
         self.problem.slips = slips;
         self.problem.loose = loose;
         if !self.problem.slips.is_empty() {
@@ -177,6 +171,16 @@ impl Undone {
         }
         mistake.on_problem(&mut self.problem)
     }
+}
+
+/// A changed robot and recording arranged as before: with the markers where they were found to be, and the same token and limit of work.
+fn arranged_again(robot: &Robot, recording: &Recording, before: &Problem) -> Result<Problem> {
+    let mut problem = Problem::new(robot, recording)?;
+    problem.marker_sites.clone_from(&before.marker_sites);
+    problem.marker_mounts.clone_from(&before.marker_mounts);
+    problem.scene.mount_known.clone_from(&before.scene.mount_known);
+    (problem.cancel, problem.budget) = (before.cancel.clone(), before.budget.clone());
+    Ok(problem)
 }
 
 fn names(robot: &Robot) -> Vec<String> {
@@ -362,13 +366,8 @@ impl Chain {
         for (frame, row) in recording.frames.iter_mut().zip(&self.variant.positions) {
             frame.commanded.clone_from(row);
         }
-        let mut problem = Problem::new(&robot, &recording)?;
+        let mut problem = arranged_again(&robot, &recording, &session.problem)?;
         problem.noise = session.problem.noise;
-        problem.cancel = session.problem.cancel.clone();
-        problem.budget = session.problem.budget.clone();
-        problem.marker_sites.clone_from(&session.problem.marker_sites);
-        problem.marker_mounts.clone_from(&session.problem.marker_mounts);
-        problem.scene.mount_known.clone_from(&session.problem.scene.mount_known);
         for mistake in &self.mistakes {
             mistake.on_problem(&mut problem)?;
         }
