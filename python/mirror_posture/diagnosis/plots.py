@@ -183,6 +183,8 @@ def draw_signature(signature: Signature, index: int) -> Drawing:
             )
         ax.axhline(0.0, color=INK, linewidth=0.6)
         ax.set_xlabel(label)
+        # Labels like −0.035 of more places touch.
+        ax.locator_params(axis="x", nbins=4)
     direction = len(panels) - 2
     axes[0, direction].set_xticks([-1, 0, 1], ["down", "none", "up"])
     axes[0, direction].set_xlim(-1.5, 1.5)
