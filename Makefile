@@ -64,7 +64,7 @@ sdist: $(VENV)/tools ## the source distribution; builds a wheel from it, install
 	tar xzf target/sdist/*.tar.gz -C target/sdist/unpacked --strip-components 1
 	CARGO_TARGET_DIR=$(CURDIR)/target $(BIN)/maturin build -q --profile $(PROFILE) --locked -m target/sdist/unpacked/crates/mirror-py/Cargo.toml --out target/sdist/wheel
 	$(PYTHON) -m venv target/sdist/venv
-	target/sdist/venv/bin/python -m pip install -q --disable-pip-version-check target/sdist/wheel/*.whl pytest
+	target/sdist/venv/bin/python -m pip install -q --disable-pip-version-check target/sdist/wheel/*.whl pytest hypothesis
 	cd target/sdist/unpacked && ../venv/bin/python -m pytest -q -p no:cacheprovider tests/python/test_wheel.py tests/python/test_session.py
 	cp target/sdist/*.tar.gz dist/
 

@@ -90,7 +90,8 @@ proptest! {
         let (pixel, by_point) = eye.project_with_point_jacobian(&point).unwrap();
         prop_assert_eq!(pixel, at.pixel);
         prop_assert_eq!(by_point, at.by_point);
-        prop_assert_eq!(eye.project(&point).unwrap(), at.pixel);
+        // Its own code without Jacobians: the compiler may round it another way.
+        prop_assert!((eye.project(&point).unwrap() - at.pixel).amax() < 1e-10);
         let h = 1e-6;
         for axis in 0..3 {
             let mut step = Vector3::zeros();

@@ -171,10 +171,13 @@ proptest! {
         }
     }
 
-    /// A marker whose covariance is huge has no say.
+    /// A marker whose covariance is huge has no say: it moves the step by at most w κ² of its size, where w = 1e-12 is
+    /// the ratio of the weights and κ the condition of the other marker's Jacobian.
     #[test]
     fn markers_weigh_by_their_covariance(seed in 0_u64..100_000) {
         let mut case = Case::random(seed, 2, 3);
+        let stretch = case.jacobian.rows(0, 3).into_owned().singular_values();
+        prop_assume!(stretch[2] > 1e-3 * stretch[0]);
         case.covariance_m2 = vec![Matrix3::identity() * 1e-8, Matrix3::identity() * 1e4];
         let both = case.change(&plain(1.0));
         let mut one = Case { jacobian: case.jacobian.rows(0, 3).into_owned(), ..case };
