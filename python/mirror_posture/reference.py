@@ -10,7 +10,7 @@ from typing import Any
 
 from .diagnosis.schema import described
 from .diagnosis.schema import document_schema as diagnosis_schema
-from .formats import Key, Section, camera_keys, servo_keys, session_keys
+from .formats import Key, Section, camera_keys, plan_keys, servo_keys, session_keys
 from .output_files import write_file
 from .session.camera_formats import COEFFICIENT_NAMES
 
@@ -27,6 +27,7 @@ def schemas() -> dict[str, dict[str, Any]]:
         "session": session,
         "camera": camera_keys.document_schema(COEFFICIENT_NAMES),
         **{f"servos-{make}": dict(servo_keys.document_schema(make)) for make in servo_keys.MAKES},
+        "plan": plan_keys.TOP.schema(),
         "diagnosis": diagnosis_schema(),
     }
     return {name: {"$schema": DRAFT, "title": name, **schema} for name, schema in found.items()}
@@ -38,6 +39,7 @@ def pages() -> dict[str, str]:
         "session.md": _session_page(),
         "camera.md": _camera_page(),
         "servos.md": _servos_page(),
+        "plan.md": _plan_page(),
         "diagnosis.md": _diagnosis_page(),
     }
 
@@ -125,6 +127,24 @@ def _servos_page() -> str:
             text += f"\n### [{section.name}]\n\n{section.what}\n\n{_table(section.keys)}"
     text += f"\n## [rest]\n\n{servo_keys.REST}\n"
     return text + _refused(servo_keys.NOT_IN_A_SCHEMA)
+
+
+def _plan_page() -> str:
+    text = _head(
+        "plan.json",
+        ["plan"],
+        "Beside it lie postures.csv and views.csv ([setting up](../setting-up.md#the-plan)). A key that is not listed is refused.",
+    )
+    text += f"\n## The document\n\n{_table(plan_keys.TOP.keys)}"
+    text += "".join(_objects(section, section.name) for section in plan_keys.TOP.sections)
+    return text + _refused(plan_keys.NOT_IN_A_SCHEMA)
+
+
+def _objects(section: Section, name: str) -> str:
+    """A section of a JSON document, and those within it."""
+    listed = "A list of objects. " if section.repeated else ""
+    text = f"\n## `{name}`\n\n{listed}{section.what}\n\n{_table(section.keys)}"
+    return text + "".join(_objects(inner, f"{name}.{inner.name}") for inner in section.sections)
 
 
 def _diagnosis_page() -> str:

@@ -16,12 +16,16 @@ import pytest
 from mirror_posture import MirrorPostureError, Robot
 from mirror_posture.camera import Camera
 from mirror_posture.diagnosis import diagnose
+from mirror_posture.formats.plan_keys import MOST_VIEWS
 from mirror_posture.plan import PlanOptions, make_plan, read_plan
+from mirror_posture.plan.again import read_options
+from mirror_posture.plan.options import PITCHES_DEG, YAWS_DEG
 from mirror_posture.render import EMBEDDED_FOLDER
 from mirror_posture.robots import Nominal
 from mirror_posture.robots.protocol import ImagePoints, Look
 from mirror_posture.session import load_camera_info
 from small_arm import run, setup
+from test_schemas import compare, some
 
 mujoco = pytest.importorskip("mujoco")
 WIDTH_M, HEIGHT_M = 0.5, 0.5
@@ -348,11 +352,16 @@ def test_a_broken_plan_is_named(planned: Path, tmp_path: Path) -> None:
 
     nominal = Nominal.load(planned)
     for change, said in (
-        (lambda plan: plan.pop("options"), "'options'"),
+        (lambda plan: plan.pop("options"), "options is missing"),
         (lambda plan: plan["options"].update(clearance_m="wide"), "plan.json"),
         (lambda plan: plan["options"].update(home={"pen": 0.1}), "pen"),
         (lambda plan: plan["options"].update(table_m=math.inf), "plan.json"),
         (lambda plan: plan["options"].update(mirror_at_m=[0.5, 0.0]), "plan.json"),
+        (
+            lambda plan: plan["options"].update(clearence_m=0.02),
+            r"options.clearence_m is no key .*clearance_m",
+        ),
+        (lambda plan: plan.update(version=2), "version"),
     ):
         plan = json.loads((planned / "plan" / "plan.json").read_text())
         change(plan)
@@ -363,6 +372,26 @@ def test_a_broken_plan_is_named(planned: Path, tmp_path: Path) -> None:
             read_planned_room(tmp_path, nominal)
     with pytest.raises(MirrorPostureError, match="there is no such file"):
         read_planned_room(tmp_path / "nowhere", nominal)
+
+
+def test_the_schema_takes_a_real_plan_and_what_the_reader_takes(planned: Path, tmp_path: Path) -> None:
+    document = json.loads((planned / "plan" / "plan.json").read_text())
+    # One of each list is enough.
+    document["mirror"]["views"] = document["mirror"]["views"][:1]
+    told = next(one for one in document["tells"] if one["twins"])
+    document["tells"] = [{**told, "twins": told["twins"][:1]}]
+    file = tmp_path / "plan.json"
+
+    def read(tree: object) -> object:
+        file.write_text(json.dumps(tree))
+        return read_options(file)
+
+    assert read(document) == replace(read_options(planned / "plan" / "plan.json"))
+    mistyped = [(f"{name} is mistyped", {**document, f"{name}s": document[name]}) for name in document]
+    documents = [("as it is", document), *mistyped, *some(document, 9)]
+    taken, refused = compare("plan", documents, read)
+    assert taken > 20 and refused > 200
+    assert MOST_VIEWS == len(YAWS_DEG) * len(PITCHES_DEG)
 
 
 def test_a_mirror_whose_place_was_told_is_turned_there_and_not_moved(planned: Path, tmp_path: Path) -> None:

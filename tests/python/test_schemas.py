@@ -122,8 +122,8 @@ def test_session_toml(tmp_path: Path) -> None:
     assert read(document) and read(moon)
     documents = [
         ("as it is", document),
-        *variants(document),
-        *((w, d) for w, d in variants(moon) if "gravity" in w),
+        *some(document, 3),
+        *((w, d) for w, d in variants(moon) if w.startswith("gravity")),
     ]
     taken, refused = compare("session", documents, read, beyond)
     assert taken > 50 and refused > 300
@@ -211,7 +211,7 @@ def test_diagnosis_json() -> None:
 
 def test_the_reference_tells_every_key(tmp_path: Path) -> None:
     files = {file.name for file in write_reference(tmp_path)}
-    assert files >= {"session.md", "servos.md", "camera.md", "diagnosis.md", "session.schema.json"}
+    assert files >= {"session.md", "servos.md", "camera.md", "plan.md", "diagnosis.md", "session.schema.json"}
     for name, schema in schemas().items():
         jsonschema.Draft202012Validator.check_schema(schema)
         assert json.loads((tmp_path / f"{name}.schema.json").read_text(encoding="utf-8")) == schema
@@ -221,6 +221,7 @@ def test_the_reference_tells_every_key(tmp_path: Path) -> None:
                 f"`{key}`" in page
                 or f"[{key}]" in page
                 or f".{key}]" in page
+                or f".{key}`" in page
                 or key in ("format", "version", "data", "joints", "points")
             ), key
 

@@ -24,6 +24,8 @@ class Key:
     unit: str = ""
     needs: str = ""
     """What it needs, in other words than those of its type."""
+    null: bool = False
+    """Whether null may stand there (TOML has none)."""
 
     @property
     def required(self) -> bool:
@@ -33,7 +35,7 @@ class Key:
     @property
     def needed(self) -> str:
         """What the key needs, as error messages say it."""
-        return self.needs or self._needed()
+        return (self.needs or self._needed()) + (", or null" if self.null else "")
 
     def _needed(self) -> str:
         raise NotImplementedError
@@ -42,9 +44,17 @@ class Key:
         """The value as readers use it; None where it is not what is needed."""
         raise NotImplementedError
 
+    def takes(self, value: Any) -> bool:
+        """Whether a value may stand there."""
+        return (self.null and value is None) or self.read(value) is not None
+
     def schema(self) -> dict[str, Any]:
         """The values that `read` takes, as JSON Schema."""
         raise NotImplementedError
+
+    def schema_or_null(self) -> dict[str, Any]:
+        """The values that `takes` takes, as JSON Schema."""
+        return {"anyOf": [self.schema(), {"type": "null"}]} if self.null else self.schema()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -214,7 +224,7 @@ class Section:
         properties: dict[str, Any] = {}
         for key in self.keys:
             text = f"{key.what} ({key.unit})" if key.unit else key.what
-            properties[key.name] = {"description": text, **key.schema()}
+            properties[key.name] = {"description": text, **key.schema_or_null()}
             if not key.required and key.default is not None:
                 properties[key.name]["default"] = key.default
         for section in self.sections:

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import json
-import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from .._core import MirrorPostureError
+from ..formats import plan_keys
+from ..formats.check import problems
 from ..input_files import LARGEST_TEXT, given_text
 from ..robots.nominal import Nominal
 from .candidates import sift
@@ -130,7 +130,7 @@ def read_planned_room(folder: Path, nominal: Nominal) -> PlannedRoom:
     Raises:
         MirrorPostureError: no plan there, one that is broken (file, row and column, or key), or one of another robot.
     """
-    options = _options(folder / DOCUMENT).before(nominal.metadata.mirror)
+    options = read_options(folder / DOCUMENT).before(nominal.metadata.mirror)
     rows = planned_mirrors(folder, nominal)
     setting = read_setting(nominal, options)
     room, _, warnings = room_of(setting, options, np.random.default_rng(options.seed))
@@ -166,44 +166,28 @@ def _apart(one: MirrorPlace, other: MirrorPlace) -> bool:
     return float(np.linalg.norm(one.normal_in_root - other.normal_in_root)) > SAME_TURN_RAD
 
 
-def _options(file: Path) -> PlanOptions:
-    """What the plan was made for, as plan.json keeps it: all that postures are judged by."""
+def read_options(file: Path) -> PlanOptions:
+    """What a plan was made for, as its plan.json keeps it.
+
+    Raises:
+        MirrorPostureError: no such file, no JSON, or a key that is missing, mistyped or of another kind; it names the key and what is needed.
+    """
     try:
-        told = json.loads(given_text(file, NEEDED, LARGEST_TEXT))["options"]
-        return PlanOptions(
-            mirror_width_m=_number(told["mirror_width_m"]),
-            mirror_height_m=_number(told["mirror_height_m"]),
-            mirror_at_m=None if told["mirror_at_m"] is None else _place(told["mirror_at_m"]),
-            table_m=_number(told["table_m"]),
-            clearance_m=_number(told["clearance_m"]),
-            home={str(name): float(_number(value) or 0.0) for name, value in told["home"].items()},
-            held=tuple(map(str, told["held"])),
-            mirror_fixed=bool(told["mirror_fixed"]),
-            real_balls_allowed=bool(told["real_balls_allowed"]),
-            packages={str(name): Path(str(path)) for name, path in told["packages"].items()},
-        )
-    except KeyError as missing:
-        raise MirrorPostureError(f"{file}: has no {missing}; needed {NEEDED}; plan once more") from None
-    except (ValueError, TypeError, AttributeError, RecursionError) as error:
+        tree = json.loads(given_text(file, NEEDED, LARGEST_TEXT))
+    except (ValueError, RecursionError) as error:
         told = " ".join(str(error).split())[:200]
         raise MirrorPostureError(
             f"{file}: cannot be read ({told}); needed {NEEDED}; plan once more"
         ) from None
-
-
-def _number(value: Any) -> float | None:
-    """A finite number or None. Raises ValueError."""
-    if value is None:
-        return None
-    number = float(value)
-    if not math.isfinite(number):
-        raise ValueError(f"got {value!r}, needed a finite number")
-    return number
-
-
-def _place(values: Any) -> tuple[float, float, float]:
-    """Three finite numbers. Raises ValueError."""
-    x, y, z = (_number(value) for value in values)
-    if x is None or y is None or z is None:
-        raise ValueError(f"got {values!r}, needed X, Y, Z in metres")
-    return x, y, z
+    if wrong := list(problems(plan_keys.TOP, tree)):
+        more = f" (and {len(wrong) - 1} more of its keys)" if len(wrong) > 1 else ""
+        raise MirrorPostureError(f"{file}: {wrong[0]}{more}; mend it, or plan once more")
+    told = tree["options"]
+    at = told["mirror_at_m"]
+    changed = {
+        "mirror_at_m": None if at is None else tuple(map(float, at)),
+        "home": {name: float(value) for name, value in told["home"].items()},
+        "held": tuple(told["held"]),
+        "packages": {name: Path(folder) for name, folder in told["packages"].items()},
+    }
+    return PlanOptions(**{**told, **changed})

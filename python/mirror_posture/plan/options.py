@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .._core import MirrorPostureError
+from ..formats.plan_keys import MOST_POSTURES, MOST_VIEWS
 from ..mirror import Mirror
 
 Floats = npt.NDArray[np.float64]
@@ -94,12 +95,10 @@ class PlanOptions:
             value = getattr(self, name)
             if value is not None and not (math.isfinite(value) and value > 0.0):
                 raise MirrorPostureError(f"plan, {name}: got {value!r}, needed a number above 0")
-        if not (1 <= self.views <= len(YAWS_DEG) * len(PITCHES_DEG)):
-            raise MirrorPostureError(
-                f"plan, views: got {self.views}, needed 1 to {len(YAWS_DEG) * len(PITCHES_DEG)}"
-            )
-        if not 2 <= self.postures <= 1000:
-            raise MirrorPostureError(f"plan, postures: got {self.postures}, needed 2 to 1000")
+        if not 1 <= self.views <= MOST_VIEWS:
+            raise MirrorPostureError(f"plan, views: got {self.views}, needed 1 to {MOST_VIEWS}")
+        if not 2 <= self.postures <= MOST_POSTURES:
+            raise MirrorPostureError(f"plan, postures: got {self.postures}, needed 2 to {MOST_POSTURES}")
         if self.noise_px is not None and not (math.isfinite(self.noise_px) and self.noise_px > 0.0):
             raise MirrorPostureError(f"plan, noise_px: got {self.noise_px!r}, needed a number above 0")
 

@@ -12,6 +12,7 @@ import numpy as np
 import pyarrow as pa
 
 from .._core import MirrorPostureError
+from ..formats.plan_keys import FORMAT, VERSION
 from ..output_files import new_folder
 from ..robot import Robot
 from ..session.tables import open_table
@@ -81,8 +82,8 @@ def document(plan: Plan) -> dict[str, Any]:
         return value if math.isfinite(value) else None
 
     return {
-        "format": "mirror-posture/plan",
-        "version": 1,
+        "format": FORMAT,
+        "version": VERSION,
         "frames": len(plan.view),
         "joints": list(plan.setting.joint_names),
         "mirror": {

@@ -20,7 +20,7 @@ def command(
     name: Annotated[
         str,
         typer.Argument(
-            help="session, camera, servos-dynamixel, servos-feetech or diagnosis; none lists them."
+            help="session, camera, servos-dynamixel, servos-feetech, plan or diagnosis; none lists them."
         ),
     ] = "",
     out: Annotated[
