@@ -90,13 +90,27 @@ def test_bad_input_is_one_clear_line(tmp_path: Path, words: tuple[str, ...], sai
     assert not (tmp_path / "a").exists(), "a folder in the way of the next try"
 
 
+# What was begun in the background ignores the interrupt, what was begun by nohup the hang-up.
+HEARD = (
+    "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
+    "signal.signal(getattr(signal, 'SIGHUP', signal.SIGTERM), signal.SIG_DFL); "
+)
+
+
 def test_a_signal_that_ends_the_program_rests_first(tmp_path: Path) -> None:
     name = "SIGHUP"
     out = tmp_path / "stopped"
     words = ["correct", "own", "--robot-class", "slow_robot:SlowRobot", "--out", str(out), *TARGET]
     path = os.pathsep.join([str(Path(__file__).parent), os.environ.get("PYTHONPATH", "")])
     child = subprocess.Popen(
-        [sys.executable, "-c", "from mirror_posture.cli import main; main()", *words, "--gain", "0.3"],
+        [
+            sys.executable,
+            "-c",
+            HEARD + "from mirror_posture.cli import main; main()",
+            *words,
+            "--gain",
+            "0.3",
+        ],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -112,9 +126,7 @@ def test_a_signal_that_ends_the_program_rests_first(tmp_path: Path) -> None:
 
 def test_ctrl_c_rests_exits_with_130_and_resume_goes_on(tmp_path: Path) -> None:
     out = tmp_path / "stopped"
-    # A shell in the background has its children ignore the interrupt.
-    heard = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
-    program = [sys.executable, "-c", heard + "from mirror_posture.cli import main; main()"]
+    program = [sys.executable, "-c", HEARD + "from mirror_posture.cli import main; main()"]
     words = [
         "correct",
         "own",
