@@ -243,14 +243,14 @@ def mount(data: bytes) -> bool:
 
 def recording(data: bytes) -> bool:
     """A correction's files: its header and what its looks measured."""
-    from mirror_posture.correct.recorder import HEADER as HEADER_FILE
-    from mirror_posture.correct.recorder import READINGS, _read_readings, read_header
+    from mirror_posture.correct.recorded import HEADER as HEADER_FILE
+    from mirror_posture.correct.recorded import READINGS, read_header, read_readings
 
     head, _, readings = data.partition(b"\0")
     written(HEADER_FILE, head)
     header = read_header(scratch())
     assert all(isinstance(name, str) for name in header["joints"])
-    for past in _read_readings(written(READINGS, readings)):
+    for past in read_readings(written(READINGS, readings)):
         assert np.isfinite(past.readings.point_in_board_m).all()
     return True
 

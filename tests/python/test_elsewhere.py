@@ -16,7 +16,7 @@ import pytest
 
 from mirror_posture import output_files
 from mirror_posture.cli import streams
-from mirror_posture.correct import recorder
+from mirror_posture.correct import lines
 from mirror_posture.robots import interruption
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="needs Linux's list of open files")
@@ -73,8 +73,8 @@ def test_files_and_folders_are_written(windows: None, tmp_path: Path) -> None:
 
 
 def test_a_correction_is_recorded(windows: None, tmp_path: Path) -> None:
-    recorder._write_whole(tmp_path / "outcome.json", b"{}")
-    recorder._append(tmp_path / "frames.csv", ["frame"], [[1]])
+    lines.write_whole(tmp_path / "outcome.json", b"{}")
+    lines.append(tmp_path / "frames.csv", ["frame"], [[1]])
     assert (tmp_path / "outcome.json").read_bytes() == b"{}"
     assert (tmp_path / "frames.csv").read_text() == "frame\n1\n"
 

@@ -29,7 +29,8 @@ from mirror_posture.robots.servo_config import (
     ServoConfig,
 )
 from mirror_posture.robots.servo_line import Register
-from mirror_posture.robots.servo_robot import KEEP_S, WATCHDOG_S
+from mirror_posture.robots.servo_motion import WATCHDOG_S
+from mirror_posture.robots.servo_robot import KEEP_S
 from mirror_posture.robots.servo_state import State, Torque
 
 pytestmark = pytest.mark.realtime

@@ -19,7 +19,8 @@ from mirror_posture.robots import (
 
 pytest.importorskip("dynamixel_sdk")
 
-from mirror_posture.robots.servo_robot import KEEP_S, WATCHDOG_S
+from mirror_posture.robots.servo_motion import WATCHDOG_S
+from mirror_posture.robots.servo_robot import KEEP_S
 
 pytestmark = pytest.mark.realtime
 

@@ -21,7 +21,8 @@ from mirror_posture.robots import HardwareFaultError, LostRobotError, Nominal, N
 from mirror_posture.robots.interruption import Interrupted
 from mirror_posture.robots.servo_config import ServoConfig, load_config
 from mirror_posture.robots.servo_line import Register
-from mirror_posture.robots.servo_robot import KEEP_S, LEAD_S
+from mirror_posture.robots.servo_motion import LEAD_S
+from mirror_posture.robots.servo_robot import KEEP_S
 from mirror_posture.robots.servo_state import State, Torque
 from two_servos import JOINTS, blind
 

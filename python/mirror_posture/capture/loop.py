@@ -11,17 +11,12 @@ WAITING ────────▶ MOVING ⇄ STILL ─────────
 
 from __future__ import annotations
 
-import enum
 import threading
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Any
 
-import cv2
 import numpy as np
-import numpy.typing as npt
 
 from .._core import MirrorPostureError
 from ..plan.table import PlannedFrame
@@ -30,43 +25,14 @@ from ..robots.nominal import detect_look
 from ..robots.protocol import ImagePoints, Look
 from .recorder import Recorder
 from .sources import Shot, Source
+from .stage import CaptureOptions, Stage
 from .stillness import Stillness
 
-LIVE_WIDTH_PX = 800
 ACTIONS = ("start", "pause", "turned", "skip", "again", "finish")
 PATIENCE_S = 2.0
 """For how long an action waits for a picture that is being looked at."""
 LOOK_EVERY_S = 1.0
 """Of a film or a camera: what is in a picture is looked for as often as this."""
-
-
-class Stage(str, enum.Enum):
-    """What the capture is doing."""
-
-    WAITING = "waiting"
-    """For the person to start it."""
-    TURN_MIRROR = "turn_mirror"
-    """For the person to turn the mirror and say so."""
-    COMMANDING = "commanding"
-    """A robot's driver moves the robot."""
-    MOVING = "moving"
-    STILL = "still"
-    """All stands still; what is in the picture is not good enough yet."""
-    PAUSED = "paused"
-    FINISHED = "finished"
-    FAILED = "failed"
-
-
-@dataclass(frozen=True)
-class CaptureOptions:
-    """When a picture is taken."""
-
-    still_s: float = 0.8
-    """For how long all must have stood still."""
-    least_markers: int = 1
-    """How many balls must be found in it."""
-    ask: bool = True
-    """Whether somebody is there to be asked: to start, to turn the mirror. False: a folder or a film, without a page."""
 
 
 class Capture:
@@ -84,15 +50,17 @@ class Capture:
     ) -> None:
         self.nominal, self.plan, self.recorder = nominal, list(plan), recorder
         self.options = options or CaptureOptions()
-        self._source, self._robot, self._say = source, robot, say or (lambda _: None)
+        self.source, self.robot, self._say = source, robot, say or (lambda _: None)
         self._lock = threading.RLock()
-        self._stillness = Stillness()
+        self.stillness = Stillness()
         self.skipped: dict[int, str] = {}
         """Planned frames without a picture, and why."""
         self.stage = Stage.WAITING if self.options.ask else Stage.MOVING
         self.message = ""
-        self._found: ImagePoints | None = None
-        self._last: Shot | None = None
+        self.found: ImagePoints | None = None
+        """In the picture that was looked at last."""
+        self.last: Shot | None = None
+        """The picture that was read last."""
         self._looked_s = -np.inf
         self._waypoint = -1
         """Of the plan's rows the last one that the robot was sent to."""
@@ -125,13 +93,13 @@ class Capture:
         current = self.current
         if current is None:
             return self._end("all postures of the plan are taken")
-        shot = self._source.read()
+        shot = self.source.read()
         if shot is None:
             return self._end(f"the source has no more pictures; {self._left()} postures are not taken")
-        self._last = shot
-        if self._source.stills:
+        self.last = shot
+        if self.source.stills:
             return self._take_still(shot)
-        still_s = self._stillness.see(shot.picture, shot.time_s)
+        still_s = self.stillness.see(shot.picture, shot.time_s)
         if self.stage in (Stage.WAITING, Stage.PAUSED):
             self._look(current, shot)
             return True
@@ -141,16 +109,16 @@ class Capture:
                 self._look(current, shot)
                 return True
             self._view = current.view
-        if self._robot is not None and self._waypoint < self.plan.index(current):
-            self._command(self._robot)
+        if self.robot is not None and self._waypoint < self.plan.index(current):
+            self._command(self.robot)
             return True
-        if still_s < self.options.still_s or not self._stillness.moved:
+        if still_s < self.options.still_s or not self.stillness.moved:
             self.stage = Stage.MOVING
-            self.message = "" if self._stillness.moved else "this one is taken; go on to the next posture"
+            self.message = "" if self.stillness.moved else "this one is taken; go on to the next posture"
             self._look(current, shot)
             return True
         self.stage = Stage.STILL
-        if not self._stillness.is_sharp(shot.picture):
+        if not self.stillness.is_sharp(shot.picture):
             self.message = "the picture is blurred"
             return True
         if not self._look(current, shot):
@@ -159,7 +127,7 @@ class Capture:
         if trouble:
             self.message = trouble
             return True
-        self._stillness.take(shot.picture)
+        self.stillness.take(shot.picture)
         self._record(current, shot)
         return True
 
@@ -194,12 +162,12 @@ class Capture:
                 f"{camera.width_px} x {camera.height_px}; calibrate the camera at this resolution"
             )
         look = Look(frame.commanded, shot.time_s, picture_bgr=shot.picture)
-        self._found = detect_look(self.nominal, look).points
+        self.found = detect_look(self.nominal, look).points
         return True
 
     def _trouble(self) -> str:
         """Why the picture that was looked at last cannot be taken; empty where it can."""
-        found = self._found
+        found = self.found
         if found is None:
             return "nothing was looked for"
         if not found.board_seen.any():
@@ -212,7 +180,7 @@ class Capture:
 
     def _record(self, frame: PlannedFrame, shot: Shot) -> None:
         self.recorder.add(frame, shot.picture, shot.time_s, self._measured)
-        balls = int(self._found.marker_seen.sum()) if self._found is not None else 0
+        balls = int(self.found.marker_seen.sum()) if self.found is not None else 0
         self.message = f"taken: posture {frame.frame}, board and {balls} balls"
         self._say(f"frame {frame.frame}: board and {balls} of {len(self.nominal.marker_names)} balls")
         if self.current is None:
@@ -227,7 +195,7 @@ class Capture:
         arrival = robot.command({n: v for n, v in frame.commanded.items() if n in robot.joint_names})
         self._measured = {name: float(value) for name, value in arrival.measured.items()}
         self._waypoint += 1
-        self._stillness.moved = True
+        self.stillness.moved = True
         self.stage = Stage.MOVING
 
     def _end(self, message: str) -> bool:
@@ -240,9 +208,9 @@ class Capture:
         self._rest()
 
     def _rest(self) -> None:
-        if self._robot is not None:
+        if self.robot is not None:
             try:
-                self._robot.rest()
+                self.robot.rest()
             except MirrorPostureError as error:
                 self.message += f"; the robot did not come to rest: {error}"
 
@@ -272,7 +240,7 @@ class Capture:
             if current is not None:
                 self._view = current.view
             self.stage, self.message = Stage.MOVING, ""
-            self._stillness.moved = True
+            self.stillness.moved = True
             return "going on"
         if action == "pause":
             self.stage = Stage.PAUSED
@@ -282,15 +250,15 @@ class Capture:
                 self.skipped[current.frame] = "left out by hand"
             return "left out"
         if action == "again":
-            if not self.recorder.taken or self._robot is not None:
+            if not self.recorder.taken or self.robot is not None:
                 return (
                     "nothing was taken yet"
-                    if self._robot is None
+                    if self.robot is None
                     else "a robot does not go back; capture again at the end"
                 )
             last = max(self.recorder.taken)
             self.recorder.drop(last)
-            self._stillness.moved = True
+            self.stillness.moved = True
             return f"posture {last} is to be taken again"
         self._end(f"finished by hand; {self._left()} postures are not taken")
         return "finished"
@@ -300,62 +268,7 @@ class Capture:
         with self._lock:
             if self.stage not in (Stage.FINISHED, Stage.FAILED):
                 self._rest()
-            self._source.close()
-
-    def state(self) -> dict[str, Any]:
-        """What the page shows, as JSON holds it."""
-        # Without the lock: a robot that is being moved must not stop the page.
-        current, found = self.current, self._found
-        markers = self.nominal.metadata.markers
-        return {
-            "stage": self.stage.value,
-            "message": self.message,
-            "taken": sorted(self.recorder.taken),
-            "skipped": dict(self.skipped),
-            "planned": len(self.plan),
-            "motion": round(self._stillness.motion, 2),
-            "live": self._source.live,
-            "robot": None if self._robot is None else self._robot.name,
-            "next": None
-            if current is None
-            else {
-                "frame": current.frame,
-                "posture": current.posture,
-                "view": current.view,
-                "joints_deg": {k: round(float(np.degrees(v)), 1) for k, v in current.commanded.items()},
-            },
-            "board": bool(found is not None and found.board_seen.any()),
-            "markers": [
-                {
-                    "name": m.name,
-                    "hue": None if m.color is None else m.color.hue_deg,
-                    "seen": bool(found is not None and found.marker_seen[i]),
-                }
-                for i, m in enumerate(markers)
-            ],
-            "reasons": [] if found is None else list(found.reasons),
-        }
-
-    def live_jpeg(self) -> bytes | None:
-        """The last picture, small, with what was found in it drawn over; None before the first."""
-        shot, found = self._last, self._found
-        if shot is None:
-            return None
-        scale = min(1.0, LIVE_WIDTH_PX / shot.picture.shape[1])
-        size = (round(shot.picture.shape[1] * scale), round(shot.picture.shape[0] * scale))
-        small = cv2.resize(shot.picture, size, interpolation=cv2.INTER_AREA)
-        if found is not None:
-            _draw(small, found, scale)
-        return bytes(cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 80])[1])
-
-
-def _draw(picture: npt.NDArray[Any], found: ImagePoints, scale: float) -> None:
-    for u, v in found.board_px[found.board_seen]:
-        cv2.circle(picture, (round(u * scale), round(v * scale)), 3, (0, 200, 0), -1, cv2.LINE_AA)
-    for u, v in found.marker_px[found.marker_seen]:
-        at = (round(u * scale), round(v * scale))
-        cv2.circle(picture, at, 13, (255, 255, 255), 4, cv2.LINE_AA)
-        cv2.circle(picture, at, 13, (0, 160, 0), 2, cv2.LINE_AA)
+            self.source.close()
 
 
 def run_to_the_end(capture: Capture, ended: Callable[[], bool] = lambda: False, pause_s: float = 0.0) -> None:

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from .._core import MirrorPostureError
+from .live import live_jpeg, state_of
 from .loop import Capture
 
 PAGE = Path(__file__).parent / "page.html"
@@ -46,9 +47,9 @@ class CaptureServer:
                 if what == "":
                     self._answer(page, "text/html; charset=utf-8")
                 elif what == "state.json":
-                    self._answer(json.dumps(capture.state()).encode("utf-8"), "application/json")
+                    self._answer(json.dumps(state_of(capture)).encode("utf-8"), "application/json")
                 elif what == "live.jpg":
-                    picture = capture.live_jpeg()
+                    picture = live_jpeg(capture)
                     if picture is None:
                         self.send_error(HTTPStatus.NOT_FOUND)
                     else:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -18,39 +18,31 @@ import numpy as np
 import tomli_w
 
 from .._core import MirrorPostureError
-from ..input_files import LARGEST_TABLE, given_text, read_text, reason
-from ..output_files import new_folder, sync_folder
+from ..output_files import new_folder
 from ..robots.errors import NoLookError
-from ..robots.nominal import Nominal, detect_look
+from ..robots.nominal import Nominal
 from ..robots.protocol import ImagePoints, Look, MarkerPoints
 from ..session.camera_info import dump_camera_info
 from ..session.load import load_session
 from ..session.metadata import FILE
 from ..session.tables import UNFINISHED
-from ..session.types import Session
 from ..session.write import metadata_tree
+from .lines import (
+    DETECTIONS,
+    FRAMES,
+    POINTS,
+    append,
+    append_bytes,
+    cut_last_line,
+    drop_orphans,
+    line,
+    write_whole,
+)
 from .observation import Readings
 from .outcome import Outcome
+from .recorded import HEADER, READINGS, Past, read_header, read_readings, recorded_looks
 
-HEADER, READINGS, RESULT = "correction.json", "readings.jsonl", "outcome.json"
-FRAMES, DETECTIONS, POINTS = "frames.csv", "detections.csv", "points.csv"
-
-
-@dataclass(frozen=True)
-class PastReading:
-    """What one look of an earlier run measured."""
-
-    posture: int
-    readings: Readings
-
-
-@dataclass(frozen=True)
-class Past:
-    """What an earlier run recorded."""
-
-    looks: tuple[Look, ...] = ()
-    postures: tuple[int, ...] = ()
-    readings: tuple[PastReading, ...] = ()
+RESULT = "outcome.json"
 
 
 class Recorder:
@@ -109,17 +101,17 @@ class Recorder:
         folder = Path(folder)
         header = read_header(folder)
         for name in (FRAMES, DETECTIONS, POINTS, READINGS):
-            _cut_last_line(folder / name)
+            cut_last_line(folder / name)
         nominal = Nominal.load(folder)
         past, last = Past(), -1
         if (folder / FRAMES).is_file() and (folder / FRAMES).read_bytes().count(b"\n") > 1:
-            _drop_orphans(folder)
+            drop_orphans(folder)
             session = load_session(folder)
             last = int(session.frames.frame[-1])
-            looks = _looks(session, nominal)
+            looks = recorded_looks(session, nominal)
             postures = session.frames.posture.tolist()
-            past = Past(tuple(looks), tuple(postures), tuple(_read_readings(folder / READINGS)))
-        _write_whole(folder / UNFINISHED, b"")
+            past = Past(tuple(looks), tuple(postures), tuple(read_readings(folder / READINGS)))
+        write_whole(folder / UNFINISHED, b"")
         recorder = cls(folder, nominal, header["joints"], past, last + 1)
         if past.looks:
             # Once more, whole: the last frame's image points may have been cut.
@@ -149,7 +141,7 @@ class Recorder:
             good, data = cv2.imencode(".png", look.picture_bgr)
             if not good:
                 raise NoLookError("the look's picture could not be encoded as PNG")
-            _write_whole(self.folder / image, data.tobytes())
+            write_whole(self.folder / image, data.tobytes())
         elif look.points is not None:
             # Without a picture nothing can be detected again: the points come before the frame that speaks of them.
             self._append_detections(frame, look)
@@ -160,7 +152,7 @@ class Recorder:
         row: list[Any] = [frame, posture, look.time_s + self._late_s, image]
         row += [float(look.commanded.get(name, 0.0)) for name in self.joints]
         row += [float(look.measured[name]) for name in self._measured]
-        _append(self.folder / FRAMES, columns, [row])
+        append(self.folder / FRAMES, columns, [row])
         self._next += 1
         return frame
 
@@ -172,31 +164,31 @@ class Recorder:
     def measured(self, posture: int, readings: Readings) -> None:
         """Writes what a look measured."""
         document = {"posture": posture, **{k: _plain(v) for k, v in asdict(readings).items()}}
-        _append_bytes(self.folder / READINGS, (json.dumps(document, allow_nan=False) + "\n").encode())
+        append_bytes(self.folder / READINGS, (json.dumps(document, allow_nan=False) + "\n").encode())
 
     def end(self, outcome: Outcome) -> None:
         """Writes what came of it. An interrupted correction stays open to `resume`."""
         document = json.dumps(_plain({**asdict(outcome), "data": outcome.data}), indent=1, allow_nan=False)
-        _write_whole(self.folder / RESULT, document.encode())
+        write_whole(self.folder / RESULT, document.encode())
         if outcome.stop.kind not in ("interrupted", "robot_failed"):
             (self.folder / UNFINISHED).unlink(missing_ok=True)
 
     def _append_detections(self, frame: int, look: Look) -> None:
         points = look.points
         assert points is not None
-        _append(self.folder / DETECTIONS, _DETECTION_COLUMNS, _detection_rows(frame, points, self.nominal))
+        append(self.folder / DETECTIONS, _DETECTION_COLUMNS, _detection_rows(frame, points, self.nominal))
 
     def _append_points(self, frame: int, points: MarkerPoints) -> None:
         file = self.folder / FILE
         if "[points]" not in file.read_text(encoding="utf-8"):
             addition = tomli_w.dumps({"points": {"frame": points.frame_link}})
-            _write_whole(file, file.read_bytes() + b"\n" + addition.encode())
+            write_whole(file, file.read_bytes() + b"\n" + addition.encode())
         rows = [
             [frame, name, *points.point_m[index].tolist()]
             for index, name in enumerate(self.nominal.marker_names)
             if points.seen[index]
         ]
-        _append(self.folder / POINTS, ["frame", "marker", "x", "y", "z"], rows)
+        append(self.folder / POINTS, ["frame", "marker", "x", "y", "z"], rows)
 
     def _rewrite_detections(self, past: Past) -> None:
         if not any(look.points is not None for look in past.looks):
@@ -206,100 +198,13 @@ class Recorder:
         for frame, look in zip(session.frames.frame.tolist(), past.looks, strict=True):
             if look.points is not None:
                 rows += _detection_rows(frame, look.points, self.nominal)
-        text = "".join(_line(row) for row in [_DETECTION_COLUMNS, *rows])
-        _write_whole(self.folder / DETECTIONS, text.encode())
+        text = "".join(line(row) for row in [_DETECTION_COLUMNS, *rows])
+        write_whole(self.folder / DETECTIONS, text.encode())
 
 
 _DETECTION_COLUMNS = ["frame", "target", "index", "u", "v", "std_px"]
 USUAL_STD_PX = 0.1
 """Written for image points whose deviation neither detector nor session tells: the column takes no empty cell."""
-
-
-def read_header(folder: Path) -> dict[str, Any]:
-    """What a recording was started with. Raises `MirrorPostureError` for a folder without one."""
-    try:
-        header = json.loads(read_text(folder / HEADER))
-    except (OSError, ValueError, RecursionError) as error:
-        raise MirrorPostureError(
-            f"{folder}: holds no correction that could be gone on with ({reason(error)}); start it without --resume"
-        ) from None
-    joints = header.get("joints") if isinstance(header, dict) else None
-    if not isinstance(joints, list) or not all(isinstance(name, str) for name in joints):
-        raise MirrorPostureError(f"{folder / HEADER}: joints: got {joints!r:.80}, needed a list of names")
-    return dict(header)
-
-
-def _looks(session: Session, nominal: Nominal) -> list[Look]:
-    """The recorded looks; those with a picture and no image points are detected (again)."""
-    frames, view = session.frames, session.mirror_view
-    looks = []
-    for row in range(len(frames)):
-        look = Look(
-            commanded=dict(zip(frames.joint_names, frames.commanded[row].tolist(), strict=True)),
-            time_s=0.0 if frames.time_s is None else float(frames.time_s[row]),
-            measured=dict(zip(frames.measured_names, frames.measured[row].tolist(), strict=True))
-            if frames.measured_names
-            else {},
-        )
-        picture = session.image_files[row]
-        seen = bool(view.board_seen[row].any() or view.marker_seen[row].any())
-        # The last frame's points may have been cut: its picture is looked at again.
-        if picture is not None and (not seen or row == len(frames) - 1):
-            from ..detect import read_picture
-
-            look = replace(
-                detect_look(nominal, replace(look, picture_bgr=read_picture(picture))), picture_bgr=None
-            )
-        elif session.points is not None and session.points.seen[row].any():
-            given = session.points
-            look = replace(
-                look, marker_points=MarkerPoints(given.frame_link, given.point_m[row], given.seen[row])
-            )
-        else:
-            points = ImagePoints(
-                view.board_px[row],
-                view.board_seen[row],
-                view.marker_px[row],
-                view.marker_seen[row],
-                None if view.board_std_px is None else view.board_std_px[row],
-                None if view.marker_std_px is None else view.marker_std_px[row],
-            )
-            look = replace(look, points=points)
-        looks.append(look)
-    return looks
-
-
-def _read_readings(file: Path) -> list[PastReading]:
-    if not file.is_file():
-        return []
-    lines = given_text(file, "the readings of a correction", LARGEST_TABLE).splitlines()
-    return [_reading(file, number, line) for number, line in enumerate(lines, start=1)]
-
-
-def _reading(file: Path, number: int, line: str) -> PastReading:
-    try:
-        tree = json.loads(line)
-        readings = Readings(
-            np.array(tree["measured"], dtype=bool),
-            np.array(tree["point_in_board_m"], dtype=float).reshape(-1, 3),
-            np.array(tree["covariance_m2"], dtype=float).reshape(-1, 3, 3),
-            np.array(tree["chi_squared"], dtype=float),
-            np.array(tree["degrees_of_freedom"], dtype=np.int64),
-            tuple(tree["reasons"]),
-        )
-        columns = (
-            readings.measured, readings.point_in_board_m, readings.covariance_m2, readings.chi_squared,
-            readings.degrees_of_freedom, readings.reasons,
-        )  # fmt: skip
-        if len({len(column) for column in columns}) != 1 or readings.measured.ndim != 1:
-            raise ValueError("its lists are of different lengths")
-        if not all(np.isfinite(column).all() for column in columns[1:4]):
-            raise ValueError("got a number that is not finite")
-        return PastReading(int(tree["posture"]), readings)
-    except (ValueError, LookupError, TypeError, AttributeError, RecursionError, OverflowError) as error:
-        raise MirrorPostureError(
-            f"{file}, line {number}: is no reading ({' '.join(str(error).split())}); take the file away to measure again"
-        ) from None
 
 
 def _detection_rows(frame: int, points: ImagePoints, nominal: Nominal) -> list[list[Any]]:
@@ -312,61 +217,6 @@ def _detection_rows(frame: int, points: ImagePoints, nominal: Nominal) -> list[l
         std = None if points.marker_std_px is None else float(points.marker_std_px[index])
         rows.append([frame, names[index], 0, *points.marker_px[index].tolist(), std or usual_px])
     return rows
-
-
-def _line(cells: Sequence[Any]) -> str:
-    # repr keeps all digits of a float; names with a comma are quoted as CSV has it.
-    texts = [repr(cell) if isinstance(cell, float) else str(cell) for cell in cells]
-    quoted = [
-        '"' + text.replace('"', '""') + '"' if any(c in text for c in ',"\n') else text for text in texts
-    ]
-    return ",".join(quoted) + "\n"
-
-
-def _append(file: Path, columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
-    header = "" if file.exists() and file.stat().st_size else _line(columns)
-    _append_bytes(file, (header + "".join(_line(row) for row in rows)).encode())
-
-
-def _append_bytes(file: Path, data: bytes) -> None:
-    """One write, then synced: what a kill can cut is the last line at most."""
-    with open(file, "ab", buffering=0) as stream:
-        stream.write(data)
-        os.fsync(stream.fileno())
-
-
-def _write_whole(file: Path, data: bytes) -> None:
-    """Under its name only once it is whole and on the disk."""
-    beside = file.with_name(f".{file.name}.part")
-    with open(beside, "wb") as stream:
-        stream.write(data)
-        stream.flush()
-        os.fsync(stream.fileno())
-    os.replace(beside, file)
-    sync_folder(file.parent)
-
-
-def _cut_last_line(file: Path) -> None:
-    """Takes off what stands after the last end of a line."""
-    if not file.is_file():
-        return
-    data = file.read_bytes()
-    whole = data[: data.rfind(b"\n") + 1]
-    if len(whole) != len(data):
-        _write_whole(file, whole)
-
-
-def _drop_orphans(folder: Path) -> None:
-    """Takes off image points and positions of a frame whose own row was not written any more."""
-    frames = {line.partition(b",")[0] for line in (folder / FRAMES).read_bytes().splitlines()[1:]}
-    for name in (DETECTIONS, POINTS):
-        file = folder / name
-        if not file.is_file():
-            continue
-        lines = file.read_bytes().splitlines(keepends=True)
-        kept = lines[:1] + [line for line in lines[1:] if line.partition(b",")[0] in frames]
-        if len(kept) != len(lines):
-            _write_whole(file, b"".join(kept))
 
 
 def _plain(value: Any) -> Any:

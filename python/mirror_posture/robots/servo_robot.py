@@ -18,12 +18,14 @@ import numpy as np
 import numpy.typing as npt
 
 from .base import RobotBase
-from .errors import HardwareFaultError, LostRobotError, NotSettledError, RobotError
+from .errors import LostRobotError, RobotError
 from .interruption import handle_ending_signals, let_signals_end, undisturbed
 from .nominal import Nominal
 from .protocol import ImagePoints, Look, Positions
 from .servo_config import Servo, ServoConfig
-from .servo_drive import Identity, Reading, ServoDrive
+from .servo_drive import Identity, ServoDrive
+from .servo_ending import ServoEnding
+from .servo_motion import WATCHDOG_S, ServoMotion
 from .servo_state import Standing, State, StateMachine, Torque
 
 log = logging.getLogger(__name__)
@@ -31,25 +33,10 @@ log = logging.getLogger(__name__)
 Eye = Callable[[], "npt.NDArray[np.uint8] | ImagePoints"]
 """Takes a picture (BGR) when called, or gives what was detected in one."""
 
-WATCHDOG_S = 0.5
-"""While the robot moves: servos that hear nothing for so long stop by themselves. A cut line then ends the motion."""
 STANDING_WATCHDOG_S = 2.5
 """While it holds. A computer that is busy for a second is no fault of a robot that stands still."""
 KEEP_S = 0.5
 """While it holds, all servos are asked so often how they are."""
-LEAD_S = 0.3
-"""Servos without a watchdog get goals so far ahead and no farther: a cut line ends their motion as well."""
-POLL_S = 0.02
-STILL_READS = 3
-"""So many reads in a row at rest, near the goal, are rest."""
-BLOCKED_READS = 25
-"""So many reads at rest elsewhere: it does not get there."""
-PATIENCE_S = 2.0
-"""Beyond the time that the motion should take."""
-TOO_FAST = 2.0
-"""A joint that turns so many times faster than its limit is stopped; a servo's own reading may be a third too high."""
-OFF_PATIENCE_S = 2.0
-"""So long it is tried to take the torque off: a servo whose power dipped takes a moment to listen again."""
 
 
 class ServoRobot(RobotBase):
@@ -79,6 +66,8 @@ class ServoRobot(RobotBase):
         self._lock = threading.RLock()
         self._process, self._parent = os.getpid(), _parent(config)
         self._drive = drive(config)
+        self._motion = ServoMotion(self._drive, config, name)
+        self._ending = ServoEnding(self._drive, config, name)
         # A program that is ended, or that ends without closing, does not leave its robot with the torque on.
         self._signals = handle_ending_signals()
         atexit.register(self._at_exit)
@@ -124,11 +113,8 @@ class ServoRobot(RobotBase):
         self._machine.to(State.HOLDING, Torque.HELD, "opened, every limit read back")
         self._commanded = {
             j: min(max(q, self.limits[j].lower), self.limits[j].upper)
-            for j, q in self._measured(reading).items()
+            for j, q in self._motion.measured_rad(reading).items()
         }
-
-    def _measured(self, reading: Reading) -> dict[str, float]:
-        return {j: s.position_rad(reading.position[s.servo_id]) for j, s in self._servos.items()}
 
     # What `RobotBase` asks for.
 
@@ -149,7 +135,7 @@ class ServoRobot(RobotBase):
                 try:
                     reading = self._drive.read()
                     self._drive.check(reading, torque=True)
-                    measured = self._measured(reading)
+                    measured = self._motion.measured_rad(reading)
                 except BaseException as error:
                     self._end(error)
                     raise
@@ -191,82 +177,16 @@ class ServoRobot(RobotBase):
         drive.check_settings()
         reading = drive.read()
         drive.check(reading, torque=True)
-        goal = {s.servo_id: s.counts(positions[joint]) for joint, s in self._servos.items()}
-        farthest = max(abs(positions[j] - q) for j, q in self._measured(reading).items())
+        goal = self._motion.goal(positions)
         # Out of a sleep, too: one that has bitten while the robot stood takes goals again only after 0.
         drive.watch(0.0)
         drive.watch(WATCHDOG_S)
         self._machine.to(State.MOVING, Torque.HELD, "a command")
-        speed, ramp_s = (
-            self.config.speed_rad_per_s,
-            self.config.speed_rad_per_s / self.config.acceleration_rad_per_s2,
-        )
-        deadline = time.monotonic() + farthest / speed + ramp_s + PATIENCE_S
-        sent = self._send(reading, goal)
-        still = 0
-        while True:
-            time.sleep(POLL_S)
-            self._check_parent()
-            reading = drive.read()
-            self._check_motion(reading)
-            there = all(sent[i] == goal[i] == reading.goal[i] for i in goal)
-            quiet = all(abs(v) <= drive.still_units for v in reading.speed.values())
-            still = still + 1 if quiet else 0
-            arrived = there and not self._astray(reading, positions)
-            if still >= (STILL_READS if arrived else BLOCKED_READS):
-                break
-            if time.monotonic() > deadline:
-                moving = tuple(
-                    j for j, s in self._servos.items() if abs(reading.speed[s.servo_id]) > drive.still_units
-                )
-                raise NotSettledError(
-                    f"{self.name}: {', '.join(moving) or 'a joint'} still moved long after it should have arrived",
-                    joints=moving,
-                )
-            if not there:
-                # On the way, or a write that nobody answers to was lost.
-                sent = self._send(reading, goal)
+        reading = self._motion.run(goal, positions, reading, self._check_parent)
         drive.watch(STANDING_WATCHDOG_S)
         self._machine.to(State.HOLDING, Torque.HELD, "arrived")
-        measured = self._measured(reading)
-        if off := self._astray(reading, positions):
-            told = ", ".join(f"{j} at {measured[j]:.4f} rad instead of {positions[j]:.4f}" for j in off)
-            raise NotSettledError(
-                f"{self.name}: {told}: blocked, too weak for its torque limit, or the goal was lost",
-                joints=off,
-            )
-        return measured
-
-    def _send(self, reading: Reading, goal: dict[int, int]) -> dict[int, int]:
-        """Sends goals: the last ones to servos that would stop by themselves, to others a little ahead of where they are."""
-        sent = dict(goal)
-        if self._drive.watchdog is None:
-            speed = self.config.speed_rad_per_s
-            lead_rad = speed * (LEAD_S + 0.5 * speed / self.config.acceleration_rad_per_s2)
-            for servo in self.config.servos:
-                here, lead = reading.position[servo.servo_id], abs(servo.counts(lead_rad) - servo.counts(0.0))
-                sent[servo.servo_id] = min(max(goal[servo.servo_id], here - lead), here + lead)
-        self._drive.line.write_all(self._drive.goal, sent)
-        return sent
-
-    def _astray(self, reading: Reading, positions: dict[str, float]) -> tuple[str, ...]:
-        tolerance = self.config.tolerance_rad
-        return tuple(j for j, q in self._measured(reading).items() if abs(q - positions[j]) > tolerance)
-
-    def _check_motion(self, reading: Reading) -> None:
-        self._drive.check(reading, torque=True)
-        for joint, servo in self._servos.items():
-            i = servo.servo_id
-            if reading.watchdog.get(i) == self._drive.watchdog_bitten:
-                raise LostRobotError(
-                    f"{self.name}: {joint} (servo {i}) heard nothing for {WATCHDOG_S:g} s and stopped by itself"
-                )
-            speed = abs(reading.speed[i]) * self._drive.speed_unit_of(i)
-            if speed > TOO_FAST * self.config.speed_rad_per_s + 4.0 * self._drive.speed_unit_of(i):
-                raise HardwareFaultError(
-                    f"{self.name}: {joint} (servo {i}) turns at {speed:.2f} rad/s, and its limit is "
-                    f"{self.config.speed_rad_per_s:g} rad/s"
-                )
+        self._motion.check_arrived(reading, positions)
+        return self._motion.measured_rad(reading)
 
     # While it stands.
 
@@ -309,7 +229,7 @@ class ServoRobot(RobotBase):
             if self._machine.now.state is State.STOPPED:
                 return
             cause = reason if why is None else f"{type(why).__name__}: {why}".rstrip(": ")
-            torque, note = self._take_off()
+            torque, note = self._ending.take_off(self._machine.now.state, self._powered)
             after = State.UNPOWERED if why is None and torque is Torque.OFF else State.STOPPED
             if self._machine.now.state is State.MOVING:
                 after = State.STOPPED
@@ -326,80 +246,10 @@ class ServoRobot(RobotBase):
     def _try_again(self) -> None:
         """Once more for a line that may be back; that it is not was said already."""
         with undisturbed():
-            torque, _ = self._take_off(0.0)
+            torque, _ = self._ending.take_off(self._machine.now.state, self._powered, 0.0)
         if torque is not Torque.UNKNOWN:
             self._machine.to(State.STOPPED, torque, f"{self._machine.now.why}; since then the line came back")
             log.warning("%s: %s", self.name, self._machine.now.sentence)
-
-    def _take_off(self, patience_s: float = OFF_PATIENCE_S) -> tuple[Torque, str]:
-        """Holds where that is wanted and safe, else takes the torque off; a note where it is otherwise than configured."""
-        refused = ""
-        if self.config.at_end == "hold" and self._machine.now.state in (State.HOLDING, State.MOVING):
-            try:
-                self._hold()
-                return Torque.HELD, ""
-            except RobotError as error:
-                refused = f"not held, as configured, since {error}"
-        drive, tried_until = self._drive, time.monotonic() + patience_s
-        failed: RobotError
-        while True:
-            try:
-                drive.line.write_everywhere(drive.torque, 0)
-                on = [i for i, value in drive.line.read_all(drive.torque, drive.ids).items() if value]
-                if not on:
-                    return Torque.OFF, refused
-                failed = HardwareFaultError(f"servos {on} keep their torque")
-            except RobotError as error:
-                failed = error
-            if not self._powered or time.monotonic() > tried_until:
-                break
-            time.sleep(POLL_S)
-        if not self._powered:
-            return Torque.UNKNOWN, f"torque was never put on from here ({failed})"
-        stops = (
-            f"stop by themselves after {WATCHDOG_S:g} s"
-            if drive.watchdog is not None
-            else f"go on for at most {LEAD_S + self.config.speed_rad_per_s / self.config.acceleration_rad_per_s2:.2g} s"
-        )
-        silent = self._silent()
-        others = "; the others are without torque" if len(silent) < len(drive.ids) else ""
-        return Torque.UNKNOWN, (
-            f"torque could not be taken off ({failed}). No answer from {', '.join(silent) or 'some'}{others}. Servos under way {stops} "
-            "and hold with limited torque: switch their power off"
-        )
-
-    def _silent(self) -> list[str]:
-        """Joints whose servo does not say that its torque is off."""
-        silent, until = [], time.monotonic() + OFF_PATIENCE_S
-        for joint, servo in self._servos.items():
-            try:
-                # A dead line is not waited for servo by servo.
-                late = time.monotonic() > until
-                if late or self._drive.line.read(servo.servo_id, self._drive.torque):
-                    silent.append(f"{joint} (servo {servo.servo_id})")
-            except RobotError:
-                silent.append(f"{joint} (servo {servo.servo_id})")
-        return silent
-
-    def _hold(self) -> None:
-        """Every goal where its joint stands, within limits that are in force. Raises `RobotError` where that is not so."""
-        drive, until = self._drive, time.monotonic() + OFF_PATIENCE_S
-        reading = drive.read()
-        drive.check(reading, torque=True)
-        if self._machine.now.state is State.MOVING:
-            drive.watch(0.0)
-            drive.line.write_all(drive.goal, reading.position)
-            while True:
-                reading = drive.read()
-                drive.check(reading, torque=True)
-                if all(abs(v) <= drive.still_units for v in reading.speed.values()):
-                    break
-                if time.monotonic() > until:
-                    raise NotSettledError(f"{self.name}: does not come to a halt")
-                # To where it is by now: no way back at the end of a stop.
-                drive.line.write_all(drive.goal, reading.position)
-                time.sleep(POLL_S)
-        drive.watch(0.0)
 
 
 def _parent(config: ServoConfig) -> int | None:

@@ -58,7 +58,7 @@ def command(
     """
     output = Output(as_json)
     from ..._core import MirrorPostureError
-    from ...capture import Capture, CaptureOptions, Recorder, open_source
+    from ...capture import Capture, CaptureOptions, Recorder, open_source, state_of
     from ...capture.server import CaptureServer
     from ...plan import read_plan
     from ...robots import Nominal
@@ -101,7 +101,7 @@ def command(
         while capture.step():
             if eye.live or serve:
                 time.sleep(0.01)
-        state = capture.state()
+        state = state_of(capture)
         if serve:
             # The page still has to show how it ended.
             time.sleep(1.0)

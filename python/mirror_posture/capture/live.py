@@ -1,0 +1,73 @@
+"""What the capture's page shows: the state as JSON, and the last picture with what was found in it.
+
+Both are read without the capture's lock: a robot that is being moved must not stop the page.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from ..robots.protocol import ImagePoints
+from .loop import Capture
+
+LIVE_WIDTH_PX = 800
+
+
+def state_of(capture: Capture) -> dict[str, Any]:
+    """What the page shows, as JSON holds it."""
+    current, found = capture.current, capture.found
+    markers = capture.nominal.metadata.markers
+    return {
+        "stage": capture.stage.value,
+        "message": capture.message,
+        "taken": sorted(capture.recorder.taken),
+        "skipped": dict(capture.skipped),
+        "planned": len(capture.plan),
+        "motion": round(capture.stillness.motion, 2),
+        "live": capture.source.live,
+        "robot": None if capture.robot is None else capture.robot.name,
+        "next": None
+        if current is None
+        else {
+            "frame": current.frame,
+            "posture": current.posture,
+            "view": current.view,
+            "joints_deg": {k: round(float(np.degrees(v)), 1) for k, v in current.commanded.items()},
+        },
+        "board": bool(found is not None and found.board_seen.any()),
+        "markers": [
+            {
+                "name": m.name,
+                "hue": None if m.color is None else m.color.hue_deg,
+                "seen": bool(found is not None and found.marker_seen[i]),
+            }
+            for i, m in enumerate(markers)
+        ],
+        "reasons": [] if found is None else list(found.reasons),
+    }
+
+
+def live_jpeg(capture: Capture) -> bytes | None:
+    """The last picture, small, with what was found in it drawn over; None before the first."""
+    shot, found = capture.last, capture.found
+    if shot is None:
+        return None
+    scale = min(1.0, LIVE_WIDTH_PX / shot.picture.shape[1])
+    size = (round(shot.picture.shape[1] * scale), round(shot.picture.shape[0] * scale))
+    small = cv2.resize(shot.picture, size, interpolation=cv2.INTER_AREA)
+    if found is not None:
+        _draw(small, found, scale)
+    return bytes(cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 80])[1])
+
+
+def _draw(picture: npt.NDArray[Any], found: ImagePoints, scale: float) -> None:
+    for u, v in found.board_px[found.board_seen]:
+        cv2.circle(picture, (round(u * scale), round(v * scale)), 3, (0, 200, 0), -1, cv2.LINE_AA)
+    for u, v in found.marker_px[found.marker_seen]:
+        at = (round(u * scale), round(v * scale))
+        cv2.circle(picture, at, 13, (255, 255, 255), 4, cv2.LINE_AA)
+        cv2.circle(picture, at, 13, (0, 160, 0), 2, cv2.LINE_AA)

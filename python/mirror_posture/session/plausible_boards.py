@@ -1,0 +1,136 @@
+"""What the board's pictures say against the session: corners that are no plane's image, a board that is too near, one that looks away."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .errors import SessionError
+
+if TYPE_CHECKING:
+    from .types import Floats, Session
+
+BOARDS_TRIED = 200
+LEAST_CORNERS = 8
+"""A homography goes through four points; fewer than this show little of whether it is the right one."""
+BENT, MOSTLY = 0.1, 0.8
+"""Misfit of a board's corners to a plane's image, as a share of the board's size in the picture: lenses and mirrors bend it by a
+few hundredths. Where this share of the boards is beyond it, the corners' numbers are others."""
+NEARER = 0.5
+"""Light from the board to the camera goes at least straight. A picture of the board that is larger than it would be at this share of the
+straight distance is of a board whose square, or of a camera whose focal length, is in another unit."""
+LEAST_FACING = 0.1
+"""Cosine between the board's face and what the camera sees of it in the mirror: both must look at the mirror."""
+
+
+def flat_boards(session: Session) -> None:
+    """The board is a plane: its corners' image is that of a plane, also in a mirror."""
+    board = session.board
+    if board is None:
+        return
+    for view in (session.mirror_view, session.direct_view):
+        rows = np.flatnonzero(view.board_seen.sum(axis=1) >= LEAST_CORNERS)
+        rows = rows[:: max(1, len(rows) // BOARDS_TRIED)]
+        if not len(rows):
+            continue
+        flat = board.corner_in_board_m[:, :2] / np.abs(board.corner_in_board_m).max()
+        misfits = np.array(
+            [
+                _misfit(flat[seen], px[seen])
+                for px, seen in zip(view.board_px[rows], view.board_seen[rows], strict=True)
+            ]
+        )
+        bent = misfits > BENT
+        if bent.mean() > MOSTLY:
+            raise SessionError(
+                "detections.csv",
+                f"the board's corners are no image of a plane in {bent.mean():.0%} of the frames (typically "
+                f"{min(np.median(misfits), 1.0):.0%} of the board's size off): is corners = [{board.columns}, {board.rows}] right, "
+                "and is `index` the corner's number, row by row?",
+                column="index",
+            )
+
+
+def _misfit(flat: Floats, px: Floats) -> float:
+    """RMS distance of image points from the best homography of a plane's points, as a share of their spread."""
+    centred = px - px.mean(axis=0)
+    size = float(np.sqrt((centred**2).sum(axis=1).mean()))
+    if not size > 0.0:
+        return np.inf
+    u, v = (centred / size).T
+    x, y = flat.T
+    one, zero = np.ones_like(x), np.zeros_like(x)
+    rows = np.concatenate(
+        [
+            np.stack([x, y, one, zero, zero, zero, -u * x, -u * y, -u], axis=1),
+            np.stack([zero, zero, zero, x, y, one, -v * x, -v * y, -v], axis=1),
+        ]
+    )
+    h = np.linalg.eigh(rows.T @ rows)[1][:, 0].reshape(3, 3)
+    image = np.stack([x, y, one], axis=1) @ h.T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        off = image[:, :2] / image[:, 2:] - np.stack([u, v], axis=1)
+    rms = float(np.sqrt((off**2).sum(axis=1).mean()))
+    return rms if np.isfinite(rms) else np.inf
+
+
+def board_distance(session: Session) -> None:
+    """No mirror shows the board nearer than it is: the way over the mirror is longer than the straight one.
+
+    A board of size s shows at most f s / d pixels at a distance of d, less where it is turned away.
+    """
+    camera, board, link = session.camera, session.board, session.camera_link
+    seen = session.mirror_view.board_seen
+    rows = np.flatnonzero(seen.sum(axis=1) >= LEAST_CORNERS)
+    if camera is None or board is None or link is None or not len(rows):
+        return
+    poses = session.robot.link_poses(session.positions[rows], [link, board.link])
+    camera_in_world = poses[:, 0, :3, 3]
+    straight_m = np.linalg.norm(poses[:, 1, :3, 3] - camera_in_world, axis=1)
+    spread_px, spread_m = (
+        np.array(
+            [np.sqrt(np.var(at[here], axis=0).sum()) for at, here in zip(points, seen[rows], strict=True)]
+        )
+        for points in (
+            session.mirror_view.board_px[rows],
+            np.broadcast_to(board.corner_in_board_m, (len(rows), *board.corner_in_board_m.shape)),
+        )
+    )
+    shown_m = max(camera.fx_px, camera.fy_px) * spread_m / np.maximum(spread_px, 1e-9)
+    if np.median(shown_m / np.maximum(straight_m, 1e-9)) < NEARER:
+        raise SessionError(
+            "session.toml",
+            f"in the mirror the board looks {np.median(shown_m):.3g} m away, nearer than the {np.median(straight_m):.3g} m straight from the "
+            f"camera; needed: at least as far. Is its square of {board.square_m:g} m in m, and the camera file that of this camera?",
+        )
+
+
+def facing(session: Session) -> list[str]:
+    """Camera and board both look at the mirror: what the camera sees of the board lies where the board's face looks."""
+    camera, board, link = session.camera, session.board, session.camera_link
+    if camera is None or board is None or link is None or not session.mirror_view.board_seen.any():
+        return []
+    robot = session.robot
+    poses = robot.link_poses(session.positions, [link, board.link])
+    face = np.einsum("fji,fj->fi", poses[:, 0, :3, :3], poses[:, 1, :3, 2])
+    seen = session.mirror_view.board_seen
+    rows = np.flatnonzero(seen.any(axis=1))
+    count = seen[rows].sum(axis=1, keepdims=True)
+    pixel = (session.mirror_view.board_px[rows] * seen[rows, :, None]).sum(axis=1) / count
+    ray = np.stack(
+        [
+            (pixel[:, 0] - camera.cx_px) / camera.fx_px,
+            (pixel[:, 1] - camera.cy_px) / camera.fy_px,
+            np.ones(len(rows)),
+        ],
+        axis=1,
+    )
+    cosine = float(np.median((face[rows] * ray).sum(axis=1) / np.linalg.norm(ray, axis=1)))
+    if cosine >= LEAST_FACING:
+        return []
+    return [
+        f"session.toml: the board's face and the camera's sight differ by {np.degrees(np.arccos(np.clip(cosine, -1, 1))):.0f}°, "
+        f"and both must look at the mirror: does the z axis of {link!r} look forward (x right, y down), and that of "
+        f"{board.link!r} out of the printed face?"
+    ]

@@ -1,0 +1,8 @@
+"""Are the pictures what they claim to be? See `check`."""
+
+from __future__ import annotations
+
+from .check import ViewCheck, check_views, refuse_mistakes
+from .readings import Reading
+
+__all__ = ["Reading", "ViewCheck", "check_views", "refuse_mistakes"]

@@ -1,0 +1,112 @@
+"""Are the pictures what they claim to be? The board's reflections tested against the model, and against the usual mistakes.
+
+A board whose place before the camera is known has three freedoms in a mirror (the plane) and shows six (its pose): the other three are a test. As
+the session says it, the reflections of a right session fit a mirror to the noise. Where they do not, each usual mistake is tried exactly: pictures
+mirrored or turned by a driver, a board mounted or counted turned, a camera file of another resolution, another board. Only one that explains the
+views far better than the session as it stands, markers included, is named.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from .._core import MirrorPostureError
+from ..session.types import Session
+from .fit import LEAST_MARKER_PX, Fit, Views
+from .readings import Reading, usual_mistakes
+
+LEAST_NOISE_PX = 0.05
+SUSPICIOUS_DEVIATIONS = 2.0
+"""RMS of the board's residual, in deviations of the noise, above which the usual mistakes are tried. Hand-made mounts leave up to 10."""
+EXPLAINED_DEVIATIONS = 20.0
+"""A reading that leaves more than this, in deviations of the noise, explains nothing."""
+SUSPICIOUS_MARKERS = 0.05
+"""Median distance of the markers from the model's, as a share of the picture's width, above which it may be doubted."""
+LEAST_GAIN = 8.0
+"""How many times smaller the residuals (board times markers) must be for a mistake to be named; squared for two mistakes at once."""
+WORSE = 1.5
+"""No residual of a named reading may be larger than this many times the session's own."""
+
+
+@dataclass(frozen=True)
+class ViewCheck:
+    """What the check says. `mistake` is empty where none is named; `as_it_stands` is the session's own fit."""
+
+    as_it_stands: Fit
+    noise_px: float
+    mistake: str = ""
+    readings: tuple[Reading, ...] = ()
+
+
+def check_views(session: Session) -> ViewCheck | None:
+    """Tests a session's views of the board in the mirror; None where there is nothing to test (no board, camera or view).
+
+    Raises `MirrorPostureError` for numbers that make no camera or board.
+    """
+    views = Views.of(session)
+    if views is None:
+        return None
+    own = views.fit(Reading("as it stands"))
+    noise = max(LEAST_NOISE_PX, _noise_px(session) * math.sqrt(2.0))
+    width = views.camera.size_px[0]
+    doubted = own.board_rms_px > SUSPICIOUS_DEVIATIONS * noise or (
+        own.marker_px is not None and own.marker_px > SUSPICIOUS_MARKERS * width
+    )
+    if not doubted:
+        return ViewCheck(own, noise)
+    fits = [views.fit(reading) for reading in usual_mistakes(views.board.corners, views.square_picture)]
+    fits += views.best_factors()
+    better = [fit for fit in fits if _explains(fit, own, noise)]
+    if not better:
+        return ViewCheck(own, noise)
+    least = min(fit.reading.mistakes for fit in better)
+    simple = [fit for fit in better if fit.reading.mistakes == least]
+    best = max(simple, key=lambda fit: fit.gain_over(own, noise))
+    # What explains the views as well as the best one cannot be told from it.
+    equal = [fit for fit in simple if best.gain_over(fit, noise) < WORSE and fit is not best]
+    return ViewCheck(own, noise, _said(own, best, equal), (best.reading, *(fit.reading for fit in equal)))
+
+
+def refuse_mistakes(session: Session) -> ViewCheck | None:
+    """The check of a session's views. Raises `MirrorPostureError` that names the mistake and the fix, where there is one."""
+    checked = check_views(session)
+    if checked is not None and checked.mistake:
+        raise MirrorPostureError(f"{session.folder}: {checked.mistake}")
+    return checked
+
+
+def _explains(fit: Fit, own: Fit, noise: float) -> bool:
+    if not fit.board_rms_px <= min(WORSE * max(own.board_rms_px, noise), EXPLAINED_DEVIATIONS * noise):
+        return False
+    if own.marker_px is not None and fit.marker_px is not None and math.isfinite(own.marker_px):
+        if fit.marker_px > WORSE * max(own.marker_px, LEAST_MARKER_PX):
+            return False
+    return fit.gain_over(own, noise) >= LEAST_GAIN**fit.reading.mistakes
+
+
+def _said(own: Fit, best: Fit, equal: list[Fit]) -> str:
+    stands = (
+        f"{own.board_rms_px:.2f} px RMS"
+        if math.isfinite(own.board_rms_px)
+        else "no mirror at all explains them"
+    )
+    text = (
+        f"{best.reading.said}: read so, the board's reflections fit a mirror to {best.board_rms_px:.2f} px RMS, as they stand: {stands}; "
+        f"{best.reading.fix}"
+    )
+    for other in equal:
+        text += f"; or {other.reading.said} (cannot be told apart here): {other.reading.fix}"
+    return text
+
+
+def _noise_px(session: Session) -> float:
+    """Standard deviation of a corner, one axis: as stated, else the detector's median, else a usual one."""
+    stated = session.noise.pixel_std_px
+    if stated:
+        return stated
+    claimed = session.mirror_view.board_std_px
+    given = np.zeros(0) if claimed is None else claimed[claimed > 0.0]
+    return float(np.median(given)) if len(given) else 0.2
