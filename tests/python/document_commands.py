@@ -102,6 +102,7 @@ ELSEWHERE = {
     "init so101.urdf": Elsewhere("test_init.py", "init", "needs the arm's meshes; printed output: hour_in_document.py"),
     "init g1_29dof_rev_1_0.urdf": Elsewhere("test_init.py", "init", "as above"),
     "plan": Elsewhere("test_plan.py", '"plan", folder, "--mirror-size"', "20 s: planned there for an arm of boxes; printed output: hour_in_document.py"),
+    "plan my-session --judge": Elsewhere("test_plan.py", 'run("plan", folder, "--judge"', "needs a plan: one of an arm of boxes there"),
     "capture": Elsewhere("test_capture.py", 'run("capture", session, "--source", folder', "needs a camera: pictures of a folder and a film there; a browser opens the page"),
     "check": Elsewhere("test_documents.py", 'run_printed("docs/formats.md")', "of the hour's session; printed output: hour_in_document.py"),
     "simulate": Elsewhere("test_simulate.py", '"simulate", str(session), "--out"', "minutes in MuJoCo: a small session there"),

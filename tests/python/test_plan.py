@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -372,6 +373,38 @@ def test_a_broken_plan_is_named(planned: Path, tmp_path: Path) -> None:
             read_planned_room(tmp_path, nominal)
     with pytest.raises(MirrorPostureError, match="there is no such file"):
         read_planned_room(tmp_path / "nowhere", nominal)
+
+
+def test_a_plan_that_is_there_is_judged_as_when_it_was_made(planned: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "session"
+    shutil.copytree(planned, folder)
+    made = json.loads((planned / "plan" / "plan.json").read_text())
+    judged = json.loads(run("plan", folder, "--judge", "--json").stdout)
+    assert judged["cannot be taken"] == []
+    for key in ("markers", "frames", "joints", "noise_px"):
+        assert judged[key] == made[key], key
+    assert judged["mirror"]["distance_from_board_m"] == pytest.approx(made["mirror"]["distance_from_board_m"])
+    for view, before in zip(judged["mirror"]["views"], made["mirror"]["views"], strict=True):
+        assert view["yaw_rad"] == pytest.approx(before["yaw_rad"], abs=1e-9)
+        assert view["pitch_rad"] == pytest.approx(before["pitch_rad"], abs=1e-9)
+    for one, before in zip(judged["tells"], made["tells"], strict=True):
+        assert (one["effect"], one["at"]) == (before["effect"], before["at"])
+        assert one["parameters"] == pytest.approx(before["parameters"], rel=1e-6)
+    # A row is changed by hand: beyond a limit, into the table, out of sight.
+    lines = (folder / "plan" / "postures.csv").read_text().splitlines()
+    cells = lines[3].split(",")
+    lines[3] = ",".join([*cells[:2], "0.0", "1.9", "0.0"])
+    (folder / "plan" / "postures.csv").write_text("\n".join(lines) + "\n")
+    told = run("plan", folder, "--judge", code=1)
+    assert f"1 of {made['frames']} rows cannot be taken: frame {cells[0]}: " in " ".join(told.stderr.split())
+    # Fewer rows tell less.
+    (folder / "plan" / "postures.csv").write_text("\n".join(lines[:3] + lines[4:12]) + "\n")
+    fewer = json.loads(run("plan", folder, "--judge", "--json").stdout)
+    gear = [
+        next(one["parameters"]["scale_error"] for one in document["tells"] if one["effect"] == "gear_ratio")
+        for document in (fewer, made)
+    ]
+    assert gear[0] > gear[1]
 
 
 def test_the_schema_takes_a_real_plan_and_what_the_reader_takes(planned: Path, tmp_path: Path) -> None:

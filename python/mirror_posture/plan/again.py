@@ -43,6 +43,8 @@ class PlannedRoom:
     mirrors: tuple[MirrorPlace, ...]
     """In the root's frame: in each way in which the plan turns it, then turned about its centre in others; one where it is fixed."""
     warnings: tuple[str, ...]
+    ignored: tuple[str, ...] = ()
+    """Pairs of links that are not compared."""
 
     def collision(self, positions: Floats, start: Floats | None = None) -> str | None:
         """What a posture (nq,) runs into, itself or the table, or the straight way to it from `start`; None where both are free."""
@@ -68,7 +70,7 @@ class PlannedRoom:
         """
         if not mirrors:
             return [], Counter()
-        places = [self._in_base(mirror) for mirror in mirrors]
+        places = [self.in_base(mirror) for mirror in mirrors]
         any_order = np.random.default_rng(0)
         found = sift(self.setting, places, self.room, self.options, positions[None], 1, any_order)
         reasons = Counter(found.reasons)
@@ -87,7 +89,8 @@ class PlannedRoom:
             good = [view for view in good if view not in touched]
         return good, +reasons
 
-    def _in_base(self, mirror: MirrorPlace) -> MirrorPlace:
+    def in_base(self, mirror: MirrorPlace) -> MirrorPlace:
+        """A mirror of the root's frame, told in the frame of the robot's first link."""
         turn, shift = self.setting.base_from_root[:3, :3], self.setting.base_from_root[:3, 3]
         return replace(
             mirror,
@@ -109,7 +112,7 @@ class PlannedRoom:
         """
         if self.told_place:
             return mirror
-        scene, place = scene_of(self.setting, positions[None]), self._in_base(mirror)
+        scene, place = scene_of(self.setting, positions[None]), self.in_base(mirror)
         base_from_camera = np.linalg.inv(scene.camera_from_base[0])
         points = np.concatenate([scene.corners[0], scene.markers[0, list(markers)]])
         eye, points = base_from_camera[:3, 3], points @ base_from_camera[:3, :3].T + base_from_camera[:3, 3]
@@ -133,7 +136,7 @@ def read_planned_room(folder: Path, nominal: Nominal) -> PlannedRoom:
     options = read_options(folder / DOCUMENT).before(nominal.metadata.mirror)
     rows = planned_mirrors(folder, nominal)
     setting = read_setting(nominal, options)
-    room, _, warnings = room_of(setting, options, np.random.default_rng(options.seed))
+    room, ignored, warnings = room_of(setting, options, np.random.default_rng(options.seed))
     up_in_root = setting.base_from_root[:3, :3].T @ setting.up
     if not rows:
         raise MirrorPostureError(f"{folder / 'postures.csv'}: has no rows; needed a plan of some postures")
@@ -159,7 +162,7 @@ def read_planned_room(folder: Path, nominal: Nominal) -> PlannedRoom:
     )
     if not options.mirror_fixed:
         mirrors += tuple(one for one in others if all(_apart(one, mirror) for mirror in mirrors))
-    return PlannedRoom(setting, options, room, mirrors, tuple(warnings))
+    return PlannedRoom(setting, options, room, mirrors, tuple(warnings), tuple(ignored))
 
 
 def _apart(one: MirrorPlace, other: MirrorPlace) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -111,14 +111,7 @@ def make_plan(
         raise _too_few(nominal, replace(candidates, reasons=dict(reasons)), len(rows))
     positions, view = candidates.positions[rows], candidates.view[rows]
     say("what they will tell")
-    told_moments = moments(setting, sensitivity, list(positions), SECONDS_A_FRAME)
-    tells = what_it_tells(
-        sensitivity,
-        [
-            sensitivity.jacobian(moment, mirrors[view[i]], candidates.markers[rows[i]], True)
-            for i, moment in enumerate(told_moments)
-        ],
-    )
+    tells = told_by(setting, sensitivity, positions, [mirrors[v] for v in view], candidates.markers[rows])
     if len(rows) < sum(len(block) for block in chosen):
         warnings.append(
             f"{sum(map(len, chosen)) - len(rows)} postures were left out: no free way led there from the one before"
@@ -136,10 +129,24 @@ def make_plan(
     return Plan(
         setting, options,
         tuple(_in_root(setting, mirrors[number]) for number in used),
-        positions, np.searchsorted(used, view), _renumbered(posture), candidates.markers[rows], tuple(tells),
+        positions, np.searchsorted(used, view), _renumbered(posture), candidates.markers[rows], tells,
         dict(reasons), candidates.drawn, tuple(warnings), tuple(ignored),
         float(first.normal_in_root @ (first.center_in_root_m - board)),
     )  # fmt: skip
+
+
+def told_by(
+    setting: Setting,
+    sensitivity: Sensitivity,
+    positions: Floats,
+    mirrors: Sequence[MirrorPlace],
+    markers: npt.NDArray[np.bool_],
+) -> tuple[Tells, ...]:
+    """What postures (F, nq), held one after the other before these F mirrors (in the base's frame), tell by the balls (F, M) that are seen."""
+    told_moments = moments(setting, sensitivity, list(positions), SECONDS_A_FRAME)
+    held = zip(told_moments, mirrors, markers, strict=True)
+    rows = [sensitivity.jacobian(moment, mirror, seen, True) for moment, mirror, seen in held]
+    return tuple(what_it_tells(sensitivity, rows))
 
 
 def _place(

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ..._core import MirrorPostureError
 from ..joint_degrees import joint_degrees
 from ..named_values import mirror_size as wanted_size
 from ..named_values import package_folders
 from ..output import JsonOption, Output
+
+if TYPE_CHECKING:
+    from ...plan import Plan
 
 ORDER = 6
 PANEL = "Setting up"
@@ -71,6 +75,13 @@ def command(
         list[str] | None, typer.Option(help="NAME=FOLDER of a ROS package whose meshes the URDF names.")
     ] = None,
     seed: Annotated[int, typer.Option(help="Of the postures that are drawn.", min=0)] = 0,
+    judge: Annotated[
+        bool,
+        typer.Option(
+            "--judge",
+            help="Plan nothing: judge the plan that is there, after its rows, a mount or a tolerance were changed.",
+        ),
+    ] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Plan postures and views for this robot, mirror and room, and what they will tell, before any picture is taken.
@@ -81,16 +92,28 @@ def command(
 
     Writes postures.csv (for `capture`), views.csv (where the mirror stands), plan.json and plan.png. Look at the picture.
 
+    postures.csv may be changed by hand: `--judge` says of each row why it cannot be taken, and what the rows tell now.
+
     Example: `mirror-posture plan my-session --mirror-size 40x60`
 
     Next: `mirror-posture capture my-session`, or `mirror-posture render rehearsal --template my-session --meshes --plan my-session/plan`
     """
     output = Output(as_json)
     from ...new_session import parse_vector
-    from ...plan import PlanOptions, make_plan, write_plan
-    from ...plan.picture import SHOWN, table_rows
-    from ...plan.table import document
+    from ...plan import PlanOptions, judge_plan, make_plan, write_plan
+    from ...plan.table import POSTURES, document
 
+    folder = out or session / "plan"
+    if judge:
+        plan, wrong = judge_plan(session, folder)
+        say_plan(output, plan)
+        output.result({"plan": folder, "cannot be taken": wrong, **document(plan)})
+        if wrong:
+            raise MirrorPostureError(
+                f"{folder / POSTURES}: {len(wrong)} of {len(plan.view)} rows cannot be taken: {'; '.join(wrong)}"
+            )
+        output.say(f"every row of {folder / POSTURES} can be taken")
+        return
     width, height = wanted_size(mirror_size)
     options = PlanOptions(
         mirror_width_m=width,
@@ -110,8 +133,17 @@ def command(
         seed=seed,
     )
     plan = make_plan(session, options, say=output.say)
-    folder = out or session / "plan"
     write_plan(plan, folder)
+    say_plan(output, plan)
+    output.say(f"written: {folder}/postures.csv, views.csv, plan.json; look at {folder}/plan.png")
+    output.say(f"next: mirror-posture capture {session}")
+    output.result({"plan": folder, **document(plan)})
+
+
+def say_plan(output: Output, plan: Plan) -> None:
+    """What a plan tells, and where its mirrors stand."""
+    from ...plan.picture import SHOWN, table_rows
+
     for text in plan.warnings:
         output.warn(text)
     output.table(
@@ -137,6 +169,3 @@ def command(
     )
     if plan.ignored_pairs:
         output.say(f"not checked, since they touch at home or always: {'; '.join(plan.ignored_pairs)}")
-    output.say(f"written: {folder}/postures.csv, views.csv, plan.json; look at {folder}/plan.png")
-    output.say(f"next: mirror-posture capture {session}")
-    output.result({"plan": folder, **document(plan)})

@@ -1,0 +1,92 @@
+"""A plan that is there, judged as a new one would be: after its rows, the mounts, their tolerances or the mirror were changed."""
+
+from __future__ import annotations
+
+import math
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from ..robots.nominal import Nominal
+from .again import PlannedRoom, read_planned_room
+from .candidates import sift
+from .choose import path_blocked
+from .options import MirrorPlace
+from .run import SECONDS_A_FRAME, Plan, told_by
+from .sensitivity import Sensitivity
+from .table import POSTURES, read_plan
+
+Floats = npt.NDArray[np.float64]
+
+
+def judge_plan(folder: str | os.PathLike[str], plan_folder: Path) -> tuple[Plan, tuple[str, ...]]:
+    """The plan of a folder with what it will tell, and of the rows that cannot be taken why, a sentence each.
+
+    Asked of each row is what `plan` asks of a posture: in the joints' limits; free of collisions, on the straight way from the row before,
+    too; clear of the glass; the board and a ball seen in the mirror's frame; no real ball in the picture. Rows that show nothing tell
+    nothing.
+
+    Raises:
+        MirrorPostureError: no plan there, one that is broken, or one of another robot.
+    """
+    nominal = Nominal.load(folder)
+    planned = read_planned_room(plan_folder, nominal)
+    setting, room = planned.setting, planned.room
+    rows = read_plan(plan_folder / POSTURES, nominal.robot)
+    numbers = sorted({row.view for row in rows})
+    mirrors = [planned.in_base(mirror) for mirror in planned.mirrors[: len(numbers)]]
+    view = np.array([numbers.index(row.view) for row in rows], dtype=np.int64)
+    positions = np.array([setting.home] * len(rows))
+    for posture, row in zip(positions, rows, strict=True):
+        for name, value in row.commanded.items():
+            posture[nominal.robot.position_index(name)] = value
+    markers = np.zeros((len(rows), len(nominal.metadata.markers)), dtype=bool)
+    wrong: list[str] = []
+    any_order = np.random.default_rng(0)
+    before = setting.home
+    for at, row in enumerate(rows):
+        mirror = mirrors[view[at]]
+        found = sift(setting, [mirror], room, planned.options, positions[at : at + 1], 1, any_order)
+        markers[at] = found.markers.any(axis=0)
+        trouble = [*_beyond_limits(planned, row.commanded), *found.reasons]
+        blocked = path_blocked(setting, room, mirror, before, positions[at])
+        if blocked is not None:
+            trouble.append(f"on the way there it {blocked}")
+        if trouble:
+            wrong.append(f"frame {row.frame}: {'; '.join(trouble)}")
+        before = positions[at]
+    used = tuple(
+        replace(planned.mirrors[number], **_turn(planned, mirrors[number])) for number in range(len(numbers))
+    )
+    board = nominal.robot.link_poses(setting.home[None], [setting.board.link])[0, 0, :3, 3]
+    first = mirrors[view[0]]
+    options = planned.options
+    asked = options.postures * (len(numbers) if options.same_postures else 1)
+    sensitivity = Sensitivity(setting, SECONDS_A_FRAME, asked)
+    plan = Plan(
+        setting, options, used, positions, view, np.array([row.posture for row in rows], dtype=np.int64), markers,
+        told_by(setting, sensitivity, positions, [mirrors[v] for v in view], markers), {}, 0, planned.warnings, planned.ignored,
+        float(first.normal_in_root @ (first.center_in_root_m - board)),
+    )  # fmt: skip
+    return plan, tuple(wrong)
+
+
+def _beyond_limits(planned: PlannedRoom, commanded: dict[str, float]) -> list[str]:
+    limits = planned.setting.nominal.joint_limits
+    return [
+        f"{name} is at {value:.4g}, its limits are {limits[name].lower:.4g} to {limits[name].upper:.4g} rad (m)"
+        for name, value in commanded.items()
+        if name in limits and not limits[name].lower <= value <= limits[name].upper
+    ]
+
+
+def _turn(planned: PlannedRoom, mirror: MirrorPlace) -> dict[str, float]:
+    """How a mirror (in the base's frame) is turned from straight before the robot, as `turned_mirrors` counts it."""
+    up, forward = planned.setting.up, planned.setting.forward
+    across, normal = np.cross(up, forward), mirror.normal_in_root
+    across /= np.linalg.norm(across)
+    yaw = math.atan2(float(normal @ across), float(normal @ forward))
+    return {"yaw_rad": yaw, "pitch_rad": math.asin(float(np.clip(normal @ up, -1.0, 1.0)))}
