@@ -58,9 +58,7 @@ def judge_plan(folder: str | os.PathLike[str], plan_folder: Path) -> tuple[Plan,
         if trouble:
             wrong.append(f"frame {row.frame}: {'; '.join(trouble)}")
         before = positions[at]
-    used = tuple(
-        replace(planned.mirrors[number], **_turn(planned, mirrors[number])) for number in range(len(numbers))
-    )
+    used = tuple(_turned(planned, mirror) for mirror in planned.mirrors[: len(numbers)])
     board = nominal.robot.link_poses(setting.home[None], [setting.board.link])[0, 0, :3, 3]
     first = mirrors[view[0]]
     options = planned.options
@@ -83,10 +81,10 @@ def _beyond_limits(planned: PlannedRoom, commanded: dict[str, float]) -> list[st
     ]
 
 
-def _turn(planned: PlannedRoom, mirror: MirrorPlace) -> dict[str, float]:
-    """How a mirror (in the base's frame) is turned from straight before the robot, as `turned_mirrors` counts it."""
+def _turned(planned: PlannedRoom, mirror: MirrorPlace) -> MirrorPlace:
+    """A mirror of the root's frame with its turn from straight before the robot, as `turned_mirrors` counts it."""
     up, forward = planned.setting.up, planned.setting.forward
-    across, normal = np.cross(up, forward), mirror.normal_in_root
+    across, normal = np.cross(up, forward), planned.in_base(mirror).normal_in_root
     across /= np.linalg.norm(across)
     yaw = math.atan2(float(normal @ across), float(normal @ forward))
-    return {"yaw_rad": yaw, "pitch_rad": math.asin(float(np.clip(normal @ up, -1.0, 1.0)))}
+    return replace(mirror, yaw_rad=yaw, pitch_rad=math.asin(float(np.clip(normal @ up, -1.0, 1.0))))
