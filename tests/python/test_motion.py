@@ -17,7 +17,8 @@ pytest.importorskip("pinocchio")
 pytest.importorskip("mirror_lab")
 
 from mirror_lab.moving.make import make_case  # noqa: E402
-from mirror_posture.motion.rollouts import STEP_S, _lagged, _slewed  # noqa: E402
+from mirror_posture.motion.drives import lagged, slewed  # noqa: E402
+from mirror_posture.motion.rollouts import STEP_S  # noqa: E402
 from mirror_posture.motion.statistics import misfit, noise_scale  # noqa: E402
 
 SECONDS = 5.0
@@ -205,18 +206,44 @@ def test_limits_of_torque_are_tried_where_they_act(late: tuple[Path, float]) -> 
     problem = Problem(mp.load_session(late[0]), late[0] / "model.xml")
     rollouts = problem.rollouts
     for name, scale in problem.scales.items():
-        torque = np.abs(rollouts._servo_torque(rollouts.nominal(), rollouts.joints.index(name)))
+        j, motion = rollouts.joints.index(name), rollouts.nominal()
+        torque = np.abs(rollouts._servo_torque(motion.position[:, j], motion.velocity[:, j], j))
         acts = [float((torque > level).mean()) for level in scale.torque_levels]
         assert acts == sorted(acts, reverse=True) and 0.01 < acts[-1] < acts[0] < 0.5, name
+
+
+def test_limbs_that_feel_nothing_of_each_other_are_simulated_together(late: tuple[Path, float]) -> None:
+    from mirror_posture.motion.problem import Problem
+
+    rollouts = Problem(mp.load_session(late[0]), late[0] / "model.xml").rollouts
+    assert sorted(np.concatenate(rollouts.branches)) == list(range(len(rollouts.joints)))
+    left, right = (next(n for n in rollouts.joints if n.endswith(f"{side}_elbow")) for side in "lr")
+    causes = [
+        {("coulomb_friction", f"joint:{left}"): (0.05,), ("servo_lag", f"joint:{left}"): (0.02,)},
+        {("servo_gain", f"joint:{right}"): (0.5, 0.2)},
+    ]
+    before = rollouts.count
+    together = rollouts.motions(causes)
+    assert rollouts.count == before + 1
+    nominal = rollouts.nominal().position
+    for name, cause, motion in zip((left, right), causes, together, strict=True):
+        ((*parts,),) = rollouts._run([cause])
+        alone = np.empty_like(nominal)
+        for branch in parts:
+            assert branch is not None
+            alone[:, branch.columns] = branch.position
+        assert motion is not None
+        assert np.abs(alone - motion.position).max() < 1e-9
+        assert np.abs(motion.position - nominal)[:, rollouts.joints.index(name)].max() > 1e-3
 
 
 def test_laws_of_commands() -> None:
     time = np.arange(0.0, 2.0, STEP_S)
     ramp = np.maximum(time - 0.2, 0.0)
-    late = _lagged(ramp, 0.05)
+    late = lagged(ramp, 0.05, STEP_S)
     # Behind a ramp a filter of first order stays by its time constant.
     assert np.allclose((ramp - late)[-100:], 0.05, atol=1e-6)
-    slow = _slewed(ramp, 0.4)
+    slow = slewed(ramp, 0.4, STEP_S)
     assert np.isclose(np.diff(slow).max() / STEP_S, 0.4) and np.all(slow <= ramp + 1e-12)
 
 

@@ -19,8 +19,9 @@ from ..session.types import States
 from .alternatives import Rivals
 from .effects import Causes, Key
 from .fit import Fitted, evaluated
+from .motions import Branch, Motion
 from .problem import Problem, positions
-from .rollouts import STEP_S, Motion, Rollouts
+from .rollouts import STEP_S, Rollouts
 from .search import Found
 
 Floats = npt.NDArray[np.float64]
@@ -199,7 +200,10 @@ def _candidates(problem: Problem, joint: str, why: str) -> list[Move]:
     drawn = np.random.default_rng(0).uniform(*_ranges(problem, low, high), size=(DRAWN, len(low)))
     drawn[:, column] = 0.5 * (low[column] + high[column])
     still = np.repeat(drawn[:, None], 3, axis=1).reshape(-1, len(low))
-    load = rollouts.load(Motion(rollouts.start_s, still, np.zeros_like(still)), _middles(rollouts))[:, column]
+    load = rollouts.load(
+        Motion(rollouts.start_s, STEP_S, [Branch(np.arange(len(low)), still, np.zeros_like(still))]),
+        _middles(rollouts),
+    )[:, column]
     order = np.argsort(load)
     bases = [drawn[row] for row in (order[0], order[len(order) // 2], order[-1], np.argmin(np.abs(load)))]
     out = []

@@ -16,8 +16,9 @@ import numpy.typing as npt
 from .._core import MirrorPostureError
 from ..session import Session
 from .effects import Causes, Hypothesis, Key, of_joint, of_setup
+from .motions import Motion
 from .recording import Recording, recording_of
-from .rollouts import Motion, Rollouts
+from .rollouts import Rollouts
 from .view import Places, View
 
 Floats = npt.NDArray[np.float64]

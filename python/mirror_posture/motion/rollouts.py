@@ -10,7 +10,6 @@ import copy
 import os
 from collections import OrderedDict
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -20,9 +19,10 @@ import numpy.typing as npt
 from mujoco import rollout
 
 from .._core import MirrorPostureError
-from ..short_repr import ShortRepr
 from ..simulate.model import STIFF_FRICTION, Simulator, build
+from .drives import lagged, slewed
 from .effects import EFFECTS, LEVELS, Causes, JointScale, gains
+from .motions import Branch, Motion, between, independent
 from .recording import Recording
 
 Floats = npt.NDArray[np.float64]
@@ -37,31 +37,6 @@ SUBSTEPS = 8
 KEPT_IN_MEMORY = 48
 AT_ONCE = 12
 WILD_RAD = 1e3
-
-
-@dataclass(eq=False, repr=False)
-class Motion(ShortRepr):
-    """Joint positions (T, joints) every `STEP_S` from the log's first row on."""
-
-    start_s: float
-    position: Floats
-    velocity: Floats
-    _load: dict[str, Floats] = field(default_factory=dict)
-
-    def at(self, time_s: Floats) -> Floats:
-        """Positions at times of any shape: (..., joints), straight between two steps."""
-        return _between(self.position, (time_s - self.start_s) / STEP_S)
-
-    def velocity_at(self, time_s: Floats) -> Floats:
-        """Velocities at times of any shape: (..., joints)."""
-        return _between(self.velocity, (time_s - self.start_s) / STEP_S)
-
-
-def _between(table: Floats, place: Floats) -> Floats:
-    place = np.clip(place, 0.0, len(table) - 1.000001)
-    below = place.astype(np.int64)
-    share = (place - below)[..., None]
-    return np.asarray((1.0 - share) * table[below] + share * table[below + 1])
 
 
 class Rollouts:
@@ -94,24 +69,31 @@ class Rollouts:
             int((end - self.start_s) / STEP_S) + 2, dtype=np.float64
         )
         self.commands = recording.commands(self.joints, self.time_s)
-        self._known: OrderedDict[tuple[Any, ...], Motion] = OrderedDict()
+        self._told = np.zeros((int(SETTLE_S / STEP_S) + len(self.time_s), self.model.nu))
+        for column in range(len(self.joints)):
+            self._tell(self._told, column, self.commands[:, column])
+        self.branches = independent(self.model, self.dof)
+        self._branch_of = {self.joints[j]: b for b, columns in enumerate(self.branches) for j in columns}
+        self._known: OrderedDict[tuple[int, Any], Branch | None] = OrderedDict()
+        self._whole: OrderedDict[tuple[int, ...], Motion] = OrderedDict()
         self._pool = rollout.Rollout(nthread=os.cpu_count() or 1)
         self._data = [mujoco.MjData(self.model) for _ in range(os.cpu_count() or 1)]
         self.count = 0
         """Motions simulated so far."""
-        self._correction = (np.zeros(0), np.zeros(0))
+        self._correction: list[tuple[Floats, Floats] | None] = []
         if exact:
             self.refine({})
 
     def scales(self, nominal: Motion) -> dict[str, JointScale]:
         """What is usual of each joint that the log moves."""
         out = {}
+        position, velocity = nominal.position, nominal.velocity
         for column, name in enumerate(self.joints):
             speed = float(np.abs(np.gradient(self.commands[:, column], STEP_S)).max())
             if speed < 1e-3:
                 continue
             a = self.actuator[column]
-            force = self._servo_torque(nominal, column)
+            force = self._servo_torque(position[:, column], velocity[:, column], column)
             out[name] = JointScale(
                 float(self.model.actuator_gainprm[a, 0]),
                 float(-self.model.actuator_biasprm[a, 2] + self.model.dof_damping[self.dof[column]]),
@@ -124,13 +106,11 @@ class Rollouts:
             )
         return out
 
-    def _servo_torque(self, motion: Motion, column: int) -> Floats:
+    def _servo_torque(self, position: Floats, velocity: Floats, column: int) -> Floats:
         a = self.actuator[column]
         gain, bias = self.model.actuator_gainprm[a], self.model.actuator_biasprm[a]
-        told = self._controls({})[:, a][: len(motion.position)]
-        return np.asarray(
-            gain[0] * told + bias[1] * motion.position[:, column] + bias[2] * motion.velocity[:, column]
-        )
+        told = self._told[-len(self.time_s) :, a][: len(position)]
+        return np.asarray(gain[0] * told + bias[1] * position + bias[2] * velocity)
 
     def refine(self, causes: Causes) -> None:
         """Makes these causes the ones near which motions are exact.
@@ -140,38 +120,83 @@ class Rollouts:
         first order, so the short steps are off by an eighth still: Richardson's extrapolation takes that too.
         """
         self._known.clear()
-        self._correction = (np.zeros(0), np.zeros(0))
+        self._whole.clear()
+        self._correction = []
         (coarse,), (fine,) = self._run([causes]), self._run([causes], SUBSTEPS)
-        if coarse is not None and fine is not None:
-            whole = SUBSTEPS / (SUBSTEPS - 1.0)
-            self._correction = (
-                whole * (fine.position - coarse.position),
-                whole * (fine.velocity - coarse.velocity),
+        whole = SUBSTEPS / (SUBSTEPS - 1.0)
+        self._correction = [
+            None
+            if rough is None or exact is None
+            else (
+                whole * (exact.position - rough.position),
+                whole * (exact.velocity - rough.velocity),
             )
+            for rough, exact in zip(coarse, fine, strict=True)
+        ]
 
     def motions(self, several: Sequence[Causes]) -> list[Motion | None]:
         """The motion with each set of causes; None where the simulation diverges."""
-        keys = [_key(causes) for causes in several]
-        new = [i for i, key in enumerate(keys) if key not in self._known and keys.index(key) == i]
-        fresh: dict[tuple[Any, ...], Motion | None] = {}
-        for first in range(0, len(new), AT_ONCE):
-            part = new[first : first + AT_ONCE]
-            for i, motion in zip(part, self._run([several[i] for i in part]), strict=True):
-                fresh[keys[i]] = motion
-                if motion is not None:
-                    self._known[keys[i]] = motion
-        out = [fresh[key] if key in fresh else self._known[key] for key in keys]
-        while len(self._known) > KEPT_IN_MEMORY:
+        wanted = [self._by_branch(causes) for causes in several]
+        # What limbs do that feel nothing of each other is simulated in one motion, each limb with what is asked of it.
+        missing: list[list[Causes]] = [[] for _ in self.branches]
+        seen: set[tuple[int, Any]] = set()
+        for parts in wanted:
+            for b, part in enumerate(parts):
+                key = (b, _key(part))
+                if key not in self._known and key not in seen:
+                    seen.add(key)
+                    missing[b].append(part)
+        fresh: dict[tuple[int, Any], Branch | None] = {}
+        rounds = max((len(parts) for parts in missing), default=0)
+        for first in range(0, rounds, AT_ONCE):
+            packed = [
+                [parts[i] for parts in missing if i < len(parts)]
+                for i in range(first, min(rounds, first + AT_ONCE))
+            ]
+            runs = self._run([{key: v for part in parts for key, v in part.items()} for parts in packed])
+            for i, run in enumerate(runs, start=first):
+                asked = [(b, parts[i]) for b, parts in enumerate(missing) if i < len(parts)]
+                # Where one limb flies off nothing of the others is sure: each by itself.
+                alone = None in run and len(asked) > 1
+                own = self._run([part for _, part in asked]) if alone else [run] * len(asked)
+                for (b, part), told in zip(asked, own, strict=True):
+                    fresh[b, _key(part)] = told[b]
+        self._known.update(fresh)
+        out: list[Motion | None] = []
+        for parts in wanted:
+            keys = [(b, _key(part)) for b, part in enumerate(parts)]
+            found = [self._known[key] for key in keys]
+            for key in keys:
+                self._known.move_to_end(key)
+            whole = [branch for branch in found if branch is not None]
+            same = tuple(id(branch) for branch in whole)
+            if len(whole) < len(found):
+                out.append(None)
+                continue
+            if same not in self._whole:
+                self._whole[same] = Motion(self.start_s, STEP_S, whole)
+            out.append(self._whole[same])
+        while len(self._known) > KEPT_IN_MEMORY * len(self.branches):
             self._known.popitem(last=False)
+        while len(self._whole) > KEPT_IN_MEMORY:
+            self._whole.popitem(last=False)
         return out
 
-    def _run(self, several: Sequence[Causes], substeps: int = 1) -> list[Motion | None]:
+    def _by_branch(self, causes: Causes) -> list[Causes]:
+        """What of the causes a motion must be simulated for, limb by limb."""
+        out: list[Causes] = [{} for _ in self.branches]
+        for key, values in causes.items():
+            if EFFECTS[key[0]].in_rollout:
+                out[self._branch_of[key[1].partition(":")[2]]][key] = values
+        return out
+
+    def _run(self, several: Sequence[Causes], substeps: int = 1) -> list[list[Branch | None]]:
+        """The branches of each motion; None for one that diverges."""
         models = [self._changed(causes) for causes in several]
         settle = int(SETTLE_S / STEP_S)
         controls = [self._controls(causes) for causes in several]
-        controls = [np.concatenate([np.repeat(c[:1], settle, axis=0), c]) for c in controls]
         if substeps > 1:
-            controls = [_between(c, np.arange((len(c) - 1) * substeps + 1) / substeps) for c in controls]
+            controls = [between(c, np.arange((len(c) - 1) * substeps + 1) / substeps) for c in controls]
             for model in models:
                 model.opt.timestep = STEP_S / substeps
         state = np.zeros(mujoco.mj_stateSize(self.model, mujoco.mjtState.mjSTATE_FULLPHYSICS))
@@ -183,18 +208,22 @@ class Rollouts:
             models, self._data, np.repeat(state[None], len(models), axis=0), np.stack(controls)
         )
         self.count += len(models)
-        out: list[Motion | None] = []
-        for run in states:
-            # A state is the time, then positions, then velocities; row i is after step i.
-            kept = run[settle * substeps - 1 : -1 : substeps]
-            position = kept[:, 1 + self.qpos]
-            velocity = kept[:, 1 + self.model.nq + self.dof]
-            wild = not np.isfinite(position).all() or bool((np.abs(position) > WILD_RAD).any())
-            if not wild and len(self._correction[0]):
-                count = min(len(position), len(self._correction[0]))
-                position = position[:count] + self._correction[0][:count]
-                velocity = velocity[:count] + self._correction[1][:count]
-            out.append(None if wild else Motion(self.start_s, position, velocity))
+        # A state is the time, then positions, then velocities; row i is after step i.
+        return [self._branches_of(run[settle * substeps - 1 : -1 : substeps]) for run in states]
+
+    def _branches_of(self, kept: Floats) -> list[Branch | None]:
+        out: list[Branch | None] = []
+        for b, columns in enumerate(self.branches):
+            position = kept[:, 1 + self.qpos[columns]]
+            velocity = kept[:, 1 + self.model.nq + self.dof[columns]]
+            if not (np.abs(position) <= WILD_RAD).all():
+                out.append(None)
+                continue
+            correction = self._correction[b] if self._correction else None
+            if correction is not None:
+                position = position + correction[0]
+                velocity = velocity + correction[1]
+            out.append(Branch(columns, position, velocity))
         return out
 
     def _changed(self, causes: Causes) -> Any:
@@ -223,31 +252,28 @@ class Rollouts:
         return model
 
     def _controls(self, causes: Causes) -> Floats:
-        """(T, actuators): what the servos are told."""
-        told = self.commands.copy()
+        """(settling and T, actuators): what the servos are told."""
+        out: Floats = self._told.copy()
         for (effect, at), values in causes.items():
-            if effect not in ("servo_lag", "velocity_limit"):
-                continue
-            column = self.joints.index(at.partition(":")[2])
-            law = _lagged if effect == "servo_lag" else _slewed
-            told[:, column] = law(told[:, column], values[0])
-        out = np.zeros((len(told), self.model.nu))
-        for column, name in enumerate(self.joints):
-            values = told[:, column]
-            if name not in self.simulator.kept:
-                values = values + 2.0 / IDEAL_RATE_PER_S * np.gradient(values, STEP_S)
-            out[:, self.actuator[column]] = values
+            if effect in ("servo_lag", "velocity_limit"):
+                column = self.joints.index(at.partition(":")[2])
+                law = lagged if effect == "servo_lag" else slewed
+                self._tell(out, column, law(self.commands[:, column], values[0], STEP_S))
         return out
+
+    def _tell(self, out: Floats, column: int, told: Floats) -> None:
+        if self.joints[column] not in self.simulator.kept:
+            told = told + 2.0 / IDEAL_RATE_PER_S * np.gradient(told, STEP_S)
+        out[:, self.actuator[column]] = np.concatenate([np.full(int(SETTLE_S / STEP_S), told[0]), told])
 
     def load(self, motion: Motion, time_s: Floats) -> Floats:
         """Torque that gravity and the motion put on each joint at times (F,): (F, joints), N m; a load pushes with its sign."""
-        if "load" in motion._load:
-            return motion._load["load"]
+        asked = (float(time_s[0]), len(time_s))
+        if asked in motion.loads:
+            return motion.loads[asked]
         data, out = self._data[0], np.zeros((len(time_s), len(self.joints)))
         force = np.zeros(self.model.nv)
-        acceleration = np.gradient(motion.velocity, STEP_S, axis=0)
-        place = (time_s - self.start_s) / STEP_S
-        q, v, a = (_between(x, place) for x in (motion.position, motion.velocity, acceleration))
+        q, v, a = motion.at(time_s), motion.velocity_at(time_s), motion.acceleration_at(time_s)
         mujoco.mj_resetData(self.model, data)
         for row in range(len(time_s)):
             data.qpos[self.qpos], data.qvel[self.dof], data.qacc[self.dof] = q[row], v[row], a[row]
@@ -256,7 +282,7 @@ class Rollouts:
             mujoco.mj_comVel(self.model, data)
             mujoco.mj_rne(self.model, data, 1, force)
             out[row] = -force[self.dof]
-        motion._load["load"] = out
+        motion.loads[asked] = out
         return out
 
     def nominal(self) -> Motion:
@@ -271,28 +297,3 @@ class Rollouts:
 
 def _key(causes: Causes) -> tuple[Any, ...]:
     return tuple(sorted((key, values) for key, values in causes.items() if EFFECTS[key[0]].in_rollout))
-
-
-def _lagged(told: Floats, time_constant_s: float) -> Floats:
-    """First order, exact for a command that is straight within a step."""
-    if time_constant_s <= 1e-6:
-        return told
-    decay = float(np.exp(-STEP_S / time_constant_s))
-    out: Floats = told.copy()
-    slope = time_constant_s / STEP_S
-    now = float(told[0])
-    for i in range(1, len(told)):
-        rise = told[i] - told[i - 1]
-        now = decay * (now - told[i - 1] + slope * rise) + told[i] - slope * rise
-        out[i] = now
-    return out
-
-
-def _slewed(told: Floats, limit_per_s: float) -> Floats:
-    most = limit_per_s * STEP_S
-    out: Floats = told.copy()
-    now = float(told[0])
-    for i, value in enumerate(told.tolist()):
-        now += min(most, max(-most, value - now))
-        out[i] = now
-    return out

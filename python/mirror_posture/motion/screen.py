@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -24,6 +25,8 @@ LIMIT_AMPLITUDE = (0.3, 1.6)
 TOLD_DEVIATIONS = 3.0
 """By so many standard deviations the mildest limit must speak for itself, before tighter ones are simulated."""
 MOST_LIMITS = 6
+BLOCKS = 10
+"""Parts of the time whose sums are kept apart."""
 
 
 @dataclass(frozen=True)
@@ -33,6 +36,19 @@ class Scored:
     key: Key
     gain: float
     start: tuple[float, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Free:
+    """Products of all columns with those of the causes taken projected out, in units of the noise; and their squares before."""
+
+    normal: Floats
+    whole: Floats
+
+    @property
+    def squares(self) -> Floats:
+        """Of each column."""
+        return np.maximum(np.diag(self.normal), 0.0)
 
 
 class Screen:
@@ -46,6 +62,8 @@ class Screen:
         for column, (key, _) in enumerate(of):
             self.slots.setdefault(key, []).append(column)
         self.limits: list[tuple[Hypothesis, tuple[float, ...], int]] = []
+        self._counted: npt.NDArray[np.bool_] | None = None
+        self._matrix, self._blocks = np.zeros((0, 0)), np.zeros((BLOCKS, 0, 0))
         # A limit acts wherever a tighter one acts, the same way: where the mildest tried tells nothing, none does.
         limits = [h for h in problem.hypotheses.values() if h.effect.is_limit]
         self._try_limits([(h, h.starts[-1]) for h in limits])
@@ -61,31 +79,69 @@ class Screen:
     @property
     def matrix(self) -> Floats:
         """(rows, P): the columns of the images that count."""
+        seen, count = self.problem.view.seen, self._columns.shape[-1]
+        if self._counted is not seen:
+            self._counted, self._matrix, self._blocks = (
+                seen,
+                np.zeros((2 * int(seen.sum()), 0)),
+                self._blocks[:, :0, :0],
+            )
+        old = self._matrix.shape[1]
+        if old < count:
+            fresh = self._columns[..., old:][seen].reshape(len(self._matrix), count - old)
+            self._matrix = np.concatenate([self._matrix, fresh], axis=1)
+            blocks = np.empty((BLOCKS, count, count))
+            blocks[:, :old, :old] = self._blocks
+            for b, rows in enumerate(self.blocks_of_rows()):
+                blocks[b, :, old:] = self._matrix[rows].T @ fresh[rows]
+                blocks[b, old:, :old] = blocks[b, :old, old:].T
+            self._blocks = blocks
+        return self._matrix
+
+    def blocks_of_rows(self) -> list[slice]:
+        """The rows of each part of the time."""
         seen = self.problem.view.seen
-        return np.asarray(self._columns[seen].reshape(2 * int(seen.sum()), -1))
+        block = np.repeat(np.nonzero(seen)[0], 2) * BLOCKS // len(seen)
+        ends = np.searchsorted(block, np.arange(BLOCKS + 1))
+        return [slice(int(begin), int(end)) for begin, end in pairwise(ends)]
+
+    @property
+    def by_block(self) -> Floats:
+        """(BLOCKS, P, P): products of the columns, part by part of the time."""
+        _ = self.matrix
+        return self._blocks
+
+    def free_of(self, taken: Floats, scale: float) -> Free:
+        """The columns' products with the columns `taken` (rows, k) projected out."""
+        return self._free(_basis(taken, len(self.matrix)), scale)
+
+    def _free(self, q: Floats, scale: float) -> Free:
+        normal = self.by_block.sum(axis=0) / scale**2
+        whole = np.diag(normal).copy()
+        shared = q.T @ self.matrix / scale
+        return Free(normal - shared.T @ shared, whole)
 
     def scores(self, residual: Floats, taken: Floats, skip: Sequence[Key], scale: float) -> list[Scored]:
         """Hypotheses by gain, the best first: `residual` (F, markers, 2) and the columns `taken` (rows, P) in units of the noise."""
         r = residual[self.problem.view.seen].reshape(-1)
-        q, _ = np.linalg.qr(taken) if taken.shape[1] else (np.zeros((len(r), 0)), None)
+        q = _basis(taken, len(r))
         r = r - q @ (q.T @ r)
-        c, whole = self._free(q, scale)
-        if tighter := self._tighter(c, whole, r, skip):
+        free, by_residual = self._free(q, scale), self.matrix.T @ r / scale
+        if tighter := self._tighter(free, by_residual, skip):
             self._try_limits(tighter)
-            c, whole = self._free(q, scale)
-        by_residual, squares = c.T @ r, np.einsum("ij,ij->j", c, c)
+            free, by_residual = self._free(q, scale), self.matrix.T @ r / scale
+        squares = free.squares
         out = []
         for key, slots in self.slots.items():
             if key in skip:
                 continue
-            h = self.problem.hypotheses[key]
-            gain, amplitude = _best(h, c[:, slots], by_residual[slots], squares[slots], whole[slots])
-            start = h.clipped(amplitude * np.array(h.step))
+            h, own = self.problem.hypotheses[key], np.ix_(slots, slots)
+            gain, amplitude = _best(h, free.normal[own], by_residual[slots], free.whole[slots])
             if gain > 0.0:
-                out.append(Scored(key, gain, start))
+                out.append(Scored(key, gain, h.clipped(amplitude * np.array(h.step))))
         best: dict[Key, Scored] = {}
         for h, start, column in self.limits:
-            if h.key in skip or squares[column] < 1e-6 * max(1.0, whole[column]):
+            if h.key in skip or squares[column] < 1e-6 * max(1.0, free.whole[column]):
                 continue
             a = float(np.clip(by_residual[column] / squares[column], *LIMIT_AMPLITUDE))
             gain = 2.0 * a * by_residual[column] - a * a * squares[column]
@@ -93,35 +149,31 @@ class Screen:
                 best[h.key] = Scored(h.key, float(gain), start)
         return sorted([*out, *best.values()], key=lambda s: -s.gain)
 
-    def _free(self, q: Floats, scale: float) -> tuple[Floats, Floats]:
-        """Columns with the orthonormal ones projected out, and their squares before."""
-        c = self.matrix / scale
-        whole = np.einsum("ij,ij->j", c, c)
-        return (c - q @ (q.T @ c) if q.shape[1] else c), whole
-
     def _tighter(
-        self, c: Floats, whole: Floats, r: Floats, skip: Sequence[Key]
+        self, free: Free, by_residual: Floats, skip: Sequence[Key]
     ) -> list[tuple[Hypothesis, tuple[float, ...]]]:
         """Sizes not tried yet of the limits whose mildest size tells something, of no more than a few: the clearest."""
         clear: dict[Key, float] = {}
         tried = {(h.key, start) for h, start, _ in self.limits}
         for h, start, column in self.limits:
-            power = float(c[:, column] @ c[:, column])
-            if h.key not in skip and start == h.starts[-1] and power >= 1e-6 * max(1.0, whole[column]):
-                clear[h.key] = float(c[:, column] @ r) / float(np.sqrt(power))
+            power = free.squares[column]
+            if h.key not in skip and start == h.starts[-1] and power >= 1e-6 * max(1.0, free.whole[column]):
+                clear[h.key] = float(by_residual[column] / np.sqrt(power))
         first = sorted((key for key in clear if clear[key] > TOLD_DEVIATIONS), key=lambda key: -clear[key])
         clearest = [self.problem.hypotheses[key] for key in first[:MOST_LIMITS]]
         return [(h, start) for h in clearest for start in h.starts if (h.key, start) not in tried]
 
 
-def _best(
-    h: Hypothesis, columns: Floats, by_residual: Floats, squares: Floats, whole: Floats
-) -> tuple[float, Floats]:
+def _basis(taken: Floats, rows: int) -> Floats:
+    """Orthonormal columns that span those taken."""
+    return np.linalg.qr(taken)[0] if taken.shape[1] else np.zeros((rows, 0))
+
+
+def _best(h: Hypothesis, normal: Floats, by_residual: Floats, whole: Floats) -> tuple[float, Floats]:
     """Gain and amplitudes (in steps) of a hypothesis; 0 where its columns are lost in those projected out."""
-    if (squares < 1e-5 * np.maximum(whole, 1e-12)).all():
-        return 0.0, np.zeros(len(squares))
-    normal = columns.T @ columns
-    normal += np.diag(1e-6 * np.maximum(whole, 1e-12) + RIDGE)
+    if (np.diag(normal) < 1e-5 * np.maximum(whole, 1e-12)).all():
+        return 0.0, np.zeros(len(whole))
+    normal = normal + np.diag(1e-6 * np.maximum(whole, 1e-12) + RIDGE)
     amplitude = np.linalg.solve(normal, by_residual)
     step = np.array(h.step)
     amplitude = np.clip(amplitude, np.array(h.lower) / step, np.array(h.upper) / step)

@@ -16,6 +16,7 @@ import numpy.typing as npt
 from .effects import Hypothesis, Key
 from .fit import Fitted, design
 from .problem import Problem
+from .screen import BLOCKS
 from .search import LEAST_SHIFT, MARGIN, Found, columns_of
 
 Floats = npt.NDArray[np.float64]
@@ -23,7 +24,6 @@ Floats = npt.NDArray[np.float64]
 ONE_SIDED_95 = 1.645
 LOST = 1e-5
 """Share of a column's power below which it is lost in those projected out: any size would be hidden."""
-BLOCKS = 10
 RESAMPLES = 40
 RIDGE = 1e-6
 AMPLITUDE = (0.3, 1.6)
@@ -38,9 +38,7 @@ def limits(problem: Problem, found: Found) -> list[dict[str, Any]]:
     """
     scale, misfit = found.noise_scale, found.best.misfit
     _, taken = columns_of(problem, found.best, scale)
-    columns = found.screen.matrix / scale
-    whole = np.einsum("ij,ij->j", columns, columns)
-    free = _without(columns, taken)
+    free = found.screen.free_of(taken, scale)
     price = 2.0 * np.log(len(problem.hypotheses)) + MARGIN
     out = []
     for key, slots in found.screen.slots.items():
@@ -52,11 +50,9 @@ def limits(problem: Problem, found: Found) -> list[dict[str, Any]]:
         power = max(float(power), LEAST_SHIFT**2 * misfit.rows)
         sizes: dict[str, float | None] = {}
         for place, slot in enumerate(slots):
-            others = [other for other in slots if other != slot]
-            (column,) = _without(free[:, [slot]], free[:, others]).T
-            left = float(column @ column)
+            left, whole = _left(free.normal, slot, [o for o in slots if o != slot]), free.whole[slot]
             name = hypothesis.effect.parameters[place]
-            hidden = left <= LOST * whole[slot] or whole[slot] <= 0.0
+            hidden = left <= LOST * whole or whole <= 0.0
             sizes[name] = None if hidden else float(np.sqrt(power / left) * hypothesis.step[place])
         out.append({"effect": key[0], "at": key[1], "parameters": sizes})
     return out
@@ -78,70 +74,71 @@ def stability(problem: Problem, found: Found, without: Mapping[Key, Fitted | Non
 
 
 def _share(problem: Problem, found: Found, key: Key, model: Fitted, weights: Floats) -> float:
-    scale, seen = found.noise_scale, problem.view.seen
+    scale, seen, screen = found.noise_scale, problem.view.seen, found.screen
     inflation, rows = found.best.misfit.inflation, max(2.0, found.best.misfit.effective_rows)
     of, others = design(problem, {k: v for k, v in model.causes.items() if k != key})
     residual = model.residual[seen].reshape(-1)
     does = residual - found.best.residual[seen].reshape(-1)
-    taken = others[seen].reshape(len(residual), len(of)) / scale
-    limits_at = {column for _, _, column in found.screen.limits}
-    table = np.column_stack([taken, does, found.screen.matrix / scale])
-    block = np.repeat(np.nonzero(seen)[0], 2) * BLOCKS // len(seen)
-    # Resampling adds up each tenth's own sums.
-    normals = np.stack([table[block == b].T @ table[block == b] for b in range(BLOCKS)])
-    pulls = np.stack([table[block == b].T @ residual[block == b] for b in range(BLOCKS)])
+    extra = np.column_stack([others[seen].reshape(len(residual), len(of)) / scale, does])
     count, first = len(of), len(of) + 1
-    same = 0
-    for weight in weights:
-        normal, pull = np.tensordot(weight, normals, axes=1), np.tensordot(weight, pulls, axes=1)
-        whole = np.diag(normal).copy()
-        if count:
-            inner = normal[:count, :count] + RIDGE * np.diag(np.maximum(whole[:count], 1e-12))
-            solved = np.linalg.solve(inner, np.column_stack([normal[:count], pull[:count]]))
-            normal, pull = (
-                normal - normal[:, :count] @ solved[:, :-1],
-                pull - normal[:, :count] @ solved[:, -1],
-            )
-        own = _gain_of(normal[count, count], pull[count]) / inflation
-        own -= len(problem.hypotheses[key].step) * np.log(rows)
-        best = -np.inf
-        for other, slots in found.screen.slots.items():
-            if other == key or other in model.causes:
-                continue
-            at = np.array([first + slot for slot in slots])
-            gain = _best_gain(problem.hypotheses[other], normal[np.ix_(at, at)], pull[at], whole[at])
-            best = max(best, gain / inflation - len(slots) * np.log(rows))
-        for hypothesis, _, column in found.screen.limits:
-            if hypothesis.key != key and hypothesis.key not in model.causes and column in limits_at:
-                at_one = first + column
-                gain = _gain_of(normal[at_one, at_one], pull[at_one])
-                best = max(best, gain / inflation - len(hypothesis.step) * np.log(rows))
-        same += bool(own > max(best, 0.0))
-    return same / len(weights)
+    # Resampling adds up each tenth's own sums.
+    size = first + screen.matrix.shape[1]
+    normals, pulls = np.empty((BLOCKS, size, size)), np.empty((BLOCKS, size))
+    for b, part in enumerate(screen.blocks_of_rows()):
+        columns = screen.matrix[part]
+        normals[b, first:, first:] = screen.by_block[b] / scale**2
+        normals[b, :first, :first] = extra[part].T @ extra[part]
+        normals[b, :first, first:] = extra[part].T @ columns / scale
+        normals[b, first:, :first] = normals[b, :first, first:].T
+        pulls[b] = np.concatenate([extra[part].T @ residual[part], columns.T @ residual[part] / scale])
+    normal, pull = np.tensordot(weights, normals, axes=1), np.tensordot(weights, pulls, axes=1)
+    whole = np.diagonal(normal, axis1=1, axis2=2).copy()
+    if count:
+        inner = normal[:, :count, :count] + RIDGE * np.eye(count) * np.maximum(whole[:, None, :count], 1e-12)
+        solved = np.linalg.solve(inner, np.concatenate([normal[:, :count], pull[:, :count, None]], axis=2))
+        across = normal[:, :, :count]
+        pull = pull - (across @ solved[..., -1:])[..., 0]
+        normal = normal - across @ solved[..., :-1]
+    price = np.log(rows)
+    own = _gains_of(normal[:, count, count], pull[:, count]) / inflation
+    own -= len(problem.hypotheses[key].step) * price
+    best = np.zeros(len(weights))
+    for other, slots in screen.slots.items():
+        if other == key or other in model.causes:
+            continue
+        at = np.array([first + slot for slot in slots])
+        gain = _best_gains(problem.hypotheses[other], normal[:, at[:, None], at], pull[:, at], whole[:, at])
+        best = np.maximum(best, gain / inflation - len(slots) * price)
+    for hypothesis, _, column in screen.limits:
+        if hypothesis.key != key and hypothesis.key not in model.causes:
+            at_one = first + column
+            gain = _gains_of(normal[:, at_one, at_one], pull[:, at_one])
+            best = np.maximum(best, gain / inflation - len(hypothesis.step) * price)
+    return float((own > best).mean())
 
 
-def _gain_of(power: float, pull: float) -> float:
-    """By how much one column lowers the squares, at an amplitude near the one it was made with."""
-    if power <= 0.0:
-        return 0.0
-    amplitude = float(np.clip(pull / power, *AMPLITUDE))
-    return float(2.0 * amplitude * pull - amplitude * amplitude * power)
+def _gains_of(power: Floats, pull: Floats) -> Floats:
+    """By how much one column lowers the squares in each resample, at an amplitude near the one it was made with."""
+    amplitude = np.clip(pull / np.maximum(power, 1e-300), *AMPLITUDE)
+    return np.where(power > 0.0, 2.0 * amplitude * pull - amplitude * amplitude * power, 0.0)
 
 
-def _best_gain(hypothesis: Hypothesis, normal: Floats, pull: Floats, whole: Floats) -> float:
-    if (np.diag(normal) < LOST * np.maximum(whole, 1e-12)).all():
-        return 0.0
-    normal = normal + RIDGE * np.diag(np.maximum(whole, 1e-12))
+def _best_gains(hypothesis: Hypothesis, normal: Floats, pull: Floats, whole: Floats) -> Floats:
+    """The same of a hypothesis at its best amplitude: (R, p, p), (R, p), (R, p) to (R,)."""
+    diagonal = np.diagonal(normal, axis1=1, axis2=2)
+    lost = (diagonal < LOST * np.maximum(whole, 1e-12)).all(axis=1)
+    normal = normal + RIDGE * np.eye(pull.shape[1]) * np.maximum(whole[:, None], 1e-12)
     step = np.array(hypothesis.step)
-    amplitude = np.linalg.solve(normal, pull)
+    amplitude = np.linalg.solve(normal, pull[..., None])[..., 0]
     amplitude = np.clip(amplitude, np.array(hypothesis.lower) / step, np.array(hypothesis.upper) / step)
-    return float(2.0 * amplitude @ pull - amplitude @ normal @ amplitude)
+    gain = 2.0 * (amplitude * pull).sum(axis=1) - np.einsum("ri,rij,rj->r", amplitude, normal, amplitude)
+    return np.where(lost, 0.0, gain)
 
 
-def _without(columns: Floats, taken: Floats) -> Floats:
-    """Columns with others projected out."""
-    if not taken.shape[1]:
-        return columns
-    q, _ = np.linalg.qr(taken)
-    out: Floats = columns - q @ (q.T @ columns)
-    return out
+def _left(normal: Floats, slot: int, others: list[int]) -> float:
+    """Squares of a column with others projected out, from their products."""
+    if not others:
+        return float(normal[slot, slot])
+    across = normal[others, slot]
+    inner = normal[np.ix_(others, others)]
+    return float(normal[slot, slot] - across @ np.linalg.lstsq(inner, across, rcond=1e-10)[0])
