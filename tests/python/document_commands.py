@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -34,6 +35,7 @@ def blocks(text: str) -> list[tuple[str, str]]:
     return re.findall(r"^```(\w*)\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
 
 
+@functools.cache
 def commands() -> list[Printed]:
     """All commands of the program in code blocks; of `console` blocks with their output."""
     found = []
@@ -67,11 +69,11 @@ def inline_commands() -> list[Printed]:
 RUN = {
     "docs/setting-up.md": ("board", "init"),
     "docs/tutorial.md": ("board",),
-    "docs/first-hour.md": ("board",),
+    "docs/first-hour.md": ("board", "init", "capture", "import", "check", "diagnose", "apply"),
     "docs/diagnosing.md": ("diagnose", "apply"),
     "docs/formats.md": ("check", "schema"),
 }
-"""By document, the commands that `test_documents.py` runs as they are printed, with what they print. A command that another page prints alike is
+"""By document, the commands that `test_documents.py` and `test_first_hour.py` run as they are printed, with what they print. A command that another page prints alike is
 run by that."""
 
 
@@ -99,12 +101,10 @@ ELSEWHERE = {
     "correct own": Elsewhere("test_correct_page.py", '"posture.toml" in ended.stderr', "as above"),
     "calibrate-camera": Elsewhere("test_calibrate_camera.py", '"calibrate-camera"', "needs pictures of a board: they are drawn there"),
     "import": Elsewhere("test_import.py", 'run("import", *words[:1], session', "needs recordings: written there by their own libraries"),
-    "init so101.urdf": Elsewhere("test_init.py", "init", "needs the arm's meshes; printed output: hour_in_document.py"),
-    "init g1_29dof_rev_1_0.urdf": Elsewhere("test_init.py", "init", "as above"),
-    "plan": Elsewhere("test_plan.py", '"plan", folder, "--mirror-size"', "20 s: planned there for an arm of boxes; printed output: hour_in_document.py"),
+    "init so101.urdf": Elsewhere("test_first_hour.py", "BODIES[name].words", "with a camera.yaml of the reader's own: as docs/first-hour.md prints it there"),
+    "plan": Elsewhere("test_plan.py", '"plan", folder, "--mirror-size"', "20 s: planned there for an arm of boxes; what it prints is told again of the same rows by test_first_hour.py"),
     "plan my-session --judge": Elsewhere("test_plan.py", 'run("plan", folder, "--judge"', "needs a plan: one of an arm of boxes there"),
     "capture": Elsewhere("test_capture.py", 'run("capture", session, "--source", folder', "needs a camera: pictures of a folder and a film there; a browser opens the page"),
-    "check": Elsewhere("test_documents.py", 'run_printed("docs/formats.md")', "of the hour's session; printed output: hour_in_document.py"),
     "simulate": Elsewhere("test_simulate.py", '"simulate", str(session), "--out"', "minutes in MuJoCo: a small session there"),
     "blind make": Elsewhere("test_lab_commands.py", "blind make", "an hour: one case there"),
     "blind run": Elsewhere("test_lab_commands.py", "blind run", "an hour: what is diagnosed already there; test_blind_protocol.py runs the runner, test_fleet.py with machines"),
@@ -114,13 +114,60 @@ ELSEWHERE = {
     "moving score": Elsewhere("test_lab_commands.py", "moving score", "of the motion that is made there"),
     "moving peers": Elsewhere("slow_documents.py", "moving peers", "two minutes: a diagnosis and MuJoCo's identification of the same motion", by_hand=True),
     "reproduce": Elsewhere("test_reproduce.py", '["reproduce", "--out"', "25 s to a quarter of an hour: some figures with few trials there"),
-    "diagnose": Elsewhere("test_documents.py", 'run_printed("docs/diagnosing.md")', "of the hour's sessions; printed output: hour_in_document.py"),
     "diagnose my-motion": Elsewhere("test_motion.py", '"--model"', "minutes: a short motion there"),
     "diagnose session-*": Elsewhere("test_fleet.py", '["diagnose", *folders', "needs machines of a fleet: one of threads there"),
     "apply": Elsewhere("test_apply_patch.py", "cli.app, [str(argument) for argument in arguments]", "with the user's own files: several are patched there"),
 }  # fmt: skip
-"""By the beginning of a command (the longest counts) what runs its like. What the commands of docs/first-hour.md print is compared with a whole hour,
-some minutes each, by `strangers_hour.py` and `hour_in_document.py` (by hand); what those of README print on drawn pictures by `slow_documents.py`."""
+"""By the beginning of a command (the longest counts) what runs its like. A whole hour of docs/first-hour.md, with its pictures, takes some minutes, and is
+compared by `strangers_hour.py` and `hour_in_document.py` (by hand)."""
+
+NOT_IN_TESTS = {
+    "moving peers": "two minutes, and needs mujoco[sysid], which the tests do not install: slow_documents.py runs it",
+    "make": "builds everything: the CI runs it",
+    "pip install": "from an index, or a build of the sources: test_wheel.py asks the installed wheel instead",
+    "dask": "starts machines of a fleet: test_fleet.py starts threads",
+}
+"""By the beginning of a printed command, why no test runs it or its like."""
+
+OTHERS = {
+    ("docs/correcting.md", "from mirror_posture.correct import CorrectOptions"): ("test_correct_page.py", 'blocks("python")'),
+    ("docs/robots.md", "from mirror_posture.correct import correct"): ("test_robots_document.py", '"TwinRobot(hidden"'),
+    ("docs/robots.md", "from mirror_lab.robots import HiddenEffect"): ("test_robots_document.py", '"MujocoRobot("'),
+    ("docs/robots.md", "from mirror_posture.robots import Nominal"): ("test_robots_document.py", '"ByHandRobot("'),
+    ("docs/robots.md", "from mirror_posture.robots import Look"): ("test_robots_document.py", '"class MyRobot"'),
+    ("docs/robots.md", "[bus]"): ("test_robots_document.py", '"torque_share"'),
+    ("docs/moving.md", "from mirror_posture.motion import diagnose_motion"): ("test_motion.py", '"--check"'),
+    ("docs/diagnosing.md", "from mirror_posture.diagnosis import feed_forward"): ("test_documents.py", 'python_of("docs/diagnosing.md")'),
+    ("docs/diagnosing.md", "from mirror_posture.diagnosis import OwnEffect"): ("test_documents.py", 'python_of("docs/diagnosing.md")'),
+    ("docs/diagnosing.md", "import mirror_posture as mp"): ("test_documents.py", 'python_of("docs/diagnosing.md")'),
+    ("README.md", "import mirror_posture as mp"): ("test_cli_commands.py", 'python_of("README.md")'),
+    ("docs/measuring.md", "import mirror_posture as mp"): ("test_mirror_pictures.py", 'python_of("docs/measuring.md")'),
+    ("docs/measuring.md", "ball = mp.Marker("): ("test_mirror_pictures.py", 'python_of("docs/measuring.md")'),
+    ("docs/formats.md", "error: detections.csv"): ("test_documents.py", '"12,1x3"'),
+    ("docs/tutorial.md", "What this plan can tell"): ("test_document_blocks.py", "test_the_tutorial_quotes_the_first_hour"),
+    ("docs/tutorial.md", "│ joint offset"): ("test_document_blocks.py", "test_the_tutorial_quotes_the_first_hour"),
+    ("docs/faults.md", "python tests/python/hidden_bodies.py"): ("test_correct_hidden_bodies.py", "from hidden_bodies import"),
+    ("docs/faults.md", "python tests/python/faulty_robot.py"): ("test_faults.py", "from faulty_robot import"),
+    ("docs/faults.md", "python tests/python/faulty_servos.py"): ("test_servo_faults.py", "from faulty_servos import"),
+    ("docs/measuring.md", "pictures ──detect──▶"): ("", "a drawing"),
+}  # fmt: skip
+"""Blocks that are no commands of the program, by document and beginning: the test that runs or compares them, and a part of it."""
+
+
+def python_of(document: str) -> list[str]:
+    """The Python blocks of a document."""
+    text = (PROJECT / document).read_text(encoding="utf-8")
+    return [block for language, block in blocks(text) if language == "python"]
+
+
+def runs_as_printed(printed: Printed) -> bool:
+    """Whether a test runs it as printed, on its own page or on another that prints it alike."""
+    command = printed.words.split()[1]
+    return any(
+        other.words == printed.words and command in RUN.get(other.document, ())
+        for other in commands()
+        if other.output is not None or printed.output is None
+    )
 
 
 def elsewhere(words: str) -> Elsewhere | None:

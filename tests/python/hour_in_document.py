@@ -3,6 +3,7 @@
     python tests/python/strangers_hour.py OUT so101 folder
     python tests/python/hour_in_document.py OUT so101 folder [--write]
 
+Written anew, what was detected is kept beside (`recorded_hour`): with it the tests run the page's commands without the pictures.
 A quotation leaves out where the meshes lie (`--package`), the frames that `capture` tells one by one, and what `check` finds plausible.
 """
 
@@ -13,6 +14,7 @@ import sys
 from pathlib import Path
 
 from document_commands import ANYTHING, PROGRAM, PROJECT, same
+from recorded_hour import keep
 
 DOCUMENT = PROJECT / "docs" / "first-hour.md"
 SECTIONS = {
@@ -41,6 +43,8 @@ def quoted(line: str, output: str) -> str:
     if line.startswith(f"{PROGRAM} capture"):
         first, *others = re.findall(r"^frame .*\n", output, re.MULTILINE)
         output = output.replace("".join([first, *others]), f"{first}{ANYTHING}\n")
+    if line.startswith(f"{PROGRAM} plan"):
+        output = re.sub(r"choosing among \d+ pictures", f"choosing among {ANYTHING} pictures", output)
     if line.startswith(f"{PROGRAM} check"):
         output = output.partition("What is plausible")[0] + f"{ANYTHING}\n"
     return output
@@ -75,6 +79,11 @@ def main() -> None:
     begin, end = section_of(document, SECTIONS[name, way])
     section = document[begin:end]
     if "--write" in sys.argv:
+        from strangers_hour import by_process
+
+        detected = Path(out) / "detected"
+        by_process(Path(out), ("detect", "session", "--out", "detected"))
+        keep(Path(out) / "session", detected, f"{name}-{way}")
         head = section.partition("```console")[0]
         short = way != "folder"
         blocks = [

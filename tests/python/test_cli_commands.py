@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -13,6 +14,7 @@ import pyarrow.parquet
 import pytest
 from typer.testing import CliRunner
 
+from document_commands import python_of
 from mirror_posture import cli, load_session
 from mirror_posture.session import write_session
 from session_folder import DATA, write_folder
@@ -42,6 +44,20 @@ def detected(rendered: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     document = json.loads(run("detect", rendered, "--out", folder, "--json").stdout)
     assert document["boards"] == 2 and document["balls"] >= 6
     return folder
+
+
+def test_the_python_of_readme_measures(rendered: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(rendered.parent)
+    (block,) = python_of("README.md")
+    names: dict[str, Any] = {}
+    exec(block.replace("my-session", rendered.name), names)
+    markers = names["found"].markers
+    assert (
+        markers.point_in_root_m.shape
+        == markers.model_in_root_m.shape
+        == (len(markers.covariance_in_root_m2), 3)
+    )
+    assert np.linalg.norm(markers.point_in_root_m - markers.model_in_root_m, axis=1).max() > 2e-3
 
 
 def test_rendering_keeps_what_is_there(rendered: Path) -> None:

@@ -6,13 +6,16 @@ from __future__ import annotations
 import json
 import re
 import shlex
+import shutil
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import typer.main
 from typer.testing import CliRunner
 
+import mirror_posture
 from document_commands import (
     DOCUMENTS,
     ELSEWHERE,
@@ -20,13 +23,16 @@ from document_commands import (
     PROJECT,
     RUN,
     Printed,
+    blocks,
     commands,
     elsewhere,
     inline_commands,
+    python_of,
+    runs_as_printed,
     same,
 )
 from mirror_posture.cli.app import app
-from session_folder import URDF, write_folder
+from session_folder import DETECTIONS, URDF, replaced, write_folder
 from tracked_session import write_tracked
 
 if sys.version_info >= (3, 11):
@@ -63,18 +69,8 @@ def test_every_printed_command_is_taken_and_proved(printed: Printed) -> None:
     if words[0] in LAB and words[0] not in GROUP.commands:  # type: ignore[attr-defined]
         pytest.skip(f"{words[0]} joins with the installed mirror-posture-lab")
     parse(words)
-    assert runs_here(printed) or elsewhere(printed.words) is not None, (
+    assert runs_as_printed(printed) or elsewhere(printed.words) is not None, (
         "say in document_commands.py how it is proved"
-    )
-
-
-def runs_here(printed: Printed) -> bool:
-    """Whether it is run as printed, on its own page or on another that prints it alike."""
-    command = printed.words.split()[1]
-    return any(
-        other.words == printed.words and command in RUN.get(other.document, ())
-        for other in PRINTED
-        if other.output is not None or printed.output is None
     )
 
 
@@ -86,7 +82,7 @@ def test_what_runs_the_like_of_a_command_is_there(start: str) -> None:
     for name in re.findall(r"\w+\.py", proof.why):
         assert (PROJECT / "tests" / "python" / name).is_file(), name
     # What nobody prints any more needs no proof.
-    asked = [p for p in PRINTED if elsewhere(p.words) is proof and not runs_here(p)]
+    asked = [p for p in PRINTED if elsewhere(p.words) is proof and not runs_as_printed(p)]
     assert asked, f"{start}: no page prints it, or all are run as printed"
 
 
@@ -168,16 +164,19 @@ def test_tutorial(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     run_printed("docs/tutorial.md")
 
 
-def test_first_hour(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The other commands take minutes: hour_in_document.py compares them with an hour that strangers_hour.py has run."""
-    monkeypatch.chdir(tmp_path)
-    run_printed("docs/first-hour.md")
-
-
 def test_formats(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     write_folder(tmp_path / "my-session")
     run_printed("docs/formats.md")
+    # The refusal that the page shows.
+    write_folder(tmp_path / "broken", detections=replaced(DETECTIONS, "12,13", "12,1x3"))
+    ended = CliRunner().invoke(app, ["check", "broken"])
+    (shown,) = [
+        block
+        for block in blocks((PROJECT / "docs/formats.md").read_text(encoding="utf-8"))
+        if block[1].startswith("error: ")
+    ]
+    assert ended.exit_code == 1 and ended.stderr == shown[1]
 
 
 def test_diagnosing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -194,6 +193,19 @@ def test_diagnosing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     robot.write_text(text.replace(joint[0], turned), encoding="utf-8")
     run_printed("docs/diagnosing.md")
     assert (tmp_path / "diagnosis" / "report.html").is_file()
+    # The page's Python, on the same session.
+    shutil.copytree(folder, tmp_path / "other-session")
+    sent: list[dict[str, float]] = []
+    names = {
+        "mp": mirror_posture,
+        "session": mirror_posture.load_session(folder),
+        "robot": SimpleNamespace(command=sent.append),
+    }
+    for block in python_of("docs/diagnosing.md"):
+        exec(block, names)
+    # Its elbow stands 0.04 rad too far: it is sent as much less far.
+    assert sent[-1]["r_elbow"] == pytest.approx(0.8 - 0.04, abs=0.003)
+    assert names["found"].verdict == "explained"
 
 
 def test_outputs_are_compared() -> None:

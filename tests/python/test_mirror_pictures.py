@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 
 from board_drawing import chessboard_picture
+from document_commands import python_of
 from fresh_looks import LOOKS, Look
 from fresh_pictures import markers_of, wrong_marker
 from fresh_scene import views
@@ -23,6 +25,7 @@ from mirror_posture import (
     mirror_from_picture,
     mirrors_from_pictures,
 )
+from mirror_posture.session.camera_info import dump_camera_info
 
 CAMERA = Camera((640, 480), (600.0, 600.0), (319.5, 239.5))
 BOARD = Board(7, 4, 0.02)
@@ -63,6 +66,22 @@ def test_the_plane_is_found_with_the_deviation_that_it_has(tmp_path: Path) -> No
         assert np.linalg.norm(error) < 0.005
         normalised.append(error @ np.linalg.inv(found.covariances_m2[0]) @ error / 3.0)
     assert np.mean(normalised) < 4.0
+
+
+def test_the_python_of_the_page_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    drawn, foot = picture(0)
+    (tmp_path / "camera.yaml").write_text(dump_camera_info(CAMERA), encoding="utf-8")
+    for name in ("picture.jpg", "left.jpg", "right.jpg"):
+        cv2.imwrite(name, drawn, [cv2.IMWRITE_JPEG_QUALITY, 95])
+    mirror, markers = python_of("docs/measuring.md")
+    names: dict[str, Any] = {}
+    exec(mirror, names)
+    found = names["mirror"]
+    assert np.linalg.norm(found.normals[0] * found.offsets_m[0] - foot) < 2e-3
+    # No ball is in these pictures: none is told.
+    exec(markers, names)
+    assert not names["found"].positions.valid.any()
 
 
 def test_a_picture_without_the_board_says_so_and_does_not_stop_the_others(tmp_path: Path) -> None:
