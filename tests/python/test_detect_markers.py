@@ -18,7 +18,7 @@ from mirror_posture.detect import (
     setup_from_session,
 )
 from mirror_posture.detect.blobs import color_regions, largest_region, to_hsv
-from mirror_posture.detect.markers import SizeBounds
+from mirror_posture.detect.marker_choice import SizeBounds
 from mirror_posture.session import load_session
 
 PICTURES = Path(__file__).resolve().parents[3] / "shared" / "data" / "pictures"

@@ -14,7 +14,8 @@ from .into_session import (
     setup_from_session,
     with_detections,
 )
-from .markers import MarkerOptions, detect_markers
+from .marker_judge import MarkerOptions
+from .markers import detect_markers
 from .overlay import draw_overlay, write_overlay
 from .pictures import DetectionOptions, PicturePrediction, detect_picture, detect_pictures
 from .reading import list_pictures, read_picture

@@ -21,7 +21,9 @@ from ..board import CHARUCO
 from ..camera import Camera
 from .board import BoardOptions, detect_boards
 from .charuco import detect_charuco
-from .markers import MarkerOptions, SizeBounds, detect_markers
+from .marker_choice import SizeBounds
+from .marker_judge import MarkerOptions
+from .markers import detect_markers
 from .pose import board_pose
 from .reading import Picture, PictureFile, as_picture, read_picture_file
 from .types import (
