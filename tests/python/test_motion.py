@@ -206,10 +206,10 @@ def test_limits_of_torque_are_tried_where_they_act(late: tuple[Path, float]) -> 
     problem = Problem(mp.load_session(late[0]), late[0] / "model.xml")
     rollouts = problem.rollouts
     for name, scale in problem.scales.items():
-        j, motion = rollouts.joints.index(name), rollouts.nominal()
-        torque = np.abs(rollouts._servo_torque(motion.position[:, j], motion.velocity[:, j], j))
-        acts = [float((torque > level).mean()) for level in scale.torque_levels]
-        assert acts == sorted(acts, reverse=True) and 0.01 < acts[-1] < acts[0] < 0.5, name
+        torque = np.abs(rollouts.servo_torque(rollouts.nominal())[:, rollouts.joints.index(name)])
+        acts = [float((torque > size).mean()) for size in scale.torque_sizes]
+        assert acts == sorted(acts, reverse=True) and 0.01 < acts[-1] < 0.03 < acts[0], name
+        assert np.allclose(np.diff(np.log(scale.torque_sizes)), -np.log(0.95))
 
 
 def test_limbs_that_feel_nothing_of_each_other_are_simulated_together(late: tuple[Path, float]) -> None:
@@ -283,3 +283,18 @@ def test_what_is_no_motion_is_said(late: tuple[Path, float], tmp_path: Path) -> 
     exposure_s, readout_s = shutter(session.metadata)
     spread = np.ptp(recording.marker_time_s - np.asarray(session.frames.time_s)[:, None])
     assert spread <= readout_s + 1e-9 and recording.board_time_s.min() >= 0.5 * exposure_s
+
+
+def test_gross_errors_are_told_from_a_body_that_moves_otherwise() -> None:
+    from mirror_posture.motion.false_images import false_images
+
+    rng = np.random.default_rng(3)
+    time = np.arange(180)[:, None, None] / 30.0
+    images = 0.2 * rng.normal(size=(180, 3, 2)) + 8.0 * np.sin(2.0 * np.pi * 0.7 * time)
+    images[40, 1] = np.nan
+    wrong = np.zeros((180, 3), dtype=bool)
+    wrong[[0, 60, 62, 90, 91, 179], 1] = True
+    images[wrong] += 6.0 * rng.choice([-1.0, 1.0], size=(int(wrong.sum()), 2))
+    # A limb that swings once, unlike the model, within half a second.
+    images[120:136, 2] += 15.0 * (1.0 - np.cos(2.0 * np.pi * np.arange(16) / 16.0))[:, None]
+    assert (false_images(images, 0.2) == wrong).all()

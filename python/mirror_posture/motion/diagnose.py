@@ -14,6 +14,7 @@ from ..diagnosis.result import Diagnosis
 from ..session import Session, as_session
 from ..short_repr import ShortRepr
 from .alternatives import Rivals, rivals_of
+from .beginning import leave_out_beginning
 from .effects import Key
 from .fit import design, evaluated, fit
 from .problem import Problem
@@ -131,6 +132,7 @@ def unseen_gap(
     other = Problem(as_session(session), None if model is None else Path(model))
     causes = done.found.best.causes
     other.rollouts.refine(causes)
+    leave_out_beginning(other, causes)
     other.leave_out_false(causes)
     before, after = other.rms({}), other.rms(causes)
     scale = done.found.noise_scale * done.problem.view.noise_px / other.view.noise_px

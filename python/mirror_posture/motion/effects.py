@@ -105,8 +105,8 @@ class JointScale:
     friction: float
     torque: float
     """The largest of its servo, N m."""
-    torque_levels: tuple[float, ...]
-    """What its servo's torque stays below for shares of the time (`LEVELS`), rising, N m."""
+    torque_sizes: tuple[float, ...]
+    """Limits at which its torque is tried, rising, N m."""
     speed: float
     """The largest commanded, rad/s."""
     has_servo: bool
@@ -134,8 +134,18 @@ def told(key: Key, values: tuple[float, ...], covariance: Floats) -> tuple[list[
 
 LIMIT_SHARES = (0.4, 0.55, 0.7, 0.85)
 """Shares of a joint's largest speed at which its limit is tried."""
-LEVELS = (0.6, 0.8, 0.92, 0.98)
-"""Shares of the time that a joint's torque is below the limits that are tried: the largest may be a single jerk, which tells nothing."""
+MILDEST_LEVEL = 0.98
+"""Share of the time that a joint's torque is below the mildest limit that is tried: the largest may be a single jerk, which tells nothing."""
+TIGHTEST, FINER = 0.35, 0.95
+"""The tightest limit of torque tried, in units of the mildest, and each in units of the one before: beside a limit that is off by more
+than two or three per cent a limb falls at another moment, and nothing tells how far off it is."""
+
+
+def torque_sizes(torque: Floats) -> tuple[float, ...]:
+    """Limits of torque at which a joint is tried, rising, from what its servo gives throughout a motion."""
+    mildest = float(np.quantile(np.abs(torque), MILDEST_LEVEL))
+    count = int(np.log(TIGHTEST) / np.log(FINER)) + 1
+    return tuple(mildest * FINER**k for k in reversed(range(count)))
 
 
 def of_joint(name: str, scale: JointScale) -> list[Hypothesis]:
@@ -177,7 +187,7 @@ def of_joint(name: str, scale: JointScale) -> list[Hypothesis]:
             one("viscous_friction", 0.05 * damping, damping, -0.9 * scale.damping),
             one("coulomb_friction", 0.05 * scale.torque, 0.5 * scale.torque, -scale.friction),
             one("reflected_inertia", inertia, 30.0 * inertia, -0.9 * scale.armature),
-            limit("torque_limit", scale.torque, scale.torque_levels),
+            limit("torque_limit", scale.torque, scale.torque_sizes),
         ]
     return out
 

@@ -24,6 +24,8 @@ Floats = npt.NDArray[np.float64]
 Known = Mapping[tuple[Key, int], Floats]
 
 PRIOR_STEPS = 200.0
+SEGMENTS = 5
+"""Parts of the time, each predicted with parameters from the others."""
 SHORTENINGS = 4
 SMALL_DECREASE = 0.5
 """Of the squares, in units of the noise's variance: less is no progress."""
@@ -175,3 +177,24 @@ def moved(problem: Problem, causes: Causes, of: Sequence[tuple[Key, int]], step:
     for (key, k), share in zip(of, step, strict=True):
         out[key][k] += share * problem.hypotheses[key].step[k]
     return {key: problem.hypotheses[key].clipped(np.array(values)) for key, values in out.items()}
+
+
+def held_out_squares(problem: Problem, model: Fitted, scale: float) -> float:
+    """Squares on segments of time, each predicted with parameters that were fitted (one linear step) to the others."""
+    if not model.causes:
+        return model.misfit.squares
+    of, columns = design(problem, model.causes, central=False)
+    columns = columns / scale
+    seen, frames = problem.view.seen, len(columns)
+    matrix, residual = columns[seen].reshape(2 * int(seen.sum()), len(of)), model.residual[seen].reshape(-1)
+    row_frame = np.repeat(np.nonzero(seen)[0], 2)
+    normal, gradient = matrix.T @ matrix + 1e-6 * np.eye(len(of)), matrix.T @ residual
+    total = 0.0
+    for segment in range(SEGMENTS):
+        out = (row_frame * SEGMENTS) // frames == segment
+        if not out.any():
+            continue
+        m, r = matrix[out], residual[out]
+        step = np.linalg.lstsq(normal - m.T @ m, gradient - m.T @ r, rcond=1e-10)[0]
+        total += float(((r - m @ step) ** 2).sum())
+    return total

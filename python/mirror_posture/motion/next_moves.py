@@ -20,7 +20,8 @@ from .alternatives import Rivals
 from .effects import Causes, Key
 from .fit import Fitted, evaluated
 from .motions import Branch, Motion
-from .problem import Problem, positions
+from .positions import positions
+from .problem import Problem
 from .rollouts import STEP_S, Rollouts
 from .search import Found
 

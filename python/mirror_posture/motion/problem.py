@@ -17,8 +17,10 @@ from .._core import MirrorPostureError
 from ..session import Session
 from .effects import Causes, Hypothesis, Key, of_joint, of_setup
 from .motions import Motion
+from .positions import positions
 from .recording import Recording, recording_of
 from .rollouts import Rollouts
+from .scales import scales_of
 from .view import Places, View
 
 Floats = npt.NDArray[np.float64]
@@ -28,8 +30,8 @@ WEAK_SHARE = 1e-3
 """A picture whose information of a joint is below this share of the usual shows nothing of it."""
 MOST_AHEAD = 44
 """Motions simulated ahead of their use: fewer than are kept."""
-LOAD_SHARE = 0.02
-"""Share of a joint's usual load at which its play has gone over to one side."""
+FAR_RAD = 0.03
+"""Where joints stand farther than this from the model as it is, images are no longer linear about it."""
 
 
 class Problem:
@@ -42,7 +44,7 @@ class Problem:
         self.joints = self.rollouts.joints
         self.columns_of = np.array([session.robot.position_names.index(name) for name in self.joints])
         nominal = self.rollouts.nominal()
-        self.scales = self.rollouts.scales(nominal)
+        self.scales = scales_of(self.rollouts)
         self.view = View(self.recording, self.places({}, nominal))
         moves = self._moving_joints()
         bare = [name for name, scale in self.scales.items() if name in moves and not scale.has_servo]
@@ -130,11 +132,15 @@ class Problem:
         return self._by_position
 
     def changes(self, base: Causes, several: Sequence[Causes]) -> list[Floats | None]:
-        """Whitened change of the prediction (F, markers, 2) from `base` to each set of causes, linear in the positions."""
+        """Whitened change of the prediction (F, markers, 2) from `base` to each set of causes.
+
+        Linear in the positions, but for what moves camera, board or markers, and from models whose joints stand far from the nominal.
+        """
         (here_motion,) = self.rollouts.motions([base])
         if here_motion is None:
             return [None] * len(several)
         here = self.places(base, here_motion).markers
+        far = self._is_far(here)
         jacobian = self.by_position()
         out: list[Floats | None] = []
         at_base: Floats | None = None
@@ -144,16 +150,14 @@ class Problem:
         simulated = dict(zip(map(_key, fresh), self.rollouts.motions(fresh), strict=True))
         for causes in several:
             key = _key(causes)
-            mounts = {
-                key
-                for key in {*causes, *base}
-                if key[0].endswith("_mount") and causes.get(key) != base.get(key)
-            }
-            if not mounts and key in known:
+            through = far or any(
+                key[0].endswith("_mount") and causes.get(key) != base.get(key) for key in {*causes, *base}
+            )
+            if not through and key in known:
                 moved = known[key]
             else:
                 motion = simulated[key]
-                if motion is not None and mounts:
+                if motion is not None and through:
                     if at_base is None:
                         at_base = self.view.whitened(
                             self.view.residual_px(self.places(base, here_motion), base)
@@ -168,6 +172,10 @@ class Problem:
                     known[key] = moved
             out.append(None if moved is None else np.einsum("fmij,fmj->fmi", jacobian, moved))
         return out
+
+    def _is_far(self, here: Floats) -> bool:
+        nominal = self.places({}, self.rollouts.nominal()).markers
+        return bool(np.abs(here - nominal)[self.view.seen].max(initial=0.0) > FAR_RAD)
 
     def columns(
         self, base: Causes, keys: Sequence[Key], *, central: bool = True
@@ -220,6 +228,12 @@ class Problem:
         self.view.leave_out(false)
         self._by_position = None
 
+    def begin_at(self, first: int) -> None:
+        """Counts no picture before this one; columns must be computed anew."""
+        if first != self.view.first:
+            self.view.begin_at(first)
+            self._by_position = None
+
     def leave_out_false(self, causes: Causes) -> None:
         """Leaves out the images that lie far from where those before and after have the marker, beside a model with causes.
 
@@ -258,34 +272,6 @@ class Problem:
         pull = np.where(seen, column * residual, 0.0).sum(axis=(1, 2))
         weak = power <= (WEAK_SHARE * np.median(power[power > 0.0]) if (power > 0.0).any() else 0.0)
         return np.asarray(np.where(weak, np.nan, pull / np.where(weak, 1.0, power)))
-
-
-def positions(
-    rollouts: Rollouts, causes: Causes, motion: Motion, marker_time_s: Floats, board_time_s: Floats
-) -> tuple[Floats, Floats]:
-    """Where the links of a simulated motion stand at times (F, markers) and (F,): (F, markers, joints) and (F, joints)."""
-    latency = causes.get(("latency", "camera"), (0.0,))[0]
-    markers = motion.at(marker_time_s - latency)
-    board = motion.at(board_time_s - latency)
-    for (effect, at), values in causes.items():
-        place = at.partition(":")[2]
-        if place not in rollouts.joints:
-            continue
-        j = rollouts.joints.index(place)
-        if effect == "joint_offset":
-            markers[..., j] += values[0]
-            board[..., j] += values[0]
-        elif effect == "gear_ratio":
-            markers[..., j] *= 1.0 + values[0]
-            board[..., j] *= 1.0 + values[0]
-        elif effect in ("joint_compliance", "backlash"):
-            load = rollouts.load(motion, board_time_s - latency)[:, j]
-            if effect == "backlash":
-                usual = float(np.sqrt(np.mean(load**2))) + 1e-12
-                load = 0.5 * np.tanh(load / (LOAD_SHARE * usual))
-            markers[..., j] += values[0] * load[:, None]
-            board[..., j] += values[0] * load
-    return markers, board
 
 
 def _key(causes: Causes) -> tuple[object, ...]:

@@ -13,10 +13,10 @@ from ..diagnosis.result import FORMAT, VERSION
 from .alternatives import LEAST_PROBABILITY, Rivals
 from .effects import Key, told
 from .encoders import encoder_witness
-from .fit import Fitted, evaluated
+from .fit import SEGMENTS, Fitted, evaluated
 from .next_moves import next_moves, postures
 from .problem import Problem
-from .search import SEGMENTS, Found
+from .search import Found
 from .shown import limits, stability
 from .words import WORDS, sentence
 
@@ -97,6 +97,9 @@ def document(
         "motion": {
             "seconds": float(np.ptp(problem.recording.board_time_s)),
             "simulated": problem.rollouts.count,
+            "left_out_start_s": float(
+                problem.recording.board_time_s[view.first] - problem.recording.board_time_s[0]
+            ),
             "next_moves": [move.as_tree() for move in moves],
         },
         "verdict": verdict,

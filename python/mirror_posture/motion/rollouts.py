@@ -21,15 +21,15 @@ from mujoco import rollout
 from .._core import MirrorPostureError
 from ..simulate.model import STIFF_FRICTION, Simulator, build
 from .drives import lagged, slewed
-from .effects import EFFECTS, LEVELS, Causes, JointScale, gains
+from .effects import EFFECTS, Causes, gains
 from .motions import Branch, Motion, between, independent
 from .recording import Recording
 
 Floats = npt.NDArray[np.float64]
 
 STEP_S = 0.002
-SETTLE_S = 0.6
-"""Of standing at the first command before the log begins."""
+SETTLE_S, LONGER_S = 0.6, 0.35
+"""Of standing at the first command before the log begins; and so much longer, to see what depends on it."""
 AFTER_S = 0.1
 IDEAL_RATE_PER_S = 400.0
 """Natural frequency of an added servo: a hundred times that of a limb's motion."""
@@ -84,33 +84,12 @@ class Rollouts:
         if exact:
             self.refine({})
 
-    def scales(self, nominal: Motion) -> dict[str, JointScale]:
-        """What is usual of each joint that the log moves."""
-        out = {}
-        position, velocity = nominal.position, nominal.velocity
-        for column, name in enumerate(self.joints):
-            speed = float(np.abs(np.gradient(self.commands[:, column], STEP_S)).max())
-            if speed < 1e-3:
-                continue
-            a = self.actuator[column]
-            force = self._servo_torque(position[:, column], velocity[:, column], column)
-            out[name] = JointScale(
-                float(self.model.actuator_gainprm[a, 0]),
-                float(-self.model.actuator_biasprm[a, 2] + self.model.dof_damping[self.dof[column]]),
-                float(self.model.dof_armature[self.dof[column]]),
-                float(self.model.dof_frictionloss[self.dof[column]]),
-                float(np.quantile(np.abs(force), 0.999)),
-                tuple(float(level) for level in np.quantile(np.abs(force), LEVELS)),
-                float(np.quantile(np.abs(np.gradient(self.commands[:, column], STEP_S)), 0.999)),
-                name in self.simulator.kept,
-            )
-        return out
-
-    def _servo_torque(self, position: Floats, velocity: Floats, column: int) -> Floats:
-        a = self.actuator[column]
+    def servo_torque(self, motion: Motion) -> Floats:
+        """What the model's servos give in a motion without causes (T, joints), N m."""
+        a = self.actuator
         gain, bias = self.model.actuator_gainprm[a], self.model.actuator_biasprm[a]
-        told = self._told[-len(self.time_s) :, a][: len(position)]
-        return np.asarray(gain[0] * told + bias[1] * position + bias[2] * velocity)
+        told = self._told[-len(self.time_s) :, a]
+        return np.asarray(gain[:, 0] * told + bias[:, 1] * motion.position + bias[:, 2] * motion.velocity)
 
     def refine(self, causes: Causes) -> None:
         """Makes these causes the ones near which motions are exact.
@@ -190,11 +169,21 @@ class Rollouts:
                 out[self._branch_of[key[1].partition(":")[2]]][key] = values
         return out
 
-    def _run(self, several: Sequence[Causes], substeps: int = 1) -> list[list[Branch | None]]:
+    def stood_longer(self, causes: Causes) -> Motion | None:
+        """The motion of a robot that has stood at the first command for longer before the log begins; None where it diverges."""
+        (run,) = self._run([causes], longer=int(LONGER_S / STEP_S))
+        whole = [branch for branch in run if branch is not None]
+        return Motion(self.start_s, STEP_S, whole) if len(whole) == len(run) else None
+
+    def _run(
+        self, several: Sequence[Causes], substeps: int = 1, longer: int = 0
+    ) -> list[list[Branch | None]]:
         """The branches of each motion; None for one that diverges."""
         models = [self._changed(causes) for causes in several]
-        settle = int(SETTLE_S / STEP_S)
+        settle = int(SETTLE_S / STEP_S) + longer
         controls = [self._controls(causes) for causes in several]
+        if longer:
+            controls = [np.concatenate([np.repeat(c[:1], longer, axis=0), c]) for c in controls]
         if substeps > 1:
             controls = [between(c, np.arange((len(c) - 1) * substeps + 1) / substeps) for c in controls]
             for model in models:

@@ -24,7 +24,8 @@ LIMIT_AMPLITUDE = (0.3, 1.6)
 """How much more or less than at the size tried a limit may change the prediction, to be counted."""
 TOLD_DEVIATIONS = 3.0
 """By so many standard deviations the mildest limit must speak for itself, before tighter ones are simulated."""
-MOST_LIMITS = 6
+MOST_PLACES = 3
+"""Joints whose tighter limits are simulated: those at which anything would gain most."""
 BLOCKS = 10
 """Parts of the time whose sums are kept apart."""
 
@@ -127,10 +128,7 @@ class Screen:
         q = _basis(taken, len(r))
         r = r - q @ (q.T @ r)
         free, by_residual = self._free(q, scale), self.matrix.T @ r / scale
-        if tighter := self._tighter(free, by_residual, skip):
-            self._try_limits(tighter)
-            free, by_residual = self._free(q, scale), self.matrix.T @ r / scale
-        squares = free.squares
+        free, by_residual = self._free(q, scale), self.matrix.T @ r / scale
         out = []
         for key, slots in self.slots.items():
             if key in skip:
@@ -139,6 +137,15 @@ class Screen:
             gain, amplitude = _best(h, free.normal[own], by_residual[slots], free.whole[slots])
             if gain > 0.0:
                 out.append(Scored(key, gain, h.clipped(amplitude * np.array(h.step))))
+        tried = self._limits_scored(free, by_residual, skip)
+        if tighter := self._tighter(free, by_residual, [*out, *tried], skip):
+            self._try_limits(tighter)
+            tried = self._limits_scored(self._free(q, scale), self.matrix.T @ r / scale, skip)
+        return sorted([*out, *tried], key=lambda s: -s.gain)
+
+    def _limits_scored(self, free: Free, by_residual: Floats, skip: Sequence[Key]) -> list[Scored]:
+        """Each limit at the best of its sizes tried so far."""
+        squares = free.squares
         best: dict[Key, Scored] = {}
         for h, start, column in self.limits:
             if h.key in skip or squares[column] < 1e-6 * max(1.0, free.whole[column]):
@@ -147,21 +154,26 @@ class Screen:
             gain = 2.0 * a * by_residual[column] - a * a * squares[column]
             if gain > 0.0 and (h.key not in best or gain > best[h.key].gain):
                 best[h.key] = Scored(h.key, float(gain), start)
-        return sorted([*out, *best.values()], key=lambda s: -s.gain)
+        return list(best.values())
 
     def _tighter(
-        self, free: Free, by_residual: Floats, skip: Sequence[Key]
+        self, free: Free, by_residual: Floats, scored: Sequence[Scored], skip: Sequence[Key]
     ) -> list[tuple[Hypothesis, tuple[float, ...]]]:
-        """Sizes not tried yet of the limits whose mildest size tells something, of no more than a few: the clearest."""
-        clear: dict[Key, float] = {}
+        """Sizes not tried yet of the limits whose mildest size tells something, at the joints where anything gains most."""
+        clear = []
         tried = {(h.key, start) for h, start, _ in self.limits}
         for h, start, column in self.limits:
             power = free.squares[column]
             if h.key not in skip and start == h.starts[-1] and power >= 1e-6 * max(1.0, free.whole[column]):
-                clear[h.key] = float(by_residual[column] / np.sqrt(power))
-        first = sorted((key for key in clear if clear[key] > TOLD_DEVIATIONS), key=lambda key: -clear[key])
-        clearest = [self.problem.hypotheses[key] for key in first[:MOST_LIMITS]]
-        return [(h, start) for h in clearest for start in h.starts if (h.key, start) not in tried]
+                if by_residual[column] > TOLD_DEVIATIONS * np.sqrt(power):
+                    clear.append(h)
+        gains: dict[str, float] = {}
+        for one in scored:
+            gains[one.key[1]] = max(gains.get(one.key[1], 0.0), one.gain)
+        places = sorted({h.at for h in clear}, key=lambda at: -gains.get(at, 0.0))[:MOST_PLACES]
+        return [
+            (h, start) for h in clear for start in h.starts if h.at in places and (h.key, start) not in tried
+        ]
 
 
 def _basis(taken: Floats, rows: int) -> Floats:

@@ -14,9 +14,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from .beginning import leave_out_beginning
 from .effects import Causes, Key
 from .evidence import LAW_SHARE
-from .fit import Fitted, design, evaluated, evaluated_all, fit, fit_all
+from .fit import Fitted, design, evaluated, evaluated_all, fit, fit_all, held_out_squares
 from .problem import Problem
 from .screen import Scored, Screen, with_cause
 from .statistics import misfit, noise_scale
@@ -31,13 +32,14 @@ AT_NOISE = 1.15
 """RMS of what is left, in units of the noise: up to here it is small."""
 LEAST_SHIFT = 0.1
 """In units of the noise: a cause that moves the markers by less, RMS, is not told."""
-SEGMENTS = 5
 HOPELESS = (60.0, 0.5)
 """A model is fitted no further where the criterion has it behind the best by so much, and by this share of what the best gained."""
 MOST_AHEAD, FAR = 3, 1.5
 """So many causes may be tried together before they pay, while more than so much of the noise, RMS, is left."""
 MOST_STEPS = 15_000_000
 """Of all simulations together, until which the search looks for one more cause: five hundred motions of a minute."""
+NEAR_SIZES = 1
+"""Sizes of a limit to either side of the best alone that are tried beside the causes that a model has."""
 UNLIKE = 0.5
 """Share of what a cause gains, at the first look, below which another is not tried in its place."""
 
@@ -95,6 +97,10 @@ def search(
         if taken_in:
             best = _revised(problem, screen, trial, scale, trace)
             problem.rollouts.refine(best.causes)
+            if leave_out_beginning(problem, best.causes):
+                trace.append(f"counted from picture {problem.view.first} on")
+                nominal = evaluated(problem, {}, scale) or nominal
+                best = evaluated(problem, best.causes, scale) or best
             best = fit(problem, best.causes, scale, iterations=2) or best
             fresh = noise_scale(best.residual * scale, problem.view.seen)
             if fresh < 0.98 * scale:
@@ -163,12 +169,17 @@ def _best_addition(
 
 
 def start_of(problem: Problem, base: Fitted, scored: Scored, scale: float) -> Causes:
-    """A model with one more cause, where its fit shall start: a limit at the size that leaves least."""
+    """A model with one more cause, where its fit shall start: a limit at the size that leaves least, of those near the best alone."""
     hypothesis = problem.hypotheses[scored.key]
     if not hypothesis.effect.is_limit:
         return with_cause(base.causes, scored)
-    sizes = [{**base.causes, scored.key: start} for start in hypothesis.starts]
-    found = [model for model in evaluated_all(problem, sizes, scale) if model is not None]
+    at = hypothesis.starts.index(scored.start)
+    near = hypothesis.starts[max(0, at - NEAR_SIZES) : at + NEAR_SIZES + 1]
+    found = [
+        model
+        for model in evaluated_all(problem, [{**base.causes, scored.key: size} for size in near], scale)
+        if model is not None
+    ]
     if not found:
         return with_cause(base.causes, scored)
     return min(found, key=lambda model: model.misfit.squares).causes
@@ -260,27 +271,6 @@ def without_cause(
         left[seen] -= (taken @ step).reshape(-1, 2)
         without = replace(without, residual=left, misfit=misfit(left, seen))
     return without, known, screen.scores(without.residual, taken, list(rest), scale)
-
-
-def held_out_squares(problem: Problem, model: Fitted, scale: float) -> float:
-    """Squares on segments of time, each predicted with parameters that were fitted (one linear step) to the others."""
-    if not model.causes:
-        return model.misfit.squares
-    of, columns = design(problem, model.causes, central=False)
-    columns = columns / scale
-    seen, frames = problem.view.seen, len(columns)
-    matrix, residual = columns[seen].reshape(2 * int(seen.sum()), len(of)), model.residual[seen].reshape(-1)
-    row_frame = np.repeat(np.nonzero(seen)[0], 2)
-    normal, gradient = matrix.T @ matrix + 1e-6 * np.eye(len(of)), matrix.T @ residual
-    total = 0.0
-    for segment in range(SEGMENTS):
-        out = (row_frame * SEGMENTS) // frames == segment
-        if not out.any():
-            continue
-        m, r = matrix[out], residual[out]
-        step = np.linalg.lstsq(normal - m.T @ m, gradient - m.T @ r, rcond=1e-10)[0]
-        total += float(((r - m @ step) ** 2).sum())
-    return total
 
 
 def _told(model: Fitted) -> str:

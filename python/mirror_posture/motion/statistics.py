@@ -23,6 +23,12 @@ TAILS = 6.0
 RHO = np.linspace(0.0, 0.6, 121)
 """Correlations that a detector's errors may have from picture to picture."""
 MOST_CORRELATION = 0.98
+WINDOW, LEAST_WINDOWS = 24, 12
+QUIETEST_TENTH = 0.62
+"""The tenth-quantile of the power of a window's fourth differences of white noise, in units of its mean: of χ² with 48 / 2.6 degrees
+of freedom, 2.6 the sum of the squares of their correlations."""
+QUIETER = 1.6
+"""By so much less noise in the quietest windows than in all (tails make a tenth or two) not all of it is noise."""
 
 
 @dataclass(frozen=True)
@@ -49,12 +55,16 @@ def noise_scale(whitened: Floats, seen: Mask) -> float:
 
     A detector's errors may be correlated from picture to picture, ρ to the next: then fourth differences hold less of them. How
     much is read off the correlation of successive differences, which ρ alone decides.
+
+    Where a limb does what the model never does, the model's own error is quick too, at some markers for some of the time. The noise
+    is the same everywhere: where the quietest windows hold much less than the whole, what they hold is the noise.
     """
-    whole = np.lib.stride_tricks.sliding_window_view(seen, 6, axis=0).all(axis=-1)
+    whole: Mask = np.asarray(np.lib.stride_tricks.sliding_window_view(seen, 6, axis=0).all(axis=-1))
     differences = np.lib.stride_tricks.sliding_window_view(whitened, 5, axis=0) @ FOURTH
     now, following = differences[:-1][whole], differences[1:][whole]
     if now.size < 100:
         return 1.0
+    quiet = _quietest(differences[:-1], whole)
     usual = MAD_TO_STD * float(np.median(np.abs(now)))
     # The tails of a detector's errors are part of its noise; what is farther out is false.
     inner = (np.abs(now) < TAILS * usual) & (np.abs(following) < TAILS * usual)
@@ -62,10 +72,29 @@ def noise_scale(whitened: Floats, seen: Mask) -> float:
     power = 0.5 * float(np.mean(now**2) + np.mean(following**2))
     if power <= 0.0:
         return LEAST_SCALE
-    ratio = float(np.mean(now * following)) / power
     variance, correlation = _of_differences(RHO)
-    at = int(np.argmin(np.abs(correlation - ratio)))
-    return min(MOST_SCALE, max(LEAST_SCALE, float(np.sqrt(power / variance[at]))))
+    if quiet is not None and power > QUIETER**2 * quiet:
+        # What is left is not the noise's: nor is its correlation.
+        out = float(np.sqrt(quiet / variance[0]))
+    else:
+        ratio = float(np.mean(now * following)) / power
+        out = float(np.sqrt(power / variance[int(np.argmin(np.abs(correlation - ratio)))]))
+    return min(MOST_SCALE, max(LEAST_SCALE, out))
+
+
+def _quietest(differences: Floats, whole: Mask) -> float | None:
+    """The power of fourth differences in windows of one marker's, as the quietest tenth of them has it; None of too few."""
+    frames = len(differences) // WINDOW * WINDOW
+    if frames == 0:
+        return None
+    inside = whole[:frames].reshape(-1, WINDOW, whole.shape[1])
+    squares = np.where(inside[..., None], differences[:frames].reshape(*inside.shape, 2) ** 2, 0.0)
+    count = inside.sum(axis=1)
+    full = count > 0.8 * WINDOW
+    if int(full.sum()) < LEAST_WINDOWS:
+        return None
+    powers = squares.sum(axis=(1, 3))[full] / (2.0 * count[full])
+    return float(np.quantile(powers, 0.1)) / QUIETEST_TENTH
 
 
 def _of_differences(rho: Floats) -> tuple[Floats, Floats]:

@@ -11,7 +11,6 @@ and are whitened by the inverse of its Cholesky factor, picture by picture.
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,16 +22,13 @@ from ..optics import ball_center_pixels, see_in_mirror
 from ..short_repr import ShortRepr
 from ..simulate.gap import CORNER_NOISE_PX, measure_input
 from .effects import Causes
+from .false_images import false_images
 from .recording import Recording
 
 Floats = npt.NDArray[np.float64]
 
 TWIST_STEP = 1e-4
 """rad, m: of the differences that tell how a mirror's foot moves with the camera against the board."""
-NEIGHBOURS, FALSE_DEVIATIONS = 2, 6.0
-"""An image is false where it lies by so many deviations off the median of two before and two after."""
-MOST_FALSE = 0.1
-"""Of a marker's images."""
 HIDDEN = 1e6
 """px²: the variance of a marker that was not seen."""
 
@@ -77,8 +73,8 @@ class View:
                 f"{session.folder}: no picture shows board and marker in the mirror together"
             )
         self._centre_balls(nominal)
-        self.false = self._false(np.where(self.seen[..., None], self.image_px - predicted, np.nan))
-        self._shown = self.seen.copy()
+        self.false = self.false_among(self.image_px - predicted)
+        self._shown, self.first = self.seen.copy(), 0
         self.seen &= ~self.false
         if not self.seen.any():
             raise MirrorPostureError(
@@ -166,30 +162,21 @@ class View:
             self.seen[:, m] &= good
             self.image_px[good, m] = np.asarray(centre.pixels_px)[good]
 
-    def _false(self, residual_px: Floats) -> npt.NDArray[np.bool_]:
-        """(F, markers): images that lie far from where those just before and after it have the marker, whatever the model."""
-        frames = len(residual_px)
-        padded = np.pad(residual_px, ((NEIGHBOURS, NEIGHBOURS), (0, 0), (0, 0)), constant_values=np.nan)
-        others = [padded[k : k + frames] for k in range(2 * NEIGHBOURS + 1) if k != NEIGHBOURS]
-        with warnings.catch_warnings():
-            # Of a marker that nothing was seen of around a picture: nothing is known.
-            warnings.simplefilter("ignore", RuntimeWarning)
-            off = np.abs(residual_px - np.nanmedian(np.stack(others), axis=0)).max(axis=2)
-            usual = 1.4826 * np.nanmedian(off) / 1.2
-        false = np.nan_to_num(off) > max(FALSE_DEVIATIONS * usual, 4.0 * self.noise_px)
-        # A limb that swings as the model never does leaves many behind: then it is the model that is wrong.
-        shown = np.isfinite(residual_px).all(axis=2).sum(axis=0)
-        return np.asarray(false & (false.sum(axis=0) <= MOST_FALSE * shown))
-
     def false_among(self, residual_px: Floats) -> npt.NDArray[np.bool_]:
         """(F, markers): the false ones of all images that count, by the residuals that a model leaves."""
-        return self._false(np.where(self.seen[..., None], residual_px, np.nan))
+        return false_images(np.where(self.seen[..., None], residual_px, np.nan), self.noise_px)
 
     def leave_out(self, false: npt.NDArray[np.bool_]) -> None:
         """Counts all images that the pictures show but these (F, markers), which are false."""
         self.false = false & self._shown
         self.seen = self._shown & ~self.false
+        self.seen[: self.first] = False
         self.whitening = self._whitening(self._by_foot, self._covariance)
+
+    def begin_at(self, first: int) -> None:
+        """Counts no picture before this one."""
+        self.first = first
+        self.leave_out(self.false)
 
     @property
     def variance_px2(self) -> Floats:

@@ -1,0 +1,66 @@
+"""Gross errors of a detector in a row of pictures: single images that lie off what those before and after them say.
+
+Along the time a wrong model's error is smooth. Beside each image a parabola is laid through the nine about it, in the sense of the least
+sum of distances (by reweighted least squares), which two or three gross errors among the nine do not bend. Where more than two in a
+row lie off, it is the body that moves so.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
+
+FALSE_DEVIATIONS = 6.0
+LEAST_DEVIATIONS = 4.0
+"""Of the stated noise."""
+MOST_FALSE = 0.1
+"""Of a marker's images."""
+LONGEST_RUN = 2
+WINDOW, REWEIGHTED = 9, 12
+LEAST_DISTANCE = 0.2
+"""Of the stated noise: nearer images count no more."""
+
+
+def false_images(residual_px: Floats, noise_px: float) -> Mask:
+    """(F, markers): the gross errors among residuals (F, markers, 2), NaN where nothing was seen."""
+    false = np.zeros(residual_px.shape[:2], dtype=bool)
+    for m in range(residual_px.shape[1]):
+        at = np.flatnonzero(np.isfinite(residual_px[:, m]).all(axis=1))
+        if len(at) >= WINDOW:
+            false[at, m] = _of_row(at, residual_px[at, m], noise_px)
+    return false
+
+
+def _of_row(at: npt.NDArray[np.int64], row: Floats, noise_px: float) -> Mask:
+    off = np.abs(row - _smooth(at, row, LEAST_DISTANCE * noise_px)).max(axis=1)
+    # Of two axes the larger is usually 1.2 times one; the median of distances is theirs over 1.48.
+    usual = 1.4826 / 1.2 * float(np.median(off))
+    false = np.asarray(off > max(FALSE_DEVIATIONS * usual, LEAST_DEVIATIONS * noise_px))
+    begins = np.flatnonzero(false & ~np.concatenate([[False], false[:-1]]))
+    ends = np.flatnonzero(false & ~np.concatenate([false[1:], [False]]))
+    for begin, end in zip(begins, ends, strict=True):
+        if end - begin >= LONGEST_RUN:
+            false[begin : end + 1] = False
+    # A limb that swings as the model never does leaves many behind: then it is the model that is wrong.
+    return false if false.sum() <= MOST_FALSE * len(row) else np.zeros(len(row), dtype=bool)
+
+
+def _smooth(at: npt.NDArray[np.int64], row: Floats, least: float) -> Floats:
+    """(n, 2): beside each image of a row, seen in pictures `at`, what the parabola through those about it says."""
+    first = np.clip(np.arange(len(row)) - WINDOW // 2, 0, len(row) - WINDOW)
+    about = first[:, None] + np.arange(WINDOW)
+    time = (at[about] - at[:, None]) / WINDOW
+    powers = np.stack([np.ones_like(time), time, time**2], axis=-1)[:, None]
+    values = np.moveaxis(row[about], 2, 1)
+    weight = np.ones_like(values)
+    for _ in range(REWEIGHTED):
+        weighted = powers * weight[..., None]
+        normal = np.swapaxes(weighted, 2, 3) @ powers
+        pull = np.swapaxes(weighted, 2, 3) @ values[..., None]
+        fitted = np.linalg.solve(normal + 1e-9 * np.eye(3), pull)
+        left = np.abs(values - (powers @ fitted)[..., 0])
+        weight = least / np.maximum(left, least)
+    return np.asarray(fitted[:, :, 0, 0])
