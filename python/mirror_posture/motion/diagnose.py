@@ -32,6 +32,9 @@ MOST_FALSE = 0.05
 """Of the images: where more lie far off, the model is wrong, not they."""
 
 
+EXACT = 0.002
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class MotionDiagnosis(ShortRepr):
     """A diagnosis with what it was made of: for pictures, and for predicting another motion."""
@@ -96,7 +99,8 @@ def _likeliest(problem: Problem, found: Found) -> tuple[Found, dict[Key, Rivals]
 def covariance(problem: Problem, found: Found) -> tuple[list[tuple[Key, int]], Floats, Floats]:
     """Of the fitted parameters, in steps: which they are, their covariance, and their columns in units of the noise.
 
-    `(JᵀJ)⁻¹`, times what the residuals exceed white noise by; and what a spring that is not straight does to all that was fitted.
+    `(JᵀJ)⁻¹`, times what the residuals exceed white noise by; what a spring that is not straight does to all that was fitted; and
+    EXACT of each parameter, to which no simulator and no law follows a body.
     """
     of, columns = design(problem, found.best.causes)
     columns = columns / found.noise_scale
@@ -109,7 +113,18 @@ def covariance(problem: Problem, found: Found) -> tuple[list[tuple[Key, int]], F
         stiffening_columns(problem, found.best.causes)[seen].reshape(len(matrix), -1) / found.noise_scale
     )
     shift = np.linalg.pinv(normal) @ (matrix.T @ springs)
-    return of, out + shift @ shift.T, columns
+    return of, out + shift @ shift.T + np.diag((EXACT * _sizes(problem, found, of)) ** 2), columns
+
+
+def _sizes(problem: Problem, found: Found, of: list[tuple[Key, int]]) -> Floats:
+    """How large the fitted parameters are, in steps; a gain's is that of the whole gain."""
+    return np.array(
+        [
+            (abs(found.best.causes[key][k]) + (1.0 if key[0] == "servo_gain" else 0.0))
+            / problem.hypotheses[key].step[k]
+            for key, k in of
+        ]
+    )
 
 
 @dataclass(frozen=True)
