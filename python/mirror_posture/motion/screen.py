@@ -24,8 +24,8 @@ LIMIT_AMPLITUDE = (0.3, 1.6)
 """How much more or less than at the size tried a limit may change the prediction, to be counted."""
 TOLD_DEVIATIONS = 3.0
 """By so many standard deviations the mildest limit must speak for itself, before tighter ones are simulated."""
-MOST_PLACES = 3
-"""Joints whose tighter limits are simulated: those at which anything would gain most."""
+MOST_PLACES, MOST_SCANNED = 3, 40_000
+"""Joints whose tighter limits are simulated: those at which anything would gain most; and so many steps of time for all of them."""
 BLOCKS = 10
 """Parts of the time whose sums are kept apart."""
 
@@ -170,9 +170,13 @@ class Screen:
         gains: dict[str, float] = {}
         for one in scored:
             gains[one.key[1]] = max(gains.get(one.key[1], 0.0), one.gain)
-        places = sorted({h.at for h in clear}, key=lambda at: -gains.get(at, 0.0))[:MOST_PLACES]
+        several = MOST_SCANNED // len(self.problem.rollouts.time_s)
+        places = sorted({h.at for h in clear}, key=lambda at: -gains.get(at, 0.0))
         return [
-            (h, start) for h in clear for start in h.starts if h.at in places and (h.key, start) not in tried
+            (h, start)
+            for h in clear
+            for start in h.starts
+            if h.at in places[: min(MOST_PLACES, max(1, several))] and (h.key, start) not in tried
         ]
 
 

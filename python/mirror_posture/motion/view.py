@@ -11,6 +11,7 @@ and are whitened by the inverse of its Cholesky factor, picture by picture.
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,6 +30,8 @@ Floats = npt.NDArray[np.float64]
 
 TWIST_STEP = 1e-4
 """rad, m: of the differences that tell how a mirror's foot moves with the camera against the board."""
+KEPT_PER_MARKER = 6
+"""Poses of each marker that are remembered: what a cause does not move is asked for again and again."""
 HIDDEN = 1e6
 """px²: the variance of a marker that was not seen."""
 
@@ -51,6 +54,8 @@ class View:
         self.links = [session.camera_link, session.board.link]
         self.marker_links = [marker.link for marker in session.markers]
         self.noise_px = session.noise.pixel_std_px or CORNER_NOISE_PX
+        self._moving = [self._columns_between(link) for link in self.marker_links]
+        self._relative: OrderedDict[tuple[object, ...], Floats] = OrderedDict()
         camera_site, board_site = (self._carrier(link) for link in self.links)
         self.camera_beside_board = camera_site == board_site
         camera_from_board = self._camera_from_board(nominal.board, {})
@@ -134,18 +139,44 @@ class View:
         points = np.zeros((frames, markers, 3))
         mirror = self.session.mirror
         glass = {} if mirror is None else mirror.glass
-        for m, link in enumerate(self.marker_links):
-            poses = self.session.robot.link_poses(places.markers[:, m], [*self.links, link])
-            camera, _ = self._moved(poses[:, 0], poses[:, 1], causes)
-            shift = np.append(
-                causes.get(("marker_mount", f"marker:{self.session.markers[m].name}"), (0.0,) * 3), 1.0
+        for m, marker in enumerate(self.session.markers):
+            shift = np.append(causes.get(("marker_mount", f"marker:{marker.name}"), (0.0,) * 3), 1.0)
+            camera_from_marker = self._camera_from_marker(
+                m, places.markers[:, m], causes if moves_board else {}
             )
-            points[:, m] = (_inverses(camera) @ (poses[:, 2] @ shift)[..., None])[:, :3, 0]
+            points[:, m] = (camera_from_marker @ shift)[:, :3]
         told = see_in_mirror(self.camera, np.repeat(foot, markers, axis=0), points.reshape(-1, 3), **glass)
         good = np.asarray(told.valid).reshape(frames, markers)
         pixels = np.asarray(told.pixels_px).reshape(frames, markers, 2)
         by_foot = np.asarray(told.by_foot_point).reshape(frames, markers, 2, 3)
         return np.where(good[..., None], pixels, 0.0), np.where(good[..., None, None], by_foot, 0.0), good
+
+    def _camera_from_marker(self, m: int, positions: Floats, causes: Causes) -> Floats:
+        """(F, 4, 4) of a marker's link, at joint positions (F, nq) and with the mounts' causes; the last ones are remembered."""
+        moved = np.ascontiguousarray(positions[:, self._moving[m]])
+        key = (m, hash(moved.tobytes()), tuple(causes.items()))
+        if key not in self._relative:
+            poses = self.session.robot.link_poses(positions, [*self.links, self.marker_links[m]])
+            camera, _ = self._moved(poses[:, 0], poses[:, 1], causes)
+            self._relative[key] = _inverses(camera) @ poses[:, 2]
+        self._relative.move_to_end(key)
+        while len(self._relative) > KEPT_PER_MARKER * len(self.marker_links):
+            self._relative.popitem(last=False)
+        return self._relative[key]
+
+    def _columns_between(self, link: str) -> list[int]:
+        """The columns of joint positions on which camera, board and a link depend."""
+        robot = self.session.robot
+        steps = [*robot.chain(self.links[0], link), *robot.chain(*self.links)]
+        joints = {joint.name: joint for joint in robot.joints}
+        names = {step.joint for step in steps if joints[step.joint].kind != "fixed"}
+        known = list(robot.position_names)
+        # A joint that another one moves is not among them.
+        return (
+            [known.index(name) for name in known if name in names]
+            if names <= set(known)
+            else [*range(len(known))]
+        )
 
     def _centre_balls(self, nominal: Places) -> None:
         """From the centroids of the balls' images to the images of their centres."""
