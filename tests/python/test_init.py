@@ -73,6 +73,26 @@ def test_a_session_from_a_urdf(arm: Path, tmp_path: Path) -> None:
     np.testing.assert_allclose(pose[2][:3, 3], [0.2, 0.0, 0.06], atol=1e-12)
 
 
+def test_a_beginning_is_written_anew_and_a_recording_is_not(
+    arm: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("mirror_posture.new_session.draw_setup", lambda part, file: [])
+    folder = tmp_path / "session"
+    run("init", arm, folder, *WORDS)
+    (folder / "plan").mkdir()
+    (folder / "plan" / "plan.json").write_text("{}")
+    assert "--overwrite" in run("init", arm, folder, *WORDS, code=1).stderr
+    run("init", arm, folder, *WORDS, "--overwrite", "--ball-mm", "40")
+    assert tomllib.loads((folder / "session.toml").read_text())["markers"][0]["diameter"] == pytest.approx(
+        0.04
+    )
+    assert (folder / "plan" / "plan.json").is_file()
+    (folder / "frames.csv").write_text("frame,posture,pan\n0,0,0.0\n")
+    before = (folder / "session.toml").read_bytes()
+    assert "with frames.csv" in run("init", arm, folder, *WORDS, "--overwrite", code=1).stderr
+    assert (folder / "session.toml").read_bytes() == before
+
+
 def test_a_session_from_xacro(arm: Path, tmp_path: Path) -> None:
     pytest.importorskip("xacro")
     file = tmp_path / "arm.xacro"

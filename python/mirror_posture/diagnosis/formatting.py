@@ -33,6 +33,18 @@ UNITS = {
 """Ending of a parameter's name, its unit for people, and the factor from the SI unit."""
 
 
+SLID = {"_rad_per_nm": ("mm/N", 1000.0), "_rad_per_s": ("mm/h", 3.6e6), "_rad": ("mm", 1000.0)}
+"""The same of prismatic joints, where it is another."""
+
+
+def unit_of(name: str, slides: bool) -> tuple[str, float]:
+    """The unit of a parameter for people, and the factor from the SI unit; `slides`: of a prismatic joint."""
+    for ending, unit in UNITS.items():
+        if name.endswith(ending):
+            return SLID.get(ending, unit) if slides else unit
+    return "", 1.0
+
+
 TINY = 0.01
 """Values smaller than this are told in thousandths: zeros behind the point cannot be counted at a glance."""
 SIZES = ("width", "spread", "deadband", "thickness", "friction", "compliance")
@@ -55,9 +67,9 @@ class Quantity:
 def tell(name: str, estimate: Estimate | Member) -> Quantity:
     """A parameter in people's units; the digits follow its standard deviation."""
     unit, factor, short = "", 1.0, name
-    for ending, (of_people, times) in UNITS.items():
+    for ending in UNITS:
         if name.endswith(ending):
-            unit, factor = of_people, times
+            unit, factor = unit_of(name, estimate.slides)
             short = name.removesuffix(ending) or re.sub(r"_(rad_per_s|s)$", "", name)
             break
     value, std = factor * estimate.value, factor * estimate.std

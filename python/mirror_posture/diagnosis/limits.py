@@ -48,9 +48,7 @@ def in_words(limit: Limit) -> str:
     """The largest limit, in people's units; of a mount both the angle and the length."""
     parts: dict[str, tuple[float, float]] = {}
     for name, size in limit.parameters.items():
-        unit, factor = next(
-            (entry for ending, entry in formatting.UNITS.items() if name.endswith(ending)), ("", 1.0)
-        )
+        unit, factor = formatting.unit_of(name, limit.slides)
         value = np.inf if size is None else factor * size
         if value >= parts.get(unit, (-1.0, 0.0))[0]:
             parts[unit] = (value, factor)
@@ -63,11 +61,13 @@ def _rounded(value: float, unit: str) -> str:
 
 def table(found: Diagnosis) -> list[Told]:
     """One row an effect, those that are hidden most first within their unit."""
-    by_effect: dict[str, list[Limit]] = {}
+    # Angles and lengths are not compared.
+    by_effect: dict[tuple[str, bool], list[Limit]] = {}
     for limit in found.limits:
-        by_effect.setdefault(limit.effect, []).append(limit)
+        other = any(formatting.unit_of(n, True) != formatting.unit_of(n, False) for n in limit.parameters)
+        by_effect.setdefault((limit.effect, limit.slides and other), []).append(limit)
     rows = []
-    for effect, limits in by_effect.items():
+    for (effect, _), limits in by_effect.items():
         ordered = sorted(limits, key=size_of)
         best, worst = ordered[0], ordered[-1]
         rows.append(
@@ -86,8 +86,14 @@ def table(found: Diagnosis) -> list[Told]:
 def line(found: Diagnosis) -> str:
     """The limits in one line: zeros of joints and mounts of markers, at the middle place and at the worst; empty without any."""
     parts = []
-    for effect, what in (("joint_offset", "a joint's zero"), ("marker_mount", "a marker's mount")):
-        limits = sorted((limit for limit in found.limits if limit.effect == effect), key=size_of)
+    for effect, slides, what in (
+        ("joint_offset", False, "a joint's zero"),
+        ("joint_offset", True, "a prismatic joint's zero"),
+        ("marker_mount", False, "a marker's mount"),
+    ):
+        limits = sorted(
+            (one for one in found.limits if (one.effect, one.slides) == (effect, slides)), key=size_of
+        )
         if not limits:
             continue
         text = f"{what} by {in_words(limits[len(limits) // 2])}"
@@ -145,7 +151,8 @@ def _marks(session: Session, found: Diagnosis) -> Iterable[tuple[str, str, str]]
 def _colour(limit: Limit) -> str:
     for angle, length, colour, _ in CLASSES:
         bounds = [
-            (angle if name.endswith("_rad") else length, size) for name, size in limit.parameters.items()
+            (angle if name.endswith("_rad") and not limit.slides else length, size)
+            for name, size in limit.parameters.items()
         ]
         if all(size is not None and size <= most for most, size in bounds):
             return colour

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import fields as fields_of
 from typing import Any, TypeGuard, TypeVar
 
@@ -101,10 +101,16 @@ def _is_of(value: Any, kinds: Sequence[str]) -> bool:
     return isinstance(value, str) and "str" in kinds
 
 
-def read_cause(entry: Mapping[str, Any]) -> Cause:
-    parameters = {name: read_plain(Estimate, value) for name, value in entry["parameters"].items()}
+def read_cause(entry: Mapping[str, Any], sliding: Collection[str] = ()) -> Cause:
+    """A cause; `sliding` are the places of prismatic joints."""
+
+    def of(at: str, value: Mapping[str, Any]) -> dict[str, Any]:
+        return {**value, "slides": at in sliding}
+
+    at = entry["at"]
+    parameters = {name: read_plain(Estimate, of(at, value)) for name, value in entry["parameters"].items()}
     alternatives = tuple(read_plain(Alternative, value) for value in entry.get("alternatives", ()))
-    members = tuple(read_plain(Member, value) for value in entry.get("members", ()))
+    members = tuple(read_plain(Member, of(value["at"], value)) for value in entry.get("members", ()))
     return read_plain(
         Cause,
         {
@@ -135,11 +141,14 @@ def read_gap(entry: Mapping[str, Any]) -> Gap:
     )
 
 
-def read_limit(entry: Mapping[str, Any]) -> Limit:
+def read_limit(entry: Mapping[str, Any], sliding: Collection[str] = ()) -> Limit:
+    """A limit; `sliding` are the places of prismatic joints."""
     for name, size in entry["parameters"].items():
         if not _is_of(size, ("float", "None")):
             raise TypeError(f"limit.{name}: got {size!r:.80}, needed a number or null")
-    return read_plain(Limit, {**entry, "parameters": dict(entry["parameters"])})
+    return read_plain(
+        Limit, {**entry, "parameters": dict(entry["parameters"]), "slides": entry["at"] in sliding}
+    )
 
 
 def read_signature(entry: Mapping[str, Any]) -> Signature:

@@ -15,10 +15,12 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Estimate:
-    """A parameter in the unit that its name says, with one standard deviation."""
+    """A parameter in the unit that its name says (of a prismatic joint: m for rad), with one standard deviation."""
 
     value: float
     std: float
+    slides: bool = False
+    """Whether it is a prismatic joint's; no key of the file."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +42,8 @@ class Member:
     parameter: str
     value: float
     std: float
+    slides: bool = False
+    """Whether it is a prismatic joint's; no key of the file."""
 
 
 @dataclass(frozen=True)
@@ -152,6 +156,8 @@ class Limit:
     effect: str
     at: str
     parameters: Mapping[str, float | None]
+    slides: bool = False
+    """Whether it is a prismatic joint's; no key of the file."""
 
 
 @dataclass(frozen=True)

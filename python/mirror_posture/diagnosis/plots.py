@@ -145,8 +145,8 @@ def draw_signature(signature: Signature, index: int) -> Drawing:
         other = ((math.degrees(1.0) * signature.other_position, f"position of\n{name}, °"),)
     panels = (
         *other,
-        (math.degrees(1.0) * signature.position, "commanded position, °"),
-        (signature.torque_nm, "gravity torque, N m"),
+        (factor * signature.position, f"commanded position, {unit}"),
+        (signature.torque_nm, "gravity torque, N m" if angular else "gravity force, N"),
         (signature.direction, "direction of the last motion"),
         (signature.time_s, "time, s"),
     )

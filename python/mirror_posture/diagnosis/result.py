@@ -61,6 +61,8 @@ class Diagnosis:
     """What of the data was used, and what was left out."""
     limits: tuple[Limit, ...] = ()
     """What could have been seen: one entry for each effect and place; empty in a document of version 1."""
+    prismatic_joints: tuple[str, ...] = ()
+    """Joints that slide: their parameters are in m where names say rad."""
     interrupted: bool = False
     """Whether it was stopped before its end, and tells only what was found so far: no gap, no limits, rivals not weighed."""
     document: Mapping[str, Any] = field(default_factory=dict, repr=False)
@@ -81,10 +83,14 @@ class Diagnosis:
             )
         try:
             check_containers(tree)
+            prismatic = tuple(tree.get("prismatic_joints", ()))
+            if not all(isinstance(name, str) for name in prismatic):
+                raise TypeError(f"prismatic_joints: got {prismatic!r:.80}, needed names")
+            sliding = {f"joint:{name}" for name in prismatic}
             return cls(
                 verdict=tree["verdict"],
                 sentence=tree.get("sentence", ""),
-                causes=tuple(read_cause(entry) for entry in tree["causes"]),
+                causes=tuple(read_cause(entry, sliding) for entry in tree["causes"]),
                 where=tuple(read_plain(Place, entry) for entry in tree["where"]),
                 gap=read_gap(tree["gap"]),
                 next_postures=tuple(dict(entry) for entry in tree.get("next_postures", ())),
@@ -97,8 +103,9 @@ class Diagnosis:
                 fields=tuple(read_field(entry) for entry in tree.get("fields", ())),
                 markers=tuple(read_plain(SeenMarker, entry) for entry in tree.get("markers", ())),
                 data=read_data(tree.get("data", {})),
-                limits=tuple(read_limit(entry) for entry in tree.get("limits", ())),
+                limits=tuple(read_limit(entry, sliding) for entry in tree.get("limits", ())),
                 witness=tuple(read_plain(Witness, entry) for entry in tree.get("witness", ())),
+                prismatic_joints=prismatic,
                 interrupted=tree.get("interrupted") is True,
                 document=dict(tree),
             )

@@ -109,6 +109,8 @@ def diagnose(
         so_far = json.loads(watch.so_far(recording)) | {KEY: fingerprint(loaded)}
         raise DiagnosisInterrupted(Diagnosis.from_document(so_far)) from None
     tree[KEY] = fingerprint(loaded)
+    if prismatic := [joint.name for joint in loaded.robot.joints if joint.kind == "prismatic"]:
+        tree["prismatic_joints"] = prismatic
     if names:
         checked = tree["gap"].get("checked", [])
         tree["witness"] = [

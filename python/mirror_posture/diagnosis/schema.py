@@ -12,7 +12,7 @@ from .result import FORMAT, VERDICTS, VERSIONS, Diagnosis
 
 PANELS = ("signatures", "tracks", "fields")
 """Arrays of points for drawing, which are read column by column."""
-NOT_OF_THE_FILE = ("document",)
+NOT_OF_THE_FILE = ("document", "slides")
 KNOWN = {**vars(parts), **vars(result)}
 """Names in which the annotations of the dataclasses are read."""
 
@@ -51,7 +51,9 @@ def described() -> Mapping[str, type]:
 
 def _of_dataclass(kind: type) -> dict[str, Any]:
     hints = get_type_hints(kind, KNOWN)
-    properties = {f.name: _of_type(hints[f.name]) for f in fields(kind) if f.name not in PANELS}
+    properties = {
+        f.name: _of_type(hints[f.name]) for f in fields(kind) if f.name not in (*PANELS, *NOT_OF_THE_FILE)
+    }
     needed = [f.name for f in fields(kind) if f.default is MISSING and f.default_factory is MISSING]
     result_schema: dict[str, Any] = {"type": "object", "properties": properties}
     return result_schema | ({"required": needed} if needed else {})

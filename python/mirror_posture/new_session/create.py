@@ -28,6 +28,9 @@ from .mounts import CameraMount, FaceMount, MarkerMount
 
 CAMERA_LINK, BOARD_LINK, MARKER_SUFFIX = "session_camera_optical", "session_board", "_marker"
 GRAVITY = 9.81
+OWN_FILES = ("session.toml", "robot.urdf", "camera.yaml", "setup.png", "meshes")
+PLAN = "plan"
+"""Of an earlier beginning it is kept: `plan --judge` says what of it still holds."""
 HUE_TOLERANCE_DEG = 15.0
 
 
@@ -57,6 +60,7 @@ def create_session(
     packages: Mapping[str, Path] | None = None,
     xacro_arguments: Mapping[str, str] | None = None,
     also: Callable[[Path], None] | None = None,
+    overwrite: bool = False,
 ) -> NewSession:
     """Writes a session without frames: robot.urdf, camera.yaml and session.toml, to be edited by hand at will.
 
@@ -70,7 +74,7 @@ def create_session(
             robot that cannot be read.
     """
     if folder.exists():
-        raise MirrorPostureError(f"{folder}: is there already; give another folder")
+        _check_replaceable(folder, overwrite)
     if not robot_file.is_file():
         raise MirrorPostureError(f"{robot_file}: there is no such file; needed a URDF or an MJCF")
     text = read_xml(robot_file)
@@ -102,7 +106,7 @@ def create_session(
         for index, marker in enumerate(markers)
     ]
     tree["mirror"] = mirror_keys(mirror)
-    with new_folder(folder) as part:
+    with new_folder(folder, owned=OWN_FILES) as part:
         (part / "robot.urdf").write_bytes(text.encode("utf-8"))
         keep_coarse_meshes(robot_file, part / "robot.urdf", packages or {}, meshes)
         (part / "camera.yaml").write_text(dump_camera_info(camera), encoding="utf-8")
@@ -112,6 +116,23 @@ def create_session(
     return NewSession(
         folder, robot, camera_link, board_link, marker_links, tuple(_warnings(robot, camera_link, board_link))
     )
+
+
+def _check_replaceable(folder: Path, overwrite: bool) -> None:
+    """Whether a folder that is there holds no more than a session's beginning (and a plan, which is kept), and may be written anew."""
+    others = (
+        sorted(path.name for path in folder.iterdir() if path.name not in (*OWN_FILES, PLAN))
+        if folder.is_dir()
+        else [""]
+    )
+    if others:
+        raise MirrorPostureError(
+            f"{folder}: is there already{f', with {others[0]}' if others[0] else ''}; give another folder"
+        )
+    if not overwrite:
+        raise MirrorPostureError(
+            f"{folder}: is there already; give another folder, or --overwrite to write it anew"
+        )
 
 
 def _check_links(

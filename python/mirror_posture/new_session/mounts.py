@@ -99,7 +99,8 @@ def _across(along: Vector, up: Vector, along_option: str, up_option: str) -> tup
     second /= np.linalg.norm(second)
     if np.linalg.norm(np.cross(first, second)) < math.sin(LEAST_ANGLE_RAD):
         raise MirrorPostureError(
-            f"{up_option}: got {up}, which is parallel to {along_option} {along}; needed another direction"
+            f"{along_option} {along} is parallel to {up_option} {up} (0,0,1 unless told): say where up is with {up_option}, as 1,0,0, in the "
+            "link's frame"
         )
     square = second - (first @ second) * first
     return first, square / np.linalg.norm(square)

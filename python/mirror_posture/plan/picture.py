@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Any
 
@@ -11,19 +10,20 @@ import numpy.typing as npt
 
 from .options import MirrorPlace
 from .run import Plan
+from .sizes import size_in_words
 
 Floats = npt.NDArray[np.float64]
 
 MOST_ROWS = 24
 SHOWN = {
-    "joint_offset": ("wrong zero", 180.0 / math.pi, "°"),
-    "gear_ratio": ("gear", 100.0, " %"),
-    "backlash": ("play", 180.0 / math.pi, "°"),
-    "joint_compliance": ("gives way", 180.0 / math.pi, "°/N m"),
-    "axis_tilt": ("axis tilt", 180.0 / math.pi, "°"),
-    "link_length": ("length", 1000.0, " mm"),
+    "joint_offset": "wrong zero",
+    "gear_ratio": "gear",
+    "backlash": "play",
+    "joint_compliance": "gives way",
+    "axis_tilt": "axis tilt",
+    "link_length": "length",
 }
-"""The effects of the table, in a person's words, and the unit of their first parameter."""
+"""The effects of the table, in a person's words."""
 
 
 def draw_plan(plan: Plan, file: Path) -> None:
@@ -86,9 +86,9 @@ def _mirror(panel: Any, plan: Plan, mirror: MirrorPlace, vertical: Floats, view:
     ring = (mirror.center_in_root_m + half) @ turn.T + shift
     panel.plot(ring @ plan.setting.forward, ring @ vertical, color="#0a7f5a", lw=2)
     top = ring[np.argmax(ring @ vertical)]
-    # One above the other: the mirrors of several views stand nearly in one place.
+    # One under the other: the mirrors of several views stand nearly in one place.
     panel.annotate(
-        f"view {view}", (top @ plan.setting.forward, top @ vertical), xytext=(3, 3 + 10 * view), textcoords="offset points", fontsize=8
+        f"view {view}", (top @ plan.setting.forward, top @ vertical), xytext=(-6, -4 - 11 * view), textcoords="offset points", fontsize=8, ha="right"
     )  # fmt: skip
 
 
@@ -98,7 +98,7 @@ def _table(axes: Any, plan: Plan) -> None:
     drawn = axes.table(
         cellText=[row[1:] for row in rows],
         rowLabels=[row[0] for row in rows],
-        colLabels=[word for word, _, _ in SHOWN.values()],
+        colLabels=list(SHOWN.values()),
         loc="upper center",
         colWidths=[0.13] * len(SHOWN),
     )
@@ -114,13 +114,12 @@ def table_rows(plan: Plan) -> list[list[str]]:
     rows = []
     for name in plan.setting.joint_names:
         cells = [name]
-        for effect, (_, factor, unit) in SHOWN.items():
+        for effect in SHOWN:
             one = told.get((effect, f"link:{parents[name]}" if effect == "link_length" else f"joint:{name}"))
             if one is None:
                 cells.append("–")
                 continue
-            largest = max(one.parameters.values())
-            text = f"{factor * largest:.2g}{unit}" if one.seen else "not seen"
+            text = size_in_words(plan, one, max(one.parameters.values())) if one.seen else "not seen"
             cells.append(text + ("*" if one.twins and one.seen else ""))
         rows.append(cells)
     return rows

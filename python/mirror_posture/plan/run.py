@@ -167,7 +167,9 @@ def _place(
     reach = float(np.quantile((markers - board) @ setting.forward, 0.8)) + 3.0 * room.clearance_m
     room.take(setting.home)
     ahead = room.reach_m(setting.forward) - float(board @ setting.forward) + 4.0 * room.clearance_m
-    reach = max(reach, ahead, LEAST_DISTANCE_M)
+    # Camera and board that are far apart see each other in the mirror at a moderate angle only from some way off.
+    apart = 0.5 * float(np.linalg.norm(camera - board))
+    reach = max(reach, ahead, apart, LEAST_DISTANCE_M)
     scene = scene_of(setting, postures)
     middle = 0.5 * (board + np.median(markers, axis=0))
     best: tuple[float, Floats] = (0.0, board + reach * setting.forward)

@@ -46,11 +46,16 @@ def rigid_bodies(nominal: Nominal) -> dict[str, int]:
     return group
 
 
+def body_name(link: str) -> str:
+    """The name of a link's body: MuJoCo keeps `world`, a common name of a URDF's first link, for its own."""
+    return "the link world" if link == "world" else link
+
+
 def flat_spec(shapes: Mapping[str, Sequence[Triangles]], links: Iterable[str]) -> mujoco.MjSpec:
-    """A MuJoCo specification in which each link is a free body of its name, with its shapes."""
+    """A MuJoCo specification in which each link is a free body (`body_name`) with its shapes."""
     spec = mujoco.MjSpec()
     for link in links:
-        body = spec.worldbody.add_body(name=link)
+        body = spec.worldbody.add_body(name=body_name(link))
         body.add_freejoint()
         body.mass, body.inertia, body.explicitinertial = 1.0, [1.0, 1.0, 1.0], True
         for number, shape in enumerate(shapes.get(link, ())):
@@ -70,7 +75,7 @@ def place(model: mujoco.MjModel, data: mujoco.MjData, links: Sequence[str], worl
     """Puts the free bodies of links at poses (L, 4, 4)."""
     quat = np.zeros(4)
     for link, pose in zip(links, world_from_link, strict=True):
-        at = int(model.jnt_qposadr[model.body(link).jntadr[0]])
+        at = int(model.jnt_qposadr[model.body(body_name(link)).jntadr[0]])
         data.qpos[at : at + 3] = pose[:3, 3]
         mujoco.mju_mat2Quat(quat, np.ascontiguousarray(pose[:3, :3]).ravel())
         data.qpos[at + 3 : at + 7] = quat
@@ -129,14 +134,15 @@ class Body:
     def _compile(self, shapes: Mapping[str, Sequence[Triangles]]) -> None:
         spec = flat_spec(shapes, self._links)
         camera = self._nominal.metadata.camera_link
+        links = {body_name(link): link for link in self._links}
         for geom in spec.geoms:
             geom.margin = self._clearance_m
-            if camera is not None and self._group[geom.parent.name] == self._group[camera]:
+            if camera is not None and self._group[links[geom.parent.name]] == self._group[camera]:
                 geom.group = HOUSING
         for a, b in combinations(self._links, 2):
             still = a not in self._moved and b not in self._moved
             if still or frozenset((self._group[a], self._group[b])) in self._neighbours:
-                spec.add_exclude(bodyname1=a, bodyname2=b)
+                spec.add_exclude(bodyname1=body_name(a), bodyname2=body_name(b))
         spec.option.gravity = [0.0, 0.0, 0.0]
         try:
             self._model = spec.compile()
@@ -145,7 +151,7 @@ class Body:
                 f"{self._nominal.robot_file}: MuJoCo refuses its shapes: {' '.join(str(error).split())}"
             ) from None
         self._data = mujoco.MjData(self._model)
-        self._name = [self._model.body(int(b)).name for b in self._model.geom_bodyid]
+        self._name = [links[self._model.body(int(b)).name] for b in self._model.geom_bodyid]
 
     def cut(self, links: Iterable[str]) -> None:
         """From now on these links are compared piece by piece: MuJoCo takes a mesh for its convex hull, which fills an armpit."""

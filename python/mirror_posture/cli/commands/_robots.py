@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -122,29 +121,6 @@ def camera_eye(index: int, nominal: Nominal) -> Callable[[], Any]:
 
 
 STALE_PICTURES = 5
-
-
-def parse_joints(texts: list[str], option: str) -> dict[str, float]:
-    """`JOINT=DEGREES`, or with a unit: `JOINT=0.26rad`, `JOINT=12mm` (prismatic); to rad and m."""
-    out: dict[str, float] = {}
-    for text in texts:
-        for part in text.split(","):
-            joint, equals, value = (piece.strip() for piece in part.partition("="))
-            factor, number = math.radians(1.0), value
-            for unit, one in (("rad", 1.0), ("mm", 0.001), ("deg", math.radians(1.0)), ("m", 1.0)):
-                if value.endswith(unit):
-                    factor, number = one, value.removesuffix(unit)
-                    break
-            try:
-                out[joint] = float(number) * factor
-                good = bool(equals) and math.isfinite(out[joint])
-            except ValueError:
-                good = False
-            if not good:
-                raise MirrorPostureError(
-                    f"{option}: got {part!r}, needed JOINT=DEGREES (or a unit: 0.26rad, 12mm), as in r_elbow=15"
-                )
-    return out
 
 
 def read_posture(file: Path) -> dict[str, float]:

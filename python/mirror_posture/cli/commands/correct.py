@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..._core import MirrorPostureError
+from ..joint_values import joint_values
 from ..output import ExitCode, JsonOption, Output
 
 if TYPE_CHECKING:
@@ -175,7 +176,7 @@ def command(
 def _run(output: Output, out: Path, settings: dict[str, Any], resume: bool) -> tuple[Outcome, CorrectOptions]:
     from ...correct import Recorder, correct, make_target
     from ...robots import Nominal, ending_signals
-    from ._robots import open_robot
+    from ._robots import open_robot, read_posture
 
     recorder = None
     if resume:
@@ -189,8 +190,11 @@ def _run(output: Output, out: Path, settings: dict[str, Any], resume: bool) -> t
         posture = {str(name): float(value) for name, value in header["posture"].items()}
         nominal = recorder.nominal
     else:
-        posture = _posture(settings)
+        posture = {} if settings["target"] is None else read_posture(Path(settings["target"]))
         nominal = Nominal.load(settings["session"]) if settings["session"] else Nominal.load()
+        posture |= joint_values(settings["joint"], "--joint", nominal.robot)
+        if not posture:
+            raise MirrorPostureError("no target: needed --joint JOINT=DEGREES, or --target FILE")
     _one_way_of_looking(settings)
     options = build_options(settings)
     options.check()
@@ -272,21 +276,10 @@ def _planned(
     }
 
 
-def _posture(settings: Mapping[str, Any]) -> dict[str, float]:
-    from ._robots import parse_joints, read_posture
-
-    posture = {} if settings["target"] is None else read_posture(Path(settings["target"]))
-    posture |= parse_joints(settings["joint"], "--joint")
-    if not posture:
-        raise MirrorPostureError("no target: needed --joint JOINT=DEGREES, or --target FILE")
-    return posture
-
-
 def build_options(settings: Mapping[str, Any]) -> CorrectOptions:
     """The options of a correction from the command's settings (which a recording keeps)."""
     from ...correct import CorrectOptions, MeasureChoice, StepOptions, StopOptions
     from ...viewpoint import View
-    from ._robots import parse_joints
 
     views = []
     for text in settings["view"]:
@@ -311,7 +304,7 @@ def build_options(settings: Mapping[str, Any]) -> CorrectOptions:
         views=kept or None,
         further_views=further,
         views_a_look=settings["views"],
-        view_joints=tuple(tuple(parse_joints([text], "--turn-by").items()) for text in settings["turn_by"]),
+        view_joints=tuple(tuple(joint_values([text], "--turn-by").items()) for text in settings["turn_by"]),
     )
 
 

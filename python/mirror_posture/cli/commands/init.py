@@ -74,6 +74,12 @@ def command(
     xacro_arg: Annotated[
         list[str] | None, typer.Option(help="NAME=VALUE of a robot written in xacro. Repeat it.")
     ] = None,
+    overwrite: Annotated[
+        bool,
+        typer.Option(
+            "--overwrite", help="Write a folder anew that holds no pictures yet; a plan in it is kept."
+        ),
+    ] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Start a session: tell where camera, board and balls sit on the robot.
@@ -170,6 +176,7 @@ def command(
         packages=package_folders(package or ()),
         xacro_arguments=xacro_arguments(xacro_arg or ()),
         also=draw,
+        overwrite=overwrite,
     )  # fmt: skip
     for text in made.warnings:
         output.warn(text)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..._core import MirrorPostureError
-from ..joint_degrees import joint_degrees
+from ..joint_values import joint_values
 from ..named_values import mirror_size as wanted_size
 from ..named_values import package_folders
 from ..output import JsonOption, Output
@@ -61,7 +61,10 @@ def command(
         typer.Option(help="Of the robot from itself and the table; three times that from the glass."),
     ] = None,
     home: Annotated[
-        list[str] | None, typer.Option(help="JOINT=DEGREES: a joint that is not at 0 at home. Repeat it.")
+        list[str] | None,
+        typer.Option(
+            help="JOINT=DEGREES (a joint that slides: JOINT=12mm): one that is not at 0 at home. Repeat it."
+        ),
     ] = None,
     hold: Annotated[list[str] | None, typer.Option(help="A joint that stays at home. Repeat it.")] = None,
     real_balls: Annotated[
@@ -102,6 +105,7 @@ def command(
     from ...new_session import parse_vector
     from ...plan import PlanOptions, judge_plan, make_plan, write_plan
     from ...plan.table import POSTURES, document
+    from ...robots import Nominal
 
     folder = out or session / "plan"
     if judge:
@@ -125,7 +129,7 @@ def command(
         same_postures=same_postures,
         table_m=table,
         clearance_m=None if clearance_mm is None else clearance_mm / 1000.0,
-        home=joint_degrees(home or [], "--home", "elbow=30"),
+        home=joint_values(home or [], "--home", Nominal.load(session).robot),
         held=tuple(hold or ()),
         real_balls_allowed=real_balls,
         packages=package_folders(package or ()),
@@ -143,19 +147,19 @@ def command(
 def say_plan(output: Output, plan: Plan) -> None:
     """What a plan tells, and where its mirrors stand."""
     from ...plan.picture import SHOWN, table_rows
+    from ...plan.sizes import apart_in_words
 
     for text in plan.warnings:
         output.warn(text)
     output.table(
         "What this plan can tell: found surely from this size on (* has a twin)",
-        ["*joint", *(word for word, _, _ in SHOWN.values())],
+        ["*joint", *SHOWN.values()],
         table_rows(plan),
         f"with {plan.setting.noise_px:g} px of noise and the set-up's tolerances, one cause at a time",
     )
     twins = [(one, twin) for one in plan.tells for twin in one.twins]
     for one, twin in twins[:MOST_TWINS]:
-        from_size = "at no size" if math.isinf(twin.apart_from) else f"from {twin.apart_from:.2g} on"
-        output.say(f"twins: {one.name} and {twin.name} are told apart {from_size}")
+        output.say(f"twins: {one.name} and {twin.name} are told apart {apart_in_words(plan, one, twin)}")
     if len(twins) > MOST_TWINS:
         output.say(f"and {len(twins) - MOST_TWINS} more twins, in plan.json")
     unseen = [one.name for one in plan.tells if not one.seen]

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from ..._core import MirrorPostureError
-from ..joint_degrees import joint_degrees
+from ..joint_values import joint_values
 from ..named_values import mirror_size as wanted_size
 from ..output import JsonOption, Output
 
@@ -38,7 +38,7 @@ def command(
     offset: Annotated[
         list[str] | None,
         typer.Option(
-            help="Hide a joint's zero error from the model: JOINT=DEGREES; may be given several times."
+            help="Hide a joint's zero error from the model: JOINT=DEGREES (a joint that slides: JOINT=2mm); may be given several times."
         ),
     ] = None,
     meshes: Annotated[
@@ -82,11 +82,12 @@ def command(
     """
     output = Output(as_json)
     from ...render import DEMO_POSTURES, DEMO_VIEWS, EMBEDDED_FOLDER, PictureOptions, View, render_session
+    from ...robots import Nominal
 
     if meshes:
         _with_meshes(
             output, folder, template or EMBEDDED_FOLDER, plan, joint or [], mirror_size, preview, yaw_deg or [0.0], distance_mm,
-            joint_degrees(offset or [], "--offset", "r_elbow=2.5"), overwrite,
+            offset or [], overwrite,
         )  # fmt: skip
         return
     if plan is not None or joint or preview:
@@ -104,7 +105,9 @@ def command(
             folder,
             chosen,
             views,
-            offsets_rad=joint_degrees(offset or [], "--offset", "r_elbow=2.5"),
+            offsets_rad=joint_values(
+                offset or [], "--offset", Nominal.load(template or EMBEDDED_FOLDER).robot
+            ),
             options=options,
             template=template or EMBEDDED_FOLDER,
             seed=seed,
@@ -128,7 +131,7 @@ def _with_meshes(
     preview: bool,
     yaw_deg: list[float],
     distance_mm: float,
-    offsets: dict[str, float],
+    offset: list[str],
     overwrite: bool,
 ) -> None:
     import cv2
@@ -138,9 +141,9 @@ def _with_meshes(
     from ...plan.simple import mirrors_before, planned_mirrors
     from ...robots import Nominal
     from ...shapes.mesh_pictures import MeshFrame, MeshPainter, render_meshes_session
-    from ._robots import parse_joints
 
     nominal = Nominal.load(template)
+    offsets = joint_values(offset, "--offset", nominal.robot)
     wanted = PlanOptions(*wanted_size(mirror_size))
     options = wanted.before(nominal.metadata.mirror)
     width, height = options.mirror_size_m
@@ -148,7 +151,7 @@ def _with_meshes(
         found = planned_mirrors(plan, nominal)
         frames = [MeshFrame(row.posture, row.commanded, center, normal) for row, center, normal in found]
     else:
-        posture = parse_joints(joint, "--joint")
+        posture = joint_values(joint, "--joint", nominal.robot)
         frames = [
             MeshFrame(0, posture, m.center_in_root_m, m.normal_in_root)
             for m in mirrors_before(

@@ -18,7 +18,7 @@ from ..parts import Cause, Estimate
 from ..result import Diagnosis
 from .mistakes import undo_mistake
 from .mjcf import MECHANICAL, write_mjcf
-from .urdf import Urdf, rotation_of_vector
+from .urdf import TURNING, Urdf, rotation_of_vector
 from .xml_text import read_xml
 
 ROBOT, MJCF = "robot.urdf", "robot.mjcf.xml"
@@ -159,7 +159,8 @@ def _apply(session: Session, urdf: Urdf, cause: Cause) -> tuple[Session, Written
         return mended, Written(cause, file, what)
     if cause.effect == "joint_offset":
         urdf.add_offset(name, value["offset_rad"])
-        return in_robot(f"origin of joint {name}, turned about its axis")
+        done = "turned about" if urdf.kind(name) in TURNING else "moved along"
+        return in_robot(f"origin of joint {name}, {done} its axis")
     if cause.effect == "axis_tilt":
         urdf.tilt_axis(name, value["tilt_1_rad"], value["tilt_2_rad"])
         return in_robot(f"axis of joint {name}")
