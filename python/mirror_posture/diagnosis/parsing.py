@@ -107,10 +107,10 @@ def read_cause(entry: Mapping[str, Any], sliding: Collection[str] = ()) -> Cause
     def of(at: str, value: Mapping[str, Any]) -> dict[str, Any]:
         return {**value, "slides": at in sliding}
 
-    at = entry["at"]
+    at = entry.get("at", "")
     parameters = {name: read_plain(Estimate, of(at, value)) for name, value in entry["parameters"].items()}
     alternatives = tuple(read_plain(Alternative, value) for value in entry.get("alternatives", ()))
-    members = tuple(read_plain(Member, of(value["at"], value)) for value in entry.get("members", ()))
+    members = tuple(read_plain(Member, of(value.get("at", ""), value)) for value in entry.get("members", ()))
     return read_plain(
         Cause,
         {
@@ -147,7 +147,7 @@ def read_limit(entry: Mapping[str, Any], sliding: Collection[str] = ()) -> Limit
         if not _is_of(size, ("float", "None")):
             raise TypeError(f"limit.{name}: got {size!r:.80}, needed a number or null")
     return read_plain(
-        Limit, {**entry, "parameters": dict(entry["parameters"]), "slides": entry["at"] in sliding}
+        Limit, {**entry, "parameters": dict(entry["parameters"]), "slides": entry.get("at") in sliding}
     )
 
 
