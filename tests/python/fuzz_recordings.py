@@ -15,7 +15,7 @@ import pyarrow.parquet
 
 from fuzz_mutations import Target
 from mirror_posture.importing import read_recording
-from mirror_posture.importing.films import joint_csv
+from mirror_posture.importing.joint_csv import joint_csv
 
 JOINTS = b"time_s,pan, lift ,measured:pan,measured:lift\n0,0.1,0.2,0.1,0.2\n0.5,0.1,0.2,0.1,0.2\n1,-0.1,0.3,-0.1,0.3\n"
 INFO: dict[str, Any] = {

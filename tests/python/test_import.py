@@ -15,8 +15,11 @@ import pyarrow.parquet
 import pytest
 from typer.testing import CliRunner
 
-from mirror_posture import MirrorPostureError, cli, load_session
-from mirror_posture.importing import JointLog, find_rests, match_clocks
+from mirror_posture import MirrorPostureError, Robot, cli, load_session
+from mirror_posture.importing import JointLog, Recording, find_rests, match_clocks
+from mirror_posture.importing.joint_csv import joint_csv
+from mirror_posture.importing.rest import picture_motion
+from mirror_posture.importing.write import check_limits, match_begins
 from mirror_posture.session import load_camera_info
 
 av = pytest.importorskip("av")
@@ -358,6 +361,59 @@ def test_pictures_that_show_no_movement_say_nothing_of_the_clock() -> None:
     noise = np.random.default_rng(2).uniform(0.9, 1.1, len(PICTURE_S))
     assert not match_clocks(log, PICTURE_S, noise).trusted
     assert not match_clocks(log, PICTURE_S, np.zeros(len(PICTURE_S))).trusted
+
+
+def test_logs_are_read_as_others_write_them(tmp_path: Path) -> None:
+    file = tmp_path / "log.csv"
+
+    def read(text: str, **how: object) -> JointLog:
+        file.write_text(text, encoding="utf-8")
+        return joint_csv(file, False, **how)  # type: ignore[arg-type]
+
+    plain = read("time_s,a,b\n0.0,1.5,2\n0.5,1.25,3\n")
+    for text, how in (
+        ("time_s;a;b\n0,0;1,5;2\n0,5;1,25;3\n", {}),
+        ("time_s\ta\tb\n0.0\t1.5\t2\n0.5\t1.25\t3\n", {}),
+        ("stamp,a,b\n0,1.5,2\n500,1.25,3\n", {"time": "stamp=ms"}),
+        ("stamp,a,b,note\n0,1.5,2,go\n0.5,1.25,3,\n", {"time": "stamp"}),
+    ):
+        log = read(text, **how)
+        assert log.names == ("a", "b") and log.others == (("note",) if "note" in text else ())
+        np.testing.assert_allclose(log.time_s, plain.time_s)
+        np.testing.assert_array_equal(log.position, plain.position)
+    # A joint with a broken cell is no note.
+    with pytest.raises(MirrorPostureError, match=r"log.csv, row 2 \(line 3\), column 'b': got 'x'"):
+        read("time_s;a;b\n0;1,5;2\n1;1,25;x\n")
+    with pytest.raises(MirrorPostureError, match="--time COLUMN says which"):
+        read("stamp,a\n0,1\n1,2\n")
+    with pytest.raises(MirrorPostureError, match="needed COLUMN or COLUMN=UNIT"):
+        read("stamp,a\n0,1\n1,2\n", time="stamp=minutes")
+
+
+def test_clocks_that_have_nothing_in_common_are_matched_from_their_beginnings() -> None:
+    since_1970 = 1.7e9 + JOINT_S
+    log = JointLog(since_1970, ("a", "b"), np.array([joints_at(time) for time in JOINT_S]))
+    motion = picture_motion((time, picture_at(time)) for time in PICTURE_S)[1]
+    # The film began 7.3 s after the log.
+    found = match_begins(log, PICTURE_S - 7.3, motion)
+    assert found.trusted
+    assert found.offset_s == pytest.approx(-7.3 - 1.7e9, abs=0.5 / FPS + 0.03)
+
+
+def test_positions_in_another_unit_are_refused(session: Path) -> None:
+    robot = Robot.from_urdf(session / "robot.urdf")
+
+    def recorded(factor: float) -> Recording:
+        log = JointLog(JOINT_S, ("a", "b"), factor * np.array([joints_at(time) for time in JOINT_S]))
+        return Recording(log, lambda: iter(()), None, "a log")
+
+    kept = [(0, "a"), (1, "b")]
+    assert check_limits(recorded(1.0), robot, kept) == []
+    with pytest.raises(MirrorPostureError, match=r"a goes from .* degrees"):
+        check_limits(recorded(180.0 / np.pi), robot, kept)
+    high = next(joint.upper for joint in robot.joints if joint.name == "a")
+    slightly = (high + 0.2) / max(posture[0] for posture in POSTURES)
+    assert "a goes from" in check_limits(recorded(slightly), robot, kept)[0]
 
 
 def test_what_cannot_be_meant_is_refused(session: Path, tmp_path: Path) -> None:

@@ -16,7 +16,8 @@ import pytest
 
 from mirror_posture import MirrorPostureError
 from mirror_posture.importing import bounds, read_recording
-from mirror_posture.importing.films import film_pictures, joint_csv
+from mirror_posture.importing.films import film_pictures
+from mirror_posture.importing.joint_csv import joint_csv
 from mirror_posture.session.tables import open_table
 
 av = pytest.importorskip("av")

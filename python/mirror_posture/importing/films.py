@@ -10,21 +10,21 @@ import numpy as np
 
 from .._core import MirrorPostureError
 from ..session.detections import refuse_twice
-from ..session.errors import SessionError, choices
 from ..session.tables import open_table
 from .bounds import MOST_PIXELS, checked_size, counted_pictures, opened
-from .recording import JointLog, Picture, Recording
+from .joint_csv import TIME, joint_csv
+from .recording import Picture, Recording
 
 FILMS = (".mp4", ".mkv", ".avi", ".mov", ".webm")
 CONTAINERS = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi"
 """As ffmpeg calls those that are read."""
-TIME, IMAGE, MEASURED = "time_s", "image", "measured:"
+IMAGE = "image"
 
 
-def read_film(file: Path, joints_file: Path, degrees: bool) -> Recording:
+def read_film(file: Path, joints_file: Path, degrees: bool, time: str = TIME) -> Recording:
     """A film whose own time stamps count, with the joints' CSV; both start at their own zero."""
     return Recording(
-        joint_csv(joints_file, degrees),
+        joint_csv(joints_file, degrees, time),
         lambda: counted_pictures(film_pictures(file), str(file)),
         None,
         str(file),
@@ -66,7 +66,7 @@ def film_pictures(file: Path, start_s: float = 0.0, end_s: float = np.inf) -> It
         raise MirrorPostureError(f"{file}: is no film that can be read: {error}") from None
 
 
-def read_pictures(folder: Path, joints_file: Path, degrees: bool) -> Recording:
+def read_pictures(folder: Path, joints_file: Path, degrees: bool, time: str = TIME) -> Recording:
     """A folder of pictures with the times of `times.csv` (`image, time_s`) in it, or of their names in seconds."""
     from ..detect import list_pictures, read_picture
 
@@ -92,27 +92,8 @@ def read_pictures(folder: Path, joints_file: Path, degrees: bool) -> Recording:
             ) from None
     stamped.sort()
     return Recording(
-        joint_csv(joints_file, degrees),
+        joint_csv(joints_file, degrees, time),
         lambda: ((time, read_picture(file)) for time, file in stamped),
         None,
         str(folder),
     )
-
-
-def joint_csv(file: Path, degrees: bool) -> JointLog:
-    """A CSV with `time_s` and a column for each joint, optionally `measured:<joint>`, rad (or degrees) and m.
-
-    Raises:
-        MirrorPostureError: no such file, no `time_s`, a cell that is no number.
-    """
-    table = open_table(file)
-    table.require(TIME)
-    names = tuple(name for name in table.columns if name != TIME and not name.startswith(MEASURED))
-    if not names:
-        raise SessionError(file.name, f"has no column for a joint; it has {choices(table.columns)}")
-    factor = np.pi / 180.0 if degrees else 1.0
-    position = factor * np.stack([table.numbers(name) for name in names], axis=1)
-    measured = None
-    if all(MEASURED + name in table.columns for name in names):
-        measured = factor * np.stack([table.numbers(MEASURED + name) for name in names], axis=1)
-    return JointLog(table.numbers(TIME), names, position, measured, commanded=True)

@@ -7,6 +7,7 @@ from pathlib import Path
 from .._core import MirrorPostureError
 from .bags import is_bag, read_bag
 from .films import FILMS, read_film, read_pictures
+from .joint_csv import TIME
 from .lerobot_dataset import is_dataset, read_dataset
 from .recording import Recording
 
@@ -20,12 +21,14 @@ def read_recording(
     image: str | None = None,
     episode: int = 0,
     degrees: bool = False,
+    time: str = TIME,
 ) -> Recording:
     """Reads a recording of any kind that is known.
 
     - a bag: `.mcap`, `.bag` (ROS 1), or a folder with metadata.yaml (ROS 2); `joints_topic`, `commands_topic`, `image` name topics;
     - a LeRobot dataset (v2.1, v3): the folder with meta/info.json; `image` names the camera, `episode` the episode;
-    - a film, or a folder of pictures, with `joints_file`: a CSV with `time_s` and a column for each joint.
+    - a film, or a folder of pictures, with `joints_file`: a CSV with a column for each joint and one of `time` (`stamp=ms`: in
+      milliseconds).
 
     Raises:
         MirrorPostureError: an unknown kind, a missing package (with what to install), several topics to choose from.
@@ -48,7 +51,7 @@ def read_recording(
                 f"{source}: pictures alone; add --joints FILE.csv with time_s and the joints"
             )
         reader = read_pictures if source.is_dir() else read_film
-        return reader(source, joints_file, degrees)
+        return reader(source, joints_file, degrees, time)
     raise MirrorPostureError(
         f"{source}: got the ending {source.suffix!r}, needed .mcap, .bag, a ROS 2 bag's folder, a LeRobot dataset's folder, "
         f"a film ({', '.join(FILMS)}) or a folder of pictures"

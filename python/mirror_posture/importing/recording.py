@@ -28,6 +28,8 @@ class JointLog:
     measured: Floats | None = None
     """(N, J) what the encoders read beside the commands; None where there is one of the two only."""
     commanded: bool = False
+    others: tuple[str, ...] = ()
+    """Columns that hold no numbers, and are left out."""
 
     def __post_init__(self) -> None:
         if len(self.time_s) < 2 or self.position.shape != (len(self.time_s), len(self.names)):

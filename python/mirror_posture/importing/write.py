@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
@@ -17,12 +17,15 @@ from ..session.camera_info import dump_camera_info
 from ..session.metadata import load_metadata
 from ..session.tables import find_table
 from ..session.write import write_table
-from .recording import Floats, Picture, Recording
+from .recording import Floats, JointLog, Picture, Recording
 from .rest import ClockMatch, Rest, find_rests, match_clocks, picture_motion
 
 MARGIN = 0.2
 """Share of a rest that is left at either end: the robot may still swing, and the clocks' match has a width."""
 SHARP_WIDTH_PX = 640
+BEYOND_LIMIT = 0.05
+"""rad (m) by which a position may be beyond a joint's limit without a word."""
+BEGAN_WITHIN_S = 30.0
 TABLES = ("frames.csv", "frames.parquet", "detections.csv", "detections.parquet")
 PICTURES = "images/[0-9][0-9][0-9][0-9].png"
 """Of an earlier import, as the tables are."""
@@ -48,13 +51,14 @@ def import_recording(
     tolerance: float = 0.003,
     least_s: float = 0.5,
     overwrite: bool = False,
+    degrees: bool = False,
 ) -> Imported:
     """Writes frames.csv and images/ into a folder that `init` made: one frame for each moment of rest that a picture shows.
 
     Of a rest's pictures the sharpest is taken, away from the rest's ends; a joint's position is its median there.
     `joint_names` renames the recording's joints to the URDF's. Without `offset_s` the clocks are matched by the pictures'
     own stillness; where that says nothing, they are taken to agree, with a warning. The recording's camera replaces
-    camera.yaml. Detections of earlier pictures are removed.
+    camera.yaml. Detections of earlier pictures are removed. `degrees` says that the recording was read as degrees: joints that slide were not.
 
     Raises:
         MirrorPostureError: no session there, frames that are there already, no joint of the robot in the recording, no
@@ -82,7 +86,12 @@ def import_recording(
         )
     if len({name for _, name in kept}) < len(kept):
         raise MirrorPostureError("--joint: two of the recording's joints get the same name")
-    if left := [name for _, name in columns if name not in robot.position_names]:
+    if degrees:
+        slides = {joint.name for joint in robot.joints if joint.kind == "prismatic"}
+        log = _taken_back(log, [index for index, name in kept if name in slides])
+        recording = replace(recording, joints=log)
+    warnings += check_limits(recording, robot, kept)
+    if left := [*(name for _, name in columns if name not in robot.position_names), *log.others]:
         warnings.append(f"not joints of the robot, left out: {', '.join(left)}")
     if still := [name for name in robot.position_names if name not in {name for _, name in kept}]:
         warnings.append(f"not in the recording, taken to stand at 0: {', '.join(still)}")
@@ -99,8 +108,18 @@ def import_recording(
     picture_s, motion = picture_motion(recording.pictures())
     if not len(picture_s):
         raise MirrorPostureError(f"{recording.source}: holds no pictures")
-    clock = match_clocks(log, picture_s, motion)
+    clock = (
+        match_clocks(log, picture_s, motion)
+        if _overlap(log, picture_s)
+        else match_begins(log, picture_s, motion)
+    )
     if offset_s is None:
+        if not clock.trusted and not _overlap(log, picture_s):
+            raise MirrorPostureError(
+                f"{recording.source}: the clocks have nothing in common (pictures {picture_s[0]:.10g} to {picture_s[-1]:.10g} s, joints "
+                f"{log.time_s[0]:.10g} to {log.time_s[-1]:.10g} s), and the pictures' movement does not show the offset (correlation "
+                f"{clock.match:.2f}); give --offset-s"
+            )
         offset_s = clock.offset_s if clock.trusted else 0.0
         if not clock.trusted:
             warnings.append(
@@ -111,6 +130,11 @@ def import_recording(
         raise MirrorPostureError(
             f"{recording.source}: no picture lies in a moment of rest (pictures {picture_s[0]:g} to {picture_s[-1]:g} s, joints "
             f"{log.time_s[0]:g} to {log.time_s[-1]:g} s, offset {offset_s:g} s)"
+            + (
+                "; is the log in milliseconds? --time COLUMN=ms"
+                if np.ptp(log.time_s) > 100.0 * np.ptp(picture_s)
+                else ""
+            )
         )
     if len(chosen) < len(rests):
         warnings.append(f"{len(rests) - len(chosen)} of {len(rests)} moments of rest have no picture")
@@ -123,6 +147,47 @@ def import_recording(
         if recording.camera is not None and camera is not None:
             (part / camera).write_text(dump_camera_info(recording.camera), encoding="utf-8")
     return Imported(len(chosen), len(rests), clock, offset_s, tuple(warnings))
+
+
+def _taken_back(log: JointLog, columns: list[int]) -> JointLog:
+    """The log with some columns as they were before they were taken for degrees."""
+    factor = np.ones(len(log.names))
+    factor[columns] = 180.0 / np.pi
+    return replace(
+        log, position=log.position * factor, measured=None if log.measured is None else log.measured * factor
+    )
+
+
+def check_limits(recording: Recording, robot: Robot, kept: list[tuple[int, str]]) -> list[str]:
+    """Positions beyond the joints' limits: warnings, or `MirrorPostureError` where they cannot be meant in rad (m)."""
+    limits = {joint.name: (joint.lower, joint.upper) for joint in robot.joints}
+    warnings = []
+    for index, name in kept:
+        low, high = limits[name]
+        least, most = (
+            float(recording.joints.position[:, index].min()),
+            float(recording.joints.position[:, index].max()),
+        )
+        span = max(high - low, 0.1)
+        told = f"{recording.source}: {name} goes from {least:.4g} to {most:.4g}, its limits are {low:.4g} to {high:.4g} rad (m)"
+        if least < low - span or most > high + span:
+            raise MirrorPostureError(
+                f"{told}: are these degrees (--degrees), or is it another joint (--joint THEIRS=OURS)?"
+            )
+        if least < low - BEYOND_LIMIT or most > high + BEYOND_LIMIT:
+            warnings.append(told)
+    return warnings
+
+
+def _overlap(log: JointLog, picture_s: Floats) -> bool:
+    return bool(picture_s[0] <= log.time_s[-1] and picture_s[-1] >= log.time_s[0])
+
+
+def match_begins(log: JointLog, picture_s: Floats, motion: Floats) -> ClockMatch:
+    """The match of clocks that have nothing in common (one counts from 1970, say): recordings that began within half a minute."""
+    shift = float(picture_s[0] - log.time_s[0])
+    found = match_clocks(log, picture_s - shift, motion, most_s=BEGAN_WITHIN_S)
+    return ClockMatch(shift + found.offset_s, found.match)
 
 
 def _choose(

@@ -28,6 +28,10 @@ def command(
         Path | None,
         typer.Option(help="With a film or pictures: CSV with time_s and a column for each joint."),
     ] = None,
+    time: Annotated[
+        str,
+        typer.Option(help="The column of time in it, with its unit where that is not s: stamp=ms (us, ns)."),
+    ] = "time_s",
     joint: Annotated[
         list[str] | None, typer.Option(help="THEIRS=OURS: the recording's name of a joint and the URDF's.")
     ] = None,
@@ -83,6 +87,7 @@ def command(
         image=image,
         episode=episode,
         degrees=degrees,
+        time=time,
     )
     done = import_recording(
         recording,
@@ -92,6 +97,7 @@ def command(
         tolerance=tolerance,
         least_s=rest_s,
         overwrite=overwrite,
+        degrees=degrees,
     )
     for text in done.warnings:
         output.warn(text)
