@@ -24,9 +24,10 @@ const TOLERANCE_PX: f64 = 0.675;
 /// What all edges share whatever the picture shows (pixel structure, the pane's second image), px, and what a blur of σ px carries over the rim, as a share of
 /// σ² / radius: measured on rendered balls.
 const SHARED_FLOOR_PX: f64 = 0.024;
+const SHARED_FLOOR_OF_CODED_PX: f64 = 0.035;
 const SHARED_BY_BLUR: f64 = 0.31;
 /// In coded pictures, edges share this share of their own deviation with their neighbours: a block of colour spans a broad part of a ball's outline.
-const SHARED_OF_CODED: f64 = 0.4;
+const SHARED_OF_CODED: f64 = 0.3;
 /// Along the outline, edges share their errors over about this length (times the blur, where that is above 1 px): what lies behind, and a codec's blocks.
 const CORRELATION_PX: f64 = 3.0;
 const CODED_CORRELATION_PX: f64 = 6.0;
@@ -97,7 +98,8 @@ pub fn measure_ball(
         let growth = (range.min_px - circle.radius_px, range.max_px - circle.radius_px);
         let together = of_one_outline(&edges.offset_px, &edges.std_px, &found, TOLERANCE_PX, growth)?;
         let by_blur = SHARED_BY_BLUR * blur.widest_px().powi(2) / circle.radius_px.max(1.0);
-        let floor = SHARED_FLOOR_PX.hypot(by_blur);
+        let alike = if patch.coded { SHARED_FLOOR_OF_CODED_PX } else { SHARED_FLOOR_PX };
+        let floor = alike.hypot(by_blur);
         let (points, inlier): (Vec<EdgePoint>, Vec<bool>) = (0..count)
             .filter(|i| found[*i])
             .map(|i| {

@@ -5,9 +5,10 @@ use super::hues::{Hue, hues_of_zones};
 use super::luma::{lens_before_codec, lens_blur_px, luma_edges};
 use super::patch::Patch;
 use super::ray_edge::{RayEdge, median};
-use super::rays::{Rays, STEP_PX, ZONE_PX, mean_and_variance, mean_colour, slope};
+use super::rays::{Rays, STEP_PX, ZONE_PX, beyond_step, mean_and_variance, mean_colour, slope};
 use super::scatter::noise_of;
 use super::shading::ENCODING_POWER;
+use super::unmixing::Unmixing;
 use nalgebra::Vector2;
 
 /// Unevenness of a zone that even light and a clean picture leave, as a share of its brightness.
@@ -22,15 +23,13 @@ const CODED_EDGE_FLOOR_PX: f64 = 0.07;
 /// What the darkest levels do to light (rounding, a curve's toe, a black level) moves edges alike where ball and background are few levels apart: px times the square
 /// of the levels, measured on pictures with a sixteenth of the light.
 const DARK_PX_LEVELS2: f64 = 60.0;
-/// A ray's unmixing must tell the two colours apart: sine of the angle between them.
-const MIN_COLOUR_SINE: f64 = 0.12;
-/// What lies behind counts as black below this share of the ball's light: it has no colour to unmix by.
-const BLACK_SHARE: f64 = 0.03;
 /// How far apart edges of colour and brightness may be, px.
 const LUMA_REACH_PX: f64 = 1.0;
 /// What a coded picture's edges show as blur holds the codec's errors too: so much of it is blur, and at least so much, px. A window of more would sum up more of the errors.
 const CODED_BLUR_SHARE: f64 = 0.9;
 const LEAST_CODED_BLUR_PX: f64 = 0.8;
+/// Width of the weights with which a coded picture's colours are summed about an edge, in blurs.
+const TAPER: f64 = 0.7;
 /// Passes of setting the zones around the edge that was found.
 const PASSES: usize = 3;
 
@@ -141,55 +140,6 @@ fn join_brightness(rays: &Rays, edges: &mut [RayEdge], lens_px: f64) {
     }
 }
 
-/// Parts of ball and background that make up a colour, or of the ball alone before black.
-struct Unmixing {
-    ball: [f64; 3],
-    behind: [f64; 3],
-    bb: f64,
-    bg: f64,
-    gg: f64,
-    black: bool,
-}
-
-fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-impl Unmixing {
-    fn new(ball: [f64; 3], behind: [f64; 3]) -> Option<Self> {
-        let (bb, bg, gg) = (dot(&ball, &ball), dot(&ball, &behind), dot(&behind, &behind));
-        let black = gg < BLACK_SHARE * BLACK_SHARE * bb;
-        let telling = if black {
-            bb > 1e-6
-        } else {
-            bb * gg - bg * bg > MIN_COLOUR_SINE * MIN_COLOUR_SINE * bb * gg + 1e-12
-        };
-        telling.then_some(Self { ball, behind, bb, bg, gg, black })
-    }
-
-    /// Noise of a colour by that of the coverage `trust s + (1 − trust)(1 − w)` made of it.
-    fn contrast(&self, trust: f64) -> f64 {
-        if self.black {
-            return (self.bb - self.bg) / self.bb.sqrt();
-        }
-        let other = 1.0 - trust;
-        let power = trust * trust * self.gg + other * other * self.bb + 2.0 * trust * other * self.bg;
-        ((self.bb * self.gg - self.bg * self.bg) / power).sqrt()
-    }
-
-    /// Parts of the ball and of what lies behind.
-    fn parts(&self, colour: &[f64; 3]) -> (f64, f64) {
-        let ib = dot(colour, &self.ball);
-        if self.black {
-            let share = (ib - self.bg) / (self.bb - self.bg);
-            return (share, 1.0 - share);
-        }
-        let ig = dot(colour, &self.behind);
-        let determinant = self.bb * self.gg - self.bg * self.bg;
-        ((self.gg * ib - self.bg * ig) / determinant, (self.bb * ig - self.bg * ib) / determinant)
-    }
-}
-
 fn colour_edge(rays: &Rays, ray: usize, hues: Option<[Hue; 2]>, outermost: bool) -> RayEdge {
     let none = RayEdge {
         offset: 0.0,
@@ -200,6 +150,7 @@ fn colour_edge(rays: &Rays, ray: usize, hues: Option<[Hue; 2]>, outermost: bool)
         dark: 0.0,
         moment: 0.0,
         contrast: 0.0,
+        channels: [0.0; 3],
         ball: [0.0; 3],
         behind: [0.0; 3],
     };
@@ -208,8 +159,8 @@ fn colour_edge(rays: &Rays, ray: usize, hues: Option<[Hue; 2]>, outermost: bool)
     let mut result = none;
     for pass in 0..PASSES {
         let edge = result.offset;
-        let ball_zone = rays.between(edge - window - ZONE_PX, edge - window);
-        let behind_zone = rays.between(edge + window, edge + window + ZONE_PX);
+        let ball_zone = rays.between(edge - window - rays.zone_px, edge - window);
+        let behind_zone = rays.between(edge + window, edge + window + rays.zone_px);
         if ball_zone.is_empty() || behind_zone.is_empty() {
             return none;
         }
@@ -243,21 +194,26 @@ fn colour_edge(rays: &Rays, ray: usize, hues: Option<[Hue; 2]>, outermost: bool)
         // What the ball's parts sum to must be the integral of its light up to the edge; what the background's parts sum to, its length.
         let ball_sum = |i: usize| trust * parts[i].0 + (1.0 - trust) * (1.0 - parts[i].1).clamp(-0.5, 1.5);
         let expected = |i: usize| trust * carried(i) + (1.0 - trust);
-        let (covered, missing) = rays.integral(edge, window, ball_sum);
-        let model = integral_up_to(rays, edge, window, &expected);
+        let more = if rays.coded {
+            beyond_step(rays, edge, rays.blur_px[ray], TAPER, |i, left| ball_sum(i) - expected(i) * left)
+        } else {
+            let (covered, missing) = rays.integral(edge, window, ball_sum);
+            covered + 0.5 * missing - integral_up_to(rays, edge, window, &expected)
+        };
         let at_edge = trust * at_rim + (1.0 - trust);
-        result.offset = edge + ((covered + 0.5 * missing - model) / at_edge).clamp(-1.5, 1.5);
+        result.offset = edge + (more / at_edge).clamp(-1.5, 1.5);
         if pass + 1 == PASSES {
             // Light that goes on changing over the window as it does before it: the sum is off by half of the change times the window.
             let inner = slope(&rays.offsets, 0, ball_zone.end, |i| parts[i].0 / carried(i));
             let outer = slope(&rays.offsets, behind_zone.start, rays.offsets.len(), |i| parts[i].1);
-            let change = |slope: f64| (slope * (0.5 * ZONE_PX + window)).clamp(-MOST_TREND, MOST_TREND);
+            let change = |slope: f64| (slope * (0.5 * rays.zone_px + window)).clamp(-MOST_TREND, MOST_TREND);
             result.trend = 0.5 * window * (trust * change(inner) + (1.0 - trust) * change(outer)) / at_edge;
             result.doubt = 0.5 * window * trust * doubt / at_edge;
         }
         result.std = window * (variance_ball * variance_behind / (variance_ball + variance_behind)).sqrt();
         result.found = true;
         result.contrast = unmixing.contrast(trust);
+        result.channels = unmixing.channels(trust);
         result.ball = ball;
         result.behind = behind;
         let (moment, _) = rays.integral(edge, window + ZONE_PX, |i| {

@@ -1,13 +1,12 @@
 //! Hues of a coded picture beside a ball's outline, smoothed along it.
 
 use super::ray_edge::median;
-use super::rays::{Rays, ZONE_PX, mean_colour};
+use super::rays::{CODED_ZONE_PX, Rays, mean_colour};
 
 /// Weights of blue, green and red in the brightness.
 const BRIGHTNESS: [f64; 3] = [0.114, 0.587, 0.299];
-/// A ball has one paint and light of nearly one colour over this angle (rad, on both sides); what lies behind changes sooner.
-const OWN_REACH_RAD: f64 = 0.6;
-const BEHIND_REACH_RAD: f64 = 0.3;
+/// Ball and what lies behind have hues of their own over about this angle, rad, on both sides.
+const REACH_RAD: f64 = 0.6;
 
 fn brightness_of(bgr: &[f64; 3]) -> f64 {
     bgr.iter().zip(BRIGHTNESS).map(|(level, weight)| level * weight).sum()
@@ -29,7 +28,7 @@ impl Hue {
 /// its share of the window; the brightness of each zone is kept well.
 pub(super) fn hues_of_zones(rays: &Rays) -> Vec<[Hue; 2]> {
     let count = rays.radius_px.len();
-    let smoothed = |zone: &dyn Fn(f64) -> (f64, f64), reach_rad: f64| -> Vec<Hue> {
+    let smoothed = |zone: &dyn Fn(f64) -> (f64, f64)| -> Vec<Hue> {
         let own: Vec<[f64; 3]> = (0..count)
             .map(|ray| {
                 let (low, high) = zone(rays.window_px[ray]);
@@ -38,7 +37,7 @@ pub(super) fn hues_of_zones(rays: &Rays) -> Vec<[Hue; 2]> {
                 colour.map(|channel| channel / brightness)
             })
             .collect();
-        let reach = ((reach_rad / core::f64::consts::TAU * count as f64) as usize).min(count / 2 - 1);
+        let reach = ((REACH_RAD / core::f64::consts::TAU * count as f64) as usize).min(count / 2 - 1);
         (0..count)
             .map(|ray| {
                 Hue(core::array::from_fn(|channel| {
@@ -47,7 +46,7 @@ pub(super) fn hues_of_zones(rays: &Rays) -> Vec<[Hue; 2]> {
             })
             .collect()
     };
-    let own = smoothed(&|window| (-window - ZONE_PX, -window), OWN_REACH_RAD);
-    let other = smoothed(&|window| (window, window + ZONE_PX), BEHIND_REACH_RAD);
+    let own = smoothed(&|window| (-window - CODED_ZONE_PX, -window));
+    let other = smoothed(&|window| (window, window + CODED_ZONE_PX));
     own.into_iter().zip(other).map(|(own, other)| [own, other]).collect()
 }

@@ -1,13 +1,25 @@
 //! Edges of the brightness in pictures whose codec blurs the colours, and what the lens did before the codec.
 
 use super::ray_edge::{MIN_EDGE_POINTS, RayEdge, median};
-use super::rays::{Rays, STEP_PX, ZONE_PX, mean_and_variance, window_px};
+use super::rays::{LUMA_WINDOW, Rays, STEP_PX, ZONE_PX, beyond_step, mean_and_variance, window_px};
 use super::shading::ENCODING_POWER;
 
 /// The lens' blur where no ray shows it, and what bilinear sampling adds, px; least contrast of brightness (0..1) that shows it.
 const USUAL_LENS_PX: f64 = 0.5;
 const SAMPLING_BLUR_PX: f64 = 0.32;
 const MIN_CONTRAST: f64 = 0.06;
+/// Least contrast of an edge of the brightness: below, the codec's own steps are as large.
+const MIN_EDGE_CONTRAST: f64 = 0.1;
+/// How much of the blur that the brightness shows lies before the codec's curve; the rest is the codec's.
+const LENS_SHARE: f64 = 0.9;
+/// Shares of a step's light at places so many blurs apart across it.
+const SHARES: [f64; 11] =
+    [0.0062, 0.0228, 0.0668, 0.1587, 0.3085, 0.5, 0.6915, 0.8413, 0.9332, 0.9772, 0.9938];
+const SHARES_STEP: f64 = 0.5;
+/// Channels whose levels differ by less tell nothing of an edge.
+const LEAST_STEP: f64 = 1e-3;
+/// Width of the weights with which the brightness is summed about an edge, in blurs.
+const TAPER: f64 = 1.0;
 /// Steps of the curve from a share of light to its brightness, and the range of its slope beyond the two colours.
 const CURVE_STEPS: usize = 16;
 const END_SLOPE: (f64, f64) = (0.4, 2.5);
@@ -55,27 +67,26 @@ pub(super) fn lens_blur_px(rays: &Rays, edges: &[RayEdge]) -> f64 {
     (wide * wide - SAMPLING_BLUR_PX * SAMPLING_BLUR_PX).clamp(0.04, 4.0).sqrt()
 }
 
-/// Level that half of the light of both colours has, by channel.
-fn half_level(ball: &[f64; 3], behind: &[f64; 3]) -> [f64; 3] {
-    core::array::from_fn(|c| {
-        let light = |level: f64| level.clamp(0.0, 1.0).powf(ENCODING_POWER);
-        (0.5 * (light(ball[c]) + light(behind[c]))).powf(ENCODING_POWER.recip())
-    })
-}
-
-/// How far the lens' own blur, which mixes linear light, moves the covered length that is summed in levels, px.
-///
-/// With g(w) the share that levels show at the share w, close to a parabola with `g(1/2) = 1/2 + b/4`:
-/// `∫ g(Φ(-t/σ)) − Φ(-t/σ) dt = b σ / √π`.
+/// How far the lens' own blur, which mixes linear light, moves the covered length that is summed in levels, px: `σ Σ_c p_c ∫ g_c(Φ(−x)) − Φ(−x) dx`, g_c(w) the share that a
+/// channel's level shows at the share w of the light, p_c its part in what is summed.
 pub(super) fn lens_before_codec(edge: &RayEdge, lens_px: f64) -> f64 {
-    let half = half_level(&edge.ball, &edge.behind);
-    let (mut along, mut power) = (0.0, 1e-6);
+    let light = |level: f64| level.clamp(0.0, 1.0).powf(ENCODING_POWER);
+    let mut moved = 0.0;
     for c in 0..3 {
-        let contrast = edge.ball[c] - edge.behind[c];
-        along += (half[c] - edge.behind[c]) * contrast;
-        power += contrast * contrast;
+        let (own, other) = (edge.ball[c], edge.behind[c]);
+        if (own - other).abs() < LEAST_STEP {
+            continue;
+        }
+        let more: f64 = SHARES
+            .iter()
+            .map(|share| {
+                let level = (share * light(own) + (1.0 - share) * light(other)).powf(ENCODING_POWER.recip());
+                (level - other) / (own - other) - share
+            })
+            .sum();
+        moved += edge.channels[c] * more;
     }
-    4.0 * (along / power - 0.5) * lens_px / core::f64::consts::PI.sqrt()
+    moved * SHARES_STEP * LENS_SHARE * lens_px
 }
 
 /// From the brightness between two colours to the share of the first's light: light mixes before it is encoded.
@@ -117,17 +128,18 @@ impl Curve {
 
 /// Edges of the brightness near those of the colour.
 pub(super) fn luma_edges(rays: &Rays, edges: &[RayEdge], lens_px: f64) -> Vec<LumaEdge> {
-    let window = window_px(lens_px, true).min(0.45 * rays.mean_radius_px);
-    edges.iter().enumerate().map(|(ray, edge)| luma_edge(rays, ray, edge, window)).collect()
+    let window = window_px(lens_px, LUMA_WINDOW).min(0.45 * rays.mean_radius_px);
+    edges.iter().enumerate().map(|(ray, edge)| luma_edge(rays, ray, edge, window, lens_px)).collect()
 }
 
-fn luma_edge(rays: &Rays, ray: usize, colour: &RayEdge, window: f64) -> LumaEdge {
+fn luma_edge(rays: &Rays, ray: usize, colour: &RayEdge, window: f64, lens_px: f64) -> LumaEdge {
     let none = LumaEdge { offset: colour.offset, std_px: f64::INFINITY, contrast: 0.0 };
     if !colour.found {
         return none;
     }
     let Some(curve) = Curve::new(&colour.ball, &colour.behind) else { return none };
     let (values, shade) = (rays.luma(ray), rays.shade(ray));
+    let blur = lens_px.hypot(SAMPLING_BLUR_PX);
     let mut found = none;
     let limit = rays.offsets.len() - 1;
     for _ in 0..PASSES {
@@ -142,19 +154,16 @@ fn luma_edge(rays: &Rays, ray: usize, colour: &RayEdge, window: f64) -> LumaEdge
         let (own, uneven_ball) = mean_and_variance(zone.clone().map(|i| values[i] / carried(i)));
         let (behind, uneven_behind) = mean_in(rays, values, edge + window, edge + window + ZONE_PX);
         let contrast = own * carried(rim) - behind;
-        if !(contrast.abs() > MIN_CONTRAST) {
+        if !(contrast.abs() > MIN_EDGE_CONTRAST) {
             return none;
         }
-        let (covered, _) = rays.integral(edge, window, |i| curve.share((values[i] - behind) / contrast));
-        let mut model = 0.0;
-        for i in rays.between(edge - window - STEP_PX, edge + STEP_PX) {
-            let (low, high) = (rays.offsets[i] - 0.5 * STEP_PX, rays.offsets[i] + 0.5 * STEP_PX);
-            let length = (high.min(edge) - low.max(edge - window)).max(0.0);
-            model += length * curve.share((own * carried(i) - behind) / contrast);
-        }
+        let more = beyond_step(rays, edge, blur, TAPER, |i, left| {
+            curve.share((values[i] - behind) / contrast)
+                - curve.share((own * carried(i) - behind) / contrast) * left
+        });
         let doubt = SHADE_DOUBT * own * (1.0 - carried(rim)) / contrast;
         let uneven = (uneven_ball + uneven_behind) / (contrast * contrast) + doubt * doubt;
-        found.offset = edge + (covered - model).clamp(-1.5, 1.5);
+        found.offset = edge + more.clamp(-1.5, 1.5);
         found.contrast = contrast.abs();
         found.std_px = EDGE_FLOOR_PX.hypot(0.5 * window * uneven.sqrt());
     }

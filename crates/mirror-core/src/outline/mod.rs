@@ -6,7 +6,8 @@
 //! not agree with a sphere's outline (another part hides it, a highlight, a neighbour) are left out.
 //!
 //! JPEG and most video keep colour at half of the brightness' resolution: there the brightness is brought to the colour's resolution, edges are read in
-//! the codec's levels, and joined with those of the brightness at its own resolution, which is turned back to shares of light.
+//! the codec's levels, weighted as a step with the codec's blur has it, and joined with those of the brightness at its own resolution, which is turned back to shares of light. Light mixes
+//! in the lens, before the codec's curve: what that moves is integrated channel by channel.
 //!
 //! The outline of a sphere is a cone of rays: three numbers, which part of the arc is enough for.
 //!
@@ -20,6 +21,7 @@
 //! | `shading` | light on a sphere by its normal |
 //! | `hues`, `scatter` | in coded pictures: colours smoothed along the outline, and how far edges scatter round it |
 //! | `rays`, `edges`, `luma`, `blur` | samples along rays, sub-pixel edges of the colour and of the brightness, and the blur that they show |
+//! | `unmixing` | a colour as a mixture of the ball's and of what lies behind |
 //! | `cone` | the cone of rays that touch a sphere, with covariance |
 
 mod ball;
@@ -37,6 +39,7 @@ mod rays;
 mod regions;
 mod scatter;
 mod shading;
+mod unmixing;
 
 pub use ball::{BallOutline, RadiusRange, measure_ball};
 pub use circle::{Circle, fit_circle};

@@ -23,6 +23,8 @@ pub(super) struct RayEdge {
     pub moment: f64,
     /// How far the ball's colour and that behind it are apart where they are told from each other, in the patch's values: noise divided by it is noise of the share.
     pub contrast: f64,
+    /// How much each channel has in the share that is read, together 1.
+    pub channels: [f64; 3],
     /// The two colours.
     pub ball: [f64; 3],
     pub behind: [f64; 3],

@@ -12,19 +12,20 @@ const REACH_PX: f64 = 3.0;
 const REACH_SHARE: f64 = 0.4;
 const ROUGH_SHARE: f64 = 0.12;
 /// Half width of the window over which the covered length is summed: at least so much, a part that no blur changes, and for each px of blur. What a window holds beyond
-/// the blur is other things' light; a codec's own blur is told less well, and has its own.
+/// the blur is other things' light; a codec's own blur is told less well, and has its own; so has its brightness.
 const WINDOW: [f64; 3] = [1.5, -0.1, 2.2];
-const CODED_WINDOW: [f64; 3] = [1.75, 0.35, 2.0];
+const CODED_WINDOW: [f64; 3] = [1.75, 0.2, 2.0];
+pub(super) const LUMA_WINDOW: [f64; 3] = [1.4, 0.16, 1.6];
 /// It is at most this share of the radius.
 const WINDOW_SHARE: f64 = 0.45;
 /// How far from the outline the brightness of a coded picture is the ball's own.
 const LUMA_CLEAR_PX: f64 = 1.75;
-/// Width of the zones next to the window in which the two colours are read.
+/// Width of the zones next to the window in which the two colours are read; a codec's colours are a sample for two pixels.
 pub(super) const ZONE_PX: f64 = 1.5;
+pub(super) const CODED_ZONE_PX: f64 = 2.25;
 
 /// Half width of the window for a blur.
-pub(super) fn window_px(blur_px: f64, coded: bool) -> f64 {
-    let [least, base, per_blur] = if coded { CODED_WINDOW } else { WINDOW };
+pub(super) fn window_px(blur_px: f64, [least, base, per_blur]: [f64; 3]) -> f64 {
     (base + per_blur * blur_px).max(least)
 }
 
@@ -37,6 +38,11 @@ pub(super) struct Rays {
     pub mean_radius_px: f64,
     /// Half width of the window, by ray.
     pub window_px: Vec<f64>,
+    /// Standard deviation of the blur across the outline, by ray.
+    pub blur_px: Vec<f64>,
+    /// Width of the zones next to the window.
+    pub zone_px: f64,
+    pub coded: bool,
     pub reach_px: f64,
     /// Places of the samples from the expected outline, outward.
     pub offsets: Vec<f64>,
@@ -60,11 +66,12 @@ impl Rays {
         let count = radius_px.len();
         let mean = radius_px.iter().sum::<f64>() / count as f64;
         let widest = WINDOW_SHARE * mean;
-        let window: Vec<f64> = blur_px.iter().map(|b| window_px(*b, patch.coded).min(widest)).collect();
+        let (kind, zone) = if patch.coded { (CODED_WINDOW, CODED_ZONE_PX) } else { (WINDOW, ZONE_PX) };
+        let window: Vec<f64> = blur_px.iter().map(|b| window_px(*b, kind).min(widest)).collect();
         let largest = window.iter().copied().fold(0.0, f64::max);
         let reach = (REACH_PX.min(REACH_SHARE * mean)).max(if rough { ROUGH_SHARE * mean } else { 0.0 });
-        let inner = (mean - 0.25).min(reach + largest + ZONE_PX);
-        let samples = ((inner + reach + largest + ZONE_PX) / STEP_PX + 0.5) as usize + 1;
+        let inner = (mean - 0.25).min(reach + largest + zone);
+        let samples = ((inner + reach + largest + zone) / STEP_PX + 0.5) as usize + 1;
         let offsets: Vec<f64> = (0..samples).map(|i| -inner + STEP_PX * i as f64).collect();
         let least = radius_px.iter().copied().fold(f64::INFINITY, f64::min);
         let clear = (largest.min(widest)).min(0.6 * least);
@@ -98,6 +105,9 @@ impl Rays {
             radius_px: radius_px.to_vec(),
             mean_radius_px: mean,
             window_px: window,
+            blur_px: blur_px.to_vec(),
+            zone_px: zone,
+            coded: patch.coded,
             reach_px: reach,
             offsets,
             colours,
@@ -148,6 +158,33 @@ impl Rays {
         }
         (sum, 2.0 * window - length)
     }
+}
+
+/// How far an edge of the given blur (standard deviation, px) lies beyond a place, from what samples have more than a step there; the place's neighbourhood counts most.
+///
+/// `∫ h (f − m) dt / (height ∫ h φ_σ dt)`, h a Gaussian of `taper` blurs about the place: what any even blur leaves in place, whatever its width. What lies farther off (a pane's second
+/// image, another thing's light) hardly counts.
+pub(super) fn beyond_step(
+    rays: &Rays,
+    edge: f64,
+    blur_px: f64,
+    taper: f64,
+    more: impl Fn(usize, f64) -> f64,
+) -> f64 {
+    let wide = taper * blur_px;
+    let (mut sum, mut gain) = (0.0, 0.0);
+    for i in rays.between(edge - 3.0 * wide, edge + 3.0 * wide) {
+        let t = rays.offsets[i] - edge;
+        let weight = (-0.5 * (t / wide).powi(2)).exp();
+        sum += weight * more(i, below_step(t / blur_px));
+        gain += weight * (-0.5 * (t / blur_px).powi(2)).exp() / (blur_px * core::f64::consts::TAU.sqrt());
+    }
+    if gain > 0.0 { sum / gain } else { 0.0 }
+}
+
+/// Share of a step's height that is left at a place beyond it, blurred by a Gaussian of standard deviation 1: a logistic curve, within 0.0002 (Bowling et al. 2009).
+fn below_step(t: f64) -> f64 {
+    ((1.5976 * t + 0.07056 * t * t * t).exp() + 1.0).recip()
 }
 
 /// Slope of numbers `f` over places, per px; 0 for too few.
