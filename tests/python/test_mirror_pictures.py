@@ -68,6 +68,18 @@ def test_the_plane_is_found_with_the_deviation_that_it_has(tmp_path: Path) -> No
     assert np.mean(normalised) < 4.0
 
 
+def test_a_picture_that_leans_as_rolling_shutters_make_it_claims_less() -> None:
+    drawn, foot = picture(0)
+    leaning = cv2.warpAffine(
+        drawn, np.array([[1.0, 6.0 / 480.0, -3.0], [0.0, 1.0, 0.0]]), (640, 480), flags=cv2.INTER_CUBIC
+    )
+    straight, found = mirrors_from_pictures(CAMERA, BOARD, [drawn, leaning])
+    assert not isinstance(straight, MirrorPostureError) and not isinstance(found, MirrorPostureError)
+    assert found.covariances_m2[0].trace() > 9.0 * straight.covariances_m2[0].trace()
+    error = found.foot_points_m[0] - foot
+    assert error @ np.linalg.inv(found.covariances_m2[0]) @ error / 3.0 < 5.0
+
+
 def test_the_python_of_the_page_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     drawn, foot = picture(0)
