@@ -14,6 +14,7 @@ mod fuzz_corpus;
 mod gap_claims;
 mod gap_effects;
 mod gap_first_day;
+mod gap_long;
 mod gap_panels;
 mod gap_sessions;
 mod gap_setup;

@@ -10,6 +10,7 @@ use crate::diagnose::effects::hypothesis::{Catalogue, Model};
 use crate::diagnose::likelihood::fit::Group;
 use crate::diagnose::likelihood::noise;
 use crate::diagnose::likelihood::score_test::screen;
+use crate::diagnose::model::work_budget::FOR_NAMED_CAUSES;
 use crate::diagnose::prepare::options::{DiagnoseOptions, OtherSession};
 use crate::diagnose::prepare::prepared::Prepared;
 use crate::diagnose::random_effects::free_form::free_forms;
@@ -18,6 +19,7 @@ use crate::diagnose::report::reservations::reserve;
 use crate::diagnose::report::seen_markers::seen_markers;
 use crate::diagnose::selection::beside_slips::settle_slips;
 use crate::diagnose::selection::beyond::look_beyond;
+use crate::diagnose::selection::long_session::{on_all_frames, part_of_frames};
 use crate::diagnose::selection::pairwise_start::from_a_pair;
 use crate::diagnose::selection::search::{Search, SearchOptions};
 use crate::diagnose::selection::with_setup::{look_again_at_noise, with_or_without_setup};
@@ -27,7 +29,7 @@ use crate::robot::Robot;
 /// Diagnoses a recording: where the model is wrong, which effect causes it, how far the gap shrinks.
 ///
 /// In order: whole mistakes undone; the noise from the data; slipped rows; the search for causes, with the set-up free where a few causes
-/// do not suffice; where there is reason for doubt, the same with free-form errors beside the vocabulary, or with a joint that rests
+/// do not suffice, in a long session on a part of its frames; where there is reason for doubt, the same with free-form errors beside the vocabulary, or with a joint that rests
 /// elsewhere each time; where that leaves a remainder or many causes, the same beside many small errors (`geometry`); causes that do not
 /// help on held-out regions are dropped, improbable ones give way; the remainder is tested against the noise; causes that other draws of
 /// the postures do not show again are taken back. `closely`: whole mistakes are looked for where nothing is gross too.
@@ -53,13 +55,15 @@ pub fn diagnose(
     let ranking = screen(&problem, &catalogue, &Group::default(), &nominal, scatter, None)?;
 
     options.progress.enter("searching for causes");
+    problem.budget.allow(FOR_NAMED_CAUSES);
+    let part = part_of_frames(&problem);
     let mut search = Search {
         measured_noise: problem.noise,
         problem,
         catalogue: &catalogue,
         group: Group::default(),
         options: SearchOptions::of(options.most_causes),
-        mask: None,
+        mask: part.as_deref(),
     };
     for (slip, std) in settle_slips(&mut search, &nominal)? {
         prepared.moved(&search.problem, slip, std)?;
@@ -79,6 +83,8 @@ pub fn diagnose(
     }
     let with_geometry = options.allows("geometry");
     let beyond = look_beyond((&mut search, &mut found), &all, &nominal, setup, with_geometry)?;
+
+    on_all_frames(&mut search, &mut found)?;
 
     options.progress.enter("weighing what was found");
     let mut findings = weighed((search, found), beyond, &nominal, &prepared)?;

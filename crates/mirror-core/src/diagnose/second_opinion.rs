@@ -4,8 +4,8 @@
 //! unexplained beside a slip, the session is diagnosed once more as if nothing had slipped, and the slip is believed only where it leaves
 //! less on held-out regions. The same goes for rows said to hold other rows' measurement: a joint whose log is a little late looks like that where
 //! it moves to and fro, and the second look is for whole mistakes that do no more than small errors; and where what is left depends on the path or on each posture by
-//! itself, such a look is believed if it explains all. And where a joint's ratio is undone as a whole mistake and found again beside it, the two are one: the
-//! session is diagnosed once more without such mistakes, and the first is believed only where the second leaves something unexplained, and more.
+//! itself, such a look is believed if it explains all. And where a joint's ratio is undone as a whole mistake and found again beside it, the two are one, and where
+//! it comes out as the model's own in the end there is no mistake: the session is diagnosed once more without such mistakes, and the first is believed only where the second leaves something unexplained, and more.
 
 use crate::diagnose::data::diagnosis::{Cause, Diagnosis, Verdict, Where};
 use crate::diagnose::data::recording::Recording;
@@ -23,10 +23,12 @@ const MOST_WORK: f64 = 0.6;
 const OF_PATH: [&str; 2] = ["history", "posture, each by itself"];
 /// A ratio that is a whole mistake is tried as another unit of the joint, and told as a small one is.
 const RATIO: (&str, &str) = ("joint_unit", "gear_ratio");
+/// A ratio is there where it is so many of its deviations from the model's.
+const SURE_DEVIATIONS: f64 = 3.0;
 
 /// Diagnoses a recording: where the model is wrong, which effect causes it, how far the gap shrinks.
 ///
-/// Slips and rows of their own beside an unexplained remainder, and ratios that are told twice, are asked of twice.
+/// Slips and rows of their own beside an unexplained remainder, and ratios that are told twice or are none, are asked of twice.
 ///
 /// # Errors
 /// A recording that is not valid, links that do not exist, a camera that cannot be.
@@ -59,7 +61,7 @@ pub fn diagnose(
 /// What a first diagnosis is asked again about.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Doubt {
-    /// A ratio is told twice at one joint.
+    /// A ratio is told twice at one joint, or is that of the model.
     Twice,
     /// A slip beside something unexplained.
     Slip,
@@ -72,7 +74,7 @@ enum Doubt {
 impl Doubt {
     fn of(first: &Diagnosis) -> Option<Self> {
         let named = |effect: &str| first.causes.iter().any(|c| c.effect == effect);
-        if is_told_twice(&first.causes) {
+        if is_told_twice(&first.causes) || is_of_no_size(&first.causes) {
             return Some(Self::Twice);
         }
         if explains(first) {
@@ -104,7 +106,9 @@ impl Doubt {
 
     fn words(self) -> &'static str {
         match self {
-            Self::Twice => "a ratio undone as a whole mistake was found again beside it: it is none",
+            Self::Twice => {
+                "a ratio undone as a whole mistake was found again beside it, or to be the model's: it is none"
+            }
             Self::Slip => "a slip leaves no smaller gap on held-out regions: nothing has slipped",
             Self::Pairing => "rows of their own leave no smaller gap on held-out regions: they are in order",
             Self::Path => {
@@ -120,6 +124,12 @@ fn is_told_twice(causes: &[Cause]) -> bool {
     ratios.any(|(i, c)| causes[..i].iter().any(|other| other.effect == c.effect && other.at == c.at))
 }
 
+/// Whether a ratio is told that is none, within its own deviations.
+fn is_of_no_size(causes: &[Cause]) -> bool {
+    let of_ratios = causes.iter().filter(|c| c.effect == RATIO.1);
+    of_ratios.flat_map(|c| c.parameters.values()).any(|e| e.value.abs() < SURE_DEVIATIONS * e.std)
+}
+
 /// Whether nothing is left unexplained.
 fn explains(diagnosis: &Diagnosis) -> bool {
     !matches!(diagnosis.verdict, Verdict::Partial | Verdict::Unknown)
@@ -133,6 +143,7 @@ fn left(diagnosis: &Diagnosis) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::diagnose::data::diagnosis::Estimate;
 
     fn cause(effect: &str, at: &str) -> Cause {
         Cause {
@@ -155,6 +166,15 @@ mod tests {
         let (a, b) = (cause("gear_ratio", "joint:a"), cause("gear_ratio", "joint:b"));
         let offset = cause("joint_offset", "joint:a");
         assert!(is_told_twice(&[a.clone(), b.clone(), a.clone()]));
-        assert!(!is_told_twice(&[a, b, offset.clone(), offset]));
+        assert!(!is_told_twice(&[a.clone(), b, offset.clone(), offset]));
+        let ratio = |value: f64| {
+            let scale = ("scale_error".to_owned(), Estimate { value, std: 0.001 });
+            Cause { parameters: [scale].into_iter().collect(), ..a.clone() }
+        };
+        assert!(
+            is_of_no_size(&[ratio(-0.002)])
+                && !is_of_no_size(&[ratio(-0.02)])
+                && !is_of_no_size(core::slice::from_ref(&a))
+        );
     }
 }

@@ -25,9 +25,9 @@ pub(crate) fn weighed<'a>(
     nominal: &Model,
     prepared: &Prepared,
 ) -> Result<Findings<'a>> {
-    let Beyond { mut geometry, restless, clean, false_share } = beyond;
+    let Beyond { mut geometry, restless, unnamed, compared, clean, false_share } = beyond;
     search.problem = clean;
-    let unfinished = search.problem.budget.is_spent();
+    let unfinished = search.problem.budget.is_spent() && !compared;
     let (nominal_gap, mut after) = gaps(&search, nominal, &found)?;
     let has_free = |search: &Search<'_>, found: &Found| {
         found.fit.model.terms.iter().any(|t| search.catalogue.is_free(t.hypothesis))
@@ -39,7 +39,7 @@ pub(crate) fn weighed<'a>(
     // Nothing agrees with views that disagree among themselves, nor is anything known to where the search was cut off.
     let loud = is_no_noise(search.measured_noise, prepared.stated, search.problem.scene.reach_m);
     let mut standings = Vec::new();
-    // Causes beside a remainder are believed where they were weighed against errors of no name, which a search that was cut off was not.
+    // Causes beside a remainder are believed where they were weighed against small errors everywhere, which a search that was cut off was not.
     let hopeless = |search: &Search<'_>, found: &Found, after: &[PostureGap]| -> Result<bool> {
         Ok(loud || left(search, found)?.significant && !is_reached(search, &found.fit, after)?)
     };
@@ -62,7 +62,7 @@ pub(crate) fn weighed<'a>(
         (found.fit.model.explains() && !free || in_vain) && is_reached(&search, &found.fit, &after)?;
     let unexplained = match restless {
         Some(node) => Some(Unexplained::restless(node)),
-        None => unexplained(&search, &found, &left, reached)?,
+        None => unexplained(&search, &found, &left, reached)?.map(|u| unnamed.unwrap_or(u)),
     };
     let unexplained = unexplained.or((loud || cut_off).then(Unexplained::anywhere));
     if free {

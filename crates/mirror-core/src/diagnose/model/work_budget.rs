@@ -1,7 +1,8 @@
 //! How much work a diagnosis may take: whatever is wrong with a session, the search for it ends.
 //!
 //! Work is counted where it is done, in what was evaluated and not in time, so that the same session always ends at the same place.
-//! Who begins something further asks first; what was found so far is told then, with the remainder that it leaves.
+//! Who begins something further asks first; what was found so far is told then, with the remainder that it leaves. The search for single
+//! causes may take a part of it only, so that errors of no name and small errors everywhere are weighed in every session.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -18,10 +19,16 @@ const COLUMN: u64 = 15;
 /// A corner that is predicted while a board's mirror is fitted.
 const PREDICTED: u64 = 110;
 
+/// The share of the work that the search for named causes may take, and that with free-form errors after it.
+pub(crate) const FOR_NAMED_CAUSES: f64 = 0.6;
+pub(crate) const FOR_FREE_FORMS: f64 = 0.8;
+
 /// The work of one diagnosis; clones count together.
 #[derive(Debug, Clone)]
 pub(crate) struct WorkBudget {
     spent: Arc<AtomicU64>,
+    /// What may be spent now.
+    allowed: Arc<AtomicU64>,
     most: u64,
 }
 
@@ -29,7 +36,13 @@ impl WorkBudget {
     /// Of a session of so many frames, with so many corners of boards in all and so many columns of its set-up.
     pub fn of(frames: usize, corners: usize, columns: usize) -> Self {
         let most = MOST_LINEARISATIONS * linearisation(frames, corners, columns);
-        Self { spent: Arc::default(), most: most.max(LEAST) }
+        let most = most.max(LEAST);
+        Self { spent: Arc::default(), allowed: Arc::new(AtomicU64::new(most)), most }
+    }
+
+    /// Allows so much of the whole from now on, to all clones.
+    pub fn allow(&self, share: f64) {
+        self.allowed.store((share * self.most as f64) as u64, Ordering::Relaxed);
     }
 
     /// Counts frames that were linearised by so many columns, with so many corners as rows.
@@ -42,9 +55,9 @@ impl WorkBudget {
         self.spent.fetch_add(corners as u64 * PREDICTED, Ordering::Relaxed);
     }
 
-    /// Whether nothing further is begun.
+    /// Whether nothing further is begun for now.
     pub fn is_spent(&self) -> bool {
-        self.spent.load(Ordering::Relaxed) >= self.most
+        self.spent.load(Ordering::Relaxed) >= self.allowed.load(Ordering::Relaxed)
     }
 
     /// The share that is spent; above 1 where what had begun went on.
@@ -71,6 +84,8 @@ mod tests {
             clone.spend(200, 200 * 40, 40);
         }
         assert!(budget.is_spent() && budget.share() < 1.01);
+        clone.allow(1.1);
+        assert!(!budget.is_spent());
         assert_eq!(budget.spent.load(Ordering::Relaxed), MOST_LINEARISATIONS * linearisation(200, 8000, 40));
         assert!(WorkBudget::of(400, 400 * 40, 40).most == 2 * budget.most);
         assert!(WorkBudget::of(2, 80, 5).most == LEAST);

@@ -5,10 +5,13 @@ use crate::diagnose::criteria::lack_of_fit::adequacy;
 use crate::diagnose::effects::hypothesis::{Catalogue, Model};
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::problem::Problem;
+use crate::diagnose::model::work_budget::FOR_FREE_FORMS;
 use crate::diagnose::prepare::false_observations::{MANY_FALSE, without_false};
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
 use crate::diagnose::selection::law_remainder::{MANY_CAUSES, only_their_laws};
-use crate::diagnose::selection::nonparametric::{beside_free_forms, is_suspicious, retract_imitators};
+use crate::diagnose::selection::nonparametric::{
+    Unexplained, beside_free_forms, is_suspicious, retract_imitators,
+};
 use crate::diagnose::selection::restless::beside_restless_joint;
 use crate::diagnose::selection::search::{Found, Search};
 use crate::diagnose::selection::with_tolerances::beside_geometry;
@@ -20,6 +23,10 @@ pub(crate) struct Beyond {
     pub geometry: Option<Geometry>,
     /// The joint that rests elsewhere each time.
     pub restless: Option<NodeId>,
+    /// Where errors of no name say more than the small errors that are told.
+    pub unnamed: Option<Unexplained>,
+    /// Whether what was found was weighed against many small errors.
+    pub compared: bool,
     /// The problem without the observations that the best model shows to be false, and their share.
     pub clean: Problem,
     pub false_share: f64,
@@ -42,6 +49,8 @@ pub(crate) fn look_beyond<'a>(
     let left = |search: &Search<'_>, found: &Found, clean: &Problem| {
         adequacy(clean, &search.deformation(&found.fit.model), search.measured_noise)
     };
+    let budget = search.problem.budget.clone();
+    budget.allow(FOR_FREE_FORMS);
     let freed = setup.is_some();
     let mut geometry = setup;
     let (mut clean, mut false_share) = without_false(search, found)?;
@@ -60,20 +69,25 @@ pub(crate) fn look_beyond<'a>(
         (clean, false_share) = without_false(search, found)?;
         fits_noise = left(search, found, &clean)?;
     }
+    budget.allow(1.0);
     let mut restless = None;
     if doubtful && let Some(beside) = beside_restless_joint(search, found, nominal)? {
         restless = Some(beside.node);
         (*search, *found) = (beside.search, beside.found);
         (clean, false_share) = without_false(search, found)?;
     }
+    let mut unnamed = None;
     let many = found.fit.model.terms.len() > MANY_CAUSES;
-    if restless.is_none() && with_geometry && (fits_noise.significant || many) {
+    let compared =
+        restless.is_none() && with_geometry && (fits_noise.significant || many) && !budget.is_spent();
+    if compared {
         if let Some(beside) = beside_geometry(&named, (search, found), nominal)? {
             geometry = Some(beside.geometry);
+            unnamed = beside.unnamed;
             (*search, *found) = (beside.search, beside.found);
         }
         (clean, false_share) = without_false(search, found)?;
     }
     geometry = geometry.filter(|_| !found.fit.model.group.is_empty());
-    Ok(Beyond { geometry, restless, clean, false_share })
+    Ok(Beyond { geometry, restless, unnamed, compared, clean, false_share })
 }

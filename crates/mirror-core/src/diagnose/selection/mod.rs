@@ -5,6 +5,7 @@ pub(super) mod beside_slips;
 pub(super) mod beyond;
 mod candidates;
 pub(super) mod law_remainder;
+pub(super) mod long_session;
 pub(super) mod nonparametric;
 pub(super) mod pairwise_start;
 pub(super) mod posterior_odds;

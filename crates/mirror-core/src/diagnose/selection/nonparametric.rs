@@ -91,7 +91,7 @@ pub(crate) fn is_suspicious(
 /// # Errors
 /// A camera or mirror that cannot be.
 pub(crate) fn beside_free_forms<'a>(
-    search: &Search<'_>,
+    search: &Search<'a>,
     found: &Found,
     all: &'a Catalogue,
     nominal: &Model,
@@ -109,7 +109,7 @@ pub(crate) fn beside_free_forms<'a>(
         group: search.group.clone(),
         measured_noise: search.measured_noise,
         options: SearchOptions { most_causes, named_only: false, ..search.options.clone() },
-        mask: None,
+        mask: search.mask,
     };
     let mut best: Option<(Search<'a>, Found)> = None;
     let starts = if enough || terms == 0 { vec![nominal] } else { vec![nominal, &found.fit.model] };

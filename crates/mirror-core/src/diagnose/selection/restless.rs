@@ -4,22 +4,29 @@
 //! the frames of the posture, mirrors projected out, its log Bayes factor against none is, to first order and with all else as it was
 //! found, `Σ ½ [s² g_p² / (1 + s² h_p) − ln(1 + s² h_p)]`. Where that is the best account of what is left at any joint, the search is repeated
 //! with these errors free: what causes of other places, and smooth errors without a law, only took up of them is then found no more.
+//! Small errors everywhere are the other account of a gap that is everywhere: they take most of what is smooth over the postures, and nothing of
+//! errors that each posture has by itself.
 //!
 //! Source: a variance component by its score, Rao (1973).
 
 use crate::diagnose::effects::hypothesis::Model;
-use crate::diagnose::likelihood::normal_equations::{inner, needs_board};
+use crate::diagnose::likelihood::fit::FitOptions;
+use crate::diagnose::likelihood::normal_equations::{counts, inner, needs_board};
 use crate::diagnose::likelihood::saturated::postures;
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::frame::{FrameWork, PROJECTED, Task};
 use crate::diagnose::model::problem::Noise;
+use crate::diagnose::model::solver::SOLVER;
+use crate::diagnose::random_effects::geometric_tolerances::Geometry;
 use crate::diagnose::selection::nonparametric::{LEAST_LOG_ODDS, log_odds};
 use crate::diagnose::selection::search::{Found, Search};
 use crate::error::Result;
 
 /// Spreads that are tried, rad or m, each so many times the one before.
 const SPREADS: (f64, f64, usize) = (2e-4, 1.5, 13);
+/// Small errors everywhere that leave less of a joint's log Bayes factor than this have taken it up.
+const LEAST_SHARE_LEFT: f64 = 0.5;
 
 /// A search beside a joint that rests elsewhere each time.
 pub(crate) struct Restless<'a> {
@@ -42,11 +49,13 @@ pub(crate) fn beside_restless_joint<'a>(
         return Ok(None);
     }
     // Where everything is still to be explained, so that no cause that only took a part of it decides the place.
-    let Some((node, spread, _)) = best_joint(search, nominal, search.effective(nominal)?)? else {
+    let scatter = search.effective(nominal)?;
+    let Some((node, spread, log_bayes)) = best_joint(search, nominal, scatter)? else { return Ok(None) };
+    if small_errors_take_it(search, nominal, scatter, log_bayes)? {
         return Ok(None);
-    };
+    }
     let mut beside = search.clone();
-    for frames in postures(&search.problem) {
+    for frames in postures(&search.problem).iter().filter(|p| p.iter().any(|&f| counts(search.mask, f))) {
         let mut weights = vec![0.0; search.problem.frames.len()];
         frames.iter().for_each(|&f| weights[f] = 1.0);
         beside.group.columns.push(Column { atom: Atom::Joint(node), weight: Weight::Frames(weights) });
@@ -66,6 +75,16 @@ pub(crate) fn beside_restless_joint<'a>(
     ));
     its.trace = trace;
     Ok((odds > LEAST_LOG_ODDS).then_some(Restless { node, search: beside, found: its }))
+}
+
+/// Whether many small errors take most of what errors of one joint in each posture say: these would be left as they are.
+fn small_errors_take_it(search: &Search<'_>, nominal: &Model, noise: Noise, log_bayes: f64) -> Result<bool> {
+    let mut geometry = Geometry::new(&search.problem, false);
+    let options = FitOptions { noise, steps: SOLVER.loose_steps };
+    let fit = geometry.fit(&search.problem, search.catalogue, nominal, options, search.mask)?;
+    let beside = Search { group: geometry.group, ..search.clone() };
+    let left = best_joint(&beside, &fit.model, noise)?.map_or(0.0, |(_, _, log_bayes)| log_bayes);
+    Ok(left < LEAST_SHARE_LEFT * log_bayes)
 }
 
 /// The joint whose own error in each posture says most of what a model leaves: its spread and log Bayes factor.

@@ -1,5 +1,6 @@
 //! The search for causes: added one at a time, each tried again for dropping and against its rivals.
 
+use crate::diagnose::criteria::cross_validation::{PostureGap, held_out};
 use crate::diagnose::data::diagnosis::{Cause, Estimate};
 use crate::diagnose::data::progress::UNWEIGHED;
 use crate::diagnose::effects::hypothesis::{Catalogue, Model, Term};
@@ -126,20 +127,15 @@ impl Search<'_> {
     }
 
     /// The gap of a model on regions that its parameters did not see.
-    pub fn held_out(
-        &self,
-        model: &Model,
-        noise: Noise,
-    ) -> Result<Vec<crate::diagnose::criteria::cross_validation::PostureGap>> {
-        crate::diagnose::criteria::cross_validation::held_out(
-            &self.problem,
-            self.catalogue,
-            &self.group,
-            model,
-            noise,
-            self.measured_noise,
-            false,
-        )
+    pub fn held_out(&self, model: &Model, noise: Noise) -> Result<Vec<PostureGap>> {
+        let measured = self.measured_noise;
+        held_out(&self.problem, self.catalogue, &self.group, model, noise, measured, false)
+    }
+
+    /// The same where errors of no name are fitted with the rest but predict nothing.
+    pub fn held_out_of_causes(&self, model: &Model, noise: Noise) -> Result<Vec<PostureGap>> {
+        let measured = self.measured_noise;
+        held_out(&self.problem, self.catalogue, &self.group, model, noise, measured, true)
     }
 
     /// Fits a model with gravity's loads taken at its own postures: load and posture are found in turn.

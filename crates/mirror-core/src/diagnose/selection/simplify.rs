@@ -1,7 +1,7 @@
 //! The causes found, made fewer and simpler: those that do not help where they were not fitted are dropped, those that come down to
 //! another are called by its name, those that only served free-form errors are taken back.
 
-use crate::diagnose::criteria::cross_validation::{PostureGap, held_out, in_sample, seen_size};
+use crate::diagnose::criteria::cross_validation::{PostureGap, held_out, in_sample, seen_size, size};
 use crate::diagnose::effects::hypothesis::{Model, Term};
 use crate::diagnose::likelihood::fit::Group;
 use crate::diagnose::random_effects::geometric_tolerances::{Geometry, single_effect};
@@ -97,7 +97,7 @@ pub(crate) fn drop_useless(
     Ok(())
 }
 
-/// Whether what was found leaves the held-out gap no smaller than the nominal model does.
+/// Whether what was found leaves the held-out gap no smaller than the nominal model does, in what was seen or in metres.
 pub(crate) fn named_in_vain(
     search: &Search<'_>,
     found: &Found,
@@ -106,8 +106,10 @@ pub(crate) fn named_in_vain(
 ) -> bool {
     let model = &found.fit.model;
     let named = model.terms.iter().any(|t| !search.catalogue.is_free(t.hypothesis));
+    let (was, is) = (size(before), size(after));
     // Written so that NaN is in vain.
-    (named || !model.group.is_empty()) && !(seen_size(after) < seen_size(before))
+    let smaller = seen_size(after) < seen_size(before) && (is.told_m().is_none() || is.rms_m < was.rms_m);
+    (named || !model.group.is_empty()) && !smaller
 }
 
 /// Whether a cause is one that stands out of a set-up's own small errors: these would predict as well without it, less credibly.

@@ -137,14 +137,14 @@ pub(crate) fn with_setup<'a>(
         trace.append(&mut next.trace);
         let before = setup.clone();
         let options = FitOptions { noise: next.noise, steps: 4 };
-        next.fit = setup.fit(&search.problem, search.catalogue, &next.fit.model, options, None)?;
+        next.fit = setup.fit(&search.problem, search.catalogue, &next.fit.model, options, search.mask)?;
         search.group = setup.group.clone();
         let mut again = look_again_at_noise(&mut search, &next.fit.model, stated)?;
         if let Some(term) = standing_out(&setup, search.catalogue, &next.fit) {
             let name = search.catalogue.name(&search.problem.scene, term.hypothesis);
             trace.push(format!("{name} stands out of the other zeros"));
             next.fit.model.terms.push(term);
-            next.fit = setup.fit(&search.problem, search.catalogue, &next.fit.model, options, None)?;
+            next.fit = setup.fit(&search.problem, search.catalogue, &next.fit.model, options, search.mask)?;
             search.group = setup.group.clone();
             again = true;
         }

@@ -1,6 +1,7 @@
 //! The search for causes beside many small errors: a real robot has both, and neither may hide or pass for the other.
 
 use crate::diagnose::criteria::cross_validation::seen_size;
+use crate::diagnose::criteria::lack_of_fit::adequacy;
 use crate::diagnose::criteria::marker_shift::marker_shift;
 use crate::diagnose::effects::hypothesis::{Model, Term};
 use crate::diagnose::likelihood::fit::{FitOptions, fit};
@@ -9,7 +10,7 @@ use crate::diagnose::model::problem::Noise;
 use crate::diagnose::principles::{LEAST_HELD_OUT_RATIO, LOG_PRIOR_GEOMETRY};
 use crate::diagnose::random_effects::geometric_tolerances::{Geometry, Kind};
 use crate::diagnose::random_effects::outlier_tolerances::name_outlying;
-use crate::diagnose::selection::nonparametric::log_odds;
+use crate::diagnose::selection::nonparametric::{Unexplained, log_odds, unexplained};
 use crate::diagnose::selection::search::{Found, Search};
 use crate::error::Result;
 
@@ -25,6 +26,9 @@ const FEWEST_TOLD: f64 = 2.5;
 /// Where they leave so many times the measurement's noise they must shrink the gap by more than chance can.
 const LOUD: f64 = 5.0;
 const LEAST_RATIO_WHERE_LOUD: f64 = 0.8;
+/// Errors of no name that fit better cannot be added to a model: small errors that predict so much better than the named causes beside them
+/// are told, with the remainder.
+const WORTH_TELLING: f64 = 0.6;
 
 /// A gear's error beside small errors reaches so many times their spread either way, or is one of them.
 const STANDS_OUT: f64 = 1.5;
@@ -38,6 +42,8 @@ pub(crate) struct BesideGeometry<'a> {
     pub geometry: Geometry,
     pub search: Search<'a>,
     pub found: Found,
+    /// Where errors of no name say more than the small errors.
+    pub unnamed: Option<Unexplained>,
 }
 
 /// The search beside many small errors; none where what was found without them says it better. Causes that it finds among the
@@ -58,17 +64,18 @@ pub(crate) fn beside_geometry<'a>(
     // Spreads first at the scatter that single causes leave, then with the causes that stand out from the group.
     let mut noise = alone.noise;
     let at = |noise, steps| FitOptions { noise, steps };
-    let start = geometry.fit(&named.problem, named.catalogue, nominal, at(noise, 6), None)?.model;
+    let start = geometry.fit(&named.problem, named.catalogue, nominal, at(noise, 6), named.mask)?.model;
     search.group = geometry.group.clone();
     let elastic = elastic(&search, &start, noise)?;
-    let mut start = geometry.fit(&named.problem, named.catalogue, &elastic, at(noise, 6), None)?.model;
+    let mut start = geometry.fit(&named.problem, named.catalogue, &elastic, at(noise, 6), named.mask)?.model;
     let mut found = None;
     for _ in 0..2 {
         search.group = geometry.group.clone();
         let before = geometry.clone();
         let next = search.run(start.clone())?;
         noise = next.noise;
-        start = geometry.fit(&search.problem, named.catalogue, &next.fit.model, at(noise, 4), None)?.model;
+        start =
+            geometry.fit(&search.problem, named.catalogue, &next.fit.model, at(noise, 4), named.mask)?.model;
         found = Some(next);
         if geometry.change_from(&before) < SPREADS_SETTLED {
             break;
@@ -82,10 +89,10 @@ pub(crate) fn beside_geometry<'a>(
             break;
         }
         hidden = true;
-        start = geometry.fit(&search.problem, named.catalogue, &start, at(noise, 6), None)?.model;
+        start = geometry.fit(&search.problem, named.catalogue, &start, at(noise, 6), named.mask)?.model;
         search.group = geometry.group.clone();
     }
-    found.fit = fit(&search.problem, named.catalogue, &search.group, &start, at(noise, 6), None)?;
+    found.fit = fit(&search.problem, named.catalogue, &search.group, &start, at(noise, 6), named.mask)?;
     // Causes that the spreads found last make needless.
     found.fit = search.prune(found.fit, noise, &mut found.trace)?;
     drop_tolerances(&search, &geometry, &mut found)?;
@@ -103,7 +110,9 @@ pub(crate) fn beside_geometry<'a>(
     }
     let odds = log_odds((&search, &found), (its_search, alone))? + LOG_PRIOR_GEOMETRY;
     // A spread that rests on a few values says nothing about many.
-    let mut better = odds > 0.0 && geometry.told(&found.fit) > FEWEST_TOLD;
+    let known = geometry.told(&found.fit) > FEWEST_TOLD;
+    let mut better = odds > 0.0 && known;
+    let mut unnamed = None;
     let mut told = format!(
         "beside geometry (spread {:.3} mm, {:.3} mrad): log odds {odds:.1}",
         geometry.spread(Kind::Length) * 1e3,
@@ -116,6 +125,16 @@ pub(crate) fn beside_geometry<'a>(
         let loud = found.noise.marker_px > LOUD * search.measured_noise.marker_px;
         let ratio = if loud { LEAST_RATIO_WHERE_LOUD } else { LEAST_HELD_OUT_RATIO };
         better = (better || pieces) && with < ratio * without;
+        let free = alone.fit.model.terms.iter().any(|t| its_search.catalogue.is_free(t.hypothesis));
+        if !better && free && known {
+            let named_alone = seen_size(&its_search.held_out_of_causes(&alone.fit.model, alone.noise)?);
+            if with < WORTH_TELLING * named_alone {
+                better = true;
+                let left = its_search.deformation(&alone.fit.model);
+                let left = adequacy(&its_search.problem, &left, its_search.measured_noise)?;
+                unnamed = unexplained(its_search, alone, &left, false)?;
+            }
+        }
         told += &format!(", held-out gap {:.3} of that without", with / without.max(1e-30));
     }
     let mut trace = alone.trace.clone();
@@ -123,7 +142,7 @@ pub(crate) fn beside_geometry<'a>(
     trace.push(told);
     alone.trace.clone_from(&trace);
     found.trace = trace;
-    Ok((better && matters(&search, &found)?).then_some(BesideGeometry { geometry, search, found }))
+    Ok((better && matters(&search, &found)?).then_some(BesideGeometry { geometry, search, found, unnamed }))
 }
 
 /// Drops errors of gears that vary no more than the tolerance that every joint has: they do not stand out from it.

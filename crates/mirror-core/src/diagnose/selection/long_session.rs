@@ -1,0 +1,53 @@
+//! Long sessions: causes are searched on a part of the frames, then fitted, weighed and told on all of them.
+//!
+//! A few hundred frames tell causes apart; thousands make each step of the search as many times dearer and say the same. What was found
+//! on a part is searched on with all frames: causes so small that only all of them show them are found then.
+
+use crate::diagnose::likelihood::saturated::postures;
+use crate::diagnose::model::problem::Problem;
+use crate::diagnose::model::solver::SOLVER;
+use crate::diagnose::selection::search::{Found, Search};
+use crate::error::Result;
+
+/// So many frames are searched on, and all where there are not half as many again.
+const ENOUGH: usize = 300;
+
+/// The frames that causes are searched on: whole postures, spread evenly over the session; none for all.
+///
+/// The i-th posture is one of them where the fractional part of i φ is below their share, φ the golden ratio: evenly spread whatever the
+/// period of the postures.
+pub(crate) fn part_of_frames(problem: &Problem) -> Option<Vec<bool>> {
+    let frames = problem.frames.len();
+    if 2 * frames <= 3 * ENOUGH {
+        return None;
+    }
+    let share = ENOUGH as f64 / frames as f64;
+    let golden = 0.5 * (5_f64.sqrt() - 1.0);
+    let mut part = vec![false; frames];
+    for (i, its_frames) in postures(problem).into_iter().enumerate() {
+        let counts = (i as f64 * golden).fract() < share;
+        its_frames.into_iter().for_each(|f| part[f] = counts);
+    }
+    Some(part)
+}
+
+/// What was found on a part of the frames, fitted to all, and the search gone on with where its work is not done.
+///
+/// # Errors
+/// A camera or mirror that cannot be.
+pub(crate) fn on_all_frames(search: &mut Search<'_>, found: &mut Found) -> Result<()> {
+    if search.mask.take().is_none() {
+        return Ok(());
+    }
+    found.trace.push("on all frames:".into());
+    if search.problem.budget.is_spent() {
+        found.fit = search.fit(&found.fit.model, found.noise, SOLVER.final_steps)?;
+        found.noise = search.effective(&found.fit.model)?;
+        return Ok(());
+    }
+    let mut trace = core::mem::take(&mut found.trace);
+    *found = search.run(found.fit.model.clone())?;
+    trace.append(&mut found.trace);
+    found.trace = trace;
+    Ok(())
+}
