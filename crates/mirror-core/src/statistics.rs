@@ -1,4 +1,8 @@
-//! Quantiles of the normal and of the chi-squared distribution.
+//! Quantiles of the normal and of the chi-squared distribution, and a sequence that is spread evenly.
+
+/// (√5 − 1)/2. The fractional parts of its multiples are spread evenly whatever their number and meet no rhythm; the share by which a
+/// golden-section search narrows its interval.
+pub(crate) const GOLDEN_SECTION: f64 = 0.618_033_988_749_895;
 
 /// Φ⁻¹(p), the quantile of the standard normal distribution (Acklam's rational approximation, within 1.2e-9 of it relatively).
 pub(crate) fn normal_quantile(p: f64) -> f64 {

@@ -4,6 +4,7 @@ use super::light::{Probe, Seen, look};
 use super::{Colour, Eye, Scene};
 use crate::cancel::Cancel;
 use crate::error::{Error, Result, finite};
+use crate::statistics::GOLDEN_SECTION;
 use nalgebra::Vector2;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -136,7 +137,7 @@ fn look_at_pixel(
         let probe = Probe {
             on_lamp: Probe::on_lamp(
                 (i as f64 / count as f64 + spread).fract(),
-                (i as f64 * GOLDEN_TURN + turn).fract(),
+                (i as f64 * GOLDEN_SECTION + turn).fract(),
             ),
             // The ghosts are weak: a few samples tell them.
             ghost_weight: if i % GHOST_EVERY == 0 { ghost_weight } else { 0.0 },
@@ -156,8 +157,6 @@ fn look_at_pixel(
 
 /// One sample of this many follows the mirror's ghosts.
 const GHOST_EVERY: usize = 4;
-/// The golden section: successive multiples spread evenly over a turn.
-const GOLDEN_TURN: f64 = 0.618_033_988_749_895;
 
 fn fingerprint(seen: &Seen) -> u64 {
     seen.body.map_or(1, |b| b as u64 + 2) << 1 | u64::from(seen.in_mirror)

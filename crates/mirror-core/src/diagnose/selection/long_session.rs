@@ -8,6 +8,7 @@ use crate::diagnose::model::problem::Problem;
 use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::selection::search::{Found, Search};
 use crate::error::Result;
+use crate::statistics::GOLDEN_SECTION;
 
 /// So many frames are searched on, and all where there are not half as many again.
 const ENOUGH: usize = 300;
@@ -22,10 +23,9 @@ pub(crate) fn part_of_frames(problem: &Problem) -> Option<Vec<bool>> {
         return None;
     }
     let share = ENOUGH as f64 / frames as f64;
-    let golden = 0.5 * (5_f64.sqrt() - 1.0);
     let mut part = vec![false; frames];
     for (i, its_frames) in postures(problem).into_iter().enumerate() {
-        let counts = (i as f64 * golden).fract() < share;
+        let counts = (i as f64 * GOLDEN_SECTION).fract() < share;
         its_frames.into_iter().for_each(|f| part[f] = counts);
     }
     Some(part)

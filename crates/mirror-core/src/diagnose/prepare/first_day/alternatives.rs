@@ -6,6 +6,7 @@ use super::variant::{Variant, seen_joints};
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::problem::{Observation, Problem, Seen};
 use crate::diagnose::principles::{FEWEST_FRAMES, FEWEST_POSTURES, NEARLY_ALL};
+use crate::statistics::GOLDEN_SECTION;
 use core::f64::consts::{PI, TAU};
 
 /// What a column of another unit must be multiplied by: degrees, half turns, turns, tenths and hundredths of a degree, ticks of
@@ -385,17 +386,16 @@ pub(super) fn best_run(gains: &[f64]) -> Option<(usize, usize)> {
 
 /// The minimum of a function between two numbers by golden sections.
 pub(super) fn least(mut a: f64, mut b: f64, mut of: impl FnMut(f64) -> f64) -> f64 {
-    const GOLDEN: f64 = 0.618_033_988_749_895;
-    let (mut c, mut d) = (b - GOLDEN * (b - a), a + GOLDEN * (b - a));
+    let (mut c, mut d) = (b - GOLDEN_SECTION * (b - a), a + GOLDEN_SECTION * (b - a));
     let (mut at_c, mut at_d) = (of(c), of(d));
     for _ in 0..14 {
         if at_c < at_d {
             (b, d, at_d) = (d, c, at_c);
-            c = b - GOLDEN * (b - a);
+            c = b - GOLDEN_SECTION * (b - a);
             at_c = of(c);
         } else {
             (a, c, at_c) = (c, d, at_d);
-            d = a + GOLDEN * (b - a);
+            d = a + GOLDEN_SECTION * (b - a);
             at_d = of(d);
         }
     }

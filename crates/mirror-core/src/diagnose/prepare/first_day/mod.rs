@@ -33,6 +33,7 @@ use crate::diagnose::prepare::boards::leave_out_wrong_grids;
 use crate::diagnose::principles::BEYOND_DOUBT;
 use crate::error::Result;
 use crate::robot::Robot;
+use crate::statistics::GOLDEN_SECTION;
 use alternatives::Session;
 pub(crate) use changes::settle_slip;
 use misfit::Misfit;
@@ -375,16 +376,13 @@ impl Chain {
     }
 }
 
-/// The golden ratio's fraction: its multiples fall into no rhythm.
-const GOLDEN: f64 = 0.618_033_988_749_895;
-
 /// About so many frames spread over the session, up to so many of each posture.
 fn spread(postures: &[Vec<usize>], count: usize, views: usize) -> Vec<usize> {
     let wanted = (count / views).max(1);
     let step = postures.len().div_ceil(wanted).max(1);
     // One of each few, another one in turn by the golden ratio, and another view of it: a session's own rhythm (rows for which a posture
     // is held) must not be met, or rows that are off by a view or two look alike.
-    let turn = |i: usize, count: usize| ((i as f64 * GOLDEN).fract() * count as f64) as usize;
+    let turn = |i: usize, count: usize| ((i as f64 * GOLDEN_SECTION).fract() * count as f64) as usize;
     let mut out: Vec<usize> = postures
         .chunks(step)
         .enumerate()
