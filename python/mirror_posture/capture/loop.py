@@ -12,7 +12,6 @@ WAITING ────────▶ MOVING ⇄ STILL ─────────
 from __future__ import annotations
 
 import threading
-import time
 from collections import deque
 from collections.abc import Callable, Sequence
 
@@ -269,10 +268,3 @@ class Capture:
             if self.stage not in (Stage.FINISHED, Stage.FAILED):
                 self._rest()
             self.source.close()
-
-
-def run_to_the_end(capture: Capture, ended: Callable[[], bool] = lambda: False, pause_s: float = 0.0) -> None:
-    """Steps until the capture has ended, or until `ended` says so."""
-    while not ended() and capture.step():
-        if pause_s:
-            time.sleep(pause_s)

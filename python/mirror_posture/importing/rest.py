@@ -32,11 +32,6 @@ class Rest:
     start_s: float
     end_s: float
 
-    @property
-    def middle_s(self) -> float:
-        """Its middle, s."""
-        return 0.5 * (self.start_s + self.end_s)
-
 
 @dataclass(frozen=True)
 class ClockMatch:
