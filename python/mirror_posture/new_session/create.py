@@ -61,13 +61,14 @@ def create_session(
     xacro_arguments: Mapping[str, str] | None = None,
     also: Callable[[Path], None] | None = None,
     overwrite: bool = False,
+    up: Sequence[float] = (0.0, 0.0, 1.0),
 ) -> NewSession:
     """Writes a session without frames: robot.urdf, camera.yaml and session.toml, to be edited by hand at will.
 
     The URDF stays as it is, to the letter, with the mounts as further links before its end; xacro is expanded
     (`xacro_arguments`), an MJCF is turned into a URDF of the same kinematics and shapes. Coarse copies of the meshes that are found (`packages`: folders of ROS packages) are kept
     in the folder `meshes`, for plans and pictures. `also` writes further files into the folder before it takes its place: all are there, or
-    none. `board` are the keys of `[board]` without its link. The markers get evenly spread hues.
+    none. `board` are the keys of `[board]` without its link; `up` is where up is in the root's frame. The markers get evenly spread hues.
 
     Raises:
         MirrorPostureError: a folder that is there, a link that the robot does not have (with those that it has), a
@@ -106,6 +107,7 @@ def create_session(
         for index, marker in enumerate(markers)
     ]
     tree["mirror"] = mirror_keys(mirror)
+    tree["gravity"] = _gravity(up)
     with new_folder(folder, owned=OWN_FILES) as part:
         (part / "robot.urdf").write_bytes(text.encode("utf-8"))
         keep_coarse_meshes(robot_file, part / "robot.urdf", packages or {}, meshes)
@@ -116,6 +118,14 @@ def create_session(
     return NewSession(
         folder, robot, camera_link, board_link, marker_links, tuple(_warnings(robot, camera_link, board_link))
     )
+
+
+def _gravity(up: Sequence[float]) -> list[float]:
+    """Gravity in the root's frame, m/s²."""
+    length = math.hypot(*up)
+    if not length > 0.0:
+        raise MirrorPostureError("--up: got 0,0,0, needed a direction")
+    return [0.0 if part == 0.0 else -GRAVITY * part / length for part in up]
 
 
 def _check_replaceable(folder: Path, overwrite: bool) -> None:
@@ -175,7 +185,6 @@ def _metadata(
         "robot": "robot.urdf",
         "camera": "camera.yaml",
         "root": robot.link_names[0],
-        "gravity": [0.0, 0.0, -GRAVITY],
         "camera_mount": {"link": camera_link, **_tolerances(camera)},
         "board": {**board, "link": board_link, **_tolerances(board_mount)},
     }

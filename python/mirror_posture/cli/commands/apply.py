@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -13,6 +14,10 @@ from ..output import JsonOption, Output, SessionArgument
 
 ORDER = 70
 PANEL = "Diagnosis"
+
+
+RELATIVE = re.compile(r'\bfile(?:name)?\s*=\s*"(?!package:|model:|file:|https?:|/)[^"]')
+"""A file that is named by its place beside the naming one."""
 
 
 def command(
@@ -105,6 +110,13 @@ def command(
         output.say(f"written: {entry.file}, {entry.patch}")
         for line in entry.told or ("nothing of what was found belongs into it",):
             output.say(f"  {line}")
+        source = next(
+            (file for file in (urdf, mjcf) if file is not None and file.name == entry.file.name), None
+        )
+        if source is not None and entry.told and RELATIVE.search(entry.file.read_text(encoding="utf-8")):
+            output.say(
+                f"  the files that it names lie beside {source}; to change it there: patch {source} {entry.patch}"
+            )
     for joint in twice_told(own):
         output.warn(
             f"{joint} correct the same joint: a model or its controller, not both, or it counts twice"

@@ -74,6 +74,9 @@ def command(
     xacro_arg: Annotated[
         list[str] | None, typer.Option(help="NAME=VALUE of a robot written in xacro. Repeat it.")
     ] = None,
+    up: Annotated[
+        str, typer.Option(help="Where up is, in the root link's frame; of a robot that hangs 0,0,-1.")
+    ] = "0,0,1",
     overwrite: Annotated[
         bool,
         typer.Option(
@@ -177,6 +180,7 @@ def command(
         xacro_arguments=xacro_arguments(xacro_arg or ()),
         also=draw,
         overwrite=overwrite,
+        up=parse_vector(up, "--up"),
     )  # fmt: skip
     for text in made.warnings:
         output.warn(text)
