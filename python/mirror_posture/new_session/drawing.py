@@ -42,6 +42,8 @@ def draw_setup(
     pose = dict(zip(robot.link_names, root_from_link, strict=True))
     shapes, missing = shapes_of_links(folder / told.robot)
     figure = Figure(figsize=(15, 6), layout="constrained")
+    # The views are of the root's frame: of a robot that hangs, or on a wall, down is elsewhere in them.
+    stands = told.gravity_m_per_s2[2] < -0.99 * float(np.linalg.norm(told.gravity_m_per_s2))
     for axes, (title, across, up, across_name, up_name) in zip(figure.subplots(1, 3), VIEWS, strict=True):
         for name, parts in shapes.items():
             for part in parts if name in pose else ():
@@ -69,6 +71,8 @@ def draw_setup(
         axes.set(title=title, xlabel=f"{across_name}, m", ylabel=f"{up_name}, m")
         axes.set_aspect("equal", adjustable="datalim")
         axes.grid(alpha=0.3)
+        if not stands:
+            _gravity(axes, told, across, up)
     figure.suptitle(
         f"{robot.name}: camera (blue, with its view), board (brown, with its face's normal), markers"
     )
@@ -111,3 +115,19 @@ def _tone(hue_deg: float) -> tuple[float, float, float]:
     import colorsys
 
     return colorsys.hsv_to_rgb(hue_deg / 360.0, 0.85, 0.85)
+
+
+def _gravity(axes: Any, told: Any, across: int, up: int) -> None:
+    """An arrow along gravity in a corner, where it is seen from the side."""
+    way = np.asarray(told.gravity_m_per_s2)[[across, up]] / float(np.linalg.norm(told.gravity_m_per_s2))
+    if np.linalg.norm(way) < 0.2:
+        return
+    start = np.array([0.1, 0.88]) - 0.05 * way
+    axes.annotate(
+        "",
+        start + 0.1 * way,
+        start,
+        xycoords="axes fraction",
+        arrowprops={"arrowstyle": "-|>", "color": "#444444"},
+    )
+    axes.annotate("gravity", (0.13, 0.87), xycoords="axes fraction", fontsize=8, color="#444444")
