@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from .effects import Key
-from .evidence import log_odds, trusted_to
+from .evidence import EXACT_LAWS, log_odds, trusted_to
 from .fit import Fitted, fit_all
 from .problem import Problem
 from .search import Found, columns_of, start_of, without_cause
@@ -56,7 +56,8 @@ def rivals_of(problem: Problem, found: Found, key: Key) -> Rivals:
     starts = [dict(best.causes), *(start_of(problem, without, one, scale) for one in near)]
     itself, *trials = fit_all(problem, starts, scale, iterations=6, known=known, enough=0.05)
     itself, does = itself or best, without.misfit.squares - best.misfit.squares
-    odds = {k: -max(0.0, distance) / trusted_to(does, inflation) for k, distance in behind.items()}
+    off = {k: 0.0 if {key[0], k[0]} <= EXACT_LAWS else does for k in behind}
+    odds = {k: -max(0.0, distance) / trusted_to(off[k], inflation) for k, distance in behind.items()}
     models: dict[Key, Fitted] = {}
     better: tuple[float, Fitted | None] = (0.0, None)
     for one, trial in zip(near, trials, strict=True):
@@ -64,7 +65,7 @@ def rivals_of(problem: Problem, found: Found, key: Key) -> Rivals:
         if trial is None:
             continue
         models[one.key] = trial
-        odds[one.key] = log_odds(problem, trial, itself, inflation, does)
+        odds[one.key] = log_odds(problem, trial, itself, inflation, off[one.key])
         if odds[one.key] > better[0]:
             better = (odds[one.key], trial)
     most = max([0.0, *odds.values()])

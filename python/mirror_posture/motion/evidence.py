@@ -19,6 +19,8 @@ from .fit import Fitted
 from .problem import Problem
 
 LAW_SHARE = 0.1
+EXACT_LAWS = frozenset({"latency", "joint_offset", "marker_mount", "camera_mount", "board_mount"})
+"""A rigid body and a clock are where they are: two of these are told apart by all that the pictures show."""
 
 
 def volume(problem: Problem, model: Fitted, inflation: float) -> float:

@@ -36,7 +36,7 @@ HOPELESS = (60.0, 0.5)
 """A model is fitted no further where the criterion has it behind the best by so much, and by this share of what the best gained."""
 MOST_AHEAD, FAR = 3, 1.5
 """So many causes may be tried together before they pay, while more than so much of the noise, RMS, is left."""
-MOST_STEPS = 9_000_000
+MOST_STEPS = 13_000_000
 """Of all simulations together, until which the search looks for one more cause: three hundred motions of a minute."""
 NEAR_SIZES = 1
 """Sizes of a limit to either side of the best alone that are tried beside the causes that a model has."""
