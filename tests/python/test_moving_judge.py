@@ -55,7 +55,12 @@ def test_where_sessions_are_made_nothing_of_the_product_is_imported() -> None:
 
 
 def _case(
-    folder: Path, number: int, truth: list[dict[str, Any]], told: list[dict[str, Any]], after_m: float = 0.001
+    folder: Path,
+    number: int,
+    truth: list[dict[str, Any]],
+    told: list[dict[str, Any]],
+    after_m: float = 0.001,
+    limits: list[dict[str, Any]] | None = None,
 ) -> None:
     name = f"case-{number:04d}"
     (folder / name).mkdir(parents=True)
@@ -63,7 +68,7 @@ def _case(
     gap = {"noise_floor_m": 0.001, "checked": [{"session": "u", "before_m": 0.01, "after_m": after_m}]}
     out = folder / "results" / name
     out.mkdir(parents=True)
-    (out / "diagnosis.json").write_text(json.dumps({"causes": told, "gap": gap}))
+    (out / "diagnosis.json").write_text(json.dumps({"causes": told, "gap": gap, "limits": limits or []}))
 
 
 def test_the_score_counts_what_is_right_and_what_is_not(tmp_path: Path) -> None:
@@ -85,10 +90,16 @@ def test_the_score_counts_what_is_right_and_what_is_not(tmp_path: Path) -> None:
         [late, rub],
         [told("coulomb_friction", "joint:a", friction_nm=1.3), told("backlash", "joint:a")],
     )
+    hides = [{"effect": "coulomb_friction", "at": "joint:a", "parameters": {"friction_nm": 1.2}}]
+    _case(tmp_path, 5, [rub], [], limits=hides)
+    _case(tmp_path, 6, [{**rub, "friction_nm": 1.3}], [], limits=hides)
     found = score.score(tmp_path, tmp_path / "results")
-    assert found.singles == [True, False] and found.singles_or_named_beside == [True, True]
+    assert found.singles == [True, False, False, False]
+    assert found.singles_or_named_beside == [True, True, False, False]
+    # One of them was smaller than what the diagnosis says the motion hides.
+    assert found.singles_shown == [True, False, False]
     assert sorted(found.empty_alarmed) == [False, True]
     assert sorted(found.several_found) == [False, True] and sorted(found.several_invented) == [False, True]
     assert found.within == {"latency": [True], "friction": [False]} and found.covered == [True, False]
     assert [ratio <= 1.2 for ratio in found.unseen].count(False) == 1
-    assert ("one cause: found with its place", "1 of 2", "50 %") in found.rows()
+    assert ("one cause: found with its place", "1 of 4", "25 %") in found.rows()

@@ -28,6 +28,7 @@ class Score:
     """Counts as (right, of); errors by group; and one line a case."""
 
     singles: list[bool] = field(default_factory=list)
+    singles_shown: list[bool] = field(default_factory=list)
     singles_or_named_beside: list[bool] = field(default_factory=list)
     empty_alarmed: list[bool] = field(default_factory=list)
     several_found: list[bool] = field(default_factory=list)
@@ -42,6 +43,7 @@ class Score:
         out = [
             _row("one cause: found with its place", self.singles),
             _row("one cause: found, or named as its alternative", self.singles_or_named_beside),
+            _row("one cause, larger than the diagnosis says was hidden: found", self.singles_shown),
             _row("no cause: false alarm", self.empty_alarmed),
             _row("two or three causes: found", self.several_found),
             _row("causes named where there are two or three: invented", self.several_invented),
@@ -85,6 +87,9 @@ def _one(out: Score, answer: Mapping[str, Any], told: Mapping[str, Any]) -> None
         out.empty_alarmed.append(bool(causes))
     elif len(truth) == 1:
         out.singles += hits
+        out.singles_shown += [
+            key in causes for key, cause in truth.items() if not _hidden(cause, told.get("limits", []))
+        ]
         out.singles_or_named_beside += [key in causes or key in beside for key in truth]
     else:
         out.several_found += hits
@@ -96,6 +101,17 @@ def _one(out: Score, answer: Mapping[str, Any], told: Mapping[str, Any]) -> None
     if np.isfinite(ratio):
         out.unseen.append(float(ratio))
     out.lines.append((answer["id"], _names(answer["causes"]), _names(told["causes"]), f"{ratio:.2f} floors"))
+
+
+def _hidden(cause: Mapping[str, Any], limits: Sequence[Mapping[str, Any]]) -> bool:
+    """Whether the diagnosis itself says that the motion hides a cause as small as this."""
+    for entry in limits:
+        if (entry["effect"], entry["at"]) == (cause["effect"], cause["at"]):
+            sizes = {name: size for name, size in entry["parameters"].items() if name in cause}
+            return bool(sizes) and all(
+                size is None or abs(cause[name]) < size for name, size in sizes.items()
+            )
+    return False
 
 
 def _parameters(out: Score, truth: Mapping[str, Any], told: Mapping[str, Mapping[str, float]]) -> None:
