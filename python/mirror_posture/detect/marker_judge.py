@@ -23,11 +23,16 @@ MIN_ARC_FRACTION = 0.3
 MAX_OUTLINE_RESIDUAL_PX = 0.6
 # A region's centroid: what its edge shares and counting pixels does not show, px.
 CENTRE_FLOOR_PX = 0.03
-# A ball counts as whole and sharp from these shares on (of its area, its outline; blur against radius); others must have the expected size to this factor.
+# A ball counts as whole and sharp from these shares on (of its area, its outline; blur against radius); others must have the expected size to this factor, and to a
+# smaller one where they are blurred.
 WHOLE_FRACTION = 0.93
 WHOLE_ARC = 0.6
 SHARP_SHARE = 0.2
 PARTIAL_SIZE_FACTOR = 1.13
+BLURRED_SIZE_FACTOR = 1.08
+# Blurred over more than this share of its radius, a ball must show more of its outline: bent edges of other things, blurred, fit many circles.
+BLURRED_SHARE = 0.16
+BLURRED_ARC = 0.48
 # Width of the outline's rim that is left out of the seen share.
 RIM_PX = 0.8
 # A white, blown-out pixel has all channels at or above this.
@@ -65,6 +70,11 @@ def judged(
         reason = f"only {100.0 * seen:.0f} % of the ball is seen, needed {100.0 * options.min_visible_fraction:.0f} %"
     elif fit.arc_fraction < options.min_arc_fraction:
         reason = f"only {100.0 * fit.arc_fraction:.0f} % of its outline fits a ball, needed {100.0 * options.min_arc_fraction:.0f} %"
+    elif fit.blur_px > BLURRED_SHARE * fit.mean_radius_px and fit.arc_fraction < BLURRED_ARC:
+        reason = (
+            f"blurred over {fit.blur_px:.1f} px of its radius of {fit.mean_radius_px:.1f} px, and only {100.0 * fit.arc_fraction:.0f} % of its outline fits a ball: "
+            "light it better, or hold still"
+        )
     elif fit.residual_rms_px > options.max_outline_residual_px:
         reason = f"outline residual {fit.residual_rms_px:.2f} px is above the limit of {options.max_outline_residual_px:.2f} px"
     return MarkerView(marker.name, not reason, reason, **fields)
@@ -75,7 +85,8 @@ def doubted_size(view: MarkerView, fit: OutlineFit, expected_px: float) -> Marke
     ratio = fit.mean_radius_px / expected_px
     whole = (view.visible_fraction or 0.0) >= WHOLE_FRACTION and fit.arc_fraction >= WHOLE_ARC
     sharp = fit.blur_px <= SHARP_SHARE * fit.mean_radius_px
-    if not view.ok or (whole and sharp) or 1.0 / PARTIAL_SIZE_FACTOR <= ratio <= PARTIAL_SIZE_FACTOR:
+    most = PARTIAL_SIZE_FACTOR if sharp else BLURRED_SIZE_FACTOR
+    if not view.ok or (whole and sharp) or 1.0 / most <= ratio <= most:
         return view
     how = "seen in part" if sharp else "blurred"
     return replace(
