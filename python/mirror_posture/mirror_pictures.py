@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
@@ -31,13 +31,10 @@ from .detect import (
     detect_picture,
 )
 from .marker import Marker
-from .measurement.residuals import MOUNT_LEVER_M, WIDEN_ABOVE, widen_markers
-from .mirror import MirrorEstimates, PlanarPoses, Rig, estimate_mirrors, planar_poses
+from .mirror import MirrorEstimates, PlanarPoses, Rig, planar_poses
+from .picture_residuals import agreeing_views, tested_mirrors
 from .short_repr import ShortRepr
 from .triangulate import MarkerPositions, triangulate
-
-TAKEN_UP = 2.5
-"""How many times what corners show of an error that they share a plane may have taken up: measured on pictures of shutters that roll."""
 
 Picture = str | os.PathLike[str] | npt.NDArray[np.uint8]
 
@@ -72,7 +69,7 @@ def mirror_from_picture(
     """The mirror in one picture, a path or a BGR array: the plane `n·x = d` in the camera frame, m, with the covariance of its foot point.
 
     The picture shows the board and its reflection: the first tells where the board is, both together where the mirror is (maximum likelihood). With a
-    known `camera_from_board` (4, 4) the reflection is enough. The result has one row. Where its corners lie farther from any mirror's than their noise, the covariance is widened to
+    known `camera_from_board` (4, 4) the reflection is enough, and pictures that were mirrored or turned are named; without it they cannot be told, a chessboard looks alike in a mirror. The result has one row. Where its corners lie farther from any mirror's than their noise, the covariance is widened to
     what they show.
 
     Raises `MirrorPostureError` for a picture that cannot be read or is of another size than the camera's, and where a view is not found or cannot
@@ -85,7 +82,7 @@ def mirror_from_picture(
         poses = _direct(camera, board, found)
         pose, covariance = poses.camera_from_pattern[0], poses.covariances[0]
     rig = Rig(camera, board, np.asarray(pose, dtype=np.float64), covariance, glass_thickness_m)
-    return _tested(rig, mirrored[0][None], mirrored[1])[0]
+    return tested_mirrors(rig, mirrored[0][None], mirrored[1], [found.source])[0]
 
 
 @checked_arguments
@@ -148,10 +145,11 @@ def markers_from_views(
     if pose is None:
         pose, covariance = _joined([_direct(camera, board, one) for one in found])
     pose = np.asarray(pose, dtype=np.float64)
-    mirrors, warnings = _tested(
+    mirrors, warnings = tested_mirrors(
         Rig(camera, board, pose, covariance, glass_thickness_m),
         np.stack([one[0] for one in corners]),
         float(np.sqrt(np.mean([one[1] ** 2 for one in corners]))),
+        [one.source for one in found],
     )
     parts = []
     unseen: dict[str, dict[int, str]] = {}
@@ -163,45 +161,9 @@ def markers_from_views(
         stds = [view.std_px for view, row in zip(views, rows, strict=True) if row >= 0 and view.std_px]
         noise = float(np.sqrt(np.mean(np.square(stds)))) if stds else 1.0
         part = triangulate(mirrors, rows[None], np.array([pixels], dtype=np.float64), noise_px=noise)
-        parts.append(_agreeing(part, 2 * int((rows >= 0).sum()) - 3))
+        parts.append(agreeing_views(part, 2 * int((rows >= 0).sum()) - 3))
     names = tuple(marker.name for marker in markers)
     return SeenMarkers(names, _stacked(parts), mirrors, pose, covariance, unseen, warnings)
-
-
-def _tested(
-    rig: Rig, corners_px: npt.NDArray[np.float64], noise_px: float
-) -> tuple[MirrorEstimates, tuple[str, ...]]:
-    """Mirrors of views (V, N, 2) px; where corners lie farther from any mirror's than their noise, noise and the board's pose are widened to what they show, and a warning says so.
-
-    What all corners share (a shutter that rolls, a bent board, another lens) turns a plane as a whole: it is no noise that many corners average out.
-    """
-    mirrors = estimate_mirrors(rig, corners_px, noise_px=noise_px)
-    count = 2 * corners_px.shape[1]
-    shown = np.where(mirrors.valid, mirrors.rms_px * np.sqrt(corners_px.shape[1] / (count - 3)), 0.0)
-    if not (shown > WIDEN_ABOVE * noise_px).any():
-        return mirrors, ()
-    worst = int(np.argmax(shown))
-    spread = corners_px[worst] - corners_px[worst].mean(axis=0)
-    rotation = TAKEN_UP * float(
-        np.sqrt(shown[worst] ** 2 - noise_px**2) / np.sqrt(np.mean(np.sum(spread**2, axis=1)))
-    )
-    doubt = np.diag([rotation**2] * 3 + [(MOUNT_LEVER_M * rotation) ** 2] * 3)
-    known = np.zeros((6, 6)) if rig.camera_from_board_covariance is None else rig.camera_from_board_covariance
-    wider = replace(rig, camera_from_board_covariance=known + doubt)
-    return estimate_mirrors(wider, corners_px, noise_px=float(shown[worst])), (
-        f"the board's corners lie {shown[worst]:.2f} px from any mirror's (their noise: {noise_px:.2f} px): a shutter that rolls, a bent board, another camera's file, or a board that "
-        f"moved; ± is widened to a board known to {np.degrees(rotation):.2f}°",
-    )
-
-
-def _agreeing(part: MarkerPositions, freedom: int) -> MarkerPositions:
-    """A marker whose views disagree is widened, and masked where they cannot be of one point."""
-    if freedom <= 0 or not part.valid[0] or not np.isfinite(part.chi_squared[0]):
-        return part
-    covariances, (reason,) = widen_markers(part.covariances_m2, part.chi_squared, np.array([freedom]))
-    if reason is not None:
-        return replace(part, valid=np.array([False]), reasons={0: reason})
-    return replace(part, covariances_m2=covariances)
 
 
 def _seen(

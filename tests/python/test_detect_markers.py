@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -11,14 +13,19 @@ import pytest
 
 from mirror_posture import Camera, ColorRange, Marker, MirrorPostureError
 from mirror_posture.detect import (
+    MarkerOptions,
+    MarkerView,
     PredictedMarker,
     detect_markers,
     detect_pictures,
     predictions_from_session,
     setup_from_session,
 )
-from mirror_posture.detect.blobs import color_regions, largest_region, to_hsv
+from mirror_posture.detect.ball import OutlineFit
+from mirror_posture.detect.blobs import Region, color_regions, largest_region, to_hsv
 from mirror_posture.detect.marker_choice import SizeBounds
+from mirror_posture.detect.marker_judge import doubted_size, judged
+from mirror_posture.detect.types import Ellipse
 from mirror_posture.session import load_session
 
 PICTURES = Path(__file__).resolve().parents[3] / "shared" / "data" / "pictures"
@@ -260,3 +267,32 @@ def test_the_robots_own_hand_seen_without_the_mirror_is_not_taken_for_its_reflec
     assert view.pixel_px == pytest.approx((90.0, 80.0), abs=0.1)
     (lost,) = detect_markers(picture, (marker,), bounds={"hand": SizeBounds(30.0, 60.0)})
     assert not lost.ok or lost.pixel_px == pytest.approx((220.0, 150.0), abs=1.0)
+
+
+def test_a_blurred_ball_is_believed_only_where_its_outline_shows_and_has_its_size() -> None:
+    """A shake as long as the ball's radius: bent edges of other things fit a circle as well as what is left of its own."""
+    turns = np.linspace(0.0, 2.0 * np.pi, 72, endpoint=False)
+    fit = OutlineFit(
+        centroid_px=np.array([40.0, 40.0]),
+        centroid_covariance_px2=np.eye(2) * 0.01,
+        sphere_center_px=np.array([40.0, 40.0]),
+        ellipse=Ellipse((40.0, 40.0), 10.0, 10.0, 0.0),
+        boundary_px=40.0 + 10.0 * np.stack([np.cos(turns), np.sin(turns)], axis=1),
+        mean_radius_px=10.0,
+        arc_fraction=0.45,
+        residual_rms_px=0.1,
+        blur_px=2.0,
+    )
+    ball = Marker("hand", diameter_m=0.02, color=ColorRange(hue_deg=0, hue_tolerance_deg=15))
+    red = np.zeros((80, 80, 3), np.uint8)
+    red[..., 2] = 220
+    region = Region(300, (40.0, 40.0), (30, 30, 20, 20), np.ones((20, 20), bool))
+
+    def seen(**other: Any) -> MarkerView:
+        return judged(red, ball, region, replace(fit, **other), MarkerOptions())
+
+    assert not seen().ok and "blurred over 2.0 px" in seen().reason
+    assert seen(arc_fraction=0.6).ok and seen(blur_px=1.0).ok
+    whole = replace(fit, arc_fraction=0.9, blur_px=2.5)
+    assert doubted_size(seen(arc_fraction=0.9, blur_px=2.5), whole, 10.4).ok
+    assert not doubted_size(seen(arc_fraction=0.9, blur_px=2.5), whole, 9.0).ok

@@ -25,6 +25,7 @@ from mirror_posture import (
     mirror_from_picture,
     mirrors_from_pictures,
 )
+from mirror_posture.mirror_pictures import SeenMarkers
 from mirror_posture.session.camera_info import dump_camera_info
 
 CAMERA = Camera((640, 480), (600.0, 600.0), (319.5, 239.5))
@@ -115,16 +116,18 @@ def test_markers_of_views_are_where_they_are_with_deviations_that_are_true() -> 
     scenes, real = views(Look(size_px=(640, 480), radius_px=(9.0, 14.0)), [3], [(-0.04, 0.0), (0.04, 0.02)])
     first = scenes[0]
     focal, center = np.diag(first.camera)[:2], first.camera[:2, 2]
-    found = markers_from_views(
-        Camera((640, 480), (focal[0], focal[1]), (center[0], center[1])),
-        Board(7, 4, 0.012),
-        [
-            Marker(ball.name, diameter_m=2 * ball.radius_m, color=ColorRange(ball.hue_deg, 18.0, 0.4, 0.12))
-            for ball in first.balls
-        ],
-        [scene.bgr for scene in scenes],
-        camera_from_board=first.camera_from_board,
-    )
+    camera = Camera((640, 480), (focal[0], focal[1]), (center[0], center[1]))
+    balls = [
+        Marker(ball.name, diameter_m=2 * ball.radius_m, color=ColorRange(ball.hue_deg, 18.0, 0.4, 0.12))
+        for ball in first.balls
+    ]
+
+    def measured(pictures: list[np.ndarray]) -> SeenMarkers:
+        return markers_from_views(
+            camera, Board(7, 4, 0.012), balls, pictures, camera_from_board=first.camera_from_board
+        )
+
+    found = measured([scene.bgr for scene in scenes])
     normalised = []
     for row, ball in enumerate(first.balls):
         if not found.positions.valid[row]:
@@ -134,6 +137,10 @@ def test_markers_of_views_are_where_they_are_with_deviations_that_are_true() -> 
         normalised.append(error @ np.linalg.solve(found.positions.covariances_m2[row], error) / 3.0)
     assert len(normalised) >= 3
     assert 0.05 < np.mean(normalised) < 3.0
+    # The same pictures as drivers flip and turn them: named, not measured.
+    for name, axes in (("mirrored left-right", 1), ("mirrored up-down", 0), ("turned by 180°", (0, 1))):
+        with pytest.raises(MirrorPostureError, match=f"the pictures are {name}"):
+            measured([np.ascontiguousarray(np.flip(scene.bgr, axes)) for scene in scenes])
 
 
 @pytest.mark.parametrize("name", ["phone", "hidden 10 to 20 %"])

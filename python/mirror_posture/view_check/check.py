@@ -49,8 +49,13 @@ def check_views(session: Session) -> ViewCheck | None:
     views = Views.of(session)
     if views is None:
         return None
+    return check(views, _noise_px(session))
+
+
+def check(views: Views, noise_px: float) -> ViewCheck:
+    """Tests views of the board in the mirror; `noise_px` is the standard deviation of a corner along one axis."""
     own = views.fit(Reading("as it stands"))
-    noise = max(LEAST_NOISE_PX, _noise_px(session) * math.sqrt(2.0))
+    noise = max(LEAST_NOISE_PX, noise_px * math.sqrt(2.0))
     width = views.camera.size_px[0]
     doubted = own.board_rms_px > SUSPICIOUS_DEVIATIONS * noise or (
         own.marker_px is not None and own.marker_px > SUSPICIOUS_MARKERS * width

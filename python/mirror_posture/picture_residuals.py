@@ -1,0 +1,90 @@
+"""Residuals of pictures that were measured without a robot: tested, not believed, as `measure` does with a session's."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from ._core import MirrorPostureError
+from .measurement.residuals import (
+    MOUNT_LEVER_M,
+    OUTLYING_VIEW,
+    OUTLYING_VIEW_PX,
+    WIDEN_ABOVE,
+    widen_markers,
+)
+from .mirror import MirrorEstimates, Rig, estimate_mirrors
+from .triangulate import MarkerPositions
+from .view_check.check import check
+from .view_check.fit import Views
+
+TAKEN_UP = 2.5
+"""How many times what corners show of an error that they share a plane may have taken up: measured on pictures of shutters that roll."""
+
+
+def tested_mirrors(
+    rig: Rig, corners_px: npt.NDArray[np.float64], noise_px: float, sources: Sequence[str]
+) -> tuple[MirrorEstimates, tuple[str, ...]]:
+    """Mirrors of views (V, N, 2) px; where corners lie farther from any mirror's than their noise, noise and the board's pose are widened to what they show, and a warning says so.
+
+    What all corners share (a shutter that rolls, a bent board, another lens) turns a plane as a whole: it is no noise that many corners average out.
+    Raises `MirrorPostureError` where no mirror explains a view, with the usual mistake that would.
+    """
+    mirrors = estimate_mirrors(rig, corners_px, noise_px=noise_px)
+    corners = corners_px.shape[1]
+    shown = np.where(mirrors.valid, mirrors.rms_px * np.sqrt(corners / (2 * corners - 3)), np.inf)
+    wrong = np.flatnonzero(shown > max(OUTLYING_VIEW_PX, OUTLYING_VIEW * noise_px))
+    if len(wrong):
+        first = int(wrong[0])
+        said = check(_views(rig, corners_px[wrong]), noise_px).mistake
+        stands = (
+            f"its corners lie {shown[first]:.1f} px from any mirror's"
+            if np.isfinite(shown[first])
+            else f"no mirror gives it ({mirrors.reasons.get(first, 'not found')})"
+        )
+        raise MirrorPostureError(
+            f"{sources[first]}: {said or f'the reflected board does not fit: {stands}; is it this board, this camera file, this camera_from_board, and did the board stay?'}"
+        )
+    if not (shown > WIDEN_ABOVE * noise_px).any():
+        return mirrors, ()
+    worst = int(np.argmax(shown))
+    spread = corners_px[worst] - corners_px[worst].mean(axis=0)
+    rotation = TAKEN_UP * float(
+        np.sqrt(shown[worst] ** 2 - noise_px**2) / np.sqrt(np.mean(np.sum(spread**2, axis=1)))
+    )
+    doubt = np.diag([rotation**2] * 3 + [(MOUNT_LEVER_M * rotation) ** 2] * 3)
+    known = np.zeros((6, 6)) if rig.camera_from_board_covariance is None else rig.camera_from_board_covariance
+    wider = replace(rig, camera_from_board_covariance=known + doubt)
+    return estimate_mirrors(wider, corners_px, noise_px=float(shown[worst])), (
+        f"the board's corners lie {shown[worst]:.2f} px from any mirror's (their noise: {noise_px:.2f} px): a shutter that rolls, a bent board, another camera's file, or a board that "
+        f"moved; ± is widened to a board known to {np.degrees(rotation):.2f}°",
+    )
+
+
+def _views(rig: Rig, corners_px: npt.NDArray[np.float64]) -> Views:
+    """Views without markers, as the check of usual mistakes takes them."""
+    count = len(corners_px)
+    return Views(
+        rig.camera,
+        rig.board,
+        np.repeat(np.asarray(rig.camera_from_board, dtype=np.float64)[None], count, axis=0),
+        corners_px,
+        np.zeros((count, 0, 2)),
+        np.zeros((count, 0), dtype=bool),
+        np.zeros((count, 0, 3)),
+        rig.glass_thickness_m,
+        rig.refractive_index,
+    )
+
+
+def agreeing_views(part: MarkerPositions, freedom: int) -> MarkerPositions:
+    """A marker whose views disagree is widened, and masked where they cannot be of one point."""
+    if freedom <= 0 or not part.valid[0] or not np.isfinite(part.chi_squared[0]):
+        return part
+    covariances, (reason,) = widen_markers(part.covariances_m2, part.chi_squared, np.array([freedom]))
+    if reason is not None:
+        return replace(part, valid=np.array([False]), reasons={0: reason})
+    return replace(part, covariances_m2=covariances)
