@@ -53,6 +53,15 @@ class Setting:
         return tuple(self.nominal.robot.position_names[k] for k in self.moving)
 
     @property
+    def carrying_all(self) -> tuple[str, ...]:
+        """Joints that carry camera, board and balls alike: nothing in the pictures changes with them."""
+        robot, first = self.nominal.robot, self.nominal.robot.link_names[0]
+        links = [self.camera_link, self.board.link, *(m.link for m in self.nominal.metadata.markers)]
+        chains = [{step.joint for step in robot.chain(first, link)} for link in links]
+        common = set.intersection(*chains)
+        return tuple(name for name in robot.position_names if name in common)
+
+    @property
     def radii_m(self) -> Floats:
         """(M,) of the balls."""
         return np.array([0.5 * marker.diameter_m for marker in self.nominal.metadata.markers])

@@ -162,6 +162,10 @@ def say_plan(output: Output, plan: Plan) -> None:
         output.say(f"twins: {one.name} and {twin.name} are told apart {apart_in_words(plan, one, twin)}")
     if len(twins) > MOST_TWINS:
         output.say(f"and {len(twins) - MOST_TWINS} more twins, in plan.json")
+    if plan.setting.carrying_all:
+        output.say(
+            f"not told of, since they carry camera, board and balls alike: {', '.join(plan.setting.carrying_all)}"
+        )
     unseen = [one.name for one in plan.tells if not one.seen]
     if unseen:
         output.say(f"not to be seen: {', '.join(unseen)}")
