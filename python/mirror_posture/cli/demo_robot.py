@@ -23,7 +23,7 @@ MILLIMETRES = 1000.0
 def demonstrate_diagnosis(output: Output, session: Session, folder: Path) -> dict[str, Any]:
     """Diagnoses the measured session, writes diagnosis.json and the report; what it says, for `--json`."""
     from ..diagnosis import diagnose
-    from .commands.diagnose import write_results
+    from .told_diagnosis import write_results
 
     found = diagnose(session)
     output.say(found.sentence)

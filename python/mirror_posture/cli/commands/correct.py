@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -14,9 +13,10 @@ import typer
 from ..._core import MirrorPostureError
 from ..joint_values import joint_values
 from ..output import ExitCode, JsonOption, Output
+from ..told_correction import progress_of_looks, sliding_joints, tell_outcome
 
 if TYPE_CHECKING:
-    from ...correct import CorrectOptions, LookReport, Outcome, Target
+    from ...correct import CorrectOptions, Outcome, Target
     from ...robots import CommandedRobot
 
 ORDER = 50
@@ -163,7 +163,7 @@ def command(
     }
     outcome, options = _run(output, out, settings, resume)
     written = _pictures(output, out, outcome, options)
-    _tell(output, outcome, _sliding(out), written)
+    tell_outcome(output, outcome, sliding_joints(out), written)
     output.result(
         {"stop": {"sentence": outcome.stop.sentence, **asdict(outcome.stop)}, **_rest(outcome), "folder": out}
     )
@@ -198,7 +198,7 @@ def _run(output: Output, out: Path, settings: dict[str, Any], resume: bool) -> t
     _one_way_of_looking(settings)
     options = build_options(settings)
     options.check()
-    with _progress(output) as (say, on_look, on_picture), ending_signals():
+    with progress_of_looks(output) as (say, on_look, on_picture), ending_signals():
         with open_robot(settings, nominal, say) as machine:
             ahead = _ahead(output, settings, machine, posture)
             if recorder is None:
@@ -308,68 +308,6 @@ def build_options(settings: Mapping[str, Any]) -> CorrectOptions:
     )
 
 
-@contextmanager
-def _progress(
-    output: Output,
-) -> Iterator[tuple[Callable[[str], object], Callable[[LookReport], None], Callable[[object, int], None]]]:
-    """A table that grows by a row a look on a terminal, else a line a look."""
-    from rich.live import Live
-
-    reports: list[LookReport] = []
-    if output.messages.is_terminal and not output.as_json:
-        with Live(console=output.messages, auto_refresh=False) as live:
-
-            def on_look(report: LookReport) -> None:
-                reports.append(report)
-                live.update(_table(reports), refresh=True)
-
-            def on_picture(look: object, number: int) -> None:
-                live.update(_table(reports, f"{number} pictures"), refresh=True)
-
-            yield live.console.print, on_look, on_picture
-            if reports:
-                live.update(_table(reports), refresh=True)
-        return
-
-    def line(report: LookReport) -> None:
-        markers = "  ".join(f"{m.marker} {_cell(m)}" for m in report.markers)
-        output.errors.print(f"look {report.look}: {markers}: {_next(report)}", markup=False)
-
-    yield output.errors.print, line, lambda look, number: None
-
-
-def _table(reports: list[LookReport], caption: str = "") -> Any:
-    from rich.table import Table
-
-    title = "Distance from the target, mm (± one standard deviation of its length)"
-    table = Table(title=title, caption=caption or None, title_justify="left", caption_justify="left")
-    for name, justify in (("look", "right"), ("steps", "right"), ("pictures", "right")):
-        table.add_column(name, justify=justify)  # type: ignore[arg-type]
-    for marker in reports[-1].markers if reports else ():
-        table.add_column(marker.marker, justify="right")
-    table.add_column("then")
-    for report in reports:
-        cells = [str(report.look), str(report.steps), str(report.views), *map(_cell, report.markers)]
-        table.add_row(*cells, _next(report))
-    return table
-
-
-def _cell(marker: Any) -> str:
-    if marker.distance_m is None:
-        return "not seen"
-    spread = math.sqrt(sum(x * x for x in marker.std_m))
-    text = f"{MILLIMETRES * marker.distance_m:.2f} ± {MILLIMETRES * spread:.2f}"
-    return f"{text} (not believed)" if marker.doubt else text
-
-
-def _next(report: LookReport) -> str:
-    if report.decision == "step":
-        return "step" + (f", {', '.join(report.at_limit)} at its limit" if report.at_limit else "")
-    if report.decision == "look_again":
-        return f"look again ({report.why.replace('_', ' ')})"
-    return report.why.replace("_", " ")
-
-
 def _pictures(output: Output, out: Path, outcome: Outcome, options: CorrectOptions) -> list[Path]:
     from ...correct.figures import plot_convergence, write_before_and_after
 
@@ -380,46 +318,6 @@ def _pictures(output: Output, out: Path, outcome: Outcome, options: CorrectOptio
         if write_before_and_after(out, outcome, out / "overlay.png"):
             written.append(out / "overlay.png")
     return written
-
-
-def _tell(output: Output, outcome: Outcome, sliding: set[str], written: list[Path]) -> None:
-    output.say(outcome.stop.sentence, style="green" if outcome.converged else "yellow")
-    for look in outcome.looks:
-        for marker in look.markers:
-            if marker.doubt is not None:
-                output.warn(f"look {look.look}, {marker.marker}: {marker.doubt}")
-            elif marker.error_m is None and marker.reason is not None:
-                output.warn(f"look {look.look}, {marker.marker}: {marker.reason}")
-    data = outcome.data
-    output.say(
-        f"used: {data['looks_used']} of {data['looks_given']} looks, {data['pictures_used']} of {data['pictures_given']} pictures, "
-        f"{data['points_used']} of {data['points_given']} readings of markers"
-    )
-    rows = []
-    for name, value in outcome.best_command.items():
-        was = outcome.target_posture.get(name, 0.0)
-        if name in outcome.target_posture or value != was:
-            unit, factor = ("mm", MILLIMETRES) if name in sliding else ("°", math.degrees(1.0))
-            response = next((r for r in outcome.responses if r["joint"] == name), None)
-            shown = "" if response is None else f"{response['response']:.2f} ± {response['std']:.2f}"
-            numbers = (
-                f"{x * factor:{sign}.3f} {unit}" for x, sign in ((was, ""), (value, ""), (value - was, "+"))
-            )
-            rows.append((name, *numbers, shown))
-    output.table(
-        "Commands",
-        ("*joint", "target", "commanded", "correction", "did of what it was told"),
-        rows,
-    )
-    for file in written:
-        output.say(f"written: {file}")
-
-
-def _sliding(out: Path) -> set[str]:
-    """The prismatic joints of the recorded robot: theirs are metres."""
-    from ...robots import Nominal
-
-    return {joint.name for joint in Nominal.load(out).robot.joints if joint.kind == "prismatic"}
 
 
 def _rest(outcome: Outcome) -> dict[str, Any]:

@@ -10,6 +10,7 @@ import typer
 from ..._core import MirrorPostureError
 from ..detected import load_detected
 from ..output import JsonOption, Output
+from ..told_diagnosis import OWN_FILES, show_diagnosis, write_results
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -19,9 +20,6 @@ if TYPE_CHECKING:
 
 ORDER = 60
 PANEL = "Diagnosis"
-NEXT_POSTURES = "next-postures.csv"
-OWN_FILES = ("diagnosis.json", "report.html", "pictures", NEXT_POSTURES)
-"""What --out writes: of an earlier run in the same folder nothing of it stays."""
 
 
 def command(
@@ -148,7 +146,7 @@ def command(
                 )
             )
         except DiagnosisInterrupted as interrupted:
-            _show(output, folder, interrupted.found)
+            show_diagnosis(output, folder, interrupted.found)
             if out is not None:
                 target = out if len(sessions) == 1 else out / (folder.name or folder.resolve().name)
                 write_results(output, loaded, interrupted.found, target)
@@ -157,7 +155,7 @@ def command(
             raise
         except MirrorPostureError as error:
             raise MirrorPostureError(f"{folder}: {error}") from error
-        _show(output, folder, found)
+        show_diagnosis(output, folder, found)
         if out is not None:
             target = out if len(sessions) == 1 else out / (folder.name or folder.resolve().name)
             write_results(output, loaded, found, target)
@@ -197,7 +195,7 @@ def _in_motion(
         done = with_checked(done, others, model)
     except MirrorPostureError as error:
         raise MirrorPostureError(f"{folder}: {error}") from error
-    _show(output, folder, done.diagnosis)
+    show_diagnosis(output, folder, done.diagnosis)
     if out is not None:
         with new_folder(out, (*OWN_FILES, "model.xml")) as part:
             (part / "diagnosis.json").write_text(done.diagnosis.to_json(), encoding="utf-8")
@@ -218,142 +216,3 @@ def _diagnosed(output: Output, session: Session, **options: Any) -> Diagnosis:
             progress=lambda stage, found: told(f"{stage}, {found} found" if found else stage),
             **options,
         )
-
-
-def write_results(output: Output, session: Session, found: Diagnosis, folder: Path) -> None:
-    """Writes diagnosis.json, the report with its pictures and the next postures into a folder, and says so."""
-    from ...diagnosis.next_postures import write_next_postures
-    from ...diagnosis.page import write_report
-    from ...output_files import new_folder
-
-    with new_folder(folder, OWN_FILES) as part:
-        (part / "diagnosis.json").write_text(found.to_json(), encoding="utf-8")
-        write_report(session, found, part)
-        if found.next_postures:
-            write_next_postures(found, part / NEXT_POSTURES)
-    if found.next_postures:
-        output.say(
-            f"written: {folder / NEXT_POSTURES}, {len(found.next_postures)} postures that would tell the rivals apart"
-        )
-    output.say(f"written: {folder / 'diagnosis.json'}, {folder / 'report.html'}, {folder / 'pictures'}")
-
-
-def _show(output: Output, folder: Path, found: Diagnosis) -> None:
-    from ...diagnosis.formatting import (
-        ENCODER_COLUMNS,
-        dependence,
-        effect_in_words,
-        millimetres,
-        next_step,
-        percent,
-        place_in_words,
-        steps,
-        tell_all,
-        telling_encoders,
-    )
-    from ...diagnosis.limits import line as limits_line
-
-    if output.as_json:
-        for warning in found.warnings:
-            output.warn(warning)
-        return
-    output.say(f"{folder}: {found.sentence}", style="bold")
-    if found.causes:
-        rows = [
-            (
-                effect_in_words(cause.effect),
-                place_in_words(cause.at),
-                percent(cause.probability),
-                "\n".join(map(str, tell_all(cause))),
-                "\n".join(
-                    f"{effect_in_words(a.effect)} at {place_in_words(a.at)} ({percent(a.probability)})"
-                    for a in cause.alternatives
-                ),
-            )
-            for cause in found.causes
-        ]
-        output.table(
-            "Causes, the one that closes most of the gap first",
-            ("*effect", "~at", "probability", "~parameters ± one std", "~alternatives"),
-            rows,
-        )
-    gap = found.gap
-    closed = ""
-    if gap.closed is not None:
-        closed = f"closed {percent(gap.closed)}"
-        if gap.closed_ci95 is not None:
-            closed += f" (95 %: {percent(gap.closed_ci95[0])} to {percent(gap.closed_ci95[1])})"
-    if steps(found):
-        closed += f"{'; ' if closed else ''}as the causes are added one by one: {steps(found)}"
-    gaps: list[tuple[str, ...]] = [
-        (
-            "held-out postures of this session",
-            millimetres(gap.before_m),
-            millimetres(gap.after_m),
-            millimetres(gap.noise_floor_m),
-        )
-    ]
-    gaps += [(c.session, millimetres(c.before_m), millimetres(c.after_m), "") for c in gap.checked]
-    gaps += [
-        (f"marker {w.marker}, withheld", millimetres(w.before_m), millimetres(w.after_m), "")
-        for w in found.witness
-    ]
-    output.table(
-        "Gap between prediction and observation, RMS, mm",
-        ("~on", "before", "after", "noise floor"),
-        gaps,
-        caption=closed,
-    )
-    if found.data.left_out:
-        reasons: dict[str, list[int]] = {}
-        for left in found.data.left_out:
-            reasons.setdefault(left.why, []).append(left.frame)
-        output.table(
-            f"Left out; used: {found.data.points_used} of {found.data.points_given} observations of markers",
-            ("~why", "observations", "frames"),
-            [
-                (
-                    why,
-                    str(len(frames)),
-                    f"{min(frames)}" if len(set(frames)) == 1 else f"{min(frames)} to {max(frames)}",
-                )
-                for why, frames in reasons.items()
-            ],
-            caption="each of them is in diagnosis.json",
-        )
-    read = found.document.get("encoder_witness", ())
-    encoders = telling_encoders(read)
-    if encoders:
-        output.table(
-            "Encoders that no fit saw: RMS of reading less prediction, mrad (a prismatic joint: mm)",
-            ("*joint", "before", "after", "before, zero free", "after, zero free"),
-            [(e["joint"], *(f"{1e3 * e[key]:.2f}" for key in ENCODER_COLUMNS)) for e in encoders],
-            caption=f"{len(read) - len(encoders)} others read what is predicted"
-            if len(encoders) < len(read)
-            else "",
-        )
-    accelerometers = found.document.get("accelerometer_witness", ())
-    if accelerometers:
-        columns = ("before_rad", "after_rad", "before_mount_free_rad", "after_mount_free_rad")
-        output.table(
-            "Accelerometers that no fit saw: RMS angle between reading and prediction, mrad",
-            ("*link", "frames", "before", "after", "before, mount free", "after, mount free"),
-            [
-                (
-                    a["link"],
-                    str(a["frames"]),
-                    *("" if a[key] is None else f"{1e3 * a[key]:.2f}" for key in columns),
-                )
-                for a in accelerometers
-            ],
-        )
-    if limits_line(found):
-        output.say(limits_line(found))
-    for place in found.where:
-        if place.depends_on:
-            output.say(
-                f"unexplained at {place.at} ({percent(place.share)} of the gap): depends on {dependence(place.depends_on)}"
-            )
-    for warning in found.warnings:
-        output.warn(warning)
-    output.say(f"next: {next_step(found)}")
