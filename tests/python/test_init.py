@@ -82,7 +82,8 @@ def test_a_beginning_is_written_anew_and_a_recording_is_not(
     (folder / "plan").mkdir()
     (folder / "plan" / "plan.json").write_text("{}")
     assert "--overwrite" in run("init", arm, folder, *WORDS, code=1).stderr
-    run("init", arm, folder, *WORDS, "--overwrite", "--ball-mm", "40", "--up", "0,0,-2")
+    # A board that is larger than a desk's printer prints.
+    run("init", arm, folder, *WORDS, "--overwrite", "--ball-mm", "40", "--up", "0,0,-2", "--square-mm", "60")
     assert tomllib.loads((folder / "session.toml").read_text())["gravity"] == [0.0, 0.0, 9.81]
     assert "--up" in run("init", arm, folder, *WORDS, "--overwrite", "--up", "0,0,0", code=1).stderr
     assert tomllib.loads((folder / "session.toml").read_text())["markers"][0]["diameter"] == pytest.approx(

@@ -15,7 +15,14 @@ from ..board import Board
 Rectangle = tuple[float, float, float, float]
 """Left, bottom, width, height, m, from the sheet's lower left corner; y is up."""
 
-PAPERS_M = {"a4": (0.210, 0.297), "letter": (0.2159, 0.2794), "a3": (0.297, 0.420)}
+PAPERS_M = {
+    "a4": (0.210, 0.297),
+    "letter": (0.2159, 0.2794),
+    "a3": (0.297, 0.420),
+    "a2": (0.420, 0.594),
+    "a1": (0.594, 0.841),
+    "a0": (0.841, 1.189),
+}
 """Width and height of a sheet, upright."""
 QUIET_SQUARES = 1.0
 """White border around the pattern, in squares: without it detectors lose the outer squares on dark clothes."""

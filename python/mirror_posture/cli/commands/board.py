@@ -26,7 +26,7 @@ def command(
     ] = "chessboard",
     marker_mm: Annotated[float | None, typer.Option(help="charuco: side of a code, mm.")] = None,
     dictionary: Annotated[str | None, typer.Option(help="charuco: OpenCV's name of the dictionary.")] = None,
-    paper: Annotated[str, typer.Option(help="a4, letter or a3.")] = "a4",
+    paper: Annotated[str, typer.Option(help="a4, letter, a3, a2, a1 or a0.")] = "a4",
     distance_m: Annotated[float, typer.Option(help="From the camera to the mirror, m.")] = 0.4,
     focal_px: Annotated[
         float, typer.Option(help="Focal length, px; of an unknown webcam about its picture's width.")

@@ -130,8 +130,8 @@ def command(
     nx, ny = _two(corners, "--corners", "7x4")
     mirror_width_m, mirror_height_m = wanted_size(mirror_size)
     tolerance_m, tolerance_rad = tolerance_mm / 1000.0, math.radians(tolerance_deg)
-    # The sheet's own checks: one odd, one even; A3 holds whatever board a robot wears.
-    told = BoardSheet(nx, ny, square_mm / 1000.0, paper="a3").metadata()
+    # The sheet's own checks: one odd, one even; a large arm's board may be larger than a desk's printer prints.
+    told = BoardSheet(nx, ny, square_mm / 1000.0, paper="a0").metadata()
     if camera_file is None:
         width, height = _two(picture, "--picture", "1280x720")
         focal = float(width if focal_px is None else focal_px)
