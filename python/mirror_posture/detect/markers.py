@@ -24,9 +24,10 @@ from .types import MarkerView, PredictedMarker, color_of
 
 # Smallest outline that sub-pixel edges can be read from; below, the region's centroid is all there is.
 MIN_OUTLINE_RADIUS_PX = 3.0
-# A codec's blocks shift all edges of a side alike, by errors whose variance grows with the square of its quantisation step (levels): from this step on they are
-# most of what the centre's variance has. Measured on balls of 15 to 40 px at JPEG qualities 98 to 20; where colour is coarser, most of it shows in the edges.
+# A codec's blocks shift all edges of a side alike, by errors whose variance grows with its quantisation step (levels), at coarse steps with its square: from these steps on they are
+# most of what the centre's variance has. Measured on balls of 7 to 40 px at JPEG qualities 98 to 20; where colour is coarser, most of it shows in the edges.
 TELLING_STEP = 10.0
+TELLING_COARSE_STEP = 11.0
 TELLING_STEP_OF_COARSE_COLOUR = 30.0
 
 
@@ -71,8 +72,10 @@ def detect_markers(
     ]
     # All outlines of the picture at once: the core shares them out.
     starts = [start for job in jobs for start in job.starts]
-    telling = TELLING_STEP if chroma_step_px == (1, 1) else TELLING_STEP_OF_COARSE_COLOUR
-    widened = 1.0 + (quantisation_step / telling) ** 2
+    if chroma_step_px == (1, 1):
+        widened = 1.0 + max(quantisation_step / TELLING_STEP, (quantisation_step / TELLING_COARSE_STEP) ** 2)
+    else:
+        widened = 1.0 + (quantisation_step / TELLING_STEP_OF_COARSE_COLOUR) ** 2
     fits = iter(
         None if fit is None else replace(fit, centroid_covariance_px2=widened * fit.centroid_covariance_px2)
         for fit in measure_balls(bgr, starts, assumed, chroma_step_px)
