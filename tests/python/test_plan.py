@@ -407,6 +407,30 @@ def test_a_plan_that_is_there_is_judged_as_when_it_was_made(planned: Path, tmp_p
     assert gear[0] > gear[1]
 
 
+def test_a_rehearsal_has_the_glass_that_was_planned_for(
+    planned: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sizes: list[tuple[float, float]] = []
+
+    class Painter:
+        missing: tuple[str, ...] = ()
+
+        def __init__(self, nominal: Nominal, size_m: tuple[float, float], preview: bool) -> None:
+            sizes.append(size_m)
+
+        def draw(self, *_: object) -> np.ndarray:
+            return np.zeros((4, 4, 3), np.uint8)
+
+        def close(self) -> None: ...
+
+    monkeypatch.setattr("mirror_posture.shapes.mesh_pictures.MeshPainter", Painter)
+    words = ["render", tmp_path / "look.png", "--template", planned, "--meshes", "--preview"]
+    run(*words, "--plan", planned / "plan")
+    run(*words, "--plan", planned / "plan", "--mirror-size", "30x40")
+    run(*words, "--joint", "lift=30")
+    assert sizes == [(WIDTH_M, HEIGHT_M), (0.3, 0.4), (0.4, 0.6)]
+
+
 def test_the_schema_takes_a_real_plan_and_what_the_reader_takes(planned: Path, tmp_path: Path) -> None:
     document = json.loads((planned / "plan" / "plan.json").read_text())
     # One of each list is enough.

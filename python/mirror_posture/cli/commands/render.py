@@ -57,7 +57,9 @@ def command(
     ] = None,
     mirror_size: Annotated[
         str | None,
-        typer.Option(help="With --meshes: width x height, cm. [default: as session.toml says, else 40x60]"),
+        typer.Option(
+            help="With --meshes: width x height, cm. [default: as the plan has it, or session.toml says, else 40x60]"
+        ),
     ] = None,
     preview: Annotated[
         bool, typer.Option("--preview", help="With --meshes: one picture (FOLDER is then a .png), at once.")
@@ -138,13 +140,18 @@ def _with_meshes(
 
     from ...output_files import write_file
     from ...plan import PlanOptions
+    from ...plan.again import read_options
     from ...plan.simple import mirrors_before, planned_mirrors
+    from ...plan.table import DOCUMENT
     from ...robots import Nominal
     from ...shapes.mesh_pictures import MeshFrame, MeshPainter, render_meshes_session
 
     nominal = Nominal.load(template)
     offsets = joint_values(offset, "--offset", nominal.robot)
     wanted = PlanOptions(*wanted_size(mirror_size))
+    if plan is not None and mirror_size is None and (plan / DOCUMENT).is_file():
+        # The glass that was planned for: a smaller one would not show what the plan promises.
+        wanted = read_options(plan / DOCUMENT)
     options = wanted.before(nominal.metadata.mirror)
     width, height = options.mirror_size_m
     if plan is not None:
