@@ -122,7 +122,7 @@ def test_session_toml(tmp_path: Path) -> None:
     assert read(document) and read(moon)
     documents = [
         ("as it is", document),
-        *some(document, 3),
+        *some(document, 5),
         *((w, d) for w, d in variants(moon) if w.startswith("gravity")),
     ]
     taken, refused = compare("session", documents, read, beyond)
@@ -202,7 +202,7 @@ def test_diagnosis_json() -> None:
     document = rich_document()
     for panel in ("signatures", "tracks", "fields"):
         del document[panel]
-    documents = [("as it is", document), *some(document, 3)]
+    documents = [("as it is", document), *some(document, 5)]
     # JSON has no infinity.
     kept = [(w, d) for w, d in documents if not w.endswith("= inf")]
     taken, refused = compare("diagnosis", kept, Diagnosis.from_document)
