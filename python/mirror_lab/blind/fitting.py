@@ -129,8 +129,12 @@ def screen(
             own = np.linalg.qr(flat)[0]
         else:
             # A prior is a row more for each parameter, in which the residual is 0: of the basis only the rows of the data are met.
-            scale = np.where(np.isfinite(prior_std), prior_std, 1.0 / np.linalg.norm(flat, axis=0))
-            rows = np.diag(np.isfinite(prior_std).astype(float))
+            # What no row shows and no prior holds has no say.
+            size = np.linalg.norm(flat, axis=0)
+            said = np.isfinite(prior_std) | (size > 0.0)
+            flat, size, held = flat[:, said], size[said], np.isfinite(prior_std[said])
+            scale = np.where(held, prior_std[said], 1.0 / np.where(size > 0.0, size, 1.0))
+            rows = np.diag(held.astype(float))
             own = np.linalg.qr(np.concatenate([flat * scale, rows]))[0][: len(flat)]
         before = left.ravel()
         left = (before - own @ (own.T @ before)).reshape(left.shape)

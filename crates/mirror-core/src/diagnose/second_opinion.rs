@@ -12,6 +12,7 @@ use crate::diagnose::data::recording::Recording;
 use crate::diagnose::pipeline;
 use crate::diagnose::prepare::options::{DiagnoseOptions, OtherSession};
 use crate::diagnose::principles::LEAST_HELD_OUT_RATIO;
+use crate::diagnose::selection::nonparametric::BY_ITSELF;
 use crate::error::Result;
 use crate::robot::Robot;
 
@@ -20,7 +21,7 @@ const PAIRING: &str = "pairing";
 /// A closer look is taken where the first one took no more than this share of its limit of work: both together stay bounded.
 const MOST_WORK: f64 = 0.6;
 /// What a place depends on where a second, closer look for whole mistakes is worth it.
-const OF_PATH: [&str; 2] = ["history", "posture, each by itself"];
+const OF_PATH: [&str; 2] = ["history", BY_ITSELF];
 /// A ratio that is a whole mistake is tried as another unit of the joint, and told as a small one is.
 const RATIO: (&str, &str) = ("joint_unit", "gear_ratio");
 /// A ratio is there where it is so many of its deviations from the model's.

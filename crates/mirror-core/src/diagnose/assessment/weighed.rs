@@ -12,7 +12,9 @@ use crate::diagnose::selection::alternatives::settled;
 use crate::diagnose::selection::beyond::Beyond;
 use crate::diagnose::selection::nonparametric::{Unexplained, unexplained};
 use crate::diagnose::selection::search::{Found, Search};
-use crate::diagnose::selection::simplify::{comes_down, drop_useless, gaps, named_in_vain, without_names};
+use crate::diagnose::selection::simplify::{
+    comes_down, drop_useless, gaps, named_for_little, named_in_vain, without_names,
+};
 use crate::error::Result;
 
 /// Weighs what was found, without the observations that the best model shows to be false.
@@ -68,8 +70,12 @@ pub(crate) fn weighed<'a>(
     if free {
         after = without_names(&search, &mut found, &mut standings)?;
     }
-    if named_in_vain(&search, &found, &nominal_gap, &after) {
-        found.trace.push("no cause is named: together they leave the held-out gap no smaller".into());
+    let lawless = unexplained.as_ref().is_some_and(Unexplained::is_lawless);
+    let no_smaller = named_in_vain(&search, &found, &nominal_gap, &after);
+    if no_smaller || lawless && named_for_little(&search, &found, &nominal_gap, &after) {
+        let left =
+            if no_smaller { "the held-out gap no smaller" } else { "nearly all of a gap that has no place" };
+        found.trace.push(format!("no cause is named: together they leave {left}"));
         found.fit = search.fit(nominal, found.noise, SOLVER.loose_steps)?;
         (geometry, after) = (None, nominal_gap.clone());
         standings.clear();

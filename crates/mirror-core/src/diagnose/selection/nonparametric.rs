@@ -26,6 +26,9 @@ const IMITATOR_SHARE: f64 = 4.0;
 /// With so many causes at once, or more, one unknown law may be behind all of them.
 const COMPOSITE: usize = 2;
 
+/// What the error of a joint that rests elsewhere each time depends on.
+pub(crate) const BY_ITSELF: &str = "posture, each by itself";
+
 /// Where the unexplained part lives: the place that matters most first.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Unexplained {
@@ -36,13 +39,13 @@ impl Unexplained {
     /// A joint that rests elsewhere each time.
     pub fn restless(node: NodeId) -> Self {
         let place = Some(Place::Joint(node));
-        Self {
-            places: vec![UnexplainedPlace {
-                place,
-                depends_on: Some("posture, each by itself".into()),
-                shift: 1.0,
-            }],
-        }
+        Self { places: vec![UnexplainedPlace { place, depends_on: Some(BY_ITSELF.into()), shift: 1.0 }] }
+    }
+
+    /// Whether nothing says which law the rest follows, nor where: of no place, or of each posture by itself.
+    pub fn is_lawless(&self) -> bool {
+        let by_itself = |p: &UnexplainedPlace| p.depends_on.as_deref() == Some(BY_ITSELF);
+        self.places.iter().all(|p| p.place.is_none() || by_itself(p))
     }
 
     /// A remainder of no known place.

@@ -15,6 +15,8 @@ pub(crate) const LEAST_HELD_OUT_GAIN: f64 = 0.002;
 const SURELY_WORSE: f64 = 2.0;
 /// The same beside many small errors, of which a cause must stand out.
 const LEAST_HELD_OUT_GAIN_BESIDE_GEOMETRY: f64 = 0.02;
+/// What leaves more than this share of a gap explains next to nothing of it.
+const NEARLY_ALL_LEFT: f64 = 0.8;
 /// A cause beside free-form errors may leave the gap larger by this factor: it may be small beside them.
 const NO_LARGER: f64 = 1.0005;
 
@@ -110,6 +112,17 @@ pub(crate) fn named_in_vain(
     // Written so that NaN is in vain.
     let smaller = seen_size(after) < seen_size(before) && (is.told_m().is_none() || is.rms_m < was.rms_m);
     (named || !model.group.is_empty()) && !smaller
+}
+
+/// Whether the named causes leave nearly all of the gap: beside a rest that has no place they only took a part of it, whatever their odds.
+pub(crate) fn named_for_little(
+    search: &Search<'_>,
+    found: &Found,
+    before: &[PostureGap],
+    after: &[PostureGap],
+) -> bool {
+    let named = found.fit.model.terms.iter().any(|t| !search.catalogue.is_free(t.hypothesis));
+    named && seen_size(after) > NEARLY_ALL_LEFT * seen_size(before)
 }
 
 /// Whether a cause is one that stands out of a set-up's own small errors: these would predict as well without it, less credibly.
