@@ -13,9 +13,10 @@ import numpy as np
 import numpy.typing as npt
 
 from .candidates import Candidates
+from .causes import Moment
 from .options import MirrorPlace
 from .room import Room
-from .sensitivity import Moment, Sensitivity
+from .sensitivity import Sensitivity
 from .setting import Setting
 
 Floats = npt.NDArray[np.float64]

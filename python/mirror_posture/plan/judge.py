@@ -66,7 +66,7 @@ def judge_plan(folder: str | os.PathLike[str], plan_folder: Path) -> tuple[Plan,
     sensitivity = Sensitivity(setting, SECONDS_A_FRAME, asked)
     plan = Plan(
         setting, options, used, positions, view, np.array([row.posture for row in rows], dtype=np.int64), markers,
-        told_by(setting, sensitivity, positions, [mirrors[v] for v in view], markers), {}, 0, planned.warnings, planned.ignored,
+        told_by(sensitivity, positions, [mirrors[v] for v in view], markers), {}, 0, planned.warnings, planned.ignored,
         float(first.normal_in_root @ (first.center_in_root_m - board)),
     )  # fmt: skip
     return plan, tuple(wrong)

@@ -15,10 +15,11 @@ from .._core import MirrorPostureError
 from ..arguments import checked_arguments
 from ..robots.nominal import Nominal
 from .candidates import Candidates, sift
+from .causes import moments
 from .choose import choose, information_roots, order
 from .options import MirrorPlace, PlanOptions, turned_mirrors
 from .room import Room, room_of
-from .sensitivity import Sensitivity, moments
+from .sensitivity import Sensitivity
 from .setting import Setting, draw, read_setting
 from .sight import look, scene_of
 from .telling import Tells, what_it_tells
@@ -111,7 +112,7 @@ def make_plan(
         raise _too_few(nominal, replace(candidates, reasons=dict(reasons)), len(rows))
     positions, view = candidates.positions[rows], candidates.view[rows]
     say("what they will tell")
-    tells = told_by(setting, sensitivity, positions, [mirrors[v] for v in view], candidates.markers[rows])
+    tells = told_by(sensitivity, positions, [mirrors[v] for v in view], candidates.markers[rows])
     if len(rows) < sum(len(block) for block in chosen):
         warnings.append(
             f"{sum(map(len, chosen)) - len(rows)} postures were left out: no free way led there from the one before"
@@ -136,14 +137,13 @@ def make_plan(
 
 
 def told_by(
-    setting: Setting,
     sensitivity: Sensitivity,
     positions: Floats,
     mirrors: Sequence[MirrorPlace],
     markers: npt.NDArray[np.bool_],
 ) -> tuple[Tells, ...]:
     """What postures (F, nq), held one after the other before these F mirrors (in the base's frame), tell by the balls (F, M) that are seen."""
-    told_moments = moments(setting, sensitivity, list(positions), SECONDS_A_FRAME)
+    told_moments = moments(positions, sensitivity.torques(positions), SECONDS_A_FRAME)
     held = zip(told_moments, mirrors, markers, strict=True)
     rows = [sensitivity.jacobian(moment, mirror, seen, True) for moment, mirror, seen in held]
     return tuple(what_it_tells(sensitivity, rows))

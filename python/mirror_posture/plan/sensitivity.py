@@ -16,38 +16,13 @@ import numpy.typing as npt
 from ..mirror import IDEAL_MIRROR
 from ..optics import SeenInMirror, see_in_mirror
 from ..robot import Joint
+from .causes import Cause, Moment, cross_matrices, turned
 from .options import MirrorPlace
 from .setting import Setting
 from .sight import scene_of
 
 Floats = npt.NDArray[np.float64]
-Basis = Callable[["Moment"], Floats]
-
-
-@dataclass(frozen=True, eq=False)
-class Moment:
-    """One frame: the posture, from which side each joint arrived (−1, 0, 1), the torques of gravity, the time."""
-
-    positions: Floats
-    side: Floats
-    torque_nm: Floats
-    time_s: float
-
-
-@dataclass(frozen=True)
-class Cause:
-    """An effect at a place, with its parameters, the sizes at which they begin to matter, and its columns."""
-
-    effect: str
-    at: str
-    parameters: tuple[str, ...]
-    typical: tuple[float, ...]
-    columns: slice
-
-    @property
-    def name(self) -> str:
-        """`effect@place`."""
-        return f"{self.effect}@{self.at}"
+Basis = Callable[[Moment], Floats]
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,7 +150,7 @@ class Sensitivity:
             def tilt(direction: Floats) -> Basis:
                 # The axis leans towards `direction`: a turn w of the frame before the motion, and back after it.
                 w = np.cross(axis, direction)
-                return lambda m: np.concatenate([w - _turn(axis, float(m.positions[k]), w), np.zeros(3)])
+                return lambda m: np.concatenate([w - turned(axis, float(m.positions[k]), w), np.zeros(3)])
 
             add("axis_tilt", at, ("tilt_1_rad", "tilt_2_rad"), (0.02, 0.02), tilt(u), tilt(v))
         parent_from = np.asarray(joint.parent_from_joint, dtype=float)
@@ -248,7 +223,7 @@ class Sensitivity:
         omega = np.einsum("pij,pj->pi", turn, twist[:, :3])
         v = np.einsum("pij,pj->pi", turn, twist[:, 3:]) - np.cross(omega, origin)
         # ω × p is −[p]× ω.
-        moved = -np.einsum("nij,pj->npi", _cross(points), omega) + v
+        moved = -np.einsum("nij,pj->npi", cross_matrices(points), omega) + v
         moved *= (below[:, owner] - below[:, [self._camera]]).T[:, :, None]
         columns: Floats = np.einsum("nij,npj->nip", by_base_point, moved)
         return columns
@@ -276,12 +251,12 @@ class Sensitivity:
                         out[corners + row, :, start : start + 3] = by_base_point[corners + row] @ turn
             elif cause.effect == "camera_mount":
                 # The camera moves: everything moves the other way in its frame.
-                out[:, :, start : start + 3] = by_point @ _cross(in_camera)
+                out[:, :, start : start + 3] = by_point @ cross_matrices(in_camera)
                 out[:, :, start + 3 : start + 6] = -by_point
             elif cause.effect == "board_mount":
                 board = slice(0, corners)
                 around = in_camera[board] - in_camera[board].mean(axis=0)
-                out[board, :, start : start + 3] = -by_point[board] @ _cross(around)
+                out[board, :, start : start + 3] = -by_point[board] @ cross_matrices(around)
                 out[board, :, start + 3 : start + 6] = by_point[board]
 
     def _optics(self, out: Floats, view: SeenInMirror, corners_in_camera: Floats, corners: int) -> None:
@@ -306,38 +281,3 @@ class Sensitivity:
                 out[:, :, at] = view.by_thickness
             elif cause.effect == "mirror_curvature":
                 out[:, :, at] = view.by_curvature
-
-
-def moments(
-    setting: Setting, sensitivity: Sensitivity, positions: Sequence[Floats], seconds_a_frame: float
-) -> list[Moment]:
-    """The moments of postures in the order of execution, from rest at 0."""
-    rows = np.asarray(positions, dtype=float)
-    before = np.vstack([np.zeros((1, rows.shape[1])), rows[:-1]])
-    side = np.zeros_like(rows)
-    last = np.zeros(rows.shape[1])
-    for number, change in enumerate(rows - before):
-        # A joint that does not move keeps the side from which it came.
-        last = np.where(np.abs(change) > 1e-6, np.sign(change), last)
-        side[number] = last
-    torque = sensitivity.torques(rows)
-    return [Moment(rows[i], side[i], torque[i], i * seconds_a_frame) for i in range(len(rows))]
-
-
-def _turn(axis: Floats, angle: float, vector: Floats) -> Floats:
-    """Rodrigues' turn of a vector about a unit axis."""
-    turned: Floats = (
-        vector * np.cos(angle)
-        + np.cross(axis, vector) * np.sin(angle)
-        + axis * float(axis @ vector) * (1.0 - np.cos(angle))
-    )
-    return turned
-
-
-def _cross(points: Floats) -> Floats:
-    """(N, 3, 3): the matrices of x ↦ p × x."""
-    out = np.zeros((len(points), 3, 3))
-    x, y, z = points.T
-    out[:, 0, 1], out[:, 0, 2], out[:, 1, 2] = -z, y, -x
-    out[:, 1, 0], out[:, 2, 0], out[:, 2, 1] = z, -y, x
-    return out

@@ -14,7 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from .sensitivity import Cause, Sensitivity
+from .causes import Cause
+from .sensitivity import Sensitivity
 
 Floats = npt.NDArray[np.float64]
 
