@@ -17,7 +17,7 @@ OWN_COLUMNS = ("frame", "posture", "time_s", "image")
 MEASURED = "measured:"
 LIMIT_FACTOR = 4.0
 """A command beyond this many times the joint's limit cannot be meant: degrees, most likely (a factor of 57)."""
-MANY_TURNS, LARGEST_POSITION = 100.0, 1e5
+FULL_TURN, MANY_TURNS, LARGEST_POSITION = 2.0 * np.pi, 100.0, 1e5
 """rad (m): where a joint without a limit stands beyond sixteen turns it is odd; beyond the second it cannot be meant."""
 
 
@@ -132,6 +132,9 @@ def _check_unit(table: Table, column: str, joint: Joint, positions: np.ndarray) 
     if 0.0 < largest < MANY_TURNS:
         most = LIMIT_FACTOR * largest
         told = f"more than {LIMIT_FACTOR:g} times the joint's limit of {largest:g} {unit} in the URDF; needed {unit}"
+        if column.startswith(MEASURED) and joint.kind != "prismatic" and most < FULL_TURN:
+            # A limb that its servo cannot hold tips over: that is read, not told.
+            most, told = FULL_TURN, f"more than a full turn; needed {unit}"
     else:
         most, told = LARGEST_POSITION, f"needed at most {LARGEST_POSITION:g} {unit}"
     row = int(np.argmax(np.abs(positions) > min(most, MANY_TURNS)))
