@@ -196,3 +196,20 @@ def same(printed: str, said: str) -> str | None:
         for had, told in zip(found.groups(), numbers, strict=True)
     )
     return None if near else lines
+
+
+NUMBER = r"\d+(?:\.\d+)?"
+FRAMES = r"[\s━┏┓┡┩╇┳└┘┴─┃│]+"
+"""Blanks and a table's lines: they follow the widths of numbers."""
+
+
+def alike(printed: str, said: str) -> bool:
+    """Whether an output has the words of a printed one, and its numbers within 5 %, or two in the last place: machines round differently."""
+    wanted, had = (re.sub(FRAMES, " ", text).strip() for text in (printed, said))
+    if re.sub(NUMBER, "#", wanted) != re.sub(NUMBER, "#", had):
+        return False
+    for told, found in zip(re.findall(NUMBER, wanted), re.findall(NUMBER, had), strict=True):
+        last = 10.0 ** -len(told.partition(".")[2]) if "." in told else 0.0
+        if abs(float(told) - float(found)) > max(0.05 * float(told) if last else 0.0, 2.0 * last):
+            return False
+    return True
