@@ -193,9 +193,15 @@ class Rollouts:
         mujoco.mj_resetData(self.model, begin)
         begin.qpos[self.qpos] = self.commands[0]
         mujoco.mj_getState(self.model, begin, state, mujoco.mjtState.mjSTATE_FULLPHYSICS)
-        states, _ = self._pool.rollout(
-            models, self._data, np.repeat(state[None], len(models), axis=0), np.stack(controls)
-        )
+        # A motion that diverges is told as none: MuJoCo would write a file of it where the user stands.
+        heard = mujoco.get_mju_user_warning()
+        mujoco.set_mju_user_warning(lambda _: None)
+        try:
+            states, _ = self._pool.rollout(
+                models, self._data, np.repeat(state[None], len(models), axis=0), np.stack(controls)
+            )
+        finally:
+            mujoco.set_mju_user_warning(heard)
         self.count += len(models)
         # A state is the time, then positions, then velocities; row i is after step i.
         return [self._branches_of(run[settle * substeps - 1 : -1 : substeps]) for run in states]

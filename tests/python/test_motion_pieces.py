@@ -1,0 +1,51 @@
+"""Parts of the diagnosis of a motion that need no simulated session: laws of commands, the noise, gross errors."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+pytest.importorskip("mujoco")
+
+from mirror_posture.motion.drives import lagged, slewed
+from mirror_posture.motion.false_images import false_images
+from mirror_posture.motion.rollouts import STEP_S
+from mirror_posture.motion.statistics import misfit, noise_scale
+
+
+def test_laws_of_commands() -> None:
+    time = np.arange(0.0, 2.0, STEP_S)
+    ramp = np.maximum(time - 0.2, 0.0)
+    late = lagged(ramp, 0.05, STEP_S)
+    # Behind a ramp a filter of first order stays by its time constant.
+    assert np.allclose((ramp - late)[-100:], 0.05, atol=1e-6)
+    slow = slewed(ramp, 0.4, STEP_S)
+    assert np.isclose(np.diff(slow).max() / STEP_S, 0.4) and np.all(slow <= ramp + 1e-12)
+
+
+def test_noise_is_read_off_beside_a_slow_error_and_correlation_counts() -> None:
+    rng = np.random.default_rng(1)
+    seen = np.ones((600, 4), dtype=bool)
+    time = np.arange(600)[:, None, None] / 30.0
+    white = rng.normal(size=(600, 4, 2))
+    slow = 10.0 * np.sin(2.0 * np.pi * 0.5 * time)
+    assert abs(noise_scale(1.3 * white + slow, seen) - 1.3) < 0.08
+    late = white.copy()
+    for i in range(1, 600):
+        late[i] = 0.35 * late[i - 1] + np.sqrt(1.0 - 0.35**2) * late[i]
+    assert abs(noise_scale(late + slow, seen) - 1.0) < 0.08
+    assert misfit(white, seen).inflation < 1.15
+    assert misfit(white + slow, seen).inflation > 50.0
+
+
+def test_gross_errors_are_told_from_a_body_that_moves_otherwise() -> None:
+    rng = np.random.default_rng(3)
+    time = np.arange(180)[:, None, None] / 30.0
+    images = 0.2 * rng.normal(size=(180, 3, 2)) + 8.0 * np.sin(2.0 * np.pi * 0.7 * time)
+    images[40, 1] = np.nan
+    wrong = np.zeros((180, 3), dtype=bool)
+    wrong[[0, 60, 62, 90, 91, 179], 1] = True
+    images[wrong] += 6.0 * rng.choice([-1.0, 1.0], size=(int(wrong.sum()), 2))
+    # A limb that swings once, unlike the model, within half a second.
+    images[120:136, 2] += 15.0 * (1.0 - np.cos(2.0 * np.pi * np.arange(16) / 16.0))[:, None]
+    assert (false_images(images, 0.2) == wrong).all()
