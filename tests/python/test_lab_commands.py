@@ -13,12 +13,17 @@ from mirror_posture.cli.app import app
 pytest.importorskip("mirror_lab")
 
 
-def run(line: str) -> str:
+def run(line: str, code: int = 0) -> str:
     done = CliRunner().invoke(app, line.split())
     if "No such command" in done.output:
         pytest.skip("joins with the installed mirror-posture-lab")
-    assert done.exit_code == 0, done.output
+    assert done.exit_code == code, done.output
     return done.output
+
+
+def test_what_the_judge_cannot_judge_is_not_made(tmp_path: Path) -> None:
+    assert "--outside" in run(f"blind make {tmp_path / 'set'} --setup by-hand --outside 0.2", code=1)
+    assert not (tmp_path / "set").exists()
 
 
 def test_one_blind_case_is_made_and_scored(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -58,8 +58,13 @@ def make(
     least: Annotated[int, typer.Option(min=0, max=4, help="Least number of causes.")] = 0,
     most: Annotated[int, typer.Option(min=0, max=4, help="Largest number of causes.")] = 4,
     outside: Annotated[
-        float, typer.Option(min=0, max=1, help="Share with an effect outside the vocabulary.")
-    ] = 0.15,
+        float | None,
+        typer.Option(
+            min=0,
+            max=1,
+            help="Share with an effect outside the vocabulary; 0.15 by default, none where the set-up is by hand.",
+        ),
+    ] = None,
     effect: Annotated[str | None, typer.Option(help="Only sessions with this single effect.")] = None,
     frames: Annotated[
         tuple[int, int], typer.Option(help="Least and largest number of frames of a session.")
@@ -107,13 +112,18 @@ def make(
         raise MirrorPostureError(f"--setup: got {setup!r}; known are exact and by-hand")
     if pictures and (mistakes or setup == "by-hand"):
         raise MirrorPostureError("--pictures: mistakes and hand-made set-ups are made of image points only")
+    if setup == "by-hand" and outside:
+        raise MirrorPostureError(
+            f"--outside: got {outside:g} with --setup by-hand; what such a session can show of an effect outside the "
+            "vocabulary is not judged: needed 0"
+        )
     with _told():
         from ..blind.make import make_cases
         from ..blind.simulate import Options
 
         options = Options(
             causes=(least, most),
-            outside_share=outside,
+            outside_share=(0.0 if setup == "by-hand" else 0.15) if outside is None else outside,
             pictures=pictures,
             frames=frames,
             renderer=renderer,
