@@ -27,9 +27,9 @@ pub(crate) fn weighed<'a>(
     nominal: &Model,
     prepared: &Prepared,
 ) -> Result<Findings<'a>> {
-    let Beyond { mut geometry, restless, unnamed, compared, clean, false_share } = beyond;
+    let Beyond { mut geometry, restless, unnamed, clean, false_share } = beyond;
     search.problem = clean;
-    let unfinished = search.problem.budget.is_spent() && !compared;
+    let unfinished = search.problem.budget.is_spent() && geometry.is_none();
     let (nominal_gap, mut after) = gaps(&search, nominal, &found)?;
     let has_free = |search: &Search<'_>, found: &Found| {
         found.fit.model.terms.iter().any(|t| search.catalogue.is_free(t.hypothesis))
@@ -41,7 +41,7 @@ pub(crate) fn weighed<'a>(
     // Nothing agrees with views that disagree among themselves, nor is anything known to where the search was cut off.
     let loud = is_no_noise(search.measured_noise, prepared.stated, search.problem.scene.reach_m);
     let mut standings = Vec::new();
-    // Causes beside a remainder are believed where they were weighed against small errors everywhere, which a search that was cut off was not.
+    // Causes beside a remainder are believed where they were found beside small errors; those of a search that was cut off without them only took a part.
     let hopeless = |search: &Search<'_>, found: &Found, after: &[PostureGap]| -> Result<bool> {
         Ok(loud || left(search, found)?.significant && !is_reached(search, &found.fit, after)?)
     };

@@ -25,8 +25,6 @@ pub(crate) struct Beyond {
     pub restless: Option<NodeId>,
     /// Where errors of no name say more than the small errors that are told.
     pub unnamed: Option<Unexplained>,
-    /// Whether what was found was weighed against many small errors.
-    pub compared: bool,
     /// The problem without the observations that the best model shows to be false, and their share.
     pub clean: Problem,
     pub false_share: f64,
@@ -78,9 +76,7 @@ pub(crate) fn look_beyond<'a>(
     }
     let mut unnamed = None;
     let many = found.fit.model.terms.len() > MANY_CAUSES;
-    let compared =
-        restless.is_none() && with_geometry && (fits_noise.significant || many) && !budget.is_spent();
-    if compared {
+    if restless.is_none() && with_geometry && (fits_noise.significant || many) {
         if let Some(beside) = beside_geometry(&named, (search, found), nominal)? {
             geometry = Some(beside.geometry);
             unnamed = beside.unnamed;
@@ -89,5 +85,5 @@ pub(crate) fn look_beyond<'a>(
         (clean, false_share) = without_false(search, found)?;
     }
     geometry = geometry.filter(|_| !found.fit.model.group.is_empty());
-    Ok(Beyond { geometry, restless, unnamed, compared, clean, false_share })
+    Ok(Beyond { geometry, restless, unnamed, clean, false_share })
 }
