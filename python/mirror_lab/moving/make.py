@@ -21,6 +21,7 @@ from ..blind.views import place_mirrors
 from ..blind.whole_file import remove_unfinished, whole_folder
 from .causes import LAWS, Body, Usual
 from .engine import KEPT_S, Engine, Servos, Track
+from .shows import LAWS_OF_POSITION, Bent, rivals_of
 from .write import write_session
 
 Array = NDArray[np.float64]
@@ -93,9 +94,12 @@ def make_case(
     told = round(float((noise.corner_px + noise.blob_px) / 2 * rng.uniform(0.85, 1.2)), 3)
     model = _users_model(robot, moving, stiffness, damping, armature)
     seen = []
+    lawful = [moving.index(c["at"][6:]) for c in causes if c["effect"] in LAWS_OF_POSITION]
     for motion in (commands, unseen):
         track = engine.run(times, motion, body.servos)
-        pictures = _see(robot, engine, track, body, lens, noise, shutter, rng, seconds, nominal_lens)
+        pictures = _see(robot, engine, track, body, lens, noise, shutter, rng, seconds, nominal_lens, lawful)
+        if motion is commands:
+            _tell_rivals(causes, moving, track, body, pictures, noise.blob_px)
         seen.append(((times, motion, _readings(track, times)), pictures))
     answer = {
         "id": folder.name, "robot": kind, "causes": causes, "noise": noise.answer(), "seconds": seconds,
@@ -142,12 +146,32 @@ def _readings(track: Track, time_s: Array) -> Array:
 
 def _positions(track: Track, body: Body, time_s: Array) -> Array:
     """Where the links stand at times of any shape: (..., joints)."""
-    q = track.at(time_s)
-    load = track.at(time_s, track.load)
+    q, load, side = _position_load_side(track, time_s)
     usual = np.sqrt(np.mean(track.load**2, axis=0)) + 1e-12
     give = body.give * load * (1 - body.stiffening * np.minimum(np.abs(load) / (3 * usual), 1))
-    side = track.at(time_s, _sides(track.load, usual)) if body.play.any() else 0.0
     return np.asarray(q * (1 + body.scale) + body.offset + give + 0.5 * body.play * side)
+
+
+def _position_load_side(track: Track, time_s: Array) -> tuple[Array, Array, Array]:
+    """At times of any shape, by joint: the motor's position, the load, and on which side of a play the joint lies."""
+    usual = np.sqrt(np.mean(track.load**2, axis=0)) + 1e-12
+    return track.at(time_s), track.at(time_s, track.load), track.at(time_s, _sides(track.load, usual))
+
+
+def _tell_rivals(
+    causes: list[dict[str, Any]], joints: list[str], track: Track, body: Body, seen: Seen, noise_px: float
+) -> None:
+    """Writes to each cause that has a law of position the other laws that say the same of these pictures."""
+    q, load, side = _position_load_side(track, seen.shown_s)
+    for cause in causes:
+        if cause["effect"] in LAWS_OF_POSITION:
+            j = joints.index(cause["at"][6:])
+            bent = Bent(q[:, j], load[:, j], side[:, j], seen.by_joint[j])
+            true = {
+                "joint_offset": body.offset[j], "gear_ratio": body.scale[j] * bent.position,
+                "joint_compliance": body.give[j] * bent.load, "backlash": 0.5 * body.play[j] * bent.side,
+            }[cause["effect"]]  # fmt: skip
+            cause["rivals"] = rivals_of(cause, true, bent, noise_px)
 
 
 def _sides(load: Array, usual: Array) -> Array:
@@ -170,19 +194,31 @@ class Seen:
     stamp_s: Array
     corners_px: Array
     blobs_px: Array
+    shown_s: Array
+    """When the body stood as it is seen, by its own clock."""
+    by_joint: dict[int, Array]
+    """(F, M, 2) of the joints asked for: derivatives of the markers' images without noise, px/rad."""
+
+
+BEND_RAD = 1e-4
 
 
 def _see(
     robot: Robot, engine: Engine, track: Track, body: Body, lens: optics.Lens, noise: Noise, shutter: Shutter,
-    rng: np.random.Generator, seconds: float, nominal_lens: optics.Lens,
+    rng: np.random.Generator, seconds: float, nominal_lens: optics.Lens, asked: Sequence[int] = (),
 ) -> Seen:  # fmt: skip
     stamps = np.arange(0.1, seconds, 1 / PICTURES_HZ)
     stamps = stamps + rng.normal(0, 0.0008, len(stamps))
     middle = stamps + 0.5 * (shutter.exposure_s + shutter.readout_s)
 
-    def scene(time_s: Array) -> tuple[Array, Array]:
-        """Board corners (N, C, 3) and markers (N, M, 3) in the camera's frame at times (N,) of the pictures' clock."""
+    def scene(time_s: Array, bend: int | None = None) -> tuple[Array, Array]:
+        """Board corners (N, C, 3) and markers (N, M, 3) in the camera's frame at times (N,) of the pictures' clock.
+
+        `bend`: a joint that stands farther by `BEND_RAD`.
+        """
         q = _positions(track, body, time_s - body.latency_s)
+        if bend is not None:
+            q[:, bend] += BEND_RAD
         links = [robot.camera_link, robot.board_link, *(f"{m}_marker" for m in robot.markers)]
         poses = engine.frames(q, links)
         camera = poses[:, 0] @ _pose(body.camera_turn, body.camera_shift)
@@ -204,18 +240,20 @@ def _see(
     frames, markers, count = len(stamps), len(robot.markers), corners.shape[1]
     repeat = np.repeat(np.arange(frames), markers)
 
-    def images(marker_time: Array) -> Array:
+    def images(marker_time: Array, bend: int | None = None) -> Array:
         """(F, M, 2) of markers at their own moments (F, M)."""
         points = np.empty((frames, markers, 3))
         for m in range(markers):
-            points[:, m] = scene(marker_time[:, m])[1][:, m]
+            points[:, m] = scene(marker_time[:, m], bend)[1][:, m]
         out: Array = optics.ball_images(
             lens, mirror.rows(repeat), points.reshape(-1, 3), robot.marker_diameter_m / 2
         )
         return out.reshape(frames, markers, 2)
 
     start = stamps[:, None] + np.zeros((1, markers))
-    blobs = images(start + 0.5 * (shutter.exposure_s + shutter.readout_s))
+    centre = start + 0.5 * (shutter.exposure_s + shutter.readout_s)
+    blobs = images(centre)
+    by_joint = {j: (images(centre, j) - blobs) / BEND_RAD for j in asked}
     row = np.clip(np.nan_to_num(blobs[..., 1], nan=lens.size_px[1] / 2), 0, lens.size_px[1])
     at_row = start + shutter.readout_s * row / lens.size_px[1]
     share = (np.arange(EXPOSED) + 0.5) / EXPOSED
@@ -241,7 +279,7 @@ def _see(
     for px in (corners_px, blobs_px):
         px[np.any(~((px >= 0) & (px <= size - 1)), axis=-1)] = np.nan
     blobs_px[rng.random(blobs_px.shape[:2]) < 0.01] = np.nan
-    return Seen(stamps, corners_px, blobs_px)
+    return Seen(stamps, corners_px, blobs_px, centre[:, 0] - body.latency_s, by_joint)
 
 
 def _pose(turn: Array, shift: Array) -> Array:

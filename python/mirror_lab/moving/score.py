@@ -1,4 +1,10 @@
-"""What diagnoses of moving sessions are worth: causes found with their places, invented ones, parameters, unseen motions."""
+"""What diagnoses of moving sessions are worth: causes found with their places, invented ones, parameters, unseen motions.
+
+Beside the strict counts stand those of what can be told. A true cause with `rivals` in its answer (other laws of its joint's position
+that these pictures do not clearly tell from it, by the judge's own reckoning) is not identifiable. A cause that is named in vain is no
+claim where the diagnosis says itself that it may be the true one: where that stands among its alternatives with at least `REAL`
+of the named one's own probability.
+"""
 
 from __future__ import annotations
 
@@ -13,6 +19,8 @@ import numpy as np
 from ..blind.seal import unseal
 
 UNSEEN_FLOORS = 1.2
+REAL = 0.1
+"""Of the probability of the cause that is named: an alternative with less is as good as denied."""
 TOLD = {
     "latency_s": ("latency", 0.002, False),
     "stiffness_scale_error": ("gains", 0.10, True),
@@ -22,6 +30,8 @@ TOLD = {
 }
 """Parameter: its group, the error allowed, and whether that is a share of the true value."""
 
+Key = tuple[str, str]
+
 
 @dataclass
 class Score:
@@ -30,9 +40,14 @@ class Score:
     singles: list[bool] = field(default_factory=list)
     singles_shown: list[bool] = field(default_factory=list)
     singles_or_named_beside: list[bool] = field(default_factory=list)
+    singles_identifiable: list[bool] = field(default_factory=list)
     empty_alarmed: list[bool] = field(default_factory=list)
     several_found: list[bool] = field(default_factory=list)
     several_invented: list[bool] = field(default_factory=list)
+    several_identifiable_found: list[bool] = field(default_factory=list)
+    several_told: list[bool] = field(default_factory=list)
+    several_denied: list[bool] = field(default_factory=list)
+    named: list[tuple[float, bool]] = field(default_factory=list)
     within: dict[str, list[bool]] = field(default_factory=dict)
     covered: list[bool] = field(default_factory=list)
     unseen: list[float] = field(default_factory=list)
@@ -44,10 +59,17 @@ class Score:
             _row("one cause: found with its place", self.singles),
             _row("one cause: found, or named as its alternative", self.singles_or_named_beside),
             _row("one cause, larger than the diagnosis says was hidden: found", self.singles_shown),
+            _row("one identifiable cause: found with its place", self.singles_identifiable),
             _row("no cause: false alarm", self.empty_alarmed),
             _row("two or three causes: found", self.several_found),
+            _row("two or three causes, identifiable: found", self.several_identifiable_found),
+            _row("two or three causes: found, or told as an alternative with real odds", self.several_told),
             _row("causes named where there are two or three: invented", self.several_invented),
+            _row("the same, and the true one not told with real odds", self.several_denied),
         ]
+        for least, most in ((0.9, 1.01), (0.5, 0.9), (0.0, 0.5)):
+            within = [right for probability, right in self.named if least <= probability < most]
+            out.append(_row(f"named with probability {least} to {min(most, 1.0)}: right", within))
         for group, allowed in (("latency", "2 ms"), ("gains", "10 %"), ("friction", "15 %")):
             out.append(_row(f"{group} within {allowed}", self.within.get(group, [])))
         out.append(_row("95 % intervals that hold the truth", self.covered))
@@ -91,9 +113,15 @@ def _one(out: Score, answer: Mapping[str, Any], told: Mapping[str, Any]) -> None
             key in causes for key, cause in truth.items() if not _hidden(cause, told.get("limits", []))
         ]
         out.singles_or_named_beside += [key in causes or key in beside for key in truth]
+        out.singles_identifiable += [key in causes for key, c in truth.items() if not c.get("rivals")]
     else:
+        told_for = {key: _told_for(cause, truth) for key, cause in causes.items()}
         out.several_found += hits
+        out.several_identifiable_found += [key in causes for key, c in truth.items() if not c.get("rivals")]
+        out.several_told += [key in causes or key in told_for.values() for key in truth]
         out.several_invented += [key not in truth for key in causes]
+        out.several_denied += [key not in truth and told_for[key] is None for key in causes]
+    out.named += [(float(c["probability"]), key in truth) for key, c in causes.items()]
     for key in truth.keys() & causes.keys():
         _parameters(out, truth[key], causes[key]["parameters"])
     gap = told["gap"]
@@ -101,6 +129,16 @@ def _one(out: Score, answer: Mapping[str, Any], told: Mapping[str, Any]) -> None
     if np.isfinite(ratio):
         out.unseen.append(float(ratio))
     out.lines.append((answer["id"], _names(answer["causes"]), _names(told["causes"]), f"{ratio:.2f} floors"))
+
+
+def _told_for(cause: Mapping[str, Any], truth: Mapping[Key, Any]) -> Key | None:
+    """The true cause that a diagnosis tells with real odds in the place of a cause named in vain."""
+    least = REAL * float(cause["probability"])
+    for other in cause["alternatives"]:
+        key = (other["effect"], other["at"])
+        if key in truth and float(other["probability"]) >= least and float(other["probability"]) > 0.0:
+            return key
+    return None
 
 
 def _hidden(cause: Mapping[str, Any], limits: Sequence[Mapping[str, Any]]) -> bool:

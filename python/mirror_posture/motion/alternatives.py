@@ -12,9 +12,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .effects import Key
+from .effects import EFFECTS, Key
 from .evidence import EXACT_LAWS, log_odds, trusted_to
-from .fit import Fitted, fit_all
+from .fit import Fitted, fit, fit_all
 from .problem import Problem
 from .search import Found, columns_of, start_of, without_cause
 
@@ -23,6 +23,8 @@ NEAR = 30.0
 SHARE = 0.25
 """... nor one farther behind than this share of what the cause gains: what is large is not linear."""
 RIVALS = 6
+CLOSE = 4.0
+"""Log odds: rivals as near as this are fitted once more where the simulator is exact near them."""
 LEAST_PROBABILITY = 0.01
 MOST_PROBABILITY = 0.999
 
@@ -64,8 +66,11 @@ def rivals_of(problem: Problem, found: Found, key: Key) -> Rivals:
         odds.pop(one.key)
         if trial is None:
             continue
-        models[one.key] = trial
         odds[one.key] = log_odds(problem, trial, itself, inflation, off[one.key])
+        if odds[one.key] > -CLOSE and _simulated(one.key, key):
+            trial = exact(problem, trial, scale)
+            odds[one.key] = log_odds(problem, trial, itself, inflation, off[one.key])
+        models[one.key] = trial
         if odds[one.key] > better[0]:
             better = (odds[one.key], trial)
     most = max([0.0, *odds.values()])
@@ -78,3 +83,15 @@ def rivals_of(problem: Problem, found: Found, key: Key) -> Rivals:
         models,
         better[1],
     )
+
+
+def _simulated(one: Key, other: Key) -> bool:
+    """Whether the motions of two causes differ, and so what a simulator's steps are off."""
+    return EFFECTS[one[0]].in_rollout or EFFECTS[other[0]].in_rollout
+
+
+def exact(problem: Problem, model: Fitted, scale: float) -> Fitted:
+    """A model fitted once more with steps that are exact near it."""
+    with problem.rollouts.near(model.causes):
+        fitted = fit(problem, model.causes, scale, iterations=2)
+    return model if fitted is None else fitted

@@ -7,8 +7,8 @@ By Laplace about the fit, u the parameters' usual sizes (the scale of a Cauchy p
 A parameter that the pictures hardly tell costs nothing, as it should: a price for each parameter by the number of rows, which the
 search asks of a cause before it takes one in, would drive such a model out, and its simpler rival would look certain.
 
-A law is not true to the last digit: by LAW_SHARE of what a cause does, RMS, the real body may depart from it, in the very direction
-in which two models differ. All squares count less by `1 + LAW_SHARE² G / φ`, G what the cause lowers them by.
+A law is not true to the last digit: by LAW_SHARE of what a cause does, RMS, the real body may depart from it, and by ALONG of it in the
+very direction in which two models differ. All squares count less by `1 + ALONG² G / φ`, G what the cause lowers them by.
 """
 
 from __future__ import annotations
@@ -18,9 +18,13 @@ import numpy as np
 from .fit import Fitted
 from .problem import Problem
 
-LAW_SHARE = 0.1
+LAW_SHARE, ALONG = 0.1, 0.05
 EXACT_LAWS = frozenset({"latency", "joint_offset", "marker_mount", "camera_mount", "board_mount"})
 """A rigid body and a clock are where they are: two of these are told apart by all that the pictures show."""
+
+
+NEVER_TURNED = float(np.log(2.0))
+"""Log odds against a play beside a wrong zero: only one whose load never turns says the same, and the zero asks for less."""
 
 
 def volume(problem: Problem, model: Fitted, inflation: float) -> float:
@@ -36,7 +40,7 @@ def volume(problem: Problem, model: Fitted, inflation: float) -> float:
         # A limit is not small where it is usual.
         if not problem.hypotheses[key].effect.is_limit:
             out -= float(np.log1p((model.causes[key][k] / size) ** 2))
-    return out
+    return out - NEVER_TURNED * sum(effect == "backlash" for effect, _ in model.causes)
 
 
 def log_odds(problem: Problem, one: Fitted, other: Fitted, inflation: float, does: float) -> float:
@@ -48,4 +52,4 @@ def log_odds(problem: Problem, one: Fitted, other: Fitted, inflation: float, doe
 
 def trusted_to(does: float, inflation: float) -> float:
     """By how much squares count less since laws are not exact; `does`: what the cause in question lowers them by."""
-    return 1.0 + LAW_SHARE**2 * max(0.0, does) / inflation
+    return 1.0 + ALONG**2 * max(0.0, does) / inflation

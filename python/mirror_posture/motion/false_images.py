@@ -1,8 +1,9 @@
 """Gross errors of a detector in a row of pictures: single images that lie off what those before and after them say.
 
 Along the time a wrong model's error is smooth. Beside each image a parabola is laid through the nine about it, in the sense of the least
-sum of distances (by reweighted least squares), which two or three gross errors among the nine do not bend. Where more than two in a
-row lie off, it is the body that moves so.
+sum of distances (by reweighted least squares), which two gross errors among the nine do not bend. Of images that lie off the farthest of
+their neighbourhood goes first, and the others are looked at again without it. Where more than two in a row lie off, it is the
+body that moves so.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ MOST_FALSE = 0.1
 """Of a marker's images."""
 LONGEST_RUN = 2
 WINDOW, REWEIGHTED = 9, 12
+LOOKS = 5
 LEAST_DISTANCE = 0.2
 """Of the stated noise: nearer images count no more."""
 
@@ -35,32 +37,53 @@ def false_images(residual_px: Floats, noise_px: float) -> Mask:
 
 
 def _of_row(at: npt.NDArray[np.int64], row: Floats, noise_px: float) -> Mask:
-    off = np.abs(row - _smooth(at, row, LEAST_DISTANCE * noise_px)).max(axis=1)
-    # Of two axes the larger is usually 1.2 times one; the median of distances is theirs over 1.48.
-    usual = 1.4826 / 1.2 * float(np.median(off))
-    false = np.asarray(off > max(FALSE_DEVIATIONS * usual, LEAST_DEVIATIONS * noise_px))
-    begins = np.flatnonzero(false & ~np.concatenate([[False], false[:-1]]))
-    ends = np.flatnonzero(false & ~np.concatenate([false[1:], [False]]))
-    for begin, end in zip(begins, ends, strict=True):
-        if end - begin >= LONGEST_RUN:
-            false[begin : end + 1] = False
+    false, about = np.zeros(len(row), dtype=bool), _windows(len(row))
+    for _ in range(LOOKS):
+        off = np.abs(row - _smooth(at, row, about, LEAST_DISTANCE * noise_px, ~false)).max(axis=1)
+        # Of two axes the larger is usually 1.2 times one; the median of distances is theirs over 1.48.
+        usual = 1.4826 / 1.2 * float(np.median(off))
+        far = off > max(FALSE_DEVIATIONS * usual, LEAST_DEVIATIONS * noise_px)
+        # What one image bent is judged again without it.
+        fresh = far & ~false & (off >= np.where(false, 0.0, off)[about].max(axis=1))
+        if not fresh.any():
+            break
+        false = (false | fresh) & far
+    false = _without_long_runs(false, far)
     # A limb that swings as the model never does leaves many behind: then it is the model that is wrong.
     return false if false.sum() <= MOST_FALSE * len(row) else np.zeros(len(row), dtype=bool)
 
 
-def _smooth(at: npt.NDArray[np.int64], row: Floats, least: float) -> Floats:
-    """(n, 2): beside each image of a row, seen in pictures `at`, what the parabola through those about it says."""
-    first = np.clip(np.arange(len(row)) - WINDOW // 2, 0, len(row) - WINDOW)
-    about = first[:, None] + np.arange(WINDOW)
+def _without_long_runs(false: Mask, far: Mask) -> Mask:
+    """Those of which no more than `LONGEST_RUN` follow each other, with all that lie off counted."""
+    out, all_far = false.copy(), false | far
+    begins = np.flatnonzero(all_far & ~np.concatenate([[False], all_far[:-1]]))
+    ends = np.flatnonzero(all_far & ~np.concatenate([all_far[1:], [False]]))
+    for begin, end in zip(begins, ends, strict=True):
+        if end - begin >= LONGEST_RUN:
+            out[begin : end + 1] = False
+    return out
+
+
+def _windows(count: int) -> npt.NDArray[np.int64]:
+    """(n, WINDOW): the images about each."""
+    first = np.clip(np.arange(count) - WINDOW // 2, 0, count - WINDOW)
+    return np.asarray(first[:, None] + np.arange(WINDOW))
+
+
+def _smooth(
+    at: npt.NDArray[np.int64], row: Floats, about: npt.NDArray[np.int64], least: float, counts: Mask
+) -> Floats:
+    """(n, 2): beside each image of a row, seen in pictures `at`, what the parabola through those about it says that count."""
     time = (at[about] - at[:, None]) / WINDOW
     powers = np.stack([np.ones_like(time), time, time**2], axis=-1)[:, None]
     values = np.moveaxis(row[about], 2, 1)
-    weight = np.ones_like(values)
+    counted = counts[about][:, None].astype(float)
+    weight = counted * np.ones_like(values)
     for _ in range(REWEIGHTED):
         weighted = powers * weight[..., None]
         normal = np.swapaxes(weighted, 2, 3) @ powers
         pull = np.swapaxes(weighted, 2, 3) @ values[..., None]
         fitted = np.linalg.solve(normal + 1e-9 * np.eye(3), pull)
         left = np.abs(values - (powers @ fitted)[..., 0])
-        weight = least / np.maximum(left, least)
+        weight = counted * least / np.maximum(left, least)
     return np.asarray(fitted[:, :, 0, 0])

@@ -9,7 +9,8 @@ from __future__ import annotations
 import copy
 import os
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -112,6 +113,17 @@ class Rollouts:
             )
             for rough, exact in zip(coarse, fine, strict=True)
         ]
+
+    @contextmanager
+    def near(self, causes: Causes) -> Iterator[None]:
+        """While it lasts these causes are the ones near which motions are exact; then those before are again."""
+        before = self._known, self._whole, self._correction
+        self._known, self._whole = OrderedDict(), OrderedDict()
+        try:
+            self.refine(causes)
+            yield
+        finally:
+            self._known, self._whole, self._correction = before
 
     def motions(self, several: Sequence[Causes]) -> list[Motion | None]:
         """The motion with each set of causes; None where the simulation diverges."""
