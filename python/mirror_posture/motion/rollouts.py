@@ -25,6 +25,7 @@ from .drives import lagged, slewed
 from .effects import EFFECTS, Causes, gains
 from .motions import Branch, Motion, between, independent
 from .recording import Recording
+from .standing import MOST_STOOD_S, Began, began
 
 Floats = npt.NDArray[np.float64]
 
@@ -82,6 +83,8 @@ class Rollouts:
         self.count = 0
         """Motions simulated so far."""
         self._correction: list[tuple[Floats, Floats] | None] = []
+        self._began: Began | None = began(recording, self.joints)
+        self._falling: frozenset[int] | None = None
         if exact:
             self.refine({})
 
@@ -182,7 +185,12 @@ class Rollouts:
         return out
 
     def stood_longer(self, causes: Causes) -> Motion | None:
-        """The motion of a robot that has stood at the first command for longer before the log begins; None where it diverges."""
+        """The motion of a robot that has stood at the first command for longer before the log begins.
+
+        None where it diverges, or where encoders tell how long it stood.
+        """
+        if self._falls(causes):
+            return None
         (run,) = self._run([causes], longer=int(LONGER_S / STEP_S))
         whole = [branch for branch in run if branch is not None]
         return Motion(self.start_s, STEP_S, whole) if len(whole) == len(run) else None
@@ -191,32 +199,99 @@ class Rollouts:
         self, several: Sequence[Causes], substeps: int = 1, longer: int = 0
     ) -> list[list[Branch | None]]:
         """The branches of each motion; None for one that diverges."""
+        falls = [self._falls(causes) for causes in several]
         models = [self._changed(causes) for causes in several]
-        settle = int(SETTLE_S / STEP_S) + longer
         controls = [self._controls(causes) for causes in several]
-        if longer:
-            controls = [np.concatenate([np.repeat(c[:1], longer, axis=0), c]) for c in controls]
-        if substeps > 1:
-            controls = [between(c, np.arange((len(c) - 1) * substeps + 1) / substeps) for c in controls]
-            for model in models:
-                model.opt.timestep = STEP_S / substeps
+        for model in models:
+            model.opt.timestep = STEP_S / substeps
+        out: list[list[Branch | None]] = [[] for _ in several]
+        settle = int(SETTLE_S / STEP_S)
+        if rest := [i for i, fall in enumerate(falls) if not fall]:
+            told = [controls[i] for i in rest]
+            if longer:
+                told = [np.concatenate([np.repeat(c[:1], longer, axis=0), c]) for c in told]
+            begin = np.repeat(self._at_rest()[None], len(rest), axis=0)
+            states = self._rollout([models[i] for i in rest], begin, [_finer(c, substeps) for c in told])
+            # A state is the time, then positions, then velocities; row i is after step i.
+            kept = states[:, (settle + longer) * substeps - 1 : -1 : substeps]
+            for i, run in zip(rest, kept, strict=True):
+                out[i] = self._branches_of(run)
+        if fallen := [i for i, fall in enumerate(falls) if fall]:
+            mine = [models[i] for i in fallen]
+            begin = self._where_logs_begin(
+                mine, [controls[i][0] for i in fallen], [falls[i] for i in fallen], substeps
+            )
+            states = self._rollout(mine, begin, [_finer(controls[i][settle:], substeps) for i in fallen])
+            kept = np.concatenate([begin[:, None], states[:, substeps - 1 :: substeps]], axis=1)
+            for i, run in zip(fallen, kept[:, : len(self.time_s)], strict=True):
+                out[i] = self._branches_of(run)
+        return out
+
+    def _at_rest(self) -> Floats:
+        """The state of a body that stands at the log's first command and has not begun to sag."""
         state = np.zeros(mujoco.mj_stateSize(self.model, mujoco.mjtState.mjSTATE_FULLPHYSICS))
         begin = self._data[0]
         mujoco.mj_resetData(self.model, begin)
         begin.qpos[self.qpos] = self.commands[0]
         mujoco.mj_getState(self.model, begin, state, mujoco.mjtState.mjSTATE_FULLPHYSICS)
+        return state
+
+    def _rollout(self, models: Sequence[Any], begin: Floats, controls: Sequence[Floats]) -> Floats:
+        """States (N, steps, states) of several models, each from its own."""
         # A motion that diverges is told as none: MuJoCo would write a file of it where the user stands.
         heard = mujoco.get_mju_user_warning()
         mujoco.set_mju_user_warning(lambda _: None)
         try:
-            states, _ = self._pool.rollout(
-                models, self._data, np.repeat(state[None], len(models), axis=0), np.stack(controls)
-            )
+            states, _ = self._pool.rollout(models, self._data, begin, np.stack(controls))
         finally:
             mujoco.set_mju_user_warning(heard)
         self.count += len(models)
-        # A state is the time, then positions, then velocities; row i is after step i.
-        return [self._branches_of(run[settle * substeps - 1 : -1 : substeps]) for run in states]
+        return np.asarray(states)
+
+    def _falls(self, causes: Causes) -> tuple[int, ...]:
+        """The branches that fall before the log begins, where a limit of torque may be why."""
+        if not any(effect == "torque_limit" for effect, _ in causes):
+            return ()
+        if self._falling is None:
+            nominal = self.nominal()
+            joints = (
+                []
+                if self._began is None
+                else self._began.falling(nominal.position[0], nominal.velocity[0]).tolist()
+            )
+            self._falling = frozenset(self._branch_of[self.joints[j]] for j in joints)
+        limited = {self._branch_of[at.partition(":")[2]] for effect, at in causes if effect == "torque_limit"}
+        return tuple(sorted(limited & self._falling))
+
+    def falling_joint(self) -> str | None:
+        """The joint that its encoder shows to fall when the log begins, the fastest of them."""
+        nominal = self.nominal()
+        if self._began is None:
+            return None
+        column = self._began.fastest(nominal.position[0], nominal.velocity[0])
+        return None if column is None else self.joints[column]
+
+    def _where_logs_begin(
+        self, models: Sequence[Any], told: Sequence[Floats], falls: Sequence[tuple[int, ...]], substeps: int
+    ) -> Floats:
+        """States (N, states) in which the log begins: the falling branches where their encoders have them, the others settled."""
+        assert self._began is not None
+        step_s = STEP_S / substeps
+        steps = int(MOST_STOOD_S / step_s)
+        begin = np.repeat(self._at_rest()[None], len(models), axis=0)
+        states = self._rollout(models, begin, [np.repeat(c[None], steps, axis=0) for c in told])
+        settled = int(SETTLE_S / step_s) - 1
+        out = states[:, settled].copy()
+        for row, run, branches in zip(out, states, falls, strict=True):
+            for b in branches:
+                columns = self.branches[b]
+                q, v = 1 + self.qpos[columns], 1 + self.model.nq + self.dof[columns]
+                if not (np.abs(run[:, q]) <= WILD_RAD).all():
+                    continue
+                k, share = divmod(self._began.place(columns, run[:, q], run[:, v], step_s), 1.0)
+                there = run[int(k)] if share == 0.0 else (1.0 - share) * run[int(k)] + share * run[int(k) + 1]
+                row[q], row[v] = there[q], there[v]
+        return out
 
     def _branches_of(self, kept: Floats) -> list[Branch | None]:
         out: list[Branch | None] = []
@@ -300,6 +375,13 @@ class Rollouts:
                 "the simulation of the model as it is diverges; check its masses and its servos' gains"
             )
         return motion
+
+
+def _finer(controls: Floats, substeps: int) -> Floats:
+    """Controls (T, actuators) for steps so many times shorter, straight in between."""
+    if substeps == 1:
+        return controls
+    return between(controls, np.arange((len(controls) - 1) * substeps + 1) / substeps)
 
 
 def _key(causes: Causes) -> tuple[Any, ...]:

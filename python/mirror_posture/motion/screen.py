@@ -160,18 +160,21 @@ class Screen:
         self, free: Free, by_residual: Floats, scored: Sequence[Scored], skip: Sequence[Key]
     ) -> list[tuple[Hypothesis, tuple[float, ...]]]:
         """Sizes not tried yet of the limits whose mildest size tells something, at the joints where anything gains most."""
-        clear = []
+        clear, falling = [], self.problem.rollouts.falling_joint()
         tried = {(h.key, start) for h, start, _ in self.limits}
         for h, start, column in self.limits:
             power = free.squares[column]
             if h.key not in skip and start == h.starts[-1] and power >= 1e-6 * max(1.0, free.whole[column]):
-                if by_residual[column] > TOLD_DEVIATIONS * np.sqrt(power):
+                # Where a limb falls before the log begins a limit that hardly acts need not look like the one that it has.
+                told = by_residual[column] > TOLD_DEVIATIONS * np.sqrt(power)
+                if told or (h.effect.name == "torque_limit" and h.at == f"joint:{falling}"):
                     clear.append(h)
         gains: dict[str, float] = {}
         for one in scored:
             gains[one.key[1]] = max(gains.get(one.key[1], 0.0), one.gain)
         several = MOST_SCANNED // len(self.problem.rollouts.time_s)
-        places = sorted({h.at for h in clear}, key=lambda at: -gains.get(at, 0.0))
+        first = f"joint:{falling}"
+        places = sorted({h.at for h in clear}, key=lambda at: (at != first, -gains.get(at, 0.0)))
         return [
             (h, start)
             for h in clear
