@@ -234,6 +234,36 @@ def test_limbs_that_feel_nothing_of_each_other_are_simulated_together(late: tupl
         assert np.abs(motion.position - nominal)[:, rollouts.joints.index(name)].max() > 1e-3
 
 
+def test_encoders_tell_for_how_long_a_falling_limb_had_stood(late: tuple[Path, float]) -> None:
+    """A limb stands at its first command for a time that nobody tells, and its servo cannot hold it."""
+    from dataclasses import replace
+
+    from mirror_posture.motion.recording import recording_of
+    from mirror_posture.motion.rollouts import STEP_S, Rollouts
+
+    recording = recording_of(mp.load_session(late[0]))
+    plain = Rollouts(recording, late[0] / "model.xml", exact=False)
+    joint = next(name for name in plain.joints if name.endswith("l_elbow"))
+    torque = np.abs(plain.servo_torque(plain.nominal())[:, plain.joints.index(joint)])
+    weak = {("torque_limit", f"joint:{joint}"): (0.2 * float(np.quantile(torque, 0.98)),)}
+    assert plain._falls(weak) == () and plain.falling_joint() is None
+    controls = plain._controls(weak)[-len(plain.time_s) :]
+    for stood in (111, 203):
+        told = np.concatenate([np.repeat(controls[:1], stood, axis=0), controls])
+        (run,) = plain._pool.run([plain._changed(weak)], plain._pool.at_rest(plain.commands[0])[None], [told])
+        true = run[stood - 1 : -1][:, plain._pool.positions_at(np.arange(len(plain.joints)))]
+        log = recording.states.time_s
+        tick = 2.0 * np.pi / 4096.0
+        read = np.stack([np.interp(log, plain.time_s, q) for q in true.T], axis=1)
+        states = replace(recording.states, measured_names=plain.joints, measured=np.round(read / tick) * tick)
+        rollouts = Rollouts(replace(recording, states=states), late[0] / "model.xml", exact=False)
+        assert rollouts.falling_joint() == joint
+        (found,), (blind,) = rollouts.motions([weak]), plain.motions([weak])
+        assert found is not None and blind is not None
+        assert np.abs(found.position - true).max() < 0.005 < 0.1 < np.abs(blind.position - true).max(), stood
+        assert STEP_S == 0.002 and rollouts.stood_longer(weak) is None
+
+
 def test_what_is_no_motion_is_said(late: tuple[Path, float], tmp_path: Path) -> None:
     from dataclasses import replace
 

@@ -44,7 +44,7 @@ def test_gross_errors_are_told_from_a_body_that_moves_otherwise() -> None:
     images = 0.2 * rng.normal(size=(180, 3, 2)) + 8.0 * np.sin(2.0 * np.pi * 0.7 * time)
     images[40, 1] = np.nan
     wrong = np.zeros((180, 3), dtype=bool)
-    wrong[[0, 60, 62, 90, 91, 179], 1] = True
+    wrong[[0, 60, 62, 90, 91, 150, 153, 155, 179], 1] = True
     images[wrong] += 6.0 * rng.choice([-1.0, 1.0], size=(int(wrong.sum()), 2))
     # A limb that swings once, unlike the model, within half a second.
     images[120:136, 2] += 15.0 * (1.0 - np.cos(2.0 * np.pi * np.arange(16) / 16.0))[:, None]

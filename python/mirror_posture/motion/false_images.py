@@ -50,12 +50,14 @@ def _of_row(at: npt.NDArray[np.int64], row: Floats, noise_px: float) -> Mask:
         false = (false | fresh) & far
     false = _without_long_runs(false, far)
     # A limb that swings as the model never does leaves many behind: then it is the model that is wrong.
-    return false if false.sum() <= MOST_FALSE * len(row) else np.zeros(len(row), dtype=bool)
+    few = int(false.sum()) <= MOST_FALSE * len(row)
+    return false if few else np.zeros_like(false)
 
 
 def _without_long_runs(false: Mask, far: Mask) -> Mask:
     """Those of which no more than `LONGEST_RUN` follow each other, with all that lie off counted."""
-    out, all_far = false.copy(), false | far
+    all_far: Mask = false | far
+    out: Mask = false.copy()
     begins = np.flatnonzero(all_far & ~np.concatenate([[False], all_far[:-1]]))
     ends = np.flatnonzero(all_far & ~np.concatenate([all_far[1:], [False]]))
     for begin, end in zip(begins, ends, strict=True):

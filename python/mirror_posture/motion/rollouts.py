@@ -7,7 +7,6 @@ forward: it follows its command, and nothing can be told of its gains.
 from __future__ import annotations
 
 import copy
-import os
 from collections import OrderedDict
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -17,15 +16,15 @@ from typing import Any
 import mujoco
 import numpy as np
 import numpy.typing as npt
-from mujoco import rollout
 
 from .._core import MirrorPostureError
 from ..simulate.model import STIFF_FRICTION, Simulator, build
 from .drives import lagged, slewed
 from .effects import EFFECTS, Causes, gains
 from .motions import Branch, Motion, between, independent
+from .pool import Pool
 from .recording import Recording
-from .standing import MOST_STOOD_S, Began, began
+from .standing import WILD_RAD, Began, began, where_logs_begin
 
 Floats = npt.NDArray[np.float64]
 
@@ -38,7 +37,6 @@ IDEAL_RATE_PER_S = 400.0
 SUBSTEPS = 8
 KEPT_IN_MEMORY = 48
 AT_ONCE = 12
-WILD_RAD = 1e3
 
 
 class Rollouts:
@@ -78,13 +76,12 @@ class Rollouts:
         self._branch_of = {self.joints[j]: b for b, columns in enumerate(self.branches) for j in columns}
         self._known: OrderedDict[tuple[int, Any], Branch | None] = OrderedDict()
         self._whole: OrderedDict[tuple[int, ...], Motion] = OrderedDict()
-        self._pool = rollout.Rollout(nthread=os.cpu_count() or 1)
-        self._data = [mujoco.MjData(self.model) for _ in range(os.cpu_count() or 1)]
+        self._pool = Pool(self.model, self.qpos, self.dof)
         self.count = 0
         """Motions simulated so far."""
         self._correction: list[tuple[Floats, Floats] | None] = []
         self._began: Began | None = began(recording, self.joints)
-        self._falling: frozenset[int] | None = None
+        self._falling: dict[int, float] | None = None
         if exact:
             self.refine({})
 
@@ -199,105 +196,60 @@ class Rollouts:
         self, several: Sequence[Causes], substeps: int = 1, longer: int = 0
     ) -> list[list[Branch | None]]:
         """The branches of each motion; None for one that diverges."""
+        self.count += len(several)
         falls = [self._falls(causes) for causes in several]
         models = [self._changed(causes) for causes in several]
         controls = [self._controls(causes) for causes in several]
         for model in models:
             model.opt.timestep = STEP_S / substeps
         out: list[list[Branch | None]] = [[] for _ in several]
-        settle = int(SETTLE_S / STEP_S)
+        settle, stands = int(SETTLE_S / STEP_S), self._pool.at_rest(self.commands[0])
         if rest := [i for i, fall in enumerate(falls) if not fall]:
             told = [controls[i] for i in rest]
             if longer:
                 told = [np.concatenate([np.repeat(c[:1], longer, axis=0), c]) for c in told]
-            begin = np.repeat(self._at_rest()[None], len(rest), axis=0)
-            states = self._rollout([models[i] for i in rest], begin, [_finer(c, substeps) for c in told])
-            # A state is the time, then positions, then velocities; row i is after step i.
+            begin = np.repeat(stands[None], len(rest), axis=0)
+            states = self._pool.run([models[i] for i in rest], begin, [_finer(c, substeps) for c in told])
             kept = states[:, (settle + longer) * substeps - 1 : -1 : substeps]
             for i, run in zip(rest, kept, strict=True):
                 out[i] = self._branches_of(run)
         if fallen := [i for i, fall in enumerate(falls) if fall]:
+            assert self._began is not None
             mine = [models[i] for i in fallen]
-            begin = self._where_logs_begin(
-                mine, [controls[i][0] for i in fallen], [falls[i] for i in fallen], substeps
+            falling = [[self.branches[b] for b in falls[i]] for i in fallen]
+            told = [_finer(controls[i][settle:], substeps) for i in fallen]
+            begin = where_logs_begin(
+                self._pool, self._began, mine, stands, told, falling, STEP_S / substeps, SETTLE_S
             )
-            states = self._rollout(mine, begin, [_finer(controls[i][settle:], substeps) for i in fallen])
+            states = self._pool.run(mine, begin, told)
             kept = np.concatenate([begin[:, None], states[:, substeps - 1 :: substeps]], axis=1)
             for i, run in zip(fallen, kept[:, : len(self.time_s)], strict=True):
                 out[i] = self._branches_of(run)
         return out
 
-    def _at_rest(self) -> Floats:
-        """The state of a body that stands at the log's first command and has not begun to sag."""
-        state = np.zeros(mujoco.mj_stateSize(self.model, mujoco.mjtState.mjSTATE_FULLPHYSICS))
-        begin = self._data[0]
-        mujoco.mj_resetData(self.model, begin)
-        begin.qpos[self.qpos] = self.commands[0]
-        mujoco.mj_getState(self.model, begin, state, mujoco.mjtState.mjSTATE_FULLPHYSICS)
-        return state
-
-    def _rollout(self, models: Sequence[Any], begin: Floats, controls: Sequence[Floats]) -> Floats:
-        """States (N, steps, states) of several models, each from its own."""
-        # A motion that diverges is told as none: MuJoCo would write a file of it where the user stands.
-        heard = mujoco.get_mju_user_warning()
-        mujoco.set_mju_user_warning(lambda _: None)
-        try:
-            states, _ = self._pool.rollout(models, self._data, begin, np.stack(controls))
-        finally:
-            mujoco.set_mju_user_warning(heard)
-        self.count += len(models)
-        return np.asarray(states)
-
     def _falls(self, causes: Causes) -> tuple[int, ...]:
         """The branches that fall before the log begins, where a limit of torque may be why."""
         if not any(effect == "torque_limit" for effect, _ in causes):
             return ()
-        if self._falling is None:
-            nominal = self.nominal()
-            joints = (
-                []
-                if self._began is None
-                else self._began.falling(nominal.position[0], nominal.velocity[0]).tolist()
-            )
-            self._falling = frozenset(self._branch_of[self.joints[j]] for j in joints)
+        falling = {self._branch_of[self.joints[j]] for j in self._falling_joints()}
         limited = {self._branch_of[at.partition(":")[2]] for effect, at in causes if effect == "torque_limit"}
-        return tuple(sorted(limited & self._falling))
+        return tuple(sorted(limited & falling))
+
+    def _falling_joints(self) -> dict[int, float]:
+        if self._falling is None:
+            self._falling = {} if self._began is None else self._began.falling(self.nominal())
+        return self._falling
 
     def falling_joint(self) -> str | None:
         """The joint that its encoder shows to fall when the log begins, the fastest of them."""
-        nominal = self.nominal()
-        if self._began is None:
-            return None
-        column = self._began.fastest(nominal.position[0], nominal.velocity[0])
-        return None if column is None else self.joints[column]
-
-    def _where_logs_begin(
-        self, models: Sequence[Any], told: Sequence[Floats], falls: Sequence[tuple[int, ...]], substeps: int
-    ) -> Floats:
-        """States (N, states) in which the log begins: the falling branches where their encoders have them, the others settled."""
-        assert self._began is not None
-        step_s = STEP_S / substeps
-        steps = int(MOST_STOOD_S / step_s)
-        begin = np.repeat(self._at_rest()[None], len(models), axis=0)
-        states = self._rollout(models, begin, [np.repeat(c[None], steps, axis=0) for c in told])
-        settled = int(SETTLE_S / step_s) - 1
-        out = states[:, settled].copy()
-        for row, run, branches in zip(out, states, falls, strict=True):
-            for b in branches:
-                columns = self.branches[b]
-                q, v = 1 + self.qpos[columns], 1 + self.model.nq + self.dof[columns]
-                if not (np.abs(run[:, q]) <= WILD_RAD).all():
-                    continue
-                k, share = divmod(self._began.place(columns, run[:, q], run[:, v], step_s), 1.0)
-                there = run[int(k)] if share == 0.0 else (1.0 - share) * run[int(k)] + share * run[int(k) + 1]
-                row[q], row[v] = there[q], there[v]
-        return out
+        falling = self._falling_joints()
+        return self.joints[max(falling, key=lambda column: falling[column])] if falling else None
 
     def _branches_of(self, kept: Floats) -> list[Branch | None]:
         out: list[Branch | None] = []
         for b, columns in enumerate(self.branches):
-            position = kept[:, 1 + self.qpos[columns]]
-            velocity = kept[:, 1 + self.model.nq + self.dof[columns]]
+            position = kept[:, self._pool.positions_at(columns)]
+            velocity = kept[:, self._pool.velocities_at(columns)]
             if not (np.abs(position) <= WILD_RAD).all():
                 out.append(None)
                 continue
@@ -353,7 +305,7 @@ class Rollouts:
         asked = (float(time_s[0]), len(time_s))
         if asked in motion.loads:
             return motion.loads[asked]
-        data, out = self._data[0], np.zeros((len(time_s), len(self.joints)))
+        data, out = self._pool.data[0], np.zeros((len(time_s), len(self.joints)))
         force = np.zeros(self.model.nv)
         q, v, a = motion.at(time_s), motion.velocity_at(time_s), motion.acceleration_at(time_s)
         mujoco.mj_resetData(self.model, data)
