@@ -1,7 +1,7 @@
 //! Sessions whose board, camera and markers were mounted by hand: the cause is named all the same, and the set-up is told as set-up.
 
 use crate::gap_world::{Plan, World, Wrong};
-use mirror_core::diagnose::{Cause, DiagnoseOptions, Diagnosis, diagnose};
+use mirror_core::diagnose::{Cause, DiagnoseOptions, Diagnosis, Tolerance, diagnose};
 use mirror_core::robot::Robot;
 use nalgebra::{Rotation3, Vector3};
 use rand::{Rng, SeedableRng};
@@ -92,4 +92,42 @@ fn a_cause_is_named_beside_a_set_up_by_hand() {
         let told: Vec<_> = of_robot(&found).iter().map(|c| (c.effect.as_str(), c.at.as_str())).collect();
         assert_eq!(told, [(effect, at)], "{:?} {:#?}", names(&found), found.trace);
     }
+}
+
+/// An elbow's zero moves the two markers of the last link as two mounts can: which it was, no posture tells. What decides is by how much
+/// the mounts may be off.
+fn as_an_elbow_would_move_them(stated_m: f64) -> Diagnosis {
+    let world = World::new(4, false);
+    let elbow_rad = 0.015;
+    let beyond = |m: &usize| world.bones[world.markers[*m].1].name == "r_elbow";
+    // The arc about y through the marker, as far as it is a straight line.
+    let moved = |m: usize| {
+        Wrong::Mount(m, [elbow_rad * world.markers[m].2.z, 0.0, -elbow_rad * world.markers[m].2.x])
+    };
+    let wrong: Vec<Wrong> = (0..world.markers.len()).filter(beyond).map(moved).collect();
+    assert_eq!(wrong.len(), 2);
+    let mut recording = world.record(&Plan { postures: 40, wrong, ..Plan::default() });
+    let stated = Tolerance { shift_m: Some(stated_m), turn_rad: None };
+    recording.tolerances.markers = vec![stated; world.markers.len()];
+    let robot = Robot::from_urdf_str(&world.urdf()).unwrap();
+    diagnose(&robot, &recording, &DiagnoseOptions::default(), &[]).unwrap()
+}
+
+#[test]
+fn mounts_within_their_stated_tolerance_are_told_beside_the_joint_that_they_imitate() {
+    let found = as_an_elbow_would_move_them(0.003);
+    for cause in of_robot(&found) {
+        assert!(cause.probability < 0.8, "{} {}", cause.effect, cause.probability);
+        assert!(cause.alternatives.iter().any(|a| a.effect == "marker_mount"), "{:?}", cause.alternatives);
+    }
+    // Where the mounts are known to a tenth of that it was the joint.
+    let found = as_an_elbow_would_move_them(0.0003);
+    let causes = of_robot(&found);
+    assert_eq!(causes.len(), 1, "{:?}", names(&found));
+    assert_eq!(causes[0].at, "joint:r_elbow");
+    assert!(
+        causes[0].alternatives.iter().all(|a| a.effect != "marker_mount"),
+        "{:?}",
+        causes[0].alternatives
+    );
 }

@@ -64,7 +64,8 @@ fn log_odds(share: f64) -> f64 {
 /// Takes a cause back unless it is needed to predict.
 fn taken_back(findings: &mut Findings<'_>, i: usize, share: f64, odds: f64) -> Result<bool> {
     let (search, found) = (&findings.search, &mut findings.found);
-    let without = search.fit(&found.fit.model.without(i), found.noise, 8)?;
+    let rest = search.taken_out(&found.fit.model, i, found.noise)?;
+    let without = search.fit(&rest, found.noise, 8)?;
     let gap = search.held_out(&without.model, found.noise)?;
     let with = search.held_out(&found.fit.model, found.noise)?;
     if TEMPER * held_out_odds(&gap, &with, found.noise) <= odds {

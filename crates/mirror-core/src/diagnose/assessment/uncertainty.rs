@@ -31,6 +31,8 @@ const OFF_THE_MIDDLE: f64 = 0.1;
 pub(crate) struct Deviations {
     /// Standard deviations of its parameters.
     pub stds: Vec<Vec<f64>>,
+    /// The same of the group of many small errors and of the set-up, column by column.
+    pub group: Vec<f64>,
     /// Mean square shift of the markers (px², or m² where points were measured) by what laws may be wrong by, one entry a
     /// parameter whose law is not exact.
     pub law_shifts: Vec<f64>,
@@ -51,7 +53,7 @@ pub(crate) fn deviations(findings: &Findings<'_>, floor: &Floor) -> Result<Devia
     let stiffening = fit_of_stiffening(findings, noise)?;
     let measured = search.measured_noise;
     let unit = if search.problem.camera.is_some() { measured.marker_px } else { measured.point_m };
-    let mut out = Deviations::default();
+    let mut out = Deviations { group: of_group(&found.fit, &loose), ..Deviations::default() };
     for (i, term) in found.fit.model.terms.iter().enumerate() {
         let effect = search.catalogue.effect(term.hypothesis);
         let own_law = effect.law_freedom() != LawFreedom::Exact || effect.law_uncertainty() > 0.0;
@@ -82,6 +84,14 @@ pub(crate) fn deviations(findings: &Findings<'_>, floor: &Floor) -> Result<Devia
         out.stds.push(stds);
     }
     Ok(out)
+}
+
+/// Deviations of the group's values: the fit's, or those beside slack and coloured noise, with what these move.
+fn of_group(exact: &Fit, loose: &Fit) -> Vec<f64> {
+    let first = exact.model.nuisances.len();
+    let variance = |fit: &Fit, k: usize| fit.covariance[(first + k, first + k)].max(0.0);
+    let values = exact.model.group.iter().zip(&loose.model.group).enumerate();
+    values.map(|(k, (a, b))| variance(exact, k).max(variance(loose, k)).sqrt().hypot(a - b)).collect()
 }
 
 /// The model fitted once more with a link's bend off its middle; none where the term is no bending link.

@@ -1,6 +1,6 @@
 //! The exact fit of a model: damped Gauss–Newton on all causes and nuisances at once, and its marginal likelihood.
 
-use crate::diagnose::effects::hypothesis::{Catalogue, Model, Term, nuisances};
+use crate::diagnose::effects::hypothesis::{Catalogue, Model, nuisances};
 use crate::diagnose::likelihood::normal_equations::{Normal, needs_board};
 use crate::diagnose::model::camera_and_mirror::FootPoints;
 use crate::diagnose::model::elementary::Column;
@@ -8,7 +8,6 @@ use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::model::solver::SOLVER;
 use crate::error::Result;
 
-use core::ops::Range;
 use nalgebra::{DMatrix, DVector};
 use std::sync::Arc;
 
@@ -117,7 +116,7 @@ impl Active {
     }
 
     /// The model with these values.
-    fn model(&self, like: &Model, values: &[f64]) -> Model {
+    pub fn model(&self, like: &Model, values: &[f64]) -> Model {
         let mut model = like.clone();
         model.nuisances.copy_from_slice(&values[..self.first_group]);
         if model.frozen {
@@ -224,165 +223,11 @@ pub(crate) fn fit_below(
     Ok(summary(model, &normal, &active))
 }
 
-/// A model's normal equations where it stands: for questions that need no fit.
-pub(crate) struct Linearised {
-    normal: Normal,
-    active: Active,
-}
-
-impl Linearised {
-    /// Linearises a model at its own parameters.
-    ///
-    /// # Errors
-    /// A camera or mirror that cannot be.
-    pub fn at(
-        problem: &Problem,
-        catalogue: &Catalogue,
-        group: &Group,
-        model: &Model,
-        options: FitOptions,
-        mask: Option<&[bool]>,
-    ) -> Result<Self> {
-        let (normal, active) =
-            linearise(problem, catalogue, group, model, options.noise, model.planes.as_deref(), mask)?;
-        Ok(Self { normal, active })
-    }
-
-    /// Which of the parameters are the i-th cause's.
-    pub fn of_term(&self, model: &Model, i: usize) -> Range<usize> {
-        let before: usize = model.terms[..i].iter().map(|t| t.parameters.len()).sum();
-        let first = self.active.first_term + before;
-        first..first + model.terms[i].parameters.len()
-    }
-
-    /// Where the group's parameters begin.
-    pub fn first_group(&self) -> usize {
-        self.active.first_group
-    }
-
-    /// What the data tell of some parameters once all others are free within their priors, `A = H_oo − H_or (H_rr + P_r)⁻¹ H_ro`;
-    /// none where numbers overflow.
-    pub fn information_of(&self, own: &[usize]) -> Option<DMatrix<f64>> {
-        let h = &self.normal.h;
-        let rest: Vec<usize> = (0..self.active.values.len()).filter(|i| !own.contains(i)).collect();
-        let std = |i: usize| self.active.prior_std[i];
-        let among = DMatrix::from_fn(rest.len(), rest.len(), |a, b| {
-            let (i, j) = (rest[a], rest[b]);
-            h[(i, j)] * std(i) * std(j) + if a == b { 1.0 } else { 0.0 }
-        });
-        let across = DMatrix::from_fn(rest.len(), own.len(), |a, b| h[(rest[a], own[b])] * std(rest[a]));
-        let own_block = DMatrix::from_fn(own.len(), own.len(), |a, b| h[(own[a], own[b])]);
-        if rest.is_empty() {
-            return Some(own_block);
-        }
-        let reduced = own_block - across.tr_mul(&among.cholesky()?.solve(&across));
-        reduced.iter().all(|x| x.is_finite()).then_some(reduced)
-    }
-
-    /// Values and variances of the parameters from `first` on at the best of the linear model, under other priors for these; none where
-    /// numbers overflow.
-    pub fn posterior(&self, first: usize, prior_std: &[f64]) -> Option<(Vec<f64>, Vec<f64>)> {
-        let (active, h) = (&self.active, &self.normal.h);
-        let count = active.values.len();
-        let inside = first..first + prior_std.len();
-        let s: Vec<f64> = (0..count)
-            .map(|i| if inside.contains(&i) { prior_std[i - first] } else { active.prior_std[i] })
-            .collect();
-        let b = DVector::from_fn(count, |i, _| self.normal.g[i] * s[i] - active.values[i] / s[i]);
-        let whitened =
-            DMatrix::from_fn(count, count, |i, j| h[(i, j)] * s[i] * s[j] + if i == j { 1.0 } else { 0.0 });
-        let factor = whitened.cholesky()?;
-        let step = factor.solve(&b);
-        let inverse = factor.inverse();
-        let values: Vec<f64> = inside.clone().map(|i| active.values[i] + s[i] * step[i]).collect();
-        let variances: Vec<f64> = inside.map(|i| s[i] * s[i] * inverse[(i, i)]).collect();
-        values.iter().chain(&variances).all(|x| x.is_finite()).then_some((values, variances))
-    }
-
-    /// Log evidence of other columns in the place of the i-th cause's, at the best parameters of the linear model; `others` holds one set a
-    /// variant, as many as the cause has, behind the model's own columns in the normal equations. None where numbers overflow.
-    ///
-    /// With r the residuals at the present parameters p of the columns X, those without the cause are `r + X p`.
-    fn log_evidence_instead(&self, own: &Range<usize>, others: &Range<usize>) -> Option<f64> {
-        let (active, h, g) = (&self.active, &self.normal.h, &self.normal.g);
-        let rest = (0..active.values.len()).filter(|i| !own.contains(i));
-        let at: Vec<usize> = rest.chain(others.clone()).collect();
-        let prior = |k: usize| {
-            active.prior_std[if k < active.values.len() { k } else { own.start + k - others.start }]
-        };
-        let value = |k: usize| if k < active.values.len() { active.values[k] } else { 0.0 };
-        let without = |k: usize| g[k] + own.clone().map(|o| h[(k, o)] * active.values[o]).sum::<f64>();
-        let b = DVector::from_fn(at.len(), |i, _| {
-            let k = at[i];
-            without(k) * prior(k) - value(k) / prior(k)
-        });
-        let whitened = DMatrix::from_fn(at.len(), at.len(), |i, j| {
-            h[(at[i], at[j])] * prior(at[i]) * prior(at[j]) + if i == j { 1.0 } else { 0.0 }
-        });
-        let factor = whitened.cholesky()?;
-        let log_det = 2.0 * factor.l_dirty().diagonal().iter().map(|x| x.ln()).sum::<f64>();
-        let log = 0.5 * (b.dot(&factor.solve(&b)) - log_det);
-        log.is_finite().then_some(log)
-    }
-
-    /// Log evidence at the best parameters of the linear model, the prior deviations of some of them scaled; none where numbers
-    /// overflow.
-    pub fn log_evidence(&self, scaled: Range<usize>, scale: f64) -> Option<f64> {
-        let (active, h) = (&self.active, &self.normal.h);
-        let count = active.values.len();
-        let s: Vec<f64> =
-            (0..count).map(|i| active.prior_std[i] * if scaled.contains(&i) { scale } else { 1.0 }).collect();
-        let v = DVector::from_fn(count, |i, _| active.values[i] / s[i]);
-        let b = DVector::from_fn(count, |i, _| self.normal.g[i] * s[i] - v[i]);
-        let whitened =
-            DMatrix::from_fn(count, count, |i, j| h[(i, j)] * s[i] * s[j] + if i == j { 1.0 } else { 0.0 });
-        let factor = whitened.cholesky()?;
-        let gain = b.dot(&factor.solve(&b));
-        let log_det = 2.0 * factor.l_dirty().diagonal().iter().map(|x| x.ln()).sum::<f64>();
-        let value = -0.5 * (self.normal.cost + v.norm_squared() - gain + log_det);
-        value.is_finite().then_some(value)
-    }
-}
-
-/// Values of a cause's discrete unknown, the likeliest first: by the evidence of one linear model that has the columns of all of them.
+/// The normal equations of a model where it stands, and its parameters in their order.
 ///
 /// # Errors
 /// A camera or mirror that cannot be.
-pub(crate) fn likeliest_variants(
-    problem: &Problem,
-    catalogue: &Catalogue,
-    (group, model): (&Group, &Model),
-    i: usize,
-    variants: &[f64],
-    noise: Noise,
-    mask: Option<&[bool]>,
-) -> Result<Vec<f64>> {
-    let active = Active::of(problem, catalogue, group, model);
-    let deformation = model.deformation(problem, catalogue, &group.columns);
-    let mut columns = active.columns.clone();
-    for &variant in variants {
-        let term = Term { variant, ..model.terms[i].clone() };
-        columns.extend(catalogue.columns(&problem.scene, &term));
-    }
-    let with_board = needs_board(problem, &columns);
-    let planes = model.planes.as_deref();
-    let normal = Normal::at(problem, &deformation, noise, &columns, with_board, planes, mask)?;
-    let here = Linearised { normal, active };
-    let own = here.of_term(model, i);
-    let first = here.active.columns.len();
-    let mut valued: Vec<(f64, f64)> = variants
-        .iter()
-        .enumerate()
-        .filter_map(|(k, &variant)| {
-            let from = first + k * own.len();
-            Some((here.log_evidence_instead(&own, &(from..from + own.len()))?, variant))
-        })
-        .collect();
-    valued.sort_by(|a, b| b.0.total_cmp(&a.0));
-    Ok(valued.into_iter().map(|v| v.1).collect())
-}
-
-fn linearise(
+pub(super) fn linearise(
     problem: &Problem,
     catalogue: &Catalogue,
     group: &Group,

@@ -1,6 +1,7 @@
 //! The noise, the normal equations, the fit of a model with its evidence, the score test of single hypotheses.
 
 pub(super) mod fit;
+pub(super) mod linearised;
 pub(super) mod noise;
 pub(super) mod noise_correlation;
 pub(super) mod normal_equations;

@@ -11,7 +11,8 @@ use crate::diagnose::data::diagnosis::Member;
 use crate::diagnose::data::recording::{Tolerance, Tolerances};
 use crate::diagnose::effects::Place;
 use crate::diagnose::effects::hypothesis::{Catalogue, Model};
-use crate::diagnose::likelihood::fit::{Fit, FitOptions, Group, Linearised, fit};
+use crate::diagnose::likelihood::fit::{Fit, FitOptions, Group, fit};
+use crate::diagnose::likelihood::linearised::Linearised;
 use crate::diagnose::model::elementary::{Atom, Column};
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::model::scene::Scene;
@@ -157,6 +158,17 @@ impl Geometry {
         Self::of(columns, &problem.tolerances, true)
     }
 
+    /// The markers that a person mounted by a tolerance that the session states, as long as `told` has an effect for them. Empty where
+    /// nothing is stated.
+    pub fn of_stated_markers(problem: &Problem, told: impl Fn(&'static str, Place) -> bool) -> Self {
+        let mut columns: Vec<Column> = markers(&problem.scene).collect();
+        columns.retain(|c| {
+            stated(&problem.tolerances, c.atom).is_some()
+                && single_effect(c.atom).is_some_and(|(effect, place, _)| told(effect, place))
+        });
+        Self::of(columns, &problem.tolerances, true)
+    }
+
     /// No group at all.
     pub fn empty() -> Self {
         Self::of(Vec::new(), &Tolerances::default(), true)
@@ -242,9 +254,8 @@ impl Geometry {
         told[Kind::Angle as usize].max(told[Kind::Length as usize])
     }
 
-    /// Each small error of the robot in a fit (not of the set-up), in the words of single effects, with its standard deviation.
-    pub fn members(&self, fit: &Fit, scene: &Scene) -> Vec<Member> {
-        let first = fit.model.nuisances.len();
+    /// Each small error of the robot in a fit (not of the set-up), in the words of single effects, with its standard deviation of `stds`.
+    pub fn members(&self, fit: &Fit, stds: &[f64], scene: &Scene) -> Vec<Member> {
         let told = self.group.columns.iter().zip(&fit.model.group).enumerate();
         told.filter(|(_, (column, _))| self.is_of_robot(column))
             .filter_map(|(k, (column, value))| {
@@ -254,7 +265,7 @@ impl Geometry {
                     at: place.name(scene),
                     parameter: parameter.into(),
                     value: *value,
-                    std: fit.covariance[(first + k, first + k)].max(0.0).sqrt(),
+                    std: stds[k],
                 })
             })
             .collect()

@@ -224,7 +224,9 @@ fn causes(
     }
     if let Some(setup) = &findings.geometry {
         out.extend(
-            setup_causes(findings, setup)?.into_iter().map(|(c, columns)| (c, Part::Columns(columns))),
+            setup_causes(findings, setup, deviations)?
+                .into_iter()
+                .map(|(c, columns)| (c, Part::Columns(columns))),
         );
     }
     let of_robot = |g: &&Geometry| !g.setup_only || zeros_log_bayes(g, &found.fit) > LEAST_ZEROS_ODDS;
@@ -257,7 +259,7 @@ fn causes(
                 "many small errors of links, axes and zeros together: manufacturing tolerance".into()
             },
             rms_shift: rms_shift(findings, &bare, &all)?,
-            members: geometry.members(&found.fit, scene),
+            members: geometry.members(&found.fit, &deviations.group, scene),
             frames: Vec::new(),
         };
         out.push((cause, Part::Columns(own)));

@@ -1,6 +1,7 @@
 //! What a person should measure again: the displacements of board, camera and markers, each as a cause of its own with its values.
 
 use crate::diagnose::assessment::findings::Findings;
+use crate::diagnose::assessment::uncertainty::Deviations;
 use crate::diagnose::data::diagnosis::{Cause, Estimate};
 use crate::diagnose::effects::Concern;
 use crate::diagnose::likelihood::fit::Fit;
@@ -16,7 +17,11 @@ use crate::error::Result;
 ///
 /// # Errors
 /// A camera or mirror that cannot be.
-pub(crate) fn setup_causes(findings: &Findings<'_>, setup: &Geometry) -> Result<Vec<(Cause, Vec<usize>)>> {
+pub(crate) fn setup_causes(
+    findings: &Findings<'_>,
+    setup: &Geometry,
+    deviations: &Deviations,
+) -> Result<Vec<(Cause, Vec<usize>)>> {
     if !setup.mounted {
         return Ok(Vec::new());
     }
@@ -33,10 +38,8 @@ pub(crate) fn setup_causes(findings: &Findings<'_>, setup: &Geometry) -> Result<
         }
         let mut without = fit.model.clone();
         columns.iter().for_each(|&k| without.group[k] = 0.0);
-        let first = fit.model.nuisances.len();
         let parameters = members.iter().map(|&(k, name)| {
-            let std = fit.covariance[(first + k, first + k)].max(0.0).sqrt();
-            (name.to_owned(), Estimate { value: fit.model.group[k], std })
+            (name.to_owned(), Estimate { value: fit.model.group[k], std: deviations.group[k] })
         });
         let words = search.catalogue.find(effect, place).map_or("", |h| search.catalogue.effect(h).words());
         let cause = Cause {

@@ -1,10 +1,14 @@
 //! How sure a cause is: its rivals, each fitted in its place, and their probabilities.
 
 use crate::diagnose::criteria::cross_validation::PostureGap;
+use crate::diagnose::effects::Place;
 use crate::diagnose::effects::hypothesis::Model;
 use crate::diagnose::likelihood::fit::Fit;
 use crate::diagnose::model::problem::Noise;
+use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::principles::{TEMPER, UNTHOUGHT_OF};
+use crate::diagnose::random_effects::displaced::members_of;
+use crate::diagnose::random_effects::geometric_tolerances::Geometry;
 use crate::diagnose::selection::search::{Found, Search, SearchOptions};
 use crate::error::Result;
 
@@ -29,6 +33,8 @@ pub(crate) struct Standing {
     pub probability: f64,
     pub rivals: Vec<Rival>,
     nothing: f64,
+    /// The markers' mounts together, where they could do as well.
+    mounts: Option<ByMounts>,
 }
 
 impl Standing {
@@ -68,7 +74,7 @@ impl Standing {
 /// A camera or mirror that cannot be.
 pub(crate) fn standing(search: &Search<'_>, found: &Found, i: usize) -> Result<Standing> {
     let own = found.fit.model.terms[i].hypothesis;
-    let rest: Model = found.fit.model.without(i);
+    let rest = search.taken_out(&found.fit.model, i, found.noise)?;
     let named =
         Search { options: SearchOptions { named_only: true, ..search.options.clone() }, ..search.clone() };
     let rivals = rivals_at_all_noises(&named, found, i, &rest, own)?;
@@ -85,6 +91,11 @@ pub(crate) fn standing(search: &Search<'_>, found: &Found, i: usize) -> Result<S
         let log = TEMPER * (search.log_posterior(rival) - reference);
         weights.push((term.hypothesis, term.variant, log.min(50.0).exp()));
     }
+    let mounts = by_stated_mounts(search, found, i)?;
+    if let Some(by) = &mounts {
+        weights.retain(|w| w.0 != by.mount);
+        weights.push((by.mount, 0.0, (-TEMPER * by.odds).min(50.0).exp()));
+    }
     let nothing = (-TEMPER * tolerated).min(50.0).exp();
     let total = 1.0 + nothing + weights.iter().map(|w| w.2).sum::<f64>();
     let scale = (1.0 - UNTHOUGHT_OF) / total;
@@ -94,7 +105,7 @@ pub(crate) fn standing(search: &Search<'_>, found: &Found, i: usize) -> Result<S
         .collect();
     rivals.retain(|r| r.probability >= UNTHOUGHT_OF);
     rivals.sort_by(|a, b| b.probability.total_cmp(&a.probability));
-    Ok(Standing { probability: scale, rivals, nothing: nothing * scale })
+    Ok(Standing { probability: scale, rivals, nothing: nothing * scale, mounts })
 }
 
 /// The best rivals in the place of the i-th cause, fitted. First at the noise as large as the model without the cause leaves it:
@@ -128,6 +139,48 @@ fn rivals_at_all_noises(
         .filter(|fit| reference - named.log_posterior(fit) < FAR_BEHIND)
         .map(|fit| named.fit_with_slack(&fit.model, Some(fit.model.terms.len() - 1), found.noise, 8))
         .collect()
+}
+
+/// All markers' mounts at once in a cause's place.
+#[derive(Debug, Clone)]
+struct ByMounts {
+    /// The mount that takes over most of what the cause explains.
+    mount: usize,
+    /// Log odds of the cause against them.
+    odds: f64,
+    /// The gap that they leave on held-out regions.
+    gap: Vec<PostureGap>,
+}
+
+/// The i-th cause weighed where every marker is free by the tolerance that the session states for its mount; none where nothing is stated,
+/// where the set-up is free already, or where the cause is beyond doubt all the same. A stated tolerance is part of what is known: one mount
+/// alone pays for each of its directions, and cannot do what several do together.
+fn by_stated_mounts(search: &Search<'_>, found: &Found, i: usize) -> Result<Option<ByMounts>> {
+    let catalogue = search.catalogue;
+    let in_model = |h: usize| found.fit.model.terms.iter().any(|t| t.hypothesis == h);
+    let mounts = Geometry::of_stated_markers(&search.problem, |effect, place| {
+        catalogue.find(effect, place).is_some_and(|h| !in_model(h))
+    });
+    if mounts.group.columns.is_empty() || !search.group.columns.is_empty() || search.problem.budget.is_spent()
+    {
+        return Ok(None);
+    }
+    let free = Search { group: mounts.group.clone(), ..search.clone() };
+    let mut start = found.fit.model.clone();
+    start.group = vec![0.0; mounts.group.columns.len()];
+    let with = free.fit(&start, found.noise, SOLVER.final_steps)?;
+    let odds = free.log_odds(&with, i, found.noise)?;
+    if (-TEMPER * odds).exp() < UNTHOUGHT_OF {
+        return Ok(None);
+    }
+    let without = free.fit(&free.taken_out(&with.model, i, found.noise)?, found.noise, SOLVER.final_steps)?;
+    let moved = |effect: &str, place: Place| -> f64 {
+        let change = |k: usize| (without.model.group[k] - with.model.group[k]) / mounts.group.prior_std[k];
+        members_of(&mounts, effect, place).iter().map(|(k, _)| change(*k).powi(2)).sum()
+    };
+    let most = mounts.mounts().max_by(|a, b| moved(a.0, a.1).total_cmp(&moved(b.0, b.1)));
+    let Some(mount) = most.and_then(|(effect, place)| catalogue.find(effect, place)) else { return Ok(None) };
+    Ok(Some(ByMounts { mount, odds, gap: free.held_out(&without.model, found.noise)? }))
 }
 
 /// Rounds in which causes give way to their rivals.
@@ -173,7 +226,16 @@ fn at_rest(
                 continue;
             }
             let rival = standing.likelier();
-            let rest = search.fit(&found.fit.model.without(i), found.noise, 8)?;
+            let together =
+                standing.mounts.as_ref().filter(|by| rival.is_some_and(|r| r.hypothesis == by.mount));
+            if let Some(by) = together {
+                // No single cause can take the place: both are told.
+                let pooled = standing.pooled(held_out_odds(&by.gap, after, found.noise));
+                standing.disputed(pooled);
+                continue;
+            }
+            let rest = search.taken_out(&found.fit.model, i, found.noise)?;
+            let rest = search.fit(&rest, found.noise, 8)?;
             let next = match rival {
                 Some(rival) => {
                     let with = rest.model.with(search.catalogue, rival.hypothesis, rival.variant);

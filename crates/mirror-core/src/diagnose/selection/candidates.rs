@@ -2,7 +2,8 @@
 //! unknowns (a friction torque, a side).
 
 use crate::diagnose::effects::hypothesis::Model;
-use crate::diagnose::likelihood::fit::{Fit, likeliest_variants};
+use crate::diagnose::likelihood::fit::Fit;
+use crate::diagnose::likelihood::linearised::likeliest_variants;
 use crate::diagnose::likelihood::score_test::{Score, screen};
 use crate::diagnose::model::problem::Noise;
 use crate::diagnose::model::solver::SOLVER;

@@ -2,12 +2,14 @@
 
 use crate::diagnose::criteria::marker_shift::marker_shift;
 use crate::diagnose::effects::hypothesis::{Model, Term};
-use crate::diagnose::likelihood::fit::{Fit, FitOptions, Linearised};
+use crate::diagnose::likelihood::fit::{Fit, FitOptions};
+use crate::diagnose::likelihood::linearised::Linearised;
 use crate::diagnose::model::problem::Noise;
 use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::principles::{BEYOND_DOUBT, LOG_PRIOR_CROWD, LOG_PRIOR_SAME_PLACE};
 use crate::diagnose::selection::search::Search;
 use crate::error::Result;
+use core::ops::Range;
 
 /// So many causes at one joint are a crowd: together they only imitate the law that is really there.
 const CROWD: usize = 3;
@@ -41,8 +43,9 @@ impl Search<'_> {
 
     /// The i-th cause at a size that is tolerated rather than called a cause, all else refitted: at most
     /// [`PRIOR_TOLERANCE`] of the size that such an error commonly has, and no more than could be seen. The laws of the other causes have their slack.
-    /// Given up where it is clear that the misfit stays above `hopeless`.
-    fn tolerated(&self, fit: &Fit, i: usize, noise: Noise, hopeless: f64) -> Result<Fit> {
+    /// Given up where it is clear that the misfit stays above `hopeless`. `here` is the linear model at the cause as found, from which the
+    /// others start.
+    fn tolerated(&self, fit: &Fit, i: usize, here: &Linearised, noise: Noise, hopeless: f64) -> Result<Fit> {
         let term = &fit.model.terms[i];
         let stds = &self.catalogue.hypotheses[term.hypothesis].prior_std;
         let multiple = (term.parameters.iter().zip(stds).map(|(p, s)| (p / s).powi(2)).sum::<f64>()
@@ -54,19 +57,29 @@ impl Search<'_> {
         let own_rms = (own_sum / own.iter().filter(|o| **o > 1e-4 * own_sum).count().max(1) as f64).sqrt();
         let unseen = if own_rms > 0.0 { UNSEEN_SHIFT / own_rms * multiple } else { PRIOR_TOLERANCE };
         let scale = PRIOR_TOLERANCE.min(unseen).clamp(LEAST_TOLERANCE, 1.0);
-        let mut model = fit.model.clone();
+        let (_, start) = self.loosened(&fit.model, Some(i));
+        let small: Vec<f64> = term.parameters.iter().map(|p| p * scale.min(0.5)).collect();
+        let truncated = |mut m: Model| {
+            m.group.truncate(fit.model.group.len());
+            m
+        };
+        let moved = here.moved_with(&start, &here.of_term(&start, i), &small).map(truncated);
+        let mut model = moved.filter(|m| self.can_be(m)).unwrap_or_else(|| fit.model.clone());
         model.terms[i].prior_scale = scale;
-        model.terms[i].parameters.iter_mut().for_each(|p| *p *= scale.min(0.5));
+        model.terms[i].parameters = small;
         self.fit_below(&model, Some(i), noise, SOLVER.final_steps, hopeless)
     }
 
     /// Log posterior odds of the i-th cause: found, against tolerated.
     pub fn log_odds(&self, fit: &Fit, i: usize, noise: Noise) -> Result<f64> {
-        if let Some(odds) = self.clear_odds(fit, i, noise)? {
+        let (group, start) = self.loosened(&fit.model, Some(i));
+        let options = FitOptions { noise, steps: 0 };
+        let here = Linearised::at(&self.problem, self.catalogue, &group, &start, options, self.mask)?;
+        if let Some(odds) = self.clear_odds(&fit.model, i, &here, here.of_term(&start, i)) {
             return Ok(odds);
         }
         let found = self.fit_with_slack(&fit.model, Some(i), noise, SOLVER.final_steps)?;
-        let tolerated = self.tolerated(fit, i, noise, found.misfit + 8.0 * BEYOND_DOUBT)?;
+        let tolerated = self.tolerated(fit, i, &here, noise, found.misfit + 8.0 * BEYOND_DOUBT)?;
         Ok(found.log_evidence + self.log_prior_of(&fit.model, i) - tolerated.log_evidence)
     }
 
@@ -77,16 +90,12 @@ impl Search<'_> {
 
     /// The odds of the linearised model where they leave no doubt: nothing need be fitted then. At the largest and the
     /// smallest size that could be tolerated, whichever speaks more against the cause.
-    fn clear_odds(&self, fit: &Fit, i: usize, noise: Noise) -> Result<Option<f64>> {
-        let (group, start) = self.loosened(&fit.model, Some(i));
-        let options = FitOptions { noise, steps: 0 };
-        let here = Linearised::at(&self.problem, self.catalogue, &group, &start, options, self.mask)?;
-        let own = here.of_term(&start, i);
-        let Some(found) = here.log_evidence(own.clone(), 1.0) else { return Ok(None) };
-        let tolerated = [PRIOR_TOLERANCE, LEAST_TOLERANCE].map(|scale| here.log_evidence(own.clone(), scale));
-        let [Some(large), Some(small)] = tolerated else { return Ok(None) };
-        let odds = found + self.log_prior_of(&fit.model, i) - large.max(small);
+    fn clear_odds(&self, model: &Model, i: usize, here: &Linearised, own: Range<usize>) -> Option<f64> {
+        let found = here.log_evidence(own.clone(), 1.0)?;
+        let [large, small] =
+            [PRIOR_TOLERANCE, LEAST_TOLERANCE].map(|scale| here.log_evidence(own.clone(), scale));
+        let odds = found + self.log_prior_of(model, i) - large?.max(small?);
         // Exactly fitted they would still be beyond doubt.
-        Ok((odds > 2.0 * BEYOND_DOUBT).then_some(odds))
+        (odds > 2.0 * BEYOND_DOUBT).then_some(odds)
     }
 }

@@ -5,6 +5,7 @@ use crate::diagnose::data::diagnosis::{Cause, Estimate};
 use crate::diagnose::data::progress::UNWEIGHED;
 use crate::diagnose::effects::hypothesis::{Catalogue, Model, Term};
 use crate::diagnose::likelihood::fit::{Fit, FitOptions, Group, fit, fit_below};
+use crate::diagnose::likelihood::linearised::Linearised;
 use crate::diagnose::likelihood::noise::effective;
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::model::solver::SOLVER;
@@ -114,6 +115,24 @@ impl Search<'_> {
         let mut start = model.clone();
         start.group.resize(group.columns.len(), 0.0);
         (group, start)
+    }
+
+    /// A fitted model without its i-th cause, the others moved to where the linear model has them then: where a fit of the rest starts.
+    ///
+    /// # Errors
+    /// A camera or mirror that cannot be.
+    pub fn taken_out(&self, model: &Model, i: usize, noise: Noise) -> Result<Model> {
+        let options = FitOptions { noise, steps: 0 };
+        let here = Linearised::at(&self.problem, self.catalogue, &self.group, model, options, self.mask)?;
+        let own = here.of_term(model, i);
+        let nothing = vec![0.0; own.len()];
+        let moved = here.moved_with(model, &own, &nothing).filter(|m| self.can_be(m));
+        Ok(moved.unwrap_or_else(|| model.clone()).without(i))
+    }
+
+    /// Whether a model's camera and mirror can be: a linear model may lead to a focal length below zero.
+    pub fn can_be(&self, model: &Model) -> bool {
+        self.problem.eye(&self.deformation(model)).is_ok()
     }
 
     pub fn effective(&self, model: &Model) -> Result<Noise> {
@@ -269,7 +288,8 @@ impl Search<'_> {
             if odds < self.options.least_log_odds {
                 let name = self.catalogue.name(&self.problem.scene, best.model.terms[i].hypothesis);
                 trace.push(format!("drop {name}: log odds {odds:.1}"));
-                let without = self.fit(&best.model.without(i), noise, SOLVER.final_steps)?;
+                let rest = self.taken_out(&best.model, i, noise)?;
+                let without = self.fit(&rest, noise, SOLVER.final_steps)?;
                 best = self.settle(without, noise)?;
                 i = 0;
             } else {
@@ -287,7 +307,7 @@ impl Search<'_> {
         for i in 0..best.model.terms.len() - 1 {
             let own = best.model.terms[i].hypothesis;
             let here = self.fit_with_slack(&best.model, Some(i), noise, SOLVER.final_steps)?;
-            let rest = best.model.without(i);
+            let rest = self.taken_out(&best.model, i, noise)?;
             let rivals = self.candidates(&rest, noise, self.options.refined, Some((own, &here)))?;
             let Some(rival) = rivals.first() else { continue };
             if self.log_posterior(rival) < self.log_posterior(&here) - BEYOND_DOUBT {

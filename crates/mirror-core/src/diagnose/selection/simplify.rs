@@ -78,7 +78,8 @@ pub(crate) fn drop_useless(
             i += 1;
             continue;
         }
-        let without = search.fit(&found.fit.model.without(i), found.noise, 6)?;
+        let rest = search.taken_out(&found.fit.model, i, found.noise)?;
+        let without = search.fit(&rest, found.noise, 6)?;
         // Where even the fitted postures are worse off, those held out need not be looked at.
         let fitted = in_sample(&search.problem, &search.deformation(&without.model), search.measured_noise)?;
         if seen_size(&fitted) >= seen_size(after) * (1.0 + SURELY_WORSE * least) {

@@ -3,7 +3,8 @@
 use super::gap_world::{Plan, World, Wrong};
 use crate::diagnose::effects::hypothesis::{Catalogue, Model};
 use crate::diagnose::effects::vocabulary;
-use crate::diagnose::likelihood::fit::{FitOptions, Group, Linearised, fit};
+use crate::diagnose::likelihood::fit::{FitOptions, Group, fit};
+use crate::diagnose::likelihood::linearised::Linearised;
 use crate::diagnose::likelihood::normal_equations::Normal;
 use crate::diagnose::model::elementary::{Atom, Column};
 use crate::diagnose::model::problem::{Noise, Problem};
@@ -88,6 +89,44 @@ fn evidence_without_a_fit_is_that_of_the_fit() {
     let small = here.log_evidence(here.of_term(&found.model, 1), 1e-6).unwrap();
     let without = fit(&problem, &catalogue, &none, &found.model.without(1), options(12), None).unwrap();
     assert!((small - without.log_evidence).abs() < 0.2, "{small} {}", without.log_evidence);
+}
+
+/// A joint's zero and the mounts of the markers beyond it do the same. Without the zero the mounts explain all of it; a fit that starts
+/// where they were best beside it sees false observations only, and stays there.
+#[test]
+fn what_others_can_explain_as_well_they_explain_once_a_cause_is_taken_out() {
+    let world = World::new(4, true);
+    let robot = Robot::from_urdf_str(&world.urdf()).unwrap();
+    let wrong = vec![Wrong::Offset(world.bone("r_elbow"), 0.03)];
+    let plan = Plan { postures: 12, noise_px: 0.15, wrong, ..Plan::default() };
+    let problem = Problem::new(&robot, &world.record(&plan)).unwrap();
+    let catalogue = catalogue(&problem);
+    let offset = (0..catalogue.hypotheses.len())
+        .find(|&h| catalogue.name(&problem.scene, h) == "joint_offset@joint:r_elbow")
+        .unwrap();
+    let shifts = (0..world.markers.len()).flat_map(|m| (0..3).map(move |k| Atom::MarkerShift(m, k)));
+    let columns: Vec<Column> = shifts.map(Column::constant).collect();
+    let mut start = Model::nominal(&problem).with(&catalogue, offset, 0.0);
+    start.group = vec![0.0; columns.len()];
+    let fitted = |group: &Group, model: &Model, steps| {
+        fit(&problem, &catalogue, group, model, FitOptions { noise: NOISE, steps }, None).unwrap()
+    };
+    // First the joint alone, the mounts next to exact; then the mounts within 10 mm.
+    let exact = Group { columns: columns.clone(), prior_std: vec![1e-6; columns.len()] };
+    let coarse = FitOptions { noise: Noise { marker_px: 10.0, ..NOISE }, steps: 12 };
+    let near = fit(&problem, &catalogue, &exact, &start, coarse, None).unwrap();
+    let by_the_joint = fitted(&exact, &near.model, 12);
+    let group = Group { prior_std: vec![0.01; columns.len()], columns };
+    let options = FitOptions { noise: NOISE, steps: 0 };
+    let here = Linearised::at(&problem, &catalogue, &group, &by_the_joint.model, options, None).unwrap();
+    let own = here.of_term(&by_the_joint.model, 0);
+    let moved = here.moved_with(&by_the_joint.model, &own, &[0.0]).unwrap();
+    let by_the_mounts = fitted(&group, &moved.without(0), 8);
+    let stuck = fitted(&group, &by_the_joint.model.without(0), 8);
+    let more = by_the_mounts.misfit - by_the_joint.misfit;
+    assert!(more.abs() < 20.0, "{more}");
+    // Why it matters where the fit starts.
+    assert!(stuck.misfit > by_the_mounts.misfit + 100.0, "{} {}", stuck.misfit, by_the_mounts.misfit);
 }
 
 #[test]
