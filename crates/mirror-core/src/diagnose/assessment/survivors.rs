@@ -3,7 +3,8 @@
 //! Where the model is not quite that of the data, evidence counts a misfit that postures share as often as they were seen, and a cause
 //! that only takes a part of it gets log odds of tens and hundreds. Postures drawn anew vary with such a misfit as the likelihood does
 //! not. So a cause is named only where it, or a rival that the data cannot tell from it, is found again in more than half of the
-//! resamples, or is needed to predict; and beside a remainder, which shows the model to be wrong, a cause is as probable as it is stable: the bagged posterior.
+//! resamples, or is needed to predict; and no cause is more probable than it is stable: the bagged posterior. Beside a remainder, which
+//! shows the model to be wrong, what is found again with its rivals counts as well.
 //!
 //! Source: Huggins and Miller, "Robust inference and model selection using bagged posteriors" (2020).
 
@@ -26,7 +27,8 @@ use crate::error::Result;
 /// # Errors
 /// A camera or mirror that cannot be.
 pub(crate) fn keep_survivors(findings: &mut Findings<'_>, ranking: &[Score]) -> Result<()> {
-    let mut shares = stability(findings, &findings.standings, ranking, &[])?.or_rivals;
+    let found_again = stability(findings, &findings.standings, ranking, &[])?;
+    let (mut shares, mut alone) = (found_again.or_rivals, found_again.terms);
     let mut order: Vec<usize> = (0..shares.len()).filter(|&i| shares[i].is_some()).collect();
     order.sort_by(|&a, &b| shares[a].partial_cmp(&shares[b]).unwrap_or(core::cmp::Ordering::Equal));
     let mut gone: Vec<usize> = Vec::new();
@@ -44,21 +46,29 @@ pub(crate) fn keep_survivors(findings: &mut Findings<'_>, ranking: &[Score]) -> 
     gone.sort_unstable();
     for i in gone.into_iter().rev() {
         shares.remove(i);
+        alone.remove(i);
     }
-    if findings.unexplained.is_some() {
-        for (standing, share) in findings.standings.iter_mut().zip(shares) {
-            if let (Some(standing), Some(share)) = (standing, share) {
-                standing.probability *= share;
-            }
+    let remainder = findings.unexplained.is_some();
+    for (standing, (share, alone)) in findings.standings.iter_mut().zip(shares.into_iter().zip(alone)) {
+        let (Some(standing), Some(share), Some(alone)) = (standing, share, alone) else { continue };
+        if remainder {
+            standing.probability *= share;
         }
+        standing.probability = standing.probability.min(bagged(alone));
     }
     Ok(())
 }
 
+/// The probability that a share of the resamples stands for (Jeffreys).
+fn bagged(share: f64) -> f64 {
+    let count = RESAMPLES as f64;
+    (count * share + 0.5) / (count + 1.0)
+}
+
 /// Log odds of a share of the resamples, half a resample on either side (Jeffreys).
 fn log_odds(share: f64) -> f64 {
-    let count = RESAMPLES as f64;
-    ((count * share + 0.5) / (count * (1.0 - share) + 0.5)).ln()
+    let p = bagged(share);
+    (p / (1.0 - p)).ln()
 }
 
 /// Takes a cause back unless it is needed to predict.
