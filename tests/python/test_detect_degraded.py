@@ -89,6 +89,8 @@ VARIANTS: dict[str, tuple[Callable, float, float]] = {
     "dark": (dark, 0.2, 1.8),
     "jpeg 4:2:0": (compressed(92, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_420), 0.2, 1.8),
     "jpeg 4:2:0 poor": (compressed(70, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_420), 0.4, 1.8),
+    "jpeg 4:4:4": (compressed(92, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444), 0.1, 1.8),
+    "jpeg 4:4:4 poor": (compressed(40, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444), 0.15, 1.8),
 }
 
 
@@ -100,14 +102,16 @@ def test_no_ball_is_wrong_and_deviations_are_true(name: str, tmp_path: Path) -> 
         rng = np.random.default_rng(seed)
         center = (float(rng.uniform(90, 230)), float(rng.uniform(70, 170)))
         made = make(scene(center, rng), rng)
-        step = (1, 1)
+        step, quantised = (1, 1), 0.0
         if isinstance(made, bytes):
             (tmp_path / "ball.jpg").write_bytes(made)
             file = read_picture_file(tmp_path / "ball.jpg")
-            made, step = file.pixels, file.chroma_step_px
-            assert step == (2, 2)
+            made, step, quantised = file.pixels, file.chroma_step_px, file.quantisation_step
+            assert step == ((1, 1) if "4:4:4" in name else (2, 2))
         hint = PredictedMarker("hand", (center[0] + 6.0, center[1] - 4.0), np.inf, RADIUS * 1.03)
-        (view,) = detect_markers(made, (MARKER,), CAMERA, chroma_step_px=step, expected=(hint,))
+        (view,) = detect_markers(
+            made, (MARKER,), CAMERA, chroma_step_px=step, expected=(hint,), quantisation_step=quantised
+        )
         assert view.ok, (seed, view.reason)
         error = np.subtract(view.pixel_px, center)
         assert np.hypot(*error) < max(0.3, 4.0 * view.std_px), (seed, error, view.std_px)
@@ -150,3 +154,34 @@ def test_two_balls_that_fit_alike_are_masked() -> None:
     (view,) = detect_markers(picture, (MARKER,), CAMERA, expected=(hint,))
     assert not view.ok
     assert "2 balls of its colour and size" in view.reason
+
+
+@pytest.mark.parametrize("light", ["cold", "dim"])
+def test_a_ball_in_other_light_than_thought_is_found_where_the_model_expects_one(light: str) -> None:
+    rng = np.random.default_rng(6)
+    center = (150.3, 118.6)
+    gains = {"cold": np.array([4.5, 1.0, 0.8]), "dim": np.full(3, 0.03)}[light]
+    picture = encoded(scene(center, rng) * gains)
+    assert not detect_markers(picture, (MARKER,), CAMERA)[0].ok
+    hint = PredictedMarker("hand", (center[0] + 6.0, center[1] - 4.0), np.inf, RADIUS)
+    (view,) = detect_markers(picture, (MARKER,), CAMERA, expected=(hint,))
+    assert view.ok, view.reason
+    assert np.hypot(*np.subtract(view.pixel_px, center)) < max(0.1, 3.0 * view.std_px)
+    # Elsewhere, and of another size, it is another thing.
+    other = PredictedMarker("hand", hint.pixel_px, np.inf, 2.0 * RADIUS)
+    assert not detect_markers(picture, (MARKER,), CAMERA, expected=(other,))[0].ok
+
+
+def test_a_ball_seen_in_part_is_believed_only_at_the_size_that_the_model_expects() -> None:
+    rng = np.random.default_rng(7)
+    center = (150.3, 118.6)
+    picture = encoded(scene(center, rng, 0.25))
+    for factor in (0.97, 1.0, 1.03, 0.88, 1.12):
+        hint = PredictedMarker("hand", (center[0] + 6.0, center[1] - 4.0), np.inf, RADIUS * factor)
+        (view,) = detect_markers(picture, (MARKER,), CAMERA, expected=(hint,))
+        if abs(factor - 1.0) < 0.05:
+            assert view.ok, view.reason
+            assert view.pixel_px == pytest.approx(center, abs=0.2)
+        else:
+            assert not view.ok
+            assert "seen in part and" in view.reason

@@ -62,7 +62,7 @@ fn exact_edges_give_the_exact_sphere_also_from_part_of_its_outline() {
     for share in [90, 50, 30] {
         let points: Vec<_> = pixels[..share]
             .iter()
-            .map(|p| EdgePoint { pixel: *p, std_px: 0.1, shared_std_px: 0.0 })
+            .map(|p| EdgePoint { pixel: *p, std_px: 0.1, shared_std_px: 0.0, common_px: 0.0 })
             .collect();
         let near = fit_circle(&pixels[..share], 5.0, 40.0, 1.0).unwrap_or(start);
         let fit = fit_cone(&points, &near, &camera, 1.0).unwrap();
@@ -75,8 +75,10 @@ fn exact_edges_give_the_exact_sphere_also_from_part_of_its_outline() {
 fn the_claimed_covariance_of_the_centroid_is_the_scatter() {
     let camera = camera(Distortion::None);
     let pixels = touching_pixels(&camera, Vector3::new(0.1, 0.06, 0.5), 0.02, 100);
-    let exact: Vec<_> =
-        pixels.iter().map(|p| EdgePoint { pixel: *p, std_px: 0.1, shared_std_px: 0.0 }).collect();
+    let exact: Vec<_> = pixels
+        .iter()
+        .map(|p| EdgePoint { pixel: *p, std_px: 0.1, shared_std_px: 0.0, common_px: 0.0 })
+        .collect();
     let start = fit_circle(&pixels, 5.0, 40.0, 1.0).unwrap();
     let truth = fit_cone(&exact, &start, &camera, 1.0).unwrap().centroid_px;
     let mut rng = ChaCha8Rng::seed_from_u64(5);
@@ -89,7 +91,7 @@ fn the_claimed_covariance_of_the_centroid_is_the_scatter() {
                 .iter()
                 .map(|p| {
                     let noise = Vector2::from_fn(|_, _| StandardNormal.sample(&mut rng)) * 0.1;
-                    EdgePoint { pixel: p.pixel + noise, std_px: 0.1, shared_std_px: 0.0 }
+                    EdgePoint { pixel: p.pixel + noise, std_px: 0.1, shared_std_px: 0.0, common_px: 0.0 }
                 })
                 .collect();
             let fit = fit_cone(&noisy, &start, &camera, 1.0).unwrap();
@@ -100,6 +102,31 @@ fn the_claimed_covariance_of_the_centroid_is_the_scatter() {
         // The mean of 300 chi-squared values with 2 degrees of freedom, halved, is 1 ± 0.06; the factor for shared errors widens a little.
         assert!((0.6..1.2).contains(&mean), "{kept}: {mean}");
     }
+}
+
+#[test]
+fn what_one_cause_does_to_all_edges_is_in_the_covariance() {
+    let camera = camera(Distortion::None);
+    let pixels = touching_pixels(&camera, Vector3::new(0.1, 0.06, 0.5), 0.02, 100);
+    let start = fit_circle(&pixels, 5.0, 40.0, 1.0).unwrap();
+    // One deviation of the cause moves each edge outward by up to 0.05 px, most at the right.
+    let moved = |deviations: f64| -> Vec<EdgePoint> {
+        let outward = |p: &Vector2<f64>| (p - start.center_px).normalize();
+        pixels
+            .iter()
+            .map(|p| {
+                let common_px = 0.05 * outward(p).x.max(0.0).powi(2);
+                let pixel = p + outward(p) * (deviations * common_px);
+                EdgePoint { pixel, std_px: 0.02, shared_std_px: 0.0, common_px }
+            })
+            .collect()
+    };
+    let fit = |deviations: f64| fit_cone(&moved(deviations), &start, &camera, 1.0).unwrap();
+    let shift = fit(1.0).centroid_px - fit(0.0).centroid_px;
+    assert!(shift.norm() > 0.01, "{shift}");
+    // Exact edges scatter not at all: what is left is the cause alone, as large as what it does and in its direction.
+    let covariance = fit(0.0).centroid_covariance_px2;
+    assert!((covariance - shift * shift.transpose()).norm() < 0.02 * shift.norm_squared(), "{covariance}");
 }
 
 #[test]

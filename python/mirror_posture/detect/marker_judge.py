@@ -23,13 +23,13 @@ MIN_ARC_FRACTION = 0.3
 MAX_OUTLINE_RESIDUAL_PX = 0.6
 # A region's centroid: what its edge shares and counting pixels does not show, px.
 CENTRE_FLOOR_PX = 0.03
-# A ball counts as whole and sharp from these shares on (of its area, its outline; blur against radius); others must have the expected size to this factor, and to a
-# smaller one where they are blurred.
+# A ball counts as whole and sharp from these shares on (of its area, its outline; blur against radius); others must have the expected size to this share, or to so many
+# pixels: a model that is right to 3 cm at a metre knows it to 3 %.
 WHOLE_FRACTION = 0.93
-WHOLE_ARC = 0.6
+WHOLE_ARC = 0.88
 SHARP_SHARE = 0.2
-PARTIAL_SIZE_FACTOR = 1.13
-BLURRED_SIZE_FACTOR = 1.08
+PARTIAL_SIZE_SHARE = 0.05
+PARTIAL_SIZE_PX = 0.3
 # Blurred over more than this share of its radius, a ball must show more of its outline: bent edges of other things, blurred, fit many circles.
 BLURRED_SHARE = 0.16
 BLURRED_ARC = 0.48
@@ -80,12 +80,21 @@ def judged(
     return MarkerView(marker.name, not reason, reason, **fields)
 
 
+def is_sharp(fit: OutlineFit) -> bool:
+    return fit.blur_px <= SHARP_SHARE * fit.mean_radius_px
+
+
+def size_share(expected_px: float) -> float:
+    """By what share the radius of a ball that is seen in part may differ from what the model expects."""
+    return max(PARTIAL_SIZE_SHARE, PARTIAL_SIZE_PX / expected_px)
+
+
 def doubted_size(view: MarkerView, fit: OutlineFit, expected_px: float) -> MarkerView:
     """A ball that is seen in part, or blurred, is believed only if it has the size that the model expects: half an outline fits many circles."""
     ratio = fit.mean_radius_px / expected_px
     whole = (view.visible_fraction or 0.0) >= WHOLE_FRACTION and fit.arc_fraction >= WHOLE_ARC
-    sharp = fit.blur_px <= SHARP_SHARE * fit.mean_radius_px
-    most = PARTIAL_SIZE_FACTOR if sharp else BLURRED_SIZE_FACTOR
+    sharp = is_sharp(fit)
+    most = 1.0 + size_share(expected_px)
     if not view.ok or (whole and sharp) or 1.0 / most <= ratio <= most:
         return view
     how = "seen in part" if sharp else "blurred"

@@ -7,6 +7,7 @@ largest region wins, as in the paper. What remains doubtful is masked with its r
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,20 +16,34 @@ import numpy.typing as npt
 from ..arguments import checked_arguments
 from ..camera import Camera
 from ..marker import Marker
-from .ball import OutlineFit, Start, fit_circle, measure_balls
+from .ball import Circle, OutlineFit, Start, fit_circle, measure_balls
 from .blobs import Region, color_regions, contour_px
 from .candidates import NEARER_RADII, SIZE_FACTOR, Candidate, choose, find_candidates
 from .marker_choice import Choice, SizeBounds, assign
-from .marker_judge import MarkerOptions, doubted_size, from_region, judged, masked, nothing_reason
+from .marker_judge import (
+    MarkerOptions,
+    doubted_size,
+    from_region,
+    is_sharp,
+    judged,
+    masked,
+    nothing_reason,
+    size_share,
+)
 from .types import MarkerView, PredictedMarker, color_of
 
 # Smallest outline that sub-pixel edges can be read from; below, the region's centroid is all there is.
 MIN_OUTLINE_RADIUS_PX = 3.0
-# A codec's blocks shift all edges of a side alike, by errors whose variance grows with its quantisation step (levels), at coarse steps with its square: from these steps on they are
-# most of what the centre's variance has. Measured on balls of 7 to 40 px at JPEG qualities 98 to 20; where colour is coarser, most of it shows in the edges.
-TELLING_STEP = 10.0
-TELLING_COARSE_STEP = 11.0
-TELLING_STEP_OF_COARSE_COLOUR = 30.0
+# A marker of whose colour nothing fits is looked for in a range so many times as wide in hue, and from these shares of its least saturation and value on.
+WIDER_HUE = 1.8
+WIDER_SATURATION = 0.8
+WIDER_VALUE = 0.5
+# A codec's blocks shift all edges of a side alike, by errors whose variance grows with its quantisation step (levels), where colour is coarse with its square: from these steps on
+# they are most of what the centre's variance has. Measured on balls of 7 to 40 px at JPEG qualities 98 to 20.
+TELLING_STEP = 13.0
+TELLING_STEP_OF_COARSE_COLOUR = 26.0
+# From this step on a codec has kept so little of the colour's detail that it is read as at half of the resolution, whatever the file says: at 4:4:4 and quality 80, 0.09 px against 0.15.
+COARSE_COLOUR_STEP = 5.0
 
 
 @checked_arguments
@@ -70,19 +85,28 @@ def detect_markers(
         )
         for marker in markers
     ]
+    jobs = _more_widely(bgr, jobs, options)
     # All outlines of the picture at once: the core shares them out.
     starts = [start for job in jobs for start in job.starts]
+    if chroma_step_px == (1, 1) and quantisation_step >= COARSE_COLOUR_STEP:
+        chroma_step_px = (2, 2)
     if chroma_step_px == (1, 1):
-        widened = 1.0 + max(quantisation_step / TELLING_STEP, (quantisation_step / TELLING_COARSE_STEP) ** 2)
+        widened = 1.0 + quantisation_step / TELLING_STEP
     else:
         widened = 1.0 + (quantisation_step / TELLING_STEP_OF_COARSE_COLOUR) ** 2
-    fits = iter(
-        None if fit is None else replace(fit, centroid_covariance_px2=widened * fit.centroid_covariance_px2)
-        for fit in measure_balls(bgr, starts, assumed, chroma_step_px)
-    )
+
+    def measured(starts: list[Start]) -> list[OutlineFit | None]:
+        return [
+            None
+            if fit is None
+            else replace(fit, centroid_covariance_px2=widened * fit.centroid_covariance_px2)
+            for fit in measure_balls(bgr, starts, assumed, chroma_step_px)
+        ]
+
+    fits = iter(measured(starts))
     views = []
     for job in jobs:
-        view = _seen(bgr, job, [next(fits) for _ in job.starts], options)
+        view = _seen(bgr, job, [next(fits) for _ in job.starts], options, measured)
         views.append(view if camera is not None else replace(view, sphere_center_px=None))
     return tuple(views)
 
@@ -126,12 +150,61 @@ def _job(
     return _Job(marker, choice, regions, starts=() if start is None else (start,))
 
 
+_Measured = Callable[[list[Start]], list[OutlineFit | None]]
+
+
+def _more_widely(bgr: npt.NDArray[np.uint8], jobs: list[_Job], options: MarkerOptions) -> list[_Job]:
+    """Markers whose place and size the model expects and of whose colour nothing fits are looked for in a wider range of it: the light is warmer, colder or dimmer than thought."""
+    hues = [color_of(job.marker).hue_deg for job in jobs]
+    poor = [
+        index
+        for index, job in enumerate(jobs)
+        if job.hint is not None
+        and not job.starts
+        and job.marker.diameter_m > 0.0
+        and options.use_outline
+        and (job.hint.ball_radius_px or 0.0) >= MIN_OUTLINE_RADIUS_PX
+    ]
+    if not poor:
+        return jobs
+    wide = [_wide(jobs[index].marker, hues[:index] + hues[index + 1 :]) for index in poor]
+    found = color_regions(bgr, [color_of(marker) for marker in wide])
+    result = list(jobs)
+    for index, marker, regions in zip(poor, wide, found, strict=True):
+        job = _job(marker, jobs[index].choice, regions, jobs[index].hint, None, options)
+        if job.starts:
+            result[index] = job
+    return result
+
+
+def _wide(marker: Marker, other_hues_deg: list[float]) -> Marker:
+    """The marker with a wider range of its colour, half-way to the next other hue at most."""
+    color = color_of(marker)
+    away = [abs((hue - color.hue_deg + 180.0) % 360.0 - 180.0) for hue in other_hues_deg]
+    most = 0.5 * min((a for a in away if a > 0.0), default=360.0)
+    return replace(
+        marker,
+        color=replace(
+            color,
+            hue_tolerance_deg=max(
+                color.hue_tolerance_deg, min(WIDER_HUE * color.hue_tolerance_deg, most, 180.0)
+            ),
+            min_saturation=WIDER_SATURATION * color.min_saturation,
+            min_value=WIDER_VALUE * color.min_value,
+        ),
+    )
+
+
 def _seen(
-    bgr: npt.NDArray[np.uint8], job: _Job, fits: list[OutlineFit | None], options: MarkerOptions
+    bgr: npt.NDArray[np.uint8],
+    job: _Job,
+    fits: list[OutlineFit | None],
+    options: MarkerOptions,
+    measured: _Measured,
 ) -> MarkerView:
     marker, region = job.marker, job.choice.region
     if job.hint is not None:
-        return _by_hint(bgr, job, job.hint, fits, options)
+        return _by_hint(bgr, job, job.hint, fits, options, measured)
     if region is None or job.choice.reason:
         return masked(marker, job.choice.reason or nothing_reason(bgr, marker), region)
     if marker.diameter_m == 0.0 or not options.use_outline:
@@ -157,6 +230,7 @@ def _by_hint(
     hint: PredictedMarker,
     fits: list[OutlineFit | None],
     options: MarkerOptions,
+    measured: _Measured,
 ) -> MarkerView:
     """The one ball of the size that the model expects, nearest to where it expects it."""
     marker, regions = job.marker, job.regions
@@ -174,7 +248,16 @@ def _by_hint(
     for one, fit in zip(job.candidates, fits, strict=True):
         if fit is None:
             continue
-        view = doubted_size(judged(bgr, marker, one.region, fit, options), fit, radius)
+        seen = judged(bgr, marker, one.region, fit, options)
+        view = doubted_size(seen, fit, radius)
+        if seen.ok and not view.ok and is_sharp(fit):
+            # A wrong part of its outline may have been taken: looked at again, with no other size.
+            share = 1.0 + size_share(radius)
+            start = Start(Circle(fit.centroid_px, radius), radius / share, radius * share)
+            (again,) = measured([start])
+            if again is not None:
+                seen = judged(bgr, marker, one.region, again, options)
+                view = seen if seen.ok else view
         if any(view.pixel_px is not None and _same_place(view, other, radius) for other in good):
             continue
         (good if view.ok else bad).append(view)

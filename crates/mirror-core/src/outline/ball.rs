@@ -21,16 +21,18 @@ const USUAL_BLUR_PX: f64 = 0.7;
 const BLUR_OF_STEP: f64 = 0.6;
 /// Edges farther than this from an outline are not on it, px.
 const TOLERANCE_PX: f64 = 0.675;
-/// What all edges share whatever the picture shows (pixel structure, the pane's second image), px, and what a blur of σ px carries over the rim, as a share of
-/// σ² / radius: measured on rendered balls.
-const SHARED_FLOOR_PX: f64 = 0.024;
-const SHARED_FLOOR_OF_CODED_PX: f64 = 0.035;
-const SHARED_BY_BLUR: f64 = 0.31;
-/// In coded pictures, edges share this share of their own deviation with their neighbours: a block of colour spans a broad part of a ball's outline.
-const SHARED_OF_CODED: f64 = 0.3;
+/// What edges share with their neighbours by the blur, which carries over the rim what lies beside it: px for each px of blur and for each px² of it; in coded
+/// pictures also for each px² against the radius. Measured on drawn and path-traced balls, as the shares below.
+const SHARED_BY_BLUR: [f64; 2] = [0.0127, 0.0171];
+const SHARED_BY_CODED_BLUR: [f64; 3] = [0.0485, 0.0387, 0.207];
+/// The same by sharpening, px for an overshoot of the whole step.
+const SHARED_BY_OVERSHOOT_PX: f64 = 0.525;
 /// Along the outline, edges share their errors over about this length (times the blur, where that is above 1 px): what lies behind, and a codec's blocks.
-const CORRELATION_PX: f64 = 3.0;
-const CODED_CORRELATION_PX: f64 = 6.0;
+const CORRELATION_PX: f64 = 1.8;
+/// Variance of the centre by the edges' scatter against what they show: the fit follows the errors that reach farthest along the outline. So many times more for
+/// each time that there are more edges than agree.
+const SCATTER_SHARE: f64 = 1.45;
+const DISAGREEING_POWER: f64 = 1.24;
 /// How much longer for each px by which a noisy picture was smoothed.
 const SMOOTHED_CORRELATION: f64 = 0.5;
 /// Least square of the share of the outline that edges agree with, in that.
@@ -84,7 +86,6 @@ pub fn measure_ball(
         return None;
     }
     let count = (core::f64::consts::TAU * start.radius_px).round().clamp(RAYS.0, RAYS.1) as usize;
-    let correlation = if patch.coded { CODED_CORRELATION_PX } else { CORRELATION_PX };
     let mut blur =
         Blur::round(if patch.coded { BLUR_OF_STEP * picture.widest_step() } else { USUAL_BLUR_PX });
     let mut circle = *start;
@@ -97,27 +98,42 @@ pub fn measure_ball(
         let found = beside_found(&edges.found, count as f64 / (core::f64::consts::TAU * circle.radius_px));
         let growth = (range.min_px - circle.radius_px, range.max_px - circle.radius_px);
         let together = of_one_outline(&edges.offset_px, &edges.std_px, &found, TOLERANCE_PX, growth)?;
-        let by_blur = SHARED_BY_BLUR * blur.widest_px().powi(2) / circle.radius_px.max(1.0);
-        let alike = if patch.coded { SHARED_FLOOR_OF_CODED_PX } else { SHARED_FLOOR_PX };
-        let floor = alike.hypot(by_blur);
+        let widest = blur.widest_px();
+        let by_blur = if patch.coded {
+            let [by_px, by_px2, by_bend] = SHARED_BY_CODED_BLUR;
+            let bend = widest.powi(2) / circle.radius_px.max(1.0);
+            (by_px * widest).hypot(by_px2 * widest.powi(2)).hypot(by_bend * bend)
+        } else {
+            (SHARED_BY_BLUR[0] * widest).hypot(SHARED_BY_BLUR[1] * widest.powi(2))
+        };
+        let by_all = by_blur.hypot(SHARED_BY_OVERSHOOT_PX * edges.overshoot);
         let (points, inlier): (Vec<EdgePoint>, Vec<bool>) = (0..count)
             .filter(|i| found[*i])
             .map(|i| {
-                let by_blocks = if patch.coded { SHARED_OF_CODED * edges.std_px[i] } else { 0.0 };
-                let shared_std_px = floor.hypot(edges.shared_std_px[i]).hypot(by_blocks);
-                (EdgePoint { pixel: edges.points_px[i], std_px: edges.std_px[i], shared_std_px }, together[i])
+                let point = EdgePoint {
+                    pixel: edges.points_px[i],
+                    std_px: edges.std_px[i],
+                    shared_std_px: by_all.hypot(edges.shared_std_px[i]),
+                    common_px: edges.common_px[i],
+                };
+                (point, together[i])
             })
             .unzip();
         let wide = blur.mean_px().max(1.0);
         // The coarser a codec has made the colour, the longer are its errors; and where other things hold a part of the outline, some of the rest is theirs too.
         let held = together.iter().filter(|t| **t).count() as f64 / count as f64;
         let longer = if patch.coded { wide / (held * held).max(LEAST_HELD) } else { 1.0 };
-        let shared = correlation * wide * longer * (1.0 + SMOOTHED_CORRELATION * patch.smoothing_px);
+        let shared = CORRELATION_PX * wide * longer * (1.0 + SMOOTHED_CORRELATION * patch.smoothing_px);
         let correlated = shared * count as f64 / (core::f64::consts::TAU * circle.radius_px);
-        let cone = fit_cone_from(&points, inlier, &center, camera, correlated)?;
+        let mut cone = fit_cone_from(&points, inlier, &center, camera, correlated, SCATTER_SHARE)?;
         circle = Circle { center_px: cone.centroid_px, radius_px: cone.mean_radius_px };
         center = cone.centroid_px;
         let agreeing = cone.inlier.iter().filter(|i| **i).count();
+        // In coded pictures edges scatter so much that which of them agree tells little.
+        if !patch.coded {
+            let more = points.len() as f64 / agreeing.max(1) as f64;
+            cone.centroid_covariance_px2 *= more.powf(DISAGREEING_POWER);
+        }
         let (ellipse_center, semi_axes, angle) = ellipse(&cone.boundary_px);
         radius = radii(&semi_axes, angle, count);
         measured = Some(BallOutline {

@@ -38,6 +38,8 @@ pub struct EdgePoint {
     pub std_px: f64,
     /// Of an error that it shares with its neighbours over a broad part of the outline, px: no residual shows it.
     pub shared_std_px: f64,
+    /// How far one deviation of a cause that moves all edges of the ball moves this one, px, positive outward.
+    pub common_px: f64,
 }
 
 /// A sphere's outline fitted to edge points.
@@ -65,7 +67,7 @@ pub struct ConeFit {
 ///
 /// Minimises `Σ (d / std)²` with `d = f (acos(r·w / |w|) − acos(1 / |w|))`, f the camera's scale at the ball in px/rad. The covariance is
 /// scaled by the residuals' size and by how many neighbours share an error: what their autocorrelation shows, at least `correlated_points`. What edges share
-/// over a broad part of the outline is carried through the fit by itself: a part of an outline makes more of it than a whole one.
+/// over a broad part of the outline, and what one cause does to all, is carried through the fit by itself: a part of an outline makes more of it than a whole one.
 pub fn fit_cone(
     points: &[EdgePoint],
     start: &Circle,
@@ -75,16 +77,17 @@ pub fn fit_cone(
     let near =
         |p: &EdgePoint| ((p.pixel - start.center_px).norm() - start.radius_px).abs() <= 2.0 * INLIER_PX;
     let inlier = points.iter().map(near).collect();
-    fit_cone_from(points, inlier, &start.center_px, camera, correlated_points)
+    fit_cone_from(points, inlier, &start.center_px, camera, correlated_points, 1.0)
 }
 
-/// [`fit_cone`] started from the edges that are thought to be the sphere's.
+/// [`fit_cone`] started from the edges that are thought to be the sphere's; the covariance by their scatter is `scatter_share` of what they show.
 pub(super) fn fit_cone_from(
     points: &[EdgePoint],
     mut inlier: Vec<bool>,
     middle_px: &Vector2<f64>,
     camera: &Camera,
     correlated_points: f64,
+    scatter_share: f64,
 ) -> Option<ConeFit> {
     let count = points.len();
     if count < MIN_EDGE_POINTS {
@@ -116,9 +119,10 @@ pub(super) fn fit_cone_from(
     let rms = (members().map(|i| away[i] * away[i]).sum::<f64>() / number as f64).sqrt();
     let whitened: Vec<f64> = members().map(|i| away[i] / points[i].std_px).collect();
     let freedom = number.saturating_sub(3).max(1) as f64;
-    let variance = whitened.iter().map(|r| r * r).sum::<f64>() / freedom
+    let variance = scatter_share * whitened.iter().map(|r| r * r).sum::<f64>() / freedom
         * correlation_factor(&whitened).max(correlated_points);
     let mut normal = Matrix3::zeros();
+    let mut common = Vector3::zeros();
     let mut shared = SMatrix::<f64, 3, { 2 * SHARED_HARMONICS }>::zeros();
     for i in members() {
         let row = distance_gradient(&rays[i], &parameters, scale) / points[i].std_px;
@@ -126,6 +130,7 @@ pub(super) fn fit_cone_from(
         let away = points[i].pixel - middle_px;
         let angle = away.y.atan2(away.x);
         let moved = row * (points[i].shared_std_px / points[i].std_px);
+        common += row * (points[i].common_px / points[i].std_px);
         for k in 0..SHARED_HARMONICS {
             let (sine, cosine) = (k as f64 * angle).sin_cos();
             shared.column_mut(2 * k).axpy(cosine, &moved, 1.0);
@@ -137,7 +142,8 @@ pub(super) fn fit_cone_from(
         return None;
     }
     let inverse = normal.try_inverse()?;
-    let covariance = inverse * variance + inverse * shared_information(&shared) * inverse;
+    let together = shared_information(&shared) + common * common.transpose();
+    let covariance = inverse * variance + inverse * together * inverse;
     let outline = cone_centroid(&parameters, camera)?;
     Some(ConeFit {
         centroid_px: outline.centroid_px,

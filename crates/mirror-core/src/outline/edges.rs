@@ -1,13 +1,13 @@
 //! Sub-pixel edges of a ball's colour along rays.
 
 use super::blur::{Blur, blur_of_rays};
+use super::curve::moved_by_mixing;
 use super::hues::{Hue, hues_of_zones};
 use super::luma::{lens_before_codec, lens_blur_px, luma_edges};
 use super::patch::Patch;
 use super::ray_edge::{RayEdge, median};
-use super::rays::{Rays, STEP_PX, ZONE_PX, beyond_step, mean_and_variance, mean_colour, slope};
+use super::rays::{Rays, STEP_PX, ZONE_PX, beyond_step, mean_and_variance, mean_colour};
 use super::scatter::noise_of;
-use super::shading::ENCODING_POWER;
 use super::unmixing::Unmixing;
 use nalgebra::Vector2;
 
@@ -20,31 +20,38 @@ const SHADE_RANGE: (f64, f64) = (0.3, 2.5);
 /// Error of an edge from pixel structure alone, px; of a coded picture's colour.
 const EDGE_FLOOR_PX: f64 = 0.05;
 const CODED_EDGE_FLOOR_PX: f64 = 0.07;
-/// What the darkest levels do to light (rounding, a curve's toe, a black level) moves edges alike where ball and background are few levels apart: px times the square
-/// of the levels, measured on pictures with a sixteenth of the light.
-const DARK_PX_LEVELS2: f64 = 60.0;
 /// How far apart edges of colour and brightness may be, px.
 const LUMA_REACH_PX: f64 = 1.0;
 /// What a coded picture's edges show as blur holds the codec's errors too: so much of it is blur, and at least so much, px. A window of more would sum up more of the errors.
 const CODED_BLUR_SHARE: f64 = 0.9;
 const LEAST_CODED_BLUR_PX: f64 = 0.8;
-/// Width of the weights with which a coded picture's colours are summed about an edge, in blurs.
-const TAPER: f64 = 0.7;
+/// Width of the weights with which colours are summed about an edge, in blurs; of a coded picture.
+const TAPER: f64 = 0.85;
+const CODED_TAPER: f64 = 0.7;
+/// How far the zones' unevenness reaches under these weights, in blurs.
+const LEVER: f64 = 1.53;
 /// Passes of setting the zones around the edge that was found.
 const PASSES: usize = 3;
 
-/// Neighbours over this angle (rad, on both sides) share a change of light.
-const TREND_REACH_RAD: f64 = 0.4;
-/// The most that light may change towards the edge, as a share of it.
-const MOST_TREND: f64 = 0.5;
+/// A camera's own curve may differ from sRGB's by this power.
+const CURVE_DOUBT: f64 = 1.085;
+/// A channel from this light on may be cut off, and moves edges by this share of the blur.
+const CLIPPED_LIGHT: f64 = 0.9;
+const CLIPPED_SHARE: f64 = 0.09;
+/// Where the coverage's overshoot is read, px from the edge.
+const OVERSHOOT_PX: (f64, f64) = (1.0, 1.6);
 
-/// One edge point a ray, its standard deviation along the ray (its own, and what it shares with its neighbours), and whether there is one.
+/// One edge point a ray, its standard deviation along the ray (its own, what it shares with its neighbours, and what one cause does to all), and whether there is one.
 pub(super) struct Edges {
     pub points_px: Vec<Vector2<f64>>,
     /// From the expected outline, px.
     pub offset_px: Vec<f64>,
     pub std_px: Vec<f64>,
     pub shared_std_px: Vec<f64>,
+    /// Signed: one deviation of the camera's curve, less its mean, which does not move the centre.
+    pub common_px: Vec<f64>,
+    /// Overshoot of the coverage, as a share of the step; 0 for none.
+    pub overshoot: f64,
     pub found: Vec<bool>,
     pub blur: Blur,
 }
@@ -68,7 +75,6 @@ pub(super) fn edges_on_rays(
         edge.found &= rays.inside[ray] && edge.offset.abs() < rays.reach_px && edge.offset.is_finite();
         let floor = if patch.coded { CODED_EDGE_FLOOR_PX } else { EDGE_FLOOR_PX };
         edge.std = floor.hypot(edge.std);
-        edge.dark = if edge.found && !patch.coded { by_darkness(edge) } else { 0.0 };
     }
     let lens_px = if patch.coded { lens_blur_px(&rays, &edges) } else { 0.0 };
     let shown = blur_of_rays(&edges, blur);
@@ -89,31 +95,30 @@ pub(super) fn edges_on_rays(
     Edges {
         points_px: points,
         offset_px: edges.iter().map(|e| e.offset).collect(),
-        shared_std_px: shared_std_px(&edges),
+        shared_std_px: edges
+            .iter()
+            .zip(&by_ray)
+            .map(|(e, blur)| if e.clipped { CLIPPED_SHARE * blur } else { 0.0 })
+            .collect(),
+        common_px: common_px(&edges),
+        overshoot: overshoot(&edges),
         std_px: edges.iter().map(|e| e.std).collect(),
         found: edges.iter().map(|e| e.found).collect(),
         blur: shown,
     }
 }
 
-/// What edges share by light that changes other than thought: their trends, averaged over neighbours, and what is doubted anyway.
-fn shared_std_px(edges: &[RayEdge]) -> Vec<f64> {
-    let count = edges.len();
-    let reach = ((TREND_REACH_RAD / core::f64::consts::TAU * count as f64) as usize).min(count / 2 - 1);
-    (0..count)
-        .map(|ray| {
-            let near = (0..=2 * reach).map(|j| &edges[(ray + count + j - reach) % count]).filter(|e| e.found);
-            let (sum, number) = near.fold((0.0, 0.0), |(sum, number), e| (sum + e.trend, number + 1.0));
-            edges[ray].doubt.hypot(sum / f64::max(number, 1.0)).hypot(edges[ray].dark)
-        })
-        .collect()
+/// What one deviation of the camera's curve does to edges, less its mean over them.
+fn common_px(edges: &[RayEdge]) -> Vec<f64> {
+    let found = || edges.iter().filter(|e| e.found);
+    let mean = found().map(|e| e.by_curve).sum::<f64>() / found().count().max(1) as f64;
+    edges.iter().map(|e| if e.found { e.by_curve - mean } else { 0.0 }).collect()
 }
 
-/// What few levels between ball and background let an edge share with all others, px.
-fn by_darkness(edge: &RayEdge) -> f64 {
-    let level = |light: f64| 255.0 * light.max(0.0).powf(ENCODING_POWER.recip());
-    let apart = (0..3).map(|c| (level(edge.ball[c]) - level(edge.behind[c])).abs()).fold(1.0, f64::max);
-    DARK_PX_LEVELS2 / (apart * apart)
+/// What most edges overshoot by, on the side where it is more.
+fn overshoot(edges: &[RayEdge]) -> f64 {
+    let side = |k: usize| median(edges.iter().filter(|e| e.found).map(|e| e.overshoot[k]).collect());
+    side(0).max(side(1)).max(0.0)
 }
 
 /// The brightness is as sharp as the picture: where ball and background differ in it, it says better where the edge is.
@@ -145,16 +150,17 @@ fn colour_edge(rays: &Rays, ray: usize, hues: Option<[Hue; 2]>, outermost: bool)
         offset: 0.0,
         std: 1.0,
         found: false,
-        trend: 0.0,
-        doubt: 0.0,
-        dark: 0.0,
+        by_curve: 0.0,
+        clipped: false,
+        overshoot: [0.0; 2],
         moment: 0.0,
         contrast: 0.0,
         channels: [0.0; 3],
         ball: [0.0; 3],
         behind: [0.0; 3],
     };
-    let window = rays.window_px[ray];
+    let (window, blur) = (rays.window_px[ray], rays.blur_px[ray]);
+    let (taper, lever) = if rays.coded { (CODED_TAPER, window) } else { (TAPER, LEVER * blur) };
     let (colours, shade) = (rays.colours(ray), rays.shade(ray));
     let mut result = none;
     for pass in 0..PASSES {
@@ -194,28 +200,26 @@ fn colour_edge(rays: &Rays, ray: usize, hues: Option<[Hue; 2]>, outermost: bool)
         // What the ball's parts sum to must be the integral of its light up to the edge; what the background's parts sum to, its length.
         let ball_sum = |i: usize| trust * parts[i].0 + (1.0 - trust) * (1.0 - parts[i].1).clamp(-0.5, 1.5);
         let expected = |i: usize| trust * carried(i) + (1.0 - trust);
-        let more = if rays.coded {
-            beyond_step(rays, edge, rays.blur_px[ray], TAPER, |i, left| ball_sum(i) - expected(i) * left)
-        } else {
-            let (covered, missing) = rays.integral(edge, window, ball_sum);
-            covered + 0.5 * missing - integral_up_to(rays, edge, window, &expected)
-        };
+        let more = beyond_step(rays, edge, blur, taper, |i, left| ball_sum(i) - expected(i) * left);
         let at_edge = trust * at_rim + (1.0 - trust);
         result.offset = edge + (more / at_edge).clamp(-1.5, 1.5);
-        if pass + 1 == PASSES {
-            // Light that goes on changing over the window as it does before it: the sum is off by half of the change times the window.
-            let inner = slope(&rays.offsets, 0, ball_zone.end, |i| parts[i].0 / carried(i));
-            let outer = slope(&rays.offsets, behind_zone.start, rays.offsets.len(), |i| parts[i].1);
-            let change = |slope: f64| (slope * (0.5 * rays.zone_px + window)).clamp(-MOST_TREND, MOST_TREND);
-            result.trend = 0.5 * window * (trust * change(inner) + (1.0 - trust) * change(outer)) / at_edge;
-            result.doubt = 0.5 * window * trust * doubt / at_edge;
-        }
-        result.std = window * (variance_ball * variance_behind / (variance_ball + variance_behind)).sqrt();
+        result.std = lever * (variance_ball * variance_behind / (variance_ball + variance_behind)).sqrt();
         result.found = true;
         result.contrast = unmixing.contrast(trust);
         result.channels = unmixing.channels(trust);
         result.ball = ball;
         result.behind = behind;
+        if pass + 1 == PASSES && !rays.coded {
+            let rim_colour = ball.map(|light| light * at_rim);
+            result.by_curve = blur * moved_by_mixing(&rim_colour, &behind, &result.channels, CURVE_DOUBT);
+            result.clipped =
+                rim_colour.iter().chain(&ball).chain(&behind).any(|light| *light > CLIPPED_LIGHT);
+            let mean_of = |low: f64, high: f64| {
+                mean_and_variance(rays.between(result.offset + low, result.offset + high).map(coverage)).0
+            };
+            let (near, far) = OVERSHOOT_PX;
+            result.overshoot = [mean_of(-far, -near) - 1.0, -mean_of(near, far)];
+        }
         let (moment, _) = rays.integral(edge, window + ZONE_PX, |i| {
             let t = rays.offsets[i] - result.offset;
             let beyond = if t > 0.0 { coverage(i) } else { 1.0 - coverage(i) };
@@ -224,17 +228,6 @@ fn colour_edge(rays: &Rays, ray: usize, hues: Option<[Hue; 2]>, outermost: bool)
         result.moment = moment;
     }
     result
-}
-
-/// `∫ f dt` from the window's start to the edge.
-fn integral_up_to(rays: &Rays, edge: f64, window: f64, f: &impl Fn(usize) -> f64) -> f64 {
-    let mut sum = 0.0;
-    for i in rays.between(edge - window - STEP_PX, edge + STEP_PX) {
-        let (low, high) = (rays.offsets[i] - 0.5 * STEP_PX, rays.offsets[i] + 0.5 * STEP_PX);
-        let length = (high.min(edge) - low.max(edge - window)).max(0.0);
-        sum += f(i) * length;
-    }
-    sum
 }
 
 /// Where the coverage falls through one half: the outermost place, or the one nearest to the expected outline.

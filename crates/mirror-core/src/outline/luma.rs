@@ -1,5 +1,6 @@
 //! Edges of the brightness in pictures whose codec blurs the colours, and what the lens did before the codec.
 
+use super::curve::moved_by_mixing;
 use super::ray_edge::{MIN_EDGE_POINTS, RayEdge, median};
 use super::rays::{LUMA_WINDOW, Rays, STEP_PX, ZONE_PX, beyond_step, mean_and_variance, window_px};
 use super::shading::ENCODING_POWER;
@@ -12,12 +13,6 @@ const MIN_CONTRAST: f64 = 0.06;
 const MIN_EDGE_CONTRAST: f64 = 0.1;
 /// How much of the blur that the brightness shows lies before the codec's curve; the rest is the codec's.
 const LENS_SHARE: f64 = 0.9;
-/// Shares of a step's light at places so many blurs apart across it.
-const SHARES: [f64; 11] =
-    [0.0062, 0.0228, 0.0668, 0.1587, 0.3085, 0.5, 0.6915, 0.8413, 0.9332, 0.9772, 0.9938];
-const SHARES_STEP: f64 = 0.5;
-/// Channels whose levels differ by less tell nothing of an edge.
-const LEAST_STEP: f64 = 1e-3;
 /// Width of the weights with which the brightness is summed about an edge, in blurs.
 const TAPER: f64 = 1.0;
 /// Steps of the curve from a share of light to its brightness, and the range of its slope beyond the two colours.
@@ -67,26 +62,9 @@ pub(super) fn lens_blur_px(rays: &Rays, edges: &[RayEdge]) -> f64 {
     (wide * wide - SAMPLING_BLUR_PX * SAMPLING_BLUR_PX).clamp(0.04, 4.0).sqrt()
 }
 
-/// How far the lens' own blur, which mixes linear light, moves the covered length that is summed in levels, px: `σ Σ_c p_c ∫ g_c(Φ(−x)) − Φ(−x) dx`, g_c(w) the share that a
-/// channel's level shows at the share w of the light, p_c its part in what is summed.
+/// How far the lens' own blur, which mixes linear light, moves the covered length that is summed in levels, px.
 pub(super) fn lens_before_codec(edge: &RayEdge, lens_px: f64) -> f64 {
-    let light = |level: f64| level.clamp(0.0, 1.0).powf(ENCODING_POWER);
-    let mut moved = 0.0;
-    for c in 0..3 {
-        let (own, other) = (edge.ball[c], edge.behind[c]);
-        if (own - other).abs() < LEAST_STEP {
-            continue;
-        }
-        let more: f64 = SHARES
-            .iter()
-            .map(|share| {
-                let level = (share * light(own) + (1.0 - share) * light(other)).powf(ENCODING_POWER.recip());
-                (level - other) / (own - other) - share
-            })
-            .sum();
-        moved += edge.channels[c] * more;
-    }
-    moved * SHARES_STEP * LENS_SHARE * lens_px
+    LENS_SHARE * lens_px * moved_by_mixing(&edge.ball, &edge.behind, &edge.channels, ENCODING_POWER)
 }
 
 /// From the brightness between two colours to the share of the first's light: light mixes before it is encoded.

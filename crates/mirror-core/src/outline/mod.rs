@@ -1,7 +1,7 @@
 //! Coloured balls in pictures: their outline to a fraction of a pixel, and the centre's covariance.
 //!
 //! Along rays from the ball's centre every pixel is unmixed into the ball's own colour B there and what lies behind, G: `I = s B + w G`.
-//! The edge lies where the covered length ends, which blur, sharpening and the pixels' area leave in place. The ball's light changes up to
+//! The edge lies where the covered length ends, which blur, sharpening and the pixels' area leave in place; the nearest pixels count most. The ball's light changes up to
 //! its rim; a sphere's shading is a smooth function of its normal, fitted to the ball's inside, and carried to the rim by it. Edges that do
 //! not agree with a sphere's outline (another part hides it, a highlight, a neighbour) are left out.
 //!
@@ -21,6 +21,7 @@
 //! | `shading` | light on a sphere by its normal |
 //! | `hues`, `scatter` | in coded pictures: colours smoothed along the outline, and how far edges scatter round it |
 //! | `rays`, `edges`, `luma`, `blur` | samples along rays, sub-pixel edges of the colour and of the brightness, and the blur that they show |
+//! | `curve` | what it moves that light mixes on another scale than the values are on: the codec's levels, a camera's own curve |
 //! | `unmixing` | a colour as a mixture of the ball's and of what lies behind |
 //! | `cone` | the cone of rays that touch a sphere, with covariance |
 
@@ -30,6 +31,7 @@ mod circle;
 mod codec;
 mod cone;
 mod consensus;
+mod curve;
 mod edges;
 mod hues;
 mod luma;

@@ -13,12 +13,12 @@ pub(super) struct RayEdge {
     pub offset: f64,
     pub std: f64,
     pub found: bool,
-    /// How far misjudged light may have moved it, px: along the ray the ball's or the background's light changes towards the edge other than thought (signed),
-    /// and what the ball's rim is doubted anyway.
-    pub trend: f64,
-    pub doubt: f64,
-    /// What few levels between the two colours let it share with all others, px.
-    pub dark: f64,
+    /// How far another curve of the camera than thought moves it, px, along the ray.
+    pub by_curve: f64,
+    /// Whether a channel of one of the two colours is as bright as can be.
+    pub clipped: bool,
+    /// How much the coverage exceeds 1 inside of the edge and falls below 0 beyond it, as sharpening makes it.
+    pub overshoot: [f64; 2],
     /// Second moment of what is covered by half, px²: the blur's variance.
     pub moment: f64,
     /// How far the ball's colour and that behind it are apart where they are told from each other, in the patch's values: noise divided by it is noise of the share.

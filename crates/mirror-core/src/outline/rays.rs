@@ -187,21 +187,6 @@ fn below_step(t: f64) -> f64 {
     ((1.5976 * t + 0.07056 * t * t * t).exp() + 1.0).recip()
 }
 
-/// Slope of numbers `f` over places, per px; 0 for too few.
-pub(super) fn slope(places: &[f64], first: usize, last: usize, f: impl Fn(usize) -> f64) -> f64 {
-    let count = last.saturating_sub(first) as f64;
-    if count < 4.0 {
-        return 0.0;
-    }
-    let middle = places[first..last].iter().sum::<f64>() / count;
-    let (mut up, mut down) = (0.0, 0.0);
-    for (i, place) in places.iter().enumerate().take(last).skip(first) {
-        up += (place - middle) * f(i);
-        down += (place - middle).powi(2);
-    }
-    up / down
-}
-
 /// Mean of colours; zeros for none.
 pub(super) fn mean_colour(colours: &[[f64; 3]]) -> [f64; 3] {
     let count = colours.len().max(1) as f64;
