@@ -122,11 +122,12 @@ fn what_one_cause_does_to_all_edges_is_in_the_covariance() {
             .collect()
     };
     let fit = |deviations: f64| fit_cone(&moved(deviations), &start, &camera, 1.0).unwrap();
-    let shift = fit(1.0).centroid_px - fit(0.0).centroid_px;
+    // A tenth of it: no edge is taken for another thing's.
+    let shift = (fit(0.1).centroid_px - fit(0.0).centroid_px) * 10.0;
     assert!(shift.norm() > 0.01, "{shift}");
     // Exact edges scatter not at all: what is left is the cause alone, as large as what it does and in its direction.
     let covariance = fit(0.0).centroid_covariance_px2;
-    assert!((covariance - shift * shift.transpose()).norm() < 0.02 * shift.norm_squared(), "{covariance}");
+    assert!((covariance - shift * shift.transpose()).norm() < 0.03 * shift.norm_squared(), "{covariance}");
 }
 
 #[test]
