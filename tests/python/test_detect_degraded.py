@@ -185,3 +185,20 @@ def test_a_ball_seen_in_part_is_believed_only_at_the_size_that_the_model_expects
         else:
             assert not view.ok
             assert "seen in part and" in view.reason
+
+
+def test_a_ball_of_another_size_than_the_model_expects_is_told_less_surely() -> None:
+    rng = np.random.default_rng(8)
+    center = (150.3, 118.6)
+    picture = encoded(scene(center, rng))
+    told = {}
+    for factor in (1.0, 1.01, 0.9, 1.1):
+        hint = PredictedMarker("hand", (center[0] + 6.0, center[1] - 4.0), np.inf, RADIUS * factor)
+        (view,) = detect_markers(picture, (MARKER,), CAMERA, expected=(hint,))
+        assert view.ok, view.reason
+        assert view.pixel_px == pytest.approx(center, abs=0.1)
+        told[factor] = view.std_px
+    assert told[1.0] == told[1.01]
+    # 10 % against 1.5 % that the model is trusted with.
+    assert told[0.9] == pytest.approx(0.1 / 0.9 / 0.015 * told[1.0], rel=0.2)
+    assert told[1.1] == pytest.approx(0.1 / 1.1 / 0.015 * told[1.0], rel=0.2)

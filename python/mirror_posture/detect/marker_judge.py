@@ -33,6 +33,9 @@ PARTIAL_SIZE_PX = 0.3
 # Blurred over more than this share of its radius, a ball must show more of its outline: bent edges of other things, blurred, fit many circles.
 BLURRED_SHARE = 0.16
 BLURRED_ARC = 0.48
+# How well the model knows a ball's size; the variance of a whole outline's radius against the centre's along an axis.
+MODEL_SIZE_SHARE = 0.015
+RADIUS_VARIANCE_SHARE = 0.5
 # Width of the outline's rim that is left out of the seen share.
 RIM_PX = 0.8
 # A white, blown-out pixel has all channels at or above this.
@@ -103,6 +106,17 @@ def doubted_size(view: MarkerView, fit: OutlineFit, expected_px: float) -> Marke
         ok=False,
         reason=f"{how} and {ratio:.2f} times as large as the model expects it ({expected_px:.1f} px radius): another thing, or a wrong part of its outline",
     )
+
+
+def widened_by_size(view: MarkerView, fit: OutlineFit, expected_px: float) -> MarkerView:
+    """A radius that differs from what the model expects by more than both deviations shows that what moved the edges is larger than claimed: the centre's covariance is scaled by
+    `(r − r₀)² / (s_r² + s_model²)` where that is above 1."""
+    if view.covariance_px2 is None:
+        return view
+    claimed = RADIUS_VARIANCE_SHARE * 0.5 * float(np.trace(view.covariance_px2))
+    known = (MODEL_SIZE_SHARE * expected_px) ** 2
+    ratio = (fit.mean_radius_px - expected_px) ** 2 / (claimed + known)
+    return replace(view, covariance_px2=max(1.0, ratio) * view.covariance_px2)
 
 
 def _visible_fraction(bgr: npt.NDArray[np.uint8], marker: Marker, fit: OutlineFit) -> float:

@@ -29,6 +29,7 @@ from .marker_judge import (
     masked,
     nothing_reason,
     size_share,
+    widened_by_size,
 )
 from .types import MarkerView, PredictedMarker, color_of
 
@@ -257,7 +258,8 @@ def _by_hint(
             (again,) = measured([start])
             if again is not None:
                 seen = judged(bgr, marker, one.region, again, options)
-                view = seen if seen.ok else view
+                view, fit = (seen, again) if seen.ok else (view, fit)
+        view = widened_by_size(view, fit, radius)
         if any(view.pixel_px is not None and _same_place(view, other, radius) for other in good):
             continue
         (good if view.ok else bad).append(view)
