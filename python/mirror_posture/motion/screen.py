@@ -128,7 +128,6 @@ class Screen:
         q = _basis(taken, len(r))
         r = r - q @ (q.T @ r)
         free, by_residual = self._free(q, scale), self.matrix.T @ r / scale
-        free, by_residual = self._free(q, scale), self.matrix.T @ r / scale
         out = []
         for key, slots in self.slots.items():
             if key in skip:
