@@ -1,4 +1,4 @@
-"""Measuring, detection, correction and diagnosis beside NumPy, OpenCV, pinocchio and SciPy, in one run, the results compared.
+"""Measuring, detection, correction and diagnosis beside named peers in one run, the results compared.
 
     python benches/side_by_side.py [--markers 100000] [--views 1000] [--postures 100000] [--frames 130]
 
@@ -7,9 +7,12 @@ Times are the best of several runs. The per-item loops run on a part of the batc
 
 from __future__ import annotations
 
+import importlib
 import json
 import time
 from collections.abc import Callable
+from contextlib import redirect_stdout
+from io import StringIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Annotated, Any
@@ -110,7 +113,7 @@ class Report:
 
     def add(self, who: str, seconds: float, ours_s: float | None, difference: str) -> None:
         ratio = "" if ours_s is None else f"{seconds / ours_s:.1f}"
-        self.table.add_row(who, f"{seconds * 1e6:.3f}", ratio, difference)
+        self.table.add_row(who, "" if np.isnan(seconds) else f"{seconds * 1e6:.3f}", ratio, difference)
 
 
 def markers_report(camera: Camera, count: int) -> Report:
@@ -298,6 +301,7 @@ def diagnosis_report(frames: int) -> Report:
         session = mp.load_session(folder)
         ours_s, found = best_s(lambda: mp.diagnose(session), 1)
         truth = json.loads((Path(name) / "answers" / "one.json").read_text(encoding="utf-8"))
+        urdf = session.robot_file.read_text(encoding="utf-8")
     markers = mp.measure(session).markers
     good = np.flatnonzero(markers.measured)
     first = np.array([np.flatnonzero(session.frames.posture == markers.posture[k])[0] for k in good])
@@ -327,7 +331,63 @@ def diagnosis_report(frames: int) -> Report:
     report = Report(f"A session of {frames} frames, one cause hidden: {_told(truth)}", "session")
     report.add(f"mirror_posture.diagnose: {ours}", ours_s, None, "")
     report.add(f"SciPy least_squares of each offset and gear: {named}", theirs_s, ours_s, "")
+    try:
+        # Its import takes seconds and is not timed.
+        importlib.import_module("figaroh.calibration.calibration_tools")
+    except ImportError:
+        report.add("figaroh: left out, needs the package `figaroh`", float("nan"), None, "")
+    else:
+        figaroh_s, offset = best_s(lambda: figaroh_offset(session, urdf, markers), 1)
+        report.add(f"figaroh, zeros of each marker's chain: {offset}", figaroh_s, ours_s, "")
     return report
+
+
+def figaroh_offset(session: Any, urdf: str, markers: Any) -> str:
+    """figaroh's calibration of the joints' zeros, marker by marker, from the camera's frame to the marker's.
+
+    It has no mirrors and no causes to choose from: given are the measured markers; named is the zero that is the most of its own
+    standard deviations from 0. Base and tip of each chain are told to be known, as they are in the session.
+    """
+    import pinocchio
+    from figaroh.calibration import BaseCalibration
+    from figaroh.calibration.calibration_tools import calc_updated_fkm
+
+    class Zeros(BaseCalibration):
+        def cost_function(self, var: np.ndarray) -> Any:
+            moved = calc_updated_fkm(self.model, self.data, var, self.q_measured, self.calib_config)
+            return self.PEE_measured - moved
+
+    robot = pinocchio.RobotWrapper(pinocchio.buildModelFromXML(urdf))
+    best = (0.0, "")
+    with TemporaryDirectory() as name, redirect_stdout(StringIO()):
+        table, config = Path(name) / "measured.csv", Path(name) / "figaroh.json"
+        for k, marker in enumerate(session.markers):
+            rows = np.flatnonzero(markers.measured & (markers.marker == k))
+            first = [np.flatnonzero(session.frames.posture == markers.posture[row])[0] for row in rows]
+            header = ",".join([*session.robot.position_names, "x1", "y1", "z1"])
+            measured = np.hstack([np.array(session.positions)[first], markers.point_in_camera_m[rows]])
+            np.savetxt(table, measured, delimiter=",", header=header, comments="")
+            task = {
+                "enabled": True,
+                "type": "kinematic_calibration",
+                "kinematics": {"base_frame": session.camera_link, "tool_frame": marker.link},
+                "measurements": {
+                    "markers": [{"measurable_dof": [True] * 3 + [False] * 3}],
+                    "poses": {"base_pose": [0.0] * 6, "tool_pose": [0.0] * 6},
+                },
+                "parameters": {"calibration_level": "joint_offset"},
+                "data": {"source_file": str(table), "number_of_samples": len(rows)},
+            }
+            # JSON is YAML.
+            config.write_text(json.dumps({"robot": {"name": "robot"}, "tasks": {"calibration": task}}))
+            zeros = Zeros(robot, str(config))
+            zeros.calib_config.update(known_baseframe=True, known_tipframe=True)
+            zeros.initialize()
+            zeros.solve(enable_logging=False)
+            told = zip(zeros.calib_config["param_name"], zeros.LM_result.x, zeros.std_dev, strict=True)
+            for parameter, value, std in told:
+                best = max(best, (abs(value) / std, f"joint_offset@joint:{parameter.split('_', 1)[1]}"))
+    return best[1]
 
 
 def _told(answer: Any) -> str:
@@ -340,7 +400,7 @@ def main(
     postures: Annotated[int, typer.Option(help="Postures in the batch.")] = 100_000,
     frames: Annotated[int, typer.Option(help="Frames of the diagnosed session.")] = 130,
 ) -> None:
-    """Measuring, detection, correction and diagnosis beside NumPy, OpenCV, pinocchio and SciPy."""
+    """Measuring, detection, correction and diagnosis beside NumPy, OpenCV, pinocchio, SciPy and figaroh."""
     console = Console()
     camera = Camera((800, 600), (FOCAL_PX, FOCAL_PX), (399.5, 299.5), "plumb_bob", LENS.tolist())
     console.print(markers_report(camera, markers).table)

@@ -47,6 +47,9 @@ pub(crate) fn normal_quantile(p: f64) -> f64 {
     }
 }
 
+/// Medians of chi-squared of one, two and three degrees of freedom.
+pub(crate) const CHI_SQUARED_MEDIANS: [f64; 3] = [0.454_936, 1.386_294, 2.365_974];
+
 /// Chi-squared as a standard normal deviate, by Wilson and Hilferty's cube root.
 pub(crate) fn chi_squared_deviate(chi_squared: f64, degrees_of_freedom: f64) -> f64 {
     let spread = 2.0 / (9.0 * degrees_of_freedom);

@@ -19,7 +19,6 @@ from ..marker import ColorRange, Marker
 from ..short_repr import ShortRepr
 
 FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 # A picture's pixels, of whatever type OpenCV gave them.
 Pixels = npt.NDArray[Any]
 Via = Literal["mirror", "direct"]

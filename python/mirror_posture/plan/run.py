@@ -36,7 +36,6 @@ POOL = 160
 SECONDS_A_FRAME = 10.0
 """How long a posture with its picture is taken to last."""
 LEAST_FRAMES = 4
-Say = Callable[[str], None]
 
 
 @dataclass(frozen=True, eq=False)

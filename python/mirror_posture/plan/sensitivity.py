@@ -64,7 +64,6 @@ class Sensitivity:
         six = ("rx_rad", "ry_rad", "rz_rad", "dx_m", "dy_m", "dz_m")
         self._add("camera_mount", "camera", six, (0.01,) * 3 + (3e-3,) * 3)
         self._add("board_mount", "board", six, (0.01,) * 3 + (3e-3,) * 3)
-        self.setup_columns = slice(self.body_columns, self._count)
         self._add("camera_focal", "camera", ("scale_error",), (0.01,))
         self._add("camera_center", "camera", ("du_px", "dv_px"), (3.0, 3.0))
         self._add("lens_distortion", "camera", ("dk1",), (0.02,))

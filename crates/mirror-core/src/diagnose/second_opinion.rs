@@ -9,23 +9,20 @@
 
 use crate::diagnose::data::diagnosis::{Cause, Diagnosis, Verdict, Where};
 use crate::diagnose::data::recording::Recording;
+use crate::diagnose::model::work_budget::FOR_NAMED_CAUSES;
 use crate::diagnose::pipeline;
 use crate::diagnose::prepare::options::{DiagnoseOptions, OtherSession};
-use crate::diagnose::principles::LEAST_HELD_OUT_RATIO;
+use crate::diagnose::principles::{LEAST_HELD_OUT_RATIO, SURE_DEVIATIONS};
 use crate::diagnose::selection::nonparametric::BY_ITSELF;
 use crate::error::Result;
 use crate::robot::Robot;
 
 const SLIP: &str = "slip";
 const PAIRING: &str = "pairing";
-/// A closer look is taken where the first one took no more than this share of its limit of work: both together stay bounded.
-const MOST_WORK: f64 = 0.6;
 /// What a place depends on where a second, closer look for whole mistakes is worth it.
 const OF_PATH: [&str; 2] = ["history", BY_ITSELF];
 /// A ratio that is a whole mistake is tried as another unit of the joint, and told as a small one is.
 const RATIO: (&str, &str) = ("joint_unit", "gear_ratio");
-/// A ratio is there where it is so many of its deviations from the model's.
-const SURE_DEVIATIONS: f64 = 3.0;
 
 /// Diagnoses a recording: where the model is wrong, which effect causes it, how far the gap shrinks.
 ///
@@ -40,7 +37,8 @@ pub fn diagnose(
     others: &[OtherSession],
 ) -> Result<Diagnosis> {
     let (first, work) = pipeline::diagnose(robot, recording, options, others, false)?;
-    let Some(doubt) = Doubt::of(&first).filter(|d| !d.looks_closely() || work < MOST_WORK) else {
+    // A closer look is taken where the first one ended with named causes' share of the work: both together stay bounded.
+    let Some(doubt) = Doubt::of(&first).filter(|d| !d.looks_closely() || work < FOR_NAMED_CAUSES) else {
         return Ok(first);
     };
     let mut still = options.clone();

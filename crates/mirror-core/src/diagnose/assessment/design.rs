@@ -13,6 +13,8 @@ use crate::diagnose::effects::hypothesis::{Catalogue, Model};
 use crate::diagnose::effects::vocabulary;
 use crate::diagnose::model::kinematics::NodePoses;
 use crate::diagnose::model::problem::Problem;
+use crate::diagnose::model::solver::NEGLIGIBLE;
+use crate::diagnose::principles::WORTH_NAMING;
 use crate::diagnose::selection::alternatives::Standing;
 use crate::error::Result;
 use crate::robot::Robot;
@@ -21,10 +23,6 @@ use std::sync::Arc;
 
 /// Postures that are proposed for a pair of rivals.
 const PROPOSED: usize = 4;
-/// Rivals below this probability need no experiment.
-const WORTH_AN_EXPERIMENT: f64 = 0.05;
-/// Rivals that come out nearer than this (m) in every posture are not worth moving for.
-const LEAST_SEPARATION_M: f64 = 1e-5;
 
 /// Postures that would tell each cause from its likeliest rival; none where there are no rivals.
 ///
@@ -41,7 +39,7 @@ pub(crate) fn next_postures(
     let mut drawn: Option<(Draws, Problem, Catalogue)> = None;
     for (i, standing) in standings.iter().enumerate() {
         let rival = standing.as_ref().and_then(|s| s.rivals.first());
-        let Some(rival) = rival.filter(|r| r.probability > WORTH_AN_EXPERIMENT) else {
+        let Some(rival) = rival.filter(|r| r.probability > WORTH_NAMING) else {
             continue;
         };
         // What a user's own effect does in further postures, only he knows.
@@ -79,7 +77,7 @@ pub(crate) fn next_postures(
             .enumerate()
             .collect();
         separation.sort_by(|a, b| b.1.total_cmp(&a.1));
-        separation.retain(|s| s.1 > LEAST_SEPARATION_M);
+        separation.retain(|s| s.1 > NEGLIGIBLE);
         let mut chosen = far_apart(draws, recording, &separation);
         chosen.sort_unstable();
         for f in chosen {

@@ -5,14 +5,12 @@ use crate::diagnose::data::diagnosis::{Data, LeftOut};
 use crate::diagnose::data::recording::{Recording, Target, Via};
 use crate::diagnose::model::frame::{FrameWork, Task};
 use crate::diagnose::model::problem::{Observation, Problem, Seen};
-use crate::diagnose::principles::FEWEST_POSTURES;
+use crate::diagnose::principles::{FEWEST_OBSERVATIONS, FEWEST_POSTURES};
 use crate::error::Result;
 use std::collections::BTreeSet;
 
 /// More false observations than this share are a finding, not a footnote.
 const MUCH_FALSE: f64 = 0.05;
-/// Fewer markers' observations than this leave no freedom to tell anything.
-const FEWEST_POINTS: usize = 8;
 
 /// The session on its way to what was used.
 pub(crate) struct Sources<'a> {
@@ -128,7 +126,7 @@ pub(crate) fn data(sources: &Sources<'_>, findings: &Findings<'_>) -> Result<Dat
 
 /// Whether there is too little to say anything.
 pub(crate) fn insufficient(data: &Data) -> bool {
-    data.postures_used < FEWEST_POSTURES || data.points_used < FEWEST_POINTS
+    data.postures_used < FEWEST_POSTURES || data.points_used < FEWEST_OBSERVATIONS
 }
 
 /// Whether so many observations were left out as false that the rest's agreement with the model says little.
@@ -165,7 +163,7 @@ pub(crate) fn what_is_missing(data: &Data) -> String {
         None => String::new(),
     };
     format!(
-        "Too little usable evidence to say anything: {} of {} postures and {} of {} observations of markers could be used, {FEWEST_POSTURES} postures and {FEWEST_POINTS} observations are the least{why}.",
+        "Too little usable evidence to say anything: {} of {} postures and {} of {} observations of markers could be used, {FEWEST_POSTURES} postures and {FEWEST_OBSERVATIONS} observations are the least{why}.",
         data.postures_used, data.postures_given, data.points_used, data.points_given
     )
 }

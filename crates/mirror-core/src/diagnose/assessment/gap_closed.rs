@@ -6,13 +6,11 @@
 use crate::diagnose::assessment::noise_floor::Floor;
 use crate::diagnose::criteria::cross_validation::{PostureGap, size};
 use crate::diagnose::data::diagnosis::{Checked, Gap};
-use crate::diagnose::principles::FEWEST_POSTURES;
+use crate::diagnose::principles::{FEWEST_POSTURES, LEAST_HELD_OUT_RATIO};
 use std::collections::HashMap;
 
 /// Bootstrap resamples over postures.
 const RESAMPLES: usize = 400;
-/// A gap smaller than this share of the noise floor is none: there is nothing to close.
-const NO_GAP: f64 = 0.02;
 
 /// The gap before and after, its floor, and the share that is closed; `law_shifts` are mean squares by which the causes' laws
 /// may move the markers otherwise than was found.
@@ -57,7 +55,8 @@ fn closed(
     };
     let after = after.hypot(law_square.sqrt());
     let room = before - bottom;
-    (room > NO_GAP * bottom).then(|| (before - after) / room)
+    // What could not be told from the floor on held-out regions is no gap: there is nothing to close.
+    (room > (1.0 - LEAST_HELD_OUT_RATIO) * bottom).then(|| (before - after) / room)
 }
 
 /// 95 % interval by resampling postures with a fixed generator: gaps and floor of the same postures, the independent

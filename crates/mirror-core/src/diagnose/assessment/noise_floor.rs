@@ -7,14 +7,14 @@
 //! gap after is made, tails, detector and all, so that gap and floor are sizes of the same kind.
 
 use crate::diagnose::criteria::cross_validation::{PostureGap, gap_of, seen_size, size};
-use crate::diagnose::criteria::lack_of_fit::{NOTICEABLE_EXCESS, SIGNIFICANT_DEVIATIONS};
+use crate::diagnose::criteria::lack_of_fit::NOTICEABLE_EXCESS;
 use crate::diagnose::likelihood::fit::Fit;
 use crate::diagnose::likelihood::noise_correlation::successive_correlation;
 use crate::diagnose::likelihood::saturated::{FreePosture, free_markers};
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::model::solver::SOLVER;
-use crate::diagnose::principles::FEWEST_REDUNDANT_ROWS;
+use crate::diagnose::principles::{FAR_DEVIATIONS, FEWEST_REDUNDANT_ROWS};
 use crate::diagnose::selection::search::Search;
 use crate::error::Result;
 
@@ -134,7 +134,7 @@ const SHARE_OF_REACH: f64 = 0.1;
 /// corners as well as these are found, or that is as good as the session states; or corners are found worse by as much as it states;
 /// or measured points scatter as far as the robot's links are long.
 pub(crate) fn is_no_noise(measured: Noise, stated: Noise, reach_m: f64) -> bool {
-    let far = |one: f64, usual: f64| (one / usual).ln() > SIGNIFICANT_DEVIATIONS * STATED_LOG_STD;
+    let far = |one: f64, usual: f64| (one / usual).ln() > FAR_DEVIATIONS * STATED_LOG_STD;
     far(measured.marker_px, measured.corner_px.max(stated.marker_px))
         || far(measured.corner_px, stated.corner_px)
         || measured.point_m > SHARE_OF_REACH * reach_m

@@ -19,8 +19,6 @@ const DRAWN: usize = 320;
 const KEPT: usize = 100;
 /// Margin to each limit, as a share of the range.
 const MARGIN: f64 = 0.05;
-/// How far a joint without limits goes beyond its visited range, rad.
-const BEYOND_RAD: f64 = 0.35;
 /// Half of the postures lie within this share of the range about a visited one.
 const NEARBY: f64 = 0.3;
 /// Mirrors of the session that are tried.
@@ -29,7 +27,6 @@ const MIRRORS: usize = 24;
 const EDGE_PX: f64 = 8.0;
 /// A further posture differs from each visited one by so much in at least one joint: 10°; of a prismatic joint, this share of its range.
 const APART_RAD: f64 = 0.174_533;
-const APART_SHARE: f64 = 0.08;
 
 /// What a posture shows.
 #[derive(Debug, Clone)]
@@ -63,7 +60,7 @@ fn ranges(robot: &Robot, scene: &Scene, recording: &Recording) -> Vec<Option<(f6
                     // What was visited can be reached, whatever the limits say.
                     Some(((limits.lower + margin).min(low), (limits.upper - margin).max(high)))
                 }
-                _ => moved.then_some((low - BEYOND_RAD, high + BEYOND_RAD)),
+                _ => moved.then_some((low - 2.0 * APART_RAD, high + 2.0 * APART_RAD)),
             }
         })
         .collect()
@@ -115,7 +112,7 @@ impl Draws {
         let prismatic = |k: usize| session.scene.body.nodes.iter().any(|n| n.command.0 == k && n.prismatic);
         let apart = (0..ranges.len())
             .map(|k| {
-                ranges[k].map(|(low, high)| if prismatic(k) { APART_SHARE * (high - low) } else { APART_RAD })
+                ranges[k].map(|(low, high)| if prismatic(k) { MARGIN * (high - low) } else { APART_RAD })
             })
             .collect();
         let mut draws = Self { recording: out, shown: Vec::new(), apart };

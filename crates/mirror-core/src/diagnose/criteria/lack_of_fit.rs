@@ -3,18 +3,15 @@
 use crate::diagnose::likelihood::saturated::free_markers;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::problem::{Noise, Problem};
+use crate::diagnose::principles::FAR_DEVIATIONS;
 use crate::error::Result;
-use crate::statistics::reduced_chi_squared_at;
+use crate::statistics::{normal_quantile, reduced_chi_squared_at};
 
-/// Quantile of the postures' misfit that is compared with that of χ², and its normal deviate.
+/// Quantile of the postures' misfit that is compared with that of χ².
 const QUANTILE: f64 = 0.7;
-const QUANTILE_DEVIATION: f64 = 0.524;
-/// The excess must be this many standard deviations of its own scatter, and this share of the noise's variance: smaller
-/// remainders are real but do not matter (12 % of the noise's standard deviation).
-pub(crate) const SIGNIFICANT_DEVIATIONS: f64 = 6.0;
+/// The excess must be far from 0 by its own scatter, and this share of the noise's variance: smaller remainders are real but do not matter
+/// (12 % of the noise's standard deviation).
 pub(crate) const NOTICEABLE_EXCESS: f64 = 0.25;
-/// Corners above their noise by this share of its variance show wrong optics.
-const NOTICEABLE_CORNER_EXCESS: f64 = 0.5;
 
 /// What is left of a gap, against the noise.
 #[derive(Debug, Clone, Copy)]
@@ -40,7 +37,7 @@ pub(crate) fn adequacy(problem: &Problem, deformation: &Deformation, noise: Nois
     let at = ((postures.len() as f64 * QUANTILE) as usize).min(postures.len().saturating_sub(1));
     let excess = postures
         .get(at)
-        .map_or(0.0, |p| ratio(p) / reduced_chi_squared_at(QUANTILE_DEVIATION, p.freedom_taken) - 1.0);
+        .map_or(0.0, |p| ratio(p) / reduced_chi_squared_at(normal_quantile(QUANTILE), p.freedom_taken) - 1.0);
     let taken: f64 = postures.iter().map(|p| p.freedom_taken).sum();
     let kept = &postures;
     let left: f64 = kept.iter().map(|p| p.freedom_left.max(0.0)).sum();
@@ -49,7 +46,7 @@ pub(crate) fn adequacy(problem: &Problem, deformation: &Deformation, noise: Nois
     let corner_excess = crate::diagnose::likelihood::noise::corner_excess(problem, deformation, noise)?;
     Ok(Adequacy {
         excess,
-        significant: excess > NOTICEABLE_EXCESS && excess > SIGNIFICANT_DEVIATIONS * scatter,
-        corners_significant: corner_excess > NOTICEABLE_CORNER_EXCESS,
+        significant: excess > NOTICEABLE_EXCESS && excess > FAR_DEVIATIONS * scatter,
+        corners_significant: corner_excess > NOTICEABLE_EXCESS,
     })
 }

@@ -1,5 +1,6 @@
 //! What a diagnosis says: plain data, written as JSON by the public contract, with further details for people.
 
+use crate::diagnose::principles::ABOVE_SCATTER;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -141,15 +142,12 @@ pub struct Gap {
     pub checked: Vec<Checked>,
 }
 
-/// A gap in space below so many noise floors is mostly the noise of depth: the picture shows it better.
-pub(crate) const MOSTLY_NOISE: f64 = 1.5;
-
 impl Gap {
-    /// Before, after and noise floor in px, where triangulated positions are mostly noise and there are pictures.
+    /// Before, after and noise floor in px (the picture shows better what in space is mostly the noise of depth), where triangulated positions are mostly noise and there are pictures.
     pub(crate) fn in_pixels(&self) -> Option<[f64; 3]> {
         let in_pixels = [self.before_px?, self.after_px?, self.noise_floor_px?];
         let (Some(before), Some(floor)) = (self.before_m, self.noise_floor_m) else { return Some(in_pixels) };
-        (before < MOSTLY_NOISE * floor).then_some(in_pixels)
+        (before < ABOVE_SCATTER * floor).then_some(in_pixels)
     }
 
     /// Whether anything was held out and predicted: without it nothing is known to agree.

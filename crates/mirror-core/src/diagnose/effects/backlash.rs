@@ -9,17 +9,18 @@
 //! inertia-free model; the load's side by statics.
 
 use super::about::{About, PlaceKind, WrittenTo};
-use super::{Effect, LEAST_TORQUE_NM, LawFreedom, Place, joint_error, joint_of, named};
+use super::{Effect, LawFreedom, Place, joint_error, joint_of, named};
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::scene::Scene;
+use crate::diagnose::model::solver::NEGLIGIBLE;
 use crate::robot::JointTerm;
 
 /// Friction torques that are tried, as shares of the joint's largest gravity torque; 0 is pure load, infinity pure motion.
 const FRICTION_SHARES: [f64; 12] = [0.0, 0.03, 0.06, 0.1, 0.16, 0.23, 0.31, 0.4, 0.5, 0.62, 0.75, 0.9];
-/// The play (rad) at which the basis of a play of no width is taken.
-const LEAST_WIDTH: f64 = 1e-4;
+/// The play, or dead band (rad), at which the basis of one of no width is taken.
+pub(super) const LEAST_PLAY_RAD: f64 = 1e-4;
 
 /// See the module.
 pub(crate) struct Backlash;
@@ -30,7 +31,7 @@ impl Backlash {
     /// Followed along the way between the rows: the load may push the output over in passing, and friction then keeps it
     /// there. Position and torque are taken as linear between rows.
     fn followed(scene: &Scene, n: NodeId, friction_nm: f64, width: f64) -> (Vec<f64>, Vec<f64>) {
-        let half = width.max(LEAST_WIDTH) / 2.0;
+        let half = width.max(LEAST_PLAY_RAD) / 2.0;
         let (mut positions, mut slopes) =
             (Vec::with_capacity(scene.frames), Vec::with_capacity(scene.frames));
         // Before the first row the joint rests at 0; where in its play is unknown, taken as the middle.
@@ -41,7 +42,7 @@ impl Backlash {
             // The way is cut where the load takes over from friction or hands back to it.
             let change = torque_end - last_torque;
             let mut cuts = [1.0; 3];
-            if change.abs() > LEAST_TORQUE_NM {
+            if change.abs() > NEGLIGIBLE {
                 for (cut, level) in cuts.iter_mut().zip([friction_nm, -friction_nm]) {
                     let share = (level - last_torque) / change;
                     *cut = if share > 0.0 && share < 1.0 { share } else { 1.0 };
@@ -52,7 +53,7 @@ impl Backlash {
             for to in cuts {
                 let q = last_q + (q_end - last_q) * to;
                 let torque = last_torque + change * (from + to) / 2.0;
-                if torque.abs() > friction_nm && torque.abs() > LEAST_TORQUE_NM {
+                if torque.abs() > friction_nm && torque.abs() > NEGLIGIBLE {
                     output = q + torque.signum() * half;
                     slope = torque.signum() / 2.0;
                 } else if output > q + half {
@@ -98,7 +99,7 @@ impl Effect for Backlash {
     fn variants(&self, scene: &Scene, place: Place) -> Vec<f64> {
         let Some(n) = joint_of(place) else { return Vec::new() };
         let largest = scene.largest_torque(n);
-        let loaded = largest > LEAST_TORQUE_NM;
+        let loaded = largest > NEGLIGIBLE;
         match (scene.ordered, loaded) {
             (true, true) => {
                 FRICTION_SHARES.iter().map(|s| s * largest).chain(core::iter::once(f64::INFINITY)).collect()

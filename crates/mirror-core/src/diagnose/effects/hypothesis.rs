@@ -9,10 +9,8 @@ use crate::diagnose::model::scene::Scene;
 use crate::diagnose::principles::LOG_PRIOR_FREE;
 use std::sync::Arc;
 
-/// An unknown mount may be this far from where the URDF starts it, m.
-const UNKNOWN_MOUNT_STD_M: f64 = 0.3;
-/// The pose of an unknown frame may be this far from its closed-form start, rad and m.
-const UNKNOWN_FRAME_STD: f64 = 1.0;
+/// An unknown mount, or the pose of an unknown frame, may be this far from where it starts, rad and m.
+const UNKNOWN_STD: f64 = 1.0;
 
 /// An effect at a place.
 #[derive(Debug, Clone)]
@@ -130,12 +128,12 @@ pub(crate) fn nuisances(problem: &Problem) -> Vec<(Column, f64)> {
     let mut out = Vec::new();
     for m in (0..problem.marker_sites.len()).filter(|&m| !problem.scene.mount_known[m]) {
         for k in 0..3 {
-            out.push((Column::constant(Atom::MarkerShift(m, k)), UNKNOWN_MOUNT_STD_M));
+            out.push((Column::constant(Atom::MarkerShift(m, k)), UNKNOWN_STD));
         }
     }
     if problem.unknown_frame.is_some() {
         for k in 0..6 {
-            out.push((Column::constant(Atom::FramePose(k)), UNKNOWN_FRAME_STD));
+            out.push((Column::constant(Atom::FramePose(k)), UNKNOWN_STD));
         }
     }
     out.extend(problem.loose.iter().map(|l| (l.column.clone(), l.std)));

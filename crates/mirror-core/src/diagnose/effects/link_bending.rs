@@ -2,10 +2,11 @@
 //! about the middle of the link, m the moment there of all that the link carries and of its own mass.
 
 use super::about::{About, PlaceKind, WrittenTo};
-use super::{Effect, LEAST_TORQUE_NM, LawFreedom, Place, joint_of, named};
+use super::{Effect, LawFreedom, Place, joint_of, named};
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::elementary::{Atom, Column, Weight, transverse_moment};
 use crate::diagnose::model::scene::Scene;
+use crate::diagnose::model::solver::NEGLIGIBLE;
 
 /// See the module.
 pub(crate) struct LinkBending;
@@ -25,7 +26,7 @@ impl Effect for LinkBending {
 
     fn places(&self, scene: &Scene) -> Vec<Place> {
         (0..scene.nodes())
-            .filter(|&n| scene.relevant[n] && largest_moment(scene, n) > LEAST_TORQUE_NM)
+            .filter(|&n| scene.relevant[n] && largest_moment(scene, n) > NEGLIGIBLE)
             .map(|n| Place::Link(Some(n)))
             .collect()
     }

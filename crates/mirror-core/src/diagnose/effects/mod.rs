@@ -32,6 +32,7 @@ mod stiction;
 
 pub(crate) use stiction::Stiction;
 
+use crate::diagnose::model::solver::NEGLIGIBLE;
 use about::About;
 
 use crate::diagnose::model::body::NodeId;
@@ -267,13 +268,10 @@ fn place_error_m(scene: &Scene) -> f64 {
     (0.02 * scene.reach_m).clamp(0.004, 0.012)
 }
 
-/// Torques (N m) below this do nothing that could be seen.
-const LEAST_TORQUE_NM: f64 = 1e-6;
-
 /// Relevant joints on which gravity pulls.
 fn loaded_joints(scene: &Scene) -> Vec<Place> {
     (0..scene.nodes())
-        .filter(|&n| scene.relevant[n] && scene.largest_torque(n) > LEAST_TORQUE_NM)
+        .filter(|&n| scene.relevant[n] && scene.largest_torque(n) > NEGLIGIBLE)
         .map(Place::Joint)
         .collect()
 }

@@ -11,9 +11,6 @@ use crate::diagnose::model::scene::Scene;
 use crate::error::{Error, Result, finite, positive};
 use crate::robot::Robot;
 
-/// Weights smaller than this in all frames do nothing that could be seen.
-const LEAST_WEIGHT: f64 = 1e-12;
-
 /// A parameter of an own effect.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OwnParameter {
@@ -206,7 +203,7 @@ fn tabulated(effect: &OwnEffect, scene: &Scene) -> Result<Tabulated> {
             for weight in weights {
                 largest = largest.max(finite(&at("weight"), *weight)?.abs());
             }
-            if largest < LEAST_WEIGHT {
+            if largest < f64::EPSILON {
                 return Err(Error::OutOfRange {
                     what: at(&format!("largest weight of {}", parameter.name)),
                     got: largest,

@@ -4,24 +4,20 @@
 //! Moves too small to overcome friction leave it where it was. The same finite stiffness makes it droop under its load: c is the servo's own droop, a part of the effect.
 
 use super::about::{About, PlaceKind, WrittenTo};
-use super::{Effect, LEAST_TORQUE_NM, LawFreedom, Place, joint_error, joint_of, moving_joints, named};
+use super::backlash::LEAST_PLAY_RAD;
+use super::{Effect, LawFreedom, Place, joint_error, joint_of, moving_joints, named};
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::scene::Scene;
+use crate::diagnose::model::solver::NEGLIGIBLE;
 use crate::robot::JointTerm;
-
-/// The dead band (rad) at which the basis of none is taken.
-const LEAST_BAND: f64 = 1e-4;
 
 /// See the module.
 pub(crate) struct Stiction {
     /// Whether it droops under its load. Not where compliance is left out of the vocabulary: droop is the same at a servo.
     pub droops: bool,
 }
-
-/// A droop as good as none, rad/(N m).
-const NO_DROOP: f64 = 1e-12;
 
 /// Where the joint rests in a frame, and how that depends on dead band and droop.
 struct Rest {
@@ -34,7 +30,7 @@ impl Stiction {
     /// Follows the joint from row to row: it moves only as far as the servo's pull exceeds friction, so that it comes to rest
     /// within `± d` of where the drooping servo would hold it without friction, and stays there while it can.
     fn followed(scene: &Scene, n: NodeId, band: f64, droop: f64) -> Vec<Rest> {
-        let band = band.max(LEAST_BAND);
+        let band = band.max(LEAST_PLAY_RAD);
         // Before the first row the joint rests at 0.
         let (mut theta, mut by_band, mut by_droop) = (0.0_f64, 0.0, 0.0);
         (0..scene.frames)
@@ -68,9 +64,9 @@ impl Effect for Stiction {
     fn prior_std(&self, scene: &Scene, place: Place) -> Vec<f64> {
         let Some(n) = joint_of(place) else { return Vec::new() };
         let droop = if self.droops {
-            joint_error(scene, n, 0.006) / scene.largest_torque(n).max(LEAST_TORQUE_NM)
+            joint_error(scene, n, 0.006) / scene.largest_torque(n).max(NEGLIGIBLE)
         } else {
-            NO_DROOP
+            NEGLIGIBLE
         };
         vec![joint_error(scene, n, 0.02), droop]
     }
@@ -120,8 +116,8 @@ impl Effect for Stiction {
     }
 
     fn comes_down_to(&self, parameters: &[f64]) -> Option<(&'static str, Vec<f64>)> {
-        let droop = parameters.get(1).copied().filter(|droop| *droop > NO_DROOP)?;
-        (parameters[0] <= LEAST_BAND).then(|| ("joint_compliance", vec![droop]))
+        let droop = parameters.get(1).copied().filter(|droop| *droop > NEGLIGIBLE)?;
+        (parameters[0] <= LEAST_PLAY_RAD).then(|| ("joint_compliance", vec![droop]))
     }
 
     fn law_freedom(&self) -> LawFreedom {

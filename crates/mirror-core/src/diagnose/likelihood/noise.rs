@@ -5,20 +5,19 @@ use crate::diagnose::likelihood::saturated::free_markers;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::frame::{FrameWork, Task};
 use crate::diagnose::model::problem::{Noise, Problem};
-use crate::diagnose::principles::FEWEST_REDUNDANT_ROWS;
+use crate::diagnose::model::solver::NEGLIGIBLE;
+use crate::diagnose::principles::{FEWEST_REDUNDANT_ROWS, NEARLY_ALL};
 use crate::error::Result;
 use nalgebra::{SMatrix, SVector, Vector2};
 use rayon::prelude::*;
 
 /// Noise below this is not believed (px): the tables are rounded at 1e-4 px, and noise-free sessions must not divide by 0.
 const LEAST_PIXEL_STD_PX: f64 = 0.005;
-/// As above, m.
-const LEAST_POINT_STD_M: f64 = 1e-6;
-/// A stated noise of measured points is too large where a model leaves less than this share of it: more than chance, and what parameters
-/// take, allow.
-const OVERSTATED: f64 = 0.8;
-/// Share of the largest residuals that is left out where a scale is estimated: false observations.
-const TRIMMED_SHARE: f64 = 0.02;
+/// Share of the largest residuals that is left out where a scale is estimated: false observations. More of them are worth a word, and a second
+/// look.
+pub(crate) const FALSE_SHARE: f64 = 0.02;
+/// A noise that fell by no more than this factor is as it was.
+pub(crate) const SETTLED: f64 = 0.9;
 
 /// Estimates the noise of corners and markers.
 ///
@@ -51,13 +50,14 @@ pub(crate) fn estimate(problem: &Problem, deformation: &Deformation, stated: Noi
     }
     if problem.camera.is_none() {
         // No noise is larger than what is left in all.
-        let least = Noise { point_m: LEAST_POINT_STD_M, ..noise };
+        let least = Noise { point_m: NEGLIGIBLE, ..noise };
         let left = effective(problem, deformation, least, None)?.point_m;
-        if left < OVERSTATED * noise.point_m {
+        // A stated noise is too large where less is left than chance, and what parameters take, allow.
+        if left < NEARLY_ALL * noise.point_m {
             noise.point_m = left;
         }
     }
-    noise.point_m = noise.point_m.max(LEAST_POINT_STD_M);
+    noise.point_m = noise.point_m.max(NEGLIGIBLE);
     Ok(noise)
 }
 
@@ -164,7 +164,7 @@ fn trimmed_std(squares: &mut [f64], dimensions: f64) -> Option<f64> {
         return None;
     }
     squares.sort_by(f64::total_cmp);
-    let kept = ((squares.len() as f64 * (1.0 - TRIMMED_SHARE)).ceil() as usize).clamp(1, squares.len());
+    let kept = ((squares.len() as f64 * (1.0 - FALSE_SHARE)).ceil() as usize).clamp(1, squares.len());
     Some((squares[..kept].iter().sum::<f64>() / kept as f64 / dimensions).sqrt())
 }
 

@@ -3,7 +3,9 @@
 use crate::diagnose::model::camera_and_mirror::FootPoints;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::{Atom, Column};
-use crate::diagnose::model::frame::{FrameWork, PROJECTED, Span, Table, Task, Wanted, add_products, stride};
+use crate::diagnose::model::frame::{
+    FrameWork, LANES, PROJECTED, Span, Table, Task, Wanted, add_products, stride,
+};
 use crate::diagnose::model::problem::{FRAMES_A_CHUNK, Noise, Problem};
 use crate::error::Result;
 use nalgebra::{DMatrix, DVector, Vector3};
@@ -37,10 +39,7 @@ impl Planes {
     }
 }
 
-/// Sums that a dot product keeps apart, so that it need not wait for each addition and can use vector registers.
-const LANES: usize = 8;
-
-/// The dot product.
+/// The dot product, in sums kept apart, so that it need not wait for each addition and can use vector registers.
 #[inline(always)]
 fn dot(x: &[f64], y: &[f64]) -> f64 {
     let (xs, ys) = (x.chunks_exact(LANES), y.chunks_exact(LANES));

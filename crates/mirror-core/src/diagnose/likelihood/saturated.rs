@@ -14,8 +14,9 @@ use crate::error::Result;
 use nalgebra::{DMatrix, DVector, Vector3};
 use rayon::prelude::*;
 
-/// How far a free marker may be from its prediction (m): keeps the depth of a marker that only one view shows finite.
-const FREE_MARKER_STD_M: f64 = 0.05;
+/// How far something that may sit anywhere is from its prediction, m and rad: a free marker, whose depth this keeps finite where only one
+/// view shows it; what has slipped.
+pub(crate) const FREE_STD: f64 = 0.05;
 
 /// A marker of one posture, measured.
 #[derive(Debug, Clone)]
@@ -152,7 +153,7 @@ fn free_posture(problem: &Problem, task: &Task<'_>, frames: Vec<usize>, work: &m
     let seen: Vec<usize> = (0..markers).filter(|&m| views[m] > 0).collect();
     let index: Vec<usize> = seen.iter().flat_map(|m| [3 * m, 3 * m + 1, 3 * m + 2]).collect();
     let n = index.len();
-    let prior = FREE_MARKER_STD_M.powi(-2);
+    let prior = FREE_STD.powi(-2);
     let data = DMatrix::from_fn(n, n, |i, j| h[(index[i], index[j])]);
     let gradient = DVector::from_fn(n, |i, _| g[index[i]]);
     let Some(factor) = (&data + DMatrix::identity(n, n) * prior).cholesky() else { return out };

@@ -4,12 +4,10 @@ use crate::diagnose::data::recording::Recording;
 use crate::diagnose::model::body::{Body, NodeId, Site};
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::kinematics::{NodePoses, loads};
+use crate::diagnose::model::solver::NEGLIGIBLE;
 use crate::error::Result;
 use crate::robot::Robot;
 use nalgebra::Vector3;
-
-/// Commanded motions smaller than this (rad or m) leave the last direction as it was.
-const STILL: f64 = 1e-9;
 
 /// A link shorter than this (m) does not say which way it goes.
 const SHORTEST_LINK_M: f64 = 1e-4;
@@ -63,7 +61,7 @@ impl Scene {
             let (mut last, mut sign) = (offset, 0.0);
             for (f, frame) in recording.frames.iter().enumerate() {
                 let q = multiplier * frame.commanded[index] + offset;
-                if (q - last).abs() > STILL {
+                if (q - last).abs() > NEGLIGIBLE {
                     sign = (q - last).signum();
                 }
                 last = q;
@@ -205,7 +203,7 @@ impl Scene {
     /// Whether the joint was commanded to more than one position.
     pub fn moves(&self, node: NodeId) -> bool {
         let (low, high) = self.commanded_range[node];
-        high - low > STILL
+        high - low > NEGLIGIBLE
     }
 
     /// Largest torque (N m, absolute) that gravity puts on a joint in this session.

@@ -1,6 +1,9 @@
 //! Options of the solvers: steps and tolerances. None of them decides anything: with more steps or finer tolerances results move by less
 //! than their noise.
 
+/// A motion (rad, m), torque (N m), droop (rad/(N m)) or distance (m) below this is none.
+pub(crate) const NEGLIGIBLE: f64 = 1e-6;
+
 /// Steps and tolerances of all solvers of the diagnosis.
 pub(crate) struct Solver {
     /// Gauss–Newton steps for a board's plane; it starts within millimetres and converges quadratically.

@@ -3,14 +3,10 @@
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::frame::{FrameWork, Task};
 use crate::diagnose::model::problem::{Noise, Observation, Problem, Seen};
+use crate::diagnose::principles::FAR_DEVIATIONS;
 use crate::error::Result;
 
-/// More false observations than this are worth a word, and a second look.
-pub(crate) const MANY_FALSE: f64 = 0.015;
-/// Observations farther from the best model than this many deviations are false.
-const FALSE_DEVIATIONS: f64 = 6.0;
-
-/// A problem without the observations that a model shows to be false (farther off than [`FALSE_DEVIATIONS`] of the noise), and
+/// A problem without the observations that a model shows to be false (farther off than [`FAR_DEVIATIONS`] of the noise), and
 /// their share of the markers' observations.
 ///
 /// # Errors
@@ -47,7 +43,7 @@ fn kept(problem: &Problem, deformation: &Deformation, noise: Noise) -> Result<Pr
             match residuals.get(at) {
                 Some((Some(m), _, size)) if *m == marker => {
                     at += 1;
-                    *size <= FALSE_DEVIATIONS * std
+                    *size <= FAR_DEVIATIONS * std
                 }
                 // Not predicted at all: as false as can be.
                 _ => false,

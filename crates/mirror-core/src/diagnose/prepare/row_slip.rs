@@ -11,7 +11,7 @@ use crate::error::Result;
 use rayon::prelude::*;
 
 /// Rows that a measurement may have slipped.
-const LARGEST_SHIFT: i64 = 6;
+pub(crate) const LARGEST_SHIFT: i64 = 6;
 
 /// A run of slipped rows.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -25,8 +25,8 @@ pub(crate) struct Slip {
     pub gain: f64,
 }
 
-/// Standard deviation of a whole number of frames that is clear.
-pub(crate) const WHOLE_FRAME_STD: f64 = 0.5;
+/// Standard deviation of a whole number, of frames or px, that is clear.
+pub(crate) const WHOLE_STD: f64 = 0.5;
 
 impl Slip {
     /// Standard deviations of its first and its last frame: a frame whose measurement belongs to another one of the same
@@ -40,7 +40,7 @@ impl Slip {
             (1..).map(|k| from as i64 + step * k).take_while(|&f| silent(f)).count() as f64
         };
         // From one end of n + 1 equally likely places the root mean square distance is about n / √3.
-        let std = |outside: f64, inside: f64| WHOLE_FRAME_STD.hypot(outside.max(inside) / 3f64.sqrt());
+        let std = |outside: f64, inside: f64| WHOLE_STD.hypot(outside.max(inside) / 3f64.sqrt());
         let inward = |at: usize, step: i64| if silent(at as i64) { 1.0 + run(at, step) } else { 0.0 };
         [std(run(self.first, -1), inward(self.first, 1)), std(run(self.last, 1), inward(self.last, -1))]
     }

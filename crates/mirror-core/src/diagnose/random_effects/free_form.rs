@@ -32,10 +32,8 @@ const HYSTERESIS_REACH: [f64; 4] = [0.04, 0.12, 0.3, 0.6];
 const TYPICAL_RAD: f64 = 0.03;
 /// A common size of a shift, m.
 const TYPICAL_M: f64 = 0.005;
-/// A common size of an error of the optics (of the image's size, of the board's size).
+/// A common size of an error of the optics: a share of the image's or of the board's size, or a turn of the camera, rad.
 const TYPICAL_SHARE: f64 = 0.02;
-/// A common size of a turn of the camera, rad.
-const TYPICAL_TURN_RAD: f64 = 0.02;
 
 /// On what an error depends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -201,9 +199,9 @@ impl FreeForm {
                 (0..3).map(|k| (Atom::MarkerShift(m, k), TYPICAL_M)).collect()
             }
             (What::CameraMount, _) if self.on == On::Nothing => (0..6)
-                .map(|k| (Atom::CameraMount(k), if k < 3 { TYPICAL_TURN_RAD } else { TYPICAL_M }))
+                .map(|k| (Atom::CameraMount(k), if k < 3 { TYPICAL_SHARE } else { TYPICAL_M }))
                 .collect(),
-            (What::CameraMount, _) => (0..3).map(|k| (Atom::CameraMount(k), TYPICAL_TURN_RAD)).collect(),
+            (What::CameraMount, _) => (0..3).map(|k| (Atom::CameraMount(k), TYPICAL_SHARE)).collect(),
             (What::Image, _) => {
                 (0..2).map(|k| (Atom::Center(k), 8.0)).chain(optics(WARP, TYPICAL_SHARE)).collect()
             }

@@ -341,6 +341,8 @@ impl Geometry {
     }
 }
 
+/// Spreads that changed by less than this (log, summed over the kinds) since causes were searched need no second search.
+pub(crate) const SPREADS_SETTLED: f64 = 0.5;
 /// A kind of which the data tell less than this of one value keeps its spread.
 const LEAST_TOLD: f64 = 0.05;
 

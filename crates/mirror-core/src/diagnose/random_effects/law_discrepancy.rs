@@ -13,7 +13,7 @@ use crate::diagnose::model::problem::Problem;
 use crate::diagnose::random_effects::free_form::law_columns;
 
 /// By how much a law may be wrong, as a share of the largest error that its cause makes (one standard deviation a knot).
-const LAW_SHARE: f64 = 0.07;
+pub(crate) const LAW_SHARE: f64 = 0.07;
 
 /// A group with the slack of a model's causes behind its own columns, but that of the cause that is `in_question`.
 pub(crate) fn with_slack(

@@ -13,11 +13,12 @@ use crate::diagnose::data::diagnosis::{
 };
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::effects::{Concern, Place};
+use crate::diagnose::likelihood::noise::FALSE_SHARE;
 use crate::diagnose::likelihood::probability::tempered;
 use crate::diagnose::likelihood::score_test::Score;
 use crate::diagnose::model::elementary::Atom;
-use crate::diagnose::prepare::false_observations::MANY_FALSE;
-use crate::diagnose::prepare::row_slip::WHOLE_FRAME_STD;
+use crate::diagnose::prepare::row_slip::WHOLE_STD;
+use crate::diagnose::principles::{LEAST_LOG_ODDS, SURE_DEVIATIONS};
 use crate::diagnose::random_effects::displaced::log_bayes;
 use crate::diagnose::random_effects::geometric_tolerances::{Geometry, Kind};
 use crate::diagnose::report::free_numbers::with_free_numbers;
@@ -35,8 +36,6 @@ use std::collections::BTreeMap;
 const FEW_POSTURES: usize = 20;
 /// Hypotheses of the ranking that are written.
 const RANKED: usize = 40;
-/// A servo's droop is told as a cause of its own from this many standard deviations on.
-const DROOP_DEVIATIONS: f64 = 4.0;
 /// How finely a play's friction is searched, as a share of it: told as its standard deviation.
 const FRICTION_RESOLUTION: f64 = 0.1;
 
@@ -202,7 +201,7 @@ fn causes(
         };
         out.push((cause, Part::Term(i)));
         // The servo's own droop, told apart: `effects.md` calls it joint_compliance at the same joint.
-        if let Some(droop) = droop.filter(|d| d.value > DROOP_DEVIATIONS * d.std) {
+        if let Some(droop) = droop.filter(|d| d.value > SURE_DEVIATIONS * d.std) {
             let largest = place.node().map_or(0.0, |n| scene.largest_torque(n));
             if droop.value * largest > 0.1 * term.parameters[0] {
                 let cause = Cause {
@@ -229,7 +228,7 @@ fn causes(
                 .map(|(c, columns)| (c, Part::Columns(columns))),
         );
     }
-    let of_robot = |g: &&Geometry| !g.setup_only || zeros_log_bayes(g, &found.fit) > LEAST_ZEROS_ODDS;
+    let of_robot = |g: &&Geometry| !g.setup_only || zeros_log_bayes(g, &found.fit) > LEAST_LOG_ODDS;
     if let Some(geometry) = findings.geometry.as_ref().filter(of_robot) {
         let columns = geometry.group.columns.iter().enumerate();
         let own: Vec<usize> = columns.filter(|(_, c)| geometry.is_of_robot(c)).map(|(k, _)| k).collect();
@@ -283,7 +282,7 @@ fn causes(
             parameters: BTreeMap::from([
                 ("first_frame".to_owned(), whole(number(slip.first), first_std)),
                 ("last_frame".to_owned(), whole(number(slip.last), last_std)),
-                ("shift_rows".to_owned(), whole(slip.shift as f64, WHOLE_FRAME_STD)),
+                ("shift_rows".to_owned(), whole(slip.shift as f64, WHOLE_STD)),
             ]),
             stability: None,
             alternatives: Vec::new(),
@@ -296,9 +295,6 @@ fn causes(
     }
     Ok(out)
 }
-
-/// Log odds from which on the joints' zeros all together are told as `geometry`.
-const LEAST_ZEROS_ODDS: f64 = 5.0;
 
 /// Shares of the gap by place: what each cause moves, and what is unexplained.
 fn places(findings: &Findings<'_>, causes: &[Cause]) -> Vec<Where> {
@@ -431,7 +427,7 @@ fn warnings(findings: &Findings<'_>) -> Vec<String> {
     if scene.marker_names.len() == 1 {
         out.push("one marker only: joints behind one another are hard to tell apart; add a marker on each link of interest".into());
     }
-    if findings.false_share > MANY_FALSE {
+    if findings.false_share > FALSE_SHARE {
         out.push(format!(
             "{:.1} % of the markers' observations are far from the best model and were left out as false: look at them",
             findings.false_share * 100.0

@@ -8,19 +8,17 @@
 
 use crate::diagnose::data::diagnosis::{Field, FieldPoint};
 use crate::diagnose::likelihood::normal_equations::chunks;
+use crate::diagnose::likelihood::saturated::FREE_STD;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::frame::{FrameWork, Task};
 use crate::diagnose::model::problem::{Noise, Problem};
+use crate::diagnose::principles::FEWEST_OBSERVATIONS;
 use crate::error::Result;
 use nalgebra::{Matrix3, Vector2, Vector3};
 use rayon::prelude::*;
 
 /// Cells of the image's grid from left to right.
 const CELLS_ACROSS: usize = 16;
-/// A cell with fewer observations than this shows noise.
-const FEWEST_IN_CELL: usize = 6;
-/// How far a corner may be displaced, m: keeps what hardly shows (its height over the board) finite.
-const DISPLACEMENT_STD_M: f64 = 0.02;
 
 /// Over what a field is drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -171,7 +169,7 @@ fn over_image(first: &Sums, second: Option<&Sums>, noise: Noise, size_px: Vector
         for (i, cell) in first.cells[k].iter().enumerate() {
             // With the cause a frame may be predicted that is not without it, or the other way round.
             let other = second.map(|s| &s.cells[k][i]);
-            if cell.count < FEWEST_IN_CELL || other.is_some_and(|c| c.count < FEWEST_IN_CELL) {
+            if cell.count < FEWEST_OBSERVATIONS || other.is_some_and(|c| c.count < FEWEST_OBSERVATIONS) {
                 continue;
             }
             points.push(FieldPoint {
@@ -197,7 +195,7 @@ fn over_image(first: &Sums, second: Option<&Sums>, noise: Noise, size_px: Vector
 fn over_board(problem: &Problem, first: &Sums, second: Option<&Sums>, noise: Noise) -> Field {
     let variance = noise.corner_px * noise.corner_px;
     let solved = |corner: &Corner| -> Option<(Vector3<f64>, Vector3<f64>)> {
-        let prior = Matrix3::from_diagonal_element(DISPLACEMENT_STD_M.powi(-2));
+        let prior = Matrix3::from_diagonal_element(FREE_STD.powi(-2));
         let covariance = (corner.information / variance + prior).try_inverse()?;
         Some((covariance * corner.gradient / variance, covariance.diagonal().map(f64::sqrt)))
     };
@@ -205,7 +203,7 @@ fn over_board(problem: &Problem, first: &Sums, second: Option<&Sums>, noise: Noi
         .corners
         .iter()
         .enumerate()
-        .filter(|(_, corner)| corner.count >= FEWEST_IN_CELL)
+        .filter(|(_, corner)| corner.count >= FEWEST_OBSERVATIONS)
         .filter_map(|(i, corner)| {
             let (without, std) = solved(corner)?;
             let with = second.map(|s| solved(&s.corners[i]));

@@ -11,12 +11,11 @@ use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::{Atom, Weight};
 use crate::diagnose::model::scene::Scene;
+use crate::diagnose::model::solver::NEGLIGIBLE;
 use crate::diagnose::report::fields::{Over, field};
 use crate::diagnose::report::signature::free_errors_of;
 use crate::error::Result;
 
-/// A quantity that varies by less than this (rad, m, N m or of a direction) is not drawn against.
-const STILL: f64 = 1e-6;
 /// Joints between camera and board against which a camera's errors are drawn.
 const MOST_JOINTS: usize = 2;
 
@@ -134,7 +133,7 @@ impl Part {
             let (low, high) = (0..scene.frames)
                 .map(|f| q.at(scene, f))
                 .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
-            high - low > STILL
+            high - low > NEGLIGIBLE
         });
         let mut once = Vec::new();
         out.into_iter().chain([Quantity::Time]).for_each(|q| {

@@ -3,9 +3,7 @@
 use crate::diagnose::assessment::evidence;
 use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::data::diagnosis::{Diagnosis, Verdict};
-
-/// A gap of so many noise floors is none of noise, however few postures show it.
-const FAR_ABOVE: f64 = 2.0;
+use crate::diagnose::principles::ABOVE_SCATTER;
 
 /// Takes a verdict back that the counted data do not carry.
 pub(crate) fn reserve(diagnosis: &mut Diagnosis, findings: &Findings<'_>) {
@@ -14,7 +12,7 @@ pub(crate) fn reserve(diagnosis: &mut Diagnosis, findings: &Findings<'_>) {
         diagnosis.verdict = Verdict::Unknown;
     }
     // Too few postures may make no test significant: what is far above its own floor agrees with nothing all the same.
-    let far = |gap: Option<f64>, floor: Option<f64>| matches!((gap, floor), (Some(gap), Some(floor)) if gap > FAR_ABOVE * floor);
+    let far = |gap: Option<f64>, floor: Option<f64>| matches!((gap, floor), (Some(gap), Some(floor)) if gap > ABOVE_SCATTER * floor);
     let gap = &diagnosis.gap;
     let is_far = far(gap.after_px, gap.noise_floor_px) || far(gap.after_m, gap.noise_floor_m);
     if diagnosis.verdict == Verdict::None && is_far {

@@ -1,12 +1,7 @@
 //! The verdict in one sentence for a person.
 
 use crate::diagnose::data::diagnosis::{Cause, Gap, Verdict, Where};
-
-/// A cause that is less probable than this is told together with its likeliest rival, if that is at least this probable.
-const TOLD_ALONE: f64 = 0.8;
-const WORTH_NAMING: f64 = 0.1;
-/// More causes than this are counted, not named.
-const NAMED: usize = 3;
+use crate::diagnose::principles::{NEARLY_ALL, SEVERAL_CAUSES, WORTH_NAMING};
 
 /// The verdict, what it rests on, and the gap's sizes.
 pub(crate) fn sentence(verdict: Verdict, causes: &[Cause], places: &[Where], gap: &Gap) -> String {
@@ -67,7 +62,7 @@ fn unexplained_place(places: &[Where]) -> Option<&Where> {
 fn name(cause: &Cause) -> String {
     let rival = cause.alternatives.first().filter(|r| r.probability >= WORTH_NAMING);
     let own = of_place(&cause.effect, &cause.at);
-    match rival.filter(|_| cause.probability < TOLD_ALONE) {
+    match rival.filter(|_| cause.probability < NEARLY_ALL) {
         None => own,
         Some(rival) if rival.at == cause.at && !cause.at.contains("<-") => {
             of_place(&format!("{} or {}", cause.effect, rival.effect), &cause.at)
@@ -94,8 +89,8 @@ fn of_place(effect: &str, at: &str) -> String {
 
 /// `a`, `a and b`, `a, b and c`, `a, b, c and 2 further causes`.
 fn listed(names: &[String]) -> String {
-    let mut shown: Vec<String> = names.iter().take(NAMED).cloned().collect();
-    match names.len().saturating_sub(NAMED) {
+    let mut shown: Vec<String> = names.iter().take(SEVERAL_CAUSES).cloned().collect();
+    match names.len().saturating_sub(SEVERAL_CAUSES) {
         0 => {}
         1 => shown.extend(names.last().cloned()),
         more => shown.push(format!("{more} further causes")),

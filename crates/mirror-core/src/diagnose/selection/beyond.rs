@@ -3,10 +3,11 @@
 
 use crate::diagnose::criteria::lack_of_fit::adequacy;
 use crate::diagnose::effects::hypothesis::{Catalogue, Model};
+use crate::diagnose::likelihood::noise::FALSE_SHARE;
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::model::work_budget::FOR_FREE_FORMS;
-use crate::diagnose::prepare::false_observations::{MANY_FALSE, without_false};
+use crate::diagnose::prepare::false_observations::without_false;
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
 use crate::diagnose::selection::law_remainder::{MANY_CAUSES, only_their_laws};
 use crate::diagnose::selection::nonparametric::{
@@ -55,7 +56,7 @@ pub(crate) fn look_beyond<'a>(
     let mut fits_noise = left(search, found, &clean)?;
     let named = search.clone();
     let doubtful = fits_noise.significant && !freed;
-    let many_false = false_share > MANY_FALSE;
+    let many_false = false_share > FALSE_SHARE;
     let enough = !fits_noise.significant && !fits_noise.corners_significant && !many_false;
     if !(freed && enough)
         && is_suspicious(search, found, all, &fits_noise, many_false)?

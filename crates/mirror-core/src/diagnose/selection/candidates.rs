@@ -12,10 +12,8 @@ use crate::diagnose::selection::search::Search;
 use crate::error::Result;
 use rayon::prelude::*;
 
-/// How many of the best candidates are tried with all their discrete unknowns.
-const VARIANTS_RETRIED: usize = 3;
-/// How many values of a discrete unknown are fitted exactly: the likeliest by one linear model.
-const VARIANTS_FITTED: usize = 3;
+/// Of candidates with a discrete unknown, and of the values of each, as many of the likeliest are fitted exactly.
+const FITTED: usize = 3;
 /// The score test is of the linearised model: a hypothesis that it puts lower than the best by more than this (log), and by
 /// more than this share of the best's, is not the best when fitted either.
 const LEAST_REACH: f64 = 25.0;
@@ -65,7 +63,7 @@ impl Search<'_> {
         self.problem.cancel.check()?;
         fits.sort_by(|a, b| self.log_posterior(b).total_cmp(&self.log_posterior(a)));
         // The score test takes a play of no width; of its real width another friction may fit far better.
-        for fit in fits.iter_mut().take(VARIANTS_RETRIED) {
+        for fit in fits.iter_mut().take(FITTED) {
             *fit = self.best_variant(fit, noise)?;
         }
         fits.sort_by(|a, b| self.log_posterior(b).total_cmp(&self.log_posterior(a)));
@@ -115,7 +113,7 @@ impl Search<'_> {
             noise,
             self.mask,
         )?;
-        sorted.truncate(VARIANTS_FITTED);
+        sorted.truncate(FITTED);
         Ok(sorted)
     }
 

@@ -3,14 +3,13 @@
 use crate::diagnose::criteria::cross_validation::{PostureGap, seen_size};
 use crate::diagnose::criteria::marker_shift::marker_shift;
 use crate::diagnose::effects::hypothesis::Catalogue;
+use crate::diagnose::random_effects::law_discrepancy::LAW_SHARE;
 use crate::diagnose::selection::nonparametric::elsewhere;
 use crate::diagnose::selection::search::{Found, Search};
 use crate::error::Result;
 
 /// More causes than this at once are rather many small errors.
 pub(crate) const MANY_CAUSES: usize = 4;
-/// A remainder smaller than this share (squared: 8 %) of what the causes move is what their laws are wrong by.
-const LAW_REMAINDER: f64 = 0.0064;
 
 /// Whether free-form errors only say that the causes found have not quite their textbook laws: they sit at the causes' own
 /// places, and what they take up beyond the causes is a small part of what the causes move.
@@ -29,7 +28,7 @@ pub(crate) fn only_their_laws(
     }
     let after = search.held_out(&found.fit.model, found.noise)?;
     let after_free = its_search.held_out(&with_free.fit.model, with_free.noise)?;
-    Ok(remainder_share(search, found, &after, Some(&after_free))? < LAW_REMAINDER)
+    Ok(remainder_share(search, found, &after, Some(&after_free))? < LAW_SHARE.powi(2))
 }
 
 /// What is left above the noise (or above `least`, another model's remainder), squared, as a share of what the causes move.

@@ -12,15 +12,10 @@ use crate::diagnose::effects::hypothesis::{Catalogue, Model};
 use crate::diagnose::likelihood::score_test::screen;
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::problem::Noise;
+use crate::diagnose::principles::{ABOVE_SCATTER, LOG_PRIOR_FREE, LOG_PRIOR_STRUCTURE};
 use crate::diagnose::selection::search::{Found, Search, SearchOptions};
 use crate::error::Result;
 
-/// A free-form error that gains this (log odds) beside the causes found is worth the search.
-const WORTH_A_SEARCH: f64 = 6.0;
-/// Free-form errors must beat causes by this (log odds): laws are never exact, and data that contradict them are many.
-pub(crate) const LEAST_LOG_ODDS: f64 = 10.0;
-/// A remainder whose variance is this many times the noise's is no scatter, wherever it comes from.
-const LARGE_EXCESS: f64 = 1.5;
 /// A cause beside a free-form error at its own joint stands only where its shift, squared, is so many times the error's.
 const IMITATOR_SHARE: f64 = 4.0;
 /// With so many causes at once, or more, one unknown law may be behind all of them.
@@ -85,7 +80,7 @@ pub(crate) fn is_suspicious(
     Ok(scores
         .iter()
         .filter(|s| all.is_free(s.hypothesis))
-        .any(|s| s.log_bayes + all.hypotheses[s.hypothesis].log_prior > WORTH_A_SEARCH))
+        .any(|s| s.log_bayes + all.hypotheses[s.hypothesis].log_prior > -LOG_PRIOR_FREE))
 }
 
 /// The search with free-form errors beside the vocabulary, from the nominal model and from the causes found; none where they
@@ -130,12 +125,13 @@ pub(crate) fn beside_free_forms<'a>(
     let Some((beside, mut result)) = best else { return Ok(None) };
     let odds = log_odds((&beside, &result), (search, found))?;
     let free = result.fit.model.terms.iter().any(|t| all.is_free(t.hypothesis));
-    let needed = if free { LEAST_LOG_ODDS } else { 0.0 };
+    // Laws are never exact, and data that contradict them are many.
+    let prior = if free { LOG_PRIOR_STRUCTURE } else { 0.0 };
     let mut trace = found.trace.clone();
     trace.push(format!("beside free-form errors: log odds {odds:.1}"));
     trace.append(&mut result.trace);
     result.trace = trace;
-    Ok((odds > needed).then_some((beside, result)))
+    Ok((odds + prior > 0.0).then_some((beside, result)))
 }
 
 /// Log posterior odds of one search's result against another's, both at the smaller of their noises.
@@ -191,7 +187,7 @@ pub(crate) fn unexplained(
         if reached {
             return Ok(None);
         }
-        let large = adequacy.significant && (named || adequacy.excess >= LARGE_EXCESS);
+        let large = adequacy.significant && (named || adequacy.excess >= ABOVE_SCATTER.powi(2) - 1.0);
         if !large && !adequacy.corners_significant {
             return Ok(None);
         }

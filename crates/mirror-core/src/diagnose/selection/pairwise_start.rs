@@ -10,13 +10,11 @@ use crate::diagnose::likelihood::fit::Active;
 use crate::diagnose::likelihood::normal_equations::{Normal, needs_board};
 use crate::diagnose::model::elementary::Column;
 use crate::diagnose::model::problem::Noise;
+use crate::diagnose::principles::SEVERAL_CAUSES;
 use crate::diagnose::selection::nonparametric::log_odds;
 use crate::diagnose::selection::search::{Found, Search};
 use crate::error::Result;
 use nalgebra::{DMatrix, DVector};
-
-/// So many causes may be the ladder's way round two that nearly cancel.
-const PERHAPS_A_PAIR: usize = 3;
 
 /// Two hypotheses, likeliest together.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -35,7 +33,7 @@ pub(crate) fn from_a_pair<'a>(
     found: &Found,
     nominal: &Model,
 ) -> Result<Option<(Search<'a>, Found)>> {
-    if found.fit.model.terms.len() < PERHAPS_A_PAIR || search.problem.budget.is_spent() {
+    if found.fit.model.terms.len() < SEVERAL_CAUSES || search.problem.budget.is_spent() {
         return Ok(None);
     }
     let scatter = search.effective(nominal)?;

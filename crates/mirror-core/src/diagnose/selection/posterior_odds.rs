@@ -5,17 +5,14 @@ use crate::diagnose::effects::hypothesis::{Model, Term};
 use crate::diagnose::likelihood::fit::{Fit, FitOptions};
 use crate::diagnose::likelihood::linearised::Linearised;
 use crate::diagnose::model::problem::Noise;
-use crate::diagnose::model::solver::SOLVER;
-use crate::diagnose::principles::{BEYOND_DOUBT, LOG_PRIOR_CROWD, LOG_PRIOR_SAME_PLACE};
+use crate::diagnose::model::solver::{NEGLIGIBLE, SOLVER};
+use crate::diagnose::principles::{BEYOND_DOUBT, LOG_PRIOR_CROWD, LOG_PRIOR_SAME_PLACE, SEVERAL_CAUSES};
 use crate::diagnose::selection::search::Search;
 use crate::error::Result;
 use core::ops::Range;
 
-/// So many causes at one joint are a crowd: together they only imitate the law that is really there.
-const CROWD: usize = 3;
 /// Share of a common size below which an error is called a tolerance.
 const PRIOR_TOLERANCE: f64 = 0.005;
-const LEAST_TOLERANCE: f64 = 1e-6;
 /// A tolerated error moves the markers by no more than this many standard deviations of the noise.
 const UNSEEN_SHIFT: f64 = 0.08;
 
@@ -30,7 +27,7 @@ impl Search<'_> {
             .enumerate()
             .map(|(i, term)| {
                 let same = terms.iter().filter(named).take(i).filter(|t| place(t) == place(term)).count();
-                if same < CROWD - 1 { same as f64 * LOG_PRIOR_SAME_PLACE } else { LOG_PRIOR_CROWD }
+                if same + 1 < SEVERAL_CAUSES { same as f64 * LOG_PRIOR_SAME_PLACE } else { LOG_PRIOR_CROWD }
             })
             .sum();
         terms.iter().map(|t| self.catalogue.hypotheses[t.hypothesis].log_prior).sum::<f64>() + crowding
@@ -56,7 +53,7 @@ impl Search<'_> {
         let own_sum: f64 = own.iter().sum();
         let own_rms = (own_sum / own.iter().filter(|o| **o > 1e-4 * own_sum).count().max(1) as f64).sqrt();
         let unseen = if own_rms > 0.0 { UNSEEN_SHIFT / own_rms * multiple } else { PRIOR_TOLERANCE };
-        let scale = PRIOR_TOLERANCE.min(unseen).clamp(LEAST_TOLERANCE, 1.0);
+        let scale = PRIOR_TOLERANCE.min(unseen).clamp(NEGLIGIBLE, 1.0);
         let (_, start) = self.loosened(&fit.model, Some(i));
         let small: Vec<f64> = term.parameters.iter().map(|p| p * scale.min(0.5)).collect();
         let truncated = |mut m: Model| {
@@ -92,8 +89,7 @@ impl Search<'_> {
     /// smallest size that could be tolerated, whichever speaks more against the cause.
     fn clear_odds(&self, model: &Model, i: usize, here: &Linearised, own: Range<usize>) -> Option<f64> {
         let found = here.log_evidence(own.clone(), 1.0)?;
-        let [large, small] =
-            [PRIOR_TOLERANCE, LEAST_TOLERANCE].map(|scale| here.log_evidence(own.clone(), scale));
+        let [large, small] = [PRIOR_TOLERANCE, NEGLIGIBLE].map(|scale| here.log_evidence(own.clone(), scale));
         let odds = found + self.log_prior_of(model, i) - large?.max(small?);
         // Exactly fitted they would still be beyond doubt.
         (odds > 2.0 * BEYOND_DOUBT).then_some(odds)

@@ -18,15 +18,14 @@ use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::frame::{FrameWork, PROJECTED, Task};
 use crate::diagnose::model::problem::Noise;
 use crate::diagnose::model::solver::SOLVER;
+use crate::diagnose::principles::{LOG_PRIOR_STRUCTURE, MAJORITY};
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
-use crate::diagnose::selection::nonparametric::{LEAST_LOG_ODDS, log_odds};
+use crate::diagnose::selection::nonparametric::log_odds;
 use crate::diagnose::selection::search::{Found, Search};
 use crate::error::Result;
 
 /// Spreads that are tried, rad or m, each so many times the one before.
 const SPREADS: (f64, f64, usize) = (2e-4, 1.5, 13);
-/// Small errors everywhere that leave less of a joint's log Bayes factor than this have taken it up.
-const LEAST_SHARE_LEFT: f64 = 0.5;
 
 /// A search beside a joint that rests elsewhere each time.
 pub(crate) struct Restless<'a> {
@@ -45,7 +44,7 @@ pub(crate) fn beside_restless_joint<'a>(
     nominal: &Model,
 ) -> Result<Option<Restless<'a>>> {
     let here = best_joint(search, &found.fit.model, found.noise)?;
-    if !here.is_some_and(|(_, _, log_bayes)| log_bayes > LEAST_LOG_ODDS) {
+    if !here.is_some_and(|(_, _, log_bayes)| log_bayes + LOG_PRIOR_STRUCTURE > 0.0) {
         return Ok(None);
     }
     // Where everything is still to be explained, so that no cause that only took a part of it decides the place.
@@ -74,7 +73,7 @@ pub(crate) fn beside_restless_joint<'a>(
         spread * 1e3
     ));
     its.trace = trace;
-    Ok((odds > LEAST_LOG_ODDS).then_some(Restless { node, search: beside, found: its }))
+    Ok((odds + LOG_PRIOR_STRUCTURE > 0.0).then_some(Restless { node, search: beside, found: its }))
 }
 
 /// Whether many small errors take most of what errors of one joint in each posture say: these would be left as they are.
@@ -84,7 +83,7 @@ fn small_errors_take_it(search: &Search<'_>, nominal: &Model, noise: Noise, log_
     let fit = geometry.fit(&search.problem, search.catalogue, nominal, options, search.mask)?;
     let beside = Search { group: geometry.group, ..search.clone() };
     let left = best_joint(&beside, &fit.model, noise)?.map_or(0.0, |(_, _, log_bayes)| log_bayes);
-    Ok(left < LEAST_SHARE_LEFT * log_bayes)
+    Ok(left < MAJORITY * log_bayes)
 }
 
 /// The joint whose own error in each posture says most of what a model leaves: its spread and log Bayes factor.

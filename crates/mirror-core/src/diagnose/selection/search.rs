@@ -50,10 +50,6 @@ impl SearchOptions {
     }
 }
 
-/// A hypothesis that is less likely than the likeliest by this (log) is no cause in its stead.
-const NEARLY_AS_LIKELY: f64 = 5.0;
-/// Where the likeliest addition is this unlikely a cause, the others need not be tried.
-const HOPELESS_LOG_ODDS: f64 = -3.5;
 /// A model that the search ended with.
 #[derive(Debug, Clone)]
 pub(crate) struct Found {
@@ -208,7 +204,7 @@ impl Search<'_> {
             let mut larger = None;
             let likeliest = refits.first().map_or(0.0, |r| self.log_posterior(r));
             for refit in refits {
-                if self.log_posterior(&refit) < likeliest - NEARLY_AS_LIKELY {
+                if self.log_posterior(&refit) < likeliest - LEAST_LOG_ODDS {
                     break;
                 }
                 let odds = self.log_odds(&refit, refit.model.terms.len() - 1, next_noise)?;
@@ -222,7 +218,8 @@ impl Search<'_> {
                     larger = Some(refit);
                     break;
                 }
-                if odds < HOPELESS_LOG_ODDS {
+                // Where the likeliest addition is this unlikely a cause, the others need not be tried.
+                if odds < -LEAST_LOG_ODDS {
                     break;
                 }
             }

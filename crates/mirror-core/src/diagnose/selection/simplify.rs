@@ -4,21 +4,11 @@
 use crate::diagnose::criteria::cross_validation::{PostureGap, held_out, in_sample, seen_size, size};
 use crate::diagnose::effects::hypothesis::{Model, Term};
 use crate::diagnose::likelihood::fit::Group;
+use crate::diagnose::principles::{LEAST_HELD_OUT_GAIN, LEAST_HELD_OUT_RATIO, NEARLY_ALL};
 use crate::diagnose::random_effects::geometric_tolerances::{Geometry, single_effect};
 use crate::diagnose::selection::alternatives::Standing;
 use crate::diagnose::selection::search::{Found, Search};
 use crate::error::Result;
-
-/// A cause must shrink the held-out gap by this share, or it is dropped.
-pub(crate) const LEAST_HELD_OUT_GAIN: f64 = 0.002;
-/// Held-out gaps are larger than fitted ones: one that is already larger by so many times the least gain decides.
-const SURELY_WORSE: f64 = 2.0;
-/// The same beside many small errors, of which a cause must stand out.
-const LEAST_HELD_OUT_GAIN_BESIDE_GEOMETRY: f64 = 0.02;
-/// What leaves more than this share of a gap explains next to nothing of it.
-const NEARLY_ALL_LEFT: f64 = 0.8;
-/// A cause beside free-form errors may leave the gap larger by this factor: it may be small beside them.
-const NO_LARGER: f64 = 1.0005;
 
 /// The held-out gap of the nominal model and of the causes found.
 ///
@@ -70,7 +60,8 @@ pub(crate) fn drop_useless(
     let least = match beside {
         None => LEAST_HELD_OUT_GAIN,
         Some(group) if group.setup_only => 0.0,
-        Some(_) => LEAST_HELD_OUT_GAIN_BESIDE_GEOMETRY,
+        // Of many small errors a cause must stand out.
+        Some(_) => 1.0 - LEAST_HELD_OUT_RATIO,
     };
     let mut i = 0;
     while i < found.fit.model.terms.len() {
@@ -82,7 +73,7 @@ pub(crate) fn drop_useless(
         let without = search.fit(&rest, found.noise, 6)?;
         // Where even the fitted postures are worse off, those held out need not be looked at.
         let fitted = in_sample(&search.problem, &search.deformation(&without.model), search.measured_noise)?;
-        if seen_size(&fitted) >= seen_size(after) * (1.0 + SURELY_WORSE * least) {
+        if seen_size(&fitted) >= seen_size(after) * (1.0 + least) {
             i += 1;
             continue;
         }
@@ -123,7 +114,7 @@ pub(crate) fn named_for_little(
     after: &[PostureGap],
 ) -> bool {
     let named = found.fit.model.terms.iter().any(|t| !search.catalogue.is_free(t.hypothesis));
-    named && seen_size(after) > NEARLY_ALL_LEFT * seen_size(before)
+    named && seen_size(after) > NEARLY_ALL * seen_size(before)
 }
 
 /// Whether a cause is one that stands out of a set-up's own small errors: these would predict as well without it, less credibly.
@@ -159,7 +150,8 @@ pub(crate) fn without_names(
             continue;
         }
         let without = gap_of(&rest)?;
-        if seen_size(&after) <= seen_size(&without) * NO_LARGER {
+        // It may be small beside the free-form errors.
+        if seen_size(&after) <= seen_size(&without) * (1.0 + LEAST_HELD_OUT_GAIN) {
             i += 1;
             continue;
         }

@@ -12,9 +12,9 @@ use crate::diagnose::likelihood::noise;
 use crate::diagnose::model::problem::Noise;
 use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::prepare::false_observations::without_false;
-use crate::diagnose::principles::LOG_PRIOR_SETUP;
+use crate::diagnose::principles::{LOG_PRIOR_STRUCTURE, SEVERAL_CAUSES};
 use crate::diagnose::random_effects::displaced::all_displaced;
-use crate::diagnose::random_effects::geometric_tolerances::{Geometry, Kind};
+use crate::diagnose::random_effects::geometric_tolerances::{Geometry, Kind, SPREADS_SETTLED};
 use crate::diagnose::random_effects::outlier_tolerances::standing_out;
 use crate::diagnose::selection::nonparametric::log_odds;
 use crate::diagnose::selection::search::{Found, Search, SearchOptions};
@@ -22,10 +22,6 @@ use crate::error::Result;
 
 /// A cause beside the set-up is kept from these log odds on: what else could be in its place is in the model already.
 const LEAST_LOG_ODDS: f64 = 2.0;
-/// Spreads that changed by less than this (log, summed over the kinds) need no second search.
-const SPREADS_SETTLED: f64 = 0.7;
-/// The markers' noise is told anew where what it seemed is more than this share too large.
-const NOISE_SETTLED: f64 = 0.95;
 
 /// Causes beside a displaced set-up.
 pub(crate) struct WithSetup<'a> {
@@ -45,9 +41,6 @@ pub(crate) fn suffices(search: &Search<'_>, found: &Found) -> Result<bool> {
     Ok(!left.significant && !left.corners_significant)
 }
 
-/// As many causes are searched before the set-up is set free.
-const FEW_CAUSES: usize = 3;
-
 /// The search for causes, beside a displaced set-up where a few causes do not suffice; with it the set-up, where it is displaced.
 ///
 /// # Errors
@@ -63,10 +56,10 @@ pub(crate) fn with_or_without_setup(
         return Ok((search.run(nominal.clone())?, None));
     }
     let most_causes = search.options.most_causes;
-    search.options.most_causes = most_causes.min(FEW_CAUSES);
+    search.options.most_causes = most_causes.min(SEVERAL_CAUSES);
     let few = search.run(nominal.clone())?;
     search.options.most_causes = most_causes;
-    let at_its_end = few.fit.model.terms.len() < most_causes.min(FEW_CAUSES);
+    let at_its_end = few.fit.model.terms.len() < most_causes.min(SEVERAL_CAUSES);
     let freed =
         if suffices(search, &few)? { None } else { with_setup(search, &few, nominal, stated, mounted)? };
     let all_off =
@@ -83,7 +76,7 @@ pub(crate) fn with_or_without_setup(
     trace.append(&mut more.trace);
     if let Some(mut freed) = freed {
         let displaced = !freed.setup.group.columns.is_empty();
-        let prior = if displaced { LOG_PRIOR_SETUP } else { 0.0 };
+        let prior = if displaced { LOG_PRIOR_STRUCTURE } else { 0.0 };
         let odds = log_odds((&freed.search, &freed.found), (&plain, &more))? + prior;
         trace.push(format!("with the set-up free, against more causes: log odds {odds:.1}"));
         if odds > 0.0 {
@@ -157,7 +150,7 @@ pub(crate) fn with_setup<'a>(
     }
     let Some(mut found) = result else { return Ok(None) };
     found.fit = search.prune(found.fit, found.noise, &mut trace)?;
-    let odds = log_odds((&search, &found), (plain, alone))? + LOG_PRIOR_SETUP;
+    let odds = log_odds((&search, &found), (plain, alone))? + LOG_PRIOR_STRUCTURE;
     trace.push(format!("with the set-up free ({}): log odds {odds:.1}", told(&setup)));
     found.trace = trace;
     if odds < 0.0 {
@@ -169,7 +162,7 @@ pub(crate) fn with_setup<'a>(
             Search { group: plain.group.clone(), options: plain.options.clone(), ..search.clone() };
         let causes = Model { group: Vec::new(), ..found.fit.model.clone() };
         let mut without = bare.run(causes)?;
-        if log_odds((&search, &found), (&bare, &without))? + LOG_PRIOR_SETUP < 0.0 {
+        if log_odds((&search, &found), (&bare, &without))? + LOG_PRIOR_STRUCTURE < 0.0 {
             found.trace.push("the set-up is where the model has it".into());
             found.trace.append(&mut without.trace);
             without.trace = found.trace;
@@ -183,8 +176,8 @@ pub(crate) fn with_setup<'a>(
 pub(crate) fn look_again_at_noise(search: &mut Search<'_>, model: &Model, stated: Noise) -> Result<bool> {
     let again = noise::estimate(&search.problem, &search.deformation(model), stated)?;
     let before = search.measured_noise;
-    let smaller =
-        again.marker_px < NOISE_SETTLED * before.marker_px || again.point_m < NOISE_SETTLED * before.point_m;
+    let smaller = again.marker_px < noise::SETTLED * before.marker_px
+        || again.point_m < noise::SETTLED * before.point_m;
     if smaller {
         search.measured_noise = again;
         search.problem.noise = again;

@@ -7,35 +7,19 @@ use crate::diagnose::effects::hypothesis::{Model, Term};
 use crate::diagnose::likelihood::fit::{FitOptions, fit};
 use crate::diagnose::likelihood::score_test::screen;
 use crate::diagnose::model::problem::Noise;
-use crate::diagnose::principles::{LEAST_HELD_OUT_RATIO, LOG_PRIOR_GEOMETRY};
-use crate::diagnose::random_effects::geometric_tolerances::{Geometry, Kind};
+use crate::diagnose::principles::{
+    ABOVE_SCATTER, LEAST_HELD_OUT_RATIO, LOG_PRIOR_STRUCTURE, MAJORITY, SEVERAL_CAUSES,
+};
+use crate::diagnose::random_effects::geometric_tolerances::{Geometry, Kind, SPREADS_SETTLED};
+use crate::diagnose::random_effects::law_discrepancy::LAW_SHARE;
 use crate::diagnose::random_effects::outlier_tolerances::name_outlying;
+use crate::diagnose::selection::law_remainder::MANY_CAUSES;
 use crate::diagnose::selection::nonparametric::{Unexplained, log_odds, unexplained};
 use crate::diagnose::selection::search::{Found, Search};
 use crate::error::Result;
 
-/// The group's shift, squared, as a share of the causes': a smaller group only takes up what the causes' laws are wrong by.
-const LEAST_GROUP_SHARE: f64 = 0.02;
-/// Joints that are tried as elastic together: one at a time none may stand out from the small errors, all of them do.
-const ELASTIC: usize = 4;
-/// From so many places of causes and free-form errors on, prediction of held-out regions alone decides, not evidence: many pieces together
-/// can imitate what they are not.
-const PIECES: usize = 3;
 /// The spread of many small errors rests on so many values at least: it is known to better than a half.
 const FEWEST_TOLD: f64 = 2.5;
-/// Where they leave so many times the measurement's noise they must shrink the gap by more than chance can.
-const LOUD: f64 = 5.0;
-const LEAST_RATIO_WHERE_LOUD: f64 = 0.8;
-/// Errors of no name that fit better cannot be added to a model: small errors that predict so much better than the named causes beside them
-/// are told, with the remainder.
-const WORTH_TELLING: f64 = 0.6;
-
-/// A gear's error beside small errors reaches so many times their spread either way, or is one of them.
-const STANDS_OUT: f64 = 1.5;
-/// Errors that are taken out of the group because they outweigh it.
-const MOST_OUTLYING: usize = 3;
-/// Spreads that changed by less than this (log) since the causes were searched need no second search.
-const SPREADS_SETTLED: f64 = 0.15;
 
 /// Causes beside many small errors.
 pub(crate) struct BesideGeometry<'a> {
@@ -84,7 +68,7 @@ pub(crate) fn beside_geometry<'a>(
     search.group = geometry.group.clone();
     let Some(mut found) = found else { return Ok(None) };
     let mut hidden = false;
-    for _ in 0..MOST_OUTLYING {
+    for _ in 0..SEVERAL_CAUSES {
         if !name_outlying(&geometry, named.catalogue, &mut start) {
             break;
         }
@@ -108,7 +92,7 @@ pub(crate) fn beside_geometry<'a>(
             (*its_search, *alone) = (bare, without);
         }
     }
-    let odds = log_odds((&search, &found), (its_search, alone))? + LOG_PRIOR_GEOMETRY;
+    let odds = log_odds((&search, &found), (its_search, alone))? + LOG_PRIOR_STRUCTURE;
     // A spread that rests on a few values says nothing about many.
     let known = geometry.told(&found.fit) > FEWEST_TOLD;
     let mut better = odds > 0.0 && known;
@@ -118,17 +102,17 @@ pub(crate) fn beside_geometry<'a>(
         geometry.spread(Kind::Length) * 1e3,
         geometry.spread(Kind::Angle) * 1e3
     );
-    let pieces = places(its_search, alone) >= PIECES;
+    // Many pieces together can imitate what they are not: there prediction of held-out regions alone decides, not evidence.
+    let pieces = places(its_search, alone) >= SEVERAL_CAUSES;
     if better || pieces {
         let with = seen_size(&search.held_out(&found.fit.model, found.noise)?);
         let without = seen_size(&its_search.held_out(&alone.fit.model, alone.noise)?);
-        let loud = found.noise.marker_px > LOUD * search.measured_noise.marker_px;
-        let ratio = if loud { LEAST_RATIO_WHERE_LOUD } else { LEAST_HELD_OUT_RATIO };
-        better = (better || pieces) && with < ratio * without;
+        better = (better || pieces) && with < LEAST_HELD_OUT_RATIO * without;
         let free = alone.fit.model.terms.iter().any(|t| its_search.catalogue.is_free(t.hypothesis));
         if !better && free && known {
             let named_alone = seen_size(&its_search.held_out_of_causes(&alone.fit.model, alone.noise)?);
-            if with < WORTH_TELLING * named_alone {
+            // Errors of no name that fit better cannot be added to a model.
+            if with < MAJORITY * named_alone {
                 better = true;
                 let left = its_search.deformation(&alone.fit.model);
                 let left = adequacy(&its_search.problem, &left, its_search.measured_noise)?;
@@ -160,7 +144,7 @@ fn drop_tolerances(search: &Search<'_>, geometry: &Geometry, found: &mut Found) 
             .map(|f| error.joint_delta(f, node))
             .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
         !search.problem.scene.body.nodes[node].prismatic
-            && 0.5 * (high - low) < STANDS_OUT * geometry.spread(Kind::Angle)
+            && 0.5 * (high - low) < ABOVE_SCATTER * geometry.spread(Kind::Angle)
     };
     let mut rest = found.fit.model.clone();
     let scene = &search.problem.scene;
@@ -182,7 +166,8 @@ fn elastic(search: &Search<'_>, start: &Model, noise: Noise) -> Result<Model> {
     let springs = scores
         .iter()
         .filter(|s| search.catalogue.effect(s.hypothesis).name() == "joint_compliance" && s.log_bayes > 0.0);
-    for score in springs.take(ELASTIC) {
+    // One at a time none may stand out from the small errors, all of them do.
+    for score in springs.take(MANY_CAUSES) {
         model = model.with(search.catalogue, score.hypothesis, score.variant);
         if let Some(term) = model.terms.last_mut() {
             term.parameters = score.parameters.iter().map(|p| p.max(0.0)).collect();
@@ -215,5 +200,5 @@ fn matters(search: &Search<'_>, found: &Found) -> Result<bool> {
     let sum = |from, to| -> Result<f64> {
         Ok(marker_shift(&search.problem, from, to, search.measured_noise)?.iter().sum())
     };
-    Ok(sum(&only_causes, &all)? > LEAST_GROUP_SHARE * sum(&neither, &only_causes)?)
+    Ok(sum(&only_causes, &all)? > LAW_SHARE.powi(2) * sum(&neither, &only_causes)?)
 }

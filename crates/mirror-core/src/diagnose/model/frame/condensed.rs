@@ -16,8 +16,7 @@ use nalgebra::Vector3;
 pub(super) const MOTION: usize = 6;
 /// Columns by the optics, as in `OpticsColumns`: the camera's mount moves the board against the camera, the others are
 /// columns of their own.
-pub(super) const MOUNT: usize = 6;
-pub(super) const OPTICS: usize = 13 - MOUNT;
+pub(super) const OPTICS: usize = 13 - MOTION;
 
 /// The condensed corners of a frame; none where `corners` is 0.
 #[derive(Debug, Default)]
@@ -34,7 +33,7 @@ pub(super) struct Condensed {
     /// The point that the board turns about in the motion's columns, in the world.
     pub(super) about: Vector3<f64>,
     /// How the board moves against the camera with each parameter of the camera's mount.
-    pub(super) by_mount: Option<[Twist; MOUNT]>,
+    pub(super) by_mount: Option<[Twist; MOTION]>,
     pub(super) table: Table,
     pub(super) gram: Vec<f64>,
 }
@@ -58,8 +57,8 @@ impl Condensed {
     /// The rows of a column by the optics.
     pub fn by_optics(&self, column: usize, out: &mut [f64]) -> usize {
         match &self.by_mount {
-            Some(by_mount) if column < MOUNT => self.by_twist(&by_mount[column], 1.0, out),
-            _ => self.copy(MOTION + column - MOUNT, out),
+            Some(by_mount) if column < MOTION => self.by_twist(&by_mount[column], 1.0, out),
+            _ => self.copy(column, out),
         }
     }
 

@@ -1,6 +1,6 @@
 //! The corners of an evaluated frame, condensed.
 
-use super::condensed::{MOTION, MOUNT, OPTICS};
+use super::condensed::{MOTION, OPTICS};
 use super::products::{PROJECTED, add_products, stride};
 use super::work::{FrameWork, Rows};
 use crate::diagnose::model::camera_and_mirror::Eye;
@@ -44,7 +44,7 @@ impl FrameWork {
                 }
                 if let Some(by_optics) = row.optics.filter(|_| optics).and_then(|o| self.optics.get(o)) {
                     for k in 0..OPTICS {
-                        out[MOTION + k] = by_optics[(c, MOUNT + k)];
+                        out[MOTION + k] = by_optics[(c, MOTION + k)];
                     }
                 }
                 out[m - 1] = row.residual[c];

@@ -13,6 +13,6 @@ mod products;
 mod sight;
 mod work;
 
-pub(crate) use products::{PROJECTED, Span, Table, add_products, stride};
+pub(crate) use products::{LANES, PROJECTED, Span, Table, add_products, stride};
 pub(crate) use sight::Wanted;
 pub(crate) use work::{FrameWork, Task};

@@ -5,7 +5,7 @@ use multiversion::multiversion;
 /// Extra numbers behind a column's rows: its projection on the plane's three parameters.
 pub(crate) const PROJECTED: usize = 3;
 /// Numbers that are handled at once: tables are as wide as a multiple of it.
-const LANES: usize = 8;
+pub(crate) const LANES: usize = 8;
 /// Rows that are handled at once.
 const ROWS: usize = 4;
 

@@ -5,6 +5,7 @@ use super::mistake::{LateKind, Mistake};
 use super::variant::{Variant, seen_joints};
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::problem::{Observation, Problem, Seen};
+use crate::diagnose::prepare::row_slip::LARGEST_SHIFT;
 use crate::diagnose::principles::{FEWEST_FRAMES, FEWEST_POSTURES, NEARLY_ALL};
 use crate::statistics::GOLDEN_SECTION;
 use core::f64::consts::{PI, TAU};
@@ -27,8 +28,6 @@ const LATE_PARTS: usize = 10;
 const LATE_PARTS_OF_ALL: usize = 40;
 /// A part of a row must shrink the loss by this share: a whole number needs no other explanation.
 const WORTH_A_PART: f64 = 0.05;
-/// Rows by which a measurement may have slipped.
-const SLIPPED_ROWS: i64 = 6;
 /// A frame whose loss falls by this was seen with another label, or at another row.
 const CLEAR: f64 = 1.5;
 /// Positions that are tried where a joint's is not known.
@@ -180,7 +179,7 @@ impl<'a> Session<'a> {
         let own = self.frame_losses(variant);
         let count = own.len();
         let mut out = Vec::new();
-        for shift in (-SLIPPED_ROWS..=SLIPPED_ROWS).filter(|s| *s != 0) {
+        for shift in (-LARGEST_SHIFT..=LARGEST_SHIFT).filter(|s| *s != 0) {
             let mut shifted = variant.clone();
             Mistake::Rows { first: 0, last: count - 1, shift }.on_variant(&mut shifted);
             let other = self.frame_losses(&shifted);

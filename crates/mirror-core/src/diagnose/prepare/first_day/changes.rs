@@ -8,33 +8,25 @@
 use super::mistake::Mistake;
 use super::verify::{Tolerant, smaller};
 use crate::diagnose::likelihood::noise::effective;
+use crate::diagnose::likelihood::saturated::FREE_STD;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::frame::{FrameWork, PROJECTED, Task};
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::model::slips::{Slip, Slipped};
 use crate::diagnose::model::solver::SOLVER;
-use crate::diagnose::principles::{BEYOND_DOUBT, FEWEST_FRAMES};
+use crate::diagnose::principles::{A_GAP, ABOVE_SCATTER, BEYOND_DOUBT, FAR_DEVIATIONS, FEWEST_FRAMES};
 use crate::error::Result;
 use core::ops::Range;
 use nalgebra::{DMatrix, DVector, Vector6};
 use rayon::prelude::*;
 
-/// A gap this many times the noise is worth the look.
-const A_GAP: f64 = 1.15;
-/// χ² that a displacement from a row on must gain, of so many rows and places that are tried.
-const LEAST_GAIN: f64 = 80.0;
-/// Half of the observations must be within so many times the noise with the slip.
-const ABOUT_RIGHT: f64 = 1.5;
-/// How far something may slip, rad and m: one standard deviation.
-const SLIP_STD: f64 = 0.05;
-/// Rounds at most in which displacement and small errors are found in turn, until what is found more is within chance (in χ²).
-const ROUNDS: usize = 8;
+/// Displacement and small errors are found in turn until what is found more is within chance (in χ²).
 const WITHIN_CHANCE: f64 = 4.0;
 /// No more of a step is taken to be kept back for the next: a factor of ten on it.
 const MOST_KEPT: f64 = 0.9;
 /// A row farther off than so many deviations counts less: false data must not pass for a slip.
-const FAR: f64 = 60.0;
+const FAR: f64 = 10.0 * FAR_DEVIATIONS;
 
 /// One place's normal equations, frame by frame.
 struct Place {
@@ -64,7 +56,8 @@ pub(super) fn find(problem: &Problem, frames: &[usize], least: Noise) -> Result<
     }
     let mut without = Tolerant::fitted(problem, frames, least)?;
     let mut bests = best_slips(&without, problem)?;
-    bests.retain(|b| b.gain > LEAST_GAIN);
+    // In χ², of so many rows and places that are tried.
+    bests.retain(|b| b.gain > 2.0 * BEYOND_DOUBT);
     bests.sort_by(|a, b| b.gain.total_cmp(&a.gain));
     bests.truncate(3);
     let mut tried = Vec::new();
@@ -81,7 +74,7 @@ pub(super) fn find(problem: &Problem, frames: &[usize], least: Noise) -> Result<
     let mut found: Option<(f64, Best)> = None;
     for (best, mut fit) in tried {
         // Where the model with the slip is still far from the noise something else is wrong, of which a step takes its share.
-        if size(fit.noise) > ABOUT_RIGHT * size(least) {
+        if size(fit.noise) > ABOVE_SCATTER * size(least) {
             continue;
         }
         let odds = fit.log_evidence(noise)? - alone;
@@ -102,7 +95,7 @@ fn settled(problem: &Problem, frames: &[usize], least: Noise, mut best: Best) ->
     with.fit_boards()?;
     let mut fit = Tolerant::fitted(&with, frames, least)?;
     let mut last: Option<Vector6<f64>> = None;
-    for round in 0..ROUNDS {
+    for round in 0..SOLVER.final_steps {
         let place = moved(&with, &fit.deformation(), fit.noise, best.slip.what)?;
         // What is left at the same place from about the same row on belongs to this slip.
         let first = best.slip.first;
@@ -155,7 +148,7 @@ pub(crate) fn settle_slip(
     which: usize,
 ) -> Result<Option<Vector6<f64>>> {
     let mut std = None;
-    for _ in 0..ROUNDS {
+    for _ in 0..SOLVER.final_steps {
         let noise = effective(problem, model, least, None)?;
         let Slip { what, first, .. } = problem.slips[which];
         let Some(more) = scan(&moved(problem, model, noise, what)?, first..first + 1) else { break };
@@ -188,7 +181,7 @@ fn together(
     let columns = atoms
         .into_iter()
         .enumerate()
-        .map(|(k, atom)| (Column { atom, weight: step() }, SLIP_STD, best.slip.motion[from + k]))
+        .map(|(k, atom)| (Column { atom, weight: step() }, FREE_STD, best.slip.motion[from + k]))
         .collect();
     let fit = Tolerant::fitted_with(problem, frames, least, columns)?;
     let mut found = Best { slip: best.slip, gain: best.gain, std: Vector6::zeros() };

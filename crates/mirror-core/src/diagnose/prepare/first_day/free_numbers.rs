@@ -11,9 +11,7 @@ use crate::diagnose::model::loose::Loose;
 use crate::diagnose::model::problem::Problem;
 
 /// What the first estimate, made before any cause was known, is off by: a zero (rad), a ratio (relative), a delay (rows).
-const ZERO_STD: f64 = 0.03;
-const RATIO_STD: f64 = 0.03;
-const ROWS_STD: f64 = 0.03;
+const FIRST_ESTIMATE_STD: f64 = 0.03;
 /// Rows over which the speed of a column is told.
 const STEP_ROWS: f64 = 1e-3;
 
@@ -38,10 +36,12 @@ impl Mistake {
             };
         match *self {
             Self::Zero { joint, .. } => of_joints(Some(joint))
-                .map(|one| of(one, Weight::One, ZERO_STD, "joint_offset", "offset_rad", 1.0))
+                .map(|one| of(one, Weight::One, FIRST_ESTIMATE_STD, "joint_offset", "offset_rad", 1.0))
                 .collect(),
             Self::JointUnit { joint, factor } if !UNITS.contains(&factor) => of_joints(Some(joint))
-                .map(|one| of(one, Weight::Position(one.1), RATIO_STD, "gear_ratio", "scale_error", factor))
+                .map(|one| {
+                    of(one, Weight::Position(one.1), FIRST_ESTIMATE_STD, "gear_ratio", "scale_error", factor)
+                })
                 .collect(),
             Self::Late { joint, rows, kind } if rows.fract() != 0.0 => {
                 let before = Variant::of(recording, problem);
@@ -55,7 +55,7 @@ impl Mistake {
                         [rows - STEP_ROWS, rows + STEP_ROWS].map(|r| in_time(&column, r, kind));
                     let per_row = body.nodes[one.1].command.1 / (2.0 * STEP_ROWS);
                     let speed = early.iter().zip(&late).map(|(a, b)| per_row * (b - a)).collect();
-                    of(one, Weight::Frames(speed), ROWS_STD, "joint_late", parameter, unit)
+                    of(one, Weight::Frames(speed), FIRST_ESTIMATE_STD, "joint_late", parameter, unit)
                 };
                 let all = of_joints(joint).map(loose);
                 if joint.is_some() {

@@ -10,16 +10,11 @@ use crate::diagnose::likelihood::fit::{FitOptions, Group, fit};
 use crate::diagnose::likelihood::noise::effective;
 use crate::diagnose::likelihood::score_test::screen;
 use crate::diagnose::model::problem::{Noise, Problem};
-use crate::diagnose::principles::BEYOND_DOUBT;
+use crate::diagnose::principles::{A_GAP, BEYOND_DOUBT, NEARLY_ALL};
 use crate::error::Result;
 use core::f64::consts::{FRAC_PI_2, PI};
 use nalgebra::{Rotation3, Vector3};
 use std::sync::Arc;
-
-/// Residuals this many times the noise are a gap.
-const A_GAP: f64 = 1.3;
-/// The remainder must shrink to this share of what the best cause under the stated gravity leaves.
-const LEAST_SHRINK: f64 = 0.75;
 
 /// Gravity's turn that lets a single spring explain what no cause explains under the stated direction.
 ///
@@ -47,7 +42,8 @@ pub(super) fn turned_gravity(problem: &Problem) -> Result<Option<(Mistake, f64)>
             found = Some((log_bayes, left, turn));
         }
     }
-    let clear = found.filter(|f| f.0 > stated.0 + BEYOND_DOUBT && f.1 < LEAST_SHRINK * stated.1);
+    // The remainder must be clearly less than what the best cause under the stated gravity leaves.
+    let clear = found.filter(|f| f.0 > stated.0 + BEYOND_DOUBT && f.1 < NEARLY_ALL * stated.1);
     Ok(clear.map(|f| (Mistake::Gravity { turn: f.2 }, f.0 - stated.0)))
 }
 

@@ -12,6 +12,7 @@ use crate::diagnose::model::frame::FrameWork;
 use crate::diagnose::model::kinematics::NodePoses;
 use crate::diagnose::model::pose::Pose;
 use crate::diagnose::model::problem::{Observation, Problem, Seen};
+use crate::diagnose::model::solver::SOLVER;
 use crate::error::Result;
 use nalgebra::{Matrix3, Point3, Vector3};
 use std::sync::Mutex;
@@ -21,8 +22,6 @@ const USUAL_SHARE: f64 = 0.03;
 const USUAL_BOUNDS_M: (f64, f64) = (0.006, 0.03);
 /// The distance of what cannot be predicted at all, m.
 const NOT_PREDICTED_M: f64 = 1.0;
-/// Rounds in which the frame of the measured points and unknown mounts are found beside each other.
-const ROUNDS: usize = 4;
 /// Mirrors that are remembered of a frame: chains of mistakes ask for the same positions between camera and board again and again.
 const MOST_REMEMBERED: usize = 64;
 
@@ -214,7 +213,7 @@ impl<'a> Misfit<'a> {
         }
         let mut shift = vec![Vector3::zeros(); problem.marker_sites.len()];
         let mut pose = Pose::identity();
-        for _ in 0..ROUNDS {
+        for _ in 0..SOLVER.rounds {
             let pairs = rows.iter().map(|(_, m, position, mount, local, weight)| {
                 (*position, mount.point(&(local + shift[*m])), *weight)
             });

@@ -45,7 +45,7 @@ use verify::{Tolerant, smaller};
 
 /// Frames on which alternatives are scored, and on which they are verified.
 const FRAMES: usize = 64;
-/// Mistakes at once, and how many of the best are gone on from.
+/// Mistakes at once, and how many of the best are gone on from and verified.
 const MOST_MISTAKES: usize = 4;
 const BEAM: usize = 4;
 /// A mean loss below this is that of small errors: nothing is gross.
@@ -53,8 +53,6 @@ const GROSS: f64 = 0.12;
 /// By this the mean loss must fall with each mistake, and by this share.
 const LEAST_FALL: f64 = 0.03;
 const LEAST_SHARE: f64 = 0.12;
-/// Chains of mistakes that are verified.
-const VERIFIED: usize = 3;
 /// Slips at once, and the frames on which small errors are fitted beside them.
 const MOST_SLIPS: usize = 2;
 const FRAMES_OF_SLIPS: usize = 100;
@@ -242,7 +240,7 @@ fn chain_of_the_body(
         let cost = |c: &Chain| c.loss + LEAST_FALL * c.mistakes.len() as f64;
         cost(a).total_cmp(&cost(b))
     });
-    unlike(&mut chains, VERIFIED);
+    unlike(&mut chains, BEAM);
     if chains.is_empty() {
         return Ok((Vec::new(), 0.0));
     }

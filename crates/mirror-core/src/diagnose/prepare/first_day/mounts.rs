@@ -7,12 +7,9 @@ use crate::diagnose::data::recording::Via;
 use crate::diagnose::model::body::Site;
 use crate::diagnose::model::pose::Pose;
 use crate::diagnose::model::problem::{Observation, Problem, Seen};
+use crate::diagnose::model::solver::SOLVER;
+use crate::diagnose::principles::FEWEST_OBSERVATIONS;
 use nalgebra::{Matrix3, Vector3};
-
-/// Rounds of reweighting.
-const ROUNDS: usize = 6;
-/// Fewer observations than this do not show where a marker is.
-const FEWEST: usize = 8;
 
 /// A line (or, of a measured point, a point) in a body's frame on which a marker lies.
 struct Sight {
@@ -93,12 +90,12 @@ fn sights(
 
 /// The point closest to most of the lines: least squares, reweighted by `1 / (1 + (r/s)²)`.
 fn closest(sights: &[Sight], usual_m: f64) -> Option<Vector3<f64>> {
-    if sights.len() < FEWEST {
+    if sights.len() < FEWEST_OBSERVATIONS {
         return None;
     }
     let mut weights = vec![1.0; sights.len()];
     let mut place = Vector3::zeros();
-    for _ in 0..ROUNDS {
+    for _ in 0..SOLVER.loose_steps {
         let (mut h, mut g) = (Matrix3::zeros(), Vector3::zeros());
         for (s, w) in sights.iter().zip(&weights) {
             h += s.across * *w;

@@ -10,6 +10,7 @@ use super::verify::{Tolerant, smaller};
 use crate::cancel::Cancel;
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::model::problem::Problem;
+use crate::diagnose::prepare::boards::USUAL_CORNER_PX;
 use crate::diagnose::principles::BEYOND_DOUBT;
 use crate::error::Result;
 use crate::robot::Robot;
@@ -17,16 +18,10 @@ use nalgebra::Vector2;
 
 /// Factors between resolutions that cameras and drivers offer, each also the other way round.
 const FACTORS: [f64; 8] = [1.25, 4.0 / 3.0, 1.5, 1.6, 2.0, 2.4, 3.0, 4.0];
-/// Frames that are looked at.
-const FRAMES: usize = 24;
-/// Root mean square residual of corners, px, that other optics, or another print, leave at most.
-const USUAL_CORNER_PX: f64 = 1.0;
-/// The loss of boards whose optics are right.
-const USUAL_LOSS: f64 = 0.5;
+/// A mean loss that right optics do not reach, and by which losses of corners and markers together must fall.
+const CLEAR_LOSS: f64 = 0.5;
 /// The loss of a frame whose board no mirror shows.
 const NO_MIRROR: f64 = 8.0;
-/// Losses of corners and markers must fall by this together.
-const LEAST_GAIN: f64 = 0.5;
 
 /// The mistake of the optics that puts boards and markers right, if one does, with its log odds against small errors.
 ///
@@ -39,13 +34,13 @@ pub(super) fn find(
     cancel: &Cancel,
 ) -> Result<Option<(Mistake, f64)>> {
     let Some(sight) = recording.sight.as_ref().filter(|s| s.board.is_some()) else { return Ok(None) };
-    let step = recording.frames.len().div_ceil(FRAMES).max(1);
+    let step = recording.frames.len().div_ceil(super::FRAMES).max(1);
     let mut few = recording.clone();
     few.frames = recording.frames.iter().step_by(step).cloned().collect();
     let nominal = loss(robot, &few)?;
     // A mistake of the optics spoils every board: where some are right it is the others that are wrong. Seen in a mirror whose distance nobody
     // knows, a board hardly shows another focal length; then the markers do.
-    if nominal.better < USUAL_LOSS && !(nominal.markers > USUAL_LOSS) {
+    if nominal.better < CLEAR_LOSS && !(nominal.markers > CLEAR_LOSS) {
         return Ok(None);
     }
     let square = sight.board.as_ref().is_some_and(|b| b.corners.0 == b.corners.1);
@@ -68,7 +63,7 @@ pub(super) fn find(
         // The markers' part counts where the body is right; a mistake of the body beside it must not hide the boards'.
         let gain = nominal.corners - loss.corners + 0.5 * (nominal.markers - loss.markers);
         let gain = if gain.is_finite() { gain } else { nominal.corners - loss.corners };
-        if gain > best.as_ref().map_or(LEAST_GAIN, |b| b.0) {
+        if gain > best.as_ref().map_or(CLEAR_LOSS, |b| b.0) {
             best = Some((gain, mistake));
         }
     }

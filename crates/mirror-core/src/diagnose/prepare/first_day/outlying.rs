@@ -12,23 +12,14 @@ use crate::diagnose::data::recording::{Frame, Recording, Target, Via};
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::frame::{FrameWork, Task};
 use crate::diagnose::model::problem::{Noise, Observation, Problem, Seen};
+use crate::diagnose::principles::{FAR_DEVIATIONS, MAJORITY, NEARLY_ALL, SURE_DEVIATIONS};
 use crate::error::Result;
 use std::collections::BTreeMap;
 
-/// Distances beyond the nominal model's median by this factor, and beyond usual errors, make it worth the look.
-const SUSPICIOUS: f64 = 4.0;
-/// Where more than this share is far off it is no matter of single observations.
-const MOST: f64 = 0.4;
 /// A marker of which more than this share is off is no matter of single observations.
 const MOST_OF_ONE: f64 = 0.15;
 /// A noise wider by this factor leaves every observation some weight.
 const WIDE: f64 = 300.0;
-/// Deviations from which on an observation is false.
-const FALSE_DEVIATIONS: f64 = 7.0;
-/// A frame of which this share is false is false as a whole.
-const WHOLE_FRAME: f64 = 0.7;
-/// A joint's other position explains a frame whose remainder falls to this many deviations.
-const EXPLAINED: f64 = 3.5;
 /// Step of the positions that are tried, rad, up to half a turn both ways.
 const POSITION_STEP: f64 = 0.02;
 
@@ -55,8 +46,9 @@ pub(super) fn find(
     let mut sizes: Vec<f64> = distances.iter().map(|d| d.size_m).collect();
     sizes.sort_by(f64::total_cmp);
     let Some(median) = sizes.get(sizes.len() / 2).copied() else { return Ok(Vec::new()) };
-    let far = sizes.iter().filter(|s| **s > (SUSPICIOUS * median).max(misfit.usual_m)).count();
-    if far == 0 || far as f64 > MOST * sizes.len() as f64 {
+    // Beyond the nominal model's median by so much, and beyond usual errors, they are worth the look.
+    let far = sizes.iter().filter(|s| **s > (FAR_DEVIATIONS * median).max(misfit.usual_m)).count();
+    if far == 0 || far as f64 > MAJORITY * sizes.len() as f64 {
         return Ok(Vec::new());
     }
     let fit = Tolerant::fitted(problem, &all, least)?;
@@ -66,12 +58,12 @@ pub(super) fn find(
     for &frame in &all {
         let deviations = deviations(problem, &deformation, fit.noise, &mut work, frame)?;
         let markers: Vec<usize> = (0..deviations.len()).filter(|&i| deviations[i].is_some()).collect();
-        let is_false = |i: &usize| deviations[*i].is_some_and(|d| d > FALSE_DEVIATIONS);
+        let is_false = |i: &usize| deviations[*i].is_some_and(|d| d > FAR_DEVIATIONS);
         let mut chosen: Vec<usize> = markers.iter().copied().filter(is_false).collect();
         if chosen.is_empty() {
             continue;
         }
-        let whole = markers.len() > 1 && chosen.len() as f64 >= WHOLE_FRAME * markers.len() as f64;
+        let whole = markers.len() > 1 && chosen.len() as f64 >= NEARLY_ALL * markers.len() as f64;
         let why = if whole {
             chosen.clone_from(&markers);
             another_position(problem, joint_names, &deformation, fit.noise, &mut work, frame)?
@@ -109,7 +101,7 @@ pub(super) fn find(
     out.retain(|o| !o.indices.is_empty());
     let count: usize = out.iter().map(|o| o.indices.len()).sum();
     // Where so much is false no single observation is to blame.
-    Ok(if count as f64 > MOST * sizes.len() as f64 { Vec::new() } else { out })
+    Ok(if count as f64 > MAJORITY * sizes.len() as f64 { Vec::new() } else { out })
 }
 
 fn target(problem: &Problem, observation: &Observation) -> String {
@@ -210,7 +202,7 @@ fn another_position(
             best = Some((size, joint, delta));
         }
     }
-    let clear = best.filter(|b| b.0 < EXPLAINED);
+    let clear = best.filter(|b| b.0 < SURE_DEVIATIONS);
     Ok(clear.map(|(_, joint, delta)| {
         format!(
             "would fit if joint:{} were {delta:+.3} from what the row says: a digit, or a sign",

@@ -6,14 +6,13 @@ use crate::diagnose::data::diagnosis::{Cause, Estimate};
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::model::slips::Slipped;
+use crate::diagnose::prepare::row_slip::WHOLE_STD;
 use crate::robot::Robot;
 use core::f64::consts::FRAC_PI_2;
 use std::collections::BTreeMap;
 
 /// A motion's parameters.
 const MOTION: [&str; 6] = ["rx_rad", "ry_rad", "rz_rad", "dx_m", "dy_m", "dz_m"];
-/// A number that is clear by itself: half of the last step of the grid on which it was found, or less.
-const WHOLE_STD: f64 = 0.5;
 /// Numbers found by golden sections on a loss of many observations, relative.
 const REFINED_STD: f64 = 0.01;
 

@@ -8,19 +8,18 @@
 use crate::diagnose::effects::hypothesis::{Catalogue, Model, Term};
 use crate::diagnose::effects::vocabulary;
 use crate::diagnose::likelihood::fit::{Fit, FitOptions, Group, fit};
+use crate::diagnose::likelihood::noise::SETTLED;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::Column;
 use crate::diagnose::model::frame::{FrameWork, Task};
 use crate::diagnose::model::problem::{Noise, Problem};
+use crate::diagnose::model::solver::SOLVER;
 use crate::error::Result;
+use crate::statistics::CHI_SQUARED_MEDIANS;
 use std::sync::Arc;
 
-/// Rounds in which fit and scale are found in turn, steps in each.
-const ROUNDS: usize = 4;
+/// Steps of a fit between two estimates of the scale.
 const STEPS: usize = 2;
-/// Median of a χ² of two and of three degrees of freedom.
-const MEDIAN_CHI2_2: f64 = 1.386;
-const MEDIAN_CHI2_3: f64 = 2.366;
 
 /// A problem fitted with all small errors.
 pub(super) struct Tolerant {
@@ -94,7 +93,7 @@ impl Tolerant {
             noise: least,
         };
         out.noise = out.scale(&out.deformation(), least)?;
-        for _ in 0..ROUNDS {
+        for _ in 0..SOLVER.rounds {
             let fit = out.fit(out.noise, STEPS)?;
             let count = fit.covariance.nrows();
             out.stds = (0..count).map(|i| fit.covariance[(i, i)].max(0.0).sqrt()).collect();
@@ -104,7 +103,7 @@ impl Tolerant {
             // The scale only falls: a fit that loses half of the data is no better.
             let fell = |a: f64, b: f64| a.min(b);
             let settled =
-                next.marker_px > 0.9 * out.noise.marker_px && next.point_m > 0.9 * out.noise.point_m;
+                next.marker_px > SETTLED * out.noise.marker_px && next.point_m > SETTLED * out.noise.point_m;
             out.noise = Noise {
                 corner_px: fell(next.corner_px, out.noise.corner_px),
                 marker_px: fell(next.marker_px, out.noise.marker_px),
@@ -195,8 +194,8 @@ impl Tolerant {
         };
         Ok(Noise {
             corner_px: of(&mut corners, 2.0, least.corner_px),
-            marker_px: of(&mut pixels, MEDIAN_CHI2_2, least.marker_px),
-            point_m: of(&mut points, MEDIAN_CHI2_3, least.point_m),
+            marker_px: of(&mut pixels, CHI_SQUARED_MEDIANS[1], least.marker_px),
+            point_m: of(&mut points, CHI_SQUARED_MEDIANS[2], least.point_m),
         })
     }
 }
