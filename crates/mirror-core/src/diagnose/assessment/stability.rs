@@ -3,7 +3,7 @@
 //! The model that was found is linearised once, with the columns of its causes, of their rivals and of the hypotheses that the first
 //! look ranked highest, block by block of successive postures. A resample draws the blocks with replacement (block bootstrap: Künsch
 //! 1989); its normal equations are the blocks' weighted sum, so that the search on it is small dense algebra: causes are added while
-//! their posterior odds are above the selection's least, dropped and exchanged, from nothing. What is resampled is the choice among
+//! their posterior odds are above the selection's least, dropped and exchanged, from nothing and from the causes found, the likelier of both. What is resampled is the choice among
 //! these hypotheses, with board, camera, markers, zeros and the laws' slack free wherever the model has them so. Not
 //! resampled are the noise, what was left out as false, discrete unknowns (frictions), the spreads of small errors, and
 //! whole mistakes, which are tried exactly and have no stability.
@@ -56,7 +56,9 @@ struct Blocks {
     blocks: Vec<(DMatrix<f64>, DVector<f64>)>,
     /// Parameters that are always free.
     always: Vec<usize>,
+    /// The causes that were found first, so many.
     candidates: Vec<Candidate>,
+    found: usize,
     least_log_odds: f64,
     most_causes: usize,
 }
@@ -205,9 +207,10 @@ fn blocks(
         }
         parts.push((h, b));
     }
-    let most_causes = candidates.iter().filter(|c| c.columns.start < at).count() + MORE_CAUSES;
+    let found = candidates.iter().filter(|c| c.columns.start < at).count();
+    let most_causes = found + MORE_CAUSES;
     let least_log_odds = search.options.least_log_odds;
-    Ok((Blocks { blocks: parts, always, candidates, least_log_odds, most_causes }, active.first_group))
+    Ok((Blocks { blocks: parts, always, candidates, found, least_log_odds, most_causes }, active.first_group))
 }
 
 impl Blocks {
@@ -286,9 +289,30 @@ impl Blocks {
             .max_by(|x, y| x.1.total_cmp(&y.1))
     }
 
-    /// The causes that the search finds: added, dropped and exchanged until nothing changes.
+    /// The causes that the search finds from nothing or from those that were found, whichever are likelier: one cause at a time may lead
+    /// to two that only imitate two others, which the whole search leaves again by starts of its own.
     fn search(&self, m: &DMatrix<f64>, b: &DVector<f64>) -> Option<Vec<usize>> {
-        let mut set: Vec<usize> = Vec::new();
+        let found = self.searched(m, b, (0..self.found).collect())?;
+        let from_nothing = self.searched(m, b, Vec::new())?;
+        let likelier = self.log_posterior(m, b, &found)? >= self.log_posterior(m, b, &from_nothing)?;
+        Some(if likelier { found } else { from_nothing })
+    }
+
+    /// Log of evidence times prior of a set, up to a constant: `½ bᵀ M⁻¹ b − ½ log |M| + log p`.
+    fn log_posterior(&self, m: &DMatrix<f64>, b: &DVector<f64>, set: &[usize]) -> Option<f64> {
+        let (factor, _, solved) = self.base(m, b, set, None)?;
+        let log_det: f64 = factor.l_dirty().diagonal().iter().map(|x| x.ln()).sum();
+        let node = |c: usize| self.candidates[c].node;
+        let same = |(i, &c): (usize, &usize)| {
+            set[..i].iter().filter(|&&k| node(c).is_some() && node(k) == node(c)).count()
+        };
+        let prior: f64 = set.iter().map(|&c| self.candidates[c].log_prior).sum();
+        let together = set.iter().enumerate().map(same).sum::<usize>() as f64;
+        Some(0.5 * solved.norm_squared() - log_det + prior + LOG_PRIOR_SAME_PLACE * together)
+    }
+
+    /// Causes added to a set, dropped and exchanged until nothing changes.
+    fn searched(&self, m: &DMatrix<f64>, b: &DVector<f64>, mut set: Vec<usize>) -> Option<Vec<usize>> {
         for _ in 0..2 {
             while set.len() < self.most_causes {
                 let Some((next, odds)) = self.best(m, b, &set, None) else { break };
