@@ -48,6 +48,13 @@ def test_what_is_told_of_the_mounts_is_where_board_and_camera_really_are(kind: s
     np.testing.assert_allclose(at_board @ board, at_board @ _matrix(*mounting.board), atol=1e-12)
 
 
+def test_a_mistake_on_a_set_up_by_hand_is_made_with_both_in_its_answer(tmp_path: Path) -> None:
+    (made,) = make_cases(tmp_path, 1, 9, BY_HAND, [("case", "small", ["degrees"])])
+    answer = json.loads((tmp_path / "answers" / f"{made.name}.json").read_text())
+    assert [c["effect"] for c in answer["causes"]] == ["joint_unit"] and answer["causes"][0]["identifiable"]
+    assert {"board_mount", "camera_mount"} <= {s["effect"] for s in answer["setup"]}
+
+
 def test_with_the_set_up_free_a_gear_is_told_and_a_last_joints_zero_is_not() -> None:
     gear = simulate("case", "small", ["gear_ratio"], np.random.default_rng(11), BY_HAND)
     assert gear.mounting is not None

@@ -130,9 +130,10 @@ def _make(job: _Job) -> str:
             if job.planned is not None or attempt == ATTEMPTS - 1:
                 raise
     case.answer["seed"] = seed
-    if case.mounting is not None:
+    mistaken = any("mistake" in c for c in case.answer["causes"])
+    if case.mounting is not None and not mistaken:
         case.answer |= judge_by_hand(case, case.mounting)
-    elif case.told is None and not any("mistake" in c for c in case.answer["causes"]):
+    elif case.told is None and not mistaken:
         case.answer |= judge(case)
     else:
         # A mistake moves everything by far more than the noise; what is small beside it is taken as it was drawn.
