@@ -9,7 +9,9 @@ pytest.importorskip("mujoco")
 
 from mirror_posture.motion.drives import lagged, slewed
 from mirror_posture.motion.false_images import false_images
+from mirror_posture.motion.report import named
 from mirror_posture.motion.rollouts import STEP_S
+from mirror_posture.motion.shown import bagged
 from mirror_posture.motion.statistics import misfit, noise_scale
 
 
@@ -49,3 +51,12 @@ def test_gross_errors_are_told_from_a_body_that_moves_otherwise() -> None:
     # A limb that swings once, unlike the model, within half a second.
     images[120:136, 2] += 15.0 * (1.0 - np.cos(2.0 * np.pi * np.arange(16) / 16.0))[:, None]
     assert (false_images(images, 0.2) == wrong).all()
+
+
+def test_no_cause_is_more_probable_than_it_is_stable_and_an_improbable_one_is_not_named() -> None:
+    assert bagged(None) == 1.0 and bagged(1.0) > 0.98 and bagged(0.0) < 0.02
+    assert abs(bagged(0.5) - 0.5) < 1e-12
+    causes = [{"effect": "servo_lag", "probability": p} for p in (0.97, 0.04, 0.1)]
+    sure, unsure = named(causes)
+    assert [c["probability"] for c in sure] == [0.97, 0.1]
+    assert [c["probability"] for c in unsure] == [0.04]

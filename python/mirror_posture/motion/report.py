@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,7 @@ from .fit import SEGMENTS, Fitted, evaluated
 from .next_moves import next_moves, postures
 from .problem import Problem
 from .search import Found
-from .shown import limits, stability
+from .shown import bagged, limits, stability
 from .words import WORDS, sentence
 
 Floats = npt.NDArray[np.float64]
@@ -25,6 +25,8 @@ Floats = npt.NDArray[np.float64]
 EXPLAINED = 1.15
 """RMS of what is left, in units of the noise: up to here the noise explains it."""
 SMALLEST_CLOSED = 0.2
+LEAST_NAMED = 0.1
+"""A cause less probable than this is not named: its place is told, and that something there takes its part."""
 BOOTSTRAPS = 400
 
 
@@ -60,7 +62,7 @@ def document(
                 "effect": key[0],
                 "at": key[1],
                 "kind": hypothesis.effect.kind,
-                "probability": round(trust * rivals[key].probability, 4),
+                "probability": round(min(trust * rivals[key].probability, bagged(stable.get(key))), 4),
                 "stability": stable.get(key),
                 "parameters": {
                     name: {"value": float(value), "std": float(s)}
@@ -77,11 +79,12 @@ def document(
                 ),
             }
         )
+    causes, unsure = named(causes)
     gap = _gap(problem, found, columns)
     gap["steps"] = _steps(problem, order, best)
     # With all causes the gap is told on pictures that the parameters did not see.
     gap["steps"][-1] |= {"rms_px": gap["after_px"], "rms_m": gap["after_m"]}
-    verdict = _verdict(bool(order), left)
+    verdict = _verdict(bool(causes), left) if causes or not order else "unknown"
     total = sum(share.values()) or 1.0
     where: dict[str, float] = {}
     for key in order:
@@ -110,7 +113,14 @@ def document(
         "limits": hidden,
         "encoder_witness": encoder_witness(problem, best.causes),
         "next_postures": postures(moves),
-        "warnings": list(problem.rollouts.simulator.notes),
+        "warnings": [
+            *problem.rollouts.simulator.notes,
+            *(
+                f"{c['effect']} at {c['at']} takes a part of the gap and is not named: its probability is "
+                f"{c['probability']:.3f}, needed is {LEAST_NAMED:g}"
+                for c in unsure
+            ),
+        ],
         "noise": {"marker_px": scale * view.noise_px},
         "trace": list(found.trace),
         "ranking": [
@@ -139,6 +149,12 @@ def document(
         },
         KEY: fingerprint(session),
     }
+
+
+def named(causes: Sequence[dict[str, Any]]) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """The causes that are probable enough to be named, and those that are not."""
+    sure = [c for c in causes if c["probability"] >= LEAST_NAMED]
+    return sure, [c for c in causes if c not in sure]
 
 
 def _verdict(any_cause: bool, left: float) -> str:
