@@ -59,12 +59,14 @@ def limits(problem: Problem, found: Found) -> list[dict[str, Any]]:
 
 
 def bagged(share: float | None) -> float:
-    """The probability that a share of the resamples stands for, half a resample on either side (Jeffreys); 1 where none is told.
+    """The probability that a share of the resamples stands for, half a resample on either side (Jeffreys); 1 where none is told, or all agree.
 
     No cause is more probable than it is stable. Source: Huggins and Miller, "Robust inference and model selection using bagged
     posteriors" (2020).
     """
-    return 1.0 if share is None else (RESAMPLES * share + 0.5) / (RESAMPLES + 1.0)
+    if share is None or share >= 1.0:
+        return 1.0
+    return (RESAMPLES * share + 0.5) / (RESAMPLES + 1.0)
 
 
 def stability(problem: Problem, found: Found, without: Mapping[Key, Fitted | None]) -> dict[Key, float]:

@@ -54,7 +54,10 @@ pub(crate) fn keep_survivors(findings: &mut Findings<'_>, ranking: &[Score]) -> 
         if remainder {
             standing.probability *= share;
         }
-        standing.probability = standing.probability.min(bagged(alone));
+        // What every resample finds again is not limited by how many there are.
+        if alone < 1.0 {
+            standing.probability = standing.probability.min(bagged(alone));
+        }
     }
     Ok(())
 }
