@@ -8,16 +8,21 @@
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::frame::{FrameWork, Task};
 use crate::diagnose::model::problem::{Noise, Problem};
-use crate::diagnose::principles::{FEWEST_OBSERVATIONS, MAJORITY, SURE_DEVIATIONS};
 use crate::error::Result;
 use nalgebra::{DMatrix, DVector, Vector3};
 
+/// No correlation is believed beyond this: a slow error is no noise.
+const MOST_CORRELATION: f64 = 0.6;
+/// A correlation is believed from this many of its standard deviations on.
+const CLEAR_DEVIATIONS: f64 = 2.0;
 /// Correlations of neighbouring corners that are tried.
 const CORRELATION_STEP: f64 = 0.02;
 /// Smooth functions of a corner's place that wrong optics may make, for each coordinate: 1, x, y, x², x y, y².
 const SMOOTH: usize = 6;
 /// Smooth changes by the mirror's motion: the first three.
 const BY_MIRROR: usize = 3;
+/// A board with fewer corners tells no correlation.
+const FEWEST_CORNERS: usize = 12;
 
 /// The noise at which means over many observations are as uncertain as they are.
 ///
@@ -66,13 +71,13 @@ fn corners_together(problem: &Problem) -> Result<f64> {
     // The smooth part that was taken away held more of correlated noise than of white: what is seen is compared with what
     // each correlation would leave.
     let none = grid.left_of(0.0);
-    if seen < none.ratio() + SURE_DEVIATIONS * scatter {
+    if seen < none.ratio() + CLEAR_DEVIATIONS * scatter {
         return Ok(1.0);
     }
-    let steps = (MAJORITY / CORRELATION_STEP) as usize; // A slow error is no noise.
+    let steps = (MOST_CORRELATION / CORRELATION_STEP) as usize;
     let found =
         (1..=steps).map(|k| grid.left_of(k as f64 * CORRELATION_STEP)).find(|left| left.ratio() >= seen);
-    let found = found.unwrap_or_else(|| grid.left_of(MAJORITY));
+    let found = found.unwrap_or_else(|| grid.left_of(MOST_CORRELATION));
     Ok((found.by_mirror / (found.squares / none.squares)).sqrt().max(1.0))
 }
 
@@ -99,7 +104,7 @@ impl Left {
 }
 
 fn grid(corners: &[Vector3<f64>]) -> Option<Grid> {
-    if corners.len() < FEWEST_OBSERVATIONS {
+    if corners.len() < FEWEST_CORNERS {
         return None;
     }
     let edge = corners.iter().skip(1).map(|c| (c - corners[0]).norm()).fold(f64::INFINITY, f64::min);
@@ -172,6 +177,6 @@ pub(crate) fn successive_correlation(
         last = now;
     }
     let correlation = if squares > 0.0 { product / squares } else { 0.0 };
-    let clear = correlation > SURE_DEVIATIONS / f64::max(count, 1.0).sqrt();
-    Ok(if clear { correlation.min(MAJORITY) } else { 0.0 })
+    let clear = correlation > CLEAR_DEVIATIONS / f64::max(count, 1.0).sqrt();
+    Ok(if clear { correlation.min(MOST_CORRELATION) } else { 0.0 })
 }
