@@ -40,9 +40,16 @@ impl Search<'_> {
 
     /// The i-th cause at a size that is tolerated rather than called a cause, all else refitted: at most
     /// [`PRIOR_TOLERANCE`] of the size that such an error commonly has, and no more than could be seen. The laws of the other causes have their slack.
-    /// Given up where it is clear that the misfit stays above `hopeless`. `here` is the linear model at the cause as found, from which the
-    /// others start.
-    fn tolerated(&self, fit: &Fit, i: usize, here: &Linearised, noise: Noise, hopeless: f64) -> Result<Fit> {
+    /// Given up where it is clear that the misfit stays above `hopeless`. The others start from the linear model at the cause as found, with
+    /// room for the slack's values.
+    fn tolerated(
+        &self,
+        fit: &Fit,
+        i: usize,
+        (here, start): (&Linearised, &Model),
+        noise: Noise,
+        hopeless: f64,
+    ) -> Result<Fit> {
         let term = &fit.model.terms[i];
         let stds = &self.catalogue.hypotheses[term.hypothesis].prior_std;
         let multiple = (term.parameters.iter().zip(stds).map(|(p, s)| (p / s).powi(2)).sum::<f64>()
@@ -54,13 +61,12 @@ impl Search<'_> {
         let own_rms = (own_sum / own.iter().filter(|o| **o > 1e-4 * own_sum).count().max(1) as f64).sqrt();
         let unseen = if own_rms > 0.0 { UNSEEN_SHIFT / own_rms * multiple } else { PRIOR_TOLERANCE };
         let scale = PRIOR_TOLERANCE.min(unseen).clamp(NEGLIGIBLE, 1.0);
-        let (_, start) = self.loosened(&fit.model, Some(i));
         let small: Vec<f64> = term.parameters.iter().map(|p| p * scale.min(0.5)).collect();
         let truncated = |mut m: Model| {
             m.group.truncate(fit.model.group.len());
             m
         };
-        let moved = here.moved_with(&start, &here.of_term(&start, i), &small).map(truncated);
+        let moved = here.moved_with(start, &here.of_term(start, i), &small).map(truncated);
         let mut model = moved.filter(|m| self.can_be(m)).unwrap_or_else(|| fit.model.clone());
         model.terms[i].prior_scale = scale;
         model.terms[i].parameters = small;
@@ -76,7 +82,7 @@ impl Search<'_> {
             return Ok(odds);
         }
         let found = self.fit_with_slack(&fit.model, Some(i), noise, SOLVER.final_steps)?;
-        let tolerated = self.tolerated(fit, i, &here, noise, found.misfit + 8.0 * BEYOND_DOUBT)?;
+        let tolerated = self.tolerated(fit, i, (&here, &start), noise, found.misfit + 8.0 * BEYOND_DOUBT)?;
         Ok(found.log_evidence + self.log_prior_of(&fit.model, i) - tolerated.log_evidence)
     }
 
