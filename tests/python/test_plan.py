@@ -18,10 +18,9 @@ from mirror_posture import MirrorPostureError, Robot
 from mirror_posture.camera import Camera
 from mirror_posture.diagnosis import diagnose
 from mirror_posture.formats.plan_keys import MOST_VIEWS
-from mirror_posture.plan import PlanOptions, make_plan, read_plan
+from mirror_posture.plan import PlanOptions, read_plan
 from mirror_posture.plan.again import read_options
 from mirror_posture.plan.options import PITCHES_DEG, YAWS_DEG
-from mirror_posture.render import EMBEDDED_FOLDER
 from mirror_posture.robots import Nominal
 from mirror_posture.robots.protocol import ImagePoints, Look
 from mirror_posture.session import load_camera_info
@@ -206,19 +205,6 @@ def test_a_twin_is_told_before_a_picture_is_taken(planned: Path) -> None:
         for size in t["parameters"].values()
         if t["effect"] == "gear_ratio"
     )
-
-
-def test_the_embedded_robot_on_its_stand(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("mirror_posture.plan.run.DRAWN", 500)
-    monkeypatch.setattr("mirror_posture.plan.run.POOL", 32)
-    options = PlanOptions(
-        postures=4, views=2, mirror_width_m=0.42, mirror_height_m=0.36, table_m=-0.2, same_postures=True,
-        held=tuple(n for n in Robot.from_urdf(EMBEDDED_FOLDER / "robot.urdf").position_names if "shoulder" not in n and "elbow" not in n),
-    )  # fmt: skip
-    plan = make_plan(EMBEDDED_FOLDER, options)
-    assert len(plan.view) >= 6 and len(plan.setting.joint_names) == 6
-    # Each posture in both views.
-    assert (np.bincount(plan.posture)[:3] == 2).all()
 
 
 def test_what_cannot_be_planned_says_why(planned: Path, tmp_path: Path) -> None:
@@ -506,53 +492,3 @@ def test_a_thumb_before_any_corner_of_the_board_hides_it(planned: Path, tmp_path
             y,
             why,
         )
-
-
-HOLLOW = """<robot name="hollow"><link name="base"/><link name="shoulder"/>
-<link name="channel"><visual><geometry><mesh filename="channel.stl"/></geometry></visual></link>
-<link name="arm"><visual><origin xyz="0.08 0 0"/><geometry><box size="0.16 0.02 0.02"/></geometry></visual></link>
-<joint name="fixed" type="fixed"><parent link="base"/><child link="channel"/></joint>
-<joint name="first" type="revolute"><parent link="channel"/><child link="shoulder"/><axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
-<joint name="second" type="revolute"><parent link="shoulder"/><child link="arm"/><axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
-<link name="camera_optical"/><joint name="camera" type="fixed"><parent link="base"/><child link="camera_optical"/></joint>
-<link name="board"/><joint name="board" type="fixed"><parent link="base"/><child link="board"/><origin xyz="0 0 1"/></joint>
-<link name="hand_marker"/><joint name="hand" type="fixed"><parent link="arm"/><child link="hand_marker"/><origin xyz="0.3 0 0"/></joint>
-</robot>"""
-
-
-def test_an_arm_in_a_hollow_link_is_checked_against_its_walls(tmp_path: Path) -> None:
-    """A channel of two walls, as a torso beside an arm: its convex hull holds the arm at home, its walls do not."""
-    from mirror_posture.plan.room import ignore_by_construction
-    from mirror_posture.plan.setting import read_setting
-    from mirror_posture.shapes.body import Body
-    from mirror_posture.shapes.triangles import Triangles, box, write_stl
-
-    walls = [box(np.array([0.2, 0.01, 0.1])).moved(np.eye(3), np.array([0.1, y, 0.0])) for y in (-0.06, 0.06)]
-    channel = Triangles(
-        np.concatenate([w.vertices_m for w in walls]),
-        np.concatenate([w.faces + k * len(walls[0].vertices_m) for k, w in enumerate(walls)]),
-    )
-    write_stl(channel, tmp_path / "channel.stl")
-    (tmp_path / "robot.urdf").write_text(HOLLOW)
-    for name in ("camera.yaml", "session.toml"):
-        (tmp_path / name).write_bytes((EMBEDDED_FOLDER / name).read_bytes())
-    toml = 'format = "mirror-posture/session"\nversion = 1\nrobot = "robot.urdf"\ncamera = "camera.yaml"\nroot = "base"\ngravity = [0.0, 0.0, -9.81]\n'
-    toml += '[camera_mount]\nlink = "camera_optical"\n[board]\nlink = "board"\ncorners = [7, 4]\nsquare = 0.02\npattern = "chessboard"\n'
-    toml += '[[markers]]\nname = "hand"\nlink = "hand_marker"\ndiameter = 0.02\nmount = "known"\n'
-    (tmp_path / "session.toml").write_text(toml)
-    nominal = Nominal.load(tmp_path)
-    setting = read_setting(nominal, PlanOptions())
-    body = Body(nominal, {}, 0.01)
-    pair = frozenset(("arm", "channel"))
-    body.put(np.zeros(2))
-    assert pair in body.touching(), "by its hull the channel is full"
-    assert ignore_by_construction(body, setting, np.random.default_rng(0)) == []
-    for posture, touches in (
-        ((0.0, 0.0), False),
-        ((0.15, 0.0), False),
-        ((0.6, 0.0), True),
-        ((0.6, -0.6), False),
-        ((-0.3, -0.3), True),
-    ):
-        body.put(np.array(posture))
-        assert (pair in body.touching()) == touches, posture
