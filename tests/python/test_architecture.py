@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 import sys
 from importlib.metadata import PackageNotFoundError, requires, version
 from pathlib import Path
@@ -21,6 +22,7 @@ PRODUCT = PYTHON / "mirror_posture"
 LAB = PYTHON / "mirror_lab"
 
 
+@functools.cache
 def imports(file: Path) -> set[str]:
     """Full names of the modules that a file imports, at its top or in a function."""
     inside = file.relative_to(PYTHON).with_suffix("").parts

@@ -64,3 +64,29 @@ def test_encoders_that_read_what_is_predicted_are_no_rows() -> None:
     still = {"joint": "a"} | dict.fromkeys(ENCODER_COLUMNS, 4e-6)
     told = still | {"joint": "b", "after_zero_free": 6e-6}
     assert telling_encoders([still, told]) == [told]
+
+
+def test_errors_of_all_causes_at_a_joint_are_predicted_together_and_what_is_unexplained_predicts_nothing() -> (
+    None
+):
+    from types import SimpleNamespace
+    from typing import Any
+
+    from mirror_posture.diagnosis.encoders import encoder_witness
+
+    q = np.array([0.0, 0.2, 0.4, 0.6])
+    frames = SimpleNamespace(
+        frame=np.array([3, 5, 7, 9]), posture=np.arange(4), joint_names=("a", "b"), commanded=np.stack([q, q], axis=1),
+        measured_names=("a", "b"), measured=np.stack([q + 0.03, q + 0.01], axis=1),
+    )  # fmt: skip
+    session: Any = SimpleNamespace(frames=frames)
+
+    def signature(cause: int | None, at: str, fitted: float) -> dict[str, Any]:
+        points = [{"frame": frame, "fitted": fitted} for frame in (3, 5, 7)]
+        return {"cause": cause, "at": at, "points": points}
+
+    both = [signature(0, "joint:a", 0.02), signature(1, "joint:a<-joint:b", 0.01)]
+    document = {"signatures": [*both, signature(None, "joint:b", 0.01), signature(2, "link:c", 1.0)]}
+    at_a, at_b = encoder_witness(session, document)
+    assert at_a["named"] and at_a["before"] == pytest.approx(0.03) and at_a["after"] < 1e-12
+    assert not at_b["named"] and at_b["before"] == at_b["after"] == pytest.approx(0.01)

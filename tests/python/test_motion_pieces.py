@@ -40,6 +40,31 @@ def test_noise_is_read_off_beside_a_slow_error_and_correlation_counts() -> None:
     assert misfit(white + slow, seen).inflation > 50.0
 
 
+def test_a_limbs_own_quick_error_is_no_noise() -> None:
+    rng = np.random.default_rng(5)
+    seen = np.ones((600, 4), dtype=bool)
+    shaken = rng.normal(size=(600, 4, 2))
+    # Two of four markers are on what shakes, for most of the time.
+    shaken[100:, :2] *= 4.0
+    assert abs(noise_scale(shaken, seen) - 1.0) < 0.15
+
+
+def test_correlated_rows_count_less_and_a_larger_error_widens() -> None:
+    rng = np.random.default_rng(6)
+    seen = np.ones((4000, 2), dtype=bool)
+    white = rng.normal(size=(4000, 2, 2))
+    assert abs(misfit(2.0 * white, seen).inflation - 4.0) < 0.4
+    # What a model leaves less of than the noise is no reason to claim more.
+    assert abs(misfit(0.5 * white, seen).inflation - 1.0) < 0.1
+    late = white.copy()
+    for i in range(1, 4000):
+        late[i] = 0.6 * late[i - 1] + 0.8 * late[i]
+    found = misfit(late, seen)
+    assert abs(found.correlation - 0.6) < 0.05
+    # n (1 − ρ)/(1 + ρ), and the inverse for a square.
+    assert abs(found.effective_rows / found.rows - 0.25) < 0.04 and abs(found.inflation - 4.0) < 0.6
+
+
 def test_gross_errors_are_told_from_a_body_that_moves_otherwise() -> None:
     rng = np.random.default_rng(3)
     time = np.arange(180)[:, None, None] / 30.0

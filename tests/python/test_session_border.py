@@ -34,6 +34,10 @@ MANY = "frame,posture,elbow,measured:elbow\n" + "".join(
     f"{i},{i},{0.1 * i:.3f},{0.1 * i * 57.29578:.3f}\n" for i in range(6)
 )
 
+THOUSANDTHS = "frame,posture,elbow,measured:elbow\n" + "".join(
+    f"{i},{i},{0.1 * i:.3f},{0.0001 * i:.5f}\n" for i in range(6)
+)
+
 REFUSED: dict[str, tuple[dict[str, str | None], str, int | None, str]] = {
     "column with a blank": (
         {"frames": "frame,posture,elbow,elbow \n0,0,0.2,0.3\n"},
@@ -105,6 +109,7 @@ REFUSED: dict[str, tuple[dict[str, str | None], str, int | None, str]] = {
         "mend the cells",
     ),
     "encoder in degrees": ({"frames": MANY, "detections": None}, "frames.csv", None, "is the encoder in degrees?"),
+    "command in milliradians": ({"frames": THOUSANDTHS, "detections": None}, "frames.csv", None, "is the command in milli"),
     "encoder beyond its limit": (
         {"frames": replaced(FRAMES, "measured:elbow", "measured:shoulder").replace("0.41", "12")},
         "frames.csv",
@@ -357,3 +362,18 @@ def test_a_robot_is_larger_than_its_board(tmp_path: Path) -> None:
     file.write_text(small)
     with pytest.raises(SessionError, match=r"smaller than a fifth of its board's .* divided by 1000"):
         load_session(folder)
+
+
+def test_where_the_board_is_seen_is_where_its_face_must_look(tmp_path: Path) -> None:
+    """The board's corners are at the left of the picture: a face that looks there, and a little back, does face what shows it."""
+    for angle, warned in (("-1.62", 0), ("1.4", 1)):
+        turned = replaced(
+            URDF, '<child link="chest_board"/>', f'<child link="chest_board"/><origin rpy="0 {angle} 0"/>'
+        )
+        assert len(load_session(write_folder(tmp_path / angle, robot=turned)).warnings) == warned
+
+
+def test_points_of_an_unknown_frame_may_be_anywhere(tmp_path: Path) -> None:
+    text = "frame,marker,x,y,z\n0,hand,100.1,0.2,0.3\n1,hand,100.2,0.2,0.3\n5,hand,100.3,0.1,0.3\n"
+    points = load_session(write_folder(tmp_path, points=text)).points
+    assert points is not None and points.point_m[0, 0, 0] == 100.1

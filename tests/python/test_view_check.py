@@ -63,6 +63,21 @@ def test_turned_pictures_are_named_and_not_measured(session: Session) -> None:
         mp.measure(turned)
 
 
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_square_pictures_turned_by_a_quarter_are_named_by_the_side(session: Session, side: str) -> None:
+    assert session.camera is not None
+    last = WIDTH - 1
+
+    def quarter(px: np.ndarray) -> np.ndarray:
+        u, v = px[..., 0], px[..., 1]
+        # To the right (clockwise): what was at the top left is at the top right.
+        return np.stack([last - v, u] if side == "right" else [v, last - u], axis=-1)
+
+    square = replace(session, camera=replace(session.camera, size_px=(WIDTH, WIDTH)))
+    checked = check_views(with_pixels(square, quarter))
+    assert checked is not None and f"the pictures are turned by 90° to the {side}" in checked.mistake, checked
+
+
 def test_a_board_counted_from_its_other_end_is_named(session: Session) -> None:
     turned = with_pixels(session, lambda px: px, lambda grid: grid[:, ::-1, ::-1])
     with pytest.raises(mp.MirrorPostureError, match="turned by 180° against the URDF"):
