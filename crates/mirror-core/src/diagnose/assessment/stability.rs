@@ -246,7 +246,7 @@ impl Blocks {
         let left = DVector::from_fn(own.len(), |i, _| b[own[i]]) - across.tr_mul(solved);
         let Some(factor) = (among - across.tr_mul(&across)).cholesky() else { return f64::NEG_INFINITY };
         let estimate = factor.solve(&left);
-        if self.candidates[candidate].positive && estimate[0] <= 0.0 {
+        if self.candidates[candidate].positive && estimate.iter().all(|value| *value <= 0.0) {
             return f64::NEG_INFINITY;
         }
         let log_det: f64 = factor.l_dirty().diagonal().iter().map(|x| x.ln()).sum();

@@ -18,8 +18,10 @@ impl Effect for GearEccentricity {
         named(&["sin_rad", "cos_rad"])
     }
 
+    /// Joints that turn: what slides has no turn of its output.
     fn places(&self, scene: &Scene) -> Vec<Place> {
-        moving_joints(scene)
+        let turns = |place: &Place| joint_of(*place).is_some_and(|n| !scene.body.nodes[n].prismatic);
+        moving_joints(scene).into_iter().filter(turns).collect()
     }
 
     fn prior_std(&self, scene: &Scene, place: Place) -> Vec<f64> {

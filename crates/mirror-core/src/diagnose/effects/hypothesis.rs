@@ -20,7 +20,8 @@ pub(crate) struct Hypothesis {
     pub place: Place,
     pub variants: Vec<f64>,
     pub prior_std: Vec<f64>,
-    /// Log of the prior probability of this cause among all: effects are equally likely, and so are an effect's places.
+    /// Log of the prior probability of this cause among all: effects that have a place here are equally likely, and so are an effect's
+    /// places.
     pub log_prior: f64,
 }
 
@@ -36,11 +37,13 @@ impl Catalogue {
     /// All places of all effects; `without` names effects that are switched off.
     pub fn new(scene: &Scene, effects: Vec<Arc<dyn Effect>>, without: &[String]) -> Self {
         let mut hypotheses = Vec::new();
-        let on: Vec<usize> =
-            (0..effects.len()).filter(|&e| !without.iter().any(|w| w == effects[e].name())).collect();
-        for &effect in &on {
-            let places = effects[effect].places(scene);
-            let log_prior = -((on.len() * places.len().max(1)) as f64).ln();
+        let on: Vec<(usize, Vec<Place>)> = (0..effects.len())
+            .filter(|&e| !without.iter().any(|w| w == effects[e].name()))
+            .map(|e| (e, effects[e].places(scene)))
+            .collect();
+        let somewhere = on.iter().filter(|(_, places)| !places.is_empty()).count();
+        for (effect, places) in on {
+            let log_prior = -((somewhere * places.len().max(1)) as f64).ln();
             for place in places {
                 hypotheses.push(Hypothesis {
                     effect,

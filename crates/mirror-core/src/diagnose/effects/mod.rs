@@ -12,6 +12,7 @@ mod board_scale;
 mod camera_center;
 mod camera_focal;
 mod camera_mount;
+mod column_bending;
 mod drift;
 pub(super) mod everywhere;
 mod gear_eccentricity;
@@ -29,6 +30,9 @@ mod mirror_glass;
 pub(super) mod own;
 pub(super) mod registry;
 mod stiction;
+mod telescopes;
+mod tilt_play;
+mod transverse_compliance;
 
 pub(crate) use stiction::Stiction;
 
@@ -155,7 +159,7 @@ pub(crate) trait Effect: Send + Sync {
         }
     }
 
-    /// Whether its (only) parameter cannot be negative.
+    /// Whether none of its parameters can be negative.
     fn is_positive(&self) -> bool {
         false
     }
@@ -219,6 +223,10 @@ pub(crate) fn vocabulary() -> Vec<Box<dyn Effect>> {
         Box::new(Stiction { droops: true }),
         Box::new(joint_compliance::JointCompliance),
         Box::new(link_bending::LinkBending),
+        Box::new(column_bending::ColumnBending),
+        Box::new(tilt_play::TiltPlay { direction: 0 }),
+        Box::new(tilt_play::TiltPlay { direction: 1 }),
+        Box::new(transverse_compliance::TransverseCompliance),
         Box::new(link_length::LinkLength),
         Box::new(axis_tilt::AxisTilt),
         Box::new(joint_coupling::JointCoupling),

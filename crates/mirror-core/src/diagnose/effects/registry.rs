@@ -70,7 +70,8 @@ mod tests {
     use super::*;
 
     /// Endings of parameters' names: the units, and what has none.
-    const UNITS: [&str; 7] = ["_rad", "_rad_per_nm", "_rad_per_s", "_m", "_px", "_per_m", "_error"];
+    const UNITS: [&str; 9] =
+        ["_rad", "_rad_per_nm", "_rad_per_nm_m", "_rad_per_m", "_rad_per_s", "_m", "_px", "_per_m", "_error"];
 
     #[test]
     fn every_effect_of_the_vocabulary_tells_about_itself_with_units() {

@@ -220,12 +220,16 @@ fn score(
     let k = g.len();
     let scaled = DMatrix::from_fn(k, k, |i, j| a[(i, j)] * s[i] * s[j] + if i == j { 1.0 } else { 0.0 });
     let scaled_g = g.component_mul(&s);
-    let (log_bayes, parameters) = match scaled.cholesky() {
+    let (log_bayes, parameters) = match scaled.clone().cholesky() {
         Some(factor) => {
-            let solution = factor.solve(&scaled_g);
+            let mut solution = factor.solve(&scaled_g);
+            if catalogue.effect(candidate.hypothesis).is_positive() && k > 1 {
+                solution = not_negative(&scaled, &scaled_g, solution);
+            }
             let log_det = 2.0 * factor.l_dirty().diagonal().iter().map(|x| x.ln()).sum::<f64>();
             let estimate = solution.component_mul(&s);
-            let impossible = catalogue.effect(candidate.hypothesis).is_positive() && estimate[0] <= 0.0;
+            let impossible = catalogue.effect(candidate.hypothesis).is_positive()
+                && estimate.iter().all(|value| *value <= 0.0);
             let gain = if impossible { 0.0 } else { 0.5 * scaled_g.dot(&solution) };
             (gain - 0.5 * log_det, estimate.as_slice().to_vec())
         }
@@ -238,6 +242,22 @@ fn score(
         parameters,
         information: a,
     }
+}
+
+/// The solution of `A x = g` where no x may be negative: those that would be are held at 0, and the others solved for once more.
+fn not_negative(a: &DMatrix<f64>, g: &DVector<f64>, unbound: DVector<f64>) -> DVector<f64> {
+    let mut solution = unbound;
+    let mut free: Vec<usize> = (0..g.len()).collect();
+    while free.iter().any(|&i| solution[i] < 0.0) {
+        free.retain(|&i| solution[i] > 0.0);
+        let among = DMatrix::from_fn(free.len(), free.len(), |i, j| a[(free[i], free[j])]);
+        let own = DVector::from_fn(free.len(), |i, _| g[free[i]]);
+        let Some(factor) = among.cholesky() else { return DVector::zeros(g.len()) };
+        let part = factor.solve(&own);
+        solution.fill(0.0);
+        free.iter().zip(part.iter()).for_each(|(&i, x)| solution[i] = *x);
+    }
+    solution
 }
 
 /// Reusable memory. The residual stands behind the active columns.

@@ -1,6 +1,7 @@
 //! The robot as the diagnosis sees it: moving nodes, and sites (camera, board, markers) that ride on them.
 
 use crate::diagnose::model::pose::Pose;
+use crate::diagnose::model::telescope::Telescope;
 use crate::error::Result;
 use crate::robot::{JointKind, Robot};
 use nalgebra::Vector3;
@@ -27,6 +28,8 @@ pub(crate) struct Node {
     ///
     /// The bending of a uniform beam acts at its end as if it were lumped in its middle.
     pub bend_pivot: Vector3<f64>,
+    /// The column that a sliding joint is the last of; none of joints that turn.
+    pub telescope: Option<Telescope>,
     /// Unit vector along the link in the node's frame; none where nothing says which way it goes.
     pub long_axis: Option<Vector3<f64>>,
     /// Index into the commanded positions, and `position ↦ multiplier · position + offset` (mimic joints).
@@ -36,6 +39,18 @@ pub(crate) struct Node {
     pub mass_moment: Vector3<f64>,
     /// `ancestors[k]`: whether node k is this node or carries it.
     pub ancestors: Vec<bool>,
+}
+
+impl Node {
+    /// Where the link bends, in the node's frame, m: its middle; of a telescope the middle of all that is out.
+    ///
+    /// `positions` of the nodes' joints, `[node]`, as far as this node.
+    pub fn pivot(&self, positions: &[f64]) -> Vector3<f64> {
+        match &self.telescope {
+            Some(telescope) => self.bend_pivot + telescope.foot(positions) * 0.5,
+            None => self.bend_pivot,
+        }
+    }
 }
 
 /// A link of interest and the node that it rides on.
@@ -85,6 +100,17 @@ impl Body {
             ancestors.resize(id + 1, false);
             ancestors[id] = true;
             let axis = joint.axis.into_inner();
+            let prismatic = joint.kind == JointKind::Prismatic;
+            let telescope = prismatic.then(|| {
+                let inner = parent.node.and_then(|p: NodeId| nodes[p].telescope.as_ref());
+                Telescope::of(
+                    id,
+                    inner,
+                    &parent_from_joint,
+                    &axis,
+                    joint.limits.map_or(f64::INFINITY, |l| l.upper),
+                )
+            });
             nodes.push(Node {
                 joint: joint.name.clone(),
                 link: robot.links()[joint.child_link].name.clone(),
@@ -92,8 +118,9 @@ impl Body {
                 parent_from_joint,
                 axis,
                 tilt_directions: tilt_directions(&axis),
-                prismatic: joint.kind == JointKind::Prismatic,
+                prismatic,
                 bend_pivot: Vector3::zeros(),
+                telescope,
                 long_axis: None,
                 command: joint.drive.map_or((0, 0.0, 0.0), |d| (d.position, d.multiplier, d.offset)),
                 mass: 0.0,

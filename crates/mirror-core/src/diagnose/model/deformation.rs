@@ -11,6 +11,9 @@ pub(crate) struct Deformation {
     joint_delta: Vec<f64>,
     /// Rotation vector at the node's origin, in the node's frame, `[frame * nodes + node]`, rad. Empty where nothing bends.
     bend: Vec<Vector3<f64>>,
+    /// Rotation about the joint's origin before its motion, about the two directions of `tilt`, `[frame * nodes + node]`, rad. Empty
+    /// where nothing rocks.
+    rock: Vec<Vector2<f64>>,
     /// `(tilt_1, tilt_2)` of each node's axis, rad.
     pub tilt: Vec<Vector2<f64>>,
     /// Shift of the origins of the joints that the node carries, in the node's frame, m. The last entry is the base's.
@@ -47,6 +50,7 @@ impl Deformation {
             nodes,
             joint_delta: vec![0.0; frames * nodes],
             bend: Vec::new(),
+            rock: Vec::new(),
             tilt: vec![Vector2::zeros(); nodes],
             link_shift: vec![Vector3::zeros(); nodes + 1],
             origin_shift: vec![Vector3::zeros(); nodes],
@@ -89,6 +93,18 @@ impl Deformation {
         self.bend[frame * self.nodes + node] += omega;
     }
 
+    #[inline]
+    pub fn rock(&self, frame: usize, node: usize) -> Option<&Vector2<f64>> {
+        self.rock.get(frame * self.nodes + node)
+    }
+
+    pub fn add_rock(&mut self, frame: usize, node: usize, axis: usize, value: f64) {
+        if self.rock.is_empty() {
+            self.rock = vec![Vector2::zeros(); self.joint_delta.len()];
+        }
+        self.rock[frame * self.nodes + node][axis] += value;
+    }
+
     /// Shift of a marker in a frame, m, in the frame of its mount's link.
     #[inline]
     pub fn marker_shift_in(&self, frame: usize, marker: usize) -> Vector3<f64> {
@@ -112,6 +128,7 @@ impl Deformation {
                 || self.origin_shift[n] != Vector3::zeros()
                 || self.joint_delta.iter().skip(n).step_by(self.nodes).any(|d| *d != 0.0)
                 || self.bend.iter().skip(n).step_by(self.nodes).any(|b| *b != Vector3::zeros())
+                || self.rock.iter().skip(n).step_by(self.nodes).any(|b| *b != Vector2::zeros())
         })
     }
 
@@ -122,6 +139,7 @@ impl Deformation {
             || self.origin_shift[node] != Vector3::zeros()
             || self.joint_delta(frame, node) != 0.0
             || self.bend(frame, node).is_some_and(|b| *b != Vector3::zeros())
+            || self.rock(frame, node).is_some_and(|b| *b != Vector2::zeros())
     }
 
     /// Whether camera, lens, board or mirror differ from the nominal: then the board's corners must be predicted anew.

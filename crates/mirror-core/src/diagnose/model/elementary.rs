@@ -20,6 +20,10 @@ pub(crate) enum Atom {
     Bend(NodeId),
     /// Rotation of the node about its middle along x, y or z of its frame.
     Turn(NodeId, usize),
+    /// Rotation of the node about its middle about one of the two directions across its joint's axis (those of `axis_tilt`).
+    Across(NodeId, usize),
+    /// Rotation about one of the same directions at the joint's origin, before its motion: the joint as a whole gives way.
+    Rock(NodeId, usize),
     /// Shift along x, y or z of the origins of the joints that the node (or the base: none) carries.
     LinkShift(Option<NodeId>, usize),
     /// Shift of a joint's own origin along an axis of the frame of what carries it: one of several joints that a link carries.
@@ -66,6 +70,8 @@ impl Atom {
             | Self::Tilt(..)
             | Self::Bend(_)
             | Self::Turn(..)
+            | Self::Across(..)
+            | Self::Rock(..)
             | Self::LinkShift(..)
             | Self::OriginShift(..)
             | Self::MarkerShift(..)
@@ -128,12 +134,19 @@ pub(crate) fn body_twist(
         }
         Atom::Bend(n) => {
             let omega = poses.world_from_node[n].r * transverse_moment(scene, frame, n);
-            Some(Twist::about(&poses.world_from_node[n].point(&scene.body.nodes[n].bend_pivot), omega))
+            Some(Twist::about(&middle(scene, poses, n), omega))
         }
         Atom::Turn(n, k) => {
-            let pose = &poses.world_from_node[n];
-            let omega = pose.r.column(k).into_owned();
-            Some(Twist::about(&pose.point(&scene.body.nodes[n].bend_pivot), omega))
+            let omega = poses.world_from_node[n].r.column(k).into_owned();
+            Some(Twist::about(&middle(scene, poses, n), omega))
+        }
+        Atom::Across(n, k) => {
+            let omega = poses.world_from_node[n].r * scene.body.nodes[n].tilt_directions[k];
+            Some(Twist::about(&middle(scene, poses, n), omega))
+        }
+        Atom::Rock(n, k) => {
+            let omega = poses.world_from_joint[n] * scene.body.nodes[n].tilt_directions[k];
+            Some(Twist::about(&poses.origin[n], omega))
         }
         Atom::LinkShift(n, k) => {
             let axis = Vector3::ith_axis(k).into_inner();
@@ -148,13 +161,22 @@ pub(crate) fn body_twist(
     }
 }
 
+/// Where a node bends, in the world, m.
+fn middle(scene: &Scene, poses: &NodePoses, n: NodeId) -> Vector3<f64> {
+    poses.world_from_node[n].point(&scene.body.nodes[n].pivot(&poses.theta))
+}
+
 /// Whether an atom of the body moves a site that rides on `node`.
 #[inline]
 pub(crate) fn moves(atom: Atom, scene: &Scene, node: Option<NodeId>) -> bool {
     match atom {
-        Atom::Joint(n) | Atom::Tilt(n, _) | Atom::Bend(n) | Atom::Turn(n, _) | Atom::OriginShift(n, _) => {
-            scene.body.carries(n, node)
-        }
+        Atom::Joint(n)
+        | Atom::Tilt(n, _)
+        | Atom::Bend(n)
+        | Atom::Turn(n, _)
+        | Atom::Across(n, _)
+        | Atom::Rock(n, _)
+        | Atom::OriginShift(n, _) => scene.body.carries(n, node),
         Atom::LinkShift(Some(n), _) => scene.body.carries_beyond(n, node),
         Atom::LinkShift(None, _) => node.is_some(),
         _ => false,
@@ -228,6 +250,17 @@ impl Column {
                 for f in 0..scene.frames {
                     let omega = Vector3::ith(k, value * self.weight.at(scene, f));
                     deformation.add_bend(f, n, omega);
+                }
+            }
+            Atom::Across(n, k) => {
+                let direction = scene.body.nodes[n].tilt_directions[k];
+                for f in 0..scene.frames {
+                    deformation.add_bend(f, n, direction * (value * self.weight.at(scene, f)));
+                }
+            }
+            Atom::Rock(n, k) => {
+                for f in 0..scene.frames {
+                    deformation.add_rock(f, n, k, value * self.weight.at(scene, f));
                 }
             }
             Atom::Tilt(n, k) => deformation.tilt[n][k] += value,

@@ -44,16 +44,20 @@ impl NodePoses {
         }
     }
 
-    /// Poses all nodes of one frame: parent · shift · fixed · motion about the real axis · bend.
+    /// Poses all nodes of one frame: parent · shift · fixed · rock · motion about the real axis · bend.
     pub fn update(&mut self, body: &Body, commanded: &[f64], deformation: &Deformation, frame: usize) {
         let base = body.nodes.len();
         for (n, node) in body.nodes.iter().enumerate() {
             let mut joint = node.parent_from_joint;
             joint.t += deformation.link_shift[node.parent.unwrap_or(base)] + deformation.origin_shift[n];
-            let world_from_joint = match node.parent {
+            let mut world_from_joint = match node.parent {
                 Some(p) => self.world_from_node[p].then(&joint),
                 None => joint,
             };
+            if let Some(rock) = deformation.rock(frame, n) {
+                world_from_joint.r *=
+                    exp(&(node.tilt_directions[0] * rock.x + node.tilt_directions[1] * rock.y));
+            }
             let tilt = &deformation.tilt[n];
             let axis = if tilt.x == 0.0 && tilt.y == 0.0 {
                 node.axis
@@ -66,16 +70,17 @@ impl NodePoses {
             } else {
                 Pose { r: rotation_about(&axis, theta), t: Vector3::zeros() }
             };
+            self.theta[n] = theta;
             let mut world_from_node = world_from_joint.then(&motion);
             if let Some(omega) = deformation.bend(frame, n) {
-                let middle = world_from_node.point(&node.bend_pivot);
+                let pivot = node.pivot(&self.theta);
+                let middle = world_from_node.point(&pivot);
                 world_from_node.r *= exp(omega);
-                world_from_node.t = middle - world_from_node.r * node.bend_pivot;
+                world_from_node.t = middle - world_from_node.r * pivot;
             }
             self.origin[n] = world_from_joint.t;
             self.axis[n] = world_from_joint.r * axis;
             self.world_from_joint[n] = world_from_joint.r;
-            self.theta[n] = theta;
             self.world_from_node[n] = world_from_node;
         }
     }
@@ -139,7 +144,7 @@ pub(crate) fn loads(
         } else {
             sign * poses.axis[n].dot(&about_origin)
         };
-        let middle = poses.world_from_node[n].point(&body.nodes[n].bend_pivot);
+        let middle = poses.world_from_node[n].point(&body.nodes[n].pivot(&poses.theta));
         moment[n] = poses.world_from_node[n].r.tr_mul(&((f - middle * m).cross(&gravity) * sign));
     }
 }

@@ -17,4 +17,5 @@ pub(super) mod sites;
 pub(super) mod slips;
 pub(super) mod solver;
 pub(super) mod start;
+pub(super) mod telescope;
 pub(super) mod work_budget;

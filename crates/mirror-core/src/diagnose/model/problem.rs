@@ -272,6 +272,8 @@ impl Problem {
             | Atom::Tilt(n, _)
             | Atom::Bend(n)
             | Atom::Turn(n, _)
+            | Atom::Across(n, _)
+            | Atom::Rock(n, _)
             | Atom::OriginShift(n, _)
             | Atom::LinkShift(Some(n), _) => n < self.scene.nodes(),
             Atom::MarkerShift(m, _) => m < self.marker_sites.len(),

@@ -46,7 +46,7 @@ pub(crate) struct Scene {
 }
 
 impl Scene {
-    /// Tabulates the commanded motion and gravity's loads at the nominal postures.
+    /// Tabulates the commanded motion; loads are 0 until [`Scene::find_relevant`] knows where each link bends.
     ///
     /// # Errors
     /// An unknown link.
@@ -77,7 +77,7 @@ impl Scene {
             })
             .collect();
         let sight = recording.sight.as_ref();
-        let mut scene = Self {
+        Ok(Self {
             relevant: vec![false; nodes],
             body,
             frames,
@@ -97,12 +97,11 @@ impl Scene {
             has_mirror: sight.is_some_and(|s| s.board.is_some()),
             reach_m: 0.0,
             glass_thickness_m: sight.map_or(0.0, |s| s.glass_thickness_m),
-        };
-        scene.update_loads(&Deformation::nominal(frames, nodes, recording.markers.len()));
-        Ok(scene)
+        })
     }
 
-    /// Finds which nodes move what is seen against who sees it, how far they reach, and where each bends.
+    /// Finds which nodes move what is seen against who sees it, how far they reach, and where each bends; then gravity's loads at the
+    /// nominal postures, whose moments are about these places.
     pub fn find_relevant(
         &mut self,
         observers: &[Option<NodeId>],
@@ -142,6 +141,7 @@ impl Scene {
             self.body.nodes[n].bend_pivot = tip * 0.5;
             self.body.nodes[n].long_axis = along;
         }
+        self.update_loads(&Deformation::nominal(self.frames, nodes, markers.len()));
     }
 
     /// Computes gravity's loads anew at the actual postures of a deformation.

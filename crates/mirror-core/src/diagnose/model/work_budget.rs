@@ -12,6 +12,9 @@ use std::sync::atomic::{AtomicU64, Ordering};
 const MOST_LINEARISATIONS: u64 = 1330;
 /// At least: three seconds or so.
 const LEAST: u64 = 480_000_000;
+/// At least for each frame, up to so many: fifteen milliseconds. A session of measured points has a set-up of a few columns, and as many causes as another.
+const LEAST_OF_FRAME: u64 = 3_000_000;
+const MOST_FRAMES: usize = 500;
 /// A frame; each corner of its board, where these are rows; each column; each product of two is a quarter. In some five nanoseconds of one core.
 const FRAME: u64 = 600;
 const CORNER: u64 = 260;
@@ -36,7 +39,7 @@ impl WorkBudget {
     /// Of a session of so many frames, with so many corners of boards in all and so many columns of its set-up.
     pub fn of(frames: usize, corners: usize, columns: usize) -> Self {
         let most = MOST_LINEARISATIONS * linearisation(frames, corners, columns);
-        let most = most.max(LEAST);
+        let most = most.max(LEAST).max(LEAST_OF_FRAME * frames.min(MOST_FRAMES) as u64);
         Self { spent: Arc::default(), allowed: Arc::new(AtomicU64::new(most)), most }
     }
 

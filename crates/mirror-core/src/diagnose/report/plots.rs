@@ -32,6 +32,7 @@ enum Part {
     Marker(usize),
     LinkShift(Option<NodeId>),
     LinkTurn(NodeId),
+    JointRock(NodeId),
     Tilt(NodeId),
     CameraTurn,
     CameraShift,
@@ -55,7 +56,8 @@ impl Part {
         Some(match atom {
             Atom::MarkerShift(m, _) => Self::Marker(m),
             Atom::LinkShift(n, _) => Self::LinkShift(n),
-            Atom::Bend(n) | Atom::Turn(n, _) => Self::LinkTurn(n),
+            Atom::Bend(n) | Atom::Turn(n, _) | Atom::Across(n, _) => Self::LinkTurn(n),
+            Atom::Rock(n, _) => Self::JointRock(n),
             Atom::Tilt(n, _) => Self::Tilt(n),
             Atom::CameraMount(k) if k < 3 => Self::CameraTurn,
             Atom::CameraMount(_) => Self::CameraShift,
@@ -69,6 +71,7 @@ impl Part {
             Self::Marker(m) => (0..3).map(|k| Atom::MarkerShift(m, k)).collect(),
             Self::LinkShift(n) => (0..3).map(|k| Atom::LinkShift(n, k)).collect(),
             Self::LinkTurn(n) => (0..3).map(|k| Atom::Turn(n, k)).collect(),
+            Self::JointRock(n) => (0..2).map(|k| Atom::Rock(n, k)).collect(),
             Self::Tilt(n) => (0..2).map(|k| Atom::Tilt(n, k)).collect(),
             Self::CameraTurn => (0..3).map(Atom::CameraMount).collect(),
             Self::CameraShift => (3..6).map(Atom::CameraMount).collect(),
@@ -80,7 +83,7 @@ impl Part {
     fn words(self) -> (&'static str, &'static str) {
         match self {
             Self::Marker(_) | Self::LinkShift(_) | Self::CameraShift => ("shift", "m"),
-            Self::LinkTurn(_) | Self::CameraTurn => ("turn", "rad"),
+            Self::LinkTurn(_) | Self::JointRock(_) | Self::CameraTurn => ("turn", "rad"),
             Self::Tilt(_) => ("tilt", "rad"),
             Self::Focal => ("focal", "1"),
         }
@@ -89,7 +92,7 @@ impl Part {
     fn components(self) -> Vec<String> {
         match self {
             Self::Focal => vec!["focal length".into()],
-            Self::Tilt(_) => vec!["1".into(), "2".into()],
+            Self::Tilt(_) | Self::JointRock(_) => vec!["1".into(), "2".into()],
             _ => AXES.iter().map(|a| (*a).to_owned()).collect(),
         }
     }
@@ -106,6 +109,9 @@ impl Part {
             Self::LinkTurn(n) => {
                 deformation.bend(frame, n).map_or_else(|| vec![0.0; 3], |b| b.as_slice().to_vec())
             }
+            Self::JointRock(n) => {
+                deformation.rock(frame, n).map_or_else(|| vec![0.0; 2], |r| r.as_slice().to_vec())
+            }
             Self::Tilt(n) => deformation.tilt[n].as_slice().to_vec(),
             Self::CameraTurn => deformation.camera_mount_in(frame).as_slice()[..3].to_vec(),
             Self::CameraShift => deformation.camera_mount_in(frame).as_slice()[3..].to_vec(),
@@ -118,7 +124,7 @@ impl Part {
         let mut out: Vec<Quantity> = other.map(Quantity::Position).into_iter().collect();
         match self {
             Self::Marker(m) => out.extend((0..3).map(|k| Quantity::Down(m, k))),
-            Self::LinkTurn(n) => {
+            Self::LinkTurn(n) | Self::JointRock(n) => {
                 out.extend((0..3).map(|k| Quantity::Moment(n, k)).chain([Quantity::Position(n)]));
             }
             Self::LinkShift(Some(n)) | Self::Tilt(n) => {

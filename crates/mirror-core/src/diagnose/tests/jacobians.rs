@@ -1,5 +1,6 @@
 //! Every column against central differences of the exact forward model, the mirror's plane free in both.
 
+use super::column_world;
 use super::gap_world::{Plan, World, Wrong};
 use crate::diagnose::effects::hypothesis::{Catalogue, Term};
 use crate::diagnose::effects::vocabulary;
@@ -10,7 +11,7 @@ use crate::diagnose::model::frame::{FrameWork, PROJECTED, Task, Wanted};
 use crate::diagnose::model::free_values::FREE_OPTICS;
 use crate::diagnose::model::problem::Problem;
 use crate::robot::Robot;
-use nalgebra::{DMatrix, DVector, Vector3};
+use nalgebra::{DMatrix, DVector, Vector2, Vector3};
 use std::sync::Arc;
 
 /// A small session with a neck between camera and board, so that body atoms move the board's corners too.
@@ -42,6 +43,7 @@ fn somewhere(problem: &Problem) -> Deformation {
         for f in 0..problem.scene.frames {
             d.add_joint_delta(f, n, 0.01 * (n as f64 - 4.0));
             d.add_bend(f, n, Vector3::new(0.002, -0.003, 0.001));
+            d.add_rock(f, n, 1, 0.002);
         }
     }
     d.marker_shift[1] = Vector3::new(0.002, 0.001, -0.001);
@@ -74,6 +76,7 @@ fn atoms(problem: &Problem) -> Vec<Atom> {
     out.extend([Atom::Focal, Atom::Center(0), Atom::Center(1), Atom::Dk1, Atom::BoardScale]);
     out.extend([Atom::Glass, Atom::Curvature]);
     out.extend((0..nodes).flat_map(|n| (0..3).map(move |k| Atom::Turn(n, k))));
+    out.extend((0..nodes).flat_map(|n| (0..2).flat_map(move |k| [Atom::Across(n, k), Atom::Rock(n, k)])));
     out.extend((0..FREE_OPTICS).map(Atom::FreeOptics));
     out
 }
@@ -144,7 +147,8 @@ fn every_atoms_column_is_the_derivative_of_the_exact_model() {
             }
             checked += 1;
             // A bend on top of a bend (3 mrad here) turns about axes that the first one turned: first order in it.
-            let tolerance = if matches!(atom, Atom::Bend(_) | Atom::Turn(..)) { 1e-2 } else { 1e-3 };
+            let bends = matches!(atom, Atom::Bend(_) | Atom::Turn(..) | Atom::Across(..) | Atom::Rock(..));
+            let tolerance = if bends { 1e-2 } else { 1e-3 };
             let miss = (&difference - &claimed).norm() / scale;
             assert!(miss < tolerance, "{atom:?} in frame {frame}: {miss:e} of {scale:e}");
         }
@@ -154,7 +158,11 @@ fn every_atoms_column_is_the_derivative_of_the_exact_model() {
 
 #[test]
 fn every_effects_columns_are_the_derivative_of_its_deformation() {
-    let problem = problem();
+    columns_are_derivatives(&problem());
+    columns_are_derivatives(&column_world::problem());
+}
+
+fn columns_are_derivatives(problem: &Problem) {
     let scene = &problem.scene;
     let catalogue = Catalogue::new(scene, vocabulary().into_iter().map(Arc::from).collect(), &[]);
     for (h, hypothesis) in catalogue.hypotheses.iter().enumerate() {
@@ -176,8 +184,8 @@ fn every_effects_columns_are_the_derivative_of_its_deformation() {
                 };
                 let mut claimed = problem.nominal();
                 column.add(1.0, scene, &mut claimed);
-                let (plus, minus) = (flat(&problem, &deformed(1.0)), flat(&problem, &deformed(-1.0)));
-                let claimed = flat(&problem, &claimed);
+                let (plus, minus) = (flat(problem, &deformed(1.0)), flat(problem, &deformed(-1.0)));
+                let claimed = flat(problem, &claimed);
                 let difference = (plus - minus) / (2.0 * step);
                 let scale = claimed.norm().max(1e-9);
                 assert!(
@@ -199,6 +207,7 @@ fn flat(problem: &Problem, d: &Deformation) -> DVector<f64> {
         for n in 0..nodes {
             out.push(d.joint_delta(f, n));
             out.extend(d.bend(f, n).copied().unwrap_or_else(Vector3::zeros).iter());
+            out.extend(d.rock(f, n).copied().unwrap_or_else(Vector2::zeros).iter());
         }
         for m in 0..problem.marker_sites.len() {
             out.extend(d.marker_shift_in(f, m).iter());

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod adequacy;
+mod column_world;
 #[path = "../../../../../tests/rust/gap_world/mod.rs"]
 #[allow(dead_code)]
 mod gap_world;

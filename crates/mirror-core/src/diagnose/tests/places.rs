@@ -1,5 +1,6 @@
 //! Every effect at every place that it names: of its kind, and with as many priors and columns as parameters.
 
+use super::column_world;
 use super::gap_world::{Plan, World};
 use crate::diagnose::effects::about::PlaceKind;
 use crate::diagnose::effects::{Place, vocabulary};
@@ -23,18 +24,22 @@ fn places_are_of_the_kind_that_the_effect_tells_and_have_all_its_parameters() {
     let world = World::new(4, false);
     let robot = Robot::from_urdf_str(&world.urdf()).unwrap();
     let problem = Problem::new(&robot, &world.record(&Plan { postures: 6, ..Plan::default() })).unwrap();
+    let scenes = [&problem.scene, &column_world::problem().scene];
     for effect in vocabulary() {
-        let places = effect.places(&problem.scene);
-        assert!(!places.is_empty(), "{} has no place", effect.name());
         let count = effect.parameters().len();
-        for place in places {
-            let at = format!("{} at {}", effect.name(), place.name(&problem.scene));
-            assert_eq!(effect.about().map(|a| a.at), Some(kind(place)), "{at}");
-            assert_eq!(effect.prior_std(&problem.scene, place).len(), count, "{at}");
-            for variant in effect.variants(&problem.scene, place) {
-                let columns = effect.columns(&problem.scene, place, variant, &vec![0.0; count]);
-                assert_eq!(columns.len(), count, "{at}");
+        let mut somewhere = false;
+        for scene in scenes {
+            for place in effect.places(scene) {
+                somewhere = true;
+                let at = format!("{} at {}", effect.name(), place.name(scene));
+                assert_eq!(effect.about().map(|a| a.at), Some(kind(place)), "{at}");
+                assert_eq!(effect.prior_std(scene, place).len(), count, "{at}");
+                for variant in effect.variants(scene, place) {
+                    let columns = effect.columns(scene, place, variant, &vec![0.0; count]);
+                    assert_eq!(columns.len(), count, "{at}");
+                }
             }
         }
+        assert!(somewhere, "{} has no place", effect.name());
     }
 }

@@ -174,6 +174,8 @@ fn optics_column(atom: Atom) -> Option<usize> {
         | Atom::Tilt(..)
         | Atom::Bend(_)
         | Atom::Turn(..)
+        | Atom::Across(..)
+        | Atom::Rock(..)
         | Atom::LinkShift(..)
         | Atom::OriginShift(..)
         | Atom::MarkerShift(..)

@@ -1,0 +1,59 @@
+//! What effects of sliding columns have in common: which columns there are, how far they are out, the moment across them.
+
+use crate::diagnose::model::body::NodeId;
+use crate::diagnose::model::scene::Scene;
+use crate::diagnose::model::solver::NEGLIGIBLE;
+use crate::diagnose::model::telescope::Telescope;
+
+/// Where the overlap of the tubes would end, in multiples of the farthest that the joints' limits let them out: guides that hold something are left
+/// with a fifth of the way.
+const END: f64 = 1.2;
+/// The overlap ends beyond what was commanded by at least so much.
+const LEAST_OVERLAP: f64 = 1.02;
+
+/// The last sliding joint of each column that moves what is seen, was moved, and is loaded.
+pub(super) fn columns_last(scene: &Scene) -> impl Iterator<Item = NodeId> + '_ {
+    let nodes = &scene.body.nodes;
+    let is_inner = move |n: NodeId| {
+        nodes.iter().any(|other| {
+            other
+                .telescope
+                .as_ref()
+                .is_some_and(|t| t.joints.len() > 1 && t.joints[..t.joints.len() - 1].contains(&n))
+        })
+    };
+    (0..scene.nodes()).filter(move |&n| {
+        let moves = |t: &Telescope| t.joints.iter().any(|&k| scene.moves(k));
+        let loaded = largest_moment(scene, n) > NEGLIGIBLE;
+        scene.relevant[n] && nodes[n].telescope.as_ref().is_some_and(moves) && !is_inner(n) && loaded
+    })
+}
+
+/// The first sliding joint of each of these columns.
+pub(super) fn columns_first(scene: &Scene) -> impl Iterator<Item = NodeId> + '_ {
+    columns_last(scene).filter_map(|n| scene.body.nodes[n].telescope.as_ref()?.joints.first().copied())
+}
+
+/// Gravity's moment on a node's link about direction k across its joint, frame by frame, N m.
+pub(super) fn moment_across(scene: &Scene, n: NodeId, k: usize) -> impl Iterator<Item = f64> + '_ {
+    let direction = scene.body.nodes[n].tilt_directions[k];
+    (0..scene.frames).map(move |f| direction.dot(scene.moment(f, n)))
+}
+
+/// The largest moment of these, about either direction, N m.
+pub(super) fn largest_moment(scene: &Scene, n: NodeId) -> f64 {
+    (0..2).flat_map(|k| moment_across(scene, n, k)).fold(0.0, |largest: f64, m| largest.max(m.abs()))
+}
+
+/// By what a column gives way more for being out, frame by frame, m: `h = e/(1 − e/D)`, e its extension and D where its overlap ends,
+/// [`END`] times the farthest that the limits allow; h is e itself where they allow anything. It depends on nothing of the session but e.
+pub(super) fn slackening_m(scene: &Scene, n: NodeId) -> Vec<f64> {
+    let Some(telescope) = &scene.body.nodes[n].telescope else { return vec![0.0; scene.frames] };
+    let nodes = scene.nodes();
+    let out: Vec<f64> = (0..scene.frames)
+        .map(|f| telescope.extension(&scene.commanded[f * nodes..(f + 1) * nodes]))
+        .collect();
+    let most = out.iter().fold(0.0_f64, |a, e| a.max(*e));
+    let whole = (END * telescope.farthest_m).max(LEAST_OVERLAP * most);
+    out.iter().map(|e| if whole.is_finite() { e / (1.0 - e / whole) } else { *e }).collect()
+}

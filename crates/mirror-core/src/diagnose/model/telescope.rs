@@ -1,0 +1,56 @@
+//! Columns that slide out of each other: a run of prismatic joints along one axis.
+//!
+//! Such a column is a beam whose length is its extension, so that the middle about which it bends travels with it, and
+//! what overlaps inside is the less the further it is out.
+
+use crate::diagnose::model::pose::Pose;
+use nalgebra::Vector3;
+
+/// How far two axes may point apart and still be one column's: the cosine's distance from 1.
+const ALONG: f64 = 1e-6;
+
+/// A run of sliding joints along one axis, ending with the node that has it.
+#[derive(Debug, Clone)]
+pub(crate) struct Telescope {
+    /// The nodes of its joints from the first to the last.
+    pub joints: Vec<usize>,
+    /// The farthest that their limits let them out together, m; infinite where a joint has none.
+    pub farthest_m: f64,
+    /// Their common unit axis in the last node's frame.
+    axis: Vector3<f64>,
+    /// From the first joint's origin to the last node's origin while nothing is extended, in the last node's frame, m.
+    retracted: Vector3<f64>,
+}
+
+impl Telescope {
+    /// The run that ends with the sliding joint of node `id`; `inner` is that of the node that carries it.
+    /// `upper_m` is the joint's upper limit, infinite where it has none.
+    pub fn of(
+        id: usize,
+        inner: Option<&Self>,
+        parent_from_joint: &Pose,
+        axis: &Vector3<f64>,
+        upper_m: f64,
+    ) -> Self {
+        let alone = Self { joints: vec![id], farthest_m: upper_m, axis: *axis, retracted: Vector3::zeros() };
+        let Some(inner) = inner else { return alone };
+        let turned = parent_from_joint.r.tr_mul(&inner.axis);
+        if turned.dot(axis) < 1.0 - ALONG {
+            return alone;
+        }
+        let mut joints = inner.joints.clone();
+        joints.push(id);
+        let retracted = parent_from_joint.r.tr_mul(&(inner.retracted + parent_from_joint.t));
+        Self { joints, farthest_m: inner.farthest_m + upper_m, axis: *axis, retracted }
+    }
+
+    /// How far it is out, m: the sum of its joints' positions, `[node]`.
+    pub fn extension(&self, positions: &[f64]) -> f64 {
+        self.joints.iter().map(|&n| positions[n]).sum()
+    }
+
+    /// Where it begins, in the last node's frame, m.
+    pub fn foot(&self, positions: &[f64]) -> Vector3<f64> {
+        -(self.retracted + self.axis * self.extension(positions))
+    }
+}
