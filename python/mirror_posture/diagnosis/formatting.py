@@ -21,6 +21,8 @@ UNITS = {
     "time_constant_s": ("ms", 1000.0),
     "_rad_per_nm": ("°/N m", math.degrees(1.0)),
     "_rad_per_s": ("°/h", math.degrees(1.0) * 3600.0),
+    "_rad_per_nm_m": ("°/N m²", math.degrees(1.0)),
+    "_rad_per_m": ("°/m", math.degrees(1.0)),
     "_per_m": ("1/m", 1.0),
     "_rad": ("°", math.degrees(1.0)),
     "_nm": ("N m", 1.0),
@@ -47,7 +49,7 @@ def unit_of(name: str, slides: bool) -> tuple[str, float]:
 
 TINY = 0.01
 """Values smaller than this are told in thousandths: zeros behind the point cannot be counted at a glance."""
-SIZES = ("width", "spread", "deadband", "thickness", "friction", "compliance")
+SIZES = ("width", "spread", "deadband", "thickness", "friction", "compliance", "growth")
 """Parameters that cannot be negative: a sign would say nothing."""
 
 

@@ -1,4 +1,4 @@
-//! The guide of a sliding joint has play in tilt: what it carries leans to the side to which gravity's moment presses it,
+//! The guide of a sliding link has play in tilt: the link leans to the side to which gravity's moment presses it,
 //! `ω_k = ± (w + g h(e))/2` about one direction k across the joint (those of `axis_tilt`), with h(e) as of `column_bending`.
 //!
 //! The side changes where the moment overcomes what else presses the guide (preload, masses that the model does not tell): the
@@ -32,7 +32,7 @@ impl Effect for TiltPlay {
     }
 
     fn places(&self, scene: &Scene) -> Vec<Place> {
-        columns_last(scene).map(Place::Joint).collect()
+        columns_last(scene).map(|n| Place::Link(Some(n))).collect()
     }
 
     fn prior_std(&self, scene: &Scene, place: Place) -> Vec<f64> {
@@ -73,7 +73,7 @@ impl Effect for TiltPlay {
 
     fn about(&self) -> Option<About> {
         Some(About {
-            at: PlaceKind::Joint,
+            at: PlaceKind::Link,
             law: "ω = ± (w + g h(e))/2 across the joint, on the side of the moment: e the extension, h = e/(1 − e/D)",
             remedy: "preload or shim the guide",
             written_to: WrittenTo::Nothing,

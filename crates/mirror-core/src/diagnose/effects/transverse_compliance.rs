@@ -1,5 +1,5 @@
-//! A sliding joint's guide, or what carries it, gives way across its axis: `ω_k = c_k m_k` about each of the two directions k across
-//! the joint, at the joint's origin, m_k gravity's moment there on all that it carries.
+//! A sliding link's guide, or what carries it, gives way across its axis: `ω_k = c_k m_k` about each of the two directions k across
+//! the joint, at the joint's origin, m_k gravity's moment on the link and all that it carries.
 
 use super::about::{About, PlaceKind, WrittenTo};
 use super::telescopes::{columns_first, largest_moment, moment_across};
@@ -23,7 +23,7 @@ impl Effect for TransverseCompliance {
     }
 
     fn places(&self, scene: &Scene) -> Vec<Place> {
-        columns_first(scene).map(Place::Joint).collect()
+        columns_first(scene).map(|n| Place::Link(Some(n))).collect()
     }
 
     fn prior_std(&self, scene: &Scene, place: Place) -> Vec<f64> {
@@ -49,12 +49,12 @@ impl Effect for TransverseCompliance {
     }
 
     fn words(&self) -> &str {
-        "the joint's guide, or what carries it, gives way across its axis under the load of gravity"
+        "the link's guide, or what carries it, gives way across its axis under the load of gravity"
     }
 
     fn about(&self) -> Option<About> {
         Some(About {
-            at: PlaceKind::Joint,
+            at: PlaceKind::Link,
             law: "ω_k = c_k m_k about each of the two directions k across the joint, at its origin",
             remedy: "stiffen the guide, or the ground on which the robot stands",
             written_to: WrittenTo::Nothing,
