@@ -7,7 +7,7 @@
 
 use super::about::{About, PlaceKind, WrittenTo};
 use super::telescopes::{columns_last, largest_moment, moment_across, slackening_m};
-use super::{Effect, Place, joint_of, named};
+use super::{Effect, LawFreedom, Place, joint_of, named};
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::scene::Scene;
 use crate::diagnose::model::solver::NEGLIGIBLE;
@@ -56,12 +56,20 @@ impl Effect for ColumnBending {
         vec![column(0, false), column(1, false), column(0, true), column(1, true)]
     }
 
+    fn is_of_columns(&self) -> bool {
+        true
+    }
+
     fn is_positive(&self) -> bool {
         true
     }
 
     fn depends_on_load(&self) -> bool {
         true
+    }
+
+    fn law_freedom(&self) -> LawFreedom {
+        LawFreedom::Extension
     }
 
     fn words(&self) -> &str {

@@ -20,8 +20,8 @@ pub(crate) struct Hypothesis {
     pub place: Place,
     pub variants: Vec<f64>,
     pub prior_std: Vec<f64>,
-    /// Log of the prior probability of this cause among all: effects that have a place here are equally likely, and so are an effect's
-    /// places.
+    /// Log of the prior probability of this cause among all: effects are equally likely (those of columns where there is one), and
+    /// so are an effect's places.
     pub log_prior: f64,
 }
 
@@ -41,9 +41,10 @@ impl Catalogue {
             .filter(|&e| !without.iter().any(|w| w == effects[e].name()))
             .map(|e| (e, effects[e].places(scene)))
             .collect();
-        let somewhere = on.iter().filter(|(_, places)| !places.is_empty()).count();
+        let may_be = |(e, places): &&(usize, Vec<Place>)| !places.is_empty() || !effects[*e].is_of_columns();
+        let count = on.iter().filter(may_be).count();
         for (effect, places) in on {
-            let log_prior = -((somewhere * places.len().max(1)) as f64).ln();
+            let log_prior = -((count * places.len().max(1)) as f64).ln();
             for place in places {
                 hypotheses.push(Hypothesis {
                     effect,

@@ -44,6 +44,9 @@ use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::Column;
 use crate::diagnose::model::scene::Scene;
 
+/// Factors on a discrete unknown (a friction torque) that are tried once the cause is found.
+const VARIANT_FACTORS: [f64; 8] = [0.7, 0.8, 0.88, 0.95, 1.06, 1.14, 1.25, 1.4];
+
 /// Where a cause can be.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub(crate) enum Place {
@@ -94,6 +97,8 @@ pub(crate) enum LawFreedom {
     LoadAndDirection,
     /// In the moment on the link.
     Moment,
+    /// In how it grows with a column's extension, and in where the column bends.
+    Extension,
     /// In time.
     Time,
 }
@@ -142,6 +147,15 @@ pub(crate) trait Effect: Send + Sync {
         vec![0.0]
     }
 
+    /// Values of the discrete unknown near one that was found, among which it is refined.
+    fn variants_near(&self, _scene: &Scene, _place: Place, variant: f64) -> Vec<f64> {
+        if variant.is_finite() && variant != 0.0 {
+            VARIANT_FACTORS.map(|factor| factor * variant).into()
+        } else {
+            Vec::new()
+        }
+    }
+
     /// Each parameter's column, at the given parameters.
     fn columns(&self, scene: &Scene, place: Place, variant: f64, parameters: &[f64]) -> Vec<Column>;
 
@@ -177,6 +191,11 @@ pub(crate) trait Effect: Send + Sync {
     /// In what its law may differ from the textbook's.
     fn law_freedom(&self) -> LawFreedom {
         LawFreedom::Exact
+    }
+
+    /// Whether only robots with a column of tubes that slide out of each other can have it.
+    fn is_of_columns(&self) -> bool {
+        false
     }
 
     /// Whether every joint has a little of it by manufacture: then little of it is no cause beside `geometry`.

@@ -25,13 +25,13 @@ pub(super) fn columns_last(scene: &Scene) -> impl Iterator<Item = NodeId> + '_ {
     (0..scene.nodes()).filter(move |&n| {
         let moves = |t: &Telescope| t.joints.iter().any(|&k| scene.moves(k));
         let loaded = largest_moment(scene, n) > NEGLIGIBLE;
-        scene.relevant[n] && nodes[n].telescope.as_ref().is_some_and(moves) && !is_inner(n) && loaded
+        scene.relevant[n] && nodes[n].column().is_some_and(moves) && !is_inner(n) && loaded
     })
 }
 
 /// The first sliding joint of each of these columns.
 pub(super) fn columns_first(scene: &Scene) -> impl Iterator<Item = NodeId> + '_ {
-    columns_last(scene).filter_map(|n| scene.body.nodes[n].telescope.as_ref()?.joints.first().copied())
+    columns_last(scene).filter_map(|n| scene.body.nodes[n].column()?.joints.first().copied())
 }
 
 /// Gravity's moment on a node's link about direction k across its joint, frame by frame, N m.
@@ -48,7 +48,7 @@ pub(super) fn largest_moment(scene: &Scene, n: NodeId) -> f64 {
 /// By what a column gives way more for being out, frame by frame, m: `h = e/(1 − e/D)`, e its extension and D where its overlap ends,
 /// [`END`] times the farthest that the limits allow; h is e itself where they allow anything. It depends on nothing of the session but e.
 pub(super) fn slackening_m(scene: &Scene, n: NodeId) -> Vec<f64> {
-    let Some(telescope) = &scene.body.nodes[n].telescope else { return vec![0.0; scene.frames] };
+    let Some(telescope) = scene.body.nodes[n].column() else { return vec![0.0; scene.frames] };
     let nodes = scene.nodes();
     let out: Vec<f64> = (0..scene.frames)
         .map(|f| telescope.extension(&scene.commanded[f * nodes..(f + 1) * nodes]))

@@ -7,12 +7,16 @@
 use super::about::{About, PlaceKind, WrittenTo};
 use super::telescopes::{columns_last, moment_across, slackening_m};
 use super::{Effect, Place, joint_of, named};
+use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::scene::Scene;
 use crate::diagnose::model::solver::NEGLIGIBLE;
 
 /// Where the side is tried to change, as shares of the frames whose moment is below.
 const LEVELS: [f64; 9] = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9];
+/// Once it is found, so many steps of so large a share of the frames are tried to either side.
+const TRIED: i64 = 6;
+const FINER: f64 = 0.015;
 /// A common play of a guide, rad.
 const TYPICAL_RAD: f64 = 0.003;
 
@@ -20,6 +24,23 @@ const TYPICAL_RAD: f64 = 0.003;
 pub(crate) struct TiltPlay {
     /// About which of the two directions across the joint: 0 or 1.
     pub direction: usize,
+}
+
+impl TiltPlay {
+    fn sorted_moments(&self, scene: &Scene, n: NodeId) -> Vec<f64> {
+        let mut moments: Vec<f64> = moment_across(scene, n, self.direction).collect();
+        moments.sort_by(f64::total_cmp);
+        moments
+    }
+}
+
+/// The middle between the i-th of some sorted numbers and the one before.
+fn between(sorted: &[f64], i: usize) -> f64 {
+    let at = i.clamp(1, sorted.len().max(2) - 1);
+    match (sorted.get(at - 1), sorted.get(at)) {
+        (Some(a), Some(b)) => 0.5 * (a + b),
+        _ => 0.0,
+    }
 }
 
 impl Effect for TiltPlay {
@@ -44,9 +65,22 @@ impl Effect for TiltPlay {
     /// Moments at which the side may change, N m.
     fn variants(&self, scene: &Scene, place: Place) -> Vec<f64> {
         let Some(n) = joint_of(place) else { return Vec::new() };
-        let mut moments: Vec<f64> = moment_across(scene, n, self.direction).collect();
-        moments.sort_by(f64::total_cmp);
-        LEVELS.map(|share| moments[(share * (moments.len() - 1) as f64) as usize]).into()
+        let moments = self.sorted_moments(scene, n);
+        LEVELS.map(|share| between(&moments, (share * moments.len() as f64) as usize)).into()
+    }
+
+    /// Moments among those of a level's share of the frames to either side.
+    fn variants_near(&self, scene: &Scene, place: Place, variant: f64) -> Vec<f64> {
+        let Some(n) = joint_of(place) else { return Vec::new() };
+        let moments = self.sorted_moments(scene, n);
+        let here = moments.partition_point(|m| *m <= variant);
+        let step = (FINER * moments.len() as f64).max(1.0);
+        (-TRIED..=TRIED)
+            .filter(|k| *k != 0)
+            .map(|k| here as f64 + k as f64 * step)
+            .filter(|i| *i >= 1.0 && *i < moments.len() as f64)
+            .map(|i| between(&moments, i as usize))
+            .collect()
     }
 
     fn columns(&self, scene: &Scene, place: Place, variant: f64, _parameters: &[f64]) -> Vec<Column> {
@@ -57,6 +91,10 @@ impl Effect for TiltPlay {
         [sides, grown]
             .map(|weights| Column { atom: Atom::Across(n, self.direction), weight: Weight::Frames(weights) })
             .into()
+    }
+
+    fn is_of_columns(&self) -> bool {
+        true
     }
 
     fn is_positive(&self) -> bool {

@@ -40,6 +40,10 @@ impl Effect for TransverseCompliance {
         vec![column(0), column(1)]
     }
 
+    fn is_of_columns(&self) -> bool {
+        true
+    }
+
     fn is_positive(&self) -> bool {
         true
     }

@@ -28,7 +28,7 @@ pub(crate) struct Node {
     ///
     /// The bending of a uniform beam acts at its end as if it were lumped in its middle.
     pub bend_pivot: Vector3<f64>,
-    /// The column that a sliding joint is the last of; none of joints that turn.
+    /// The run of sliding joints that this one ends; none of joints that turn.
     pub telescope: Option<Telescope>,
     /// Unit vector along the link in the node's frame; none where nothing says which way it goes.
     pub long_axis: Option<Vector3<f64>>,
@@ -46,10 +46,15 @@ impl Node {
     ///
     /// `positions` of the nodes' joints, `[node]`, as far as this node.
     pub fn pivot(&self, positions: &[f64]) -> Vector3<f64> {
-        match &self.telescope {
+        match self.column() {
             Some(telescope) => self.bend_pivot + telescope.foot(positions) * 0.5,
             None => self.bend_pivot,
         }
+    }
+
+    /// The column that slides out with this node as its last tube.
+    pub fn column(&self) -> Option<&Telescope> {
+        self.telescope.as_ref().filter(|t| t.is_column())
     }
 }
 

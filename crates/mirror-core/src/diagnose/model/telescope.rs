@@ -1,4 +1,5 @@
-//! Columns that slide out of each other: a run of prismatic joints along one axis.
+//! Columns that slide out of each other: a run of two prismatic joints or more along one axis. One alone is a carriage, whose guide is the same
+//! wherever it stands.
 //!
 //! Such a column is a beam whose length is its extension, so that the middle about which it bends travels with it, and
 //! what overlaps inside is the less the further it is out.
@@ -9,7 +10,7 @@ use nalgebra::Vector3;
 /// How far two axes may point apart and still be one column's: the cosine's distance from 1.
 const ALONG: f64 = 1e-6;
 
-/// A run of sliding joints along one axis, ending with the node that has it.
+/// A run of sliding joints along one axis, ending with the node that has it; of a carriage that joint alone.
 #[derive(Debug, Clone)]
 pub(crate) struct Telescope {
     /// The nodes of its joints from the first to the last.
@@ -42,6 +43,11 @@ impl Telescope {
         joints.push(id);
         let retracted = parent_from_joint.r.tr_mul(&(inner.retracted + parent_from_joint.t));
         Self { joints, farthest_m: inner.farthest_m + upper_m, axis: *axis, retracted }
+    }
+
+    /// Whether its tubes slide out of each other: at least two joints.
+    pub fn is_column(&self) -> bool {
+        self.joints.len() > 1
     }
 
     /// How far it is out, m: the sum of its joints' positions, `[node]`.

@@ -16,6 +16,7 @@ use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::free_values::{ASTIGMATISM, BOARD_SHAPE, WARP};
 use crate::diagnose::model::scene::Scene;
+use crate::diagnose::random_effects::column_law::column_law;
 use nalgebra::Vector3;
 
 /// Smooth functions a dependence has: knots of a piecewise linear function.
@@ -308,7 +309,7 @@ impl Effect for FreeForm {
 /// The columns in which a law may differ from the textbook's, at a cause's place.
 pub(crate) fn law_columns(scene: &Scene, place: Place, freedom: LawFreedom) -> Vec<Column> {
     let kinds: &[(What, On)] = match freedom {
-        LawFreedom::Exact => &[],
+        LawFreedom::Exact | LawFreedom::Extension => &[],
         LawFreedom::Load => &[(What::Joint, On::Load)],
         LawFreedom::LoadAndDirection => &[(What::Joint, On::Load), (What::Joint, On::Direction)],
         LawFreedom::Moment => &[(What::LinkTurn, On::Load)],
@@ -320,6 +321,9 @@ pub(crate) fn law_columns(scene: &Scene, place: Place, freedom: LawFreedom) -> V
         .collect();
     if let (LawFreedom::Moment, Place::Link(Some(n))) = (freedom, place) {
         columns.extend(beyond_linear(scene, n));
+    }
+    if let (LawFreedom::Extension, Place::Link(Some(n))) = (freedom, place) {
+        columns.extend(column_law(scene, n));
     }
     columns
 }

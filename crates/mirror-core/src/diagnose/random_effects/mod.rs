@@ -1,5 +1,6 @@
 //! Gaussian random effects: discrepancy of laws, geometric tolerances, free forms.
 
+pub(super) mod column_law;
 pub(super) mod displaced;
 pub(super) mod free_form;
 pub(super) mod geometric_tolerances;

@@ -20,8 +20,6 @@ const LEAST_REACH: f64 = 25.0;
 const REACH: f64 = 0.15;
 /// The same for hypotheses with a discrete unknown, which the score test takes at a play of no width.
 const REACH_OF_VARIANTS: f64 = 0.5;
-/// Factors on a discrete unknown (a friction torque) that are tried once the cause is found.
-const VARIANT_FACTORS: [f64; 8] = [0.7, 0.8, 0.88, 0.95, 1.06, 1.14, 1.25, 1.4];
 
 impl Search<'_> {
     /// Fits the most promising additions to a model, at a noise; best first. `but` is left out, if it stands in the model's
@@ -151,13 +149,15 @@ impl Search<'_> {
                 break;
             }
             let term = &best.model.terms[i];
-            if self.catalogue.hypotheses[term.hypothesis].variants.len() < 2
-                || !term.variant.is_finite()
-                || term.variant == 0.0
-            {
+            let hypothesis = &self.catalogue.hypotheses[term.hypothesis];
+            if hypothesis.variants.len() < 2 {
                 continue;
             }
-            let near = VARIANT_FACTORS.map(|factor| factor * term.variant);
+            let effect = self.catalogue.effect(term.hypothesis);
+            let near = effect.variants_near(&self.problem.scene, hypothesis.place, term.variant);
+            if near.is_empty() {
+                continue;
+            }
             let tried = self
                 .likeliest_variants(&best.model, (i, None), noise, &near)?
                 .par_iter()
