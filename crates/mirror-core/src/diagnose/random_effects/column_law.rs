@@ -1,5 +1,4 @@
-//! By what a sliding column may bend otherwise than the law of `column_bending`: as the moment times any smooth function of its extension, and as
-//! if it bent nearer to its foot.
+//! By what a sliding column may bend otherwise than the law of `column_bending`: as the moment times any smooth function of its extension.
 
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
@@ -9,7 +8,7 @@ use crate::diagnose::model::solver::NEGLIGIBLE;
 /// Knots of the function, from the least extension to the most.
 const KNOTS: usize = 3;
 
-/// About each direction k across the column: `m_k/m_max` times a hat function at each knot, in its middle; and `m_k/m_max` at its foot.
+/// About each direction k across the column: `m_k/m_max` times a hat function at each knot.
 pub(crate) fn column_law(scene: &Scene, n: NodeId) -> Vec<Column> {
     let Some(telescope) = scene.body.nodes[n].column() else { return Vec::new() };
     let nodes = scene.nodes();
@@ -20,7 +19,6 @@ pub(crate) fn column_law(scene: &Scene, n: NodeId) -> Vec<Column> {
         out.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), e| (a.min(*e), b.max(*e)));
     let step = ((most - least) / (KNOTS - 1) as f64).max(NEGLIGIBLE);
     let largest = (0..scene.frames).map(|f| scene.moment(f, n).norm()).fold(NEGLIGIBLE, f64::max);
-    let foot = telescope.joints.first().copied().unwrap_or(n);
     (0..2)
         .flat_map(|k| {
             let direction = scene.body.nodes[n].tilt_directions[k];
@@ -35,9 +33,7 @@ pub(crate) fn column_law(scene: &Scene, n: NodeId) -> Vec<Column> {
                     weight: weight(&|e: f64| (1.0 - ((e - at) / step).abs()).max(0.0)),
                 }
             };
-            let mut columns: Vec<Column> = (0..KNOTS).map(knot).collect();
-            columns.push(Column { atom: Atom::Rock(foot, k), weight: weight(&|_| 1.0) });
-            columns
+            (0..KNOTS).map(knot).collect::<Vec<Column>>()
         })
         .collect()
 }
