@@ -1,6 +1,6 @@
 """Balls in poor pictures: degrades a session's pictures in many ways and holds what detection finds against the truth.
 
-    python tests/python/ball_variants.py SESSION [--pictures 6] [--only TEXT ...] [--json FILE]
+    python tests/python/ball_variants.py SESSION [--pictures 6] [--seed 0] [--only TEXT ...] [--json FILE]
 
 SESSION has pictures and truth.json (`mirror-posture demo`, `render_session`, or another renderer's). Light is mixed linearly, levels are sRGB's; what is
 added (clutter, plates) is drawn by supersampling. Nothing of detection is used to make a picture. For each variant: balls that are at least 80 % visible
@@ -418,6 +418,7 @@ def main() -> None:
     parser.add_argument("--json", type=Path)
     parser.add_argument("--worst", action="store_true")
     parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--seed", type=int, default=0)
     given = parser.parse_args()
     names = [name for name in VARIANTS if any(text in name for text in given.only)]
     print(
@@ -425,7 +426,7 @@ def main() -> None:
     )
     rows, found, wrong = [], 0, 0
     for name in names:
-        (one,) = score(given.session, [name], given.pictures, first=given.first)
+        (one,) = score(given.session, [name], given.pictures, given.seed, given.first)
         row = one.row()
         rows.append(row)
         found, wrong = found + row["found"], wrong + row["wrong"]

@@ -121,6 +121,48 @@ def test_no_ball_is_wrong_and_deviations_are_true(name: str, tmp_path: Path) -> 
     assert np.mean(normalised) < largest_normalised
 
 
+def on_a_limb(center: tuple[float, float], rng: np.random.Generator) -> np.ndarray:
+    """A ball lit from above on a bright limb: its dark side meets the shadow that it casts on what carries it."""
+    width, height = SIZE
+    u = (np.arange(width * FINE) + 0.5) / FINE - 0.5 - center[0]
+    v = (np.arange(height * FINE) + 0.5) / FINE - 0.5 - center[1]
+    across = v[:, None] + rng.uniform(-0.3, 0.3) * u[None] - RADIUS
+    # From the place that the ball touches the limb's light grows over 3 px.
+    from_ball = np.clip((np.hypot(u[None], v[:, None]) - RADIUS) / 3.0, 0.0, 1.0)
+    light = np.where(across > -1.0, 0.1 + 0.4 * from_ball, 0.2)[..., None] * np.array([0.95, 1.0, 1.0])
+    du, dv = u[None] / RADIUS, v[:, None] / RADIUS
+    inside = du**2 + dv**2 <= 1.0
+    toward = np.sqrt(np.maximum(1.0 - du**2 - dv**2, 0.0))
+    shade = 0.16 + 0.84 * np.maximum(0.25 * du - 0.85 * dv + 0.46 * toward, 0.0)
+    light = np.where(inside[..., None], shade[..., None] * np.array([0.04, 0.7, 0.05]), light)
+    return light.reshape(height, FINE, width, FINE, 3).mean(axis=(1, 3))
+
+
+def test_a_dark_side_before_a_shadow_is_no_edge_farther_out(tmp_path: Path) -> None:
+    marker = Marker("hand", diameter_m=0.0116, color=ColorRange(120.0, 20.0, 0.4, 0.12))
+    errors = []
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        center = (float(rng.uniform(90, 230)), float(rng.uniform(70, 170)))
+        made = compressed(92, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_420)(on_a_limb(center, rng), rng)
+        (tmp_path / "ball.jpg").write_bytes(made)
+        file = read_picture_file(tmp_path / "ball.jpg")
+        hint = PredictedMarker("hand", (center[0] + 6.0, center[1] - 4.0), np.inf, RADIUS * 1.01)
+        (view,) = detect_markers(
+            file.pixels,
+            (marker,),
+            CAMERA,
+            chroma_step_px=file.chroma_step_px,
+            expected=(hint,),
+            quantisation_step=file.quantisation_step,
+        )
+        assert view.ok, (seed, view.reason)
+        errors.append(np.subtract(view.pixel_px, center))
+    # The mean says what side the edges are drawn to; by the shading and an even background alone it was 0.57 px, and the RMS error 0.63 px.
+    assert np.hypot(*np.mean(errors, axis=0)) < 0.25
+    assert np.sqrt(np.mean(np.sum(np.square(errors), axis=1))) < 0.35
+
+
 @pytest.mark.parametrize("hidden", [0.1, 0.25, 0.4])
 def test_a_ball_half_behind_a_plate_is_where_it_is(hidden: float) -> None:
     for seed in range(4):

@@ -10,7 +10,7 @@ use crate::diagnose::effects::hypothesis::{Catalogue, Model};
 use crate::diagnose::likelihood::fit::Group;
 use crate::diagnose::likelihood::noise;
 use crate::diagnose::likelihood::score_test::screen;
-use crate::diagnose::model::work_budget::FOR_NAMED_CAUSES;
+use crate::diagnose::model::work_budget::A_STAGE;
 use crate::diagnose::prepare::options::{DiagnoseOptions, OtherSession};
 use crate::diagnose::prepare::prepared::Prepared;
 use crate::diagnose::random_effects::free_form::free_forms;
@@ -55,7 +55,7 @@ pub fn diagnose(
     let ranking = screen(&problem, &catalogue, &Group::default(), &nominal, scatter, None)?;
 
     options.progress.enter("searching for causes");
-    problem.budget.allow(FOR_NAMED_CAUSES);
+    problem.budget.allow(1.0 - 2.0 * A_STAGE);
     let part = part_of_frames(&problem);
     let mut search = Search {
         measured_noise: problem.noise,

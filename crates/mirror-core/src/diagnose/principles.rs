@@ -44,11 +44,12 @@ pub(crate) const MAJORITY: f64 = 0.5;
 pub(crate) const FAR_DEVIATIONS: f64 = 6.0;
 /// A number is there from this many of its standard deviations on: one in 400 by chance.
 pub(crate) const SURE_DEVIATIONS: f64 = 3.0;
-/// Residuals this many times their noise are a gap.
-pub(crate) const A_GAP: f64 = 1.15;
+/// Residuals this many times their noise are a gap: a quarter of the noise's variance more.
+pub(crate) const A_GAP: f64 = 1.12;
 /// What is this many times the scatter around it stands out of it: a gap out of its noise floor, an error out of those of its kind.
 pub(crate) const ABOVE_SCATTER: f64 = 1.5;
-/// Rivals that are less probable than this are neither named beside a cause nor worth an experiment.
+/// What is less probable than this, one in twenty, is left aside: such rivals are neither named beside a cause nor worth an experiment, and
+/// an error larger than a limit would be missed in no more sessions.
 pub(crate) const WORTH_NAMING: f64 = 0.05;
 /// So many causes at once may be something else that they imitate together: one law that the vocabulary has not, a pair that nearly cancels, a
 /// set-up that sits elsewhere, small errors everywhere.

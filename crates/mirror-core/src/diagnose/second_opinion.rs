@@ -9,7 +9,7 @@
 
 use crate::diagnose::data::diagnosis::{Cause, Diagnosis, Verdict, Where};
 use crate::diagnose::data::recording::Recording;
-use crate::diagnose::model::work_budget::FOR_NAMED_CAUSES;
+use crate::diagnose::model::work_budget::A_STAGE;
 use crate::diagnose::pipeline;
 use crate::diagnose::prepare::options::{DiagnoseOptions, OtherSession};
 use crate::diagnose::principles::{LEAST_HELD_OUT_RATIO, SURE_DEVIATIONS};
@@ -38,7 +38,7 @@ pub fn diagnose(
 ) -> Result<Diagnosis> {
     let (first, work) = pipeline::diagnose(robot, recording, options, others, false)?;
     // A closer look is taken where the first one ended with named causes' share of the work: both together stay bounded.
-    let Some(doubt) = Doubt::of(&first).filter(|d| !d.looks_closely() || work < FOR_NAMED_CAUSES) else {
+    let Some(doubt) = Doubt::of(&first).filter(|d| !d.looks_closely() || work < 1.0 - 2.0 * A_STAGE) else {
         return Ok(first);
     };
     let mut still = options.clone();

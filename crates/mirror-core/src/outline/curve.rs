@@ -1,4 +1,43 @@
-//! How far a blurred edge's sum is moved where light mixes on another scale than the values are on.
+//! Levels and light, and how far a blurred edge's sum is moved where light mixes on another scale than the values are on.
+
+use std::sync::LazyLock;
+
+/// Levels are about this root of linear light.
+const ENCODING_POWER: f64 = 2.2;
+/// Steps of the tables below, and the light up to which they reach.
+const TABLE_STEPS: usize = 2048;
+const TABLE_LIGHT: f64 = 4.0;
+
+/// Levels at evenly spaced roots of light: the curve is steep in the dark, and a square root takes most of that away.
+static LEVELS: LazyLock<Vec<f64>> = LazyLock::new(|| {
+    let root = |i: usize| TABLE_LIGHT.sqrt() * i as f64 / TABLE_STEPS as f64;
+    (0..=TABLE_STEPS).map(|i| root(i).powf(2.0 / ENCODING_POWER)).collect()
+});
+
+/// Light at evenly spaced levels, 0..1.
+static LIGHT: LazyLock<Vec<f64>> = LazyLock::new(|| {
+    (0..=TABLE_STEPS).map(|i| (i as f64 / TABLE_STEPS as f64).powf(ENCODING_POWER)).collect()
+});
+
+fn between(table: &[f64], place: f64) -> f64 {
+    let low = (place as usize).min(TABLE_STEPS - 1);
+    table[low] + (place - low as f64) * (table[low + 1] - table[low])
+}
+
+/// The level (0..1 for light of 0..1) of linear light, within 1e-6: a power costs ten times as much, and a ball asks for some ten thousand.
+#[inline]
+pub(super) fn level_of(light: f64) -> f64 {
+    if light >= TABLE_LIGHT {
+        return light.powf(ENCODING_POWER.recip());
+    }
+    between(&LEVELS, (light.max(0.0) / TABLE_LIGHT).sqrt() * TABLE_STEPS as f64)
+}
+
+/// The linear light of a level of 0..1, within 1e-6.
+#[inline]
+pub(super) fn light_of(level: f64) -> f64 {
+    between(&LIGHT, level.clamp(0.0, 1.0) * TABLE_STEPS as f64)
+}
 
 /// Shares of a step's light at places so many blurs apart across it.
 const SHARES: [f64; 11] =
@@ -8,23 +47,40 @@ const SHARES_STEP: f64 = 0.5;
 const LEAST_STEP: f64 = 1e-3;
 
 /// Shift of the covered length between two colours, in blurs: `Σ_c p_c ∫ g_c(Φ(−x)) − Φ(−x) dx`, g_c(w) the share that a channel's value shows at the share w of
-/// what mixes, its value to the given power; p_c the channel's part in what is summed.
-pub(super) fn moved_by_mixing(ball: &[f64; 3], behind: &[f64; 3], channels: &[f64; 3], power: f64) -> f64 {
-    let mixing = |value: f64| value.clamp(0.0, 1.0).powf(power);
+/// what mixes; p_c the channel's part in what is summed. `mixing` is what mixes by a value, `shown` the value by it.
+fn moved(
+    ball: &[f64; 3],
+    behind: &[f64; 3],
+    channels: &[f64; 3],
+    mixing: impl Fn(f64) -> f64,
+    shown: impl Fn(f64) -> f64,
+) -> f64 {
     let mut moved = 0.0;
     for c in 0..3 {
         let (own, other) = (ball[c], behind[c]);
         if (own - other).abs() < LEAST_STEP {
             continue;
         }
+        let (mixed_own, mixed_other) = (mixing(own), mixing(other));
         let more: f64 = SHARES
             .iter()
             .map(|share| {
-                let value = (share * mixing(own) + (1.0 - share) * mixing(other)).powf(power.recip());
+                let value = shown(share * mixed_own + (1.0 - share) * mixed_other);
                 (value - other) / (own - other) - share
             })
             .sum();
         moved += channels[c] * more;
     }
     moved * SHARES_STEP
+}
+
+/// That shift where values mix to a power of theirs, in blurs.
+pub(super) fn moved_by_mixing(ball: &[f64; 3], behind: &[f64; 3], channels: &[f64; 3], power: f64) -> f64 {
+    let mixing = |value: f64| value.clamp(0.0, 1.0).powf(power);
+    moved(ball, behind, channels, mixing, |light| light.powf(power.recip()))
+}
+
+/// That shift where light mixes and values are levels, in blurs.
+pub(super) fn moved_by_light(ball: &[f64; 3], behind: &[f64; 3], channels: &[f64; 3]) -> f64 {
+    moved(ball, behind, channels, light_of, level_of)
 }

@@ -1,5 +1,6 @@
 //! Sub-pixel edges of a ball's colour along rays.
 
+use super::along::Along;
 use super::blur::{Blur, blur_of_rays};
 use super::curve::moved_by_mixing;
 use super::hues::{Hue, hues_of_zones};
@@ -15,8 +16,6 @@ use nalgebra::Vector2;
 const SHARE_FLOOR: f64 = 0.02;
 /// How much of the light's change from the zone to the rim may be wrong.
 const SHADE_DOUBT: f64 = 0.18;
-/// Range of the light at the rim against that in the zone.
-const SHADE_RANGE: (f64, f64) = (0.3, 2.5);
 /// Error of an edge from pixel structure alone, px; of a coded picture's colour.
 const EDGE_FLOOR_PX: f64 = 0.05;
 const CODED_EDGE_FLOOR_PX: f64 = 0.07;
@@ -161,7 +160,7 @@ fn colour_edge(rays: &Rays, ray: usize, hues: Option<[Hue; 2]>, outermost: bool)
     };
     let (window, blur) = (rays.window_px[ray], rays.blur_px[ray]);
     let (taper, lever) = if rays.coded { (CODED_TAPER, window) } else { (TAPER, LEVER * blur) };
-    let (colours, shade) = (rays.colours(ray), rays.shade(ray));
+    let colours = rays.colours(ray);
     let mut result = none;
     for pass in 0..PASSES {
         let edge = result.offset;
@@ -177,12 +176,13 @@ fn colour_edge(rays: &Rays, ray: usize, hues: Option<[Hue; 2]>, outermost: bool)
             None => (ball, behind),
         };
         let Some(unmixing) = Unmixing::new(ball, behind) else { return none };
-        let zone_shade = mean_and_variance(shade[ball_zone.clone()].iter().copied()).0;
-        // The ball's own light along the ray against that of the zone; beyond the rim, as at the rim.
-        let rim = (rays.between(edge, edge + STEP_PX).start).min(shade.len() - 1);
-        let carried = |i: usize| (shade[i.min(rim)] / zone_shade).clamp(SHADE_RANGE.0, SHADE_RANGE.1);
+        let light = if rays.coded && pass > 0 {
+            Along::by_brightness(rays, ray, edge, &ball_zone, &behind_zone)
+        } else {
+            Along::by_shading(rays, ray, edge, &ball_zone)
+        };
+        let (carried, at_rim) = (|i: usize| light.ball[i], light.at_rim);
         let parts: Vec<(f64, f64)> = colours.iter().map(|c| unmixing.parts(c)).collect();
-        let at_rim = carried(rim);
         let (_, uneven_ball) = mean_and_variance(ball_zone.clone().map(|i| parts[i].0 / carried(i)));
         let (_, uneven_behind) = mean_and_variance(behind_zone.clone().map(|i| parts[i].1));
         let doubt = SHADE_DOUBT * (1.0 - at_rim);
@@ -200,7 +200,10 @@ fn colour_edge(rays: &Rays, ray: usize, hues: Option<[Hue; 2]>, outermost: bool)
         // What the ball's parts sum to must be the integral of its light up to the edge; what the background's parts sum to, its length.
         let ball_sum = |i: usize| trust * parts[i].0 + (1.0 - trust) * (1.0 - parts[i].1).clamp(-0.5, 1.5);
         let expected = |i: usize| trust * carried(i) + (1.0 - trust);
-        let more = beyond_step(rays, edge, blur, taper, |i, left| ball_sum(i) - expected(i) * left);
+        let darker = |i: usize| (1.0 - trust) * (light.behind[i] - 1.0);
+        let more = beyond_step(rays, edge, blur, taper, |i, left| {
+            ball_sum(i) - expected(i) * left + darker(i) * (1.0 - left)
+        });
         let at_edge = trust * at_rim + (1.0 - trust);
         result.offset = edge + (more / at_edge).clamp(-1.5, 1.5);
         result.std = lever * (variance_ball * variance_behind / (variance_ball + variance_behind)).sqrt();

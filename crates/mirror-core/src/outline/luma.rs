@@ -1,9 +1,8 @@
 //! Edges of the brightness in pictures whose codec blurs the colours, and what the lens did before the codec.
 
-use super::curve::moved_by_mixing;
+use super::curve::{level_of, light_of, moved_by_light};
 use super::ray_edge::{MIN_EDGE_POINTS, RayEdge, median};
 use super::rays::{LUMA_WINDOW, Rays, STEP_PX, ZONE_PX, beyond_step, mean_and_variance, window_px};
-use super::shading::ENCODING_POWER;
 
 /// The lens' blur where no ray shows it, and what bilinear sampling adds, px; least contrast of brightness (0..1) that shows it.
 const USUAL_LENS_PX: f64 = 0.5;
@@ -64,7 +63,7 @@ pub(super) fn lens_blur_px(rays: &Rays, edges: &[RayEdge]) -> f64 {
 
 /// How far the lens' own blur, which mixes linear light, moves the covered length that is summed in levels, px.
 pub(super) fn lens_before_codec(edge: &RayEdge, lens_px: f64) -> f64 {
-    LENS_SHARE * lens_px * moved_by_mixing(&edge.ball, &edge.behind, &edge.channels, ENCODING_POWER)
+    LENS_SHARE * lens_px * moved_by_light(&edge.ball, &edge.behind, &edge.channels)
 }
 
 /// From the brightness between two colours to the share of the first's light: light mixes before it is encoded.
@@ -73,14 +72,10 @@ struct Curve([f64; CURVE_STEPS + 1]);
 impl Curve {
     /// None where the brightness between the colours does not rise all the way.
     fn new(ball: &[f64; 3], behind: &[f64; 3]) -> Option<Self> {
-        let light = |c: &[f64; 3]| c.map(|level| level.clamp(0.0, 1.0).powf(ENCODING_POWER));
+        let light = |c: &[f64; 3]| c.map(light_of);
         let (own, other) = (light(ball), light(behind));
         let at = |share: f64| -> f64 {
-            (0..3)
-                .map(|c| {
-                    WEIGHTS[c] * (share * own[c] + (1.0 - share) * other[c]).powf(ENCODING_POWER.recip())
-                })
-                .sum()
+            (0..3).map(|c| WEIGHTS[c] * level_of(share * own[c] + (1.0 - share) * other[c])).sum()
         };
         let (low, high) = (at(0.0), at(1.0));
         let curve = core::array::from_fn(|i| (at(i as f64 / CURVE_STEPS as f64) - low) / (high - low));

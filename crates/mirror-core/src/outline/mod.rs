@@ -19,12 +19,14 @@
 //! | `codec` | which pixels share a colour, where the file does not say it |
 //! | `circle`, `consensus` | a circle among points: the start; edges of one outline among others |
 //! | `shading` | light on a sphere by its normal |
+//! | `along` | light along a ray, of the ball and of what lies behind; in coded pictures by the brightness too |
 //! | `hues`, `scatter` | in coded pictures: colours smoothed along the outline, and how far edges scatter round it |
 //! | `rays`, `edges`, `luma`, `blur` | samples along rays, sub-pixel edges of the colour and of the brightness, and the blur that they show |
-//! | `curve` | what it moves that light mixes on another scale than the values are on: the codec's levels, a camera's own curve |
+//! | `curve` | levels and light; what it moves that light mixes on another scale than the values are on: the codec's levels, a camera's own curve |
 //! | `unmixing` | a colour as a mixture of the ball's and of what lies behind |
 //! | `cone` | the cone of rays that touch a sphere, with covariance |
 
+mod along;
 mod ball;
 mod blur;
 mod circle;

@@ -1,7 +1,8 @@
 //! Samples of a patch along rays from a ball's centre, and what is read from them.
 
+use super::curve::level_of;
 use super::patch::Patch;
-use super::shading::{ENCODING_POWER, Shading};
+use super::shading::Shading;
 use nalgebra::Vector2;
 
 /// Distance of samples along a ray, px.
@@ -96,7 +97,7 @@ impl Rays {
                 }
                 inside[ray] &= within;
                 let light = shading.at(direction[ray] * (1.0 + offset / radius_px[ray]));
-                shade.push(if patch.coded { light.powf(ENCODING_POWER.recip()) } else { light });
+                shade.push(if patch.coded { level_of(light) } else { light });
             }
         }
         Self {

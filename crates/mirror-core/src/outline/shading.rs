@@ -3,39 +3,51 @@
 //! Under any distant light a matt sphere's brightness is to a few hundredths a quadratic in its normal: nine spherical harmonics (Ramamoorthi
 //! and Hanrahan, "On the relationship between radiance and irradiance", 2001). Towards the rim the normal's part along the view falls
 //! as the root of the distance from the rim: no straight line says what is there.
+//!
+//! Where a lamp's light ends on the ball, brightness has a bend that the quadratic rounds off: it falls below what is there, and a codec's levels, which stretch the dark, show that.
+//! There the lamp has a term of its own, `max(0, n · l)`, towards where the quadratic is steepest.
 
+use super::curve::light_of;
 use super::patch::Patch;
 use super::ray_edge::median;
-use nalgebra::{SMatrix, SVector, Vector2};
+use nalgebra::{SMatrix, SVector, Vector2, Vector3};
 
-const TERMS: usize = 9;
-/// How much each order of harmonics is held back, as a share of the weight of the pixels: small balls show few. The first order hardly: what a lamp's light loses towards the rim must
-/// be carried there whole.
-const RIDGE: [f64; 3] = [1e-9, 2e-4, 2e-2];
+const TERMS: usize = 10;
+/// The lamp's own term.
+const LAMP: usize = TERMS - 1;
+/// How much each order of harmonics and the lamp's term are held back, as a share of the weight of the pixels: small balls show few. The first order hardly: what a lamp's light loses
+/// towards the rim must be carried there whole.
+const RIDGE: [f64; 4] = [1e-9, 2e-4, 2e-2, 1e-4];
 /// Pixels of another colour than the ball's (sine of the angle between them) tell nothing of its light.
 const OTHER_COLOUR_SINE: f64 = 0.3;
 /// The most pixels that are read.
 const MOST_PIXELS: usize = 900;
 const REWEIGHTINGS: usize = 4;
+/// Those of them that are with the lamp's own term, and the least slope towards it.
+const WITH_LAMP: usize = 2;
+const LEAST_SLOPE: f64 = 0.05;
+/// In levels an error of light counts by its share: pixels weigh as the inverse of their light, of no less than this.
+const LEAST_LIGHT: f64 = 0.15;
 /// Least spread of pixels around the fit, as a share of the ball's light.
 const LEAST_SPREAD: f64 = 0.02;
-/// Levels are about this root of linear light.
-pub(super) const ENCODING_POWER: f64 = 2.2;
 
 /// The brightness of a ball by the place on its disc; 1 is its typical one.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Shading {
     terms: SVector<f64, TERMS>,
+    /// Towards the lamp; zeros without a term of its own.
+    lamp: Vector3<f64>,
 }
 
 /// The basis at a place on the disc (unit radius), the normal towards the camera where it lies within.
-fn basis(x: f64, y: f64) -> SVector<f64, TERMS> {
+fn basis(x: f64, y: f64, lamp: &Vector3<f64>) -> SVector<f64, TERMS> {
     let r2 = x * x + y * y;
     // Beyond the rim: as at the rim.
     let scale = if r2 > 1.0 { r2.sqrt().recip() } else { 1.0 };
     let (x, y) = (x * scale, y * scale);
     let z = (1.0 - x * x - y * y).max(0.0).sqrt();
-    SVector::from([1.0, x, y, z, x * y, x * z, y * z, x * x - y * y, 3.0 * z * z - 1.0])
+    let facing = (x * lamp.x + y * lamp.y + z * lamp.z).max(0.0);
+    SVector::from([1.0, x, y, z, x * y, x * z, y * z, x * x - y * y, 3.0 * z * z - 1.0, facing])
 }
 
 impl Shading {
@@ -43,13 +55,13 @@ impl Shading {
     pub fn even() -> Self {
         let mut terms = SVector::zeros();
         terms[0] = 1.0;
-        Self { terms }
+        Self { terms, lamp: Vector3::zeros() }
     }
 
     /// Linear brightness at a place on the disc of unit radius.
     #[inline]
     pub fn at(&self, place: Vector2<f64>) -> f64 {
-        self.terms.dot(&basis(place.x, place.y)).max(0.02)
+        self.terms.dot(&basis(place.x, place.y, &self.lamp)).max(0.02)
     }
 
     /// Fits the light on a ball's inside, `clear_px` from its outline; even light where too little is seen.
@@ -82,14 +94,14 @@ impl Shading {
                     let index = row * patch.width + column;
                     let colour = patch.light[index].map(|v| {
                         let v = f64::from(v);
-                        if patch.coded { v.powf(ENCODING_POWER) } else { v }
+                        if patch.coded { light_of(v) } else { v }
                     });
                     pixels.push((away / outline, colour, index, distance <= outline - clear_px));
                 }
             }
         }
         let inner = || pixels.iter().filter(|p| p.3);
-        if inner().count() < TERMS {
+        if inner().count() < TERMS - 1 {
             return Self::even();
         }
         let typical: [f64; 3] =
@@ -103,31 +115,43 @@ impl Shading {
             let own: f64 = colour.iter().map(|c| c * c).sum();
             1.0 - along * along / (own * power).max(1e-18) <= OTHER_COLOUR_SINE * OTHER_COLOUR_SINE
         };
-        let light_of = |index: usize| f64::from(patch.luma[index]).powf(ENCODING_POWER);
-        let typical_light = if patch.coded { median(inner().map(|p| light_of(p.2)).collect()) } else { 0.0 };
+        let brightness = |index: usize| light_of(f64::from(patch.luma[index]));
+        let typical_light =
+            if patch.coded { median(inner().map(|p| brightness(p.2)).collect()) } else { 0.0 };
         // Colours near the outline are mixed by the codec: there the brightness must do, and what does not fit is weighed down.
-        let rows: Vec<_> = pixels
+        let mut rows: Vec<_> = pixels
             .iter()
             .filter(|(_, colour, _, clear)| !clear || own_colour(colour))
             .map(|(place, colour, index, _)| {
                 let value = if typical_light > 1e-6 {
-                    light_of(*index) / typical_light
+                    brightness(*index) / typical_light
                 } else {
                     colour.iter().zip(&typical).map(|(a, b)| a * b).sum::<f64>() / power
                 };
-                (basis(place.x, place.y), value)
+                (basis(place.x, place.y, &Vector3::zeros()), value)
             })
             .collect();
-        if rows.len() < TERMS {
+        if rows.len() < TERMS - 1 {
             return Self::even();
         }
-        Self::solved(&rows).unwrap_or_else(Self::even)
+        Self::solved(&mut rows, patch.coded).unwrap_or_else(Self::even)
     }
 
-    fn solved(rows: &[(SVector<f64, TERMS>, f64)]) -> Option<Self> {
-        let mut weights = vec![1.0; rows.len()];
-        let mut terms = SVector::<f64, TERMS>::zeros();
-        for _ in 0..REWEIGHTINGS {
+    /// From rows of the basis and the light there; in `levels`, with the lamp's own term.
+    fn solved(rows: &mut [(SVector<f64, TERMS>, f64)], levels: bool) -> Option<Self> {
+        let share = |value: f64| if levels { value.max(LEAST_LIGHT).recip() } else { 1.0 };
+        let mut weights: Vec<f64> = rows.iter().map(|(_, value)| share(*value)).collect();
+        let mut found = Self { terms: SVector::zeros(), lamp: Vector3::zeros() };
+        for round in 0..REWEIGHTINGS {
+            if levels && round + WITH_LAMP == REWEIGHTINGS {
+                let slope = Vector3::new(found.terms[1], found.terms[2], found.terms[3]);
+                if slope.norm() > LEAST_SLOPE {
+                    found.lamp = slope.normalize();
+                    for (row, _) in rows.iter_mut() {
+                        row[LAMP] = found.lamp.dot(&row.fixed_rows::<3>(1)).max(0.0);
+                    }
+                }
+            }
             let mut normal = SMatrix::<f64, TERMS, TERMS>::zeros();
             let mut right = SVector::<f64, TERMS>::zeros();
             let mut total = 0.0;
@@ -140,19 +164,23 @@ impl Shading {
                 let order = match term {
                     0 => 0,
                     1..=3 => 1,
+                    LAMP => 3,
                     _ => 2,
                 };
                 normal[(term, term)] += RIDGE[order] * total;
             }
-            terms = normal.cholesky()?.solve(&right);
-            let away: Vec<f64> = rows.iter().map(|(row, value)| value - terms.dot(row)).collect();
+            found.terms = normal.cholesky()?.solve(&right);
+            let away: Vec<f64> = rows
+                .iter()
+                .map(|(row, value)| (value - found.terms.dot(row)) * share(*value).sqrt())
+                .collect();
             let mut sizes: Vec<f64> = away.iter().map(|a| a.abs()).collect();
             let middle = sizes.len() / 2;
             let spread = (3.0 * *sizes.select_nth_unstable_by(middle, f64::total_cmp).1).max(LEAST_SPREAD);
-            for (weight, away) in weights.iter_mut().zip(&away) {
-                *weight = 1.0 / (1.0 + (away / spread).powi(2)).powi(2);
+            for ((weight, away), (_, value)) in weights.iter_mut().zip(&away).zip(rows.iter()) {
+                *weight = share(*value) / (1.0 + (away / spread).powi(2)).powi(2);
             }
         }
-        terms.iter().all(|t| t.is_finite()).then_some(Self { terms })
+        found.terms.iter().all(|t| t.is_finite()).then_some(found)
     }
 }

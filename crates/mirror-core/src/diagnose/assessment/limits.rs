@@ -20,7 +20,7 @@ use crate::diagnose::effects::hypothesis::Catalogue;
 use crate::diagnose::likelihood::fit::FitOptions;
 use crate::diagnose::likelihood::linearised::Linearised;
 use crate::diagnose::likelihood::score_test::screen;
-use crate::diagnose::principles::LEAST_HELD_OUT_GAIN;
+use crate::diagnose::principles::{LEAST_HELD_OUT_GAIN, WORTH_NAMING};
 use crate::diagnose::random_effects::geometric_tolerances::{Geometry, single_effect};
 use crate::diagnose::selection::search::Search;
 use crate::error::Result;
@@ -28,8 +28,6 @@ use crate::statistics::normal_quantile;
 use nalgebra::DMatrix;
 use std::collections::BTreeMap;
 
-/// In this share of sessions a larger one would be told.
-const SHARE: f64 = 0.95;
 /// Beyond so many times the size that an error commonly has, nothing is linear any more: any size would be hidden.
 const LARGEST: f64 = 10.0;
 
@@ -130,10 +128,10 @@ fn limits_of(search: &Search<'_>, hypothesis: usize, information: &DMatrix<f64>,
         .collect()
 }
 
-/// The noncentrality at which a chi-squared of k degrees of freedom exceeds `bound` with probability [`SHARE`].
+/// The noncentrality at which a chi-squared of k degrees of freedom exceeds `bound` with all but [`WORTH_NAMING`] of the probability.
 pub(crate) fn noncentrality(bound: f64, k: f64) -> f64 {
     let (mut low, mut high) = (0.0, 4.0 * (bound + k) + 40.0);
-    let asked = normal_quantile(1.0 - SHARE);
+    let asked = normal_quantile(WORTH_NAMING);
     for _ in 0..60 {
         let middle = 0.5 * (low + high);
         if noncentral_deviate(bound, k, middle) > asked {
@@ -186,7 +184,7 @@ mod tests {
                 })
                 .count();
             let share = beyond as f64 / f64::from(draws);
-            assert!((share - SHARE).abs() < 0.01, "{bound}, {k}: {share}");
+            assert!((share - (1.0 - WORTH_NAMING)).abs() < 0.01, "{bound}, {k}: {share}");
         }
     }
 }

@@ -7,7 +7,7 @@
 //! gap after is made, tails, detector and all, so that gap and floor are sizes of the same kind.
 
 use crate::diagnose::criteria::cross_validation::{PostureGap, gap_of, seen_size, size};
-use crate::diagnose::criteria::lack_of_fit::NOTICEABLE_EXCESS;
+use crate::diagnose::criteria::lack_of_fit::noticeable_excess;
 use crate::diagnose::likelihood::fit::Fit;
 use crate::diagnose::likelihood::noise_correlation::successive_correlation;
 use crate::diagnose::likelihood::saturated::{FreePosture, free_markers};
@@ -124,7 +124,7 @@ pub(crate) fn is_reached(search: &Search<'_>, fit: &Fit, after: &[PostureGap]) -
     let size_of_floor = floor.of(&floor.fitted, 0.0);
     let pixels = size(after).rms_px.is_some();
     let floor = if pixels { size_of_floor.px } else { size_of_floor.m };
-    Ok(floor > 0.0 && (seen_size(after) / floor).powi(2) < 1.0 + NOTICEABLE_EXCESS)
+    Ok(floor > 0.0 && (seen_size(after) / floor).powi(2) < 1.0 + noticeable_excess())
 }
 
 /// Measured points that scatter by this share of the robot's reach show nothing of it.

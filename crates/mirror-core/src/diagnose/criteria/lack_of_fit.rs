@@ -3,15 +3,17 @@
 use crate::diagnose::likelihood::saturated::free_markers;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::problem::{Noise, Problem};
-use crate::diagnose::principles::FAR_DEVIATIONS;
+use crate::diagnose::principles::{A_GAP, FAR_DEVIATIONS};
 use crate::error::Result;
 use crate::statistics::{normal_quantile, reduced_chi_squared_at};
 
 /// Quantile of the postures' misfit that is compared with that of χ².
 const QUANTILE: f64 = 0.7;
-/// The excess must be far from 0 by its own scatter, and this share of the noise's variance: smaller remainders are real but do not matter
-/// (12 % of the noise's standard deviation).
-pub(crate) const NOTICEABLE_EXCESS: f64 = 0.25;
+/// What a remainder must have, as a share of the noise's variance: it must be a gap, and far from 0 by its own scatter. Smaller ones are
+/// real but do not matter.
+pub(crate) fn noticeable_excess() -> f64 {
+    A_GAP * A_GAP - 1.0
+}
 
 /// What is left of a gap, against the noise.
 #[derive(Debug, Clone, Copy)]
@@ -46,7 +48,7 @@ pub(crate) fn adequacy(problem: &Problem, deformation: &Deformation, noise: Nois
     let corner_excess = crate::diagnose::likelihood::noise::corner_excess(problem, deformation, noise)?;
     Ok(Adequacy {
         excess,
-        significant: excess > NOTICEABLE_EXCESS && excess > FAR_DEVIATIONS * scatter,
-        corners_significant: corner_excess > NOTICEABLE_EXCESS,
+        significant: excess > noticeable_excess() && excess > FAR_DEVIATIONS * scatter,
+        corners_significant: corner_excess > noticeable_excess(),
     })
 }

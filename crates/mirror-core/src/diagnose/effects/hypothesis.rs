@@ -10,7 +10,7 @@ use crate::diagnose::principles::LOG_PRIOR_FREE;
 use std::sync::Arc;
 
 /// An unknown mount, or the pose of an unknown frame, may be this far from where it starts, rad and m.
-const UNKNOWN_STD: f64 = 1.0;
+pub(crate) const UNKNOWN_STD: f64 = 1.0;
 
 /// An effect at a place.
 #[derive(Debug, Clone)]

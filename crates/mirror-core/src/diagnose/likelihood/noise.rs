@@ -5,6 +5,7 @@ use crate::diagnose::likelihood::saturated::free_markers;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::frame::{FrameWork, Task};
 use crate::diagnose::model::problem::{Noise, Problem};
+use crate::diagnose::model::robust::OUTLIER_FRACTION;
 use crate::diagnose::model::solver::NEGLIGIBLE;
 use crate::diagnose::principles::{FEWEST_REDUNDANT_ROWS, NEARLY_ALL};
 use crate::error::Result;
@@ -13,9 +14,6 @@ use rayon::prelude::*;
 
 /// Noise below this is not believed (px): the tables are rounded at 1e-4 px, and noise-free sessions must not divide by 0.
 const LEAST_PIXEL_STD_PX: f64 = 0.005;
-/// Share of the largest residuals that is left out where a scale is estimated: false observations. More of them are worth a word, and a second
-/// look.
-pub(crate) const FALSE_SHARE: f64 = 0.02;
 /// A noise that fell by no more than this factor is as it was.
 pub(crate) const SETTLED: f64 = 0.9;
 
@@ -159,12 +157,18 @@ pub(crate) fn effective(
     })
 }
 
+/// Share of the largest residuals that is left out where a scale is estimated: twice as many as are false in most sessions. More false ones
+/// are worth a word, and a second look.
+pub(crate) fn trimmed_share() -> f64 {
+    2.0 * OUTLIER_FRACTION
+}
+
 fn trimmed_std(squares: &mut [f64], dimensions: f64) -> Option<f64> {
     if squares.is_empty() {
         return None;
     }
     squares.sort_by(f64::total_cmp);
-    let kept = ((squares.len() as f64 * (1.0 - FALSE_SHARE)).ceil() as usize).clamp(1, squares.len());
+    let kept = ((squares.len() as f64 * (1.0 - trimmed_share())).ceil() as usize).clamp(1, squares.len());
     Some((squares[..kept].iter().sum::<f64>() / kept as f64 / dimensions).sqrt())
 }
 

@@ -6,7 +6,7 @@
 //! mirror's motion makes.
 
 use crate::diagnose::model::deformation::Deformation;
-use crate::diagnose::model::frame::{FrameWork, Task};
+use crate::diagnose::model::frame::{FrameWork, PROJECTED, Task};
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::error::Result;
 use nalgebra::{DMatrix, DVector, Vector3};
@@ -15,14 +15,8 @@ use nalgebra::{DMatrix, DVector, Vector3};
 const MOST_CORRELATION: f64 = 0.6;
 /// A correlation is believed from this many of its standard deviations on.
 const CLEAR_DEVIATIONS: f64 = 2.0;
-/// Correlations of neighbouring corners that are tried.
-const CORRELATION_STEP: f64 = 0.02;
 /// Smooth functions of a corner's place that wrong optics may make, for each coordinate: 1, x, y, x², x y, y².
 const SMOOTH: usize = 6;
-/// Smooth changes by the mirror's motion: the first three.
-const BY_MIRROR: usize = 3;
-/// A board with fewer corners tells no correlation.
-const FEWEST_CORNERS: usize = 12;
 
 /// The noise at which means over many observations are as uncertain as they are.
 ///
@@ -74,10 +68,18 @@ fn corners_together(problem: &Problem) -> Result<f64> {
     if seen < none.ratio() + CLEAR_DEVIATIONS * scatter {
         return Ok(1.0);
     }
-    let steps = (MOST_CORRELATION / CORRELATION_STEP) as usize;
-    let found =
-        (1..=steps).map(|k| grid.left_of(k as f64 * CORRELATION_STEP)).find(|left| left.ratio() >= seen);
-    let found = found.unwrap_or_else(|| grid.left_of(MOST_CORRELATION));
+    // The ratio rises with the correlation: halved until the two ends differ by less than what is seen scatters.
+    let (mut low, mut high) = (0.0, MOST_CORRELATION);
+    let (mut below, mut found) = (none.ratio(), grid.left_of(high));
+    while found.ratio() > seen && found.ratio() - below > scatter {
+        let middle = 0.5 * (low + high);
+        let left = grid.left_of(middle);
+        if left.ratio() < seen {
+            (low, below) = (middle, left.ratio());
+        } else {
+            (high, found) = (middle, left);
+        }
+    }
     Ok((found.by_mirror / (found.squares / none.squares)).sqrt().max(1.0))
 }
 
@@ -104,7 +106,8 @@ impl Left {
 }
 
 fn grid(corners: &[Vector3<f64>]) -> Option<Grid> {
-    if corners.len() < FEWEST_CORNERS {
+    // Where smooth functions take more than half of the numbers away little is left to tell a correlation by.
+    if corners.len() < 2 * SMOOTH {
         return None;
     }
     let edge = corners.iter().skip(1).map(|c| (c - corners[0]).norm()).fold(f64::INFINITY, f64::min);
@@ -133,11 +136,12 @@ impl Grid {
         });
         let q = DMatrix::identity(count, count) - &self.smooth * self.smooth.transpose();
         let left = &q * &r * &q;
-        let mirror = self.smooth.columns(0, BY_MIRROR);
+        // The first ones are the changes by the mirror's motion.
+        let mirror = self.smooth.columns(0, PROJECTED);
         Left {
             product: self.neighbours.iter().map(|&(i, j)| left[(i, j)]).sum(),
             squares: left.trace(),
-            by_mirror: (mirror.transpose() * &r * mirror).trace() / BY_MIRROR as f64,
+            by_mirror: (mirror.transpose() * &r * mirror).trace() / PROJECTED as f64,
         }
     }
 }

@@ -8,12 +8,12 @@
 //!   distance of the point from the mirror and ∇ the height's gradient where the ray meets it.
 
 use crate::diagnose::model::camera_and_mirror::Eye;
-use crate::diagnose::model::free_values::{ASTIGMATISM, BOARD_SHAPE, FREE_OPTICS, MONOMIALS};
+use crate::diagnose::model::free_values::{ASTIGMATISM, BOARD_SHAPE, MONOMIALS};
 use crate::diagnose::model::problem::Problem;
 use nalgebra::{Matrix2x3, SMatrix, Vector2, Vector3};
 
 /// How a pixel moves with each of them, px.
-pub(crate) type FreeColumns = SMatrix<f64, 2, FREE_OPTICS>;
+pub(crate) type FreeColumns = SMatrix<f64, 2, { ASTIGMATISM.end }>;
 
 /// Where a corner lies, in the board's frame, m: scaled and bent.
 pub(crate) fn corner_point(problem: &Problem, eye: &Eye, index: usize, scale: f64) -> Vector3<f64> {

@@ -8,8 +8,5 @@ pub(crate) const MONOMIALS: usize = 9;
 pub(crate) const WARP: core::ops::Range<usize> = 0..2 * MONOMIALS;
 pub(crate) const BOARD_SHAPE: core::ops::Range<usize> = WARP.end..WARP.end + 5;
 pub(crate) const ASTIGMATISM: core::ops::Range<usize> = BOARD_SHAPE.end..BOARD_SHAPE.end + 2;
-/// All of them.
-pub(crate) const FREE_OPTICS: usize = ASTIGMATISM.end;
-
 /// Values of all free-form errors of the optics.
-pub(crate) type FreeValues = SVector<f64, FREE_OPTICS>;
+pub(crate) type FreeValues = SVector<f64, { ASTIGMATISM.end }>;

@@ -22,9 +22,9 @@ const COLUMN: u64 = 15;
 /// A corner that is predicted while a board's mirror is fitted.
 const PREDICTED: u64 = 110;
 
-/// The share of the work that the search for named causes may take, and that with free-form errors after it.
-pub(crate) const FOR_NAMED_CAUSES: f64 = 0.6;
-pub(crate) const FOR_FREE_FORMS: f64 = 0.8;
+/// The share of the work that is for each stage but the search for named causes: whole mistakes before it, free-form errors and small errors
+/// everywhere after it. What a stage leaves is for those that follow.
+pub(crate) const A_STAGE: f64 = 0.2;
 
 /// The work of one diagnosis; clones count together.
 #[derive(Debug, Clone)]

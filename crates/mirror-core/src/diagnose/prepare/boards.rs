@@ -2,13 +2,11 @@
 
 use crate::diagnose::data::diagnosis::LeftOut;
 use crate::diagnose::model::problem::{FrameData, Problem};
-use crate::diagnose::principles::FAR_DEVIATIONS;
+use crate::diagnose::principles::{FAR_DEVIATIONS, NEARLY_ALL};
 
 /// A board whose residual is beyond this, and far beyond those of the better boards and the stated noise, is of a wrong grid, px: real ones
 /// have 1.7 to 2.6 px where good views have 0.3 to 0.5.
 pub(super) const USUAL_CORNER_PX: f64 = 1.0;
-/// The better boards: of so many of them that most of the others may be wrong.
-const BETTER: f64 = 0.25;
 
 /// Leaves out the boards that no mirror explains, and with them what was seen in those mirrors.
 pub(crate) fn leave_out_wrong_grids(problem: &mut Problem) -> Vec<LeftOut> {
@@ -18,7 +16,10 @@ pub(crate) fn leave_out_wrong_grids(problem: &mut Problem) -> Vec<LeftOut> {
     };
     let mut all: Vec<f64> = (0..problem.frames.len()).filter_map(rms).collect();
     all.sort_by(f64::total_cmp);
-    let Some(better) = all.get((all.len() as f64 * BETTER) as usize).copied() else { return Vec::new() };
+    // Nearly all of the others may be wrong.
+    let Some(better) = all.get((all.len() as f64 * (1.0 - NEARLY_ALL)) as usize).copied() else {
+        return Vec::new();
+    };
     let most = (FAR_DEVIATIONS * better.max(problem.noise.corner_px)).max(USUAL_CORNER_PX);
     let wrong: Vec<(usize, f64)> =
         (0..problem.frames.len()).filter_map(|f| Some((f, rms(f)?))).filter(|(_, r)| *r > most).collect();

@@ -13,7 +13,7 @@ use crate::diagnose::data::diagnosis::{
 };
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::effects::{Concern, Place};
-use crate::diagnose::likelihood::noise::FALSE_SHARE;
+use crate::diagnose::likelihood::noise::trimmed_share;
 use crate::diagnose::likelihood::probability::tempered;
 use crate::diagnose::likelihood::score_test::Score;
 use crate::diagnose::model::elementary::Atom;
@@ -427,7 +427,7 @@ fn warnings(findings: &Findings<'_>) -> Vec<String> {
     if scene.marker_names.len() == 1 {
         out.push("one marker only: joints behind one another are hard to tell apart; add a marker on each link of interest".into());
     }
-    if findings.false_share > FALSE_SHARE {
+    if findings.false_share > trimmed_share() {
         out.push(format!(
             "{:.1} % of the markers' observations are far from the best model and were left out as false: look at them",
             findings.false_share * 100.0

@@ -1,7 +1,8 @@
 //! The verdict in one sentence for a person.
 
 use crate::diagnose::data::diagnosis::{Cause, Gap, Verdict, Where};
-use crate::diagnose::principles::{NEARLY_ALL, SEVERAL_CAUSES, WORTH_NAMING};
+use crate::diagnose::likelihood::probability::tempered;
+use crate::diagnose::principles::{LEAST_LOG_ODDS, SEVERAL_CAUSES, WORTH_NAMING};
 
 /// The verdict, what it rests on, and the gap's sizes.
 pub(crate) fn sentence(verdict: Verdict, causes: &[Cause], places: &[Where], gap: &Gap) -> String {
@@ -58,11 +59,11 @@ fn unexplained_place(places: &[Where]) -> Option<&Where> {
     places.iter().find(|w| w.depends_on.is_some()).or_else(|| at("unknown")).or_else(|| at("camera"))
 }
 
-/// `effect at place`, or, where the postures cannot tell it from its rival, `effect or other effect at place`.
+/// `effect at place`, or, where it is less probable than what is just told against nothing, `effect or other effect at place`.
 fn name(cause: &Cause) -> String {
     let rival = cause.alternatives.first().filter(|r| r.probability >= WORTH_NAMING);
     let own = of_place(&cause.effect, &cause.at);
-    match rival.filter(|_| cause.probability < NEARLY_ALL) {
+    match rival.filter(|_| cause.probability < tempered(LEAST_LOG_ODDS)) {
         None => own,
         Some(rival) if rival.at == cause.at && !cause.at.contains("<-") => {
             of_place(&format!("{} or {}", cause.effect, rival.effect), &cause.at)

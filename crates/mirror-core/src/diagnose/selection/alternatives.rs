@@ -6,7 +6,7 @@ use crate::diagnose::effects::hypothesis::Model;
 use crate::diagnose::likelihood::fit::Fit;
 use crate::diagnose::model::problem::Noise;
 use crate::diagnose::model::solver::SOLVER;
-use crate::diagnose::principles::{TEMPER, UNTHOUGHT_OF};
+use crate::diagnose::principles::{TEMPER, UNTHOUGHT_OF, WORTH_NAMING};
 use crate::diagnose::random_effects::displaced::members_of;
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
 use crate::diagnose::selection::search::{Found, Search, SearchOptions};
@@ -16,8 +16,6 @@ use crate::error::Result;
 const RIVALS: usize = 8;
 /// The same where the work of a diagnosis is at its limit.
 const FEW_RIVALS: usize = 2;
-/// A rival that is less likely than the cause by this (log) at a coarse noise is none.
-const FAR_BEHIND: f64 = 8.0;
 
 /// A hypothesis with its probability.
 #[derive(Debug, Clone)]
@@ -132,11 +130,13 @@ fn rivals_at_all_noises(
         return Ok(Vec::new());
     }
     let reference = named.log_posterior(&own_fit);
+    // Log odds at which a rival would be less probable than is worth naming.
+    let far_behind = -WORTH_NAMING.ln() / TEMPER;
     candidates
         .iter()
         .filter(is_rival)
         // What fits worse here fits worse by far at the finer noise; what only has more parameters does not.
-        .filter(|fit| reference - named.log_posterior(fit) < FAR_BEHIND)
+        .filter(|fit| reference - named.log_posterior(fit) < far_behind)
         .map(|fit| named.fit_with_slack(&fit.model, Some(fit.model.terms.len() - 1), found.noise, 8))
         .collect()
 }

@@ -3,10 +3,10 @@
 
 use crate::diagnose::criteria::lack_of_fit::adequacy;
 use crate::diagnose::effects::hypothesis::{Catalogue, Model};
-use crate::diagnose::likelihood::noise::FALSE_SHARE;
+use crate::diagnose::likelihood::noise::trimmed_share;
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::problem::Problem;
-use crate::diagnose::model::work_budget::FOR_FREE_FORMS;
+use crate::diagnose::model::work_budget::A_STAGE;
 use crate::diagnose::prepare::false_observations::without_false;
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
 use crate::diagnose::selection::law_remainder::{MANY_CAUSES, only_their_laws};
@@ -49,14 +49,14 @@ pub(crate) fn look_beyond<'a>(
         adequacy(clean, &search.deformation(&found.fit.model), search.measured_noise)
     };
     let budget = search.problem.budget.clone();
-    budget.allow(FOR_FREE_FORMS);
+    budget.allow(1.0 - A_STAGE);
     let freed = setup.is_some();
     let mut geometry = setup;
     let (mut clean, mut false_share) = without_false(search, found)?;
     let mut fits_noise = left(search, found, &clean)?;
     let named = search.clone();
     let doubtful = fits_noise.significant && !freed;
-    let many_false = false_share > FALSE_SHARE;
+    let many_false = false_share > trimmed_share();
     let enough = !fits_noise.significant && !fits_noise.corners_significant && !many_false;
     if !(freed && enough)
         && is_suspicious(search, found, all, &fits_noise, many_false)?

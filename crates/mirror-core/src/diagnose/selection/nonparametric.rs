@@ -18,8 +18,6 @@ use crate::error::Result;
 
 /// A cause beside a free-form error at its own joint stands only where its shift, squared, is so many times the error's.
 const IMITATOR_SHARE: f64 = 4.0;
-/// With so many causes at once, or more, one unknown law may be behind all of them.
-const COMPOSITE: usize = 2;
 
 /// What the error of a joint that rests elsewhere each time depends on.
 pub(crate) const BY_ITSELF: &str = "posture, each by itself";
@@ -71,7 +69,8 @@ pub(crate) fn is_suspicious(
     many_false: bool,
 ) -> Result<bool> {
     let terms = found.fit.model.terms.len();
-    if adequacy.significant || adequacy.corners_significant || many_false || terms >= COMPOSITE {
+    // Behind several causes at once there may be one unknown law.
+    if adequacy.significant || adequacy.corners_significant || many_false || terms > 1 {
         return Ok(true);
     }
     let wide = Search { catalogue: all, ..search.clone() };

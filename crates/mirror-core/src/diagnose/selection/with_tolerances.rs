@@ -7,6 +7,7 @@ use crate::diagnose::effects::hypothesis::{Model, Term};
 use crate::diagnose::likelihood::fit::{FitOptions, fit};
 use crate::diagnose::likelihood::score_test::screen;
 use crate::diagnose::model::problem::Noise;
+use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::principles::{
     ABOVE_SCATTER, LEAST_HELD_OUT_RATIO, LOG_PRIOR_STRUCTURE, MAJORITY, SEVERAL_CAUSES,
 };
@@ -68,7 +69,7 @@ pub(crate) fn beside_geometry<'a>(
     search.group = geometry.group.clone();
     let Some(mut found) = found else { return Ok(None) };
     let mut hidden = false;
-    for _ in 0..SEVERAL_CAUSES {
+    for _ in 0..SOLVER.rounds {
         if !name_outlying(&geometry, named.catalogue, &mut start) {
             break;
         }

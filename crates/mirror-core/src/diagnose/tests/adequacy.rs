@@ -1,7 +1,7 @@
 //! Lack of fit: noise alone is never called a remainder, however few the postures.
 
 use super::gap_world::{Plan, World};
-use crate::diagnose::criteria::lack_of_fit::{NOTICEABLE_EXCESS, adequacy};
+use crate::diagnose::criteria::lack_of_fit::{adequacy, noticeable_excess};
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::robot::Robot;
 
@@ -17,7 +17,7 @@ fn few_postures_scatter_and_are_no_lack_of_fit() {
         let problem = Problem::new(&robot, &world.record(&plan)).unwrap();
         let told = adequacy(&problem, &problem.nominal(), NOISE).unwrap();
         assert!(!told.significant, "seed {seed}: an excess of {} over nothing but noise", told.excess);
-        large += usize::from(told.excess > NOTICEABLE_EXCESS);
+        large += usize::from(told.excess > noticeable_excess());
     }
     // That the excess is large by chance is common: its scatter is what keeps it from being called one.
     assert!(large >= 3, "{large} of 40");

@@ -8,7 +8,7 @@ use crate::diagnose::likelihood::normal_equations::inner;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::{Atom, Column};
 use crate::diagnose::model::frame::{FrameWork, PROJECTED, Task, Wanted};
-use crate::diagnose::model::free_values::FREE_OPTICS;
+use crate::diagnose::model::free_values::ASTIGMATISM;
 use crate::diagnose::model::problem::Problem;
 use crate::robot::Robot;
 use nalgebra::{DMatrix, DVector, Vector2, Vector3};
@@ -77,7 +77,7 @@ fn atoms(problem: &Problem) -> Vec<Atom> {
     out.extend([Atom::Glass, Atom::Curvature]);
     out.extend((0..nodes).flat_map(|n| (0..3).map(move |k| Atom::Turn(n, k))));
     out.extend((0..nodes).flat_map(|n| (0..2).flat_map(move |k| [Atom::Across(n, k), Atom::Rock(n, k)])));
-    out.extend((0..FREE_OPTICS).map(Atom::FreeOptics));
+    out.extend((0..ASTIGMATISM.end).map(Atom::FreeOptics));
     out
 }
 

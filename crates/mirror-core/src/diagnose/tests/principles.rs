@@ -1,5 +1,6 @@
 //! What decisions rest on: the quantities agree with each other.
 
+use crate::diagnose::likelihood::probability::tempered;
 use crate::diagnose::principles::{
     A_GAP, ABOVE_SCATTER, BEYOND_DOUBT, FAR_DEVIATIONS, FEWEST_OBSERVATIONS, FEWEST_POSTURES,
     FEWEST_REDUNDANT_ROWS, LEAST_HELD_OUT_GAIN, LEAST_HELD_OUT_RATIO, LEAST_LOG_ODDS, LOG_PRIOR_CROWD,
@@ -22,6 +23,10 @@ fn the_principles_agree_with_each_other() {
     assert!(doubt(BEYOND_DOUBT) > 1e-9);
     // What is just told is not certain once tempered.
     assert!(doubt(LEAST_LOG_ODDS) > 0.2);
+    // A cause that is just told is named with its rival, one of 3 to 1 is not.
+    assert!((0.7..=0.75).contains(&tempered(LEAST_LOG_ODDS)));
+    // A rival that is left aside where the noise is coarse is no more likely than what is beyond doubt.
+    assert!((2.0 * LEAST_LOG_ODDS..0.5 * BEYOND_DOUBT).contains(&(-WORTH_NAMING.ln() / TEMPER)));
     // The prior: less than doubtless evidence overcomes each of its steps, but that to a crowd; structure costs more than a cause.
     for step in [LOG_PRIOR_SAME_PLACE, LOG_PRIOR_FREE, LOG_PRIOR_STRUCTURE] {
         assert!((LEAST_LOG_ODDS..0.5 * BEYOND_DOUBT).contains(&-step), "{step}");

@@ -4,7 +4,7 @@ use super::products::{PROJECTED, Span};
 use super::work::{FrameWork, Rows};
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::{Atom, Twist, body_twist, moves};
-use crate::diagnose::model::free_values::FREE_OPTICS;
+use crate::diagnose::model::free_values::ASTIGMATISM;
 use crate::diagnose::model::problem::Problem;
 use nalgebra::Vector3;
 
@@ -146,7 +146,7 @@ impl FrameWork {
                 Some(unknown.r * velocity * row.scale)
             }
             Atom::FreeOptics(k) => {
-                debug_assert!(k < FREE_OPTICS);
+                debug_assert!(k < ASTIGMATISM.end);
                 let column = self.free.get(row.free?)?.column(k);
                 Some(Vector3::new(column[0], column[1], 0.0))
             }

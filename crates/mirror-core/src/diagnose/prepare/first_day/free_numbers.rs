@@ -9,11 +9,10 @@ use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::loose::Loose;
 use crate::diagnose::model::problem::Problem;
+use crate::diagnose::model::solver::SOLVER;
 
 /// What the first estimate, made before any cause was known, is off by: a zero (rad), a ratio (relative), a delay (rows).
 const FIRST_ESTIMATE_STD: f64 = 0.03;
-/// Rows over which the speed of a column is told.
-const STEP_ROWS: f64 = 1e-3;
 
 impl Mistake {
     /// Its numbers as further parameters of every model; the recording is that before it is undone.
@@ -51,9 +50,9 @@ impl Mistake {
                 };
                 let loose = |one: (usize, NodeId)| {
                     let column = before.column(one.0);
-                    let [early, late] =
-                        [rows - STEP_ROWS, rows + STEP_ROWS].map(|r| in_time(&column, r, kind));
-                    let per_row = body.nodes[one.1].command.1 / (2.0 * STEP_ROWS);
+                    let [early, late] = [rows - SOLVER.difference, rows + SOLVER.difference]
+                        .map(|r| in_time(&column, r, kind));
+                    let per_row = body.nodes[one.1].command.1 / (2.0 * SOLVER.difference);
                     let speed = early.iter().zip(&late).map(|(a, b)| per_row * (b - a)).collect();
                     of(one, Weight::Frames(speed), FIRST_ESTIMATE_STD, "joint_late", parameter, unit)
                 };

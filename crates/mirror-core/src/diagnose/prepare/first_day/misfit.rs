@@ -6,6 +6,7 @@
 
 use super::variant::Variant;
 use crate::diagnose::data::recording::Via;
+use crate::diagnose::effects::hypothesis::UNKNOWN_STD;
 use crate::diagnose::model::camera_and_mirror::Eye;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::frame::FrameWork;
@@ -20,8 +21,6 @@ use std::sync::Mutex;
 /// What a set-up by hand and small causes leave, as a share of the reach; and its bounds, m.
 const USUAL_SHARE: f64 = 0.03;
 const USUAL_BOUNDS_M: (f64, f64) = (0.006, 0.03);
-/// The distance of what cannot be predicted at all, m.
-const NOT_PREDICTED_M: f64 = 1.0;
 /// Mirrors that are remembered of a frame: chains of mistakes ask for the same positions between camera and board again and again.
 const MOST_REMEMBERED: usize = 64;
 
@@ -117,7 +116,7 @@ impl<'a> Misfit<'a> {
                     let m = variant.labels[frame][*m];
                     let point = camera_from_world.point(&work.poses.site(&variant.sites[m]).t);
                     let by = foot.filter(|_| *via == Via::Mirror);
-                    with(image_distance(eye, by.as_ref(), &point, pixel).unwrap_or(NOT_PREDICTED_M));
+                    with(image_distance(eye, by.as_ref(), &point, pixel).unwrap_or(UNKNOWN_STD));
                 }
                 Observation::Pixel { .. } => {}
                 Observation::Point { marker, position } => {

@@ -29,6 +29,7 @@ use crate::diagnose::data::diagnosis::{Cause, LeftOut};
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::likelihood::probability::{against, tempered};
 use crate::diagnose::model::problem::Problem;
+use crate::diagnose::model::work_budget::A_STAGE;
 use crate::diagnose::prepare::boards::leave_out_wrong_grids;
 use crate::diagnose::principles::BEYOND_DOUBT;
 use crate::error::Result;
@@ -45,16 +46,14 @@ use verify::{Tolerant, smaller};
 
 /// Frames on which alternatives are scored, and on which they are verified.
 const FRAMES: usize = 64;
-/// Mistakes at once, and how many of the best are gone on from and verified.
-const MOST_MISTAKES: usize = 4;
+/// How many of the best chains of mistakes are gone on from and verified.
 const BEAM: usize = 4;
 /// A mean loss below this is that of small errors: nothing is gross.
 const GROSS: f64 = 0.12;
 /// By this the mean loss must fall with each mistake, and by this share.
 const LEAST_FALL: f64 = 0.03;
 const LEAST_SHARE: f64 = 0.12;
-/// Slips at once, and the frames on which small errors are fitted beside them.
-const MOST_SLIPS: usize = 2;
+/// Frames on which small errors are fitted beside a slip.
 const FRAMES_OF_SLIPS: usize = 100;
 
 /// The session with its mistakes undone.
@@ -79,9 +78,6 @@ struct Chain {
     variant: Variant,
     loss: f64,
 }
-
-/// Of the work of a diagnosis, what may go into chains of mistakes: where nothing fits, each further one is as costly as it is vain.
-const SHARE_OF_WORK: f64 = 0.2;
 
 /// Finds and undoes whole mistakes; none where there is none. `closely`: also those that do no more than small errors do (a late column of a joint
 /// that hardly moves).
@@ -118,7 +114,8 @@ pub(crate) fn undone(
         out.undo(&mistake, tempered(odds))?;
     }
     if !out.unsettled && !without.iter().any(|w| w == "slip") {
-        for _ in 0..MOST_SLIPS {
+        // Each round's is at a place that has not slipped yet: there are but so many.
+        loop {
             let postures = crate::diagnose::likelihood::saturated::postures(&out.problem);
             let frames = spread(&postures, FRAMES_OF_SLIPS, 1);
             let Some((mistake, odds)) = changes::find(&out.problem, &frames, out.problem.noise)? else {
@@ -215,14 +212,15 @@ fn chain_of_the_body(
     }
     let mut chains = vec![nominal.clone()];
     let mut level = vec![nominal.clone()];
-    for _ in 0..MOST_MISTAKES {
+    loop {
         let mut next: Vec<Chain> = Vec::new();
         for chain in &level {
             next.extend(extended(&all, &frames, chain, without));
         }
         // What was passed over after a stop has numbers that mean nothing.
         problem.cancel.check()?;
-        let costly = problem.budget.share() > SHARE_OF_WORK;
+        // Where nothing fits each further one is as costly as it is vain.
+        let costly = problem.budget.share() > A_STAGE;
         next.sort_by(|a, b| a.loss.total_cmp(&b.loss));
         unlike(&mut next, BEAM);
         let best = level.first().map_or(f64::INFINITY, |c| c.loss);

@@ -1,0 +1,76 @@
+//! The light of a ball and of what lies behind it along a ray, against that of the zones in which their colours are read.
+//!
+//! A codec's colours are coarse: their zones lie some pixels from the edge. What the light does between zone and edge (the end of a lamp's light on the ball, the shadow that the ball
+//! casts on what carries it) is told by the brightness, which the codec keeps finer, up to where the lens has mixed the two.
+
+use super::rays::{Rays, STEP_PX, mean_and_variance};
+use core::ops::Range;
+
+/// Range of a light against that of its zone.
+const BALL_RANGE: (f64, f64) = (0.3, 2.5);
+const BEHIND_RANGE: (f64, f64) = (0.3, 2.0);
+/// How far inside of the edge and beyond it the brightness is the ball's own, and that of what lies behind, px.
+const BALL_CLEAR_PX: f64 = 1.8;
+const BEHIND_CLEAR_PX: f64 = 1.5;
+/// Least brightness of a zone.
+const LEAST_BRIGHTNESS: f64 = 1e-3;
+
+/// Light by sample of a ray, 1 where it is as in the zone.
+pub(super) struct Along {
+    /// The ball's; beyond the rim, as at the rim.
+    pub ball: Vec<f64>,
+    /// That of what lies behind; inside of the edge, as beside it.
+    pub behind: Vec<f64>,
+    /// The ball's at the rim.
+    pub at_rim: f64,
+}
+
+impl Along {
+    /// By the ball's shading alone: what lies behind is even.
+    pub fn by_shading(rays: &Rays, ray: usize, edge: f64, ball_zone: &Range<usize>) -> Self {
+        let shade = rays.shade(ray);
+        let rim = rim_of(rays, edge);
+        let zone = mean_and_variance(shade[ball_zone.clone()].iter().copied()).0;
+        let ball = (0..shade.len()).map(|i| in_range(shade[i.min(rim)] / zone, BALL_RANGE)).collect();
+        Self::new(ball, vec![1.0; shade.len()], rim)
+    }
+
+    /// By the brightness too: the shading carries the ball's over the last part to the rim.
+    pub fn by_brightness(
+        rays: &Rays,
+        ray: usize,
+        edge: f64,
+        ball_zone: &Range<usize>,
+        behind_zone: &Range<usize>,
+    ) -> Self {
+        let (luma, shade) = (rays.luma(ray), rays.shade(ray));
+        let rim = rim_of(rays, edge);
+        let of_zone = |zone: &Range<usize>| {
+            mean_and_variance(luma[zone.clone()].iter().copied()).0.max(LEAST_BRIGHTNESS)
+        };
+        let (own, other) = (of_zone(ball_zone), of_zone(behind_zone));
+        let last = rays.between(edge - BALL_CLEAR_PX, edge).start.min(luma.len() - 1);
+        let first = rays.between(edge + BEHIND_CLEAR_PX, f64::INFINITY).start.min(luma.len() - 1);
+        let ball = (0..luma.len())
+            .map(|i| luma[i.min(last)] / own * (shade[i.clamp(last.min(rim), rim)] / shade[last.min(rim)]))
+            .map(|light| in_range(light, BALL_RANGE))
+            .collect();
+        let behind = luma[first..].iter().map(|brightness| in_range(brightness / other, BEHIND_RANGE));
+        let beside = in_range(luma[first] / other, BEHIND_RANGE);
+        Self::new(ball, core::iter::repeat_n(beside, first).chain(behind).collect(), rim)
+    }
+
+    fn new(ball: Vec<f64>, behind: Vec<f64>, rim: usize) -> Self {
+        let at_rim = ball[rim];
+        Self { ball, behind, at_rim }
+    }
+}
+
+/// The sample at the edge.
+fn rim_of(rays: &Rays, edge: f64) -> usize {
+    rays.between(edge, edge + STEP_PX).start.min(rays.offsets.len() - 1)
+}
+
+fn in_range(light: f64, (least, most): (f64, f64)) -> f64 {
+    light.clamp(least, most)
+}
