@@ -1,7 +1,7 @@
 //! A session ready for the search: whole mistakes undone, the noise known, slipped rows left out.
 
 use super::boards::leave_out_wrong_grids;
-use super::first_day::{self, Mistake, Undone};
+use super::first_day::{self, Doubt, Mistake, Undone};
 use super::options::DiagnoseOptions;
 use super::row_slip::{self, Slip};
 use crate::diagnose::data::diagnosis::{Cause, LeftOut};
@@ -102,6 +102,11 @@ impl Prepared {
     /// Whole mistakes of model or log.
     pub fn mistakes(&self) -> &[Cause] {
         self.undone.as_ref().map_or(&[], |u| &u.told)
+    }
+
+    /// Mistakes that could stand for a small error.
+    pub fn doubts(&self) -> &[Doubt] {
+        self.undone.as_ref().map_or(&[], |u| &u.doubts)
     }
 
     /// How they were found, a line a step.

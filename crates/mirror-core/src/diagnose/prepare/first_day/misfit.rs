@@ -14,6 +14,7 @@ use crate::diagnose::model::kinematics::NodePoses;
 use crate::diagnose::model::pose::Pose;
 use crate::diagnose::model::problem::{Observation, Problem, Seen};
 use crate::diagnose::model::solver::SOLVER;
+use crate::diagnose::principles::FEWEST_OBSERVATIONS;
 use crate::error::Result;
 use nalgebra::{Matrix3, Point3, Vector3};
 use std::sync::Mutex;
@@ -31,6 +32,7 @@ type Remembered = Vec<(Vec<f64>, Option<Vector3<f64>>)>;
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Distance {
     pub frame: usize,
+    pub marker: usize,
     pub size_m: f64,
 }
 
@@ -71,14 +73,27 @@ impl<'a> Misfit<'a> {
 
     /// Mean loss over some frames; infinite where they show nothing.
     pub fn mean_loss(&self, variant: &Variant, frames: &[usize]) -> f64 {
+        self.mean_losses(variant, frames).0
+    }
+
+    /// The mean loss over some frames, and that of the marker which has the largest: one of several may be wrong alone.
+    pub fn mean_losses(&self, variant: &Variant, frames: &[usize]) -> (f64, f64) {
         if self.problem.cancel.is_cancelled() {
-            return f64::INFINITY;
+            return (f64::INFINITY, f64::INFINITY);
         }
-        let distances = self.distances(variant, frames);
-        if distances.is_empty() {
-            return f64::INFINITY;
+        let mut sums = vec![(0.0, 0.0); self.problem.marker_sites.len()];
+        for d in self.distances(variant, frames) {
+            let (sum, count) = &mut sums[d.marker];
+            *sum += self.loss(d.size_m);
+            *count += 1.0;
         }
-        distances.iter().map(|d| self.loss(d.size_m)).sum::<f64>() / distances.len() as f64
+        let count: f64 = sums.iter().map(|s| s.1).sum();
+        if count == 0.0 {
+            return (f64::INFINITY, f64::INFINITY);
+        }
+        let often_seen = sums.iter().filter(|s| s.1 >= FEWEST_OBSERVATIONS as f64);
+        let worst = often_seen.map(|s| s.0 / s.1).fold(0.0, f64::max);
+        (sums.iter().map(|s| s.0).sum::<f64>() / count, worst)
     }
 
     /// Distances of all observations of markers in some frames.
@@ -89,15 +104,21 @@ impl<'a> Misfit<'a> {
         let mut out = Vec::new();
         let mut work = Work::new(self.problem);
         for &frame in frames {
-            self.of_frame(&mut work, variant, frame, |size_m| {
-                out.push(Distance { frame, size_m });
+            self.of_frame(&mut work, variant, frame, |marker, size_m| {
+                out.push(Distance { frame, marker, size_m });
             });
         }
         out
     }
 
     /// Passes each observation's marker and distance of one frame on.
-    pub fn of_frame(&self, work: &mut Work, variant: &Variant, frame: usize, mut with: impl FnMut(f64)) {
+    pub fn of_frame(
+        &self,
+        work: &mut Work,
+        variant: &Variant,
+        frame: usize,
+        mut with: impl FnMut(usize, f64),
+    ) {
         let problem = self.problem;
         let body = &problem.scene.body;
         variant.nodes(body, frame, &mut work.positions);
@@ -116,14 +137,14 @@ impl<'a> Misfit<'a> {
                     let m = variant.labels[frame][*m];
                     let point = camera_from_world.point(&work.poses.site(&variant.sites[m]).t);
                     let by = foot.filter(|_| *via == Via::Mirror);
-                    with(image_distance(eye, by.as_ref(), &point, pixel).unwrap_or(UNKNOWN_STD));
+                    with(m, image_distance(eye, by.as_ref(), &point, pixel).unwrap_or(UNKNOWN_STD));
                 }
                 Observation::Pixel { .. } => {}
                 Observation::Point { marker, position } => {
                     let Some(site) = problem.points_site else { continue };
                     let marker = variant.labels[frame][*marker];
                     let point = work.poses.site(&variant.sites[marker]).t;
-                    with((position - work.poses.site(&site).inverse_point(&point)).norm());
+                    with(marker, (position - work.poses.site(&site).inverse_point(&point)).norm());
                 }
             }
         }
@@ -233,6 +254,7 @@ impl<'a> Misfit<'a> {
         rows.iter()
             .map(|(frame, marker, position, mount, local, _)| Distance {
                 frame: *frame,
+                marker: *marker,
                 size_m: (position - pose.point(&mount.point(&(local + shift[*marker])))).norm(),
             })
             .collect()
