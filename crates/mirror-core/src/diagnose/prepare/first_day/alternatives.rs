@@ -8,7 +8,7 @@ use crate::diagnose::model::problem::{Observation, Problem, Seen};
 use crate::diagnose::prepare::row_slip::LARGEST_SHIFT;
 use crate::diagnose::principles::{FEWEST_FRAMES, FEWEST_POSTURES, NEARLY_ALL};
 use crate::statistics::GOLDEN_SECTION;
-use core::f64::consts::{FRAC_PI_2, PI, TAU};
+use core::f64::consts::{FRAC_PI_2, PI};
 
 /// Other factors that are tried, and refined: a transmission that is another one.
 const FACTORS: [f64; 10] = [0.2, 1.0 / 3.0, 0.5, 2.0 / 3.0, 0.8, 1.25, 1.5, 2.0, 3.0, 5.0];
@@ -279,6 +279,10 @@ impl<'a> Session<'a> {
         let (low, high) = (low - margin, high + margin);
         let mut out = variant.clone();
         let mut work = Work::new(self.problem);
+        // Measured in a frame that nobody has told: the other rows tell it.
+        let others: Vec<usize> =
+            (0..self.problem.frames.len()).filter(|f| !(first..=last).contains(f)).collect();
+        work.placed = self.misfit.placed(variant, &others);
         for posture in &self.postures {
             let frames: Vec<usize> = posture.iter().copied().filter(|f| (first..=last).contains(f)).collect();
             if frames.is_empty() {
