@@ -6,9 +6,14 @@ BIN := $(VENV)/bin
 OUT ?= out
 FUZZ_SECONDS ?= 60
 FUZZ_TARGETS := camera recording urdf dress diagnosis
-# The build that `cargo test --workspace` makes (optimised, see Cargo.toml) is the one that the wheel shares its crates with.
+# The build of the tests (optimised, see Cargo.toml) is the one that the wheel shares its crates with: so both packages are named in `test-rust`.
 PROFILE ?= dev
+# What is never imported need not be compiled: that takes longer than installing.
+INSTALL := $(BIN)/python -m pip install -q --disable-pip-version-check --no-compile
 WHEELS := target/wheels
+
+# Their files alone: reading all others takes each worker longer than these tests take.
+REALTIME := $(shell grep -l "mark.realtime" tests/python/test_*.py)
 
 SOURCES := $(shell find crates python -name '*.rs' -o -name '*.py' -o -name '*.pyi' -o -name '*.toml' -o -name '*.urdf' -o -name '*.yaml' -o -name '*.j2') \
   Cargo.toml Cargo.lock pyproject.toml README.md
@@ -25,16 +30,19 @@ help: ## this list
 demo: $(VENV)/installed ## render the embedded robot before a mirror, detect, measure, report, all into ./out
 	$(BIN)/mirror-posture demo --out $(OUT)
 
-test: format test-rust test-python ## all tests, as the CI runs them
+# Packages are installed while the core's tests are built and run: the network waits for nobody.
+test: $(VENV)/wheel ## all tests, as the CI runs them
+	$(MAKE) -j 2 test-rust $(VENV)/installed-for-tests
+	$(MAKE) format test-python
 
 check: lint test ## before a commit: the lints, then all tests
 
 test-rust: ## the core's tests; needs no Python
-	cargo test --locked -q --workspace
+	cargo test --locked -q -p mirror-core -p mirror-py
 
 test-python: $(VENV)/installed-for-tests ## build and install the wheel, test it
 	$(BIN)/python -m pytest -q -n 2 -m "not realtime"
-	$(BIN)/python -m pytest -q -n 3 -m realtime
+	$(BIN)/python -m pytest -q -n 3 -m realtime $(REALTIME)
 
 test-floors: $(VENV)/wheel ## detection and sessions with the oldest dependencies that can be solved (not a part of `make test`)
 	$(PYTHON) -m venv $(VENV)-floors
@@ -44,11 +52,13 @@ test-floors: $(VENV)/wheel ## detection and sessions with the oldest dependencie
 
 format: $(VENV)/installed-for-tests ## whether all sources are formatted
 	cargo fmt --all --check
+	cargo fmt --manifest-path benches/Cargo.toml --check
 	$(BIN)/ruff format --check -q python tests/python benches
 
 lint: format ## formatting, lints, types and the links of the documentation, Rust and Python
 	cargo clippy --locked -q --workspace --all-targets -- -D warnings
 	cargo clippy --locked -q -p mirror-core --no-default-features -- -D warnings
+	cargo clippy --locked -q --manifest-path benches/Cargo.toml --target-dir target --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --locked -q --no-deps -p mirror-core
 	$(BIN)/ruff check python tests/python benches
 	MYPYPATH=python $(BIN)/mypy
@@ -77,7 +87,7 @@ docs: $(VENV)/installed ## the documentation's site, into ./site: pages, referen
 	cp -r target/doc site/rust
 
 bench: ## throughput of the core; benches/README.md says what was measured
-	cargo bench --locked
+	cargo bench --locked --manifest-path benches/Cargo.toml --target-dir target
 
 fuzz: $(VENV)/installed-for-tests ## every border, for FUZZ_SECONDS each (60): cargo-fuzz for the core's, tests/python/fuzz.py for Python's
 	for target in $(FUZZ_TARGETS); do \
@@ -118,10 +128,10 @@ $(VENV)/wheel: $(VENV)/tools $(SOURCES)
 # Installed as a user installs it, with its dependencies and the distribution mirror-posture-lab; the sources are not
 # on the path. The second command replaces older wheels of the same version.
 $(VENV)/installed: $(VENV)/wheel
-	$(BIN)/python -m pip install -q --disable-pip-version-check $(WHEELS)/*.whl
-	$(BIN)/python -m pip install -q --disable-pip-version-check --no-deps --force-reinstall $(WHEELS)/*.whl
+	$(INSTALL) $(WHEELS)/*.whl
+	$(INSTALL) --no-deps --force-reinstall $(WHEELS)/*.whl
 	touch $@
 
 $(VENV)/installed-for-tests: $(VENV)/installed
-	$(BIN)/python -m pip install -q --disable-pip-version-check --find-links $(WHEELS) "$$(ls $(WHEELS)/mirror_posture-*.whl)[test]"
+	$(INSTALL) --find-links $(WHEELS) "$$(ls $(WHEELS)/mirror_posture-*.whl)[test]"
 	touch $@

@@ -130,3 +130,29 @@ fn a_right_angle_beside_a_link_that_is_too_long_leaves_no_play() {
     let zero = diagnosis.causes.iter().find(|c| c.effect == "joint_offset").unwrap().parameters["offset_rad"];
     assert!((zero.value + right_angle).abs() < 4.0 * zero.std && zero.std < 2e-3, "{zero:?}");
 }
+
+#[test]
+fn a_marker_on_a_link_whose_joint_moves_no_other_is_named_beside_a_gear() {
+    let real = World::new(5, false);
+    let wrong = vec![Wrong::Ratio(real.bone("l_elbow"), 0.04)];
+    let recording = real.record(&plan(47, wrong));
+    // The believed robot's last joint moves no marker at all.
+    let mut believed = World::new(5, false);
+    believed.markers[5].1 = believed.bone("r_elbow");
+    let diagnosis = run(&believed, &recording);
+    let wanted = ["gear_ratio@joint:l_elbow", "marker_parent@marker:r_hand<-link:r_wrist_1_link"];
+    assert_eq!(named(&diagnosis), wanted, "{:?}", diagnosis.trace);
+}
+
+#[test]
+fn a_right_angle_at_a_last_joint_is_told_before_the_mount_that_moves_its_marker_alike() {
+    let mut world = World::new(5, false);
+    world.markers[2].2 = [0.018, 0.004, 0.03].into();
+    let mut recording = world.record(&plan(48, Vec::new()));
+    let wrist = robot(&world).position_index("l_wrist_1").unwrap();
+    let right_angle = core::f64::consts::FRAC_PI_2;
+    recording.frames.iter_mut().for_each(|f| f.commanded[wrist] += right_angle);
+    let diagnosis = run(&world, &recording);
+    assert_eq!(named(&diagnosis), ["joint_offset@joint:l_wrist_1"], "{:?}", diagnosis.trace);
+    assert_near(&diagnosis, "joint_offset", "offset_rad", -right_angle, 0.01);
+}

@@ -65,8 +65,9 @@ pub fn diagnose(
         options: SearchOptions::of(options.most_causes),
         mask: part.as_deref(),
     };
-    let moved = settle_slips(&mut search, &nominal)?;
-    prepared.settled(&mut search.problem, &moved)?;
+    for (slip, std) in settle_slips(&mut search, &nominal)? {
+        prepared.moved(&search.problem, slip, std)?;
+    }
     let (mut found, setup) = with_or_without_setup(&mut search, &nominal, stated, &options.without)?;
     if setup.is_none() {
         if let Some(other) = from_a_pair(&search, &found, &nominal)? {

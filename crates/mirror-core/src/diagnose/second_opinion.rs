@@ -5,7 +5,7 @@
 //! less on held-out regions. The same goes for rows said to hold other rows' measurement: a joint whose log is a little late looks like that where
 //! it moves to and fro, and the second look is for whole mistakes that do no more than small errors; and where what is left depends on the path or on each posture by
 //! itself, such a look is believed if it explains all. And where a joint's ratio is undone as a whole mistake and found again beside it, the two are one, and where
-//! it comes out as the model's own in the end there is no mistake: the session is diagnosed once more without such mistakes, and the first is believed only where the second leaves something unexplained, and more.
+//! it comes out as the model's own in the end there is no mistake (nor is there a slip that comes out as none): the session is diagnosed once more without such mistakes, and the first is believed only where the second leaves something unexplained, and more.
 
 use crate::diagnose::data::diagnosis::{Cause, Diagnosis, Verdict, Where};
 use crate::diagnose::data::recording::Recording;
@@ -18,6 +18,8 @@ use crate::error::Result;
 use crate::robot::Robot;
 
 const SLIP: &str = "slip";
+/// The parameter of a slip that is none of its motion.
+const FIRST_FRAME: &str = "first_frame";
 const PAIRING: &str = "pairing";
 /// What a place depends on where a second, closer look for whole mistakes is worth it.
 const OF_PATH: [&str; 2] = ["history", BY_ITSELF];
@@ -46,7 +48,7 @@ pub fn diagnose(
     let (mut second, _) = pipeline::diagnose(robot, recording, &still, others, doubt.looks_closely())?;
     let no_worse = left(&second) <= left(&first);
     let believed = match doubt {
-        Doubt::Twice => no_worse || explains(&second),
+        Doubt::Twice | Doubt::NoSlip => no_worse || explains(&second),
         Doubt::Slip | Doubt::Pairing => LEAST_HELD_OUT_RATIO * left(&second) <= left(&first),
         Doubt::Path => no_worse && explains(&second),
     };
@@ -62,11 +64,14 @@ pub fn diagnose(
 enum Doubt {
     /// A ratio is told twice at one joint, or is that of the model.
     Twice,
+    /// A slip by nothing, within its own deviations, once the causes are known.
+    NoSlip,
     /// A slip beside something unexplained.
     Slip,
     /// Rows of their own beside something unexplained.
     Pairing,
-    /// What is left depends on the path, or on each posture by itself: a joint that stood still over some rows, or whose log is late, does that.
+    /// What is left depends on the path, or on each posture by itself, or has no place: a joint that stood still over some rows, or whose
+    /// log is late, does that.
     Path,
 }
 
@@ -76,6 +81,9 @@ impl Doubt {
         if is_told_twice(&first.causes) || is_of_no_size(&first.causes) {
             return Some(Self::Twice);
         }
+        if first.causes.iter().any(has_not_slipped) {
+            return Some(Self::NoSlip);
+        }
         if explains(first) {
             return None;
         }
@@ -83,7 +91,7 @@ impl Doubt {
         match () {
             () if named(SLIP) => Some(Self::Slip),
             () if named(PAIRING) => Some(Self::Pairing),
-            () if first.r#where.iter().any(of_path) => Some(Self::Path),
+            () if first.r#where.iter().any(of_path) || first.r#where.is_empty() => Some(Self::Path),
             () => None,
         }
     }
@@ -92,7 +100,7 @@ impl Doubt {
     fn without(self) -> Option<&'static str> {
         match self {
             Self::Twice => Some(RATIO.0),
-            Self::Slip => Some(SLIP),
+            Self::NoSlip | Self::Slip => Some(SLIP),
             Self::Pairing => Some(PAIRING),
             Self::Path => None,
         }
@@ -108,6 +116,7 @@ impl Doubt {
             Self::Twice => {
                 "a ratio undone as a whole mistake was found again beside it, or to be the model's: it is none"
             }
+            Self::NoSlip => "what slipped sits where it did, within its deviations: nothing has slipped",
             Self::Slip => "a slip leaves no smaller gap on held-out regions: nothing has slipped",
             Self::Pairing => "rows of their own leave no smaller gap on held-out regions: they are in order",
             Self::Path => {
@@ -127,6 +136,14 @@ fn is_told_twice(causes: &[Cause]) -> bool {
 fn is_of_no_size(causes: &[Cause]) -> bool {
     let of_ratios = causes.iter().filter(|c| c.effect == RATIO.1);
     of_ratios.flat_map(|c| c.parameters.values()).any(|e| e.value.abs() < SURE_DEVIATIONS * e.std)
+}
+
+/// Whether it is a slip by nothing, within its own deviations.
+fn has_not_slipped(cause: &Cause) -> bool {
+    let motion = || cause.parameters.iter().filter(|(name, _)| *name != FIRST_FRAME);
+    cause.effect == SLIP
+        && motion().count() > 0
+        && motion().all(|(_, e)| e.value.abs() < SURE_DEVIATIONS * e.std)
 }
 
 /// Whether nothing is left unexplained.
@@ -175,5 +192,17 @@ mod tests {
                 && !is_of_no_size(&[ratio(-0.02)])
                 && !is_of_no_size(core::slice::from_ref(&a))
         );
+    }
+    #[test]
+    fn a_slip_by_less_than_its_deviations_is_none() {
+        let slip = |motion: f64| {
+            let of = |value: f64, std: f64| Estimate { value, std };
+            let parameters =
+                [("dx_m", of(motion, 0.002)), ("dy_m", of(0.001, 0.002)), (FIRST_FRAME, of(90.0, 0.5))];
+            let parameters = parameters.into_iter().map(|(name, e)| (name.to_owned(), e)).collect();
+            Cause { parameters, ..cause(SLIP, "marker:a") }
+        };
+        assert!(has_not_slipped(&slip(0.004)) && !has_not_slipped(&slip(0.02)));
+        assert!(!has_not_slipped(&cause("gear_ratio", "joint:a")));
     }
 }

@@ -3,6 +3,7 @@
 use crate::diagnose::criteria::cross_validation::PostureGap;
 use crate::diagnose::data::diagnosis::Cause;
 use crate::diagnose::likelihood::fit::Fit;
+use crate::diagnose::prepare::first_day::Doubt;
 use crate::diagnose::prepare::row_slip::Slip;
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
 use crate::diagnose::selection::alternatives::Standing;
@@ -25,6 +26,8 @@ pub(crate) struct Findings<'a> {
     pub false_share: f64,
     /// Whole mistakes of model or log, which are undone in the search's problem.
     pub mistakes: Vec<Cause>,
+    /// Mistakes that could stand for a small error.
+    pub doubts: Vec<Doubt>,
 }
 
 impl Findings<'_> {

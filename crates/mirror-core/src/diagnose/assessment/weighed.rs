@@ -99,5 +99,6 @@ pub(crate) fn weighed<'a>(
         false_share,
         standings,
         mistakes: prepared.mistakes().to_vec(),
+        doubts: prepared.doubts().to_vec(),
     })
 }

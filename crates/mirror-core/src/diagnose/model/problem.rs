@@ -138,11 +138,7 @@ impl Problem {
             Some(PointsFrame::Link(link)) => (Some(site(link)?.1), false),
             Some(PointsFrame::Unknown) => (Some(scene.body.root), true),
         };
-        let observers: Vec<Option<usize>> =
-            [camera_site, points_site].iter().flatten().map(|s| s.node).collect();
-        let targets: Vec<Option<usize>> =
-            marker_sites.iter().map(|s| s.node).chain(board.iter().map(|s| s.node)).collect();
-        scene.find_relevant(&observers, &targets, &marker_sites);
+        find_relevant(&mut scene, [camera_site, points_site], board, &marker_sites);
         scene.tabulate_down(&marker_mounts);
         let between_camera_and_board = match (camera_site, board) {
             (Some(camera), Some(board)) => (0..scene.nodes())
@@ -216,6 +212,12 @@ impl Problem {
         })
     }
 
+    /// Finds anew which joints move what is seen against who sees it: a marker sits on another link than the model says.
+    pub fn markers_moved(&mut self) {
+        let observers = [self.camera_site, self.points_site];
+        find_relevant(&mut self.scene, observers, self.board, &self.marker_sites);
+    }
+
     /// The nominal deformation of this recording.
     pub fn nominal(&self) -> Deformation {
         Deformation::nominal(self.scene.frames, self.scene.nodes(), self.marker_sites.len())
@@ -285,4 +287,10 @@ impl Problem {
     pub fn plane(foot: &Vector3<f64>) -> Option<Plane> {
         Plane::from_foot_point(foot).ok()
     }
+}
+
+fn find_relevant(scene: &mut Scene, observers: [Option<Site>; 2], board: Option<Site>, markers: &[Site]) {
+    let observers: Vec<Option<usize>> = observers.iter().flatten().map(|s| s.node).collect();
+    let targets: Vec<Option<usize>> = markers.iter().chain(&board).map(|s| s.node).collect();
+    scene.find_relevant(&observers, &targets, markers);
 }

@@ -1,14 +1,13 @@
 //! A session ready for the search: whole mistakes undone, the noise known, slipped rows left out.
 
 use super::boards::leave_out_wrong_grids;
-use super::first_day::{self, Mistake, Undone};
+use super::first_day::{self, Doubt, Mistake, Undone};
 use super::options::DiagnoseOptions;
 use super::row_slip::{self, Slip};
 use crate::diagnose::data::diagnosis::{Cause, LeftOut};
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::likelihood::noise;
 use crate::diagnose::model::problem::{Noise, Problem};
-use crate::diagnose::principles::SURE_DEVIATIONS;
 use crate::error::Result;
 use crate::robot::Robot;
 use nalgebra::Vector6;
@@ -71,49 +70,21 @@ impl Prepared {
         Ok(Self { given, arranged, problem, stated, slip, left_out, undone })
     }
 
-    /// Takes over how far things slipped, found again beside causes in a problem of the search: the slips' numbers there, and the deviations of their
-    /// motions. What has hardly slipped then did so for the want of these causes, and is taken back from both.
+    /// Takes over how far something slipped, found again beside causes in a problem of the search.
     ///
     /// # Errors
     /// Invalid parameters of camera or mirror.
-    pub fn settled(&mut self, problem: &mut Problem, moved: &[(usize, Vector6<f64>)]) -> Result<()> {
-        let mut gone = Vec::new();
-        for (which, std) in moved {
-            let slip = problem.slips[*which];
-            let is_there =
-                slip.motion.iter().zip(std).any(|(m, s)| m.abs() > SURE_DEVIATIONS * s && *s > 0.0);
-            if let Some(undone) = &mut self.undone {
-                let told = first_day::told(
-                    &Mistake::Slip { slip, std: *std },
-                    &undone.robot,
-                    &undone.recording,
-                    problem,
-                    1.0,
-                );
-                for new in told {
-                    let row = |cause: &Cause| cause.parameters.get("first_frame").map(|p| p.value);
-                    let same =
-                        |old: &Cause| old.effect == new.effect && old.at == new.at && row(old) == row(&new);
-                    if !is_there {
-                        undone.trace.push(format!("{}@{} is nothing beside the causes", new.effect, new.at));
-                        undone.told.retain(|old| !same(old));
-                    } else if let Some(old) = undone.told.iter_mut().find(|old| same(old)) {
-                        old.parameters = new.parameters;
-                    }
-                }
+    pub fn moved(&mut self, problem: &Problem, which: usize, std: Vector6<f64>) -> Result<()> {
+        self.arranged.slips.clone_from(&problem.slips);
+        self.arranged.fit_boards()?;
+        let Some(undone) = &mut self.undone else { return Ok(()) };
+        let mistake = Mistake::Slip { slip: problem.slips[which], std };
+        let told = first_day::told(&mistake, &undone.robot, &undone.recording, problem, 1.0);
+        for new in told {
+            let same = |old: &&mut Cause| old.effect == new.effect && old.at == new.at;
+            if let Some(old) = undone.told.iter_mut().find(same) {
+                old.parameters = new.parameters;
             }
-            if !is_there {
-                gone.push(*which);
-            }
-        }
-        gone.sort_unstable();
-        for which in gone.into_iter().rev() {
-            problem.slips.remove(which);
-        }
-        if !moved.is_empty() {
-            problem.fit_boards()?;
-            self.arranged.slips.clone_from(&problem.slips);
-            self.arranged.fit_boards()?;
         }
         Ok(())
     }
@@ -131,6 +102,11 @@ impl Prepared {
     /// Whole mistakes of model or log.
     pub fn mistakes(&self) -> &[Cause] {
         self.undone.as_ref().map_or(&[], |u| &u.told)
+    }
+
+    /// Mistakes that could stand for a small error.
+    pub fn doubts(&self) -> &[Doubt] {
+        self.undone.as_ref().map_or(&[], |u| &u.doubts)
     }
 
     /// How they were found, a line a step.

@@ -21,6 +21,7 @@ use crate::diagnose::prepare::row_slip::WHOLE_STD;
 use crate::diagnose::principles::{LEAST_LOG_ODDS, SURE_DEVIATIONS};
 use crate::diagnose::random_effects::displaced::log_bayes;
 use crate::diagnose::random_effects::geometric_tolerances::{Geometry, Kind};
+use crate::diagnose::report::doubts::doubted;
 use crate::diagnose::report::free_numbers::with_free_numbers;
 use crate::diagnose::report::gap_steps::{Part, gap_steps};
 use crate::diagnose::report::rms_shift::rms_shift;
@@ -263,6 +264,7 @@ fn causes(
         };
         out.push((cause, Part::Columns(own)));
     }
+    out.iter_mut().for_each(|(cause, _)| doubted(cause, &findings.doubts));
     let moved = (seen_size(&findings.before).powi(2) - seen_size(&findings.after).powi(2)).max(0.0).sqrt();
     for mistake in &findings.mistakes {
         let mut cause = mistake.clone();

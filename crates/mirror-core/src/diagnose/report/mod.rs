@@ -1,6 +1,7 @@
 //! From what was found to what is said and drawn.
 
 pub(super) mod build;
+mod doubts;
 pub(super) mod fields;
 mod free_numbers;
 pub(super) mod gap_steps;

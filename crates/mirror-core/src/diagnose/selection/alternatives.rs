@@ -1,8 +1,8 @@
 //! How sure a cause is: its rivals, each fitted in its place, and their probabilities.
 
 use crate::diagnose::criteria::cross_validation::PostureGap;
-use crate::diagnose::effects::Place;
 use crate::diagnose::effects::hypothesis::Model;
+use crate::diagnose::effects::{LawFreedom, Place};
 use crate::diagnose::likelihood::fit::Fit;
 use crate::diagnose::model::problem::Noise;
 use crate::diagnose::model::solver::SOLVER;
@@ -66,6 +66,14 @@ impl Standing {
     }
 }
 
+/// Whether two causes are laws of one joint of which neither is known exactly: what tells them apart only where both follow the textbook
+/// to the last detail (a play that widens with its load from a servo that sticks and droops) is no evidence.
+fn both_laws_err(search: &Search<'_>, one: usize, other: usize) -> bool {
+    let node = |h: usize| search.catalogue.hypotheses[h].place.node();
+    let errs = |h: usize| search.catalogue.effect(h).law_freedom() != LawFreedom::Exact;
+    node(one).is_some() && node(one) == node(other) && errs(one) && errs(other)
+}
+
 /// Fits the best rivals in the place of the i-th cause and weighs them.
 ///
 /// # Errors
@@ -82,11 +90,18 @@ pub(crate) fn standing(search: &Search<'_>, found: &Found, i: usize) -> Result<S
     } else {
         search.log_posterior(&search.fit_with_slack(&found.fit.model, Some(i), found.noise, 6)?)
     };
+    // With the laws of all causes erring a little, that of the one in question too.
+    let loosely = |model: &Model| search.fit_with_slack(model, None, found.noise, 8);
     // Weights relative to the cause itself.
     let mut weights: Vec<(usize, f64, f64)> = Vec::new();
     for rival in &rivals {
         let Some(term) = rival.model.terms.last() else { continue };
-        let log = TEMPER * (search.log_posterior(rival) - reference);
+        let ahead = if both_laws_err(search, own, term.hypothesis) {
+            search.log_posterior(&loosely(&rival.model)?) - search.log_posterior(&loosely(&found.fit.model)?)
+        } else {
+            search.log_posterior(rival) - reference
+        };
+        let log = TEMPER * ahead;
         weights.push((term.hypothesis, term.variant, log.min(50.0).exp()));
     }
     let mounts = by_stated_mounts(search, found, i)?;

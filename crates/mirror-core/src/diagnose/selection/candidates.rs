@@ -20,6 +20,8 @@ const LEAST_REACH: f64 = 25.0;
 const REACH: f64 = 0.15;
 /// The same for hypotheses with a discrete unknown, which the score test takes at a play of no width.
 const REACH_OF_VARIANTS: f64 = 0.5;
+/// The share of the score test's estimate at which a fit starts that got worse from the estimate itself.
+const NEXT_TO_NOTHING: f64 = 1e-3;
 
 impl Search<'_> {
     /// Fits the most promising additions to a model, at a noise; best first. `but` is left out, if it stands in the model's
@@ -34,16 +36,28 @@ impl Search<'_> {
         let (group, start) = self.loosened(model, None);
         let scores = screen(&self.problem, self.catalogue, &group, &start, noise, self.mask)?;
         let chosen = self.most_promising(&scores, count, but.map(|b| b.0));
-        let fitted = |score: &&Score, hopeless: f64| {
+        let alone = self.fit_with_slack(model, None, noise, 0)?.misfit;
+        let fitted_from = |score: &Score, share: f64, hopeless: f64| {
             let mut next = model.with(self.catalogue, score.hypothesis, score.variant);
             if let Some(term) = next.terms.last_mut() {
                 let positive = self.catalogue.effect(score.hypothesis).is_positive();
-                term.parameters =
-                    score.parameters.iter().map(|p| if positive { p.max(0.0) } else { *p }).collect();
+                let bounded = |p: &f64| if positive { p.max(0.0) } else { *p };
+                term.parameters = score.parameters.iter().map(|p| share * bounded(p)).collect();
             }
             let last = next.terms.len() - 1;
             // A linear estimate may lie where no camera or mirror can be: such a hypothesis is no candidate.
             self.fit_below(&next, Some(last), noise, SOLVER.candidate_steps, hopeless).ok()
+        };
+        let fitted = |score: &&Score, hopeless: f64| {
+            let fit = fitted_from(score, 1.0, hopeless);
+            if fit.as_ref().is_some_and(|f| f.misfit <= alone) {
+                return fit;
+            }
+            // The estimate is where all else has moved along, which it has not: where a zero is far off and the set-up makes up for it, every
+            // observation looks false there, and a fit stands still. From next to nothing all moves at once.
+            let again = fitted_from(score, NEXT_TO_NOTHING, hopeless);
+            let misfit = |f: &Option<Fit>| f.as_ref().map_or(f64::INFINITY, |f| f.misfit);
+            if misfit(&again) < misfit(&fit) { again } else { fit }
         };
         // The others need not be fitted to their end where they fall far behind the first, or behind what is there already.
         let hopeless = |fit: Option<&Fit>| fit.map_or(f64::INFINITY, |f| f.misfit + 2.0 * BEYOND_DOUBT);

@@ -1,19 +1,15 @@
 //! The whole mistakes that a session could hold, each with its unknown number tried on a grid.
 
 use super::misfit::{Misfit, Work};
-use super::mistake::{LateKind, Mistake};
+use super::mistake::{LateKind, Mistake, UNITS};
 use super::variant::{Variant, seen_joints};
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::problem::{Observation, Problem, Seen};
 use crate::diagnose::prepare::row_slip::LARGEST_SHIFT;
 use crate::diagnose::principles::{FEWEST_FRAMES, FEWEST_POSTURES, NEARLY_ALL};
 use crate::statistics::GOLDEN_SECTION;
-use core::f64::consts::{PI, TAU};
+use core::f64::consts::{FRAC_PI_2, PI};
 
-/// What a column of another unit must be multiplied by: degrees, half turns, turns, tenths and hundredths of a degree, ticks of
-/// common encoders, thousandths.
-pub(super) const UNITS: [f64; 9] =
-    [PI / 180.0, PI, TAU, PI / 1800.0, PI / 18000.0, TAU / 4096.0, TAU / 1024.0, TAU / 16384.0, 1e-3];
 /// Other factors that are tried, and refined: a transmission that is another one.
 const FACTORS: [f64; 10] = [0.2, 1.0 / 3.0, 0.5, 2.0 / 3.0, 0.8, 1.25, 1.5, 2.0, 3.0, 5.0];
 /// Factors on the board's squares, refined by as much as lies between them.
@@ -21,6 +17,9 @@ const SQUARES: [f64; 10] = [0.5, 2.0 / 3.0, 0.75, 0.8, 0.9, 1.1, 1.25, 4.0 / 3.0
 const SQUARES_STEP: f64 = 1.12;
 /// Zeros that are tried, rad: every 15°.
 const ZERO_STEP: f64 = PI / 12.0;
+/// A zero is off by a right angle where it is no farther from one (rad), and the loss is then larger by no more than this.
+const NEARLY_RIGHT: f64 = 0.02;
+const NO_WORSE: f64 = 0.002;
 /// Whole rows by which a column may be late, and parts of a row.
 const LATE_ROWS: usize = 8;
 const LATE_PARTS: usize = 10;
@@ -280,6 +279,10 @@ impl<'a> Session<'a> {
         let (low, high) = (low - margin, high + margin);
         let mut out = variant.clone();
         let mut work = Work::new(self.problem);
+        // Measured in a frame that nobody has told: the other rows tell it.
+        let others: Vec<usize> =
+            (0..self.problem.frames.len()).filter(|f| !(first..=last).contains(f)).collect();
+        work.placed = self.misfit.placed(variant, &others);
         for posture in &self.postures {
             let frames: Vec<usize> = posture.iter().copied().filter(|f| (first..=last).contains(f)).collect();
             if frames.is_empty() {
@@ -289,7 +292,7 @@ impl<'a> Session<'a> {
                 let mut sum = 0.0;
                 for &f in &frames {
                     out.positions[f][joint] = q;
-                    self.misfit.of_frame(&mut work, &out, f, |r| sum += self.misfit.loss(r));
+                    self.misfit.of_frame(&mut work, &out, f, |_, r| sum += self.misfit.loss(r));
                 }
                 sum
             };
@@ -315,7 +318,11 @@ impl<'a> Session<'a> {
         match *mistake {
             Mistake::Zero { joint, offset } => {
                 let of = |offset| Mistake::Zero { joint, offset };
-                of(least(offset - ZERO_STEP, offset + ZERO_STEP, |x| loss(&of(x))))
+                let best = least(offset - ZERO_STEP, offset + ZERO_STEP, |x| loss(&of(x)));
+                // A horn that sits a tooth or a side further is off by a right angle: where that does as well it has no number of its own.
+                let right = (best / FRAC_PI_2).round() * FRAC_PI_2;
+                let is_right = (best - right).abs() < NEARLY_RIGHT;
+                of(if is_right && loss(&of(right)) <= loss(&of(best)) + NO_WORSE { right } else { best })
             }
             Mistake::JointUnit { joint, factor } if !UNITS.contains(&factor) => {
                 let of = |factor| Mistake::JointUnit { joint, factor };

@@ -1,7 +1,6 @@
 //! The numbers of a mistake that are found beside the causes once more: a zero, a ratio, a delay.
 
-use super::alternatives::UNITS;
-use super::mistake::{Mistake, in_time};
+use super::mistake::{Mistake, UNITS, in_time};
 use super::told::row_step_s;
 use super::variant::{Variant, seen_joints};
 use crate::diagnose::data::recording::Recording;

@@ -14,6 +14,7 @@ use crate::diagnose::model::kinematics::NodePoses;
 use crate::diagnose::model::pose::Pose;
 use crate::diagnose::model::problem::{Observation, Problem, Seen};
 use crate::diagnose::model::solver::SOLVER;
+use crate::diagnose::principles::FEWEST_OBSERVATIONS;
 use crate::error::Result;
 use nalgebra::{Matrix3, Point3, Vector3};
 use std::sync::Mutex;
@@ -31,6 +32,7 @@ type Remembered = Vec<(Vec<f64>, Option<Vector3<f64>>)>;
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Distance {
     pub frame: usize,
+    pub marker: usize,
     pub size_m: f64,
 }
 
@@ -71,14 +73,27 @@ impl<'a> Misfit<'a> {
 
     /// Mean loss over some frames; infinite where they show nothing.
     pub fn mean_loss(&self, variant: &Variant, frames: &[usize]) -> f64 {
+        self.mean_losses(variant, frames).0
+    }
+
+    /// The mean loss over some frames, and that of the marker which has the largest: one of several may be wrong alone.
+    pub fn mean_losses(&self, variant: &Variant, frames: &[usize]) -> (f64, f64) {
         if self.problem.cancel.is_cancelled() {
-            return f64::INFINITY;
+            return (f64::INFINITY, f64::INFINITY);
         }
-        let distances = self.distances(variant, frames);
-        if distances.is_empty() {
-            return f64::INFINITY;
+        let mut sums = vec![(0.0, 0.0); self.problem.marker_sites.len()];
+        for d in self.distances(variant, frames) {
+            let (sum, count) = &mut sums[d.marker];
+            *sum += self.loss(d.size_m);
+            *count += 1.0;
         }
-        distances.iter().map(|d| self.loss(d.size_m)).sum::<f64>() / distances.len() as f64
+        let count: f64 = sums.iter().map(|s| s.1).sum();
+        if count == 0.0 {
+            return (f64::INFINITY, f64::INFINITY);
+        }
+        let often_seen = sums.iter().filter(|s| s.1 >= FEWEST_OBSERVATIONS as f64);
+        let worst = often_seen.map(|s| s.0 / s.1).fold(0.0, f64::max);
+        (sums.iter().map(|s| s.0).sum::<f64>() / count, worst)
     }
 
     /// Distances of all observations of markers in some frames.
@@ -89,15 +104,21 @@ impl<'a> Misfit<'a> {
         let mut out = Vec::new();
         let mut work = Work::new(self.problem);
         for &frame in frames {
-            self.of_frame(&mut work, variant, frame, |size_m| {
-                out.push(Distance { frame, size_m });
+            self.of_frame(&mut work, variant, frame, |marker, size_m| {
+                out.push(Distance { frame, marker, size_m });
             });
         }
         out
     }
 
     /// Passes each observation's marker and distance of one frame on.
-    pub fn of_frame(&self, work: &mut Work, variant: &Variant, frame: usize, mut with: impl FnMut(f64)) {
+    pub fn of_frame(
+        &self,
+        work: &mut Work,
+        variant: &Variant,
+        frame: usize,
+        mut with: impl FnMut(usize, f64),
+    ) {
         let problem = self.problem;
         let body = &problem.scene.body;
         variant.nodes(body, frame, &mut work.positions);
@@ -116,14 +137,19 @@ impl<'a> Misfit<'a> {
                     let m = variant.labels[frame][*m];
                     let point = camera_from_world.point(&work.poses.site(&variant.sites[m]).t);
                     let by = foot.filter(|_| *via == Via::Mirror);
-                    with(image_distance(eye, by.as_ref(), &point, pixel).unwrap_or(UNKNOWN_STD));
+                    with(m, image_distance(eye, by.as_ref(), &point, pixel).unwrap_or(UNKNOWN_STD));
                 }
                 Observation::Pixel { .. } => {}
                 Observation::Point { marker, position } => {
+                    if let Some(placed) = &work.placed {
+                        let point = self.point(&work.poses, variant, frame, *marker, *position);
+                        with(point.marker, placed.distance(&point));
+                        continue;
+                    }
                     let Some(site) = problem.points_site else { continue };
                     let marker = variant.labels[frame][*marker];
                     let point = work.poses.site(&variant.sites[marker]).t;
-                    with((position - work.poses.site(&site).inverse_point(&point)).norm());
+                    with(marker, (position - work.poses.site(&site).inverse_point(&point)).norm());
                 }
             }
         }
@@ -193,49 +219,96 @@ impl<'a> Misfit<'a> {
 
     /// As [`Misfit::distances`], while the frame of the measured points and unknown mounts are found robustly beside.
     fn distances_in_unknown_frame(&self, variant: &Variant, frames: &[usize]) -> Vec<Distance> {
-        let problem = self.problem;
-        let body = &problem.scene.body;
-        let mut work = Work::new(problem);
-        let mut rows = Vec::new();
-        for &frame in frames {
-            variant.nodes(body, frame, &mut work.positions);
-            work.poses.update(body, &work.positions, &self.still, 0);
-            let root = work.poses.site(&body.root).inverse();
-            for observation in &problem.frames[frame].others {
-                let Observation::Point { marker, position } = observation else { continue };
-                let marker = variant.labels[frame][*marker];
-                let mount = root.then(&work.poses.site(&problem.marker_mounts[marker]));
-                let at = root.point(&work.poses.site(&variant.sites[marker]).t);
-                let local = mount.inverse_point(&at);
-                rows.push((frame, marker, *position, mount, local, 1.0));
-            }
-        }
-        let mut shift = vec![Vector3::zeros(); problem.marker_sites.len()];
-        let mut pose = Pose::identity();
-        for _ in 0..SOLVER.rounds {
-            let pairs = rows.iter().map(|(_, m, position, mount, local, weight)| {
-                (*position, mount.point(&(local + shift[*m])), *weight)
-            });
-            pose = rigid(pairs);
-            for (m, shift) in shift.iter_mut().enumerate().filter(|(m, _)| !problem.scene.mount_known[*m]) {
-                let (mut sum, mut weights) = (Vector3::zeros(), 1e-12);
-                for (_, _, position, mount, local, weight) in rows.iter().filter(|r| r.1 == m) {
-                    sum += (mount.inverse_point(&pose.inverse_point(position)) - local) * *weight;
-                    weights += weight;
-                }
-                *shift = sum / weights;
-            }
-            for (_, m, position, mount, local, weight) in &mut rows {
-                let r = (*position - pose.point(&mount.point(&(*local + shift[*m])))).norm();
-                *weight = 1.0 / (1.0 + (r / self.usual_m).powi(2));
-            }
-        }
-        rows.iter()
-            .map(|(frame, marker, position, mount, local, _)| Distance {
-                frame: *frame,
-                size_m: (position - pose.point(&mount.point(&(local + shift[*marker])))).norm(),
-            })
+        let points = self.points(variant, frames);
+        let placed = self.placed_by(&points);
+        points
+            .iter()
+            .map(|p| Distance { frame: p.frame, marker: p.marker, size_m: placed.distance(p) })
             .collect()
+    }
+
+    /// Where the frame of measured points and unknown mounts lie as some frames show it; none where the session says it.
+    pub fn placed(&self, variant: &Variant, frames: &[usize]) -> Option<Placed> {
+        self.problem.unknown_frame.map(|_| self.placed_by(&self.points(variant, frames)))
+    }
+
+    fn points(&self, variant: &Variant, frames: &[usize]) -> Vec<PointSeen> {
+        let mut work = Work::new(self.problem);
+        let mut out = Vec::new();
+        for &frame in frames {
+            variant.nodes(&self.problem.scene.body, frame, &mut work.positions);
+            work.poses.update(&self.problem.scene.body, &work.positions, &self.still, 0);
+            for observation in &self.problem.frames[frame].others {
+                if let Observation::Point { marker, position } = observation {
+                    out.push(self.point(&work.poses, variant, frame, *marker, *position));
+                }
+            }
+        }
+        out
+    }
+
+    fn point(
+        &self,
+        poses: &NodePoses,
+        variant: &Variant,
+        frame: usize,
+        name: usize,
+        position: Vector3<f64>,
+    ) -> PointSeen {
+        let marker = variant.labels[frame][name];
+        let root = poses.site(&self.problem.scene.body.root).inverse();
+        let mount = root.then(&poses.site(&self.problem.marker_mounts[marker]));
+        let at = root.point(&poses.site(&variant.sites[marker]).t);
+        PointSeen { frame, marker, position, local: mount.inverse_point(&at), mount }
+    }
+
+    fn placed_by(&self, points: &[PointSeen]) -> Placed {
+        let problem = self.problem;
+        let mut weights = vec![1.0; points.len()];
+        let mut placed =
+            Placed { pose: Pose::identity(), shifts: vec![Vector3::zeros(); problem.marker_sites.len()] };
+        for _ in 0..SOLVER.rounds {
+            let pairs = points.iter().zip(&weights).map(|(p, weight)| {
+                (p.position, p.mount.point(&(p.local + placed.shifts[p.marker])), *weight)
+            });
+            let pose = rigid(pairs);
+            for (m, shift) in
+                placed.shifts.iter_mut().enumerate().filter(|(m, _)| !problem.scene.mount_known[*m])
+            {
+                let (mut sum, mut total) = (Vector3::zeros(), 1e-12);
+                for (p, weight) in points.iter().zip(&weights).filter(|(p, _)| p.marker == m) {
+                    sum += (p.mount.inverse_point(&pose.inverse_point(&p.position)) - p.local) * *weight;
+                    total += weight;
+                }
+                *shift = sum / total;
+            }
+            placed.pose = pose;
+            for (p, weight) in points.iter().zip(&mut weights) {
+                *weight = 1.0 / (1.0 + (placed.distance(p) / self.usual_m).powi(2));
+            }
+        }
+        placed
+    }
+}
+
+/// A measured point of a frame, and where on its mount the model has the marker.
+struct PointSeen {
+    frame: usize,
+    marker: usize,
+    position: Vector3<f64>,
+    mount: Pose,
+    local: Vector3<f64>,
+}
+
+/// Where the unknown frame of measured points lies, and the markers on mounts that are not known.
+pub(super) struct Placed {
+    pose: Pose,
+    shifts: Vec<Vector3<f64>>,
+}
+
+impl Placed {
+    fn distance(&self, p: &PointSeen) -> f64 {
+        (p.position - self.pose.point(&p.mount.point(&(p.local + self.shifts[p.marker])))).norm()
     }
 }
 
@@ -245,6 +318,8 @@ pub(super) struct Work {
     positions: Vec<f64>,
     frame: FrameWork,
     moved: Option<Deformation>,
+    /// The unknown frame of measured points, where it is taken as known.
+    pub placed: Option<Placed>,
 }
 
 impl Work {
@@ -255,6 +330,7 @@ impl Work {
             positions: vec![0.0; nodes],
             frame: FrameWork::rough(problem),
             moved: None,
+            placed: None,
         }
     }
 }

@@ -9,7 +9,13 @@ use crate::diagnose::model::problem::Problem;
 use crate::diagnose::model::slips::{Slip, Slipped};
 use crate::error::Result;
 use crate::robot::Robot;
+use core::f64::consts::{FRAC_PI_2, PI, TAU};
 use nalgebra::{Rotation3, Vector2, Vector3, Vector6};
+
+/// What a column of another unit must be multiplied by: degrees, half turns, turns, tenths and hundredths of a degree, ticks of
+/// common encoders, thousandths.
+pub(super) const UNITS: [f64; 9] =
+    [PI / 180.0, PI, TAU, PI / 1800.0, PI / 18000.0, TAU / 4096.0, TAU / 1024.0, TAU / 16384.0, 1e-3];
 
 /// A mistake, by indices of the robot's independent joints and of the recording's markers.
 #[derive(Debug, Clone, PartialEq)]
@@ -168,6 +174,7 @@ impl Mistake {
                 problem.marker_mounts[*marker] = Site { node: *node, node_from_site: Pose::identity() };
                 // Where on that link nobody has said: the place is where the search begins.
                 problem.scene.mount_known[*marker] = false;
+                problem.markers_moved();
             }
             Self::Slip { slip, .. } => {
                 problem.slips.push(*slip);
@@ -188,6 +195,19 @@ impl Mistake {
         let kind = if a.fract() == 0.0 { *of_b } else { *of_a };
         let whole = a.fract() == 0.0 || b.fract() == 0.0;
         (whole && joint == its).then_some(Self::Late { joint: *joint, rows: a + b, kind })
+    }
+
+    /// Whether nothing about it is found from the data but that it is there.
+    pub fn has_no_number(&self) -> bool {
+        match self {
+            Self::AxisSign { .. }
+            | Self::JointsSwapped { .. }
+            | Self::SidesSwapped { .. }
+            | Self::AllUnits { .. } => true,
+            Self::JointUnit { factor, .. } => UNITS.contains(factor),
+            Self::Zero { offset, .. } => (offset / FRAC_PI_2).fract() == 0.0,
+            _ => false,
+        }
     }
 
     /// Whether it is a slip of this.

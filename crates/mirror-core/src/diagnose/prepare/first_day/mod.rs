@@ -14,6 +14,7 @@
 
 mod alternatives;
 mod changes;
+mod choice;
 mod free_numbers;
 mod loads;
 mod misfit;
@@ -27,22 +28,21 @@ mod verify;
 
 use crate::diagnose::data::diagnosis::{Cause, LeftOut};
 use crate::diagnose::data::recording::Recording;
-use crate::diagnose::likelihood::probability::{against, tempered};
+use crate::diagnose::likelihood::probability::tempered;
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::model::work_budget::A_STAGE;
 use crate::diagnose::prepare::boards::leave_out_wrong_grids;
-use crate::diagnose::principles::BEYOND_DOUBT;
 use crate::error::Result;
 use crate::robot::Robot;
 use crate::statistics::GOLDEN_SECTION;
 use alternatives::Session;
 pub(crate) use changes::settle_slip;
+pub(crate) use choice::Doubt;
 use misfit::Misfit;
 pub(crate) use mistake::Mistake;
 use rayon::prelude::*;
 pub(crate) use told::told;
 use variant::Variant;
-use verify::{Tolerant, smaller};
 
 /// Frames on which alternatives are scored, and on which they are verified.
 const FRAMES: usize = 64;
@@ -50,6 +50,8 @@ const FRAMES: usize = 64;
 const BEAM: usize = 4;
 /// A mean loss below this is that of small errors: nothing is gross.
 const GROSS: f64 = 0.12;
+/// The same for the marker that is farthest off: one of several may sit on another link.
+const GROSS_OF_ONE: f64 = 2.0 * GROSS;
 /// By this the mean loss must fall with each mistake, and by this share.
 const LEAST_FALL: f64 = 0.03;
 const LEAST_SHARE: f64 = 0.12;
@@ -64,6 +66,8 @@ pub(crate) struct Undone {
     pub told: Vec<Cause>,
     /// How it went, a line a step.
     pub trace: Vec<String>,
+    /// Mistakes that could stand for a small error, where the data do not decide.
+    pub doubts: Vec<Doubt>,
     /// Single observations that are false.
     pub left_out: Vec<LeftOut>,
     /// Whether rows hold other rows' measurement, or the board's squares are of another size, of which later stages take care: until
@@ -77,6 +81,20 @@ struct Chain {
     mistakes: Vec<Mistake>,
     variant: Variant,
     loss: f64,
+    /// The mean loss of the marker that has the largest.
+    worst: f64,
+}
+
+impl Chain {
+    fn new(mistakes: Vec<Mistake>, variant: Variant, misfit: &Misfit<'_>, frames: &[usize]) -> Self {
+        let (loss, worst) = misfit.mean_losses(&variant, frames);
+        Self { mistakes, variant, loss, worst }
+    }
+
+    /// Whether something is left that is more than small errors, of one marker alone too.
+    fn is_gross(&self) -> bool {
+        self.loss > GROSS || self.worst > GROSS_OF_ONE
+    }
 }
 
 /// Finds and undoes whole mistakes; none where there is none. `closely`: also those that do no more than small errors do (a late column of a joint
@@ -97,6 +115,7 @@ pub(crate) fn undone(
         problem: problem.clone(),
         told: Vec::new(),
         trace: Vec::new(),
+        doubts: Vec::new(),
         left_out: Vec::new(),
         unsettled: false,
     };
@@ -104,10 +123,13 @@ pub(crate) fn undone(
         out.undo(&mistake, tempered(odds))?;
     }
     problem.cancel.check()?;
-    let (chain, probability) = of_the_body(&mut out, without, closely)?;
-    for mistake in &chain {
-        out.undo(mistake, probability)?;
+    let choice = of_the_body(&mut out, without, closely)?;
+    for mistake in &choice.mistakes {
+        let first = out.told.len();
+        out.undo(mistake, choice.probability)?;
+        out.told[first..].iter_mut().for_each(|cause| cause.alternatives.clone_from(&choice.instead));
     }
+    out.doubts = choice.doubts;
     if !without.iter().any(|w| w == "gravity_direction")
         && let Some((mistake, odds)) = loads::turned_gravity(&out.problem)?
     {
@@ -175,6 +197,8 @@ fn arranged_again(robot: &Robot, recording: &Recording, before: &Problem) -> Res
     problem.marker_sites.clone_from(&before.marker_sites);
     problem.marker_mounts.clone_from(&before.marker_mounts);
     problem.scene.mount_known.clone_from(&before.scene.mount_known);
+    // A marker on another link is moved by other joints than the model says.
+    problem.markers_moved();
     (problem.cancel, problem.budget) = (before.cancel.clone(), before.budget.clone());
     Ok(problem)
 }
@@ -184,15 +208,15 @@ fn names(robot: &Robot) -> Vec<String> {
 }
 
 /// The chain of mistakes of body and log that is likelier than small errors, and its probability.
-fn of_the_body(session: &mut Undone, without: &[String], closely: bool) -> Result<(Vec<Mistake>, f64)> {
+fn of_the_body(session: &mut Undone, without: &[String], closely: bool) -> Result<choice::Choice> {
     let mut lines = Vec::new();
-    let (mut chain, probability) = chain_of_the_body(session, without, closely, &mut lines)?;
-    let all = chain.len();
+    let mut choice = chain_of_the_body(session, without, closely, &mut lines)?;
+    let all = choice.mistakes.len();
     // Slipped rows are found, and left out, by the stage that follows; the squares' size by the search.
-    chain.retain(|m| !matches!(m, Mistake::Rows { .. } | Mistake::Squares { .. }));
-    session.unsettled = chain.len() < all;
+    choice.mistakes.retain(|m| !matches!(m, Mistake::Rows { .. } | Mistake::Squares { .. }));
+    session.unsettled = choice.mistakes.len() < all;
     session.trace.append(&mut lines);
-    Ok((chain, probability))
+    Ok(choice)
 }
 
 fn chain_of_the_body(
@@ -200,15 +224,15 @@ fn chain_of_the_body(
     without: &[String],
     closely: bool,
     lines: &mut Vec<String>,
-) -> Result<(Vec<Mistake>, f64)> {
+) -> Result<choice::Choice> {
     let problem = &session.problem;
     let misfit = Misfit::new(problem)?;
     let all = Session::new(problem, &misfit);
     let frames = spread(&all.postures, FRAMES, 1);
     let variant = Variant::of(&session.recording, problem);
-    let nominal = Chain { mistakes: Vec::new(), loss: misfit.mean_loss(&variant, &frames), variant };
-    if !(nominal.loss > GROSS || closely) {
-        return Ok((Vec::new(), 0.0));
+    let nominal = Chain::new(Vec::new(), variant, &misfit, &frames);
+    if !(nominal.is_gross() || closely) {
+        return Ok(choice::Choice::none());
     }
     let mut chains = vec![nominal.clone()];
     let mut level = vec![nominal.clone()];
@@ -229,7 +253,7 @@ fn chain_of_the_body(
         }
         chains.extend(next.iter().cloned());
         level = next;
-        if level[0].loss < GROSS || costly {
+        if !level[0].is_gross() || costly {
             break;
         }
     }
@@ -240,9 +264,9 @@ fn chain_of_the_body(
     });
     unlike(&mut chains, BEAM);
     if chains.is_empty() {
-        return Ok((Vec::new(), 0.0));
+        return Ok(choice::Choice::none());
     }
-    verified(session, &all, nominal, chains, lines)
+    choice::chosen(session, &all, nominal, chains, lines)
 }
 
 /// A chain with each further mistake that makes it clearly better; the best few.
@@ -272,7 +296,7 @@ fn extended(session: &Session<'_>, frames: &[usize], chain: &Chain, without: &[S
             Some(one) => *mistakes.last_mut().unwrap_or(&mut mistake) = one,
             None => mistakes.push(mistake),
         }
-        Chain { loss: session.misfit.mean_loss(&variant, frames), mistakes, variant }
+        Chain::new(mistakes, variant, session.misfit, frames)
     };
     let least = (chain.loss * (1.0 - LEAST_SHARE)).min(chain.loss - LEAST_FALL);
     let mut out: Vec<(&Mistake, Chain)> = mistakes
@@ -293,45 +317,6 @@ fn extended(session: &Session<'_>, frames: &[usize], chain: &Chain, without: &[S
     out.sort_by(|a, b| a.loss.total_cmp(&b.loss));
     out.truncate(BEAM);
     out
-}
-
-/// The likeliest of the chains and of none, small errors allowed for.
-fn verified(
-    session: &Undone,
-    all: &Session<'_>,
-    nominal: Chain,
-    chains: Vec<Chain>,
-    lines: &mut Vec<String>,
-) -> Result<(Vec<Mistake>, f64)> {
-    let least = session.problem.noise;
-    let frames = spread(&all.postures, FRAMES, 2);
-    let tried: Vec<Chain> = core::iter::once(nominal).chain(chains).collect();
-    let mut fits = Vec::new();
-    for chain in &tried {
-        session.problem.cancel.check()?;
-        let fit = chain.problem(session).and_then(|p| Tolerant::fitted(&p, &frames, least));
-        fits.push(fit);
-    }
-    let noise = fits.iter().flatten().map(|f| f.noise).reduce(smaller).unwrap_or(least);
-    let values: Vec<f64> = fits
-        .iter_mut()
-        .map(|f| f.as_mut().ok().and_then(|f| f.log_evidence(noise).ok()).unwrap_or(f64::NEG_INFINITY))
-        .collect();
-    let prior = |c: &Chain| -BEYOND_DOUBT * c.mistakes.len() as f64;
-    let best = (0..tried.len())
-        .max_by(|&a, &b| (values[a] + prior(&tried[a])).total_cmp(&(values[b] + prior(&tried[b]))));
-    for (chain, value) in tried.iter().zip(&values) {
-        let names: Vec<&str> = chain.mistakes.iter().map(Mistake::effect).collect();
-        lines.push(format!(
-            "mistakes [{}]: loss {:.3}, log evidence {value:.1}",
-            names.join(", "),
-            chain.loss
-        ));
-    }
-    let Some(best) = best.filter(|b| *b > 0) else { return Ok((Vec::new(), 0.0)) };
-    let value = |i: usize| values[i] + prior(&tried[i]);
-    let others: Vec<f64> = (0..tried.len()).filter(|&i| i != best).map(|i| value(i) - value(best)).collect();
-    Ok((tried[best].mistakes.clone(), against(&others)))
 }
 
 /// Keeps the first few chains of which none is another's but for its numbers.

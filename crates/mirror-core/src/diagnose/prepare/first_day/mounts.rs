@@ -25,7 +25,6 @@ pub(super) fn elsewhere(
     variant: &Variant,
     frames: &[usize],
 ) -> Vec<Mistake> {
-    let body = &problem.scene.body;
     let mut out = Vec::new();
     if problem.unknown_frame.is_some() {
         return out;
@@ -33,7 +32,9 @@ pub(super) fn elsewhere(
     for marker in 0..problem.marker_sites.len() {
         let own = problem.marker_sites[marker].node;
         let nodes = (0..problem.scene.nodes()).map(Some).chain([None]);
-        for node in nodes.filter(|n| *n != own && n.is_none_or(|n| problem.scene.relevant[n])) {
+        let moves = |n: usize| problem.scene.relevant[n] || problem.scene.moves(n);
+        // Also on a link whose joint, as the model has the markers, moves none of them.
+        for node in nodes.filter(|n| *n != own && n.is_none_or(|n| moves(n))) {
             let site = Site { node, node_from_site: Pose::identity() };
             let sights = sights(problem, misfit, variant, frames, marker, &site);
             if let Some(place) = closest(&sights, misfit.usual_m) {
@@ -41,7 +42,6 @@ pub(super) fn elsewhere(
             }
         }
     }
-    let _ = body;
     out
 }
 

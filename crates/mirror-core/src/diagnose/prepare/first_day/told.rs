@@ -1,7 +1,7 @@
 //! A mistake in the words of the public vocabulary: effect, place, parameters, and a sentence for a person.
 
-use super::alternatives::{UNITS, seen_in};
-use super::mistake::{LateKind, Mistake};
+use super::alternatives::seen_in;
+use super::mistake::{LateKind, Mistake, UNITS};
 use crate::diagnose::data::diagnosis::{Cause, Estimate};
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::model::problem::Problem;

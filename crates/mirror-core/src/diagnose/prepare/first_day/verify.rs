@@ -142,6 +142,24 @@ impl Tolerant {
         values.map(|(i, v)| (*v, self.stds.get(before + i).copied().unwrap_or(0.0))).collect()
     }
 
+    /// The small error that is largest for its kind: effect and place.
+    pub fn largest(&self) -> Option<(String, String)> {
+        let mut at = 0;
+        let mut best: Option<(f64, usize)> = None;
+        for (h, hypothesis) in self.catalogue.hypotheses.iter().enumerate() {
+            let own = at..at + hypothesis.prior_std.len();
+            at = own.end;
+            let of = |k: usize| (self.model.group[k] / self.group.prior_std[k]).powi(2);
+            let size: f64 = own.map(of).sum();
+            if best.is_none_or(|b| size > b.0) {
+                best = Some((size, h));
+            }
+        }
+        let (_, h) = best?;
+        let place = self.catalogue.hypotheses[h].place.name(&self.problem.scene);
+        Some((self.catalogue.effect(h).name().to_owned(), place))
+    }
+
     /// What all small errors together do.
     pub fn deformation(&self) -> Deformation {
         self.model.deformation(&self.problem, &self.catalogue, &self.group.columns)

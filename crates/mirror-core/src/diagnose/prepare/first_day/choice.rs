@@ -1,0 +1,122 @@
+//! The likeliest of some chains of mistakes and of none, small errors allowed for.
+//!
+//! A mistake must gain so much over small errors that no law which is off a little could have done it. Where small errors explain the data as
+//! well, laws have no say: it is a question of what is likelier to happen, a large error that happens to lie where a mistake without a number
+//! of its own would have put it (a marker that is mounted just where a quarter turn of the last joint brings it), or that mistake. Then prior
+//! odds decide, and what is less likely is told beside.
+
+use super::alternatives::Session;
+use super::mistake::Mistake;
+use super::told::told;
+use super::verify::{Tolerant, smaller};
+use super::{Chain, FRAMES, Undone, spread};
+use crate::diagnose::data::diagnosis::{Alternative, Cause};
+use crate::diagnose::likelihood::probability::against;
+use crate::diagnose::model::problem::Noise;
+use crate::diagnose::principles::{A_GAP, BEYOND_DOUBT, LOG_PRIOR_STRUCTURE, TEMPER, UNTHOUGHT_OF};
+use crate::error::Result;
+
+/// The mistakes that are undone, none where small errors are likelier.
+pub(super) struct Choice {
+    pub mistakes: Vec<Mistake>,
+    pub probability: f64,
+    /// What could stand in their place.
+    pub instead: Vec<Alternative>,
+    /// What they could stand for, where they are none.
+    pub doubts: Vec<Doubt>,
+}
+
+/// A mistake that could stand in the place of a small error.
+#[derive(Debug, Clone)]
+pub(crate) struct Doubt {
+    /// The small error: effect and place.
+    pub of: (String, String),
+    pub mistake: Alternative,
+}
+
+impl Choice {
+    /// No mistake.
+    pub fn none() -> Self {
+        Self { mistakes: Vec::new(), probability: 0.0, instead: Vec::new(), doubts: Vec::new() }
+    }
+}
+
+/// The likeliest of the chains and of none.
+///
+/// # Errors
+/// Invalid parameters of camera or mirror.
+pub(super) fn chosen(
+    session: &Undone,
+    all: &Session<'_>,
+    nominal: Chain,
+    chains: Vec<Chain>,
+    lines: &mut Vec<String>,
+) -> Result<Choice> {
+    let least = session.problem.noise;
+    let frames = spread(&all.postures, FRAMES, 2);
+    let tried: Vec<Chain> = core::iter::once(nominal).chain(chains).collect();
+    let mut fits = Vec::new();
+    for chain in &tried {
+        session.problem.cancel.check()?;
+        fits.push(chain.problem(session).and_then(|p| Tolerant::fitted(&p, &frames, least)).ok());
+    }
+    let noise = fits.iter().flatten().map(|f| f.noise).reduce(smaller).unwrap_or(least);
+    let values: Vec<f64> = fits
+        .iter_mut()
+        .map(|f| f.as_mut().and_then(|f| f.log_evidence(noise).ok()).unwrap_or(f64::NEG_INFINITY))
+        .collect();
+    let scatter: Vec<Noise> = fits.iter().map(|f| f.as_ref().map_or(NOTHING, |f| f.noise)).collect();
+    let log_odds: Vec<f64> = (0..tried.len())
+        .map(|i| values[i] + log_prior(&tried[i].mistakes, explains_as_well(scatter[0], scatter[i])))
+        .collect();
+    for (chain, value) in tried.iter().zip(&values) {
+        let names: Vec<&str> = chain.mistakes.iter().map(Mistake::effect).collect();
+        lines.push(format!(
+            "mistakes [{}]: loss {:.3}, log evidence {value:.1}",
+            names.join(", "),
+            chain.loss
+        ));
+    }
+    let best = (0..tried.len()).max_by(|&a, &b| log_odds[a].total_cmp(&log_odds[b])).unwrap_or(0);
+    let others: Vec<f64> =
+        (0..tried.len()).filter(|&i| i != best).map(|i| log_odds[i] - log_odds[best]).collect();
+    let probability = against(&others);
+    let of = |i: usize| probability * (TEMPER * (log_odds[i] - log_odds[best])).exp();
+    let small = fits[0].as_ref().and_then(Tolerant::largest);
+    if best == 0 {
+        let doubts = |(small, i): (&(String, String), usize)| {
+            let one = tried[i].mistakes.first().filter(|_| tried[i].mistakes.len() == 1);
+            let causes = one.map(|m| told(m, &session.robot, &session.recording, &session.problem, of(i)));
+            let causes = causes.into_iter().flatten().filter(|c| c.probability >= UNTHOUGHT_OF);
+            let doubt = |c: Cause| Doubt {
+                of: small.clone(),
+                mistake: Alternative { effect: c.effect, at: c.at, probability: c.probability },
+            };
+            causes.map(doubt).collect::<Vec<_>>()
+        };
+        let doubts = small.iter().flat_map(|s| (1..tried.len()).map(move |i| (s, i))).flat_map(doubts);
+        return Ok(Choice { doubts: doubts.collect(), ..Choice::none() });
+    }
+    let instead = small
+        .filter(|_| of(0) >= UNTHOUGHT_OF)
+        .map(|(effect, at)| Alternative { effect, at, probability: of(0) })
+        .into_iter()
+        .collect();
+    Ok(Choice { mistakes: tried[best].mistakes.clone(), probability, instead, doubts: Vec::new() })
+}
+
+/// The scatter of what cannot be fitted.
+const NOTHING: Noise = Noise { corner_px: f64::INFINITY, marker_px: f64::INFINITY, point_m: f64::INFINITY };
+
+/// Whether what small errors leave is no more than what they leave beside mistakes.
+fn explains_as_well(small_errors: Noise, with: Noise) -> bool {
+    small_errors.marker_px <= A_GAP * with.marker_px && small_errors.point_m <= A_GAP * with.point_m
+}
+
+/// Log prior of mistakes against none.
+fn log_prior(mistakes: &[Mistake], as_well_without: bool) -> f64 {
+    let of_one = |m: &Mistake| {
+        if as_well_without && m.has_no_number() { LOG_PRIOR_STRUCTURE } else { -BEYOND_DOUBT }
+    };
+    mistakes.iter().map(of_one).sum()
+}

@@ -1,0 +1,13 @@
+//! Whole mistakes beside a small error that could be one.
+
+use crate::diagnose::data::diagnosis::Cause;
+use crate::diagnose::prepare::first_day::Doubt;
+
+/// Tells the mistakes that could stand in a cause's place, and takes their probability from it.
+pub(super) fn doubted(cause: &mut Cause, doubts: &[Doubt]) {
+    let of_it = |d: &&Doubt| d.of.0 == cause.effect && d.of.1 == cause.at;
+    let mistakes: Vec<_> = doubts.iter().filter(of_it).map(|d| d.mistake.clone()).collect();
+    let left = 1.0 - mistakes.iter().map(|m| m.probability).sum::<f64>();
+    cause.probability *= left.max(0.0);
+    cause.alternatives.extend(mistakes);
+}
