@@ -46,7 +46,8 @@ pub(crate) struct Scene {
 }
 
 impl Scene {
-    /// Tabulates the commanded motion; loads are 0 until [`Scene::find_relevant`] knows where each link bends.
+    /// Tabulates the commanded motion and gravity's loads at the nominal postures. Moments are about the joints until a cause that depends on
+    /// loads is found, or there is a column ([`Scene::find_relevant`]).
     ///
     /// # Errors
     /// An unknown link.
@@ -77,7 +78,7 @@ impl Scene {
             })
             .collect();
         let sight = recording.sight.as_ref();
-        Ok(Self {
+        let mut scene = Self {
             relevant: vec![false; nodes],
             body,
             frames,
@@ -97,11 +98,13 @@ impl Scene {
             has_mirror: sight.is_some_and(|s| s.board.is_some()),
             reach_m: 0.0,
             glass_thickness_m: sight.map_or(0.0, |s| s.glass_thickness_m),
-        })
+        };
+        scene.update_loads(&Deformation::nominal(frames, nodes, recording.markers.len()));
+        Ok(scene)
     }
 
-    /// Finds which nodes move what is seen against who sees it, how far they reach, and where each bends; then gravity's loads at the
-    /// nominal postures, whose moments are about these places.
+    /// Finds which nodes move what is seen against who sees it, how far they reach, and where each bends. Of a robot with a column gravity's
+    /// moments are then taken about these places: on which side a play rests depends on it.
     pub fn find_relevant(
         &mut self,
         observers: &[Option<NodeId>],
@@ -141,7 +144,9 @@ impl Scene {
             self.body.nodes[n].bend_pivot = tip * 0.5;
             self.body.nodes[n].long_axis = along;
         }
-        self.update_loads(&Deformation::nominal(self.frames, nodes, markers.len()));
+        if self.body.nodes.iter().any(|n| n.column().is_some()) {
+            self.update_loads(&Deformation::nominal(self.frames, nodes, markers.len()));
+        }
     }
 
     /// Computes gravity's loads anew at the actual postures of a deformation.
