@@ -52,13 +52,11 @@ test-floors: $(VENV)/wheel ## detection and sessions with the oldest dependencie
 
 format: $(VENV)/installed-for-tests ## whether all sources are formatted
 	cargo fmt --all --check
-	cargo fmt --manifest-path benches/Cargo.toml --check
 	$(BIN)/ruff format --check -q python tests/python benches
 
 lint: format ## formatting, lints, types and the links of the documentation, Rust and Python
 	cargo clippy --locked -q --workspace --all-targets -- -D warnings
 	cargo clippy --locked -q -p mirror-core --no-default-features -- -D warnings
-	cargo clippy --locked -q --manifest-path benches/Cargo.toml --target-dir target --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --locked -q --no-deps -p mirror-core
 	$(BIN)/ruff check python tests/python benches
 	MYPYPATH=python $(BIN)/mypy
@@ -87,7 +85,7 @@ docs: $(VENV)/installed ## the documentation's site, into ./site: pages, referen
 	cp -r target/doc site/rust
 
 bench: ## throughput of the core; benches/README.md says what was measured
-	cargo bench --locked --manifest-path benches/Cargo.toml --target-dir target
+	cargo bench --locked
 
 fuzz: $(VENV)/installed-for-tests ## every border, for FUZZ_SECONDS each (60): cargo-fuzz for the core's, tests/python/fuzz.py for Python's
 	for target in $(FUZZ_TARGETS); do \
