@@ -15,12 +15,7 @@ const LEAST_OVERLAP: f64 = 1.02;
 pub(super) fn columns_last(scene: &Scene) -> impl Iterator<Item = NodeId> + '_ {
     let nodes = &scene.body.nodes;
     let is_inner = move |n: NodeId| {
-        nodes.iter().any(|other| {
-            other
-                .telescope
-                .as_ref()
-                .is_some_and(|t| t.joints.len() > 1 && t.joints[..t.joints.len() - 1].contains(&n))
-        })
+        nodes.iter().any(|other| other.column().is_some_and(|t| t.joints[..t.joints.len() - 1].contains(&n)))
     };
     (0..scene.nodes()).filter(move |&n| {
         let moves = |t: &Telescope| t.joints.iter().any(|&k| scene.moves(k));
@@ -48,11 +43,9 @@ pub(super) fn largest_moment(scene: &Scene, n: NodeId) -> f64 {
 /// By what a column gives way more for being out, frame by frame, m: `h = e/(1 − e/D)`, e its extension and D where its overlap ends,
 /// [`END`] times the farthest that the limits allow; h is e itself where they allow anything. It depends on nothing of the session but e.
 pub(super) fn slackening_m(scene: &Scene, n: NodeId) -> Vec<f64> {
-    let Some(telescope) = scene.body.nodes[n].column() else { return vec![0.0; scene.frames] };
-    let nodes = scene.nodes();
-    let out: Vec<f64> = (0..scene.frames)
-        .map(|f| telescope.extension(&scene.commanded[f * nodes..(f + 1) * nodes]))
-        .collect();
+    let (Some(telescope), Some(out)) = (scene.body.nodes[n].column(), scene.extensions_m(n)) else {
+        return vec![0.0; scene.frames];
+    };
     let most = out.iter().fold(0.0_f64, |a, e| a.max(*e));
     let whole = (END * telescope.farthest_m).max(LEAST_OVERLAP * most);
     out.iter().map(|e| if whole.is_finite() { e / (1.0 - e / whole) } else { *e }).collect()

@@ -205,6 +205,13 @@ impl Scene {
         &self.moment[frame * self.body.nodes.len() + node]
     }
 
+    /// How far the column that ends with a node was commanded out, frame by frame, m; none where there is no column.
+    pub fn extensions_m(&self, node: NodeId) -> Option<Vec<f64>> {
+        let column = self.body.nodes[node].column()?;
+        let positions = self.commanded.chunks_exact(self.nodes());
+        Some(positions.map(|of_frame| column.extension(of_frame)).collect())
+    }
+
     /// Whether the joint was commanded to more than one position.
     pub fn moves(&self, node: NodeId) -> bool {
         let (low, high) = self.commanded_range[node];

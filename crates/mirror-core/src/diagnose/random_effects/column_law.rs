@@ -10,11 +10,7 @@ const KNOTS: usize = 3;
 
 /// About each direction k across the column: `m_k/m_max` times a hat function at each knot.
 pub(crate) fn column_law(scene: &Scene, n: NodeId) -> Vec<Column> {
-    let Some(telescope) = scene.body.nodes[n].column() else { return Vec::new() };
-    let nodes = scene.nodes();
-    let out: Vec<f64> = (0..scene.frames)
-        .map(|f| telescope.extension(&scene.commanded[f * nodes..(f + 1) * nodes]))
-        .collect();
+    let Some(out) = scene.extensions_m(n) else { return Vec::new() };
     let (least, most) =
         out.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), e| (a.min(*e), b.max(*e)));
     let step = ((most - least) / (KNOTS - 1) as f64).max(NEGLIGIBLE);
