@@ -46,8 +46,8 @@ pub(crate) struct Scene {
 }
 
 impl Scene {
-    /// Tabulates the commanded motion and gravity's loads at the nominal postures. Moments are about the joints until a cause that depends on
-    /// loads is found, or there is a column ([`Scene::find_relevant`]).
+    /// Tabulates the commanded motion and gravity's loads at the nominal postures. Moments are about the joints until it is known where links
+    /// bend ([`Scene::find_relevant`]).
     ///
     /// # Errors
     /// An unknown link.
@@ -103,8 +103,8 @@ impl Scene {
         Ok(scene)
     }
 
-    /// Finds which nodes move what is seen against who sees it, how far they reach, and where each bends. Of a robot with a column gravity's
-    /// moments are then taken about these places: on which side a play rests depends on it.
+    /// Finds which nodes move what is seen against who sees it, how far they reach, and where each bends. Gravity's moments are taken about
+    /// these places from here on.
     pub fn find_relevant(
         &mut self,
         observers: &[Option<NodeId>],
@@ -144,9 +144,7 @@ impl Scene {
             self.body.nodes[n].bend_pivot = tip * 0.5;
             self.body.nodes[n].long_axis = along;
         }
-        if self.body.nodes.iter().any(|n| n.column().is_some()) {
-            self.update_loads(&Deformation::nominal(self.frames, nodes, markers.len()));
-        }
+        self.update_loads(&Deformation::nominal(self.frames, nodes, markers.len()));
     }
 
     /// Computes gravity's loads anew at the actual postures of a deformation.

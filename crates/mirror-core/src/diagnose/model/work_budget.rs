@@ -12,8 +12,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 const MOST_LINEARISATIONS: u64 = 1330;
 /// At least: three seconds or so.
 const LEAST: u64 = 480_000_000;
-/// At least for each frame, up to so many: fifteen milliseconds. A session of measured points has a set-up of a few columns, and as many causes as another.
-const LEAST_OF_FRAME: u64 = 3_000_000;
+/// At least for each frame, up to so many: twenty-five milliseconds. A session of measured points has a set-up of a few columns, and as many causes as another.
+const LEAST_OF_FRAME: u64 = 9_000_000;
 const MOST_FRAMES: usize = 500;
 /// A frame; each corner of its board, where these are rows; each column; each product of two is a quarter. In some five nanoseconds of one core.
 const FRAME: u64 = 600;

@@ -37,7 +37,15 @@ pub(crate) fn reserve(diagnosis: &mut Diagnosis, findings: &Findings<'_>) {
     }
     let budget = &findings.search.problem.budget;
     diagnosis.trace.push(format!("work: {:.0} % of the limit", 100.0 * budget.share()));
-    if budget.is_spent() && matches!(diagnosis.verdict, Verdict::Partial | Verdict::Unknown) {
-        diagnosis.sentence += " The search ended at its limit of work: a cause may be among those known.";
+    if budget.is_spent() {
+        diagnosis.sentence += match diagnosis.verdict {
+            Verdict::Partial | Verdict::Unknown => {
+                " The search ended at its limit of work: a cause may be among those known."
+            }
+            Verdict::Explained if diagnosis.causes.iter().any(|c| c.kind != "data") => {
+                " The search ended at its limit of work: something else that was not looked at may be as likely as each cause."
+            }
+            _ => "",
+        };
     }
 }

@@ -17,6 +17,7 @@ use crate::diagnose::random_effects::displaced::all_displaced;
 use crate::diagnose::random_effects::geometric_tolerances::{Geometry, Kind, SPREADS_SETTLED};
 use crate::diagnose::random_effects::outlier_tolerances::standing_out;
 use crate::diagnose::selection::nonparametric::log_odds;
+use crate::diagnose::selection::pairwise_start::from_a_pair;
 use crate::diagnose::selection::search::{Found, Search, SearchOptions};
 use crate::error::Result;
 
@@ -53,15 +54,21 @@ pub(crate) fn with_or_without_setup(
 ) -> Result<(Found, Option<Geometry>)> {
     let mounted = Geometry::of_setup(&search.problem, without);
     if mounted.group.columns.is_empty() {
-        return Ok((search.run(nominal.clone())?, None));
+        let found = search.run(nominal.clone())?;
+        let Some((other, found)) = from_a_pair(search, &found, nominal)? else { return Ok((found, None)) };
+        *search = other;
+        return Ok((found, None));
     }
     let most_causes = search.options.most_causes;
     search.options.most_causes = most_causes.min(SEVERAL_CAUSES);
-    let few = search.run(nominal.clone())?;
+    let mut few = search.run(nominal.clone())?;
+    if let Some(other) = from_a_pair(search, &few, nominal)? {
+        (*search, few) = other;
+    }
+    let enough = suffices(search, &few)?;
     search.options.most_causes = most_causes;
     let at_its_end = few.fit.model.terms.len() < most_causes.min(SEVERAL_CAUSES);
-    let freed =
-        if suffices(search, &few)? { None } else { with_setup(search, &few, nominal, stated, mounted)? };
+    let freed = if enough { None } else { with_setup(search, &few, nominal, stated, mounted)? };
     let all_off =
         |f: &WithSetup<'_>| !f.setup.group.columns.is_empty() && all_displaced(&f.setup, &f.found.fit);
     if at_its_end || freed.as_ref().is_some_and(all_off) {

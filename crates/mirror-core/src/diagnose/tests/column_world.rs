@@ -25,14 +25,23 @@ const URDF: &str = r#"<robot name="lift">
 
 /// Some postures; what is measured is near where the marker is, and of no meaning.
 pub(super) fn problem() -> Problem {
-    let robot = Robot::from_urdf_str(URDF).unwrap();
+    problem_of(URDF, 3)
+}
+
+/// Of a robot with so many joints, the column's first and the arm's last.
+fn problem_of(urdf: &str, joints: usize) -> Problem {
+    let robot = Robot::from_urdf_str(urdf).unwrap();
     let frame = |i: usize| {
         let t = i as f64;
         Frame {
             number: i as i64,
             posture: i as i64,
             time_s: t,
-            commanded: vec![0.1 + 0.15 * (t % 4.0), 0.05 * (t % 5.0), -2.0 + 0.4 * t],
+            commanded: [0.1 + 0.15 * (t % 4.0), 0.05 * (t % 5.0), -2.0 + 0.4 * t]
+                .into_iter()
+                .enumerate()
+                .filter_map(|(j, q)| (joints == 3 || j != 1).then_some(q))
+                .collect(),
             sightings: Vec::new(),
             points: vec![MeasuredPoint { marker: 0, position_m: Point3::new(0.3 + 0.01 * t, 0.2, 1.5) }],
         }
@@ -55,7 +64,7 @@ pub(super) fn problem() -> Problem {
         point_std_m: Some(0.001),
         frames: (0..10).map(frame).collect(),
     };
-    Problem::new(&robot, &recording.validated(3).unwrap()).unwrap()
+    Problem::new(&robot, &recording.validated(joints).unwrap()).unwrap()
 }
 
 #[test]
@@ -90,4 +99,25 @@ fn moments_are_about_the_middle_of_what_bends() {
     let told = scene.moment(frame, 1);
     let expected = Vector3::new(moment.x, moment.z, -moment.y);
     assert!((told - expected).norm() < 1e-9, "{told} {expected}");
+}
+
+/// On which side a play rests depends on where the moment is taken: of an arm without a column too, and before any cause is found.
+#[test]
+fn moments_of_an_arm_are_about_the_middle_of_its_links() {
+    let arm = URDF.replace("name=\"lift_2\" type=\"prismatic\"", "name=\"lift_2\" type=\"fixed\"");
+    let problem = problem_of(&arm, 2);
+    let (scene, frame) = (&problem.scene, 4);
+    let lift = scene.body.nodes.iter().position(|n| n.joint == "lift_1").unwrap();
+    let turn = scene.body.nodes.iter().position(|n| n.joint == "turn").unwrap();
+    let q = [lift, turn].map(|n| scene.q(frame, n));
+    // By hand, in the tubes' frame, which is turned as the base: masses, and the middle between the two joints.
+    let masses = [
+        (10.0, Vector3::new(0.02, 0.0, 0.0)),
+        (8.0, Vector3::new(0.0, 0.0, 0.1 + 0.03)),
+        (12.0, Vector3::new(0.4 * q[1].cos(), 0.4 * q[1].sin(), 1.1)),
+    ];
+    let middle = Vector3::new(0.0, 0.0, 0.55);
+    let moment: Vector3<f64> = masses.iter().map(|(m, at)| ((at - middle) * *m).cross(&scene.gravity)).sum();
+    let told = scene.moment(frame, lift);
+    assert!((told - moment).norm() < 1e-9, "{told} {moment}");
 }
