@@ -46,26 +46,29 @@ pub fn chroma_step(picture: &Picture<'_>) -> (usize, usize) {
 }
 
 /// Red and blue against the brightness, levels (ITU-R BT.601).
+#[inline]
 fn colour_at(row: &[u8], column: usize) -> [f32; 2] {
-    let [b, g, r] = [0, 1, 2].map(|c| f32::from(row[3 * column + c]));
+    let pixel = &row[3 * column..3 * column + 3];
+    let [b, g, r] = [0, 1, 2].map(|c| f32::from(pixel[c]));
     [0.5 * r - 0.4187 * g - 0.0813 * b, 0.5 * b - 0.3313 * g - 0.1687 * r]
 }
 
 fn lines_share(lines: usize, places: usize, colour: impl Fn(usize, usize) -> [f32; 2]) -> bool {
     let (mut first, mut third) = (Phases::default(), Phases::default());
+    // A line's colours first: most places change too little to count, and that is told of a whole line at once.
+    let mut along = [vec![0.0f32; places], vec![0.0f32; places]];
     for line in (0..lines).step_by(STRIDE) {
-        let mut four = [[0.0f32; 2]; 4];
         for place in 0..places {
-            four = [four[1], four[2], four[3], colour(line, place)];
-            if place < 3 {
-                continue;
-            }
-            let phase = (place + 1) % 2;
-            for c in 0..2 {
-                let [x0, x1, x2, x3] = four.map(|x| x[c]);
-                let change = x0.max(x1).max(x2).max(x3) - x0.min(x1).min(x2).min(x3);
+            let [red, blue] = colour(line, place);
+            (along[0][place], along[1][place]) = (red, blue);
+        }
+        for values in &along {
+            for (begin, four) in values.windows(4).enumerate() {
+                let (x0, x1, x2, x3) = (four[0], four[1], four[2], four[3]);
+                let change = x0.max(x1).max(x2.max(x3)) - x0.min(x1).min(x2.min(x3));
                 if change >= LEAST_CHANGE {
                     // By the parity of the first of the four; of the pair in the middle, which is the other.
+                    let phase = begin % 2;
                     third.add(phase, x0 - 3.0 * x1 + 3.0 * x2 - x3);
                     first.add(phase, x2 - x1);
                 }

@@ -87,7 +87,10 @@ impl Rays {
         let mut luma = Vec::with_capacity(if patch.coded { count * samples } else { 0 });
         let mut shade = Vec::with_capacity(count * samples);
         let mut inside = vec![true; count];
+        let shown = |light: f64| if patch.coded { level_of(light) } else { light };
         for ray in 0..count {
+            // Beyond the rim as at the rim.
+            let at_rim = shown(shading.at(direction[ray]));
             for offset in &offsets {
                 let at = center_px + direction[ray] * (radius_px[ray] + offset);
                 let (colour, brightness, within) = patch.sample(at.x, at.y);
@@ -96,8 +99,11 @@ impl Rays {
                     luma.push(brightness);
                 }
                 inside[ray] &= within;
-                let light = shading.at(direction[ray] * (1.0 + offset / radius_px[ray]));
-                shade.push(if patch.coded { level_of(light) } else { light });
+                shade.push(if *offset < 0.0 {
+                    shown(shading.at(direction[ray] * (1.0 + offset / radius_px[ray])))
+                } else {
+                    at_rim
+                });
             }
         }
         Self {
