@@ -282,6 +282,8 @@ def test_a_blurred_ball_is_believed_only_where_its_outline_shows_and_has_its_siz
         arc_fraction=0.45,
         residual_rms_px=0.1,
         blur_px=2.0,
+        narrow_blur_px=2.0,
+        lens_blur_px=2.0,
     )
     ball = Marker("hand", diameter_m=0.02, color=ColorRange(hue_deg=0, hue_tolerance_deg=15))
     red = np.zeros((80, 80, 3), np.uint8)
@@ -292,7 +294,7 @@ def test_a_blurred_ball_is_believed_only_where_its_outline_shows_and_has_its_siz
         return judged(red, ball, region, replace(fit, **other), MarkerOptions())
 
     assert not seen().ok and "blurred over 2.0 px" in seen().reason
-    assert seen(arc_fraction=0.6).ok and seen(blur_px=1.0).ok
+    assert seen(arc_fraction=0.6).ok and seen(lens_blur_px=1.0).ok
     whole = replace(fit, arc_fraction=0.9, blur_px=2.5)
-    assert doubted_size(seen(arc_fraction=0.9, blur_px=2.5), whole, 10.4).ok
-    assert not doubted_size(seen(arc_fraction=0.9, blur_px=2.5), whole, 9.0).ok
+    assert doubted_size(seen(arc_fraction=0.9, blur_px=2.5), whole, 10.4, MarkerOptions()).ok
+    assert not doubted_size(seen(arc_fraction=0.9, blur_px=2.5), whole, 9.0, MarkerOptions()).ok

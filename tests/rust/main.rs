@@ -26,6 +26,7 @@ mod measure;
 mod mirror;
 mod montecarlo;
 mod outline;
+mod outline_blurred;
 mod picture;
 mod planar;
 mod reflection;

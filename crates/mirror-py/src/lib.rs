@@ -43,7 +43,10 @@ mod _core {
     #[pymodule_export]
     use crate::optics::{PySeenInMirror, ball_center_pixels, ball_centroids, see_in_mirror};
     #[pymodule_export]
-    use crate::outline::{PyBallOutline, chroma_step, color_regions, fit_circle_by_consensus, measure_balls};
+    use crate::outline::{
+        PyBallOutline, chroma_step, color_regions, fit_circle_by_consensus, measure_balls,
+        measure_blurred_balls,
+    };
     #[pymodule_export]
     use crate::picture::PictureMaker;
     #[pymodule_export]

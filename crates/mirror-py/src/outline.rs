@@ -6,8 +6,8 @@ use crate::errors::{MirrorPostureError, to_py};
 use crate::work::Work;
 use mirror_core::Cancel;
 use mirror_core::outline::{
-    BallOutline, Circle, ColorBox, Picture, RadiusRange, chroma_step as step_of, color_regions as regions_of,
-    fit_circle, measure_ball,
+    BallOutline, Circle, ColorBox, CommonBlur, ExpectedRadius, Picture, RadiusRange, chroma_step as step_of,
+    color_regions as regions_of, fit_circle, measure_ball, measure_blurred_ball,
 };
 use numpy::ndarray::Array2;
 use numpy::{IntoPyArray, PyArray2, PyReadonlyArray3, PyUntypedArrayMethods};
@@ -73,6 +73,16 @@ impl PyBallOutline {
     fn blur_px(&self) -> f64 {
         self.inner.blur_px
     }
+
+    #[getter]
+    fn narrow_blur_px(&self) -> f64 {
+        self.inner.narrow_blur_px
+    }
+
+    #[getter]
+    fn lens_blur_px(&self) -> f64 {
+        self.inner.lens_blur_px
+    }
 }
 
 /// The balls near circles `(N, 3)`: u, v, radius, with radii in `(N, 2)`, px; None where there is none.
@@ -105,6 +115,42 @@ pub fn measure_balls(
         circles.par_iter().zip(&ranges).map(measure).collect()
     })?;
     Ok(found.into_iter().map(|ball| ball.map(|inner| PyBallOutline { inner })).collect())
+}
+
+/// The blurred balls near places in rows of u, v, expected radius and its standard deviation, px, with the blur that they share; None where there is none.
+#[pyfunction]
+pub fn measure_blurred_balls(
+    py: Python<'_>,
+    bgr: PyReadonlyArray3<'_, u8>,
+    expected_px: Vec<[f64; 4]>,
+    camera: &PyCamera,
+) -> PyResult<Vec<Option<PyBallOutline>>> {
+    let picture = picture_of(&bgr, (1, 1))?;
+    let camera = camera.inner.as_ref();
+    let cancel = Cancel::new();
+    let found: Vec<_> = py.work_until(&cancel, || {
+        let measure = |row: &[f64; 4], at: nalgebra::Vector2<f64>, common: Option<&CommonBlur>| {
+            let start = Circle { center_px: at, radius_px: row[2] };
+            let expected = ExpectedRadius { radius_px: row[2], std_px: row[3] };
+            if cancel.is_cancelled() {
+                None
+            } else {
+                measure_blurred_ball(&picture, &start, &expected, common, camera)
+            }
+        };
+        let apart: Vec<_> = expected_px
+            .par_iter()
+            .map(|row| measure(row, nalgebra::Vector2::new(row[0], row[1]), None))
+            .collect();
+        let blurs: Vec<_> = apart.iter().flatten().map(|ball| ball.blur_px2).collect();
+        let Some(common) = CommonBlur::of(&blurs) else { return apart };
+        expected_px
+            .par_iter()
+            .zip(&apart)
+            .map(|(row, ball)| measure(row, ball.as_ref()?.outline.cone.centroid_px, Some(&common)))
+            .collect()
+    })?;
+    Ok(found.into_iter().map(|ball| ball.map(|ball| PyBallOutline { inner: ball.outline })).collect())
 }
 
 fn picture_of<'a>(

@@ -38,7 +38,9 @@ class Start(ShortRepr):
 class OutlineFit(ShortRepr):
     """A fitted outline: its centroid and ellipse in the picture, the sphere's centre, and how well the edges agree.
 
-    `arc_fraction` is the share of the outline that agreeing edges cover, `blur_px` the standard deviation of the picture's blur there.
+    `arc_fraction` is the share of the outline that agreeing edges cover, `blur_px` the standard deviation of the picture's blur there where it
+    is widest, `narrow_blur_px` where it is narrowest: much less where ball or camera moved; `lens_blur_px` over all directions,
+    without what the codec blurs colours by.
     """
 
     centroid_px: FloatArray
@@ -50,6 +52,8 @@ class OutlineFit(ShortRepr):
     arc_fraction: float
     residual_rms_px: float
     blur_px: float
+    narrow_blur_px: float
+    lens_blur_px: float
 
 
 def measure_balls(
@@ -66,6 +70,25 @@ def measure_balls(
     found = _core.measure_balls(
         np.ascontiguousarray(bgr), np.array(circles), np.array(radii), camera.core, chroma_step_px
     )
+    return [None if one is None else _as_fit(one) for one in found]
+
+
+def measure_blurred_balls(
+    bgr: npt.NDArray[np.uint8], starts: Sequence[Circle], radius_std_share: float, camera: Camera
+) -> list[OutlineFit | None]:
+    """The ball of a circle's size near each circle, measured by all of its pixels: for balls that are blurred over much of their radius. None where none stands out.
+
+    Three or more share their blur, as far as they show one.
+
+    `arc_fraction` is the share of its rim whose pixels fit, `residual_rms_px` what its edges would have to be off by to leave what its pixels leave.
+    """
+    if not starts:
+        return []
+    expected = [
+        [float(one.center_px[0]), float(one.center_px[1]), one.radius_px, radius_std_share * one.radius_px]
+        for one in starts
+    ]
+    found = _core.measure_blurred_balls(np.ascontiguousarray(bgr), expected, camera.core)
     return [None if one is None else _as_fit(one) for one in found]
 
 
@@ -89,4 +112,6 @@ def _as_fit(one: _core.BallOutline) -> OutlineFit:
         arc_fraction=one.arc_fraction,
         residual_rms_px=one.residual_rms_px,
         blur_px=one.blur_px,
+        narrow_blur_px=one.narrow_blur_px,
+        lens_blur_px=one.lens_blur_px,
     )

@@ -30,9 +30,14 @@ WHOLE_ARC = 0.88
 SHARP_SHARE = 0.2
 PARTIAL_SIZE_SHARE = 0.05
 PARTIAL_SIZE_PX = 0.3
+# What colour at half of the resolution adds to the outline's residual, px, and each level of a codec's quantisation step to it and to the radius' share.
+RESIDUAL_OF_COARSE_COLOUR_PX = 0.25
+RESIDUAL_OF_STEP_PX = 0.02
+SIZE_SHARE_OF_STEP = 0.003
 # Blurred over more than this share of its radius, a ball must show more of its outline: bent edges of other things, blurred, fit many circles.
 BLURRED_SHARE = 0.16
 BLURRED_ARC = 0.48
+MOSTLY_SEEN = 0.8
 # How well the model knows a ball's size; the variance of a whole outline's radius against the centre's along an axis.
 MODEL_SIZE_SHARE = 0.015
 RADIUS_VARIANCE_SHARE = 0.5
@@ -50,6 +55,19 @@ class MarkerOptions:
     min_arc_fraction: float = MIN_ARC_FRACTION
     max_outline_residual_px: float = MAX_OUTLINE_RESIDUAL_PX
     use_outline: bool = True
+    more_size_share: float = 0.0
+    """By how much more than else the radius of a ball that is seen in part, or blurred, may differ from what the model expects, as a share."""
+
+    def with_codec(self, quantisation_step: float, coarse_colour: bool) -> MarkerOptions:
+        """These limits for pictures of a codec: its errors move edges by more than a blur or a bent edge of another thing does, and the claimed deviation holds that."""
+        of_colour = RESIDUAL_OF_COARSE_COLOUR_PX if coarse_colour else 0.0
+        return replace(
+            self,
+            max_outline_residual_px=self.max_outline_residual_px
+            + of_colour
+            + RESIDUAL_OF_STEP_PX * quantisation_step,
+            more_size_share=self.more_size_share + SIZE_SHARE_OF_STEP * quantisation_step,
+        )
 
 
 def judged(
@@ -68,14 +86,16 @@ def judged(
         "region_area_px": region.area_px,
         "region_centroid_px": region.centroid_px,
     }
+    # A ball that is seen in part must hold it against the codec's blur too.
+    blur_px = fit.lens_blur_px if seen >= MOSTLY_SEEN else fit.blur_px
     reason = ""
     if seen < options.min_visible_fraction:
         reason = f"only {100.0 * seen:.0f} % of the ball is seen, needed {100.0 * options.min_visible_fraction:.0f} %"
     elif fit.arc_fraction < options.min_arc_fraction:
         reason = f"only {100.0 * fit.arc_fraction:.0f} % of its outline fits a ball, needed {100.0 * options.min_arc_fraction:.0f} %"
-    elif fit.blur_px > BLURRED_SHARE * fit.mean_radius_px and fit.arc_fraction < BLURRED_ARC:
+    elif blur_px > BLURRED_SHARE * fit.mean_radius_px and fit.arc_fraction < BLURRED_ARC:
         reason = (
-            f"blurred over {fit.blur_px:.1f} px of its radius of {fit.mean_radius_px:.1f} px, and only {100.0 * fit.arc_fraction:.0f} % of its outline fits a ball: "
+            f"blurred over {blur_px:.1f} px of its radius of {fit.mean_radius_px:.1f} px, and only {100.0 * fit.arc_fraction:.0f} % of its outline fits a ball: "
             "light it better, or hold still"
         )
     elif fit.residual_rms_px > options.max_outline_residual_px:
@@ -87,17 +107,17 @@ def is_sharp(fit: OutlineFit) -> bool:
     return fit.blur_px <= SHARP_SHARE * fit.mean_radius_px
 
 
-def size_share(expected_px: float) -> float:
+def size_share(expected_px: float, options: MarkerOptions) -> float:
     """By what share the radius of a ball that is seen in part may differ from what the model expects."""
-    return max(PARTIAL_SIZE_SHARE, PARTIAL_SIZE_PX / expected_px)
+    return max(PARTIAL_SIZE_SHARE, PARTIAL_SIZE_PX / expected_px) + options.more_size_share
 
 
-def doubted_size(view: MarkerView, fit: OutlineFit, expected_px: float) -> MarkerView:
+def doubted_size(view: MarkerView, fit: OutlineFit, expected_px: float, options: MarkerOptions) -> MarkerView:
     """A ball that is seen in part, or blurred, is believed only if it has the size that the model expects: half an outline fits many circles."""
     ratio = fit.mean_radius_px / expected_px
     whole = (view.visible_fraction or 0.0) >= WHOLE_FRACTION and fit.arc_fraction >= WHOLE_ARC
     sharp = is_sharp(fit)
-    most = 1.0 + size_share(expected_px)
+    most = 1.0 + size_share(expected_px, options)
     if not view.ok or (whole and sharp) or 1.0 / most <= ratio <= most:
         return view
     how = "seen in part" if sharp else "blurred"

@@ -18,6 +18,7 @@ from ..camera import Camera
 from ..marker import Marker
 from .ball import Circle, OutlineFit, Start, fit_circle, measure_balls
 from .blobs import Region, color_regions, contour_px
+from .blurred import MOST_QUANTISATION_STEP, Expected, with_blurred
 from .candidates import NEARER_RADII, SIZE_FACTOR, Candidate, choose, find_candidates
 from .marker_choice import Choice, SizeBounds, assign
 from .marker_judge import (
@@ -31,7 +32,7 @@ from .marker_judge import (
     size_share,
     widened_by_size,
 )
-from .types import MarkerView, PredictedMarker, color_of
+from .types import FloatArray, MarkerView, PredictedMarker, color_of
 
 # Smallest outline that sub-pixel edges can be read from; below, the region's centroid is all there is.
 MIN_OUTLINE_RADIUS_PX = 3.0
@@ -65,7 +66,7 @@ def detect_markers(
     off. `chroma_step_px`: pixels across and down that share a colour, as the picture's codec has it;
     `quantisation_step`: its step of brightness, levels.
     """
-    options = options or MarkerOptions()
+    options = (options or MarkerOptions()).with_codec(quantisation_step, chroma_step_px != (1, 1))
     bounds = bounds or {}
     if not markers:
         return ()
@@ -105,10 +106,14 @@ def detect_markers(
         ]
 
     fits = iter(measured(starts))
-    views = []
-    for job in jobs:
-        view = _seen(bgr, job, [next(fits) for _ in job.starts], options, measured)
-        views.append(view if camera is not None else replace(view, sphere_center_px=None))
+    fits_of = [[next(fits) for _ in job.starts] for job in jobs]
+    coded = chroma_step_px != (1, 1)
+    views = [_seen(bgr, job, own, options, measured, coded) for job, own in zip(jobs, fits_of, strict=True)]
+    if quantisation_step <= MOST_QUANTISATION_STEP:
+        wanted = [_expected(job) for job in jobs]
+        views = with_blurred(bgr, wanted, fits_of, views, assumed, options, coded)
+    if camera is None:
+        views = [replace(view, sphere_center_px=None) for view in views]
     return tuple(views)
 
 
@@ -122,6 +127,12 @@ class _Job:
     hint: PredictedMarker | None = None
     candidates: tuple[Candidate, ...] = ()
     starts: tuple[Start, ...] = ()
+
+
+def _expected(job: _Job) -> Expected | None:
+    if job.hint is None or (job.hint.ball_radius_px or 0.0) < MIN_OUTLINE_RADIUS_PX:
+        return None
+    return Expected(job.marker, job.regions, job.hint)
 
 
 def _job(
@@ -202,10 +213,11 @@ def _seen(
     fits: list[OutlineFit | None],
     options: MarkerOptions,
     measured: _Measured,
+    coded: bool,
 ) -> MarkerView:
     marker, region = job.marker, job.choice.region
     if job.hint is not None:
-        return _by_hint(bgr, job, job.hint, fits, options, measured)
+        return _by_hint(bgr, job, job.hint, fits, options, measured, coded)
     if region is None or job.choice.reason:
         return masked(marker, job.choice.reason or nothing_reason(bgr, marker), region)
     if marker.diameter_m == 0.0 or not options.use_outline:
@@ -232,6 +244,7 @@ def _by_hint(
     fits: list[OutlineFit | None],
     options: MarkerOptions,
     measured: _Measured,
+    coded: bool,
 ) -> MarkerView:
     """The one ball of the size that the model expects, nearest to where it expects it."""
     marker, regions = job.marker, job.regions
@@ -246,16 +259,23 @@ def _by_hint(
         )
     good: list[MarkerView] = []
     bad: list[MarkerView] = []
+    share = 1.0 + size_share(radius, options)
+
+    def of_known_size(center_px: FloatArray) -> OutlineFit | None:
+        (again,) = measured([Start(Circle(center_px, radius), radius / share, radius * share)])
+        return again
+
     for one, fit in zip(job.candidates, fits, strict=True):
+        if fit is None:
+            # A short arc fits many sizes, and may have run away.
+            fit = of_known_size(one.circle.center_px)
         if fit is None:
             continue
         seen = judged(bgr, marker, one.region, fit, options)
-        view = doubted_size(seen, fit, radius)
-        if seen.ok and not view.ok and is_sharp(fit):
+        view = doubted_size(seen, fit, radius, options)
+        if seen.ok and not view.ok and (coded or is_sharp(fit)):
             # A wrong part of its outline may have been taken: looked at again, with no other size.
-            share = 1.0 + size_share(radius)
-            start = Start(Circle(fit.centroid_px, radius), radius / share, radius * share)
-            (again,) = measured([start])
+            again = of_known_size(fit.centroid_px)
             if again is not None:
                 seen = judged(bgr, marker, one.region, again, options)
                 view, fit = (seen, again) if seen.ok else (view, fit)

@@ -64,6 +64,10 @@ pub struct BallOutline {
     pub arc_fraction: f64,
     /// Standard deviation of the picture's blur at the ball in the direction where it is widest, px.
     pub blur_px: f64,
+    /// The same in the direction where it is narrowest, px: much less where ball or camera moved.
+    pub narrow_blur_px: f64,
+    /// What lens and motion have of it, over all directions, px: a codec's own blur of the colours is not in it.
+    pub lens_blur_px: f64,
 }
 
 /// Measures the ball near a circle in a picture; None where no outline of a sphere of a fitting size is there.
@@ -143,6 +147,8 @@ pub fn measure_ball(
             angle_rad: angle,
             arc_fraction: agreeing as f64 / count as f64,
             blur_px: blur.widest_px(),
+            narrow_blur_px: blur.narrowest_px(),
+            lens_blur_px: edges.lens_px,
         });
     }
     measured
@@ -151,10 +157,16 @@ pub fn measure_ball(
 
 /// Distances of a sphere's outline from its centre in evenly spaced directions, the sphere where a circle says.
 fn expected_radii(circle: &Circle, camera: &Camera, count: usize) -> Option<Vec<f64>> {
+    let (semi_axes, angle) = expected_ellipse(circle, camera)?;
+    Some(radii(&semi_axes, angle, count))
+}
+
+/// Half axes (px) and angle (rad) of a sphere's outline, the sphere where a circle says.
+pub(super) fn expected_ellipse(circle: &Circle, camera: &Camera) -> Option<(Vector2<f64>, f64)> {
     let axis = camera.unproject(&circle.center_px).ok()?.into_inner();
     let half = circle.radius_px / px_per_rad(camera, &circle.center_px)?;
     let (_, semi_axes, angle) = ellipse(&cone_centroid(&(axis / half.min(1.2).cos()), camera)?.boundary_px);
-    Some(radii(&semi_axes, angle, count))
+    Some((semi_axes, angle))
 }
 
 /// Distances of an ellipse from its centre in evenly spaced directions.
@@ -177,7 +189,7 @@ fn beside_found(found: &[bool], rays_per_px: f64) -> Vec<bool> {
 }
 
 /// Centre, half axes and angle from the boundary's moments: for an ellipse sampled evenly in its angle, axis² = 2 × variance.
-fn ellipse(boundary: &[Vector2<f64>]) -> (Vector2<f64>, Vector2<f64>, f64) {
+pub(super) fn ellipse(boundary: &[Vector2<f64>]) -> (Vector2<f64>, Vector2<f64>, f64) {
     let count = boundary.len() as f64;
     let center = boundary.iter().sum::<Vector2<f64>>() / count;
     let spread =

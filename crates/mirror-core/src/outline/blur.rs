@@ -41,6 +41,11 @@ impl Blur {
         (self.mean + self.even[0].hypot(self.even[1])).clamp(LEAST_VARIANCE_PX2, MOST_VARIANCE_PX2).sqrt()
     }
 
+    /// Standard deviation in the direction where it is smallest, px.
+    pub fn narrowest_px(&self) -> f64 {
+        (self.mean - self.even[0].hypot(self.even[1])).clamp(LEAST_VARIANCE_PX2, MOST_VARIANCE_PX2).sqrt()
+    }
+
     /// Standard deviation over all directions, px.
     pub fn mean_px(&self) -> f64 {
         self.mean.clamp(LEAST_VARIANCE_PX2, MOST_VARIANCE_PX2).sqrt()

@@ -53,6 +53,8 @@ pub(super) struct Edges {
     pub overshoot: f64,
     pub found: Vec<bool>,
     pub blur: Blur,
+    /// That of the lens alone (or of a motion), standard deviation over all directions, px: where a codec blurs the colours, by the brightness.
+    pub lens_px: f64,
 }
 
 /// Edges of all rays from a centre. `outermost`: the outline is only roughly known, and the colour's outermost end is taken for it.
@@ -104,6 +106,7 @@ pub(super) fn edges_on_rays(
         std_px: edges.iter().map(|e| e.std).collect(),
         found: edges.iter().map(|e| e.found).collect(),
         blur: shown,
+        lens_px: if patch.coded { lens_px } else { shown.mean_px() },
     }
 }
 

@@ -25,29 +25,37 @@
 //! | `curve` | levels and light; what it moves that light mixes on another scale than the values are on: the codec's levels, a camera's own curve |
 //! | `unmixing` | a colour as a mixture of the ball's and of what lies behind |
 //! | `cone` | the cone of rays that touch a sphere, with covariance |
+//! | `whole`, `template` | a ball that is blurred over much of its radius, by all of its pixels; what it shows |
+//! | `own_colour`, `common_blur` | its colour that its surroundings have not; the blur that balls share |
 
 mod along;
 mod ball;
 mod blur;
 mod circle;
 mod codec;
+mod common_blur;
 mod cone;
 mod consensus;
 mod curve;
 mod edges;
 mod hues;
 mod luma;
+mod own_colour;
 mod patch;
 mod ray_edge;
 mod rays;
 mod regions;
 mod scatter;
 mod shading;
+mod template;
 mod unmixing;
+mod whole;
 
 pub use ball::{BallOutline, RadiusRange, measure_ball};
 pub use circle::{Circle, fit_circle};
 pub use codec::chroma_step;
+pub use common_blur::CommonBlur;
 pub use cone::{ConeFit, ConeOutline, EdgePoint, cone_centroid, fit_cone};
 pub use patch::Picture;
 pub use regions::{ColorBox, ColorRegion, color_regions};
+pub use whole::{BlurredBall, ExpectedRadius, measure_blurred_ball};

@@ -56,6 +56,11 @@ impl<'a> Picture<'a> {
         &self.bgr[row * self.width * 3..(row + 1) * self.width * 3]
     }
 
+    /// The same, its values taken as light whatever its codec.
+    pub(super) fn as_light(&self) -> Self {
+        Self { chroma_step: (1, 1), ..*self }
+    }
+
     /// Whether the codec keeps colour at a lower resolution than brightness.
     pub(super) fn coded(&self) -> bool {
         self.chroma_step != (1, 1)
@@ -159,12 +164,9 @@ impl Patch {
             below * self.width + column,
             below * self.width + next,
         ];
-        let mut colour = [0.0; 3];
-        for (place, weight) in places.iter().zip(weights) {
-            for (sum, value) in colour.iter_mut().zip(self.light[*place]) {
-                *sum += f64::from(weight * value);
-            }
-        }
+        let corners = places.map(|place| self.light[place]);
+        let colour =
+            core::array::from_fn(|c| f64::from((0..4).map(|i| weights[i] * corners[i][c]).sum::<f32>()));
         let luma = if self.coded {
             places.iter().zip(weights).map(|(p, w)| f64::from(self.luma[*p] * w)).sum()
         } else {
