@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +17,7 @@ import pytest
 from typer.testing import CliRunner
 
 from document_commands import python_of
-from mirror_posture import cli, load_session
+from mirror_posture import cli, load_session, render
 from mirror_posture.session import write_session
 from session_folder import DATA, write_folder
 
@@ -26,6 +28,14 @@ def run(*arguments: object, code: int = 0):
     result = RUNNER.invoke(cli.app, [str(argument) for argument in arguments])
     assert result.exit_code == code, f"{result.exit_code}: {result.output}\n{result.exception!r}"
     return result
+
+
+@pytest.fixture(scope="module", autouse=True)
+def fewer_rays() -> Iterator[None]:
+    """A third of the rays: what the commands say and write is asked for here, and pictures in full are drawn by other tests."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(render, "PictureOptions", partial(render.PictureOptions, samples=1, edge_samples=3))
+        yield
 
 
 @pytest.fixture(scope="module")

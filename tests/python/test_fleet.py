@@ -36,7 +36,7 @@ from mirror_posture.fleet import (
 )
 from slow_diagnosis import diagnose_slowly
 
-SESSIONS = 6
+SESSIONS = 4
 
 
 @dataclass

@@ -15,7 +15,7 @@ from mirror_posture.detect import detect_session
 from mirror_posture.measurement import ESTIMATORS, MeasureOptions, Mount, NothingMeasuredError
 from mirror_posture.measurement.table import marker_table, summarise
 from mirror_posture.measurement.used import used
-from mirror_posture.render import DEMO_POSTURES, View, render_session
+from mirror_posture.render import DEMO_POSTURES, PictureOptions, View, render_session
 from mirror_posture.session import Session, Views
 from session_folder import DATA, SESSION, replaced, write_folder
 
@@ -284,7 +284,12 @@ def test_markers_in_pictures_by_another_renderer(estimator: str) -> None:
 def test_markers_in_traced_pictures_from_two_views(tmp_path: Path) -> None:
     views = (View(yaw_rad=-0.1), View(yaw_rad=0.16))
     folder = render_session(
-        tmp_path / "session", DEMO_POSTURES[1:3], views, offsets_rad={"r_shoulder_roll": 0.04}, seed=3
+        tmp_path / "session",
+        DEMO_POSTURES[1:3],
+        views,
+        offsets_rad={"r_shoulder_roll": 0.04},
+        options=PictureOptions(samples=1, edge_samples=3),
+        seed=3,
     )
     session = detect_session(mp.load_session(folder)).session
     truth = json.loads((folder / "truth.json").read_text())

@@ -4,10 +4,10 @@ use super::{Beam, Colour, Lights, Pane, Shape, Touch};
 use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3};
 use std::ops::Range;
 
-/// Bodies whose bounding ball is smaller than this (m) are tested cluster by cluster, and throw shadows.
+/// Bodies whose bounding ball is smaller than this (m) are tested ball by ball, and throw shadows.
 const SMALL_BODY_M: f64 = 0.25;
-/// Bodies of a cluster at most: testing a ball costs a third of testing a body.
-const CLUSTER_BODIES: usize = 5;
+/// Bodies in a ball that is not divided further: testing a ball costs a third of testing a body.
+const LEAF_BODIES: usize = 3;
 
 /// What colours a body.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -88,47 +88,45 @@ pub(super) struct Placed {
     radius2: f64,
 }
 
-/// Neighbouring bodies in one ball.
+/// A ball around neighbouring bodies: a node of the bounding volume hierarchy, which is stored in depth-first order.
 #[derive(Debug, Clone)]
-struct Cluster {
+struct Ball {
     center: Vector3<f64>,
     radius2: f64,
+    /// The bodies themselves in a leaf; none in a ball that is divided into the two after it.
     bodies: Range<usize>,
+    /// Where a beam that misses the ball goes on: behind all balls within.
+    after: usize,
 }
 
-impl Cluster {
-    fn around(placed: &[Placed], bodies: Range<usize>) -> Self {
-        let members = &placed[bodies.clone()];
-        let center = members.iter().map(|b| b.center).sum::<Vector3<f64>>() / members.len().max(1) as f64;
-        let reach = |b: &Placed| (b.center - center).norm() + b.radius_m();
-        let radius = members.iter().map(reach).fold(0.0, f64::max);
-        Self { center, radius2: radius * radius, bodies }
-    }
-}
-
-/// Sorts bodies so that neighbours stand together: halves along the widest axis until a cluster is small enough.
-fn gather(
-    bodies: &mut [usize],
-    first: usize,
-    center: &impl Fn(usize) -> Vector3<f64>,
-    ranges: &mut Vec<Range<usize>>,
-) {
-    if bodies.len() <= CLUSTER_BODIES {
-        if !bodies.is_empty() {
-            ranges.push(first..first + bodies.len());
-        }
+/// Sorts bodies so that neighbours stand together, and surrounds them with balls: halves along the widest axis until few are left.
+///
+/// `indices` are the bodies from place `first` of the sorted order on.
+fn gather(bodies: &[Body], indices: &mut [usize], first: usize, balls: &mut Vec<Ball>) {
+    if indices.is_empty() {
         return;
     }
-    let (mut low, mut high) = (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY));
-    for &i in bodies.iter() {
-        low = low.inf(&center(i));
-        high = high.sup(&center(i));
+    let center = |i: usize| bodies[i].scene_from_body.translation.vector;
+    let middle = indices.iter().map(|&i| center(i)).sum::<Vector3<f64>>() / indices.len() as f64;
+    let reach = |i: usize| (center(i) - middle).norm() + bodies[i].shape.bounding_radius_m();
+    let radius = indices.iter().map(|&i| reach(i)).fold(0.0, f64::max);
+    let here = balls.len();
+    balls.push(Ball { center: middle, radius2: radius * radius, bodies: first..first, after: 0 });
+    if indices.len() <= LEAF_BODIES {
+        balls[here].bodies.end += indices.len();
+    } else {
+        let (mut low, mut high) = (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY));
+        for &i in indices.iter() {
+            low = low.inf(&center(i));
+            high = high.sup(&center(i));
+        }
+        let axis = (high - low).imax();
+        indices.sort_by(|&a, &b| center(a)[axis].total_cmp(&center(b)[axis]));
+        let (left, right) = indices.split_at_mut(indices.len() / 2);
+        gather(bodies, left, first, balls);
+        gather(bodies, right, first + left.len(), balls);
     }
-    let axis = (high - low).imax();
-    bodies.sort_by(|&a, &b| center(a)[axis].total_cmp(&center(b)[axis]));
-    let (left, right) = bodies.split_at_mut(bodies.len() / 2);
-    gather(left, first, center, ranges);
-    gather(right, first + left.len(), center, ranges);
+    balls[here].after = balls.len();
 }
 
 /// What a beam meets first.
@@ -145,11 +143,11 @@ pub(super) struct Meeting {
 #[derive(Debug, Clone)]
 pub struct Scene {
     pub(super) bodies: Vec<Placed>,
-    /// Bodies `0..small` stand in clusters, neighbours together; then come large ones before the mirror's front
+    /// Bodies `0..small` stand in balls, neighbours together; then come large ones before the mirror's front
     /// face, then, from `behind` on, large ones at or behind it, which no light from the mirror reaches.
     small: usize,
     behind: usize,
-    clusters: Vec<Cluster>,
+    balls: Vec<Ball>,
     /// For each given body, its index here.
     order: Vec<usize>,
     /// The lamps and the light of the room.
@@ -173,8 +171,8 @@ impl Scene {
         let (mut sorted, mut large): (Vec<usize>, Vec<usize>) = (0..bodies.len()).partition(is_small);
         let small = sorted.len();
         let center = |i: usize| bodies[i].scene_from_body.translation.vector;
-        let mut ranges = Vec::new();
-        gather(&mut sorted, 0, &center, &mut ranges);
+        let mut balls = Vec::new();
+        gather(bodies, &mut sorted, 0, &mut balls);
         let is_behind = |i: &usize| {
             pane.as_ref().is_some_and(|pane: &Pane| (center(*i) - pane.center()).dot(&pane.normal()) >= 0.0)
         };
@@ -186,9 +184,8 @@ impl Scene {
         for (here, &given) in sorted.iter().enumerate() {
             order[given] = here;
         }
-        let clusters = ranges.into_iter().map(|range| Cluster::around(&placed, range)).collect();
         let eye_rotation = scene_from_camera.rotation.to_rotation_matrix().into_inner();
-        Self { bodies: placed, small, behind, clusters, order, lights, scene_from_camera, eye_rotation, pane }
+        Self { bodies: placed, small, behind, balls, order, lights, scene_from_camera, eye_rotation, pane }
     }
 
     /// Index, as meetings tell it, of the body that was given as number `given`.
@@ -224,10 +221,14 @@ impl Scene {
                 }
             }
         };
-        for cluster in &self.clusters {
-            if reaches(beam, &cluster.center, cluster.radius2, nearest) {
-                test(cluster.bodies.clone(), &mut nearest);
-            }
+        let mut next = 0;
+        while let Some(ball) = self.balls.get(next) {
+            next = if reaches(beam, &ball.center, ball.radius2, nearest) {
+                test(ball.bodies.clone(), &mut nearest);
+                next + 1
+            } else {
+                ball.after
+            };
         }
         test(self.small..end, &mut nearest);
         let (touch, body) = best?;
@@ -238,10 +239,18 @@ impl Scene {
     /// Whether a small body stands within this distance (m) along the beam.
     #[inline]
     pub(super) fn is_blocked(&self, beam: &Beam, within_m: f64) -> bool {
-        self.clusters.iter().any(|cluster| {
-            reaches(beam, &cluster.center, cluster.radius2, within_m)
-                && self.bodies[cluster.bodies.clone()].iter().any(|body| body.touch(beam, within_m).is_some())
-        })
+        let mut next = 0;
+        while let Some(ball) = self.balls.get(next) {
+            next = if reaches(beam, &ball.center, ball.radius2, within_m) {
+                if self.bodies[ball.bodies.clone()].iter().any(|body| body.touch(beam, within_m).is_some()) {
+                    return true;
+                }
+                next + 1
+            } else {
+                ball.after
+            };
+        }
+        false
     }
 
     /// Whether a beam meets one body alone, and where.
@@ -299,6 +308,10 @@ fn reaches(beam: &Beam, center: &Vector3<f64>, radius2: f64, within_m: f64) -> b
     let aside2 = to.norm_squared() - ahead * ahead;
     if aside2 > radius2 {
         return false;
+    }
+    // Its nearest place to the centre lies on the beam.
+    if ahead > 0.0 && ahead < within_m {
+        return true;
     }
     let half_chord = (radius2 - aside2).sqrt();
     ahead + half_chord > 0.0 && ahead - half_chord < within_m

@@ -14,9 +14,16 @@ use rayon::prelude::*;
 /// Blocks of [`LANES`] postures that one task takes: enough to hide the cost of handing it over.
 const BLOCKS_A_TASK: usize = 16;
 
-/// Postures in blocks of [`LANES`], compiled once for each width of the processor's vectors and chosen when it runs.
+/// Forward kinematics of one block, compiled once for each width of the processor's vectors and chosen when it runs.
 ///
-/// All versions round alike (no fused multiply-add), so results are the same bits on every machine.
+/// All versions round alike (no fused multiply-add), so results are the same bits on every machine. A function of its own: written
+/// into each of its callers it would be a seventh of the library.
+#[multiversion(targets("x86_64+avx512f", "x86_64+avx2"))]
+fn advance_block(robot: &Robot, q: &[f64], poses: &mut LanePoses) {
+    robot.advance_lanes(q, poses);
+}
+
+/// Postures in blocks of [`LANES`], compiled like [`advance_block`].
 #[multiversion(targets("x86_64+avx512f", "x86_64+avx2"))]
 fn run_rows<W, F: Fn(&LanePoses, &mut W, &mut [f64])>(
     robot: &Robot,
@@ -30,7 +37,7 @@ fn run_rows<W, F: Fn(&LanePoses, &mut W, &mut [f64])>(
     let (poses, extra) = workspace;
     for (k, block) in out.chunks_mut(LANES * each).enumerate() {
         let (start, rows) = (k * LANES, block.len() / each);
-        robot.advance_lanes(&q[start * width..(start + rows) * width], poses);
+        advance_block(robot, &q[start * width..(start + rows) * width], poses);
         write(poses, extra, block);
     }
 }
