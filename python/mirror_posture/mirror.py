@@ -71,7 +71,7 @@ class Rig(ShortRepr):
     `camera_from_board` is (4, 4);
     `camera_from_board_covariance` (6, 6) in the tangent `camera_from_board ∘ (Exp ω, v)`, rotation first (rad, m), None
     for "exact". Maximum likelihood uses the glass; the paper's estimators take every mirror as ideal.
-    Raises `MirrorPostureError` for what cannot be meant.
+    Raises `MirrorPostureError` for invalid values.
     """
 
     camera: Camera

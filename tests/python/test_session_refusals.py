@@ -187,7 +187,7 @@ REFUSALS = {
         None,
         "points.frame",
     ),
-    # A unit that cannot be meant.
+    # An impossible unit.
     "degrees": ({"frames": replaced(FRAMES, "-0.3", "-17.0")}, "frames.csv", 3, "degrees"),
     "no deviation": (
         {

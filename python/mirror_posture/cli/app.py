@@ -23,7 +23,7 @@ Measure, correct and diagnose a robot's posture in a flat mirror.
 A *session* is a folder: the robot's model, its camera, and the pictures (or image points) of a sequence of
 postures before a mirror. `mirror-posture demo` makes one and goes through all the steps in a minute.
 
-Exit codes: 0 fine; 1 the input cannot be meant (one line says where and why); 2 the command was called wrongly;
+Exit codes: 0 fine; 1 the input is invalid (one line says where and why); 2 the command was called wrongly;
 3 nothing could be measured, or the target was not reached; 4 a fault of this program; 130 stopped with Ctrl-C, what was done is kept.
 """
 

@@ -34,7 +34,7 @@ class ExitCode(enum.IntEnum):
 
     FINE = 0
     INPUT = 1
-    """The input cannot be meant; one line says where and why."""
+    """The input is invalid; one line says where and why."""
     USAGE = 2
     """The command was called wrongly."""
     NOTHING = 3

@@ -49,7 +49,7 @@ def correct(
     Whatever ends it, the robot is not left in motion: Ctrl-C, `SIGTERM`, `SIGHUP` and errors of the robot bring it to rest and
     are stops with their evidence, not exceptions. Using the robot as a context, to rest and close it, is the caller's.
 
-    Raises `MirrorPostureError` for input that cannot be meant: an unknown joint or marker, a target outside limits.
+    Raises `MirrorPostureError` for invalid input: an unknown joint or marker, a target outside limits.
     """
     options = options or CorrectOptions()
     options.check()

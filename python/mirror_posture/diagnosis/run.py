@@ -85,7 +85,7 @@ def diagnose(
 
     Raises:
         DiagnosisInterrupted: Ctrl-C (it is a `KeyboardInterrupt`); `found` has what was found so far.
-        MirrorPostureError: a session that cannot be meant, an unknown effect or marker, too little to diagnose.
+        MirrorPostureError: an invalid session, an unknown effect or marker, too little to diagnose.
     """
     left_out = checked_effects(without)
     loaded = _loaded(session)

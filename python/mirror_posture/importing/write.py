@@ -159,7 +159,7 @@ def _taken_back(log: JointLog, columns: list[int]) -> JointLog:
 
 
 def check_limits(recording: Recording, robot: Robot, kept: list[tuple[int, str]]) -> list[str]:
-    """Positions beyond the joints' limits: warnings, or `MirrorPostureError` where they cannot be meant in rad (m)."""
+    """Positions beyond the joints' limits: warnings, or `MirrorPostureError` where they cannot be in rad (m)."""
     limits = {joint.name: (joint.lower, joint.upper) for joint in robot.joints}
     warnings = []
     for index, name in kept:

@@ -83,7 +83,7 @@ def shutter(metadata: Mapping[str, Any]) -> tuple[float, float]:
     """`exposure_s` and `readout_s` (first to last row) of `[shutter]` in session.toml; 0 where it is silent.
 
     Raises:
-        MirrorPostureError: a number that cannot be meant.
+        MirrorPostureError: an invalid number.
     """
     section = metadata.get("shutter", {})
     told = []

@@ -31,7 +31,7 @@ def load_camera_info(file: str | os.PathLike[str], shown_as: str | None = None) 
     """Reads and validates a camera's file: ROS `camera_info` YAML, a dump of that topic, `cv2.FileStorage`'s YAML or XML, or Kalibr's camchain.
 
     `shown_as` is the file's name in error messages. Raises `SessionError` for a file that is missing, is no YAML,
-    lacks a key or holds a number that cannot be meant.
+    lacks a key or holds an invalid number.
     """
     file = Path(file)
     name = shown_as or str(file)

@@ -11,7 +11,7 @@ from ..error_pickling import PickledWhole
 
 
 class SessionError(PickledWhole, MirrorPostureError):
-    """A session that cannot be meant as it stands.
+    """An invalid session.
 
     The message is one line: place, what was got, what was needed, the fix. `file`, `row` (counted from 1 below
     the header) and `column` say the place again for programs; they are None where they do not apply. `problems` are all

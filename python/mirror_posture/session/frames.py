@@ -16,9 +16,9 @@ from .types import Frames
 OWN_COLUMNS = ("frame", "posture", "time_s", "image")
 MEASURED = "measured:"
 LIMIT_FACTOR = 4.0
-"""A command beyond this many times the joint's limit cannot be meant: degrees, most likely (a factor of 57)."""
+"""A command beyond this many times the joint's limit is an error: degrees, most likely (a factor of 57)."""
 FULL_TURN, MANY_TURNS, LARGEST_POSITION = 2.0 * np.pi, 100.0, 1e5
-"""rad (m): where a joint without a limit stands beyond sixteen turns it is odd; beyond the second it cannot be meant."""
+"""rad (m): where a joint without a limit stands beyond sixteen turns a warning is given; beyond the second it is an error."""
 
 
 def read_frames(table: Table, robot: Robot, ordered: bool) -> tuple[Frames, list[str]]:
@@ -125,7 +125,7 @@ def _joint(table: Table, column: str, by_name: dict[str, Joint]) -> Joint:
 
 
 def _check_unit(table: Table, column: str, joint: Joint, positions: np.ndarray) -> list[str]:
-    """Refuses positions in a unit that cannot be meant; returns warnings."""
+    """Refuses positions in an impossible unit; returns warnings."""
     largest = max(abs(joint.lower), abs(joint.upper))
     unit, other = ("m", "mm") if joint.kind == "prismatic" else ("rad", "degrees")
     # Limits that are infinite or both zero limit nothing.

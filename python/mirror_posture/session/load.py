@@ -44,7 +44,7 @@ def load_session(folder: str | os.PathLike[str]) -> Session:
 
     A session that is being recorded, or whose recording was cut off, loads with what is complete in it.
 
-    Raises `SessionError` (a `MirrorPostureError`) for what cannot be meant: it names the file, the row and the fix; in its
+    Raises `SessionError` (a `MirrorPostureError`) for invalid input: it names the file, the row and the fix; in its
     `problems` stands all that was found.
     Unknown keys and columns are kept, and named in `Session.warnings`.
     """

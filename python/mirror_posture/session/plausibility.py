@@ -1,4 +1,4 @@
-"""What a session says against itself: units, sizes and ids that cannot be meant, judged before any estimate.
+"""What a session says against itself: invalid units, sizes and ids, found before any estimate.
 
 Each check compares numbers that must agree in size: commands with encoders, points with the robot's reach, the focal
 length with the picture. An error is what no real robot, camera or room can have; a warning what hardly any has.
@@ -32,7 +32,7 @@ ASPECT = 3.0
 
 
 def check_plausible(session: Session, problems: Problems) -> list[str]:
-    """All checks; what cannot be meant goes to `problems`, what is odd is returned as warnings."""
+    """All checks; errors go to `problems`, what is unusual is returned as warnings."""
     warnings: list[str] = []
     reach_m = robot_reach_m(session.robot)
     with problems.kept():

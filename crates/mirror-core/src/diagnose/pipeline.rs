@@ -36,7 +36,7 @@ use crate::robot::Robot;
 /// The diagnosis, and the share of its limit of work that it took.
 ///
 /// # Errors
-/// A recording that is not valid, links that do not exist, a camera that cannot be.
+/// A recording that is not valid, links that do not exist, invalid parameters of the camera.
 pub fn diagnose(
     robot: &Robot,
     recording: &Recording,

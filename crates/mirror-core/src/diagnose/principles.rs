@@ -9,11 +9,11 @@ pub(crate) const LEAST_LOG_ODDS: f64 = 3.0;
 /// Log odds from which the data leave no doubt, even if the laws are wrong by as much as laws are: what a whole mistake must
 /// gain over small errors everywhere, and by how much a model falls so far behind another that no refinement brings it back.
 pub(crate) const BEYOND_DOUBT: f64 = 30.0;
-/// Evidence is taken to this power: laws are never exact, so that data speak less than they seem to (power posterior, Holmes and Walker
+/// Evidence is taken to this power: laws are never exact, so that data carry less evidence than the likelihood says (power posterior, Holmes and Walker
 /// 2017). Found on sessions whose laws differ from the model's: probabilities are then as often right as they say.
 pub(crate) const TEMPER: f64 = 0.35;
-/// What is kept back for a cause that nobody thought of: nothing is told as more probable than the rest, and a rival that is less probable
-/// than this is not worth a word.
+/// Probability reserved for unmodelled causes: no cause is reported as more probable than one less this, and an alternative that is less
+/// probable than this is not reported.
 pub(crate) const UNTHOUGHT_OF: f64 = 0.01;
 
 /// The prior over models, log: a second cause at one joint (what looks like two is rather a law that the vocabulary has not),

@@ -41,7 +41,7 @@ impl Screening {
     /// Scores all of them against the nominal model, best first; each discrete unknown on its own.
     ///
     /// # Errors
-    /// A camera or mirror that cannot be.
+    /// Invalid parameters of the camera or mirror.
     pub fn run(&self) -> Result<Vec<Ranked>> {
         let model = Model::nominal(&self.problem);
         let scores = screen(&self.problem, &self.catalogue, &Group::default(), &model, self.noise, None)?;

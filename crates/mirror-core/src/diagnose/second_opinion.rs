@@ -31,7 +31,7 @@ const RATIO: (&str, &str) = ("joint_unit", "gear_ratio");
 /// Slips and rows of their own beside an unexplained remainder, and ratios that are told twice or are none, are asked of twice.
 ///
 /// # Errors
-/// A recording that is not valid, links that do not exist, a camera that cannot be.
+/// A recording that is not valid, links that do not exist, invalid parameters of the camera.
 pub fn diagnose(
     robot: &Robot,
     recording: &Recording,

@@ -114,7 +114,7 @@ impl Pane {
     /// towards `up`; all in the scene's frame.
     ///
     /// # Errors
-    /// [`Error::NotFinite`], [`Error::OutOfRange`] for sizes and shares that cannot be, [`Error::NoDirection`] for a
+    /// [`Error::NotFinite`], [`Error::OutOfRange`] for invalid sizes and shares, [`Error::NoDirection`] for a
     /// zero normal or one along `up`.
     pub fn new(
         center: Vector3<f64>,

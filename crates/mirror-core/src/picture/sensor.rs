@@ -50,7 +50,7 @@ impl Sensor {
     /// Turns light into a picture.
     ///
     /// # Errors
-    /// [`Error::OutOfRange`] for an exposure, gamma, blur, noise or quality that cannot be meant;
+    /// [`Error::OutOfRange`] for an invalid exposure, gamma, blur, noise or quality;
     /// [`Error::Picture`] where the JPEG coder refuses.
     pub fn expose(&self, light: &LightField) -> Result<RgbImage> {
         self.check()?;

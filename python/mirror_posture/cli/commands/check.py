@@ -29,7 +29,7 @@ def command(
 ) -> None:
     """Check a session's folder and say what is in it.
 
-    Every table is read and validated as all other commands do it. All that cannot be meant is named, each with its
+    Every table is read and validated as all other commands do it. All errors are named, each with its
     file, row and fix; what is only odd is a warning, and a table compares the session with what is usual. The board's views (of some pictures, where nothing is detected yet) are
     tested for pictures that are mirrored, turned, of another board or of another camera.
 

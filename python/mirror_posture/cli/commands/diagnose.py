@@ -80,7 +80,7 @@ def command(
     Verdicts: `none` the model is as good as the noise allows; `explained` the causes close the gap; `partial` they
     shrink it and something is left; `unknown` no effect explains it. A session with pictures only is detected first.
 
-    Exit code 0 for every verdict, 1 where the session cannot be meant or is too small to diagnose.
+    Exit code 0 for every verdict, 1 where the session is invalid or too small to diagnose.
 
     Example: `mirror-posture diagnose my-session --out diagnosis --check my-other-session`
 

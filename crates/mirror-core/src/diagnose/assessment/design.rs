@@ -27,7 +27,7 @@ const PROPOSED: usize = 4;
 /// Postures that would tell each cause from its likeliest rival; none where there are no rivals.
 ///
 /// # Errors
-/// A camera or mirror that cannot be.
+/// Invalid parameters of the camera or mirror.
 pub(crate) fn next_postures(
     findings: &Findings<'_>,
     standings: &[Option<Standing>],

@@ -34,7 +34,7 @@ impl Findings<'_> {
     /// A fit of the findings' model, for those who need its covariance anew.
     ///
     /// # Errors
-    /// A camera or mirror that cannot be.
+    /// Invalid parameters of the camera or mirror.
     pub fn refit(&self) -> Result<Fit> {
         self.search.fit(&self.found.fit.model, self.found.noise, 6)
     }

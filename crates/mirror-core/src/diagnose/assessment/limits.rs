@@ -37,7 +37,7 @@ type Sizes = BTreeMap<usize, Vec<f64>>;
 /// The limits of all effects of the vocabulary at all their places.
 ///
 /// # Errors
-/// A camera or mirror that cannot be.
+/// Invalid parameters of the camera or mirror.
 pub(crate) fn limits(findings: &Findings<'_>) -> Result<Vec<Limit>> {
     let mut search = findings.search.clone();
     let mut model = findings.found.fit.model.clone();

@@ -1,6 +1,6 @@
 //! How large a gap would be if only the measurement's noise were left.
 //!
-//! Two witnesses tell it. *Independent* of any model of the body: what the views of one posture disagree on (or, where
+//! Two independent estimates are combined. *Independent* of any model of the body: what the views of one posture disagree on (or, where
 //! postures have one view, what the session states of its noise). And what the *whole* model, free-form errors included,
 //! leaves of the postures that it was fitted to: with n rows and p parameters, `σ² = Σ r² / (n − p)`. The second is no smaller
 //! than the noise, and it is the noise where nothing significant is left. Both are taken of the very residuals of which the
@@ -53,7 +53,7 @@ pub(crate) struct Floor {
     pub fitted_scale: f64,
     /// Size of the pixel residuals that one measured noise makes.
     unit_px: f64,
-    /// How well the fitted residuals tell it: standard deviation of the logarithm.
+    /// Uncertainty of the estimate from the fitted residuals: standard deviation of the logarithm.
     fitted_log_std: f64,
     /// Whether tests found nothing significant left: the fitted residuals are noise then, and no mere upper bound.
     nothing_left: bool,
@@ -63,7 +63,7 @@ impl Floor {
     /// The floor of a model's gaps.
     ///
     /// # Errors
-    /// A camera or mirror that cannot be.
+    /// Invalid parameters of the camera or mirror.
     pub fn new(search: &Search<'_>, fit: &Fit, nothing_left: bool) -> Result<Self> {
         let problem = &search.problem;
         let deformation = search.deformation(&fit.model);
@@ -118,7 +118,7 @@ impl Floor {
 /// a posture tell the noise, a Gaussian of the same core would be too small a measure.
 ///
 /// # Errors
-/// A camera or mirror that cannot be.
+/// Invalid parameters of the camera or mirror.
 pub(crate) fn is_reached(search: &Search<'_>, fit: &Fit, after: &[PostureGap]) -> Result<bool> {
     let floor = Floor::new(search, fit, false)?;
     let size_of_floor = floor.of(&floor.fitted, 0.0);

@@ -4,7 +4,7 @@
 //! look ranked highest, block by block of successive postures. A resample draws the blocks with replacement (block bootstrap: Künsch
 //! 1989); its normal equations are the blocks' weighted sum, so that the search on it is small dense algebra: causes are added while
 //! their posterior odds are above the selection's least, dropped and exchanged, from nothing and from the causes found, the likelier
-//! of both. What is resampled is the choice among these hypotheses, with board, camera, markers, zeros and the laws' slack free wherever the model has them so. Not
+//! of both. What is resampled is the choice among these hypotheses, with board, camera, markers, zeros and discrepancy terms free wherever the model has them so. Not
 //! resampled are the noise, what was left out as false, discrete unknowns (frictions), the spreads of small errors, and
 //! whole mistakes, which are tried exactly and have no stability.
 
@@ -70,7 +70,7 @@ type CameOut = (Vec<usize>, Vec<bool>);
 /// Repeats the search on resampled postures; `mounts` are columns of the group whose displacement was told.
 ///
 /// # Errors
-/// A camera or mirror that cannot be.
+/// Invalid parameters of the camera or mirror.
 pub(crate) fn stability(
     findings: &Findings<'_>,
     standings: &[Option<Standing>],

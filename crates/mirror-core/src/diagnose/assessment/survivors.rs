@@ -25,7 +25,7 @@ use crate::error::Result;
 /// weight, are against it: `ln((1 − p) / p) + t h > 0`, with the power t of all evidence here.
 ///
 /// # Errors
-/// A camera or mirror that cannot be.
+/// Invalid parameters of the camera or mirror.
 pub(crate) fn keep_survivors(findings: &mut Findings<'_>, ranking: &[Score]) -> Result<()> {
     let found_again = stability(findings, &findings.standings, ranking, &[])?;
     let (mut shares, mut alone) = (found_again.or_rivals, found_again.terms);

@@ -1,7 +1,7 @@
 //! How uncertain the causes' parameters are, and what that uncertainty moves.
 //!
-//! A parameter is as uncertain as the fit says, or as it says when the laws have their slack and the noise its colour,
-//! whichever is more; beside that, by as far as slack and colour move its value, and by what real joints are known to depart
+//! A parameter is as uncertain as the fit says, or as it says with the laws' discrepancy terms and with correlated noise,
+//! whichever is more; beside that, by as far as these two move its value, and by what real joints are known to depart
 //! from a law that no data show. The noise is what the whole model leaves, where that is more than was thought.
 //!
 //! What gives way under load is told by its compliance when hardly loaded. A spring that stiffens, `δ = c τ (1 − s τ²/τ_max²)`,
@@ -41,7 +41,7 @@ pub(crate) struct Deviations {
 /// The deviations of what was found.
 ///
 /// # Errors
-/// A camera or mirror that cannot be.
+/// Invalid parameters of the camera or mirror.
 pub(crate) fn deviations(findings: &Findings<'_>, floor: &Floor) -> Result<Deviations> {
     let search = &findings.search;
     let found = &findings.found;
@@ -86,7 +86,7 @@ pub(crate) fn deviations(findings: &Findings<'_>, floor: &Floor) -> Result<Devia
     Ok(out)
 }
 
-/// Deviations of the group's values: the fit's, or those beside slack and coloured noise, with what these move.
+/// Deviations of the group's values: the fit's, or those beside discrepancy terms and correlated noise, with what these move.
 fn of_group(exact: &Fit, loose: &Fit) -> Vec<f64> {
     let first = exact.model.nuisances.len();
     let variance = |fit: &Fit, k: usize| fit.covariance[(first + k, first + k)].max(0.0);

@@ -20,7 +20,7 @@ use crate::error::Result;
 /// Weighs what was found, without the observations that the best model shows to be false.
 ///
 /// # Errors
-/// A camera or mirror that cannot be.
+/// Invalid parameters of the camera or mirror.
 pub(crate) fn weighed<'a>(
     (mut search, mut found): (Search<'a>, Found),
     beyond: Beyond,

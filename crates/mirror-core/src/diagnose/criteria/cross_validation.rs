@@ -27,7 +27,7 @@ pub(crate) struct PostureGap {
 /// cannot be added to a model, but the causes' parameters are those that were found beside it.
 ///
 /// # Errors
-/// A camera or mirror that cannot be.
+/// Invalid parameters of the camera or mirror.
 pub(crate) fn held_out(
     problem: &Problem,
     catalogue: &Catalogue,
@@ -68,7 +68,7 @@ pub(crate) fn held_out(
 /// The gap of a deformation on all postures as it stands: one entry a posture.
 ///
 /// # Errors
-/// A camera or mirror that cannot be.
+/// Invalid parameters of the camera or mirror.
 pub(crate) fn in_sample(
     problem: &Problem,
     deformation: &Deformation,

@@ -27,7 +27,7 @@ pub(crate) struct Adequacy {
 /// Tests a model: under noise alone, what setting the markers free gains is χ² of as many degrees as it takes up.
 ///
 /// # Errors
-/// A camera or mirror that cannot be.
+/// Invalid parameters of the camera or mirror.
 pub(crate) fn adequacy(problem: &Problem, deformation: &Deformation, noise: Noise) -> Result<Adequacy> {
     let mut postures = free_markers(problem, deformation, noise, true, None)?;
     let ratio = |p: &crate::diagnose::likelihood::saturated::FreePosture| {

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 /// Mean square shift of each marker's observations between two deformations, in units of the noise.
 ///
 /// # Errors
-/// A camera or mirror that cannot be.
+/// Invalid parameters of the camera or mirror.
 pub(crate) fn marker_shift(
     problem: &Problem,
     from: &Deformation,

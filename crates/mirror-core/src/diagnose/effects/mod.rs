@@ -203,7 +203,7 @@ pub(crate) trait Effect: Send + Sync {
         false
     }
 
-    /// The other effect that it comes down to at these parameters, and that one's: where its own part rests at 0.
+    /// The simpler effect that it is equivalent to at these parameters, and that effect's parameters: where its own part is 0.
     fn comes_down_to(&self, _parameters: &[f64]) -> Option<(&'static str, Vec<f64>)> {
         None
     }

@@ -140,7 +140,7 @@ impl Active {
 /// `log Z = −(cost + penalty)/2 − ½ log det(I + S A S)`, `S = diag σ₀`, A the information of the data.
 ///
 /// # Errors
-/// A camera or mirror that cannot be.
+/// Invalid parameters of the camera or mirror.
 pub(crate) fn fit(
     problem: &Problem,
     catalogue: &Catalogue,
@@ -155,7 +155,7 @@ pub(crate) fn fit(
 /// As [`fit`], given up once it is clear that the misfit will not come below `hopeless`.
 ///
 /// # Errors
-/// A camera or mirror that cannot be.
+/// Invalid parameters of the camera or mirror.
 pub(crate) fn fit_below(
     problem: &Problem,
     catalogue: &Catalogue,
@@ -226,7 +226,7 @@ pub(crate) fn fit_below(
 /// The normal equations of a model where it stands, and its parameters in their order.
 ///
 /// # Errors
-/// A camera or mirror that cannot be.
+/// Invalid parameters of the camera or mirror.
 pub(super) fn linearise(
     problem: &Problem,
     catalogue: &Catalogue,

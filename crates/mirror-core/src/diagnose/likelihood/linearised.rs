@@ -19,7 +19,7 @@ impl Linearised {
     /// Linearises a model at its own parameters.
     ///
     /// # Errors
-    /// A camera or mirror that cannot be.
+    /// Invalid parameters of the camera or mirror.
     pub fn at(
         problem: &Problem,
         catalogue: &Catalogue,
@@ -157,7 +157,7 @@ impl Linearised {
 /// Values of a cause's discrete unknown, the likeliest first: by the evidence of one linear model that has the columns of all of them.
 ///
 /// # Errors
-/// A camera or mirror that cannot be.
+/// Invalid parameters of the camera or mirror.
 pub(crate) fn likeliest_variants(
     problem: &Problem,
     catalogue: &Catalogue,

@@ -25,7 +25,7 @@ pub(crate) const SETTLED: f64 = 0.9;
 ///   where postures have one view only, what the session states, or the corners' noise.
 ///
 /// # Errors
-/// A camera or mirror that cannot be.
+/// Invalid parameters of the camera or mirror.
 pub(crate) fn estimate(problem: &Problem, deformation: &Deformation, stated: Noise) -> Result<Noise> {
     let mut noise = stated;
     if let Some(corner) = corner_noise(problem)? {
@@ -115,7 +115,7 @@ fn smooth_part_removed(residuals: &[(Vector2<f64>, Vector2<f64>)]) -> Option<(f6
 /// false because of it. The scale is a root mean square without the largest 2 %.
 ///
 /// # Errors
-/// A camera or mirror that cannot be.
+/// Invalid parameters of the camera or mirror.
 pub(crate) fn effective(
     problem: &Problem,
     deformation: &Deformation,
@@ -158,7 +158,7 @@ pub(crate) fn effective(
 }
 
 /// Share of the largest residuals that is left out where a scale is estimated: twice as many as are false in most sessions. More false ones
-/// are worth a word, and a second look.
+/// are reported, and examined again.
 pub(crate) fn trimmed_share() -> f64 {
     2.0 * OUTLIER_FRACTION
 }
@@ -175,7 +175,7 @@ fn trimmed_std(squares: &mut [f64], dimensions: f64) -> Option<f64> {
 /// Variance of the board corners' residuals at their own best planes over the noise's, less 1: what the optics leave.
 ///
 /// # Errors
-/// A camera or mirror that cannot be.
+/// Invalid parameters of the camera or mirror.
 pub(crate) fn corner_excess(problem: &Problem, deformation: &Deformation, noise: Noise) -> Result<f64> {
     let Some(eye) = problem.eye(deformation)? else { return Ok(0.0) };
     let fresh = problem.needs_fresh_board(deformation);

@@ -1,4 +1,4 @@
-//! Colour of the measurement's noise: errors of neighbouring corners, and of successive frames, that go together.
+//! Correlation of the measurement's noise between neighbouring corners, and between successive frames.
 //!
 //! The fit weighs observations as independent of each other. Where they are not, a mean over many is less certain than it
 //! seems: by `√((1 + r)/(1 − r))` where successive errors correlate by r; over a board whose neighbours correlate by r along
@@ -21,7 +21,7 @@ const SMOOTH: usize = 6;
 /// The noise at which means over many observations are as uncertain as they are.
 ///
 /// # Errors
-/// A camera or mirror that cannot be.
+/// Invalid parameters of the camera or mirror.
 pub(crate) fn of_means(problem: &Problem, deformation: &Deformation, noise: Noise) -> Result<Noise> {
     let successive = successive_correlation(problem, deformation, noise)?;
     let lingering = ((1.0 + successive) / (1.0 - successive)).sqrt();
@@ -150,7 +150,7 @@ impl Grid {
 /// lingers, not of one of the body, which the next posture changes. 0 where it is not clear.
 ///
 /// # Errors
-/// A camera or mirror that cannot be.
+/// Invalid parameters of the camera or mirror.
 pub(crate) fn successive_correlation(
     problem: &Problem,
     deformation: &Deformation,

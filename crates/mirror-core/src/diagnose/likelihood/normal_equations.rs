@@ -98,7 +98,7 @@ impl Normal {
     /// Linearises all frames that `mask` lets count, at a deformation, by the given columns.
     ///
     /// # Errors
-    /// A camera or mirror that cannot be.
+    /// Invalid parameters of the camera or mirror.
     pub fn at(
         problem: &Problem,
         deformation: &Deformation,

@@ -63,7 +63,7 @@ pub(crate) fn postures(problem: &Problem) -> Vec<Vec<usize>> {
 /// Sets the markers of every posture free, at a deformation.
 ///
 /// # Errors
-/// A camera or mirror that cannot be.
+/// Invalid parameters of the camera or mirror.
 pub(crate) fn free_markers(
     problem: &Problem,
     deformation: &Deformation,

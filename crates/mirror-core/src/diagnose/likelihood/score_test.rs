@@ -90,7 +90,7 @@ impl Part {
 /// Scores all hypotheses that are not yet in the model, best first.
 ///
 /// # Errors
-/// A camera or mirror that cannot be.
+/// Invalid parameters of the camera or mirror.
 pub(crate) fn screen(
     problem: &Problem,
     catalogue: &Catalogue,

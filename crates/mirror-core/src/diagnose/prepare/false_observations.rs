@@ -10,7 +10,7 @@ use crate::error::Result;
 /// their share of the markers' observations.
 ///
 /// # Errors
-/// A camera or mirror that cannot be.
+/// Invalid parameters of the camera or mirror.
 pub(crate) fn without_false(
     problem: &Problem,
     deformation: &Deformation,

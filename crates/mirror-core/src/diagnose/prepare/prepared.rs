@@ -31,7 +31,7 @@ impl Prepared {
     /// Prepares a session; `closely`: whole mistakes are looked for where nothing is gross too.
     ///
     /// # Errors
-    /// A recording that is not valid, links that do not exist, a camera that cannot be.
+    /// A recording that is not valid, links that do not exist, invalid parameters of the camera.
     pub fn new(
         robot: &Robot,
         recording: &Recording,

@@ -49,7 +49,7 @@ impl Slip {
 /// Looks for the best run of slipped rows at the nominal model's own scatter.
 ///
 /// # Errors
-/// A camera or mirror that cannot be.
+/// Invalid parameters of the camera or mirror.
 pub(crate) fn find(problem: &Problem, noise: Noise) -> Result<Option<Slip>> {
     let frames = problem.frames.len();
     let shifts: Vec<i64> = (-LARGEST_SHIFT..=LARGEST_SHIFT).filter(|s| *s != 0).collect();

@@ -282,7 +282,7 @@ impl Geometry {
     /// `γ = Σ (1 − Σ_kk / s²)` the number of values that the data tell, s₀ the common size and ν as how many values that counts.
     ///
     /// # Errors
-    /// A camera or mirror that cannot be.
+    /// Invalid parameters of the camera or mirror.
     pub fn fit(
         &mut self,
         problem: &Problem,

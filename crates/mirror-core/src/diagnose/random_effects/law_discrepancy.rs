@@ -1,8 +1,8 @@
-//! Slack of the causes' laws: no real spring is linear, no real play is the same under every load.
+//! Discrepancy terms of the causes' laws: no real spring is linear, no real play is the same under every load.
 //!
 //! What a cause's real law differs from its textbook law by looks like small further causes that move the same markers. So
 //! wherever a further cause is weighed, the laws of those there may already err smoothly, in load, direction or time, by a
-//! share of what they move: a column for each knot, with that share as its prior. What only the slack could tell from a
+//! share of what they move: a column for each knot, with that share as its prior. What only these columns could tell from a
 //! further cause is no evidence for it; what it cannot imitate (the board's corners by a joint's law, say) counts in full.
 
 use crate::diagnose::effects::LawFreedom;
@@ -15,7 +15,7 @@ use crate::diagnose::random_effects::free_form::law_columns;
 /// By how much a law may be wrong, as a share of the largest error that its cause makes (one standard deviation a knot).
 pub(crate) const LAW_SHARE: f64 = 0.07;
 
-/// A group with the slack of a model's causes behind its own columns, but that of the cause that is `in_question`.
+/// A group with the discrepancy terms of a model's causes behind its own columns, but that of the cause that is `in_question`.
 pub(crate) fn with_slack(
     problem: &Problem,
     catalogue: &Catalogue,

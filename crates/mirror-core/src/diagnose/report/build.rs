@@ -43,7 +43,7 @@ const FRICTION_RESOLUTION: f64 = 0.1;
 /// Puts findings into words.
 ///
 /// # Errors
-/// A camera or mirror that cannot be.
+/// Invalid parameters of the camera or mirror.
 pub(crate) fn diagnosis(
     findings: &mut Findings<'_>,
     robot: &Robot,

@@ -77,7 +77,7 @@ impl Sums {
 /// None where the session has no camera or no board.
 ///
 /// # Errors
-/// A camera or mirror that cannot be.
+/// Invalid parameters of the camera or mirror.
 pub(crate) fn field(
     problem: &Problem,
     noise: Noise,

@@ -2,7 +2,7 @@
 //!
 //! Each region of posture space is held out in turn; the whole model's parameters are fitted to the others, all together, and the
 //! region is predicted with the first k causes of that fit, for each k. So a step shows what a cause is worth beside those before it, at the
-//! value that is claimed for it. Nuisances (unknown mounts and frames) are fitted anew at each step: they are nobody's cause.
+//! value that is claimed for it. Nuisances (unknown mounts and frames) are fitted anew at each step: they are no causes.
 
 use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::criteria::cross_validation::{GapSize, PostureGap, gap_of, size};
@@ -33,7 +33,7 @@ pub(crate) enum Part {
 /// A step between several whole mistakes has no figures: they are undone together.
 ///
 /// # Errors
-/// A camera or mirror that cannot be.
+/// Invalid parameters of the camera or mirror.
 pub(crate) fn gap_steps(findings: &Findings<'_>, causes: &[Cause], parts: &[Part]) -> Result<Vec<GapStep>> {
     let mistakes = parts.iter().filter(|p| **p == Part::Mistake).count();
     let undone = |k: usize| parts[..k].iter().filter(|p| **p == Part::Mistake).count() == mistakes;

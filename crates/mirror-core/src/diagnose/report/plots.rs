@@ -181,7 +181,7 @@ impl Quantity {
 /// The panels of all causes and of the unexplained part; `causes` as they are told.
 ///
 /// # Errors
-/// A camera or mirror that cannot be.
+/// Invalid parameters of the camera or mirror.
 pub(crate) fn panels(findings: &Findings<'_>, causes: &[Cause]) -> Result<Panels> {
     let search = &findings.search;
     let (scene, model) = (&search.problem.scene, &findings.found.fit.model);

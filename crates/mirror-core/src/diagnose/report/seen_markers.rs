@@ -12,7 +12,7 @@ use std::collections::HashMap;
 /// The markers of every posture, in the root's frame.
 ///
 /// # Errors
-/// A camera or mirror that cannot be.
+/// Invalid parameters of the camera or mirror.
 pub(crate) fn seen_markers(findings: &Findings<'_>) -> Result<Vec<SeenMarker>> {
     let search = &findings.search;
     let (problem, noise) = (&search.problem, search.measured_noise);

@@ -16,7 +16,7 @@ use crate::error::Result;
 /// The displaced mounts of a set-up, as causes, each with its columns of the group.
 ///
 /// # Errors
-/// A camera or mirror that cannot be.
+/// Invalid parameters of the camera or mirror.
 pub(crate) fn setup_causes(
     findings: &Findings<'_>,
     setup: &Geometry,

@@ -1,7 +1,7 @@
 //! The signature of a cause: how large the error at a place would have to be in each posture, by itself.
 //!
 //! One number a posture, free of any law: `δ = ⟨x, r⟩ / ⟨x, x⟩` with x the place's column and r the residual of the model
-//! without the cause. Drawn against the joint's position, its load, its direction or time, it shows the law at a glance.
+//! without the cause. Drawn against the joint's position, its load, its direction or time, the plot shows the law.
 
 use crate::diagnose::likelihood::normal_equations::inner;
 use crate::diagnose::likelihood::saturated::postures;
@@ -35,7 +35,7 @@ pub(crate) struct FreeError {
 /// The error of one atom in each posture that shows it, at a deformation.
 ///
 /// # Errors
-/// A camera or mirror that cannot be.
+/// Invalid parameters of the camera or mirror.
 pub(crate) fn free_errors(
     problem: &Problem,
     deformation: &Deformation,
@@ -49,7 +49,7 @@ pub(crate) fn free_errors(
 /// The error of each of several atoms, the others held, in each posture that shows all of them.
 ///
 /// # Errors
-/// A camera or mirror that cannot be.
+/// Invalid parameters of the camera or mirror.
 pub(crate) fn free_errors_of(
     problem: &Problem,
     deformation: &Deformation,

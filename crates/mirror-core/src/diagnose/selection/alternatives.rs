@@ -47,7 +47,7 @@ impl Standing {
         best / self.probability
     }
 
-    /// By what factor the challenger is likelier once held-out regions have their say as well, which speak for it by these log odds:
+    /// By what factor the challenger is likelier once held-out regions count as well, which favour it by these log odds:
     /// the two opinions pooled with equal weights (Genest and Zidek 1986).
     fn pooled(&self, held_out: f64) -> f64 {
         (self.challenged() * (TEMPER * held_out).exp()).sqrt()
@@ -77,7 +77,7 @@ fn both_laws_err(search: &Search<'_>, one: usize, other: usize) -> bool {
 /// Fits the best rivals in the place of the i-th cause and weighs them.
 ///
 /// # Errors
-/// A camera or mirror that cannot be.
+/// Invalid parameters of the camera or mirror.
 pub(crate) fn standing(search: &Search<'_>, found: &Found, i: usize) -> Result<Standing> {
     let own = found.fit.model.terms[i].hypothesis;
     let rest = search.taken_out(&found.fit.model, i, found.noise)?;
@@ -136,7 +136,7 @@ fn rivals_at_all_noises(
     let candidates = named.candidates(rest, coarse, count, Some((own, &own_fit)))?;
     let is_rival = |fit: &&Fit| {
         fit.model.terms.last().is_some_and(|term| {
-            // What comes down to a simpler rival is that rival.
+            // An effect that is equivalent to a simpler alternative is that alternative.
             let effect = named.catalogue.effect(term.hypothesis);
             term.hypothesis != own && effect.comes_down_to(&term.parameters).is_none()
         })
@@ -204,7 +204,7 @@ const ROUNDS: usize = 4;
 /// As [`at_rest`]; where the search ended at its limit of work, something that was not looked at may be as likely as what was found.
 ///
 /// # Errors
-/// A camera or mirror that cannot be.
+/// Invalid parameters of the camera or mirror.
 pub(crate) fn settled(
     search: &Search<'_>,
     found: &mut Found,
@@ -223,7 +223,7 @@ pub(crate) fn settled(
 /// that likelier; none for free-form errors. `after` is the held-out gap.
 ///
 /// # Errors
-/// A camera or mirror that cannot be.
+/// Invalid parameters of the camera or mirror.
 fn at_rest(
     search: &Search<'_>,
     found: &mut Found,

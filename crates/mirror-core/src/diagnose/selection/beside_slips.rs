@@ -13,7 +13,7 @@ const CAUSES: [usize; 2] = [1, 3];
 /// The slips of a search's problem beside its largest causes; of each that moved, its number and the standard deviations of its motion.
 ///
 /// # Errors
-/// A camera or mirror that cannot be.
+/// Invalid parameters of the camera or mirror.
 pub(crate) fn settle_slips(search: &mut Search<'_>, nominal: &Model) -> Result<Vec<(usize, Vector6<f64>)>> {
     let mut moved: Vec<(usize, Vector6<f64>)> = Vec::new();
     let slips = search.problem.slips.len();

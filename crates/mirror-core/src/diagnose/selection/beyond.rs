@@ -34,7 +34,7 @@ pub(crate) struct Beyond {
 /// Looks beyond single causes and replaces what was found by what is likelier; `setup` is the set-up that was set free.
 ///
 /// # Errors
-/// A camera or mirror that cannot be.
+/// Invalid parameters of the camera or mirror.
 pub(crate) fn look_beyond<'a>(
     (search, found): (&mut Search<'a>, &mut Found),
     all: &'a Catalogue,

@@ -104,7 +104,7 @@ impl Search<'_> {
         Ok(best.filter(|b| b.log_evidence > fit.log_evidence).unwrap_or_else(|| fit.clone()))
     }
 
-    /// The few likeliest of some values of a cause's discrete unknown, the laws of all but the cause in question with their slack.
+    /// The few likeliest of some values of a cause's discrete unknown, the laws of all but the cause in question with their discrepancy terms.
     fn likeliest_variants(
         &self,
         model: &Model,

@@ -34,7 +34,7 @@ pub(crate) fn part_of_frames(problem: &Problem) -> Option<Vec<bool>> {
 /// What was found on a part of the frames, fitted to all, and the search gone on with where its work is not done.
 ///
 /// # Errors
-/// A camera or mirror that cannot be.
+/// Invalid parameters of the camera or mirror.
 pub(crate) fn on_all_frames(search: &mut Search<'_>, found: &mut Found) -> Result<()> {
     if search.mask.take().is_none() {
         return Ok(());

@@ -60,7 +60,7 @@ pub(crate) struct UnexplainedPlace {
 /// Whether there is reason to look beyond the vocabulary.
 ///
 /// # Errors
-/// A camera or mirror that cannot be.
+/// Invalid parameters of the camera or mirror.
 pub(crate) fn is_suspicious(
     search: &Search<'_>,
     found: &Found,
@@ -86,7 +86,7 @@ pub(crate) fn is_suspicious(
 /// are no better than the causes.
 ///
 /// # Errors
-/// A camera or mirror that cannot be.
+/// Invalid parameters of the camera or mirror.
 pub(crate) fn beside_free_forms<'a>(
     search: &Search<'a>,
     found: &Found,
@@ -136,7 +136,7 @@ pub(crate) fn beside_free_forms<'a>(
 /// Log posterior odds of one search's result against another's, both at the smaller of their noises.
 ///
 /// # Errors
-/// A camera or mirror that cannot be.
+/// Invalid parameters of the camera or mirror.
 pub(crate) fn log_odds(one: (&Search<'_>, &Found), other: (&Search<'_>, &Found)) -> Result<f64> {
     let noise = smaller(one.1.noise, other.1.noise);
     let value = |(search, found): (&Search<'_>, &Found)| -> Result<f64> {
@@ -157,7 +157,7 @@ pub(crate) fn smaller(a: Noise, b: Noise) -> Noise {
 /// `reached` the floor and there are no such errors.
 ///
 /// # Errors
-/// A camera or mirror that cannot be.
+/// Invalid parameters of the camera or mirror.
 pub(crate) fn unexplained(
     search: &Search<'_>,
     found: &Found,
@@ -200,7 +200,7 @@ pub(crate) fn unexplained(
 /// that the vocabulary has not, and none of them is to be believed.
 ///
 /// # Errors
-/// A camera or mirror that cannot be.
+/// Invalid parameters of the camera or mirror.
 pub(crate) fn retract_imitators(search: &Search<'_>, found: &mut Found) -> Result<()> {
     let all = search.deformation(&found.fit.model);
     let shifts = (0..found.fit.model.terms.len())

@@ -28,7 +28,7 @@ struct Pair {
 /// The search from the likeliest pair of causes, where the ladder ended with several others instead; none where these are better.
 ///
 /// # Errors
-/// A camera or mirror that cannot be.
+/// Invalid parameters of the camera or mirror.
 pub(crate) fn from_a_pair<'a>(
     search: &Search<'a>,
     found: &Found,
@@ -69,7 +69,7 @@ pub(crate) fn from_a_pair<'a>(
 /// The likeliest pair of one-parameter causes beside a model, linearised there; none where there are fewer than two.
 ///
 /// # Errors
-/// A camera or mirror that cannot be.
+/// Invalid parameters of the camera or mirror.
 fn likeliest_pair(search: &Search<'_>, model: &Model, noise: Noise) -> Result<Option<Pair>> {
     let (problem, catalogue) = (&search.problem, search.catalogue);
     let base = Active::of(problem, catalogue, &search.group, model);

@@ -39,9 +39,9 @@ impl Search<'_> {
     }
 
     /// The i-th cause at a size that is tolerated rather than called a cause, all else refitted: at most
-    /// [`PRIOR_TOLERANCE`] of the size that such an error commonly has, and no more than could be seen. The laws of the other causes have their slack.
+    /// [`PRIOR_TOLERANCE`] of the size that such an error commonly has, and no more than could be seen. The laws of the other causes have their discrepancy terms.
     /// Given up where it is clear that the misfit stays above `hopeless`. The others start from the linear model at the cause as found, with
-    /// room for the slack's values.
+    /// room for the discrepancy terms' values.
     fn tolerated(
         &self,
         fit: &Fit,
@@ -92,7 +92,7 @@ impl Search<'_> {
     }
 
     /// The odds of the linearised model where they leave no doubt: nothing need be fitted then. At the largest and the
-    /// smallest size that could be tolerated, whichever speaks more against the cause.
+    /// smallest size that could be tolerated, whichever is the greater evidence against the cause.
     fn clear_odds(&self, model: &Model, i: usize, here: &Linearised, own: Range<usize>) -> Option<f64> {
         let found = here.log_evidence(own.clone(), 1.0)?;
         let [large, small] = [PRIOR_TOLERANCE, NEGLIGIBLE].map(|scale| here.log_evidence(own.clone(), scale));

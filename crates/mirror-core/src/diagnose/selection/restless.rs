@@ -37,7 +37,7 @@ pub(crate) struct Restless<'a> {
 /// The search beside the joint that most of what is left lives at; none where what was found says it better.
 ///
 /// # Errors
-/// A camera or mirror that cannot be.
+/// Invalid parameters of the camera or mirror.
 pub(crate) fn beside_restless_joint<'a>(
     search: &Search<'a>,
     found: &Found,

@@ -78,7 +78,7 @@ impl Search<'_> {
     }
 
     /// As [`Search::fit`], while the laws of all causes but the one in question may err a little ([`crate::diagnose::random_effects::law_discrepancy`]). The
-    /// fit's model is without the slack's values.
+    /// fit's model is without the discrepancy terms' values.
     pub fn fit_with_slack(
         &self,
         model: &Model,
@@ -105,7 +105,7 @@ impl Search<'_> {
         Ok(fit)
     }
 
-    /// The group with the slack of a model's causes, and the model with room for its values.
+    /// The group with the discrepancy terms of a model's causes, and the model with room for their values.
     pub fn loosened(&self, model: &Model, in_question: Option<usize>) -> (Group, Model) {
         let group = with_slack(&self.problem, self.catalogue, &self.group, model, in_question);
         let mut start = model.clone();
@@ -116,7 +116,7 @@ impl Search<'_> {
     /// A fitted model without its i-th cause, the others moved to where the linear model has them then: where a fit of the rest starts.
     ///
     /// # Errors
-    /// A camera or mirror that cannot be.
+    /// Invalid parameters of the camera or mirror.
     pub fn taken_out(&self, model: &Model, i: usize, noise: Noise) -> Result<Model> {
         let options = FitOptions { noise, steps: 0 };
         let here = Linearised::at(&self.problem, self.catalogue, &self.group, model, options, self.mask)?;
@@ -168,7 +168,7 @@ impl Search<'_> {
     /// Runs the ladder up and down until neither adding, dropping nor exchanging a cause helps.
     ///
     /// # Errors
-    /// A camera or mirror that cannot be.
+    /// Invalid parameters of the camera or mirror.
     pub fn run(&mut self, start: Model) -> Result<Found> {
         let mut trace = Vec::new();
         let mut noise = self.effective(&start)?;

@@ -1,5 +1,5 @@
-//! The causes found, made fewer and simpler: those that do not help where they were not fitted are dropped, those that come down to
-//! another are called by its name, those that only served free-form errors are taken back.
+//! The causes found, made fewer and simpler: those that do not help where they were not fitted are dropped, those that are equivalent to
+//! another are replaced by it, those that only served free-form errors are taken back.
 
 use crate::diagnose::criteria::cross_validation::{PostureGap, held_out, in_sample, seen_size, size};
 use crate::diagnose::effects::hypothesis::{Model, Term};
@@ -13,7 +13,7 @@ use crate::error::Result;
 /// The held-out gap of the nominal model and of the causes found.
 ///
 /// # Errors
-/// A camera or mirror that cannot be.
+/// Invalid parameters of the camera or mirror.
 pub(crate) fn gaps(
     search: &Search<'_>,
     nominal: &Model,
@@ -27,7 +27,7 @@ pub(crate) fn gaps(
     Ok((before, after))
 }
 
-/// Calls causes by the simpler name that they come down to: stiction without a dead band is compliance.
+/// Replaces a degenerate effect by its simpler equivalent: stiction without a dead band is compliance.
 pub(crate) fn comes_down(search: &Search<'_>, found: &mut Found, after: &mut Vec<PostureGap>) -> Result<()> {
     let catalogue = search.catalogue;
     let mut model = found.fit.model.clone();
@@ -101,7 +101,7 @@ pub(crate) fn named_in_vain(
     let model = &found.fit.model;
     let named = model.terms.iter().any(|t| !search.catalogue.is_free(t.hypothesis));
     let (was, is) = (size(before), size(after));
-    // Written so that NaN is in vain.
+    // Written so that NaN counts as no gain.
     let smaller = seen_size(after) < seen_size(before) && (is.told_m().is_none() || is.rms_m < was.rms_m);
     (named || !model.group.is_empty()) && !smaller
 }

@@ -34,7 +34,7 @@ pub(crate) struct WithSetup<'a> {
 /// Whether a model leaves no more than noise: of the markers, and of the board's corners.
 ///
 /// # Errors
-/// A camera or mirror that cannot be.
+/// Invalid parameters of the camera or mirror.
 pub(crate) fn suffices(search: &Search<'_>, found: &Found) -> Result<bool> {
     let deformation = search.deformation(&found.fit.model);
     let (clean, _) = without_false(&search.problem, &deformation, found.noise)?;
@@ -45,7 +45,7 @@ pub(crate) fn suffices(search: &Search<'_>, found: &Found) -> Result<bool> {
 /// The search for causes, beside a displaced set-up where a few causes do not suffice; with it the set-up, where it is displaced.
 ///
 /// # Errors
-/// A camera or mirror that cannot be.
+/// Invalid parameters of the camera or mirror.
 pub(crate) fn with_or_without_setup(
     search: &mut Search<'_>,
     nominal: &Model,
@@ -101,7 +101,7 @@ pub(crate) fn with_or_without_setup(
 /// causes that were found `alone`.
 ///
 /// # Errors
-/// A camera or mirror that cannot be.
+/// Invalid parameters of the camera or mirror.
 pub(crate) fn with_setup<'a>(
     plain: &Search<'a>,
     alone: &Found,

@@ -35,7 +35,7 @@ pub(crate) struct BesideGeometry<'a> {
 /// small errors, and that are better without these than what was found before, take that one's place.
 ///
 /// # Errors
-/// A camera or mirror that cannot be.
+/// Invalid parameters of the camera or mirror.
 pub(crate) fn beside_geometry<'a>(
     named: &Search<'a>,
     (its_search, alone): (&mut Search<'a>, &mut Found),
