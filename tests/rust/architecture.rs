@@ -241,3 +241,55 @@ fn the_reader_sees_circles_and_every_form_of_a_path() {
     arrows.insert(module("c"), BTreeSet::from([module("a")]));
     assert_eq!(circle(&arrows).unwrap(), ["a", "b", "c", "a"]);
 }
+
+/// Numbers on which a decision of the diagnosis turns, at most; those that follow from others are not counted.
+const MOST_THRESHOLDS: usize = 35;
+
+fn rust_files(folder: &Path, out: &mut Vec<std::path::PathBuf>) {
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            rust_files(&path, out);
+        } else if path.extension().is_some_and(|e| e == "rs") {
+            out.push(path);
+        }
+    }
+}
+
+/// Name, type and value of a constant that a line declares at a file's top level.
+fn constant(line: &str) -> Option<(&str, &str, &str)> {
+    let rest = match line.strip_prefix("pub") {
+        Some(rest) => rest.split_once("const ").filter(|(a, _)| !a.contains(['=', '{']))?.1,
+        None => line.strip_prefix("const ")?,
+    };
+    let (name, rest) = rest.split_once(": ")?;
+    let (kind, value) = rest.split_once(" =")?;
+    Some((name, kind, value.trim()))
+}
+
+#[test]
+fn constants_of_the_diagnosis_say_what_kind_they_are_and_few_are_thresholds() {
+    let diagnose = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/diagnose");
+    let mut files = Vec::new();
+    rust_files(&diagnose, &mut files);
+    let (mut bare, mut thresholds) = (Vec::new(), Vec::new());
+    for file in files {
+        let here = file.strip_prefix(&diagnose).unwrap().to_string_lossy().replace('\\', "/");
+        // Files of one kind: tests, solvers' options, limits of work.
+        if here.starts_with("tests") || ["model/solver.rs", "model/work_budget.rs"].contains(&&*here) {
+            continue;
+        }
+        let text = std::fs::read_to_string(&file).unwrap();
+        for (name, kind, value) in text.lines().filter_map(constant) {
+            match kind {
+                "f64" | "usize" | "u64" => bare.push(format!("{here}: {name}")),
+                "Threshold" | "Count" if value.trim_end_matches(';').parse::<f64>().is_ok() => {
+                    thresholds.push(format!("{here}: {name}"));
+                }
+                _ => {}
+            }
+        }
+    }
+    assert!(bare.is_empty(), "give them a kind of `principles.rs`: {bare:#?}");
+    assert!((20..=MOST_THRESHOLDS).contains(&thresholds.len()), "{}: {thresholds:#?}", thresholds.len());
+}

@@ -14,7 +14,7 @@ use crate::diagnose::effects::vocabulary;
 use crate::diagnose::model::kinematics::NodePoses;
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::model::solver::NEGLIGIBLE;
-use crate::diagnose::principles::WORTH_NAMING;
+use crate::diagnose::principles::{Size, WORTH_NAMING};
 use crate::diagnose::selection::alternatives::Standing;
 use crate::error::Result;
 use crate::robot::Robot;
@@ -22,7 +22,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Postures that are proposed for a pair of rivals.
-const PROPOSED: usize = 4;
+const PROPOSED: Size = 4;
 
 /// Postures that would tell each cause from its likeliest rival; none where there are no rivals.
 ///

@@ -5,12 +5,9 @@ use crate::diagnose::data::diagnosis::{Data, LeftOut};
 use crate::diagnose::data::recording::{Recording, Target, Via};
 use crate::diagnose::model::frame::{FrameWork, Task};
 use crate::diagnose::model::problem::{Observation, Problem, Seen};
-use crate::diagnose::principles::{FEWEST_OBSERVATIONS, FEWEST_POSTURES};
+use crate::diagnose::principles::{FEWEST_OBSERVATIONS, FEWEST_POSTURES, WORTH_NAMING};
 use crate::error::Result;
 use std::collections::BTreeSet;
-
-/// More false observations than this share are a finding, not a footnote.
-const MUCH_FALSE: f64 = 0.05;
 
 /// The session on its way to what was used.
 pub(crate) struct Sources<'a> {
@@ -131,7 +128,7 @@ pub(crate) fn insufficient(data: &Data) -> bool {
 
 /// Whether so many observations were left out as false that the rest's agreement with the model says little.
 pub(crate) fn much_is_false(data: &Data) -> bool {
-    far(data) as f64 > MUCH_FALSE * data.points_given as f64
+    far(data) as f64 > WORTH_NAMING * data.points_given as f64
 }
 
 /// How much is false, in words.

@@ -6,11 +6,11 @@
 use crate::diagnose::assessment::noise_floor::Floor;
 use crate::diagnose::criteria::cross_validation::{PostureGap, size};
 use crate::diagnose::data::diagnosis::{Checked, Gap};
-use crate::diagnose::principles::{FEWEST_POSTURES, LEAST_HELD_OUT_RATIO};
+use crate::diagnose::principles::{FEWEST_POSTURES, LEAST_HELD_OUT_RATIO, Size};
 use std::collections::HashMap;
 
 /// Bootstrap resamples over postures.
-const RESAMPLES: usize = 400;
+const RESAMPLES: Size = 400;
 
 /// The gap before and after, its floor, and the share that is closed; `law_shifts` are mean squares by which the causes' laws
 /// may move the markers otherwise than was found.

@@ -20,7 +20,7 @@ use crate::diagnose::effects::hypothesis::Catalogue;
 use crate::diagnose::likelihood::fit::FitOptions;
 use crate::diagnose::likelihood::linearised::Linearised;
 use crate::diagnose::likelihood::score_test::screen;
-use crate::diagnose::principles::{LEAST_HELD_OUT_GAIN, WORTH_NAMING};
+use crate::diagnose::principles::{Guard, LEAST_HELD_OUT_GAIN, WORTH_NAMING};
 use crate::diagnose::random_effects::geometric_tolerances::{Geometry, single_effect};
 use crate::diagnose::selection::search::Search;
 use crate::error::Result;
@@ -29,7 +29,7 @@ use nalgebra::DMatrix;
 use std::collections::BTreeMap;
 
 /// Beyond so many times the size that an error commonly has, nothing is linear any more: any size would be hidden.
-const LARGEST: f64 = 10.0;
+const LARGEST: Guard = 10.0;
 
 /// Limits by hypothesis and parameter; infinite where any size would be hidden.
 type Sizes = BTreeMap<usize, Vec<f64>>;

@@ -14,15 +14,15 @@ use crate::diagnose::likelihood::saturated::{FreePosture, free_markers};
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::model::solver::SOLVER;
-use crate::diagnose::principles::{FAR_DEVIATIONS, FEWEST_REDUNDANT_ROWS};
+use crate::diagnose::principles::{FAR_DEVIATIONS, FEWEST_REDUNDANT_ROWS, Prior, Threshold};
 use crate::diagnose::selection::search::Search;
 use crate::error::Result;
 
 /// A stated noise is a rule of thumb, one figure for corners and blobs, which differ by two commonly: relative, one
 /// standard deviation.
-const STATED_LOG_STD: f64 = 0.3;
+const STATED_LOG_STD: Prior = 0.3;
 /// The views' noise is what it seems but for what their planes share (one mirror a view, its board's corners), relative.
-const VIEWS_LOG_STD: f64 = 0.04;
+const VIEWS_LOG_STD: Prior = 0.04;
 
 /// A figure known by itself: its value and the standard deviation of its logarithm.
 #[derive(Debug, Clone, Copy)]
@@ -128,7 +128,7 @@ pub(crate) fn is_reached(search: &Search<'_>, fit: &Fit, after: &[PostureGap]) -
 }
 
 /// Measured points that scatter by this share of the robot's reach show nothing of it.
-const SHARE_OF_REACH: f64 = 0.1;
+const SHARE_OF_REACH: Threshold = 0.1;
 
 /// Whether what passes for noise is none: the views of one posture disagree on markers by more than a detector ever does that finds
 /// corners as well as these are found, or that is as good as the session states; or corners are found worse by as much as it states;

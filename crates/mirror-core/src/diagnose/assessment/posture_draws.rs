@@ -9,24 +9,25 @@ use crate::diagnose::data::recording::Recording;
 use crate::diagnose::model::kinematics::NodePoses;
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::model::scene::Scene;
+use crate::diagnose::principles::{Grid, Size};
 use crate::error::Result;
 use crate::robot::Robot;
 use nalgebra::{Point3, Vector3};
 
 /// Postures that are drawn.
-const DRAWN: usize = 320;
+const DRAWN: Size = 320;
 /// Of them those that are looked at further.
-const KEPT: usize = 100;
+const KEPT: Size = 100;
 /// Margin to each limit, as a share of the range.
-const MARGIN: f64 = 0.05;
+const MARGIN: Grid = 0.05;
 /// Half of the postures lie within this share of the range about a visited one.
-const NEARBY: f64 = 0.3;
+const NEARBY: Grid = 0.3;
 /// Mirrors of the session that are tried.
-const MIRRORS: usize = 24;
+const MIRRORS: Size = 24;
 /// Margin of the picture, px.
-const EDGE_PX: f64 = 8.0;
+const EDGE_PX: Grid = 8.0;
 /// A further posture differs from each visited one by so much in at least one joint: 10°; of a prismatic joint, this share of its range.
-const APART_RAD: f64 = 0.174_533;
+const APART_RAD: Grid = 0.174_533;
 
 /// What a posture shows.
 #[derive(Debug, Clone)]

@@ -14,7 +14,7 @@ use crate::diagnose::likelihood::fit::Active;
 use crate::diagnose::likelihood::normal_equations::{Normal, needs_board};
 use crate::diagnose::likelihood::saturated::postures;
 use crate::diagnose::likelihood::score_test::Score;
-use crate::diagnose::principles::{LEAST_LOG_ODDS, LOG_PRIOR_SAME_PLACE};
+use crate::diagnose::principles::{LEAST_LOG_ODDS, LOG_PRIOR_SAME_PLACE, Size};
 use crate::diagnose::selection::alternatives::Standing;
 use crate::error::Result;
 use core::ops::Range;
@@ -23,13 +23,13 @@ use rayon::prelude::*;
 use std::collections::HashMap;
 
 /// Resamples.
-pub(crate) const RESAMPLES: usize = 40;
+pub(crate) const RESAMPLES: Size = 40;
 /// Blocks of successive postures at most.
-const MOST_BLOCKS: usize = 64;
+const MOST_BLOCKS: Size = 64;
 /// Hypotheses that compete with the causes found: their rivals first, then those that the first look ranked highest.
-const COMPETING: usize = 28;
+const COMPETING: Size = 28;
 /// Causes that a resample's search adds at most, beyond those that were found.
-const MORE_CAUSES: usize = 2;
+const MORE_CAUSES: Size = 2;
 
 /// Shares of the resamples in which the same came out.
 #[derive(Debug, Clone, Default)]

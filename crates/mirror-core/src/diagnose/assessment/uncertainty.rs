@@ -18,13 +18,14 @@ use crate::diagnose::likelihood::noise_correlation;
 use crate::diagnose::model::elementary::{Atom, Column, Weight, transverse_moment};
 use crate::diagnose::model::problem::Noise;
 use crate::diagnose::model::solver::SOLVER;
+use crate::diagnose::principles::Prior;
 use crate::error::Result;
 
 /// By how much a spring may be stiffer under its largest load than when hardly loaded: one standard deviation of s.
-const STIFFENING_STD: f64 = 0.15;
+const STIFFENING_STD: Prior = 0.15;
 
 /// By how much of its way from the joint to the middle a link's bend may be off: 5 % of the link's length.
-const OFF_THE_MIDDLE: f64 = 0.1;
+const OFF_THE_MIDDLE: Prior = 0.1;
 
 /// Of each term of a model.
 #[derive(Debug, Clone, Default)]

@@ -3,12 +3,12 @@
 use crate::diagnose::likelihood::saturated::free_markers;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::problem::{Noise, Problem};
-use crate::diagnose::principles::{A_GAP, FAR_DEVIATIONS};
+use crate::diagnose::principles::{A_GAP, FAR_DEVIATIONS, Threshold};
 use crate::error::Result;
 use crate::statistics::{normal_quantile, reduced_chi_squared_at};
 
 /// Quantile of the postures' misfit that is compared with that of χ².
-const QUANTILE: f64 = 0.7;
+const QUANTILE: Threshold = 0.7;
 /// What a remainder must have, as a share of the noise's variance: it must be a gap, and far from 0 by its own scatter. Smaller ones are
 /// real but do not matter.
 pub(crate) fn noticeable_excess() -> f64 {

@@ -3,9 +3,10 @@
 use crate::diagnose::likelihood::saturated::postures;
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::model::solver::SOLVER;
+use crate::diagnose::principles::Size;
 
 /// Regions that are held out in turn.
-pub(crate) const REGIONS: usize = 5;
+pub(crate) const REGIONS: Size = 5;
 
 /// The region of each frame: k-means on the standardised commanded positions of the moving joints, one row a posture.
 ///

@@ -2,11 +2,12 @@
 
 use crate::diagnose::data::diagnosis::{Cause, Data, Diagnosis, Gap, GapStep, VERSION, Verdict};
 use crate::diagnose::data::recording::{Recording, Target};
+use crate::diagnose::principles::Prior;
 use std::collections::{BTreeMap, HashSet};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// A cause that was found so far has this probability: its rivals were not weighed yet.
-pub(crate) const UNWEIGHED: f64 = 0.5;
+pub(crate) const UNWEIGHED: Prior = 0.5;
 
 /// Looks at a running diagnosis from outside. Clones watch the same one; the default one watches nothing.
 ///

@@ -15,12 +15,13 @@ use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::scene::Scene;
 use crate::diagnose::model::solver::NEGLIGIBLE;
+use crate::diagnose::principles::Guard;
 use crate::robot::JointTerm;
 
 /// Friction torques that are tried, as shares of the joint's largest gravity torque; 0 is pure load, infinity pure motion.
 const FRICTION_SHARES: [f64; 12] = [0.0, 0.03, 0.06, 0.1, 0.16, 0.23, 0.31, 0.4, 0.5, 0.62, 0.75, 0.9];
 /// The play, or dead band (rad), at which the basis of one of no width is taken.
-pub(super) const LEAST_PLAY_RAD: f64 = 1e-4;
+pub(super) const LEAST_PLAY_RAD: Guard = 1e-4;
 
 /// See the module.
 pub(crate) struct Backlash;

@@ -11,9 +11,10 @@ use super::{Effect, LawFreedom, Place, joint_of, named};
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::scene::Scene;
 use crate::diagnose::model::solver::NEGLIGIBLE;
+use crate::diagnose::principles::Prior;
 
 /// A common size of a column's slope at its end under the largest moment, rad.
-const TYPICAL_RAD: f64 = 0.01;
+const TYPICAL_RAD: Prior = 0.01;
 
 /// See the module.
 pub(crate) struct ColumnBending;

@@ -6,11 +6,11 @@ use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::{Atom, Column};
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::model::scene::Scene;
-use crate::diagnose::principles::LOG_PRIOR_FREE;
+use crate::diagnose::principles::{LOG_PRIOR_FREE, Prior};
 use std::sync::Arc;
 
 /// An unknown mount, or the pose of an unknown frame, may be this far from where it starts, rad and m.
-pub(crate) const UNKNOWN_STD: f64 = 1.0;
+pub(crate) const UNKNOWN_STD: Prior = 1.0;
 
 /// An effect at a place.
 #[derive(Debug, Clone)]

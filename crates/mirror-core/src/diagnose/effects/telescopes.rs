@@ -4,12 +4,13 @@ use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::scene::Scene;
 use crate::diagnose::model::solver::NEGLIGIBLE;
 use crate::diagnose::model::telescope::Telescope;
+use crate::diagnose::principles::{Guard, Prior};
 
 /// Where the overlap of the tubes would end, in multiples of the farthest that the joints' limits let them out: guides that hold something are left
 /// with a fifth of the way.
-const END: f64 = 1.2;
+const END: Prior = 1.2;
 /// The overlap ends beyond what was commanded by at least so much.
-const LEAST_OVERLAP: f64 = 1.02;
+const LEAST_OVERLAP: Guard = 1.02;
 
 /// The last sliding joint of each column that moves what is seen, was moved, and is loaded.
 pub(super) fn columns_last(scene: &Scene) -> impl Iterator<Item = NodeId> + '_ {

@@ -11,14 +11,15 @@ use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::scene::Scene;
 use crate::diagnose::model::solver::NEGLIGIBLE;
+use crate::diagnose::principles::{Grid, Prior};
 
 /// Where the side is tried to change, as shares of the frames whose moment is below.
 const LEVELS: [f64; 9] = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9];
 /// Once it is found, so many steps of so large a share of the frames are tried to either side.
 const TRIED: i64 = 6;
-const FINER: f64 = 0.015;
+const FINER: Grid = 0.015;
 /// A common play of a guide, rad.
-const TYPICAL_RAD: f64 = 0.003;
+const TYPICAL_RAD: Prior = 0.003;
 
 /// See the module.
 pub(crate) struct TiltPlay {

@@ -6,9 +6,10 @@ use super::telescopes::{columns_first, largest_moment, moment_across};
 use super::{Effect, Place, joint_of, named};
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::scene::Scene;
+use crate::diagnose::principles::Prior;
 
 /// A common size of a guide's turn under the largest moment, rad.
-const TYPICAL_RAD: f64 = 0.005;
+const TYPICAL_RAD: Prior = 0.005;
 
 /// See the module.
 pub(crate) struct TransverseCompliance;

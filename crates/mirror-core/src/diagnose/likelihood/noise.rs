@@ -7,15 +7,15 @@ use crate::diagnose::model::frame::{FrameWork, Task};
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::model::robust::OUTLIER_FRACTION;
 use crate::diagnose::model::solver::NEGLIGIBLE;
-use crate::diagnose::principles::{FEWEST_REDUNDANT_ROWS, NEARLY_ALL};
+use crate::diagnose::principles::{FEWEST_REDUNDANT_ROWS, Guard, NEARLY_ALL};
 use crate::error::Result;
 use nalgebra::{SMatrix, SVector, Vector2};
 use rayon::prelude::*;
 
 /// Noise below this is not believed (px): the tables are rounded at 1e-4 px, and noise-free sessions must not divide by 0.
-const LEAST_PIXEL_STD_PX: f64 = 0.005;
+const LEAST_PIXEL_STD_PX: Guard = 0.005;
 /// A noise that fell by no more than this factor is as it was.
-pub(crate) const SETTLED: f64 = 0.9;
+pub(crate) const SETTLED: Guard = 0.9;
 
 /// Estimates the noise of corners and markers.
 ///

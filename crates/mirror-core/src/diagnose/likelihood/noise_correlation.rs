@@ -8,15 +8,16 @@
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::frame::{FrameWork, PROJECTED, Task};
 use crate::diagnose::model::problem::{Noise, Problem};
+use crate::diagnose::principles::{Guard, Size, Threshold};
 use crate::error::Result;
 use nalgebra::{DMatrix, DVector, Vector3};
 
 /// No correlation is believed beyond this: a slow error is no noise.
-const MOST_CORRELATION: f64 = 0.6;
+const MOST_CORRELATION: Guard = 0.6;
 /// A correlation is believed from this many of its standard deviations on.
-const CLEAR_DEVIATIONS: f64 = 2.0;
+const CLEAR_DEVIATIONS: Threshold = 2.0;
 /// Smooth functions of a corner's place that wrong optics may make, for each coordinate: 1, x, y, x², x y, y².
-const SMOOTH: usize = 6;
+const SMOOTH: Size = 6;
 
 /// The noise at which means over many observations are as uncertain as they are.
 ///

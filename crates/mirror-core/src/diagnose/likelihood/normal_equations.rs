@@ -7,6 +7,7 @@ use crate::diagnose::model::frame::{
     FrameWork, LANES, PROJECTED, Span, Table, Task, Wanted, add_products, stride,
 };
 use crate::diagnose::model::problem::{FRAMES_A_CHUNK, Noise, Problem};
+use crate::diagnose::principles::Size;
 use crate::error::Result;
 use nalgebra::{DMatrix, DVector, Vector3};
 use rayon::prelude::*;
@@ -262,7 +263,7 @@ pub(crate) fn chunks(frames: usize) -> Vec<core::ops::Range<usize>> {
 }
 
 /// Chunks whose sums are held at once: enough for many cores, and no more memory for long sessions than for short ones.
-const CHUNKS_A_ROUND: usize = 16;
+const CHUNKS_A_ROUND: Size = 16;
 
 /// The chunks in rounds: each round's sums are added up, in order, before the next begins.
 pub(crate) fn rounds(frames: usize) -> impl Iterator<Item = Vec<core::ops::Range<usize>>> {

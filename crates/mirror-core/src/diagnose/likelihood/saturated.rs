@@ -10,13 +10,14 @@ use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::Atom;
 use crate::diagnose::model::frame::{FrameWork, PROJECTED, Task};
 use crate::diagnose::model::problem::{Noise, Observation, Problem};
+use crate::diagnose::principles::Prior;
 use crate::error::Result;
 use nalgebra::{DMatrix, DVector, Vector3};
 use rayon::prelude::*;
 
 /// How far something that may sit anywhere is from its prediction, m and rad: a free marker, whose depth this keeps finite where only one
 /// view shows it; what has slipped.
-pub(crate) const FREE_STD: f64 = 0.05;
+pub(crate) const FREE_STD: Prior = 0.05;
 
 /// A marker of one posture, measured.
 #[derive(Debug, Clone)]

@@ -12,6 +12,7 @@ use crate::diagnose::model::pose::Pose;
 use crate::diagnose::model::scene::Scene;
 use crate::diagnose::model::slips::Slip;
 use crate::diagnose::model::work_budget::WorkBudget;
+use crate::diagnose::principles::Size;
 use crate::error::Result;
 use crate::geometry::Plane;
 use crate::mirror::Sphere;
@@ -19,7 +20,7 @@ use crate::robot::Robot;
 use nalgebra::{Matrix3, Vector2, Vector3};
 
 /// Frames that are worked on together: a fixed number, so that sums do not depend on the number of cores.
-pub(crate) const FRAMES_A_CHUNK: usize = 32;
+pub(crate) const FRAMES_A_CHUNK: Size = 32;
 
 /// Standard deviations of one axis of an observation.
 #[derive(Debug, Clone, Copy, PartialEq)]

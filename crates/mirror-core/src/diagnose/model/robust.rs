@@ -1,7 +1,9 @@
 //! The likelihood of one observation: noise, or with a small probability anything.
 
+use crate::diagnose::principles::Prior;
+
 /// How many observations in a hundred are expected to be false.
-pub(crate) const OUTLIER_FRACTION: f64 = 0.01;
+pub(crate) const OUTLIER_FRACTION: Prior = 0.01;
 
 /// A mixture `(1 − ε) N(r; 0, σ² I) + ε / A`: a Gaussian for the good observations, uniform over the area (or volume) A for
 /// the false ones. Good observations keep exactly Gaussian weight, so that claimed covariances stay right; false ones lose

@@ -5,12 +5,13 @@ use crate::diagnose::model::body::{Body, NodeId, Site};
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::kinematics::{NodePoses, loads};
 use crate::diagnose::model::solver::NEGLIGIBLE;
+use crate::diagnose::principles::Guard;
 use crate::error::Result;
 use crate::robot::Robot;
 use nalgebra::Vector3;
 
 /// A link shorter than this (m) does not say which way it goes.
-const SHORTEST_LINK_M: f64 = 1e-4;
+const SHORTEST_LINK_M: Guard = 1e-4;
 
 /// The quantities that tell effects apart, frame by frame and node by node (`[frame * nodes + node]`).
 #[derive(Debug, Clone)]

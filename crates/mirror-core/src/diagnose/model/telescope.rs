@@ -5,10 +5,11 @@
 //! what overlaps inside is the less the further it is out.
 
 use crate::diagnose::model::pose::Pose;
+use crate::diagnose::principles::Guard;
 use nalgebra::Vector3;
 
 /// How far two axes may point apart and still be one column's: the cosine's distance from 1.
-const ALONG: f64 = 1e-6;
+const ALONG: Guard = 1e-6;
 
 /// A run of sliding joints along one axis, ending with the node that has it; of a carriage that joint alone.
 #[derive(Debug, Clone)]

@@ -2,11 +2,11 @@
 
 use crate::diagnose::data::diagnosis::LeftOut;
 use crate::diagnose::model::problem::{FrameData, Problem};
-use crate::diagnose::principles::{FAR_DEVIATIONS, NEARLY_ALL};
+use crate::diagnose::principles::{FAR_DEVIATIONS, NEARLY_ALL, Threshold};
 
 /// A board whose residual is beyond this, and far beyond those of the better boards and the stated noise, is of a wrong grid, px: real ones
 /// have 1.7 to 2.6 px where good views have 0.3 to 0.5.
-pub(super) const USUAL_CORNER_PX: f64 = 1.0;
+pub(super) const USUAL_CORNER_PX: Threshold = 1.0;
 
 /// Leaves out the boards that no mirror explains, and with them what was seen in those mirrors.
 pub(crate) fn leave_out_wrong_grids(problem: &mut Problem) -> Vec<LeftOut> {

@@ -6,7 +6,7 @@
 use crate::diagnose::likelihood::normal_equations::chunks;
 use crate::diagnose::model::frame::{FrameWork, Task};
 use crate::diagnose::model::problem::{Noise, Problem};
-use crate::diagnose::principles::{BEYOND_DOUBT, FEWEST_POSTURES, NEARLY_ALL};
+use crate::diagnose::principles::{BEYOND_DOUBT, FEWEST_POSTURES, NEARLY_ALL, Prior};
 use crate::error::Result;
 use rayon::prelude::*;
 
@@ -26,7 +26,7 @@ pub(crate) struct Slip {
 }
 
 /// Standard deviation of a whole number, of frames or px, that is clear.
-pub(crate) const WHOLE_STD: f64 = 0.5;
+pub(crate) const WHOLE_STD: Prior = 0.5;
 
 impl Slip {
     /// Standard deviations of its first and its last frame: a frame whose measurement belongs to another one of the same

@@ -4,9 +4,10 @@ use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::scene::Scene;
 use crate::diagnose::model::solver::NEGLIGIBLE;
+use crate::diagnose::principles::Size;
 
 /// Knots of the function, from the least extension to the most.
-const KNOTS: usize = 3;
+const KNOTS: Size = 3;
 
 /// About each direction k across the column: `m_k/m_max` times a hat function at each knot.
 pub(crate) fn column_law(scene: &Scene, n: NodeId) -> Vec<Column> {

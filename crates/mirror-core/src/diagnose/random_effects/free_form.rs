@@ -16,25 +16,26 @@ use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::free_values::{ASTIGMATISM, BOARD_SHAPE, WARP};
 use crate::diagnose::model::scene::Scene;
+use crate::diagnose::principles::{Prior, Size};
 use crate::diagnose::random_effects::column_law::column_law;
 use nalgebra::Vector3;
 
 /// Smooth functions a dependence has: knots of a piecewise linear function.
-const KNOTS: usize = 6;
+const KNOTS: Size = 6;
 /// The same of a dependence on another place's quantity.
-const FEW_KNOTS: usize = 4;
+const FEW_KNOTS: Size = 4;
 /// The same of the camera's on time: lenses and mounts warm up, breathe and come back within a recording.
-const CAMERA_TIME_KNOTS: usize = 10;
+const CAMERA_TIME_KNOTS: Size = 10;
 /// Along each of two joints' positions.
-const KNOTS_A_SIDE: usize = 3;
+const KNOTS_A_SIDE: Size = 3;
 /// How far hysteresis reaches back, as shares of the range that the joint moves through.
 const HYSTERESIS_REACH: [f64; 4] = [0.04, 0.12, 0.3, 0.6];
 /// A common size of an error of an angle, rad.
-const TYPICAL_RAD: f64 = 0.03;
+const TYPICAL_RAD: Prior = 0.03;
 /// A common size of a shift, m.
-const TYPICAL_M: f64 = 0.005;
+const TYPICAL_M: Prior = 0.005;
 /// A common size of an error of the optics: a share of the image's or of the board's size, or a turn of the camera, rad.
-const TYPICAL_SHARE: f64 = 0.02;
+const TYPICAL_SHARE: Prior = 0.02;
 
 /// On what an error depends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -17,6 +17,7 @@ use crate::diagnose::model::elementary::{Atom, Column};
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::model::scene::Scene;
 use crate::diagnose::model::solver::SOLVER;
+use crate::diagnose::principles::{Guard, Size};
 use crate::error::Result;
 
 /// Angles, lengths of links, places of markers, of the board and of the camera: each kind has its own spread. What a person mounts is
@@ -32,7 +33,7 @@ pub(crate) enum Kind {
     CameraShift,
 }
 
-pub(crate) const KINDS: usize = 7;
+pub(crate) const KINDS: Size = 7;
 
 /// What is known of a spread before the data: its common size, as how many values that counts, and the bounds.
 struct Habit {
@@ -342,9 +343,9 @@ impl Geometry {
 }
 
 /// Spreads that changed by less than this (log, summed over the kinds) since causes were searched need no second search.
-pub(crate) const SPREADS_SETTLED: f64 = 0.5;
+pub(crate) const SPREADS_SETTLED: Guard = 0.5;
 /// A kind of which the data tell less than this of one value keeps its spread.
-const LEAST_TOLD: f64 = 0.05;
+const LEAST_TOLD: Guard = 0.05;
 
 /// What the session states of an elementary displacement of a mount, rad or m.
 fn stated(tolerances: &Tolerances, atom: Atom) -> Option<f64> {

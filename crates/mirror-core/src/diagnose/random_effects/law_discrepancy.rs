@@ -10,10 +10,11 @@ use crate::diagnose::effects::hypothesis::{Catalogue, Model};
 use crate::diagnose::likelihood::fit::Group;
 use crate::diagnose::model::elementary::Column;
 use crate::diagnose::model::problem::Problem;
+use crate::diagnose::principles::Prior;
 use crate::diagnose::random_effects::free_form::law_columns;
 
 /// By how much a law may be wrong, as a share of the largest error that its cause makes (one standard deviation a knot).
-pub(crate) const LAW_SHARE: f64 = 0.07;
+pub(crate) const LAW_SHARE: Prior = 0.07;
 
 /// A group with the discrepancy terms of a model's causes behind its own columns, but that of the cause that is `in_question`.
 pub(crate) fn with_slack(

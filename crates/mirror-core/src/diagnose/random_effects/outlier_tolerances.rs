@@ -3,15 +3,15 @@
 use crate::diagnose::effects::hypothesis::{Catalogue, Model, Term};
 use crate::diagnose::likelihood::fit::Fit;
 use crate::diagnose::model::elementary::Atom;
-use crate::diagnose::principles::LEAST_LOG_ODDS;
+use crate::diagnose::principles::{Count, LEAST_LOG_ODDS, Threshold};
 use crate::diagnose::random_effects::geometric_tolerances::{Geometry, KINDS, Kind, single_effect};
 use std::collections::BTreeMap;
 
 /// One error with this share of the squares of all of its kind is no member of a group: of tens that are spread alike the largest
 /// has a tenth or a third. At half a link's length was taken out of a real arm's group, and a spring was lost by it.
-const OUTLYING_SHARE: f64 = 0.6;
+const OUTLYING_SHARE: Threshold = 0.6;
 /// Of fewer errors than this one is easily the largest by far.
-const FEWEST: usize = 5;
+const FEWEST: Count = 5;
 
 /// Takes the one error that outweighs all others of its kind (lengths, angles) out of the group's values and names it as a cause
 /// of its own; false where there is none.

@@ -18,7 +18,9 @@ use crate::diagnose::likelihood::probability::tempered;
 use crate::diagnose::likelihood::score_test::Score;
 use crate::diagnose::model::elementary::Atom;
 use crate::diagnose::prepare::row_slip::WHOLE_STD;
-use crate::diagnose::principles::{LEAST_LOG_ODDS, SURE_DEVIATIONS};
+use crate::diagnose::principles::{
+    Count, FEWEST_REDUNDANT_ROWS, Grid, LEAST_LOG_ODDS, SURE_DEVIATIONS, Size,
+};
 use crate::diagnose::random_effects::displaced::log_bayes;
 use crate::diagnose::random_effects::geometric_tolerances::{Geometry, Kind};
 use crate::diagnose::report::doubts::doubted;
@@ -33,12 +35,12 @@ use crate::error::Result;
 use crate::robot::Robot;
 use std::collections::BTreeMap;
 
-/// With fewer postures than this little can be told apart.
-const FEW_POSTURES: usize = 20;
+/// With fewer postures than this little can be told apart: one marker, two rows a posture, does not tell its variance then.
+const FEW_POSTURES: Count = FEWEST_REDUNDANT_ROWS as usize / 2;
 /// Hypotheses of the ranking that are written.
-const RANKED: usize = 40;
+const RANKED: Size = 40;
 /// How finely a play's friction is searched, as a share of it: told as its standard deviation.
-const FRICTION_RESOLUTION: f64 = 0.1;
+const FRICTION_RESOLUTION: Grid = 0.1;
 
 /// Puts findings into words.
 ///

@@ -12,13 +12,13 @@ use crate::diagnose::likelihood::saturated::FREE_STD;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::frame::{FrameWork, Task};
 use crate::diagnose::model::problem::{Noise, Problem};
-use crate::diagnose::principles::FEWEST_OBSERVATIONS;
+use crate::diagnose::principles::{FEWEST_OBSERVATIONS, Size};
 use crate::error::Result;
 use nalgebra::{Matrix3, Vector2, Vector3};
 use rayon::prelude::*;
 
 /// Cells of the image's grid from left to right.
-const CELLS_ACROSS: usize = 16;
+const CELLS_ACROSS: Size = 16;
 
 /// Over what a field is drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

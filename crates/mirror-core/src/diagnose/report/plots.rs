@@ -12,12 +12,13 @@ use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::{Atom, Weight};
 use crate::diagnose::model::scene::Scene;
 use crate::diagnose::model::solver::NEGLIGIBLE;
+use crate::diagnose::principles::Size;
 use crate::diagnose::report::fields::{Over, field};
 use crate::diagnose::report::signature::free_errors_of;
 use crate::error::Result;
 
 /// Joints between camera and board against which a camera's errors are drawn.
-const MOST_JOINTS: usize = 2;
+const MOST_JOINTS: Size = 2;
 
 /// The signatures of the places that are not joints.
 #[derive(Debug, Clone, Default)]

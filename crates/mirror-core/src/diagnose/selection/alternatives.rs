@@ -6,16 +6,16 @@ use crate::diagnose::effects::{LawFreedom, Place};
 use crate::diagnose::likelihood::fit::Fit;
 use crate::diagnose::model::problem::Noise;
 use crate::diagnose::model::solver::SOLVER;
-use crate::diagnose::principles::{TEMPER, UNTHOUGHT_OF, WORTH_NAMING};
+use crate::diagnose::principles::{Size, TEMPER, UNTHOUGHT_OF, WORTH_NAMING};
 use crate::diagnose::random_effects::displaced::members_of;
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
 use crate::diagnose::selection::search::{Found, Search, SearchOptions};
 use crate::error::Result;
 
 /// Rivals that are fitted exactly.
-const RIVALS: usize = 8;
+const RIVALS: Size = 8;
 /// The same where the work of a diagnosis is at its limit.
-const FEW_RIVALS: usize = 2;
+const FEW_RIVALS: Size = 2;
 
 /// A hypothesis with its probability.
 #[derive(Debug, Clone)]
@@ -199,7 +199,7 @@ fn by_stated_mounts(search: &Search<'_>, found: &Found, i: usize) -> Result<Opti
 }
 
 /// Rounds in which causes give way to their rivals.
-const ROUNDS: usize = 4;
+const ROUNDS: Size = 4;
 
 /// As [`at_rest`]; where the search ended at its limit of work, something that was not looked at may be as likely as what was found.
 ///

@@ -7,21 +7,21 @@ use crate::diagnose::likelihood::linearised::likeliest_variants;
 use crate::diagnose::likelihood::score_test::{Score, screen};
 use crate::diagnose::model::problem::Noise;
 use crate::diagnose::model::solver::SOLVER;
-use crate::diagnose::principles::BEYOND_DOUBT;
+use crate::diagnose::principles::{BEYOND_DOUBT, Guard, MAJORITY, Size, Threshold};
 use crate::diagnose::selection::search::Search;
 use crate::error::Result;
 use rayon::prelude::*;
 
 /// Of candidates with a discrete unknown, and of the values of each, as many of the likeliest are fitted exactly.
-const FITTED: usize = 3;
+const FITTED: Size = 3;
 /// The score test is of the linearised model: a hypothesis that it puts lower than the best by more than this (log), and by
 /// more than this share of the best's, is not the best when fitted either.
-const LEAST_REACH: f64 = 25.0;
-const REACH: f64 = 0.15;
+const LEAST_REACH: Threshold = 25.0;
+const REACH: Threshold = 0.15;
 /// The same for hypotheses with a discrete unknown, which the score test takes at a play of no width.
-const REACH_OF_VARIANTS: f64 = 0.5;
+const REACH_OF_VARIANTS: Threshold = MAJORITY;
 /// The share of the score test's estimate at which a fit starts that got worse from the estimate itself.
-const NEXT_TO_NOTHING: f64 = 1e-3;
+const NEXT_TO_NOTHING: Guard = 1e-3;
 
 impl Search<'_> {
     /// Fits the most promising additions to a model, at a noise; best first. `but` is left out, if it stands in the model's

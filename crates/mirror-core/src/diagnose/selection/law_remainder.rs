@@ -3,13 +3,14 @@
 use crate::diagnose::criteria::cross_validation::{PostureGap, seen_size};
 use crate::diagnose::criteria::marker_shift::marker_shift;
 use crate::diagnose::effects::hypothesis::Catalogue;
+use crate::diagnose::principles::{Count, SEVERAL_CAUSES};
 use crate::diagnose::random_effects::law_discrepancy::LAW_SHARE;
 use crate::diagnose::selection::nonparametric::elsewhere;
 use crate::diagnose::selection::search::{Found, Search};
 use crate::error::Result;
 
 /// More causes than this at once are rather many small errors.
-pub(crate) const MANY_CAUSES: usize = 4;
+pub(crate) const MANY_CAUSES: Count = SEVERAL_CAUSES + 1;
 
 /// Whether free-form errors only say that the causes found have not quite their textbook laws: they sit at the causes' own
 /// places, and what they take up beyond the causes is a small part of what the causes move.

@@ -6,12 +6,13 @@
 use crate::diagnose::likelihood::saturated::postures;
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::model::solver::SOLVER;
+use crate::diagnose::principles::Size;
 use crate::diagnose::selection::search::{Found, Search};
 use crate::error::Result;
 use crate::statistics::GOLDEN_SECTION;
 
 /// So many frames are searched on, and all where there are not half as many again.
-const ENOUGH: usize = 300;
+const ENOUGH: Size = 300;
 
 /// The frames that causes are searched on: whole postures, spread evenly over the session; none for all.
 ///

@@ -12,12 +12,12 @@ use crate::diagnose::effects::hypothesis::{Catalogue, Model};
 use crate::diagnose::likelihood::score_test::screen;
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::problem::Noise;
-use crate::diagnose::principles::{ABOVE_SCATTER, LOG_PRIOR_FREE, LOG_PRIOR_STRUCTURE};
+use crate::diagnose::principles::{ABOVE_SCATTER, LOG_PRIOR_FREE, LOG_PRIOR_STRUCTURE, Threshold};
 use crate::diagnose::selection::search::{Found, Search, SearchOptions};
 use crate::error::Result;
 
 /// A cause beside a free-form error at its own joint stands only where its shift, squared, is so many times the error's.
-const IMITATOR_SHARE: f64 = 4.0;
+const IMITATOR_SHARE: Threshold = 4.0;
 
 /// What the error of a joint that rests elsewhere each time depends on.
 pub(crate) const BY_ITSELF: &str = "posture, each by itself";

@@ -6,15 +6,17 @@ use crate::diagnose::likelihood::fit::{Fit, FitOptions};
 use crate::diagnose::likelihood::linearised::Linearised;
 use crate::diagnose::model::problem::Noise;
 use crate::diagnose::model::solver::{NEGLIGIBLE, SOLVER};
-use crate::diagnose::principles::{BEYOND_DOUBT, LOG_PRIOR_CROWD, LOG_PRIOR_SAME_PLACE, SEVERAL_CAUSES};
+use crate::diagnose::principles::{
+    BEYOND_DOUBT, LOG_PRIOR_CROWD, LOG_PRIOR_SAME_PLACE, Prior, SEVERAL_CAUSES,
+};
 use crate::diagnose::selection::search::Search;
 use crate::error::Result;
 use core::ops::Range;
 
 /// Share of a common size below which an error is called a tolerance.
-const PRIOR_TOLERANCE: f64 = 0.005;
+const PRIOR_TOLERANCE: Prior = 0.005;
 /// A tolerated error moves the markers by no more than this many standard deviations of the noise.
-const UNSEEN_SHIFT: f64 = 0.08;
+const UNSEEN_SHIFT: Prior = 0.08;
 
 impl Search<'_> {
     fn log_prior(&self, model: &Model) -> f64 {

@@ -12,7 +12,7 @@ use crate::diagnose::likelihood::noise;
 use crate::diagnose::model::problem::Noise;
 use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::prepare::false_observations::without_false;
-use crate::diagnose::principles::{LOG_PRIOR_STRUCTURE, SEVERAL_CAUSES};
+use crate::diagnose::principles::{LOG_PRIOR_STRUCTURE, SEVERAL_CAUSES, Threshold};
 use crate::diagnose::random_effects::displaced::all_displaced;
 use crate::diagnose::random_effects::geometric_tolerances::{Geometry, Kind, SPREADS_SETTLED};
 use crate::diagnose::random_effects::outlier_tolerances::standing_out;
@@ -22,7 +22,7 @@ use crate::diagnose::selection::search::{Found, Search, SearchOptions};
 use crate::error::Result;
 
 /// A cause beside the set-up is kept from these log odds on: what else could be in its place is in the model already.
-const LEAST_LOG_ODDS: f64 = 2.0;
+const LEAST_LOG_ODDS: Threshold = 2.0;
 
 /// Causes beside a displaced set-up.
 pub(crate) struct WithSetup<'a> {

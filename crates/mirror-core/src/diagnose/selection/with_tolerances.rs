@@ -9,7 +9,7 @@ use crate::diagnose::likelihood::score_test::screen;
 use crate::diagnose::model::problem::Noise;
 use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::principles::{
-    ABOVE_SCATTER, LEAST_HELD_OUT_RATIO, LOG_PRIOR_STRUCTURE, MAJORITY, SEVERAL_CAUSES,
+    ABOVE_SCATTER, LEAST_HELD_OUT_RATIO, LOG_PRIOR_STRUCTURE, MAJORITY, SEVERAL_CAUSES, Threshold,
 };
 use crate::diagnose::random_effects::geometric_tolerances::{Geometry, Kind, SPREADS_SETTLED};
 use crate::diagnose::random_effects::law_discrepancy::LAW_SHARE;
@@ -20,7 +20,7 @@ use crate::diagnose::selection::search::{Found, Search};
 use crate::error::Result;
 
 /// The spread of many small errors rests on so many values at least: it is known to better than a half.
-const FEWEST_TOLD: f64 = 2.5;
+const FEWEST_TOLD: Threshold = 2.5;
 
 /// Causes beside many small errors.
 pub(crate) struct BesideGeometry<'a> {

@@ -10,13 +10,14 @@
 use super::products::{PROJECTED, Table, stride};
 use crate::diagnose::model::elementary::Twist;
 use crate::diagnose::model::solver::SOLVER;
+use crate::diagnose::principles::Size;
 use nalgebra::Vector3;
 
 /// Numbers of the board's motion: a turn and a shift.
-pub(super) const MOTION: usize = 6;
+pub(super) const MOTION: Size = 6;
 /// Columns by the optics, as in `OpticsColumns`: the camera's mount moves the board against the camera, the others are
 /// columns of their own.
-pub(super) const OPTICS: usize = 13 - MOTION;
+pub(super) const OPTICS: Size = 13 - MOTION;
 
 /// The condensed corners of a frame; none where `corners` is 0.
 #[derive(Debug, Default)]

@@ -1,13 +1,14 @@
 //! Products of a frame's columns: a table of all columns, row by row, and what a frame adds to the sums of products.
 
+use crate::diagnose::principles::Size;
 use multiversion::multiversion;
 
 /// Extra numbers behind a column's rows: its projection on the plane's three parameters.
-pub(crate) const PROJECTED: usize = 3;
+pub(crate) const PROJECTED: Size = 3;
 /// Numbers that are handled at once: tables are as wide as a multiple of it.
-pub(crate) const LANES: usize = 8;
+pub(crate) const LANES: Size = 8;
 /// Rows that are handled at once.
-const ROWS: usize = 4;
+const ROWS: Size = 4;
 
 /// The rows of a column that are not 0, from `start` to before `end`.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]

@@ -11,10 +11,11 @@ use crate::diagnose::model::kinematics::NodePoses;
 use crate::diagnose::model::pose::{Pose, exp};
 use crate::diagnose::model::problem::{BoardFit, FrameData, Noise, Problem};
 use crate::diagnose::model::solver::SOLVER;
+use crate::diagnose::principles::Count;
 use nalgebra::{Matrix3, SMatrix, Vector2, Vector3, Vector6};
 
-/// A board with fewer corners than this does not show a plane with a margin.
-const FEWEST_CORNERS: usize = 4;
+/// A board with fewer corners than this does not show a plane with a margin: one more than the plane has numbers.
+const FEWEST_CORNERS: Count = PROJECTED + 1;
 
 /// The rows of one observation (two of an image point, three of a measured point), whitened.
 #[derive(Debug, Clone)]

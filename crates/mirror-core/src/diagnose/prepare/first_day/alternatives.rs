@@ -6,7 +6,9 @@ use super::variant::{Variant, seen_joints};
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::problem::{Observation, Problem, Seen};
 use crate::diagnose::prepare::row_slip::LARGEST_SHIFT;
-use crate::diagnose::principles::{FEWEST_FRAMES, FEWEST_POSTURES, NEARLY_ALL};
+use crate::diagnose::principles::{
+    FEWEST_FRAMES, FEWEST_POSTURES, Grid, LEAST_HELD_OUT_GAIN, NEARLY_ALL, Size, Threshold, WORTH_NAMING,
+};
 use crate::statistics::GOLDEN_SECTION;
 use core::f64::consts::{FRAC_PI_2, PI};
 
@@ -14,23 +16,23 @@ use core::f64::consts::{FRAC_PI_2, PI};
 const FACTORS: [f64; 10] = [0.2, 1.0 / 3.0, 0.5, 2.0 / 3.0, 0.8, 1.25, 1.5, 2.0, 3.0, 5.0];
 /// Factors on the board's squares, refined by as much as lies between them.
 const SQUARES: [f64; 10] = [0.5, 2.0 / 3.0, 0.75, 0.8, 0.9, 1.1, 1.25, 4.0 / 3.0, 1.5, 2.0];
-const SQUARES_STEP: f64 = 1.12;
+const SQUARES_STEP: Grid = 1.12;
 /// Zeros that are tried, rad: every 15°.
-const ZERO_STEP: f64 = PI / 12.0;
+const ZERO_STEP: Grid = PI / 12.0;
 /// A zero is off by a right angle where it is no farther from one (rad), and the loss is then larger by no more than this.
-const NEARLY_RIGHT: f64 = 0.02;
-const NO_WORSE: f64 = 0.002;
+const NEARLY_RIGHT: Threshold = 0.02;
+const NO_WORSE: Threshold = LEAST_HELD_OUT_GAIN;
 /// Whole rows by which a column may be late, and parts of a row.
-const LATE_ROWS: usize = 8;
-const LATE_PARTS: usize = 10;
+const LATE_ROWS: Size = 8;
+const LATE_PARTS: Size = 10;
 /// The same of all joints at once: where every row is a blend, one of half a row is nearly as far from one of 0.54 as from none.
-const LATE_PARTS_OF_ALL: usize = 40;
+const LATE_PARTS_OF_ALL: Size = 40;
 /// A part of a row must shrink the loss by this share: a whole number needs no other explanation.
-const WORTH_A_PART: f64 = 0.05;
+const WORTH_A_PART: Threshold = WORTH_NAMING;
 /// A frame whose loss falls by this was seen with another label, or at another row.
-const CLEAR: f64 = 1.5;
+const CLEAR: Threshold = 1.5;
 /// Positions that are tried where a joint's is not known.
-const FREE_POSITIONS: usize = 25;
+const FREE_POSITIONS: Size = 25;
 
 /// Everything that alternatives are made of.
 pub(super) struct Session<'a> {

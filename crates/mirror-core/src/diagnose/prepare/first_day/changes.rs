@@ -15,18 +15,20 @@ use crate::diagnose::model::frame::{FrameWork, PROJECTED, Task};
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::model::slips::{Slip, Slipped};
 use crate::diagnose::model::solver::SOLVER;
-use crate::diagnose::principles::{A_GAP, ABOVE_SCATTER, BEYOND_DOUBT, FAR_DEVIATIONS, FEWEST_FRAMES};
+use crate::diagnose::principles::{
+    A_GAP, ABOVE_SCATTER, BEYOND_DOUBT, FAR_DEVIATIONS, FEWEST_FRAMES, Guard, Threshold,
+};
 use crate::error::Result;
 use core::ops::Range;
 use nalgebra::{DMatrix, DVector, Vector6};
 use rayon::prelude::*;
 
 /// Displacement and small errors are found in turn until what is found more is within chance (in χ²).
-const WITHIN_CHANCE: f64 = 4.0;
+const WITHIN_CHANCE: Threshold = 4.0;
 /// No more of a step is taken to be kept back for the next: a factor of ten on it.
-const MOST_KEPT: f64 = 0.9;
+const MOST_KEPT: Guard = 0.9;
 /// A row farther off than so many deviations counts less: false data must not pass for a slip.
-const FAR: f64 = 10.0 * FAR_DEVIATIONS;
+const FAR: Threshold = 10.0 * FAR_DEVIATIONS;
 
 /// One place's normal equations, frame by frame.
 struct Place {

@@ -9,9 +9,10 @@ use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::loose::Loose;
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::model::solver::SOLVER;
+use crate::diagnose::principles::Prior;
 
 /// What the first estimate, made before any cause was known, is off by: a zero (rad), a ratio (relative), a delay (rows).
-const FIRST_ESTIMATE_STD: f64 = 0.03;
+const FIRST_ESTIMATE_STD: Prior = 0.03;
 
 impl Mistake {
     /// Its numbers as further parameters of every model; the recording is that before it is undone.

@@ -14,16 +14,16 @@ use crate::diagnose::model::kinematics::NodePoses;
 use crate::diagnose::model::pose::Pose;
 use crate::diagnose::model::problem::{Observation, Problem, Seen};
 use crate::diagnose::model::solver::SOLVER;
-use crate::diagnose::principles::FEWEST_OBSERVATIONS;
+use crate::diagnose::principles::{FEWEST_OBSERVATIONS, Prior, Size};
 use crate::error::Result;
 use nalgebra::{Matrix3, Point3, Vector3};
 use std::sync::Mutex;
 
 /// What a set-up by hand and small causes leave, as a share of the reach; and its bounds, m.
-const USUAL_SHARE: f64 = 0.03;
+const USUAL_SHARE: Prior = 0.03;
 const USUAL_BOUNDS_M: (f64, f64) = (0.006, 0.03);
 /// Mirrors that are remembered of a frame: chains of mistakes ask for the same positions between camera and board again and again.
-const MOST_REMEMBERED: usize = 64;
+const MOST_REMEMBERED: Size = 64;
 
 /// Positions between camera and board and the squares' size, each less the nominal one, and where the mirror then is.
 type Remembered = Vec<(Vec<f64>, Option<Vector3<f64>>)>;

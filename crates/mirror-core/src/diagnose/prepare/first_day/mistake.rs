@@ -7,6 +7,7 @@ use crate::diagnose::model::body::{NodeId, Site};
 use crate::diagnose::model::pose::Pose;
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::model::slips::{Slip, Slipped};
+use crate::diagnose::principles::Size;
 use crate::error::Result;
 use crate::robot::Robot;
 use core::f64::consts::{FRAC_PI_2, PI, TAU};
@@ -269,7 +270,7 @@ impl Mistake {
 }
 
 /// Rows after which a blend that was undone from one end is right.
-const BLEND_ROWS: usize = 2;
+const BLEND_ROWS: Size = 2;
 
 /// The camera's centre at another resolution: pixel centres lie at whole numbers.
 pub(super) fn scaled_center(center: &Vector2<f64>, factor: f64) -> Vector2<f64> {

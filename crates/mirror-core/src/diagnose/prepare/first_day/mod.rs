@@ -32,6 +32,7 @@ use crate::diagnose::likelihood::probability::tempered;
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::model::work_budget::A_STAGE;
 use crate::diagnose::prepare::boards::leave_out_wrong_grids;
+use crate::diagnose::principles::{A_GAP, Size, Threshold};
 use crate::error::Result;
 use crate::robot::Robot;
 use crate::statistics::GOLDEN_SECTION;
@@ -45,18 +46,18 @@ pub(crate) use told::told;
 use variant::Variant;
 
 /// Frames on which alternatives are scored, and on which they are verified.
-const FRAMES: usize = 64;
+const FRAMES: Size = 64;
 /// How many of the best chains of mistakes are gone on from and verified.
-const BEAM: usize = 4;
+const BEAM: Size = 4;
 /// A mean loss below this is that of small errors: nothing is gross.
-const GROSS: f64 = 0.12;
+const GROSS: Threshold = 0.12;
 /// The same for the marker that is farthest off: one of several may sit on another link.
-const GROSS_OF_ONE: f64 = 2.0 * GROSS;
-/// By this the mean loss must fall with each mistake, and by this share.
-const LEAST_FALL: f64 = 0.03;
-const LEAST_SHARE: f64 = 0.12;
+const GROSS_OF_ONE: Threshold = 2.0 * GROSS;
+/// By this the mean loss must fall with each mistake, and by the share that makes a gap.
+const LEAST_FALL: Threshold = 0.03;
+const LEAST_SHARE: Threshold = A_GAP - 1.0;
 /// Frames on which small errors are fitted beside a slip.
-const FRAMES_OF_SLIPS: usize = 100;
+const FRAMES_OF_SLIPS: Size = 100;
 
 /// The session with its mistakes undone.
 pub(crate) struct Undone {

@@ -11,7 +11,7 @@ use crate::cancel::Cancel;
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::prepare::boards::USUAL_CORNER_PX;
-use crate::diagnose::principles::BEYOND_DOUBT;
+use crate::diagnose::principles::{BEYOND_DOUBT, Prior, Threshold};
 use crate::error::Result;
 use crate::robot::Robot;
 use nalgebra::Vector2;
@@ -19,9 +19,9 @@ use nalgebra::Vector2;
 /// Factors between resolutions that cameras and drivers offer, each also the other way round.
 const FACTORS: [f64; 8] = [1.25, 4.0 / 3.0, 1.5, 1.6, 2.0, 2.4, 3.0, 4.0];
 /// A mean loss that right optics do not reach, and by which losses of corners and markers together must fall.
-const CLEAR_LOSS: f64 = 0.5;
+const CLEAR_LOSS: Threshold = 0.5;
 /// The loss of a frame whose board no mirror shows.
-const NO_MIRROR: f64 = 8.0;
+const NO_MIRROR: Prior = 8.0;
 
 /// The mistake of the optics that puts boards and markers right, if one does, with its log odds against small errors.
 ///

@@ -12,16 +12,18 @@ use crate::diagnose::data::recording::{Frame, Recording, Target, Via};
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::frame::{FrameWork, Task};
 use crate::diagnose::model::problem::{Noise, Observation, Problem, Seen};
-use crate::diagnose::principles::{FAR_DEVIATIONS, MAJORITY, NEARLY_ALL, SURE_DEVIATIONS};
+use crate::diagnose::principles::{
+    FAR_DEVIATIONS, Grid, MAJORITY, NEARLY_ALL, Prior, SURE_DEVIATIONS, Threshold,
+};
 use crate::error::Result;
 use std::collections::BTreeMap;
 
 /// A marker of which more than this share is off is no matter of single observations.
-const MOST_OF_ONE: f64 = 0.15;
+const MOST_OF_ONE: Threshold = 0.15;
 /// A noise wider by this factor leaves every observation some weight.
-const WIDE: f64 = 300.0;
+const WIDE: Prior = 300.0;
 /// Step of the positions that are tried, rad, up to half a turn both ways.
-const POSITION_STEP: f64 = 0.02;
+const POSITION_STEP: Grid = 0.02;
 
 /// False observations of a frame: by index among its arranged ones, and as they are listed.
 pub(super) struct False {

@@ -7,6 +7,7 @@ use crate::diagnose::data::recording::Recording;
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::model::slips::Slipped;
 use crate::diagnose::prepare::row_slip::WHOLE_STD;
+use crate::diagnose::principles::Prior;
 use crate::robot::Robot;
 use core::f64::consts::FRAC_PI_2;
 use std::collections::BTreeMap;
@@ -14,7 +15,7 @@ use std::collections::BTreeMap;
 /// A motion's parameters.
 const MOTION: [&str; 6] = ["rx_rad", "ry_rad", "rz_rad", "dx_m", "dy_m", "dz_m"];
 /// Numbers found by golden sections on a loss of many observations, relative.
-const REFINED_STD: f64 = 0.01;
+const REFINED_STD: Prior = 0.01;
 
 /// Causes of a mistake: one, or one for each pair of exchanged joints.
 pub(crate) fn told(

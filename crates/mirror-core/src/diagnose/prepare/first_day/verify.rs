@@ -14,12 +14,13 @@ use crate::diagnose::model::elementary::Column;
 use crate::diagnose::model::frame::{FrameWork, Task};
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::model::solver::SOLVER;
+use crate::diagnose::principles::Size;
 use crate::error::Result;
 use crate::statistics::CHI_SQUARED_MEDIANS;
 use std::sync::Arc;
 
 /// Steps of a fit between two estimates of the scale.
-const STEPS: usize = 2;
+const STEPS: Size = 2;
 
 /// A problem fitted with all small errors.
 pub(super) struct Tolerant {
