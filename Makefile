@@ -30,8 +30,9 @@ help: ## this list
 demo: $(VENV)/installed ## render the embedded robot before a mirror, detect, measure, report, all into ./out
 	$(BIN)/mirror-posture demo --out $(OUT)
 
-# Packages are installed while the core's tests are built and run: the network waits for nobody.
-test: $(VENV)/wheel ## all tests, as the CI runs them
+# The core is built for its tests first (cargo lets one build run at a time), all of its targets at once; the wheel is built and packages are
+# installed while these run.
+test: ## all tests, as the CI runs them
 	$(MAKE) -j 2 test-rust $(VENV)/installed-for-tests
 	$(MAKE) format test-python
 
@@ -40,8 +41,9 @@ check: lint test ## before a commit: the lints, then all tests
 test-rust: ## the core's tests; needs no Python
 	cargo test --locked -q -p mirror-core -p mirror-py
 
+# Each worker takes half of the files, so that what a file makes once is made by one of them.
 test-python: $(VENV)/installed-for-tests ## build and install the wheel, test it
-	$(BIN)/python -m pytest -q -n 2 -m "not realtime"
+	$(BIN)/python -m pytest -q -n 2 --dist worksteal -m "not realtime"
 	$(BIN)/python -m pytest -q -n 3 -m realtime $(REALTIME)
 
 test-floors: $(VENV)/wheel ## detection and sessions with the oldest dependencies that can be solved (not a part of `make test`)
