@@ -113,3 +113,10 @@ def test_a_fault_of_the_program_is_one_line(tmp_path: Path, monkeypatch: pytest.
     monkeypatch.setattr("mirror_posture.session.load_session", fault)
     result = run("check", tmp_path, code=4)
     assert "ZeroDivisionError: two lines" in result.stderr and "--debug" in result.stderr
+
+
+def test_a_command_starts_without_what_it_may_not_need() -> None:
+    heavy = "{'numpy', 'cv2', 'pyarrow', 'matplotlib', 'mujoco'}"
+    code = f"import sys, mirror_posture.cli; print(sorted({heavy} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
 from .._core import MirrorPostureError
-from ..robot import Robot
+
+if TYPE_CHECKING:
+    from ..robot import Robot
 
 ANGLES = {"rad": 1.0, "deg": math.radians(1.0), "°": math.radians(1.0), "": math.radians(1.0)}
 LENGTHS = {"mm": 0.001, "cm": 0.01, "m": 1.0}
