@@ -131,8 +131,8 @@ class Step:
 
 @dataclass(frozen=True)
 class Gap:
-    """RMS distance between predicted and observed markers, on postures whose whole region was held out of the fit; None where
-    there is nothing to compare."""
+    """RMS distance between predicted and observed markers, on postures whose whole region was held out of the fit of the
+    parameters (causes were chosen on all postures); None where there is nothing to compare."""
 
     before_m: float | None
     after_m: float | None

@@ -75,7 +75,7 @@ def command(
     """Say where the model is wrong, which effect causes it, and how far the gap shrinks.
 
     Every effect of the vocabulary is tried at every place; those that the evidence carries are fitted together. The gap
-    is told on postures whose whole region was held out. What these postures cannot tell apart is named as alternatives.
+    is told on postures whose whole region was held out of the fit of the parameters. What these postures cannot tell apart is named as alternatives.
 
     Verdicts: `none` the model is as good as the noise allows; `explained` the causes close the gap; `partial` they
     shrink it and something is left; `unknown` no effect explains it. A session with pictures only is detected first.
