@@ -19,8 +19,9 @@
 //! A cause is told as found where its posterior odds against the same error at a tolerated size are above 1: a spike-and-slab
 //! prior. What no effect explains is told as a place and as what it depends on, from free forms.
 //!
-//! Held out: postures are grouped into regions; for each region parameters are fitted on the others and predicted on it. Which causes are in
-//! the model is searched on all postures; those that do not help on held-out regions are dropped.
+//! Held out: postures are grouped into regions; for each region the parameters are fitted on the others and predicted on it. Not held out is the choice of
+//! the model: false observations, slips and causes are searched on all postures, and the same regions decide whether a cause stays and
+//! between a few models. Only another session (`OtherSession`) took part in neither.
 //!
 //! Sources: variable projection, Golub and Pereyra (1973); score test, Rao (1948); evidence framework, MacKay (1992); lack of fit, as in
 //! regression with repeated measurements; T-optimal design, Atkinson and Fedorov (1975).
