@@ -20,6 +20,7 @@ use crate::diagnose::report::seen_markers::seen_markers;
 use crate::diagnose::selection::beside_slips::settle_slips;
 use crate::diagnose::selection::beyond::look_beyond;
 use crate::diagnose::selection::long_session::{on_all_frames, part_of_frames};
+use crate::diagnose::selection::pairwise_start::from_a_pair;
 use crate::diagnose::selection::search::{Search, SearchOptions};
 use crate::diagnose::selection::with_setup::{look_again_at_noise, with_or_without_setup};
 use crate::error::Result;
@@ -69,6 +70,9 @@ pub fn diagnose(
     }
     let (mut found, setup) = with_or_without_setup(&mut search, &nominal, stated, &options.without)?;
     if setup.is_none() {
+        if let Some(other) = from_a_pair(&search, &found, &nominal)? {
+            (search, found) = other;
+        }
         // Wrong optics pass for noise of the markers until they are known, and a stated noise may be too large: look again at what is left.
         let optics = search.deformation(&found.fit.model).optics_differ() || search.problem.camera.is_none();
         if optics && look_again_at_noise(&mut search, &found.fit.model, stated)? {

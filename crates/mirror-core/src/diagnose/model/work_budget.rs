@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 /// As much as so many linearisations of the whole session by a set-up that is free; sessions of simulators and by hand mostly end at a fifth to
 /// three quarters of it.
-const MOST_LINEARISATIONS: u64 = 1330;
+const MOST_LINEARISATIONS: u64 = 1600;
 /// At least: three seconds or so.
 const LEAST: u64 = 480_000_000;
 /// At least for each frame, up to so many: twenty-five milliseconds. A session of measured points has a set-up of a few columns, and as many causes as another.

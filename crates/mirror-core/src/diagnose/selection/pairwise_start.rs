@@ -10,8 +10,7 @@ use crate::diagnose::likelihood::fit::Active;
 use crate::diagnose::likelihood::normal_equations::{Normal, needs_board};
 use crate::diagnose::model::elementary::Column;
 use crate::diagnose::model::problem::Noise;
-use crate::diagnose::model::solver::SOLVER;
-use crate::diagnose::principles::{BEYOND_DOUBT, SEVERAL_CAUSES};
+use crate::diagnose::principles::SEVERAL_CAUSES;
 use crate::diagnose::selection::nonparametric::log_odds;
 use crate::diagnose::selection::search::{Found, Search};
 use crate::error::Result;
@@ -51,13 +50,7 @@ pub(crate) fn from_a_pair<'a>(
         }
     }
     let mut other = search.clone();
-    // Two that fall this far behind the several by themselves are not what these imitate.
-    let fit = other.fit(&start, scatter, SOLVER.final_steps)?;
-    let pair = Found { noise: other.effective(&fit.model)?, fit, trace: Vec::new() };
-    if log_odds((&other, &pair), (search, found))? < -BEYOND_DOUBT {
-        return Ok(None);
-    }
-    let mut result = other.run(pair.fit.model)?;
+    let mut result = other.run(start)?;
     let odds = log_odds((&other, &result), (search, found))?;
     let mut trace = found.trace.clone();
     trace.push(format!("from the likeliest pair instead: log odds {odds:.1}"));

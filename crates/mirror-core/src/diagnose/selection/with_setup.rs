@@ -11,6 +11,7 @@ use crate::diagnose::likelihood::fit::FitOptions;
 use crate::diagnose::likelihood::noise;
 use crate::diagnose::model::problem::Noise;
 use crate::diagnose::model::solver::SOLVER;
+use crate::diagnose::model::work_budget::A_STAGE;
 use crate::diagnose::prepare::false_observations::without_false;
 use crate::diagnose::principles::{LOG_PRIOR_STRUCTURE, SEVERAL_CAUSES, Threshold};
 use crate::diagnose::random_effects::displaced::all_displaced;
@@ -54,18 +55,20 @@ pub(crate) fn with_or_without_setup(
 ) -> Result<(Found, Option<Geometry>)> {
     let mounted = Geometry::of_setup(&search.problem, without);
     if mounted.group.columns.is_empty() {
-        let found = search.run(nominal.clone())?;
-        let Some((other, found)) = from_a_pair(search, &found, nominal)? else { return Ok((found, None)) };
-        *search = other;
-        return Ok((found, None));
+        return Ok((search.run(nominal.clone())?, None));
     }
     let most_causes = search.options.most_causes;
     search.options.most_causes = most_causes.min(SEVERAL_CAUSES);
     let mut few = search.run(nominal.clone())?;
-    if let Some(other) = from_a_pair(search, &few, nominal)? {
+    let mut enough = suffices(search, &few)?;
+    // Of few postures three wrong causes may leave what the set-up then makes up for.
+    if !enough
+        && search.problem.budget.share() < A_STAGE
+        && let Some(other) = from_a_pair(search, &few, nominal)?
+    {
         (*search, few) = other;
+        enough = suffices(search, &few)?;
     }
-    let enough = suffices(search, &few)?;
     search.options.most_causes = most_causes;
     let at_its_end = few.fit.model.terms.len() < most_causes.min(SEVERAL_CAUSES);
     let freed = if enough { None } else { with_setup(search, &few, nominal, stated, mounted)? };
