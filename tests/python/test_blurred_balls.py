@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mirror_posture import Camera, ColorRange, Marker
-from mirror_posture.detect import PredictedMarker, detect_markers
+from mirror_posture.detect import PredictedMarker, detect_markers, markers
 from mirror_posture.detect.marker_judge import MarkerOptions, size_share
 from mirror_posture.detect.reading import read_picture_file
 
@@ -127,6 +127,22 @@ def test_balls_of_a_coarse_codec_are_kept_with_large_deviations(tmp_path) -> Non
                 error = np.subtract(view.pixel_px, outline(view.name)[0])
                 assert np.hypot(*error) < max(0.3, 4.0 * (view.std_px or 0.0)), (view.name, error)
     assert found >= 11, found
+
+
+def test_a_fit_that_runs_away_is_made_again_with_the_models_size(monkeypatch) -> None:
+    measure = markers.measure_balls
+
+    def only_of_known_size(bgr, starts, *others):
+        fits = measure(bgr, starts, *others)
+        return [
+            fit if one.max_radius_px < 1.3 * one.min_radius_px else None
+            for one, fit in zip(starts, fits, strict=True)
+        ]
+
+    monkeypatch.setattr(markers, "measure_balls", only_of_known_size)
+    for view in detect_markers(levels(light(), 1), MARKERS, CAMERA, expected=expected(1)):
+        assert view.ok, (view.name, view.reason)
+        assert np.hypot(*np.subtract(view.pixel_px, outline(view.name)[0])) < 0.15
 
 
 def test_limits_grow_with_the_codecs_step() -> None:
