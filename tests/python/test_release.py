@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import re
+import shutil
+import subprocess
 import sys
 from pathlib import Path
 
+import pytest
 import yaml
 
 if sys.version_info >= (3, 11):
@@ -75,3 +78,19 @@ def test_the_workflows_are_of_this_project() -> None:
         if "rust-toolchain" in s.get("uses", "")
     }
     assert versions == {f"dtolnay/rust-toolchain@{WORKSPACE['rust-version']}"}
+
+
+@pytest.mark.skipif(shutil.which("cargo") is None, reason="cargo is not installed")
+def test_the_wheel_and_the_core_s_tests_share_one_build() -> None:
+    """A feature that the tests alone bring to a crate below the core compiles the core, and that crate, once more for the wheel."""
+
+    def crates(*packages: str) -> set[str]:
+        command = ["cargo", "tree", "--locked", "--offline", "--prefix", "none", "-f", "{p} [{f}]", *packages]
+        done = subprocess.run(command, cwd=PROJECT, capture_output=True, text=True, check=False)
+        if done.returncode:
+            pytest.skip(f"cargo cannot list the crates: {done.stderr[:200]}")
+        return {line.removesuffix(" (*)") for line in done.stdout.splitlines()}
+
+    wheel = crates("-p", "mirror-py", "-e", "normal")
+    tests = crates("-p", "mirror-core", "-p", "mirror-py", "-e", "normal,dev")
+    assert len(wheel) > 50 and sorted(wheel - tests) == []
