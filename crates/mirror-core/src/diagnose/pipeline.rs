@@ -20,6 +20,7 @@ use crate::diagnose::report::seen_markers::seen_markers;
 use crate::diagnose::selection::beside_slips::settle_slips;
 use crate::diagnose::selection::beyond::look_beyond;
 use crate::diagnose::selection::long_session::{on_all_frames, part_of_frames};
+use crate::diagnose::selection::near_ties::from_near_ties;
 use crate::diagnose::selection::pairwise_start::from_a_pair;
 use crate::diagnose::selection::search::{Search, SearchOptions};
 use crate::diagnose::selection::with_setup::{look_again_at_noise, with_or_without_setup};
@@ -64,6 +65,7 @@ pub fn diagnose(
         group: Group::default(),
         options: SearchOptions::of(options.most_causes),
         mask: part.as_deref(),
+        ties: Vec::new(),
     };
     for (slip, std) in settle_slips(&mut search, &nominal)? {
         prepared.moved(&search.problem, slip, std)?;
@@ -81,6 +83,7 @@ pub fn diagnose(
             found.trace.splice(0..0, first);
         }
     }
+    from_near_ties(&mut search, &mut found)?;
     let with_geometry = options.allows("geometry");
     let beyond = look_beyond((&mut search, &mut found), &all, &nominal, setup, with_geometry)?;
 

@@ -6,6 +6,7 @@ pub(super) mod beyond;
 mod candidates;
 pub(super) mod law_remainder;
 pub(super) mod long_session;
+pub(super) mod near_ties;
 pub(super) mod nonparametric;
 pub(super) mod pairwise_start;
 pub(super) mod posterior_odds;

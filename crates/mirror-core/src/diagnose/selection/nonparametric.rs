@@ -107,6 +107,7 @@ pub(crate) fn beside_free_forms<'a>(
         measured_noise: search.measured_noise,
         options: SearchOptions { most_causes, named_only: false, ..search.options.clone() },
         mask: search.mask,
+        ties: Vec::new(),
     };
     let mut best: Option<(Search<'a>, Found)> = None;
     let starts = if enough || terms == 0 { vec![nominal] } else { vec![nominal, &found.fit.model] };

@@ -70,6 +70,8 @@ pub(crate) struct Search<'a> {
     pub measured_noise: Noise,
     pub options: SearchOptions,
     pub mask: Option<&'a [bool]>,
+    /// Causes that were added where another was about as likely, with that other.
+    pub ties: Vec<(usize, Term)>,
 }
 
 impl Search<'_> {
@@ -203,6 +205,9 @@ impl Search<'_> {
             // The likeliest that is a cause: a likelier one whose size is within tolerance leaves the place to the next.
             let mut larger = None;
             let likeliest = refits.first().map_or(0.0, |r| self.log_posterior(r));
+            let as_likely = |r: &&Fit| self.log_posterior(r) >= likeliest - LEAST_LOG_ODDS;
+            let near: Vec<Term> =
+                refits.iter().filter(as_likely).filter_map(|r| r.model.terms.last().cloned()).collect();
             for refit in refits {
                 if self.log_posterior(&refit) < likeliest - LEAST_LOG_ODDS {
                     break;
@@ -224,6 +229,10 @@ impl Search<'_> {
                 }
             }
             let Some(larger) = larger else { break };
+            if let Some(taken) = larger.model.terms.last().map(|t| t.hypothesis) {
+                let others = near.into_iter().filter(|t| t.hypothesis != taken);
+                self.ties.extend(others.map(|other| (taken, other)));
+            }
             best = self.settle(larger, next_noise)?;
             noise = self.effective(&best.model)?;
             best = self.fit(&best.model, noise, SOLVER.final_steps)?;

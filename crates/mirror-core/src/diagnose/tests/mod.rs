@@ -8,6 +8,7 @@ mod column_world;
 #[allow(dead_code)]
 mod gap_world;
 mod jacobians;
+mod near_ties;
 mod places;
 mod principles;
 mod prior;

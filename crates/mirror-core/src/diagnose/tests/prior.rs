@@ -9,9 +9,9 @@ use crate::diagnose::selection::search::{Search, SearchOptions};
 use crate::robot::Robot;
 use std::sync::Arc;
 
-const NOISE: Noise = Noise { corner_px: 0.15, marker_px: 0.15, point_m: 1.0 };
+pub(super) const NOISE: Noise = Noise { corner_px: 0.15, marker_px: 0.15, point_m: 1.0 };
 
-fn search<'a>(problem: &Problem, catalogue: &'a Catalogue) -> Search<'a> {
+pub(super) fn search<'a>(problem: &Problem, catalogue: &'a Catalogue) -> Search<'a> {
     Search {
         problem: problem.clone(),
         catalogue,
@@ -19,6 +19,7 @@ fn search<'a>(problem: &Problem, catalogue: &'a Catalogue) -> Search<'a> {
         measured_noise: NOISE,
         options: SearchOptions::default(),
         mask: None,
+        ties: Vec::new(),
     }
 }
 

@@ -1,0 +1,60 @@
+//! Near ties: one of two causes was taken where they were about as likely. A tilted axis may stand for a zero and a gear at once: it is one cause
+//! too few, and no exchange of one for one leads back from it. So the other of the two is asked what it would be worth with one cause more.
+
+use crate::diagnose::effects::hypothesis::{Model, Term};
+use crate::diagnose::likelihood::fit::Fit;
+use crate::diagnose::model::solver::SOLVER;
+use crate::diagnose::model::work_budget::A_STAGE;
+use crate::diagnose::principles::LEAST_LOG_ODDS;
+use crate::diagnose::selection::nonparametric::log_odds;
+use crate::diagnose::selection::search::{Found, Search};
+use crate::error::Result;
+
+/// The search once more from the other cause of each near tie with which the model would be likelier, where it ends there.
+///
+/// # Errors
+/// A camera or mirror that cannot be.
+pub(crate) fn from_near_ties(search: &mut Search<'_>, found: &mut Found) -> Result<()> {
+    if search.ties.is_empty() {
+        return Ok(());
+    }
+    // What is left so far, and the next stage's share, which has little to do where causes explain all.
+    search.problem.budget.allow(1.0 - A_STAGE);
+    for (taken, other) in core::mem::take(&mut search.ties) {
+        if search.problem.budget.is_spent() {
+            break;
+        }
+        let terms = &found.fit.model.terms;
+        let position = |hypothesis: usize| terms.iter().position(|t| t.hypothesis == hypothesis);
+        let Some(at) = position(taken).filter(|_| position(other.hypothesis).is_none()) else { continue };
+        let name = |hypothesis: usize| search.catalogue.name(&search.problem.scene, hypothesis);
+        let what = format!("from {} instead of {}", name(other.hypothesis), name(taken));
+        let Some(start) = likelier_with(search, found, at, other)? else { continue };
+        let mut again = search.clone();
+        let mut result = again.run(start)?;
+        let odds = log_odds((&again, &result), (search, found))?;
+        found.trace.push(format!("{what}: log odds {odds:.1}"));
+        if odds > 0.0 {
+            result.trace.splice(0..0, core::mem::take(&mut found.trace));
+            (*search, *found) = (again, result);
+        }
+    }
+    // Where the searches from here met others, these lead no farther.
+    search.ties.clear();
+    Ok(())
+}
+
+/// The model with the other cause in place of the one that was taken, and the likeliest further one beside it, where that is likelier than what was
+/// found. Where the two stay as likely they are rivals, and told beside each other.
+fn likelier_with(search: &Search<'_>, found: &Found, at: usize, other: Term) -> Result<Option<Model>> {
+    let mut rest = search.taken_out(&found.fit.model, at, found.noise)?;
+    if rest.terms.len() + 1 >= search.options.most_causes {
+        return Ok(None);
+    }
+    rest.terms.push(other);
+    let here = search.fit_with_slack(&found.fit.model, Some(at), found.noise, 0)?;
+    let exchanged = search.fit(&rest, found.noise, SOLVER.candidate_steps)?;
+    let more = search.candidates(&exchanged.model, found.noise, 1, None)?;
+    let likelier = |fit: &Fit| search.log_posterior(fit) > search.log_posterior(&here) + LEAST_LOG_ODDS;
+    Ok(more.into_iter().find(likelier).map(|fit| fit.model))
+}

@@ -1,0 +1,59 @@
+//! A tie at an early step that one cause more decides: the search leads back from the cause that was taken.
+
+use super::gap_world::{Plan, World, Wrong};
+use super::prior::{NOISE, search};
+use crate::diagnose::effects::hypothesis::{Catalogue, Model};
+use crate::diagnose::effects::vocabulary;
+use crate::diagnose::model::problem::Problem;
+use crate::diagnose::selection::near_ties::from_near_ties;
+use crate::diagnose::selection::search::Found;
+use crate::robot::Robot;
+use std::sync::Arc;
+
+#[test]
+fn what_a_tilt_stands_for_is_found_from_the_zero_that_was_as_likely_once() {
+    let world = World::new(4, true);
+    let robot = Robot::from_urdf_str(&world.urdf()).unwrap();
+    let wrong =
+        vec![Wrong::Offset(world.bone("r_elbow"), 0.03), Wrong::Ratio(world.bone("r_shoulder_yaw"), 0.04)];
+    let plan = Plan { postures: 24, noise_px: 0.15, wrong, ..Plan::default() };
+    let problem = Problem::new(&robot, &world.record(&plan)).unwrap();
+    let catalogue = Catalogue::new(&problem.scene, vocabulary().into_iter().map(Arc::from).collect(), &[]);
+    let named = |name: &str| {
+        (0..catalogue.hypotheses.len()).find(|&h| catalogue.name(&problem.scene, h) == name).unwrap()
+    };
+    let [zero, ratio, tilt, glass] = [
+        "joint_offset@joint:r_elbow",
+        "gear_ratio@joint:r_shoulder_yaw",
+        "axis_tilt@joint:r_shoulder_yaw",
+        "mirror_glass@mirror",
+    ]
+    .map(named);
+    let one = |hypothesis: usize| Model::nominal(&problem).with(&catalogue, hypothesis, 0.0);
+    let from = |taken: usize, other: usize| {
+        let mut search = search(&problem, &catalogue);
+        let noise = search.effective(&one(taken)).unwrap();
+        let fit = search.fit(&one(taken), noise, 6).unwrap();
+        let mut found = Found { fit, noise, trace: Vec::new() };
+        search.ties = vec![(taken, one(other).terms[0].clone())];
+        from_near_ties(&mut search, &mut found).unwrap();
+        assert!(search.ties.is_empty());
+        let mut causes: Vec<usize> = found.fit.model.terms.iter().map(|t| t.hypothesis).collect();
+        causes.sort_unstable();
+        causes
+    };
+    let mut wanted = vec![zero, ratio];
+    wanted.sort_unstable();
+    assert_eq!(from(tilt, zero), wanted);
+    assert!(from(tilt, zero) != from(tilt, tilt), "a cause is no rival of itself");
+    // What was as likely once and leads nowhere changes nothing.
+    let both = search(&problem, &catalogue);
+    let model = one(zero).with(&catalogue, ratio, 0.0);
+    let fit = both.fit(&model, NOISE, 8).unwrap();
+    let mut found = Found { fit, noise: NOISE, trace: Vec::new() };
+    let mut ended = both.clone();
+    ended.ties = vec![(ratio, one(glass).terms[0].clone())];
+    from_near_ties(&mut ended, &mut found).unwrap();
+    assert_eq!(found.fit.model.terms.iter().map(|t| t.hypothesis).collect::<Vec<_>>(), [zero, ratio]);
+    assert!(found.trace.is_empty());
+}
