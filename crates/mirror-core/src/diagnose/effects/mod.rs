@@ -9,7 +9,7 @@ mod axis_tilt;
 mod backlash;
 mod board_mount;
 mod board_scale;
-mod camera_center;
+pub(super) mod camera_center;
 mod camera_focal;
 mod camera_mount;
 mod column_bending;

@@ -1,9 +1,11 @@
-//! The numbers of a mistake that are found beside the causes once more: a zero, a ratio, a delay.
+//! The numbers of a mistake that are found beside the causes once more: a zero, a ratio, a delay, a crop.
 
 use super::mistake::{Mistake, UNITS, in_time};
 use super::told::row_step_s;
 use super::variant::{Variant, seen_joints};
 use crate::diagnose::data::recording::Recording;
+use crate::diagnose::effects::camera_center::CameraCenter;
+use crate::diagnose::effects::{Effect, Place};
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::loose::Loose;
@@ -42,6 +44,17 @@ impl Mistake {
                     of(one, Weight::Position(one.1), FIRST_ESTIMATE_STD, "gear_ratio", "scale_error", factor)
                 })
                 .collect(),
+            Self::Resolution { factor: 1.0, .. } => {
+                let part = |(k, parameter): (usize, &str)| Loose {
+                    column: Column::constant(Atom::Center(k)),
+                    std: CameraCenter.prior_std(&problem.scene, Place::Camera)[k],
+                    effect: self.effect().into(),
+                    at: "camera".into(),
+                    parameter: parameter.into(),
+                    unit: 1.0,
+                };
+                ["du_px", "dv_px"].into_iter().enumerate().map(part).collect()
+            }
             Self::Late { joint, rows, kind } if rows.fract() != 0.0 => {
                 let before = Variant::of(recording, problem);
                 let (unit, parameter) = match row_step_s(recording) {

@@ -120,7 +120,10 @@ pub(crate) fn undone(
         left_out: Vec::new(),
         unsettled: false,
     };
-    if let Some((mistake, odds)) = optics::find(robot, recording, without, &problem.cancel)? {
+    // One of each kind: a picture may be mirrored and of another crop.
+    let mut tried = without.to_vec();
+    while let Some((mistake, odds)) = optics::find(&out.robot, &out.recording, &tried, &problem.cancel)? {
+        tried.push(mistake.effect().to_owned());
         out.undo(&mistake, tempered(odds))?;
     }
     problem.cancel.check()?;

@@ -9,9 +9,11 @@ use super::variant::Variant;
 use super::verify::{Tolerant, smaller};
 use crate::cancel::Cancel;
 use crate::diagnose::data::recording::Recording;
+use crate::diagnose::effects::camera_center::CameraCenter;
+use crate::diagnose::effects::{Effect, Place};
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::prepare::boards::USUAL_CORNER_PX;
-use crate::diagnose::principles::{BEYOND_DOUBT, Prior, Threshold};
+use crate::diagnose::principles::{ABOVE_SCATTER, BEYOND_DOUBT, Prior, SURE_DEVIATIONS, Threshold};
 use crate::error::Result;
 use crate::robot::Robot;
 use nalgebra::Vector2;
@@ -20,6 +22,8 @@ use nalgebra::Vector2;
 const FACTORS: [f64; 8] = [1.25, 4.0 / 3.0, 1.5, 1.6, 2.0, 2.4, 3.0, 4.0];
 /// A mean loss that right optics do not reach, and by which losses of corners and markers together must fall.
 const CLEAR_LOSS: Threshold = 0.5;
+/// What moves the boards' corners beside a crop of the picture: what holds camera and board, the board's print.
+const OF_BOARDS: [&str; 4] = ["camera_center", "camera_mount", "board_mount", "board_scale"];
 /// The loss of a frame whose board no mirror shows.
 const NO_MIRROR: Prior = 8.0;
 
@@ -67,9 +71,27 @@ pub(super) fn find(
             best = Some((gain, mistake));
         }
     }
-    let Some((_, mistake)) = best else { return Ok(None) };
+    let cropped = || crop(&problem).filter(|m| !without.iter().any(|w| w == m.effect()));
+    let Some(mistake) = best.map(|b| b.1).or_else(cropped) else { return Ok(None) };
     let odds = log_odds(robot, &few, &problem, &mistake)?;
     Ok((odds > BEYOND_DOUBT).then_some((mistake, odds)))
+}
+
+/// Another crop of the picture, larger than a centre is usually off, as the boards alone show it: what is wrong with body and markers has no
+/// say, and next to a whole mistake of these the corners' loss, which small errors hardly move, says little. Its numbers stay free in the search.
+fn crop(problem: &Problem) -> Option<Mistake> {
+    let mut boards = problem.clone();
+    boards.frames.iter_mut().for_each(|frame| frame.others.clear());
+    let shown: Vec<usize> = (0..boards.boards.len()).filter(|&f| boards.boards[f].is_some()).collect();
+    let fit = Tolerant::of_effects(&boards, &shown, problem.noise, &OF_BOARDS).ok()?;
+    // Boards that are still far from the noise have something else wrong: a joint between camera and board, say.
+    if fit.noise.corner_px > ABOVE_SCATTER * problem.noise.corner_px {
+        return None;
+    }
+    let offset_px = fit.deformation().center_px;
+    let usual_px = CameraCenter.prior_std(&problem.scene, Place::Camera);
+    let is_large = offset_px.iter().zip(&usual_px).any(|(px, usual)| px.abs() > SURE_DEVIATIONS * usual);
+    is_large.then_some(Mistake::Resolution { factor: 1.0, offset_px })
 }
 
 /// Log odds of a mistake against small errors, these free beside it as well, on the frames in which either can be; infinite where

@@ -135,7 +135,11 @@ pub(crate) fn told(
             "camera_resolution",
             "camera".into(),
             &[("factor", *factor, 0.0), ("du_px", offset_px.x, WHOLE_STD), ("dv_px", offset_px.y, WHOLE_STD)],
-            "the camera's parameters are of another resolution",
+            if *factor == 1.0 {
+                "the camera's parameters are of another crop of the picture"
+            } else {
+                "the camera's parameters are of another resolution"
+            },
         )],
         Mistake::Flipped { flip } => vec![cause(
             "picture_flipped",

@@ -55,10 +55,30 @@ impl Tolerant {
         least: Noise,
         further: Vec<(Column, f64, f64)>,
     ) -> Result<Self> {
-        let effects = vocabulary().into_iter().map(Arc::from).collect();
         // Couplings are as many as pairs of joints: they would explain exchanged columns.
         let without = ["joint_coupling".to_owned(), "stiction".to_owned()];
-        let catalogue = Catalogue::new(&problem.scene, effects, &without);
+        Self::fitted_without(problem, frames, least, &without, further)
+    }
+
+    /// With small errors of these kinds only.
+    ///
+    /// # Errors
+    /// Invalid parameters of camera or mirror.
+    pub fn of_effects(problem: &Problem, frames: &[usize], least: Noise, which: &[&str]) -> Result<Self> {
+        let all = vocabulary().into_iter().map(|effect| effect.name().to_owned());
+        let others: Vec<String> = all.filter(|name| !which.contains(&name.as_str())).collect();
+        Self::fitted_without(problem, frames, least, &others, Vec::new())
+    }
+
+    fn fitted_without(
+        problem: &Problem,
+        frames: &[usize],
+        least: Noise,
+        without: &[String],
+        further: Vec<(Column, f64, f64)>,
+    ) -> Result<Self> {
+        let effects = vocabulary().into_iter().map(Arc::from).collect();
+        let catalogue = Catalogue::new(&problem.scene, effects, without);
         let mut group = Group::default();
         for h in 0..catalogue.hypotheses.len() {
             let count = catalogue.hypotheses[h].prior_std.len();
