@@ -168,6 +168,20 @@ fn a_log_that_stands_still_is_named_with_its_rows() {
 }
 
 #[test]
+fn a_log_that_stands_still_in_most_rows_is_named_in_a_frame_that_nobody_told() {
+    let world = world();
+    let mut recording =
+        world.record_points(&Plan { postures: 70, views: 1, seed: 31, ..Plan::default() }, 3e-4);
+    let (joint, first) = (column(&world, "r_elbow"), 25);
+    let held = recording.frames[first - 1].commanded[joint];
+    recording.frames[first..].iter_mut().for_each(|f| f.commanded[joint] = held);
+    let diagnosis = run(&world, &recording);
+    assert_eq!(named(&diagnosis), ["joint_frozen@joint:r_elbow"], "{:?}", diagnosis.trace);
+    let from = value(&diagnosis, "first_frame");
+    assert!((from - first as f64).abs() <= 2.0, "from row {from}");
+}
+
+#[test]
 fn mirrored_pictures_and_a_camera_file_of_half_the_resolution_are_named() {
     let world = world();
     let mut recording = world.record(&plan(10));

@@ -2,7 +2,7 @@
 
 use crate::gap_world::{Plan, World, Wrong};
 use mirror_core::camera::Camera;
-use mirror_core::diagnose::{DiagnoseOptions, Diagnosis, Recording, diagnose};
+use mirror_core::diagnose::{DiagnoseOptions, Diagnosis, Recording, Target, diagnose};
 use mirror_core::robot::Robot;
 
 fn world() -> World {
@@ -155,4 +155,77 @@ fn a_right_angle_at_a_last_joint_is_told_before_the_mount_that_moves_its_marker_
     let diagnosis = run(&world, &recording);
     assert_eq!(named(&diagnosis), ["joint_offset@joint:l_wrist_1"], "{:?}", diagnosis.trace);
     assert_near(&diagnosis, "joint_offset", "offset_rad", -right_angle, 0.01);
+}
+
+#[test]
+fn exchanged_names_before_a_camera_of_another_crop_are_no_marker_elsewhere() {
+    // On a neck: the boards tell the crop from a camera mounted askew.
+    let world = World::new(4, true);
+    let mut recording = world.record(&plan(49, vec![Wrong::Center(-70.0, -45.0)]));
+    let (a, b) = (1, 2);
+    for sighting in recording.frames.iter_mut().flat_map(|f| &mut f.sightings) {
+        if let Target::Marker(m) = &mut sighting.target {
+            *m = if *m == a {
+                b
+            } else if *m == b {
+                a
+            } else {
+                *m
+            };
+        }
+    }
+    let diagnosis = run(&world, &recording);
+    let swapped = format!("markers_swapped@marker:{}<->marker:{}", world.markers[a].0, world.markers[b].0);
+    assert_eq!(named(&diagnosis), ["camera_resolution@camera".to_owned(), swapped], "{:?}", diagnosis.trace);
+    for (name, px) in [("du_px", -70.0), ("dv_px", -45.0)] {
+        let told =
+            diagnosis.causes.iter().find(|c| c.effect == "camera_resolution").unwrap().parameters[name];
+        assert!((told.value - px).abs() < 4.0 * told.std && told.std < 1.0, "{name}: {told:?}");
+    }
+}
+
+#[test]
+fn pictures_that_are_mirrored_and_cropped_are_both() {
+    let world = world();
+    let mut recording = world.record(&plan(50, vec![Wrong::Center(60.0, 50.0)]));
+    for sighting in recording.frames.iter_mut().flat_map(|f| &mut f.sightings) {
+        sighting.pixel.x = 799.0 - sighting.pixel.x;
+    }
+    let diagnosis = run(&world, &recording);
+    let causes = named(&diagnosis);
+    assert!(causes.contains(&"picture_flipped@camera".to_owned()) && causes.len() == 2, "{causes:?}");
+    assert!(causes[0].starts_with("camera_"), "{causes:?}");
+}
+
+#[test]
+fn names_exchanged_in_a_few_frames_are_named_beside_a_late_column() {
+    let world = world();
+    let mut recording = world.record(&Plan { postures: 160, views: 1, ..plan(51, Vec::new()) });
+    let column = robot(&world).position_index("l_elbow").unwrap();
+    let old: Vec<f64> = recording.frames.iter().map(|f| f.commanded[column]).collect();
+    for f in 2..old.len() {
+        recording.frames[f].commanded[column] = old[f - 2];
+    }
+    let (a, b) = (1, 4);
+    // Mistakes are weighed on one frame of a few: these are nearly all of the others.
+    for frame in recording.frames.iter_mut().skip(3).step_by(16) {
+        for sighting in &mut frame.sightings {
+            if let Target::Marker(m) = &mut sighting.target {
+                *m = if *m == a {
+                    b
+                } else if *m == b {
+                    a
+                } else {
+                    *m
+                };
+            }
+        }
+    }
+    let diagnosis = run(&world, &recording);
+    let causes = named(&diagnosis);
+    assert_eq!(causes.len(), 2, "{causes:?} {:?}", diagnosis.trace);
+    assert!(
+        causes[0] == "joint_late@joint:l_elbow" && causes[1].starts_with("markers_swapped@"),
+        "{causes:?}"
+    );
 }

@@ -53,8 +53,8 @@ pub(super) fn chosen(
     lines: &mut Vec<String>,
 ) -> Result<Choice> {
     let least = session.problem.noise;
-    let frames = spread(&all.postures, FRAMES, 2);
     let tried: Vec<Chain> = core::iter::once(nominal).chain(chains).collect();
+    let frames = weighed_on(all, &tried);
     let mut fits = Vec::new();
     for chain in &tried {
         session.problem.cancel.check()?;
@@ -103,6 +103,20 @@ pub(super) fn chosen(
         .into_iter()
         .collect();
     Ok(Choice { mistakes: tried[best].mistakes.clone(), probability, instead, doubts: Vec::new() })
+}
+
+/// The frames on which chains are weighed: spread over the session, and those in which one of them has names exchanged. Where these are few, none
+/// of them might be among the others, and the mistake would gain nothing.
+fn weighed_on(all: &Session<'_>, tried: &[Chain]) -> Vec<usize> {
+    let mut frames = spread(&all.postures, FRAMES, 2);
+    for mistake in tried.iter().flat_map(|chain| &chain.mistakes) {
+        if let Mistake::MarkersSwapped { frames: exchanged, .. } = mistake {
+            frames.extend(exchanged.iter().step_by(exchanged.len().div_ceil(FRAMES).max(1)));
+        }
+    }
+    frames.sort_unstable();
+    frames.dedup();
+    frames
 }
 
 /// The scatter of what cannot be fitted.
