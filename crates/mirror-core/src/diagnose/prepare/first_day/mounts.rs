@@ -34,7 +34,7 @@ pub(super) fn elsewhere(
         let nodes = (0..problem.scene.nodes()).map(Some).chain([None]);
         let moves = |n: usize| problem.scene.relevant[n] || problem.scene.moves(n);
         // Also on a link whose joint, as the model has the markers, moves none of them.
-        for node in nodes.filter(|n| *n != own && n.is_none_or(|n| moves(n))) {
+        for node in nodes.filter(|n| *n != own && n.is_none_or(&moves)) {
             let site = Site { node, node_from_site: Pose::identity() };
             let sights = sights(problem, misfit, variant, frames, marker, &site);
             if let Some(place) = closest(&sights, misfit.usual_m) {
