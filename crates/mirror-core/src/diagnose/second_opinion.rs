@@ -5,7 +5,8 @@
 //! less on held-out regions. The same goes for rows said to hold other rows' measurement: a joint whose log is a little late looks like that where
 //! it moves to and fro, and the second look is for whole mistakes that do no more than small errors; and where what is left depends on the path or on each posture by
 //! itself, such a look is believed if it explains all. And where a joint's ratio is undone as a whole mistake and found again beside it, the two are one, and where
-//! it comes out as the model's own in the end there is no mistake (nor is there a slip that comes out as none): the session is diagnosed once more without such mistakes, and the first is believed only where the second leaves something unexplained, and more.
+//! it comes out as the model's own in the end there is no mistake: the session is diagnosed once more without such mistakes, and the first is
+//! believed only where the second leaves something unexplained, and more. A slip by fewer than six of its deviations is asked of in the same way.
 
 use crate::diagnose::data::diagnosis::{Cause, Diagnosis, Verdict, Where};
 use crate::diagnose::data::recording::Recording;
@@ -48,7 +49,7 @@ pub fn diagnose(
     let (mut second, _) = pipeline::diagnose(robot, recording, &still, others, doubt.looks_closely())?;
     let no_worse = left(&second) <= left(&first);
     let believed = match doubt {
-        Doubt::Twice | Doubt::NoSlip => no_worse || explains(&second),
+        Doubt::Twice | Doubt::HardlySlipped => no_worse || explains(&second),
         Doubt::Slip | Doubt::Pairing => LEAST_HELD_OUT_RATIO * left(&second) <= left(&first),
         Doubt::Path => no_worse && explains(&second),
     };
@@ -65,7 +66,7 @@ enum Doubt {
     /// A ratio is told twice at one joint, or is that of the model.
     Twice,
     /// A slip by next to nothing, once the causes are known.
-    NoSlip,
+    HardlySlipped,
     /// A slip beside something unexplained.
     Slip,
     /// Rows of their own beside something unexplained.
@@ -81,8 +82,8 @@ impl Doubt {
         if is_told_twice(&first.causes) || is_of_no_size(&first.causes) {
             return Some(Self::Twice);
         }
-        if first.causes.iter().any(has_not_slipped) {
-            return Some(Self::NoSlip);
+        if first.causes.iter().any(hardly_slipped) {
+            return Some(Self::HardlySlipped);
         }
         if explains(first) {
             return None;
@@ -100,7 +101,7 @@ impl Doubt {
     fn without(self) -> Option<&'static str> {
         match self {
             Self::Twice => Some(RATIO.0),
-            Self::NoSlip | Self::Slip => Some(SLIP),
+            Self::HardlySlipped | Self::Slip => Some(SLIP),
             Self::Pairing => Some(PAIRING),
             Self::Path => None,
         }
@@ -116,7 +117,7 @@ impl Doubt {
             Self::Twice => {
                 "a ratio undone as a whole mistake was found again beside it, or to be the model's: it is none"
             }
-            Self::NoSlip => {
+            Self::HardlySlipped => {
                 "what slipped by next to nothing predicts held-out regions no better: nothing has slipped"
             }
             Self::Slip => "a slip leaves no smaller gap on held-out regions: nothing has slipped",
@@ -141,7 +142,7 @@ fn is_of_no_size(causes: &[Cause]) -> bool {
 }
 
 /// Whether it is a slip by so little that its size may be chance, or a part of what another cause moves.
-fn has_not_slipped(cause: &Cause) -> bool {
+fn hardly_slipped(cause: &Cause) -> bool {
     let motion = || cause.parameters.iter().filter(|(name, _)| *name != FIRST_FRAME);
     cause.effect == SLIP
         && motion().count() > 0
@@ -204,9 +205,7 @@ mod tests {
             let parameters = parameters.into_iter().map(|(name, e)| (name.to_owned(), e)).collect();
             Cause { parameters, ..cause(SLIP, "marker:a") }
         };
-        assert!(
-            has_not_slipped(&slip(0.004)) && has_not_slipped(&slip(0.011)) && !has_not_slipped(&slip(0.02))
-        );
-        assert!(!has_not_slipped(&cause("gear_ratio", "joint:a")));
+        assert!(hardly_slipped(&slip(0.004)) && hardly_slipped(&slip(0.011)) && !hardly_slipped(&slip(0.02)));
+        assert!(!hardly_slipped(&cause("gear_ratio", "joint:a")));
     }
 }
