@@ -84,7 +84,11 @@ def board_places(gray: Pixels, corner_count: int, scale: float = 0.5) -> tuple[P
         return ()
     saddles = _saddles(resized(gray, scale))
     found: list[Place] = []
-    groups = [group for ratio in STEP_RATIOS for group in _groups(saddles, LEAST_SHOWN * corner_count, ratio)]
+    least = LEAST_SHOWN * corner_count
+    if len(saddles.place_px) < max(least, NEIGHBOURS + 1):
+        return ()
+    pairs = _pairs(saddles)
+    groups = [group for ratio in STEP_RATIOS for group in _groups(saddles, pairs, least, ratio)]
     for points, step in groups:
         low = (points.min(axis=0) - MARGIN_STEPS * step) / scale
         high = (points.max(axis=0) + MARGIN_STEPS * step + 1.0) / scale
@@ -111,22 +115,24 @@ def _saddles(gray: Pixels) -> _Saddles:
     xx, yy, xy = (cv2.Sobel(smooth, cv2.CV_32F, *order, scale=0.25) for order in ((2, 0), (0, 2), (1, 1)))
     curvature = xy * xy - xx * yy
     window = np.ones((2 * CONTRAST_REACH_PX + 1,) * 2, np.uint8)
-    contrast = cv2.dilate(smooth, window) - cv2.erode(smooth, window)
-    needed = (LEAST_SADDLE * contrast / (np.pi * (BLUR_PX**2 + PIXEL_VARIANCE_PX2))) ** 2
-    least = max(LEAST_CONTRAST, LEAST_CONTRAST_NOISES * _noise_levels(gray))
-    peak = (
-        (curvature >= cv2.dilate(curvature, np.ones((5, 5), np.uint8)))
-        & (curvature > needed)
-        & (contrast > least)
-    )
-    rows, columns = np.nonzero(peak)
-    strength = np.sqrt(curvature[rows, columns])
-    if len(rows) > MOST_SADDLES:
+    most, least = cv2.dilate(smooth, window), cv2.erode(smooth, window)
+    least_contrast = max(LEAST_CONTRAST, LEAST_CONTRAST_NOISES * _noise_levels(gray))
+    # What the least contrast needs leaves some hundred pixels to ask for more.
+    by_contrast = LEAST_SADDLE / (np.pi * (BLUR_PX**2 + PIXEL_VARIANCE_PX2))
+    highest = cv2.dilate(curvature, np.ones((5, 5), np.uint8))
+    bar = np.float32((by_contrast * least_contrast) ** 2)
+    peak = np.flatnonzero((curvature >= highest) & (curvature > bar))
+    strength = curvature.ravel()[peak]
+    contrast = most.ravel()[peak] - least.ravel()[peak]
+    kept = (strength > (by_contrast * contrast) ** 2) & (contrast > least_contrast)
+    peak, strength = peak[kept], np.sqrt(strength[kept])
+    if len(peak) > MOST_SADDLES:
         best = np.argpartition(-strength, MOST_SADDLES)[:MOST_SADDLES]
-        rows, columns, strength = rows[best], columns[best], strength[best]
-    half = 0.5 * (xx - yy)[rows, columns]
-    mixed = xy[rows, columns]
+        peak, strength = peak[best], strength[best]
+    half = 0.5 * (xx.ravel()[peak] - yy.ravel()[peak])
+    mixed = xy.ravel()[peak]
     length = np.maximum(np.hypot(half, mixed), 1e-9)
+    rows, columns = np.divmod(peak, gray.shape[1])
     return _Saddles(
         np.column_stack([columns, rows]).astype(np.float64),
         np.column_stack([half / length, mixed / length]).astype(np.float64),
@@ -141,11 +147,18 @@ def _noise_levels(gray: Pixels) -> float:
     return float(np.median(mixed)) / 0.6745 / 2.0
 
 
-def _groups(saddles: _Saddles, least: float, step_ratio: float) -> list[tuple[FloatArray, float]]:
-    """Saddles joined to neighbours that are turned against them: places (N, 2) and the neighbours' typical distance, of groups with at least so many."""
+@dataclass(frozen=True)
+class _Pairs:
+    """Saddles and those of their neighbours that are turned against them and of like strength, by index, and how far these are away, px."""
+
+    mine: npt.NDArray[np.intp]
+    other: npt.NDArray[np.intp]
+    away: FloatArray
+    nearest: FloatArray
+
+
+def _pairs(saddles: _Saddles) -> _Pairs:
     count = len(saddles.place_px)
-    if count < max(least, NEIGHBOURS + 1):
-        return []
     u, v = saddles.place_px.T
     squares = (u[:, None] - u[None]) ** 2 + (v[:, None] - v[None]) ** 2
     np.fill_diagonal(squares, np.inf)
@@ -159,20 +172,29 @@ def _groups(saddles: _Saddles, least: float, step_ratio: float) -> list[tuple[Fl
     away = np.sqrt(squares[mine, other])
     nearest = np.full(count, np.inf)
     np.minimum.at(nearest, mine, away)
-    steady = away <= step_ratio * np.minimum(nearest[mine], nearest[other])
-    mine, other = mine[steady], other[steady]
+    return _Pairs(mine, other, away, nearest)
+
+
+def _groups(
+    saddles: _Saddles, pairs: _Pairs, least: float, step_ratio: float
+) -> list[tuple[FloatArray, float]]:
+    """Saddles joined to neighbours that are turned against them: places (N, 2) and the neighbours' typical distance, of groups with at least so many."""
+    count = len(saddles.place_px)
+    mine, other, away = pairs.mine, pairs.other, pairs.away
+    steady = away <= step_ratio * np.minimum(pairs.nearest[mine], pairs.nearest[other])
+    mine, other, away = mine[steady], other[steady], away[steady]
     repeated = _repeated(saddles.place_px, mine, other)
-    mine, other = mine[repeated], other[repeated]
+    mine, other, away = mine[repeated], other[repeated], away[repeated]
     for _ in range(ROUNDS):
         partners = np.bincount(mine, minlength=count) >= LEAST_PARTNERS
         kept = partners[mine] & partners[other]
-        mine, other = mine[kept], other[kept]
+        mine, other, away = mine[kept], other[kept], away[kept]
     label = _labels(count, mine, other)
     groups = []
     for one, size in zip(*np.unique(label[np.unique(mine)], return_counts=True), strict=True):
         if size >= least:
             inside = label[mine] == one
-            step = float(np.median(np.sqrt(squares[mine[inside], other[inside]])))
+            step = float(np.median(away[inside]))
             groups.append((saddles.place_px[np.unique(mine[inside])], step))
     return groups
 

@@ -9,8 +9,9 @@ use super::patch::{Patch, Picture};
 use crate::camera::Camera;
 use nalgebra::{Matrix2, Vector2};
 
-/// Rounds of centring the rays and fitting again.
+/// Rounds of centring the rays and fitting again; from the last but one on, no more where centre and radius have moved by less than this, px.
 const ROUNDS: usize = 4;
+const SETTLED_PX: f64 = 0.05;
 /// The patch reaches so far beyond the ball.
 const MARGIN_SHARE: f64 = 1.4;
 const MARGIN_PX: f64 = 16.0;
@@ -130,6 +131,8 @@ pub fn measure_ball(
         let shared = CORRELATION_PX * wide * longer * (1.0 + SMOOTHED_CORRELATION * patch.smoothing_px);
         let correlated = shared * count as f64 / (core::f64::consts::TAU * circle.radius_px);
         let mut cone = fit_cone_from(&points, inlier, &center, camera, correlated, SCATTER_SHARE)?;
+        let moved = (cone.centroid_px - center).norm().max((cone.mean_radius_px - circle.radius_px).abs());
+        let settled = round + 2 >= ROUNDS && moved < SETTLED_PX;
         circle = Circle { center_px: cone.centroid_px, radius_px: cone.mean_radius_px };
         center = cone.centroid_px;
         let agreeing = cone.inlier.iter().filter(|i| **i).count();
@@ -150,6 +153,9 @@ pub fn measure_ball(
             narrow_blur_px: blur.narrowest_px(),
             lens_blur_px: edges.lens_px,
         });
+        if settled {
+            break;
+        }
     }
     measured
         .filter(|ball| ball.cone.mean_radius_px >= range.min_px && ball.cone.mean_radius_px <= range.max_px)
