@@ -36,11 +36,13 @@ pub mod diagnose;
 mod error;
 pub mod geometry;
 pub mod joint;
+mod least_squares;
 pub mod measure;
 pub mod mirror;
 pub mod outline;
 #[cfg(feature = "picture")]
 pub mod picture;
+mod random;
 pub mod robot;
 mod statistics;
 pub mod triangulate;

@@ -4,6 +4,7 @@
 //! (p). A plane meets only its own frame, a point only the frames of its posture. So the planes go first (3×3 each),
 //! then each posture's points (dense, a few dozen), and 6×6 is left: the work is linear in the frames.
 
+use crate::least_squares::scaled_inverse;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix3, Matrix3x6, Matrix6, Vector3, Vector6};
 
 /// What one frame says: its Gauss–Newton matrix and gradient, in units of variance.
@@ -73,13 +74,12 @@ pub(super) struct Solution {
     pub shared_step: Vector6<f64>,
 }
 
-/// A step of all unknowns, and the decrease of the cost that it promises.
+/// A step of all unknowns.
 pub(super) struct Step {
     pub shared: Vector6<f64>,
     pub planes: Vec<Vector3<f64>>,
     /// By posture and slot.
     pub points: Vec<Vec<Vector3<f64>>>,
-    pub decrease: f64,
 }
 
 /// The prior's share of the normal equations of s; `None` holds s.
@@ -99,17 +99,6 @@ fn damped3(matrix: &Matrix3<f64>, damping: f64) -> Matrix3<f64> {
 
 fn inverse3(matrix: &Matrix3<f64>) -> Option<Matrix3<f64>> {
     Some(matrix.cholesky()?.inverse())
-}
-
-/// Inverse of a 6×6 information matrix, scaled to a unit diagonal first: radians and metres differ in size.
-fn inverse6(matrix: &Matrix6<f64>) -> Option<Matrix6<f64>> {
-    let scale = matrix.diagonal().map(|x| 1.0 / x.sqrt());
-    if !scale.iter().all(|x| x.is_finite()) {
-        return None;
-    }
-    let scaled = Matrix6::from_fn(|i, j| matrix[(i, j)] * scale[i] * scale[j]);
-    let inverse = scaled.cholesky()?.inverse();
-    Some(Matrix6::from_fn(|i, j| inverse[(i, j)] * scale[i] * scale[j]))
 }
 
 /// Eliminates and solves; nothing where some unknown is not determined.
@@ -169,7 +158,7 @@ pub(super) fn solve(
         for i in 0..6 {
             reduced[(i, i)] += damping * diagonal[i];
         }
-        let inverse = inverse6(&reduced)?;
+        let (inverse, _) = scaled_inverse(&reduced)?;
         (inverse, -(inverse * gradient))
     } else {
         (Matrix6::zeros(), Vector6::zeros())
@@ -178,8 +167,13 @@ pub(super) fn solve(
 }
 
 impl Solution {
-    /// The step of all unknowns by back-substitution.
-    pub fn step(&self, frames: &[FrameTerms], frames_of: &[Vec<usize>], prior: Option<&SharedTerms>) -> Step {
+    /// The step of all unknowns by back-substitution, and the decrease of the cost that it promises.
+    pub fn step(
+        &self,
+        frames: &[FrameTerms],
+        frames_of: &[Vec<usize>],
+        prior: Option<&SharedTerms>,
+    ) -> (Step, f64) {
         let shared = self.shared_step;
         let mut planes = vec![Vector3::zeros(); frames.len()];
         let mut points = Vec::with_capacity(frames_of.len());
@@ -205,7 +199,7 @@ impl Solution {
             }
             points.push(steps);
         }
-        Step { shared, planes, points, decrease }
+        (Step { shared, planes, points }, decrease)
     }
 
     /// Covariances (of an undamped solution): planes by frame, and points by posture and slot.

@@ -7,6 +7,7 @@ use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::geometry::Plane;
 use crate::geometry::rotation::{difference, hat, log, right_jacobian_inverse};
+use crate::least_squares::{Damping, LeastSquares, Minimum, Stop, minimise};
 use crate::mirror::Via;
 use crate::mirror::{Board, Sphere};
 use nalgebra::{
@@ -15,19 +16,8 @@ use nalgebra::{
 use rayon::prelude::*;
 
 const WHAT: &str = "joint estimate";
-/// Damping starts here when a full Gauss–Newton step fails, as a share of the matrix's diagonal. So small because the direction that
-/// needs damping is a weak one: by yaw alone the transform is known a thousand times worse along one direction than along the
-/// others, its share of the diagonal is 1e-6, and the valley along it is curved.
-const FIRST_DAMPING: f64 = 1e-8;
-/// Factor of the damping after a failed step.
-const DAMPING_RISE: f64 = 10.0;
-/// Divisor of the damping after a good step.
-const DAMPING_FALL: f64 = 4.0;
 /// Steps of the planes alone after a failed step of everything.
 const FOLLOWING_STEPS: usize = 3;
-/// Beyond this damping a step is so short that the cost cannot be lowered in floating point.
-const LARGEST_DAMPING: f64 = 1e12;
-
 /// One marker in one posture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct JointPoint {
@@ -191,13 +181,6 @@ impl Problem<'_> {
         Ok(())
     }
 
-    /// All terms, both cores; the cost with the prior's share.
-    fn evaluate(&self, state: &State, terms: &mut [FrameTerms]) -> Result<f64> {
-        terms.par_iter_mut().enumerate().try_for_each(|(i, t)| self.frame_terms(i, state, t))?;
-        let prior = self.prior(state).map_or(0.0, |(cost, _)| cost);
-        Ok(terms.iter().map(|t| t.cost).sum::<f64>() + prior)
-    }
-
     /// The prior's cost and terms: residual `difference(camera_from_board, nominal)` at the first frame.
     fn prior(&self, state: &State) -> Option<(f64, SharedTerms)> {
         let information = self.information?;
@@ -215,6 +198,37 @@ impl Problem<'_> {
             residual.dot(&(information * residual)),
             SharedTerms { information: jacobian.transpose() * information * jacobian, gradient },
         ))
+    }
+
+    fn solve(&self, terms: &[FrameTerms], prior: Option<&SharedTerms>, damping: f64) -> Option<Solution> {
+        solve(terms, self.frames_of, &self.points_of, prior, damping)
+    }
+}
+
+impl LeastSquares for Problem<'_> {
+    type State = State;
+    type Equations = Vec<FrameTerms>;
+    type Step = Step;
+    const WHAT: &'static str = WHAT;
+    /// It begins so low because the direction that needs damping is a weak one: by yaw alone the transform is known a thousand times worse
+    /// along one direction than along the others, its share of the diagonal is 1e-6, and the valley along it is curved.
+    const DAMPING: Damping = Damping { first: 1e-8, rise: 10.0, fall: 4.0 };
+    /// The covariances are of the equations at the estimate.
+    const LAST_STEP_UNSEEN: bool = false;
+
+    /// All terms, both cores; the cost with the prior's share.
+    fn evaluate(&self, state: &State, terms: &mut Vec<FrameTerms>) -> Result<f64> {
+        terms.par_iter_mut().enumerate().try_for_each(|(i, t)| self.frame_terms(i, state, t))?;
+        let prior = self.prior(state).map_or(0.0, |(cost, _)| cost);
+        Ok(terms.iter().map(|t| t.cost).sum::<f64>() + prior)
+    }
+
+    fn step(&self, state: &State, terms: &Vec<FrameTerms>, damping: f64) -> Result<Option<(Step, f64)>> {
+        // A step that failed since it was cancelled ends here.
+        self.options.cancel.check()?;
+        let prior = self.prior(state).map(|(_, terms)| terms);
+        let solution = self.solve(terms, prior.as_ref(), damping);
+        Ok(solution.map(|s| s.step(terms, self.frames_of, prior.as_ref())))
     }
 
     fn moved(&self, state: &State, step: &Step) -> Result<State> {
@@ -238,16 +252,17 @@ impl Problem<'_> {
         Ok(State { correction, planes, points })
     }
 
-    fn solve(&self, terms: &[FrameTerms], prior: Option<&SharedTerms>, damping: f64) -> Option<Solution> {
-        solve(terms, self.frames_of, &self.points_of, prior, damping)
-    }
-
-    /// A step that failed, given a second chance: the planes follow the transform and the points non-linearly.
+    /// The planes follow the transform and the points non-linearly.
     ///
     /// By yaw alone, the valley of the cost along the weak direction is curved: a long step of the transform is right only
     /// when each plane turns along with it. The planes are one 3×3 problem each, so following is cheap.
-    fn followed(&self, mut next: State, cost: f64, trial: &mut [FrameTerms]) -> Result<(State, f64)> {
-        let mut lower = f64::INFINITY;
+    fn mended(
+        &self,
+        mut next: State,
+        mut lower: f64,
+        cost: f64,
+        trial: &mut Vec<FrameTerms>,
+    ) -> Result<(State, f64)> {
         for _ in 0..FOLLOWING_STEPS {
             for (plane, terms) in next.planes.iter_mut().zip(trial.iter()) {
                 let factor = terms.plane.cholesky().ok_or(Error::Undetermined { what: WHAT })?;
@@ -259,56 +274,6 @@ impl Problem<'_> {
             }
         }
         Ok((next, lower))
-    }
-
-    /// Gauss–Newton, damped after Levenberg and Marquardt where a full step fails.
-    fn minimise(&self, mut state: State) -> Result<(State, Vec<FrameTerms>, f64, usize)> {
-        let mut terms = vec![FrameTerms::zero(); self.frames.len()];
-        let mut trial = terms.clone();
-        let mut cost = self.evaluate(&state, &mut terms)?;
-        let mut damping = 0.0;
-        let mut decrease = f64::INFINITY;
-        for taken in 0..self.options.most_steps {
-            // A step that failed since it was cancelled ends here.
-            self.options.cancel.check()?;
-            let prior = self.prior(&state).map(|(_, terms)| terms);
-            let raise = |damping: f64| (damping * DAMPING_RISE).max(FIRST_DAMPING);
-            let Some(solution) = self.solve(&terms, prior.as_ref(), damping) else {
-                if damping > LARGEST_DAMPING {
-                    return Err(Error::Undetermined { what: WHAT });
-                }
-                damping = raise(damping);
-                continue;
-            };
-            let step = solution.step(&terms, self.frames_of, prior.as_ref());
-            decrease = step.decrease;
-            let candidate = self.moved(&state, &step).and_then(|next| {
-                let lower = self.evaluate(&next, &mut trial)?;
-                if lower <= cost { Ok((next, lower)) } else { self.followed(next, cost, &mut trial) }
-            });
-            match candidate {
-                Ok((next, lower)) if lower <= cost => {
-                    state = next;
-                    cost = lower;
-                    std::mem::swap(&mut terms, &mut trial);
-                    if damping == 0.0 && decrease <= self.options.least_decrease {
-                        return Ok((state, terms, cost, taken + 1));
-                    }
-                    damping = if damping > FIRST_DAMPING { damping / DAMPING_FALL } else { 0.0 };
-                }
-                // Nothing can be gained but rounding: this is the minimum.
-                _ if decrease <= self.options.least_decrease || damping > LARGEST_DAMPING => {
-                    return Ok((state, terms, cost, taken + 1));
-                }
-                _ => damping = raise(damping),
-            }
-        }
-        Err(Error::NotConverged {
-            what: WHAT,
-            steps: self.options.most_steps,
-            last_step: decrease,
-            needed: self.options.least_decrease,
-        })
     }
 }
 
@@ -385,7 +350,10 @@ pub(crate) fn adjust(
         return Err(Error::Undetermined { what: WHAT });
     }
     let begin = State { correction: start.correction, planes: start.planes, points };
-    let (state, terms, chi_squared, steps) = problem.minimise(begin)?;
+    let stop = Stop { steps: options.most_steps, decrease: options.least_decrease };
+    let places = std::array::from_fn(|_| vec![FrameTerms::zero(); frames.len()]);
+    let Minimum { state, equations: terms, cost: chi_squared, steps } =
+        minimise(&problem, begin, places, stop)?;
     let prior = problem.prior(&state).map(|(_, terms)| terms);
     let solution = problem.solve(&terms, prior.as_ref(), 0.0).ok_or(Error::Undetermined { what: WHAT })?;
     let (plane_covariances_m2, point_covariances) = solution.covariances(&terms, layout_frames_of);

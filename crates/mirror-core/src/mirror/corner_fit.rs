@@ -1,10 +1,10 @@
 //! One fit of a few parameters to a view's corners: shared by the planar pose and the maximum-likelihood plane.
 
 use super::board::SeenCorner;
-use super::least_squares::{Normal, inverse_information, minimise};
 use super::loss::Loss;
 use super::options::EstimatorOptions;
-use crate::error::Result;
+use crate::error::{Error, Result};
+use crate::least_squares::{Damping, LeastSquares, Normal, inverse_information, minimise};
 use nalgebra::{Const, DimMin, SMatrix, SVector, Vector2};
 
 /// Median of the length of a two-dimensional standard normal vector, `√(2 ln 2)`.
@@ -85,6 +85,45 @@ fn median_noise<const P: usize, M: CornerModel<P>>(
     Ok((lengths[lengths.len() / 2] / RAYLEIGH_MEDIAN * (seen / left).sqrt()).max(SMALLEST_NOISE_PX))
 }
 
+/// A model, its corners, and how their residuals count.
+struct Fit<'a, const P: usize, M> {
+    model: &'a M,
+    corners: &'a [SeenCorner],
+    loss: Loss,
+    noise_px: f64,
+}
+
+impl<const P: usize, M: CornerModel<P>> LeastSquares for Fit<'_, P, M>
+where
+    Const<P>: DimMin<Const<P>, Output = Const<P>>,
+{
+    type State = M::State;
+    type Equations = Normal<P>;
+    type Step = SVector<f64, P>;
+    const WHAT: &'static str = M::WHAT;
+    const DAMPING: Damping = Damping { first: 1e-3, rise: 10.0, fall: 10.0 };
+    const LAST_STEP_UNSEEN: bool = true;
+
+    fn evaluate(&self, state: &M::State, equations: &mut Normal<P>) -> Result<f64> {
+        *equations = accumulate(self.model, self.corners, state, self.loss, self.noise_px)?;
+        Ok(equations.cost)
+    }
+
+    fn step(
+        &self,
+        _: &M::State,
+        equations: &Normal<P>,
+        damping: f64,
+    ) -> Result<Option<(SVector<f64, P>, f64)>> {
+        // Corners that leave a parameter open are no case for damping.
+        equations.step(damping).map(Some).ok_or(Error::Undetermined { what: M::WHAT })
+    }
+
+    fn moved(&self, state: &M::State, step: &SVector<f64, P>) -> Result<M::State> {
+        self.model.moved(state, step)
+    }
+}
+
 /// Fits: the state and the noise of one axis, px (given, or estimated from the residual).
 pub(crate) fn fit_state<const P: usize, M: CornerModel<P>>(
     model: &M,
@@ -96,13 +135,8 @@ where
     Const<P>: DimMin<Const<P>, Output = Const<P>>,
 {
     let run = |start: M::State, loss: Loss, noise_px: f64| {
-        minimise(
-            M::WHAT,
-            start,
-            options.stop(),
-            |s| accumulate(model, corners, s, loss, noise_px),
-            |s, step| model.moved(s, step),
-        )
+        let places = [Normal::zero(), Normal::zero()];
+        minimise(&Fit { model, corners, loss, noise_px }, start, places, options.stop())
     };
     match (options.loss, options.noise_px) {
         (Loss::Squared, _) => {

@@ -3,7 +3,6 @@
 use super::board::{BoardView, SeenCorner};
 use super::corner_fit::{CornerModel, Predicted, effective_variance, fit_state};
 use super::estimate::{Found, MirrorEstimate, MirrorEstimator, before_both};
-use super::least_squares::inverse_information;
 use super::optics::MirrorOptics;
 use super::options::EstimatorOptions;
 use super::planar_start::closed_form_poses;
@@ -11,6 +10,7 @@ use super::rig::Rig;
 use crate::camera::Camera;
 use crate::error::Result;
 use crate::geometry::Plane;
+use crate::least_squares::inverse_information;
 use nalgebra::{Matrix3, Point3, SMatrix, Vector3};
 
 struct PlaneModel<'a> {

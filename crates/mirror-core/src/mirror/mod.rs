@@ -12,7 +12,6 @@ mod curved;
 mod estimate;
 mod estimators;
 mod glass;
-mod least_squares;
 mod likelihood;
 mod loss;
 mod optics;

@@ -1,8 +1,8 @@
 //! Options that all estimators of this module share.
 
-use super::least_squares::Stop;
 use super::loss::Loss;
 use crate::error::{Result, positive};
+use crate::least_squares::Stop;
 
 /// Gauss–Newton from the closed forms takes 2 to 5 steps; an ambiguous pose seen from far may take 20.
 const MOST_STEPS: usize = 60;

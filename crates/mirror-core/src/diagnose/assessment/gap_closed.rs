@@ -7,6 +7,7 @@ use crate::diagnose::assessment::noise_floor::Floor;
 use crate::diagnose::criteria::cross_validation::{PostureGap, size};
 use crate::diagnose::data::diagnosis::{Checked, Gap};
 use crate::diagnose::principles::{FEWEST_POSTURES, LEAST_HELD_OUT_RATIO, Size};
+use crate::random::Random;
 use std::collections::HashMap;
 
 /// Bootstrap resamples over postures.
@@ -74,7 +75,7 @@ fn interval(
     if rows.len() < FEWEST_POSTURES {
         return None;
     }
-    let mut random = Random::new();
+    let mut random = Random::new(0x2545_F491_4F6C_DD1D);
     let mut values: Vec<f64> = (0..RESAMPLES)
         .filter_map(|_| {
             let picked: Vec<[PostureGap; 3]> =
@@ -87,28 +88,4 @@ fn interval(
     values.sort_by(f64::total_cmp);
     let at = |share: f64| values.get(((values.len() as f64 - 1.0) * share).round() as usize).copied();
     Some([at(0.025)?.min(1.0), at(0.975)?.min(1.0)])
-}
-
-/// Numbers from a linear congruential generator (Knuth, MMIX): resampling needs no more.
-struct Random(u64);
-
-impl Random {
-    fn new() -> Self {
-        Self(0x2545_F491_4F6C_DD1D)
-    }
-
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        self.0 >> 33
-    }
-
-    fn below(&mut self, count: usize) -> usize {
-        self.next() as usize % count
-    }
-
-    /// Standard normal: twelve uniform numbers less their mean.
-    fn normal(&mut self) -> f64 {
-        let uniform = |n: u64| n as f64 / (1u64 << 31) as f64;
-        (0..12).map(|_| uniform(self.next())).sum::<f64>() - 6.0
-    }
 }

@@ -156,6 +156,7 @@ fn noncentral_deviate(x: f64, k: f64, lambda: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::random::Random;
 
     #[test]
     fn a_gain_exceeds_its_bound_as_often_as_is_claimed() {
@@ -165,15 +166,8 @@ mod tests {
             assert!((shift - 1.645).abs() < 0.03, "{bound}: {shift}");
         }
         // Of several it is sampled: squares of normals of a plain generator.
-        let mut state = 7_u64;
-        let mut normal = || {
-            let mut sum = -6.0;
-            for _ in 0..12 {
-                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-                sum += (state >> 33) as f64 / (1_u64 << 31) as f64;
-            }
-            sum
-        };
+        let mut random = Random::new(7);
+        let mut normal = || random.normal();
         for (bound, k) in [(20.0, 3), (45.0, 6)] {
             let shift = noncentrality(bound, f64::from(k)).sqrt();
             let draws = 20_000;

@@ -11,6 +11,7 @@ use crate::diagnose::model::problem::Problem;
 use crate::diagnose::model::scene::Scene;
 use crate::diagnose::principles::{Grid, Size};
 use crate::error::Result;
+use crate::random::Random;
 use crate::robot::Robot;
 use nalgebra::{Point3, Vector3};
 
@@ -74,12 +75,9 @@ impl Draws {
     /// A recording that is not valid.
     pub fn new(robot: &Robot, recording: &Recording, session: &Problem) -> Result<Self> {
         let ranges = ranges(robot, &session.scene, recording);
-        // A fixed generator (Knuth, MMIX): the same session always gets the same proposal.
-        let mut state: u64 = 0x9E37_79B9_7F4A_7C15;
-        let mut unit = || {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (state >> 11) as f64 / (1u64 << 53) as f64
-        };
+        // The same session always gets the same proposal.
+        let mut random = Random::new(0x9E37_79B9_7F4A_7C15);
+        let mut unit = || random.unit();
         let held: Vec<f64> = (0..ranges.len())
             .map(|k| {
                 let mut visited: Vec<f64> = recording.frames.iter().map(|f| f.commanded[k]).collect();

@@ -1,0 +1,265 @@
+//! The loop of all non-linear least squares: Gauss–Newton, damped after Levenberg (1944) and Marquardt (1963) where a full step fails.
+//!
+//! A problem says what its equations are and how they are solved ([`LeastSquares`]); [`minimise`] says when a step is taken, when it is
+//! damped, and when the way ends. A few unknowns have [`Normal`] equations, without allocation; the joint estimate eliminates planes and
+//! markers from its own.
+
+use crate::error::{Error, Result};
+use nalgebra::{Const, DimMin, SMatrix, SVector};
+
+/// Beyond this damping a step is so short that the cost cannot be lowered in floating point.
+const LARGEST_DAMPING: f64 = 1e12;
+/// A determinant this many times smaller than the product of the diagonal means no information in some direction.
+const SINGULAR_RATIO: f64 = 1e-24;
+
+/// How the damping, a share of the information matrix's diagonal, rises and falls. A full Gauss–Newton step has none.
+pub(crate) struct Damping {
+    /// After the first step that fails.
+    pub first: f64,
+    /// Factor after each further step that fails.
+    pub rise: f64,
+    /// Divisor after a good step.
+    pub fall: f64,
+}
+
+/// When to stop.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Stop {
+    pub steps: usize,
+    /// On the predicted decrease of the cost, in its units.
+    pub decrease: f64,
+}
+
+/// A sum of squares to be minimised.
+pub(crate) trait LeastSquares {
+    type State;
+    /// The linear equations at a state.
+    type Equations;
+    type Step;
+    const WHAT: &'static str;
+    const DAMPING: Damping;
+    /// The last step promises next to nothing and only comes nearer: it is taken without a look at its equations, which then are those of the
+    /// state before it.
+    const LAST_STEP_UNSEEN: bool;
+
+    /// Writes the equations at a state and returns its cost; refuses states outside its domain, which counts as a failed step.
+    fn evaluate(&self, state: &Self::State, equations: &mut Self::Equations) -> Result<f64>;
+    /// The damped step and the decrease of the cost that it promises; None where more damping may help.
+    fn step(
+        &self,
+        state: &Self::State,
+        equations: &Self::Equations,
+        damping: f64,
+    ) -> Result<Option<(Self::Step, f64)>>;
+    fn moved(&self, state: &Self::State, step: &Self::Step) -> Result<Self::State>;
+    /// A second chance for a state that is no better than `cost`: what it can be made to, with its equations and its cost.
+    fn mended(
+        &self,
+        next: Self::State,
+        lower: f64,
+        _cost: f64,
+        _equations: &mut Self::Equations,
+    ) -> Result<(Self::State, f64)> {
+        Ok((next, lower))
+    }
+}
+
+pub(crate) struct Minimum<S, E> {
+    pub state: S,
+    pub equations: E,
+    pub cost: f64,
+    /// Steps taken.
+    pub steps: usize,
+}
+
+/// Minimises from a start; `equations` is two places for them.
+///
+/// # Errors
+/// [`Error::Undetermined`] and [`Error::NotConverged`]; those of the start's evaluation, and of [`LeastSquares::step`].
+pub(crate) fn minimise<L: LeastSquares>(
+    problem: &L,
+    start: L::State,
+    equations: [L::Equations; 2],
+    stop: Stop,
+) -> Result<Minimum<L::State, L::Equations>> {
+    let undetermined = || Error::Undetermined { what: L::WHAT };
+    let mut state = start;
+    let [mut equations, mut trial] = equations;
+    let mut cost = problem.evaluate(&state, &mut equations)?;
+    let mut damping = 0.0;
+    let mut decrease = f64::INFINITY;
+    let raised = |damping: f64| (damping * L::DAMPING.rise).max(L::DAMPING.first);
+    for taken in 1..=stop.steps {
+        let Some((step, promised)) = problem.step(&state, &equations, damping)? else {
+            if damping > LARGEST_DAMPING {
+                return Err(undetermined());
+            }
+            damping = raised(damping);
+            continue;
+        };
+        decrease = promised;
+        if !decrease.is_finite() {
+            return Err(undetermined());
+        }
+        let last = decrease <= stop.decrease;
+        let candidate = problem.moved(&state, &step);
+        if L::LAST_STEP_UNSEEN && damping == 0.0 && last {
+            return Ok(Minimum {
+                state: candidate?,
+                equations,
+                cost: (cost - decrease).max(0.0),
+                steps: taken,
+            });
+        }
+        let better = candidate.and_then(|next| {
+            let lower = problem.evaluate(&next, &mut trial)?;
+            if lower <= cost { Ok((next, lower)) } else { problem.mended(next, lower, cost, &mut trial) }
+        });
+        match better {
+            Ok((next, lower)) if lower <= cost => {
+                (state, cost) = (next, lower);
+                std::mem::swap(&mut equations, &mut trial);
+                if damping == 0.0 && last {
+                    return Ok(Minimum { state, equations, cost, steps: taken });
+                }
+                damping = if damping > L::DAMPING.first { damping / L::DAMPING.fall } else { 0.0 };
+            }
+            // Nothing can be gained but rounding: this is the minimum.
+            _ if last || damping > LARGEST_DAMPING => {
+                return Ok(Minimum { state, equations, cost, steps: taken });
+            }
+            _ => damping = raised(damping),
+        }
+    }
+    Err(Error::NotConverged { what: L::WHAT, steps: stop.steps, last_step: decrease, needed: stop.decrease })
+}
+
+/// The cost `Σ ρ(e)` with its gradient `Σ Jᵀ ψ(e)` and Gauss–Newton matrix `Σ w Jᵀ J`.
+#[derive(Clone)]
+pub(crate) struct Normal<const P: usize> {
+    pub cost: f64,
+    pub gradient: SVector<f64, P>,
+    pub information: SMatrix<f64, P, P>,
+}
+
+impl<const P: usize> Normal<P> {
+    pub fn zero() -> Self {
+        Self { cost: 0.0, gradient: SVector::zeros(), information: SMatrix::zeros() }
+    }
+
+    /// The damped step and the decrease of the cost that it promises.
+    pub fn step(&self, damping: f64) -> Option<(SVector<f64, P>, f64)>
+    where
+        Const<P>: DimMin<Const<P>, Output = Const<P>>,
+    {
+        let mut damped = self.information;
+        for i in 0..P {
+            damped[(i, i)] *= 1.0 + damping;
+        }
+        let step = -damped.cholesky()?.solve(&self.gradient);
+        Some((step, -step.dot(&self.gradient)))
+    }
+}
+
+/// The inverse of an information matrix.
+///
+/// # Errors
+/// [`Error::Undetermined`] where it is singular to working precision.
+pub(crate) fn inverse_information<const P: usize>(
+    what: &'static str,
+    information: &SMatrix<f64, P, P>,
+) -> Result<SMatrix<f64, P, P>> {
+    let (inverse, determinant) = scaled_inverse(information).ok_or(Error::Undetermined { what })?;
+    if determinant < SINGULAR_RATIO {
+        return Err(Error::Undetermined { what });
+    }
+    Ok(inverse)
+}
+
+/// The inverse of an information matrix, scaled to a unit diagonal first (radians and metres differ in size, not in worth), and the
+/// determinant of the scaled one; None where it is not positive definite.
+pub(crate) fn scaled_inverse<const P: usize>(
+    information: &SMatrix<f64, P, P>,
+) -> Option<(SMatrix<f64, P, P>, f64)> {
+    let scale = SVector::<f64, P>::from_fn(|i, _| information[(i, i)].sqrt());
+    if !scale.iter().all(|s| *s > 0.0 && s.is_finite()) {
+        return None;
+    }
+    let scaled = SMatrix::<f64, P, P>::from_fn(|i, j| information[(i, j)] / (scale[i] * scale[j]));
+    let factor = scaled.cholesky()?;
+    let determinant = (0..P).map(|i| factor.l_dirty()[(i, i)].powi(2)).product();
+    let inverse = factor.inverse();
+    Some((SMatrix::from_fn(|i, j| inverse[(i, j)] / (scale[i] * scale[j])), determinant))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{Matrix2, Vector2};
+
+    /// Rosenbrock's valley, `(1 − x)² + 100 (y − x²)²`: full steps along its curved floor go astray.
+    struct Valley {
+        /// 0 leaves y open.
+        weight: f64,
+    }
+
+    impl LeastSquares for Valley {
+        type State = Vector2<f64>;
+        type Equations = Normal<2>;
+        type Step = Vector2<f64>;
+        const WHAT: &'static str = "valley";
+        const DAMPING: Damping = Damping { first: 1e-3, rise: 10.0, fall: 10.0 };
+        const LAST_STEP_UNSEEN: bool = false;
+
+        fn evaluate(&self, at: &Vector2<f64>, normal: &mut Normal<2>) -> Result<f64> {
+            let residual = Vector2::new(1.0 - at.x, self.weight * (at.y - at.x * at.x));
+            let jacobian = Matrix2::new(-1.0, 0.0, -2.0 * self.weight * at.x, self.weight);
+            normal.gradient = jacobian.transpose() * residual;
+            normal.information = jacobian.transpose() * jacobian;
+            Ok(residual.norm_squared())
+        }
+
+        fn step(
+            &self,
+            _: &Vector2<f64>,
+            normal: &Normal<2>,
+            damping: f64,
+        ) -> Result<Option<(Vector2<f64>, f64)>> {
+            Ok(normal.step(damping))
+        }
+
+        fn moved(&self, at: &Vector2<f64>, step: &Vector2<f64>) -> Result<Vector2<f64>> {
+            Ok(at + step)
+        }
+    }
+
+    fn descend(weight: f64, steps: usize) -> Result<Minimum<Vector2<f64>, Normal<2>>> {
+        let places = [Normal::zero(), Normal::zero()];
+        minimise(&Valley { weight }, Vector2::new(-1.2, 1.0), places, Stop { steps, decrease: 1e-20 })
+    }
+
+    #[test]
+    fn a_curved_valley_is_followed_to_its_end() {
+        let found = descend(10.0, 60).unwrap();
+        assert!((found.state - Vector2::new(1.0, 1.0)).norm() < 1e-9, "{}", found.state);
+        assert!(found.cost < 1e-18 && found.equations.gradient.norm() < 1e-8);
+        // Full steps alone would jump across it in three.
+        assert!((20..60).contains(&found.steps), "{}", found.steps);
+    }
+
+    #[test]
+    fn too_few_steps_and_an_open_direction_are_said() {
+        assert!(matches!(descend(10.0, 3), Err(Error::NotConverged { what: "valley", steps: 3, .. })));
+        assert!(matches!(descend(0.0, 60), Err(Error::Undetermined { what: "valley" })));
+    }
+
+    #[test]
+    fn an_inverse_is_taken_of_radians_beside_metres() {
+        let information = Matrix2::new(1e14, 3.0, 3.0, 1e-12);
+        let inverse = inverse_information("pair", &information).unwrap();
+        let exact = Matrix2::new(1e-12, -3.0, -3.0, 1e14) / 91.0;
+        assert!(inverse.iter().zip(&exact).all(|(a, b)| (a / b - 1.0).abs() < 1e-9), "{inverse}");
+        let singular = Matrix2::new(1.0, 1.0, 1.0, 1.0 + 1e-16);
+        assert!(inverse_information("pair", &singular).is_err());
+    }
+}
