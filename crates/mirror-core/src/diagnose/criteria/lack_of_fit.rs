@@ -3,12 +3,19 @@
 use crate::diagnose::likelihood::saturated::free_markers;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::problem::{Noise, Problem};
-use crate::diagnose::principles::{A_GAP, FAR_DEVIATIONS, Threshold};
+use crate::diagnose::principles::{A_GAP, FAR_DEVIATIONS, FEWEST_REDUNDANT_ROWS, Guard, Prior, Threshold};
 use crate::error::Result;
 use crate::statistics::{normal_quantile, reduced_chi_squared_at};
 
 /// Quantile of the postures' misfit that is compared with that of χ².
 const QUANTILE: Threshold = 0.7;
+/// Postures of which free markers take up less than this many degrees of freedom tell nothing of the fit.
+const LEAST_TAKEN: Guard = 0.5;
+/// With no more redundant rows than this the noise is the stated one, and
+const FEW_LEFT: Threshold = FEWEST_REDUNDANT_ROWS / 2.0;
+/// its variance is taken to be known as from a hundred rows.
+const STATED_SCATTER: Prior = 0.02;
+
 /// What a remainder must have, as a share of the noise's variance: it must be a gap, and far from 0 by its own scatter. Smaller ones are
 /// real but do not matter.
 pub(crate) fn noticeable_excess() -> f64 {
@@ -33,7 +40,7 @@ pub(crate) fn adequacy(problem: &Problem, deformation: &Deformation, noise: Nois
     let ratio = |p: &crate::diagnose::likelihood::saturated::FreePosture| {
         (p.chi2_predicted - p.chi2_free) / p.freedom_taken.max(1e-9)
     };
-    postures.retain(|p| p.freedom_taken > 0.5);
+    postures.retain(|p| p.freedom_taken > LEAST_TAKEN);
     postures.sort_by(|a, b| ratio(a).total_cmp(&ratio(b)));
     // A quantile instead of a sum: postures with false observations, or that had not settled, lie beyond it.
     let at = ((postures.len() as f64 * QUANTILE) as usize).min(postures.len().saturating_sub(1));
@@ -44,7 +51,7 @@ pub(crate) fn adequacy(problem: &Problem, deformation: &Deformation, noise: Nois
     let kept = &postures;
     let left: f64 = kept.iter().map(|p| p.freedom_left.max(0.0)).sum();
     // The noise is itself known from as many degrees as the views leave.
-    let scatter = (2.0 / taken.max(1.0) + if left > 20.0 { 2.0 / left } else { 0.02 }).sqrt();
+    let scatter = (2.0 / taken.max(1.0) + if left > FEW_LEFT { 2.0 / left } else { STATED_SCATTER }).sqrt();
     let corner_excess = crate::diagnose::likelihood::noise::corner_excess(problem, deformation, noise)?;
     Ok(Adequacy {
         excess,

@@ -14,6 +14,10 @@ use rayon::prelude::*;
 
 /// Noise below this is not believed (px): the tables are rounded at 1e-4 px, and noise-free sessions must not divide by 0.
 const LEAST_PIXEL_STD_PX: Guard = 0.005;
+/// Rows of a posture whose free markers leave less than this many of them over say nothing of the noise.
+const LEAST_LEFT: Guard = 1.5;
+/// Corners beside the mirror's three numbers that a board must have to tell what its optics leave.
+const LEAST_OF_A_BOARD: Guard = 1.0;
 /// A noise that fell by no more than this factor is as it was.
 pub(crate) const SETTLED: Guard = 0.9;
 
@@ -36,8 +40,10 @@ pub(crate) fn estimate(problem: &Problem, deformation: &Deformation, stated: Noi
         for _ in 0..3 {
             let postures = free_markers(problem, deformation, noise, true, None)?;
             let redundant: f64 = postures.iter().map(|p| p.freedom_left).sum();
-            let ratios =
-                postures.iter().filter(|p| p.freedom_left > 1.5).map(|p| (p.chi2_free, p.freedom_left));
+            let ratios = postures
+                .iter()
+                .filter(|p| p.freedom_left > LEAST_LEFT)
+                .map(|p| (p.chi2_free, p.freedom_left));
             if redundant < FEWEST_REDUNDANT_ROWS {
                 break;
             }
@@ -200,7 +206,7 @@ pub(crate) fn corner_excess(problem: &Problem, deformation: &Deformation, noise:
             },
         )
         .flatten()
-        .filter(|(_, freedom)| *freedom > 1.0)
+        .filter(|(_, freedom)| *freedom > LEAST_OF_A_BOARD)
         .collect();
     Ok(median_variance(groups).map_or(0.0, |v| v / noise.corner_px.powi(2) - 1.0))
 }

@@ -13,6 +13,11 @@ const OUTLYING_SHARE: Threshold = 0.6;
 /// Of fewer errors than this one is easily the largest by far.
 const FEWEST: Count = 5;
 
+/// Whether an error of so many is too large to be one of them, by its square and the sum of all squares.
+pub(crate) fn outweighs(square: f64, total: f64, errors: usize) -> bool {
+    errors >= FEWEST && square > OUTLYING_SHARE * total.max(1e-30)
+}
+
 /// Takes the one error that outweighs all others of its kind (lengths, angles) out of the group's values and names it as a cause
 /// of its own; false where there is none.
 pub(crate) fn name_outlying(geometry: &Geometry, catalogue: &Catalogue, model: &mut Model) -> bool {
@@ -30,7 +35,7 @@ pub(crate) fn name_outlying(geometry: &Geometry, catalogue: &Catalogue, model: &
     let outlying = errors.iter().find(|(h, (its_kind, columns))| {
         let known = model.terms.iter().any(|t| t.hypothesis == **h);
         let others = errors.values().filter(|(kind, _)| kind == its_kind).count();
-        !known && others >= FEWEST && square(columns) > OUTLYING_SHARE * totals[*its_kind].max(1e-30)
+        !known && outweighs(square(columns), totals[*its_kind], others)
     });
     let Some((&hypothesis, (_, columns))) = outlying else { return false };
     // Several joints of one link may each have a shift of their own there: no single cause is all of these.

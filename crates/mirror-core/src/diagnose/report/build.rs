@@ -19,7 +19,7 @@ use crate::diagnose::likelihood::score_test::Score;
 use crate::diagnose::model::elementary::Atom;
 use crate::diagnose::prepare::row_slip::WHOLE_STD;
 use crate::diagnose::principles::{
-    Count, FEWEST_REDUNDANT_ROWS, Grid, LEAST_LOG_ODDS, SURE_DEVIATIONS, Size,
+    Count, FEWEST_REDUNDANT_ROWS, Grid, LEAST_LOG_ODDS, SURE_DEVIATIONS, Size, Threshold,
 };
 use crate::diagnose::random_effects::displaced::log_bayes;
 use crate::diagnose::random_effects::geometric_tolerances::{Geometry, Kind};
@@ -35,6 +35,8 @@ use crate::error::Result;
 use crate::robot::Robot;
 use std::collections::BTreeMap;
 
+/// The droop of a servo that sticks is told as a cause of its own where, at the largest load, it is more than this share of the dead band.
+const DROOP_BESIDE_BAND: Threshold = 0.1;
 /// With fewer postures than this little can be told apart: one marker, two rows a posture, does not tell its variance then.
 const FEW_POSTURES: Count = FEWEST_REDUNDANT_ROWS as usize / 2;
 /// Hypotheses of the ranking that are written.
@@ -206,7 +208,7 @@ fn causes(
         // The servo's own droop, told apart: `effects.md` calls it joint_compliance at the same joint.
         if let Some(droop) = droop.filter(|d| d.value > SURE_DEVIATIONS * d.std) {
             let largest = place.node().map_or(0.0, |n| scene.largest_torque(n));
-            if droop.value * largest > 0.1 * term.parameters[0] {
+            if droop.value * largest > DROOP_BESIDE_BAND * term.parameters[0] {
                 let cause = Cause {
                     effect: "joint_compliance".into(),
                     at: place.name(scene),

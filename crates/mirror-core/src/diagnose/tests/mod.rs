@@ -14,3 +14,4 @@ mod principles;
 mod prior;
 mod shortcuts;
 mod statistics;
+mod thresholds;

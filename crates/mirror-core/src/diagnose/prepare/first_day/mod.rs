@@ -22,6 +22,8 @@ mod mistake;
 mod mounts;
 mod optics;
 mod outlying;
+#[cfg(test)]
+mod tests;
 mod told;
 mod variant;
 mod verify;

@@ -1,0 +1,108 @@
+//! What is gross, clear and no single observation's matter: on sessions that a move of a threshold by a factor of two decides otherwise.
+
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+#[path = "../../../../../../tests/rust/gap_world/mod.rs"]
+#[allow(dead_code)]
+mod gap_world;
+
+use super::alternatives::Session;
+use super::misfit::Misfit;
+use super::mistake::Mistake;
+use super::variant::Variant;
+use super::{Chain, outlying};
+use crate::diagnose::data::recording::{Recording, Target};
+use crate::diagnose::model::problem::{Noise, Problem};
+use crate::robot::Robot;
+use gap_world::{Plan, World, Wrong};
+use nalgebra::Vector2;
+
+const PLAN: Plan = Plan { postures: 12, views: 2, noise_px: 0.05, seed: 1, wrong: Vec::new() };
+
+fn problem_of(world: &World, recording: &Recording) -> Problem {
+    Problem::new(&Robot::from_urdf_str(&world.urdf()).unwrap(), recording).unwrap()
+}
+
+/// Size of usual errors of the world's robot, m.
+fn usual_m(world: &World) -> f64 {
+    Misfit::new(&problem_of(world, &world.record(&PLAN))).unwrap().usual_m
+}
+
+/// Whether markers that sit elsewhere by shares of the usual size are a gross error.
+fn is_gross(shares: &[f64]) -> bool {
+    let world = World::new(4, false);
+    let usual = usual_m(&world);
+    let wrong =
+        shares.iter().enumerate().map(|(m, share)| Wrong::Mount(m, [share * usual, 0.0, 0.0])).collect();
+    let recording = world.record(&Plan { wrong, ..PLAN });
+    let problem = problem_of(&world, &recording);
+    let misfit = Misfit::new(&problem).unwrap();
+    let frames: Vec<usize> = (0..problem.frames.len()).collect();
+    Chain::new(Vec::new(), Variant::of(&recording, &problem), &misfit, &frames).is_gross()
+}
+
+#[test]
+fn errors_well_below_the_usual_size_are_small_and_errors_of_it_gross() {
+    assert!(!is_gross(&[0.6; 6]));
+    assert!(is_gross(&[0.9; 6]));
+    // One marker alone may be farther off, since it is one of several.
+    assert!(!is_gross(&[0.9]));
+    assert!(is_gross(&[1.25]));
+}
+
+#[test]
+fn labels_are_exchanged_where_the_markers_are_apart_by_more_than_errors_are() {
+    let frames_told = |apart: f64| {
+        let mut world = World::new(4, false);
+        let usual = usual_m(&world);
+        let (_, bone, place) = world.markers[0].clone();
+        (world.markers[1].1, world.markers[1].2) = (bone, place);
+        world.markers[1].2.x += apart * usual;
+        let mut recording = world.record(&PLAN);
+        for frame in &mut recording.frames[4..14] {
+            for sighting in &mut frame.sightings {
+                sighting.target = match sighting.target {
+                    Target::Marker(0) => Target::Marker(1),
+                    Target::Marker(1) => Target::Marker(0),
+                    other => other,
+                };
+            }
+        }
+        let problem = problem_of(&world, &recording);
+        let misfit = Misfit::new(&problem).unwrap();
+        let session = Session::new(&problem, &misfit);
+        session
+            .of_labels(&Variant::of(&recording, &problem))
+            .into_iter()
+            .find_map(|m| match m {
+                Mistake::MarkersSwapped { markers: (0 | 1, 0 | 1), frames } => Some(frames),
+                _ => None,
+            })
+            .unwrap_or_default()
+    };
+    assert_eq!(frames_told(1.15), Vec::<usize>::new());
+    let told = frames_told(2.3);
+    assert!(told.len() >= 6 && told.iter().all(|f| (4..14).contains(f)), "{told:?}");
+}
+
+#[test]
+fn a_marker_that_is_off_now_and_then_is_false_there_and_one_that_is_off_often_is_a_cause() {
+    let left_out = |frames_off: usize| {
+        let world = World::new(4, false);
+        let mut recording = world.record(&Plan { postures: 15, ..PLAN });
+        for f in 0..frames_off {
+            let frame = &mut recording.frames[3 * f];
+            let sightings = frame.sightings.iter_mut();
+            sightings
+                .filter(|s| s.target == Target::Marker(2))
+                .for_each(|s| s.pixel += Vector2::new(60.0, -45.0));
+        }
+        let problem = problem_of(&world, &recording);
+        let names: Vec<String> = problem.scene.body.nodes.iter().map(|n| n.joint.clone()).collect();
+        let least = Noise { corner_px: 0.05, marker_px: 0.05, point_m: 1.0 };
+        let found = outlying::find(&problem, &recording, &names, least).unwrap();
+        found.iter().map(|f| f.indices.len()).sum::<usize>()
+    };
+    assert_eq!(left_out(3), 3);
+    assert_eq!(left_out(8), 0);
+}
