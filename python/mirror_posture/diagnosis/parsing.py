@@ -1,154 +1,86 @@
-"""From the JSON of the public format to the parts of a diagnosis, checked."""
+"""From the JSON of the public format to the parts of a diagnosis, checked: each value by the type of the field that it fills."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import fields as fields_of
-from typing import Any, TypeGuard, TypeVar
+from dataclasses import is_dataclass
+from functools import cache
+from types import NoneType, UnionType
+from typing import Any, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
-from .parts import (
-    Alternative,
-    Cause,
-    Checked,
-    Data,
-    Estimate,
-    Field,
-    Floats,
-    Gap,
-    LeftOut,
-    Limit,
-    Member,
-    Signature,
-    Step,
-    Track,
-)
+from .parts import Field, Floats, Signature, Track
 
-PLAIN = {"float", "int", "str", "bool", "None"}
-Kind = TypeVar("Kind")
-LISTS = (
-    "causes",
-    "where",
-    "next_postures",
-    "warnings",
-    "trace",
-    "ranking",
-    "signatures",
-    "tracks",
-    "fields",
-    "witness",
-    "limits",
-    "markers",
-)
-OF_CAUSES: dict[str, type] = {"alternatives": list, "members": list, "frames": list, "parameters": Mapping}
+NOT_OF_THE_FILE = ("document", "slides")
+"""Fields that are no key of the file."""
+PLAIN: dict[Any, tuple[tuple[type, ...], str]] = {
+    bool: ((bool,), "true or false"),
+    int: ((int,), "a whole number"),
+    float: ((int, float), "a number"),
+    str: ((str,), "a text"),
+}
 
 
-def check_containers(tree: Mapping[str, Any]) -> None:
-    """Refuses texts and objects where lists are needed: they would be read letter by letter, key by key."""
-    if not isinstance(tree.get("sentence", ""), str):
-        raise TypeError(f"sentence: got {tree['sentence']!r:.80}, needed a text")
-    lists: list[tuple[str, Any, type]] = [(name, tree[name], list) for name in LISTS if name in tree]
-    for cause in filter(_is_mapping, tree["causes"]):
-        lists += [(name, cause[name], kind) for name, kind in OF_CAUSES.items() if name in cause]
-    gap, data = tree.get("gap"), tree.get("data")
-    if _is_mapping(gap):
-        lists += [
-            (f"gap.{name}", gap[name], list)
-            for name in ("checked", "steps", "closed_ci95")
-            if gap.get(name) is not None
-        ]
-    if _is_mapping(data) and "left_out" in data:
-        lists.append(("data.left_out", data["left_out"], list))
-    for name, value, kind in lists:
-        if not isinstance(value, kind):
-            raise TypeError(f"{name}: got {value!r:.80}, needed {'a list' if kind is list else 'an object'}")
-    for name in ("trace", "warnings"):
-        if not all(isinstance(line, str) for line in tree.get(name, ())):
-            raise TypeError(f"{name}: got {tree[name]!r:.80}, needed texts")
-    for numbers in (tree.get("noise", {}), *tree.get("next_postures", ())):
-        if not _is_mapping(numbers) or not all(_is_of(value, ["float"]) for value in numbers.values()):
-            raise TypeError(f"noise and next_postures: got {numbers!r:.80}, needed objects of numbers")
-    interval = gap.get("closed_ci95") if _is_mapping(gap) else None
-    if interval is not None and (len(interval) != 2 or not all(_is_of(end, ["float"]) for end in interval)):
-        raise TypeError(f"gap.closed_ci95: got {interval!r:.80}, needed two numbers")
+def read_fields(
+    kind: type, entry: Any, where: str = "", at: str = "", sliding: Collection[str] = ()
+) -> dict[str, Any]:
+    """The fields of a dataclass from the keys that it knows; a newer core may say more.
+
+    `where` names the entry, `at` is the place that it speaks of, `sliding` are the places of prismatic joints.
+
+    Raises:
+        TypeError: a value of another type; it says which.
+    """
+    if not isinstance(entry, Mapping):
+        raise _wrong(where, entry, "an object")
+    hints, at = _hints(kind), entry.get("at", at)
+    found = {
+        name: _read(hint, entry[name], f"{where}.{name}".lstrip("."), at, sliding)
+        for name, hint in hints.items()
+        if name in entry and name not in NOT_OF_THE_FILE
+    }
+    return found | ({"slides": at in sliding} if "slides" in hints else {})
 
 
-def _is_mapping(value: Any) -> TypeGuard[Mapping[str, Any]]:
-    return isinstance(value, Mapping)
+def _read(kind: Any, value: Any, where: str, at: str, sliding: Collection[str]) -> Any:
+    origin, inside = get_origin(kind), get_args(kind)
+    if origin in (UnionType, Union):
+        if value is None and NoneType in inside:
+            return None
+        (kind,) = (one for one in inside if one is not NoneType)
+        return _read(kind, value, where, at, sliding)
+    if origin is tuple:
+        kinds = inside[:1] * len(value) if inside[-1] is Ellipsis and isinstance(value, list) else inside
+        # A text would be read letter by letter, an object key by key.
+        if not isinstance(value, list) or len(value) != len(kinds):
+            raise _wrong(where, value, "a list" if inside[-1] is Ellipsis else f"a list of {len(inside)}")
+        each = zip(kinds, value, strict=True)
+        return tuple(_read(one, v, f"{where}[{i}]", at, sliding) for i, (one, v) in enumerate(each))
+    if origin is not None:
+        if not isinstance(value, Mapping):
+            raise _wrong(where, value, "an object")
+        return {name: _read(inside[1], v, f"{where}.{name}", at, sliding) for name, v in value.items()}
+    if kind in PANELS:
+        return PANELS[kind](value)
+    if is_dataclass(kind):
+        return kind(**read_fields(kind, value, where, at, sliding))
+    kinds, words = PLAIN[kind]
+    if not isinstance(value, kinds) or (isinstance(value, bool) and kind is not bool):
+        raise _wrong(where, value, words)
+    if kind is float and not math.isfinite(value):
+        raise _wrong(where, value, "a finite number")
+    return value
 
 
-def read_plain(kind: type[Kind], entry: Mapping[str, Any]) -> Kind:
-    """A dataclass from the keys that it knows, numbers and texts checked; a newer core may say more."""
-    fields = {f.name: str(f.type) for f in fields_of(kind)}  # type: ignore[arg-type]
-    for name, needed in fields.items():
-        if name in entry and not _is_of(entry[name], needed.split(" | ")):
-            raise TypeError(f"{kind.__name__.lower()}.{name}: got {entry[name]!r:.80}, needed {needed}")
-    return kind(**{key: value for key, value in entry.items() if key in fields})
+def _wrong(where: str, value: Any, needed: str) -> TypeError:
+    return TypeError(f"{where}: got {value!r:.80}, needed {needed}")
 
 
-def _is_of(value: Any, kinds: Sequence[str]) -> bool:
-    """Whether a value is of one of the kinds, as far as they are plain ones."""
-    if value is None:
-        return "None" in kinds or not PLAIN.issuperset(kinds)
-    if not PLAIN.issuperset(kinds):
-        return True
-    if isinstance(value, bool):
-        return "bool" in kinds
-    if isinstance(value, (int, float)):
-        return ("float" in kinds or ("int" in kinds and isinstance(value, int))) and math.isfinite(value)
-    return isinstance(value, str) and "str" in kinds
-
-
-def read_cause(entry: Mapping[str, Any], sliding: Collection[str] = ()) -> Cause:
-    """A cause; `sliding` are the places of prismatic joints."""
-
-    def of(at: str, value: Mapping[str, Any]) -> dict[str, Any]:
-        return {**value, "slides": at in sliding}
-
-    at = entry.get("at", "")
-    parameters = {name: read_plain(Estimate, of(at, value)) for name, value in entry["parameters"].items()}
-    alternatives = tuple(read_plain(Alternative, value) for value in entry.get("alternatives", ()))
-    members = tuple(read_plain(Member, of(value.get("at", ""), value)) for value in entry.get("members", ()))
-    return read_plain(
-        Cause,
-        {
-            **entry,
-            "parameters": parameters,
-            "alternatives": alternatives,
-            "members": members,
-            "frames": tuple(entry.get("frames", ())),
-        },
-    )
-
-
-def read_data(entry: Mapping[str, Any]) -> Data:
-    left_out = tuple(read_plain(LeftOut, value) for value in entry.get("left_out", ()))
-    return read_plain(Data, {**entry, "left_out": left_out})
-
-
-def read_gap(entry: Mapping[str, Any]) -> Gap:
-    interval = entry.get("closed_ci95")
-    return read_plain(
-        Gap,
-        {
-            **entry,
-            "closed_ci95": None if interval is None else tuple(interval),
-            "checked": tuple(read_plain(Checked, value) for value in entry.get("checked", ())),
-            "steps": tuple(read_plain(Step, value) for value in entry.get("steps", ())),
-        },
-    )
-
-
-def read_limit(entry: Mapping[str, Any], sliding: Collection[str] = ()) -> Limit:
-    """A limit; `sliding` are the places of prismatic joints."""
-    for name, size in entry["parameters"].items():
-        if not _is_of(size, ("float", "None")):
-            raise TypeError(f"limit.{name}: got {size!r:.80}, needed a number or null")
-    return read_plain(
-        Limit, {**entry, "parameters": dict(entry["parameters"]), "slides": entry.get("at") in sliding}
-    )
+@cache
+def _hints(kind: type) -> dict[str, Any]:
+    return get_type_hints(kind)
 
 
 def read_signature(entry: Mapping[str, Any]) -> Signature:
@@ -208,3 +140,7 @@ def read_field(entry: Mapping[str, Any]) -> Field:
         std=_table(points, "std", axes),
         with_cause=_table(points, "with", axes) if points and "with" in points[0] else None,
     )
+
+
+PANELS = {Signature: read_signature, Track: read_track, Field: read_field}
+"""Arrays of points for drawing, read column by column."""

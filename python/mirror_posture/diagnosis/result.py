@@ -12,17 +12,7 @@ from typing import Any
 from .._core import MirrorPostureError
 from ..input_files import read_text, reason
 from ..output_files import is_whole
-from .parsing import (
-    check_containers,
-    read_cause,
-    read_data,
-    read_field,
-    read_gap,
-    read_limit,
-    read_plain,
-    read_signature,
-    read_track,
-)
+from .parsing import read_fields
 from .parts import Cause, Data, Field, Gap, Limit, Place, Ranked, SeenMarker, Signature, Track, Witness
 
 LARGEST_DOCUMENT = 256_000_000
@@ -82,33 +72,8 @@ class Diagnosis:
                 f"verdict: got {tree.get('verdict')!r}, needed one of {', '.join(VERDICTS)}"
             )
         try:
-            check_containers(tree)
-            prismatic = tuple(tree.get("prismatic_joints", ()))
-            if not all(isinstance(name, str) for name in prismatic):
-                raise TypeError(f"prismatic_joints: got {prismatic!r:.80}, needed names")
-            sliding = {f"joint:{name}" for name in prismatic}
-            return cls(
-                verdict=tree["verdict"],
-                sentence=tree.get("sentence", ""),
-                causes=tuple(read_cause(entry, sliding) for entry in tree["causes"]),
-                where=tuple(read_plain(Place, entry) for entry in tree["where"]),
-                gap=read_gap(tree["gap"]),
-                next_postures=tuple(dict(entry) for entry in tree.get("next_postures", ())),
-                warnings=tuple(tree.get("warnings", ())),
-                noise=dict(tree.get("noise", {})),
-                trace=tuple(tree.get("trace", ())),
-                ranking=tuple(read_plain(Ranked, entry) for entry in tree.get("ranking", ())),
-                signatures=tuple(read_signature(entry) for entry in tree.get("signatures", ())),
-                tracks=tuple(read_track(entry) for entry in tree.get("tracks", ())),
-                fields=tuple(read_field(entry) for entry in tree.get("fields", ())),
-                markers=tuple(read_plain(SeenMarker, entry) for entry in tree.get("markers", ())),
-                data=read_data(tree.get("data", {})),
-                limits=tuple(read_limit(entry, sliding) for entry in tree.get("limits", ())),
-                witness=tuple(read_plain(Witness, entry) for entry in tree.get("witness", ())),
-                prismatic_joints=prismatic,
-                interrupted=tree.get("interrupted") is True,
-                document=dict(tree),
-            )
+            sliding = {f"joint:{name}" for name in tree.get("prismatic_joints", ())}
+            return cls(**read_fields(cls, {"sentence": "", **tree}, sliding=sliding), document=dict(tree))
         except (KeyError, TypeError, AttributeError, ValueError, OverflowError) as error:
             raise MirrorPostureError(
                 f"is no diagnosis of version {version}: {type(error).__name__}: {error}"

@@ -8,11 +8,11 @@ from types import NoneType, UnionType
 from typing import Any, Union, get_args, get_origin, get_type_hints
 
 from . import parts, result
+from .parsing import NOT_OF_THE_FILE
 from .result import FORMAT, VERDICTS, VERSIONS, Diagnosis
 
 PANELS = ("signatures", "tracks", "fields")
 """Arrays of points for drawing, which are read column by column."""
-NOT_OF_THE_FILE = ("document", "slides")
 KNOWN = {**vars(parts), **vars(result)}
 """Names in which the annotations of the dataclasses are read."""
 
