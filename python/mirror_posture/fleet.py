@@ -1,4 +1,4 @@
-"""Many sessions at once: on the cores of this machine, or on a fleet of machines by Dask (extra `fleet`).
+"""Many sessions at once on a fleet of machines by Dask (extra `fleet`).
 
 A fleet's machines need share no disk: a session's files travel with its job, its diagnosis travels back. A worker
 that is lost takes nothing with it: its jobs are done again by the others, and give the same results.
@@ -13,13 +13,11 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor
+from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass
-from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -145,25 +143,6 @@ def diagnose_packed(
         below = Path(name)
         others = [other.unpack(below / f"check-{i}") for i, other in enumerate(check)]
         return diagnose_folder(session.unpack(below / "session"), without, others, withhold, most_causes)
-
-
-@contextmanager
-def on_this_machine(workers: int | None = None) -> Iterator[Executor]:
-    """An executor over this machine's cores, a process each, every one computing on one thread."""
-    kept = {name: os.environ.get(name) for name in _ONE_THREAD}
-    os.environ.update(_ONE_THREAD)
-    try:
-        with ProcessPoolExecutor(workers or os.cpu_count() or 1, mp_context=get_context("spawn")) as pool:
-            yield pool
-    finally:
-        for name, value in kept.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
-
-
-_ONE_THREAD = {"RAYON_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
 
 @contextmanager

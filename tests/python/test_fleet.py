@@ -22,6 +22,7 @@ pytest.importorskip("mujoco", reason="blind sessions need MuJoCo")
 from typer.testing import CliRunner
 
 from mirror_lab.blind.make import make_cases
+from mirror_lab.blind.on_this_machine import on_this_machine
 from mirror_lab.blind.runner import Diagnosed, run_sessions, timed
 from mirror_lab.blind.simulate import Options
 from mirror_posture import MirrorPostureError
@@ -31,7 +32,6 @@ from mirror_posture.fleet import (
     diagnose_folder,
     hash_of,
     on_fleet,
-    on_this_machine,
     pack,
 )
 from slow_diagnosis import diagnose_slowly
@@ -82,7 +82,7 @@ def fleet() -> Iterator[Fleet]:
 def cases(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("cases")
     plan = [(f"s{i}", "small", ["joint_offset"]) for i in range(SESSIONS)]
-    make_cases(out, SESSIONS, 4, Options(frames=(60, 61)), plan)
+    make_cases(out, SESSIONS, 4, Options(frames=(30, 31)), plan)
     return out
 
 

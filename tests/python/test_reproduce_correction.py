@@ -49,8 +49,8 @@ def test_the_plain_pseudo_inverse_throws_the_hand_about() -> None:
 
 
 def test_the_joint_estimator_ends_within_a_millimetre() -> None:
-    joint = correction.runs_of(correction.JOINT_OFF, correction.BEST_GAIN, 2, OPTIONS)
-    eq2 = correction.runs_of(correction.EQ2_OFF, correction.BEST_GAIN, 2, OPTIONS)
+    joint = correction.runs_of(correction.JOINT_OFF, correction.BEST_GAIN, 1, OPTIONS)
+    eq2 = correction.runs_of(correction.EQ2_OFF, correction.BEST_GAIN, 1, OPTIONS)
     assert joint.mean[-1] < 1.0
     assert joint.mean[-1] < 0.7 * eq2.mean[-1]
 

@@ -186,10 +186,10 @@ def run(
             diagnose_packed,
             is_open,
             on_fleet,
-            on_this_machine,
             pack,
         )
 
+        from ..blind.on_this_machine import on_this_machine
         from ..blind.runner import Diagnosed, run_sessions, sessions_to_do, timed
 
         without = checked_effects([leave_out] if leave_out else [])
