@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -19,7 +19,7 @@ from .arguments import checked_arguments
 from .board import Board
 from .camera import Camera
 from .mirror import FLOAT_GLASS_INDEX, Loss
-from .short_repr import ShortRepr
+from .short_repr import ShortRepr, from_core
 
 Array = npt.NDArray[np.float64]
 
@@ -91,9 +91,20 @@ class SecondCameraCalibration(ShortRepr):
     snapshot_rms_px: Array
 
 
-def _direction(parts: _core._Direction) -> WeakDirection:
-    text, motion, axis, std = parts
-    return WeakDirection(motion, np.asarray(axis), std, text)
+def _weakness(core: _core.CameraBoardCalibration | _core.SecondCameraCalibration) -> dict[str, Any]:
+    """The fields that tell what is known badly."""
+    translation, rotation, weak, warning = core.weakness
+
+    def direction(parts: _core._Direction) -> WeakDirection:
+        text, motion, axis, std = parts
+        return WeakDirection(motion, np.asarray(axis), std, text)
+
+    return {
+        "worst_translation": direction(translation),
+        "worst_rotation": direction(rotation),
+        "weak_direction": None if weak is None else direction(weak),
+        "warning": warning,
+    }
 
 
 @checked_arguments
@@ -129,24 +140,7 @@ def calibrate_from_mirror_views(
         glass_thickness_m,
         refractive_index,
     )
-    translation, rotation, weak, warning = core.weakness
-    return CameraBoardCalibration(
-        camera_from_board=core.camera_from_board,
-        covariance=core.covariance,
-        worst_translation=_direction(translation),
-        worst_rotation=_direction(rotation),
-        weak_direction=None if weak is None else _direction(weak),
-        warning=warning,
-        determined=core.determined,
-        views=core.views,
-        reasons=core.reasons,
-        normals=core.normals,
-        offsets_m=core.offsets_m,
-        plane_covariances_m2=core.plane_covariances_m2,
-        reprojection_mean_px=core.reprojection_mean_px,
-        view_rms_px=core.view_rms_px,
-        corner_std_px=core.corner_std_px,
-    )
+    return from_core(CameraBoardCalibration, core, **_weakness(core))
 
 
 @checked_arguments
@@ -174,18 +168,4 @@ def calibrate_with_second_camera(
         stand_in_second_camera_px,
         chest_in_second_camera_px,
     )
-    translation, rotation, weak, warning = core.weakness
-    return SecondCameraCalibration(
-        camera_from_board=core.camera_from_board,
-        covariance=core.covariance,
-        worst_translation=_direction(translation),
-        worst_rotation=_direction(rotation),
-        weak_direction=None if weak is None else _direction(weak),
-        warning=warning,
-        chi_squared=core.chi_squared,
-        degrees_of_freedom=core.degrees_of_freedom,
-        snapshot_camera_from_board=core.snapshot_camera_from_board,
-        snapshot_covariances=core.snapshot_covariances,
-        snapshot_chi_squared=core.snapshot_chi_squared,
-        snapshot_rms_px=core.snapshot_rms_px,
-    )
+    return from_core(SecondCameraCalibration, core, **_weakness(core))

@@ -19,7 +19,7 @@ from . import _core
 from .arguments import checked_arguments
 from .board import Board
 from .camera import Camera
-from .short_repr import ShortRepr
+from .short_repr import ShortRepr, from_core
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
@@ -174,20 +174,7 @@ def estimate_mirrors(
     unknown name; a view that has no result is masked.
     """
     core = rig._core.estimate_mirrors(corners_px, estimator, noise_px, loss)
-    return MirrorEstimates(
-        estimator=estimator,
-        normals=core.normals,
-        offsets_m=core.offsets_m,
-        covariances_m2=core.covariances_m2,
-        measurement_covariances_m2=core.measurement_covariances_m2,
-        foot_by_camera_from_board=core.foot_by_camera_from_board,
-        camera_from_virtual=core.camera_from_virtual,
-        rms_px=core.rms_px,
-        noise_px=core.noise_px,
-        valid=core.valid,
-        reasons=core.reasons,
-        _core=core,
-    )
+    return from_core(MirrorEstimates, core, estimator=estimator, _core=core)
 
 
 @checked_arguments
@@ -199,7 +186,7 @@ def virtual_rays(
     `noise_px` is the standard deviation of a pixel along one axis.
     """
     core = _core.virtual_rays(mirrors._core, np.asarray(mirror_rows, dtype=np.int64), pixels_px, noise_px)
-    return VirtualRays(core.origins_m, core.directions, core.covariances, core.valid, core.reasons)
+    return from_core(VirtualRays, core)
 
 
 @checked_arguments
@@ -213,12 +200,4 @@ def planar_poses(
 ) -> PlanarPoses:
     """The poses of a flat board from the pixels of its corners `(N, columns * rows, 2)`: closed form, then refinement."""
     core = _core.planar_poses(camera.core, board.corners, board.square_m, corners_px, noise_px, loss)
-    return PlanarPoses(
-        camera_from_pattern=core.camera_from_pattern,
-        covariances=core.covariances,
-        rms_px=core.rms_px,
-        noise_px=core.noise_px,
-        alternative_rms_px=core.alternative_rms_px,
-        valid=core.valid,
-        reasons=core.reasons,
-    )
+    return from_core(PlanarPoses, core)

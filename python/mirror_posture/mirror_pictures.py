@@ -221,22 +221,14 @@ def _joined(poses: Sequence[PlanarPoses]) -> tuple[npt.NDArray[np.float64], npt.
 
 
 def _stacked(parts: Sequence[MarkerPositions]) -> MarkerPositions:
-    def all_of(name: str) -> npt.NDArray[np.float64]:
-        return np.concatenate([getattr(part, name) for part in parts])
-
-    return MarkerPositions(
-        triangulator=parts[0].triangulator,
-        points_in_camera_m=all_of("points_in_camera_m"),
-        covariances_m2=all_of("covariances_m2"),
-        measurement_covariances_m2=all_of("measurement_covariances_m2"),
-        point_by_camera_from_board=all_of("point_by_camera_from_board"),
-        parallax_rad=all_of("parallax_rad"),
-        rms_ray_distance_m=all_of("rms_ray_distance_m"),
-        rms_px=all_of("rms_px"),
-        chi_squared=all_of("chi_squared"),
-        valid=np.concatenate([part.valid for part in parts]),
-        reasons={row: part.reasons[0] for row, part in enumerate(parts) if not part.valid[0]},
-    )
+    """One row of each."""
+    arrays = {
+        name: np.concatenate([getattr(part, name) for part in parts])
+        for name, value in vars(parts[0]).items()
+        if isinstance(value, np.ndarray)
+    }
+    reasons = {row: part.reasons[0] for row, part in enumerate(parts) if not part.valid[0]}
+    return MarkerPositions(triangulator=parts[0].triangulator, reasons=reasons, **arrays)
 
 
 def _trusted(found: PictureDetections, via: str) -> tuple[npt.NDArray[np.float64], float]:

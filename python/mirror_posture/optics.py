@@ -16,7 +16,7 @@ from . import _core
 from .arguments import checked_arguments
 from .camera import Camera
 from .mirror import FLOAT_GLASS_INDEX
-from .short_repr import ShortRepr
+from .short_repr import ShortRepr, from_core
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
@@ -64,15 +64,7 @@ def see_in_mirror(
         refractive_index,
         curvature_per_m,
     )
-    return SeenInMirror(
-        pixels_px=core.pixels_px,
-        by_point=core.by_point,
-        by_foot_point=core.by_foot_point,
-        by_thickness=core.by_thickness,
-        by_curvature=core.by_curvature,
-        valid=core.valid,
-        reasons=core.reasons,
-    )
+    return from_core(SeenInMirror, core)
 
 
 @checked_arguments

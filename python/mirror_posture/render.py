@@ -40,67 +40,32 @@ SECONDS_A_FRAME = 2.0
 """Time from picture to picture that frames.csv tells."""
 
 
-def _degrees(**positions_deg: float) -> dict[str, float]:
-    return {name: math.radians(value) for name, value in positions_deg.items()}
-
-
-DEMO_POSTURES: tuple[Positions, ...] = (
-    # The posture of the paper's correction experiment, and five around it that move each joint of both arms.
-    _degrees(
-        r_shoulder_pitch=-15,
-        r_shoulder_roll=85,
-        r_elbow=15,
-        l_shoulder_pitch=-10,
-        l_shoulder_roll=20,
-        l_elbow=30,
-    ),
-    _degrees(
-        r_shoulder_pitch=-25,
-        r_shoulder_roll=55,
-        r_elbow=40,
-        l_shoulder_pitch=-20,
-        l_shoulder_roll=45,
-        l_elbow=15,
-    ),
-    _degrees(
-        r_shoulder_pitch=-5,
-        r_shoulder_roll=25,
-        r_elbow=10,
-        l_shoulder_pitch=-35,
-        l_shoulder_roll=30,
-        l_elbow=50,
-    ),
-    _degrees(
-        r_shoulder_pitch=-40,
-        r_shoulder_roll=40,
-        r_elbow=25,
-        l_shoulder_pitch=-5,
-        l_shoulder_roll=55,
-        l_elbow=35,
-    ),
-    _degrees(
-        r_shoulder_pitch=10,
-        r_shoulder_roll=65,
-        r_elbow=60,
-        l_shoulder_pitch=-25,
-        l_shoulder_roll=15,
-        l_elbow=70,
-    ),
-    _degrees(
-        r_shoulder_pitch=-30,
-        r_shoulder_roll=20,
-        r_elbow=75,
-        l_shoulder_pitch=-15,
-        l_shoulder_roll=65,
-        l_elbow=5,
-    ),
+DEMO_JOINTS = (
+    "r_shoulder_pitch",
+    "r_shoulder_roll",
+    "r_elbow",
+    "l_shoulder_pitch",
+    "l_shoulder_roll",
+    "l_elbow",
+)
+DEMO_POSTURES: tuple[Positions, ...] = tuple(
+    dict(zip(DEMO_JOINTS, map(math.radians, degrees), strict=True))
+    for degrees in (
+        # The posture of the paper's correction experiment, and five around it that move each joint of both arms.
+        (-15, 85, 15, -10, 20, 30),
+        (-25, 55, 40, -20, 45, 15),
+        (-5, 25, 10, -35, 30, 50),
+        (-40, 40, 25, -5, 55, 35),
+        (10, 65, 60, -25, 15, 70),
+        (-30, 20, 75, -15, 65, 5),
+    )
 )
 DEMO_VIEWS = (
     View(),
     View(yaw_rad=math.radians(15.0)),
     View(yaw_rad=math.radians(-6.0), pitch_rad=math.radians(9.0)),
 )
-DEMO_OFFSETS_RAD: Positions = _degrees(r_shoulder_roll=2.5, l_elbow=-2.0)
+DEMO_OFFSETS_RAD: Positions = {"r_shoulder_roll": math.radians(2.5), "l_elbow": math.radians(-2.0)}
 """What the demonstration hides: how far the actual joint stands from its command."""
 
 

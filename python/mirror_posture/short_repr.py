@@ -1,12 +1,13 @@
-"""Records that hold arrays: shown in a line or two, compared by identity."""
+"""Records that hold arrays: shown in a line or two, compared by identity, and filled from the core's results."""
 
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
+Record = TypeVar("Record")
 LONGEST = 60
 """Characters of one field; longer ones are told by their kind and size."""
 
@@ -38,3 +39,9 @@ def _short(value: Any) -> str:
         return f"<{kind} of {len(value)}>"
     except TypeError:
         return f"<{kind}>"
+
+
+def from_core(kind: type[Record], core: Any, **others: Any) -> Record:
+    """A dataclass filled from what the core gives: fields of the same names, and the others as they are told."""
+    names = (field.name for field in dataclasses.fields(kind))  # type: ignore[arg-type]
+    return kind(**{name: others[name] if name in others else getattr(core, name) for name in names})

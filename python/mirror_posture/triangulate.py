@@ -17,7 +17,7 @@ from . import _core
 from .arguments import checked_arguments
 from .camera import Camera
 from .mirror import MirrorEstimates
-from .short_repr import ShortRepr
+from .short_repr import ShortRepr, from_core
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
@@ -81,19 +81,7 @@ def triangulate(
         triangulator,
         least_parallax_rad,
     )
-    return MarkerPositions(
-        triangulator=triangulator,
-        points_in_camera_m=core.points_in_camera_m,
-        covariances_m2=core.covariances_m2,
-        measurement_covariances_m2=core.measurement_covariances_m2,
-        point_by_camera_from_board=core.point_by_camera_from_board,
-        parallax_rad=core.parallax_rad,
-        rms_ray_distance_m=core.rms_ray_distance_m,
-        rms_px=core.rms_px,
-        chi_squared=core.chi_squared,
-        valid=core.valid,
-        reasons=core.reasons,
-    )
+    return from_core(MarkerPositions, core, triangulator=triangulator)
 
 
 @checked_arguments
@@ -113,4 +101,4 @@ def two_view_markers(
     core = _core.two_view_markers(
         camera.core, board_in_camera_m, reflected_boards_m, pixels_px, least_parallax_rad
     )
-    return TwoViewMarkers(core.points_in_camera_m, core.valid, core.reasons)
+    return from_core(TwoViewMarkers, core)

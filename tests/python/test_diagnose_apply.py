@@ -10,7 +10,8 @@ import pytest
 import mirror_posture as mp
 from mirror_posture.diagnosis import Cause, Diagnosis, Estimate, Gap
 from mirror_posture.diagnosis.applied import apply_diagnosis
-from mirror_posture.diagnosis.applied.urdf import Urdf, rotation_of_rpy, rpy_of_rotation
+from mirror_posture.diagnosis.applied.urdf import Urdf
+from mirror_posture.rotations import rotation_of_rpy, rpy_of_rotation
 from session_folder import DATA, URDF, replaced, write_folder
 
 SESSIONS = DATA / "sessions"

@@ -25,6 +25,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..robot import Robot
+from ..rotations import rotation_of_vector
 from ..session import Session
 from .applied.apply import parts_of
 from .applied.urdf import Urdf
@@ -175,8 +176,8 @@ class _Errors:
             return None
         out = np.broadcast_to(np.eye(3), (len(rows), 3, 3))
         if turn is not None:
-            out = out @ _rotations(turn[rows, None] * axis)
-        return out if bend is None else out @ _rotations(bend[rows])
+            out = out @ rotation_of_vector(turn[rows, None] * axis)
+        return out if bend is None else out @ rotation_of_vector(bend[rows])
 
 
 def _by_frame(session: Session, frame: npt.NDArray[np.int64], values: Floats) -> Floats:
@@ -228,16 +229,3 @@ def _rms_angle(a: Floats, b: Floats) -> float:
     """RMS angle between unit vectors, rad."""
     angle = np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), np.einsum("ni,ni->n", a, b))
     return float(np.sqrt(np.mean(angle**2)))
-
-
-def _rotations(vector_rad: Floats) -> Floats:
-    """(N, 3) rotation vectors as matrices (Rodrigues); exact at 0 by the sinc."""
-    angle = np.linalg.norm(vector_rad, axis=1)
-    k = np.zeros((len(vector_rad), 3, 3))
-    x, y, z = vector_rad.T
-    k[:, 0, 1], k[:, 0, 2], k[:, 1, 2] = -z, y, -x
-    k -= k.transpose(0, 2, 1)
-    a = np.sinc(angle / np.pi)[:, None, None]
-    b = 0.5 * np.sinc(0.5 * angle / np.pi)[:, None, None] ** 2
-    out: Floats = np.eye(3) + a * k + b * (k @ k)
-    return out

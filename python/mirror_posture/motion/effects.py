@@ -30,7 +30,6 @@ Key = tuple[str, str]
 Causes = dict[Key, tuple[float, ...]]
 """The parameters of each cause that a model has."""
 
-UNBOUNDED = (-np.inf, np.inf)
 SHIFT = ("dx_m", "dy_m", "dz_m")
 POSE = ("rx_rad", "ry_rad", "rz_rad", *SHIFT)
 

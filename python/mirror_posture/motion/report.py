@@ -24,7 +24,6 @@ Floats = npt.NDArray[np.float64]
 
 EXPLAINED = 1.15
 """RMS of what is left, in units of the noise: up to here the noise explains it."""
-SMALLEST_CLOSED = 0.2
 LEAST_NAMED = 0.1
 """A cause less probable than this is not named: its place is told, and that something there takes its part."""
 BOOTSTRAPS = 400

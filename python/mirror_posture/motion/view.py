@@ -19,9 +19,11 @@ import numpy.typing as npt
 
 from .._core import MirrorPostureError
 from ..measurement import MeasureOptions
+from ..measurement.inputs import core_input
 from ..optics import ball_center_pixels, see_in_mirror
+from ..rotations import pose_of
 from ..short_repr import ShortRepr
-from ..simulate.gap import CORNER_NOISE_PX, measure_input
+from ..simulate.gap import CORNER_NOISE_PX
 from .effects import Causes
 from .false_images import false_images
 from .recording import Recording
@@ -65,7 +67,7 @@ class View:
         for k in range(6):
             twist = np.zeros(6)
             twist[k] = TWIST_STEP
-            ahead, _, good = self._feet(camera_from_board @ _exp(twist))
+            ahead, _, good = self._feet(camera_from_board @ pose_of(twist[:3], twist[3:]))
             usable &= good
             by_twist[:, :, k] = (ahead - self.foot_m) / TWIST_STEP
         self.foot_by_twist = np.where(usable[:, None, None], by_twist, 0.0)
@@ -105,17 +107,17 @@ class View:
         """Camera and board (N, 4, 4) in the root's frame, with their mounts' causes."""
         values = causes.get(("board_mount", "board"))
         if values is not None:
-            mount = _pose(values)
+            mount = pose_of(np.array(values[:3]), np.array(values[3:]))
             if self.camera_beside_board:
                 camera = board @ mount @ np.linalg.inv(board) @ camera
             board = board @ mount
         values = causes.get(("camera_mount", "camera"))
         if values is not None:
-            camera = camera @ _pose(values)
+            camera = camera @ pose_of(np.array(values[:3]), np.array(values[3:]))
         return camera, board
 
     def _feet(self, camera_from_board: Floats) -> tuple[Floats, Floats, npt.NDArray[np.bool_]]:
-        done = measure_input(self.session, camera_from_board).ladder(
+        done = core_input(self.session, camera_from_board).ladder(
             "maximum_likelihood",
             corner_noise_px=self.noise_px,
             marker_noise_px=self.noise_px,
@@ -260,28 +262,6 @@ def _inverses(poses: Floats) -> Floats:
     out: Floats = poses.copy()
     out[:, :3, :3] = np.swapaxes(poses[:, :3, :3], 1, 2)
     out[:, :3, 3] = -(out[:, :3, :3] @ poses[:, :3, 3:])[:, :, 0]
-    return out
-
-
-def _pose(values: tuple[float, ...]) -> Floats:
-    out = _rotation(np.array(values[:3]))
-    out[:3, 3] = values[3:]
-    return out
-
-
-def _rotation(turn: Floats) -> Floats:
-    out = np.eye(4)
-    angle = float(np.linalg.norm(turn))
-    if angle > 0.0:
-        x, y, z = turn / angle
-        k = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-        out[:3, :3] += np.sin(angle) * k + (1.0 - np.cos(angle)) * k @ k
-    return out
-
-
-def _exp(twist: Floats) -> Floats:
-    out = _rotation(twist[:3])
-    out[:3, 3] = twist[3:]
     return out
 
 

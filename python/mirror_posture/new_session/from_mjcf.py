@@ -11,9 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from .._core import MirrorPostureError
-from ..diagnosis.applied.urdf import rotation_of_vector, rpy_of_rotation
+from ..rotations import rotation_of_vector, rpy_of_rotation
 from ..shapes.triangles import Triangles
-from .mjcf_shapes import MjcfShapes, origin_text
+from .mjcf_shapes import MjcfShapes, origin_text, rotation_of_quaternion
 
 Floats = npt.NDArray[np.float64]
 MASSLESS = "_before_"
@@ -49,7 +49,7 @@ def urdf_from_mjcf(file: Path) -> tuple[str, dict[str, Triangles]]:
         body = model.body(index)
         lines.append(_link(names[index], model, index, shapes))
         carried: Floats = np.eye(4)
-        carried[:3, :3] = _rotation(mujoco, body.quat)
+        carried[:3, :3] = rotation_of_quaternion(body.quat)
         carried[:3, 3] = body.pos
         parent = names[int(model.body_parentid[index])]
         for number in range(int(body.jntnum[0])):
@@ -90,12 +90,6 @@ def _name(given: str, default: str) -> str:
     return given or default
 
 
-def _rotation(mujoco: Any, quat: Any) -> Any:
-    matrix = np.zeros(9)
-    mujoco.mju_quat2Mat(matrix, np.asarray(quat, dtype=float))
-    return matrix.reshape(3, 3)
-
-
 def _link(name: str, model: Any, index: int, shapes: MjcfShapes) -> str:
     inside = _inertial(model, index) + shapes.of_body(index)
     return (
@@ -111,9 +105,8 @@ def _inertial(model: Any, index: int) -> str:
         return ""
     com = " ".join(f"{v:.12g}" for v in model.body_ipos[index])
     quat = model.body_iquat[index]
-    import mujoco
 
-    rpy = " ".join(f"{v:.12g}" for v in rpy_of_rotation(_rotation(mujoco, quat)))
+    rpy = " ".join(f"{v:.12g}" for v in rpy_of_rotation(rotation_of_quaternion(quat)))
     xx, yy, zz = (f"{v:.12g}" for v in model.body_inertia[index])
     return (
         f'    <inertial><origin xyz="{com}" rpy="{rpy}"/><mass value="{mass:.12g}"/>'

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..diagnosis.applied.urdf import rpy_of_rotation
+from ..rotations import rpy_of_rotation
 from ..shapes.triangles import Triangles, sphere
 
 Floats = npt.NDArray[np.float64]
@@ -38,7 +38,7 @@ class MjcfShapes:
             int(model.body_geomadr[body]), int(model.body_geomadr[body] + model.body_geomnum[body])
         ):
             pose: Floats = np.eye(4)
-            pose[:3, :3] = _rotation(model.geom_quat[geom])
+            pose[:3, :3] = rotation_of_quaternion(model.geom_quat[geom])
             pose[:3, 3] = model.geom_pos[geom]
             kinds = ["visual"] if int(model.geom_group[geom]) < SHOWN_GROUPS else []
             kinds += ["collision"] if model.geom_contype[geom] or model.geom_conaffinity[geom] else []
@@ -96,7 +96,8 @@ def _along_z(shift_m: float) -> Floats:
     return pose
 
 
-def _rotation(quat: Any) -> Any:
+def rotation_of_quaternion(quat: Any) -> Any:
+    """MuJoCo's w, x, y, z as a matrix."""
     import mujoco
 
     matrix = np.zeros(9)

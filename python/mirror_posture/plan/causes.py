@@ -46,22 +46,3 @@ def moments(rows: Floats, torque_nm: Floats, seconds_a_frame: float) -> list[Mom
         last = np.where(np.abs(change) > 1e-6, np.sign(change), last)
         side[number] = last
     return [Moment(rows[i], side[i], torque_nm[i], i * seconds_a_frame) for i in range(len(rows))]
-
-
-def turned(axis: Floats, angle: float, vector: Floats) -> Floats:
-    """Rodrigues' turn of a vector about a unit axis."""
-    found: Floats = (
-        vector * np.cos(angle)
-        + np.cross(axis, vector) * np.sin(angle)
-        + axis * float(axis @ vector) * (1.0 - np.cos(angle))
-    )
-    return found
-
-
-def cross_matrices(points: Floats) -> Floats:
-    """(N, 3, 3): the matrices of x ↦ p × x."""
-    out = np.zeros((len(points), 3, 3))
-    x, y, z = points.T
-    out[:, 0, 1], out[:, 0, 2], out[:, 1, 2] = -z, y, -x
-    out[:, 1, 0], out[:, 2, 0], out[:, 2, 1] = z, -y, x
-    return out

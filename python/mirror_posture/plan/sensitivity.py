@@ -16,7 +16,8 @@ import numpy.typing as npt
 from ..mirror import IDEAL_MIRROR
 from ..optics import SeenInMirror, see_in_mirror
 from ..robot import Joint
-from .causes import Cause, Moment, cross_matrices, turned
+from ..rotations import cross_matrix, rotation_of_vector
+from .causes import Cause, Moment
 from .options import MirrorPlace
 from .setting import Setting
 from .sight import scene_of
@@ -149,7 +150,9 @@ class Sensitivity:
             def tilt(direction: Floats) -> Basis:
                 # The axis leans towards `direction`: a turn w of the frame before the motion, and back after it.
                 w = np.cross(axis, direction)
-                return lambda m: np.concatenate([w - turned(axis, float(m.positions[k]), w), np.zeros(3)])
+                return lambda m: np.concatenate(
+                    [w - rotation_of_vector(m.positions[k] * axis) @ w, np.zeros(3)]
+                )
 
             add("axis_tilt", at, ("tilt_1_rad", "tilt_2_rad"), (0.02, 0.02), tilt(u), tilt(v))
         parent_from = np.asarray(joint.parent_from_joint, dtype=float)
@@ -222,7 +225,7 @@ class Sensitivity:
         omega = np.einsum("pij,pj->pi", turn, twist[:, :3])
         v = np.einsum("pij,pj->pi", turn, twist[:, 3:]) - np.cross(omega, origin)
         # ω × p is −[p]× ω.
-        moved = -np.einsum("nij,pj->npi", cross_matrices(points), omega) + v
+        moved = -np.einsum("nij,pj->npi", cross_matrix(points), omega) + v
         moved *= (below[:, owner] - below[:, [self._camera]]).T[:, :, None]
         columns: Floats = np.einsum("nij,npj->nip", by_base_point, moved)
         return columns
@@ -250,12 +253,12 @@ class Sensitivity:
                         out[corners + row, :, start : start + 3] = by_base_point[corners + row] @ turn
             elif cause.effect == "camera_mount":
                 # The camera moves: everything moves the other way in its frame.
-                out[:, :, start : start + 3] = by_point @ cross_matrices(in_camera)
+                out[:, :, start : start + 3] = by_point @ cross_matrix(in_camera)
                 out[:, :, start + 3 : start + 6] = -by_point
             elif cause.effect == "board_mount":
                 board = slice(0, corners)
                 around = in_camera[board] - in_camera[board].mean(axis=0)
-                out[board, :, start : start + 3] = -by_point[board] @ cross_matrices(around)
+                out[board, :, start : start + 3] = -by_point[board] @ cross_matrix(around)
                 out[board, :, start + 3 : start + 6] = by_point[board]
 
     def _optics(self, out: Floats, view: SeenInMirror, corners_in_camera: Floats, corners: int) -> None:

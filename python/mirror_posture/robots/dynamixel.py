@@ -7,22 +7,19 @@ registers, models and units: the vendor's e-Manual, X series.
 from __future__ import annotations
 
 import math
-import os
 from dataclasses import dataclass
 
 from .._core import MirrorPostureError
 from .errors import HardwareFaultError
-from .nominal import Nominal
 from .servo_config import (
     ACCELERATION_UNIT_RAD_PER_S2,
     SPEED_UNIT_RAD_PER_S,
     Servo,
     ServoConfig,
-    load_config,
 )
 from .servo_drive import Identity, ServoDrive
 from .servo_line import Register, Sdk, ServoLine
-from .servo_robot import Eye, ServoRobot
+from .servo_robot import ServoRobot
 
 try:
     import dynamixel_sdk
@@ -132,6 +129,7 @@ class DynamixelDrive(ServoDrive):
     speed_unit_rad_per_s = SPEED_UNIT_RAD_PER_S
     standing = (DRIVE_MODE, OPERATING_MODE, SECONDARY_ID)
     position_limits = (MIN_POSITION, MAX_POSITION)
+    faults = HARDWARE_FAULTS
 
     def __init__(self, config: ServoConfig) -> None:
         packets = dynamixel_sdk.PacketHandler(2.0)
@@ -227,23 +225,9 @@ class DynamixelDrive(ServoDrive):
     def _model_of(self, servo: Servo) -> str:
         return self.identities[servo.servo_id].model
 
-    def fault_words(self, status: int) -> str:
-        """What a hardware error status says."""
-        words = ", ".join(word for bit, word in HARDWARE_FAULTS.items() if status & (1 << bit))
-        return words or f"hardware error {status}"
-
 
 class DynamixelRobot(ServoRobot):
     """A robot of Dynamixel servos; see `ServoRobot`."""
 
-    def __init__(
-        self,
-        nominal: Nominal,
-        config: ServoConfig | str | os.PathLike[str],
-        eye: Eye,
-        *,
-        name: str = "dynamixel",
-    ) -> None:
-        if not isinstance(config, ServoConfig):
-            config = load_config(config, nominal, "dynamixel")
-        super().__init__(nominal, config, DynamixelDrive, eye, name=name)
+    make = "dynamixel"
+    drive = DynamixelDrive

@@ -9,15 +9,13 @@ These servos have no watchdog: they are sent goals a little ahead of where they 
 from __future__ import annotations
 
 import math
-import os
 
 from .._core import MirrorPostureError
 from .errors import HardwareFaultError
-from .nominal import Nominal
-from .servo_config import STS_ACCELERATION_UNIT_RAD_PER_S2, STS_STEP_RAD, Servo, ServoConfig, load_config
+from .servo_config import STS_ACCELERATION_UNIT_RAD_PER_S2, STS_STEP_RAD, Servo, ServoConfig
 from .servo_drive import Identity, ServoDrive
 from .servo_line import Register, Sdk, ServoLine
-from .servo_robot import Eye, ServoRobot
+from .servo_robot import ServoRobot
 
 try:
     import scservo_sdk
@@ -73,6 +71,7 @@ class FeetechDrive(ServoDrive):
     speed_unit_rad_per_s = STS_STEP_RAD
     standing = (PHASE, HOMING_OFFSET, MODE)
     position_limits = (MIN_ANGLE, MAX_ANGLE)
+    faults = FAULTS
 
     def __init__(self, config: ServoConfig) -> None:
         sdk = Sdk(
@@ -138,23 +137,9 @@ class FeetechDrive(ServoDrive):
         """rad/s of one unit of present speed, as the phase says."""
         return STS_STEP_RAD * self._speed_steps[servo_id]
 
-    def fault_words(self, status: int) -> str:
-        """What a status says."""
-        words = ", ".join(word for bit, word in FAULTS.items() if status & (1 << bit))
-        return words or f"status {status}"
-
 
 class FeetechRobot(ServoRobot):
     """A robot of Feetech servos; see `ServoRobot`."""
 
-    def __init__(
-        self,
-        nominal: Nominal,
-        config: ServoConfig | str | os.PathLike[str],
-        eye: Eye,
-        *,
-        name: str = "feetech",
-    ) -> None:
-        if not isinstance(config, ServoConfig):
-            config = load_config(config, nominal, "feetech")
-        super().__init__(nominal, config, FeetechDrive, eye, name=name)
+    make = "feetech"
+    drive = FeetechDrive

@@ -40,7 +40,7 @@ class Reading:
 
 
 class ServoDrive(ABC):
-    """A make of servos. A subclass fills in the registers and says `verify`, `limits`, `fault_words`."""
+    """A make of servos. A subclass fills in the registers and says `verify` and `limits`."""
 
     make: str
     torque: Register
@@ -59,6 +59,8 @@ class ServoDrive(ABC):
     standing: Sequence[Register]
     """Lasting settings that decide what goals and limits mean; read again before every motion."""
     position_limits: tuple[Register, Register]
+    faults: Mapping[int, str]
+    """What each bit of `fault` says."""
 
     def __init__(self, config: ServoConfig, line: ServoLine) -> None:
         self.config, self.line = config, line
@@ -80,11 +82,12 @@ class ServoDrive(ABC):
     def limits(self, servo: Servo) -> dict[Register, int]:
         """What must be in force before torque, and at every moment of it: speed, acceleration, torque."""
 
-    @abstractmethod
+    # What follows from it.
+
     def fault_words(self, status: int) -> str:
         """What a servo's fault status says."""
-
-    # What follows from it.
+        words = ", ".join(word for bit, word in self.faults.items() if status & (1 << bit))
+        return words or f"{self.fault.name} {status}"
 
     def prepare(self) -> None:
         """From unknown servos to servos without torque whose limits are in force. Raises `RobotError`s."""

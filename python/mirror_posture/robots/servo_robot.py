@@ -17,12 +17,13 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
+from ..formats.servo_keys import Make
 from .base import RobotBase
 from .errors import LostRobotError, RobotError
 from .interruption import handle_ending_signals, let_signals_end, undisturbed
 from .nominal import Nominal
 from .protocol import ImagePoints, Look, Positions
-from .servo_config import Servo, ServoConfig
+from .servo_config import Servo, ServoConfig, load_config
 from .servo_drive import Identity, ServoDrive
 from .servo_ending import ServoEnding
 from .servo_motion import WATCHDOG_S, ServoMotion
@@ -48,15 +49,21 @@ class ServoRobot(RobotBase):
     as configured); `standing` says which, and the robot has to be opened again.
     """
 
+    make: Make
+    drive: Callable[[ServoConfig], ServoDrive]
+    """What its make of servos is like."""
+
     def __init__(
         self,
         nominal: Nominal,
-        config: ServoConfig,
-        drive: Callable[[ServoConfig], ServoDrive],
+        config: ServoConfig | str | os.PathLike[str],
         eye: Eye,
         *,
-        name: str,
+        name: str | None = None,
     ) -> None:
+        name = name or self.make
+        if not isinstance(config, ServoConfig):
+            config = load_config(config, nominal, self.make)
         self.config = config
         self._eye = eye
         self._servos: dict[str, Servo] = {servo.joint: servo for servo in config.servos}
@@ -65,7 +72,7 @@ class ServoRobot(RobotBase):
         self._powered = False
         self._lock = threading.RLock()
         self._process, self._parent = os.getpid(), _parent(config)
-        self._drive = drive(config)
+        self._drive = self.drive(config)
         self._motion = ServoMotion(self._drive, config, name)
         self._ending = ServoEnding(self._drive, config, name)
         # A program that is ended, or that ends without closing, does not leave its robot with the torque on.

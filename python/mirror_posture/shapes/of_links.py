@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..file_names import file_name_of
-from ..rpy import rotation_of_rpy
+from ..rotations import rotation_of_rpy
 from .triangles import Triangles, box, coarse, cylinder, read_triangles, sphere, write_stl
 
 Floats = npt.NDArray[np.float64]

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from .._core import MirrorPostureError
-from ..diagnosis.applied.urdf import rotation_of_vector
+from ..rotations import pose_of
 from .changed import Changed, Floats, Values
 from .joint_faults import PART_ARMATURE_KGM2, set_spring
 from .model import element_of
@@ -161,10 +161,7 @@ def _tip(body: Any) -> Floats:
 
 
 def _motion(value: Values) -> Floats:
-    out = np.eye(4)
-    out[:3, :3] = rotation_of_vector(np.array([value.get(f"r{axis}_rad", 0.0) for axis in "xyz"]))
-    out[:3, 3] = _shift(value)
-    return out
+    return pose_of(np.array([value.get(f"r{axis}_rad", 0.0) for axis in "xyz"]), _shift(value))
 
 
 def _move(element: Any, value: Values) -> None:

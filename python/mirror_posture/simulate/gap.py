@@ -18,8 +18,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from .._core import Measured, MeasureInput, MirrorPostureError
+from .._core import Measured, MirrorPostureError
 from ..measurement import MeasureOptions
+from ..measurement.inputs import core_input
+from ..mirror import IDEAL_MIRROR
 from ..optics import ball_center_pixels, see_in_mirror
 from ..session import Session
 from ..short_repr import ShortRepr
@@ -62,7 +64,7 @@ def simulated_gap(session: Session, rest: Rest, rows: npt.NDArray[np.bool_] | No
         [(camera_from_root @ rest.root_from_link[m.link])[:, :3, 3] for m in session.markers], axis=1
     )
     noise = session.noise.pixel_std_px or CORNER_NOISE_PX
-    done = measure_input(session, camera_from_board).ladder(
+    done = core_input(session, camera_from_board).ladder(
         "maximum_likelihood",
         corner_noise_px=noise,
         marker_noise_px=noise,
@@ -79,29 +81,6 @@ def simulated_gap(session: Session, rest: Rest, rows: npt.NDArray[np.bool_] | No
         np.array([_rms(s) or np.nan for s in squares_m]),
         sum(map(len, squares_px)),
         sum(map(len, squares_m)),
-    )
-
-
-def measure_input(session: Session, camera_from_board: Floats) -> MeasureInput:
-    """What the measurement takes of a session whose camera and board stand at `camera_from_board` (F, 4, 4)."""
-    assert session.camera is not None and session.board is not None
-    seen, direct, mirror = session.mirror_view, session.direct_view, session.mirror
-    extra = {} if mirror is None else {"refractive_index": mirror.refractive_index}
-    return MeasureInput(
-        camera=session.camera.core,
-        board_corners=(session.board.columns, session.board.rows),
-        square_m=session.board.square_m,
-        diameters_m=[marker.diameter_m for marker in session.markers],
-        glass_thickness_m=mirror.glass_thickness_m if mirror else 0.0,
-        posture=session.frames.posture.tolist(),
-        camera_from_board=np.ascontiguousarray(camera_from_board),
-        board_px=seen.board_px,
-        board_seen=seen.board_seen,
-        marker_px=seen.marker_px,
-        marker_seen=seen.marker_seen,
-        direct_px=direct.marker_px,
-        direct_seen=direct.marker_seen,
-        **extra,
     )
 
 
@@ -211,10 +190,8 @@ def _residuals(
 ) -> tuple[Floats, Floats, Floats, npt.NDArray[np.bool_]]:
     """Seen less predicted image of one marker (N, 2), its derivatives by its place and by the mirror's foot (N, 2, 3), a mask (N,)."""
     assert session.camera is not None
-    camera, mirror, marker = session.camera, session.mirror, session.markers[m]
-    extra = {} if mirror is None else {"refractive_index": mirror.refractive_index}
-    thickness = mirror.glass_thickness_m if mirror else 0.0
-    told = see_in_mirror(camera, foot_m, points, glass_thickness_m=thickness, **extra)
+    camera, marker = session.camera, session.markers[m]
+    told = see_in_mirror(camera, foot_m, points, **(session.mirror or IDEAL_MIRROR).glass)
     seen, good = session.mirror_view.marker_px[rows, m], np.asarray(told.valid).copy()
     if marker.diameter_m > 0.0:
         normal = foot_m / np.linalg.norm(foot_m, axis=1, keepdims=True)

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ..._core import MirrorPostureError
+from ...rotations import pose_of
 from ...session import Session
 from ...session.write import replace_folder, write_session_files
 from .. import formatting
@@ -18,7 +19,7 @@ from ..parts import Cause, Estimate
 from ..result import Diagnosis
 from .mistakes import undo_mistake
 from .mjcf import MECHANICAL, write_mjcf
-from .urdf import TURNING, Urdf, rotation_of_vector
+from .urdf import TURNING, Urdf
 from .xml_text import read_xml
 
 ROBOT, MJCF = "robot.urdf", "robot.mjcf.xml"
@@ -180,9 +181,7 @@ def _apply(session: Session, urdf: Urdf, cause: Cause) -> tuple[Session, Written
         link = next((marker.link for marker in session.markers if marker.name == name), name)
         mount = urdf.shift_mount(link, vector("d", "m"))
         return in_robot(f"origin of joint {mount}") if mount else refused(f"link {link} has no fixed mount")
-    motion = np.eye(4)
-    motion[:3, :3] = rotation_of_vector(vector("r", "rad"))
-    motion[:3, 3] = vector("d", "m")
+    motion = pose_of(vector("r", "rad"), vector("d", "m"))
     if cause.effect == "board_mount" and session.board is not None:
         mounts = urdf.move_mount_and_rider(session.board.link, session.camera_link, motion)
         if not mounts:

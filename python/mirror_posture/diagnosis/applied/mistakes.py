@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...rotations import rotation_of_vector
 from ...session import Session
 from ..parts import Cause
 from ..vocabulary import BESIDE, MISTAKES, remedy
-from .urdf import Urdf, rotation_of_vector
+from .urdf import Urdf
 
 BY_HAND_ONLY = tuple(name for name in MISTAKES if BESIDE[name]["written_to"] == "nothing")
 """Mistakes that no file of a model can hold."""

@@ -11,8 +11,8 @@ import yaml
 from ..._core import MirrorPostureError
 from ...input_files import given_text, parse_yaml
 from ...output_files import write_file
-from ...rpy import rotation_of_rpy
-from .urdf import Urdf, nearest_rpy
+from ...rotations import nearest_rpy, rotation_of_rpy
+from .urdf import Urdf
 
 JOINTS = {
     "shoulder": "shoulder_pan_joint",

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..._core import MirrorPostureError
-from ...rpy import rotation_of_rpy
+from ...rotations import nearest_rpy, rotation_of_rpy, rotation_of_vector
 from .xml_text import Element, XmlText
 
 Floats = npt.NDArray[np.float64]
@@ -215,38 +215,6 @@ class Urdf:
                     body[parent] = body[at] @ np.linalg.inv(self.origin(name))
                     todo.append(parent)
         return body
-
-
-def rpy_of_rotation(rotation: Floats) -> Floats:
-    """Roll, pitch and yaw of a rotation; at a pitch of ±90° the roll is 0."""
-    across = math.hypot(rotation[0, 0], rotation[1, 0])
-    pitch = math.atan2(-rotation[2, 0], across)
-    if across < 1e-9:
-        return np.array([0.0, pitch, math.atan2(-rotation[0, 1], rotation[1, 1])])
-    return np.array(
-        [math.atan2(rotation[2, 1], rotation[2, 2]), pitch, math.atan2(rotation[1, 0], rotation[0, 0])]
-    )
-
-
-def rotation_of_vector(vector_rad: Floats) -> Floats:
-    """The rotation by the vector's length about it (Rodrigues)."""
-    x, y, z = vector_rad
-    angle = float(np.linalg.norm(vector_rad))
-    k = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    # sinc and its half-angle form are exact at 0.
-    result: Floats = (
-        np.eye(3) + np.sinc(angle / math.pi) * k + 0.5 * np.sinc(angle / (2.0 * math.pi)) ** 2 * (k @ k)
-    )
-    return result
-
-
-def nearest_rpy(rotation: Floats, near_rpy_rad: Floats) -> Floats:
-    """Of the angles that say a rotation those that are nearest to given ones: (r, p, y) and (r + π, π − p, y + π) say the same."""
-    roll, pitch, yaw = rpy_of_rotation(rotation)
-    both = np.array([[roll, pitch, yaw], [roll + math.pi, math.pi - pitch, yaw + math.pi]])
-    both -= 2.0 * math.pi * np.round((both - near_rpy_rad) / (2.0 * math.pi))
-    nearest: Floats = both[int(np.argmin(np.abs(both - near_rpy_rad).sum(axis=1)))]
-    return nearest
 
 
 def _link(joint: Element, role: str) -> str:
