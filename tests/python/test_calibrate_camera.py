@@ -163,3 +163,12 @@ def test_where_the_board_was_not_yet_is_said() -> None:
     left = [np.where(view > 0, view * [0.4, 1.0], view) for view in views(4, 12, (20, 40))]
     said = " ".join(calibrate_camera(BOARD, left, SIZE).weak)
     assert "corners and edges too, the" in said and "right first" in said
+
+
+def test_several_views_that_do_not_fit_do_not_hide_each_other() -> None:
+    made = views(6, 15, (10, 45))
+    noise = np.random.default_rng(1)
+    for view in (2, 5, 9, 11, 13):
+        made[view] = made[view] + noise.normal(0, 1.0, made[view].shape)
+    done = calibrate_camera(BOARD, made, SIZE)
+    assert np.flatnonzero(~done.used).tolist() == [2, 5, 9, 11, 13]

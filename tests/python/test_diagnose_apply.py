@@ -11,7 +11,7 @@ import mirror_posture as mp
 from mirror_posture.diagnosis import Cause, Diagnosis, Estimate, Gap
 from mirror_posture.diagnosis.applied import apply_diagnosis
 from mirror_posture.diagnosis.applied.urdf import Urdf
-from mirror_posture.rotations import rotation_of_rpy, rpy_of_rotation
+from mirror_posture.rotations import nearest_rpy, rotation_of_rpy, rpy_of_rotation
 from session_folder import DATA, URDF, replaced, write_folder
 
 SESSIONS = DATA / "sessions"
@@ -118,6 +118,18 @@ def test_names_comments_and_licence_of_the_robot_stay(tmp_path: Path) -> None:
 def test_angles_of_a_rotation_give_it_back(rpy: tuple[float, float, float]) -> None:
     rotation = rotation_of_rpy(np.array(rpy))
     np.testing.assert_allclose(rotation_of_rpy(rpy_of_rotation(rotation)), rotation, atol=1e-9)
+
+
+def test_the_nearest_angles_of_a_rotation_are_its_own_and_no_others_are_nearer() -> None:
+    random = np.random.default_rng(8)
+    for _ in range(300):
+        rpy, near = random.uniform(-3.0, 3.0, 3), random.uniform(-6.0, 6.0, 3)
+        rotation = rotation_of_rpy(rpy)
+        found = nearest_rpy(rotation, near)
+        np.testing.assert_allclose(rotation_of_rpy(found), rotation, atol=1e-9)
+        # What the rotation was made of says the same, by whole turns.
+        own = rpy + 2.0 * np.pi * np.round((near - rpy) / (2.0 * np.pi))
+        assert np.abs(found - near).sum() <= np.abs(own - near).sum() + 1e-6
 
 
 def test_what_no_file_can_hold_is_said(tmp_path: Path) -> None:

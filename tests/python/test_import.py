@@ -433,3 +433,13 @@ def test_what_cannot_be_meant_is_refused(session: Path, tmp_path: Path) -> None:
     assert not (session / "frames.csv").exists()
     with pytest.raises(MirrorPostureError, match="not later"):
         JointLog(np.array([0.0, 0.0]), ("a",), np.zeros((2, 1)))
+
+
+def test_few_pictures_a_second_tell_the_clocks_offset_without_a_bias() -> None:
+    offset, picture_s = 0.4, np.arange(0.0, JOINT_S[-1], 0.25)
+    log = JointLog(JOINT_S, ("a", "b"), np.array([joints_at(time) for time in JOINT_S]))
+    seen = np.stack([np.interp(picture_s - offset, log.time_s, column) for column in log.position.T], axis=1)
+    # What changes from picture to picture changed between them.
+    motion = np.concatenate([[0.0], np.abs(np.diff(seen, axis=0)).max(axis=1)]) + 1e-6
+    found = match_clocks(log, picture_s, motion)
+    assert found.trusted and found.offset_s == pytest.approx(offset, abs=0.06)

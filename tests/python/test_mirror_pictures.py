@@ -25,7 +25,8 @@ from mirror_posture import (
     mirror_from_picture,
     mirrors_from_pictures,
 )
-from mirror_posture.mirror_pictures import SeenMarkers
+from mirror_posture.mirror import PlanarPoses
+from mirror_posture.mirror_pictures import SeenMarkers, _joined
 from mirror_posture.session.camera_info import dump_camera_info
 
 CAMERA = Camera((640, 480), (600.0, 600.0), (319.5, 239.5))
@@ -157,3 +158,18 @@ def test_no_marker_of_two_views_is_wrong(name: str) -> None:
 def test_markers_need_two_views() -> None:
     with pytest.raises(MirrorPostureError, match="needed two or more"):
         markers_from_views(CAMERA, BOARD, [Marker("hand")], [picture(0)[0]])
+
+
+def test_a_board_seen_in_several_pictures_stands_where_the_surer_ones_say() -> None:
+    def one(shift_m: float, std_m: float) -> PlanarPoses:
+        pose = np.eye(4)
+        pose[2, 3] = 0.5 + shift_m
+        spread = np.diag([1e-3**2] * 3 + [std_m**2] * 3)
+        nothing = np.zeros(1)
+        return PlanarPoses(pose[None], spread[None], nothing, nothing, nothing, np.array([True]), {})
+
+    pose, covariance = _joined([one(0.0, 1e-3), one(3e-3, 2e-3)])
+    # Weighted by 1 / variance: four to one.
+    assert pose[2, 3] == pytest.approx(0.5 + 3e-3 / 5.0, abs=1e-9)
+    assert np.sqrt(covariance[5, 5]) == pytest.approx(1e-3 * 2.0 / np.sqrt(5.0))
+    assert np.sqrt(covariance[0, 0]) == pytest.approx(1e-3 / np.sqrt(2.0))

@@ -45,3 +45,14 @@ def test_a_picture_that_is_far_less_sharp_than_those_before_is_not_taken() -> No
         stillness.see(SCENE, 0.0)
         stillness.take(SCENE)
     assert stillness.is_sharp(SCENE) and not stillness.is_sharp(blurred)
+
+
+def test_what_moved_and_came_back_has_moved() -> None:
+    stillness = Stillness()
+    stillness.see(SCENE, 0.0)
+    stillness.take(SCENE)
+    stillness.see(np.roll(SCENE, 60, axis=1), 0.5)
+    # A hand that passed: the scene is as it was when it was taken, and yet another moment.
+    stillness.see(SCENE, 1.0)
+    stillness.see(SCENE, 1.5)
+    assert stillness.moved

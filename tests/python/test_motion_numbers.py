@@ -1,0 +1,68 @@
+"""Numbers of moving sessions and of the simulator's gap against integrals and least squares written out here."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mirror_posture.motion.evidence import volume
+from mirror_posture.simulate.gap import FREE_MARKER_M, _Images, _metre_squares
+
+
+@pytest.mark.parametrize("information", [0.3, 40.0, 5e4])
+def test_the_evidence_keeps_what_the_pictures_leave_of_what_is_usual(information: float) -> None:
+    usual, step, inflation = 0.04, 0.01, 2.5
+    effect = SimpleNamespace(is_limit=False)
+    problem = SimpleNamespace(hypotheses={"key": SimpleNamespace(step=[step], usual=[usual], effect=effect)})
+    causes = {("joint_offset", "joint:a"): (0.0,)}
+    problem.hypotheses = {("joint_offset", "joint:a"): problem.hypotheses["key"]}
+    model: Any = SimpleNamespace(
+        information=np.array([[information]]), of=((("joint_offset", "joint:a"), 0),), causes=causes
+    )
+    # ∫ exp(−information p² / 2 φ) N(p; 0, usual²) dp, p in steps.
+    std = usual / step
+    p = np.linspace(-12.0 * std, 12.0 * std, 400_001)
+    prior = np.exp(-0.5 * (p / std) ** 2) / (std * np.sqrt(2.0 * np.pi))
+    kept = float(np.sum(np.exp(-0.5 * information * p**2 / inflation) * prior) * (p[1] - p[0]))
+    assert volume(problem, model, inflation) == pytest.approx(np.log(kept), abs=1e-3)  # type: ignore[arg-type]
+
+
+def test_the_gap_in_metres_is_the_least_squares_place_of_the_markers() -> None:
+    random = np.random.default_rng(9)
+    frames, markers, noise_px = 4, 2, 0.3
+    posture = np.array([0, 0, 1, 1])
+    residual, by_point = (
+        random.normal(0.0, 2.0, (frames, markers, 2)),
+        random.normal(0.0, 900.0, (frames, markers, 2, 3)),
+    )
+    by_foot = random.normal(0.0, 1500.0, (frames, markers, 2, 3))
+    half = random.normal(0.0, 4e-4, (frames, 3, 3))
+    feet = half @ half.swapaxes(1, 2)
+    seen, usable = np.ones((frames, markers), dtype=bool), np.ones(frames, dtype=bool)
+    none = np.zeros_like
+    mirrored = _Images(residual, by_point, by_foot, seen, usable)
+    direct = _Images(none(residual), none(by_point), none(by_foot), none(seen), usable)
+    session: Any = SimpleNamespace(frames=SimpleNamespace(posture=posture))
+    done: Any = SimpleNamespace(foot_covariance_m2=feet)
+    found = np.array(_metre_squares(session, mirrored, direct, done, noise_px))
+    for k in (0, 1):
+        # Unknowns: both markers' places, then the foot of each view's mirror.
+        rows, right = [], []
+        for i, f in enumerate(np.flatnonzero(posture == k)):
+            for m in range(markers):
+                row = np.zeros((2, 12))
+                row[:, 3 * m : 3 * m + 3] = by_point[f, m] / noise_px
+                row[:, 6 + 3 * i : 9 + 3 * i] = by_foot[f, m] / noise_px
+                rows.append(row)
+                right.append(residual[f, m] / noise_px)
+            of_foot = np.zeros((3, 12))
+            of_foot[:, 6 + 3 * i : 9 + 3 * i] = np.linalg.inv(half[f])
+            rows.append(of_foot)
+            right.append(np.zeros(3))
+        rows.append(np.eye(6, 12) / FREE_MARKER_M)
+        right.append(np.zeros(6))
+        places = np.linalg.lstsq(np.concatenate(rows), np.concatenate(right), rcond=None)[0][:6].reshape(2, 3)
+        assert found[:, k] == pytest.approx((places**2).sum(axis=1), rel=1e-6)
