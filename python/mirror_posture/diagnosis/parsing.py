@@ -64,12 +64,12 @@ def _read(kind: Any, value: Any, where: str, at: str, sliding: Collection[str]) 
         return {name: _read(inside[1], v, f"{where}.{name}", at, sliding) for name, v in value.items()}
     if kind in PANELS:
         return PANELS[kind](value)
-    if is_dataclass(kind):
+    if isinstance(kind, type) and is_dataclass(kind):
         return kind(**read_fields(kind, value, where, at, sliding))
     kinds, words = PLAIN[kind]
     if not isinstance(value, kinds) or (isinstance(value, bool) and kind is not bool):
         raise _wrong(where, value, words)
-    if kind is float and not math.isfinite(value):
+    if isinstance(value, (int, float)) and not math.isfinite(value):
         raise _wrong(where, value, "a finite number")
     return value
 
