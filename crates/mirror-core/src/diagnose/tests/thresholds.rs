@@ -34,7 +34,7 @@ fn points_that_scatter_over_a_good_part_of_the_robot_show_nothing_of_it() {
 }
 
 #[test]
-fn a_quarter_of_the_postures_may_be_false_and_half_of_them_are_a_lack_of_fit() {
+fn a_quarter_of_the_postures_may_be_false_and_a_third_of_them_are_a_lack_of_fit() {
     let excess = |false_of_twenty: usize| {
         let (robot, mut recording) = recorded(&Plan { postures: 40, ..Plan::default() });
         for f in 0..recording.frames.len() {
@@ -49,7 +49,7 @@ fn a_quarter_of_the_postures_may_be_false_and_half_of_them_are_a_lack_of_fit() {
         adequacy(&problem, &problem.nominal(), NOISE).unwrap().excess
     };
     assert!(excess(5) < noticeable_excess(), "{}", excess(5));
-    assert!(excess(9) > noticeable_excess(), "{}", excess(9));
+    assert!(excess(7) > noticeable_excess(), "{}", excess(7));
 }
 
 #[test]
