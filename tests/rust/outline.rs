@@ -124,6 +124,8 @@ fn what_one_cause_does_to_all_edges_is_in_the_covariance() {
     let fit = |deviations: f64| fit_cone(&moved(deviations), &start, &camera, 1.0).unwrap();
     // A tenth of it: no edge is taken for another thing's.
     let shift = (fit(0.1).centroid_px - fit(0.0).centroid_px) * 10.0;
+    // Edges moved outward move the centre towards them.
+    assert!((fit(0.0).common_moved_px - shift).norm() < 0.05 * shift.norm(), "{shift}");
     assert!(shift.norm() > 0.01, "{shift}");
     // Exact edges scatter not at all: what is left is the cause alone, as large as what it does and in its direction.
     let covariance = fit(0.0).centroid_covariance_px2;
@@ -197,6 +199,28 @@ fn drawn_balls_are_measured_to_a_few_hundredths_of_a_pixel() {
         assert!(error < 0.08, "radius {radius}: {error}");
         assert!((found.cone.mean_radius_px - radius).abs() < 0.1, "{}", found.cone.mean_radius_px);
     }
+}
+
+#[test]
+fn a_balls_channels_tell_another_curve_of_the_camera() {
+    let center = Vector2::new(150.6, 119.2);
+    let bytes = drawn(center, 14.0, 400.0);
+    let told = |power: f64| {
+        let graded: Vec<u8> =
+            bytes.iter().map(|b| (255.0 * (f64::from(*b) / 255.0).powf(power)).round() as u8).collect();
+        let picture = Picture::new(&graded, 320, 240, (1, 1)).unwrap();
+        let start = Circle { center_px: center, radius_px: 14.0 };
+        let range = RadiusRange { min_px: 8.0, max_px: 22.0 };
+        measure_ball(&picture, &start, &range, &camera(Distortion::None)).unwrap()
+    };
+    // A deviation is a power of 1.085: 1.3 is 3.2 of them the one way, 0.8 are 2.7 the other way.
+    let [less, own, more] = [0.8, 1.0, 1.3].map(|power| told(power).curve_deviations.unwrap());
+    assert!(
+        own.abs() < 1.0 && (less - own - 2.7).abs() < 1.4 && (own - more - 3.2).abs() < 1.4,
+        "{less} {own} {more}"
+    );
+    // What it moves the centre by is what the covariance has of it.
+    assert!(told(1.3).cone.common_moved_px.norm() > 0.002);
 }
 
 #[test]

@@ -83,6 +83,17 @@ impl PyBallOutline {
     fn lens_blur_px(&self) -> f64 {
         self.inner.lens_blur_px
     }
+
+    #[getter]
+    fn curve_deviations(&self) -> Option<f64> {
+        self.inner.curve_deviations
+    }
+
+    #[getter]
+    fn curve_moved_px(&self) -> (f64, f64) {
+        let moved = self.inner.cone.common_moved_px;
+        (moved.x, moved.y)
+    }
 }
 
 /// The balls near circles `(N, 3)`: u, v, radius, with radii in `(N, 2)`, px; None where there is none.

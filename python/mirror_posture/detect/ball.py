@@ -6,7 +6,7 @@ The core reads sub-pixel edges, fits the cone of rays that touch a sphere, and t
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -40,7 +40,8 @@ class OutlineFit(ShortRepr):
 
     `arc_fraction` is the share of the outline that agreeing edges cover, `blur_px` the standard deviation of the picture's blur there where it
     is widest, `narrow_blur_px` where it is narrowest: much less where ball or camera moved; `lens_blur_px` over all directions,
-    without what the codec blurs colours by.
+    without what the codec blurs colours by. `curve_deviations` is by how many deviations of what the covariance allows for its channels say that the camera's curve
+    is another (None where they do not tell), `curve_moved_px` how far one moves the centre.
     """
 
     centroid_px: FloatArray
@@ -54,6 +55,8 @@ class OutlineFit(ShortRepr):
     blur_px: float
     narrow_blur_px: float
     lens_blur_px: float
+    curve_deviations: float | None = None
+    curve_moved_px: FloatArray = field(default_factory=lambda: np.zeros(2))
 
 
 def measure_balls(
@@ -114,4 +117,6 @@ def _as_fit(one: _core.BallOutline) -> OutlineFit:
         blur_px=one.blur_px,
         narrow_blur_px=one.narrow_blur_px,
         lens_blur_px=one.lens_blur_px,
+        curve_deviations=one.curve_deviations,
+        curve_moved_px=np.array(one.curve_moved_px),
     )

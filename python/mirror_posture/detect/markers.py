@@ -20,6 +20,7 @@ from .ball import Circle, OutlineFit, Start, fit_circle, measure_balls
 from .blobs import Region, color_regions, contour_px
 from .blurred import MOST_QUANTISATION_STEP, Expected, with_blurred
 from .candidates import NEARER_RADII, SIZE_FACTOR, Candidate, choose, find_candidates
+from .curve import curve_doubt, with_curve_doubt
 from .marker_choice import Choice, SizeBounds, assign
 from .marker_judge import (
     MarkerOptions,
@@ -105,10 +106,16 @@ def detect_markers(
             for fit in measure_balls(bgr, starts, assumed, chroma_step_px)
         ]
 
-    fits = iter(measured(starts))
+    found = measured(starts)
+    doubt = curve_doubt(found)
+    fits = iter([with_curve_doubt(fit, doubt) for fit in found])
     fits_of = [[next(fits) for _ in job.starts] for job in jobs]
+
+    def again(starts: list[Start]) -> list[OutlineFit | None]:
+        return [with_curve_doubt(fit, doubt) for fit in measured(starts)]
+
     coded = chroma_step_px != (1, 1)
-    views = [_seen(bgr, job, own, options, measured, coded) for job, own in zip(jobs, fits_of, strict=True)]
+    views = [_seen(bgr, job, own, options, again, coded) for job, own in zip(jobs, fits_of, strict=True)]
     if quantisation_step <= MOST_QUANTISATION_STEP:
         wanted = [_expected(job) for job in jobs]
         views = with_blurred(bgr, wanted, fits_of, views, assumed, options, coded)

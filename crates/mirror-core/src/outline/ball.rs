@@ -26,8 +26,8 @@ const TOLERANCE_PX: f64 = 0.675;
 /// pictures also for each px² against the radius. Measured on drawn and path-traced balls, as the shares below.
 const SHARED_BY_BLUR: [f64; 2] = [0.0127, 0.0171];
 const SHARED_BY_CODED_BLUR: [f64; 3] = [0.0485, 0.0387, 0.207];
-/// The same by sharpening, px for an overshoot of the whole step.
-const SHARED_BY_OVERSHOOT_PX: f64 = 0.525;
+/// The same by sharpening, px for an overshoot of the whole step; beside that, it parts the channels (`channels`).
+const SHARED_BY_OVERSHOOT_PX: f64 = 0.4;
 /// Along the outline, edges share their errors over about this length (times the blur, where that is above 1 px): what lies behind, and a codec's blocks.
 const CORRELATION_PX: f64 = 1.8;
 /// Variance of the centre by the edges' scatter against what they show: the fit follows the errors that reach farthest along the outline. So many times more for
@@ -69,6 +69,8 @@ pub struct BallOutline {
     pub narrow_blur_px: f64,
     /// What lens and motion have of it, over all directions, px: a codec's own blur of the colours is not in it.
     pub lens_blur_px: f64,
+    /// By how many deviations of what the claims allow for its channels say that the camera's curve is another than sRGB's; None where they do not tell.
+    pub curve_deviations: Option<f64>,
 }
 
 /// Measures the ball near a circle in a picture; None where no outline of a sphere of a fitting size is there.
@@ -152,6 +154,7 @@ pub fn measure_ball(
             blur_px: blur.widest_px(),
             narrow_blur_px: blur.narrowest_px(),
             lens_blur_px: edges.lens_px,
+            curve_deviations: edges.curve_deviations,
         });
         if settled {
             break;

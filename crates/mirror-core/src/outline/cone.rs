@@ -59,6 +59,8 @@ pub struct ConeFit {
     pub mean_radius_px: f64,
     /// Which edge points belong to it.
     pub inlier: Vec<bool>,
+    /// How far the centre is moved by one deviation of the cause that moves all edges, px.
+    pub common_moved_px: Vector2<f64>,
     /// RMS distance of those from the outline, px.
     pub residual_rms_px: f64,
 }
@@ -148,6 +150,7 @@ pub(super) fn fit_cone_from(
     Some(ConeFit {
         centroid_px: outline.centroid_px,
         centroid_covariance_px2: outline.by_parameters * covariance * outline.by_parameters.transpose(),
+        common_moved_px: outline.by_parameters * (inverse * -common),
         sphere_center_px: camera.project(&Point3::from(parameters)).ok()?,
         boundary_px: outline.boundary_px,
         mean_radius_px: (outline.area_px2 / core::f64::consts::PI).sqrt(),

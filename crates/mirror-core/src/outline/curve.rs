@@ -84,3 +84,8 @@ pub(super) fn moved_by_mixing(ball: &[f64; 3], behind: &[f64; 3], channels: &[f6
 pub(super) fn moved_by_light(ball: &[f64; 3], behind: &[f64; 3], channels: &[f64; 3]) -> f64 {
     moved(ball, behind, channels, light_of, level_of)
 }
+
+/// That shift of one channel alone, in blurs.
+pub(super) fn channel_moved_by_mixing(own: f64, behind: f64, power: f64) -> f64 {
+    moved_by_mixing(&[own; 3], &[behind; 3], &[1.0, 0.0, 0.0], power)
+}

@@ -2,6 +2,7 @@
 
 use super::along::Along;
 use super::blur::{Blur, blur_of_rays};
+use super::channels::{Parted, Seen, deviations, parted};
 use super::curve::moved_by_mixing;
 use super::hues::{Hue, hues_of_zones};
 use super::luma::{lens_before_codec, lens_blur_px, luma_edges};
@@ -49,6 +50,8 @@ pub(super) struct Edges {
     pub shared_std_px: Vec<f64>,
     /// Signed: one deviation of the camera's curve, less its mean, which does not move the centre.
     pub common_px: Vec<f64>,
+    /// By how many of these deviations the channels say that the curve is another; None where they do not tell.
+    pub curve_deviations: Option<f64>,
     /// Overshoot of the coverage, as a share of the step; 0 for none.
     pub overshoot: f64,
     pub found: Vec<bool>,
@@ -102,6 +105,7 @@ pub(super) fn edges_on_rays(
             .map(|(e, blur)| if e.clipped { CLIPPED_SHARE * blur } else { 0.0 })
             .collect(),
         common_px: common_px(&edges),
+        curve_deviations: deviations(edges.iter().filter(|e| e.found).map(|e| e.parted)),
         overshoot: overshoot(&edges),
         std_px: edges.iter().map(|e| e.std).collect(),
         found: edges.iter().map(|e| e.found).collect(),
@@ -153,6 +157,7 @@ fn colour_edge(rays: &Rays, ray: usize, hues: Option<[Hue; 2]>, outermost: bool)
         std: 1.0,
         found: false,
         by_curve: 0.0,
+        parted: Parted::default(),
         clipped: false,
         overshoot: [0.0; 2],
         moment: 0.0,
@@ -218,6 +223,8 @@ fn colour_edge(rays: &Rays, ray: usize, hues: Option<[Hue; 2]>, outermost: bool)
         if pass + 1 == PASSES && !rays.coded {
             let rim_colour = ball.map(|light| light * at_rim);
             result.by_curve = blur * moved_by_mixing(&rim_colour, &behind, &result.channels, CURVE_DOUBT);
+            let seen = Seen { edge, taper, carried: &light.ball, at_rim, ball, behind };
+            result.parted = parted(rays, ray, &seen, CURVE_DOUBT);
             result.clipped =
                 rim_colour.iter().chain(&ball).chain(&behind).any(|light| *light > CLIPPED_LIGHT);
             let mean_of = |low: f64, high: f64| {

@@ -23,6 +23,7 @@
 //! | `hues`, `scatter` | in coded pictures: colours smoothed along the outline, and how far edges scatter round it |
 //! | `rays`, `edges`, `luma`, `blur` | samples along rays, sub-pixel edges of the colour and of the brightness, and the blur that they show |
 //! | `curve` | levels and light; what it moves that light mixes on another scale than the values are on: the codec's levels, a camera's own curve |
+//! | `channels` | what the channels' edges say of the camera's curve |
 //! | `unmixing` | a colour as a mixture of the ball's and of what lies behind |
 //! | `cone` | the cone of rays that touch a sphere, with covariance |
 //! | `whole`, `template` | a ball that is blurred over much of its radius, by all of its pixels; what it shows |
@@ -31,6 +32,7 @@
 mod along;
 mod ball;
 mod blur;
+mod channels;
 mod circle;
 mod codec;
 mod common_blur;

@@ -1,5 +1,7 @@
 //! Where the outline crosses one ray of a ball, and the median of what rays show.
 
+use super::channels::Parted;
+
 /// Fewer rays with an edge than this make no outline.
 pub(super) const MIN_EDGE_POINTS: usize = 8;
 
@@ -15,6 +17,8 @@ pub(super) struct RayEdge {
     pub found: bool,
     /// How far another curve of the camera than thought moves it, px, along the ray.
     pub by_curve: f64,
+    /// How its channels lie apart.
+    pub parted: Parted,
     /// Whether a channel of one of the two colours is as bright as can be.
     pub clipped: bool,
     /// How much the coverage exceeds 1 inside of the edge and falls below 0 beyond it, as sharpening makes it.

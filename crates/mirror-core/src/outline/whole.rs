@@ -316,6 +316,7 @@ impl Fit {
             arc_fraction: self.rim,
             blur_px: wide,
             narrow_blur_px: narrow,
+            curve_deviations: None,
             lens_blur_px: (0.5 * (narrow * narrow + wide * wide)).sqrt(),
             cone: ConeFit {
                 parameters,
@@ -325,6 +326,7 @@ impl Fit {
                 boundary_px: cone.boundary_px,
                 mean_radius_px: disc.radius_px,
                 inlier: Vec::new(),
+                common_moved_px: Vector2::zeros(),
                 // By the slope of a blurred edge.
                 residual_rms_px: self.rms * wide * core::f64::consts::TAU.sqrt(),
             },

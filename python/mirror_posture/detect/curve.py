@@ -1,0 +1,39 @@
+"""What the balls of a picture say of the camera's curve from light to levels, and what that does to their deviations.
+
+Edges are read in linear light by sRGB's curve, and a ball's covariance allows for another one: a power of 8.5 % is one deviation. A camera of another curve, or one that sharpens, parts the channels
+of each edge; one ball's shading does that too, but not in the same way on all balls of a picture.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from .ball import OutlineFit
+
+# Fewer balls than this do not tell the camera's curve from their own shading.
+LEAST_BALLS = 3
+# The median of balls is not known better than to so many deviations.
+LEAST_STD = 0.7
+# Standard deviation of the median of normal numbers by the median of their sizes: 1.4826 for one, 1.25 for the median of several.
+MEDIAN_STD = 1.25 * 1.4826
+
+
+def curve_doubt(fits: Sequence[OutlineFit | None]) -> float:
+    """How many times as much the curve may be another as the covariances say: what the balls' channels show beyond what their scatter explains, at least 1."""
+    told = [fit.curve_deviations for fit in fits if fit is not None and fit.curve_deviations is not None]
+    if len(told) < LEAST_BALLS:
+        return 1.0
+    middle = float(np.median(told))
+    std = MEDIAN_STD * float(np.median(np.abs(np.array(told) - middle))) / np.sqrt(len(told))
+    return max(1.0, abs(middle) - max(LEAST_STD, std))
+
+
+def with_curve_doubt(fit: OutlineFit | None, doubt: float) -> OutlineFit | None:
+    """An outline whose covariance holds so many times the curve's part, which it holds once: `C + (k² − 1) m mᵀ`, m what one deviation moves the centre by."""
+    if fit is None or doubt <= 1.0:
+        return fit
+    more = (doubt**2 - 1.0) * np.outer(fit.curve_moved_px, fit.curve_moved_px)
+    return replace(fit, centroid_covariance_px2=fit.centroid_covariance_px2 + more)

@@ -1,0 +1,66 @@
+"""A camera of another curve than sRGB's: what the balls' channels show of it, and that the claims hold it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mirror_posture.detect import detect_markers
+from mirror_posture.detect.ball import OutlineFit
+from mirror_posture.detect.curve import curve_doubt, with_curve_doubt
+from mirror_posture.detect.types import Ellipse
+from test_blurred_balls import BALLS, CAMERA, MARKERS, expected, light, outline
+
+
+def outline_fit(deviations: float | None) -> OutlineFit:
+    return OutlineFit(
+        centroid_px=np.array([40.0, 30.0]),
+        centroid_covariance_px2=np.eye(2) * 0.01,
+        sphere_center_px=np.array([40.0, 30.0]),
+        ellipse=Ellipse((40.0, 30.0), 9.0, 9.0, 0.0),
+        boundary_px=np.zeros((72, 2)),
+        mean_radius_px=9.0,
+        arc_fraction=1.0,
+        residual_rms_px=0.05,
+        blur_px=0.7,
+        narrow_blur_px=0.7,
+        lens_blur_px=0.7,
+        curve_deviations=deviations,
+        curve_moved_px=np.array([0.03, 0.0]),
+    )
+
+
+def test_several_balls_must_agree_that_the_curve_is_another() -> None:
+    told = [outline_fit(one) for one in (-3.0, -3.2, -3.4, -3.1)]
+    assert curve_doubt(told) == pytest.approx(3.15 - 0.7)
+    assert curve_doubt(told[:2]) == 1.0
+    # Balls that contradict each other show their own shading.
+    assert curve_doubt([outline_fit(one) for one in (-6.0, 5.0, 2.0, -1.0)]) == 1.0
+    assert curve_doubt([None, outline_fit(None), *told[:2]]) == 1.0
+
+
+def test_a_doubted_curve_widens_a_claim_where_it_moves_the_ball() -> None:
+    fit = outline_fit(-3.0)
+    wide = with_curve_doubt(fit, 3.0)
+    assert wide is not None
+    assert wide.centroid_covariance_px2 - fit.centroid_covariance_px2 == pytest.approx(
+        np.diag([8.0 * 0.03**2, 0.0])
+    )
+    assert with_curve_doubt(fit, 1.0) is fit and with_curve_doubt(None, 3.0) is None
+
+
+@pytest.mark.parametrize(("power", "least"), [(0.75, 1.3), (1.35, 1.0)])
+def test_pictures_of_another_curve_are_claimed_less(power: float, least: float) -> None:
+    """The same light by two curves: the balls' errors grow where the background differs from side to side, and the claims must."""
+    noise = np.random.default_rng(3).normal(0.0, 1.0, (240, 320, 3))
+    picture = np.clip(np.rint(255.0 * light() ** (power / 2.2) + noise), 0, 255).astype(np.uint8)
+    own = np.clip(np.rint(255.0 * light() ** (1.0 / 2.2) + noise), 0, 255).astype(np.uint8)
+    views = detect_markers(picture, MARKERS, CAMERA, expected=expected(1))
+    others = detect_markers(own, MARKERS, CAMERA, expected=expected(1))
+    assert len(views) == len(BALLS) and all(view.ok for view in views)
+    claimed = [float(np.sqrt(np.trace(view.covariance_px2))) for view in views]
+    usual = [float(np.sqrt(np.trace(view.covariance_px2))) for view in others]
+    assert max(np.divide(claimed, usual)) >= least
+    for view in views:
+        error = np.subtract(view.pixel_px, outline(view.name)[0])
+        assert float(error @ np.linalg.solve(view.covariance_px2, error)) < 12.0, view.name
