@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from mirror_posture.motion.evidence import volume
+from mirror_posture.motion.standing import _first
+from mirror_posture.motion.statistics import misfit
 from mirror_posture.simulate.gap import FREE_MARKER_M, _Images, _metre_squares
 
 
@@ -66,3 +68,34 @@ def test_the_gap_in_metres_is_the_least_squares_place_of_the_markers() -> None:
         right.append(np.zeros(6))
         places = np.linalg.lstsq(np.concatenate(rows), np.concatenate(right), rcond=None)[0][:6].reshape(2, 3)
         assert found[:, k] == pytest.approx((places**2).sum(axis=1), rel=1e-6)
+
+
+def test_where_a_log_begins_is_known_as_well_as_is_claimed() -> None:
+    random = np.random.default_rng(12)
+    time = np.linspace(0.0, 0.3, 20)
+    first_s, freedom = 0.24, int((time <= 0.24).sum()) - 4
+    true = np.array([0.4, -1.5])
+    squares = []
+    for _ in range(800):
+        readings = true[0] + true[1] * time + 3.0 * time**2 - 8.0 * time**3 + random.normal(0.0, 0.01, 20)
+        found = _first(time, readings, first_s)
+        assert found is not None
+        off = found[1] - true
+        squares.append(off @ found[2] @ off)
+    # Two numbers of a fit whose noise is its own: the mean of 2 F(2, ν).
+    assert np.mean(squares) == pytest.approx(2.0 * freedom / (freedom - 2), rel=0.12)
+
+
+def test_a_remainder_that_lingers_counts_as_fewer_rows() -> None:
+    random = np.random.default_rng(13)
+    frames, correlation = 4000, 0.5
+    residual = np.zeros((frames, 2, 2))
+    for f in range(1, frames):
+        residual[f] = correlation * residual[f - 1] + random.normal(0.0, 1.0, (2, 2))
+    found = misfit(residual, np.ones((frames, 2), dtype=bool))
+    assert found.correlation == pytest.approx(correlation, abs=0.03) and found.rows == 4 * frames
+    # The mean of N rows of this scatters as one of N (1 − ρ) / (1 + ρ) rows that are independent.
+    means = residual.reshape(40, 100, 4).mean(axis=1)
+    assert found.effective_rows / (4 * frames) == pytest.approx(
+        residual.var() / (100 * means.var()), rel=0.25
+    )
