@@ -92,7 +92,7 @@ fn read(dir: &Path, at: &Module, out: &mut BTreeMap<Module, Source>) {
             if stem != "tests" {
                 read(&path, &[at.clone(), vec![stem]].concat(), out);
             }
-        } else if path.extension().is_some_and(|e| e == "rs") {
+        } else if stem != "tests" && path.extension().is_some_and(|e| e == "rs") {
             let hands_on = stem == "mod" || stem == "lib";
             let module = if hands_on { at.clone() } else { [at.clone(), vec![stem]].concat() };
             let paths = paths_of(&std::fs::read_to_string(&path).unwrap());

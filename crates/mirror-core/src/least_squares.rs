@@ -193,6 +193,7 @@ pub(crate) fn scaled_inverse<const P: usize>(
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
     use nalgebra::{Matrix2, Vector2};

@@ -79,3 +79,29 @@ pub(super) fn stalled(history_m: &[f64], options: &JudgeOptions) -> bool {
     let best = |looks: &[f64]| looks.iter().copied().fold(f64::INFINITY, f64::min);
     best(&history_m[before..]) > (1.0 - options.least_progress) * best(&history_m[..before])
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Random;
+
+    #[test]
+    fn the_deviation_of_an_error_over_all_markers_is_that_of_its_draws() {
+        let truth = [Vector3::new(4e-3, 0.0, 1e-3), Vector3::new(0.0, -3e-3, 2e-3)];
+        let std = [Vector3::new(2e-4, 1e-4, 6e-4), Vector3::new(1e-4, 3e-4, 5e-4)];
+        let covariance_m2: Vec<_> = std.iter().map(|s| Matrix3::from_diagonal(&s.component_mul(s))).collect();
+        let errors =
+            |error_m: Vec<Vector3<f64>>| Errors { error_m, covariance_m2: covariance_m2.clone(), look: 1 };
+        let mut random = Random::new(11);
+        let drawn: Vec<f64> = (0..4000)
+            .map(|_| {
+                let noise = std.map(|s| s.map(|x| x * random.normal()));
+                errors(truth.iter().zip(&noise).map(|(t, n)| t + n).collect()).rms_m()
+            })
+            .collect();
+        let mean = drawn.iter().sum::<f64>() / 4000.0;
+        let spread = (drawn.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / 4000.0).sqrt();
+        let claimed = errors(truth.to_vec()).rms_std_m();
+        assert!((claimed / spread - 1.0).abs() < 0.06, "{claimed} {spread}");
+    }
+}

@@ -130,7 +130,12 @@ impl Search<'_> {
     }
 
     /// The best variant of each of the `count` best hypotheses that could be the best when fitted exactly.
-    fn most_promising<'s>(&self, scores: &'s [Score], count: usize, but: Option<usize>) -> Vec<&'s Score> {
+    pub(in crate::diagnose) fn most_promising<'s>(
+        &self,
+        scores: &'s [Score],
+        count: usize,
+        but: Option<usize>,
+    ) -> Vec<&'s Score> {
         let value = |s: &Score| s.log_bayes + self.catalogue.hypotheses[s.hypothesis].log_prior;
         let wanted = |s: &&Score| {
             let unnamed = self.options.named_only && self.catalogue.is_free(s.hypothesis);

@@ -6,7 +6,7 @@ mod adequacy;
 mod column_world;
 #[path = "../../../../../tests/rust/gap_world/mod.rs"]
 #[allow(dead_code)]
-mod gap_world;
+pub(super) mod gap_world;
 mod jacobians;
 mod near_ties;
 mod places;

@@ -1,16 +1,21 @@
 //! Thresholds outside [`principles`](super::principles), each on data that a move by a factor of two decides otherwise.
 
 use super::gap_world::{Plan, World};
+use super::prior::search;
 use crate::diagnose::assessment::noise_floor::is_no_noise;
 use crate::diagnose::criteria::lack_of_fit::{adequacy, noticeable_excess};
 use crate::diagnose::data::recording::{Recording, Target};
+use crate::diagnose::effects::hypothesis::Catalogue;
+use crate::diagnose::effects::vocabulary;
 use crate::diagnose::likelihood::noise_correlation::successive_correlation;
+use crate::diagnose::likelihood::score_test::Score;
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::prepare::boards::leave_out_wrong_grids;
 use crate::diagnose::random_effects::outlier_tolerances::outweighs;
 use crate::random::Random;
 use crate::robot::Robot;
-use nalgebra::Vector2;
+use nalgebra::{DMatrix, Vector2};
+use std::sync::Arc;
 
 const NOISE: Noise = Noise { corner_px: 0.15, marker_px: 0.15, point_m: 0.001 };
 
@@ -124,4 +129,28 @@ fn errors_that_linger_are_told_from_white_noise() {
     // One in 44 by chance at two deviations, one in six at one; at four deviations hardly any of the others.
     assert!(white <= 4, "{white} of {SESSIONS}");
     assert!(lingering >= 36, "{lingering} of {SESSIONS}");
+}
+
+#[test]
+fn what_the_score_test_puts_far_behind_the_best_is_not_fitted() {
+    let (robot, recording) = recorded(&Plan { postures: 6, ..Plan::default() });
+    let problem = Problem::new(&robot, &recording).unwrap();
+    let catalogue = Catalogue::new(&problem.scene, vocabulary().into_iter().map(Arc::from).collect(), &[]);
+    let search = search(&problem, &catalogue);
+    let of_offsets = |h: &usize| catalogue.name(&problem.scene, *h).starts_with("joint_offset");
+    let offsets: Vec<usize> = (0..catalogue.hypotheses.len()).filter(of_offsets).collect();
+    let fitted = |best: f64, behind: f64| {
+        let score = |hypothesis: usize, log_bayes: f64| Score {
+            hypothesis,
+            variant: 0.0,
+            log_bayes: log_bayes - catalogue.hypotheses[hypothesis].log_prior,
+            parameters: vec![0.0],
+            information: DMatrix::identity(1, 1),
+        };
+        let scores = [score(offsets[0], best), score(offsets[1], best - behind)];
+        search.most_promising(&scores, 5, None).len() == 2
+    };
+    // A linear estimate may be off by a few tens, and by a share of what it says.
+    assert!(fitted(40.0, 24.0) && !fitted(40.0, 45.0));
+    assert!(fitted(400.0, 68.0) && !fitted(400.0, 110.0));
 }

@@ -1,20 +1,17 @@
 //! What is gross, clear and no single observation's matter: on sessions that a move of a threshold by a factor of two decides otherwise.
 
-#![allow(clippy::unwrap_used, clippy::expect_used)]
-
-#[path = "../../../../../../tests/rust/gap_world/mod.rs"]
-#[allow(dead_code)]
-mod gap_world;
+#![allow(clippy::unwrap_used, clippy::panic)]
 
 use super::alternatives::Session;
 use super::misfit::Misfit;
 use super::mistake::Mistake;
 use super::variant::Variant;
-use super::{Chain, outlying};
+use super::{Chain, extended, outlying};
 use crate::diagnose::data::recording::{Recording, Target};
 use crate::diagnose::model::problem::{Noise, Problem};
+use crate::diagnose::tests::gap_world::{Plan, World, Wrong};
 use crate::robot::Robot;
-use gap_world::{Plan, World, Wrong};
+use core::f64::consts::FRAC_PI_2;
 use nalgebra::Vector2;
 
 const PLAN: Plan = Plan { postures: 12, views: 2, noise_px: 0.05, seed: 1, wrong: Vec::new() };
@@ -105,4 +102,55 @@ fn a_marker_that_is_off_now_and_then_is_false_there_and_one_that_is_off_often_is
     };
     assert_eq!(left_out(3), 3);
     assert_eq!(left_out(8), 0);
+}
+
+/// A world whose right elbow carries its markers so far from its axis, and the elbow's column.
+fn with_lever(lever_m: f64) -> (World, usize, usize) {
+    let mut world = World::new(4, false);
+    let elbow = world.bone("r_elbow");
+    for (_, _, place) in world.markers.iter_mut().filter(|(_, bone, _)| *bone == elbow) {
+        (place.x, place.z) = (lever_m, 0.0);
+    }
+    let robot = Robot::from_urdf_str(&world.urdf()).unwrap();
+    let column = robot.position_names().position(|n| n == "r_elbow").unwrap();
+    (world, elbow, column)
+}
+
+#[test]
+fn a_zero_is_off_by_a_right_angle_where_no_other_number_is_told() {
+    let told = |beside: f64| {
+        // So near to the axis that the loss does not tell a degree.
+        let (world, elbow, joint) = with_lever(0.006);
+        let wrong = vec![Wrong::Offset(elbow, FRAC_PI_2 + beside)];
+        let recording = world.record(&Plan { wrong, noise_px: 0.02, ..PLAN });
+        let problem = problem_of(&world, &recording);
+        let misfit = Misfit::new(&problem).unwrap();
+        let frames: Vec<usize> = (0..problem.frames.len()).collect();
+        let quarter = Mistake::Zero { joint, offset: FRAC_PI_2 };
+        let variant = Variant::of(&recording, &problem);
+        match Session::new(&problem, &misfit).refined(&quarter, &variant, &frames) {
+            Mistake::Zero { offset, .. } => offset - FRAC_PI_2,
+            other => panic!("{other:?}"),
+        }
+    };
+    assert_eq!(told(0.013), 0.0);
+    assert!((told(0.032) - 0.032).abs() < 0.008, "{}", told(0.032));
+}
+
+#[test]
+fn a_mistake_is_gone_on_from_where_the_loss_falls_by_what_matters() {
+    let gone_on = |lever_m: f64| {
+        let (world, elbow, joint) = with_lever(lever_m);
+        let recording = world.record(&Plan { wrong: vec![Wrong::Ratio(elbow, 0.25)], ..PLAN });
+        let problem = problem_of(&world, &recording);
+        let misfit = Misfit::new(&problem).unwrap();
+        let frames: Vec<usize> = (0..problem.frames.len()).collect();
+        let nominal = Chain::new(Vec::new(), Variant::of(&recording, &problem), &misfit, &frames);
+        let found = extended(&Session::new(&problem, &misfit), &frames, &nominal, &[]);
+        let is_it = |m: &Mistake| matches!(m, Mistake::JointUnit { joint: j, .. } if *j == joint);
+        found.iter().any(|c| c.mistakes.iter().any(is_it))
+    };
+    // Losses of 0.025 and 0.04.
+    assert!(!gone_on(0.042));
+    assert!(gone_on(0.055));
 }
