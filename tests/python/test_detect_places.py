@@ -114,3 +114,18 @@ def test_squares_of_other_things_do_not_hide_the_board(long_searches: list[tuple
     assert float(np.sqrt(np.mean(away**2))) < 0.15
     # Slow searches, where any, are of parts.
     assert all(rows * columns < 0.7 * SIZE[0] * SIZE[1] for rows, columns in long_searches)
+
+
+@pytest.mark.parametrize(("square_px", "enlarged"), [(8.0, True), (22.0, False)])
+def test_only_small_squares_are_searched_enlarged(
+    monkeypatch: pytest.MonkeyPatch, square_px: float, enlarged: bool
+) -> None:
+    """The crossings of a board show, and no detector finds it: all ways are tried."""
+    asked: list[int] = []
+    for name in search.DETECTORS:
+        monkeypatch.setitem(search.DETECTORS, name, lambda gray, size: asked.append(gray.shape[0]))
+    picture, _ = drawn(np.random.default_rng(8), square_px, 0.5, 1.0)
+    (view,) = detect_boards(picture, BOARD)
+    assert not view.ok
+    assert len(asked) > 1
+    assert (max(asked) == 2 * min(asked)) == enlarged

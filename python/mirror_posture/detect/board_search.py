@@ -20,6 +20,8 @@ SEARCH_WIDTH_PX = 1632
 PLACE_SCALES = (0.5, 0.25, 1.0)
 # Parts below this size are searched once more at twice the size, for small squares.
 UPSCALE_BELOW_PX = 500
+# ... if their squares are below this, px: enlarged, larger ones show no more, and cost as much as all of the rest.
+SMALL_SQUARE_PX = 12.0
 # The slower ways are tried in so many places, those with nearest to the board's number of crossings first.
 MOST_SEARCHED = 2
 
@@ -93,7 +95,7 @@ def _in_place(
                 contrast = cv2.createCLAHE(clipLimit=4.0, tileGridSize=(4, 4)).apply(part)
             prepared = contrast
         if way.endswith("enlarged"):
-            if max(part.shape) > UPSCALE_BELOW_PX:
+            if max(part.shape) > UPSCALE_BELOW_PX or place.step_px() > SMALL_SQUARE_PX:
                 continue
             prepared, times = cv2.resize(prepared, None, fx=2.0, fy=2.0, interpolation=cv2.INTER_CUBIC), 2.0
         for name, grid in _run(way, prepared, times, board, detector):

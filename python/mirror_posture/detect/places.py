@@ -61,6 +61,15 @@ class Place(ShortRepr):
         """How far the number of crossings is from a board's: a wall of tiles shows many more."""
         return abs(len(self.crossings_px) - corner_count)
 
+    def step_px(self) -> float:
+        """Typical distance of a crossing from the one nearest to it, about the side of a square, px; 0 where fewer than two show."""
+        if len(self.crossings_px) < 2:
+            return 0.0
+        u, v = self.crossings_px.T
+        squares = (u[:, None] - u[None]) ** 2 + (v[:, None] - v[None]) ** 2
+        np.fill_diagonal(squares, np.inf)
+        return float(np.sqrt(np.median(squares.min(axis=1))))
+
     def same_as(self, other: Place) -> bool:
         """Whether two places share most of the smaller one."""
         one, two = self.box_px, other.box_px
