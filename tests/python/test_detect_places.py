@@ -116,7 +116,7 @@ def test_squares_of_other_things_do_not_hide_the_board(long_searches: list[tuple
     assert all(rows * columns < 0.7 * SIZE[0] * SIZE[1] for rows, columns in long_searches)
 
 
-@pytest.mark.parametrize(("square_px", "enlarged"), [(8.0, True), (22.0, False)])
+@pytest.mark.parametrize(("square_px", "enlarged"), [(5.0, True), (10.0, False), (22.0, False)])
 def test_only_small_squares_are_searched_enlarged(
     monkeypatch: pytest.MonkeyPatch, square_px: float, enlarged: bool
 ) -> None:

@@ -21,7 +21,7 @@ PLACE_SCALES = (0.5, 0.25, 1.0)
 # Parts below this size are searched once more at twice the size, for small squares.
 UPSCALE_BELOW_PX = 500
 # ... if their squares are below this, px: enlarged, larger ones show no more, and cost as much as all of the rest.
-SMALL_SQUARE_PX = 12.0
+SMALL_SQUARE_PX = 7.0
 # The slower ways are tried in so many places, those with nearest to the board's number of crossings first.
 MOST_SEARCHED = 2
 
