@@ -268,6 +268,23 @@ fn its_covariances_are_those_of_its_errors() {
 }
 
 #[test]
+fn a_transform_of_which_nothing_is_known_costs_six_degrees_of_freedom() {
+    let mut rng = ChaCha8Rng::seed_from_u64(41);
+    let scene = scene(&cross(0.15), &[vec![hand()]]);
+    let unknown = JointOptions { prior: BoardPrior::Unknown, ..options() };
+    const TRIALS: f64 = 250.0;
+    let (mut sum, mut freedom) = (0.0, 0);
+    for _ in 0..TRIALS as usize {
+        let joint = estimate(&scene.frames(true_camera_from_board(), &mut rng), 1, &unknown);
+        (sum, freedom) = (sum + joint.chi_squared, joint.degrees_of_freedom);
+    }
+    assert_eq!(freedom, 2 * (5 * 35 + 5) - 3 * 5 - 3 - 6);
+    let expected = freedom as f64;
+    let off = (sum / TRIALS - expected).abs();
+    assert!(off < 3.0 * (2.0 * expected / TRIALS).sqrt(), "{} {expected}", sum / TRIALS);
+}
+
+#[test]
 fn a_head_that_turns_between_postures_is_followed() {
     let mut rng = ChaCha8Rng::seed_from_u64(24);
     let scene = scene(&cross(0.15), &[vec![hand()], vec![hand() * 0.8]]);

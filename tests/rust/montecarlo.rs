@@ -272,6 +272,7 @@ fn consistency(estimator: MirrorEstimator, shared: Option<Matrix6<f64>>, seed: u
     let mut planes = Consistency::<3>::new();
     let mut rays = Consistency::<2>::new();
     let mut points = Triangulator::ALL.map(|_| Consistency::<3>::new());
+    let mut misfits = Mean::default();
     for _ in 0..TRIALS {
         let error = root * Vector6::from_fn(|_, _| StandardNormal.sample(&mut rng));
         setting.rig.camera_from_board = rotation::moved(&nominal, &error);
@@ -290,9 +291,16 @@ fn consistency(estimator: MirrorEstimator, shared: Option<Matrix6<f64>>, seed: u
         for (points, way) in points.iter_mut().zip(Triangulator::ALL) {
             let found = triangulate_views(way, &setting.rig.camera, &seen, &options).unwrap();
             points.add(&(found.point_in_camera.coords - markers[0]), &found.covariance_m2);
+            if let Some(fit) = found.pixel_fit {
+                misfits.add(fit.chi_squared / fit.degrees_of_freedom as f64);
+            }
         }
     }
     let name = estimator.name();
+    if estimator == MirrorEstimator::MaximumLikelihood {
+        let off = (misfits.mean() - 1.0).abs();
+        assert!(misfits.count > 0.0 && off < 4.0 * misfits.standard_error(), "{}", misfits.mean());
+    }
     planes.check(&format!("{name} plane"));
     rays.check(&format!("{name} ray"));
     for (points, way) in points.iter().zip(Triangulator::ALL) {
@@ -359,6 +367,27 @@ fn claimed_covariance_of_the_planar_pose_and_the_estimated_noise() {
     translations.check("planar pose, translation");
     println!("noise {:.4} px, rms {:.4} px", noise.mean().sqrt(), rms.mean());
     assert!((noise.mean() / NOISE_PX.powi(2) - 1.0).abs() < 3.0 * noise.standard_error() / NOISE_PX.powi(2));
+}
+
+#[test]
+fn a_robust_loss_that_bounds_nothing_claims_what_squares_claim() {
+    let setting = Setting::of_the_paper();
+    let exact = traced(&setting, &glass_before_board(0.2, 0.1), &[]);
+    let (view, _) = noisy_view(&setting, &exact, &mut ChaCha8Rng::seed_from_u64(7));
+    let claimed = |options: EstimatorOptions| {
+        let found = MirrorEstimator::MaximumLikelihood.estimate(&setting.rig, &view, &options).unwrap();
+        found.covariance_m2
+    };
+    let squared = claimed(EstimatorOptions { noise_px: None, ..Default::default() });
+    // A hundred times the noise: no residual comes near to the bend.
+    let wide = EstimatorOptions {
+        noise_px: Some(100.0 * NOISE_PX),
+        loss: Loss::huber(),
+        smallest_decrease_px2: 1e-12,
+        ..Default::default()
+    };
+    let ratio = claimed(wide).trace() / squared.trace();
+    assert!((ratio - 1.0).abs() < 1e-4, "{ratio}");
 }
 
 #[test]

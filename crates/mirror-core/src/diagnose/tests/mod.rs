@@ -9,6 +9,7 @@ mod column_world;
 pub(super) mod gap_world;
 mod jacobians;
 mod near_ties;
+mod noise;
 mod places;
 mod principles;
 mod prior;
