@@ -1,8 +1,17 @@
-//! Quantiles of the normal and of the chi-squared distribution, and a sequence that is spread evenly.
+//! Medians, quantiles of the normal and of the chi-squared distribution, and a sequence that is spread evenly.
 
 /// (√5 − 1)/2. The fractional parts of its multiples are spread evenly whatever their number and meet no rhythm; the share by which a
 /// golden-section search narrows its interval.
 pub(crate) const GOLDEN_SECTION: f64 = 0.618_033_988_749_895;
+
+/// The median of numbers; 0 for none.
+pub(crate) fn median(mut values: Vec<f64>) -> f64 {
+    if values.is_empty() {
+        return 0.0;
+    }
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f64::total_cmp).1
+}
 
 /// Φ⁻¹(p), the quantile of the standard normal distribution (Acklam's rational approximation, within 1.2e-9 of it relatively).
 pub(crate) fn normal_quantile(p: f64) -> f64 {

@@ -1,6 +1,7 @@
 //! The blur that a ball's edges show, in each direction: lens, focus, and motion while the shutter is open.
 
-use super::ray_edge::{MIN_EDGE_POINTS, RayEdge, median};
+use super::ray_edge::{MIN_EDGE_POINTS, RayEdge};
+use crate::statistics::median;
 use nalgebra::{Matrix3, Vector3};
 
 /// Range of a blur's variance, px².

@@ -1,7 +1,8 @@
 //! The blur that the balls of a picture share.
 
-use super::ray_edge::{NORMAL_SPREAD, median};
+use super::ray_edge::NORMAL_SPREAD;
 use super::template::LEAST_VARIANCE_PX2;
+use crate::statistics::median;
 use nalgebra::{Matrix2, SymmetricEigen};
 
 /// Variance of a blur at most, px².

@@ -6,8 +6,9 @@
 //! cone by less than 0.05 px.
 
 use super::circle::Circle;
-use super::ray_edge::{MIN_EDGE_POINTS, NORMAL_SPREAD, median};
+use super::ray_edge::{MIN_EDGE_POINTS, NORMAL_SPREAD};
 use crate::camera::Camera;
+use crate::statistics::median;
 use nalgebra::{Matrix2, Matrix2x3, Matrix3, Point3, SMatrix, Vector2, Vector3};
 
 /// Corners of the polygon that stands for an outline.

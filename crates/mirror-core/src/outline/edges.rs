@@ -7,10 +7,11 @@ use super::curve::moved_by_mixing;
 use super::hues::{Hue, hues_of_zones};
 use super::luma::{lens_before_codec, lens_blur_px, luma_edges};
 use super::patch::Patch;
-use super::ray_edge::{RayEdge, median};
+use super::ray_edge::RayEdge;
 use super::rays::{Rays, STEP_PX, ZONE_PX, beyond_step, mean_and_variance, mean_colour};
 use super::scatter::noise_of;
 use super::unmixing::Unmixing;
+use crate::statistics::median;
 use nalgebra::Vector2;
 
 /// Unevenness of a zone that even light and a clean picture leave, as a share of its brightness.

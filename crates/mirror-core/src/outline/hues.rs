@@ -1,7 +1,7 @@
 //! Hues of a coded picture beside a ball's outline, smoothed along it.
 
-use super::ray_edge::median;
 use super::rays::{CODED_ZONE_PX, Rays, mean_colour};
+use crate::statistics::median;
 
 /// Weights of blue, green and red in the brightness.
 const BRIGHTNESS: [f64; 3] = [0.114, 0.587, 0.299];

@@ -1,8 +1,9 @@
 //! Edges of the brightness in pictures whose codec blurs the colours, and what the lens did before the codec.
 
 use super::curve::{level_of, light_of, moved_by_light};
-use super::ray_edge::{MIN_EDGE_POINTS, RayEdge, median};
+use super::ray_edge::{MIN_EDGE_POINTS, RayEdge};
 use super::rays::{LUMA_WINDOW, Rays, STEP_PX, ZONE_PX, beyond_step, mean_and_variance, window_px};
+use crate::statistics::median;
 
 /// The lens' blur where no ray shows it, and what bilinear sampling adds, px; least contrast of brightness (0..1) that shows it.
 const USUAL_LENS_PX: f64 = 0.5;

@@ -1,8 +1,8 @@
 //! The colour of a ball that what surrounds it has not: brightness behind it, and things of a third colour, do not count.
 
 use super::patch::Patch;
-use super::ray_edge::median;
 use super::template::Grid;
+use crate::statistics::median;
 use nalgebra::{Vector2, Vector3};
 
 /// The grid reaches so far beyond the ball, px.

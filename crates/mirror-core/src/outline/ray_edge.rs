@@ -1,4 +1,4 @@
-//! Where the outline crosses one ray of a ball, and the median of what rays show.
+//! Where the outline crosses one ray of a ball.
 
 use super::channels::Parted;
 
@@ -32,13 +32,4 @@ pub(super) struct RayEdge {
     /// The two colours.
     pub ball: [f64; 3],
     pub behind: [f64; 3],
-}
-
-/// The median of numbers; 0 for none.
-pub(super) fn median(mut values: Vec<f64>) -> f64 {
-    if values.is_empty() {
-        return 0.0;
-    }
-    let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }

@@ -1,8 +1,9 @@
 //! How far edges scatter round one outline, whatever touches it.
 
 use super::circle::Indices;
-use super::ray_edge::{MIN_EDGE_POINTS, NORMAL_SPREAD, median};
+use super::ray_edge::{MIN_EDGE_POINTS, NORMAL_SPREAD};
 use super::rays::Rays;
+use crate::statistics::median;
 use nalgebra::{Matrix3, Vector3};
 
 /// Random triples of edges that are tried to begin with, and how far apart their directions must be (determinant).

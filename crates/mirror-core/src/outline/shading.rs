@@ -9,7 +9,7 @@
 
 use super::curve::light_of;
 use super::patch::Patch;
-use super::ray_edge::median;
+use crate::statistics::median;
 use nalgebra::{SMatrix, SVector, Vector2, Vector3};
 
 const TERMS: usize = 10;

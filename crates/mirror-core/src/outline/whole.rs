@@ -9,9 +9,10 @@ use super::common_blur::{CommonBlur, clamped};
 use super::cone::{ConeFit, cone_centroid, px_per_rad};
 use super::own_colour::{MARGIN_PX, OwnColour};
 use super::patch::{Patch, Picture};
-use super::ray_edge::{NORMAL_SPREAD, median};
+use super::ray_edge::NORMAL_SPREAD;
 use super::template::{BASES, Disc, Grid, planes};
 use crate::camera::Camera;
+use crate::statistics::median;
 use nalgebra::{Matrix2, Point3, SMatrix, SVector, SymmetricEigen, Vector2, Vector3};
 
 /// Of the outline: centre, radius, and the blur's covariance.

@@ -210,7 +210,7 @@ fn independent(
 }
 
 /// Mean correlation between two of n successive errors whose neighbours correlate by r: r^|i − j|.
-pub(in crate::diagnose) fn shared_by_views(correlation: f64, views: f64) -> f64 {
+pub(crate) fn shared_by_views(correlation: f64, views: f64) -> f64 {
     let n = views.round().max(1.0) as i32;
     let pairs: f64 = (1..n).map(|lag| f64::from(n - lag)).sum();
     let sum: f64 = (1..n).map(|lag| f64::from(n - lag) * correlation.powi(lag)).sum();

@@ -130,7 +130,7 @@ impl Search<'_> {
     }
 
     /// The best variant of each of the `count` best hypotheses that could be the best when fitted exactly.
-    pub(in crate::diagnose) fn most_promising<'s>(
+    pub(crate) fn most_promising<'s>(
         &self,
         scores: &'s [Score],
         count: usize,
