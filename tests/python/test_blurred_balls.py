@@ -88,6 +88,14 @@ def test_a_shake_of_ten_pixels_leaves_every_ball_with_a_true_deviation(turn: flo
         assert error @ np.linalg.solve(view.covariance_px2, error) < 16.0, (view.name, error, view.std_px)
 
 
+def test_a_shake_that_leaves_rays_their_colours_is_read_by_rays() -> None:
+    """Six pixels: rays read it to a fifth of what the balls as a whole tell."""
+    picture = levels(shaken(light(), 6.0, 1.4), 1)
+    for view in detect_markers(picture, MARKERS, CAMERA, expected=expected(1)):
+        assert view.ok, (view.name, view.reason)
+        assert np.hypot(*np.subtract(view.pixel_px, outline(view.name)[0])) < 0.08, view.name
+
+
 def test_a_ball_behind_a_plate_is_not_taken_for_a_moved_one() -> None:
     hidden = dict.fromkeys(BALLS, 0.25)
     coded = cv2.imencode(".jpg", levels(light(hidden), 5), [cv2.IMWRITE_JPEG_QUALITY, 92])[1]

@@ -38,7 +38,7 @@ LEAST_SEEN = 0.88
 CODED_BLURRED_SHARE = 0.23
 # A blur is a motion's where it is so much narrower in one direction, and too much for rays from this share of the radius on.
 MOVED_SHARE = 0.6
-MUCH_MOVED_SHARE = 0.2
+MUCH_MOVED_SHARE = 0.26
 # Coarser than this (levels), a codec's blocks are no blur.
 MOST_QUANTISATION_STEP = 6.0
 
