@@ -6,6 +6,7 @@ of each edge; one ball's shading does that too, but not in the same way on all b
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -27,7 +28,7 @@ def curve_doubt(fits: Sequence[OutlineFit | None]) -> float:
     if len(told) < LEAST_BALLS:
         return 1.0
     middle = float(np.median(told))
-    std = MEDIAN_STD * float(np.median(np.abs(np.array(told) - middle))) / np.sqrt(len(told))
+    std = MEDIAN_STD * float(np.median(np.abs(np.array(told) - middle))) / math.sqrt(len(told))
     return max(1.0, abs(middle) - max(LEAST_STD, std))
 
 
