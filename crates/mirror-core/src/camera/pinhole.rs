@@ -104,6 +104,13 @@ impl Camera {
         self.distortion
     }
 
+    /// The coefficients of a lens of polynomials, and the square of the largest distance from the axis (normalised) at which it is
+    /// one-to-one; none of a fisheye.
+    pub(crate) fn polynomial_lens(&self) -> Option<([f64; COEFFICIENTS], f64)> {
+        let fisheye = matches!(self.distortion, Distortion::Equidistant(_));
+        (!fisheye).then(|| (self.distortion.coefficients(), self.lens.one_to_one_limit))
+    }
+
     /// Whether a pixel lies in the picture, edges of the outermost pixels included.
     pub fn contains(&self, pixel: &Vector2<f64>) -> bool {
         pixel.x >= -0.5

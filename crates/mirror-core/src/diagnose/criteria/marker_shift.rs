@@ -20,7 +20,7 @@ pub(crate) fn marker_shift(
     let (eye_from, eye_to) = (problem.eye(from)?, problem.eye(to)?);
     let markers = problem.marker_sites.len();
     let task = |deformation, eye, other: &Deformation| {
-        let alone = Task::of_residuals(problem, deformation, eye, noise);
+        let alone = Task::of_markers(problem, deformation, eye, noise);
         Task { with_board: alone.with_board || problem.needs_fresh_board(other), ..alone }
     };
     let (a, b) = (task(from, eye_from.as_ref(), to), task(to, eye_to.as_ref(), from));

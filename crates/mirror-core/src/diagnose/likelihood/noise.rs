@@ -129,7 +129,7 @@ pub(crate) fn effective(
     mask: Option<&[bool]>,
 ) -> Result<Noise> {
     let eye = problem.eye(deformation)?;
-    let task = Task::of_residuals(problem, deformation, eye.as_ref(), noise);
+    let task = Task::of_markers(problem, deformation, eye.as_ref(), noise);
     let parts: Vec<(Vec<f64>, Vec<f64>)> = chunks(problem.frames.len())
         .into_par_iter()
         .map_init(

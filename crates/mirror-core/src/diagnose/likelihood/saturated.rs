@@ -73,7 +73,7 @@ pub(crate) fn free_markers(
     mask: Option<&[bool]>,
 ) -> Result<Vec<FreePosture>> {
     let eye = problem.eye(deformation)?;
-    let task = Task { gaussian, ..Task::of_residuals(problem, deformation, eye.as_ref(), noise) };
+    let task = Task { gaussian, ..Task::of_markers(problem, deformation, eye.as_ref(), noise) };
     Ok(postures(problem)
         .into_par_iter()
         .map_init(

@@ -208,8 +208,8 @@ impl Weight {
         match self {
             Self::One => 1.0,
             Self::Position(n) => scene.q(frame, *n),
-            Self::Sine(n) => scene.q(frame, *n).sin(),
-            Self::CosineLessOne(n) => scene.q(frame, *n).cos() - 1.0,
+            Self::Sine(n) => scene.sine(frame, *n).0,
+            Self::CosineLessOne(n) => scene.sine(frame, *n).1 - 1.0,
             Self::Torque(n) => scene.torque(frame, *n),
             Self::Time => scene.time_s[frame] - scene.time_s[0],
             Self::Frames(values) => values[frame],

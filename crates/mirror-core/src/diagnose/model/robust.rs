@@ -39,8 +39,15 @@ impl Mixture {
     /// Of a squared whitened residual.
     #[inline]
     pub fn of(&self, squared: f64) -> Robust {
+        let (likelihood, weight) = self.likelihood(squared);
+        Robust { cost: -2.0 * likelihood.ln(), weight }
+    }
+
+    /// The likelihood of a squared whitened residual, 1 at a perfect fit, and its weight.
+    #[inline]
+    pub fn likelihood(&self, squared: f64) -> (f64, f64) {
         let good = (-0.5 * squared).exp();
         let sum = good + self.odds;
-        Robust { cost: -2.0 * (sum / (1.0 + self.odds)).ln(), weight: good / sum }
+        (sum / (1.0 + self.odds), good / sum)
     }
 }

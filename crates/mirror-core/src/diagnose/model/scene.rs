@@ -36,6 +36,8 @@ pub(crate) struct Scene {
     pub relevant: Vec<bool>,
     /// Nodes with a column in the session, or that move at all.
     pub commanded_range: Vec<(f64, f64)>,
+    /// Sine and cosine of `commanded`.
+    pub sine: Vec<(f64, f64)>,
     /// Direction of gravity in the frame of each marker's mount, `[frame * markers + marker]`.
     pub down: Vec<Vector3<f64>>,
     pub has_camera: bool,
@@ -79,7 +81,9 @@ impl Scene {
             })
             .collect();
         let sight = recording.sight.as_ref();
+        let sine = commanded.iter().map(|q| q.sin_cos()).collect();
         let mut scene = Self {
+            sine,
             relevant: vec![false; nodes],
             body,
             frames,
@@ -187,6 +191,20 @@ impl Scene {
     #[inline]
     pub fn q(&self, frame: usize, node: NodeId) -> f64 {
         self.commanded[frame * self.body.nodes.len() + node]
+    }
+
+    /// Commands a frame as another one of a scene is.
+    pub fn command_as(&mut self, frame: usize, scene: &Self, from: usize) {
+        let nodes = self.nodes();
+        let (own, other) = (frame * nodes..(frame + 1) * nodes, from * nodes..(from + 1) * nodes);
+        self.commanded[own.clone()].copy_from_slice(&scene.commanded[other.clone()]);
+        self.sine[own].copy_from_slice(&scene.sine[other]);
+    }
+
+    /// Sine and cosine of [`Scene::q`].
+    #[inline]
+    pub fn sine(&self, frame: usize, node: NodeId) -> (f64, f64) {
+        self.sine[frame * self.body.nodes.len() + node]
     }
 
     #[inline]

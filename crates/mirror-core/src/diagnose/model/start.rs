@@ -24,7 +24,7 @@ impl Problem {
         Ok(problem)
     }
 
-    /// Fits each frame's mirror to its board with nominal optics.
+    /// Fits each frame's mirror to its board with nominal optics, from where it was if it was known.
     pub fn fit_boards(&mut self) -> Result<()> {
         let nominal = self.nominal();
         let eye = self.eye(&nominal)?;
@@ -33,7 +33,13 @@ impl Problem {
             .with_min_len(FRAMES_A_CHUNK)
             .map_init(
                 || FrameWork::new(self),
-                |work, frame| work.fit_board(self, &nominal, eye.as_ref(), frame, None),
+                |work, frame| {
+                    let known = self.boards.get(frame).copied().flatten();
+                    let near = known.and_then(|known| {
+                        work.fit_board(self, &nominal, eye.as_ref(), frame, Some(known.foot))
+                    });
+                    near.or_else(|| work.fit_board(self, &nominal, eye.as_ref(), frame, None))
+                },
             )
             .collect();
         self.boards = fits;

@@ -82,12 +82,10 @@ pub(crate) fn find(problem: &Problem, noise: Noise) -> Result<Option<Slip>> {
 /// Cost of each frame under the commanded posture of `shift` rows away; none where there is no such row or observation.
 fn costs(problem: &Problem, noise: Noise, shift: i64) -> Result<Vec<Option<f64>>> {
     let frames = problem.frames.len();
-    let nodes = problem.scene.nodes();
     let mut shifted = problem.clone();
     for f in 0..frames {
         let from = (f as i64 + shift).clamp(0, frames as i64 - 1) as usize;
-        let row = problem.scene.commanded[from * nodes..(from + 1) * nodes].to_vec();
-        shifted.scene.commanded[f * nodes..(f + 1) * nodes].copy_from_slice(&row);
+        shifted.scene.command_as(f, &problem.scene, from);
     }
     let deformation = shifted.nominal();
     let eye = shifted.eye(&deformation)?;

@@ -10,6 +10,7 @@ use crate::diagnose::model::elementary::{Atom, Column};
 use crate::diagnose::model::frame::{FrameWork, PROJECTED, Task, Wanted};
 use crate::diagnose::model::free_values::ASTIGMATISM;
 use crate::diagnose::model::problem::Problem;
+use crate::diagnose::model::slips::{Slip, Slipped};
 use crate::robot::Robot;
 use nalgebra::{DMatrix, DVector, Vector2, Vector3};
 use std::sync::Arc;
@@ -156,6 +157,41 @@ fn every_atoms_column_is_the_derivative_of_the_exact_model() {
     }
 }
 
+/// Board, camera and markers by the numbers of their slip, against differences of the exact model.
+#[test]
+fn what_slips_has_the_columns_of_its_motion() {
+    let (board, camera, marker) = (Slipped::Board, Slipped::Camera, Slipped::Marker(1));
+    for (what, neck) in [(board, true), (camera, true), (board, false), (marker, true)] {
+        let problem = problem_with(neck);
+        let mut deformation = problem.nominal();
+        deformation.camera_mount[1] = 0.004;
+        deformation.marker_shift[1] = Vector3::new(0.002, 0.001, -0.001);
+        let work = evaluated(&problem, &deformation, 1);
+        let off = off_plane(&work);
+        for k in 0..6 {
+            let moved = |step: f64| {
+                let mut slipped = problem.clone();
+                let motion = nalgebra::Vector6::ith(k, step);
+                slipped.slips.push(Slip { what, first: 0, motion });
+                slipped.fit_boards().unwrap();
+                let work = evaluated(&slipped, &deformation, 1);
+                rows(&work, &work.residual)
+            };
+            let difference = &off * (moved(-1e-5) - moved(1e-5)) / 2e-5;
+            let mut claimed = vec![0.0; work.row_count + PROJECTED];
+            let moves = work.column_of_slip(&problem, &deformation, what, k, &mut claimed);
+            assert_eq!(moves, what != marker || k >= 3);
+            if !moves {
+                assert!(difference.norm() < 1e-6);
+                continue;
+            }
+            let claimed = &off * rows(&work, &claimed);
+            let miss = (&difference - &claimed).norm() / difference.norm();
+            assert!(miss < 1e-3, "{what:?} {k}: {miss:e}");
+        }
+    }
+}
+
 #[test]
 fn every_effects_columns_are_the_derivative_of_its_deformation() {
     columns_are_derivatives(&problem());
@@ -253,7 +289,7 @@ fn the_ideal_mirrors_short_cut_is_the_general_optics() {
                 deformation: d,
                 eye: eye.as_ref(),
                 noise: problem.noise,
-                with_board: false,
+                with_board: true,
                 gaussian: true,
                 wanted: Wanted { optics: true, lens: true, mirror: true, free: true },
                 planes: None,
@@ -261,9 +297,15 @@ fn the_ideal_mirrors_short_cut_is_the_general_optics() {
             };
             let mut work = FrameWork::new(&problem);
             assert!(work.evaluate(&problem, &task, frame));
-            (work.residual.clone(), work.foot, work.plane_rows())
+            let by_mirror =
+                [Atom::Glass, Atom::Curvature].map(|a| column(&work, &problem, d, frame, a).unwrap());
+            (work.residual.clone(), work.foot, work.plane_rows(), by_mirror)
         };
-        let ((a, foot_a, rows_a), (b, foot_b, rows_b)) = (run(&short), run(&long));
+        let ((a, foot_a, rows_a, by_a), (b, foot_b, rows_b, by_b)) = (run(&short), run(&long));
+        for (x, y) in by_a.iter().zip(&by_b) {
+            let (x, y) = (DVector::from_column_slice(x), DVector::from_column_slice(y));
+            assert!((&x - &y).norm() < 1e-6 * x.norm());
+        }
         assert!((foot_a - foot_b).norm() < 1e-9);
         assert!((&rows_a - &rows_b).norm() < 1e-7 * rows_a.norm());
         assert!(a.iter().zip(&b).all(|(x, y)| (x - y).abs() < 1e-6));
@@ -273,9 +315,13 @@ fn the_ideal_mirrors_short_cut_is_the_general_optics() {
 /// Condensed corners have the products of the corners themselves: of every atom with every atom and with the residual.
 #[test]
 fn condensed_corners_have_the_same_products() {
-    for neck in [true, false] {
+    for (neck, flat) in [(true, false), (false, false), (true, true), (false, true)] {
         let problem = problem_with(neck);
-        let d = somewhere(&problem);
+        let mut d = somewhere(&problem);
+        if flat {
+            // In a flat mirror the products are made without the rows.
+            (d.glass_thickness_m, d.curvature_per_m) = (0.0, 0.0);
+        }
         let eye = problem.eye(&d).unwrap();
         let full = evaluated(&problem, &d, 1);
         let mut condensed = FrameWork::new(&problem);
@@ -291,6 +337,9 @@ fn condensed_corners_have_the_same_products() {
         };
         assert!(condensed.evaluate(&problem, &task, 1));
         assert!(condensed.row_count < full.row_count / 2);
+        assert!((condensed.foot - full.foot).norm() < 1e-9);
+        assert!((condensed.cost - full.cost).abs() < 1e-9 * full.cost);
+        assert!((condensed.board_excess - full.board_excess).abs() < 1e-9 * full.cost);
         let all = atoms(&problem).into_iter();
         let atoms: Vec<Atom> = all.filter(|a| !matches!(a, Atom::FreeOptics(_))).collect();
         let vectors = |work: &FrameWork| -> Vec<Option<Vec<f64>>> {

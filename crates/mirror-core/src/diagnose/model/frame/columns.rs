@@ -2,23 +2,24 @@
 
 use super::products::{PROJECTED, Span};
 use super::work::{FrameWork, Rows};
+use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::{Atom, Twist, body_twist, moves};
 use crate::diagnose::model::free_values::ASTIGMATISM;
 use crate::diagnose::model::problem::Problem;
+use crate::diagnose::model::slips::Slipped;
 use nalgebra::Vector3;
 
 /// How an atom of the body moves a row's target against its observer: 1, −1 where it is the observer that moves, or not at all.
-fn motion(problem: &Problem, row: &Rows, atom: Atom) -> Option<f64> {
-    let target = moves(atom, &problem.scene, row.node);
-    let observer = moves(atom, &problem.scene, row.observer);
+fn motion(problem: &Problem, node: Option<NodeId>, observer: Option<NodeId>, atom: Atom) -> Option<f64> {
+    let target = moves(atom, &problem.scene, node);
+    let observer = moves(atom, &problem.scene, observer);
     (target != observer).then_some(if target { 1.0 } else { -1.0 })
 }
 
 /// How the board's mount moves a row's target against its observer: the board itself, and a camera that rides beside it.
-fn board_motion(problem: &Problem, row: &Rows) -> Option<f64> {
-    let target = row.marker.is_none();
-    let observer = !row.measured && problem.camera_beside_board();
+fn board_motion(problem: &Problem, target: bool, measured: bool) -> Option<f64> {
+    let observer = !measured && problem.camera_beside_board();
     (target != observer).then_some(if target { 1.0 } else { -1.0 })
 }
 
@@ -67,7 +68,7 @@ impl FrameWork {
         };
         let condensed = &self.condensed;
         let mut at = 0;
-        if condensed.corners > 0 {
+        if condensed.used {
             if let Some(end) = self.condensed_column(problem, atom, twist.as_ref(), out) {
                 span = Some(Span { start: 0, end });
                 gradient = condensed.plane_of(out);
@@ -85,8 +86,10 @@ impl FrameWork {
                         {
                             sign
                         }
-                        _ if matches!(atom, Atom::BoardMount(_)) => board_motion(problem, row),
-                        _ => motion(problem, row, atom),
+                        _ if matches!(atom, Atom::BoardMount(_)) => {
+                            board_motion(problem, row.marker.is_none(), row.measured)
+                        }
+                        _ => motion(problem, row.node, row.observer, atom),
                     };
                     last = Some((row.node, row.observer, row.marker, sign));
                     sign.map(|s| row.by_world * (twist.omega.cross(&row.point) + twist.shift) * s)
@@ -111,6 +114,48 @@ impl FrameWork {
         span
     }
 
+    /// The column of what slips by the k-th number of its motion (a turn and a shift in its own frame; of a marker a shift alone); false
+    /// where it moves nothing here. The corners must be rows of their own.
+    pub fn column_of_slip(
+        &self,
+        problem: &Problem,
+        deformation: &Deformation,
+        what: Slipped,
+        k: usize,
+        out: &mut [f64],
+    ) -> bool {
+        if let (Slipped::Marker(m), Some(axis)) = (what, k.checked_sub(3)) {
+            return self.column(problem, deformation, self.frame, Atom::MarkerShift(m, axis), out);
+        }
+        out[..self.row_count + PROJECTED].fill(0.0);
+        let pose = match what {
+            Slipped::Board => problem.board_in(self.frame).map(|site| self.poses.site(&site)),
+            Slipped::Camera => self.world_from_mount(problem),
+            Slipped::Marker(_) => None,
+        };
+        let Some(pose) = pose.filter(|_| !self.condensed.used) else { return false };
+        let axis = pose.r.column(k % 3).into_owned();
+        let twist = if k < 3 { Twist::about(&pose.t, axis) } else { Twist::along(axis) };
+        let (mut at, mut gradient, mut any) = (0, Vector3::zeros(), false);
+        for row in &self.rows {
+            let sign = match what {
+                Slipped::Board => row.marker.is_none().then_some(1.0),
+                _ => (!row.measured).then_some(-1.0),
+            };
+            if let Some(sign) = sign {
+                let value = row.by_world * (twist.omega.cross(&row.point) + twist.shift) * sign;
+                out[at..at + row.count].copy_from_slice(&value.as_slice()[..row.count]);
+                gradient += row.plane.tr_mul(&value);
+                any = true;
+            }
+            at += row.count;
+        }
+        if any && self.has_plane {
+            out[at..at + PROJECTED].copy_from_slice((self.plane_inverse_factor * gradient).as_slice());
+        }
+        any
+    }
+
     /// A column's rows of the condensed corners; where they end, or none where the atom does not move them.
     fn condensed_column(
         &self,
@@ -120,15 +165,15 @@ impl FrameWork {
         out: &mut [f64],
     ) -> Option<usize> {
         let condensed = &self.condensed;
-        let corner = self.rows.first()?;
         if let Some(twist) = twist {
+            let node = problem.board_in(self.frame)?.node;
             let sign = match atom {
-                Atom::BoardMount(_) => board_motion(problem, corner),
-                _ => motion(problem, corner, atom),
+                Atom::BoardMount(_) => board_motion(problem, true, false),
+                _ => motion(problem, node, problem.camera_site.and_then(|s| s.node), atom),
             };
             return sign.map(|sign| condensed.by_twist(twist, sign, out));
         }
-        optics_column(atom).filter(|_| corner.optics.is_some()).map(|k| condensed.by_optics(k, out))
+        optics_column(atom).filter(|_| condensed.has_optics).map(|k| condensed.by_optics(k, out))
     }
 
     #[inline]

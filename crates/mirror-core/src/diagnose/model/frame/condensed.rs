@@ -11,7 +11,7 @@ use super::products::{PROJECTED, Table, stride};
 use crate::diagnose::model::elementary::Twist;
 use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::principles::Size;
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
 /// Numbers of the board's motion: a turn and a shift.
 pub(super) const MOTION: Size = 6;
@@ -19,11 +19,26 @@ pub(super) const MOTION: Size = 6;
 /// columns of their own.
 pub(super) const OPTICS: Size = 13 - MOTION;
 
-/// The condensed corners of a frame; none where `corners` is 0.
+/// What a board's corners say of the plane.
+pub(super) struct BoardSums {
+    pub information: Matrix3<f64>,
+    pub gradient: Vector3<f64>,
+    /// Sum of the whitened residuals' squares.
+    pub square: f64,
+    /// Corners that are predicted, and how many of these count.
+    pub corners: usize,
+    pub counted: f64,
+}
+
+/// The condensed corners of a frame.
 #[derive(Debug, Default)]
 pub(super) struct Condensed {
-    /// How many of the frame's observations these rows stand for: the first ones.
+    /// Whether the frame has any.
+    pub used: bool,
+    /// How many of [`FrameWork::rows`](super::work::FrameWork) these rows stand for: the first ones.
     pub corners: usize,
+    /// Whether columns by the optics are among them.
+    pub has_optics: bool,
     /// How many rows they are.
     pub rank: usize,
     /// How many of them the board's motion moves: the first ones.
@@ -33,6 +48,8 @@ pub(super) struct Condensed {
     pub(super) columns: usize,
     /// The point that the board turns about in the motion's columns, in the world.
     pub(super) about: Vector3<f64>,
+    /// From the world to the frame in which its turns and shifts are told.
+    pub(super) turned: Matrix3<f64>,
     /// How the board moves against the camera with each parameter of the camera's mount.
     pub(super) by_mount: Option<[Twist; MOTION]>,
     pub(super) table: Table,
@@ -46,8 +63,8 @@ impl Condensed {
 
     /// The rows of a column that moves the board by a twist; how many of them are not 0.
     pub fn by_twist(&self, twist: &Twist, sign: f64, out: &mut [f64]) -> usize {
-        let turn = twist.omega * sign;
-        let shift = (twist.omega.cross(&self.about) + twist.shift) * sign;
+        let turn = self.turned * (twist.omega * sign);
+        let shift = self.turned * ((twist.omega.cross(&self.about) + twist.shift) * sign);
         let by = [turn.x, turn.y, turn.z, shift.x, shift.y, shift.z];
         for (row, out) in out[..self.of_motion].iter_mut().enumerate() {
             *out = self.row(row)[..MOTION].iter().zip(by).map(|(a, b)| a * b).sum();

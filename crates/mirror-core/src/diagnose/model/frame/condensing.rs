@@ -5,27 +5,23 @@ use super::products::{PROJECTED, add_products, stride};
 use super::work::{FrameWork, Rows};
 use crate::diagnose::model::camera_and_mirror::Eye;
 use crate::diagnose::model::elementary::Twist;
+use crate::diagnose::model::pose::Pose;
 use crate::diagnose::model::problem::Problem;
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
 impl FrameWork {
     /// Condenses the first `corners` observations, which are the board's corners, and the residual with them.
     pub(super) fn condense(&mut self, problem: &Problem, eye: &Eye, corners: usize) {
         let world_from_camera = self.camera_from_world(problem, eye).inverse();
+        let by_mount = Self::by_mount(eye, &world_from_camera);
         let rows: &[Rows] = &self.rows[..corners];
         let condensed = &mut self.condensed;
+        condensed.used = true;
         condensed.corners = corners;
+        condensed.turned = Matrix3::identity();
         let optics = rows.iter().all(|r| r.optics.is_some());
-        condensed.by_mount = optics.then(|| {
-            // p ↦ Exp(ω)ᵀ(p − v): by ω p × J_r e, by v −Exp(ω)ᵀ e.
-            core::array::from_fn(|k| match k.checked_sub(3) {
-                None => {
-                    let turn = -(world_from_camera.r * eye.mount_jacobian.column(k));
-                    Twist::about(&world_from_camera.t, turn)
-                }
-                Some(k) => Twist::along(-(world_from_camera.r * eye.camera_from_mount.r.column(k))),
-            })
-        });
+        condensed.has_optics = optics;
+        condensed.by_mount = optics.then_some(by_mount);
         let plane_from = MOTION + if optics { OPTICS } else { 0 };
         let m = plane_from + PROJECTED + 1;
         condensed.columns = m;
@@ -53,12 +49,28 @@ impl FrameWork {
         condensed.gram.clear();
         condensed.gram.resize(m * stride(m), 0.0);
         add_products(&condensed.table, &condensed.table, true, &mut condensed.gram);
+        self.factorise_corners();
+    }
+
+    /// The condensed corners' rows by their products, and the residual with them.
+    pub(super) fn factorise_corners(&mut self) {
+        let condensed = &mut self.condensed;
         condensed.factorise();
-        let rank = condensed.rank;
-        let others = self.residual[2 * corners..].to_vec();
-        self.residual.clear();
-        self.residual.extend((0..rank).map(|row| condensed.factor[row * m + m - 1]));
-        self.residual.extend(others);
-        self.row_count = self.row_count - 2 * corners + rank;
+        let (m, rank, rows) = (condensed.columns, condensed.rank, 2 * condensed.corners);
+        let own = (0..rank).map(|row| condensed.factor[row * m + m - 1]);
+        self.residual.splice(..rows, own);
+        self.row_count = self.row_count - rows + rank;
+    }
+
+    /// How the board moves against the camera with each parameter of the camera's mount: `p ↦ Exp(ω)ᵀ(p − v)`, by ω `p × J_r e`, by v
+    /// `−Exp(ω)ᵀ e`.
+    pub(super) fn by_mount(eye: &Eye, world_from_camera: &Pose) -> [Twist; MOTION] {
+        core::array::from_fn(|k| match k.checked_sub(3) {
+            None => {
+                let turn = -(world_from_camera.r * eye.mount_jacobian.column(k));
+                Twist::about(&world_from_camera.t, turn)
+            }
+            Some(k) => Twist::along(-(world_from_camera.r * eye.camera_from_mount.r.column(k))),
+        })
     }
 }

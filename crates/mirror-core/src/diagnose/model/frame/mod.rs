@@ -4,11 +4,15 @@
 //! linearised there. With rows whitened, plane rows D, `G = DᵀD = L Lᵀ`, a column x enters the reduced normal equations as
 //! `⟨x, y⟩ = x·y − (L⁻¹Dᵀx)·(L⁻¹Dᵀy)`: each vector is stored as its rows followed by the three numbers `L⁻¹Dᵀx`.
 
+mod board_fit;
 mod columns;
 mod condensed;
 mod condensing;
 mod corners;
+mod flat_mirror;
+mod many_corners;
 mod observe;
+mod pictures;
 mod products;
 mod sight;
 mod work;

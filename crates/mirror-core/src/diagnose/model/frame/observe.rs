@@ -25,7 +25,7 @@ pub(super) enum SeenAt {
     Corner(Corner),
 }
 
-fn pixel_mixture(eye: &Eye, std: f64) -> Mixture {
+pub(super) fn pixel_mixture(eye: &Eye, std: f64) -> Mixture {
     let (w, h) = eye.camera.size_px();
     Mixture::new(std, 2, f64::from(w) * f64::from(h))
 }
@@ -70,14 +70,14 @@ impl FrameWork {
     }
 
     pub(super) fn observe(&mut self, problem: &Problem, task: &Task<'_>, data: &FrameData, full: bool) {
+        let before = task.eye.map(|eye| (eye, self.camera_from_world(problem, eye)));
         for observation in &data.others {
             match observation {
                 Observation::Pixel { seen, via, pixel } => {
-                    let Some(eye) = task.eye else { continue };
+                    let Some((eye, camera_from_world)) = &before else { continue };
                     if *via == Via::Mirror && !self.has_plane {
                         continue;
                     }
-                    let camera_from_world = self.camera_from_world(problem, eye);
                     let (at, world_from, std) = match seen {
                         Seen::Marker(m) => (
                             SeenAt::Marker(*m),
@@ -95,7 +95,7 @@ impl FrameWork {
                         problem,
                         task,
                         eye,
-                        &camera_from_world,
+                        camera_from_world,
                         &world_from,
                         *via,
                         at,

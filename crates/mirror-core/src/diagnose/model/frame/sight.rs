@@ -7,7 +7,6 @@ use crate::diagnose::model::free_optics::{FreeColumns, SeenPoint};
 use crate::diagnose::model::pose::Pose;
 use crate::diagnose::model::problem::Problem;
 use crate::mirror::ApparentPoint;
-use crate::mirror::MirrorOptics;
 use nalgebra::{Matrix2x3, Matrix3, Point3, SMatrix, Vector2, Vector3};
 
 /// Which columns of the optics will be read: the others are not computed.
@@ -48,8 +47,9 @@ pub(super) struct Sight {
 
 /// Where a point is seen, camera frame, and how that depends on the point and on the mirror.
 fn apparent(eye: &Eye, foot: &Vector3<f64>, point: &Vector3<f64>, by_mirror: bool) -> Option<ApparentPoint> {
-    if eye.mirror == MirrorOptics::IDEAL && !by_mirror {
-        return ideally_reflected(foot, point);
+    if eye.mirror.is_ideal() {
+        let index = by_mirror.then(|| eye.mirror.pane.refractive_index());
+        return ideally_reflected(foot, point, index);
     }
     let (plane, point) = (Problem::plane(foot)?, Point3::from(*point));
     if by_mirror {
@@ -60,21 +60,37 @@ fn apparent(eye: &Eye, foot: &Vector3<f64>, point: &Vector3<f64>, by_mirror: boo
 }
 
 /// In a flat front-surface mirror of foot point f: `p′ = p + 2 (1 − f·p/f²) f`. The mirror that nearly all sessions have,
-/// without the general optics.
-fn ideally_reflected(foot: &Vector3<f64>, point: &Vector3<f64>) -> Option<ApparentPoint> {
+/// without the general optics. With the glass's refractive index its derivatives by a pane's thickness and by a curvature, both where they
+/// are 0: `2 (n² + (n² − 1) P/E²)^(−½)` and `−P σ (2 − σ) − 2 d (d − h)` along the normal, d being the mirror's distance, h the point's
+/// height, P the square of its distance from the axis, `E = 2 d − h`, σ = d/E.
+fn ideally_reflected(
+    foot: &Vector3<f64>,
+    point: &Vector3<f64>,
+    refractive_index: Option<f64>,
+) -> Option<ApparentPoint> {
     let square = foot.norm_squared();
     let share = foot.dot(point) / square;
     // Behind the mirror nothing is seen; written so that NaN fails.
     if !(share < 1.0) {
         return None;
     }
+    let by_mirror = refractive_index.map_or([0.0; 2], |index| {
+        let distance = square.sqrt();
+        let height = share * distance;
+        let lateral = point.norm_squared() - height * height;
+        let (depth, n2) = (2.0 * distance - height, index * index);
+        let sigma = distance / depth;
+        let by_thickness = 2.0 / (n2 + (n2 - 1.0) * lateral / (depth * depth)).sqrt();
+        let by_curvature = -lateral * sigma * (2.0 - sigma) - 2.0 * distance * (distance - height);
+        [by_thickness / distance, by_curvature / distance]
+    });
     let share_by_foot = (point - foot * (2.0 * share)) / square;
     Some(ApparentPoint {
         point: Point3::from(point + foot * (2.0 * (1.0 - share))),
         by_point: Matrix3::identity() - foot * foot.transpose() * (2.0 / square),
         by_foot_point: Matrix3::identity() * (2.0 * (1.0 - share)) - foot * share_by_foot.transpose() * 2.0,
-        by_thickness: Vector3::zeros(),
-        by_curvature: Vector3::zeros(),
+        by_thickness: foot * by_mirror[0],
+        by_curvature: foot * by_mirror[1],
     })
 }
 

@@ -1,21 +1,19 @@
 //! The workspace of one frame: its mirror fitted, its rows evaluated.
 
-use super::condensed::Condensed;
+use super::condensed::{BoardSums, Condensed};
+use super::flat_mirror::Points;
+use super::pictures::Pictures;
 use super::products::PROJECTED;
-use super::sight::{Wanted, mirrored_pixel, start_of_plane};
+use super::sight::Wanted;
 use crate::diagnose::model::body::{NodeId, Site};
 use crate::diagnose::model::camera_and_mirror::Eye;
 use crate::diagnose::model::deformation::Deformation;
-use crate::diagnose::model::free_optics::{FreeColumns, corner_point};
+use crate::diagnose::model::free_optics::FreeColumns;
 use crate::diagnose::model::kinematics::NodePoses;
 use crate::diagnose::model::pose::{Pose, exp};
-use crate::diagnose::model::problem::{BoardFit, FrameData, Noise, Problem};
+use crate::diagnose::model::problem::{FrameData, Noise, Problem};
 use crate::diagnose::model::solver::SOLVER;
-use crate::diagnose::principles::Count;
-use nalgebra::{Matrix3, SMatrix, Vector2, Vector3, Vector6};
-
-/// A board with fewer corners than this does not show a plane with a margin: one more than the plane has numbers.
-const FEWEST_CORNERS: Count = PROJECTED + 1;
+use nalgebra::{Matrix3, SMatrix, Vector3, Vector6};
 
 /// The rows of one observation (two of an image point, three of a measured point), whitened.
 #[derive(Debug, Clone)]
@@ -44,7 +42,7 @@ pub(crate) struct FrameWork {
     pub(super) frame: usize,
     pub poses: NodePoses,
     pub(super) rows: Vec<Rows>,
-    /// How many of `rows` are board corners (first).
+    /// The foot point of the mirror's plane.
     pub foot: Vector3<f64>,
     pub(super) plane_inverse_factor: Matrix3<f64>,
     pub(super) has_plane: bool,
@@ -65,9 +63,13 @@ pub(crate) struct FrameWork {
     /// Free-form columns of the rows, whitened.
     pub(super) free: Vec<FreeColumns>,
     /// Whether boards are fitted roughly.
-    rough: bool,
+    pub(super) rough: bool,
     /// The corners' rows, where a task asks for them condensed.
     pub(super) condensed: Condensed,
+    /// The corners before the camera, each so many-th, as posed last; 0 where they are not.
+    pub(super) points: Points,
+    pub(super) points_each: usize,
+    pub(super) pictures: Pictures,
 }
 
 /// Two rows by camera mount (6), focal, cx, cy, k1, board scale, glass, curvature.
@@ -96,6 +98,16 @@ pub(crate) struct Task<'a> {
 impl<'a> Task<'a> {
     pub(super) fn condenses(&self) -> bool {
         self.condensed && !self.wanted.free
+    }
+
+    /// For the markers' residuals: as [`Task::of_residuals`], without rows of the corners.
+    pub fn of_markers(
+        problem: &Problem,
+        deformation: &'a Deformation,
+        eye: Option<&'a Eye>,
+        noise: Noise,
+    ) -> Self {
+        Self { condensed: true, ..Self::of_residuals(problem, deformation, eye, noise) }
     }
 
     /// For residuals alone: every observation in full, no column, the board where the deformation changes how it is seen.
@@ -139,6 +151,9 @@ impl FrameWork {
             free: Vec::new(),
             rough: false,
             condensed: Condensed::default(),
+            points: Points::default(),
+            points_each: 0,
+            pictures: Pictures::default(),
         }
     }
 
@@ -147,11 +162,12 @@ impl FrameWork {
         Self { rough: true, ..Self::new(problem) }
     }
 
-    fn pose(&mut self, problem: &Problem, deformation: &Deformation, frame: usize) {
+    pub(super) fn pose(&mut self, problem: &Problem, deformation: &Deformation, frame: usize) {
         let nodes = problem.scene.nodes();
         let commanded = &problem.scene.commanded[frame * nodes..(frame + 1) * nodes];
         self.poses.update(&problem.scene.body, commanded, deformation, frame);
         self.frame = frame;
+        self.points_each = 0;
         self.root = self.poses.site(&problem.scene.body.root);
         self.board_moved = problem
             .board_in(self.frame)
@@ -170,108 +186,15 @@ impl FrameWork {
 
     /// The world in the camera's (actual) optical frame.
     pub(super) fn camera_from_world(&self, problem: &Problem, eye: &Eye) -> Pose {
-        let mut world_from_mount =
-            problem.camera_in(self.frame).map_or_else(Pose::identity, |s| self.poses.site(&s));
-        if let Some(moved) = self.board_moved.filter(|_| problem.camera_beside_board()) {
-            world_from_mount = moved.then(&world_from_mount);
-        }
+        let world_from_mount = self.world_from_mount(problem).unwrap_or_else(Pose::identity);
         eye.camera_from_mount.then(&world_from_mount.inverse())
     }
 
-    /// Fits the mirror to the frame's board alone, from a start or from the plane half-way to the board's depth.
-    pub fn fit_board(
-        &mut self,
-        problem: &Problem,
-        deformation: &Deformation,
-        eye: Option<&Eye>,
-        frame: usize,
-        start: Option<Vector3<f64>>,
-    ) -> Option<BoardFit> {
-        let (eye, board) = (eye?, problem.board_in(frame)?);
-        let corners = &problem.frames[frame].corners;
-        if corners.len() < FEWEST_CORNERS {
-            return None;
-        }
-        let (steps, each) = if self.rough {
-            (SOLVER.rough_board_steps, corners.len().div_ceil(SOLVER.rough_corners))
-        } else {
-            (SOLVER.board_steps, 1)
-        };
-        self.pose(problem, deformation, frame);
-        let camera_from_board = self.camera_from_world(problem, eye).then(&self.world_from_board(&board));
-        let scale = 1.0 + deformation.board_scale_error;
-        let points: Vec<Vector3<f64>> = corners
-            .iter()
-            .step_by(each)
-            .map(|(index, _)| camera_from_board.point(&corner_point(problem, eye, *index, scale)))
-            .collect();
-        let mut foot = match start {
-            Some(foot) => foot,
-            None => start_of_plane(problem, eye, &camera_from_board, frame)?,
-        };
-        let evaluate = |foot: &Vector3<f64>| -> Option<(f64, Matrix3<f64>, Vector3<f64>)> {
-            let (mut chi2, mut information, mut gradient) = (0.0, Matrix3::zeros(), Vector3::zeros());
-            for ((_, pixel), point) in corners.iter().step_by(each).zip(&points) {
-                let (at, by_foot) = mirrored_pixel(eye, foot, point)?;
-                let r = pixel - at;
-                chi2 += r.norm_squared();
-                information += by_foot.tr_mul(&by_foot);
-                gradient += by_foot.tr_mul(&r);
-            }
-            Some((chi2, information, gradient))
-        };
-        problem.budget.spend_predicted(points.len());
-        let (mut chi2, mut information, mut gradient) = evaluate(&foot)?;
-        let mut damping = 1e-6;
-        for _ in 0..steps {
-            let mut damped = information;
-            for i in 0..3 {
-                damped[(i, i)] *= 1.0 + damping;
-            }
-            let step = damped.cholesky()?.solve(&gradient);
-            // What is left to gain is next to nothing: the step is taken, its result not looked at.
-            if step.dot(&gradient) < SOLVER.board_gain * chi2 {
-                foot += step;
-                break;
-            }
-            problem.budget.spend_predicted(points.len());
-            match evaluate(&(foot + step)) {
-                Some(next) if next.0 <= chi2 => {
-                    let done = chi2 - next.0 < 1e-9 * chi2;
-                    foot += step;
-                    (chi2, information, gradient) = next;
-                    damping *= 0.1;
-                    if done {
-                        break;
-                    }
-                }
-                _ => damping = (damping * 10.0).max(1e-3),
-            }
-        }
-        Some(BoardFit { foot, information, chi2_px2: chi2, corners: corners.len() })
-    }
-
-    /// Residuals (px) of a frame's board corners at its own best plane with nominal optics, and where the corners are seen.
-    pub fn board_residuals(
-        &mut self,
-        problem: &Problem,
-        nominal: &Deformation,
-        eye: &Eye,
-        frame: usize,
-    ) -> Vec<(Vector2<f64>, Vector2<f64>)> {
-        let (Some(Some(fit)), Some(board)) = (problem.boards.get(frame), problem.board_in(frame)) else {
-            return Vec::new();
-        };
-        self.pose(problem, nominal, frame);
-        let camera_from_board = self.camera_from_world(problem, eye).then(&self.world_from_board(&board));
-        problem.frames[frame]
-            .corners
-            .iter()
-            .filter_map(|(index, pixel)| {
-                let point = camera_from_board.point(&corner_point(problem, eye, *index, 1.0));
-                mirrored_pixel(eye, &fit.foot, &point).map(|(at, _)| (*pixel, pixel - at))
-            })
-            .collect()
+    /// Where the camera is mounted, as the model has its mount; none without a camera.
+    pub(super) fn world_from_mount(&self, problem: &Problem) -> Option<Pose> {
+        let nominal = self.poses.site(&problem.camera_in(self.frame)?);
+        let moved = self.board_moved.filter(|_| problem.camera_beside_board());
+        Some(moved.map_or(nominal, |moved| moved.then(&nominal)))
     }
 
     /// Evaluates a frame: after it, [`FrameWork::cost`], [`FrameWork::residual`] and columns can be read.
@@ -281,6 +204,7 @@ impl FrameWork {
     /// predicts nothing of it, the cost is that of false observations: to lose a frame must not pay.
     pub fn evaluate(&mut self, problem: &Problem, task: &Task<'_>, frame: usize) -> bool {
         self.rows.clear();
+        self.condensed.used = false;
         self.condensed.corners = 0;
         self.cost = 0.0;
         self.has_plane = false;
@@ -314,8 +238,8 @@ impl FrameWork {
                     self.has_plane = false;
                 }
                 let from = known.unwrap_or(start.foot);
-                self.fit_board(problem, task.deformation, Some(eye), frame, Some(from))
-                    .or_else(|| self.fit_board(problem, task.deformation, Some(eye), frame, Some(start.foot)))
+                self.fit_posed_board(problem, task.deformation, eye, Some(from))
+                    .or_else(|| self.fit_posed_board(problem, task.deformation, eye, Some(start.foot)))
             } else {
                 Some(start)
             };
@@ -351,13 +275,10 @@ impl FrameWork {
         let mut g = Matrix3::zeros();
         if let Some(fit) = &board {
             if task.with_board {
-                self.observe_board(problem, task, data);
-                for row in &self.rows {
-                    g += row.plane.tr_mul(&row.plane);
-                    self.board_gradient += row.plane.tr_mul(&row.residual);
-                    self.board_excess += row.residual.norm_squared();
-                }
-                self.board_excess -= fit.chi2_px2 / corner_variance;
+                let sums = self.observe_corners(problem, task, data);
+                g += sums.information;
+                self.board_gradient = sums.gradient;
+                self.board_excess = sums.square - fit.chi2_px2 / corner_variance;
             } else {
                 g = fit.information / corner_variance;
                 let away = self.foot - fit.foot;
@@ -383,10 +304,9 @@ impl FrameWork {
                 None => return false,
             }
         }
-        self.collect_residual(if task.with_board { Vector3::zeros() } else { self.board_gradient });
-        if let Some(eye) = task.eye.filter(|_| task.condenses() && first_other > 0) {
-            self.condense(problem, eye, first_other);
-        }
+        let has_rows = task.with_board && !self.condensed.used;
+        self.collect_residual(if has_rows { Vector3::zeros() } else { self.board_gradient });
+        self.condense_corners(problem, task, first_other);
         let predicted = self.row_count > 0 || self.cost > 0.0;
         self.cost += lost;
         predicted
@@ -417,32 +337,60 @@ impl FrameWork {
             self.free.clear();
             self.cost = 0.0;
             self.board_excess = 0.0;
-            self.observe_board(problem, task, data);
-            let counted: f64 = self.rows.iter().map(|r| (r.scale * task.noise.corner_px).powi(2)).sum();
-            if counted < SOLVER.least_corners_counted * self.rows.len() as f64 {
+            self.condensed.used = false;
+            self.condensed.corners = 0;
+            let sums = self.observe_corners(problem, task, data);
+            if sums.counted < SOLVER.least_corners_counted * sums.corners as f64 {
+                self.condensed.used = false;
                 return false;
             }
             let corners = self.rows.len();
             self.observe(problem, task, data, true);
-            let g: Matrix3<f64> = self.rows.iter().map(|r| r.plane.tr_mul(&r.plane)).sum();
-            let Some(inverse) = g.cholesky().and_then(|c| c.l().try_inverse()) else { return false };
+            let others: Matrix3<f64> = self.rows[corners..].iter().map(|r| r.plane.tr_mul(&r.plane)).sum();
+            let g = sums.information + others;
+            let Some(inverse) = g.cholesky().and_then(|c| c.l().try_inverse()) else { break };
             self.plane_inverse_factor = inverse;
-            self.collect_residual(Vector3::zeros());
+            self.collect_residual(if self.condensed.used { sums.gradient } else { Vector3::zeros() });
             let projected = self.projected_residual();
             let gain = projected.norm_squared();
             if gain < SOLVER.last_plane_gain {
                 self.cost -= gain;
-                if let Some(eye) = task.eye.filter(|_| task.condenses() && corners > 0) {
-                    self.condense(problem, eye, corners);
-                }
+                self.condense_corners(problem, task, corners);
                 return true;
             }
             if !(gain < SOLVER.nearby_gain) {
-                return false;
+                break;
             }
             self.foot = self.best_foot();
         }
+        self.condensed.used = false;
         false
+    }
+
+    /// The board's corners at the present plane: as products where these are all that is read, or as rows.
+    fn observe_corners(&mut self, problem: &Problem, task: &Task<'_>, data: &FrameData) -> BoardSums {
+        if let Some(sums) = self.observe_many(problem, task, data) {
+            return sums;
+        }
+        self.observe_board(problem, task, data);
+        let corner_px = task.noise.corner_px;
+        let rows = || self.rows.iter();
+        BoardSums {
+            information: rows().map(|r| r.plane.tr_mul(&r.plane)).sum(),
+            gradient: rows().map(|r| r.plane.tr_mul(&r.residual)).sum(),
+            square: rows().map(|r| r.residual.norm_squared()).sum(),
+            corners: self.rows.len(),
+            counted: rows().map(|r| (r.scale * corner_px).powi(2)).sum(),
+        }
+    }
+
+    /// Condenses the corners where the task asks for it: those that are products already, or the first `rows`.
+    fn condense_corners(&mut self, problem: &Problem, task: &Task<'_>, rows: usize) {
+        if self.condensed.used {
+            self.factorise_corners();
+        } else if let Some(eye) = task.eye.filter(|_| task.condenses() && rows > 0) {
+            self.condense(problem, eye, rows);
+        }
     }
 
     fn projected_residual(&self) -> Vector3<f64> {

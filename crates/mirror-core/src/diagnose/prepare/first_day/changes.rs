@@ -295,59 +295,35 @@ fn dot(x: &[f64], y: &[f64], rows: usize) -> f64 {
     along - plane
 }
 
-/// Board or camera: derivatives by differences, each frame's mirror found anew.
+/// What slips as a whole, each frame's mirror moving along.
 fn moved(problem: &Problem, deformation: &Deformation, noise: Noise, what: Slipped) -> Result<Place> {
-    let base = residuals(problem, deformation, noise)?;
-    let mut columns = Vec::new();
-    for k in 0..6 {
-        let mut step = problem.clone();
-        let mut motion = Vector6::zeros();
-        motion[k] = SOLVER.difference;
-        step.slips.push(Slip { what, first: 0, motion });
-        step.fit_boards()?;
-        columns.push(residuals(&step, deformation, noise)?);
-    }
-    let frames = (0..problem.frames.len())
-        .map(|f| {
-            let (mut h, mut g) = (DMatrix::zeros(6, 6), DVector::zeros(6));
-            let rows = base[f].len();
-            if rows == 0 || columns.iter().any(|c| c[f].len() != rows) {
-                return (h, g);
-            }
-            // Residuals are seen less predicted: a column is minus their change.
-            let by: Vec<Vec<f64>> = columns
-                .iter()
-                .map(|c| c[f].iter().zip(&base[f]).map(|(a, b)| (b - a) / SOLVER.difference).collect())
-                .collect();
-            let square: f64 = base[f].iter().map(|r| r * r).sum();
-            let weight = 1.0 / (1.0 + square / (rows as f64 * FAR * FAR));
-            for i in 0..6 {
-                g[i] = weight * by[i].iter().zip(&base[f]).map(|(a, b)| a * b).sum::<f64>();
-                for j in 0..6 {
-                    h[(i, j)] = weight * by[i].iter().zip(&by[j]).map(|(a, b)| a * b).sum::<f64>();
-                }
-            }
-            (h, g)
-        })
-        .collect();
-    Ok(Place { what, frames })
-}
-
-/// Each frame's whitened residuals, corners included.
-fn residuals(problem: &Problem, deformation: &Deformation, noise: Noise) -> Result<Vec<Vec<f64>>> {
     let eye = problem.eye(deformation)?;
     let task = Task { with_board: true, ..Task::of_residuals(problem, deformation, eye.as_ref(), noise) };
-    Ok((0..problem.frames.len())
+    let frames = (0..problem.frames.len())
         .into_par_iter()
         .map_init(
             || FrameWork::new(problem),
             |work, frame| {
-                if work.evaluate(problem, &task, frame) {
-                    work.residual[..work.row_count].to_vec()
-                } else {
-                    Vec::new()
+                let (mut h, mut g) = (DMatrix::zeros(6, 6), DVector::zeros(6));
+                if !work.evaluate(problem, &task, frame) {
+                    return (h, g);
                 }
+                let rows = work.row_count;
+                let mut columns = vec![vec![0.0; rows + PROJECTED]; 6];
+                for (k, column) in columns.iter_mut().enumerate() {
+                    work.column_of_slip(problem, deformation, what, k, column);
+                }
+                let square: f64 = work.residual[..rows].iter().map(|r| r * r).sum();
+                let weight = 1.0 / (1.0 + square / (rows as f64 * FAR * FAR));
+                for i in 0..6 {
+                    g[i] = weight * dot(&columns[i], &work.residual, rows);
+                    for j in 0..6 {
+                        h[(i, j)] = weight * dot(&columns[i], &columns[j], rows);
+                    }
+                }
+                (h, g)
             },
         )
-        .collect())
+        .collect();
+    Ok(Place { what, frames })
 }
