@@ -111,6 +111,12 @@ impl Active {
         }
     }
 
+    /// The values after a step; those that cannot be negative end at 0.
+    pub fn values_moved_by(&self, step: &DVector<f64>) -> Vec<f64> {
+        let moved = self.values.iter().zip(step.iter()).zip(&self.positive);
+        moved.map(|((v, s), positive)| if *positive { (v + s).max(0.0) } else { v + s }).collect()
+    }
+
     fn penalty(&self, values: &[f64]) -> f64 {
         values.iter().zip(&self.prior_std).map(|(v, s)| (v / s).powi(2)).sum()
     }
@@ -181,13 +187,7 @@ pub(crate) fn fit_below(
             if taken > 0 && current - SOLVER.most_hoped * gain > hopeless {
                 break;
             }
-            let values: Vec<f64> = active
-                .values
-                .iter()
-                .zip(step.iter())
-                .zip(&active.positive)
-                .map(|((v, s), positive)| if *positive { (v + s).max(0.0) } else { v + s })
-                .collect();
+            let values = active.values_moved_by(&step);
             let next = active.model(&model, &values);
             if gain < SOLVER.last_gain {
                 normal.cost = current - gain - active.penalty(&values);

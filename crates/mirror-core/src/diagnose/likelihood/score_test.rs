@@ -28,6 +28,27 @@ pub(crate) struct Score {
     pub parameters: Vec<f64>,
     /// What the data tell of the parameters once all that the model has already is free: the inverse of their covariance.
     pub information: DMatrix<f64>,
+    /// `L⁻¹ B p` of these parameters p: what they change for all that the model has already.
+    pub across: DVector<f64>,
+}
+
+/// The Cholesky factor L of what a model has already, and `L⁻¹ g` of its gradient.
+type Base = (Cholesky<f64, Dyn>, DVector<f64>);
+
+/// All hypotheses scored, best first, beside what the model has already.
+pub(crate) struct Screening {
+    pub scores: Vec<Score>,
+    base: Option<Base>,
+}
+
+impl Screening {
+    /// How far all that the model has already moves along with a hypothesis at its estimate, linearised: `L⁻ᵀ (L⁻¹ g − L⁻¹ B p)`. None where
+    /// numbers overflow.
+    pub fn moved_along(&self, score: &Score) -> Option<DVector<f64>> {
+        let (factor, along) = self.base.as_ref()?;
+        let left = along - &score.across;
+        factor.l_dirty().tr_solve_lower_triangular(&left).filter(|step| step.iter().all(|x| x.is_finite()))
+    }
 }
 
 struct Candidate {
@@ -99,6 +120,21 @@ pub(crate) fn screen(
     noise: Noise,
     mask: Option<&[bool]>,
 ) -> Result<Vec<Score>> {
+    Ok(screen_beside(problem, catalogue, group, model, noise, mask)?.scores)
+}
+
+/// As [`screen`], with what the model has already, which each hypothesis moves along.
+///
+/// # Errors
+/// Invalid parameters of the camera or mirror.
+pub(crate) fn screen_beside(
+    problem: &Problem,
+    catalogue: &Catalogue,
+    group: &Group,
+    model: &Model,
+    noise: Noise,
+    mask: Option<&[bool]>,
+) -> Result<Screening> {
     let scene = &problem.scene;
     let active = Active::of(problem, catalogue, group, model);
     let deformation = model.deformation(problem, catalogue, &group.columns);
@@ -196,26 +232,22 @@ pub(crate) fn screen(
         .map(|(candidate, sums)| score(catalogue, candidate, sums, base.as_ref()))
         .collect();
     scores.sort_by(|x, y| y.log_bayes.total_cmp(&x.log_bayes));
-    Ok(scores)
+    Ok(Screening { scores, base })
 }
 
-/// `base`: the Cholesky factor L of what the model has already, and `L⁻¹ g` of its gradient.
-fn score(
-    catalogue: &Catalogue,
-    candidate: &Candidate,
-    sums: &Sums,
-    base: Option<&(Cholesky<f64, Dyn>, DVector<f64>)>,
-) -> Score {
+fn score(catalogue: &Catalogue, candidate: &Candidate, sums: &Sums, base: Option<&Base>) -> Score {
     let hypothesis = &catalogue.hypotheses[candidate.hypothesis];
     let s = DVector::from_column_slice(&hypothesis.prior_std);
     let (mut a, mut g) = (sums.a.clone(), sums.g.clone());
     a.fill_lower_triangle_with_upper_triangle();
+    let mut beside = None;
     if let Some((factor, along)) = base
         && sums.b.nrows() > 0
         && let Some(b) = factor.l_dirty().solve_lower_triangular(&sums.b)
     {
         a -= b.tr_mul(&b);
         g -= b.tr_mul(along);
+        beside = Some(b);
     }
     let k = g.len();
     let scaled = DMatrix::from_fn(k, k, |i, j| a[(i, j)] * s[i] * s[j] + if i == j { 1.0 } else { 0.0 });
@@ -235,7 +267,10 @@ fn score(
         }
         None => (f64::NEG_INFINITY, vec![0.0; k]),
     };
+    let estimate = DVector::from_column_slice(&parameters);
+    let across = beside.map_or_else(|| DVector::zeros(sums.b.nrows()), |b| b * estimate);
     Score {
+        across,
         hypothesis: candidate.hypothesis,
         variant: candidate.variant,
         log_bayes,

@@ -2,9 +2,9 @@
 //! unknowns (a friction torque, a side).
 
 use crate::diagnose::effects::hypothesis::Model;
-use crate::diagnose::likelihood::fit::Fit;
+use crate::diagnose::likelihood::fit::{Active, Fit, FitOptions, fit_below};
 use crate::diagnose::likelihood::linearised::likeliest_variants;
-use crate::diagnose::likelihood::score_test::{Score, screen};
+use crate::diagnose::likelihood::score_test::{Score, screen_beside};
 use crate::diagnose::model::problem::Noise;
 use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::principles::{BEYOND_DOUBT, Guard, MAJORITY, Size, Threshold};
@@ -34,27 +34,49 @@ impl Search<'_> {
         but: Option<(usize, &Fit)>,
     ) -> Result<Vec<Fit>> {
         let (group, start) = self.loosened(model, None);
-        let scores = screen(&self.problem, self.catalogue, &group, &start, noise, self.mask)?;
-        let chosen = self.most_promising(&scores, count, but.map(|b| b.0));
+        let screening = screen_beside(&self.problem, self.catalogue, &group, &start, noise, self.mask)?;
+        let chosen = self.most_promising(&screening.scores, count, but.map(|b| b.0));
+        if chosen.is_empty() {
+            return Ok(Vec::new());
+        }
+        let active = Active::of(&self.problem, self.catalogue, &group, &start);
         let alone = self.fit_with_slack(model, None, noise, 0)?.misfit;
-        let fitted_from = |score: &Score, share: f64, hopeless: f64| {
+        let with = |model: &Model, score: &Score, share: f64| {
             let mut next = model.with(self.catalogue, score.hypothesis, score.variant);
             if let Some(term) = next.terms.last_mut() {
                 let positive = self.catalogue.effect(score.hypothesis).is_positive();
                 let bounded = |p: &f64| if positive { p.max(0.0) } else { *p };
                 term.parameters = score.parameters.iter().map(|p| share * bounded(p)).collect();
             }
+            next
+        };
+        // Where the linear model has all at its best: mostly a step from the end.
+        let fitted_along = |score: &Score, hopeless: f64| {
+            let values = active.values_moved_by(&screening.moved_along(score)?);
+            let next = with(&active.model(&start, &values), score, 1.0);
+            let options = FitOptions { noise, steps: SOLVER.candidate_steps };
+            let (problem, catalogue) = (&self.problem, self.catalogue);
+            let mut fit = fit_below(problem, catalogue, &group, &next, options, self.mask, hopeless).ok()?;
+            fit.model.group.truncate(model.group.len());
+            Some(fit)
+        };
+        let fitted_from = |score: &Score, share: f64, hopeless: f64| {
+            let next = with(model, score, share);
             let last = next.terms.len() - 1;
             // A linear estimate may lie where no camera or mirror can be: such a hypothesis is no candidate.
             self.fit_below(&next, Some(last), noise, SOLVER.candidate_steps, hopeless).ok()
         };
         let fitted = |score: &&Score, hopeless: f64| {
+            let fit = fitted_along(score, hopeless);
+            if fit.as_ref().is_some_and(|f| f.misfit <= alone) {
+                return fit;
+            }
             let fit = fitted_from(score, 1.0, hopeless);
             if fit.as_ref().is_some_and(|f| f.misfit <= alone) {
                 return fit;
             }
-            // The estimate is where all else has moved along, which it has not: where a zero is far off and the set-up makes up for it, every
-            // observation looks false there, and a fit stands still. From next to nothing all moves at once.
+            // Far from the linear model: where a zero is far off and the set-up makes up for it, every observation looks false at the
+            // estimate, and a fit stands still. From next to nothing all moves at once.
             let again = fitted_from(score, NEXT_TO_NOTHING, hopeless);
             let misfit = |f: &Option<Fit>| f.as_ref().map_or(f64::INFINITY, |f| f.misfit);
             if misfit(&again) < misfit(&fit) { again } else { fit }

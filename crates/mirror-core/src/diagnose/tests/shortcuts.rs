@@ -1,11 +1,12 @@
 //! Shortcuts of the search against the long way: planes from nearby, evidence without a fit.
 
 use super::gap_world::{Plan, World, Wrong};
-use crate::diagnose::effects::hypothesis::{Catalogue, Model};
+use crate::diagnose::effects::hypothesis::{Catalogue, Model, Term};
 use crate::diagnose::effects::vocabulary;
-use crate::diagnose::likelihood::fit::{FitOptions, Group, fit};
+use crate::diagnose::likelihood::fit::{Active, FitOptions, Group, fit};
 use crate::diagnose::likelihood::linearised::Linearised;
 use crate::diagnose::likelihood::normal_equations::Normal;
+use crate::diagnose::likelihood::score_test::screen_beside;
 use crate::diagnose::model::elementary::{Atom, Column};
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::robot::Robot;
@@ -145,4 +146,44 @@ fn a_link_without_length_lies_along_the_limb_that_follows() {
     assert!(upper_arm.bend_pivot.norm() < 1e-12);
     let beyond = elbow.parent_from_joint.r * elbow.bend_pivot.normalize();
     assert!((upper_arm.long_axis.unwrap() - beyond).norm() < 1e-9);
+}
+
+/// What the screening says of all else beside a hypothesis is the solution of the equations of both together.
+#[test]
+fn all_else_moves_along_with_a_hypothesis() {
+    let problem = problem();
+    let catalogue = catalogue(&problem);
+    let columns: Vec<Column> =
+        (0..2).flat_map(|m| (0..3).map(move |k| Column::constant(Atom::MarkerShift(m, k)))).collect();
+    let group = Group { prior_std: vec![3e-3; columns.len()], columns };
+    let mut model = Model::nominal(&problem);
+    model.group = vec![1e-4; group.columns.len()];
+    let screening = screen_beside(&problem, &catalogue, &group, &model, NOISE, None).unwrap();
+    // Numbers that may not be negative are held at 0 where the equations would have them so.
+    let of_any_sign = |h: usize| !catalogue.effect(h).is_positive();
+    let two_numbers = screening.scores.iter().filter(|s| s.parameters.len() == 2);
+    let score = two_numbers.into_iter().find(|s| of_any_sign(s.hypothesis)).unwrap();
+    let along = screening.moved_along(score).unwrap();
+
+    let active = Active::of(&problem, &catalogue, &group, &model);
+    let first = active.columns.len();
+    let term = Term {
+        hypothesis: score.hypothesis,
+        variant: score.variant,
+        parameters: vec![0.0; 2],
+        prior_scale: 1.0,
+    };
+    let all: Vec<Column> =
+        active.columns.iter().cloned().chain(catalogue.columns(&problem.scene, &term)).collect();
+    let deformation = model.deformation(&problem, &catalogue, &group.columns);
+    let mut normal = Normal::at(&problem, &deformation, NOISE, &all, true, None, None).unwrap();
+    active.add_priors(&mut normal.h, &mut normal.g);
+    for (k, std) in catalogue.hypotheses[score.hypothesis].prior_std.iter().enumerate() {
+        normal.h[(first + k, first + k)] += std.powi(-2);
+    }
+    let together = normal.h.cholesky().unwrap().solve(&normal.g);
+    let said: Vec<f64> = along.iter().chain(&score.parameters).copied().collect();
+    for (i, (a, b)) in said.iter().zip(together.iter()).enumerate() {
+        assert!((a - b).abs() < 1e-6 * together.amax(), "{i}: {a} {b}");
+    }
 }
