@@ -1,7 +1,8 @@
 //! The diagnosis from arrays to JSON, against frames and against joints.
 //!
 //! `RAYON_NUM_THREADS=1 cargo bench --bench diagnose` for one core. The recordings are those of the tests: a humanoid with
-//! two arms before a mirror, two views a posture, 6 markers and 35 corners a frame, one joint's zero off.
+//! two arms before a mirror, two views a posture, 6 markers and 35 corners a frame, one joint's zero off; `-- kinds` one of each kind of
+//! what can be wrong.
 //! `MIRROR_BENCH_LONG=1` adds the session of 10,000 frames.
 
 // A bench may panic: that is how it says that its input is wrong.
@@ -40,6 +41,61 @@ fn bench_diagnose(c: &mut Criterion) {
         group.throughput(Throughput::Elements(frames as u64));
         let id = BenchmarkId::new(format!("{}_joints", 2 * an_arm), frames);
         group.bench_function(id, |b| {
+            b.iter(|| {
+                let options = DiagnoseOptions::default();
+                let diagnosis = diagnose(black_box(&robot), black_box(&recording), &options, &[]).unwrap();
+                serde_json::to_string(&diagnosis).unwrap()
+            });
+        });
+    }
+    group.finish();
+}
+
+/// What is wrong with a session of 200 frames: the kinds of which each has its limit of time.
+fn kinds(world: &World) -> Vec<(&'static str, Vec<Wrong>)> {
+    let bone = |name: &str| world.bone(name);
+    let play = Wrong::Backlash(bone("r_elbow"), 0.03, 0.02);
+    let several = vec![
+        Wrong::Offset(bone("r_shoulder_roll"), 0.03),
+        Wrong::Ratio(bone("l_elbow"), 0.04),
+        Wrong::Mount(1, [0.004, -0.003, 0.002]),
+    ];
+    // A slow wave, so that neighbours differ and nothing stands out.
+    let small = |i: usize, k: usize| (1.7 * i as f64 + 2.3 * k as f64).sin();
+    let everywhere = (0..world.bones.len())
+        .flat_map(|n| {
+            let shift = [0, 1, 2].map(|k| 1e-3 * small(n, k));
+            let tilt = Wrong::Tilt(n, 5e-3 * small(n, 3), 5e-3 * small(n, 4));
+            [Wrong::Offset(n, 5e-3 * small(n, 5)), tilt, Wrong::Length(Some(n), shift)]
+        })
+        .collect();
+    let mounts = (0..world.markers.len()).map(|m| Wrong::Mount(m, [0, 1, 2].map(|k| 3e-3 * small(m, k))));
+    let turned = |k: f64| [0.01 * k, -0.008, 0.006 * k, 0.003, -0.002 * k, 0.002];
+    let by_hand = mounts
+        .chain([Wrong::BoardMount(turned(1.0)), Wrong::CameraMount(turned(-1.0))])
+        .chain([Wrong::Tilt(bone("r_shoulder_yaw"), 0.04, 0.02)])
+        .collect();
+    vec![
+        ("nothing", Vec::new()),
+        ("a_zero", vec![Wrong::Offset(bone("r_shoulder_roll"), 0.03)]),
+        ("a_tilt", vec![Wrong::Tilt(bone("l_shoulder_yaw"), 0.04, 0.02)]),
+        ("a_play", vec![play]),
+        ("a_board", vec![Wrong::BoardScale(0.01)]),
+        ("several", several),
+        ("everywhere", everywhere),
+        ("by_hand", by_hand),
+    ]
+}
+
+/// A session of 200 frames of each kind.
+fn bench_kinds(c: &mut Criterion) {
+    let mut group = c.benchmark_group("kinds");
+    group.sample_size(10).warm_up_time(Duration::from_millis(300)).measurement_time(Duration::from_secs(3));
+    let world = World::new(7, false);
+    let robot = Robot::from_urdf_str(&world.urdf()).unwrap();
+    for (name, wrong) in kinds(&world) {
+        let recording = world.record(&Plan { postures: 100, wrong, ..Plan::default() });
+        group.bench_function(BenchmarkId::new(name, 200), |b| {
             b.iter(|| {
                 let options = DiagnoseOptions::default();
                 let diagnosis = diagnose(black_box(&robot), black_box(&recording), &options, &[]).unwrap();
@@ -90,5 +146,5 @@ fn bench_screen(c: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, bench_screen, bench_diagnose);
+criterion_group!(benches, bench_screen, bench_diagnose, bench_kinds);
 criterion_main!(benches);
