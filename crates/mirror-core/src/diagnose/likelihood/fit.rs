@@ -117,7 +117,7 @@ impl Active {
         moved.map(|((v, s), positive)| if *positive { (v + s).max(0.0) } else { v + s }).collect()
     }
 
-    fn penalty(&self, values: &[f64]) -> f64 {
+    pub fn penalty(&self, values: &[f64]) -> f64 {
         values.iter().zip(&self.prior_std).map(|(v, s)| (v / s).powi(2)).sum()
     }
 

@@ -38,6 +38,8 @@ type Base = (Cholesky<f64, Dyn>, DVector<f64>);
 /// All hypotheses scored, best first, beside what the model has already.
 pub(crate) struct Screening {
     pub scores: Vec<Score>,
+    /// The misfit of the model as it stands; none where a fit of it sees the board's corners otherwise.
+    pub misfit: Option<f64>,
     base: Option<Base>,
 }
 
@@ -82,6 +84,7 @@ struct Screened<'a> {
 struct Part {
     /// Products of the active columns, and of the residual as the last, with those before.
     base: Vec<f64>,
+    cost: f64,
     sums: Vec<Sums>,
 }
 
@@ -94,12 +97,14 @@ impl Part {
         };
         Self {
             base: vec![0.0; (count + 1) * stride(count + 1)],
+            cost: 0.0,
             sums: what.candidates.iter().map(of).collect(),
         }
     }
 
     fn add(&mut self, part: &Self) {
         self.base.iter_mut().zip(&part.base).for_each(|(a, b)| *a += b);
+        self.cost += part.cost;
         for (total, part) in self.sums.iter_mut().zip(&part.sums) {
             total.a += &part.a;
             total.b += &part.b;
@@ -232,7 +237,10 @@ pub(crate) fn screen_beside(
         .map(|(candidate, sums)| score(catalogue, candidate, sums, base.as_ref()))
         .collect();
     scores.sort_by(|x, y| y.log_bayes.total_cmp(&x.log_bayes));
-    Ok(Screening { scores, base })
+    // With the corners as rows false ones count less: as they do in a fit that has them so too.
+    let comparable = with_board == needs_board(problem, &active.columns);
+    let misfit = comparable.then(|| total.cost + active.penalty(&active.values));
+    Ok(Screening { scores, misfit, base })
 }
 
 fn score(catalogue: &Catalogue, candidate: &Candidate, sums: &Sums, base: Option<&Base>) -> Score {
@@ -331,7 +339,9 @@ impl Scratch {
         frame: usize,
         out: &mut Part,
     ) {
-        if !self.work.evaluate(problem, task, frame) {
+        let predicted = self.work.evaluate(problem, task, frame);
+        out.cost += self.work.cost;
+        if !predicted {
             return;
         }
         let scene = &problem.scene;

@@ -40,7 +40,10 @@ impl Search<'_> {
             return Ok(Vec::new());
         }
         let active = Active::of(&self.problem, self.catalogue, &group, &start);
-        let alone = self.fit_with_slack(model, None, noise, 0)?.misfit;
+        let alone = match screening.misfit {
+            Some(misfit) => misfit,
+            None => self.fit_with_slack(model, None, noise, 0)?.misfit,
+        };
         let with = |model: &Model, score: &Score, share: f64| {
             let mut next = model.with(self.catalogue, score.hypothesis, score.variant);
             if let Some(term) = next.terms.last_mut() {

@@ -153,8 +153,8 @@ fn a_link_without_length_lies_along_the_limb_that_follows() {
 fn all_else_moves_along_with_a_hypothesis() {
     let problem = problem();
     let catalogue = catalogue(&problem);
-    let columns: Vec<Column> =
-        (0..2).flat_map(|m| (0..3).map(move |k| Column::constant(Atom::MarkerShift(m, k)))).collect();
+    let markers = (0..2).flat_map(|m| (0..3).map(move |k| Atom::MarkerShift(m, k)));
+    let columns: Vec<Column> = markers.chain([Atom::CameraMount(1)]).map(Column::constant).collect();
     let group = Group { prior_std: vec![3e-3; columns.len()], columns };
     let mut model = Model::nominal(&problem);
     model.group = vec![1e-4; group.columns.len()];
@@ -164,6 +164,9 @@ fn all_else_moves_along_with_a_hypothesis() {
     let two_numbers = screening.scores.iter().filter(|s| s.parameters.len() == 2);
     let score = two_numbers.into_iter().find(|s| of_any_sign(s.hypothesis)).unwrap();
     let along = screening.moved_along(score).unwrap();
+    let options = FitOptions { noise: NOISE, steps: 0 };
+    let alone = fit(&problem, &catalogue, &group, &model, options, None).unwrap().misfit;
+    assert!((screening.misfit.unwrap() - alone).abs() < 1e-9 * alone);
 
     let active = Active::of(&problem, &catalogue, &group, &model);
     let first = active.columns.len();
