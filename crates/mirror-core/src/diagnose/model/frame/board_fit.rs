@@ -62,10 +62,10 @@ impl FrameWork {
             let of = |index| camera_from_board.point(&corner_point(problem, eye, index, scale));
             corners.iter().step_by(each).map(|(index, _)| of(*index)).collect()
         };
-        let flat = &self.points;
-        let evaluate = |foot: &Vector3<f64>| -> Option<(f64, Matrix3<f64>, Vector3<f64>)> {
+        let (flat, pictures) = (&self.points, &mut self.pictures);
+        let mut evaluate = |foot: &Vector3<f64>| -> Option<(f64, Matrix3<f64>, Vector3<f64>)> {
             if many {
-                return FlatMirror::of(eye, foot)?.plane_sums(flat);
+                return FlatMirror::of(eye, foot)?.plane_sums(flat, pictures);
             }
             let (mut chi2, mut information, mut gradient) = (0.0, Matrix3::zeros(), Vector3::zeros());
             for ((_, pixel), point) in corners.iter().step_by(each).zip(&points) {

@@ -53,7 +53,7 @@ impl Points {
         let Some(last) = self.count.checked_sub(1) else { return };
         let point = Vector3::new(self.xyz[0][last], self.xyz[1][last], self.xyz[2][last]);
         let pixel = Vector2::new(self.uv[0][last], self.uv[1][last]);
-        while self.real.len() % LANES != 0 {
+        while !self.real.len().is_multiple_of(LANES) {
             self.append(&point, &pixel, 0.0);
         }
     }
@@ -219,10 +219,23 @@ impl FlatMirror {
     }
 
     /// Sum of squares of the residuals (px²), the foot point's information and its gradient; none where a point cannot be seen.
-    pub fn plane_sums(&self, points: &Points) -> Option<(f64, Matrix3<f64>, Vector3<f64>)> {
-        let (s, unseen) = plane_sums(self, points);
-        let information = Matrix3::new(s[1], s[2], s[3], s[2], s[4], s[5], s[3], s[5], s[6]);
-        (unseen == 0.0).then(|| (s[0], information, Vector3::new(s[7], s[8], s[9])))
+    pub fn plane_sums(
+        &self,
+        points: &Points,
+        out: &mut Pictures,
+    ) -> Option<(f64, Matrix3<f64>, Vector3<f64>)> {
+        let rows = points.real.len();
+        out.rows = rows;
+        out.values.resize(COLUMNS * 2 * rows, 0.0);
+        out.unseen.resize(rows, 0.0);
+        columns_of_plane(self, points, &mut out.values, &mut out.unseen);
+        if out.unseen.iter().any(|unseen| *unseen != 0.0) {
+            return None;
+        }
+        let mut sums = [0.0; 16];
+        out.products(&[0, 1, 2, 3], &[0, 1, 2, 3], 4, &mut sums);
+        let at = |i: usize, j: usize| sums[4 * i.max(j) + i.min(j)];
+        Some((at(3, 3), Matrix3::from_fn(at), Vector3::from_fn(|i, _| at(i, 3))))
     }
 
     /// The columns of all points, not yet weighted, those of the optics where they are wanted. Turns are about `origin`; the board is scaled by
@@ -246,36 +259,6 @@ impl FlatMirror {
             columns_of_optics(self, points, origin, 1.0 / scale, &mut out.values);
         }
     }
-}
-
-#[multiversion(targets("x86_64+avx512f", "x86_64+avx2"))]
-fn plane_sums(mirror: &FlatMirror, points: &Points) -> ([f64; 10], f64) {
-    let mut sums = [[0.0; LANES]; 10];
-    let mut unseen = [0.0; LANES];
-    let [x, y, z] = [0, 1, 2].map(|i: usize| points.xyz[i].as_chunks::<LANES>().0);
-    let [u, v] = [0, 1].map(|i: usize| points.uv[i].as_chunks::<LANES>().0);
-    let real = points.real.as_chunks::<LANES>().0;
-    for i in 0..real.len() {
-        for l in 0..LANES {
-            let at = mirror.seen([x[i][l], y[i][l], z[i][l]]);
-            let w = real[i][l];
-            let (r, t) = (w * (u[i][l] - at.pixel[0]), w * (v[i][l] - at.pixel[1]));
-            let [a, b] = at.by_foot;
-            let (a, b) = ([w * a[0], w * a[1], w * a[2]], [w * b[0], w * b[1], w * b[2]]);
-            unseen[l] += if at.ok { 0.0 } else { 1.0 };
-            sums[0][l] += r * r + t * t;
-            sums[1][l] += a[0] * a[0] + b[0] * b[0];
-            sums[2][l] += a[0] * a[1] + b[0] * b[1];
-            sums[3][l] += a[0] * a[2] + b[0] * b[2];
-            sums[4][l] += a[1] * a[1] + b[1] * b[1];
-            sums[5][l] += a[1] * a[2] + b[1] * b[2];
-            sums[6][l] += a[2] * a[2] + b[2] * b[2];
-            sums[7][l] += a[0] * r + b[0] * t;
-            sums[8][l] += a[1] * r + b[1] * t;
-            sums[9][l] += a[2] * r + b[2] * t;
-        }
-    }
-    (sums.map(|s| s.iter().sum()), unseen.iter().sum())
 }
 
 /// Writes numbers of both rows of a point into their lists. Written out: a loop of its own would keep that over the points out of vector registers.
@@ -305,6 +288,29 @@ fn columns(mirror: &FlatMirror, points: &Points, origin: [f64; 3], out: &mut [f6
         unseen[i] = block[20];
         copy(&block[..2 * OF_OPTICS], rows, i, out);
         copy(&block[2 * OF_OPTICS..20], rows, i, &mut out[2 * OF_PLANE * rows..]);
+    }
+}
+
+/// By the foot point, and the residual: the first four lists.
+#[multiversion(targets("x86_64+avx512f", "x86_64+avx2"))]
+fn columns_of_plane(mirror: &FlatMirror, points: &Points, out: &mut [f64], unseen: &mut [f64]) {
+    let [x, y, z] = [0, 1, 2].map(|i: usize| points.xyz[i].as_chunks::<LANES>().0);
+    let [u, v] = [0, 1].map(|i: usize| points.uv[i].as_chunks::<LANES>().0);
+    let real = points.real.as_chunks::<LANES>().0;
+    let rows = points.real.len();
+    let unseen = unseen.as_chunks_mut::<LANES>().0;
+    for i in 0..rows / LANES {
+        let mut block = [[0.0; LANES]; 9];
+        for l in 0..LANES {
+            let at = mirror.seen([x[i][l], y[i][l], z[i][l]]);
+            let (w, [a, b]) = (real[i][l], at.by_foot);
+            let a = [w * a[0], w * a[1], w * a[2], w * (u[i][l] - at.pixel[0])];
+            let b = [w * b[0], w * b[1], w * b[2], w * (v[i][l] - at.pixel[1])];
+            put!(block, l, a, b, 0 1 2 3);
+            block[8][l] = if at.ok { 0.0 } else { 1.0 };
+        }
+        unseen[i] = block[8];
+        copy(&block[..8], rows, i, out);
     }
 }
 
