@@ -6,8 +6,10 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
+import pytest
 
 import mirror_posture as mp
+from mirror_lab.robots.hidden import HiddenEffect
 from mirror_posture.diagnosis.applied import apply_diagnosis
 from mirror_posture.robots import Nominal
 from tracked_session import write_tracked
@@ -34,7 +36,8 @@ def test_geometry_is_told_one_by_one_and_written_back(tmp_path: Path) -> None:
     session = mp.load_session(write_tracked(tmp_path / "session", 1, true_urdf=truth))
     found = mp.diagnose(session)
     group = next(cause for cause in found.causes if cause.effect == "geometry")
-    assert {m.effect for m in group.members} == {"joint_offset", "axis_tilt", "link_length", "marker_mount"}
+    effects = {"joint_offset", "axis_tilt", "link_length", "marker_mount", "joint_compliance"}
+    assert {m.effect for m in group.members} == effects
     assert all(np.isfinite(m.value) and m.std > 0.0 for m in group.members)
     assert "geometry" in found.sentence
     applied = apply_diagnosis(session, found, tmp_path / "better")
@@ -48,6 +51,39 @@ def test_geometry_is_told_one_by_one_and_written_back(tmp_path: Path) -> None:
     (other / "robot.urdf").write_bytes((applied.folder / "robot.urdf").read_bytes())
     after = mp.diagnose(other).gap
     assert after.before_m < 1.2 * after.noise_floor_m < 0.4 * before
+
+
+SPRINGS = {"r_shoulder_pitch": 0.08, "r_shoulder_roll": 0.06, "r_elbow": 0.25}
+"""rad/N m: some milliradians under the light arm's weight, no more than the other small errors."""
+
+
+def test_springs_of_all_joints_are_small_errors_like_the_others(tmp_path: Path) -> None:
+    hidden = [
+        HiddenEffect("joint_compliance", f"joint:{joint}", {"compliance_rad_per_nm": value})
+        for joint, value in SPRINGS.items()
+    ]
+    truth = real_body(3)
+    session = mp.load_session(write_tracked(tmp_path / "session", 1, true_urdf=truth, hidden=hidden))
+    found = mp.diagnose(session)
+    told = {
+        cause.at: cause.parameters["compliance_rad_per_nm"]
+        for cause in found.causes
+        if cause.effect == "joint_compliance"
+    }
+    group = next(cause for cause in found.causes if cause.effect == "geometry")
+    springs = {m.at: m for m in group.members if m.effect == "joint_compliance"}
+    for joint, value in SPRINGS.items():
+        of = [entry for entry in (told.get(f"joint:{joint}"), springs.get(f"joint:{joint}")) if entry]
+        assert of and all(entry.value >= 0.0 for entry in of)
+        assert abs(sum(entry.value for entry in of) - value) < 4.0 * max(entry.std for entry in of)
+    # Nothing else is blamed for what the springs do, and other postures are predicted with them.
+    assert all(c.effect in ("geometry", "joint_compliance") for c in found.causes if c.probability >= 0.5)
+    other = write_tracked(tmp_path / "other", 2, true_urdf=truth, hidden=hidden)
+    (checked,) = mp.diagnose(session, check=[other]).gap.checked
+    assert checked.after_m < 1.5 * found.gap.noise_floor_m < 0.3 * checked.before_m
+    pytest.importorskip("mujoco")
+    applied = apply_diagnosis(session, found, tmp_path / "better")
+    assert (applied.folder / "robot.mjcf.xml").read_text(encoding="utf-8").count("_spring") >= 2
 
 
 def test_a_diagnosis_without_members_says_what_to_do(tmp_path: Path) -> None:

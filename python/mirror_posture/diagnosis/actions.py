@@ -89,9 +89,9 @@ def rivals(cause: Cause) -> tuple[str, ...]:
 
 
 def largest_members(cause: Cause) -> list[str]:
-    """The largest small errors of a group, angles before lengths, each by name with its standard deviation."""
+    """The largest small errors of a group, angles before lengths before springs, each by name with its standard deviation."""
     chosen: list[Member] = []
-    for unit in ("_rad", "_m"):
+    for unit in ("_rad", "_m", "_per_nm"):
         of_unit = [m for m in told_members(cause.members) if m.parameter.endswith(unit)]
         chosen += sorted(of_unit, key=lambda m: -abs(m.value))[:LARGEST_MEMBERS]
     return [

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -89,11 +89,9 @@ def apply_diagnosis(
     for index, part in sorted(parts, key=lambda entry: FIRST.get(entry[1].effect, 2)):
         better, entry = _apply(better, urdf, part)
         entries[index].append(entry)
-    written = [
-        _group_written(cause, entries[index]) if cause.members else entries[index][0]
-        for index, cause in enumerate(found.causes)
-    ]
-    mechanical = [entry.cause for entry in written if entry.cause.effect in MECHANICAL]
+    mechanical = _together(
+        entry.cause for parts_written in entries.values() for entry in parts_written if entry.file == MJCF
+    )
     told: dict[tuple[str, str], str] = {}
 
     def fill(part: Path) -> None:
@@ -107,17 +105,33 @@ def apply_diagnosis(
 
     target = Path(folder)
     replace_folder(target, fill, overwrite)
-    if mechanical:
-        for index, entry in enumerate(written):
-            if entry.cause.effect in MECHANICAL:
-                done = told.get((entry.cause.effect, entry.cause.at))
-                written[index] = replace(
-                    entry,
-                    file=MJCF if done else None,
-                    what=done
-                    or "URDF cannot say it, and MuJoCo is not installed: pip install 'mirror-posture[mujoco]'",
-                )
+
+    def settled(entry: Written) -> Written:
+        if entry.file != MJCF:
+            return entry
+        done = told.get((entry.cause.effect, entry.cause.at))
+        missing = "URDF cannot say it, and MuJoCo is not installed: pip install 'mirror-posture[mujoco]'"
+        return replace(entry, file=MJCF if done else None, what=done or missing)
+
+    written = []
+    for index, cause in enumerate(found.causes):
+        its = [settled(entry) for entry in entries[index]]
+        written.append(_group_written(cause, its) if cause.members else its[0])
     return Applied(target, tuple(written))
+
+
+def _together(causes: Iterable[Cause]) -> list[Cause]:
+    """Causes of which none is there twice: a spring that is told by itself and one of the small errors at its joint add up."""
+    sums: dict[tuple[str, str], Cause] = {}
+    for cause in causes:
+        first = sums.setdefault((cause.effect, cause.at), cause)
+        if first is not cause:
+            added = {
+                name: replace(told, value=told.value + cause.parameters[name].value)
+                for name, told in first.parameters.items()
+            }
+            sums[cause.effect, cause.at] = replace(first, parameters=added)
+    return list(sums.values())
 
 
 def parts_of(cause: Cause) -> list[Cause]:
@@ -126,6 +140,9 @@ def parts_of(cause: Cause) -> list[Cause]:
         return [cause]
     values: dict[tuple[str, str], dict[str, Estimate]] = {}
     for member in cause.members:
+        # A joint that was found stiff is left as it is.
+        if member.effect in MECHANICAL and member.value <= 0.0:
+            continue
         values.setdefault((member.effect, member.at), {})[member.parameter] = Estimate(
             member.value, member.std
         )
@@ -138,7 +155,11 @@ def _group_written(cause: Cause, parts: list[Written]) -> Written:
     for part in parts:
         if part.file is not None:
             counts[part.cause.effect] = counts.get(part.cause.effect, 0) + 1
-    missing = [f"{formatting.place_in_words(p.cause.at)}: {p.what}" for p in parts if p.file is None]
+    reasons: dict[str, list[str]] = {}
+    for part in parts:
+        if part.file is None:
+            reasons.setdefault(part.what, []).append(formatting.place_in_words(part.cause.at))
+    missing = [f"{', '.join(places)}: {why}" for why, places in reasons.items()]
     if not counts:
         return Written(cause, None, "; ".join(missing))
     told = ", ".join(f"{count} × {formatting.effect_in_words(effect)}" for effect, count in counts.items())

@@ -61,7 +61,7 @@ pub(crate) fn limits(findings: &Findings<'_>) -> Result<Vec<Limit>> {
     // A mount is in the set-up itself: it is asked with all but itself free.
     let mut in_group: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
     for (k, column) in search.group.columns.iter().enumerate().take(model.group.len()) {
-        let effect = single_effect(column.atom);
+        let effect = single_effect(column);
         if let Some(h) = effect.and_then(|(name, place, _)| search.catalogue.find(name, place)) {
             in_group.entry(h).or_default().push(here.first_group() + k);
         }

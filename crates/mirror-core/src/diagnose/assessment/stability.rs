@@ -4,8 +4,8 @@
 //! look ranked highest, block by block of successive postures. A resample draws the blocks with replacement (block bootstrap: Künsch
 //! 1989); its normal equations are the blocks' weighted sum, so that the search on it is small dense algebra: causes are added while
 //! their posterior odds are above the selection's least, dropped and exchanged, from nothing and from the causes found, the likelier
-//! of both. What is resampled is the choice among these hypotheses, with board, camera, markers, zeros and discrepancy terms free wherever the model has them so. Not
-//! resampled are the noise, what was left out as false, discrete unknowns (frictions), the spreads of small errors, and
+//! of both. What is resampled is the choice among these hypotheses, with board, camera, markers, zeros and discrepancy terms free wherever the model has them so, and
+//! the spreads of small errors everywhere are learned anew. Not resampled are the noise, what was left out as false, discrete unknowns (frictions), and
 //! whole mistakes, which are tried exactly and have no stability.
 
 use crate::diagnose::assessment::findings::Findings;
@@ -15,6 +15,7 @@ use crate::diagnose::likelihood::normal_equations::{Normal, needs_board};
 use crate::diagnose::likelihood::saturated::postures;
 use crate::diagnose::likelihood::score_test::Score;
 use crate::diagnose::principles::{LEAST_LOG_ODDS, LOG_PRIOR_SAME_PLACE, Size};
+use crate::diagnose::random_effects::geometric_tolerances::Geometry;
 use crate::diagnose::selection::alternatives::Standing;
 use crate::error::Result;
 use core::ops::Range;
@@ -52,7 +53,7 @@ struct Candidate {
 }
 
 /// The model in normal equations of blocks, in units of the priors' deviations.
-struct Blocks {
+struct Blocks<'a> {
     blocks: Vec<(DMatrix<f64>, DVector<f64>)>,
     /// Parameters that are always free.
     always: Vec<usize>,
@@ -61,8 +62,13 @@ struct Blocks {
     found: usize,
     least_log_odds: f64,
     most_causes: usize,
+    /// The prior deviations, and the small errors everywhere whose spreads each resample learns anew, from which parameter on.
+    std: Vec<f64>,
+    geometry: Option<(&'a Geometry, usize)>,
 }
 
+/// Normal equations of a resample, `I + S H S` and `S b`.
+type Equations = (DMatrix<f64>, DVector<f64>);
 type Factor = Cholesky<f64, Dyn>;
 /// What a resample's search found: hypotheses, and whether each mount is displaced.
 type CameOut = (Vec<usize>, Vec<bool>);
@@ -101,8 +107,7 @@ pub(crate) fn stability(
             if findings.search.problem.cancel.is_cancelled() {
                 return None;
             }
-            let (m, b) = whole.sum(&weights);
-            let set = whole.search(&m, &b)?;
+            let (set, (m, b)) = whole.search(&whole.sum(&weights))?;
             let hypotheses = set.iter().map(|&c| whole.candidates[c].hypothesis).collect();
             Some((hypotheses, whole.displaced(&m, &b, &set, mounts, first_group)?))
         })
@@ -128,11 +133,11 @@ pub(crate) fn stability(
 }
 
 /// The blocks, and where the group's parameters begin.
-fn blocks(
-    findings: &Findings<'_>,
+fn blocks<'a>(
+    findings: &'a Findings<'_>,
     standings: &[Option<Standing>],
     ranking: &[Score],
-) -> Result<(Blocks, usize)> {
+) -> Result<(Blocks<'a>, usize)> {
     let search = &findings.search;
     let (problem, catalogue) = (&search.problem, search.catalogue);
     let (group, model): (_, Model) = search.loosened(&findings.found.fit.model, None);
@@ -210,12 +215,18 @@ fn blocks(
     let found = candidates.iter().filter(|c| c.columns.start < at).count();
     let most_causes = found + MORE_CAUSES;
     let least_log_odds = search.options.least_log_odds;
-    Ok((Blocks { blocks: parts, always, candidates, found, least_log_odds, most_causes }, active.first_group))
+    let first_group = active.first_group;
+    // The spreads of a set-up have habits, and causes beside it are looked for with these.
+    let of_model = |g: &&Geometry| !g.setup_only && g.group.columns.len() <= model.group.len();
+    let geometry = findings.geometry.as_ref().filter(of_model).map(|g| (g, first_group));
+    let blocks =
+        Blocks { blocks: parts, always, candidates, found, least_log_odds, most_causes, std, geometry };
+    Ok((blocks, first_group))
 }
 
-impl Blocks {
-    /// `I + S H S` and `S b` of a resample.
-    fn sum(&self, weights: &[f64]) -> (DMatrix<f64>, DVector<f64>) {
+impl Blocks<'_> {
+    /// The normal equations of a resample.
+    fn sum(&self, weights: &[f64]) -> Equations {
         let count = self.blocks.first().map_or(0, |b| b.1.len());
         let (mut m, mut b) = (DMatrix::identity(count, count), DVector::zeros(count));
         for ((h, g), weight) in self.blocks.iter().zip(weights).filter(|(_, w)| **w > 0.0) {
@@ -289,13 +300,50 @@ impl Blocks {
             .max_by(|x, y| x.1.total_cmp(&y.1))
     }
 
-    /// The causes that the search finds from nothing or from those that were found, whichever are likelier: one cause at a time may lead
-    /// to two that only imitate two others, which the whole search leaves again by starts of its own.
-    fn search(&self, m: &DMatrix<f64>, b: &DVector<f64>) -> Option<Vec<usize>> {
-        let found = self.searched(m, b, (0..self.found).collect())?;
-        let from_nothing = self.searched(m, b, Vec::new())?;
-        let likelier = self.log_posterior(m, b, &found)? >= self.log_posterior(m, b, &from_nothing)?;
-        Some(if likelier { found } else { from_nothing })
+    /// The causes that the search finds from nothing or from those that were found, whichever are likelier, with the normal equations at
+    /// the spreads that the resample has beside them: one cause at a time may lead to two that only imitate two others, which the whole
+    /// search leaves again by starts of its own.
+    fn search(&self, resample: &Equations) -> Option<(Vec<usize>, Equations)> {
+        let from = |start: Vec<usize>| -> Option<(f64, Vec<usize>, Equations)> {
+            let (m, b) = self.with_spreads(resample, &start);
+            let set = self.searched(&m, &b, start)?;
+            let (m, b) = self.with_spreads(resample, &set);
+            Some((self.log_posterior(&m, &b, &set)?, set, (m, b)))
+        };
+        let (found, nothing) = (from((0..self.found).collect())?, from(Vec::new())?);
+        let (_, set, equations) = if found.0 >= nothing.0 { found } else { nothing };
+        Some((set, equations))
+    }
+
+    /// The normal equations with the spreads of small errors everywhere that the resample has beside some causes: spreads that were learned
+    /// beside the causes found would leave no room for what these explain.
+    fn with_spreads(&self, (m, b): &Equations, causes: &[usize]) -> Equations {
+        let Some((geometry, first)) = self.geometry else { return (m.clone(), b.clone()) };
+        let own = first..first + geometry.group.columns.len();
+        let indices = self.indices(causes, None);
+        let rescaled = |prior_std: &[f64]| -> Equations {
+            let unit = |i: usize| if own.contains(&i) { prior_std[i - first] / self.std[i] } else { 1.0 };
+            let scaled = DMatrix::from_fn(m.nrows(), m.ncols(), |i, j| {
+                let one = if i == j { 1.0 } else { 0.0 };
+                (m[(i, j)] - one) * unit(i) * unit(j) + one
+            });
+            (scaled, DVector::from_fn(b.len(), |i, _| b[i] * unit(i)))
+        };
+        let posterior = |prior_std: &[f64]| {
+            let (m, b) = rescaled(prior_std);
+            let among = DMatrix::from_fn(indices.len(), indices.len(), |i, j| m[(indices[i], indices[j])]);
+            let factor = among.cholesky()?;
+            let mean = factor.solve(&DVector::from_fn(indices.len(), |i, _| b[indices[i]]));
+            let inverse = factor.inverse();
+            // What is always free comes first, in order.
+            let at = |k: usize| indices.iter().position(|&i| i == first + k);
+            let values = (0..own.len()).map(|k| Some(prior_std[k] * mean[at(k)?])).collect::<Option<_>>()?;
+            let variance = |k: usize| at(k).map(|i| prior_std[k].powi(2) * inverse[(i, i)]);
+            Some((values, (0..own.len()).map(variance).collect::<Option<_>>()?))
+        };
+        let mut learned = geometry.clone();
+        learned.learned_from(&posterior);
+        rescaled(&learned.group.prior_std)
     }
 
     /// Log of evidence times prior of a set, up to a constant: `½ bᵀ M⁻¹ b − ½ log |M| + log p`.

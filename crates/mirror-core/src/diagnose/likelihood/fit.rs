@@ -16,6 +16,8 @@ use std::sync::Arc;
 pub(crate) struct Group {
     pub columns: Vec<Column>,
     pub prior_std: Vec<f64>,
+    /// Which of the first columns are never negative; those beyond its end may be.
+    pub positive: Vec<bool>,
 }
 
 /// How to fit.
@@ -80,7 +82,8 @@ impl Active {
         }
         if !model.group.is_empty() {
             for ((column, std), value) in group.columns.iter().zip(&group.prior_std).zip(&model.group) {
-                out.push(column.clone(), *std, *value, false);
+                let positive = group.positive.get(out.columns.len() - out.first_group).copied();
+                out.push(column.clone(), *std, *value, positive.unwrap_or(false));
             }
         }
         out.first_term = out.columns.len();

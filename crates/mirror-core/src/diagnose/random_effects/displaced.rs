@@ -11,9 +11,7 @@ use nalgebra::{DMatrix, DVector};
 pub(crate) fn members_of(setup: &Geometry, effect: &str, place: Place) -> Vec<(usize, &'static str)> {
     let columns = setup.group.columns.iter().enumerate();
     columns
-        .filter_map(|(k, c)| {
-            single_effect(c.atom).filter(|e| (e.0, e.1) == (effect, place)).map(|e| (k, e.2))
-        })
+        .filter_map(|(k, c)| single_effect(c).filter(|e| (e.0, e.1) == (effect, place)).map(|e| (k, e.2)))
         .collect()
 }
 

@@ -13,7 +13,8 @@ use crate::diagnose::effects::Place;
 use crate::diagnose::effects::hypothesis::{Catalogue, Model};
 use crate::diagnose::likelihood::fit::{Fit, FitOptions, Group, fit};
 use crate::diagnose::likelihood::linearised::Linearised;
-use crate::diagnose::model::elementary::{Atom, Column};
+use crate::diagnose::model::body::NodeId;
+use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::model::scene::Scene;
 use crate::diagnose::model::solver::SOLVER;
@@ -31,9 +32,11 @@ pub(crate) enum Kind {
     BoardShift,
     CameraTurn,
     CameraShift,
+    /// How far joints give way under their largest load, rad: all do a little.
+    Spring,
 }
 
-pub(crate) const KINDS: Size = 7;
+pub(crate) const KINDS: Size = 8;
 
 /// What is known of a spread before the data: its common size, as how many values that counts, and the bounds.
 struct Habit {
@@ -52,11 +55,13 @@ impl Kind {
         Self::BoardShift,
         Self::CameraTurn,
         Self::CameraShift,
+        Self::Spring,
     ];
 
     /// Which kind an elementary small error is of.
-    pub fn of(atom: Atom) -> Self {
-        match atom {
+    pub fn of(column: &Column) -> Self {
+        match column.atom {
+            Atom::Joint(_) if matches!(column.weight, Weight::Torque(_)) => Self::Spring,
             Atom::LinkShift(..) | Atom::OriginShift(..) => Self::Length,
             Atom::MarkerShift(..) => Self::Marker,
             Atom::BoardMount(k) if k < 3 => Self::BoardTurn,
@@ -69,7 +74,7 @@ impl Kind {
 
     /// Whether a person mounts it.
     pub fn is_of_setup(self) -> bool {
-        !matches!(self, Self::Angle | Self::Length)
+        !matches!(self, Self::Angle | Self::Length | Self::Spring)
     }
 
     /// Of tape and a hand: 3 mm and 1°. Joints' zeros are a few tenths of a degree off at most: more is an error of its own.
@@ -80,6 +85,7 @@ impl Kind {
             Self::Angle if setup_only => Habit { common: 2.5e-3, worth: 3.0, least: 5e-6, most: 5e-3 },
             Self::Angle => nothing_known(5e-3, 5e-6),
             Self::Length => nothing_known(1e-3, 2e-6),
+            Self::Spring => nothing_known(1e-3, 2e-6),
             Self::Marker if setup_only => Habit { common: 3e-3, worth: 1.0, least: 2e-6, most: 0.015 },
             Self::Marker => nothing_known(1e-3, 2e-6),
             Self::BoardTurn | Self::CameraTurn => Habit { common: 0.02, worth: 1.0, least: 5e-6, most: 0.08 },
@@ -97,6 +103,8 @@ pub(crate) struct Geometry {
     spreads: [f64; KINDS],
     /// The tolerances that the session states, column by column.
     stated: Vec<Option<f64>>,
+    /// What a spread of 1 is in each column's own unit.
+    units: Vec<f64>,
     /// Whether it holds but the set-up and the joints' zeros, not the links.
     pub setup_only: bool,
     /// Whether board and camera are in it, so that the mounts are told by themselves and not as errors of the robot.
@@ -104,10 +112,13 @@ pub(crate) struct Geometry {
 }
 
 /// An elementary small error in the words of a single effect: its name, place and parameter.
-pub(crate) fn single_effect(atom: Atom) -> Option<(&'static str, Place, &'static str)> {
+pub(crate) fn single_effect(column: &Column) -> Option<(&'static str, Place, &'static str)> {
     let of_axis = |k: usize| ["dx_m", "dy_m", "dz_m"][k];
     let of_pose = |k: usize| ["rx_rad", "ry_rad", "rz_rad", "dx_m", "dy_m", "dz_m"][k];
-    Some(match atom {
+    Some(match column.atom {
+        Atom::Joint(n) if matches!(column.weight, Weight::Torque(_)) => {
+            ("joint_compliance", Place::Joint(n), "compliance_rad_per_nm")
+        }
         Atom::Joint(n) => ("joint_offset", Place::Joint(n), "offset_rad"),
         Atom::Tilt(n, 0) => ("axis_tilt", Place::Joint(n), "tilt_1_rad"),
         Atom::Tilt(n, _) => ("axis_tilt", Place::Joint(n), "tilt_2_rad"),
@@ -121,8 +132,9 @@ pub(crate) fn single_effect(atom: Atom) -> Option<(&'static str, Place, &'static
 }
 
 impl Geometry {
-    /// All columns of the group with spreads to start from; with those of board and camera where a set-up was found displaced.
-    pub fn new(problem: &Problem, with_setup: bool) -> Self {
+    /// All columns of the group with spreads to start from; with those of board and camera where a set-up was found displaced, and with
+    /// springs where the catalogue has them.
+    pub fn new(problem: &Problem, catalogue: &Catalogue, with_setup: bool) -> Self {
         let scene = &problem.scene;
         let mut columns = Vec::new();
         for n in (0..scene.nodes()).filter(|&n| scene.relevant[n]) {
@@ -143,7 +155,8 @@ impl Geometry {
         if with_setup {
             columns.extend(mounts(scene));
         }
-        Self::of(columns, &problem.tolerances, false)
+        columns.extend(springs(scene, catalogue));
+        Self::of(columns, problem, false)
     }
 
     /// What a person mounted, and the joints' zeros; `without` are effects that are switched off. Empty where nothing was mounted.
@@ -151,12 +164,12 @@ impl Geometry {
         let scene = &problem.scene;
         let on = |name: &str| !without.iter().any(|w| w == name);
         let mut columns: Vec<Column> = mounts(scene).chain(markers(scene)).collect();
-        columns.retain(|c| single_effect(c.atom).is_some_and(|(effect, ..)| on(effect)));
+        columns.retain(|c| single_effect(c).is_some_and(|(effect, ..)| on(effect)));
         if !columns.is_empty() && on("geometry") {
             let zeros = (0..scene.nodes()).filter(|&n| scene.relevant[n]);
             columns.extend(zeros.map(|n| Column::constant(Atom::Joint(n))));
         }
-        Self::of(columns, &problem.tolerances, true)
+        Self::of(columns, problem, true)
     }
 
     /// The markers that a person mounted by a tolerance that the session states, as long as `told` has an effect for them. Empty where
@@ -165,35 +178,51 @@ impl Geometry {
         let mut columns: Vec<Column> = markers(&problem.scene).collect();
         columns.retain(|c| {
             stated(&problem.tolerances, c.atom).is_some()
-                && single_effect(c.atom).is_some_and(|(effect, place, _)| told(effect, place))
+                && single_effect(c).is_some_and(|(effect, place, _)| told(effect, place))
         });
-        Self::of(columns, &problem.tolerances, true)
+        Self::of(columns, problem, true)
     }
 
     /// No group at all.
     pub fn empty() -> Self {
-        Self::of(Vec::new(), &Tolerances::default(), true)
+        Self::with_units(Vec::new(), &Tolerances::default(), Vec::new(), true)
     }
 
     /// The set-up's displacements of the group, each in the words of its effect, once.
     pub fn mounts(&self) -> impl Iterator<Item = (&'static str, Place)> + '_ {
         let mut last = None;
-        let of_setup = self.group.columns.iter().filter(|c| Kind::of(c.atom).is_of_setup());
-        of_setup.filter_map(|c| single_effect(c.atom)).filter_map(move |(effect, place, _)| {
+        let of_setup = self.group.columns.iter().filter(|c| Kind::of(c).is_of_setup());
+        of_setup.filter_map(single_effect).filter_map(move |(effect, place, _)| {
             let new = last != Some((effect, place));
             last = Some((effect, place));
             new.then_some((effect, place))
         })
     }
 
-    fn of(mut columns: Vec<Column>, tolerances: &Tolerances, setup_only: bool) -> Self {
+    fn of(mut columns: Vec<Column>, problem: &Problem, setup_only: bool) -> Self {
+        let (scene, tolerances) = (&problem.scene, &problem.tolerances);
         // What is exact is no random effect.
         columns.retain(|c| stated(tolerances, c.atom) != Some(0.0));
+        let unit = |c: &Column| match (Kind::of(c), c.atom) {
+            (Kind::Spring, Atom::Joint(n)) => 1.0 / scene.largest_torque(n),
+            _ => 1.0,
+        };
+        let units = columns.iter().map(unit).collect();
+        Self::with_units(columns, tolerances, units, setup_only)
+    }
+
+    fn with_units(columns: Vec<Column>, tolerances: &Tolerances, units: Vec<f64>, setup_only: bool) -> Self {
         let mounted = setup_only
             || columns.iter().any(|c| matches!(c.atom, Atom::BoardMount(_) | Atom::CameraMount(_)));
         let mut out = Self {
             stated: columns.iter().map(|c| stated(tolerances, c.atom)).collect(),
-            group: Group { columns, prior_std: Vec::new() },
+            units,
+            // A joint gives way in the direction of gravity's torque.
+            group: Group {
+                positive: columns.iter().map(|c| Kind::of(c) == Kind::Spring).collect(),
+                columns,
+                prior_std: Vec::new(),
+            },
             spreads: Kind::ALL.map(|kind| kind.habit(setup_only).common),
             setup_only,
             mounted,
@@ -203,7 +232,8 @@ impl Geometry {
     }
 
     fn set_priors(&mut self) {
-        let spreads = self.group.columns.iter().map(|c| self.spread(Kind::of(c.atom)));
+        let spreads =
+            self.group.columns.iter().zip(&self.units).map(|(c, unit)| self.spread(Kind::of(c)) * unit);
         self.group.prior_std =
             spreads.zip(&self.stated).map(|(spread, stated)| stated.unwrap_or(spread)).collect();
     }
@@ -222,7 +252,7 @@ impl Geometry {
 
     /// By how much the spreads differ from another group's, log.
     pub fn change_from(&self, other: &Self) -> f64 {
-        let told = |kind: Kind| self.group.columns.iter().any(|c| Kind::of(c.atom) == kind);
+        let told = |kind: Kind| self.group.columns.iter().any(|c| Kind::of(c) == kind);
         Kind::ALL
             .into_iter()
             .filter(|&kind| told(kind))
@@ -237,7 +267,7 @@ impl Geometry {
         let mut told = [0.0; KINDS];
         for (k, (column, prior)) in self.group.columns.iter().zip(&self.group.prior_std).enumerate() {
             let share = 1.0 - (fit.covariance[(first + k, first + k)] / (prior * prior)).clamp(0.0, 1.0);
-            told[Kind::of(column.atom) as usize] += share * share;
+            told[Kind::of(column) as usize] += share * share;
         }
         let std = |kind: Kind| self.spread(kind) * (2.0 * told[kind as usize]).max(1.0).sqrt().recip();
         [std(Kind::Angle), std(Kind::Length)]
@@ -250,7 +280,7 @@ impl Geometry {
         let mut told = [0.0; KINDS];
         for (k, (column, prior)) in self.group.columns.iter().zip(&self.group.prior_std).enumerate() {
             let share = 1.0 - (fit.covariance[(first + k, first + k)] / (prior * prior)).clamp(0.0, 1.0);
-            told[Kind::of(column.atom) as usize] += share * share;
+            told[Kind::of(column) as usize] += share * share;
         }
         told[Kind::Angle as usize].max(told[Kind::Length as usize])
     }
@@ -260,7 +290,7 @@ impl Geometry {
         let told = self.group.columns.iter().zip(&fit.model.group).enumerate();
         told.filter(|(_, (column, _))| self.is_of_robot(column))
             .filter_map(|(k, (column, value))| {
-                let (effect, place, parameter) = single_effect(column.atom)?;
+                let (effect, place, parameter) = single_effect(column)?;
                 Some(Member {
                     effect: effect.into(),
                     at: place.name(scene),
@@ -274,7 +304,7 @@ impl Geometry {
 
     /// Whether a column is told as an error of the robot.
     pub fn is_of_robot(&self, column: &Column) -> bool {
-        !(self.mounted && Kind::of(column.atom).is_of_setup())
+        !(self.mounted && Kind::of(column).is_of_setup())
     }
 
     /// Fits a model with the group, and the spreads, in turn.
@@ -298,11 +328,7 @@ impl Geometry {
         for _ in 0..SOLVER.rounds {
             let here = Linearised::at(problem, catalogue, &self.group, &best.model, options, mask)?;
             let before = self.clone();
-            for _ in 0..SOLVER.spread_steps {
-                if !self.step_spreads(&here, best.model.nuisances.len()) {
-                    break;
-                }
-            }
+            self.learned_from(&|prior_std| here.posterior(best.model.nuisances.len(), prior_std));
             best =
                 fit(problem, catalogue, &self.group, &best.model, FitOptions { steps: 3, ..options }, mask)?;
             if self.change_from(&before) < SOLVER.spreads_settled {
@@ -312,15 +338,25 @@ impl Geometry {
         Ok(best)
     }
 
-    /// One step of the spreads at a linear model; false where they are settled, or numbers overflow.
-    fn step_spreads(&mut self, here: &Linearised, first: usize) -> bool {
-        let Some((values, variances)) = here.posterior(first, &self.group.prior_std) else { return false };
+    /// The spreads that other data than those of a fit have: at a linear model that tells values and variances of the group under given
+    /// prior deviations, stepped until they are settled.
+    pub fn learned_from(&mut self, posterior: &dyn Fn(&[f64]) -> Option<(Vec<f64>, Vec<f64>)>) {
+        for _ in 0..SOLVER.spread_steps {
+            if !self.step_spreads(posterior(&self.group.prior_std)) {
+                break;
+            }
+        }
+    }
+
+    /// One step of the spreads by values and variances under the present ones; false where they are settled, or numbers overflow.
+    fn step_spreads(&mut self, posterior: Option<(Vec<f64>, Vec<f64>)>) -> bool {
+        let Some((values, variances)) = posterior else { return false };
         let (mut sum, mut told) = ([0.0; KINDS], [0.0; KINDS]);
         let learned = |k: &usize| self.stated[*k].is_none();
         for k in (0..self.group.columns.len()).filter(learned) {
             let (column, prior) = (&self.group.columns[k], self.group.prior_std[k]);
-            let kind = Kind::of(column.atom) as usize;
-            sum[kind] += values[k].powi(2);
+            let kind = Kind::of(column) as usize;
+            sum[kind] += (values[k] / self.units[k]).powi(2);
             told[kind] += 1.0 - (variances[k] / (prior * prior)).clamp(0.0, 1.0);
         }
         let before = self.clone();
@@ -363,6 +399,15 @@ fn markers(scene: &Scene) -> impl Iterator<Item = Column> + '_ {
     (0..scene.marker_names.len())
         .filter(|&m| scene.mount_known[m])
         .flat_map(|m| (0..3).map(move |k| Column::constant(Atom::MarkerShift(m, k))))
+}
+
+/// Columns of the springs of all loaded revolute joints that may have one as a cause.
+fn springs<'a>(scene: &'a Scene, catalogue: &'a Catalogue) -> impl Iterator<Item = Column> + 'a {
+    let turns = |n: &NodeId| scene.relevant[*n] && !scene.body.nodes[*n].prismatic;
+    (0..scene.nodes())
+        .filter(turns)
+        .filter(|&n| catalogue.find("joint_compliance", Place::Joint(n)).is_some())
+        .map(|n| Column { atom: Atom::Joint(n), weight: Weight::Torque(n) })
 }
 
 /// Columns of board and camera.

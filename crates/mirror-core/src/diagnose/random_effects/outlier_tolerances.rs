@@ -24,9 +24,9 @@ pub(crate) fn name_outlying(geometry: &Geometry, catalogue: &Catalogue, model: &
     let mut totals = [0.0; KINDS];
     let mut errors: BTreeMap<usize, (usize, Vec<usize>)> = BTreeMap::new();
     for (k, column) in geometry.group.columns.iter().enumerate() {
-        let its_kind = Kind::of(column.atom) as usize;
+        let its_kind = Kind::of(column) as usize;
         totals[its_kind] += model.group[k].powi(2);
-        let Some((effect, place, _)) = single_effect(column.atom) else { continue };
+        let Some((effect, place, _)) = single_effect(column) else { continue };
         if let Some(h) = catalogue.find(effect, place) {
             errors.entry(h).or_insert((its_kind, Vec::new())).1.push(k);
         }
@@ -56,9 +56,12 @@ pub(crate) fn standing_out(setup: &Geometry, catalogue: &Catalogue, fit: &Fit) -
     let first = fit.model.nuisances.len();
     let mut zeros: Vec<(usize, f64, f64)> = Vec::new();
     for (k, (column, prior)) in setup.group.columns.iter().zip(&setup.group.prior_std).enumerate() {
-        let (Atom::Joint(_), Some((effect, place, _))) = (column.atom, single_effect(column.atom)) else {
+        let (Atom::Joint(_), Some((effect, place, _))) = (column.atom, single_effect(column)) else {
             continue;
         };
+        if Kind::of(column) == Kind::Spring {
+            continue;
+        }
         let told = 1.0 - (fit.covariance[(first + k, first + k)] / (prior * prior)).clamp(0.0, 1.0);
         if let Some(h) = catalogue.find(effect, place)
             && !fit.model.terms.iter().any(|t| t.hypothesis == h)

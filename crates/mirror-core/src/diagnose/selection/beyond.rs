@@ -15,7 +15,7 @@ use crate::diagnose::selection::nonparametric::{
 };
 use crate::diagnose::selection::restless::beside_restless_joint;
 use crate::diagnose::selection::search::{Found, Search};
-use crate::diagnose::selection::with_tolerances::beside_geometry;
+use crate::diagnose::selection::with_tolerances::{beside_geometry, small_errors_help};
 use crate::error::Result;
 
 /// What was seen on the way.
@@ -77,7 +77,10 @@ pub(crate) fn look_beyond<'a>(
     }
     let mut unnamed = None;
     let many = found.fit.model.terms.len() > MANY_CAUSES;
-    if restless.is_none() && with_geometry && (fits_noise.significant || many) {
+    let nameless = found.fit.model.terms.iter().any(|t| search.catalogue.is_free(t.hypothesis));
+    let doubtful =
+        fits_noise.significant || many || nameless || with_geometry && small_errors_help(search, found)?;
+    if restless.is_none() && with_geometry && doubtful {
         if let Some(beside) = beside_geometry(&named, (search, found), nominal)? {
             geometry = Some(beside.geometry);
             unnamed = beside.unnamed;

@@ -78,7 +78,7 @@ pub(crate) fn beside_restless_joint<'a>(
 
 /// Whether many small errors take most of what errors of one joint in each posture say: these would be left as they are.
 fn small_errors_take_it(search: &Search<'_>, nominal: &Model, noise: Noise, log_bayes: f64) -> Result<bool> {
-    let mut geometry = Geometry::new(&search.problem, false);
+    let mut geometry = Geometry::new(&search.problem, search.catalogue, false);
     let options = FitOptions { noise, steps: SOLVER.loose_steps };
     let fit = geometry.fit(&search.problem, search.catalogue, nominal, options, search.mask)?;
     let beside = Search { group: geometry.group, ..search.clone() };

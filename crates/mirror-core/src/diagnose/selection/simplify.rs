@@ -57,9 +57,12 @@ pub(crate) fn drop_useless(
     after: &mut Vec<PostureGap>,
     beside: Option<&Geometry>,
 ) -> Result<()> {
-    let least = match beside {
+    let catalogue = search.catalogue;
+    let least_of = |term: &Term| match beside {
         None => LEAST_HELD_OUT_GAIN,
         Some(group) if group.setup_only => 0.0,
+        // No small error of geometry yields under gravity: none of them hides a spring.
+        Some(_) if catalogue.effect(term.hypothesis).depends_on_load() => LEAST_HELD_OUT_GAIN,
         // Of many small errors a cause must stand out.
         Some(_) => 1.0 - LEAST_HELD_OUT_RATIO,
     };
@@ -69,6 +72,7 @@ pub(crate) fn drop_useless(
             i += 1;
             continue;
         }
+        let least = least_of(&found.fit.model.terms[i]);
         let rest = search.taken_out(&found.fit.model, i, found.noise)?;
         let without = search.fit(&rest, found.noise, 6)?;
         // Where even the fitted postures are worse off, those held out need not be looked at.
@@ -122,7 +126,7 @@ fn stands_out_of(beside: Option<&Geometry>, search: &Search<'_>, term: &Term) ->
     let own =
         (search.catalogue.effect(term.hypothesis).name(), search.catalogue.hypotheses[term.hypothesis].place);
     beside.filter(|group| group.setup_only).is_some_and(|group| {
-        let mut members = group.group.columns.iter().filter_map(|c| single_effect(c.atom));
+        let mut members = group.group.columns.iter().filter_map(single_effect);
         members.any(|(effect, place, _)| (effect, place) == own)
     })
 }

@@ -5,16 +5,15 @@ use crate::diagnose::criteria::lack_of_fit::adequacy;
 use crate::diagnose::criteria::marker_shift::marker_shift;
 use crate::diagnose::effects::hypothesis::{Model, Term};
 use crate::diagnose::likelihood::fit::{FitOptions, fit};
-use crate::diagnose::likelihood::score_test::screen;
-use crate::diagnose::model::problem::Noise;
+use crate::diagnose::likelihood::linearised::Linearised;
 use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::principles::{
-    ABOVE_SCATTER, LEAST_HELD_OUT_RATIO, LOG_PRIOR_STRUCTURE, MAJORITY, SEVERAL_CAUSES, Threshold,
+    ABOVE_SCATTER, BEYOND_DOUBT, Grid, LEAST_HELD_OUT_RATIO, LEAST_LOG_ODDS, LOG_PRIOR_STRUCTURE, MAJORITY,
+    SEVERAL_CAUSES, Threshold,
 };
 use crate::diagnose::random_effects::geometric_tolerances::{Geometry, Kind, SPREADS_SETTLED};
 use crate::diagnose::random_effects::law_discrepancy::LAW_SHARE;
 use crate::diagnose::random_effects::outlier_tolerances::name_outlying;
-use crate::diagnose::selection::law_remainder::MANY_CAUSES;
 use crate::diagnose::selection::nonparametric::{Unexplained, log_odds, unexplained};
 use crate::diagnose::selection::search::{Found, Search};
 use crate::error::Result;
@@ -41,7 +40,7 @@ pub(crate) fn beside_geometry<'a>(
     (its_search, alone): (&mut Search<'a>, &mut Found),
     nominal: &Model,
 ) -> Result<Option<BesideGeometry<'a>>> {
-    let mut geometry = Geometry::new(&named.problem, !named.group.columns.is_empty());
+    let mut geometry = Geometry::new(&named.problem, named.catalogue, !named.group.columns.is_empty());
     if geometry.group.columns.is_empty() || named.problem.budget.is_spent() {
         return Ok(None);
     }
@@ -49,10 +48,7 @@ pub(crate) fn beside_geometry<'a>(
     // Spreads first at the scatter that single causes leave, then with the causes that stand out from the group.
     let mut noise = alone.noise;
     let at = |noise, steps| FitOptions { noise, steps };
-    let start = geometry.fit(&named.problem, named.catalogue, nominal, at(noise, 6), named.mask)?.model;
-    search.group = geometry.group.clone();
-    let elastic = elastic(&search, &start, noise)?;
-    let mut start = geometry.fit(&named.problem, named.catalogue, &elastic, at(noise, 6), named.mask)?.model;
+    let mut start = geometry.fit(&named.problem, named.catalogue, nominal, at(noise, 6), named.mask)?.model;
     let mut found = None;
     for _ in 0..2 {
         search.group = geometry.group.clone();
@@ -103,13 +99,16 @@ pub(crate) fn beside_geometry<'a>(
         geometry.spread(Kind::Length) * 1e3,
         geometry.spread(Kind::Angle) * 1e3
     );
-    // Many pieces together can imitate what they are not: there prediction of held-out regions alone decides, not evidence.
-    let pieces = places(its_search, alone) >= SEVERAL_CAUSES;
-    if better || pieces {
+    // Many pieces together can imitate what they are not: there prediction of held-out regions may decide against evidence that is not beyond doubt.
+    let free = alone.fit.model.terms.iter().any(|t| its_search.catalogue.is_free(t.hypothesis));
+    let pieces = places(its_search, alone) >= SEVERAL_CAUSES && odds > -BEYOND_DOUBT;
+    if better || pieces || free {
         let with = seen_size(&search.held_out(&found.fit.model, found.noise)?);
         let without = seen_size(&its_search.held_out(&alone.fit.model, alone.noise)?);
-        better = (better || pieces) && with < LEAST_HELD_OUT_RATIO * without;
-        let free = alone.fit.model.terms.iter().any(|t| its_search.catalogue.is_free(t.hypothesis));
+        // Pieces were chosen by the very regions that are held out here, the group was not: their prediction says nothing against evidence
+        // for the group.
+        let predicts = with < LEAST_HELD_OUT_RATIO * without;
+        better = if pieces && !free { better || predicts } else { (better || pieces) && predicts };
         if !better && free && known {
             let named_alone = seen_size(&its_search.held_out_of_causes(&alone.fit.model, alone.noise)?);
             // Errors of no name that fit better cannot be added to a model.
@@ -129,6 +128,39 @@ pub(crate) fn beside_geometry<'a>(
     found.trace = trace;
     Ok((better && matters(&search, &found)?).then_some(BesideGeometry { geometry, search, found, unnamed }))
 }
+
+/// Whether several causes without free-form errors are likelier beside small errors everywhere, by one linear model at the causes found:
+/// the evidence with the group at its usual spreads, or at smaller ones, against none.
+///
+/// # Errors
+/// Invalid parameters of the camera or mirror.
+pub(crate) fn small_errors_help(search: &Search<'_>, found: &Found) -> Result<bool> {
+    let model = &found.fit.model;
+    let free = model.terms.iter().any(|t| search.catalogue.is_free(t.hypothesis));
+    if free || model.terms.len() < SEVERAL_CAUSES || search.problem.budget.is_spent() {
+        return Ok(false);
+    }
+    let geometry = Geometry::new(&search.problem, search.catalogue, false);
+    let mut group = search.group.clone();
+    let own = group.columns.len();
+    for (column, std) in geometry.group.columns.iter().zip(&geometry.group.prior_std) {
+        if !group.columns.iter().any(|c| c == column) {
+            group.columns.push(column.clone());
+            group.prior_std.push(*std);
+        }
+    }
+    let mut wider = model.clone();
+    wider.group.resize(group.columns.len(), 0.0);
+    let options = FitOptions { noise: found.noise, steps: 0 };
+    let here = Linearised::at(&search.problem, search.catalogue, &group, &wider, options, search.mask)?;
+    let added = here.first_group() + own..here.first_group() + group.columns.len();
+    let value = |scale: f64| here.log_evidence(added.clone(), scale).unwrap_or(f64::NEG_INFINITY);
+    let none = value(1e-4);
+    Ok(SPREADS.iter().any(|&scale| value(scale) - none > LEAST_LOG_ODDS))
+}
+
+/// Spreads that are tried, in units of the usual ones.
+const SPREADS: [Grid; 3] = [1.0, 0.3, 0.1];
 
 /// Drops errors of gears that vary no more than the tolerance that every joint has: they do not stand out from it.
 fn drop_tolerances(search: &Search<'_>, geometry: &Geometry, found: &mut Found) -> Result<()> {
@@ -158,23 +190,6 @@ fn drop_tolerances(search: &Search<'_>, geometry: &Geometry, found: &mut Found) 
         found.fit = search.fit(&rest, found.noise, 6)?;
     }
     Ok(())
-}
-
-/// The small errors with the compliance of those joints where gravity shows it best, to be pruned.
-fn elastic(search: &Search<'_>, start: &Model, noise: Noise) -> Result<Model> {
-    let scores = screen(&search.problem, search.catalogue, &search.group, start, noise, search.mask)?;
-    let mut model = start.clone();
-    let springs = scores
-        .iter()
-        .filter(|s| search.catalogue.effect(s.hypothesis).name() == "joint_compliance" && s.log_bayes > 0.0);
-    // One at a time none may stand out from the small errors, all of them do.
-    for score in springs.take(MANY_CAUSES) {
-        model = model.with(search.catalogue, score.hypothesis, score.variant);
-        if let Some(term) = model.terms.last_mut() {
-            term.parameters = score.parameters.iter().map(|p| p.max(0.0)).collect();
-        }
-    }
-    Ok(model)
 }
 
 /// How many different places the causes and free-form errors have.

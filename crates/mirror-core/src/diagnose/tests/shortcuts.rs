@@ -113,11 +113,11 @@ fn what_others_can_explain_as_well_they_explain_once_a_cause_is_taken_out() {
         fit(&problem, &catalogue, group, model, FitOptions { noise: NOISE, steps }, None).unwrap()
     };
     // First the joint alone, the mounts next to exact; then the mounts within 10 mm.
-    let exact = Group { columns: columns.clone(), prior_std: vec![1e-6; columns.len()] };
+    let exact = Group { columns: columns.clone(), prior_std: vec![1e-6; columns.len()], ..Group::default() };
     let coarse = FitOptions { noise: Noise { marker_px: 10.0, ..NOISE }, steps: 12 };
     let near = fit(&problem, &catalogue, &exact, &start, coarse, None).unwrap();
     let by_the_joint = fitted(&exact, &near.model, 12);
-    let group = Group { prior_std: vec![0.01; columns.len()], columns };
+    let group = Group { prior_std: vec![0.01; columns.len()], columns, ..Group::default() };
     let options = FitOptions { noise: NOISE, steps: 0 };
     let here = Linearised::at(&problem, &catalogue, &group, &by_the_joint.model, options, None).unwrap();
     let own = here.of_term(&by_the_joint.model, 0);
