@@ -1,6 +1,7 @@
 //! Beyond single causes: free-form errors beside the vocabulary where there is reason for doubt, a joint that rests elsewhere each time,
 //! many small errors where a remainder or many causes are left.
 
+use crate::diagnose::criteria::cross_validation::size;
 use crate::diagnose::criteria::lack_of_fit::adequacy;
 use crate::diagnose::effects::hypothesis::{Catalogue, Model};
 use crate::diagnose::likelihood::noise::trimmed_share;
@@ -8,6 +9,7 @@ use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::model::work_budget::A_STAGE;
 use crate::diagnose::prepare::false_observations::without_false;
+use crate::diagnose::principles::ABOVE_SCATTER;
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
 use crate::diagnose::selection::law_remainder::{MANY_CAUSES, only_their_laws};
 use crate::diagnose::selection::nonparametric::{
@@ -29,6 +31,15 @@ pub(crate) struct Beyond {
     /// The problem without the observations that the best model shows to be false, and their share.
     pub clean: Problem,
     pub false_share: f64,
+}
+
+/// Whether the gap that the named causes leave beside errors of no name, which cannot be added to a model, is far above the noise.
+fn hangs_on_no_name(search: &Search<'_>, found: &Found) -> Result<bool> {
+    if !found.fit.model.terms.iter().any(|t| search.catalogue.is_free(t.hypothesis)) {
+        return Ok(false);
+    }
+    let left = size(&search.held_out_of_causes(&found.fit.model, found.noise)?);
+    Ok(left.rms_m > ABOVE_SCATTER * left.floor_m)
 }
 
 /// Looks beyond single causes and replaces what was found by what is likelier; `setup` is the set-up that was set free.
@@ -77,9 +88,9 @@ pub(crate) fn look_beyond<'a>(
     }
     let mut unnamed = None;
     let many = found.fit.model.terms.len() > MANY_CAUSES;
-    let nameless = found.fit.model.terms.iter().any(|t| search.catalogue.is_free(t.hypothesis));
-    let doubtful =
-        fits_noise.significant || many || nameless || with_geometry && small_errors_help(search, found)?;
+    let doubtful = fits_noise.significant
+        || many
+        || with_geometry && (hangs_on_no_name(search, found)? || small_errors_help(search, found)?);
     if restless.is_none() && with_geometry && doubtful {
         if let Some(beside) = beside_geometry(&named, (search, found), nominal)? {
             geometry = Some(beside.geometry);
