@@ -58,3 +58,19 @@ pub(crate) fn on_all_frames(search: &mut Search<'_>, found: &mut Found) -> Resul
     found.trace = trace;
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_left_is_structure_where_it_is_far_above_the_measured_noise() {
+        let measured = Noise { corner_px: 0.1, marker_px: 0.2, point_m: 1e-4 };
+        assert!(!is_structure(measured, measured));
+        assert!(!is_structure(Noise { marker_px: 0.25, ..measured }, measured));
+        assert!(is_structure(Noise { marker_px: 0.4, ..measured }, measured));
+        assert!(is_structure(Noise { point_m: 2e-4, ..measured }, measured));
+        // Corners tell of the mirror, not of the body.
+        assert!(!is_structure(Noise { corner_px: 1.0, ..measured }, measured));
+    }
+}
