@@ -1,8 +1,8 @@
 //! Many small errors everywhere, fitted as a group with a common spread for each kind: manufacturing tolerance, and what a person's hands
 //! leave of a set-up.
 //!
-//! Every relevant joint's zero and axis and every link's shape may be a little off, and so may board, camera and markers:
-//! `θ_k ~ N(0, s²)`, one s for each [`Kind`]. The spreads are found by maximising the marginal likelihood (empirical Bayes), so that the
+//! Every relevant joint's zero and axis and every link's shape may be a little off, every loaded joint gives way a little, and board,
+//! camera and markers may sit elsewhere: `θ_k ~ N(0, s²)`, one s for each [`Kind`]; a spring's is how far it gives way under its largest load, and its compliance is never negative. The spreads are found by maximising the marginal likelihood (empirical Bayes), so that the
 //! group takes what is spread over the robot and leaves what is concentrated to a single cause.
 //!
 //! Source: MacKay, "Bayesian interpolation" (1992), the evidence framework.

@@ -99,16 +99,15 @@ pub(crate) fn beside_geometry<'a>(
         geometry.spread(Kind::Length) * 1e3,
         geometry.spread(Kind::Angle) * 1e3
     );
-    // Many pieces together can imitate what they are not: there prediction of held-out regions may decide against evidence that is not beyond doubt.
     let free = alone.fit.model.terms.iter().any(|t| its_search.catalogue.is_free(t.hypothesis));
+    // Many pieces together can imitate what they are not. They were chosen by the very regions that are held out, the group was not: their
+    // prediction says nothing against evidence for it; the group's may speak for it against evidence that is not beyond doubt.
     let pieces = places(its_search, alone) >= SEVERAL_CAUSES && odds > -BEYOND_DOUBT;
-    if better || pieces || free {
+    let settled = better && pieces && !free;
+    if !settled && (better || pieces || free) {
         let with = seen_size(&search.held_out(&found.fit.model, found.noise)?);
         let without = seen_size(&its_search.held_out(&alone.fit.model, alone.noise)?);
-        // Pieces were chosen by the very regions that are held out here, the group was not: their prediction says nothing against evidence
-        // for the group.
-        let predicts = with < LEAST_HELD_OUT_RATIO * without;
-        better = if pieces && !free { better || predicts } else { (better || pieces) && predicts };
+        better = (better || pieces) && with < LEAST_HELD_OUT_RATIO * without;
         if !better && free && known {
             let named_alone = seen_size(&its_search.held_out_of_causes(&alone.fit.model, alone.noise)?);
             // Errors of no name that fit better cannot be added to a model.
