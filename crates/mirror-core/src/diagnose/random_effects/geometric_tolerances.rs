@@ -243,6 +243,11 @@ impl Geometry {
         self.spreads[kind as usize]
     }
 
+    /// A value of the k-th column in the unit in which its kind is spread.
+    pub fn of_its_kind(&self, k: usize, value: f64) -> f64 {
+        value / self.units[k]
+    }
+
     /// The spread of zeros of which `told` values are told, their squares summing up to `sum`.
     pub fn usual_zero(&self, sum: f64, told: f64) -> f64 {
         let habit = Kind::Angle.habit(self.setup_only);
@@ -356,7 +361,7 @@ impl Geometry {
         for k in (0..self.group.columns.len()).filter(learned) {
             let (column, prior) = (&self.group.columns[k], self.group.prior_std[k]);
             let kind = Kind::of(column) as usize;
-            sum[kind] += (values[k] / self.units[k]).powi(2);
+            sum[kind] += self.of_its_kind(k, values[k]).powi(2);
             told[kind] += 1.0 - (variances[k] / (prior * prior)).clamp(0.0, 1.0);
         }
         let before = self.clone();

@@ -3,7 +3,7 @@
 use crate::diagnose::effects::hypothesis::{Catalogue, Model, Term};
 use crate::diagnose::likelihood::fit::Fit;
 use crate::diagnose::model::elementary::Atom;
-use crate::diagnose::principles::{Count, LEAST_LOG_ODDS, Threshold};
+use crate::diagnose::principles::{Count, LEAST_LOG_ODDS, Threshold, WORTH_NAMING};
 use crate::diagnose::random_effects::geometric_tolerances::{Geometry, KINDS, Kind, single_effect};
 use std::collections::BTreeMap;
 
@@ -25,17 +25,22 @@ pub(crate) fn name_outlying(geometry: &Geometry, catalogue: &Catalogue, model: &
     let mut errors: BTreeMap<usize, (usize, Vec<usize>)> = BTreeMap::new();
     for (k, column) in geometry.group.columns.iter().enumerate() {
         let its_kind = Kind::of(column) as usize;
-        totals[its_kind] += model.group[k].powi(2);
+        totals[its_kind] += geometry.of_its_kind(k, model.group[k]).powi(2);
         let Some((effect, place, _)) = single_effect(column) else { continue };
         if let Some(h) = catalogue.find(effect, place) {
             errors.entry(h).or_insert((its_kind, Vec::new())).1.push(k);
         }
     }
-    let square = |columns: &[usize]| columns.iter().map(|&k| model.group[k].powi(2)).sum::<f64>();
+    let square = |columns: &[usize]| {
+        columns.iter().map(|&k| geometry.of_its_kind(k, model.group[k]).powi(2)).sum::<f64>()
+    };
     let outlying = errors.iter().find(|(h, (its_kind, columns))| {
         let known = model.terms.iter().any(|t| t.hypothesis == **h);
         let others = errors.values().filter(|(kind, _)| kind == its_kind).count();
-        !known && outweighs(square(columns), totals[*its_kind], others)
+        // Loads differ by orders of magnitude along an arm: of springs one may have most of the squares, and hardly all.
+        let is_spring = *its_kind == Kind::Spring as usize;
+        let alone = is_spring && others > 1 && square(columns) > (1.0 - WORTH_NAMING) * totals[*its_kind];
+        !known && (alone || !is_spring && outweighs(square(columns), totals[*its_kind], others))
     });
     let Some((&hypothesis, (_, columns))) = outlying else { return false };
     // Several joints of one link may each have a shift of their own there: no single cause is all of these.

@@ -101,9 +101,9 @@ pub(crate) fn beside_geometry<'a>(
     );
     let free = alone.fit.model.terms.iter().any(|t| its_search.catalogue.is_free(t.hypothesis));
     // Many pieces together can imitate what they are not. They were chosen by the very regions that are held out, the group was not: their
-    // prediction says nothing against evidence for it; the group's may speak for it against evidence that is not beyond doubt.
+    // prediction says nothing against evidence for it that is twice what its prior asks for; the group's may speak for it against evidence.
     let pieces = places(its_search, alone) >= SEVERAL_CAUSES && odds > -BEYOND_DOUBT;
-    let settled = better && pieces && !free;
+    let settled = better && pieces && !free && odds > -LOG_PRIOR_STRUCTURE;
     if !settled && (better || pieces || free) {
         let with = seen_size(&search.held_out(&found.fit.model, found.noise)?);
         let without = seen_size(&its_search.held_out(&alone.fit.model, alone.noise)?);
