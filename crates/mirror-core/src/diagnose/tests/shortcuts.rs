@@ -155,7 +155,7 @@ fn all_else_moves_along_with_a_hypothesis() {
     let catalogue = catalogue(&problem);
     let markers = (0..2).flat_map(|m| (0..3).map(move |k| Atom::MarkerShift(m, k)));
     let columns: Vec<Column> = markers.chain([Atom::CameraMount(1)]).map(Column::constant).collect();
-    let group = Group { prior_std: vec![3e-3; columns.len()], columns };
+    let group = Group { prior_std: vec![3e-3; columns.len()], columns, ..Group::default() };
     let mut model = Model::nominal(&problem);
     model.group = vec![1e-4; group.columns.len()];
     let screening = screen_beside(&problem, &catalogue, &group, &model, NOISE, None).unwrap();
