@@ -96,6 +96,9 @@ impl Kind {
     }
 }
 
+/// Values and variances of the group's parameters.
+type Values = (Vec<f64>, Vec<f64>);
+
 /// The group and its spreads.
 #[derive(Debug, Clone)]
 pub(crate) struct Geometry {
@@ -345,7 +348,7 @@ impl Geometry {
 
     /// The spreads that other data than those of a fit have: at a linear model that tells values and variances of the group under given
     /// prior deviations, stepped until they are settled.
-    pub fn learned_from(&mut self, posterior: &dyn Fn(&[f64]) -> Option<(Vec<f64>, Vec<f64>)>) {
+    pub fn learned_from(&mut self, posterior: &dyn Fn(&[f64]) -> Option<Values>) {
         for _ in 0..SOLVER.spread_steps {
             if !self.step_spreads(posterior(&self.group.prior_std)) {
                 break;
@@ -354,7 +357,7 @@ impl Geometry {
     }
 
     /// One step of the spreads by values and variances under the present ones; false where they are settled, or numbers overflow.
-    fn step_spreads(&mut self, posterior: Option<(Vec<f64>, Vec<f64>)>) -> bool {
+    fn step_spreads(&mut self, posterior: Option<Values>) -> bool {
         let Some((values, variances)) = posterior else { return false };
         let (mut sum, mut told) = ([0.0; KINDS], [0.0; KINDS]);
         let learned = |k: &usize| self.stated[*k].is_none();
