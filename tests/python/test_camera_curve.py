@@ -8,39 +8,26 @@ import pytest
 from mirror_posture.detect import detect_markers
 from mirror_posture.detect.ball import OutlineFit
 from mirror_posture.detect.curve import curve_doubt, with_curve_doubt
-from mirror_posture.detect.types import Ellipse
+from outline_fits import outline_fit
 from test_blurred_balls import BALLS, CAMERA, MARKERS, expected, light, outline
 
 
-def outline_fit(deviations: float | None) -> OutlineFit:
-    return OutlineFit(
-        centroid_px=np.array([40.0, 30.0]),
-        centroid_covariance_px2=np.eye(2) * 0.01,
-        sphere_center_px=np.array([40.0, 30.0]),
-        ellipse=Ellipse((40.0, 30.0), 9.0, 9.0, 0.0),
-        boundary_px=np.zeros((72, 2)),
-        mean_radius_px=9.0,
-        arc_fraction=1.0,
-        residual_rms_px=0.05,
-        blur_px=0.7,
-        narrow_blur_px=0.7,
-        lens_blur_px=0.7,
-        curve_deviations=deviations,
-        curve_moved_px=np.array([0.03, 0.0]),
-    )
+def told_by(deviations: float | None) -> OutlineFit:
+    """A ball whose channels say so much of the curve."""
+    return outline_fit((40.0, 30.0), 9.0, curve_deviations=deviations, curve_moved_px=np.array([0.03, 0.0]))
 
 
 def test_several_balls_must_agree_that_the_curve_is_another() -> None:
-    told = [outline_fit(one) for one in (-3.0, -3.2, -3.4, -3.1)]
+    told = [told_by(one) for one in (-3.0, -3.2, -3.4, -3.1)]
     assert curve_doubt(told) == pytest.approx(3.15 - 0.7)
     assert curve_doubt(told[:2]) == 1.0
     # Balls that contradict each other show their own shading.
-    assert curve_doubt([outline_fit(one) for one in (-6.0, 5.0, 2.0, -1.0)]) == 1.0
-    assert curve_doubt([None, outline_fit(None), *told[:2]]) == 1.0
+    assert curve_doubt([told_by(one) for one in (-6.0, 5.0, 2.0, -1.0)]) == 1.0
+    assert curve_doubt([None, told_by(None), *told[:2]]) == 1.0
 
 
 def test_a_doubted_curve_widens_a_claim_where_it_moves_the_ball() -> None:
-    fit = outline_fit(-3.0)
+    fit = told_by(-3.0)
     wide = with_curve_doubt(fit, 3.0)
     assert wide is not None
     assert wide.centroid_covariance_px2 - fit.centroid_covariance_px2 == pytest.approx(

@@ -21,12 +21,11 @@ from mirror_posture.detect import (
     predictions_from_session,
     setup_from_session,
 )
-from mirror_posture.detect.ball import OutlineFit
 from mirror_posture.detect.blobs import Region, color_regions, largest_region, to_hsv
 from mirror_posture.detect.marker_choice import SizeBounds
 from mirror_posture.detect.marker_judge import doubted_size, judged
-from mirror_posture.detect.types import Ellipse
 from mirror_posture.session import load_session
+from outline_fits import outline_fit
 
 PICTURES = Path(__file__).resolve().parents[3] / "shared" / "data" / "pictures"
 GLASS = PICTURES / "mitsuba-glass-a"
@@ -271,19 +270,8 @@ def test_the_robots_own_hand_seen_without_the_mirror_is_not_taken_for_its_reflec
 
 def test_a_blurred_ball_is_believed_only_where_its_outline_shows_and_has_its_size() -> None:
     """A shake as long as the ball's radius: bent edges of other things fit a circle as well as what is left of its own."""
-    turns = np.linspace(0.0, 2.0 * np.pi, 72, endpoint=False)
-    fit = OutlineFit(
-        centroid_px=np.array([40.0, 40.0]),
-        centroid_covariance_px2=np.eye(2) * 0.01,
-        sphere_center_px=np.array([40.0, 40.0]),
-        ellipse=Ellipse((40.0, 40.0), 10.0, 10.0, 0.0),
-        boundary_px=40.0 + 10.0 * np.stack([np.cos(turns), np.sin(turns)], axis=1),
-        mean_radius_px=10.0,
-        arc_fraction=0.45,
-        residual_rms_px=0.1,
-        blur_px=2.0,
-        narrow_blur_px=2.0,
-        lens_blur_px=2.0,
+    fit = outline_fit(
+        (40.0, 40.0), 10.0, arc_fraction=0.45, blur_px=2.0, narrow_blur_px=2.0, lens_blur_px=2.0
     )
     ball = Marker("hand", diameter_m=0.02, color=ColorRange(hue_deg=0, hue_tolerance_deg=15))
     red = np.zeros((80, 80, 3), np.uint8)

@@ -53,7 +53,7 @@ pub fn diagnose(
     let all = Catalogue::with_free_forms(&catalogue, &problem.scene, free_forms(&problem.scene));
     let nominal = Model::nominal(&problem);
     let scatter = noise::effective(&problem, &problem.nominal(), problem.noise, None)?;
-    let ranking = screen(&problem, &catalogue, &Group::default(), &nominal, scatter, None)?;
+    let ranking = screen(&problem, &catalogue, &Group::default(), &nominal, scatter, None)?.scores;
 
     options.progress.enter("searching for causes");
     problem.budget.allow(1.0 - 2.0 * A_STAGE);

@@ -44,7 +44,8 @@ impl Screening {
     /// Invalid parameters of the camera or mirror.
     pub fn run(&self) -> Result<Vec<Ranked>> {
         let model = Model::nominal(&self.problem);
-        let scores = screen(&self.problem, &self.catalogue, &Group::default(), &model, self.noise, None)?;
+        let scores =
+            screen(&self.problem, &self.catalogue, &Group::default(), &model, self.noise, None)?.scores;
         Ok(scores
             .into_iter()
             .map(|s| Ranked {

@@ -79,7 +79,7 @@ pub(crate) fn limits(findings: &Findings<'_>) -> Result<Vec<Limit>> {
             add(*h, &information);
         }
     }
-    let scores = screen(&search.problem, search.catalogue, &search.group, &model, noise, search.mask)?;
+    let scores = screen(&search.problem, search.catalogue, &search.group, &model, noise, search.mask)?.scores;
     for score in scores.iter().filter(|s| !own(s.hypothesis) && !in_group.contains_key(&s.hypothesis)) {
         add(score.hypothesis, &score.information);
     }

@@ -18,6 +18,7 @@ use crate::diagnose::principles::{LEAST_LOG_ODDS, LOG_PRIOR_SAME_PLACE, Size};
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
 use crate::diagnose::selection::alternatives::Standing;
 use crate::error::Result;
+use crate::random::Random;
 use core::ops::Range;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
@@ -92,7 +93,7 @@ pub(crate) fn stability(
     let (whole, first_group) = blocks(findings, standings, ranking)?;
     let count = whole.blocks.len();
     let draws: Vec<Vec<f64>> = {
-        let mut random = Random(0x5851_F42D_4C95_7F2D);
+        let mut random = Random::new(0x5851_F42D_4C95_7F2D);
         (0..RESAMPLES)
             .map(|_| {
                 let mut weights = vec![0.0; count];
@@ -319,31 +320,34 @@ impl Blocks<'_> {
     /// beside the causes found would leave no room for what these explain.
     fn with_spreads(&self, (m, b): &Equations, causes: &[usize]) -> Equations {
         let Some((geometry, first)) = self.geometry else { return (m.clone(), b.clone()) };
-        let own = first..first + geometry.group.columns.len();
-        let indices = self.indices(causes, None);
-        let rescaled = |prior_std: &[f64]| -> Equations {
-            let unit = |i: usize| if own.contains(&i) { prior_std[i - first] / self.std[i] } else { 1.0 };
-            let scaled = DMatrix::from_fn(m.nrows(), m.ncols(), |i, j| {
-                let one = if i == j { 1.0 } else { 0.0 };
-                (m[(i, j)] - one) * unit(i) * unit(j) + one
-            });
-            (scaled, DVector::from_fn(b.len(), |i, _| b[i] * unit(i)))
+        let group = first..first + geometry.group.columns.len();
+        // By how much the units of all parameters change, and the equations of some of them in these.
+        let units = |prior_std: &[f64]| -> Vec<f64> {
+            let mut units = vec![1.0; b.len()];
+            group.clone().zip(prior_std).for_each(|(i, std)| units[i] = std / self.std[i]);
+            units
         };
+        let rescaled = |units: &[f64], of: &[usize]| -> Equations {
+            let among = DMatrix::from_fn(of.len(), of.len(), |i, j| {
+                let one = if i == j { 1.0 } else { 0.0 };
+                (m[(of[i], of[j])] - one) * units[of[i]] * units[of[j]] + one
+            });
+            (among, DVector::from_fn(of.len(), |i, _| b[of[i]] * units[of[i]]))
+        };
+        // What is always free comes first and in order, so that the group stands where it stands among all.
+        let free = self.indices(causes, None);
         let posterior = |prior_std: &[f64]| {
-            let (m, b) = rescaled(prior_std);
-            let among = DMatrix::from_fn(indices.len(), indices.len(), |i, j| m[(indices[i], indices[j])]);
-            let factor = among.cholesky()?;
-            let mean = factor.solve(&DVector::from_fn(indices.len(), |i, _| b[indices[i]]));
-            let inverse = factor.inverse();
-            // What is always free comes first, in order.
-            let at = |k: usize| indices.iter().position(|&i| i == first + k);
-            let values = (0..own.len()).map(|k| Some(prior_std[k] * mean[at(k)?])).collect::<Option<_>>()?;
-            let variance = |k: usize| at(k).map(|i| prior_std[k].powi(2) * inverse[(i, i)]);
-            Some((values, (0..own.len()).map(variance).collect::<Option<_>>()?))
+            let (m, b) = rescaled(&units(prior_std), &free);
+            let factor = m.cholesky()?;
+            let (mean, inverse) = (factor.solve(&b), factor.inverse());
+            let values = group.clone().zip(prior_std).map(|(i, std)| std * mean[i]).collect();
+            let variances =
+                group.clone().zip(prior_std).map(|(i, std)| std * std * inverse[(i, i)]).collect();
+            Some((values, variances))
         };
         let mut learned = geometry.clone();
         learned.learned_from(&posterior);
-        rescaled(&learned.group.prior_std)
+        rescaled(&units(&learned.group.prior_std), &(0..b.len()).collect::<Vec<_>>())
     }
 
     /// Log of evidence times prior of a set, up to a constant: `½ bᵀ M⁻¹ b − ½ log |M| + log p`.
@@ -423,15 +427,5 @@ impl Blocks<'_> {
             Some(0.5 * values.dot(&own.solve(&values)) + log_det >= LEAST_LOG_ODDS)
         };
         mounts.iter().map(of_mount).collect()
-    }
-}
-
-/// Numbers from a linear congruential generator (Knuth, MMIX): resampling needs no more, and is the same each time.
-struct Random(u64);
-
-impl Random {
-    fn below(&mut self, count: usize) -> usize {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 33) as usize % count.max(1)
     }
 }

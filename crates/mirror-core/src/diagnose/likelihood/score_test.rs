@@ -113,26 +113,11 @@ impl Part {
     }
 }
 
-/// Scores all hypotheses that are not yet in the model, best first.
+/// Scores all hypotheses that are not yet in the model, best first, beside what it has already, which each of them moves along.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.
 pub(crate) fn screen(
-    problem: &Problem,
-    catalogue: &Catalogue,
-    group: &Group,
-    model: &Model,
-    noise: Noise,
-    mask: Option<&[bool]>,
-) -> Result<Vec<Score>> {
-    Ok(screen_beside(problem, catalogue, group, model, noise, mask)?.scores)
-}
-
-/// As [`screen`], with what the model has already, which each hypothesis moves along.
-///
-/// # Errors
-/// Invalid parameters of the camera or mirror.
-pub(crate) fn screen_beside(
     problem: &Problem,
     catalogue: &Catalogue,
     group: &Group,

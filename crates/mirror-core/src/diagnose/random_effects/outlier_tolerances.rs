@@ -13,19 +13,23 @@ const OUTLYING_SHARE: Threshold = 0.6;
 /// Of fewer errors than this one is easily the largest by far.
 const FEWEST: Count = 5;
 
-/// Whether an error of so many is too large to be one of them, by its square and the sum of all squares.
-pub(crate) fn outweighs(square: f64, total: f64, errors: usize) -> bool {
-    errors >= FEWEST && square > OUTLYING_SHARE * total.max(1e-30)
+/// Whether an error of so many of a kind is too large to be one of them, by its square and the sum of all squares.
+///
+/// Loads differ by orders of magnitude along an arm: of springs, few or many, one may have most of the squares, and hardly all.
+pub(crate) fn outweighs(kind: Kind, square: f64, total: f64, errors: usize) -> bool {
+    let (fewest, share) =
+        if kind == Kind::Spring { (2, 1.0 - WORTH_NAMING) } else { (FEWEST, OUTLYING_SHARE) };
+    errors >= fewest && square > share * total.max(1e-30)
 }
 
 /// Takes the one error that outweighs all others of its kind (lengths, angles) out of the group's values and names it as a cause
 /// of its own; false where there is none.
 pub(crate) fn name_outlying(geometry: &Geometry, catalogue: &Catalogue, model: &mut Model) -> bool {
     let mut totals = [0.0; KINDS];
-    let mut errors: BTreeMap<usize, (usize, Vec<usize>)> = BTreeMap::new();
+    let mut errors: BTreeMap<usize, (Kind, Vec<usize>)> = BTreeMap::new();
     for (k, column) in geometry.group.columns.iter().enumerate() {
-        let its_kind = Kind::of(column) as usize;
-        totals[its_kind] += geometry.of_its_kind(k, model.group[k]).powi(2);
+        let its_kind = Kind::of(column);
+        totals[its_kind as usize] += geometry.of_its_kind(k, model.group[k]).powi(2);
         let Some((effect, place, _)) = single_effect(column) else { continue };
         if let Some(h) = catalogue.find(effect, place) {
             errors.entry(h).or_insert((its_kind, Vec::new())).1.push(k);
@@ -37,10 +41,7 @@ pub(crate) fn name_outlying(geometry: &Geometry, catalogue: &Catalogue, model: &
     let outlying = errors.iter().find(|(h, (its_kind, columns))| {
         let known = model.terms.iter().any(|t| t.hypothesis == **h);
         let others = errors.values().filter(|(kind, _)| kind == its_kind).count();
-        // Loads differ by orders of magnitude along an arm: of springs one may have most of the squares, and hardly all.
-        let is_spring = *its_kind == Kind::Spring as usize;
-        let alone = is_spring && others > 1 && square(columns) > (1.0 - WORTH_NAMING) * totals[*its_kind];
-        !known && (alone || !is_spring && outweighs(square(columns), totals[*its_kind], others))
+        !known && outweighs(*its_kind, square(columns), totals[*its_kind as usize], others)
     });
     let Some((&hypothesis, (_, columns))) = outlying else { return false };
     // Several joints of one link may each have a shift of their own there: no single cause is all of these.
@@ -64,9 +65,6 @@ pub(crate) fn standing_out(setup: &Geometry, catalogue: &Catalogue, fit: &Fit) -
         let (Atom::Joint(_), Some((effect, place, _))) = (column.atom, single_effect(column)) else {
             continue;
         };
-        if Kind::of(column) == Kind::Spring {
-            continue;
-        }
         let told = 1.0 - (fit.covariance[(first + k, first + k)] / (prior * prior)).clamp(0.0, 1.0);
         if let Some(h) = catalogue.find(effect, place)
             && !fit.model.terms.iter().any(|t| t.hypothesis == h)

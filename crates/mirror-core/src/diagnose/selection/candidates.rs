@@ -4,7 +4,7 @@
 use crate::diagnose::effects::hypothesis::Model;
 use crate::diagnose::likelihood::fit::{Active, Fit, FitOptions, fit_below};
 use crate::diagnose::likelihood::linearised::likeliest_variants;
-use crate::diagnose::likelihood::score_test::{Score, screen_beside};
+use crate::diagnose::likelihood::score_test::{Score, screen};
 use crate::diagnose::model::problem::Noise;
 use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::principles::{BEYOND_DOUBT, Guard, MAJORITY, Size, Threshold};
@@ -34,7 +34,7 @@ impl Search<'_> {
         but: Option<(usize, &Fit)>,
     ) -> Result<Vec<Fit>> {
         let (group, start) = self.loosened(model, None);
-        let screening = screen_beside(&self.problem, self.catalogue, &group, &start, noise, self.mask)?;
+        let screening = screen(&self.problem, self.catalogue, &group, &start, noise, self.mask)?;
         let chosen = self.most_promising(&screening.scores, count, but.map(|b| b.0));
         if chosen.is_empty() {
             return Ok(Vec::new());

@@ -75,7 +75,7 @@ pub(crate) fn is_suspicious(
     }
     let wide = Search { catalogue: all, ..search.clone() };
     let (group, start) = wide.loosened(&found.fit.model, None);
-    let scores = screen(&search.problem, all, &group, &start, found.noise, search.mask)?;
+    let scores = screen(&search.problem, all, &group, &start, found.noise, search.mask)?.scores;
     Ok(scores
         .iter()
         .filter(|s| all.is_free(s.hypothesis))

@@ -154,12 +154,13 @@ pub(crate) fn small_errors_help(search: &Search<'_>, found: &Found) -> Result<bo
     let here = Linearised::at(&search.problem, search.catalogue, &group, &wider, options, search.mask)?;
     let added = here.first_group() + own..here.first_group() + group.columns.len();
     let value = |scale: f64| here.log_evidence(added.clone(), scale).unwrap_or(f64::NEG_INFINITY);
-    let none = value(1e-4);
+    let none = value(NEXT_TO_NONE);
     Ok(SPREADS.iter().any(|&scale| value(scale) - none > LEAST_LOG_ODDS))
 }
 
-/// Spreads that are tried, in units of the usual ones.
+/// Spreads that are tried, in units of the usual ones, and one at which the group is as good as not there.
 const SPREADS: [Grid; 3] = [1.0, 0.3, 0.1];
+const NEXT_TO_NONE: Grid = 1e-4;
 
 /// Drops errors of gears that vary no more than the tolerance that every joint has: they do not stand out from it.
 fn drop_tolerances(search: &Search<'_>, geometry: &Geometry, found: &mut Found) -> Result<()> {

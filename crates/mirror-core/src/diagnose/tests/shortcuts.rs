@@ -6,7 +6,7 @@ use crate::diagnose::effects::vocabulary;
 use crate::diagnose::likelihood::fit::{Active, FitOptions, Group, fit};
 use crate::diagnose::likelihood::linearised::Linearised;
 use crate::diagnose::likelihood::normal_equations::Normal;
-use crate::diagnose::likelihood::score_test::screen_beside;
+use crate::diagnose::likelihood::score_test::screen;
 use crate::diagnose::model::elementary::{Atom, Column};
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::robot::Robot;
@@ -158,7 +158,7 @@ fn all_else_moves_along_with_a_hypothesis() {
     let group = Group { prior_std: vec![3e-3; columns.len()], columns, ..Group::default() };
     let mut model = Model::nominal(&problem);
     model.group = vec![1e-4; group.columns.len()];
-    let screening = screen_beside(&problem, &catalogue, &group, &model, NOISE, None).unwrap();
+    let screening = screen(&problem, &catalogue, &group, &model, NOISE, None).unwrap();
     // Numbers that may not be negative are held at 0 where the equations would have them so.
     let of_any_sign = |h: usize| !catalogue.effect(h).is_positive();
     let two_numbers = screening.scores.iter().filter(|s| s.parameters.len() == 2);

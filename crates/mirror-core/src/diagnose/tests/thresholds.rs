@@ -11,6 +11,7 @@ use crate::diagnose::likelihood::noise_correlation::successive_correlation;
 use crate::diagnose::likelihood::score_test::Score;
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::prepare::boards::leave_out_wrong_grids;
+use crate::diagnose::random_effects::geometric_tolerances::Kind;
 use crate::diagnose::random_effects::outlier_tolerances::outweighs;
 use crate::random::Random;
 use crate::robot::Robot;
@@ -66,7 +67,7 @@ fn an_error_is_named_where_it_outweighs_all_others_and_not_where_it_is_the_large
             let mut squares: Vec<f64> = (0..errors).map(|_| random.normal().powi(2)).collect();
             squares[0] = squares[0].max(largest.powi(2));
             let total = squares.iter().sum();
-            count += usize::from(squares.iter().any(|s| outweighs(*s, total, errors)));
+            count += usize::from(squares.iter().any(|s| outweighs(Kind::Angle, *s, total, errors)));
         }
         f64::from(u16::try_from(count).unwrap()) / 400.0
     };

@@ -52,7 +52,7 @@ fn best(problem: &Problem, effects: Vec<Box<dyn Effect>>, noise: Noise) -> Resul
     let catalogue = Catalogue::new(&problem.scene, effects.into_iter().map(Arc::from).collect(), &[]);
     let model = Model::nominal(problem);
     let group = Group::default();
-    let scores = screen(problem, &catalogue, &group, &model, noise, None)?;
+    let scores = screen(problem, &catalogue, &group, &model, noise, None)?.scores;
     let Some(score) = scores.first() else { return Ok((f64::NEG_INFINITY, f64::INFINITY)) };
     let mut with = model.with(&catalogue, score.hypothesis, score.variant);
     if let Some(term) = with.terms.last_mut() {
