@@ -61,7 +61,7 @@ pub(crate) fn drop_useless(
     let least_of = |term: &Term| match beside {
         None => LEAST_HELD_OUT_GAIN,
         Some(group) if group.setup_only => 0.0,
-        // No small error of geometry yields under gravity: none of them hides a spring.
+        // What gives way under load is no error of a shape, and predicts other loads: it needs to help no more than among single causes.
         Some(_) if catalogue.effect(term.hypothesis).depends_on_load() => LEAST_HELD_OUT_GAIN,
         // Of many small errors a cause must stand out.
         Some(_) => 1.0 - LEAST_HELD_OUT_RATIO,
