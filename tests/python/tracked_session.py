@@ -47,8 +47,10 @@ def write_tracked(
     actual: Callable[[dict[str, float]], dict[str, float]] = lambda q: q,
     true_urdf: str | None = None,
     hidden: Sequence[HiddenEffect] = (),
+    postures: Sequence[Sequence[float]] | None = None,
 ) -> Path:
-    """Random postures of the embedded robot's right arm; `actual` gives the joints' real positions, `true_urdf` and `hidden` the real body."""
+    """Random postures of the embedded robot's right arm, or those given; `actual` gives the joints' real positions, `true_urdf` and `hidden`
+    the real body."""
     nominal = Nominal.load()
     text = nominal.robot_file.read_text(encoding="utf-8")
     rng = np.random.default_rng(seed)
@@ -58,8 +60,8 @@ def write_tracked(
     metadata = nominal.metadata
     true = HiddenBody(true_urdf or text, metadata.root, metadata.gravity_m_per_s2, hidden)
     frames, points = [f"frame,posture,time_s,{','.join(JOINTS)}"], ["frame,marker,x,y,z"]
-    for number in range(POSTURES):
-        q = rng.uniform(low, high)
+    drawn = [rng.uniform(low, high) for _ in range(POSTURES)] if postures is None else postures
+    for number, q in enumerate(drawn):
         true.move(actual(dict(zip(JOINTS, map(float, q), strict=True))))
         frames.append(f"{number},{number},{2.0 * number},{','.join(map(repr, map(float, q)))}")
         poses = true.link_poses()

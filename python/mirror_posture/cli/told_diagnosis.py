@@ -90,6 +90,8 @@ def show_diagnosis(output: Output, folder: Path, found: Diagnosis) -> None:
             millimetres(gap.noise_floor_m),
         )
     ]
+    if (anew := gap.chosen_anew) is not None and anew.changed:
+        gaps.append(("… with causes chosen anew without them", "", millimetres(anew.rms_m), ""))
     gaps += [(c.session, millimetres(c.before_m), millimetres(c.after_m), "") for c in gap.checked]
     gaps += [
         (f"marker {w.marker}, withheld", millimetres(w.before_m), millimetres(w.after_m), "")

@@ -130,9 +130,20 @@ class Step:
 
 
 @dataclass(frozen=True)
+class ChosenAnew:
+    """The gap where the causes too are chosen without the region of postures that they predict, RMS in m and px: equal to the gap after where
+    the same causes come out. Without `changed` of the `regions` other causes come out."""
+
+    rms_m: float | None
+    rms_px: float | None
+    regions: int
+    changed: int
+
+
+@dataclass(frozen=True)
 class Gap:
     """RMS distance between predicted and observed markers, on postures whose whole region was held out of the fit of the
-    parameters (causes were chosen on all postures); None where there is nothing to compare."""
+    parameters; None where there is nothing to compare. The causes were chosen on all postures: `chosen_anew` is without that."""
 
     before_m: float | None
     after_m: float | None
@@ -146,6 +157,8 @@ class Gap:
     checked: tuple[Checked, ...] = ()
     steps: tuple[Step, ...] = ()
     """As causes are added one by one in the order told, the nominal model first; empty in a document of version 1."""
+    chosen_anew: ChosenAnew | None = None
+    """None where nothing is named."""
 
 
 @dataclass(frozen=True)

@@ -45,8 +45,9 @@ mod selection;
 mod tests;
 
 pub use data::diagnosis::{
-    Alternative, Cause, Checked, Data, Diagnosis, Estimate, Field, FieldPoint, Gap, GapStep, LeftOut, Limit,
-    Member, Ranked, SeenMarker, Signature, SignaturePoint, Track, TrackAxis, TrackPoint, Verdict, Where,
+    Alternative, Cause, Checked, ChosenAnew, Data, Diagnosis, Estimate, Field, FieldPoint, Gap, GapStep,
+    LeftOut, Limit, Member, Ranked, SeenMarker, Signature, SignaturePoint, Track, TrackAxis, TrackPoint,
+    Verdict, Where,
 };
 pub use data::progress::Progress;
 pub use data::recording::{

@@ -1,6 +1,7 @@
 //! From a recording to a diagnosis: the order in which everything is tried, and what is said of it.
 
 use crate::diagnose::assessment::evidence::{self, Sources};
+use crate::diagnose::assessment::nested::{chosen_anew, hangs_on_regions};
 use crate::diagnose::assessment::other_session::check;
 use crate::diagnose::assessment::survivors::keep_survivors;
 use crate::diagnose::assessment::weighed::weighed;
@@ -94,9 +95,12 @@ pub fn diagnose(
 
     options.progress.enter("telling what it is worth");
     keep_survivors(&mut findings, &ranking)?;
+    let anew = chosen_anew(&findings, &ranking)?;
     let checked = others.iter().map(|other| check(&findings, other)).collect::<Result<Vec<_>>>()?;
     let (its_robot, its_recording) = (prepared.robot(robot), prepared.recording(recording));
     let mut diagnosis = build::diagnosis(&mut findings, its_robot, its_recording, &ranking, checked)?;
+    diagnosis.gap.chosen_anew = anew;
+    diagnosis.warnings.extend(hangs_on_regions(&diagnosis.gap));
     let (arranged, left_out) = (&prepared.arranged, &prepared.left_out);
     let sources = Sources { given: recording, undone: its_recording, arranged, left_out };
     diagnosis.data = evidence::data(&sources, &findings)?;

@@ -37,6 +37,7 @@ pub(crate) fn gap_over(
         noise_floor_px: to.rms_px.map(|_| bottom.px),
         steps: Vec::new(),
         held_out_postures: after.len(),
+        chosen_anew: None,
         checked,
     }
 }

@@ -5,6 +5,8 @@ pub(super) mod evidence;
 pub(super) mod findings;
 pub(super) mod gap_closed;
 pub(super) mod limits;
+pub(super) mod linear_search;
+pub(super) mod nested;
 pub(super) mod noise_floor;
 pub(super) mod other_session;
 pub(super) mod posture_draws;

@@ -1,26 +1,17 @@
 //! How stable a verdict is: the search repeated on resampled postures.
 //!
-//! The model that was found is linearised once, with the columns of its causes, of their rivals and of the hypotheses that the first
-//! look ranked highest, block by block of successive postures. A resample draws the blocks with replacement (block bootstrap: Künsch
-//! 1989); its normal equations are the blocks' weighted sum, so that the search on it is small dense algebra: causes are added while
-//! their posterior odds are above the selection's least, dropped and exchanged, from nothing and from the causes found, the likelier
-//! of both. What is resampled is the choice among these hypotheses, with board, camera, markers, zeros and discrepancy terms free wherever the model has them so, and
-//! the spreads of small errors everywhere are learned anew. Not resampled are the noise, what was left out as false, discrete unknowns (frictions), and
-//! whole mistakes, which are tried exactly and have no stability.
+//! A resample draws blocks of successive postures with replacement (block bootstrap: Künsch 1989) and repeats the search on them
+//! ([`LinearSearch`], which says what is chosen anew and what is not). Whole mistakes, which are tried exactly, have no stability.
 
 use crate::diagnose::assessment::findings::Findings;
-use crate::diagnose::effects::hypothesis::Model;
-use crate::diagnose::likelihood::fit::Active;
-use crate::diagnose::likelihood::normal_equations::{Normal, needs_board};
+use crate::diagnose::assessment::linear_search::LinearSearch;
 use crate::diagnose::likelihood::saturated::postures;
 use crate::diagnose::likelihood::score_test::Score;
-use crate::diagnose::principles::{LEAST_LOG_ODDS, LOG_PRIOR_SAME_PLACE, Size};
-use crate::diagnose::random_effects::geometric_tolerances::Geometry;
+use crate::diagnose::principles::{LEAST_LOG_ODDS, Size};
 use crate::diagnose::selection::alternatives::Standing;
 use crate::error::Result;
 use crate::random::Random;
-use core::ops::Range;
-use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use std::collections::HashMap;
 
@@ -28,10 +19,6 @@ use std::collections::HashMap;
 pub(crate) const RESAMPLES: Size = 40;
 /// Blocks of successive postures at most.
 const MOST_BLOCKS: Size = 64;
-/// Hypotheses that compete with the causes found: their rivals first, then those that the first look ranked highest.
-const COMPETING: Size = 28;
-/// Causes that a resample's search adds at most, beyond those that were found.
-const MORE_CAUSES: Size = 2;
 
 /// Shares of the resamples in which the same came out.
 #[derive(Debug, Clone, Default)]
@@ -44,33 +31,6 @@ pub(crate) struct Stability {
     pub mounts: Vec<f64>,
 }
 
-/// One hypothesis that competes.
-struct Candidate {
-    hypothesis: usize,
-    columns: Range<usize>,
-    log_prior: f64,
-    positive: bool,
-    node: Option<usize>,
-}
-
-/// The model in normal equations of blocks, in units of the priors' deviations.
-struct Blocks<'a> {
-    blocks: Vec<(DMatrix<f64>, DVector<f64>)>,
-    /// Parameters that are always free.
-    always: Vec<usize>,
-    /// The causes that were found first, so many.
-    candidates: Vec<Candidate>,
-    found: usize,
-    least_log_odds: f64,
-    most_causes: usize,
-    /// The prior deviations, and the small errors everywhere whose spreads each resample learns anew, from which parameter on.
-    std: Vec<f64>,
-    geometry: Option<(&'a Geometry, usize)>,
-}
-
-/// Normal equations of a resample, `I + S H S` and `S b`.
-type Equations = (DMatrix<f64>, DVector<f64>);
-type Factor = Cholesky<f64, Dyn>;
 /// What a resample's search found: hypotheses, and whether each mount is displaced.
 type CameOut = (Vec<usize>, Vec<bool>);
 
@@ -90,8 +50,11 @@ pub(crate) fn stability(
         let none = vec![None; model.terms.len()];
         return Ok(Stability { terms: none.clone(), or_rivals: none, mounts: Vec::new() });
     }
-    let (whole, first_group) = blocks(findings, standings, ranking)?;
-    let count = whole.blocks.len();
+    let order = postures(&findings.search.problem);
+    let size = order.len().div_ceil(MOST_BLOCKS).max(1);
+    let blocks: Vec<Vec<usize>> = order.chunks(size).map(|postures| postures.concat()).collect();
+    let count = blocks.len();
+    let whole = LinearSearch::new(findings, standings, ranking, &blocks)?;
     let draws: Vec<Vec<f64>> = {
         let mut random = Random::new(0x5851_F42D_4C95_7F2D);
         (0..RESAMPLES)
@@ -110,7 +73,7 @@ pub(crate) fn stability(
             }
             let (set, (m, b)) = whole.search(&whole.sum(&weights))?;
             let hypotheses = set.iter().map(|&c| whole.candidates[c].hypothesis).collect();
-            Some((hypotheses, whole.displaced(&m, &b, &set, mounts, first_group)?))
+            Some((hypotheses, displaced(&whole, (&m, &b), &set, mounts)?))
         })
         .collect();
     findings.search.problem.cancel.check()?;
@@ -133,299 +96,27 @@ pub(crate) fn stability(
     })
 }
 
-/// The blocks, and where the group's parameters begin.
-fn blocks<'a>(
-    findings: &'a Findings<'_>,
-    standings: &[Option<Standing>],
-    ranking: &[Score],
-) -> Result<(Blocks<'a>, usize)> {
-    let search = &findings.search;
-    let (problem, catalogue) = (&search.problem, search.catalogue);
-    let (group, model): (_, Model) = search.loosened(&findings.found.fit.model, None);
-    let active = Active::of(problem, catalogue, &group, &model);
-    let node = |h: usize| catalogue.hypotheses[h].place.node();
-    let of = |hypothesis: usize, columns: Range<usize>| Candidate {
-        hypothesis,
-        columns,
-        log_prior: catalogue.hypotheses[hypothesis].log_prior,
-        positive: catalogue.effect(hypothesis).is_positive(),
-        node: node(hypothesis),
+/// Whether each mount is displaced: the Bayes factor of its values against none, by Savage and Dickey.
+fn displaced(
+    whole: &LinearSearch<'_>,
+    (m, b): (&DMatrix<f64>, &DVector<f64>),
+    set: &[usize],
+    mounts: &[Vec<usize>],
+) -> Option<Vec<bool>> {
+    if mounts.is_empty() {
+        return Some(Vec::new());
+    }
+    let (factor, indices, _) = whole.base(m, b, set, None)?;
+    let mean = factor.solve(&DVector::from_fn(indices.len(), |i, _| b[indices[i]]));
+    let covariance = factor.inverse();
+    let position: HashMap<usize, usize> = indices.iter().enumerate().map(|(k, i)| (*i, k)).collect();
+    let of_mount = |columns: &Vec<usize>| -> Option<bool> {
+        let at: Vec<usize> =
+            columns.iter().map(|c| position.get(&(whole.first_group + c)).copied()).collect::<Option<_>>()?;
+        let own = DMatrix::from_fn(at.len(), at.len(), |i, j| covariance[(at[i], at[j])]).cholesky()?;
+        let values = DVector::from_fn(at.len(), |i, _| mean[at[i]]);
+        let log_det: f64 = own.l_dirty().diagonal().iter().map(|x| x.ln()).sum();
+        Some(0.5 * values.dot(&own.solve(&values)) + log_det >= LEAST_LOG_ODDS)
     };
-    let mut always: Vec<usize> = (0..active.first_term).collect();
-    let mut candidates = Vec::new();
-    let mut at = active.first_term;
-    for term in &model.terms {
-        let own = at..at + term.parameters.len();
-        at = own.end;
-        if catalogue.is_free(term.hypothesis) {
-            always.extend(own);
-        } else {
-            candidates.push(of(term.hypothesis, own));
-        }
-    }
-    let mut columns = active.columns.clone();
-    let (mut std, mut values) = (active.prior_std.clone(), active.values.clone());
-    let rivals = standings.iter().flatten().flat_map(|s| &s.rivals).map(|r| (r.hypothesis, r.variant));
-    let first_look = ranking.iter().map(|s| (s.hypothesis, s.variant)).take(4 * COMPETING);
-    let mut added = 0;
-    for (hypothesis, variant) in rivals.chain(first_look) {
-        let known = candidates.iter().any(|c| c.hypothesis == hypothesis);
-        let left_out = search.options.left_out.contains(&hypothesis) || catalogue.is_free(hypothesis);
-        if known || left_out || added >= COMPETING {
-            continue;
-        }
-        added += 1;
-        let entry = &catalogue.hypotheses[hypothesis];
-        let zero = vec![0.0; entry.prior_std.len()];
-        let own = catalogue.effect(hypothesis).columns(&problem.scene, entry.place, variant, &zero);
-        candidates.push(of(hypothesis, columns.len()..columns.len() + own.len()));
-        std.extend(&entry.prior_std);
-        values.extend(zero);
-        columns.extend(own);
-    }
-    let deformation = model.deformation(problem, catalogue, &group.columns);
-    let with_board = needs_board(problem, &columns);
-    let noise = findings.found.noise;
-    let order = postures(problem);
-    let size = order.len().div_ceil(MOST_BLOCKS).max(1);
-    let mut parts = Vec::new();
-    for some in order.chunks(size) {
-        let mut mask = vec![false; problem.frames.len()];
-        some.iter().flatten().for_each(|&f| mask[f] = true);
-        let normal = Normal::at(
-            problem,
-            &deformation,
-            noise,
-            &columns,
-            with_board,
-            model.planes.as_deref(),
-            Some(&mask),
-        )?;
-        let v = DVector::from_column_slice(&values);
-        // From nothing: the gradient where all parameters are 0, to first order.
-        let mut b = &normal.g + &normal.h * v;
-        let mut h = normal.h;
-        for i in 0..std.len() {
-            b[i] *= std[i];
-            for j in 0..std.len() {
-                h[(i, j)] *= std[i] * std[j];
-            }
-        }
-        parts.push((h, b));
-    }
-    let found = candidates.iter().filter(|c| c.columns.start < at).count();
-    let most_causes = found + MORE_CAUSES;
-    let least_log_odds = search.options.least_log_odds;
-    let first_group = active.first_group;
-    // The spreads of a set-up have habits, and causes beside it are looked for with these.
-    let of_model = |g: &&Geometry| !g.setup_only && g.group.columns.len() <= model.group.len();
-    let geometry = findings.geometry.as_ref().filter(of_model).map(|g| (g, first_group));
-    let blocks =
-        Blocks { blocks: parts, always, candidates, found, least_log_odds, most_causes, std, geometry };
-    Ok((blocks, first_group))
-}
-
-impl Blocks<'_> {
-    /// The normal equations of a resample.
-    fn sum(&self, weights: &[f64]) -> Equations {
-        let count = self.blocks.first().map_or(0, |b| b.1.len());
-        let (mut m, mut b) = (DMatrix::identity(count, count), DVector::zeros(count));
-        for ((h, g), weight) in self.blocks.iter().zip(weights).filter(|(_, w)| **w > 0.0) {
-            m.zip_apply(h, |a, x| *a += weight * x);
-            b.axpy(*weight, g, 1.0);
-        }
-        (m, b)
-    }
-
-    /// The parameters of a set of candidates, with those that are always free before them.
-    fn indices(&self, set: &[usize], but: Option<usize>) -> Vec<usize> {
-        let own = set.iter().filter(|c| Some(**c) != but).flat_map(|&c| self.candidates[c].columns.clone());
-        self.always.iter().copied().chain(own).collect()
-    }
-
-    /// Log posterior odds of a candidate beside others.
-    fn odds(
-        &self,
-        (m, b): (&DMatrix<f64>, &DVector<f64>),
-        (base, indices, solved): (&Factor, &[usize], &DVector<f64>),
-        set: &[usize],
-        candidate: usize,
-    ) -> f64 {
-        let own: Vec<usize> = self.candidates[candidate].columns.clone().collect();
-        let across = DMatrix::from_fn(indices.len(), own.len(), |i, j| m[(indices[i], own[j])]);
-        let Some(across) = base.l_dirty().solve_lower_triangular(&across) else { return f64::NEG_INFINITY };
-        let among = DMatrix::from_fn(own.len(), own.len(), |i, j| m[(own[i], own[j])]);
-        let left = DVector::from_fn(own.len(), |i, _| b[own[i]]) - across.tr_mul(solved);
-        let Some(factor) = (among - across.tr_mul(&across)).cholesky() else { return f64::NEG_INFINITY };
-        let estimate = factor.solve(&left);
-        if self.candidates[candidate].positive && estimate.iter().all(|value| *value <= 0.0) {
-            return f64::NEG_INFINITY;
-        }
-        let log_det: f64 = factor.l_dirty().diagonal().iter().map(|x| x.ln()).sum();
-        let node = self.candidates[candidate].node;
-        let same =
-            set.iter().filter(|&&c| c != candidate && node.is_some() && self.candidates[c].node == node);
-        0.5 * left.dot(&estimate) - log_det
-            + self.candidates[candidate].log_prior
-            + LOG_PRIOR_SAME_PLACE * same.count() as f64
-    }
-
-    fn base(
-        &self,
-        m: &DMatrix<f64>,
-        b: &DVector<f64>,
-        set: &[usize],
-        but: Option<usize>,
-    ) -> Option<(Factor, Vec<usize>, DVector<f64>)> {
-        let indices = self.indices(set, but);
-        let factor =
-            DMatrix::from_fn(indices.len(), indices.len(), |i, j| m[(indices[i], indices[j])]).cholesky()?;
-        let right = DVector::from_fn(indices.len(), |i, _| b[indices[i]]);
-        let solved = factor.l_dirty().solve_lower_triangular(&right)?;
-        Some((factor, indices, solved))
-    }
-
-    /// The best candidate beside a set (without one of it), with its odds.
-    fn best(
-        &self,
-        m: &DMatrix<f64>,
-        b: &DVector<f64>,
-        set: &[usize],
-        but: Option<usize>,
-    ) -> Option<(usize, f64)> {
-        let (factor, indices, solved) = self.base(m, b, set, but)?;
-        let others: Vec<usize> = set.iter().copied().filter(|c| Some(*c) != but).collect();
-        (0..self.candidates.len())
-            .filter(|c| !others.contains(c))
-            .map(|c| (c, self.odds((m, b), (&factor, &indices, &solved), &others, c)))
-            .max_by(|x, y| x.1.total_cmp(&y.1))
-    }
-
-    /// The causes that the search finds from nothing or from those that were found, whichever are likelier, with the normal equations at
-    /// the spreads that the resample has beside them: one cause at a time may lead to two that only imitate two others, which the whole
-    /// search leaves again by starts of its own.
-    fn search(&self, resample: &Equations) -> Option<(Vec<usize>, Equations)> {
-        let from = |start: Vec<usize>| -> Option<(f64, Vec<usize>, Equations)> {
-            let (m, b) = self.with_spreads(resample, &start);
-            let set = self.searched(&m, &b, start)?;
-            let (m, b) = self.with_spreads(resample, &set);
-            Some((self.log_posterior(&m, &b, &set)?, set, (m, b)))
-        };
-        let (found, nothing) = (from((0..self.found).collect())?, from(Vec::new())?);
-        let (_, set, equations) = if found.0 >= nothing.0 { found } else { nothing };
-        Some((set, equations))
-    }
-
-    /// The normal equations with the spreads of small errors everywhere that the resample has beside some causes: spreads that were learned
-    /// beside the causes found would leave no room for what these explain.
-    fn with_spreads(&self, (m, b): &Equations, causes: &[usize]) -> Equations {
-        let Some((geometry, first)) = self.geometry else { return (m.clone(), b.clone()) };
-        let group = first..first + geometry.group.columns.len();
-        // By how much the units of all parameters change, and the equations of some of them in these.
-        let units = |prior_std: &[f64]| -> Vec<f64> {
-            let mut units = vec![1.0; b.len()];
-            group.clone().zip(prior_std).for_each(|(i, std)| units[i] = std / self.std[i]);
-            units
-        };
-        let rescaled = |units: &[f64], of: &[usize]| -> Equations {
-            let among = DMatrix::from_fn(of.len(), of.len(), |i, j| {
-                let one = if i == j { 1.0 } else { 0.0 };
-                (m[(of[i], of[j])] - one) * units[of[i]] * units[of[j]] + one
-            });
-            (among, DVector::from_fn(of.len(), |i, _| b[of[i]] * units[of[i]]))
-        };
-        // What is always free comes first and in order, so that the group stands where it stands among all.
-        let free = self.indices(causes, None);
-        let posterior = |prior_std: &[f64]| {
-            let (m, b) = rescaled(&units(prior_std), &free);
-            let factor = m.cholesky()?;
-            let (mean, inverse) = (factor.solve(&b), factor.inverse());
-            let values = group.clone().zip(prior_std).map(|(i, std)| std * mean[i]).collect();
-            let variances =
-                group.clone().zip(prior_std).map(|(i, std)| std * std * inverse[(i, i)]).collect();
-            Some((values, variances))
-        };
-        let mut learned = geometry.clone();
-        learned.learned_from(&posterior);
-        rescaled(&units(&learned.group.prior_std), &(0..b.len()).collect::<Vec<_>>())
-    }
-
-    /// Log of evidence times prior of a set, up to a constant: `½ bᵀ M⁻¹ b − ½ log |M| + log p`.
-    fn log_posterior(&self, m: &DMatrix<f64>, b: &DVector<f64>, set: &[usize]) -> Option<f64> {
-        let (factor, _, solved) = self.base(m, b, set, None)?;
-        let log_det: f64 = factor.l_dirty().diagonal().iter().map(|x| x.ln()).sum();
-        let node = |c: usize| self.candidates[c].node;
-        let same = |(i, &c): (usize, &usize)| {
-            set[..i].iter().filter(|&&k| node(c).is_some() && node(k) == node(c)).count()
-        };
-        let prior: f64 = set.iter().map(|&c| self.candidates[c].log_prior).sum();
-        let together = set.iter().enumerate().map(same).sum::<usize>() as f64;
-        Some(0.5 * solved.norm_squared() - log_det + prior + LOG_PRIOR_SAME_PLACE * together)
-    }
-
-    /// Causes added to a set, dropped and exchanged until nothing changes.
-    fn searched(&self, m: &DMatrix<f64>, b: &DVector<f64>, mut set: Vec<usize>) -> Option<Vec<usize>> {
-        for _ in 0..2 {
-            while set.len() < self.most_causes {
-                let Some((next, odds)) = self.best(m, b, &set, None) else { break };
-                if odds < self.least_log_odds {
-                    break;
-                }
-                set.push(next);
-            }
-            let mut changed = false;
-            for at in 0..set.len() {
-                let own = set[at];
-                let (best, odds) = self.best(m, b, &set, Some(own))?;
-                if best != own && odds >= self.least_log_odds {
-                    set[at] = best;
-                    changed = true;
-                }
-            }
-            let before = set.len();
-            let kept = |c: usize, set: &[usize]| -> Option<bool> {
-                let (factor, indices, solved) = self.base(m, b, set, Some(c))?;
-                Some(self.odds((m, b), (&factor, &indices, &solved), set, c) >= self.least_log_odds)
-            };
-            let mut at = 0;
-            while at < set.len() {
-                if kept(set[at], &set)? {
-                    at += 1;
-                } else {
-                    set.remove(at);
-                }
-            }
-            if !changed && set.len() == before {
-                break;
-            }
-        }
-        Some(set)
-    }
-
-    /// Whether each mount is displaced: the Bayes factor of its values against none, by Savage and Dickey.
-    fn displaced(
-        &self,
-        m: &DMatrix<f64>,
-        b: &DVector<f64>,
-        set: &[usize],
-        mounts: &[Vec<usize>],
-        first_group: usize,
-    ) -> Option<Vec<bool>> {
-        if mounts.is_empty() {
-            return Some(Vec::new());
-        }
-        let (factor, indices, _) = self.base(m, b, set, None)?;
-        let mean = factor.solve(&DVector::from_fn(indices.len(), |i, _| b[indices[i]]));
-        let covariance = factor.inverse();
-        let position: HashMap<usize, usize> = indices.iter().enumerate().map(|(k, i)| (*i, k)).collect();
-        let of_mount = |columns: &Vec<usize>| -> Option<bool> {
-            let at: Vec<usize> =
-                columns.iter().map(|c| position.get(&(first_group + c)).copied()).collect::<Option<_>>()?;
-            let own = DMatrix::from_fn(at.len(), at.len(), |i, j| covariance[(at[i], at[j])]).cholesky()?;
-            let values = DVector::from_fn(at.len(), |i, _| mean[at[i]]);
-            let log_det: f64 = own.l_dirty().diagonal().iter().map(|x| x.ln()).sum();
-            Some(0.5 * values.dot(&own.solve(&values)) + log_det >= LEAST_LOG_ODDS)
-        };
-        mounts.iter().map(of_mount).collect()
-    }
+    mounts.iter().map(of_mount).collect()
 }

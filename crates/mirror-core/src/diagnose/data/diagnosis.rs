@@ -137,9 +137,26 @@ pub struct Gap {
     pub steps: Vec<GapStep>,
     /// Number of postures, each predicted while its region was held out.
     pub held_out_postures: usize,
+    /// With causes that are chosen anew without the region too; none where nothing is named.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub chosen_anew: Option<ChosenAnew>,
     /// Further sessions.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub checked: Vec<Checked>,
+}
+
+/// The gap where not only the parameters but the causes too are chosen without the region that they predict.
+/// Chosen on all postures are the observations left out, the hypotheses that compete, and which random effects are free.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct ChosenAnew {
+    /// RMS distance, m; none where no marker was compared in space.
+    pub rms_m: Option<f64>,
+    /// As above in pixels, where there are pictures.
+    pub rms_px: Option<f64>,
+    /// Regions that were held out in turn.
+    pub regions: usize,
+    /// Those without which other causes come out.
+    pub changed: usize,
 }
 
 impl Gap {

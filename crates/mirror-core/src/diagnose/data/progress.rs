@@ -100,6 +100,7 @@ impl Progress {
                 noise_floor_m: None,
                 closed: None,
                 closed_ci95: None,
+                chosen_anew: None,
                 before_px: None,
                 after_px: None,
                 noise_floor_px: None,

@@ -1,0 +1,347 @@
+//! The search for causes on some of the postures, as small dense algebra.
+//!
+//! The model that was found is linearised once, with the columns of its causes, of their rivals and of the hypotheses that the first
+//! look ranked highest, part by part of the postures. The normal equations of any choice of postures are a weighted sum of the parts', so
+//! that the search on it is small dense algebra: causes are added while their posterior odds are above the selection's least, dropped and
+//! exchanged, from nothing and from the causes found, the likelier of both. Board, camera, markers, zeros and discrepancy terms are free
+//! wherever the model has them so, and the spreads of small errors everywhere are learned anew. Not searched anew are the noise, what was
+//! left out as false, discrete unknowns (frictions), and whole mistakes.
+
+use crate::diagnose::assessment::findings::Findings;
+use crate::diagnose::effects::hypothesis::Model;
+use crate::diagnose::likelihood::fit::Active;
+use crate::diagnose::likelihood::normal_equations::{Normal, needs_board};
+use crate::diagnose::likelihood::score_test::Score;
+use crate::diagnose::principles::{LOG_PRIOR_SAME_PLACE, Size};
+use crate::diagnose::random_effects::geometric_tolerances::Geometry;
+use crate::diagnose::selection::alternatives::Standing;
+use crate::error::Result;
+use core::ops::Range;
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+
+/// Hypotheses that compete with the causes found: their rivals first, then those that the first look ranked highest.
+const COMPETING: Size = 28;
+/// Causes that a search adds at most, beyond those that were found.
+const MORE_CAUSES: Size = 2;
+
+/// One hypothesis that competes.
+pub(crate) struct Candidate {
+    pub hypothesis: usize,
+    pub variant: f64,
+    pub columns: Range<usize>,
+    log_prior: f64,
+    pub positive: bool,
+    node: Option<usize>,
+}
+
+/// The model in normal equations of parts of the postures, in units of the priors' deviations.
+pub(crate) struct LinearSearch<'a> {
+    parts: Vec<Equations>,
+    /// Parameters that are always free.
+    always: Vec<usize>,
+    /// The causes that were found first, so many.
+    pub candidates: Vec<Candidate>,
+    pub found: usize,
+    least_log_odds: f64,
+    most_causes: usize,
+    /// The prior deviations, and the small errors everywhere whose spreads each resample learns anew, from which parameter on.
+    std: Vec<f64>,
+    geometry: Option<(&'a Geometry, usize)>,
+    /// Where the group's parameters begin.
+    pub first_group: usize,
+}
+
+/// Normal equations of a choice of the postures, `I + S H S` and `S b`.
+pub(crate) type Equations = (DMatrix<f64>, DVector<f64>);
+pub(crate) type Factor = Cholesky<f64, Dyn>;
+
+impl<'a> LinearSearch<'a> {
+    /// The model of the findings linearised on each part of the postures, told as frames; `standings` and `ranking` tell the causes' rivals
+    /// and what the first look ranked highest.
+    ///
+    /// # Errors
+    /// Invalid parameters of the camera or mirror.
+    pub fn new(
+        findings: &'a Findings<'_>,
+        standings: &[Option<Standing>],
+        ranking: &[Score],
+        parts: &[Vec<usize>],
+    ) -> Result<Self> {
+        let search = &findings.search;
+        let (problem, catalogue) = (&search.problem, search.catalogue);
+        let (group, model): (_, Model) = search.loosened(&findings.found.fit.model, None);
+        let active = Active::of(problem, catalogue, &group, &model);
+        let node = |h: usize| catalogue.hypotheses[h].place.node();
+        let of = |(hypothesis, variant): (usize, f64), columns: Range<usize>| Candidate {
+            hypothesis,
+            variant,
+            columns,
+            log_prior: catalogue.hypotheses[hypothesis].log_prior,
+            positive: catalogue.effect(hypothesis).is_positive(),
+            node: node(hypothesis),
+        };
+        let mut always: Vec<usize> = (0..active.first_term).collect();
+        let mut candidates = Vec::new();
+        let mut at = active.first_term;
+        for term in &model.terms {
+            let own = at..at + term.parameters.len();
+            at = own.end;
+            if catalogue.is_free(term.hypothesis) {
+                always.extend(own);
+            } else {
+                candidates.push(of((term.hypothesis, term.variant), own));
+            }
+        }
+        let mut columns = active.columns.clone();
+        let (mut std, mut values) = (active.prior_std.clone(), active.values.clone());
+        let rivals = standings.iter().flatten().flat_map(|s| &s.rivals).map(|r| (r.hypothesis, r.variant));
+        let first_look = ranking.iter().map(|s| (s.hypothesis, s.variant)).take(4 * COMPETING);
+        let mut added = 0;
+        for (hypothesis, variant) in rivals.chain(first_look) {
+            let known = candidates.iter().any(|c| c.hypothesis == hypothesis);
+            let left_out = search.options.left_out.contains(&hypothesis) || catalogue.is_free(hypothesis);
+            if known || left_out || added >= COMPETING {
+                continue;
+            }
+            added += 1;
+            let entry = &catalogue.hypotheses[hypothesis];
+            let zero = vec![0.0; entry.prior_std.len()];
+            let own = catalogue.effect(hypothesis).columns(&problem.scene, entry.place, variant, &zero);
+            candidates.push(of((hypothesis, variant), columns.len()..columns.len() + own.len()));
+            std.extend(&entry.prior_std);
+            values.extend(zero);
+            columns.extend(own);
+        }
+        let deformation = model.deformation(problem, catalogue, &group.columns);
+        let with_board = needs_board(problem, &columns);
+        let noise = findings.found.noise;
+        let mut equations = Vec::new();
+        for frames in parts {
+            let mut mask = vec![false; problem.frames.len()];
+            frames.iter().for_each(|&f| mask[f] = true);
+            let normal = Normal::at(
+                problem,
+                &deformation,
+                noise,
+                &columns,
+                with_board,
+                model.planes.as_deref(),
+                Some(&mask),
+            )?;
+            let v = DVector::from_column_slice(&values);
+            // From nothing: the gradient where all parameters are 0, to first order.
+            let mut b = &normal.g + &normal.h * v;
+            let mut h = normal.h;
+            for i in 0..std.len() {
+                b[i] *= std[i];
+                for j in 0..std.len() {
+                    h[(i, j)] *= std[i] * std[j];
+                }
+            }
+            equations.push((h, b));
+        }
+        let found = candidates.iter().filter(|c| c.columns.start < at).count();
+        let most_causes = found + MORE_CAUSES;
+        let least_log_odds = search.options.least_log_odds;
+        let first_group = active.first_group;
+        // The spreads of a set-up have habits, and causes beside it are looked for with these.
+        let of_model = |g: &&Geometry| !g.setup_only && g.group.columns.len() <= model.group.len();
+        let geometry = findings.geometry.as_ref().filter(of_model).map(|g| (g, first_group));
+        Ok(Self {
+            parts: equations,
+            always,
+            candidates,
+            found,
+            least_log_odds,
+            most_causes,
+            std,
+            geometry,
+            first_group,
+        })
+    }
+
+    /// The normal equations of the parts with their weights.
+    pub fn sum(&self, weights: &[f64]) -> Equations {
+        let count = self.parts.first().map_or(0, |b| b.1.len());
+        let (mut m, mut b) = (DMatrix::identity(count, count), DVector::zeros(count));
+        for ((h, g), weight) in self.parts.iter().zip(weights).filter(|(_, w)| **w > 0.0) {
+            m.zip_apply(h, |a, x| *a += weight * x);
+            b.axpy(*weight, g, 1.0);
+        }
+        (m, b)
+    }
+
+    /// The parameters of a set of candidates, with those that are always free before them.
+    fn indices(&self, set: &[usize], but: Option<usize>) -> Vec<usize> {
+        let own = set.iter().filter(|c| Some(**c) != but).flat_map(|&c| self.candidates[c].columns.clone());
+        self.always.iter().copied().chain(own).collect()
+    }
+
+    /// Log posterior odds of a candidate beside others.
+    fn odds(
+        &self,
+        (m, b): (&DMatrix<f64>, &DVector<f64>),
+        (base, indices, solved): (&Factor, &[usize], &DVector<f64>),
+        set: &[usize],
+        candidate: usize,
+    ) -> f64 {
+        let own: Vec<usize> = self.candidates[candidate].columns.clone().collect();
+        let across = DMatrix::from_fn(indices.len(), own.len(), |i, j| m[(indices[i], own[j])]);
+        let Some(across) = base.l_dirty().solve_lower_triangular(&across) else { return f64::NEG_INFINITY };
+        let among = DMatrix::from_fn(own.len(), own.len(), |i, j| m[(own[i], own[j])]);
+        let left = DVector::from_fn(own.len(), |i, _| b[own[i]]) - across.tr_mul(solved);
+        let Some(factor) = (among - across.tr_mul(&across)).cholesky() else { return f64::NEG_INFINITY };
+        let estimate = factor.solve(&left);
+        if self.candidates[candidate].positive && estimate.iter().all(|value| *value <= 0.0) {
+            return f64::NEG_INFINITY;
+        }
+        let log_det: f64 = factor.l_dirty().diagonal().iter().map(|x| x.ln()).sum();
+        let node = self.candidates[candidate].node;
+        let same =
+            set.iter().filter(|&&c| c != candidate && node.is_some() && self.candidates[c].node == node);
+        0.5 * left.dot(&estimate) - log_det
+            + self.candidates[candidate].log_prior
+            + LOG_PRIOR_SAME_PLACE * same.count() as f64
+    }
+
+    pub fn base(
+        &self,
+        m: &DMatrix<f64>,
+        b: &DVector<f64>,
+        set: &[usize],
+        but: Option<usize>,
+    ) -> Option<(Factor, Vec<usize>, DVector<f64>)> {
+        let indices = self.indices(set, but);
+        let factor =
+            DMatrix::from_fn(indices.len(), indices.len(), |i, j| m[(indices[i], indices[j])]).cholesky()?;
+        let right = DVector::from_fn(indices.len(), |i, _| b[indices[i]]);
+        let solved = factor.l_dirty().solve_lower_triangular(&right)?;
+        Some((factor, indices, solved))
+    }
+
+    /// The best candidate beside a set (without one of it), with its odds.
+    fn best(
+        &self,
+        m: &DMatrix<f64>,
+        b: &DVector<f64>,
+        set: &[usize],
+        but: Option<usize>,
+    ) -> Option<(usize, f64)> {
+        let (factor, indices, solved) = self.base(m, b, set, but)?;
+        let others: Vec<usize> = set.iter().copied().filter(|c| Some(*c) != but).collect();
+        (0..self.candidates.len())
+            .filter(|c| !others.contains(c))
+            .map(|c| (c, self.odds((m, b), (&factor, &indices, &solved), &others, c)))
+            .max_by(|x, y| x.1.total_cmp(&y.1))
+    }
+
+    /// The causes that the search finds from nothing or from those that were found, whichever are likelier, with the normal equations at
+    /// the spreads that the resample has beside them: one cause at a time may lead to two that only imitate two others, which the whole
+    /// search leaves again by starts of its own.
+    pub fn search(&self, resample: &Equations) -> Option<(Vec<usize>, Equations)> {
+        let from = |start: Vec<usize>| -> Option<(f64, Vec<usize>, Equations)> {
+            let (m, b) = self.with_spreads(resample, &start);
+            let set = self.searched(&m, &b, start)?;
+            let (m, b) = self.with_spreads(resample, &set);
+            Some((self.log_posterior(&m, &b, &set)?, set, (m, b)))
+        };
+        let (found, nothing) = (from((0..self.found).collect())?, from(Vec::new())?);
+        let (_, set, equations) = if found.0 >= nothing.0 { found } else { nothing };
+        Some((set, equations))
+    }
+
+    /// The normal equations with the spreads of small errors everywhere that the resample has beside some causes: spreads that were learned
+    /// beside the causes found would leave no room for what these explain.
+    fn with_spreads(&self, (m, b): &Equations, causes: &[usize]) -> Equations {
+        let Some((geometry, first)) = self.geometry else { return (m.clone(), b.clone()) };
+        let group = first..first + geometry.group.columns.len();
+        // By how much the units of all parameters change, and the equations of some of them in these.
+        let units = |prior_std: &[f64]| -> Vec<f64> {
+            let mut units = vec![1.0; b.len()];
+            group.clone().zip(prior_std).for_each(|(i, std)| units[i] = std / self.std[i]);
+            units
+        };
+        let rescaled = |units: &[f64], of: &[usize]| -> Equations {
+            let among = DMatrix::from_fn(of.len(), of.len(), |i, j| {
+                let one = if i == j { 1.0 } else { 0.0 };
+                (m[(of[i], of[j])] - one) * units[of[i]] * units[of[j]] + one
+            });
+            (among, DVector::from_fn(of.len(), |i, _| b[of[i]] * units[of[i]]))
+        };
+        // What is always free comes first and in order, so that the group stands where it stands among all.
+        let free = self.indices(causes, None);
+        let posterior = |prior_std: &[f64]| {
+            let (m, b) = rescaled(&units(prior_std), &free);
+            let factor = m.cholesky()?;
+            let (mean, inverse) = (factor.solve(&b), factor.inverse());
+            let values = group.clone().zip(prior_std).map(|(i, std)| std * mean[i]).collect();
+            let variances =
+                group.clone().zip(prior_std).map(|(i, std)| std * std * inverse[(i, i)]).collect();
+            Some((values, variances))
+        };
+        let mut learned = geometry.clone();
+        learned.learned_from(&posterior);
+        rescaled(&units(&learned.group.prior_std), &(0..b.len()).collect::<Vec<_>>())
+    }
+
+    /// The values of all parameters, in their own units, where a set of candidates is best by the linear model; 0 of those that are not in it.
+    pub fn values(&self, (m, b): &Equations, set: &[usize]) -> Option<Vec<f64>> {
+        let (factor, indices, _) = self.base(m, b, set, None)?;
+        let mean = factor.solve(&DVector::from_fn(indices.len(), |i, _| b[indices[i]]));
+        let mut values = vec![0.0; self.std.len()];
+        indices.iter().zip(mean.iter()).for_each(|(&i, mean)| values[i] = mean * self.std[i]);
+        values.iter().all(|v| v.is_finite()).then_some(values)
+    }
+
+    /// Log of evidence times prior of a set, up to a constant: `½ bᵀ M⁻¹ b − ½ log |M| + log p`.
+    fn log_posterior(&self, m: &DMatrix<f64>, b: &DVector<f64>, set: &[usize]) -> Option<f64> {
+        let (factor, _, solved) = self.base(m, b, set, None)?;
+        let log_det: f64 = factor.l_dirty().diagonal().iter().map(|x| x.ln()).sum();
+        let node = |c: usize| self.candidates[c].node;
+        let same = |(i, &c): (usize, &usize)| {
+            set[..i].iter().filter(|&&k| node(c).is_some() && node(k) == node(c)).count()
+        };
+        let prior: f64 = set.iter().map(|&c| self.candidates[c].log_prior).sum();
+        let together = set.iter().enumerate().map(same).sum::<usize>() as f64;
+        Some(0.5 * solved.norm_squared() - log_det + prior + LOG_PRIOR_SAME_PLACE * together)
+    }
+
+    /// Causes added to a set, dropped and exchanged until nothing changes.
+    fn searched(&self, m: &DMatrix<f64>, b: &DVector<f64>, mut set: Vec<usize>) -> Option<Vec<usize>> {
+        for _ in 0..2 {
+            while set.len() < self.most_causes {
+                let Some((next, odds)) = self.best(m, b, &set, None) else { break };
+                if odds < self.least_log_odds {
+                    break;
+                }
+                set.push(next);
+            }
+            let mut changed = false;
+            for at in 0..set.len() {
+                let own = set[at];
+                let (best, odds) = self.best(m, b, &set, Some(own))?;
+                if best != own && odds >= self.least_log_odds {
+                    set[at] = best;
+                    changed = true;
+                }
+            }
+            let before = set.len();
+            let kept = |c: usize, set: &[usize]| -> Option<bool> {
+                let (factor, indices, solved) = self.base(m, b, set, Some(c))?;
+                Some(self.odds((m, b), (&factor, &indices, &solved), set, c) >= self.least_log_odds)
+            };
+            let mut at = 0;
+            while at < set.len() {
+                if kept(set[at], &set)? {
+                    at += 1;
+                } else {
+                    set.remove(at);
+                }
+            }
+            if !changed && set.len() == before {
+                break;
+            }
+        }
+        Some(set)
+    }
+}
