@@ -23,12 +23,17 @@ LAB = PYTHON / "mirror_lab"
 
 
 @functools.cache
+def tree(file: Path) -> ast.Module:
+    return ast.parse(file.read_text(encoding="utf-8"))
+
+
+@functools.cache
 def imports(file: Path) -> set[str]:
     """Full names of the modules that a file imports, at its top or in a function."""
     inside = file.relative_to(PYTHON).with_suffix("").parts
     package = inside[:-1]
     found: set[str] = set()
-    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+    for node in ast.walk(tree(file)):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         if isinstance(node, ast.ImportFrom):
@@ -86,15 +91,15 @@ def test_nothing_runs_on_posix_systems_alone() -> None:
     """Such a module is imported only where its absence is caught, such a name is asked for with `getattr` or after a test for it."""
     wrong = []
     for file in sorted(PYTHON.rglob("*.py")):
-        tree = ast.parse(file.read_text(encoding="utf-8"))
+        nodes = list(ast.walk(tree(file)))
         guarded = {
             id(inner)
-            for node in ast.walk(tree)
+            for node in nodes
             if isinstance(node, ast.Try)
             for part in node.body
             for inner in ast.walk(part)
         }
-        for node in ast.walk(tree):
+        for node in nodes:
             names = {alias.name for alias in node.names} if isinstance(node, ast.Import) else set()
             if isinstance(node, ast.ImportFrom) and node.module:
                 names.add(node.module)
@@ -121,6 +126,7 @@ def test_both_distributions_have_one_version() -> None:
         pytest.skip("run from the sources, not from installed wheels")
 
 
+@functools.cache
 def graph(top: Path) -> dict[str, set[str]]:
     """The modules of a package and which of them each imports, in functions too; imports for types alone do not count."""
     files = {}
@@ -151,7 +157,7 @@ def _modules(file: Path) -> set[str]:
                     found.add(f"{base}.{alias.name}" if whole else base)
             read(child)
 
-    read(ast.parse(file.read_text(encoding="utf-8")))
+    read(tree(file))
     return found
 
 

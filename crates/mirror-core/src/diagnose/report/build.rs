@@ -36,7 +36,7 @@ use crate::robot::Robot;
 use std::collections::BTreeMap;
 
 /// The droop of a servo that sticks is told as a cause of its own where, at the largest load, it is more than this share of the dead band.
-const DROOP_BESIDE_BAND: Threshold = 0.1;
+pub(crate) const DROOP_BESIDE_BAND: Threshold = 0.1;
 /// With fewer postures than this little can be told apart: one marker, two rows a posture, does not tell its variance then.
 const FEW_POSTURES: Count = FEWEST_REDUNDANT_ROWS as usize / 2;
 /// Hypotheses of the ranking that are written.

@@ -17,7 +17,7 @@ use crate::diagnose::selection::search::{Found, Search, SearchOptions};
 use crate::error::Result;
 
 /// A cause beside a free-form error at its own joint stands only where its shift, squared, is so many times the error's.
-const IMITATOR_SHARE: Threshold = 4.0;
+pub(crate) const IMITATOR_SHARE: Threshold = 4.0;
 
 /// What the error of a joint that rests elsewhere each time depends on.
 pub(crate) const BY_ITSELF: &str = "posture, each by itself";

@@ -23,7 +23,7 @@ use crate::diagnose::selection::search::{Found, Search, SearchOptions};
 use crate::error::Result;
 
 /// A cause beside the set-up is kept from these log odds on: what else could be in its place is in the model already.
-const LEAST_LOG_ODDS: Threshold = 2.0;
+pub(crate) const LEAST_LOG_ODDS: Threshold = 2.0;
 
 /// Causes beside a displaced set-up.
 pub(crate) struct WithSetup<'a> {

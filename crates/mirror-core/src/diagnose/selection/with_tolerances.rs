@@ -19,7 +19,7 @@ use crate::diagnose::selection::search::{Found, Search};
 use crate::error::Result;
 
 /// The spread of many small errors rests on so many values at least: it is known to better than a half.
-const FEWEST_TOLD: Threshold = 2.5;
+pub(crate) const FEWEST_TOLD: Threshold = 2.5;
 
 /// Causes beside many small errors.
 pub(crate) struct BesideGeometry<'a> {

@@ -7,6 +7,11 @@ use crate::diagnose::principles::{
     LOG_PRIOR_FREE, LOG_PRIOR_SAME_PLACE, LOG_PRIOR_STRUCTURE, MAJORITY, NEARLY_ALL, SEVERAL_CAUSES,
     SURE_DEVIATIONS, TEMPER, UNTHOUGHT_OF, WORTH_NAMING,
 };
+use crate::diagnose::random_effects::law_discrepancy::LAW_SHARE;
+use crate::diagnose::report::build::DROOP_BESIDE_BAND;
+use crate::diagnose::selection::nonparametric::IMITATOR_SHARE;
+use crate::diagnose::selection::with_setup::LEAST_LOG_ODDS as LEAST_LOG_ODDS_BESIDE_SETUP;
+use crate::diagnose::selection::with_tolerances::FEWEST_TOLD;
 
 /// The odds of a tempered log Bayes factor against it.
 fn doubt(log_odds: f64) -> f64 {
@@ -57,4 +62,19 @@ fn sizes_that_decide_stand_where_chance_puts_them() {
     // Two causes are a pair; place and scatter need more than twice the numbers that are told.
     assert!((3..4).contains(&SEVERAL_CAUSES) && (3..4).contains(&FEWEST_POSTURES));
     assert!((6..=12).contains(&FEWEST_OBSERVATIONS));
+}
+
+#[test]
+fn sizes_of_single_stages_follow_from_what_they_stand_beside() {
+    // A spread from n values is known to a share of 1/√(2n): to better than a half, yet not asked to be known to a third.
+    let share = 1.0 / (2.0 * FEWEST_TOLD).sqrt();
+    assert!((0.4..0.5).contains(&share), "{share}");
+    // A cause beside an error of no name at its own joint moves markers about twice as far as that error.
+    let times = IMITATOR_SHARE.sqrt();
+    assert!((1.5..2.5).contains(&times), "{times}");
+    // Beside the set-up, where its rival is in the model already, a cause needs less than elsewhere, and more than 4 to 1.
+    let kept = 1.0 / (1.0 + (-LEAST_LOG_ODDS_BESIDE_SETUP).exp());
+    assert!((0.8..0.95).contains(&kept) && LEAST_LOG_ODDS_BESIDE_SETUP < LEAST_LOG_ODDS, "{kept}");
+    // A droop of less than a law may be off by is the dead band's own; one of twice that is not.
+    assert!((LAW_SHARE..2.0 * LAW_SHARE).contains(&DROOP_BESIDE_BAND));
 }

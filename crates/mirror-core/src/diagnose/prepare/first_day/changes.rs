@@ -24,7 +24,7 @@ use nalgebra::{DMatrix, DVector, Vector6};
 use rayon::prelude::*;
 
 /// Displacement and small errors are found in turn until what is found more is within chance (in χ²).
-const WITHIN_CHANCE: Threshold = 4.0;
+pub(super) const WITHIN_CHANCE: Threshold = 4.0;
 /// No more of a step is taken to be kept back for the next: a factor of ten on it.
 const MOST_KEPT: Guard = 0.9;
 /// A row farther off than so many deviations counts less: false data must not pass for a slip.

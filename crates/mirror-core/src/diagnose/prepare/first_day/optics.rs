@@ -21,7 +21,7 @@ use nalgebra::Vector2;
 /// Factors between resolutions that cameras and drivers offer, each also the other way round.
 const FACTORS: [f64; 8] = [1.25, 4.0 / 3.0, 1.5, 1.6, 2.0, 2.4, 3.0, 4.0];
 /// A mean loss that right optics do not reach, and by which losses of corners and markers together must fall.
-const CLEAR_LOSS: Threshold = 0.5;
+pub(super) const CLEAR_LOSS: Threshold = 0.5;
 /// What moves the boards' corners beside a crop of the picture: what holds camera and board, the board's print.
 const OF_BOARDS: [&str; 4] = ["camera_center", "camera_mount", "board_mount", "board_scale"];
 /// The loss of a frame whose board no mirror shows.

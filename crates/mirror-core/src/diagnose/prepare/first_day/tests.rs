@@ -3,8 +3,10 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use super::alternatives::Session;
+use super::changes::WITHIN_CHANCE;
 use super::misfit::Misfit;
 use super::mistake::Mistake;
+use super::optics::CLEAR_LOSS;
 use super::variant::Variant;
 use super::{Chain, extended, outlying};
 use crate::diagnose::data::recording::{Recording, Target};
@@ -153,4 +155,23 @@ fn a_mistake_is_gone_on_from_where_the_loss_falls_by_what_matters() {
     // Losses of 0.025 and 0.04.
     assert!(!gone_on(0.042));
     assert!(gone_on(0.055));
+}
+
+#[test]
+fn what_ends_a_search_and_what_begins_one_stand_where_chance_and_usual_corners_put_them() {
+    // One parameter gains that much by chance in one of 22; half of it in one of six, twice as much in one of 200.
+    let by_chance = chi_squared_1_above(WITHIN_CHANCE);
+    assert!((0.02..0.1).contains(&by_chance), "{by_chance}");
+    // A board's loss is ln(1 + (RMS / usual)²): optics are asked for where the better boards are clearly off, yet no worse than usual ones.
+    let of_usual = CLEAR_LOSS.exp_m1().sqrt();
+    assert!((0.65..1.0).contains(&of_usual), "{of_usual}");
+}
+
+/// P(z² > x) of a standard normal z, by Simpson's rule over z.
+fn chi_squared_1_above(x: f64) -> f64 {
+    const STEPS: u32 = 1000;
+    let h = x.sqrt() / f64::from(STEPS);
+    let density = |i: u32| (-0.5 * (f64::from(i) * h).powi(2)).exp();
+    let inner: f64 = (1..STEPS).map(|i| if i % 2 == 1 { 4.0 } else { 2.0 } * density(i)).sum();
+    1.0 - (density(0) + inner + density(STEPS)) * h / 3.0 * (2.0 / core::f64::consts::PI).sqrt()
 }
