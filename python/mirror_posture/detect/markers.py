@@ -41,10 +41,12 @@ MIN_OUTLINE_RADIUS_PX = 3.0
 WIDER_HUE = 1.8
 WIDER_SATURATION = 0.8
 WIDER_VALUE = 0.5
-# A codec's blocks shift all edges of a side alike, by errors whose variance grows with its quantisation step (levels), where colour is coarse with its square: from these steps on
-# they are most of what the centre's variance has. Measured on balls of 7 to 40 px at JPEG qualities 98 to 20.
+# A codec's blocks shift all edges of a side alike, by errors whose variance grows with its quantisation step (levels): from these steps on they are most of what the centre's variance
+# has; less than where colour is fine, since coarse colour has errors of its own. Measured on balls of 7 to 40 px at JPEG qualities 98 to 20.
 TELLING_STEP = 13.0
-TELLING_STEP_OF_COARSE_COLOUR = 26.0
+TELLING_STEP_OF_COARSE_COLOUR = 29.0
+# The step of a codec of coarse colour that does not tell it (a decoded frame, WebP), levels: that of JPEG quality 92.
+USUAL_STEP = 2.2
 # From this step on a codec has kept so little of the colour's detail that it is read as at half of the resolution, whatever the file says: at 4:4:4 and quality 80, 0.09 px against 0.15.
 COARSE_COLOUR_STEP = 5.0
 
@@ -88,7 +90,6 @@ def detect_markers(
         )
         for marker in markers
     ]
-    jobs = _more_widely(bgr, jobs, options)
     # All outlines of the picture at once: the core shares them out.
     starts = [start for job in jobs for start in job.starts]
     if chroma_step_px == (1, 1) and quantisation_step >= COARSE_COLOUR_STEP:
@@ -96,7 +97,7 @@ def detect_markers(
     if chroma_step_px == (1, 1):
         widened = 1.0 + quantisation_step / TELLING_STEP
     else:
-        widened = 1.0 + (quantisation_step / TELLING_STEP_OF_COARSE_COLOUR) ** 2
+        widened = 1.0 + (quantisation_step or USUAL_STEP) / TELLING_STEP_OF_COARSE_COLOUR
 
     def measured(starts: list[Start]) -> list[OutlineFit | None]:
         return [
@@ -116,6 +117,11 @@ def detect_markers(
 
     coded = chroma_step_px != (1, 1)
     views = [_seen(bgr, job, own, options, again, coded) for job, own in zip(jobs, fits_of, strict=True)]
+    for index, job in _more_widely(bgr, jobs, views, options):
+        own = again(list(job.starts))
+        view = _seen(bgr, job, own, options, again, coded)
+        if view.ok or not jobs[index].starts:
+            jobs[index], fits_of[index], views[index] = job, own, view
     if quantisation_step <= MOST_QUANTISATION_STEP:
         wanted = [_expected(job) for job in jobs]
         views = with_blurred(bgr, wanted, fits_of, views, assumed, options, coded)
@@ -172,27 +178,33 @@ def _job(
 _Measured = Callable[[list[Start]], list[OutlineFit | None]]
 
 
-def _more_widely(bgr: npt.NDArray[np.uint8], jobs: list[_Job], options: MarkerOptions) -> list[_Job]:
-    """Markers whose place and size the model expects and of whose colour nothing fits are looked for in a wider range of it: the light is warmer, colder or dimmer than thought."""
+def _more_widely(
+    bgr: npt.NDArray[np.uint8], jobs: list[_Job], views: list[MarkerView], options: MarkerOptions
+) -> list[tuple[int, _Job]]:
+    """Markers whose place and size the model expects and that are not found, by index, looked for in a wider range of their colour: the light is warmer, colder or dimmer than thought.
+
+    Where a part of the ball had its colour, that part says what is seen of it as before.
+    """
     hues = [color_of(job.marker).hue_deg for job in jobs]
     poor = [
         index
-        for index, job in enumerate(jobs)
-        if job.hint is not None
-        and not job.starts
+        for index, (job, view) in enumerate(zip(jobs, views, strict=True))
+        if not view.ok
+        and job.hint is not None
         and job.marker.diameter_m > 0.0
         and options.use_outline
         and (job.hint.ball_radius_px or 0.0) >= MIN_OUTLINE_RADIUS_PX
     ]
     if not poor:
-        return jobs
+        return []
     wide = [_wide(jobs[index].marker, hues[:index] + hues[index + 1 :]) for index in poor]
     found = color_regions(bgr, [color_of(marker) for marker in wide])
-    result = list(jobs)
+    result = []
     for index, marker, regions in zip(poor, wide, found, strict=True):
-        job = _job(marker, jobs[index].choice, regions, jobs[index].hint, None, options)
+        own = jobs[index].marker if jobs[index].starts else marker
+        job = _job(own, jobs[index].choice, regions, jobs[index].hint, None, options)
         if job.starts:
-            result[index] = job
+            result.append((index, job))
     return result
 
 

@@ -22,10 +22,10 @@ const USUAL_BLUR_PX: f64 = 0.7;
 const BLUR_OF_STEP: f64 = 0.6;
 /// Edges farther than this from an outline are not on it, px.
 const TOLERANCE_PX: f64 = 0.675;
-/// What edges share with their neighbours by the blur, which carries over the rim what lies beside it: px for each px of blur and for each px² of it; in coded
-/// pictures also for each px² against the radius. Measured on drawn and path-traced balls, as the shares below.
+/// What edges share with their neighbours by the blur, which carries over the rim what lies beside it: px for each px of blur and for each px² of it, and the same in
+/// coded pictures. Measured on drawn and path-traced balls, as the shares below.
 const SHARED_BY_BLUR: [f64; 2] = [0.0127, 0.0171];
-const SHARED_BY_CODED_BLUR: [f64; 3] = [0.0485, 0.0387, 0.207];
+const SHARED_BY_CODED_BLUR: [f64; 2] = [0.0413, 0.0320];
 /// The same by sharpening, px for an overshoot of the whole step; beside that, it parts the channels (`channels`).
 const SHARED_BY_OVERSHOOT_PX: f64 = 0.4;
 /// Along the outline, edges share their errors over about this length (times the blur, where that is above 1 px): what lies behind, and a codec's blocks.
@@ -35,7 +35,7 @@ const CORRELATION_PX: f64 = 1.8;
 const SCATTER_SHARE: f64 = 1.45;
 const DISAGREEING_POWER: f64 = 1.24;
 /// How much longer for each px by which a noisy picture was smoothed.
-const SMOOTHED_CORRELATION: f64 = 0.5;
+const SMOOTHED_CORRELATION: f64 = 0.8;
 /// Least square of the share of the outline that edges agree with, in that.
 const LEAST_HELD: f64 = 0.1;
 /// What has no edge (another part before the ball) spoils the edges beside it over this length.
@@ -106,13 +106,8 @@ pub fn measure_ball(
         let growth = (range.min_px - circle.radius_px, range.max_px - circle.radius_px);
         let together = of_one_outline(&edges.offset_px, &edges.std_px, &found, TOLERANCE_PX, growth)?;
         let widest = blur.widest_px();
-        let by_blur = if patch.coded {
-            let [by_px, by_px2, by_bend] = SHARED_BY_CODED_BLUR;
-            let bend = widest.powi(2) / circle.radius_px.max(1.0);
-            (by_px * widest).hypot(by_px2 * widest.powi(2)).hypot(by_bend * bend)
-        } else {
-            (SHARED_BY_BLUR[0] * widest).hypot(SHARED_BY_BLUR[1] * widest.powi(2))
-        };
+        let [by_px, by_px2] = if patch.coded { SHARED_BY_CODED_BLUR } else { SHARED_BY_BLUR };
+        let by_blur = (by_px * widest).hypot(by_px2 * widest.powi(2));
         let by_all = by_blur.hypot(SHARED_BY_OVERSHOOT_PX * edges.overshoot);
         let (points, inlier): (Vec<EdgePoint>, Vec<bool>) = (0..count)
             .filter(|i| found[*i])

@@ -3,8 +3,9 @@
 use crate::error::{Error, Result};
 use std::sync::LazyLock;
 
-/// Noise from which a picture is smoothed before edges are read (levels), and the most that it is smoothed (px).
+/// Noise from which a picture is smoothed before edges are read (levels), where its values differ by so much; a dark picture shows less of both. The most that it is smoothed (px).
 const NOISY_LEVELS: f64 = 6.0;
+const USUAL_SPREAD_LEVELS: f64 = 60.0;
 const MOST_SMOOTHING_PX: f64 = 1.4;
 /// The codec's blocks of colour are at most so many pixels wide.
 const BLOCK_PX: usize = 4;
@@ -104,7 +105,8 @@ impl Patch {
             let start = (row * picture.width + left) * 3;
             levels.extend(picture.bgr[start..start + width * 3].chunks_exact(3).map(|p| [p[0], p[1], p[2]]));
         }
-        let noise = noise_levels(&levels, width, height);
+        let spread = spread_levels(&levels).clamp(1.0, USUAL_SPREAD_LEVELS);
+        let noise = noise_levels(&levels, width, height) * USUAL_SPREAD_LEVELS / spread;
         // The covered length does not mind a blur, and noise does.
         let smoothing =
             if noise > NOISY_LEVELS { MOST_SMOOTHING_PX.min(0.5 * noise / NOISY_LEVELS) } else { 0.0 };
@@ -178,6 +180,27 @@ impl Patch {
 
 fn luma_of(bgr: &[u8; 3]) -> f32 {
     0.114 * f32::from(bgr[0]) + 0.587 * f32::from(bgr[1]) + 0.299 * f32::from(bgr[2])
+}
+
+/// How far apart the darkest and the brightest tenth of the values of a channel are, levels; of the channel where that is most.
+fn spread_levels(levels: &[[u8; 3]]) -> f64 {
+    let tenth = levels.len() / 10;
+    let of_channel = |channel: usize| {
+        let mut counts = [0usize; 256];
+        for pixel in levels {
+            counts[usize::from(pixel[channel])] += 1;
+        }
+        let below = |most: usize| {
+            let mut sum = 0;
+            counts.iter().position(|count| {
+                sum += count;
+                sum > most
+            })
+        };
+        let (low, high) = (below(tenth), below(levels.len() - tenth.min(levels.len())));
+        high.unwrap_or(255).saturating_sub(low.unwrap_or(0))
+    };
+    (0..3).map(of_channel).max().unwrap_or(0) as f64
 }
 
 /// Standard deviation of the noise of a channel, levels: the median of mixed differences, which shading and edges hardly touch.
