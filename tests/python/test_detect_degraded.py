@@ -291,3 +291,10 @@ def test_what_a_codec_of_coarse_colour_adds_grows_with_its_step() -> None:
     assert variance(4.0) / variance(1.0) == pytest.approx((1.0 + 4.0 / 29.0) / (1.0 + 1.0 / 29.0))
     assert variance(13.0) / variance(1.0) == pytest.approx((1.0 + 13.0 / 29.0) / (1.0 + 1.0 / 29.0))
     assert variance(0.0) == pytest.approx(variance(2.2))
+
+
+def test_the_larger_of_two_things_of_its_colour_is_not_taken_where_no_board_tells_a_size() -> None:
+    picture = encoded(scene((150.3, 118.6), np.random.default_rng(3), others=(((60.0, 60.0), 20.0),)))
+    (view,) = detect_markers(picture, (MARKER,), CAMERA)
+    assert not view.ok
+    assert "2 regions of its colour" in view.reason

@@ -194,7 +194,7 @@ def test_two_like_regions_without_a_prediction_are_masked() -> None:
     picture = ball_picture([(90.0, 80.0, 9.0), (200.0, 150.0, 10.0)])
     (view,) = detect_markers(picture, (Marker("hand", diameter_m=0.0116, color=RED),))
     assert not view.ok
-    assert "2 regions of its colour and of like size" in view.reason
+    assert "2 regions of its colour and of unknown size" in view.reason
 
 
 def test_nothing_near_the_predicted_place_is_masked() -> None:

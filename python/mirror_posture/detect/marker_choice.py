@@ -13,8 +13,9 @@ from ..marker import Marker
 from .blobs import Region, hue_distance_deg
 from .types import PredictedMarker, color_of
 
-# Without a prediction, a second region of comparable size makes the choice doubtful.
+# Without a prediction, a second region of comparable size makes the choice doubtful; where no board tells what size a ball can have there, a smaller one does too: the larger may be another thing.
 RIVAL_AREA_RATIO = 0.6
+RIVAL_AREA_RATIO_OF_UNKNOWN_SIZE = 0.1
 
 
 @dataclass(frozen=True)
@@ -105,12 +106,13 @@ def _largest(
             fitting[0],
             f"shares its colour with {', '.join(sorted(twins))}: predict its place, or give it another hue",
         )
-    rivals = [region for region in fitting[1:] if region.area_px >= RIVAL_AREA_RATIO * fitting[0].area_px]
+    ratio = RIVAL_AREA_RATIO_OF_UNKNOWN_SIZE if bounds is None else RIVAL_AREA_RATIO
+    rivals = [region for region in fitting[1:] if region.area_px >= ratio * fitting[0].area_px]
     if rivals:
         u, v = rivals[0].centroid_px
         return Choice(
             fitting[0],
-            f"{len(rivals) + 1} regions of its colour and of like size (another at ({u:.0f}, {v:.0f})): predict its place",
+            f"{len(rivals) + 1} regions of its colour and of {'like' if bounds else 'unknown'} size (another at ({u:.0f}, {v:.0f})): predict its place",
         )
     return Choice(fitting[0], "")
 
