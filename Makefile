@@ -44,7 +44,7 @@ test-rust: ## the core's tests; needs no Python
 # Each worker takes half of the files, so that what a file makes once is made by one of them.
 test-python: $(VENV)/installed-for-tests ## build and install the wheel, test it
 	$(BIN)/python -m pytest -q -n 2 --dist worksteal -m "not realtime"
-	$(BIN)/python -m pytest -q -n 3 -m realtime $(REALTIME)
+	$(BIN)/python -m pytest -q -n 4 -m realtime $(REALTIME)
 
 test-floors: $(VENV)/wheel ## detection and sessions with the oldest dependencies that can be solved (not a part of `make test`)
 	$(PYTHON) -m venv $(VENV)-floors

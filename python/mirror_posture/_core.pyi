@@ -68,6 +68,16 @@ class Robot:
     def gravity_moments(
         self, positions: npt.ArrayLike, gravity_in_held_link: npt.ArrayLike, held_link: str
     ) -> _Array: ...
+    def up_in_link(
+        self,
+        positions: npt.ArrayLike,
+        link: str,
+        gravity_in_held_link: npt.ArrayLike,
+        held_link: str,
+        errors: list[tuple[str, npt.ArrayLike, npt.ArrayLike]],
+    ) -> _Array: ...
+
+def rms_angles(a: npt.ArrayLike, b: npt.ArrayLike) -> tuple[float, float]: ...
 
 @final
 class PictureMaker:

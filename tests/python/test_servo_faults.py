@@ -35,7 +35,7 @@ CHOSEN = (
 def test_whatever_fails_the_torque_is_as_promised() -> None:
     chosen = [kind for kind in kinds() if kind[1] in CHOSEN]
     assert len(chosen) == len(CHOSEN) == 20
-    with ProcessPoolExecutor(3, multiprocessing.get_context("spawn")) as pool:
+    with ProcessPoolExecutor(6, multiprocessing.get_context("spawn")) as pool:
         trials = list(pool.map(trial, chosen, [SEED] * len(chosen)))
     for one in trials:
         assert one.promise_kept and one.still, one

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import json
+from collections.abc import Callable
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -20,8 +22,16 @@ pytest.importorskip("mirror_lab")
 SIMULATED = ("gear_ratio", "link_length", "axis_tilt")
 
 
+Made = Callable[[str, int], tuple[Path, list[Cause]]]
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
+    """A session with one cause, from the judge's simulator, and the true cause; of each kind one is made, and no test writes to it."""
+    return functools.cache(lambda effect, seed: _made(tmp_path_factory.mktemp(effect), effect, seed))
+
+
 def _made(folder: Path, effect: str, seed: int) -> tuple[Path, list[Cause]]:
-    """A session with one cause, from the judge's simulator, and the true cause."""
     from mirror_posture.cli.app import app
 
     made = CliRunner().invoke(
@@ -54,10 +64,10 @@ def _diagnosis(causes: list[Cause]) -> Diagnosis:
 @pytest.mark.parametrize(
     ("effect", "seed"), [(effect, seed) for seed, effect in enumerate(SIMULATED, start=4)]
 )
-def test_the_true_cause_closes_the_gap_in_the_simulator(tmp_path: Path, effect: str, seed: int) -> None:
+def test_the_true_cause_closes_the_gap_in_the_simulator(made: Made, effect: str, seed: int) -> None:
     from mirror_posture.simulate import simulate
 
-    session, causes = _made(tmp_path, effect, seed)
+    session, causes = made(effect, seed)
     simulation = simulate(session, found=_diagnosis(causes))
     before, after = (stair.gap.rms_px for stair in simulation.stairs)
     assert before is not None and after is not None
@@ -67,11 +77,11 @@ def test_the_true_cause_closes_the_gap_in_the_simulator(tmp_path: Path, effect: 
     assert after < before
 
 
-def test_a_body_that_is_shifted_is_off_by_its_shift_in_metres(tmp_path: Path) -> None:
+def test_a_body_that_is_shifted_is_off_by_its_shift_in_metres(made: Made) -> None:
     from mirror_posture.simulate import simulated_gap
     from mirror_posture.simulate.staircase import with_causes
 
-    folder, causes = _made(tmp_path, "joint_offset", 11)
+    folder, causes = made("joint_offset", 11)
     session = mp.load_session(folder)
     changed, _, rest = with_causes(session, None, causes)
     before = simulated_gap(changed.session, rest)
@@ -87,18 +97,18 @@ def test_a_body_that_is_shifted_is_off_by_its_shift_in_metres(tmp_path: Path) ->
     assert after.rms_m is not None and 0.85 * 0.02 < after.rms_m < 1.1 * 0.02, after.rms_m
 
 
-def test_a_spring_closes_most_of_the_gap_of_a_spring_that_stiffens(tmp_path: Path) -> None:
+def test_a_spring_closes_most_of_the_gap_of_a_spring_that_stiffens(made: Made) -> None:
     from mirror_posture.simulate import simulate
 
-    session, causes = _made(tmp_path, "joint_compliance", 3)
+    session, causes = made("joint_compliance", 3)
     before, after = (stair.gap.rms_px for stair in simulate(session, found=_diagnosis(causes)).stairs)
     assert before is not None and after is not None and after < 0.4 * before
 
 
-def test_a_wrong_cause_does_not(tmp_path: Path) -> None:
+def test_a_wrong_cause_does_not(made: Made) -> None:
     from mirror_posture.simulate import simulate
 
-    session, causes = _made(tmp_path, "joint_offset", 11)
+    session, causes = made("joint_offset", 11)
     wrong = [
         Cause(c.effect, c.at, 1.0, {"offset_rad": Estimate(-c.parameters["offset_rad"].value, 0.0)})
         for c in causes
@@ -108,10 +118,10 @@ def test_a_wrong_cause_does_not(tmp_path: Path) -> None:
     assert before is not None and after is not None and after > 1.3 * before
 
 
-def test_the_users_own_model_keeps_its_geoms_and_is_told_where_it_differs(tmp_path: Path) -> None:
+def test_the_users_own_model_keeps_its_geoms_and_is_told_where_it_differs(made: Made, tmp_path: Path) -> None:
     from mirror_posture.simulate import simulate
 
-    session, causes = _made(tmp_path, "joint_compliance", 3)
+    session, causes = made("joint_compliance", 3)
     loaded = mp.load_session(session)
     spec = mujoco.MjSpec.from_file(str(loaded.robot_file))
     spec.compiler.fusestatic = False
@@ -129,10 +139,10 @@ def test_the_users_own_model_keeps_its_geoms_and_is_told_where_it_differs(tmp_pa
     assert not [note for note in simulation.notes if "different robots" in note]
 
 
-def test_the_command_writes_the_staircase_and_names_a_missing_joint(tmp_path: Path) -> None:
+def test_the_command_writes_the_staircase_and_names_a_missing_joint(made: Made, tmp_path: Path) -> None:
     from mirror_posture.cli.app import app
 
-    session, _ = _made(tmp_path, "joint_offset", 11)
+    session, _ = made("joint_offset", 11)
     done = CliRunner().invoke(app, ["simulate", str(session), "--out", str(tmp_path / "out")])
     assert done.exit_code == 0, done.output
     tree = json.loads((tmp_path / "out" / "simulation.json").read_text())
@@ -148,13 +158,13 @@ def test_the_command_writes_the_staircase_and_names_a_missing_joint(tmp_path: Pa
     assert "has no joint" in refused.output and "hinge" in refused.output
 
 
-def test_optics_and_a_board_on_another_body_than_the_camera_can_be_held(tmp_path: Path) -> None:
+def test_optics_and_a_board_on_another_body_than_the_camera_can_be_held(made: Made) -> None:
     from mirror_posture.simulate.causes import add_cause
     from mirror_posture.simulate.changed import Changed
     from mirror_posture.simulate.held_out import first_half
     from mirror_posture.simulate.model import build, element_of
 
-    folder, _ = _made(tmp_path, "joint_offset", 11)
+    folder, _ = made("joint_offset", 11)
     session = mp.load_session(folder)
     assert session.camera is not None and session.board is not None and session.camera_link is not None
 

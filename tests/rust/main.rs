@@ -32,6 +32,7 @@ mod planar;
 mod reflection;
 mod robot_gravity;
 mod robot_kinematics;
+mod robot_upright;
 mod robot_urdf;
 mod sphere;
 mod traced;

@@ -50,7 +50,7 @@ mod _core {
     #[pymodule_export]
     use crate::picture::PictureMaker;
     #[pymodule_export]
-    use crate::robot::PyRobot;
+    use crate::robot::{PyRobot, rms_angles};
     #[pymodule_export]
     use crate::triangulate::{
         PyMarkers, PyPointBatch, PyVirtualRays, triangulate, two_view_markers, virtual_rays,

@@ -1,9 +1,10 @@
 //! Bindings of `mirror_core::robot`.
 
-use crate::arrays::{Array1Like, Array2Like, reshaped, rows_of, triple};
+use crate::arrays::{Array1Like, Array2Like, reshaped, rows_of, triple, triples};
 use crate::errors::{MirrorPostureError, to_py};
 use crate::work::Work;
-use mirror_core::robot::{JointKind, Robot};
+use mirror_core::geometry::directions;
+use mirror_core::robot::{JointErrors, JointKind, Robot};
 use nalgebra::{Point3, Vector3};
 use numpy::{PyArray1, PyArray2, PyArray3, PyArray4};
 use pyo3::prelude::*;
@@ -272,6 +273,33 @@ impl PyRobot {
         reshaped(py, out, [count, joints, 3])
     }
 
+    /// `errors`: by joint, the error of its position (N,), rad, and the bending of the link that it carries (N, 3), rad.
+    fn up_in_link<'py>(
+        &self,
+        py: Python<'py>,
+        positions: Array2Like<'py>,
+        link: &str,
+        gravity_in_held_link: Array1Like<'py>,
+        held_link: &str,
+        errors: Vec<(String, Array1Like<'py>, Array2Like<'py>)>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let (count, q) = self.positions(&positions)?;
+        let gravity: Vector3<f64> = triple("gravity_in_held_link", &gravity_in_held_link)?;
+        let (held, link) = (self.link(held_link)?, self.link(link)?);
+        let errors = errors
+            .iter()
+            .map(|(joint, turn, bend)| {
+                Ok(JointErrors {
+                    joint: self.inner.joint_index(joint).map_err(to_py)?,
+                    turn_rad: turn.as_array().to_vec(),
+                    bend_rad: triples("bend_rad", bend)?,
+                })
+            })
+            .collect::<PyResult<Vec<_>>>()?;
+        let up = py.detach(|| self.inner.up_in_link(&q, held, link, &gravity, &errors)).map_err(to_py)?;
+        reshaped(py, up.iter().flat_map(|u| [u.x, u.y, u.z]).collect(), [count, 3])
+    }
+
     fn __repr__(&self) -> String {
         format!(
             "Robot({:?}, {} links, {} positions)",
@@ -280,4 +308,11 @@ impl PyRobot {
             self.inner.position_count()
         )
     }
+}
+
+/// RMS angle (rad) between unit vectors (N, 3) in pairs, and that with the first turned by one rotation to the second.
+#[pyfunction]
+pub fn rms_angles(a: Array2Like<'_>, b: Array2Like<'_>) -> PyResult<(f64, f64)> {
+    let (a, b) = (triples("a", &a)?, triples("b", &b)?);
+    Ok((directions::rms_angle(&a, &b), directions::rms_angle_turned(&a, &b)))
 }

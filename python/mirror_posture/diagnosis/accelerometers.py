@@ -1,15 +1,9 @@
 """Accelerometers that the fit never saw, as witnesses: which way is up on a link, against what the causes predict there.
 
-At rest an accelerometer reads `−g` in its own frame. The nominal model says where that points at the commanded posture; the
-model with the named causes says where it points in the posture in which the links really stand:
-
-    u = −R_linkᵀ R_root g / |g|,   R = (∏ A_k E_k A_kᵀ) A,   over the joints k from the root to the link
-
-with `A_k` the rotation of what joint k carries, by the URDF at the commanded posture, and `E_k = Rot(axis, δ_k) Exp(ω_k)` its
-named error in this frame: δ the error of its position, ω the bending of the link that it carries. Tilted axes and wrong
-zeros are written into the URDF first. Figures: RMS of the angle between reading and prediction, once as read, and once
-with the sensor's own mounting rotation taken out (Wahba's problem over all frames, by SVD; G. Wahba, "A least squares
-estimate of satellite attitude", SIAM Review 7, 1965).
+The nominal model says where that points at the commanded posture; the model with the named causes says where it points in
+the posture in which the links really stand (`Robot::up_in_link` of the core). Tilted axes and wrong zeros are written into
+the URDF first. Figures: RMS of the angle between reading and prediction, once as read, and once with the sensor's own
+mounting rotation taken out (Wahba's problem over all frames).
 
 What no accelerometer sees: a turn about the vertical, lengths and shifts, camera, board and mirror. A link that bends is
 taken as bent in its middle, and the sensor as beyond it. What no cause explains (the free-form errors) is left out, on
@@ -24,8 +18,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from .._core import rms_angles
 from ..robot import Robot
-from ..rotations import rotation_of_vector
 from ..session import Session
 from .applied.apply import parts_of
 from .applied.urdf import Urdf
@@ -83,8 +77,13 @@ def accelerometer_witness(session: Session, found: Diagnosis) -> AccelerometerWi
         force = frames.accelerometer_m_per_s2[rows, k]
         length = np.linalg.norm(force, axis=1)
         up = force / length[:, None]
-        before = _up(session.robot, session, link, rows, None)
-        after = _up(errors.robot, session, link, rows, errors)
+        positions, where = session.positions[rows], (link, gravity, session.root_link)
+        before = session.robot.core.up_in_link(positions, *where, [])
+        after = errors.robot.core.up_in_link(positions, *where, errors.in_rows(rows))
+        (before_rad, before_free_rad), (after_rad, after_free_rad) = (
+            rms_angles(before, up),
+            rms_angles(after, up),
+        )
         median = float(np.median(length))
         if abs(median / strength - 1.0) > LENGTH_OFF:
             warnings.append(
@@ -92,8 +91,7 @@ def accelerometer_witness(session: Session, found: Diagnosis) -> AccelerometerWi
                 "is it in another unit (g instead of m/s²)?"
             )
         enough = len(rows) >= FEWEST_FOR_MOUNT
-        mount_free = _rms_angle(_mounted(before, up), up)
-        if enough and _rms_angle(_mounted(before, -up), -up) < POINTS_DOWN * mount_free:
+        if enough and rms_angles(before, -up)[1] < POINTS_DOWN * before_free_rad:
             warnings.append(
                 f"accelerometer on {link}: its readings fit when turned over; needed the specific force, "
                 "which points up at rest: turn the sign of all three columns"
@@ -103,10 +101,10 @@ def accelerometer_witness(session: Session, found: Diagnosis) -> AccelerometerWi
                 "link": link,
                 "named": named,
                 "frames": len(rows),
-                "before_rad": _rms_angle(before, up),
-                "after_rad": _rms_angle(after, up),
-                "before_mount_free_rad": mount_free if enough else None,
-                "after_mount_free_rad": _rms_angle(_mounted(after, up), up) if enough else None,
+                "before_rad": before_rad,
+                "after_rad": after_rad,
+                "before_mount_free_rad": before_free_rad if enough else None,
+                "after_mount_free_rad": after_free_rad if enough else None,
                 "median_m_per_s2": median,
             }
         )
@@ -169,15 +167,17 @@ class _Errors:
         known: Mask = np.logical_and.reduce([np.isfinite(v) for v in values]) if values else np.array(True)
         return known, bool(values) or bool(self.in_urdf & path)
 
-    def rotation(self, joint: str, axis: Floats, rows: npt.NDArray[np.int64]) -> Floats | None:
-        """`E`: (N, 3, 3), or None for a joint without an error."""
-        turn, bend = self.turn_rad.get(joint), self.bend_rad.get(joint)
-        if turn is None and bend is None:
-            return None
-        out = np.broadcast_to(np.eye(3), (len(rows), 3, 3))
-        if turn is not None:
-            out = out @ rotation_of_vector(turn[rows, None] * axis)
-        return out if bend is None else out @ rotation_of_vector(bend[rows])
+    def in_rows(self, rows: npt.NDArray[np.int64]) -> list[tuple[str, Floats, Floats]]:
+        """Joint, error of its position (N,) and bending of its link (N, 3), of the joints that have one."""
+        turn, bend = np.zeros(len(rows)), np.zeros((len(rows), 3))
+        return [
+            (
+                joint,
+                self.turn_rad[joint][rows] if joint in self.turn_rad else turn,
+                self.bend_rad[joint][rows] if joint in self.bend_rad else bend,
+            )
+            for joint in self.turn_rad.keys() | self.bend_rad.keys()
+        ]
 
 
 def _by_frame(session: Session, frame: npt.NDArray[np.int64], values: Floats) -> Floats:
@@ -188,44 +188,3 @@ def _by_frame(session: Session, frame: npt.NDArray[np.int64], values: Floats) ->
     by_posture = np.full((len(postures), *values.shape[1:]), np.nan)
     by_posture[index[rows]] = values
     return by_posture[index]
-
-
-def _up(
-    robot: Robot, session: Session, link: str, rows: npt.NDArray[np.int64], errors: _Errors | None
-) -> Floats:
-    """(N, 3): the direction of −g in a link's frame."""
-    steps = robot.chain(session.root_link, link)
-    ways = {
-        session.root_link: [step.joint for step in steps if step.sign < 0][::-1],
-        link: [step.joint for step in steps if step.sign > 0],
-    }
-    joints = {joint.name: joint for joint in robot.joints}
-    q = session.positions[rows]
-
-    def base_from(of: str) -> Floats:
-        rotation = robot.link_poses(q, [of])[:, 0, :3, :3]
-        for name in reversed(ways[of] if errors is not None else []):
-            turn = errors.rotation(name, joints[name].axis, rows) if errors is not None else None
-            if turn is not None:
-                carried = robot.link_poses(q, [joints[name].child_link])[:, 0, :3, :3]
-                rotation = carried @ turn @ carried.transpose(0, 2, 1) @ rotation
-        return rotation
-
-    gravity = session.gravity_m_per_s2 / np.linalg.norm(session.gravity_m_per_s2)
-    down = base_from(session.root_link) @ gravity
-    result: Floats = -np.einsum("nji,nj->ni", base_from(link), down)
-    return result
-
-
-def _mounted(predicted: Floats, read: Floats) -> Floats:
-    """The predictions turned by the one rotation that brings them closest to the readings."""
-    left, _, right = np.linalg.svd(read.T @ predicted)
-    sign = np.array([1.0, 1.0, np.sign(np.linalg.det(left) * np.linalg.det(right))])
-    turned: Floats = predicted @ ((left * sign) @ right).T
-    return turned
-
-
-def _rms_angle(a: Floats, b: Floats) -> float:
-    """RMS angle between unit vectors, rad."""
-    angle = np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), np.einsum("ni,ni->n", a, b))
-    return float(np.sqrt(np.mean(angle**2)))

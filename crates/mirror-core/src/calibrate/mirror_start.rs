@@ -14,6 +14,7 @@
 
 use crate::camera::Camera;
 use crate::error::{Error, Result};
+use crate::geometry::rotation::nearest;
 use crate::mirror::{Board, BoardView, EstimatorOptions, MirrorEstimator, PlanarPose, Rig};
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use rayon::prelude::*;
@@ -61,10 +62,7 @@ fn transform(poses: &[Reflected], normals: &[Vector3<f64>]) -> Option<(Isometry3
         matrix += across;
         right += across * pose.at;
     }
-    let svd = mean.svd(true, true);
-    let (u, v_t) = (svd.u?, svd.v_t?);
-    let turn = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, (u * v_t).determinant()));
-    let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(u * turn * v_t));
+    let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(nearest(&mean)?));
     let t = matrix.cholesky()?.solve(&right);
     let misses = poses
         .iter()

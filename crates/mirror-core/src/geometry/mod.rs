@@ -1,5 +1,6 @@
 //! Planes, reflections, rays and rotations: exact geometry that knows nothing of cameras or robots.
 
+pub mod directions;
 mod improper;
 mod plane;
 mod ray;

@@ -26,6 +26,19 @@ pub fn log(rotation: &UnitQuaternion<f64>) -> Vector3<f64> {
     rotation.scaled_axis()
 }
 
+/// The rotation nearest to a matrix M (in the sum of squares), which maximises `tr(Rᵀ M)`: `M = U S Vᵀ`, `R = U diag(1, 1, det U det V) Vᵀ`.
+///
+/// Of `M = Σ b aᵀ` it is the rotation that brings the vectors a closest to b. None where M has no singular values (it is not finite).
+///
+/// # Source
+/// G. Wahba, "A least squares estimate of satellite attitude", SIAM Review 7, 1965; S. Umeyama, IEEE PAMI 13, 1991.
+pub fn nearest(matrix: &Matrix3<f64>) -> Option<Matrix3<f64>> {
+    let svd = matrix.svd(true, true);
+    let (u, v_t) = (svd.u?, svd.v_t?);
+    let sign = (u * v_t).determinant().signum();
+    Some(u * Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, sign)) * v_t)
+}
+
 /// The right Jacobian of SO(3): `Exp(ω + δ) ≈ Exp(ω) Exp(J_r(ω) δ)`,
 /// `J_r = I − (1 − cos θ)/θ² ω̂ + (θ − sin θ)/θ³ ω̂²`.
 pub fn right_jacobian(omega: &Vector3<f64>) -> Matrix3<f64> {

@@ -20,6 +20,7 @@ mod sine;
 mod step;
 mod tidy;
 mod tree;
+mod upright;
 mod urdf;
 
 pub use chain::{Chain, ChainStep, Direction};
@@ -30,3 +31,4 @@ pub use joint::{Drive, Joint, JointKind, Limits, Mimic};
 pub use joint_law::JointTerm;
 pub use model::{Link, Robot};
 pub use poses::Poses;
+pub use upright::JointErrors;

@@ -6,6 +6,7 @@ use crate::diagnose::model::kinematics::NodePoses;
 use crate::diagnose::model::pose::Pose;
 use crate::diagnose::model::problem::{BoardFit, FRAMES_A_CHUNK, Observation, Problem};
 use crate::error::Result;
+use crate::geometry::rotation::nearest;
 use crate::robot::Robot;
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use rayon::prelude::*;
@@ -69,14 +70,7 @@ impl Problem {
         mean_b /= count;
         let covariance: Matrix3<f64> =
             pairs.iter().map(|(a, b)| (a - mean_a) * (b - mean_b).transpose()).sum();
-        let svd = covariance.svd(true, true);
-        let rotation = match (svd.u, svd.v_t) {
-            (Some(u), Some(v_t)) => {
-                let sign = (u * v_t).determinant().signum();
-                u * Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, sign)) * v_t
-            }
-            _ => Matrix3::identity(),
-        };
+        let rotation = nearest(&covariance).unwrap_or_else(Matrix3::identity);
         let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rotation));
         let translation = Translation3::from(mean_a - rotation * mean_b);
         Pose::from(&Isometry3::from_parts(translation, rotation))

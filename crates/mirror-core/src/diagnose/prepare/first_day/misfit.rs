@@ -16,6 +16,7 @@ use crate::diagnose::model::problem::{Observation, Problem, Seen};
 use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::principles::{FEWEST_OBSERVATIONS, Prior, Size};
 use crate::error::Result;
+use crate::geometry::rotation::nearest;
 use nalgebra::{Matrix3, Point3, Vector3};
 use std::sync::Mutex;
 
@@ -367,13 +368,6 @@ fn rigid(pairs: impl Iterator<Item = (Vector3<f64>, Vector3<f64>, f64)> + Clone)
     for (to, from, weight) in pairs {
         covariance += (to - a) * (from - b).transpose() * weight;
     }
-    let svd = covariance.svd(true, true);
-    let r = match (svd.u, svd.v_t) {
-        (Some(u), Some(v_t)) => {
-            let sign = (u * v_t).determinant().signum();
-            u * Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, sign)) * v_t
-        }
-        _ => Matrix3::identity(),
-    };
+    let r = nearest(&covariance).unwrap_or_else(Matrix3::identity);
     Pose { r, t: a - r * b }
 }
