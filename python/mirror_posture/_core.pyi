@@ -74,7 +74,7 @@ class Robot:
         link: str,
         gravity_in_held_link: npt.ArrayLike,
         held_link: str,
-        errors: list[tuple[str, npt.ArrayLike, npt.ArrayLike]],
+        errors: Sequence[tuple[str, npt.ArrayLike, npt.ArrayLike]],
     ) -> _Array: ...
 
 def rms_angles(a: npt.ArrayLike, b: npt.ArrayLike) -> tuple[float, float]: ...

@@ -41,10 +41,15 @@ def scene(
 ) -> np.ndarray:
     """A red ball (and others: centre, radius) on a background of grey blocks; a plate hides part of its right side."""
     width, height = SIZE
-    u = (np.arange(width * FINE) + 0.5) / FINE - 0.5
-    v = (np.arange(height * FINE) + 0.5) / FINE - 0.5
     blocks = rng.uniform(0.08, 0.5, (6, 8, 1)) * np.array([1.0, 0.95, 0.9])
-    light = np.kron(blocks, np.ones((height * FINE // 6, width * FINE // 8, 1)))
+    picture = np.kron(blocks, np.ones((height // 6, width // 8, 1)))
+    # Blocks end where pixels end: only what holds balls and plate is drawn finely.
+    balls = [(center, 2.0 * RADIUS), *others]
+    left, top = (int(max(0.0, min(at[k] - r for at, r in balls) - 2.0)) for k in range(2))
+    right, bottom = (int(min(SIZE[k], max(at[k] + r for at, r in balls) + 3.0)) for k in range(2))
+    u = (np.arange(left * FINE, right * FINE) + 0.5) / FINE - 0.5
+    v = (np.arange(top * FINE, bottom * FINE) + 0.5) / FINE - 0.5
+    light = picture[top:bottom, left:right].repeat(FINE, axis=0).repeat(FINE, axis=1)
     lamp = np.array([0.3, -0.6, 0.74])
     for (x, y), radius in (*others, (center, RADIUS)):
         du, dv = (u[None] - x) / radius, (v[:, None] - y) / radius
@@ -60,7 +65,9 @@ def scene(
             & (np.abs(v[:, None] - center[1]) < 2 * RADIUS)
         )
         light = np.where(plate[..., None], 0.2, light)
-    return light.reshape(height, FINE, width, FINE, 3).mean(axis=(1, 3))
+    fine = light.reshape(bottom - top, FINE, right - left, FINE, 3)
+    picture[top:bottom, left:right] = fine.mean(axis=(1, 3))
+    return picture
 
 
 def blurred(sigma: float) -> Callable:
