@@ -3,7 +3,7 @@
 use crate::error::{Error, Result};
 use std::sync::LazyLock;
 
-/// Noise from which a picture is smoothed before edges are read (levels), where its values differ by so much; a dark picture shows less of both. The most that it is smoothed (px).
+/// Noise from which a picture is smoothed before edges are read (levels): by more where its values differ by less than so much. The most that it is smoothed (px).
 const NOISY_LEVELS: f64 = 6.0;
 const USUAL_SPREAD_LEVELS: f64 = 60.0;
 const MOST_SMOOTHING_PX: f64 = 1.4;
@@ -105,11 +105,14 @@ impl Patch {
             let start = (row * picture.width + left) * 3;
             levels.extend(picture.bgr[start..start + width * 3].chunks_exact(3).map(|p| [p[0], p[1], p[2]]));
         }
-        let spread = spread_levels(&levels).clamp(1.0, USUAL_SPREAD_LEVELS);
-        let noise = noise_levels(&levels, width, height) * USUAL_SPREAD_LEVELS / spread;
+        let noise = noise_levels(&levels, width, height);
         // The covered length does not mind a blur, and noise does.
-        let smoothing =
-            if noise > NOISY_LEVELS { MOST_SMOOTHING_PX.min(0.5 * noise / NOISY_LEVELS) } else { 0.0 };
+        let smoothing = if noise > NOISY_LEVELS {
+            let spread = spread_levels(&levels).clamp(1.0, USUAL_SPREAD_LEVELS);
+            MOST_SMOOTHING_PX.min(0.5 * noise / NOISY_LEVELS * USUAL_SPREAD_LEVELS / spread)
+        } else {
+            0.0
+        };
         let coded = picture.coded();
         let (mut light, mut luma);
         if coded {
