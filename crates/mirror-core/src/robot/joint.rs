@@ -79,6 +79,8 @@ pub struct Joint {
     pub axis: Unit<Vector3<f64>>,
     /// Limits; none where it has none.
     pub limits: Option<Limits>,
+    /// Largest torque (N m) or force (N) that it is made for; none where the URDF states none.
+    pub effort_limit: Option<f64>,
     /// Its `<mimic>` tag.
     pub mimic: Option<Mimic>,
     /// What drives it; none for a fixed joint.

@@ -184,6 +184,7 @@ fn joint(urdf: &urdf_rs::Joint) -> core::result::Result<NamedJoint, ModelFault> 
             // A fixed joint's axis is often written as 0 0 0.
             axis: if kind.moves() { axis(&name, urdf)? } else { Vector3::x_axis() },
             limits: limits(&element, kind, &urdf.limit)?,
+            effort_limit: Some(urdf.limit.effort).filter(|effort| effort.is_finite() && *effort > 0.0),
             mimic: None,
             drive: None,
             name,

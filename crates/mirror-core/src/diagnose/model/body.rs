@@ -24,6 +24,8 @@ pub(crate) struct Node {
     /// The two directions in which `axis_tilt` tilts the axis (`effects.md`).
     pub tilt_directions: [Vector3<f64>; 2],
     pub prismatic: bool,
+    /// Largest torque (N m) or force (N) that the joint is made for; none where the URDF states none.
+    pub effort_limit: Option<f64>,
     /// Middle of the line from the joint to what the link carries next, in the node's frame, m: where the link bends.
     ///
     /// The bending of a uniform beam acts at its end as if it were lumped in its middle.
@@ -124,6 +126,7 @@ impl Body {
                 axis,
                 tilt_directions: tilt_directions(&axis),
                 prismatic,
+                effort_limit: joint.effort_limit,
                 bend_pivot: Vector3::zeros(),
                 telescope,
                 long_axis: None,

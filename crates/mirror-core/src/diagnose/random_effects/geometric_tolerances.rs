@@ -2,7 +2,7 @@
 //! leave of a set-up.
 //!
 //! Every relevant joint's zero and axis and every link's shape may be a little off, every loaded joint gives way a little, and board,
-//! camera and markers may sit elsewhere: `θ_k ~ N(0, s²)`, one s for each [`Kind`]; a spring's is how far it gives way under its largest load, and its compliance is never negative. The spreads are found by maximising the marginal likelihood (empirical Bayes), so that the
+//! camera and markers may sit elsewhere: `θ_k ~ N(0, s²)`, one s for each [`Kind`]; a spring's is how far the joint that is loaded most for its size gives way, stiffness being in proportion to the torque that a joint is made for, and its compliance is never negative. The spreads are found by maximising the marginal likelihood (empirical Bayes), so that the
 //! group takes what is spread over the robot and leaves what is concentrated to a single cause.
 //!
 //! Source: MacKay, "Bayesian interpolation" (1992), the evidence framework.
@@ -20,6 +20,7 @@ use crate::diagnose::model::scene::Scene;
 use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::principles::{Guard, Size};
 use crate::error::Result;
+use std::collections::HashMap;
 
 /// Angles, lengths of links, places of markers, of the board and of the camera: each kind has its own spread. What a person mounts is
 /// mounted by another tolerance than the links are made.
@@ -32,7 +33,7 @@ pub(crate) enum Kind {
     BoardShift,
     CameraTurn,
     CameraShift,
-    /// How far joints give way under their largest load, rad: all do a little.
+    /// How far the joint that is loaded most for its size gives way, rad: all joints do a little, the softer the less torque they are made for.
     Spring,
 }
 
@@ -112,6 +113,30 @@ pub(crate) struct Geometry {
     pub setup_only: bool,
     /// Whether board and camera are in it, so that the mounts are told by themselves and not as errors of the robot.
     pub mounted: bool,
+}
+
+/// The joint whose spring a column is.
+fn spring_of(column: &Column) -> Option<NodeId> {
+    match (Kind::of(column), column.atom) {
+        (Kind::Spring, Atom::Joint(n)) => Some(n),
+        _ => None,
+    }
+}
+
+/// How soft each joint is beside the others, rad/N m: `1 / e` with the torque e that it is made for, in a scale in which the joint that is loaded
+/// most for its size gives way by 1 rad.
+///
+/// A gear of twice the torque is about twice as stiff: gears of one series wind up by about the same angle under the torque that they are
+/// made for. Where the URDF does not state it, it is the others' median. Units by the loads of the session instead would make a wrist soft because
+/// it carries little.
+fn softness(scene: &Scene, springs: impl Iterator<Item = NodeId>) -> HashMap<NodeId, f64> {
+    let springs: Vec<NodeId> = springs.collect();
+    let mut stated: Vec<f64> = springs.iter().filter_map(|&n| scene.body.nodes[n].effort_limit).collect();
+    stated.sort_by(f64::total_cmp);
+    let usual = stated.get(stated.len() / 2).copied().unwrap_or(1.0);
+    let effort = |n: NodeId| scene.body.nodes[n].effort_limit.unwrap_or(usual);
+    let most = springs.iter().map(|&n| scene.largest_torque(n) / effort(n)).fold(0.0, f64::max);
+    springs.iter().map(|&n| (n, 1.0 / (effort(n) * most))).collect()
 }
 
 /// An elementary small error in the words of a single effect: its name, place and parameter.
@@ -206,11 +231,8 @@ impl Geometry {
         let (scene, tolerances) = (&problem.scene, &problem.tolerances);
         // What is exact is no random effect.
         columns.retain(|c| stated(tolerances, c.atom) != Some(0.0));
-        let unit = |c: &Column| match (Kind::of(c), c.atom) {
-            (Kind::Spring, Atom::Joint(n)) => 1.0 / scene.largest_torque(n),
-            _ => 1.0,
-        };
-        let units = columns.iter().map(unit).collect();
+        let softness = softness(scene, columns.iter().filter_map(spring_of));
+        let units = columns.iter().map(|c| spring_of(c).map_or(1.0, |n| softness[&n])).collect();
         Self::with_units(columns, tolerances, units, setup_only)
     }
 
@@ -247,7 +269,7 @@ impl Geometry {
     }
 
     /// A value of the k-th column in the unit in which its kind is spread.
-    pub fn of_its_kind(&self, k: usize, value: f64) -> f64 {
+    fn of_its_kind(&self, k: usize, value: f64) -> f64 {
         value / self.units[k]
     }
 

@@ -13,7 +13,7 @@ use crate::diagnose::principles::{
 };
 use crate::diagnose::random_effects::geometric_tolerances::{Geometry, Kind, SPREADS_SETTLED};
 use crate::diagnose::random_effects::law_discrepancy::LAW_SHARE;
-use crate::diagnose::random_effects::outlier_tolerances::name_outlying;
+use crate::diagnose::random_effects::outlier_tolerances::{name_outlying, put_back};
 use crate::diagnose::selection::nonparametric::{Unexplained, log_odds, unexplained};
 use crate::diagnose::selection::search::{Found, Search};
 use crate::error::Result;
@@ -64,12 +64,10 @@ pub(crate) fn beside_geometry<'a>(
     }
     search.group = geometry.group.clone();
     let Some(mut found) = found else { return Ok(None) };
-    let mut hidden = false;
+    let (scene, mut hidden) = (&named.problem.scene, Vec::new());
     for _ in 0..SOLVER.rounds {
-        if !name_outlying(&geometry, named.catalogue, &mut start) {
-            break;
-        }
-        hidden = true;
+        let Some(outlying) = name_outlying((&geometry, scene), named.catalogue, &mut start) else { break };
+        hidden.push(outlying);
         start = geometry.fit(&search.problem, named.catalogue, &start, at(noise, 6), named.mask)?.model;
         search.group = geometry.group.clone();
     }
@@ -77,7 +75,12 @@ pub(crate) fn beside_geometry<'a>(
     // Causes that the spreads found last make needless.
     found.fit = search.prune(found.fit, noise, &mut found.trace)?;
     drop_tolerances(&search, &geometry, &mut found)?;
-    if hidden {
+    let mut model = found.fit.model.clone();
+    if put_back((&geometry, scene), named.catalogue, &hidden, &mut model) {
+        found.fit = geometry.fit(&search.problem, named.catalogue, &model, at(noise, 4), named.mask)?;
+        search.group = geometry.group.clone();
+    }
+    if !hidden.is_empty() {
         // The causes that stand out may be all that there is.
         let mut bare = named.clone();
         let causes = Model { group: vec![0.0; named.group.columns.len()], ..found.fit.model.clone() };
