@@ -129,7 +129,7 @@ fn spring_of(column: &Column) -> Option<NodeId> {
 /// A gear of twice the torque is about twice as stiff: gears of one series wind up by about the same angle under the torque that they are
 /// made for. Where the URDF does not state it, it is the others' median. Units by the loads of the session instead would make a wrist soft because
 /// it carries little.
-fn softness(scene: &Scene, springs: impl Iterator<Item = NodeId>) -> HashMap<NodeId, f64> {
+pub(crate) fn softness(scene: &Scene, springs: impl Iterator<Item = NodeId>) -> HashMap<NodeId, f64> {
     let springs: Vec<NodeId> = springs.collect();
     let mut stated: Vec<f64> = springs.iter().filter_map(|&n| scene.body.nodes[n].effort_limit).collect();
     stated.sort_by(f64::total_cmp);

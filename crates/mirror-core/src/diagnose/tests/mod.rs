@@ -14,5 +14,6 @@ mod places;
 mod principles;
 mod prior;
 mod shortcuts;
+mod springs;
 mod statistics;
 mod thresholds;
