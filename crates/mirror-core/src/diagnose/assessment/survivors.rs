@@ -13,8 +13,10 @@ use crate::diagnose::assessment::noise_floor::is_reached;
 use crate::diagnose::assessment::stability::{RESAMPLES, stability};
 use crate::diagnose::criteria::cross_validation::held_out;
 use crate::diagnose::criteria::lack_of_fit::adequacy;
+use crate::diagnose::likelihood::fit::FitOptions;
 use crate::diagnose::likelihood::score_test::Score;
 use crate::diagnose::principles::TEMPER;
+use crate::diagnose::random_effects::geometric_tolerances::Geometry;
 use crate::diagnose::selection::alternatives::held_out_odds;
 use crate::diagnose::selection::nonparametric::unexplained;
 use crate::error::Result;
@@ -29,6 +31,12 @@ use crate::error::Result;
 pub(crate) fn keep_survivors(findings: &mut Findings<'_>, ranking: &[Score]) -> Result<()> {
     let found_again = stability(findings, &findings.standings, ranking, &[])?;
     let (mut shares, mut alone) = (found_again.or_rivals, found_again.terms);
+    // The rival of what could be one of many small errors is that it is: where other causes take its place as well, it is not found again.
+    for (i, term) in findings.found.fit.model.terms.iter().enumerate() {
+        if findings.geometry.as_ref().is_some_and(|group| group.holds(findings.search.catalogue, term)) {
+            shares[i] = alone[i];
+        }
+    }
     let mut order: Vec<usize> = (0..shares.len()).filter(|&i| shares[i].is_some()).collect();
     order.sort_by(|&a, &b| shares[a].partial_cmp(&shares[b]).unwrap_or(core::cmp::Ordering::Equal));
     let mut gone: Vec<usize> = Vec::new();
@@ -76,14 +84,29 @@ fn log_odds(share: f64) -> f64 {
 
 /// Takes a cause back unless it is needed to predict.
 fn taken_back(findings: &mut Findings<'_>, i: usize, share: f64, odds: f64) -> Result<bool> {
-    let (search, found) = (&findings.search, &mut findings.found);
-    let rest = search.taken_out(&found.fit.model, i, found.noise)?;
-    let without = search.fit(&rest, found.noise, 8)?;
+    let found = &mut findings.found;
+    let rest = findings.search.taken_out(&found.fit.model, i, found.noise)?;
+    let (mut search, mut spreads) = (findings.search.clone(), findings.geometry.clone());
+    let term = &found.fit.model.terms[i];
+    let columns = search.group.columns.len();
+    // What is one of the small errors goes back among them, whose spreads were learned without it.
+    let own =
+        |group: &&mut Geometry| group.group.columns.len() == columns && group.holds(search.catalogue, term);
+    let without = if let Some(group) = spreads.as_mut().filter(own) {
+        let options = FitOptions { noise: found.noise, steps: 8 };
+        let fit = group.fit(&search.problem, search.catalogue, &rest, options, search.mask)?;
+        search.group = group.group.clone();
+        fit
+    } else {
+        search.fit(&rest, found.noise, 8)?
+    };
     let gap = search.held_out(&without.model, found.noise)?;
-    let with = search.held_out(&found.fit.model, found.noise)?;
+    let with = findings.search.held_out(&found.fit.model, found.noise)?;
     if TEMPER * held_out_odds(&gap, &with, found.noise) <= odds {
         return Ok(false);
     }
+    (findings.search, findings.geometry) = (search, spreads);
+    let search = &findings.search;
     let name = search.catalogue.name(&search.problem.scene, found.fit.model.terms[i].hypothesis);
     found.trace.push(format!("take back {name}: found again in {:.0} % of resamples", 100.0 * share));
     found.fit = without;
