@@ -83,6 +83,8 @@ def test_springs_of_all_joints_are_small_errors_like_the_others(tmp_path: Path) 
     pytest.importorskip("mujoco")
     applied = apply_diagnosis(session, found, tmp_path / "better")
     assert (applied.folder / "robot.mjcf.xml").read_text(encoding="utf-8").count("_spring") >= 2
+    (group_told,) = (entry.what for entry in applied.written if entry.cause.effect == "geometry")
+    assert "joint compliance in robot.mjcf.xml" in group_told and "axis tilt in" not in group_told
 
 
 def test_a_diagnosis_without_members_says_what_to_do(tmp_path: Path) -> None:

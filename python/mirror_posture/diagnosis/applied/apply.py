@@ -152,9 +152,12 @@ def parts_of(cause: Cause) -> list[Cause]:
 def _group_written(cause: Cause, parts: list[Written]) -> Written:
     """What became of a group, in one line."""
     counts: dict[str, int] = {}
+    elsewhere: dict[str, str] = {}
     for part in parts:
         if part.file is not None:
             counts[part.cause.effect] = counts.get(part.cause.effect, 0) + 1
+            if part.file != ROBOT:
+                elsewhere[part.cause.effect] = f" in {part.file}"
     reasons: dict[str, list[str]] = {}
     for part in parts:
         if part.file is None:
@@ -162,7 +165,10 @@ def _group_written(cause: Cause, parts: list[Written]) -> Written:
     missing = [f"{', '.join(places)}: {why}" for why, places in reasons.items()]
     if not counts:
         return Written(cause, None, "; ".join(missing))
-    told = ", ".join(f"{count} × {formatting.effect_in_words(effect)}" for effect, count in counts.items())
+    told = ", ".join(
+        f"{count} × {formatting.effect_in_words(effect)}{elsewhere.get(effect, '')}"
+        for effect, count in counts.items()
+    )
     return Written(cause, ROBOT, told + (f"; not written: {'; '.join(missing)}" if missing else ""))
 
 
