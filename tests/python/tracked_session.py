@@ -60,7 +60,8 @@ def write_tracked(
     metadata = nominal.metadata
     true = HiddenBody(true_urdf or text, metadata.root, metadata.gravity_m_per_s2, hidden)
     frames, points = [f"frame,posture,time_s,{','.join(JOINTS)}"], ["frame,marker,x,y,z"]
-    drawn = [rng.uniform(low, high) for _ in range(POSTURES)] if postures is None else postures
+    # Drawn in turn with the noise.
+    drawn = (rng.uniform(low, high) for _ in range(POSTURES)) if postures is None else postures
     for number, q in enumerate(drawn):
         true.move(actual(dict(zip(JOINTS, map(float, q), strict=True))))
         frames.append(f"{number},{number},{2.0 * number},{','.join(map(repr, map(float, q)))}")
