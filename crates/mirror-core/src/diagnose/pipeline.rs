@@ -1,7 +1,7 @@
 //! From a recording to a diagnosis: the order in which everything is tried, and what is said of it.
 
 use crate::diagnose::assessment::evidence::{self, Sources};
-use crate::diagnose::assessment::nested::{chosen_anew, hangs_on_regions};
+use crate::diagnose::assessment::nested::chosen_anew;
 use crate::diagnose::assessment::other_session::check;
 use crate::diagnose::assessment::survivors::keep_survivors;
 use crate::diagnose::assessment::weighed::weighed;
@@ -16,7 +16,7 @@ use crate::diagnose::prepare::options::{DiagnoseOptions, OtherSession};
 use crate::diagnose::prepare::prepared::Prepared;
 use crate::diagnose::random_effects::free_form::free_forms;
 use crate::diagnose::report::build;
-use crate::diagnose::report::reservations::reserve;
+use crate::diagnose::report::reservations::{hangs_on_regions, reserve};
 use crate::diagnose::report::seen_markers::seen_markers;
 use crate::diagnose::selection::beside_slips::settle_slips;
 use crate::diagnose::selection::beyond::look_beyond;

@@ -30,7 +30,7 @@ pub(crate) struct Candidate {
     pub variant: f64,
     pub columns: Range<usize>,
     log_prior: f64,
-    pub positive: bool,
+    positive: bool,
     node: Option<usize>,
 }
 

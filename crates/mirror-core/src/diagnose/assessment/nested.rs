@@ -14,13 +14,12 @@ use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::assessment::linear_search::{Equations, LinearSearch};
 use crate::diagnose::criteria::cross_validation::{PostureGap, gap_of, size};
 use crate::diagnose::criteria::regions::regions;
-use crate::diagnose::data::diagnosis::{ChosenAnew, Gap};
+use crate::diagnose::data::diagnosis::ChosenAnew;
 use crate::diagnose::effects::hypothesis::Model;
-use crate::diagnose::likelihood::fit::{FitOptions, fit};
+use crate::diagnose::likelihood::fit::{Active, FitOptions, fit};
 use crate::diagnose::likelihood::saturated::free_markers;
 use crate::diagnose::likelihood::score_test::Score;
 use crate::diagnose::model::solver::SOLVER;
-use crate::diagnose::principles::LEAST_HELD_OUT_RATIO;
 use crate::error::Result;
 use rayon::prelude::*;
 
@@ -67,25 +66,6 @@ pub(crate) fn chosen_anew(findings: &Findings<'_>, ranking: &[Score]) -> Result<
     Ok(Some(ChosenAnew { rms_m: gap.told_m(), rms_px: gap.rms_px, regions: count, changed }))
 }
 
-/// What is to be said where the causes chosen anew predict clearly worse than those told.
-pub(crate) fn hangs_on_regions(gap: &Gap) -> Option<String> {
-    let anew = gap.chosen_anew.as_ref()?;
-    let clearly = |told: Option<f64>, anew: Option<f64>| Some(told? < LEAST_HELD_OUT_RATIO * anew?);
-    let in_pixels = clearly(gap.after_px, anew.rms_px);
-    if !in_pixels.or(clearly(gap.after_m, anew.rms_m)).unwrap_or(false) {
-        return None;
-    }
-    let mm = |value: Option<f64>| value.map(|v| format!("{:.2} mm", v * 1e3));
-    let px = |value: Option<f64>| value.map(|v| format!("{v:.2} px"));
-    let told = if in_pixels.is_some() { px(gap.after_px) } else { mm(gap.after_m) }?;
-    let anew_told = if in_pixels.is_some() { px(anew.rms_px) } else { mm(anew.rms_m) }?;
-    Some(format!(
-        "the choice of causes hangs on few postures: chosen anew without one region of the postures, other causes come out for {} of {} regions, \
-         and predict what was left out to {anew_told} instead of {told}; check the causes on a session of other postures (--check)",
-        anew.changed, anew.regions
-    ))
-}
-
 /// The model found with a set of candidates in place of its causes, its parameters where the linear model has them.
 fn with_causes(
     findings: &Findings<'_>,
@@ -102,24 +82,21 @@ fn with_causes(
             model = model.with(catalogue, candidate.hypothesis, candidate.variant);
         }
     }
-    let Some(values) = linear.values(equations, set) else { return model };
-    let mut moved = Model { planes: None, ..model.clone() };
-    let nuisances = moved.nuisances.len();
-    moved.nuisances.copy_from_slice(&values[..nuisances]);
-    let group = linear.first_group..linear.first_group + moved.group.len();
-    let positive = |k: usize| search.group.positive.get(k).copied().unwrap_or(false);
-    let at_least = |value: f64, positive: bool| if positive { value.max(0.0) } else { value };
-    for (k, (own, value)) in moved.group.iter_mut().zip(&values[group]).enumerate() {
-        *own = at_least(*value, positive(k));
-    }
-    for term in &mut moved.terms {
-        let Some(&c) = set.iter().find(|&&c| linear.candidates[c].hypothesis == term.hypothesis) else {
-            continue;
-        };
-        let candidate = &linear.candidates[c];
-        for (own, value) in term.parameters.iter_mut().zip(&values[candidate.columns.clone()]) {
-            *own = at_least(*value, candidate.positive);
+    let Some(best) = linear.values(equations, set) else { return model };
+    let active = Active::of(&search.problem, catalogue, &search.group, &model);
+    let mut values = active.values.clone();
+    values[..active.first_term].copy_from_slice(&best[..active.first_term]);
+    let mut at = active.first_term;
+    for term in &model.terms {
+        let own = at..at + term.parameters.len();
+        at = own.end;
+        if let Some(&c) = set.iter().find(|&&c| linear.candidates[c].hypothesis == term.hypothesis) {
+            values[own].copy_from_slice(&best[linear.candidates[c].columns.clone()]);
         }
     }
+    for (value, positive) in values.iter_mut().zip(&active.positive) {
+        *value = if *positive { value.max(0.0) } else { *value };
+    }
+    let moved = Model { planes: None, ..active.model(&model, &values) };
     if search.can_be(&moved) { moved } else { model }
 }

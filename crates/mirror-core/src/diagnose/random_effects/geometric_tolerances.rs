@@ -116,7 +116,7 @@ pub(crate) struct Geometry {
 }
 
 /// The joint whose spring a column is.
-fn spring_of(column: &Column) -> Option<NodeId> {
+pub(crate) fn spring_of(column: &Column) -> Option<NodeId> {
     match (Kind::of(column), column.atom) {
         (Kind::Spring, Atom::Joint(n)) => Some(n),
         _ => None,

@@ -2,10 +2,12 @@
 
 use crate::diagnose::effects::hypothesis::{Catalogue, Model, Term};
 use crate::diagnose::likelihood::fit::Fit;
-use crate::diagnose::model::elementary::{Atom, Column};
+use crate::diagnose::model::elementary::Atom;
 use crate::diagnose::model::scene::Scene;
 use crate::diagnose::principles::{Count, LEAST_LOG_ODDS, Threshold, WORTH_NAMING};
-use crate::diagnose::random_effects::geometric_tolerances::{Geometry, KINDS, Kind, single_effect};
+use crate::diagnose::random_effects::geometric_tolerances::{
+    Geometry, KINDS, Kind, single_effect, spring_of,
+};
 use std::collections::BTreeMap;
 
 /// One error with this share of the squares of all of its kind is no member of a group: of tens that are spread alike the largest
@@ -23,40 +25,56 @@ pub(crate) fn outweighs(kind: Kind, square: f64, total: f64, errors: usize) -> b
     errors >= fewest && square > share * total.max(1e-30)
 }
 
-/// An error's size by what it does in this session: of a spring the angle under its largest load, rad; else the value itself.
-fn moves(scene: &Scene, column: &Column, value: f64) -> f64 {
-    match (Kind::of(column), column.atom) {
-        (Kind::Spring, Atom::Joint(n)) => value * scene.largest_torque(n),
-        _ => value,
+/// The small errors of a group by hypothesis, each with its kind, its columns and its square, and the sums of squares of all kinds.
+///
+/// An error counts by what it does in this session: a spring by the angle under its largest load, rad.
+struct Errors {
+    of_hypothesis: BTreeMap<usize, (Kind, Vec<usize>, f64)>,
+    totals: [f64; KINDS],
+}
+
+impl Errors {
+    fn of((geometry, scene): (&Geometry, &Scene), catalogue: &Catalogue, values: &[f64]) -> Self {
+        let (mut of_hypothesis, mut totals) = (BTreeMap::new(), [0.0; KINDS]);
+        for (k, column) in geometry.group.columns.iter().enumerate() {
+            let kind = Kind::of(column);
+            let moves = spring_of(column).map_or(values[k], |n| values[k] * scene.largest_torque(n));
+            let square = moves.powi(2);
+            totals[kind as usize] += square;
+            let Some((effect, place, _)) = single_effect(column) else { continue };
+            if let Some(h) = catalogue.find(effect, place) {
+                let own = of_hypothesis.entry(h).or_insert((kind, Vec::new(), 0.0));
+                own.1.push(k);
+                own.2 += square;
+            }
+        }
+        Self { of_hypothesis, totals }
+    }
+
+    /// Whether one is too large for its kind.
+    fn outweighs(&self, hypothesis: usize) -> bool {
+        self.of_hypothesis.get(&hypothesis).is_some_and(|(kind, _, square)| {
+            let errors = self.of_hypothesis.values().filter(|(other, ..)| other == kind).count();
+            outweighs(*kind, *square, self.totals[*kind as usize], errors)
+        })
+    }
+
+    fn columns(&self, hypothesis: usize) -> &[usize] {
+        self.of_hypothesis.get(&hypothesis).map_or(&[], |(_, columns, _)| columns)
     }
 }
 
 /// Takes the one error that outweighs all others of its kind (lengths, angles) out of the group's values and names it as a cause
 /// of its own: its hypothesis, none where there is none.
 pub(crate) fn name_outlying(
-    (geometry, scene): (&Geometry, &Scene),
+    group: (&Geometry, &Scene),
     catalogue: &Catalogue,
     model: &mut Model,
 ) -> Option<usize> {
-    let mut totals = [0.0; KINDS];
-    let mut errors: BTreeMap<usize, (Kind, Vec<usize>)> = BTreeMap::new();
-    for (k, column) in geometry.group.columns.iter().enumerate() {
-        let its_kind = Kind::of(column);
-        totals[its_kind as usize] += moves(scene, &geometry.group.columns[k], model.group[k]).powi(2);
-        let Some((effect, place, _)) = single_effect(column) else { continue };
-        if let Some(h) = catalogue.find(effect, place) {
-            errors.entry(h).or_insert((its_kind, Vec::new())).1.push(k);
-        }
-    }
-    let square = |columns: &[usize]| {
-        columns.iter().map(|&k| moves(scene, &geometry.group.columns[k], model.group[k]).powi(2)).sum::<f64>()
-    };
-    let outlying = errors.iter().find(|(h, (its_kind, columns))| {
-        let known = model.terms.iter().any(|t| t.hypothesis == **h);
-        let others = errors.values().filter(|(kind, _)| kind == its_kind).count();
-        !known && outweighs(*its_kind, square(columns), totals[*its_kind as usize], others)
-    });
-    let (&hypothesis, (_, columns)) = outlying?;
+    let errors = Errors::of(group, catalogue, &model.group);
+    let known = |h: usize| model.terms.iter().any(|t| t.hypothesis == h);
+    let hypothesis = errors.of_hypothesis.keys().copied().find(|&h| !known(h) && errors.outweighs(h))?;
+    let columns = errors.columns(hypothesis);
     // Several joints of one link may each have a shift of their own there: no single cause is all of these.
     if columns.len() != catalogue.hypotheses[hypothesis].prior_std.len() {
         return None;
@@ -69,33 +87,23 @@ pub(crate) fn name_outlying(
 /// Puts back what was named as outlying and, beside the causes that came after it, outweighs its kind no more; whether there was any. Of two
 /// springs that were named one after the other neither may be alone.
 pub(crate) fn put_back(
-    (geometry, scene): (&Geometry, &Scene),
+    group: (&Geometry, &Scene),
     catalogue: &Catalogue,
     named: &[usize],
     model: &mut Model,
 ) -> bool {
-    let columns_of = |hypothesis: usize| -> Vec<usize> {
-        let own = |column| single_effect(column).and_then(|(effect, place, _)| catalogue.find(effect, place));
-        let all = geometry.group.columns.iter().enumerate();
-        all.filter(|(_, column)| own(column) == Some(hypothesis)).map(|(k, _)| k).collect()
-    };
+    let columns = Errors::of(group, catalogue, &model.group);
     let mut all = model.group.clone();
     for term in model.terms.iter().filter(|t| named.contains(&t.hypothesis)) {
-        columns_of(term.hypothesis).into_iter().zip(&term.parameters).for_each(|(k, value)| all[k] += value);
+        let own = columns.columns(term.hypothesis).iter();
+        own.zip(&term.parameters).for_each(|(&k, value)| all[k] += value);
     }
-    let square = |k: &usize| moves(scene, &geometry.group.columns[*k], all[*k]).powi(2);
-    let kind = |k: usize| Kind::of(&geometry.group.columns[k]);
-    let stays = |term: &Term| {
-        let own = columns_of(term.hypothesis);
-        let Some(&first) = own.first().filter(|_| named.contains(&term.hypothesis)) else { return true };
-        let of_kind: Vec<usize> = (0..all.len()).filter(|&k| kind(k) == kind(first)).collect();
-        let total = of_kind.iter().map(square).sum();
-        outweighs(kind(first), own.iter().map(square).sum(), total, of_kind.len() / own.len())
-    };
+    let errors = Errors::of(group, catalogue, &all);
+    let stays = |term: &Term| !named.contains(&term.hypothesis) || errors.outweighs(term.hypothesis);
     let (kept, back): (Vec<Term>, Vec<Term>) = model.terms.drain(..).partition(stays);
     model.terms = kept;
     for term in &back {
-        columns_of(term.hypothesis).into_iter().for_each(|k| model.group[k] = all[k]);
+        errors.columns(term.hypothesis).iter().for_each(|&k| model.group[k] = all[k]);
     }
     !back.is_empty()
 }

@@ -2,8 +2,24 @@
 
 use crate::diagnose::assessment::evidence;
 use crate::diagnose::assessment::findings::Findings;
-use crate::diagnose::data::diagnosis::{Diagnosis, Verdict};
-use crate::diagnose::principles::ABOVE_SCATTER;
+use crate::diagnose::data::diagnosis::{Diagnosis, Gap, Verdict};
+use crate::diagnose::principles::{ABOVE_SCATTER, LEAST_HELD_OUT_RATIO};
+
+/// What is to be said where the causes chosen anew predict clearly worse than those told.
+pub(crate) fn hangs_on_regions(gap: &Gap) -> Option<String> {
+    let anew = gap.chosen_anew.as_ref()?;
+    let (told, other, unit) = match (gap.after_px, anew.rms_px) {
+        (Some(told), Some(other)) => (told, other, "px"),
+        _ => (gap.after_m? * 1e3, anew.rms_m? * 1e3, "mm"),
+    };
+    (told < LEAST_HELD_OUT_RATIO * other).then(|| {
+        format!(
+            "the choice of causes hangs on few postures: chosen anew without one region of the postures, other causes come out for {} of {} regions, \
+             and predict what was left out to {other:.2} {unit} instead of {told:.2} {unit}; check the causes on a session of other postures (--check)",
+            anew.changed, anew.regions
+        )
+    })
+}
 
 /// Takes a verdict back that the counted data do not carry.
 pub(crate) fn reserve(diagnosis: &mut Diagnosis, findings: &Findings<'_>) {

@@ -5,7 +5,7 @@ use crate::diagnose::criteria::cross_validation::{PostureGap, held_out, in_sampl
 use crate::diagnose::effects::hypothesis::{Model, Term};
 use crate::diagnose::likelihood::fit::Group;
 use crate::diagnose::principles::{LEAST_HELD_OUT_GAIN, LEAST_HELD_OUT_RATIO, NEARLY_ALL};
-use crate::diagnose::random_effects::geometric_tolerances::{Geometry, single_effect};
+use crate::diagnose::random_effects::geometric_tolerances::Geometry;
 use crate::diagnose::selection::alternatives::Standing;
 use crate::diagnose::selection::search::{Found, Search};
 use crate::error::Result;
@@ -123,12 +123,7 @@ pub(crate) fn named_for_little(
 
 /// Whether a cause is one that stands out of a set-up's own small errors: these would predict as well without it, less credibly.
 fn stands_out_of(beside: Option<&Geometry>, search: &Search<'_>, term: &Term) -> bool {
-    let own =
-        (search.catalogue.effect(term.hypothesis).name(), search.catalogue.hypotheses[term.hypothesis].place);
-    beside.filter(|group| group.setup_only).is_some_and(|group| {
-        let mut members = group.group.columns.iter().filter_map(single_effect);
-        members.any(|(effect, place, _)| (effect, place) == own)
-    })
+    beside.is_some_and(|group| group.setup_only && group.holds(search.catalogue, term))
 }
 
 /// The held-out gap of the named causes alone: what has no name cannot be added to a model, so what it leaves is left. A cause
