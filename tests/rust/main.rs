@@ -15,6 +15,7 @@ mod gap_claims;
 mod gap_effects;
 mod gap_first_day;
 mod gap_long;
+mod gap_no_name;
 mod gap_panels;
 mod gap_sessions;
 mod gap_setup;

@@ -20,6 +20,7 @@ use crate::diagnose::report::reservations::{hangs_on_regions, reserve};
 use crate::diagnose::report::seen_markers::seen_markers;
 use crate::diagnose::selection::beside_slips::settle_slips;
 use crate::diagnose::selection::beyond::look_beyond;
+use crate::diagnose::selection::lingering_noise::allow_for_lingering;
 use crate::diagnose::selection::long_session::{on_all_frames, part_of_frames};
 use crate::diagnose::selection::near_ties::from_near_ties;
 use crate::diagnose::selection::pairwise_start::from_a_pair;
@@ -31,7 +32,7 @@ use crate::robot::Robot;
 /// Diagnoses a recording: where the model is wrong, which effect causes it, how far the gap shrinks.
 ///
 /// In order: whole mistakes undone; the noise from the data; slipped rows; the search for causes, with the set-up free where a few causes
-/// do not suffice, in a long session on a part of its frames; where there is reason for doubt, the same with free-form errors beside the vocabulary, or with a joint that rests
+/// do not suffice, in a long session on a part of its frames; errors that linger from view to view; where there is reason for doubt, the same with free-form errors beside the vocabulary, or with a joint that rests
 /// elsewhere each time; where that leaves a remainder or many causes, the same beside many small errors (`geometry`); causes that do not
 /// help on held-out regions are dropped, improbable ones give way; the remainder is tested against the noise; causes that other draws of
 /// the postures do not show again are taken back. `closely`: whole mistakes are looked for where nothing is gross too.
@@ -61,6 +62,7 @@ pub fn diagnose(
     let part = part_of_frames(&problem);
     let mut search = Search {
         measured_noise: problem.noise,
+        lingering: 1.0,
         problem,
         catalogue: &catalogue,
         group: Group::default(),
@@ -84,6 +86,7 @@ pub fn diagnose(
             found.trace.splice(0..0, first);
         }
     }
+    allow_for_lingering(&mut search, &mut found)?;
     from_near_ties(&mut search, &mut found)?;
     let with_geometry = options.allows("geometry");
     let beyond = look_beyond((&mut search, &mut found), &all, &nominal, setup, with_geometry)?;

@@ -9,7 +9,8 @@
 use crate::diagnose::criteria::cross_validation::{PostureGap, gap_of, seen_size, size};
 use crate::diagnose::criteria::lack_of_fit::noticeable_excess;
 use crate::diagnose::likelihood::fit::Fit;
-use crate::diagnose::likelihood::noise_correlation::successive_correlation;
+use crate::diagnose::likelihood::noise::STATED_LOG_STD;
+use crate::diagnose::likelihood::noise_correlation::{shared_by_views, successive_correlation};
 use crate::diagnose::likelihood::saturated::{FreePosture, free_markers};
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::problem::{Noise, Problem};
@@ -18,9 +19,6 @@ use crate::diagnose::principles::{FAR_DEVIATIONS, FEWEST_REDUNDANT_ROWS, Prior, 
 use crate::diagnose::selection::search::Search;
 use crate::error::Result;
 
-/// A stated noise is a rule of thumb, one figure for corners and blobs, which differ by two commonly: relative, one
-/// standard deviation.
-const STATED_LOG_STD: Prior = 0.3;
 /// The views' noise is what it seems but for what their planes share (one mirror a view, its board's corners), relative.
 const VIEWS_LOG_STD: Prior = 0.04;
 
@@ -207,12 +205,4 @@ fn independent(
         log_std: VIEWS_LOG_STD.hypot(sampling).hypot(0.25 * shared),
         stated: false,
     })
-}
-
-/// Mean correlation between two of n successive errors whose neighbours correlate by r: r^|i − j|.
-pub(crate) fn shared_by_views(correlation: f64, views: f64) -> f64 {
-    let n = views.round().max(1.0) as i32;
-    let pairs: f64 = (1..n).map(|lag| f64::from(n - lag)).sum();
-    let sum: f64 = (1..n).map(|lag| f64::from(n - lag) * correlation.powi(lag)).sum();
-    if pairs > 0.0 { sum / pairs } else { 0.0 }
 }

@@ -14,6 +14,7 @@ use crate::diagnose::criteria::marker_shift::marker_shift;
 use crate::diagnose::effects::hypothesis::Term;
 use crate::diagnose::effects::{LawFreedom, Place};
 use crate::diagnose::likelihood::fit::{Fit, FitOptions, Group, fit};
+use crate::diagnose::likelihood::noise::effective;
 use crate::diagnose::likelihood::noise_correlation;
 use crate::diagnose::model::elementary::{Atom, Column, Weight, transverse_moment};
 use crate::diagnose::model::problem::Noise;
@@ -47,8 +48,13 @@ pub(crate) fn deviations(findings: &Findings<'_>, floor: &Floor) -> Result<Devia
     let search = &findings.search;
     let found = &findings.found;
     let all = search.deformation(&found.fit.model);
+    let mut seen = found.noise;
+    if search.lingering > 1.0 {
+        // Of one observation: what it shares with its neighbours is allowed for below, over all frames.
+        seen = effective(&search.problem, &all, search.noise_of_views(), None)?;
+    }
     let left = search.measured_noise.marker_px * floor.fitted_scale;
-    let seen = Noise { marker_px: found.noise.marker_px.max(left), ..found.noise };
+    seen.marker_px = seen.marker_px.max(left);
     let noise = noise_correlation::of_means(&search.problem, &all, seen)?;
     let loose = search.fit_with_slack(&found.fit.model, None, noise, SOLVER.loose_steps)?;
     let stiffening = fit_of_stiffening(findings, noise)?;

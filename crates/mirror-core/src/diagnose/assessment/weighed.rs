@@ -39,7 +39,7 @@ pub(crate) fn weighed<'a>(
         adequacy(&search.problem, &search.deformation(&found.fit.model), search.measured_noise)
     };
     // Nothing agrees with views that disagree among themselves, nor is anything known to where the search was cut off.
-    let loud = is_no_noise(search.measured_noise, prepared.stated, search.problem.scene.reach_m);
+    let loud = is_no_noise(search.noise_of_views(), prepared.stated, search.problem.scene.reach_m);
     let mut standings = Vec::new();
     // Causes beside a remainder are believed where they were found beside small errors; those of a search that was cut off without them only took a part.
     let hopeless = |search: &Search<'_>, found: &Found, after: &[PostureGap]| -> Result<bool> {
@@ -62,9 +62,10 @@ pub(crate) fn weighed<'a>(
     let in_vain = with_free && !free && !left.significant;
     let reached =
         (found.fit.model.explains() && !free || in_vain) && is_reached(&search, &found.fit, &after)?;
-    let unexplained = match restless {
-        Some(node) => Some(Unexplained::restless(node)),
-        None => unexplained(&search, &found, &left, reached)?.map(|u| unnamed.unwrap_or(u)),
+    // Errors of no name that say more than the small errors which are told stay so however little these leave: many numbers reach any floor.
+    let unexplained = match restless.map(Unexplained::restless).or(unnamed) {
+        Some(told) => Some(told),
+        None => unexplained(&search, &found, &left, reached)?,
     };
     let unexplained = unexplained.or((loud || cut_off).then(Unexplained::anywhere));
     if free {

@@ -1,9 +1,12 @@
 //! Whether what a model leaves is more than noise: the lack-of-fit test on free markers.
 
+use crate::diagnose::likelihood::noise::STATED_LOG_STD;
 use crate::diagnose::likelihood::saturated::free_markers;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::problem::{Noise, Problem};
-use crate::diagnose::principles::{A_GAP, FAR_DEVIATIONS, FEWEST_REDUNDANT_ROWS, Guard, Prior, Threshold};
+use crate::diagnose::principles::{
+    A_GAP, ABOVE_SCATTER, FAR_DEVIATIONS, FEWEST_REDUNDANT_ROWS, Guard, Prior, Threshold,
+};
 use crate::error::Result;
 use crate::statistics::{normal_quantile, reduced_chi_squared_at};
 
@@ -27,6 +30,9 @@ pub(crate) fn noticeable_excess() -> f64 {
 pub(crate) struct Adequacy {
     /// Variance of what free markers take up, over the noise's, less 1.
     pub excess: f64,
+    /// From which excess on it stands out of the noise where nothing says how it is made: more, where the session states the noise and no two
+    /// views of a posture show it.
+    pub stands_out_from: f64,
     pub significant: bool,
     pub corners_significant: bool,
 }
@@ -53,8 +59,11 @@ pub(crate) fn adequacy(problem: &Problem, deformation: &Deformation, noise: Nois
     // The noise is itself known from as many degrees as the views leave.
     let scatter = (2.0 / taken.max(1.0) + if left > FEW_LEFT { 2.0 / left } else { STATED_SCATTER }).sqrt();
     let corner_excess = crate::diagnose::likelihood::noise::corner_excess(problem, deformation, noise)?;
+    let by_rule_of_thumb = problem.camera.is_some() && left < FEWEST_REDUNDANT_ROWS;
+    let uncertain = if by_rule_of_thumb { STATED_LOG_STD.exp() } else { 1.0 };
     Ok(Adequacy {
         excess,
+        stands_out_from: (ABOVE_SCATTER * uncertain).powi(2) - 1.0,
         significant: excess > noticeable_excess() && excess > FAR_DEVIATIONS * scatter,
         corners_significant: corner_excess > noticeable_excess(),
     })

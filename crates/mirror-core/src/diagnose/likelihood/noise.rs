@@ -7,7 +7,7 @@ use crate::diagnose::model::frame::{FrameWork, Task};
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::model::robust::OUTLIER_FRACTION;
 use crate::diagnose::model::solver::NEGLIGIBLE;
-use crate::diagnose::principles::{FEWEST_REDUNDANT_ROWS, Guard, NEARLY_ALL};
+use crate::diagnose::principles::{FEWEST_REDUNDANT_ROWS, Guard, NEARLY_ALL, Prior};
 use crate::error::Result;
 use nalgebra::{SMatrix, SVector, Vector2};
 use rayon::prelude::*;
@@ -18,6 +18,9 @@ const LEAST_PIXEL_STD_PX: Guard = 0.005;
 const LEAST_LEFT: Guard = 1.5;
 /// Corners beside the mirror's three numbers that a board must have to tell what its optics leave.
 const LEAST_OF_A_BOARD: Guard = 1.0;
+/// A stated noise is a rule of thumb, one figure for corners and blobs, which differ by two commonly: relative, one
+/// standard deviation.
+pub(crate) const STATED_LOG_STD: Prior = 0.3;
 /// A noise that fell by no more than this factor is as it was.
 pub(crate) const SETTLED: Guard = 0.9;
 

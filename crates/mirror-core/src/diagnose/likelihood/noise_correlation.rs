@@ -16,6 +16,8 @@ use nalgebra::{DMatrix, DVector, Vector3};
 const MOST_CORRELATION: Guard = 0.6;
 /// A correlation is believed from this many of its standard deviations on.
 const CLEAR_DEVIATIONS: Threshold = 2.0;
+/// An error of the detector has faded after so many frames: by 0.6 each it is down to 0.017.
+const SLOW: Size = 8;
 /// Smooth functions of a corner's place that wrong optics may make, for each coordinate: 1, x, y, x², x y, y².
 const SMOOTH: Size = 6;
 
@@ -147,6 +149,27 @@ impl Grid {
     }
 }
 
+/// By how much the noise that the views of one posture show is to be widened, so that a posture is as uncertain as it is: n successive
+/// errors that correlate by r at a distance of one differ by `σ² (1 − r̄)` and have a mean of variance `σ² (1 + (n − 1) r̄) / n`, r̄ the mean of
+/// `r^|i − j|` over their pairs. 1 where errors do not linger, or postures have one view.
+///
+/// Only what fades within a few frames counts: an error that is the same [`SLOW`] frames later is one of the body, or of the camera's mount.
+///
+/// # Errors
+/// Invalid parameters of the camera or mirror.
+pub(crate) fn widening_of_views(problem: &Problem, deformation: &Deformation, noise: Noise) -> Result<f64> {
+    if problem.camera.is_none() {
+        return Ok(1.0);
+    }
+    let successive = correlation_after(problem, deformation, noise, 1)?;
+    let slow = correlation_after(problem, deformation, noise, SLOW)?;
+    let fading = ((successive - slow) / (1.0 - slow)).max(0.0);
+    let postures = 1 + problem.posture.windows(2).filter(|p| p[0] != p[1]).count();
+    let views = problem.frames.len() as f64 / postures as f64;
+    let shared = shared_by_views(fading, views);
+    Ok(((1.0 + (views - 1.0).max(0.0) * shared) / (1.0 - shared)).sqrt())
+}
+
 /// Correlation of a marker's residuals in successive frames of different postures: of an error of the detector that
 /// lingers, not of one of the body, which the next posture changes. 0 where it is not clear.
 ///
@@ -157,11 +180,16 @@ pub(crate) fn successive_correlation(
     deformation: &Deformation,
     noise: Noise,
 ) -> Result<f64> {
+    correlation_after(problem, deformation, noise, 1)
+}
+
+/// The same of frames that follow each other at a distance of `lag`.
+fn correlation_after(problem: &Problem, deformation: &Deformation, noise: Noise, lag: usize) -> Result<f64> {
     let eye = problem.eye(deformation)?;
     let task = Task::of_residuals(problem, deformation, eye.as_ref(), noise);
     let mut work = FrameWork::new(problem);
     let markers = problem.marker_sites.len();
-    let mut last: Vec<Option<Vector3<f64>>> = vec![None; markers];
+    let mut seen: Vec<Option<Vector3<f64>>> = vec![None; markers * lag];
     let (mut product, mut squares, mut count) = (0.0, 0.0, 0.0);
     for frame in 0..problem.frames.len() {
         let mut now = vec![None; markers];
@@ -172,16 +200,26 @@ pub(crate) fn successive_correlation(
                 }
             });
         }
-        if frame > 0 && problem.posture[frame] != problem.posture[frame - 1] {
-            for (a, b) in last.iter().zip(&now).filter_map(|(a, b)| a.zip(*b)) {
+        // The row of the frame that came `lag` frames before is the one that this frame takes.
+        let row = &mut seen[markers * (frame % lag)..][..markers];
+        if frame >= lag && problem.posture[frame] != problem.posture[frame - lag] {
+            for (a, b) in row.iter().zip(&now).filter_map(|(a, b)| a.zip(*b)) {
                 product += a.dot(&b);
                 squares += 0.5 * (a.norm_squared() + b.norm_squared());
                 count += 2.0;
             }
         }
-        last = now;
+        row.clone_from_slice(&now);
     }
     let correlation = if squares > 0.0 { product / squares } else { 0.0 };
     let clear = correlation > CLEAR_DEVIATIONS / f64::max(count, 1.0).sqrt();
     Ok(if clear { correlation.min(MOST_CORRELATION) } else { 0.0 })
+}
+
+/// Mean correlation between two of n successive errors whose neighbours correlate by r: r^|i − j|.
+pub(crate) fn shared_by_views(correlation: f64, views: f64) -> f64 {
+    let n = views.round().max(1.0) as i32;
+    let pairs: f64 = (1..n).map(|lag| f64::from(n - lag)).sum();
+    let sum: f64 = (1..n).map(|lag| f64::from(n - lag) * correlation.powi(lag)).sum();
+    if pairs > 0.0 { sum / pairs } else { 0.0 }
 }

@@ -5,6 +5,7 @@ pub(super) mod beside_slips;
 pub(super) mod beyond;
 mod candidates;
 pub(super) mod law_remainder;
+pub(super) mod lingering_noise;
 pub(super) mod long_session;
 pub(super) mod near_ties;
 pub(super) mod nonparametric;

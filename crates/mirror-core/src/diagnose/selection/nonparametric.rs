@@ -12,7 +12,7 @@ use crate::diagnose::effects::hypothesis::{Catalogue, Model};
 use crate::diagnose::likelihood::score_test::screen;
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::problem::Noise;
-use crate::diagnose::principles::{ABOVE_SCATTER, LOG_PRIOR_FREE, LOG_PRIOR_STRUCTURE, Threshold};
+use crate::diagnose::principles::{LOG_PRIOR_FREE, LOG_PRIOR_STRUCTURE, Threshold};
 use crate::diagnose::selection::search::{Found, Search, SearchOptions};
 use crate::error::Result;
 
@@ -105,6 +105,7 @@ pub(crate) fn beside_free_forms<'a>(
         catalogue: all,
         group: search.group.clone(),
         measured_noise: search.measured_noise,
+        lingering: search.lingering,
         options: SearchOptions { most_causes, named_only: false, ..search.options.clone() },
         mask: search.mask,
         ties: Vec::new(),
@@ -187,7 +188,7 @@ pub(crate) fn unexplained(
         if reached {
             return Ok(None);
         }
-        let large = adequacy.significant && (named || adequacy.excess >= ABOVE_SCATTER.powi(2) - 1.0);
+        let large = adequacy.significant && (named || adequacy.excess >= adequacy.stands_out_from);
         if !large && !adequacy.corners_significant {
             return Ok(None);
         }

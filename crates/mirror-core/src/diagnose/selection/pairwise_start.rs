@@ -18,10 +18,10 @@ use nalgebra::{DMatrix, DVector};
 
 /// Two hypotheses, likeliest together.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Pair {
-    hypotheses: [usize; 2],
-    parameters: [f64; 2],
-    log_bayes: f64,
+pub(crate) struct Pair {
+    pub hypotheses: [usize; 2],
+    pub parameters: [f64; 2],
+    pub log_bayes: f64,
 }
 
 /// The search from the likeliest pair of causes, where the ladder ended with several others instead; none where these are better.
@@ -42,13 +42,7 @@ pub(crate) fn from_a_pair<'a>(
     if pair.hypotheses.iter().all(|&h| known(h)) {
         return Ok(None);
     }
-    let mut start = nominal.clone();
-    for (&hypothesis, &parameter) in pair.hypotheses.iter().zip(&pair.parameters) {
-        start = start.with(search.catalogue, hypothesis, search.catalogue.hypotheses[hypothesis].variants[0]);
-        if let Some(term) = start.terms.last_mut() {
-            term.parameters = vec![parameter];
-        }
-    }
+    let Some(start) = start_from(search, nominal, &pair) else { return Ok(None) };
     let mut other = search.clone();
     let mut result = other.run(start)?;
     let odds = log_odds((&other, &result), (search, found))?;
@@ -57,6 +51,18 @@ pub(crate) fn from_a_pair<'a>(
     trace.append(&mut result.trace);
     result.trace = trace;
     Ok((odds > 0.0).then_some((other, result)))
+}
+
+/// A model with the pair added; none where the linear model led to a camera or a mirror that cannot be (a pane of 130 mm).
+pub(crate) fn start_from(search: &Search<'_>, nominal: &Model, pair: &Pair) -> Option<Model> {
+    let mut start = nominal.clone();
+    for (&hypothesis, &parameter) in pair.hypotheses.iter().zip(&pair.parameters) {
+        start = start.with(search.catalogue, hypothesis, search.catalogue.hypotheses[hypothesis].variants[0]);
+        if let Some(term) = start.terms.last_mut() {
+            term.parameters = vec![parameter];
+        }
+    }
+    search.can_be(&start).then_some(start)
 }
 
 /// The likeliest pair of one-parameter causes beside a model, linearised there; none where there are fewer than two.

@@ -68,6 +68,8 @@ pub(crate) struct Search<'a> {
     pub catalogue: &'a Catalogue,
     pub group: Group,
     pub measured_noise: Noise,
+    /// By how much that was widened for errors that linger from view to view; 1 where they do not.
+    pub lingering: f64,
     pub options: SearchOptions,
     pub mask: Option<&'a [bool]>,
     /// Causes that were added where another was about as likely, with that other.
@@ -131,6 +133,11 @@ impl Search<'_> {
     /// Whether a model's camera and mirror can be: a linear model may lead to a focal length below zero.
     pub fn can_be(&self, model: &Model) -> bool {
         self.problem.eye(&self.deformation(model)).is_ok()
+    }
+
+    /// The measured noise as the views of one posture show it.
+    pub fn noise_of_views(&self) -> Noise {
+        Noise { marker_px: self.measured_noise.marker_px / self.lingering, ..self.measured_noise }
     }
 
     pub fn effective(&self, model: &Model) -> Result<Noise> {

@@ -105,13 +105,15 @@ pub(crate) fn beside_geometry<'a>(
     let free = alone.fit.model.terms.iter().any(|t| its_search.catalogue.is_free(t.hypothesis));
     // Many pieces together can imitate what they are not. They were chosen by the very regions that are held out, the group was not: their
     // prediction says nothing against evidence for it that is twice what its prior asks for; the group's may speak for it against evidence.
-    let pieces = places(its_search, alone) >= SEVERAL_CAUSES && odds > -BEYOND_DOUBT;
+    let in_pieces = places(its_search, alone) >= SEVERAL_CAUSES;
+    let pieces = in_pieces && odds > -BEYOND_DOUBT;
     let settled = better && pieces && !free && odds > -LOG_PRIOR_STRUCTURE;
     if !settled && (better || pieces || free) {
         let with = seen_size(&search.held_out(&found.fit.model, found.noise)?);
         let without = seen_size(&its_search.held_out(&alone.fit.model, alone.noise)?);
         better = (better || pieces) && with < LEAST_HELD_OUT_RATIO * without;
-        if !better && free && known {
+        // One error of no name at one place is an answer; errors in many places are the small errors' pieces.
+        if !better && free && known && in_pieces {
             let named_alone = seen_size(&its_search.held_out_of_causes(&alone.fit.model, alone.noise)?);
             // Errors of no name that fit better cannot be added to a model.
             if with < MAJORITY * named_alone {

@@ -6,6 +6,7 @@ use crate::diagnose::effects::hypothesis::{Catalogue, Model};
 use crate::diagnose::effects::vocabulary;
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::selection::near_ties::from_near_ties;
+use crate::diagnose::selection::pairwise_start::{Pair, start_from};
 use crate::diagnose::selection::search::Found;
 use crate::robot::Robot;
 use std::sync::Arc;
@@ -56,4 +57,23 @@ fn what_a_tilt_stands_for_is_found_from_the_zero_that_was_as_likely_once() {
     from_near_ties(&mut ended, &mut found).unwrap();
     assert_eq!(found.fit.model.terms.iter().map(|t| t.hypothesis).collect::<Vec<_>>(), [zero, ratio]);
     assert!(found.trace.is_empty());
+}
+
+#[test]
+fn a_pair_that_leads_to_a_mirror_which_cannot_be_is_no_start() {
+    let world = World::new(4, true);
+    let robot = Robot::from_urdf_str(&world.urdf()).unwrap();
+    let problem = Problem::new(&robot, &world.record(&Plan { postures: 8, ..Plan::default() })).unwrap();
+    let catalogue = Catalogue::new(&problem.scene, vocabulary().into_iter().map(Arc::from).collect(), &[]);
+    let named = |name: &str| {
+        (0..catalogue.hypotheses.len()).find(|&h| catalogue.name(&problem.scene, h) == name).unwrap()
+    };
+    let search = search(&problem, &catalogue);
+    let started = |thickness_m: f64| {
+        let hypotheses = [named("joint_offset@joint:r_elbow"), named("mirror_glass@mirror")];
+        let pair = Pair { hypotheses, parameters: [0.01, thickness_m], log_bayes: 1.0 };
+        start_from(&search, &Model::nominal(&problem), &pair)
+    };
+    assert_eq!(started(0.008).map(|model| model.terms.len()), Some(2));
+    assert!(started(0.13).is_none());
 }

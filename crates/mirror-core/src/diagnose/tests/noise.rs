@@ -1,10 +1,13 @@
 //! The measurement's noise from the data, and what lingers of it.
 
 use super::gap_world::{Plan, World};
-use crate::diagnose::assessment::noise_floor::shared_by_views;
+use crate::diagnose::data::recording::Target;
 use crate::diagnose::likelihood::noise::estimate;
+use crate::diagnose::likelihood::noise_correlation::{shared_by_views, widening_of_views};
 use crate::diagnose::model::problem::{Noise, Problem};
+use crate::random::Random;
 use crate::robot::Robot;
+use nalgebra::Vector2;
 
 #[test]
 fn noise_is_what_no_model_could_explain_with_all_that_was_spent_counted() {
@@ -34,4 +37,42 @@ fn views_of_a_posture_share_what_lingers_between_each_two_of_them() {
         assert!((shared - sum / pairs).abs() < 1e-12, "{correlation} {views}: {shared}");
     }
     assert_eq!(shared_by_views(0.5, 1.0), 0.0);
+}
+
+#[test]
+fn views_are_widened_for_what_fades_within_a_few_frames_and_not_for_what_stays() {
+    const NOISE: Noise = Noise { corner_px: 0.15, marker_px: 0.15, point_m: 1.0 };
+    // Mean widening of ten sessions whose blobs' successive errors correlate so.
+    let mean = |lingering: f64, slow_px: f64| {
+        let of = |seed: u64| {
+            let world = World::new(4, true);
+            let robot = Robot::from_urdf_str(&world.urdf()).unwrap();
+            let plan = Plan { postures: 60, noise_px: 1e-3, seed, ..Plan::default() };
+            let mut recording = world.record(&plan);
+            let mut random = Random::new(1000 + seed);
+            let mut errors = vec![Vector2::zeros(); recording.markers.len()];
+            let count = recording.frames.len() as f64;
+            for (f, frame) in recording.frames.iter_mut().enumerate() {
+                for error in &mut errors {
+                    let new = Vector2::new(random.normal(), random.normal());
+                    *error = *error * lingering + new * (1.0 - lingering * lingering).sqrt();
+                }
+                for sighting in &mut frame.sightings {
+                    if let Target::Marker(m) = sighting.target {
+                        let slow = Vector2::new(slow_px * (f as f64 / count - 0.5), 0.0);
+                        sighting.pixel += errors[m] * NOISE.marker_px + slow;
+                    }
+                }
+            }
+            let problem = Problem::new(&robot, &recording).unwrap();
+            widening_of_views(&problem, &problem.nominal(), NOISE).unwrap()
+        };
+        (0..10).map(of).sum::<f64>() / 10.0
+    };
+    // Two views: √((1 + r) / (1 − r)).
+    let lingering = mean(0.4, 0.0);
+    assert!((lingering / (1.4_f64 / 0.6).sqrt() - 1.0).abs() < 0.08, "{lingering}");
+    let (white, slow) = (mean(0.0, 0.0), mean(0.0, 0.8));
+    assert!(white < 1.02, "{white}");
+    assert!(slow < 1.1, "{slow}");
 }
