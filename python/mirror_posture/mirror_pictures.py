@@ -232,10 +232,12 @@ def _stacked(parts: Sequence[MarkerPositions]) -> MarkerPositions:
 
 
 def _trusted(found: PictureDetections, via: str) -> tuple[npt.NDArray[np.float64], float]:
-    """Corners (N, 2) px and the standard deviation of one axis, px, of a view (`direct`, `mirror`) that passed its checks."""
+    """Corners (N, 2) px, NaN where hidden, and the standard deviation of one axis, px, of a view (`direct`, `mirror`) that passed its checks."""
     view = next((view for view in found.boards if view.via == via), None)
     if view is None or not view.ok or view.corners_px is None or view.std_px is None:
         reason = "not found" if view is None else view.reason
         seen = "seen directly" if via == "direct" else "in the mirror"
         raise MirrorPostureError(f"{found.source}: board {seen}: {reason}")
-    return view.corners_px, float(np.sqrt(np.mean(view.std_px**2)))
+    shown = np.ones(len(view.corners_px), dtype=bool) if view.visible is None else view.visible
+    corners = np.where(shown[:, None], view.corners_px, np.nan)
+    return corners, float(np.sqrt(np.mean(view.std_px[shown] ** 2)))

@@ -12,6 +12,7 @@ import pytest
 from mirror_posture import Board
 from mirror_posture.detect import board_search as search
 from mirror_posture.detect import detect_boards
+from mirror_posture.detect.lattice import Reading
 from mirror_posture.detect.places import board_places
 
 BOARD = Board(7, 4, 0.02)
@@ -120,8 +121,9 @@ def test_squares_of_other_things_do_not_hide_the_board(long_searches: list[tuple
 def test_only_small_squares_are_searched_enlarged(
     monkeypatch: pytest.MonkeyPatch, square_px: float, enlarged: bool
 ) -> None:
-    """The crossings of a board show, and no detector finds it: all ways are tried."""
+    """The crossings of a board show, but their grid is not read, and no detector finds it: all ways are tried."""
     asked: list[int] = []
+    monkeypatch.setattr(search, "read_crossings", lambda *given: Reading((), (), True))
     for name in search.DETECTORS:
         monkeypatch.setitem(search.DETECTORS, name, lambda gray, size: asked.append(gray.shape[0]))
     picture, _ = drawn(np.random.default_rng(8), square_px, 0.5, 1.0)

@@ -11,12 +11,14 @@ from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from ..arguments import checked_arguments
 from ..board import Board
 from ..camera import Camera
 from . import corners, gate, labels, pattern
-from .board_search import Places, candidates, scale_of
+from .board_search import Candidate, Places, candidates, scale_of
+from .hidden import read_partly_seen, without_outliers
 from .places import resized
 from .prediction import predicted_corners_px
 from .types import BoardPrediction, BoardView, FloatArray, Pixels, Via, check_board
@@ -37,9 +39,10 @@ class BoardOptions:
 
 @dataclass(frozen=True)
 class _Found:
-    """A grid that passed the checks that need no labels, or (`reason` set) the best that did not."""
+    """A grid that passed the checks that need no labels, or (`reason` set) the best that did not. `seen` (ny, nx): corners that something hides are where the others have them."""
 
     grid: FloatArray
+    seen: npt.NDArray[np.bool_]
     dark_first: bool
     window_half_px: int
     method: str
@@ -115,7 +118,7 @@ def measure_grid(
 ) -> BoardView:
     """Checks, refines and labels a grid `(ny, nx, 2)` px that something else found (a detector, a tracker)."""
     options = options or BoardOptions()
-    item = _examine(gray, np.asarray(grid, dtype=np.float64), "given", board, camera, options)
+    item = _examine(gray, Candidate("given", np.asarray(grid, dtype=np.float64)), board, camera, options)
     if item.reason:
         return BoardView(False, item.reason, via, item.grid.reshape(-1, 2), method="given")
     return _label(gray, item, via, board, camera, prediction, options)
@@ -142,13 +145,14 @@ def _search_all(
         # The search for a surplus board is the quick one: it only guards against a mistaken identity.
         quick = len(found) >= len(options.views)
         item = None
-        for method, candidate in candidates(remaining, scale, board, shown, quick):
-            examined = _examine(gray, candidate, method, board, camera, options)
+        for candidate in candidates(remaining, scale, board, shown, quick):
+            examined = _examine(gray, candidate, board, camera, options)
             if not examined.reason:
                 item = examined
                 break
-            attempts.append(f"{method}: {examined.reason}")
-            if failed is None:
+            attempts.append(f"{candidate.method}: {examined.reason}")
+            # What hides a part of the board tells more than what a whole grid failed of.
+            if failed is None or (candidate.shown is not None and failed.seen.all()):
                 failed = examined
         if item is None:
             break
@@ -162,22 +166,45 @@ def _search_all(
 
 def _examine(
     gray: Pixels,
-    grid: FloatArray,
-    method: str,
+    candidate: Candidate,
     board: Board,
     camera: Camera | None,
     options: BoardOptions,
 ) -> _Found:
     """Refines a grid and runs the checks that do not need labels."""
+    grid = candidate.grid
+    if candidate.shown is not None:
+        partly = read_partly_seen(gray, grid, candidate.shown, board, camera, options.gate)
+        return _Found(
+            partly.grid,
+            partly.seen,
+            partly.dark_first,
+            partly.window_half_px,
+            candidate.method,
+            partly.reason,
+        )
     # A homography does not care for labels: any symmetry of the grid has the same residual.
     refined = corners.refine(gray, grid.reshape(-1, 2), board, camera, options.gate)
     refined_grid = refined.corners_px.reshape(grid.shape)
     check = pattern.check_pattern(gray, refined_grid)
+    everything = np.ones(board.corner_count, dtype=bool)
+    kept = without_outliers(refined.corners_px, everything, board, camera, options.gate)
+    if not check.reason and not kept.all():
+        others = _examine(
+            gray,
+            Candidate(candidate.method, refined_grid, kept.reshape(grid.shape[:2])),
+            board,
+            camera,
+            options,
+        )
+        if not others.reason:
+            return others
     return _Found(
         refined_grid,
+        np.ones(grid.shape[:2], dtype=bool),
         check.dark_first,
         refined.window_half_px,
-        method,
+        candidate.method,
         "; ".join(filter(None, (check.reason, refined.residual.reason))),
     )
 
@@ -193,20 +220,24 @@ def _label(
 ) -> BoardView:
     predicted = predicted_corners_px(item.grid, board, camera, prediction, via)
     settled = labels.settle_labels(item.grid, item.dark_first, board, via, predicted)
-    residual = gate.board_residual(settled.corners_px, board, camera, options.gate)
+    # The labelled corners are the grid's, in another order.
+    order = np.abs(settled.corners_px[:, None] - item.grid.reshape(1, -1, 2)).sum(axis=2).argmin(axis=1)
+    seen = item.seen.ravel()[order]
+    some = None if seen.all() else seen
+    residual = gate.board_residual(settled.corners_px, board, camera, options.gate, some)
     covariances = corners.scale_by_residual(
-        corners.noise_covariances(gray, settled.corners_px, item.window_half_px, board), residual
+        corners.noise_covariances(gray, settled.corners_px, item.window_half_px, board, some), residual, some
     )
     # With a camera, the view must also be that of a board at some pose: fewer freedoms than a homography's, and the camera file is checked.
-    calibrated = gate.pose_gate(settled.corners_px, board, camera, options.gate)
+    calibrated = gate.pose_gate(settled.corners_px, board, camera, options.gate, some)
     reason = settled.reason or residual.reason or calibrated.reason
     return BoardView(
         ok=not reason,
         reason=reason,
         via=via,
-        corners_px=settled.corners_px,
+        corners_px=np.where(seen[:, None], settled.corners_px, 0.0),
         covariances_px2=covariances,
-        visible=np.ones(board.corner_count, dtype=bool),
+        visible=seen,
         residual_rms_px=residual.rms_px if calibrated.rms_px is None else calibrated.rms_px,
         residual_limit_px=residual.limit_px,
         method=item.method,

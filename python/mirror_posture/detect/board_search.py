@@ -6,24 +6,34 @@ The quick look at crossings (`places`) says where a board can be; detectors, whi
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from ..board import Board
-from .places import LEAST_SHOWN, Place, board_places, resized
+from .lattice import read_crossings
+from .places import LEAST_CONTRAST, LEAST_SHOWN, Place, board_places, resized
 from .types import FloatArray, Pixels
 
 # Larger pictures are searched at about this width: the detectors look for squares of tens of pixels.
 SEARCH_WIDTH_PX = 1632
 # Sizes in which places of boards are looked for, the most usual first: a small picture is free of noise and blur, a large one shows small squares.
 PLACE_SCALES = (0.5, 0.25, 1.0)
+# ... and the least contrast, levels, of what is looked for. Texture shows many faint crossings: such are looked for last, and where squares are not small.
+FAINT_CONTRAST = 4.0
+LOOKS = (*((scale, LEAST_CONTRAST) for scale in PLACE_SCALES), (0.5, FAINT_CONTRAST), (0.25, FAINT_CONTRAST))
 # Parts below this size are searched once more at twice the size, for small squares.
 UPSCALE_BELOW_PX = 500
 # ... if their squares are below this, px: enlarged, larger ones show no more, and cost as much as all of the rest.
 SMALL_SQUARE_PX = 7.0
+# Parts with larger squares than this are searched at half the size: in a quarter of the time, and corners are refined in the picture itself.
+LARGE_SQUARE_PX = 18.0
 # The slower ways are tried in so many places, those with nearest to the board's number of crossings first.
 MOST_SEARCHED = 2
+# Grids with hidden corners that are examined of a place, those with the most that show first.
+MOST_PARTLY = 4
 
 
 def scale_of(gray: Pixels) -> float:
@@ -36,16 +46,24 @@ class Places:
 
     def __init__(self, gray: Pixels, corner_count: int) -> None:
         self._gray, self._corner_count = gray, corner_count
-        self._by_scale: dict[float, tuple[Place, ...]] = {}
+        self._by_scale: dict[tuple[float, float], tuple[Place, ...]] = {}
+        self._seen_at: dict[float, Pixels] = {}
         self._covered: list[FloatArray] = []
 
-    def at(self, scale: float) -> tuple[Place, ...]:
-        if scale not in self._by_scale:
-            self._by_scale[scale] = board_places(self._gray, self._corner_count, scale)
+    def at(self, scale: float, least_contrast: float = LEAST_CONTRAST) -> tuple[Place, ...]:
+        if (scale, least_contrast) not in self._by_scale:
+            self._by_scale[scale, least_contrast] = board_places(
+                self._gray, self._corner_count, scale, least_contrast
+            )
+            self._seen_at[scale] = resized(self._gray, scale)
         least = LEAST_SHOWN * self._corner_count
-        return tuple(place for place in self._by_scale[scale] if self._open(place) >= least)
+        return tuple(place for place in self._by_scale[scale, least_contrast] if self._open(place) >= least)
 
-    def looked_at(self) -> tuple[float, ...]:
+    def seen_at(self, scale: float) -> Pixels:
+        """The picture at a size at which it was looked at."""
+        return self._seen_at[scale]
+
+    def looked_at(self) -> tuple[tuple[float, float], ...]:
         return tuple(self._by_scale)
 
     def cover(self, outline_px: FloatArray) -> None:
@@ -58,15 +76,36 @@ class Places:
         )
 
 
-def candidates(
-    gray: Pixels, scale: float, board: Board, shown: Places, quick: bool
-) -> Iterator[tuple[str, FloatArray]]:
-    """Grids (ny, nx, 2) by place, detector and preparation, the likeliest and fastest first."""
+@dataclass(frozen=True)
+class Candidate:
+    """A grid (ny, nx, 2) px and what found it; `shown` (ny, nx): which of its corners show, where some may be hidden."""
+
+    method: str
+    grid: FloatArray
+    shown: npt.NDArray[np.bool_] | None = None
+
+
+def candidates(gray: Pixels, scale: float, board: Board, shown: Places, quick: bool) -> Iterator[Candidate]:
+    """Grids by place, detector and preparation, the likeliest and fastest first."""
     small = resized(gray, scale)
     tried: list[Place] = []
-    for size in shown.looked_at() if quick else PLACE_SCALES:
-        for place in shown.at(size):
+    nothing_seen = True
+    for look in shown.looked_at() if quick else LOOKS:
+        # A faint board is looked for where no other squares show.
+        if look[1] < LEAST_CONTRAST and not (quick or nothing_seen):
+            break
+        for place in shown.at(*look):
+            nothing_seen = False
             if any(place.same_as(other) for other in tried):
+                continue
+            reading = read_crossings(shown.seen_at(look[0]), place, board)
+            if not quick:
+                for grid in reading.whole:
+                    yield Candidate("crossings", (grid + 0.5) / scale - 0.5)
+                # Before detectors, which take the edge of what hides a corner for the corner.
+                for grid, seen in reading.partly[:MOST_PARTLY]:
+                    yield Candidate("crossings, some hidden", (grid + 0.5) / scale - 0.5, seen)
+            if not reading.may_hold:
                 continue
             tried.append(place)
             yield from _in_place(small, scale, place, board, _QUICK if quick else _FIRST)
@@ -75,32 +114,30 @@ def candidates(
     tried.sort(key=lambda place: place.unlike(board.corner_count))
     for place in tried[:MOST_SEARCHED]:
         yield from _in_place(small, scale, place, board, _SLOW)
-    # Crossings may be too poor to be told: the whole picture, if the detector's own quick look sees squares.
-    if not tried:
-        whole = Place((0, 0, small.shape[1], small.shape[0]), np.empty((0, 2)))
-        yield from _in_place(small, scale, whole, board, _QUICK)
 
 
 def _in_place(
     small: Pixels, scale: float, place: Place, board: Board, ways: tuple[str, ...]
-) -> Iterator[tuple[str, FloatArray]]:
+) -> Iterator[Candidate]:
     left, top, right, bottom = place.box_px
-    part = np.ascontiguousarray(small[top:bottom, left:right])
+    step_px = place.step_px()
+    size = 0.5 if step_px > LARGE_SQUARE_PX else 1.0
+    part = resized(np.ascontiguousarray(small[top:bottom, left:right]), size)
     contrast: Pixels | None = None
     for way in ways:
         detector = DETECTORS[way.split(",")[0]]
-        prepared, times = part, 1.0
+        prepared, times = part, size
         if "," in way:
             if contrast is None:
                 contrast = cv2.createCLAHE(clipLimit=4.0, tileGridSize=(4, 4)).apply(part)
             prepared = contrast
         if way.endswith("enlarged"):
-            if max(part.shape) > UPSCALE_BELOW_PX or place.step_px() > SMALL_SQUARE_PX:
+            if max(part.shape) > UPSCALE_BELOW_PX or step_px > SMALL_SQUARE_PX:
                 continue
             prepared, times = cv2.resize(prepared, None, fx=2.0, fy=2.0, interpolation=cv2.INTER_CUBIC), 2.0
         for name, grid in _run(way, prepared, times, board, detector):
             # Pixel centres, not corners, are whole numbers: a resized picture is shifted by half a pixel.
-            yield name, (grid + np.array([left, top], dtype=np.float64) + 0.5) / scale - 0.5
+            yield Candidate(name, (grid + np.array([left, top], dtype=np.float64) + 0.5) / scale - 0.5)
 
 
 def _classic(gray: Pixels, size: tuple[int, int]) -> Pixels | None:

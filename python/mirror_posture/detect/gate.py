@@ -114,7 +114,7 @@ def board_residual(
     residuals = pixels - fitted
     freedom = 2 * count - 8
     if camera is None and count >= MIN_CORNERS_FOR_CUBIC:
-        basis = _cubic_basis(plane)
+        basis = cubic_basis(plane)
         coefficients, *_ = np.linalg.lstsq(basis, residuals, rcond=None)
         residuals = residuals - basis @ coefficients
         freedom = 2 * (count - basis.shape[1])
@@ -131,13 +131,17 @@ class PoseGate:
 
 
 def pose_gate(
-    corners_px: FloatArray, board: Board, camera: Camera | None, options: GateOptions | None = None
+    corners_px: FloatArray,
+    board: Board,
+    camera: Camera | None,
+    options: GateOptions | None = None,
+    visible: npt.NDArray[np.bool_] | None = None,
 ) -> PoseGate:
-    """Gates a whole view on its reprojection from the best pose of the board before this camera."""
+    """Gates a view on its reprojection from the best pose of the board before this camera."""
     if camera is None:
         return PoseGate(None, "")
     options = options or GateOptions()
-    pose = board_pose(corners_px, board, camera)
+    pose = board_pose(corners_px, board, camera, visible)
     if pose is None:
         return PoseGate(
             None, "no pose of the board before this camera explains the corners: check the camera file"
@@ -192,7 +196,8 @@ def _view_plane(pixels: FloatArray, camera: Camera | None) -> _ViewPlane | None:
     return _ViewPlane(seen[:, :2] / seen[:, 2:] * camera.mean_focal_px, camera, camera_from_view)
 
 
-def _cubic_basis(plane: FloatArray) -> FloatArray:
+def cubic_basis(plane: FloatArray) -> FloatArray:
+    """Monomials up to the third degree of places (N, 2) in the board's plane, (N, 10)."""
     scaled = plane / np.abs(plane).max()
     x, y = scaled[:, 0], scaled[:, 1]
     return np.stack([x**i * y**j for i in range(4) for j in range(4 - i)], axis=1)

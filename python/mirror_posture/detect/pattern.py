@@ -41,13 +41,10 @@ def check_pattern(gray: Pixels, grid: FloatArray) -> PatternCheck:
 
     `gray` is float32 or uint8, (H, W).
     """
-    score, spread = _scores(gray, grid, np.gradient(grid, axis=1), np.gradient(grid, axis=0))
-    if not np.isfinite(score).all():
+    relative, dark_first, contrast = corner_contrast(gray, grid)
+    ny, nx = relative.shape
+    if not np.isfinite(relative).all():
         return PatternCheck(False, "the board is cut off by the picture's edge", False, 0.0)
-    ny, nx = score.shape
-    parity = 1.0 - 2.0 * ((np.arange(ny)[:, None] + np.arange(nx)[None, :]) % 2)
-    signed = score * parity
-    contrast = float(np.median(np.abs(signed)))
     if contrast < MIN_CONTRAST_LEVELS:
         return PatternCheck(
             False,
@@ -55,13 +52,10 @@ def check_pattern(gray: Pixels, grid: FloatArray) -> PatternCheck:
             False,
             contrast,
         )
-    sign = np.sign(np.median(signed))
-    dark_first = bool(sign < 0.0)
-    relative = signed * sign / np.maximum(spread, MIN_CONTRAST_LEVELS)
-    reason = _bad_line(relative) or _bad_corner(relative)
+    reason = bad_line(relative) or _bad_corner(relative)
     if reason:
         return PatternCheck(False, reason, dark_first, contrast)
-    side = _continues_beyond(gray, grid, sign)
+    side = goes_on_beyond(gray, grid, dark_first)
     if side:
         return PatternCheck(
             False,
@@ -72,7 +66,21 @@ def check_pattern(gray: Pixels, grid: FloatArray) -> PatternCheck:
     return PatternCheck(True, "", dark_first, contrast)
 
 
-def _scores(
+def corner_contrast(gray: Pixels, grid: FloatArray) -> tuple[FloatArray, bool, float]:
+    """Contrast of four squares at each point of a grid (ny, nx, 2), relative to the light there, NaN outside of the picture; whether the square beyond (0, 0)
+    is dark; the median of the contrast, grey levels."""
+    score, spread = saddle_contrast(gray, grid, np.gradient(grid, axis=1), np.gradient(grid, axis=0))
+    ny, nx = score.shape
+    signed = score * (1.0 - 2.0 * ((np.arange(ny)[:, None] + np.arange(nx)[None, :]) % 2))
+    inside = signed[np.isfinite(signed)]
+    if not inside.size:
+        return signed, False, 0.0
+    sign = float(np.sign(np.median(inside)))
+    relative: FloatArray = signed * sign / np.maximum(spread, MIN_CONTRAST_LEVELS)
+    return relative, sign < 0.0, float(np.median(np.abs(inside)))
+
+
+def saddle_contrast(
     gray: Pixels, at: FloatArray, along_x: FloatArray, along_y: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Saddle contrast of points given with their local grid steps, and the spread of its four samples, grey levels.
@@ -100,10 +108,12 @@ def sample(gray: Pixels, at: FloatArray) -> FloatArray:
     return np.where(inside, values, np.nan)
 
 
-def _bad_line(relative: FloatArray) -> str:
-    """Reason if a whole row or column is not one of chessboard corners: the sign of a shifted grid."""
+def bad_line(relative: FloatArray) -> str:
+    """Reason if a whole row or column is not one of chessboard corners (NaN: hidden): the sign of a shifted grid."""
     for name, axis in (("row", 1), ("column", 0)):
-        medians = np.median(relative, axis=axis)
+        # A line that is hidden all along says nothing.
+        known = [line[np.isfinite(line)] for line in (relative if axis == 1 else relative.T)]
+        medians = np.array([np.median(line) if line.size else 1.0 for line in known])
         worst = int(np.argmin(medians))
         if medians[worst] < MIN_LINE_CONTRAST:
             return (
@@ -124,8 +134,9 @@ def _bad_corner(relative: FloatArray) -> str:
     )
 
 
-def _continues_beyond(gray: Pixels, grid: FloatArray, sign: float) -> str:
+def goes_on_beyond(gray: Pixels, grid: FloatArray, dark_first: bool) -> str:
     """Name of the side beyond which another full row of chessboard corners follows, or an empty string."""
+    sign = -1.0 if dark_first else 1.0
     ny, nx = grid.shape[:2]
     step_x, step_y = np.gradient(grid, axis=1), np.gradient(grid, axis=0)
     sides = (
@@ -135,7 +146,7 @@ def _continues_beyond(gray: Pixels, grid: FloatArray, sign: float) -> str:
         ("last column", grid[:, -1] + step_x[:, -1], step_x[:, -1], step_y[:, -1], nx),
     )
     for name, at, along_x, along_y, line in sides:
-        score, spread = _scores(gray, at, along_x, along_y)
+        score, spread = saddle_contrast(gray, at, along_x, along_y)
         parity = 1.0 - 2.0 * ((np.arange(len(score)) + line) % 2)
         relative = score * parity * sign / np.maximum(spread, MIN_CONTRAST_LEVELS)
         finite = relative[np.isfinite(relative)]

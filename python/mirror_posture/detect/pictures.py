@@ -21,6 +21,7 @@ from ..board import CHARUCO
 from ..camera import Camera
 from .board import BoardOptions, detect_boards
 from .charuco import detect_charuco
+from .hidden import told_hidden
 from .marker_choice import SizeBounds
 from .marker_judge import MarkerOptions
 from .markers import detect_markers
@@ -85,7 +86,7 @@ def detect_picture(
     bgr = file.pixels
     height, width = bgr.shape[:2]
     _check_size(width, height, setup.camera, source, file.exif_turn)
-    warnings = (
+    warnings: tuple[str, ...] = (
         (
             f"its EXIF tag says that it is shown {file.exif_turn}: pixels are used as stored; the camera file must be of stored pixels too",
         )
@@ -93,6 +94,9 @@ def detect_picture(
         else ()
     )
     boards = _boards(bgr, setup, prediction, options)
+    if setup.board is not None and setup.board.pattern != CHARUCO:
+        # (Of a ChArUco board a part is enough, as a rule.)
+        warnings += tuple(filter(None, (told_hidden(view, setup.board) for view in boards)))
     bounds = _size_bounds(boards, setup)
     markers = detect_markers(
         bgr,
@@ -189,10 +193,7 @@ def _size_bounds(boards: tuple[BoardView, ...], setup: DetectionSetup) -> dict[s
         return {}
     view = seen[0]
     assert view.corners_px is not None
-    complete = view.visible is None or bool(view.visible.all())
-    if not complete:
-        return {}
-    pose = board_pose(view.corners_px, setup.board, setup.camera)
+    pose = board_pose(view.corners_px, setup.board, setup.camera, view.visible)
     if pose is None:
         return {}
     distance = float(np.linalg.norm(pose.center_in_camera_m))
@@ -219,9 +220,9 @@ def expected_markers(
     if camera is None or setup.board is None or board is None or board.camera_from_board is None or not seen:
         return ()
     corners = seen[0].corners_px
-    if corners is None or (seen[0].visible is not None and not seen[0].visible.all()):
+    if corners is None:
         return ()
-    pose = board_pose(corners, setup.board, camera)
+    pose = board_pose(corners, setup.board, camera, seen[0].visible)
     if pose is None:
         return ()
     # The point pair (paper, Eq. 2): the plane half-way between the board's centre and its reflection.

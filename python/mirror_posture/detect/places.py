@@ -52,10 +52,16 @@ SAME_SHARE = 0.6
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Place(ShortRepr):
-    """A part of the picture that may hold a board: `(left, top, right, bottom)` px, and the crossings that it shows, `(N, 2)` px."""
+    """A part of the picture that may hold a board: `(left, top, right, bottom)` px, and the crossings that it shows, `(N, 2)` px.
+
+    `axis` (N, 2): cosine and sine of twice the angle of each crossing; `links` (2, M): pairs of crossings beside each other; `scale`: the size in which they were seen.
+    """
 
     box_px: tuple[int, int, int, int]
     crossings_px: FloatArray
+    axis: FloatArray
+    links: npt.NDArray[np.intp]
+    scale: float
 
     def unlike(self, corner_count: int) -> int:
         """How far the number of crossings is from a board's: a wall of tiles shows many more."""
@@ -86,24 +92,32 @@ class _Saddles:
     strength: FloatArray
 
 
-def board_places(gray: Pixels, corner_count: int, scale: float = 0.5) -> tuple[Place, ...]:
-    """Parts of a grey picture (H, W) that show most of a board's `corner_count` crossings when it is looked at in a size `scale`, the likeliest first."""
+def board_places(
+    gray: Pixels, corner_count: int, scale: float = 0.5, least_contrast: float = LEAST_CONTRAST
+) -> tuple[Place, ...]:
+    """Parts of a grey picture (H, W) that show most of a board's `corner_count` crossings when it is looked at in a size `scale`, the likeliest first.
+
+    `least_contrast`: of a crossing, grey levels.
+    """
     height, width = gray.shape
     if min(height, width) * scale < LEAST_SIDE_PX:
         return ()
-    saddles = _saddles(resized(gray, scale))
+    saddles = _saddles(resized(gray, scale), least_contrast)
     found: list[Place] = []
     least = LEAST_SHOWN * corner_count
     if len(saddles.place_px) < max(least, NEIGHBOURS + 1):
         return ()
     pairs = _pairs(saddles)
     groups = [group for ratio in STEP_RATIOS for group in _groups(saddles, pairs, least, ratio)]
-    for points, step in groups:
+    for members, links, step in groups:
+        points = saddles.place_px[members]
         low = (points.min(axis=0) - MARGIN_STEPS * step) / scale
         high = (points.max(axis=0) + MARGIN_STEPS * step + 1.0) / scale
         left, top = max(int(low[0]), 0), max(int(low[1]), 0)
         right, bottom = min(int(high[0]) + 1, width), min(int(high[1]) + 1, height)
-        place = Place((left, top, right, bottom), (points + 0.5) / scale - 0.5)
+        place = Place(
+            (left, top, right, bottom), (points + 0.5) / scale - 0.5, saddles.axis[members], links, scale
+        )
         if not any(place.same_as(other) for other in found):
             found.append(place)
     found.sort(key=lambda one: one.unlike(corner_count))
@@ -118,14 +132,14 @@ def resized(gray: Pixels, scale: float) -> Pixels:
     return small
 
 
-def _saddles(gray: Pixels) -> _Saddles:
+def _saddles(gray: Pixels, least_contrast: float) -> _Saddles:
     smooth = cv2.GaussianBlur(gray.astype(np.float32), (0, 0), BLUR_PX)
     # Sobel's second derivatives are four times the derivative.
     xx, yy, xy = (cv2.Sobel(smooth, cv2.CV_32F, *order, scale=0.25) for order in ((2, 0), (0, 2), (1, 1)))
     curvature = xy * xy - xx * yy
     window = np.ones((2 * CONTRAST_REACH_PX + 1,) * 2, np.uint8)
     most, least = cv2.dilate(smooth, window), cv2.erode(smooth, window)
-    least_contrast = max(LEAST_CONTRAST, LEAST_CONTRAST_NOISES * _noise_levels(gray))
+    least_contrast = max(least_contrast, LEAST_CONTRAST_NOISES * _noise_levels(gray))
     # What the least contrast needs leaves some hundred pixels to ask for more.
     by_contrast = LEAST_SADDLE / (np.pi * (BLUR_PX**2 + PIXEL_VARIANCE_PX2))
     highest = cv2.dilate(curvature, np.ones((5, 5), np.uint8))
@@ -141,12 +155,27 @@ def _saddles(gray: Pixels) -> _Saddles:
     half = 0.5 * (xx.ravel()[peak] - yy.ravel()[peak])
     mixed = xy.ravel()[peak]
     length = np.maximum(np.hypot(half, mixed), 1e-9)
-    rows, columns = np.divmod(peak, gray.shape[1])
     return _Saddles(
-        np.column_stack([columns, rows]).astype(np.float64),
+        _between_pixels(curvature, peak),
         np.column_stack([half / length, mixed / length]).astype(np.float64),
         strength.astype(np.float64),
     )
+
+
+def _between_pixels(values: Pixels, peak: npt.NDArray[np.intp]) -> FloatArray:
+    """Places (N, 2) of peaks, given by their index, from parabolas through the pixels beside them."""
+    height, width = values.shape
+    rows, columns = np.divmod(peak, width)
+    place = np.column_stack([columns, rows]).astype(np.float64)
+    flat = values.ravel()
+    for axis, (step, inside) in enumerate(
+        ((1, (columns > 0) & (columns < width - 1)), (width, (rows > 0) & (rows < height - 1)))
+    ):
+        top = peak[inside]
+        before, at, after = flat[top - step], flat[top], flat[top + step]
+        bend = np.minimum(before - 2.0 * at + after, -1e-9)
+        place[inside, axis] += np.clip(0.5 * (before - after) / bend, -0.5, 0.5)
+    return place
 
 
 def _noise_levels(gray: Pixels) -> float:
@@ -186,8 +215,8 @@ def _pairs(saddles: _Saddles) -> _Pairs:
 
 def _groups(
     saddles: _Saddles, pairs: _Pairs, least: float, step_ratio: float
-) -> list[tuple[FloatArray, float]]:
-    """Saddles joined to neighbours that are turned against them: places (N, 2) and the neighbours' typical distance, of groups with at least so many."""
+) -> list[tuple[npt.NDArray[np.intp], npt.NDArray[np.intp], float]]:
+    """Saddles joined to neighbours that are turned against them: their indices (N,), the links (2, M) among these, and the links' typical length, of groups with at least so many."""
     count = len(saddles.place_px)
     mine, other, away = pairs.mine, pairs.other, pairs.away
     steady = away <= step_ratio * np.minimum(pairs.nearest[mine], pairs.nearest[other])
@@ -204,7 +233,9 @@ def _groups(
         if size >= least:
             inside = label[mine] == one
             step = float(np.median(away[inside]))
-            groups.append((saddles.place_px[np.unique(mine[inside])], step))
+            members = np.unique(mine[inside])
+            links = np.searchsorted(members, np.array([mine[inside], other[inside]]))
+            groups.append((members, links, step))
     return groups
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from .. import _core
 from ..board import Board
@@ -25,8 +26,15 @@ class BoardPose(ShortRepr):
     rms_px: float
 
 
-def board_pose(corners_px: FloatArray, board: Board, camera: Camera) -> BoardPose | None:
-    """Pose of a whole view, corners `(N, 2)` in any of the board's orders; None where the solver finds none."""
+def board_pose(
+    corners_px: FloatArray,
+    board: Board,
+    camera: Camera,
+    visible: npt.NDArray[np.bool_] | None = None,
+) -> BoardPose | None:
+    """Pose of a view, corners `(N, 2)` in any of the board's orders, by those that are `visible` `(N,)`; None where the solver finds none."""
+    if visible is not None:
+        corners_px = np.where(visible[:, None], corners_px, np.nan)
     poses = _core.planar_poses(camera.core, board.corners, board.square_m, corners_px.reshape(1, -1, 2))
     if not poses.valid[0]:
         return None

@@ -96,7 +96,7 @@ class BoardView(ShortRepr):
     """One view of the board in one picture; `ok` is the mask, `reason` says why not.
 
     `corners_px` `(N, 2)` and `covariances_px2` `(N, 2, 2)` are in the order of the session format. They are kept for a refused view
-    (so that an overlay can show it) and are None where nothing was found. `visible` `(N,)` is False for corners that were not measured (ChArUco): their numbers are 0.
+    (so that an overlay can show it) and are None where nothing was found. `visible` `(N,)` is False for corners that were not measured (hidden, or not read of a ChArUco board): their numbers are 0.
     """
 
     ok: bool

@@ -1,0 +1,104 @@
+"""Grids of crossings: the board is read from them without a detector, and other things full of squares are told from it without one.
+
+Keyboard, tiles and cloth are drawn by OpenCV through a homography, boards by `test_detect_places`; nothing of detection is used.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from mirror_posture import Board
+from mirror_posture.detect import board_search as search
+from mirror_posture.detect import detect_boards
+from mirror_posture.detect.lattice import read_crossings
+from mirror_posture.detect.places import board_places
+from test_detect_places import BOARD, drawn
+
+SIZE = (480, 360)
+
+
+@pytest.fixture
+def asked(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, ...]]:
+    """Sizes of the pictures that detectors are given; they find nothing."""
+    sizes: list[tuple[int, ...]] = []
+    for name in search.DETECTORS:
+        monkeypatch.setitem(search.DETECTORS, name, lambda gray, size: sizes.append(gray.shape))
+    return sizes
+
+
+def keyboard(rng: np.random.Generator) -> np.ndarray:
+    keys = np.full((490, 1190), 30, np.uint8)
+    for top in range(0, 490, 70):
+        for left in range(0, 1190, 70):
+            keys[top + 6 : top + 64, left + 6 : left + 64] = rng.integers(60, 90)
+            cv2.putText(keys, chr(65 + int(rng.integers(26))), (left + 20, top + 45), 0, 1, 220, 2)
+    return keys
+
+
+def tiles(rng: np.random.Generator) -> np.ndarray:
+    wall = np.full((720, 900), 200, np.uint8)
+    for top in range(0, 720, 60):
+        for left in range(0, 900, 60):
+            wall[top + 3 : top + 57, left + 3 : left + 57] = rng.integers(110, 150)
+    return wall
+
+
+def cloth(rng: np.random.Generator) -> np.ndarray:
+    checks = (np.indices((16, 20)).sum(axis=0) % 2 * 150 + 50).astype(np.uint8)
+    return np.kron(checks, np.ones((40, 40), np.uint8))
+
+
+def before_the_camera(thing: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """A thing seen at an angle, three samples a pixel each way, with noise."""
+    height, width = thing.shape
+    flat = np.float32([[0, 0], [width, 0], [width, height], [0, height]])
+    seen = np.float32([[70, 50], [400, 50], [400, 310], [70, 310]])
+    seen += rng.uniform(-40, 40, (4, 2)).astype(np.float32)
+    warp = cv2.getPerspectiveTransform(flat, 3.0 * seen)
+    large = cv2.warpPerspective(thing, warp, (3 * SIZE[0], 3 * SIZE[1]), borderValue=120)
+    small = cv2.resize(large, SIZE, interpolation=cv2.INTER_AREA)
+    return np.clip(small + rng.normal(0.0, 2.0, small.shape), 0, 255).astype(np.uint8)
+
+
+@pytest.mark.parametrize("thing", [keyboard, tiles, cloth])
+def test_things_full_of_squares_cost_no_detector(thing, asked: list[tuple[int, ...]]) -> None:
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        (view,) = detect_boards(before_the_camera(thing(rng), rng), BOARD)
+        assert not view.ok
+    assert not asked
+
+
+@pytest.mark.parametrize("square_px", [6.0, 12.0, 22.0])
+def test_a_board_is_read_from_its_crossings(square_px: float, asked: list[tuple[int, ...]]) -> None:
+    for seed in range(3):
+        picture, corners = drawn(np.random.default_rng(seed), square_px, 0.5, 2.0)
+        (view,) = detect_boards(picture, BOARD)
+        assert view.ok, (seed, view.reason)
+        assert view.method == "crossings"
+        away = np.linalg.norm(view.corners_px[view.visible][:, None] - corners[None], axis=2).min(axis=1)
+        assert float(np.sqrt(np.mean(away**2))) < 0.15
+    assert not asked
+
+
+def test_a_faint_board_is_found() -> None:
+    """Squares 8 grey levels apart, in little noise."""
+    for seed in range(3):
+        picture, corners = drawn(np.random.default_rng(seed), 20.0, 0.7, 0.8, 8.0 / 180.0)
+        (view,) = detect_boards(picture, BOARD)
+        assert view.ok, (seed, view.reason)
+        away = np.linalg.norm(view.corners_px[view.visible][:, None] - corners[None], axis=2).min(axis=1)
+        assert float(np.sqrt(np.mean(away**2))) < 4.0 * float(np.sqrt(2.0 * np.mean(view.std_px**2)))
+
+
+@pytest.mark.parametrize("counts", [(5, 4), (7, 3), (6, 4), (3, 3)])
+def test_a_larger_grid_is_no_board(counts: tuple[int, int]) -> None:
+    picture, _ = drawn(np.random.default_rng(1), 20.0, 0.6, 2.0)
+    (place, *_) = board_places(picture, BOARD.corner_count, 0.5)
+    small = cv2.resize(picture, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+    reading = read_crossings(small, place, Board(*counts, 0.02))
+    assert not reading.whole
+    assert not reading.may_hold
+    assert len(read_crossings(small, place, BOARD).whole) == 1
