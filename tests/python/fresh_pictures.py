@@ -94,7 +94,8 @@ def score(name: str, scenes: int, seed: int) -> Score:
         result.boards += 1
         if board.ok:
             result.boards_found += 1
-            rms = float(np.sqrt(np.mean(np.sum((board.corners_px - scene.corners_px) ** 2, axis=1))))
+            off = (board.corners_px - scene.corners_px)[board.visible]
+            rms = float(np.sqrt(np.mean(np.sum(off**2, axis=1))))
             result.board_rms_px.append(rms)
             result.boards_wrong += rms > 0.3 and rms > 4.0 * float(np.sqrt(np.mean(board.std_px**2)))
         views = {view.name: view for view in found.markers}

@@ -21,6 +21,7 @@ from ..board import CHARUCO
 from ..camera import Camera
 from .board import BoardOptions, detect_boards
 from .charuco import detect_charuco
+from .ghost import board_ghost, with_ghost
 from .hidden import told_hidden
 from .marker_choice import SizeBounds
 from .marker_judge import MarkerOptions
@@ -110,6 +111,18 @@ def detect_picture(
         expected_markers(boards, setup, prediction),
         file.quantisation_step,
     )
+    for view in boards:
+        if (
+            view.ok
+            and view.via == "mirror"
+            and markers
+            and setup.board is not None
+            and setup.board.pattern != CHARUCO
+        ):
+            ghost = board_ghost(cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY), view, setup.board)
+            if ghost is not None:
+                markers = tuple(with_ghost(marker, ghost) for marker in markers)
+            break
     return PictureDetections(source, width, height, boards, markers, warnings=warnings)
 
 
