@@ -123,7 +123,7 @@ def test_only_small_squares_are_searched_enlarged(
 ) -> None:
     """The crossings of a board show, but their grid is not read, and no detector finds it: all ways are tried."""
     asked: list[int] = []
-    monkeypatch.setattr(search, "read_crossings", lambda *given: Reading((), (), True))
+    monkeypatch.setattr(search, "read_crossings", lambda *given: Reading((), (), True, True))
     for name in search.DETECTORS:
         monkeypatch.setitem(search.DETECTORS, name, lambda gray, size: asked.append(gray.shape[0]))
     picture, _ = drawn(np.random.default_rng(8), square_px, 0.5, 1.0)

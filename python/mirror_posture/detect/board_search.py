@@ -6,15 +6,15 @@ The quick look at crossings (`places`) says where a board can be; detectors, whi
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
 from ..board import Board
-from .lattice import read_crossings
-from .places import LEAST_CONTRAST, LEAST_SHOWN, Place, board_places, resized
+from .lattice import Reading, read_crossings
+from .places import LEAST_CONTRAST, LEAST_SHOWN, MARGIN_STEPS, Place, board_places, resized
 from .types import FloatArray, Pixels
 
 # Larger pictures are searched at about this width: the detectors look for squares of tens of pixels.
@@ -32,6 +32,8 @@ SMALL_SQUARE_PX = 7.0
 LARGE_SQUARE_PX = 18.0
 # The slower ways are tried in so many places, those with nearest to the board's number of crossings first.
 MOST_SEARCHED = 2
+# ... and only where this share of a board's corners surely shows: they take tenths of a second.
+LEAST_SHOWN_FOR_SLOW = 0.75
 # Grids with hidden corners that are examined of a place, those with the most that show first.
 MOST_PARTLY = 4
 
@@ -89,6 +91,7 @@ def candidates(gray: Pixels, scale: float, board: Board, shown: Places, quick: b
     """Grids by place, detector and preparation, the likeliest and fastest first."""
     small = resized(gray, scale)
     tried: list[Place] = []
+    likely: list[Place] = []
     nothing_seen = True
     for look in shown.looked_at() if quick else LOOKS:
         # A faint board is looked for where no other squares show.
@@ -107,13 +110,33 @@ def candidates(gray: Pixels, scale: float, board: Board, shown: Places, quick: b
                     yield Candidate("crossings, some hidden", (grid + 0.5) / scale - 0.5, seen)
             if not reading.may_hold:
                 continue
+            place = _narrowed(place, reading)
             tried.append(place)
+            if reading.unread or reading.most_shown() >= LEAST_SHOWN_FOR_SLOW:
+                likely.append(place)
             yield from _in_place(small, scale, place, board, _QUICK if quick else _FIRST)
     if quick:
         return
-    tried.sort(key=lambda place: place.unlike(board.corner_count))
-    for place in tried[:MOST_SEARCHED]:
+    likely.sort(key=lambda place: place.unlike(board.corner_count))
+    for place in likely[:MOST_SEARCHED]:
         yield from _in_place(small, scale, place, board, _SLOW)
+
+
+def _narrowed(place: Place, reading: Reading) -> Place:
+    """The part of a place in which a board may be: cloth and walls reach far beyond the few windows in which their squares look like one."""
+    grids = [*reading.whole, *(grid for grid, _ in reading.partly)]
+    if not grids or reading.unread:
+        return place
+    points = np.concatenate([grid.reshape(-1, 2) for grid in grids])
+    margin = MARGIN_STEPS * max(float(np.linalg.norm(np.diff(grid, axis=1), axis=2).max()) for grid in grids)
+    left, top = (
+        int(max(low, old)) for low, old in zip(points.min(axis=0) - margin, place.box_px[:2], strict=True)
+    )
+    right, bottom = (
+        int(min(high, old))
+        for high, old in zip(points.max(axis=0) + margin + 1.0, place.box_px[2:], strict=True)
+    )
+    return replace(place, box_px=(left, top, right, bottom))
 
 
 def _in_place(

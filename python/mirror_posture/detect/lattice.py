@@ -47,11 +47,16 @@ GOES_ON_AROUND = 0.4
 
 @dataclass(frozen=True)
 class Reading:
-    """What the crossings of a place say: whole grids `(ny, nx, 2)` px, grids of which some corners do not show, with which do `(ny, nx)`, and whether a detector could find more."""
+    """What the crossings of a place say: whole grids `(ny, nx, 2)` px, grids of which some corners do not show, with which do `(ny, nx)`, and whether a detector could find more; `unread`: a grid among them could not be laid out."""
 
     whole: tuple[FloatArray, ...]
     partly: tuple[tuple[FloatArray, npt.NDArray[np.bool_]], ...]
     may_hold: bool
+    unread: bool = False
+
+    def most_shown(self) -> float:
+        """The largest share of a grid's corners that surely show."""
+        return 1.0 if self.whole else max((float(shown.mean()) for _, shown in self.partly), default=0.0)
 
 
 @dataclass(frozen=True)
@@ -75,20 +80,19 @@ def read_crossings(gray: Pixels, place: Place, board: Board) -> Reading:
     """Grids of the board's counts among a place's crossings. `gray` is the picture in the size in which they were seen."""
     whole: list[FloatArray] = []
     partly: list[tuple[FloatArray, npt.NDArray[np.bool_]]] = []
-    may_hold = False
+    unread = False
     for lattice in _lattices(place):
         lines = _lines(gray, place.crossings_px[lattice.members], lattice.cells, place.scale)
         if lines is None:
-            may_hold = True
+            unread = True
             continue
         for grid, shown in _windows(lines, board):
-            may_hold = True
             if shown.all():
                 whole.append(grid)
             else:
                 partly.append((grid, shown))
     partly.sort(key=lambda one: -int(one[1].sum()))
-    return Reading(tuple(whole), tuple(partly), may_hold)
+    return Reading(tuple(whole), tuple(partly), bool(whole or partly or unread), unread)
 
 
 def _lattices(place: Place) -> Iterator[_Lattice]:
