@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
+from board_drawing import chessboard_picture, corners_px
 from mirror_posture import Board
 from mirror_posture.detect import board_search as search
 from mirror_posture.detect import detect_boards
@@ -102,3 +103,18 @@ def test_a_larger_grid_is_no_board(counts: tuple[int, int]) -> None:
     assert not reading.whole
     assert not reading.may_hold
     assert len(read_crossings(small, place, BOARD).whole) == 1
+
+
+@pytest.mark.parametrize("counts", [(24, 17), (31, 24)])
+def test_boards_of_many_corners_are_found(counts: tuple[int, int]) -> None:
+    """More corners than crossings are joined."""
+    pitch = 16.0
+    size = (int((counts[0] + 5) * pitch), int((counts[1] + 5) * pitch))
+    picture_from_board = np.array(
+        [[0.95 * pitch, 1.2, size[0] / 2], [-1.0, 0.93 * pitch, size[1] / 2], [1e-4, 2e-4, 1.0]]
+    )
+    picture = chessboard_picture(*counts, picture_from_board, size)
+    (view,) = detect_boards(picture, Board(*counts, 0.02))
+    assert view.ok, view.reason
+    assert view.visible.all()
+    assert np.linalg.norm(view.corners_px - corners_px(*counts, picture_from_board), axis=1).max() < 0.3

@@ -24,6 +24,8 @@ PLACE_SCALES = (0.5, 0.25, 1.0)
 # ... and the least contrast, levels, of what is looked for. Texture shows many faint crossings: such are looked for last, and where squares are not small.
 FAINT_CONTRAST = 4.0
 LOOKS = (*((scale, LEAST_CONTRAST) for scale in PLACE_SCALES), (0.5, FAINT_CONTRAST), (0.25, FAINT_CONTRAST))
+# A board of more corners is looked for in the whole picture where no place shows: more crossings than are joined (`places`) may be its own.
+MANY_CORNERS = 300
 # Parts below this size are searched once more at twice the size, for small squares.
 UPSCALE_BELOW_PX = 500
 # ... if their squares are below this, px: enlarged, larger ones show no more, and cost as much as all of the rest.
@@ -117,6 +119,11 @@ def candidates(gray: Pixels, scale: float, board: Board, shown: Places, quick: b
             yield from _in_place(small, scale, place, board, _QUICK if quick else _FIRST)
     if quick:
         return
+    if nothing_seen and board.corner_count > MANY_CORNERS:
+        height, width = small.shape
+        none = np.empty((0, 2))
+        whole = Place((0, 0, width, height), none, none, np.empty((2, 0), dtype=np.intp), 1.0)
+        yield from _in_place(small, scale, whole, board, _QUICK)
     likely.sort(key=lambda place: place.unlike(board.corner_count))
     for place in likely[:MOST_SEARCHED]:
         yield from _in_place(small, scale, place, board, _SLOW)
