@@ -1,6 +1,7 @@
 //! From a recording to a diagnosis: the order in which everything is tried, and what is said of it.
 
 use crate::diagnose::assessment::evidence::{self, Sources};
+use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::assessment::nested::chosen_anew;
 use crate::diagnose::assessment::other_session::check;
 use crate::diagnose::assessment::survivors::keep_survivors;
@@ -11,9 +12,11 @@ use crate::diagnose::effects::hypothesis::{Catalogue, Model};
 use crate::diagnose::likelihood::fit::Group;
 use crate::diagnose::likelihood::noise;
 use crate::diagnose::likelihood::score_test::screen;
+use crate::diagnose::model::problem::Problem;
 use crate::diagnose::model::work_budget::A_STAGE;
 use crate::diagnose::prepare::options::{DiagnoseOptions, OtherSession};
 use crate::diagnose::prepare::prepared::Prepared;
+use crate::diagnose::prepare::row_slip::{Slip, is_slipped};
 use crate::diagnose::random_effects::free_form::free_forms;
 use crate::diagnose::report::build;
 use crate::diagnose::report::reservations::{hangs_on_regions, reserve};
@@ -29,6 +32,15 @@ use crate::diagnose::selection::with_setup::{look_again_at_noise, with_or_withou
 use crate::error::Result;
 use crate::robot::Robot;
 
+/// A diagnosis, and what a second one is asked by.
+pub struct Outcome {
+    pub diagnosis: Diagnosis,
+    /// The share of its limit of work that it took.
+    pub work: f64,
+    /// Rows were left out as slipped, but fit their own postures beside the causes found.
+    pub rows_in_order: bool,
+}
+
 /// Diagnoses a recording: where the model is wrong, which effect causes it, how far the gap shrinks.
 ///
 /// In order: whole mistakes undone; the noise from the data; slipped rows; the search for causes, with the set-up free where a few causes
@@ -36,8 +48,6 @@ use crate::robot::Robot;
 /// elsewhere each time; where that leaves a remainder or many causes, the same beside many small errors (`geometry`); causes that do not
 /// help on held-out regions are dropped, improbable ones give way; the remainder is tested against the noise; causes that other draws of
 /// the postures do not show again are taken back. `closely`: whole mistakes are looked for where nothing is gross too.
-///
-/// The diagnosis, and the share of its limit of work that it took.
 ///
 /// # Errors
 /// A recording that is not valid, links that do not exist, invalid parameters of the camera.
@@ -47,7 +57,7 @@ pub fn diagnose(
     options: &DiagnoseOptions,
     others: &[OtherSession],
     closely: bool,
-) -> Result<(Diagnosis, f64)> {
+) -> Result<Outcome> {
     options.progress.enter("looking for whole mistakes");
     let mut prepared = Prepared::new(robot, recording, options, closely)?;
     let (problem, stated) = (prepared.problem.clone(), prepared.stated);
@@ -98,6 +108,10 @@ pub fn diagnose(
 
     options.progress.enter("telling what it is worth");
     keep_survivors(&mut findings, &ranking)?;
+    let rows_in_order = match &prepared.slip {
+        Some(slip) => !is_found_again(&findings, &prepared.arranged, slip)?,
+        None => false,
+    };
     let anew = chosen_anew(&findings, &ranking)?;
     let checked = others.iter().map(|other| check(&findings, other)).collect::<Result<Vec<_>>>()?;
     let (its_robot, its_recording) = (prepared.robot(robot), prepared.recording(recording));
@@ -113,5 +127,12 @@ pub fn diagnose(
     }
     // Frames that were passed over on the way out left numbers that mean nothing.
     options.cancel.check()?;
-    Ok((diagnosis, prepared.given.budget.share()))
+    Ok(Outcome { diagnosis, work: prepared.given.budget.share(), rows_in_order })
+}
+
+/// Whether slipped rows are slipped beside what was found as well.
+fn is_found_again(findings: &Findings<'_>, all_rows: &Problem, slip: &Slip) -> Result<bool> {
+    let (search, model) = (&findings.search, &findings.found.fit.model);
+    let as_found = |problem: &Problem| model.deformation(problem, search.catalogue, &search.group.columns);
+    is_slipped(all_rows, as_found, findings.found.noise, slip)
 }

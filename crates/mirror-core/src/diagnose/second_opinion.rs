@@ -6,12 +6,13 @@
 //! it moves to and fro, and the second look is for whole mistakes that do no more than small errors; and where what is left depends on the path or on each posture by
 //! itself, such a look is believed if it explains all. And where a joint's ratio is undone as a whole mistake and found again beside it, the two are one, and where
 //! it comes out as the model's own in the end there is no mistake: the session is diagnosed once more without such mistakes, and the first is
-//! believed only where the second leaves something unexplained, and more. A slip by fewer than six of its deviations is asked of in the same way.
+//! believed only where the second leaves something unexplained, and more. A slip by fewer than six of its deviations is asked of in the same way, and rows
+//! said to be other rows' that fit their own postures beside the causes found.
 
 use crate::diagnose::data::diagnosis::{Cause, Diagnosis, Verdict, Where};
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::model::work_budget::A_STAGE;
-use crate::diagnose::pipeline;
+use crate::diagnose::pipeline::{self, Outcome};
 use crate::diagnose::prepare::options::{DiagnoseOptions, OtherSession};
 use crate::diagnose::principles::{FAR_DEVIATIONS, LEAST_HELD_OUT_RATIO, SURE_DEVIATIONS};
 use crate::diagnose::selection::nonparametric::BY_ITSELF;
@@ -39,17 +40,20 @@ pub fn diagnose(
     options: &DiagnoseOptions,
     others: &[OtherSession],
 ) -> Result<Diagnosis> {
-    let (first, work) = pipeline::diagnose(robot, recording, options, others, false)?;
+    let Outcome { diagnosis: first, work, rows_in_order } =
+        pipeline::diagnose(robot, recording, options, others, false)?;
     // A closer look is taken where the first one ended with named causes' share of the work: both together stay bounded.
-    let Some(doubt) = Doubt::of(&first).filter(|d| !d.looks_closely() || work < 1.0 - 2.0 * A_STAGE) else {
+    let Some(doubt) =
+        Doubt::of(&first, rows_in_order).filter(|d| !d.looks_closely() || work < 1.0 - 2.0 * A_STAGE)
+    else {
         return Ok(first);
     };
     let mut still = options.clone();
     still.without.extend(doubt.without().map(str::to_owned));
-    let (mut second, _) = pipeline::diagnose(robot, recording, &still, others, doubt.looks_closely())?;
+    let mut second = pipeline::diagnose(robot, recording, &still, others, doubt.looks_closely())?.diagnosis;
     let no_worse = left(&second) <= left(&first);
     let believed = match doubt {
-        Doubt::Twice | Doubt::HardlySlipped => no_worse || explains(&second),
+        Doubt::Twice | Doubt::HardlySlipped | Doubt::InOrder => no_worse || explains(&second),
         Doubt::Slip | Doubt::Pairing => LEAST_HELD_OUT_RATIO * left(&second) <= left(&first),
         Doubt::Path => no_worse && explains(&second),
     };
@@ -67,6 +71,8 @@ enum Doubt {
     Twice,
     /// A slip by next to nothing, once the causes are known.
     HardlySlipped,
+    /// Slipped rows that fit their own postures, once the causes are known.
+    InOrder,
     /// A slip beside something unexplained.
     Slip,
     /// Rows of their own beside something unexplained.
@@ -77,13 +83,16 @@ enum Doubt {
 }
 
 impl Doubt {
-    fn of(first: &Diagnosis) -> Option<Self> {
+    fn of(first: &Diagnosis, rows_in_order: bool) -> Option<Self> {
         let named = |effect: &str| first.causes.iter().any(|c| c.effect == effect);
         if is_told_twice(&first.causes) || is_of_no_size(&first.causes) {
             return Some(Self::Twice);
         }
         if first.causes.iter().any(hardly_slipped) {
             return Some(Self::HardlySlipped);
+        }
+        if rows_in_order {
+            return Some(Self::InOrder);
         }
         if explains(first) {
             return None;
@@ -102,7 +111,7 @@ impl Doubt {
         match self {
             Self::Twice => Some(RATIO.0),
             Self::HardlySlipped | Self::Slip => Some(SLIP),
-            Self::Pairing => Some(PAIRING),
+            Self::Pairing | Self::InOrder => Some(PAIRING),
             Self::Path => None,
         }
     }
@@ -121,6 +130,9 @@ impl Doubt {
                 "what slipped by next to nothing predicts held-out regions no better: nothing has slipped"
             }
             Self::Slip => "a slip leaves no smaller gap on held-out regions: nothing has slipped",
+            Self::InOrder => {
+                "rows that seemed to hold other rows' measurement fit their own, once the causes are known"
+            }
             Self::Pairing => "rows of their own leave no smaller gap on held-out regions: they are in order",
             Self::Path => {
                 "what depended on the path is explained by a whole mistake that does no more than small errors"

@@ -4,6 +4,7 @@
 //! better than the frame's own posture, and far better than the rest's scatter would do by chance, is a pairing fault.
 
 use crate::diagnose::likelihood::normal_equations::chunks;
+use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::frame::{FrameWork, Task};
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::principles::{BEYOND_DOUBT, FEWEST_POSTURES, NEARLY_ALL, Prior};
@@ -53,17 +54,14 @@ impl Slip {
 pub(crate) fn find(problem: &Problem, noise: Noise) -> Result<Option<Slip>> {
     let frames = problem.frames.len();
     let shifts: Vec<i64> = (-LARGEST_SHIFT..=LARGEST_SHIFT).filter(|s| *s != 0).collect();
-    let own = costs(problem, noise, 0)?;
+    let own = costs(problem, Problem::nominal, noise, 0)?;
     let mut best: Option<Slip> = None;
     for shift in shifts {
-        let other = costs(problem, noise, shift)?;
+        let other = costs(problem, Problem::nominal, noise, shift)?;
         // The run with the largest sum of gains (Kadane). Frames whose posture is the same both ways gain nothing.
         let (mut start, mut sum) = (0, 0.0);
         for f in 0..frames {
-            let gain = match (own[f], other[f]) {
-                (Some(a), Some(b)) => (a - b).clamp(-2.0 * BEYOND_DOUBT, 2.0 * BEYOND_DOUBT),
-                _ => -2.0 * BEYOND_DOUBT,
-            };
+            let gain = gain_of(own[f], other[f]);
             if sum <= 0.0 {
                 (start, sum) = (f, 0.0);
             }
@@ -79,15 +77,45 @@ pub(crate) fn find(problem: &Problem, noise: Noise) -> Result<Option<Slip>> {
     Ok(best.filter(|b| !nearly_all(b)))
 }
 
+/// Whether a run of slipped rows is one beside the causes found too: a wrong scale makes neighbours of a row look like its own, and once it is
+/// known the row's own posture fits. `problem` is one with these rows, `deformation` what was found as a problem's deformation.
+///
+/// # Errors
+/// Invalid parameters of the camera or mirror.
+pub(crate) fn is_slipped(
+    problem: &Problem,
+    deformation: impl Fn(&Problem) -> Deformation,
+    noise: Noise,
+    slip: &Slip,
+) -> Result<bool> {
+    let own = costs(problem, &deformation, noise, 0)?;
+    let other = costs(problem, &deformation, noise, slip.shift)?;
+    let gain: f64 = (slip.first..=slip.last).map(|f| gain_of(own[f], other[f])).sum();
+    Ok(gain > 2.0 * BEYOND_DOUBT)
+}
+
+/// What a frame gains by another row's posture, in −2 log likelihood; no single frame decides.
+fn gain_of(own: Option<f64>, other: Option<f64>) -> f64 {
+    match (own, other) {
+        (Some(a), Some(b)) => (a - b).clamp(-2.0 * BEYOND_DOUBT, 2.0 * BEYOND_DOUBT),
+        _ => -2.0 * BEYOND_DOUBT,
+    }
+}
+
 /// Cost of each frame under the commanded posture of `shift` rows away; none where there is no such row or observation.
-fn costs(problem: &Problem, noise: Noise, shift: i64) -> Result<Vec<Option<f64>>> {
+fn costs(
+    problem: &Problem,
+    deformation: impl Fn(&Problem) -> Deformation,
+    noise: Noise,
+    shift: i64,
+) -> Result<Vec<Option<f64>>> {
     let frames = problem.frames.len();
     let mut shifted = problem.clone();
     for f in 0..frames {
         let from = (f as i64 + shift).clamp(0, frames as i64 - 1) as usize;
         shifted.scene.command_as(f, &problem.scene, from);
     }
-    let deformation = shifted.nominal();
+    let deformation = deformation(&shifted);
     let eye = shifted.eye(&deformation)?;
     let task = Task { with_board: false, ..Task::of_residuals(problem, &deformation, eye.as_ref(), noise) };
     let parts: Vec<Vec<Option<f64>>> = chunks(frames)

@@ -13,6 +13,7 @@ mod noise;
 mod places;
 mod principles;
 mod prior;
+mod rows;
 mod shortcuts;
 mod springs;
 mod statistics;

@@ -1,0 +1,37 @@
+//! Rows that hold the measurement of other rows are so beside the causes found too.
+
+use super::gap_world::{Plan, World, Wrong};
+use crate::diagnose::effects::hypothesis::{Catalogue, Model};
+use crate::diagnose::effects::vocabulary;
+use crate::diagnose::model::problem::{Noise, Problem};
+use crate::diagnose::prepare::row_slip::{Slip, is_slipped};
+use crate::diagnose::selection::search::Search;
+use crate::robot::Robot;
+use std::sync::Arc;
+
+#[test]
+fn rows_are_slipped_where_other_rows_fit_them_beside_the_causes_and_in_order_where_their_own_do() {
+    const SHIFT: usize = 4;
+    const NOISE: Noise = super::prior::NOISE;
+    let world = World::new(4, true);
+    let robot = Robot::from_urdf_str(&world.urdf()).unwrap();
+    let wrong = vec![Wrong::BoardScale(0.4)];
+    let mut recording = world.record(&Plan { postures: 30, noise_px: 0.15, wrong, ..Plan::default() });
+    let run = |first: usize, last: usize| Slip { first, last, shift: SHIFT as i64, gain: 0.0 };
+    let (moved, in_order) = (run(30, 41), run(10, 21));
+    let seen: Vec<_> = recording.frames.iter().map(|f| f.sightings.clone()).collect();
+    for f in moved.first..=moved.last {
+        recording.frames[f].sightings.clone_from(&seen[f + SHIFT]);
+    }
+    let problem = Problem::new(&robot, &recording).unwrap();
+    let catalogue = Catalogue::new(&problem.scene, vocabulary().into_iter().map(Arc::from).collect(), &[]);
+    let search: Search = super::prior::search(&problem, &catalogue);
+    let named = |h: &usize| catalogue.name(&problem.scene, *h) == "board_scale@board";
+    let scale = (0..catalogue.hypotheses.len()).find(named).unwrap();
+    let mut model = Model::nominal(&problem).with(&catalogue, scale, 0.0);
+    model.terms[0].parameters = vec![0.4];
+    let fit = search.fit(&model, search.effective(&model).unwrap(), 6).unwrap();
+    let found = |p: &Problem| fit.model.deformation(p, &catalogue, &[]);
+    assert!(is_slipped(&problem, found, NOISE, &moved).unwrap());
+    assert!(!is_slipped(&problem, found, NOISE, &in_order).unwrap());
+}
