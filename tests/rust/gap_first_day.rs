@@ -264,6 +264,23 @@ fn springs_under_gravity_stated_upside_down_are_named() {
 }
 
 #[test]
+fn a_spring_that_hardly_gives_way_shows_gravity_stated_upside_down() {
+    let world = world();
+    for (seed, turned) in [(61, true), (62, true), (61, false), (62, false)] {
+        let wrong = vec![Wrong::Stiffening(world.bone("r_shoulder_pitch"), 0.003, 0.3, 0.03)];
+        let mut recording = world.record(&Plan { wrong, ..plan(seed) });
+        if turned {
+            recording.gravity = -recording.gravity;
+        }
+        let diagnosis = run(&world, &recording);
+        let mut causes = named(&diagnosis);
+        causes.sort();
+        let all = ["gravity_direction@robot", "joint_compliance@joint:r_shoulder_pitch"];
+        assert_eq!(causes, all[usize::from(!turned)..], "{seed} {turned}: {:#?}", diagnosis.trace);
+    }
+}
+
+#[test]
 fn small_causes_are_no_mistakes() {
     let mistakes: Vec<_> =
         mirror_core::diagnose::mistakes().iter().filter(|m| m.is_mistake).map(|m| m.name).collect();

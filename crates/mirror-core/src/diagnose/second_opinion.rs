@@ -24,7 +24,11 @@ const SLIP: &str = "slip";
 const FIRST_FRAME: &str = "first_frame";
 const PAIRING: &str = "pairing";
 /// What a place depends on where a second, closer look for whole mistakes is worth it.
-const OF_PATH: [&str; 2] = ["history", BY_ITSELF];
+const OF_PATH: [&str; 3] = ["history", "direction", BY_ITSELF];
+/// A camera's picture of another size, and what would be told beside it if it had none: a crop is an offset of the centre alone.
+const RESIZED: (&str, &str) = ("camera_resolution", "camera_focal");
+/// Where what is left has no place.
+const NOWHERE: &str = "unknown";
 /// A ratio that is a whole mistake is tried as another unit of the joint, and told as a small one is.
 const RATIO: (&str, &str) = ("joint_unit", "gear_ratio");
 
@@ -53,7 +57,9 @@ pub fn diagnose(
     let mut second = pipeline::diagnose(robot, recording, &still, others, doubt.looks_closely())?.diagnosis;
     let no_worse = left(&second) <= left(&first);
     let believed = match doubt {
-        Doubt::Twice | Doubt::HardlySlipped | Doubt::InOrder => no_worse || explains(&second),
+        Doubt::Twice | Doubt::Resized | Doubt::HardlySlipped | Doubt::InOrder => {
+            no_worse || explains(&second)
+        }
         Doubt::Slip | Doubt::Pairing => LEAST_HELD_OUT_RATIO * left(&second) <= left(&first),
         Doubt::Path => no_worse && explains(&second),
     };
@@ -69,6 +75,8 @@ pub fn diagnose(
 enum Doubt {
     /// A ratio is told twice at one joint, or is that of the model.
     Twice,
+    /// A picture of another size is told, and a focal length beside it that takes it back.
+    Resized,
     /// A slip by next to nothing, once the causes are known.
     HardlySlipped,
     /// Slipped rows that fit their own postures, once the causes are known.
@@ -88,6 +96,9 @@ impl Doubt {
         if is_told_twice(&first.causes) || is_of_no_size(&first.causes) {
             return Some(Self::Twice);
         }
+        if named(RESIZED.0) && named(RESIZED.1) {
+            return Some(Self::Resized);
+        }
         if first.causes.iter().any(hardly_slipped) {
             return Some(Self::HardlySlipped);
         }
@@ -97,7 +108,9 @@ impl Doubt {
         if explains(first) {
             return None;
         }
-        let of_path = |place: &Where| place.depends_on.as_deref().is_some_and(|on| OF_PATH.contains(&on));
+        let of_path = |place: &Where| {
+            place.depends_on.as_deref().map_or(place.at == NOWHERE, |on| OF_PATH.contains(&on))
+        };
         match () {
             () if named(SLIP) => Some(Self::Slip),
             () if named(PAIRING) => Some(Self::Pairing),
@@ -110,6 +123,7 @@ impl Doubt {
     fn without(self) -> Option<&'static str> {
         match self {
             Self::Twice => Some(RATIO.0),
+            Self::Resized => Some(RESIZED.0),
             Self::HardlySlipped | Self::Slip => Some(SLIP),
             Self::Pairing | Self::InOrder => Some(PAIRING),
             Self::Path => None,
@@ -126,6 +140,7 @@ impl Doubt {
             Self::Twice => {
                 "a ratio undone as a whole mistake was found again beside it, or to be the model's: it is none"
             }
+            Self::Resized => "a focal length took back the pictures' other size: they have the camera's size",
             Self::HardlySlipped => {
                 "what slipped by next to nothing predicts held-out regions no better: nothing has slipped"
             }

@@ -5,7 +5,7 @@ use crate::diagnose::likelihood::saturated::free_markers;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::principles::{
-    A_GAP, ABOVE_SCATTER, FAR_DEVIATIONS, FEWEST_REDUNDANT_ROWS, Guard, Prior, Threshold,
+    A_GAP, ABOVE_SCATTER, FAR_DEVIATIONS, FEWEST_REDUNDANT_ROWS, Guard, Prior, Threshold, WORTH_NAMING,
 };
 use crate::error::Result;
 use crate::statistics::{normal_quantile, reduced_chi_squared_at};
@@ -30,8 +30,8 @@ pub(crate) fn noticeable_excess() -> f64 {
 pub(crate) struct Adequacy {
     /// Variance of what free markers take up, over the noise's, less 1.
     pub excess: f64,
-    /// From which excess on it stands out of the noise where nothing says how it is made: more, where the session states the noise and no two
-    /// views of a posture show it.
+    /// From which excess on it stands out of the noise where nothing says how it is made: more, where the session states the noise, no two views of
+    /// a posture show it, and all postures exceed it alike.
     pub stands_out_from: f64,
     pub significant: bool,
     pub corners_significant: bool,
@@ -49,17 +49,22 @@ pub(crate) fn adequacy(problem: &Problem, deformation: &Deformation, noise: Nois
     postures.retain(|p| p.freedom_taken > LEAST_TAKEN);
     postures.sort_by(|a, b| ratio(a).total_cmp(&ratio(b)));
     // A quantile instead of a sum: postures with false observations, or that had not settled, lie beyond it.
-    let at = ((postures.len() as f64 * QUANTILE) as usize).min(postures.len().saturating_sub(1));
-    let excess = postures
-        .get(at)
-        .map_or(0.0, |p| ratio(p) / reduced_chi_squared_at(normal_quantile(QUANTILE), p.freedom_taken) - 1.0);
+    let excess_at = |quantile: f64| {
+        let at = ((postures.len() as f64 * quantile) as usize).min(postures.len().saturating_sub(1));
+        let noise = |freedom: f64| reduced_chi_squared_at(normal_quantile(quantile), freedom);
+        postures.get(at).map_or(0.0, |p| ratio(p) / noise(p.freedom_taken) - 1.0)
+    };
+    let excess = excess_at(QUANTILE);
     let taken: f64 = postures.iter().map(|p| p.freedom_taken).sum();
     let kept = &postures;
     let left: f64 = kept.iter().map(|p| p.freedom_left.max(0.0)).sum();
     // The noise is itself known from as many degrees as the views leave.
     let scatter = (2.0 / taken.max(1.0) + if left > FEW_LEFT { 2.0 / left } else { STATED_SCATTER }).sqrt();
     let corner_excess = crate::diagnose::likelihood::noise::corner_excess(problem, deformation, noise)?;
-    let by_rule_of_thumb = problem.camera.is_some() && left < FEWEST_REDUNDANT_ROWS;
+    // A wrong figure for the noise widens all postures alike, but for the few that false observations are in; what is wrong in more of them,
+    // as in a run of rows of which a joint stood still, is no noise.
+    let alike = 1.0 + excess_at(1.0 - WORTH_NAMING) < ABOVE_SCATTER.powi(2) * (1.0 + excess);
+    let by_rule_of_thumb = problem.camera.is_some() && left < FEWEST_REDUNDANT_ROWS && alike;
     let uncertain = if by_rule_of_thumb { STATED_LOG_STD.exp() } else { 1.0 };
     Ok(Adequacy {
         excess,

@@ -4,13 +4,15 @@
 //! other: no cause of the vocabulary fits then, and the right direction explains with one what many others cannot.
 
 use super::mistake::Mistake;
+use super::verify::smaller;
 use crate::diagnose::effects::hypothesis::{Catalogue, Model};
 use crate::diagnose::effects::{Effect, vocabulary};
 use crate::diagnose::likelihood::fit::{FitOptions, Group, fit};
 use crate::diagnose::likelihood::noise::effective;
 use crate::diagnose::likelihood::score_test::screen;
 use crate::diagnose::model::problem::{Noise, Problem};
-use crate::diagnose::principles::{A_GAP, BEYOND_DOUBT, NEARLY_ALL};
+use crate::diagnose::model::solver::SOLVER;
+use crate::diagnose::principles::{A_GAP, BEYOND_DOUBT, MAJORITY};
 use crate::error::Result;
 use core::f64::consts::{FRAC_PI_2, PI};
 use nalgebra::{Rotation3, Vector3};
@@ -27,41 +29,67 @@ pub(super) fn turned_gravity(problem: &Problem) -> Result<Option<(Mistake, f64)>
     if size(problem, noise) < A_GAP * size(problem, problem.noise) {
         return Ok(None);
     }
-    let stated = best(problem, vocabulary(), noise)?;
+    let Some(stated) = best(problem, vocabulary(), noise)? else { return Ok(None) };
     let across = down.cross(&if down.x.abs() < 0.8 { Vector3::x() } else { Vector3::y() }).normalize();
     let other = down.cross(&across);
     let turns = [across * PI, across * FRAC_PI_2, across * -FRAC_PI_2, other * FRAC_PI_2, other * -FRAC_PI_2];
-    let mut found: Option<(f64, f64, Vector3<f64>)> = None;
+    let mut found: Option<(Best, Vector3<f64>)> = None;
     for turn in turns {
         let mut turned = problem.clone();
         turned.scene.gravity = Rotation3::new(turn) * problem.scene.gravity;
         turned.scene.update_loads(&nominal);
         let springs = vocabulary().into_iter().filter(|e| e.depends_on_load()).collect();
-        let (log_bayes, left) = best(&turned, springs, noise)?;
-        if found.is_none_or(|f| log_bayes > f.0) {
-            found = Some((log_bayes, left, turn));
+        if let Some(best) = best(&turned, springs, noise)?
+            && found.as_ref().is_none_or(|(other, _)| best.log_bayes > other.log_bayes)
+        {
+            found = Some((best, turn));
         }
     }
-    // The remainder must be clearly less than what the best cause under the stated gravity leaves.
-    let clear = found.filter(|f| f.0 > stated.0 + BEYOND_DOUBT && f.1 < NEARLY_ALL * stated.1);
-    Ok(clear.map(|f| (Mistake::Gravity { turn: f.2 }, f.0 - stated.0)))
+    let Some((turned, turn)) = found else { return Ok(None) };
+    // What the spring leaves above the noise must be clearly less than what the best cause under the stated gravity leaves.
+    let excess = |best: &Best| (size(problem, best.left) / size(problem, problem.noise)).powi(2) - 1.0;
+    if excess(&turned) > MAJORITY * excess(&stated) {
+        return Ok(None);
+    }
+    // Weighed at what the better of the two leaves: at the nominal model's own scatter hardly anything is sure.
+    let at = smaller(turned.left, stated.left);
+    let odds = turned.log_evidence(at)? - stated.log_evidence(at)?;
+    Ok((odds > BEYOND_DOUBT).then_some((Mistake::Gravity { turn }, odds)))
 }
 
-/// The best cause's log Bayes factor, and the size of the residuals that it leaves when fitted.
-fn best(problem: &Problem, effects: Vec<Box<dyn Effect>>, noise: Noise) -> Result<(f64, f64)> {
+/// The best single cause under a direction of gravity, fitted.
+struct Best {
+    problem: Problem,
+    catalogue: Catalogue,
+    model: Model,
+    /// Its log Bayes factor by the score test.
+    log_bayes: f64,
+    /// What it leaves.
+    left: Noise,
+}
+
+impl Best {
+    fn log_evidence(&self, noise: Noise) -> Result<f64> {
+        let options = FitOptions { noise, steps: SOLVER.loose_steps };
+        Ok(fit(&self.problem, &self.catalogue, &Group::default(), &self.model, options, None)?.log_evidence)
+    }
+}
+
+fn best(problem: &Problem, effects: Vec<Box<dyn Effect>>, noise: Noise) -> Result<Option<Best>> {
     let catalogue = Catalogue::new(&problem.scene, effects.into_iter().map(Arc::from).collect(), &[]);
     let model = Model::nominal(problem);
     let group = Group::default();
     let scores = screen(problem, &catalogue, &group, &model, noise, None)?.scores;
-    let Some(score) = scores.first() else { return Ok((f64::NEG_INFINITY, f64::INFINITY)) };
+    let Some(score) = scores.first() else { return Ok(None) };
     let mut with = model.with(&catalogue, score.hypothesis, score.variant);
     if let Some(term) = with.terms.last_mut() {
         let positive = catalogue.effect(score.hypothesis).is_positive();
         term.parameters = score.parameters.iter().map(|p| if positive { p.max(0.0) } else { *p }).collect();
     }
-    let fitted = fit(problem, &catalogue, &group, &with, FitOptions { noise, steps: 6 }, None)?;
-    let deformation = fitted.model.deformation(problem, &catalogue, &group.columns);
-    Ok((score.log_bayes, size(problem, effective(problem, &deformation, problem.noise, None)?)))
+    let model = fit(problem, &catalogue, &group, &with, FitOptions { noise, steps: 6 }, None)?.model;
+    let deformation = model.deformation(problem, &catalogue, &group.columns);
+    let left = effective(problem, &deformation, problem.noise, None)?;
+    Ok(Some(Best { problem: problem.clone(), log_bayes: score.log_bayes, catalogue, model, left }))
 }
 
 fn size(problem: &Problem, noise: Noise) -> f64 {

@@ -55,7 +55,8 @@ const BEAM: Size = 4;
 const GROSS: Threshold = 0.12;
 /// The same for the marker that is farthest off: one of several may sit on another link.
 const GROSS_OF_ONE: Threshold = 2.0 * GROSS;
-/// By this the mean loss must fall with each mistake, and by the share that makes a gap.
+/// By this the mean loss must fall with each mistake, and by the share that makes a gap. In a closer look, where little is left and what verifies decides, by a
+/// quarter of it.
 const LEAST_FALL: Threshold = 0.03;
 const LEAST_SHARE: Threshold = A_GAP - 1.0;
 /// Frames on which small errors are fitted beside a slip.
@@ -240,12 +241,13 @@ fn chain_of_the_body(
     if !(nominal.is_gross() || closely) {
         return Ok(choice::Choice::none());
     }
+    let least_fall = if closely { 0.25 * LEAST_FALL } else { LEAST_FALL };
     let mut chains = vec![nominal.clone()];
     let mut level = vec![nominal.clone()];
     loop {
         let mut next: Vec<Chain> = Vec::new();
         for chain in &level {
-            next.extend(extended(&all, &frames, chain, without));
+            next.extend(extended(&all, &frames, chain, without, least_fall));
         }
         // What was passed over after a stop has numbers that mean nothing.
         problem.cancel.check()?;
@@ -259,13 +261,13 @@ fn chain_of_the_body(
         }
         chains.extend(next.iter().cloned());
         level = next;
-        if !level[0].is_gross() || costly {
+        if !(level[0].is_gross() || closely) || costly {
             break;
         }
     }
     chains.remove(0);
     chains.sort_by(|a, b| {
-        let cost = |c: &Chain| c.loss + LEAST_FALL * c.mistakes.len() as f64;
+        let cost = |c: &Chain| c.loss + least_fall * c.mistakes.len() as f64;
         cost(a).total_cmp(&cost(b))
     });
     unlike(&mut chains, BEAM);
@@ -276,7 +278,13 @@ fn chain_of_the_body(
 }
 
 /// A chain with each further mistake that makes it clearly better; the best few.
-fn extended(session: &Session<'_>, frames: &[usize], chain: &Chain, without: &[String]) -> Vec<Chain> {
+fn extended(
+    session: &Session<'_>,
+    frames: &[usize],
+    chain: &Chain,
+    without: &[String],
+    least_fall: f64,
+) -> Vec<Chain> {
     let mut mistakes = session.of_joints(&chain.variant, chain.mistakes.is_empty());
     mistakes.extend(session.of_labels(&chain.variant));
     mistakes.extend(session.of_rows(&chain.variant));
@@ -304,11 +312,11 @@ fn extended(session: &Session<'_>, frames: &[usize], chain: &Chain, without: &[S
         }
         Chain::new(mistakes, variant, session.misfit, frames)
     };
-    let least = (chain.loss * (1.0 - LEAST_SHARE)).min(chain.loss - LEAST_FALL);
+    let least = (chain.loss * (1.0 - LEAST_SHARE)).min(chain.loss - least_fall);
     let mut out: Vec<(&Mistake, Chain)> = mistakes
         .par_iter()
         .map(|m| (m, with(m)))
-        .filter(|(_, c)| c.loss < chain.loss - 0.5 * LEAST_FALL)
+        .filter(|(_, c)| c.loss < chain.loss - 0.5 * least_fall)
         .collect();
     out.sort_by(|a, b| a.1.loss.total_cmp(&b.1.loss));
     out.truncate(2 * BEAM);
