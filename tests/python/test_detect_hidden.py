@@ -120,3 +120,23 @@ def test_a_picture_tells_what_is_hidden_and_a_smaller_board_is_not_guessed() -> 
     assert "left in the picture" in warning
     (view,) = detect_boards(picture, Board(6, 4, 0.02), CAMERA)
     assert not view.ok
+
+
+def test_gingham_is_no_board_with_hidden_corners() -> None:
+    """Squares of three shades meet at each crossing; at its edge a grid of the board's counts shows, but for some corners."""
+    shades = np.array([60, 130, 220], np.uint8)[(np.indices((16, 20)) % 2).sum(axis=0)]
+    cloth = np.kron(shades, np.ones((40, 40), np.uint8))
+    flat = np.float32([[0, 0], [800, 0], [800, 640], [0, 640]])
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        seen = np.float32([[60, 50], [500, 50], [500, 420], [60, 420]])
+        seen += rng.uniform(-50, 50, (4, 2)).astype(np.float32)
+        large = cv2.warpPerspective(
+            cloth, cv2.getPerspectiveTransform(flat, 3 * seen), (1800, 1440), borderValue=120
+        )
+        picture = cv2.resize(large, (600, 480), interpolation=cv2.INTER_AREA) + rng.normal(
+            0.0, 3.0, (480, 600)
+        )
+        for counts in ((4, 3), (5, 4), (6, 5)):
+            (view,) = detect_boards(np.clip(picture, 0, 255).astype(np.uint8), Board(*counts, 0.02))
+            assert not view.ok, (seed, counts, view.method)

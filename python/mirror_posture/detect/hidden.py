@@ -38,6 +38,8 @@ MOST_OUTLIERS = 12
 MEDIAN_CHI2 = 2.0 * np.log(2.0)
 # Fewer corners show no outlier beside a homography's 8 freedoms.
 LEAST_CORNERS_TO_JUDGE = 12
+# Least median of the contrast where four squares meet: a chessboard's is near 1, that of gingham's three shades about 0.7.
+LEAST_TYPICAL_CONTRAST = 0.8
 # What is hidden lies to a side if it is off the board's middle by this share of its size.
 TO_A_SIDE = 0.15
 
@@ -80,6 +82,7 @@ def read_partly_seen(
             _too_few(flat, seen.reshape(shown.shape))
             or pattern.bad_line(np.where(seen.reshape(shown.shape), relative, np.nan))
             or (f"the chessboard goes on beyond the grid's {beyond}" if beyond else "")
+            or _another_pattern(relative.ravel()[seen])
             or refined.residual.reason
         )
     return PartlySeen(
@@ -101,6 +104,14 @@ def where_hidden(corners_px: FloatArray, seen: npt.NDArray[np.bool_]) -> str:
         "left" if off[0] < -TO_A_SIDE else "right" if off[0] > TO_A_SIDE else "",
     )
     return " ".join(word for word in words if word) or "middle"
+
+
+def _another_pattern(contrast: FloatArray) -> str:
+    """Reason if squares of more than two shades meet at the corners that are seen."""
+    typical = float(np.median(contrast))
+    if typical >= LEAST_TYPICAL_CONTRAST:
+        return ""
+    return f"squares of more than two shades (contrast {typical:.2f} of a corner's, needed {LEAST_TYPICAL_CONTRAST}): a part of another pattern"
 
 
 def told_hidden(view: BoardView, board: Board) -> str:

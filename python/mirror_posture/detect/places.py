@@ -234,7 +234,9 @@ def _groups(
             inside = label[mine] == one
             step = float(np.median(away[inside]))
             members = np.unique(mine[inside])
-            links = np.searchsorted(members, np.array([mine[inside], other[inside]]))
+            # The last round may have struck the far end of a link.
+            ends = np.array([mine[inside], other[inside]])[:, np.isin(other[inside], members)]
+            links = np.searchsorted(members, ends)
             groups.append((members, links, step))
     return groups
 
