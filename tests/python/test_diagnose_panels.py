@@ -175,6 +175,16 @@ def test_places_say_what_they_are() -> None:
     assert "no single place" in next_step(nowhere)
     corners = Diagnosis.from_document(document(where=[{"at": "camera", "share": 1.0}]))
     assert "Look at the camera:" in next_step(corners)
+    for at, depends_on, said in [
+        ("board", "nothing", "not flat"),
+        ("camera", "position of joint:neck", "mount"),
+        ("joint:elbow", "posture, each by itself", "slips"),
+    ]:
+        left = [{"at": at, "share": 1.0, "depends_on": depends_on}]
+        told = next_step(Diagnosis.from_document(document(verdict="unknown", where=left)))
+        assert said in told and "does this" in told
+    by_load = [{"at": "joint:elbow", "share": 1.0, "depends_on": "load"}]
+    assert "does this" not in next_step(Diagnosis.from_document(document(verdict="unknown", where=by_load)))
     slipped = {"effect": "pairing", "at": "data", "probability": 0.98, "parameters": {}}
     rows = Diagnosis.from_document(document(verdict="explained", causes=[slipped]))
     assert next_step(rows).startswith("Mend the rows")

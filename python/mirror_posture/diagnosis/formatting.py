@@ -243,7 +243,9 @@ def next_step(found: Diagnosis) -> str:
     if rivals:
         return "Record further postures, far from those of this session, and diagnose again: rivals remain."
     if verdict == "unknown":
-        return f"Look at {_unexplained_place(found)}: no effect of the vocabulary explains it. A law of your own can be tried as an own effect."
+        look = f"Look at {_unexplained_place(found)}: no effect of the vocabulary explains it"
+        often = _what_often_does_it(found)
+        return f"{look}{f' ({often})' if often else ''}. A law of your own can be tried as an own effect."
     if any(cause.effect == "pairing" for cause in found.causes):
         return "Mend the rows of the frames table that hold other rows' measurement, then diagnose again."
     refused = [cause for cause in found.causes if cause.effect in BY_HAND and not cause.members]
@@ -275,6 +277,30 @@ def _unexplained_place(found: Diagnosis) -> str:
     if left.depends_on == "nothing":
         return f"{at}, where what is left is the same in every posture"
     return f"{at}, where what is left depends on {dependence(left.depends_on or '')}"
+
+
+OFTEN = {
+    ("board", "nothing"): "a board that is not flat does this: lay a ruler on it",
+    (
+        "camera",
+        "nothing",
+    ): "a lens of which the camera file has not all terms does this: calibrate it with more",
+    ("camera", "position"): "a camera that gives way as a joint moves does this: press on its mount",
+    ("joint", "posture"): "a clutch or a screw that slips does this: mark shaft and hub, move, and look",
+    (
+        "joint",
+        "history",
+    ): "a tendon or a harmonic drive that winds up does this: come to one place from both sides",
+}
+"""What often makes an error without a name, by the kind of its place and what it depends on: what a person can look at first."""
+
+
+def _what_often_does_it(found: Diagnosis) -> str | None:
+    left = next((where for where in found.where if where.depends_on), None)
+    if left is None:
+        return None
+    depends_on = (left.depends_on or "").split(",")[0].split(" of ")[0]
+    return OFTEN.get((left.at.split(":")[0], depends_on))
 
 
 ENCODER_COLUMNS = ("before", "after", "before_zero_free", "after_zero_free")
