@@ -5,6 +5,7 @@
 
 use super::mistake::Mistake;
 use super::verify::smaller;
+use crate::diagnose::criteria::lack_of_fit::noticeable_excess;
 use crate::diagnose::effects::hypothesis::{Catalogue, Model};
 use crate::diagnose::effects::{Effect, vocabulary};
 use crate::diagnose::likelihood::fit::{FitOptions, Group, fit};
@@ -12,7 +13,7 @@ use crate::diagnose::likelihood::noise::effective;
 use crate::diagnose::likelihood::score_test::screen;
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::model::solver::SOLVER;
-use crate::diagnose::principles::{A_GAP, BEYOND_DOUBT, MAJORITY};
+use crate::diagnose::principles::{A_GAP, BEYOND_DOUBT, MAJORITY, NEARLY_ALL};
 use crate::error::Result;
 use core::f64::consts::{FRAC_PI_2, PI};
 use nalgebra::{Rotation3, Vector3};
@@ -46,12 +47,15 @@ pub(super) fn turned_gravity(problem: &Problem) -> Result<Option<(Mistake, f64)>
         }
     }
     let Some((turned, turn)) = found else { return Ok(None) };
-    // What the spring leaves above the noise must be clearly less than what the best cause under the stated gravity leaves.
+    // At the nominal model's own scatter and with clearly less left than by the best cause under the stated gravity, whatever else is wrong;
+    let much = turned.log_bayes > stated.log_bayes + BEYOND_DOUBT
+        && size(problem, turned.left) < NEARLY_ALL * size(problem, stated.left);
+    // or where the spring alone leaves no gap, weighed at what it leaves. Beside other causes a spring the wrong way may only take a part of theirs.
     let excess = |best: &Best| (size(problem, best.left) / size(problem, problem.noise)).powi(2) - 1.0;
-    if excess(&turned) > MAJORITY * excess(&stated) {
+    let all = excess(&turned) < noticeable_excess().min(MAJORITY * excess(&stated));
+    if !(much || all) {
         return Ok(None);
     }
-    // Weighed at what the better of the two leaves: at the nominal model's own scatter hardly anything is sure.
     let at = smaller(turned.left, stated.left);
     let odds = turned.log_evidence(at)? - stated.log_evidence(at)?;
     Ok((odds > BEYOND_DOUBT).then_some((Mistake::Gravity { turn }, odds)))
