@@ -5,7 +5,6 @@
 
 use super::mistake::Mistake;
 use super::verify::smaller;
-use crate::diagnose::criteria::lack_of_fit::noticeable_excess;
 use crate::diagnose::effects::hypothesis::{Catalogue, Model};
 use crate::diagnose::effects::{Effect, vocabulary};
 use crate::diagnose::likelihood::fit::{FitOptions, Group, fit};
@@ -52,7 +51,7 @@ pub(super) fn turned_gravity(problem: &Problem) -> Result<Option<(Mistake, f64)>
         && size(problem, turned.left) < NEARLY_ALL * size(problem, stated.left);
     // or where the spring alone leaves no gap, weighed at what it leaves. Beside other causes a spring the wrong way may only take a part of theirs.
     let excess = |best: &Best| (size(problem, best.left) / size(problem, problem.noise)).powi(2) - 1.0;
-    let all = excess(&turned) < noticeable_excess().min(MAJORITY * excess(&stated));
+    let all = excess(&turned) < (A_GAP * A_GAP - 1.0).min(MAJORITY * excess(&stated));
     if !(much || all) {
         return Ok(None);
     }
