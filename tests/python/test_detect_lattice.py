@@ -15,6 +15,7 @@ from mirror_posture.detect import board_search as search
 from mirror_posture.detect import detect_boards
 from mirror_posture.detect.lattice import read_crossings
 from mirror_posture.detect.places import board_places
+from test_cli_second_camera import MATRIX, draw
 from test_detect_places import BOARD, drawn
 
 SIZE = (480, 360)
@@ -118,3 +119,21 @@ def test_boards_of_many_corners_are_found(counts: tuple[int, int]) -> None:
     assert view.ok, view.reason
     assert view.visible.all()
     assert np.linalg.norm(view.corners_px - corners_px(*counts, picture_from_board), axis=1).max() < 0.3
+
+
+@pytest.mark.parametrize(
+    ("columns", "rows", "turn_rad", "at_m"),
+    [
+        (7, 4, (-1.1013, 0.0075, 1.0706), (0.1703, 0.0206, 0.7101)),
+        (11, 8, (-1.2377, 0.542, 2.1323), (-0.068, -0.1179, 0.6651)),
+    ],
+)
+def test_a_board_at_a_slant_is_found_though_its_crossings_are_joined_across_its_rows(
+    columns: int, rows: int, turn_rad: tuple[float, ...], at_m: tuple[float, ...]
+) -> None:
+    camera_from_board = np.eye(4)
+    camera_from_board[:3, :3] = cv2.Rodrigues(np.array(turn_rad))[0]
+    camera_from_board[:3, 3] = at_m
+    picture = draw(MATRIX, [((columns, rows, 0.02), camera_from_board)])
+    (view,) = detect_boards(np.asarray(picture), Board(columns, rows, 0.02))
+    assert view.ok, view.reason

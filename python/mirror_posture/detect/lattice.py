@@ -32,6 +32,8 @@ MOST_LATTICES = 6
 NEXT_LOOKED_AT = 8
 # Crossings that are tried as a grid's first, the best joined.
 SEEDS_TRIED = 4
+# Lines beyond those joined that are looked at: of a board seen at a slant the far columns are too near each other to be joined.
+LINES_AROUND = 3
 # Contrast of four squares at a crossing, relative to the light there: 1 where four squares meet, 0.5 at the edge of a pattern (`pattern`).
 CORNER_CONTRAST = 0.65
 SOME_CONTRAST = 0.55
@@ -40,6 +42,11 @@ LEAST_SHOWN = 0.7
 LEAST_SHOWN_AND_JOINED = 0.6
 LEAST_SURE = 0.5
 LEAST_OF_OUTER_LINE = 0.34
+# A grid that was joined along other directions than its rows fills less than this share of a band so much longer than wide; that share of a board's corners is
+# worth a detector's time.
+FULL_BAND = 0.5
+LONG_BAND = 1.65
+LEAST_OF_SLANTED = 0.4
 # A grid goes on where four squares meet at this share of a line beyond it.
 GOES_ON = 0.7
 GOES_ON_AROUND = 0.4
@@ -86,13 +93,23 @@ def read_crossings(gray: Pixels, place: Place, board: Board) -> Reading:
         if lines is None:
             unread = True
             continue
-        for grid, shown in _windows(lines, board):
-            if shown.all():
-                whole.append(grid)
-            else:
-                partly.append((grid, shown))
+        windows = list(_windows(lines, board))
+        whole.extend(grid for grid, shown in windows if shown.all())
+        partly.extend((grid, shown) for grid, shown in windows if not shown.all())
+        unread = unread or (not windows and _is_slanted(lattice, board))
     partly.sort(key=lambda one: -int(one[1].sum()))
     return Reading(tuple(whole), tuple(partly), bool(whole or partly or unread), unread)
+
+
+def _is_slanted(lattice: _Lattice, board: Board) -> bool:
+    """Whether enough crossings for a board were joined along other directions than its rows: seen at a slant, the nearest that is turned against one may be
+    a knight's move away, and the cells are then a slanted band."""
+    columns, rows = np.ptp(lattice.cells, axis=0) + 1
+    joined = len(lattice.members)
+    long = max(columns, rows) > LONG_BAND * min(columns, rows)
+    return bool(
+        long and joined >= LEAST_OF_SLANTED * board.corner_count and joined < FULL_BAND * columns * rows
+    )
 
 
 def _lattices(place: Place) -> Iterator[_Lattice]:
@@ -192,9 +209,9 @@ def _grown(
 
 
 def _lines(gray: Pixels, at: FloatArray, cells: npt.NDArray[np.intp], scale: float) -> _Lines | None:
-    """The lattice with one more line on each side, its holes filled by its homography, and what the picture shows there."""
-    low = cells.min(axis=0) - 1
-    columns, rows = cells.max(axis=0) + 2 - low
+    """The lattice with a few more lines on each side, its holes filled by its homography, and what the picture shows there."""
+    low = cells.min(axis=0) - LINES_AROUND
+    columns, rows = cells.max(axis=0) + LINES_AROUND + 1 - low
     homography, _ = cv2.findHomography((cells - low).astype(np.float64), at)
     if homography is None:
         return None
