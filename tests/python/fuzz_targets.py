@@ -188,7 +188,8 @@ def whole_session(data: bytes) -> bool:
 
 
 def diagnosis(data: bytes) -> bool:
-    from mirror_posture.diagnosis.formatting import next_step, tell_all
+    from mirror_posture.diagnosis.formatting import tell_all
+    from mirror_posture.diagnosis.next_step import next_step
     from mirror_posture.diagnosis.result import Diagnosis
 
     found = Diagnosis.load(written("diagnosis.json", data))

@@ -12,7 +12,8 @@ import pytest
 
 import mirror_posture as mp
 from mirror_posture.diagnosis import Diagnosis, Field, Gap, Track
-from mirror_posture.diagnosis.formatting import next_step, place_with_article, sentence
+from mirror_posture.diagnosis.formatting import place_with_article, sentence
+from mirror_posture.diagnosis.next_step import next_step
 from mirror_posture.diagnosis.page import write_report
 from mirror_posture.diagnosis.panel_plots import draw_field, draw_track
 from mirror_posture.diagnosis.plots import Drawing, gap_told

@@ -1,12 +1,10 @@
 //! What no effect of the vocabulary explains: optics that no parameter has, and noise that lingers, which is nothing at all.
 
+use crate::gap_world::lingering::blobs_linger;
 use crate::gap_world::{Plan, World, Wrong};
-use mirror_core::diagnose::{DiagnoseOptions, Diagnosis, Recording, Target, Verdict, diagnose};
+use mirror_core::diagnose::{DiagnoseOptions, Diagnosis, Recording, Verdict, diagnose};
 use mirror_core::robot::Robot;
 use nalgebra::Vector2;
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
-use rand_distr::{Distribution, StandardNormal};
 
 fn diagnosed(world: &World, recording: &Recording) -> Diagnosis {
     let robot = Robot::from_urdf_str(&world.urdf()).unwrap();
@@ -38,30 +36,12 @@ fn optics_without_a_name_live_in_the_camera_and_are_no_small_errors_everywhere()
     }
 }
 
-/// Blobs whose errors of `std_px` linger: successive ones correlate by `lingering`.
-fn blobs_move(recording: &mut Recording, std_px: f64, lingering: f64, seed: u64) {
-    let mut random = ChaCha8Rng::seed_from_u64(seed);
-    let mut last = vec![Vector2::zeros(); recording.markers.len()];
-    for frame in &mut recording.frames {
-        for error in &mut last {
-            let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
-            let new = Vector2::new(normal(), normal()) * (1.0 - lingering * lingering).sqrt();
-            *error = *error * lingering + new;
-        }
-        for sighting in &mut frame.sightings {
-            if let Target::Marker(m) = sighting.target {
-                sighting.pixel += last[m] * std_px;
-            }
-        }
-    }
-}
-
 #[test]
 fn noise_that_lingers_from_view_to_view_is_nothing_wrong_with_the_robot() {
     for seed in 0..4 {
         let world = World::new(4, true);
         let mut recording = world.record(&Plan { postures: 50, noise_px: 0.05, seed, ..Plan::default() });
-        blobs_move(&mut recording, 0.25, 0.45, 100 + seed);
+        blobs_linger(&mut recording, 0.25, 0.45, 100 + seed);
         let told = diagnosed(&world, &recording);
         assert!(told.verdict == Verdict::None, "{seed}: {} {:#?}", told.sentence, told.trace);
     }
@@ -73,7 +53,7 @@ fn a_cause_is_found_in_noise_that_lingers() {
     let wrong = vec![Wrong::Ratio(world.bone("r_shoulder_yaw"), 0.05)];
     let mut recording =
         world.record(&Plan { postures: 50, noise_px: 0.05, seed: 3, wrong, ..Plan::default() });
-    blobs_move(&mut recording, 0.25, 0.45, 7);
+    blobs_linger(&mut recording, 0.25, 0.45, 7);
     let told = diagnosed(&world, &recording);
     assert!(told.verdict == Verdict::Explained, "{} {:#?}", told.sentence, told.trace);
     assert_eq!(told.causes.len(), 1, "{:?}", told.causes);

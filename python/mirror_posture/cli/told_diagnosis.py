@@ -41,7 +41,6 @@ def show_diagnosis(output: Output, folder: Path, found: Diagnosis) -> None:
         dependence,
         effect_in_words,
         millimetres,
-        next_step,
         percent,
         place_in_words,
         steps,
@@ -49,6 +48,7 @@ def show_diagnosis(output: Output, folder: Path, found: Diagnosis) -> None:
         telling_encoders,
     )
     from ..diagnosis.limits import line as limits_line
+    from ..diagnosis.next_step import next_step
 
     if output.as_json:
         for warning in found.warnings:

@@ -118,13 +118,12 @@ def told_hidden(view: BoardView, board: Board) -> str:
     """What a view's corners that are not seen are to be told as: how many, and where in the picture; empty if all are seen."""
     if not view.ok or view.corners_px is None or view.visible is None or view.visible.all():
         return ""
-    plane = board.corner_in_board_m[:, :2] / board.square_m
-    homography, _ = cv2.findHomography(plane[view.visible], view.corners_px[view.visible])
-    if homography is None:
+    flat = _by_those_seen(view.corners_px, view.visible, board)
+    if flat is None:
         return ""
-    where = where_hidden(cv2.perspectiveTransform(plane[None], homography)[0], view.visible)
+    where = where_hidden(flat, view.visible)
     hidden = int((~view.visible).sum())
-    return f"{hidden} of the board's {len(plane)} corners {'is' if hidden == 1 else 'are'} hidden, at its {where} in the picture ({view.via}); the others are measured"
+    return f"{hidden} of the board's {len(flat)} corners {'is' if hidden == 1 else 'are'} hidden, at its {where} in the picture ({view.via}); the others are measured"
 
 
 def _refined(
@@ -137,12 +136,21 @@ def _refined(
 ) -> tuple[FloatArray, corners.Refined]:
     """Corners `(N, 2)`, refined where they are seen and elsewhere where the others' homography has them."""
     refined = corners.refine(gray, flat, board, camera, options, seen)
-    plane = board.corner_in_board_m[:, :2] / board.square_m
-    homography, _ = cv2.findHomography(plane[seen], refined.corners_px[seen])
+    by_others = _by_those_seen(refined.corners_px, seen, board)
     result = refined.corners_px.copy()
-    if homography is not None and np.isfinite(homography).all():
-        result[~seen] = cv2.perspectiveTransform(plane[None], homography)[0][~seen]
+    if by_others is not None:
+        result[~seen] = by_others[~seen]
     return result, refined
+
+
+def _by_those_seen(corners_px: FloatArray, seen: npt.NDArray[np.bool_], board: Board) -> FloatArray | None:
+    """All corners `(N, 2)` px where the homography of those that are seen `(N,)` has them; None where these give none."""
+    plane = board.corner_in_board_m[:, :2] / board.square_m
+    homography, _ = cv2.findHomography(plane[seen], corners_px[seen])
+    if homography is None or not np.isfinite(homography).all():
+        return None
+    result: FloatArray = cv2.perspectiveTransform(plane[None], homography)[0]
+    return result
 
 
 def without_outliers(

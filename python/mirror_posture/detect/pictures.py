@@ -95,9 +95,10 @@ def detect_picture(
         else ()
     )
     boards = _boards(bgr, setup, prediction, options)
-    if setup.board is not None and setup.board.pattern != CHARUCO:
-        # (Of a ChArUco board a part is enough, as a rule.)
-        warnings += tuple(filter(None, (told_hidden(view, setup.board) for view in boards)))
+    # (Of a ChArUco board a part is enough, as a rule.)
+    chessboard = None if setup.board is None or setup.board.pattern == CHARUCO else setup.board
+    if chessboard is not None:
+        warnings += tuple(filter(None, (told_hidden(view, chessboard) for view in boards)))
     bounds = _size_bounds(boards, setup)
     markers = detect_markers(
         bgr,
@@ -111,18 +112,11 @@ def detect_picture(
         expected_markers(boards, setup, prediction),
         file.quantisation_step,
     )
-    for view in boards:
-        if (
-            view.ok
-            and view.via == "mirror"
-            and markers
-            and setup.board is not None
-            and setup.board.pattern != CHARUCO
-        ):
-            ghost = board_ghost(cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY), view, setup.board)
-            if ghost is not None:
-                markers = tuple(with_ghost(marker, ghost) for marker in markers)
-            break
+    reflected = next((view for view in boards if view.ok and view.via == "mirror"), None)
+    if markers and chessboard is not None and reflected is not None:
+        ghost = board_ghost(cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY), reflected, chessboard)
+        if ghost is not None:
+            markers = tuple(with_ghost(marker, ghost) for marker in markers)
     return PictureDetections(source, width, height, boards, markers, warnings=warnings)
 
 

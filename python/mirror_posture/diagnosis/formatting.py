@@ -226,81 +226,9 @@ def dependence(depends_on: str) -> str:
     return "the " + place_in_words(depends_on)
 
 
-def next_step(found: Diagnosis) -> str:
-    """What to do next, in one or two sentences."""
-    verdict = found.verdict
-    if verdict == "none":
-        return "Nothing to mend: the model predicts as well as the measurement's noise allows."
-    if verdict == "insufficient":
-        return "Record more: postures in which the board and the markers are seen together; `mirror-posture check` tells what is missing."
-    if found.document.get("motion", {}).get("next_moves") and any(c.alternatives for c in found.causes):
-        return "Record a motion with the suggested moves too (report.html), and diagnose again: they tell the rivals apart."
-    if "motion" in found.document:
-        return "Change the simulator's model as the model.xml of --out has it, record another motion, and diagnose it with --check."
-    rivals = [cause for cause in found.causes if cause.alternatives]
-    if rivals and found.next_postures:
-        return "Take the suggested postures and diagnose again: they tell the rivals apart."
-    if rivals:
-        return "Record further postures, far from those of this session, and diagnose again: rivals remain."
-    if verdict == "unknown":
-        look = f"Look at {_unexplained_place(found)}: no effect of the vocabulary explains it"
-        often = _what_often_does_it(found)
-        return f"{look}{f' ({often})' if often else ''}. A law of your own can be tried as an own effect."
-    if any(cause.effect == "pairing" for cause in found.causes):
-        return "Mend the rows of the frames table that hold other rows' measurement, then diagnose again."
-    refused = [cause for cause in found.causes if cause.effect in BY_HAND and not cause.members]
-    written = [cause for cause in found.causes if cause not in refused]
-    steps = []
-    if written:
-        steps.append("Write the better model with `mirror-posture apply`")
-    if refused:
-        names = listed([f"{effect_in_words(c.effect)} at {place_in_words(c.at)}" for c in refused])
-        ways = list(dict.fromkeys(BY_HAND[cause.effect] for cause in refused))
-        steps.append(f"{'no' if steps else 'No'} file can hold {names}: {'; '.join(ways)}")
-    if verdict == "partial":
-        return ". ".join(("; ".join(steps), f"Then look at {_unexplained_place(found)}.")) if steps else ""
-    last = "Check it on a session of other postures with --check." if written else "Then diagnose anew."
-    return f"{'; '.join(steps)}. {last}"
-
-
 def listed(names: Sequence[str]) -> str:
     """`a`, `a and b`, `a, b and c`."""
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
-
-
-def _unexplained_place(found: Diagnosis) -> str:
-    left = next((where for where in found.where if where.depends_on), None)
-    if left is None:
-        camera = all(where.at != "unknown" for where in found.where)
-        return "the camera" if camera else "the residuals, which no single place explains"
-    at = place_with_article(left.at)
-    if left.depends_on == "nothing":
-        return f"{at}, where what is left is the same in every posture"
-    return f"{at}, where what is left depends on {dependence(left.depends_on or '')}"
-
-
-OFTEN = {
-    ("board", "nothing"): "a board that is not flat does this: lay a ruler on it",
-    (
-        "camera",
-        "nothing",
-    ): "a lens of which the camera file has not all terms does this: calibrate it with more",
-    ("camera", "position"): "a camera that gives way as a joint moves does this: press on its mount",
-    ("joint", "posture"): "a clutch or a screw that slips does this: mark shaft and hub, move, and look",
-    (
-        "joint",
-        "history",
-    ): "a tendon or a harmonic drive that winds up does this: come to one place from both sides",
-}
-"""What often makes an error without a name, by the kind of its place and what it depends on: what a person can look at first."""
-
-
-def _what_often_does_it(found: Diagnosis) -> str | None:
-    left = next((where for where in found.where if where.depends_on), None)
-    if left is None:
-        return None
-    depends_on = (left.depends_on or "").split(",")[0].split(" of ")[0]
-    return OFTEN.get((left.at.split(":")[0], depends_on))
 
 
 ENCODER_COLUMNS = ("before", "after", "before_zero_free", "after_zero_free")

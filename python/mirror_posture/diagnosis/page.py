@@ -10,6 +10,7 @@ from ..pages import inline, render
 from ..session import Session
 from . import actions, formatting, limits
 from .limits import draw_limits
+from .next_step import next_step
 from .panel_plots import draw_field, draw_track
 from .parts import Gap
 from .plots import Drawing, draw_gap, draw_signature, draw_steps, gap_told
@@ -65,6 +66,7 @@ def write_report(session: Session, found: Diagnosis, folder: Path) -> Path:
         "headline": HEADLINES[found.verdict],
         "svg": svg,
         "told": formatting,
+        "next_step": next_step,
         "acts": actions,
         "concerned": actions.concerned(found),
         "panels": shown,

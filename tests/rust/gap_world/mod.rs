@@ -6,6 +6,7 @@
 
 mod body;
 mod light;
+pub mod lingering;
 mod record;
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};

@@ -27,8 +27,6 @@ const PAIRING: &str = "pairing";
 const OF_PATH: [&str; 3] = ["history", "direction", BY_ITSELF];
 /// A camera's picture of another size, and what would be told beside it if it had none: a crop is an offset of the centre alone.
 const RESIZED: (&str, &str) = ("camera_resolution", "camera_focal");
-/// Where what is left has no place.
-const NOWHERE: &str = "unknown";
 /// A ratio that is a whole mistake is tried as another unit of the joint, and told as a small one is.
 const RATIO: (&str, &str) = ("joint_unit", "gear_ratio");
 
@@ -109,7 +107,7 @@ impl Doubt {
             return None;
         }
         let of_path = |place: &Where| {
-            place.depends_on.as_deref().map_or(place.at == NOWHERE, |on| OF_PATH.contains(&on))
+            place.depends_on.as_deref().map_or(place.at == Where::NOWHERE, |on| OF_PATH.contains(&on))
         };
         match () {
             () if named(SLIP) => Some(Self::Slip),

@@ -48,11 +48,12 @@ pub(crate) fn deviations(findings: &Findings<'_>, floor: &Floor) -> Result<Devia
     let search = &findings.search;
     let found = &findings.found;
     let all = search.deformation(&found.fit.model);
-    let mut seen = found.noise;
-    if search.lingering > 1.0 {
+    let mut seen = if search.lingering > 1.0 {
         // Of one observation: what it shares with its neighbours is allowed for below, over all frames.
-        seen = effective(&search.problem, &all, search.noise_of_views(), None)?;
-    }
+        effective(&search.problem, &all, search.noise_of_views(), None)?
+    } else {
+        found.noise
+    };
     let left = search.measured_noise.marker_px * floor.fitted_scale;
     seen.marker_px = seen.marker_px.max(left);
     let noise = noise_correlation::of_means(&search.problem, &all, seen)?;

@@ -1,6 +1,6 @@
 //! Whether what a model leaves is more than noise: the lack-of-fit test on free markers.
 
-use crate::diagnose::likelihood::noise::STATED_LOG_STD;
+use crate::diagnose::likelihood::noise::{STATED_LOG_STD, corner_excess};
 use crate::diagnose::likelihood::saturated::free_markers;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::problem::{Noise, Problem};
@@ -60,7 +60,7 @@ pub(crate) fn adequacy(problem: &Problem, deformation: &Deformation, noise: Nois
     let left: f64 = kept.iter().map(|p| p.freedom_left.max(0.0)).sum();
     // The noise is itself known from as many degrees as the views leave.
     let scatter = (2.0 / taken.max(1.0) + if left > FEW_LEFT { 2.0 / left } else { STATED_SCATTER }).sqrt();
-    let corner_excess = crate::diagnose::likelihood::noise::corner_excess(problem, deformation, noise)?;
+    let of_corners = corner_excess(problem, deformation, noise)?;
     // A wrong figure for the noise widens all postures alike, but for the few that false observations are in; what is wrong in more of them,
     // as in a run of rows of which a joint stood still, is no noise.
     let alike = 1.0 + excess_at(1.0 - WORTH_NAMING) < ABOVE_SCATTER.powi(2) * (1.0 + excess);
@@ -70,6 +70,6 @@ pub(crate) fn adequacy(problem: &Problem, deformation: &Deformation, noise: Nois
         excess,
         stands_out_from: (ABOVE_SCATTER * uncertain).powi(2) - 1.0,
         significant: excess > noticeable_excess() && excess > FAR_DEVIATIONS * scatter,
-        corners_significant: corner_excess > noticeable_excess(),
+        corners_significant: of_corners > noticeable_excess(),
     })
 }

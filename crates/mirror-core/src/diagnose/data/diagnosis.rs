@@ -81,6 +81,11 @@ pub struct Where {
     pub depends_on: Option<String>,
 }
 
+impl Where {
+    /// The place of what is left where it lies at no single place.
+    pub const NOWHERE: &str = "unknown";
+}
+
 /// A further session, predicted with nothing of it fitted but its own nuisances.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Checked {

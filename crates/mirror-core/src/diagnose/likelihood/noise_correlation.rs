@@ -158,14 +158,18 @@ impl Grid {
 /// # Errors
 /// Invalid parameters of the camera or mirror.
 pub(crate) fn widening_of_views(problem: &Problem, deformation: &Deformation, noise: Noise) -> Result<f64> {
-    if problem.camera.is_none() {
-        return Ok(1.0);
-    }
-    let successive = correlation_after(problem, deformation, noise, 1)?;
-    let slow = correlation_after(problem, deformation, noise, SLOW)?;
-    let fading = ((successive - slow) / (1.0 - slow)).max(0.0);
     let postures = 1 + problem.posture.windows(2).filter(|p| p[0] != p[1]).count();
     let views = problem.frames.len() as f64 / postures as f64;
+    // Nothing is shared by one view.
+    if problem.camera.is_none() || shared_by_views(MOST_CORRELATION, views) <= 0.0 {
+        return Ok(1.0);
+    }
+    let successive = successive_correlation(problem, deformation, noise)?;
+    if successive <= 0.0 {
+        return Ok(1.0);
+    }
+    let slow = correlation_after(problem, deformation, noise, SLOW)?;
+    let fading = ((successive - slow) / (1.0 - slow)).max(0.0);
     let shared = shared_by_views(fading, views);
     Ok(((1.0 + (views - 1.0).max(0.0) * shared) / (1.0 - shared)).sqrt())
 }

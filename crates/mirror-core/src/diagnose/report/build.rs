@@ -331,7 +331,7 @@ fn places(findings: &Findings<'_>, causes: &[Cause]) -> Vec<Where> {
         let scene = &findings.search.problem.scene;
         let of_all: f64 = unexplained.places.iter().map(|p| p.shift).sum();
         for place in &unexplained.places {
-            let at = place.place.map_or_else(|| "unknown".to_owned(), |p: Place| p.name(scene));
+            let at = place.place.map_or_else(|| Where::NOWHERE.to_owned(), |p: Place| p.name(scene));
             let part = if of_all > 0.0 { place.shift / of_all } else { 1.0 };
             let share = part * if explained == 0.0 { 1.0 } else { left / total };
             let depends_on = place.depends_on.clone();

@@ -56,7 +56,7 @@ pub(crate) fn sentence(verdict: Verdict, causes: &[Cause], places: &[Where], gap
 /// corners' remainder tells.
 fn unexplained_place(places: &[Where]) -> Option<&Where> {
     let at = |name: &str| places.iter().find(|w| w.at == name);
-    places.iter().find(|w| w.depends_on.is_some()).or_else(|| at("unknown")).or_else(|| at("camera"))
+    places.iter().find(|w| w.depends_on.is_some()).or_else(|| at(Where::NOWHERE)).or_else(|| at("camera"))
 }
 
 /// `effect at place`, or, where it is less probable than what is just told against nothing, `effect or other effect at place`.
@@ -110,7 +110,7 @@ fn capitalised(text: &str) -> String {
 
 /// `at joint:x and depends on its load`.
 fn where_and_on_what(place: Option<&Where>) -> String {
-    let Some(place) = place.filter(|p| p.at != "unknown") else {
+    let Some(place) = place.filter(|p| p.at != Where::NOWHERE) else {
         return "at no single place".into();
     };
     let depends = match place.depends_on.as_deref() {

@@ -1,13 +1,12 @@
 //! The measurement's noise from the data, and what lingers of it.
 
+use super::gap_world::lingering::blobs_linger;
 use super::gap_world::{Plan, World};
 use crate::diagnose::data::recording::Target;
 use crate::diagnose::likelihood::noise::estimate;
 use crate::diagnose::likelihood::noise_correlation::{shared_by_views, widening_of_views};
 use crate::diagnose::model::problem::{Noise, Problem};
-use crate::random::Random;
 use crate::robot::Robot;
-use nalgebra::Vector2;
 
 #[test]
 fn noise_is_what_no_model_could_explain_with_all_that_was_spent_counted() {
@@ -49,18 +48,12 @@ fn views_are_widened_for_what_fades_within_a_few_frames_and_not_for_what_stays()
             let robot = Robot::from_urdf_str(&world.urdf()).unwrap();
             let plan = Plan { postures: 60, noise_px: 1e-3, seed, ..Plan::default() };
             let mut recording = world.record(&plan);
-            let mut random = Random::new(1000 + seed);
-            let mut errors = vec![Vector2::zeros(); recording.markers.len()];
+            blobs_linger(&mut recording, NOISE.marker_px, lingering, 1000 + seed);
             let count = recording.frames.len() as f64;
             for (f, frame) in recording.frames.iter_mut().enumerate() {
-                for error in &mut errors {
-                    let new = Vector2::new(random.normal(), random.normal());
-                    *error = *error * lingering + new * (1.0 - lingering * lingering).sqrt();
-                }
                 for sighting in &mut frame.sightings {
-                    if let Target::Marker(m) = sighting.target {
-                        let slow = Vector2::new(slow_px * (f as f64 / count - 0.5), 0.0);
-                        sighting.pixel += errors[m] * NOISE.marker_px + slow;
+                    if matches!(sighting.target, Target::Marker(_)) {
+                        sighting.pixel.x += slow_px * (f as f64 / count - 0.5);
                     }
                 }
             }

@@ -1,5 +1,6 @@
 //! Thresholds outside [`principles`](super::principles), each on data that a move by a factor of two decides otherwise.
 
+use super::gap_world::lingering::blobs_linger;
 use super::gap_world::{Plan, World};
 use super::prior::search;
 use crate::diagnose::assessment::noise_floor::is_no_noise;
@@ -108,19 +109,7 @@ fn errors_that_linger_are_told_from_white_noise() {
             .filter(|&seed| {
                 let plan = Plan { postures: 16, views: 1, noise_px: 1e-3, seed, ..Plan::default() };
                 let (robot, mut recording) = recorded(&plan);
-                let mut random = Random::new(1000 + seed);
-                let mut errors = vec![Vector2::zeros(); recording.markers.len()];
-                for f in 0..recording.frames.len() {
-                    moved(&mut recording, f, |t| match t {
-                        Target::Marker(m) => {
-                            let new = Vector2::new(random.normal(), random.normal());
-                            let kept = if f == 0 { 0.0 } else { correlation };
-                            errors[m] = errors[m] * kept + new * (1.0 - kept * kept).sqrt();
-                            errors[m] * NOISE.marker_px
-                        }
-                        _ => Vector2::zeros(),
-                    });
-                }
+                blobs_linger(&mut recording, NOISE.marker_px, correlation, 1000 + seed);
                 let problem = Problem::new(&robot, &recording).unwrap();
                 successive_correlation(&problem, &problem.nominal(), NOISE).unwrap() > 0.0
             })

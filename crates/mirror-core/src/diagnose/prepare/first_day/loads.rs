@@ -29,7 +29,7 @@ pub(super) fn turned_gravity(problem: &Problem) -> Result<Option<(Mistake, f64)>
     if size(problem, noise) < A_GAP * size(problem, problem.noise) {
         return Ok(None);
     }
-    let Some(stated) = best(problem, vocabulary(), noise)? else { return Ok(None) };
+    let Some(stated) = best(problem.clone(), vocabulary(), noise)? else { return Ok(None) };
     let across = down.cross(&if down.x.abs() < 0.8 { Vector3::x() } else { Vector3::y() }).normalize();
     let other = down.cross(&across);
     let turns = [across * PI, across * FRAC_PI_2, across * -FRAC_PI_2, other * FRAC_PI_2, other * -FRAC_PI_2];
@@ -39,7 +39,7 @@ pub(super) fn turned_gravity(problem: &Problem) -> Result<Option<(Mistake, f64)>
         turned.scene.gravity = Rotation3::new(turn) * problem.scene.gravity;
         turned.scene.update_loads(&nominal);
         let springs = vocabulary().into_iter().filter(|e| e.depends_on_load()).collect();
-        if let Some(best) = best(&turned, springs, noise)?
+        if let Some(best) = best(turned, springs, noise)?
             && found.as_ref().is_none_or(|(other, _)| best.log_bayes > other.log_bayes)
         {
             found = Some((best, turn));
@@ -78,21 +78,21 @@ impl Best {
     }
 }
 
-fn best(problem: &Problem, effects: Vec<Box<dyn Effect>>, noise: Noise) -> Result<Option<Best>> {
+fn best(problem: Problem, effects: Vec<Box<dyn Effect>>, noise: Noise) -> Result<Option<Best>> {
     let catalogue = Catalogue::new(&problem.scene, effects.into_iter().map(Arc::from).collect(), &[]);
-    let model = Model::nominal(problem);
+    let model = Model::nominal(&problem);
     let group = Group::default();
-    let scores = screen(problem, &catalogue, &group, &model, noise, None)?.scores;
+    let scores = screen(&problem, &catalogue, &group, &model, noise, None)?.scores;
     let Some(score) = scores.first() else { return Ok(None) };
     let mut with = model.with(&catalogue, score.hypothesis, score.variant);
     if let Some(term) = with.terms.last_mut() {
         let positive = catalogue.effect(score.hypothesis).is_positive();
         term.parameters = score.parameters.iter().map(|p| if positive { p.max(0.0) } else { *p }).collect();
     }
-    let model = fit(problem, &catalogue, &group, &with, FitOptions { noise, steps: 6 }, None)?.model;
-    let deformation = model.deformation(problem, &catalogue, &group.columns);
-    let left = effective(problem, &deformation, problem.noise, None)?;
-    Ok(Some(Best { problem: problem.clone(), log_bayes: score.log_bayes, catalogue, model, left }))
+    let model = fit(&problem, &catalogue, &group, &with, FitOptions { noise, steps: 6 }, None)?.model;
+    let deformation = model.deformation(&problem, &catalogue, &group.columns);
+    let left = effective(&problem, &deformation, problem.noise, None)?;
+    Ok(Some(Best { problem, log_bayes: score.log_bayes, catalogue, model, left }))
 }
 
 fn size(problem: &Problem, noise: Noise) -> f64 {
