@@ -12,7 +12,7 @@ use super::verify::{Tolerant, smaller};
 use super::{Chain, FRAMES, Undone, spread};
 use crate::diagnose::data::diagnosis::{Alternative, Cause};
 use crate::diagnose::likelihood::probability::against;
-use crate::diagnose::model::problem::Noise;
+use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::principles::{A_GAP, BEYOND_DOUBT, LOG_PRIOR_STRUCTURE, TEMPER, UNTHOUGHT_OF};
 use crate::error::Result;
 
@@ -52,23 +52,25 @@ pub(super) fn chosen(
     chains: Vec<Chain>,
     lines: &mut Vec<String>,
 ) -> Result<Choice> {
-    let least = session.problem.noise;
-    let tried: Vec<Chain> = core::iter::once(nominal).chain(chains).collect();
-    let frames = weighed_on(all, &tried);
-    let mut fits = Vec::new();
-    for chain in &tried {
-        session.problem.cancel.check()?;
-        fits.push(chain.problem(session).and_then(|p| Tolerant::fitted(&p, &frames, least)).ok());
-    }
-    let noise = fits.iter().flatten().map(|f| f.noise).reduce(smaller).unwrap_or(least);
-    let values: Vec<f64> = fits
-        .iter_mut()
-        .map(|f| f.as_mut().and_then(|f| f.log_evidence(noise).ok()).unwrap_or(f64::NEG_INFINITY))
-        .collect();
-    let scatter: Vec<Noise> = fits.iter().map(|f| f.as_ref().map_or(NOTHING, |f| f.noise)).collect();
-    let log_odds: Vec<f64> = (0..tried.len())
-        .map(|i| values[i] + log_prior(&tried[i].mistakes, explains_as_well(scatter[0], scatter[i])))
-        .collect();
+    let scored_on = spread(&all.postures, FRAMES, 1);
+    let mut weighed = Weighed::new(session, core::iter::once(nominal.clone()).chain(chains).collect(), all)?;
+    // What a mistake with numbers of its own takes away a small cause may explain as well: the best chain is weighed without each of its mistakes.
+    let (values, log_odds) = loop {
+        let (values, log_odds) = weighed.log_odds();
+        let best = (1..log_odds.len()).max_by(|&a, &b| log_odds[a].total_cmp(&log_odds[b])).unwrap_or(0);
+        let mistakes = weighed.chains[best].mistakes.len();
+        let shorter = (0..mistakes).filter(|_| mistakes > 1);
+        let shorter = shorter.map(|i| weighed.chains[best].without(i, &nominal, all, &scored_on));
+        let further: Vec<Chain> =
+            shorter.filter(|chain| !weighed.chains.iter().any(|tried| tried.is_like(chain))).collect();
+        if further.is_empty() {
+            break (values, log_odds);
+        }
+        for chain in further {
+            weighed.add(chain)?;
+        }
+    };
+    let Weighed { chains: tried, fits, .. } = weighed;
     for (chain, value) in tried.iter().zip(&values) {
         let names: Vec<&str> = chain.mistakes.iter().map(Mistake::effect).collect();
         lines.push(format!(
@@ -103,6 +105,50 @@ pub(super) fn chosen(
         .into_iter()
         .collect();
     Ok(Choice { mistakes: tried[best].mistakes.clone(), probability, instead, doubts: Vec::new() })
+}
+
+/// Chains of mistakes, the first without any, each fitted with all small errors.
+struct Weighed<'a> {
+    session: &'a Undone,
+    frames: Vec<usize>,
+    chains: Vec<Chain>,
+    /// None where a chain cannot be.
+    fits: Vec<Option<Tolerant>>,
+}
+
+impl<'a> Weighed<'a> {
+    fn new(session: &'a Undone, chains: Vec<Chain>, all: &Session<'_>) -> Result<Self> {
+        let frames = weighed_on(all, &chains);
+        let mut out = Self { session, frames, chains: Vec::new(), fits: Vec::new() };
+        for chain in chains {
+            out.add(chain)?;
+        }
+        Ok(out)
+    }
+
+    fn add(&mut self, chain: Chain) -> Result<()> {
+        let problem = &self.session.problem;
+        problem.cancel.check()?;
+        let fitted = |p: Problem| Tolerant::fitted(&p, &self.frames, problem.noise);
+        self.fits.push(chain.problem(self.session).and_then(fitted).ok());
+        self.chains.push(chain);
+        Ok(())
+    }
+
+    /// Log evidence of each chain at the smallest noise that any of them leaves, and the same with the mistakes' prior.
+    fn log_odds(&mut self) -> (Vec<f64>, Vec<f64>) {
+        let least = self.session.problem.noise;
+        let noise = self.fits.iter().flatten().map(|f| f.noise).reduce(smaller).unwrap_or(least);
+        let evidence = |f: &mut Option<Tolerant>| f.as_mut().and_then(|f| f.log_evidence(noise).ok());
+        let values: Vec<f64> =
+            self.fits.iter_mut().map(|f| evidence(f).unwrap_or(f64::NEG_INFINITY)).collect();
+        let scatter: Vec<Noise> = self.fits.iter().map(|f| f.as_ref().map_or(NOTHING, |f| f.noise)).collect();
+        let prior = |i: usize| {
+            log_prior(&self.chains[i].mistakes, explains_as_well(scatter[0], scatter[i]))
+        };
+        let log_odds = values.iter().enumerate().map(|(i, value)| value + prior(i)).collect();
+        (values, log_odds)
+    }
 }
 
 /// The frames on which chains are weighed: spread over the session, and those in which one of them has names exchanged. Where these are few, none

@@ -95,6 +95,36 @@ impl Chain {
         Self { mistakes, variant, loss, worst }
     }
 
+    /// With one more mistake, which may be one with the last.
+    fn with(&self, mistake: &Mistake, session: &Session<'_>, frames: &[usize]) -> Self {
+        let mut mistake = mistake.clone();
+        let mut variant = self.variant.clone();
+        if let Mistake::LogFrozen { joint, first, last } = &mut mistake {
+            variant = session.freed(&self.variant, *joint, *first, *last);
+            *first = session.begun(&self.variant, &variant, *first, *last);
+        } else {
+            mistake.on_variant(&mut variant);
+        }
+        let mut mistakes = self.mistakes.clone();
+        match mistakes.last().and_then(|last| last.together(&mistake)) {
+            Some(one) => *mistakes.last_mut().unwrap_or(&mut mistake) = one,
+            None => mistakes.push(mistake),
+        }
+        Self::new(mistakes, variant, session.misfit, frames)
+    }
+
+    /// The same mistakes but for one, from a chain that has none.
+    fn without(&self, which: usize, none: &Self, session: &Session<'_>, frames: &[usize]) -> Self {
+        let others = self.mistakes.iter().enumerate().filter(|(i, _)| *i != which);
+        others.fold(none.clone(), |chain, (_, mistake)| chain.with(mistake, session, frames))
+    }
+
+    /// Whether both have the same mistakes but for their numbers.
+    fn is_like(&self, other: &Self) -> bool {
+        self.mistakes.len() == other.mistakes.len()
+            && self.mistakes.iter().all(|m| other.mistakes.iter().any(|o| o.is_like(m)))
+    }
+
     /// Whether something is left that is more than small errors, of one marker alone too.
     fn is_gross(&self) -> bool {
         self.loss > GROSS || self.worst > GROSS_OF_ONE
@@ -296,22 +326,7 @@ fn extended(
         mistakes.extend(mounts::elsewhere(session.problem, session.misfit, &chain.variant, frames));
     }
     mistakes.retain(|m| !without.iter().any(|w| w == m.effect()));
-    let with = |mistake: &Mistake| {
-        let mut mistake = mistake.clone();
-        let mut variant = chain.variant.clone();
-        if let Mistake::LogFrozen { joint, first, last } = &mut mistake {
-            variant = session.freed(&chain.variant, *joint, *first, *last);
-            *first = session.begun(&chain.variant, &variant, *first, *last);
-        } else {
-            mistake.on_variant(&mut variant);
-        }
-        let mut mistakes = chain.mistakes.clone();
-        match mistakes.last().and_then(|last| last.together(&mistake)) {
-            Some(one) => *mistakes.last_mut().unwrap_or(&mut mistake) = one,
-            None => mistakes.push(mistake),
-        }
-        Chain::new(mistakes, variant, session.misfit, frames)
-    };
+    let with = |mistake: &Mistake| chain.with(mistake, session, frames);
     let least = (chain.loss * (1.0 - LEAST_SHARE)).min(chain.loss - least_fall);
     let mut out: Vec<(&Mistake, Chain)> = mistakes
         .par_iter()
@@ -337,11 +352,7 @@ fn extended(
 fn unlike(chains: &mut Vec<Chain>, count: usize) {
     let mut kept: Vec<Chain> = Vec::new();
     for chain in chains.drain(..) {
-        let like = |other: &Chain| {
-            other.mistakes.len() == chain.mistakes.len()
-                && chain.mistakes.iter().all(|m| other.mistakes.iter().any(|o| o.is_like(m)))
-        };
-        if kept.len() < count && !kept.iter().any(like) {
+        if kept.len() < count && !kept.iter().any(|other| chain.is_like(other)) {
             kept.push(chain);
         }
     }
