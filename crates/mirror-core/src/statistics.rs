@@ -1,4 +1,4 @@
-//! Medians, quantiles of the normal and of the chi-squared distribution, and a sequence that is spread evenly.
+//! Medians, quantiles of the normal and of the chi-squared distribution, runs in a sequence, and a sequence that is spread evenly.
 
 /// (√5 − 1)/2. The fractional parts of its multiples are spread evenly whatever their number and meet no rhythm; the share by which a
 /// golden-section search narrows its interval.
@@ -11,6 +11,21 @@ pub(crate) fn median(mut values: Vec<f64>) -> f64 {
     }
     let middle = values.len() / 2;
     *values.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+/// The run with the largest sum (Kadane), first and last; none where no sum is positive.
+pub(crate) fn best_run(gains: &[f64]) -> Option<(usize, usize)> {
+    let (mut start, mut sum, mut best, mut top) = (0, 0.0, None, 0.0);
+    for (f, gain) in gains.iter().enumerate() {
+        if sum <= 0.0 {
+            (start, sum) = (f, 0.0);
+        }
+        sum += gain;
+        if sum > top {
+            (best, top) = (Some((start, f)), sum);
+        }
+    }
+    best
 }
 
 /// Φ⁻¹(p), the quantile of the standard normal distribution (Acklam's rational approximation, within 1.2e-9 of it relatively).

@@ -11,6 +11,7 @@ use crate::diagnose::data::recording::Recording;
 use crate::diagnose::effects::hypothesis::{Catalogue, Model};
 use crate::diagnose::likelihood::fit::Group;
 use crate::diagnose::likelihood::noise;
+use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::likelihood::score_test::screen;
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::model::work_budget::A_STAGE;
@@ -33,12 +34,14 @@ use crate::error::Result;
 use crate::robot::Robot;
 
 /// A diagnosis, and what a second one is asked by.
-pub struct Outcome {
+pub(crate) struct Outcome {
     pub diagnosis: Diagnosis,
     /// The share of its limit of work that it took.
     pub work: f64,
     /// Rows were left out as slipped, but fit their own postures beside the causes found.
     pub rows_in_order: bool,
+    /// What differs from the nominal model by the causes that have a name, and the small errors beside them.
+    pub known: Deformation,
 }
 
 /// Diagnoses a recording: where the model is wrong, which effect causes it, how far the gap shrinks.
@@ -47,19 +50,17 @@ pub struct Outcome {
 /// do not suffice, in a long session on a part of its frames; errors that linger from view to view; where there is reason for doubt, the same with free-form errors beside the vocabulary, or with a joint that rests
 /// elsewhere each time; where that leaves a remainder or many causes, the same beside many small errors (`geometry`); causes that do not
 /// help on held-out regions are dropped, improbable ones give way; the remainder is tested against the noise; causes that other draws of
-/// the postures do not show again are taken back. `closely`: whole mistakes are looked for where nothing is gross too.
+/// the postures do not show again are taken back.
 ///
 /// # Errors
 /// A recording that is not valid, links that do not exist, invalid parameters of the camera.
-pub fn diagnose(
+pub(crate) fn diagnose(
+    mut prepared: Prepared,
     robot: &Robot,
     recording: &Recording,
     options: &DiagnoseOptions,
     others: &[OtherSession],
-    closely: bool,
 ) -> Result<Outcome> {
-    options.progress.enter("looking for whole mistakes");
-    let mut prepared = Prepared::new(robot, recording, options, closely)?;
     let (problem, stated) = (prepared.problem.clone(), prepared.stated);
     let catalogue = options.catalogue(&problem.scene)?;
     let all = Catalogue::with_free_forms(&catalogue, &problem.scene, free_forms(&problem.scene));
@@ -112,6 +113,7 @@ pub fn diagnose(
         Some(slip) => !is_found_again(&findings, &prepared.arranged, slip)?,
         None => false,
     };
+    let known = findings.known();
     let anew = chosen_anew(&findings, &ranking)?;
     let checked = others.iter().map(|other| check(&findings, other)).collect::<Result<Vec<_>>>()?;
     let (its_robot, its_recording) = (prepared.robot(robot), prepared.recording(recording));
@@ -127,7 +129,7 @@ pub fn diagnose(
     }
     // Frames that were passed over on the way out left numbers that mean nothing.
     options.cancel.check()?;
-    Ok(Outcome { diagnosis, work: prepared.given.budget.share(), rows_in_order })
+    Ok(Outcome { diagnosis, work: prepared.given.budget.share(), rows_in_order, known })
 }
 
 /// Whether slipped rows are slipped beside what was found as well.

@@ -1,20 +1,24 @@
 //! A diagnosis, and a second one where the first contradicts itself or rests on what it does not explain.
 //!
-//! Slips and whole mistakes are looked for before causes are: they take their share of any misfit that is like them. Where something is left
-//! unexplained beside a slip, the session is diagnosed once more as if nothing had slipped, and the slip is believed only where it leaves
-//! less on held-out regions. The same goes for rows said to hold other rows' measurement: a joint whose log is a little late looks like that where
-//! it moves to and fro, and the second look is for whole mistakes that do no more than small errors; and where what is left depends on the path or on each posture by
-//! itself, such a look is believed if it explains all. And where a joint's ratio is undone as a whole mistake and found again beside it, the two are one, and where
-//! it comes out as the model's own in the end there is no mistake: the session is diagnosed once more without such mistakes, and the first is
-//! believed only where the second leaves something unexplained, and more. A slip by fewer than six of its deviations is asked of in the same way, and rows
-//! said to be other rows' that fit their own postures beside the causes found.
+//! Slips and whole mistakes are looked for before causes are: they take their share of any misfit that is like them. So where there is reason for
+//! doubt the session is diagnosed once more, and of the two the second is believed under a condition:
+//!
+//! | doubt of the first | the second | is believed where it |
+//! | --- | --- | --- |
+//! | a ratio told twice at one joint, or of no size; a picture of another size beside a focal length that takes it back; a slip by fewer than six deviations; slipped rows that fit their own postures beside the causes | goes without that mistake | explains all, or leaves no more |
+//! | a slip, or slipped rows, beside something unexplained | goes without that | leaves clearly less on held-out regions |
+//! | what is left depends on the path or on each posture by itself, or has no place | looks beside the causes found for mistakes that do no more than small errors (a log that is a little late) | leaves no more, and explains all or most of it |
+//! | what was left out as false lies together | looks in the same way | explains all and leaves out less than half of that |
 
+use crate::diagnose::assessment::false_together::lies_together;
 use crate::diagnose::data::diagnosis::{Cause, Diagnosis, Verdict, Where};
 use crate::diagnose::data::recording::Recording;
+use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::work_budget::A_STAGE;
 use crate::diagnose::pipeline::{self, Outcome};
 use crate::diagnose::prepare::options::{DiagnoseOptions, OtherSession};
-use crate::diagnose::principles::{FAR_DEVIATIONS, LEAST_HELD_OUT_RATIO, SURE_DEVIATIONS};
+use crate::diagnose::prepare::prepared::Prepared;
+use crate::diagnose::principles::{FAR_DEVIATIONS, LEAST_HELD_OUT_RATIO, MAJORITY, SURE_DEVIATIONS};
 use crate::diagnose::selection::nonparametric::BY_ITSELF;
 use crate::error::Result;
 use crate::robot::Robot;
@@ -42,24 +46,39 @@ pub fn diagnose(
     options: &DiagnoseOptions,
     others: &[OtherSession],
 ) -> Result<Diagnosis> {
-    let Outcome { diagnosis: first, work, rows_in_order } =
-        pipeline::diagnose(robot, recording, options, others, false)?;
+    let prepared = |options: &DiagnoseOptions, known: Option<&Deformation>| {
+        options.progress.enter("looking for whole mistakes");
+        Prepared::new(robot, recording, options, known)
+    };
+    let at_first = prepared(options, None)?;
+    let mistakes = at_first.mistakes().to_vec();
+    let Outcome { diagnosis: first, work, rows_in_order, known } =
+        pipeline::diagnose(at_first, robot, recording, options, others)?;
     // A closer look is taken where the first one ended with named causes' share of the work: both together stay bounded.
-    let Some(doubt) =
-        Doubt::of(&first, rows_in_order).filter(|d| !d.looks_closely() || work < 1.0 - 2.0 * A_STAGE)
+    let Some(doubt) = Doubt::of(&first, rows_in_order, recording)
+        .filter(|d| !d.looks_closely() || work < 1.0 - 2.0 * A_STAGE)
     else {
         return Ok(first);
     };
     let mut still = options.clone();
     still.without.extend(doubt.without().map(str::to_owned));
-    let mut second = pipeline::diagnose(robot, recording, &still, others, doubt.looks_closely())?.diagnosis;
+    let again = prepared(&still, doubt.looks_closely().then_some(&known))?;
+    // The same mistakes undone come to the same end.
+    if doubt.without().is_none() && same_mistakes(again.mistakes(), &mistakes) {
+        return Ok(first);
+    }
+    let mut second = pipeline::diagnose(again, robot, recording, &still, others)?.diagnosis;
     let no_worse = left(&second) <= left(&first);
     let believed = match doubt {
         Doubt::Twice | Doubt::Resized | Doubt::HardlySlipped | Doubt::InOrder => {
             no_worse || explains(&second)
         }
         Doubt::Slip | Doubt::Pairing => LEAST_HELD_OUT_RATIO * left(&second) <= left(&first),
-        Doubt::Path => no_worse && explains(&second),
+        Doubt::Path => no_worse && (explains(&second) || takes_most(&second, &first)),
+        // More is used, what was farthest off among it.
+        Doubt::FalseTogether => {
+            explains(&second) && false_count(&second) as f64 <= MAJORITY * false_count(&first) as f64
+        }
     };
     if !believed {
         return Ok(first);
@@ -83,13 +102,15 @@ enum Doubt {
     Slip,
     /// Rows of their own beside something unexplained.
     Pairing,
+    /// What was left out as false lies together.
+    FalseTogether,
     /// What is left depends on the path, or on each posture by itself, or has no place: a joint that stood still over some rows, or whose
     /// log is late, does that.
     Path,
 }
 
 impl Doubt {
-    fn of(first: &Diagnosis, rows_in_order: bool) -> Option<Self> {
+    fn of(first: &Diagnosis, rows_in_order: bool, recording: &Recording) -> Option<Self> {
         let named = |effect: &str| first.causes.iter().any(|c| c.effect == effect);
         if is_told_twice(&first.causes) || is_of_no_size(&first.causes) {
             return Some(Self::Twice);
@@ -103,8 +124,9 @@ impl Doubt {
         if rows_in_order {
             return Some(Self::InOrder);
         }
+        let together = || lies_together(recording, &first.data).then_some(Self::FalseTogether);
         if explains(first) {
-            return None;
+            return together();
         }
         let of_path = |place: &Where| {
             place.depends_on.as_deref().map_or(place.at == Where::NOWHERE, |on| OF_PATH.contains(&on))
@@ -113,7 +135,7 @@ impl Doubt {
             () if named(SLIP) => Some(Self::Slip),
             () if named(PAIRING) => Some(Self::Pairing),
             () if first.r#where.iter().any(of_path) || first.r#where.is_empty() => Some(Self::Path),
-            () => None,
+            () => together(),
         }
     }
 
@@ -124,13 +146,13 @@ impl Doubt {
             Self::Resized => Some(RESIZED.0),
             Self::HardlySlipped | Self::Slip => Some(SLIP),
             Self::Pairing | Self::InOrder => Some(PAIRING),
-            Self::Path => None,
+            Self::Path | Self::FalseTogether => None,
         }
     }
 
     /// Whether whole mistakes are looked for that do no more than small errors.
     fn looks_closely(self) -> bool {
-        matches!(self, Self::Pairing | Self::Path)
+        matches!(self, Self::Pairing | Self::Path | Self::FalseTogether)
     }
 
     fn words(self) -> &'static str {
@@ -147,6 +169,7 @@ impl Doubt {
                 "rows that seemed to hold other rows' measurement fit their own, once the causes are known"
             }
             Self::Pairing => "rows of their own leave no smaller gap on held-out regions: they are in order",
+            Self::FalseTogether => "what was left out as false is explained by a whole mistake",
             Self::Path => {
                 "what depended on the path is explained by a whole mistake that does no more than small errors"
             }
@@ -174,9 +197,25 @@ fn hardly_slipped(cause: &Cause) -> bool {
         && motion().all(|(_, e)| e.value.abs() < FAR_DEVIATIONS * e.std)
 }
 
+/// Whether the same mistakes were undone, but for their numbers.
+fn same_mistakes(a: &[Cause], b: &[Cause]) -> bool {
+    a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.effect == b.effect && a.at == b.at)
+}
+
+/// How many observations were left out as false.
+fn false_count(diagnosis: &Diagnosis) -> usize {
+    diagnosis.data.left_out.iter().filter(|l| l.is_false()).count()
+}
+
 /// Whether nothing is left unexplained.
 fn explains(diagnosis: &Diagnosis) -> bool {
     !matches!(diagnosis.verdict, Verdict::Partial | Verdict::Unknown)
+}
+
+/// Whether of two held-out gaps the first is nearer to the noise than to the second, by squares.
+fn takes_most(second: &Diagnosis, first: &Diagnosis) -> bool {
+    let floor = first.gap.noise_floor_px.or(first.gap.noise_floor_m).unwrap_or(0.0);
+    left(second).powi(2) - floor.powi(2) <= MAJORITY * (left(first).powi(2) - floor.powi(2))
 }
 
 /// The held-out gap, in the unit of what was seen.

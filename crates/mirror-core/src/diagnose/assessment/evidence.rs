@@ -141,7 +141,7 @@ pub(crate) fn what_is_false(data: &Data) -> String {
 }
 
 fn far(data: &Data) -> usize {
-    data.left_out.iter().filter(|l| l.target != "board" && l.why.starts_with("far from")).count()
+    data.left_out.iter().filter(|l| l.is_false()).count()
 }
 
 /// What is missing, in counts and in the commonest reason.

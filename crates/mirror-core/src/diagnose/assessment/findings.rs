@@ -3,6 +3,7 @@
 use crate::diagnose::criteria::cross_validation::PostureGap;
 use crate::diagnose::data::diagnosis::Cause;
 use crate::diagnose::likelihood::fit::Fit;
+use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::prepare::first_day::Doubt;
 use crate::diagnose::prepare::row_slip::Slip;
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
@@ -31,6 +32,13 @@ pub(crate) struct Findings<'a> {
 }
 
 impl Findings<'_> {
+    /// What differs from the nominal model by the causes that have a name, and the small errors beside them.
+    pub fn known(&self) -> Deformation {
+        let mut model = self.found.fit.model.clone();
+        model.terms.retain(|t| !self.search.catalogue.is_free(t.hypothesis));
+        self.search.deformation(&model)
+    }
+
     /// A fit of the findings' model, for those who need its covariance anew.
     ///
     /// # Errors

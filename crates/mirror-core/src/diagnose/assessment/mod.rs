@@ -2,6 +2,7 @@
 
 pub(super) mod design;
 pub(super) mod evidence;
+pub(super) mod false_together;
 pub(super) mod findings;
 pub(super) mod gap_closed;
 pub(super) mod limits;

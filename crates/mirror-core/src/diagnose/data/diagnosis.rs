@@ -324,6 +324,16 @@ pub struct LeftOut {
     pub why: String,
 }
 
+impl LeftOut {
+    /// How the reason begins where a marker's observation is false.
+    pub(crate) const FAR_FROM: &str = "far from";
+
+    /// Whether it is a marker's observation that is far from what the model says.
+    pub(crate) fn is_false(&self) -> bool {
+        self.target != "board" && self.why.starts_with(Self::FAR_FROM)
+    }
+}
+
 /// What of the data was given and used: nothing is left out without being listed.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct Data {

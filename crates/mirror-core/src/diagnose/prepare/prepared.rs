@@ -7,6 +7,7 @@ use super::row_slip::{self, Slip};
 use crate::diagnose::data::diagnosis::{Cause, LeftOut};
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::likelihood::noise;
+use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::error::Result;
 use crate::robot::Robot;
@@ -28,7 +29,8 @@ pub(crate) struct Prepared {
 }
 
 impl Prepared {
-    /// Prepares a session; `closely`: whole mistakes are looked for where nothing is gross too.
+    /// Prepares a session; `known`: what differs from the nominal model by causes that are known already, beside which whole mistakes are looked
+    /// for more closely.
     ///
     /// # Errors
     /// A recording that is not valid, links that do not exist, invalid parameters of the camera.
@@ -36,7 +38,7 @@ impl Prepared {
         robot: &Robot,
         recording: &Recording,
         options: &DiagnoseOptions,
-        closely: bool,
+        known: Option<&Deformation>,
     ) -> Result<Self> {
         let mut problem = Problem::new(robot, recording)?;
         problem.cancel = options.cancel.clone();
@@ -44,7 +46,7 @@ impl Prepared {
         let stated = problem.noise;
         let mut left_out = leave_out_wrong_grids(&mut problem);
         let given = problem.clone();
-        let undone = first_day::undone(robot, recording, &problem, &options.without, closely)?;
+        let undone = first_day::undone(robot, recording, &problem, &options.without, known)?;
         if let Some(undone) = &undone {
             problem = undone.problem.clone();
             problem.cancel = given.cancel.clone();

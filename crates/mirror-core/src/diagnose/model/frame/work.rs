@@ -165,6 +165,11 @@ impl FrameWork {
     pub(super) fn pose(&mut self, problem: &Problem, deformation: &Deformation, frame: usize) {
         let nodes = problem.scene.nodes();
         let commanded = &problem.scene.commanded[frame * nodes..(frame + 1) * nodes];
+        self.pose_as(problem, deformation, frame, commanded);
+    }
+
+    /// Poses a frame as if its nodes had been commanded to these positions.
+    pub fn pose_as(&mut self, problem: &Problem, deformation: &Deformation, frame: usize, commanded: &[f64]) {
         self.poses.update(&problem.scene.body, commanded, deformation, frame);
         self.frame = frame;
         self.points_each = 0;
@@ -184,8 +189,13 @@ impl FrameWork {
         self.board_moved.map_or(nominal, |moved| moved.then(&nominal))
     }
 
+    /// A site as it was posed last, in the world.
+    pub fn world_from_site(&self, site: &Site) -> Pose {
+        self.poses.site(site)
+    }
+
     /// The world in the camera's (actual) optical frame.
-    pub(super) fn camera_from_world(&self, problem: &Problem, eye: &Eye) -> Pose {
+    pub fn camera_from_world(&self, problem: &Problem, eye: &Eye) -> Pose {
         let world_from_mount = self.world_from_mount(problem).unwrap_or_else(Pose::identity);
         eye.camera_from_mount.then(&world_from_mount.inverse())
     }

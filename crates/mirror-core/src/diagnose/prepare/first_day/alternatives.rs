@@ -9,7 +9,7 @@ use crate::diagnose::prepare::row_slip::LARGEST_SHIFT;
 use crate::diagnose::principles::{
     FEWEST_FRAMES, FEWEST_POSTURES, Grid, LEAST_HELD_OUT_GAIN, NEARLY_ALL, Size, Threshold, WORTH_NAMING,
 };
-use crate::statistics::GOLDEN_SECTION;
+use crate::statistics::{GOLDEN_SECTION, best_run};
 use core::f64::consts::{FRAC_PI_2, PI};
 
 /// Other factors that are tried, and refined: a transmission that is another one.
@@ -203,6 +203,9 @@ impl<'a> Session<'a> {
             return out;
         }
         let own = self.frame_losses(variant);
+        let all: Vec<usize> = (0..own.len()).collect();
+        let mut work = Work::new(self.problem);
+        work.placed = self.misfit.placed(variant, &all);
         for &(joint, _) in &self.joints {
             let column = variant.column(joint);
             if !moves(&column) {
@@ -222,8 +225,7 @@ impl<'a> Session<'a> {
                 let first = posture[0];
                 let mut held = variant.clone();
                 held.positions[first..].iter_mut().for_each(|row| row[joint] = position);
-                let other = self.frame_losses_from(&held, first);
-                let gains: Vec<f64> = (first..own.len()).map(|f| own[f].0 - other[f - first]).collect();
+                let gains = self.gains_while_held(&mut work, &held, &own, first);
                 let Some((a, b)) = best_run(&gains).filter(|(a, b)| b - a + 1 >= FEWEST_FRAMES) else {
                     continue;
                 };
@@ -238,13 +240,27 @@ impl<'a> Session<'a> {
         out
     }
 
-    fn frame_losses_from(&self, variant: &Variant, first: usize) -> Vec<f64> {
-        let frames: Vec<usize> = (first..self.problem.frames.len()).collect();
-        let mut out = vec![0.0; frames.len()];
-        for d in self.misfit.distances(variant, &frames) {
-            out[d.frame - first] += self.misfit.loss(d.size_m);
+    /// What each row from the first on gains by another variant, to where the run of those that gain has ended: a joint that stands still does so from
+    /// here on.
+    fn gains_while_held(
+        &self,
+        work: &mut Work,
+        held: &Variant,
+        own: &[(f64, usize)],
+        first: usize,
+    ) -> Vec<f64> {
+        let (mut gains, mut sum, mut top): (Vec<f64>, f64, f64) = (Vec::new(), 0.0, 0.0);
+        for (frame, (before, _)) in own.iter().enumerate().skip(first) {
+            let mut after = 0.0;
+            self.misfit.of_frame(work, held, frame, |_, r| after += self.misfit.loss(r));
+            sum += before - after;
+            gains.push(before - after);
+            top = top.max(sum);
+            if sum < top - 2.0 * CLEAR {
+                break;
+            }
         }
-        out
+        gains
     }
 
     /// A run in which a log stands still, from the first row on that its own position does not fit.
@@ -375,21 +391,6 @@ pub(super) fn seen_in(problem: &Problem, a: usize, b: usize) -> usize {
 /// Whether a column takes more than one value.
 fn moves(column: &[f64]) -> bool {
     column.iter().any(|q| (q - column[0]).abs() > 1e-6)
-}
-
-/// The run with the largest sum (Kadane); none where no sum is positive.
-pub(super) fn best_run(gains: &[f64]) -> Option<(usize, usize)> {
-    let (mut start, mut sum, mut best, mut top) = (0, 0.0, None, 0.0);
-    for (f, gain) in gains.iter().enumerate() {
-        if sum <= 0.0 {
-            (start, sum) = (f, 0.0);
-        }
-        sum += gain;
-        if sum > top {
-            (best, top) = (Some((start, f)), sum);
-        }
-    }
-    best
 }
 
 /// The minimum of a function between two numbers by golden sections.

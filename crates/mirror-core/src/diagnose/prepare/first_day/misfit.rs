@@ -10,11 +10,10 @@ use crate::diagnose::effects::hypothesis::UNKNOWN_STD;
 use crate::diagnose::model::camera_and_mirror::Eye;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::frame::FrameWork;
-use crate::diagnose::model::kinematics::NodePoses;
 use crate::diagnose::model::pose::Pose;
 use crate::diagnose::model::problem::{Observation, Problem, Seen};
 use crate::diagnose::model::solver::SOLVER;
-use crate::diagnose::principles::{FEWEST_OBSERVATIONS, Prior, Size};
+use crate::diagnose::principles::{FAR_DEVIATIONS, FEWEST_OBSERVATIONS, Prior, Size};
 use crate::error::Result;
 use crate::geometry::rotation::nearest;
 use nalgebra::{Matrix3, Point3, Vector3};
@@ -41,7 +40,8 @@ pub(super) struct Distance {
 pub(super) struct Misfit<'a> {
     problem: &'a Problem,
     eye: Option<Eye>,
-    still: Deformation,
+    /// What is known to differ from the nominal model.
+    known: Deformation,
     /// The mirrors as the boards show them at the recorded positions.
     feet: Vec<Option<Vector3<f64>>>,
     /// Of each frame, the mirrors at other positions.
@@ -51,7 +51,7 @@ pub(super) struct Misfit<'a> {
 }
 
 impl<'a> Misfit<'a> {
-    /// Of a problem whose boards are fitted.
+    /// Of a problem whose boards are fitted, at the nominal model.
     ///
     /// # Errors
     /// Invalid parameters of camera or mirror.
@@ -59,12 +59,36 @@ impl<'a> Misfit<'a> {
         let reach = problem.scene.reach_m;
         Ok(Self {
             eye: problem.eye(&problem.nominal())?,
-            still: Deformation::nominal(1, problem.scene.nodes(), problem.marker_sites.len()),
+            known: problem.nominal(),
             feet: problem.boards.iter().map(|b| b.map(|b| b.foot)).collect(),
             at_others: problem.boards.iter().map(|_| Mutex::default()).collect(),
             usual_m: (USUAL_SHARE * reach).clamp(USUAL_BOUNDS_M.0, USUAL_BOUNDS_M.1),
             problem,
         })
+    }
+
+    /// The same where causes are known already: usual errors are then what most observations are within.
+    ///
+    /// # Errors
+    /// Invalid parameters of camera or mirror.
+    pub fn beside(problem: &'a Problem, known: &Deformation, variant: &Variant) -> Result<Self> {
+        let mut out = Self { eye: problem.eye(known)?, known: known.clone(), ..Self::new(problem)? };
+        if problem.needs_fresh_board(known) {
+            let mut work = FrameWork::rough(problem);
+            for (frame, foot) in out.feet.iter_mut().enumerate() {
+                *foot = foot.and_then(|nominal| {
+                    let fit = work.fit_board(problem, known, out.eye.as_ref(), frame, Some(nominal))?;
+                    Some(fit.foot)
+                });
+            }
+        }
+        let all: Vec<usize> = (0..problem.frames.len()).collect();
+        let mut sizes: Vec<f64> = out.distances(variant, &all).iter().map(|d| d.size_m).collect();
+        sizes.sort_by(f64::total_cmp);
+        if let Some(median) = sizes.get(sizes.len() / 2) {
+            out.usual_m = out.usual_m.min(FAR_DEVIATIONS * median);
+        }
+        Ok(out)
     }
 
     /// The loss of a distance.
@@ -121,11 +145,7 @@ impl<'a> Misfit<'a> {
         mut with: impl FnMut(usize, f64),
     ) {
         let problem = self.problem;
-        let body = &problem.scene.body;
-        variant.nodes(body, frame, &mut work.positions);
-        work.poses.update(body, &work.positions, &self.still, 0);
-        let foot = self.foot(work, variant, frame);
-        let camera_from_world = problem.camera_site.map(|s| work.poses.site(&s).inverse());
+        let (camera_from_world, foot) = self.pose(work, variant, frame);
         for observation in &problem.frames[frame].others {
             match observation {
                 Observation::Pixel { seen: Seen::Marker(m), via, pixel } => {
@@ -136,21 +156,22 @@ impl<'a> Misfit<'a> {
                         continue;
                     }
                     let m = variant.labels[frame][*m];
-                    let point = camera_from_world.point(&work.poses.site(&variant.sites[m]).t);
+                    let point = camera_from_world.point(&self.marker(work, variant, frame, m));
                     let by = foot.filter(|_| *via == Via::Mirror);
                     with(m, image_distance(eye, by.as_ref(), &point, pixel).unwrap_or(UNKNOWN_STD));
                 }
                 Observation::Pixel { .. } => {}
                 Observation::Point { marker, position } => {
                     if let Some(placed) = &work.placed {
-                        let point = self.point(&work.poses, variant, frame, *marker, *position);
+                        let point = self.point(&work.frame, variant, frame, *marker, *position);
                         with(point.marker, placed.distance(&point));
                         continue;
                     }
                     let Some(site) = problem.points_site else { continue };
                     let marker = variant.labels[frame][*marker];
-                    let point = work.poses.site(&variant.sites[marker]).t;
-                    with(marker, (position - work.poses.site(&site).inverse_point(&point)).norm());
+                    let point = self.marker(work, variant, frame, marker);
+                    let observer = work.frame.world_from_site(&site);
+                    with(marker, (position - observer.inverse_point(&point)).norm());
                 }
             }
         }
@@ -162,12 +183,19 @@ impl<'a> Misfit<'a> {
         work: &mut Work,
         variant: &Variant,
         frame: usize,
-    ) -> Option<(Option<Pose>, Option<Vector3<f64>>)> {
-        let body = &self.problem.scene.body;
-        variant.nodes(body, frame, &mut work.positions);
-        work.poses.update(body, &work.positions, &self.still, 0);
+    ) -> (Option<Pose>, Option<Vector3<f64>>) {
+        // A mirror that is fitted anew poses the frame for itself.
         let foot = self.foot(work, variant, frame);
-        Some((self.problem.camera_site.map(|s| work.poses.site(&s).inverse()), foot))
+        variant.nodes(&self.problem.scene.body, frame, &mut work.positions);
+        work.frame.pose_as(self.problem, &self.known, frame, &work.positions);
+        (self.eye.as_ref().map(|eye| work.frame.camera_from_world(self.problem, eye)), foot)
+    }
+
+    /// Where a marker is, in the world, in the frame that was posed last.
+    fn marker(&self, work: &Work, variant: &Variant, frame: usize, marker: usize) -> Vector3<f64> {
+        let shift = self.known.marker_shift_in(frame, marker);
+        let mount = work.frame.world_from_site(&self.problem.marker_mounts[marker]);
+        work.frame.world_from_site(&variant.sites[marker]).t + mount.r * shift
     }
 
     /// The line on which what is seen at a pixel lies, camera frame: origin and unit direction.
@@ -203,11 +231,12 @@ impl<'a> Misfit<'a> {
         {
             return *foot;
         }
-        let deformation = work.moved.get_or_insert_with(|| self.problem.nominal());
+        let deformation = work.moved.get_or_insert_with(|| self.known.clone());
         for (&n, change) in between.iter().zip(&changes) {
-            deformation.add_joint_delta(frame, n, change - deformation.joint_delta(frame, n));
+            let wanted = self.known.joint_delta(frame, n) + change;
+            deformation.add_joint_delta(frame, n, wanted - deformation.joint_delta(frame, n));
         }
-        deformation.board_scale_error = larger;
+        deformation.board_scale_error = self.known.board_scale_error + larger;
         let fit = work.frame.fit_board(self.problem, deformation, self.eye.as_ref(), frame, None);
         let foot = fit.map(|fit| fit.foot);
         if let Ok(mut remembered) = self.at_others[frame].lock()
@@ -237,11 +266,10 @@ impl<'a> Misfit<'a> {
         let mut work = Work::new(self.problem);
         let mut out = Vec::new();
         for &frame in frames {
-            variant.nodes(&self.problem.scene.body, frame, &mut work.positions);
-            work.poses.update(&self.problem.scene.body, &work.positions, &self.still, 0);
+            self.pose(&mut work, variant, frame);
             for observation in &self.problem.frames[frame].others {
                 if let Observation::Point { marker, position } = observation {
-                    out.push(self.point(&work.poses, variant, frame, *marker, *position));
+                    out.push(self.point(&work.frame, variant, frame, *marker, *position));
                 }
             }
         }
@@ -250,17 +278,18 @@ impl<'a> Misfit<'a> {
 
     fn point(
         &self,
-        poses: &NodePoses,
+        posed: &FrameWork,
         variant: &Variant,
         frame: usize,
         name: usize,
         position: Vector3<f64>,
     ) -> PointSeen {
         let marker = variant.labels[frame][name];
-        let root = poses.site(&self.problem.scene.body.root).inverse();
-        let mount = root.then(&poses.site(&self.problem.marker_mounts[marker]));
-        let at = root.point(&poses.site(&variant.sites[marker]).t);
-        PointSeen { frame, marker, position, local: mount.inverse_point(&at), mount }
+        let root = posed.world_from_site(&self.problem.scene.body.root).inverse();
+        let mount = root.then(&posed.world_from_site(&self.problem.marker_mounts[marker]));
+        let at = root.point(&posed.world_from_site(&variant.sites[marker]).t);
+        let local = mount.inverse_point(&at) + self.known.marker_shift_in(frame, marker);
+        PointSeen { frame, marker, position, local, mount }
     }
 
     fn placed_by(&self, points: &[PointSeen]) -> Placed {
@@ -315,9 +344,8 @@ impl Placed {
 
 /// Reusable memory.
 pub(super) struct Work {
-    pub poses: NodePoses,
     positions: Vec<f64>,
-    frame: FrameWork,
+    pub frame: FrameWork,
     moved: Option<Deformation>,
     /// The unknown frame of measured points, where it is taken as known.
     pub placed: Option<Placed>,
@@ -327,7 +355,6 @@ impl Work {
     pub fn new(problem: &Problem) -> Self {
         let nodes = problem.scene.nodes();
         Self {
-            poses: NodePoses::new(nodes),
             positions: vec![0.0; nodes],
             frame: FrameWork::rough(problem),
             moved: None,

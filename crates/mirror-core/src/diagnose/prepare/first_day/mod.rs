@@ -31,6 +31,7 @@ mod verify;
 use crate::diagnose::data::diagnosis::{Cause, LeftOut};
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::likelihood::probability::tempered;
+use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::model::work_budget::A_STAGE;
 use crate::diagnose::prepare::boards::leave_out_wrong_grids;
@@ -131,8 +132,8 @@ impl Chain {
     }
 }
 
-/// Finds and undoes whole mistakes; none where there is none. `closely`: also those that do no more than small errors do (a late column of a joint
-/// that hardly moves).
+/// Finds and undoes whole mistakes; none where there is none. `known`: what differs from the nominal model by causes that are known already; beside
+/// these mistakes are looked for too that do no more than small errors do (a late column of a joint that hardly moves).
 ///
 /// # Errors
 /// Invalid parameters of camera or mirror.
@@ -141,7 +142,7 @@ pub(crate) fn undone(
     recording: &Recording,
     problem: &Problem,
     without: &[String],
-    closely: bool,
+    known: Option<&Deformation>,
 ) -> Result<Option<Undone>> {
     let mut out = Undone {
         robot: robot.clone(),
@@ -160,7 +161,7 @@ pub(crate) fn undone(
         out.undo(&mistake, tempered(odds))?;
     }
     problem.cancel.check()?;
-    let choice = of_the_body(&mut out, without, closely)?;
+    let choice = of_the_body(&mut out, without, known)?;
     for mistake in &choice.mistakes {
         let first = out.told.len();
         out.undo(mistake, choice.probability)?;
@@ -245,9 +246,13 @@ fn names(robot: &Robot) -> Vec<String> {
 }
 
 /// The chain of mistakes of body and log that is likelier than small errors, and its probability.
-fn of_the_body(session: &mut Undone, without: &[String], closely: bool) -> Result<choice::Choice> {
+fn of_the_body(
+    session: &mut Undone,
+    without: &[String],
+    known: Option<&Deformation>,
+) -> Result<choice::Choice> {
     let mut lines = Vec::new();
-    let mut choice = chain_of_the_body(session, without, closely, &mut lines)?;
+    let mut choice = chain_of_the_body(session, without, known, &mut lines)?;
     let all = choice.mistakes.len();
     // Slipped rows are found, and left out, by the stage that follows; the squares' size by the search.
     choice.mistakes.retain(|m| !matches!(m, Mistake::Rows { .. } | Mistake::Squares { .. }));
@@ -259,7 +264,7 @@ fn of_the_body(session: &mut Undone, without: &[String], closely: bool) -> Resul
 fn chain_of_the_body(
     session: &Undone,
     without: &[String],
-    closely: bool,
+    known: Option<&Deformation>,
     lines: &mut Vec<String>,
 ) -> Result<choice::Choice> {
     let problem = &session.problem;
@@ -267,17 +272,40 @@ fn chain_of_the_body(
     let all = Session::new(problem, &misfit);
     let frames = spread(&all.postures, FRAMES, 1);
     let variant = Variant::of(&session.recording, problem);
-    let nominal = Chain::new(Vec::new(), variant, &misfit, &frames);
-    if !(nominal.is_gross() || closely) {
+    let nominal = Chain::new(Vec::new(), variant.clone(), &misfit, &frames);
+    let mut chains = Vec::new();
+    // What is gross was looked at before anything was known.
+    if nominal.is_gross() != known.is_some() {
+        chains = grown(&all, &nominal, &frames, without, known.is_some())?;
+    }
+    if let Some(known) = known {
+        let beside = Misfit::beside(problem, known, &variant)?;
+        let nominal = Chain::new(Vec::new(), variant, &beside, &frames);
+        chains.extend(grown(&Session::new(problem, &beside), &nominal, &frames, without, true)?);
+        unlike(&mut chains, 2 * BEAM);
+    }
+    if chains.is_empty() {
         return Ok(choice::Choice::none());
     }
+    choice::chosen(session, &all, nominal, chains, lines)
+}
+
+/// The best few chains of mistakes, grown from none.
+fn grown(
+    all: &Session<'_>,
+    nominal: &Chain,
+    frames: &[usize],
+    without: &[String],
+    closely: bool,
+) -> Result<Vec<Chain>> {
+    let problem = all.problem;
     let least_fall = if closely { 0.25 * LEAST_FALL } else { LEAST_FALL };
-    let mut chains = vec![nominal.clone()];
+    let mut chains = Vec::new();
     let mut level = vec![nominal.clone()];
     loop {
         let mut next: Vec<Chain> = Vec::new();
         for chain in &level {
-            next.extend(extended(&all, &frames, chain, without, least_fall));
+            next.extend(extended(all, frames, chain, without, least_fall));
         }
         // What was passed over after a stop has numbers that mean nothing.
         problem.cancel.check()?;
@@ -295,16 +323,12 @@ fn chain_of_the_body(
             break;
         }
     }
-    chains.remove(0);
     chains.sort_by(|a, b| {
         let cost = |c: &Chain| c.loss + least_fall * c.mistakes.len() as f64;
         cost(a).total_cmp(&cost(b))
     });
     unlike(&mut chains, BEAM);
-    if chains.is_empty() {
-        return Ok(choice::Choice::none());
-    }
-    choice::chosen(session, &all, nominal, chains, lines)
+    Ok(chains)
 }
 
 /// A chain with each further mistake that makes it clearly better; the best few.

@@ -56,8 +56,8 @@ fn sights(
     let mut work = Work::new(problem);
     let mut out = Vec::new();
     for &frame in frames {
-        let Some((camera, foot)) = misfit.pose(&mut work, variant, frame) else { continue };
-        let node_from_world = work.poses.site(site).inverse();
+        let (camera, foot) = misfit.pose(&mut work, variant, frame);
+        let node_from_world = work.frame.world_from_site(site).inverse();
         for observation in &problem.frames[frame].others {
             match observation {
                 Observation::Pixel { seen: Seen::Marker(m), via, pixel }
@@ -78,7 +78,7 @@ fn sights(
                 }
                 Observation::Point { marker: m, position } if variant.labels[frame][*m] == marker => {
                     let Some(observer) = problem.points_site else { continue };
-                    let world = work.poses.site(&observer).point(position);
+                    let world = work.frame.world_from_site(&observer).point(position);
                     out.push(Sight { origin: node_from_world.point(&world), across: Matrix3::identity() });
                 }
                 _ => {}

@@ -1,0 +1,99 @@
+//! Whether observations that were left out as false lie together: blunders of detection fall anywhere, so that a run of them at one marker,
+//! or two in the same frame again and again, has one cause.
+//!
+//! With p the share of all observations that was left out:
+//! * a run of rows in which half of a marker's observations are false gains `Σ ln(½ / p)` over those left out and `Σ ln(½ / (1 − p))` over the
+//!   others, over chance; the best run is found in one pass (Kadane);
+//! * of frames with n markers, `E = Σ n (n − 1) / 2 · p²` have two false ones by chance; k of them gain `k ln(k / E) − (k − E)` (Poisson).
+//!
+//! Either must gain what any structure must.
+
+use crate::diagnose::data::diagnosis::Data;
+use crate::diagnose::data::recording::{Recording, Target};
+use crate::diagnose::principles::{LOG_PRIOR_STRUCTURE, MAJORITY};
+use crate::statistics::best_run;
+use std::collections::BTreeSet;
+
+/// Whether what was left out as false lies together.
+pub(crate) fn lies_together(recording: &Recording, data: &Data) -> bool {
+    let far: BTreeSet<(i64, &str)> = data
+        .left_out
+        .iter()
+        .filter(|l| l.is_false())
+        .map(|l| (l.frame, l.target.as_str()))
+        .collect();
+    // Of each frame, by marker, whether it was left out; none where it was not seen.
+    let seen: Vec<Vec<Option<bool>>> = recording
+        .frames
+        .iter()
+        .map(|frame| {
+            let mut of_frame = vec![None; recording.markers.len()];
+            let sighted = frame.sightings.iter().filter_map(|s| match s.target {
+                Target::Marker(m) => Some(m),
+                Target::Corner(_) => None,
+            });
+            for m in sighted.chain(frame.points.iter().map(|p| p.marker)) {
+                of_frame[m] = Some(far.contains(&(frame.number, recording.markers[m].name.as_str())));
+            }
+            of_frame
+        })
+        .collect();
+    let all = || seen.iter().flatten().flatten();
+    let p = all().filter(|out| **out).count() as f64 / all().count().max(1) as f64;
+    if p == 0.0 || p >= MAJORITY {
+        return false;
+    }
+    let gain = |out: bool| (MAJORITY / if out { p } else { 1.0 - p }).ln();
+    let of_marker = |m: usize| -> f64 {
+        let gains: Vec<f64> = seen.iter().filter_map(|frame| frame[m]).map(gain).collect();
+        best_run(&gains).map_or(0.0, |(first, last)| gains[first..=last].iter().sum())
+    };
+    let in_a_run = (0..recording.markers.len()).map(of_marker).fold(0.0, f64::max);
+    in_a_run.max(at_once(&seen, p)) > -LOG_PRIOR_STRUCTURE
+}
+
+/// What frames with two false observations gain over chance.
+fn at_once(seen: &[Vec<Option<bool>>], p: f64) -> f64 {
+    let (mut expected, mut count) = (0.0, 0.0);
+    for frame in seen {
+        let n = frame.iter().flatten().count() as f64;
+        expected += 0.5 * n * (n - 1.0) * p * p;
+        if frame.iter().flatten().filter(|out| **out).count() > 1 {
+            count += 1.0;
+        }
+    }
+    if count > expected { count * (count / expected).ln() - (count - expected) } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::diagnose::data::diagnosis::LeftOut;
+    use crate::diagnose::tests::gap_world::{Plan, World};
+
+    /// Whether these observations (frame, marker) of a session of 60 frames and six markers lie together.
+    fn together(left_out: &[(usize, usize)]) -> bool {
+        let world = World::new(4, false);
+        let recording =
+            world.record(&Plan { postures: 30, views: 2, noise_px: 0.05, seed: 1, wrong: Vec::new() });
+        let of = |&(frame, marker): &(usize, usize)| LeftOut {
+            frame: recording.frames[frame].number,
+            target: recording.markers[marker].name.clone(),
+            deviations: Some(20.0),
+            why: "far from the best model".into(),
+        };
+        lies_together(&recording, &Data { left_out: left_out.iter().map(of).collect(), ..Data::default() })
+    }
+
+    #[test]
+    fn blunders_anywhere_are_chance_and_a_run_or_pairs_are_not() {
+        let anywhere: Vec<(usize, usize)> = (0..9).map(|k| (7 * k % 60, (5 * k + k / 3) % 6)).collect();
+        assert!(!together(&anywhere) && !together(&[]));
+        let a_run: Vec<(usize, usize)> = (20..29).map(|frame| (frame, 3)).collect();
+        assert!(together(&a_run));
+        let pairs: Vec<(usize, usize)> =
+            (0..6).flat_map(|k| [(11 * k % 60, 1), (11 * k % 60, 4)]).collect();
+        assert!(together(&pairs) && !together(&pairs[..2]));
+    }
+}
