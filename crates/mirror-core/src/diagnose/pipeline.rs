@@ -6,15 +6,15 @@ use crate::diagnose::assessment::nested::chosen_anew;
 use crate::diagnose::assessment::other_session::check;
 use crate::diagnose::assessment::survivors::keep_survivors;
 use crate::diagnose::assessment::weighed::weighed;
-use crate::diagnose::data::diagnosis::Diagnosis;
+use crate::diagnose::data::diagnosis::{Diagnosis, LeftOut};
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::effects::hypothesis::{Catalogue, Model};
 use crate::diagnose::likelihood::fit::Group;
 use crate::diagnose::likelihood::noise;
-use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::likelihood::score_test::screen;
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::model::work_budget::A_STAGE;
+use crate::diagnose::prepare::known::Known;
 use crate::diagnose::prepare::options::{DiagnoseOptions, OtherSession};
 use crate::diagnose::prepare::prepared::Prepared;
 use crate::diagnose::prepare::row_slip::{Slip, is_slipped};
@@ -36,12 +36,12 @@ use crate::robot::Robot;
 /// A diagnosis, and what a second one is asked by.
 pub(crate) struct Outcome {
     pub diagnosis: Diagnosis,
-    /// The share of its limit of work that it took.
-    pub work: f64,
     /// Rows were left out as slipped, but fit their own postures beside the causes found.
     pub rows_in_order: bool,
-    /// What differs from the nominal model by the causes that have a name, and the small errors beside them.
-    pub known: Deformation,
+    /// What was found.
+    pub known: Known,
+    /// What was found, but for causes that are far larger than such an error is; none where none is.
+    pub known_without_large: Option<Known>,
 }
 
 /// Diagnoses a recording: where the model is wrong, which effect causes it, how far the gap shrinks.
@@ -113,7 +113,7 @@ pub(crate) fn diagnose(
         Some(slip) => !is_found_again(&findings, &prepared.arranged, slip)?,
         None => false,
     };
-    let known = findings.known();
+    let (known, without_large) = (findings.known(), findings.known_without_large());
     let anew = chosen_anew(&findings, &ranking)?;
     let checked = others.iter().map(|other| check(&findings, other)).collect::<Result<Vec<_>>>()?;
     let (its_robot, its_recording) = (prepared.robot(robot), prepared.recording(recording));
@@ -129,7 +129,20 @@ pub(crate) fn diagnose(
     }
     // Frames that were passed over on the way out left numbers that mean nothing.
     options.cancel.check()?;
-    Ok(Outcome { diagnosis, work: prepared.given.budget.share(), rows_in_order, known })
+    let number_of = |left: &LeftOut| arranged.frame_numbers.iter().position(|n| *n == left.frame);
+    let left_out = diagnosis.data.left_out.iter().filter(|l| l.is_false());
+    let false_frames: Vec<usize> = left_out.filter_map(number_of).collect();
+    let known_of = |deformation, without_large| Known {
+        deformation,
+        false_frames: false_frames.clone(),
+        without_large,
+    };
+    Ok(Outcome {
+        rows_in_order,
+        known: known_of(known, false),
+        known_without_large: without_large.map(|d| known_of(d, true)),
+        diagnosis,
+    })
 }
 
 /// Whether slipped rows are slipped beside what was found as well.

@@ -7,19 +7,18 @@
 //! | --- | --- | --- |
 //! | a ratio told twice at one joint, or of no size; a picture of another size beside a focal length that takes it back; a slip by fewer than six deviations; slipped rows that fit their own postures beside the causes | goes without that mistake | explains all, or leaves no more |
 //! | a slip, or slipped rows, beside something unexplained | goes without that | leaves clearly less on held-out regions |
-//! | what is left depends on the path or on each posture by itself, or has no place | looks beside the causes found for mistakes that do no more than small errors (a log that is a little late) | leaves no more, and explains all or most of it |
+//! | something is unexplained | looks beside the causes found for mistakes that do no more than small errors (a log that is a little late) | leaves no more, and explains all or most of it |
+//! | a cause is far larger than such an error is | looks beside the others in the same way | explains all by no more causes |
 //! | what was left out as false lies together | looks in the same way | explains all and leaves out less than half of that |
 
 use crate::diagnose::assessment::false_together::lies_together;
-use crate::diagnose::data::diagnosis::{Cause, Diagnosis, Verdict, Where};
+use crate::diagnose::data::diagnosis::{Cause, Diagnosis, Verdict};
 use crate::diagnose::data::recording::Recording;
-use crate::diagnose::model::deformation::Deformation;
-use crate::diagnose::model::work_budget::A_STAGE;
 use crate::diagnose::pipeline::{self, Outcome};
+use crate::diagnose::prepare::known::Known;
 use crate::diagnose::prepare::options::{DiagnoseOptions, OtherSession};
 use crate::diagnose::prepare::prepared::Prepared;
 use crate::diagnose::principles::{FAR_DEVIATIONS, LEAST_HELD_OUT_RATIO, MAJORITY, SURE_DEVIATIONS};
-use crate::diagnose::selection::nonparametric::BY_ITSELF;
 use crate::error::Result;
 use crate::robot::Robot;
 
@@ -27,8 +26,6 @@ const SLIP: &str = "slip";
 /// The parameter of a slip that is none of its motion.
 const FIRST_FRAME: &str = "first_frame";
 const PAIRING: &str = "pairing";
-/// What a place depends on where a second, closer look for whole mistakes is worth it.
-const OF_PATH: [&str; 3] = ["history", "direction", BY_ITSELF];
 /// A camera's picture of another size, and what would be told beside it if it had none: a crop is an offset of the centre alone.
 const RESIZED: (&str, &str) = ("camera_resolution", "camera_focal");
 /// A ratio that is a whole mistake is tried as another unit of the joint, and told as a small one is.
@@ -46,23 +43,22 @@ pub fn diagnose(
     options: &DiagnoseOptions,
     others: &[OtherSession],
 ) -> Result<Diagnosis> {
-    let prepared = |options: &DiagnoseOptions, known: Option<&Deformation>| {
+    let prepared = |options: &DiagnoseOptions, known: Option<&Known>| {
         options.progress.enter("looking for whole mistakes");
         Prepared::new(robot, recording, options, known)
     };
     let at_first = prepared(options, None)?;
     let mistakes = at_first.mistakes().to_vec();
-    let Outcome { diagnosis: first, work, rows_in_order, known } =
-        pipeline::diagnose(at_first, robot, recording, options, others)?;
-    // A closer look is taken where the first one ended with named causes' share of the work: both together stay bounded.
-    let Some(doubt) = Doubt::of(&first, rows_in_order, recording)
-        .filter(|d| !d.looks_closely() || work < 1.0 - 2.0 * A_STAGE)
-    else {
-        return Ok(first);
+    let found = pipeline::diagnose(at_first, robot, recording, options, others)?;
+    let Some(doubt) = Doubt::of(&found, recording) else { return Ok(found.diagnosis) };
+    let known = match doubt {
+        Doubt::TooLarge => found.known_without_large.as_ref(),
+        _ => Some(&found.known).filter(|_| doubt.looks_closely()),
     };
     let mut still = options.clone();
     still.without.extend(doubt.without().map(str::to_owned));
-    let again = prepared(&still, doubt.looks_closely().then_some(&known))?;
+    let again = prepared(&still, known)?;
+    let first = found.diagnosis;
     // The same mistakes undone come to the same end.
     if doubt.without().is_none() && same_mistakes(again.mistakes(), &mistakes) {
         return Ok(first);
@@ -74,7 +70,12 @@ pub fn diagnose(
             no_worse || explains(&second)
         }
         Doubt::Slip | Doubt::Pairing => LEAST_HELD_OUT_RATIO * left(&second) <= left(&first),
-        Doubt::Path => no_worse && (explains(&second) || takes_most(&second, &first)),
+        Doubt::Unexplained => no_worse && (explains(&second) || takes_most(&second, &first)),
+        Doubt::TooLarge => {
+            explains(&second)
+                && second.causes.len() <= first.causes.len()
+                && LEAST_HELD_OUT_RATIO * left(&second) <= left(&first)
+        }
         // More is used, what was farthest off among it.
         Doubt::FalseTogether => {
             explains(&second) && false_count(&second) as f64 <= MAJORITY * false_count(&first) as f64
@@ -104,13 +105,15 @@ enum Doubt {
     Pairing,
     /// What was left out as false lies together.
     FalseTogether,
-    /// What is left depends on the path, or on each posture by itself, or has no place: a joint that stood still over some rows, or whose
-    /// log is late, does that.
-    Path,
+    /// A cause far larger than such an error is, which may be a part of a whole mistake.
+    TooLarge,
+    /// Something is left unexplained: a joint that stood still over some rows, or whose log is late, does that.
+    Unexplained,
 }
 
 impl Doubt {
-    fn of(first: &Diagnosis, rows_in_order: bool, recording: &Recording) -> Option<Self> {
+    fn of(found: &Outcome, recording: &Recording) -> Option<Self> {
+        let first = &found.diagnosis;
         let named = |effect: &str| first.causes.iter().any(|c| c.effect == effect);
         if is_told_twice(&first.causes) || is_of_no_size(&first.causes) {
             return Some(Self::Twice);
@@ -121,21 +124,16 @@ impl Doubt {
         if first.causes.iter().any(hardly_slipped) {
             return Some(Self::HardlySlipped);
         }
-        if rows_in_order {
+        if found.rows_in_order {
             return Some(Self::InOrder);
         }
         let together = || lies_together(recording, &first.data).then_some(Self::FalseTogether);
-        if explains(first) {
-            return together();
-        }
-        let of_path = |place: &Where| {
-            place.depends_on.as_deref().map_or(place.at == Where::NOWHERE, |on| OF_PATH.contains(&on))
-        };
         match () {
+            () if explains(first) && found.known_without_large.is_some() => Some(Self::TooLarge),
+            () if explains(first) => together(),
             () if named(SLIP) => Some(Self::Slip),
             () if named(PAIRING) => Some(Self::Pairing),
-            () if first.r#where.iter().any(of_path) || first.r#where.is_empty() => Some(Self::Path),
-            () => together(),
+            () => Some(Self::Unexplained),
         }
     }
 
@@ -146,13 +144,13 @@ impl Doubt {
             Self::Resized => Some(RESIZED.0),
             Self::HardlySlipped | Self::Slip => Some(SLIP),
             Self::Pairing | Self::InOrder => Some(PAIRING),
-            Self::Path | Self::FalseTogether => None,
+            Self::Unexplained | Self::FalseTogether | Self::TooLarge => None,
         }
     }
 
     /// Whether whole mistakes are looked for that do no more than small errors.
     fn looks_closely(self) -> bool {
-        matches!(self, Self::Pairing | Self::Path | Self::FalseTogether)
+        matches!(self, Self::Pairing | Self::Unexplained | Self::FalseTogether | Self::TooLarge)
     }
 
     fn words(self) -> &'static str {
@@ -170,9 +168,8 @@ impl Doubt {
             }
             Self::Pairing => "rows of their own leave no smaller gap on held-out regions: they are in order",
             Self::FalseTogether => "what was left out as false is explained by a whole mistake",
-            Self::Path => {
-                "what depended on the path is explained by a whole mistake that does no more than small errors"
-            }
+            Self::Unexplained => "what was left is explained by a whole mistake that does no more than small errors",
+            Self::TooLarge => "a cause larger than such an error ever is was a part of a whole mistake",
         }
     }
 }

@@ -4,7 +4,8 @@
 //! With p the share of all observations that was left out:
 //! * a run of rows in which half of a marker's observations are false gains `Σ ln(½ / p)` over those left out and `Σ ln(½ / (1 − p))` over the
 //!   others, over chance; the best run is found in one pass (Kadane);
-//! * of frames with n markers, `E = Σ n (n − 1) / 2 · p²` have two false ones by chance; k of them gain `k ln(k / E) − (k − E)` (Poisson).
+//! * of N frames that show two markers, `E = N p²` have both false by chance; k of them gain `k ln(k / E) − (k − E)` (Poisson), less the
+//!   logarithm of the number of pairs.
 //!
 //! Either must gain what any structure must.
 
@@ -52,17 +53,17 @@ pub(crate) fn lies_together(recording: &Recording, data: &Data) -> bool {
     in_a_run.max(at_once(&seen, p)) > -LOG_PRIOR_STRUCTURE
 }
 
-/// What frames with two false observations gain over chance.
+/// What frames in which both of two markers are false gain over chance, of the pair that gains most.
 fn at_once(seen: &[Vec<Option<bool>>], p: f64) -> f64 {
-    let (mut expected, mut count) = (0.0, 0.0);
-    for frame in seen {
-        let n = frame.iter().flatten().count() as f64;
-        expected += 0.5 * n * (n - 1.0) * p * p;
-        if frame.iter().flatten().filter(|out| **out).count() > 1 {
-            count += 1.0;
-        }
-    }
-    if count > expected { count * (count / expected).ln() - (count - expected) } else { 0.0 }
+    let markers = seen.first().map_or(0, Vec::len);
+    let pairs: Vec<(usize, usize)> = (0..markers).flat_map(|b| (0..b).map(move |a| (a, b))).collect();
+    let gain = |&(a, b): &(usize, usize)| {
+        let both = || seen.iter().filter_map(|frame| Some(frame[a]? && frame[b]?));
+        let (expected, count) = (both().count() as f64 * p * p, both().filter(|out| *out).count() as f64);
+        let gained = count * (count / expected).ln() - (count - expected);
+        if count > expected { gained - (pairs.len() as f64).ln() } else { 0.0 }
+    };
+    pairs.iter().map(gain).fold(0.0, f64::max)
 }
 
 #[cfg(test)]

@@ -2,10 +2,12 @@
 
 use crate::diagnose::criteria::cross_validation::PostureGap;
 use crate::diagnose::data::diagnosis::Cause;
+use crate::diagnose::effects::hypothesis::Term;
 use crate::diagnose::likelihood::fit::Fit;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::prepare::first_day::Doubt;
 use crate::diagnose::prepare::row_slip::Slip;
+use crate::diagnose::principles::FAR_DEVIATIONS;
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
 use crate::diagnose::selection::alternatives::Standing;
 use crate::diagnose::selection::nonparametric::Unexplained;
@@ -34,8 +36,24 @@ pub(crate) struct Findings<'a> {
 impl Findings<'_> {
     /// What differs from the nominal model by the causes that have a name, and the small errors beside them.
     pub fn known(&self) -> Deformation {
+        self.with_terms(|_| true)
+    }
+
+    /// The same without the causes that are far larger than such an error is; none where none is.
+    pub fn known_without_large(&self) -> Option<Deformation> {
+        let is_large = |term: &Term| {
+            let stds = &self.search.catalogue.hypotheses[term.hypothesis].prior_std;
+            let in_stds = term.parameters.iter().zip(stds).map(|(p, std)| (p / std).abs());
+            in_stds.fold(0.0, f64::max) > FAR_DEVIATIONS
+        };
+        let any = self.found.fit.model.terms.iter().any(is_large);
+        any.then(|| self.with_terms(|term| !is_large(term)))
+    }
+
+    /// What some of the causes do that have a name.
+    fn with_terms(&self, which: impl Fn(&Term) -> bool) -> Deformation {
         let mut model = self.found.fit.model.clone();
-        model.terms.retain(|t| !self.search.catalogue.is_free(t.hypothesis));
+        model.terms.retain(|t| !self.search.catalogue.is_free(t.hypothesis) && which(t));
         self.search.deformation(&model)
     }
 

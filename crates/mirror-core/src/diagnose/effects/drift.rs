@@ -28,9 +28,8 @@ impl Effect for Drift {
         joint_of(place).map(|n| joint_error(scene, n, 0.04) / duration).into_iter().collect()
     }
 
-    fn columns(&self, scene: &Scene, place: Place, _variant: f64, _parameters: &[f64]) -> Vec<Column> {
+    fn columns(&self, _scene: &Scene, place: Place, _variant: f64, _parameters: &[f64]) -> Vec<Column> {
         let Some(n) = joint_of(place) else { return Vec::new() };
-        let _ = scene;
         vec![Column { atom: Atom::Joint(n), weight: Weight::Time }]
     }
 

@@ -1,7 +1,7 @@
 //! A proportional transmission error: `θ = (1 + e) q`.
 
 use super::about::{About, PlaceKind, WrittenTo};
-use super::{Effect, Place, joint_error, joint_of, moving_joints, named};
+use super::{Effect, Place, joint_of, moving_joints, named};
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::scene::Scene;
 use crate::robot::JointTerm;
@@ -22,14 +22,12 @@ impl Effect for GearRatio {
         moving_joints(scene)
     }
 
-    fn prior_std(&self, scene: &Scene, place: Place) -> Vec<f64> {
-        let _ = (scene, joint_error as fn(&Scene, usize, f64) -> f64, place);
+    fn prior_std(&self, _scene: &Scene, _place: Place) -> Vec<f64> {
         vec![0.04]
     }
 
-    fn columns(&self, scene: &Scene, place: Place, _variant: f64, _parameters: &[f64]) -> Vec<Column> {
+    fn columns(&self, _scene: &Scene, place: Place, _variant: f64, _parameters: &[f64]) -> Vec<Column> {
         let Some(n) = joint_of(place) else { return Vec::new() };
-        let _ = scene;
         vec![Column { atom: Atom::Joint(n), weight: Weight::Position(n) }]
     }
 

@@ -44,12 +44,15 @@ impl Catalogue {
         let may_be = |(e, places): &&(usize, Vec<Place>)| !places.is_empty() || !effects[*e].is_of_columns();
         let count = on.iter().filter(may_be).count();
         for (effect, places) in on {
-            let log_prior = -((count * places.len().max(1)) as f64).ln();
+            let choices = count * places.len().max(1);
             for place in places {
+                let variants = effects[effect].variants(scene, place);
+                // Each variant of a law is as likely as another: a law with a choice is no likelier than one without.
+                let log_prior = -((choices * variants.len().max(1)) as f64).ln();
                 hypotheses.push(Hypothesis {
                     effect,
                     place,
-                    variants: effects[effect].variants(scene, place),
+                    variants,
                     prior_std: effects[effect].prior_std(scene, place),
                     log_prior,
                 });

@@ -27,9 +27,8 @@ impl Effect for JointCompliance {
         vec![joint_error(scene, n, 0.04) / scene.largest_torque(n)]
     }
 
-    fn columns(&self, scene: &Scene, place: Place, _variant: f64, _parameters: &[f64]) -> Vec<Column> {
+    fn columns(&self, _scene: &Scene, place: Place, _variant: f64, _parameters: &[f64]) -> Vec<Column> {
         let Some(n) = joint_of(place) else { return Vec::new() };
-        let _ = scene;
         vec![Column { atom: Atom::Joint(n), weight: Weight::Torque(n) }]
     }
 

@@ -26,9 +26,8 @@ impl Effect for JointOffset {
         joint_of(place).map(|n| joint_error(scene, n, 0.05)).into_iter().collect()
     }
 
-    fn columns(&self, scene: &Scene, place: Place, _variant: f64, _parameters: &[f64]) -> Vec<Column> {
+    fn columns(&self, _scene: &Scene, place: Place, _variant: f64, _parameters: &[f64]) -> Vec<Column> {
         let Some(n) = joint_of(place) else { return Vec::new() };
-        let _ = scene;
         vec![Column { atom: Atom::Joint(n), weight: Weight::One }]
     }
 

@@ -2,7 +2,8 @@
 
 use crate::diagnose::data::diagnosis::LeftOut;
 use crate::diagnose::model::problem::{FrameData, Problem};
-use crate::diagnose::principles::{FAR_DEVIATIONS, NEARLY_ALL, Threshold};
+use crate::diagnose::principles::{FAR_DEVIATIONS, FEWEST_FRAMES, NEARLY_ALL, Threshold};
+use crate::statistics::best_run;
 
 /// A board whose residual is beyond this, and far beyond those of the better boards and the stated noise, is of a wrong grid, px: real ones
 /// have 1.7 to 2.6 px where good views have 0.3 to 0.5.
@@ -23,6 +24,7 @@ pub(crate) fn leave_out_wrong_grids(problem: &mut Problem) -> Vec<LeftOut> {
     let most = (FAR_DEVIATIONS * better.max(problem.noise.corner_px)).max(USUAL_CORNER_PX);
     let wrong: Vec<(usize, f64)> =
         (0..problem.frames.len()).filter_map(|f| Some((f, rms(f)?))).filter(|(_, r)| *r > most).collect();
+    let wrong = but_for_the_last(wrong, &(0..problem.frames.len()).map(|f| rms(f).is_some()).collect::<Vec<_>>());
     let told = wrong
         .iter()
         .map(|&(f, rms)| LeftOut {
@@ -39,4 +41,20 @@ pub(crate) fn leave_out_wrong_grids(problem: &mut Problem) -> Vec<LeftOut> {
         problem.boards[f] = None;
     }
     told
+}
+
+/// Wrong boards but for those of a run to the session's end: from there on board or camera sit elsewhere.
+fn but_for_the_last(mut wrong: Vec<(usize, f64)>, has_board: &[bool]) -> Vec<(usize, f64)> {
+    // A run of which nearly all are wrong.
+    let right = -NEARLY_ALL / (1.0 - NEARLY_ALL);
+    let boards: Vec<usize> = (0..has_board.len()).filter(|&f| has_board[f]).collect();
+    let gain = |f: &usize| if wrong.iter().any(|w| w.0 == *f) { 1.0 } else { right };
+    let gains: Vec<f64> = boards.iter().map(gain).collect();
+    if let Some((first, last)) = best_run(&gains)
+        && last + 1 == boards.len()
+        && last + 1 - first >= FEWEST_FRAMES
+    {
+        wrong.retain(|w| w.0 < boards[first]);
+    }
+    wrong
 }

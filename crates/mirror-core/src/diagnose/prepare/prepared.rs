@@ -2,12 +2,12 @@
 
 use super::boards::leave_out_wrong_grids;
 use super::first_day::{self, Doubt, Mistake, Undone};
+use super::known::Known;
 use super::options::DiagnoseOptions;
 use super::row_slip::{self, Slip};
 use crate::diagnose::data::diagnosis::{Cause, LeftOut};
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::likelihood::noise;
-use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::error::Result;
 use crate::robot::Robot;
@@ -29,8 +29,7 @@ pub(crate) struct Prepared {
 }
 
 impl Prepared {
-    /// Prepares a session; `known`: what differs from the nominal model by causes that are known already, beside which whole mistakes are looked
-    /// for more closely.
+    /// Prepares a session; `known`: what a first diagnosis found, beside which whole mistakes are looked for more closely.
     ///
     /// # Errors
     /// A recording that is not valid, links that do not exist, invalid parameters of the camera.
@@ -38,7 +37,7 @@ impl Prepared {
         robot: &Robot,
         recording: &Recording,
         options: &DiagnoseOptions,
-        known: Option<&Deformation>,
+        known: Option<&Known>,
     ) -> Result<Self> {
         let mut problem = Problem::new(robot, recording)?;
         problem.cancel = options.cancel.clone();

@@ -1,5 +1,6 @@
 //! The whole mistakes that a session could hold, each with its unknown number tried on a grid.
 
+use super::LEAST_FALL;
 use super::misfit::{Misfit, Work};
 use super::mistake::{LateKind, Mistake, UNITS};
 use super::variant::{Variant, seen_joints};
@@ -7,7 +8,7 @@ use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::problem::{Observation, Problem, Seen};
 use crate::diagnose::prepare::row_slip::LARGEST_SHIFT;
 use crate::diagnose::principles::{
-    FEWEST_FRAMES, FEWEST_POSTURES, Grid, LEAST_HELD_OUT_GAIN, NEARLY_ALL, Size, Threshold, WORTH_NAMING,
+    FEWEST_FRAMES, FEWEST_POSTURES, Grid, NEARLY_ALL, Size, Threshold, WORTH_NAMING,
 };
 use crate::statistics::{GOLDEN_SECTION, best_run};
 use core::f64::consts::{FRAC_PI_2, PI};
@@ -19,9 +20,8 @@ const SQUARES: [f64; 10] = [0.5, 2.0 / 3.0, 0.75, 0.8, 0.9, 1.1, 1.25, 4.0 / 3.0
 const SQUARES_STEP: Grid = 1.12;
 /// Zeros that are tried, rad: every 15°.
 const ZERO_STEP: Grid = PI / 12.0;
-/// A zero is off by a right angle where it is no farther from one (rad), and the loss is then larger by no more than this.
-const NEARLY_RIGHT: Threshold = 0.02;
-const NO_WORSE: Threshold = LEAST_HELD_OUT_GAIN;
+/// A zero is off by a right angle where it is no farther from one than zeros are off (rad), and a number of its own is worth no mistake.
+const NEARLY_RIGHT: Threshold = 0.05;
 /// Whole rows by which a column may be late, and parts of a row.
 const LATE_ROWS: Size = 8;
 const LATE_PARTS: Size = 10;
@@ -340,7 +340,7 @@ impl<'a> Session<'a> {
                 // A horn that sits a tooth or a side further is off by a right angle: where that does as well it has no number of its own.
                 let right = (best / FRAC_PI_2).round() * FRAC_PI_2;
                 let is_right = (best - right).abs() < NEARLY_RIGHT;
-                of(if is_right && loss(&of(right)) <= loss(&of(best)) + NO_WORSE { right } else { best })
+                of(if is_right && loss(&of(right)) <= loss(&of(best)) + LEAST_FALL { right } else { best })
             }
             Mistake::JointUnit { joint, factor } if !UNITS.contains(&factor) => {
                 let of = |factor| Mistake::JointUnit { joint, factor };

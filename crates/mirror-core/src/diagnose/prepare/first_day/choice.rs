@@ -1,9 +1,8 @@
 //! The likeliest of some chains of mistakes and of none, small errors allowed for.
 //!
-//! A mistake must gain so much over small errors that no law which is off a little could have done it. Where small errors explain the data as
-//! well, laws have no say: it is a question of what is likelier to happen, a large error that happens to lie where a mistake without a number
-//! of its own would have put it (a marker that is mounted just where a quarter turn of the last joint brings it), or that mistake. Then prior
-//! odds decide, and what is less likely is told beside.
+//! A mistake with a number of its own must gain so much over small errors that no law which is off a little could have done it. Of one without
+//! it is a question of what is likelier to happen: that mistake, or a large error that happens to lie where it would have put it (a marker
+//! that is mounted just where a quarter turn of the last joint brings it). Then prior odds decide, and what is less likely is told beside.
 
 use super::alternatives::Session;
 use super::mistake::Mistake;
@@ -12,8 +11,8 @@ use super::verify::{Tolerant, smaller};
 use super::{Chain, FRAMES, Undone, spread};
 use crate::diagnose::data::diagnosis::{Alternative, Cause};
 use crate::diagnose::likelihood::probability::against;
-use crate::diagnose::model::problem::{Noise, Problem};
-use crate::diagnose::principles::{A_GAP, BEYOND_DOUBT, LOG_PRIOR_STRUCTURE, TEMPER, UNTHOUGHT_OF};
+use crate::diagnose::model::problem::Problem;
+use crate::diagnose::principles::{BEYOND_DOUBT, LEAST_LOG_ODDS, LOG_PRIOR_STRUCTURE, TEMPER, UNTHOUGHT_OF};
 use crate::error::Result;
 
 /// The mistakes that are undone, none where small errors are likelier.
@@ -41,7 +40,7 @@ impl Choice {
     }
 }
 
-/// The likeliest of the chains and of none.
+/// The likeliest of the chains and of none. `sought`: something too large for a small error is to be explained.
 ///
 /// # Errors
 /// Invalid parameters of camera or mirror.
@@ -50,13 +49,14 @@ pub(super) fn chosen(
     all: &Session<'_>,
     nominal: Chain,
     chains: Vec<Chain>,
+    sought: bool,
     lines: &mut Vec<String>,
 ) -> Result<Choice> {
     let scored_on = spread(&all.postures, FRAMES, 1);
     let mut weighed = Weighed::new(session, core::iter::once(nominal.clone()).chain(chains).collect(), all)?;
     // What a mistake with numbers of its own takes away a small cause may explain as well: the best chain is weighed without each of its mistakes.
     let (values, log_odds) = loop {
-        let (values, log_odds) = weighed.log_odds();
+        let (values, log_odds) = weighed.log_odds(sought);
         let best = (1..log_odds.len()).max_by(|&a, &b| log_odds[a].total_cmp(&log_odds[b])).unwrap_or(0);
         let mistakes = weighed.chains[best].mistakes.len();
         let shorter = (0..mistakes).filter(|_| mistakes > 1);
@@ -136,17 +136,14 @@ impl<'a> Weighed<'a> {
     }
 
     /// Log evidence of each chain at the smallest noise that any of them leaves, and the same with the mistakes' prior.
-    fn log_odds(&mut self) -> (Vec<f64>, Vec<f64>) {
+    fn log_odds(&mut self, sought: bool) -> (Vec<f64>, Vec<f64>) {
         let least = self.session.problem.noise;
         let noise = self.fits.iter().flatten().map(|f| f.noise).reduce(smaller).unwrap_or(least);
         let evidence = |f: &mut Option<Tolerant>| f.as_mut().and_then(|f| f.log_evidence(noise).ok());
         let values: Vec<f64> =
             self.fits.iter_mut().map(|f| evidence(f).unwrap_or(f64::NEG_INFINITY)).collect();
-        let scatter: Vec<Noise> = self.fits.iter().map(|f| f.as_ref().map_or(NOTHING, |f| f.noise)).collect();
-        let prior = |i: usize| {
-            log_prior(&self.chains[i].mistakes, explains_as_well(scatter[0], scatter[i]))
-        };
-        let log_odds = values.iter().enumerate().map(|(i, value)| value + prior(i)).collect();
+        let prior = |chain: &Chain| log_prior(&chain.mistakes, sought);
+        let log_odds = values.iter().zip(&self.chains).map(|(value, chain)| value + prior(chain)).collect();
         (values, log_odds)
     }
 }
@@ -165,18 +162,12 @@ fn weighed_on(all: &Session<'_>, tried: &[Chain]) -> Vec<usize> {
     frames
 }
 
-/// The scatter of what cannot be fitted.
-const NOTHING: Noise = Noise { corner_px: f64::INFINITY, marker_px: f64::INFINITY, point_m: f64::INFINITY };
-
-/// Whether what small errors leave is no more than what they leave beside mistakes.
-fn explains_as_well(small_errors: Noise, with: Noise) -> bool {
-    small_errors.marker_px <= A_GAP * with.marker_px && small_errors.point_m <= A_GAP * with.point_m
-}
-
-/// Log prior of mistakes against none.
-fn log_prior(mistakes: &[Mistake], as_well_without: bool) -> f64 {
-    let of_one = |m: &Mistake| {
-        if as_well_without && m.has_no_number() { LOG_PRIOR_STRUCTURE } else { -BEYOND_DOUBT }
+/// Log prior of mistakes against none: a mistake with numbers of its own can take its share of any law that is a little off, one without can not.
+fn log_prior(mistakes: &[Mistake], sought: bool) -> f64 {
+    let of_one = |m: &Mistake| match () {
+        () if sought => -LEAST_LOG_ODDS,
+        () if m.has_no_number() => LOG_PRIOR_STRUCTURE,
+        () => -BEYOND_DOUBT,
     };
     mistakes.iter().map(of_one).sum()
 }

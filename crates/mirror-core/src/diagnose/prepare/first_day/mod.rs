@@ -31,10 +31,10 @@ mod verify;
 use crate::diagnose::data::diagnosis::{Cause, LeftOut};
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::likelihood::probability::tempered;
-use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::model::work_budget::A_STAGE;
 use crate::diagnose::prepare::boards::leave_out_wrong_grids;
+use crate::diagnose::prepare::known::Known;
 use crate::diagnose::principles::{A_GAP, Size, Threshold};
 use crate::error::Result;
 use crate::robot::Robot;
@@ -132,8 +132,7 @@ impl Chain {
     }
 }
 
-/// Finds and undoes whole mistakes; none where there is none. `known`: what differs from the nominal model by causes that are known already; beside
-/// these mistakes are looked for too that do no more than small errors do (a late column of a joint that hardly moves).
+/// Finds and undoes whole mistakes; none where there is none. `known`: what a first diagnosis found; beside that mistakes are looked for too that do no more than small errors do (a late column of a joint that hardly moves).
 ///
 /// # Errors
 /// Invalid parameters of camera or mirror.
@@ -142,7 +141,7 @@ pub(crate) fn undone(
     recording: &Recording,
     problem: &Problem,
     without: &[String],
-    known: Option<&Deformation>,
+    known: Option<&Known>,
 ) -> Result<Option<Undone>> {
     let mut out = Undone {
         robot: robot.clone(),
@@ -156,7 +155,7 @@ pub(crate) fn undone(
     };
     // One of each kind: a picture may be mirrored and of another crop.
     let mut tried = without.to_vec();
-    while let Some((mistake, odds)) = optics::find(&out.robot, &out.recording, &tried, &problem.cancel)? {
+    while let Some((mistake, odds)) = optics::find(&out.robot, &out.recording, &tried, known.is_some(), &problem.cancel)? {
         tried.push(mistake.effect().to_owned());
         out.undo(&mistake, tempered(odds))?;
     }
@@ -249,7 +248,7 @@ fn names(robot: &Robot) -> Vec<String> {
 fn of_the_body(
     session: &mut Undone,
     without: &[String],
-    known: Option<&Deformation>,
+    known: Option<&Known>,
 ) -> Result<choice::Choice> {
     let mut lines = Vec::new();
     let mut choice = chain_of_the_body(session, without, known, &mut lines)?;
@@ -264,13 +263,17 @@ fn of_the_body(
 fn chain_of_the_body(
     session: &Undone,
     without: &[String],
-    known: Option<&Deformation>,
+    known: Option<&Known>,
     lines: &mut Vec<String>,
 ) -> Result<choice::Choice> {
     let problem = &session.problem;
     let misfit = Misfit::new(problem)?;
     let all = Session::new(problem, &misfit);
-    let frames = spread(&all.postures, FRAMES, 1);
+    let mut frames = spread(&all.postures, FRAMES, 1);
+    // What was left out shows a mistake of a few rows.
+    frames.extend(known.iter().flat_map(|known| &known.false_frames));
+    frames.sort_unstable();
+    frames.dedup();
     let variant = Variant::of(&session.recording, problem);
     let nominal = Chain::new(Vec::new(), variant.clone(), &misfit, &frames);
     let mut chains = Vec::new();
@@ -279,7 +282,7 @@ fn chain_of_the_body(
         chains = grown(&all, &nominal, &frames, without, known.is_some())?;
     }
     if let Some(known) = known {
-        let beside = Misfit::beside(problem, known, &variant)?;
+        let beside = Misfit::beside(problem, &known.deformation, &variant)?;
         let nominal = Chain::new(Vec::new(), variant, &beside, &frames);
         chains.extend(grown(&Session::new(problem, &beside), &nominal, &frames, without, true)?);
         unlike(&mut chains, 2 * BEAM);
@@ -287,7 +290,8 @@ fn chain_of_the_body(
     if chains.is_empty() {
         return Ok(choice::Choice::none());
     }
-    choice::chosen(session, &all, nominal, chains, lines)
+    let sought = known.is_some_and(|known| known.without_large);
+    choice::chosen(session, &all, nominal, chains, sought, lines)
 }
 
 /// The best few chains of mistakes, grown from none.

@@ -27,7 +27,8 @@ const OF_BOARDS: [&str; 4] = ["camera_center", "camera_mount", "board_mount", "b
 /// The loss of a frame whose board no mirror shows.
 const NO_MIRROR: Prior = 8.0;
 
-/// The mistake of the optics that puts boards and markers right, if one does, with its log odds against small errors.
+/// The mistake of the optics that puts boards and markers right, if one does, with its log odds against small errors. `closely`: another crop
+/// is looked for where boards and markers are nearly right too.
 ///
 /// # Errors
 /// Invalid parameters of camera or mirror.
@@ -35,6 +36,7 @@ pub(super) fn find(
     robot: &Robot,
     recording: &Recording,
     without: &[String],
+    closely: bool,
     cancel: &Cancel,
 ) -> Result<Option<(Mistake, f64)>> {
     let Some(sight) = recording.sight.as_ref().filter(|s| s.board.is_some()) else { return Ok(None) };
@@ -44,7 +46,8 @@ pub(super) fn find(
     let nominal = loss(robot, &few)?;
     // A mistake of the optics spoils every board: where some are right it is the others that are wrong. Seen in a mirror whose distance nobody
     // knows, a board hardly shows another focal length; then the markers do.
-    if nominal.better < CLEAR_LOSS && !(nominal.markers > CLEAR_LOSS) {
+    let nearly_right = nominal.better < CLEAR_LOSS && !(nominal.markers > CLEAR_LOSS);
+    if nearly_right && !closely {
         return Ok(None);
     }
     let square = sight.board.as_ref().is_some_and(|b| b.corners.0 == b.corners.1);
@@ -53,6 +56,9 @@ pub(super) fn find(
         .extend((1..=3).filter(|q| *q == 2 || square).map(|quarters| Mistake::BoardTurned { quarters }));
     for factor in FACTORS.iter().flat_map(|f| [*f, 1.0 / f]) {
         alternatives.push(Mistake::Resolution { factor, offset_px: Vector2::zeros() });
+    }
+    if nearly_right {
+        alternatives.clear();
     }
     alternatives.retain(|m| !without.iter().any(|w| w == m.effect()));
     let problem = Problem::new(robot, &few)?;
@@ -72,9 +78,13 @@ pub(super) fn find(
         }
     }
     let cropped = || crop(&problem).filter(|m| !without.iter().any(|w| w == m.effect()));
-    let Some(mistake) = best.map(|b| b.1).or_else(cropped) else { return Ok(None) };
-    let odds = log_odds(robot, &few, &problem, &mistake)?;
-    Ok((odds > BEYOND_DOUBT).then_some((mistake, odds)))
+    for mistake in best.map(|b| b.1).into_iter().chain(core::iter::once_with(cropped).flatten()) {
+        let odds = log_odds(robot, &few, &problem, &mistake)?;
+        if odds > BEYOND_DOUBT {
+            return Ok(Some((mistake, odds)));
+        }
+    }
+    Ok(None)
 }
 
 /// Another crop of the picture, larger than a centre is usually off, as the boards alone show it: what is wrong with body and markers has no

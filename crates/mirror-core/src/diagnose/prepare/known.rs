@@ -1,0 +1,14 @@
+//! What a first diagnosis found, beside which whole mistakes are looked for more closely.
+
+use crate::diagnose::model::deformation::Deformation;
+
+/// What a first diagnosis found.
+#[derive(Debug, Clone)]
+pub(crate) struct Known {
+    /// What differs from the nominal model by the causes that have a name, and the small errors beside them.
+    pub deformation: Deformation,
+    /// Frames, by index, of which something was left out as false.
+    pub false_frames: Vec<usize>,
+    /// Whether a cause is left out here because it is far larger than such an error is: then a whole mistake needs no more than strong evidence.
+    pub without_large: bool,
+}
