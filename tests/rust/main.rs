@@ -11,6 +11,7 @@ mod correct_loop;
 mod examples;
 mod feed_forward;
 mod fuzz_corpus;
+mod gap_beside_causes;
 mod gap_claims;
 mod gap_effects;
 mod gap_first_day;

@@ -250,13 +250,14 @@ def board_turned(rng: np.random.Generator, case: Case, told: Told) -> list[Cause
 
 
 def marker_parent(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]:
-    """The URDF has the marker on a neighbouring link."""
+    """The URDF has the marker on a neighbouring link, which moves otherwise."""
     robot = case.robot
     options = []
     for m in robot.markers:
         own = robot.bodies[robot.index[f"{m}_marker"]].parent
         for other in (robot.bodies[own].parent, robot.next_body(own)):
-            if other is not None and other > 0 and robot.bodies[other].joint in _joints(case):
+            moves = other is not None and robot.rigid_root(other) != robot.rigid_root(own)
+            if other is not None and moves and other > 0 and robot.bodies[other].joint in _joints(case):
                 options.append((m, own, other))
     if not options:
         raise NoPlaceError("this robot has no marker on a moving link beside another")
@@ -272,7 +273,10 @@ def marker_parent(rng: np.random.Generator, case: Case, told: Told) -> list[Caus
         raise NoPlaceError(f"the mount of {m} has no parent element")
     parent.set("link", robot.bodies[other].name)
     told.urdf = ET.tostring(tree, encoding="unicode")
-    return [{"effect": "marker_parent", "at": f"marker:{m}<-link:{robot.bodies[own].name}"}]
+    on, by = (f"marker:{m}<-link:{robot.bodies[k].name}" for k in (own, robot.rigid_root(own)))
+    cause = {"effect": "marker_parent", "at": on}
+    # Links that are fixed to each other are one body.
+    return [cause if on == by else cause | {"tolerated": [{"effect": "marker_parent", "at": by}]}]
 
 
 def gravity_sign(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]:

@@ -137,6 +137,9 @@ impl World {
                     }
                     Wrong::Coupling(j, k, c) => theta[j] += c * q[k],
                     Wrong::Drift(j, rate) => theta[j] += rate * f as f64,
+                    Wrong::Held(j, first, end) if (first..=end).contains(&f) => {
+                        theta[j] += commanded[first][j] - q[j];
+                    }
                     _ => {}
                 }
             }

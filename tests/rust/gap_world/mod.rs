@@ -52,6 +52,8 @@ pub enum Wrong {
     /// The first follows the second.
     Coupling(usize, usize, f64),
     Drift(usize, f64),
+    /// The joint stays where it was commanded to be in the first of these rows, up to the last.
+    Held(usize, usize, usize),
     Mount(usize, [f64; 3]),
     CameraMount([f64; 6]),
     /// The board alone: rotation vector and shift in its own frame.

@@ -132,15 +132,11 @@ pub(crate) fn diagnose(
     let number_of = |left: &LeftOut| arranged.frame_numbers.iter().position(|n| *n == left.frame);
     let left_out = diagnosis.data.left_out.iter().filter(|l| l.is_false());
     let false_frames: Vec<usize> = left_out.filter_map(number_of).collect();
-    let known_of = |deformation, without_large| Known {
-        deformation,
-        false_frames: false_frames.clone(),
-        without_large,
-    };
+    let known_of = |deformation| Known { deformation, false_frames: false_frames.clone(), sought: false };
     Ok(Outcome {
         rows_in_order,
-        known: known_of(known, false),
-        known_without_large: without_large.map(|d| known_of(d, true)),
+        known: known_of(known),
+        known_without_large: without_large.map(known_of),
         diagnosis,
     })
 }

@@ -51,13 +51,13 @@ pub fn diagnose(
     let mistakes = at_first.mistakes().to_vec();
     let found = pipeline::diagnose(at_first, robot, recording, options, others)?;
     let Some(doubt) = Doubt::of(&found, recording) else { return Ok(found.diagnosis) };
-    let known = match doubt {
-        Doubt::TooLarge => found.known_without_large.as_ref(),
-        _ => Some(&found.known).filter(|_| doubt.looks_closely()),
-    };
+    let known = doubt.looks_closely().then(|| Known {
+        sought: matches!(doubt, Doubt::TooLarge | Doubt::Unexplained),
+        ..found.known_without_large.unwrap_or(found.known)
+    });
     let mut still = options.clone();
     still.without.extend(doubt.without().map(str::to_owned));
-    let again = prepared(&still, known)?;
+    let again = prepared(&still, known.as_ref())?;
     let first = found.diagnosis;
     // The same mistakes undone come to the same end.
     if doubt.without().is_none() && same_mistakes(again.mistakes(), &mistakes) {

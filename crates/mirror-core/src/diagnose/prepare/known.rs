@@ -9,6 +9,6 @@ pub(crate) struct Known {
     pub deformation: Deformation,
     /// Frames, by index, of which something was left out as false.
     pub false_frames: Vec<usize>,
-    /// Whether a cause is left out here because it is far larger than such an error is: then a whole mistake needs no more than strong evidence.
-    pub without_large: bool,
+    /// Whether something is unexplained without a whole mistake, or larger than small errors are: it needs no more than strong evidence then.
+    pub sought: bool,
 }

@@ -40,7 +40,7 @@ impl Choice {
     }
 }
 
-/// The likeliest of the chains and of none. `sought`: something too large for a small error is to be explained.
+/// The likeliest of the chains and of none. `sought`: a mistake needs no more than strong evidence.
 ///
 /// # Errors
 /// Invalid parameters of camera or mirror.

@@ -290,7 +290,7 @@ fn chain_of_the_body(
     if chains.is_empty() {
         return Ok(choice::Choice::none());
     }
-    let sought = known.is_some_and(|known| known.without_large);
+    let sought = known.is_some_and(|known| known.sought);
     choice::chosen(session, &all, nominal, chains, sought, lines)
 }
 
