@@ -127,10 +127,9 @@ impl Doubt {
         if found.rows_in_order {
             return Some(Self::InOrder);
         }
-        let together = || lies_together(recording, &first.data).then_some(Self::FalseTogether);
         match () {
-            () if explains(first) && found.known_without_large.is_some() => Some(Self::TooLarge),
-            () if explains(first) => together(),
+            () if explains(first) && lies_together(recording, &first.data) => Some(Self::FalseTogether),
+            () if explains(first) => found.known_without_large.as_ref().map(|_| Self::TooLarge),
             () if named(SLIP) => Some(Self::Slip),
             () if named(PAIRING) => Some(Self::Pairing),
             () => Some(Self::Unexplained),

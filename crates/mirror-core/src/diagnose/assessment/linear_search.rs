@@ -76,7 +76,7 @@ impl<'a> LinearSearch<'a> {
             hypothesis,
             variant,
             columns,
-            log_prior: catalogue.hypotheses[hypothesis].log_prior,
+            log_prior: catalogue.log_prior(&problem.scene, hypothesis, variant),
             positive: catalogue.effect(hypothesis).is_positive(),
             node: node(hypothesis),
         };

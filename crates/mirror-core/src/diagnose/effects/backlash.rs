@@ -143,6 +143,14 @@ impl Effect for Backlash {
         true
     }
 
+    /// A joint that lies on one side of its play in all postures has another zero.
+    fn is_like_a_simpler_one(&self, scene: &Scene, place: Place, variant: f64) -> bool {
+        joint_of(place).is_some_and(|n| {
+            let (_, slope) = Self::followed(scene, n, variant, LEAST_PLAY_RAD);
+            slope.iter().all(|side| *side == slope[0])
+        })
+    }
+
     fn law_freedom(&self) -> LawFreedom {
         LawFreedom::LoadAndDirection
     }

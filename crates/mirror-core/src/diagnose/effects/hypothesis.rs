@@ -6,7 +6,7 @@ use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::{Atom, Column};
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::model::scene::Scene;
-use crate::diagnose::principles::{LOG_PRIOR_FREE, Prior};
+use crate::diagnose::principles::{LEAST_LOG_ODDS, LOG_PRIOR_FREE, Prior};
 use std::sync::Arc;
 
 /// An unknown mount, or the pose of an unknown frame, may be this far from where it starts, rad and m.
@@ -44,15 +44,12 @@ impl Catalogue {
         let may_be = |(e, places): &&(usize, Vec<Place>)| !places.is_empty() || !effects[*e].is_of_columns();
         let count = on.iter().filter(may_be).count();
         for (effect, places) in on {
-            let choices = count * places.len().max(1);
+            let log_prior = -((count * places.len().max(1)) as f64).ln();
             for place in places {
-                let variants = effects[effect].variants(scene, place);
-                // Each variant of a law is as likely as another: a law with a choice is no likelier than one without.
-                let log_prior = -((choices * variants.len().max(1)) as f64).ln();
                 hypotheses.push(Hypothesis {
                     effect,
                     place,
-                    variants,
+                    variants: effects[effect].variants(scene, place),
                     prior_std: effects[effect].prior_std(scene, place),
                     log_prior,
                 });
@@ -87,6 +84,13 @@ impl Catalogue {
 
     pub fn effect(&self, hypothesis: usize) -> &dyn Effect {
         self.effects[self.hypotheses[hypothesis].effect].as_ref()
+    }
+
+    /// Log prior probability of a variant of a hypothesis: where it does just what a simpler one does, that is to be told first.
+    pub fn log_prior(&self, scene: &Scene, hypothesis: usize, variant: f64) -> f64 {
+        let of = &self.hypotheses[hypothesis];
+        let simpler = self.effect(hypothesis).is_like_a_simpler_one(scene, of.place, variant);
+        of.log_prior - if simpler { LEAST_LOG_ODDS } else { 0.0 }
     }
 
     pub fn columns(&self, scene: &Scene, term: &Term) -> Vec<Column> {

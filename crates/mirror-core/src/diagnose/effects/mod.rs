@@ -183,6 +183,11 @@ pub(crate) trait Effect: Send + Sync {
         false
     }
 
+    /// Whether in this session it does just what a simpler effect does, so that no posture tells the two apart.
+    fn is_like_a_simpler_one(&self, _scene: &Scene, _place: Place, _variant: f64) -> bool {
+        false
+    }
+
     /// By how much, relatively, the parameter itself is uncertain because real joints obey the law only roughly.
     fn law_uncertainty(&self) -> f64 {
         0.0

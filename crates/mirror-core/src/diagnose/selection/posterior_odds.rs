@@ -32,7 +32,8 @@ impl Search<'_> {
                 if same + 1 < SEVERAL_CAUSES { same as f64 * LOG_PRIOR_SAME_PLACE } else { LOG_PRIOR_CROWD }
             })
             .sum();
-        terms.iter().map(|t| self.catalogue.hypotheses[t.hypothesis].log_prior).sum::<f64>() + crowding
+        let scene = &self.problem.scene;
+        terms.iter().map(|t| self.catalogue.log_prior(scene, t.hypothesis, t.variant)).sum::<f64>() + crowding
     }
 
     /// Log of evidence times prior.
