@@ -94,9 +94,9 @@ BODIES = {
 
 def described() -> tuple[Path, dict[str, Path]]:
     """example-robot-data's folder of robots, and its ROS package."""
-    from mirror_lab.blind.known_robots import _described
+    from mirror_lab.blind.known_robots import description_file
 
-    robots = _described(SO101.urdf).parents[2]
+    robots = description_file(SO101.urdf).parents[2]
     return robots, {"example-robot-data": robots.parent}
 
 

@@ -18,7 +18,7 @@ TALOS = "talos_data/robots/talos_reduced.urdf"
 UR10 = "ur_description/urdf/ur10_robot.urdf"
 
 
-def _described(file: str) -> Path:
+def description_file(file: str) -> Path:
     for place in sys.path:
         path = Path(place) / PACKAGE / file
         if path.is_file():
@@ -29,7 +29,7 @@ def _described(file: str) -> Path:
     )
 
 
-def _bare(text: str) -> ET.Element:
+def bare(text: str) -> ET.Element:
     """The URDF without meshes and without what only controllers read."""
     tree = ET.fromstring(text)
     for link in tree.findall("link"):
@@ -43,15 +43,15 @@ def _bare(text: str) -> ET.Element:
     return tree
 
 
-def _mounted(tree: ET.Element, mounts: list[str]) -> str:
+def mounted(tree: ET.Element, mounts: list[str]) -> str:
     return ET.tostring(tree, encoding="unicode").replace("</robot>", "".join(mounts) + "</robot>\n")
 
 
 def unitree_g1(rng: np.random.Generator, urdf_path: Path | None = None) -> Robot:
     """Unitree's G1 from `example-robot-data`, its torso held still, with drawn mounts of camera, board and
     markers."""
-    text = (urdf_path or _described(G1)).read_text(encoding="utf-8")
-    tree = _bare(text)
+    text = (urdf_path or description_file(G1)).read_text(encoding="utf-8")
+    tree = bare(text)
     mounts = []
     ranges: dict[str, tuple[float, float]] = {}
     for side, sign in (("right", -1.0), ("left", 1.0)):
@@ -86,7 +86,7 @@ def unitree_g1(rng: np.random.Generator, urdf_path: Path | None = None) -> Robot
     )
     board = (rng.uniform(0.12, 0.14), rng.uniform(-0.03, 0.03), rng.uniform(0.15, 0.24))
     mounts.append(mount("chest_board", "torso_link", board, BOARD_RPY))
-    urdf = _mounted(tree, mounts)
+    urdf = mounted(tree, mounts)
     return Robot(
         "g1",
         urdf,
@@ -108,7 +108,7 @@ def unitree_g1(rng: np.random.Generator, urdf_path: Path | None = None) -> Robot
 def talos(rng: np.random.Generator) -> Robot:
     """TALOS of PAL Robotics, upper body: the torso held still, a camera in its real head, which is held or moved a
     little."""
-    tree = _bare(_described(TALOS).read_text(encoding="utf-8"))
+    tree = bare(description_file(TALOS).read_text(encoding="utf-8"))
     mounts = []
     ranges: dict[str, tuple[float, float]] = {}
     for side, sign in (("right", -1.0), ("left", 1.0)):
@@ -134,7 +134,7 @@ def talos(rng: np.random.Generator) -> Robot:
     mounts.append(mount("camera_optical", "head_2_link", (0.07, rng.uniform(-0.02, 0.02), 0.12), OPTICAL_RPY))
     board = (0.17, rng.uniform(-0.03, 0.03), rng.uniform(0.1, 0.2))
     mounts.append(mount("chest_board", "torso_2_link", board, BOARD_RPY))
-    urdf = _mounted(tree, mounts)
+    urdf = mounted(tree, mounts)
     return Robot(
         "talos",
         urdf,
@@ -155,7 +155,7 @@ def talos(rng: np.random.Generator) -> Robot:
 
 def ur10(rng: np.random.Generator) -> Robot:
     """A UR10 on a stand, with a camera and a board on a mast behind it: one industrial arm of six joints."""
-    tree = _bare(_described(UR10).read_text(encoding="utf-8"))
+    tree = bare(description_file(UR10).read_text(encoding="utf-8"))
     jitter = rng.uniform(-0.02, 0.02, (3, 3))
     places = {
         "forearm": ("forearm_link", (0.0, 0.06, 0.3)),
@@ -170,7 +170,7 @@ def ur10(rng: np.random.Generator) -> Robot:
     mounts.append(
         mount("chest_board", "base_link", (-0.3, rng.uniform(-0.1, 0.1), rng.uniform(0.6, 0.75)), BOARD_RPY)
     )
-    urdf = _mounted(tree, mounts)
+    urdf = mounted(tree, mounts)
     ranges = {
         "shoulder_pan_joint": (-0.6, 0.6),
         "shoulder_lift_joint": (-1.9, -1.0),

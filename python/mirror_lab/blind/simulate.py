@@ -6,6 +6,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 
 from . import optics, robots
 from .body import Body, BodyPoses
+from .described_robots import DESCRIBED, described_robot
 from .drawing import View
 from .drawn_robots import random_robot, small_humanoid
 from .effects import VOCABULARY, Cause, Laws, Scene, transverse_axes
@@ -162,6 +164,7 @@ KINDS: dict[str, Callable[[np.random.Generator], robots.Robot]] = {
     "talos": talos,
     "ur10": ur10,
     "random": random_robot,
+    **{name: partial(described_robot, name) for name in DESCRIBED},
 }
 """Robots that can be drawn by name."""
 

@@ -1,0 +1,191 @@
+"""Robots of the package `example-robot-data` that nobody fitted this project to, before a mast with camera and board.
+
+The link that stands still carries a camera behind and above and a board below it, both looking along x. Each marker sits at a
+drawn place of its link; each joint moves 0.7 rad to both sides of a drawn posture in which the markers are in front and apart.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .drawn_robots import BOARD_RPY
+from .known_robots import bare, description_file, mounted
+from .mounting import rotation_of
+from .robots import Body, Robot, mount, read_bodies
+
+Array = NDArray[np.float64]
+
+HALF_RANGE_RAD = 0.7
+TRIED = 1500
+"""Postures that are drawn to choose one from."""
+TILT_RAD = 0.15
+"""By how much the camera looks down."""
+
+
+@dataclass(frozen=True)
+class Described:
+    """A described robot: its file, the link that stands still, the link of each marker, and its arm's reach."""
+
+    file: str
+    root: str
+    markers: dict[str, str]
+    reach_m: float
+
+
+DESCRIBED = {
+    "panda": Described(
+        "panda_description/urdf/panda.urdf",
+        "panda_link0",
+        {"fore": "panda_link4", "wrist": "panda_link6", "hand": "panda_hand"},
+        0.9,
+    ),
+    "baxter": Described(
+        "baxter_description/urdf/baxter.urdf",
+        "torso",
+        {
+            f"{side[0]}_{name}": f"{side}_{link}"
+            for side in ("left", "right")
+            for name, link in (("upper", "upper_forearm"), ("fore", "lower_forearm"), ("hand", "hand_link"))
+        },
+        1.0,
+    ),
+    "romeo": Described(
+        "romeo_description/urdf/romeo.urdf",
+        "torso",
+        {
+            "l_upper": "LElbowRollLink",
+            "l_hand": "l_gripper",
+            "r_upper": "RElbowRollLink",
+            "r_hand": "r_gripper",
+        },
+        0.6,
+    ),
+    "icub": Described(
+        "icub_description/robots/icub.urdf",
+        "chest",
+        {
+            f"{s}_{name}": f"{s}_{link}"
+            for s in "lr"
+            for name, link in (("upper", "elbow_1"), ("fore", "forearm"), ("hand", "hand"))
+        },
+        0.4,
+    ),
+    "kinova": Described(
+        "kinova_description/robots/kinova.urdf",
+        "j2s6s200_link_base",
+        {"fore": "j2s6s200_link_3", "wrist": "j2s6s200_link_5", "hand": "j2s6s200_end_effector"},
+        0.7,
+    ),
+    "z1": Described(
+        "z1_description/urdf/z1.urdf",
+        "link00",
+        {"upper": "link02", "fore": "link03", "hand": "link06"},
+        0.6,
+    ),
+    "tiago": Described(
+        "tiago_description/robots/tiago.urdf",
+        "torso_lift_link",
+        {"upper": "arm_3_link", "fore": "arm_5_link", "hand": "arm_7_link"},
+        0.8,
+    ),
+}
+
+
+def described_robot(name: str, rng: np.random.Generator) -> Robot:
+    """A robot of [`DESCRIBED`] with drawn mounts and postures."""
+    of = DESCRIBED[name]
+    tree = bare(description_file(of.file).read_text(encoding="utf-8"))
+    bodies = read_bodies(mounted(tree, []), of.root)
+    index = {body.name: i for i, body in enumerate(bodies)}
+    carriers = [index[link] for link in of.markers.values()]
+    moving = sorted({i for c in carriers for i in _chain(bodies, c) if bodies[i].joint_type == "hinge"})
+    limits = np.array([_limits(bodies[i]) for i in moving])
+    middle, at_m = _in_front(bodies, moving, carriers, limits, of.reach_m, rng)
+    height = float(at_m[:, 2].mean())
+    mounts = []
+    for marker, link in of.markers.items():
+        direction = rng.normal(0, 1, 3)
+        place = 0.06 * of.reach_m * direction / np.linalg.norm(direction)
+        mounts.append(mount(f"{marker}_marker", link, place))
+    camera = (-0.3 * of.reach_m, rng.uniform(-0.05, 0.05), height + 0.35 * of.reach_m)
+    board = (-0.25 * of.reach_m, rng.uniform(-0.1, 0.1) * of.reach_m, height + 0.05 * of.reach_m)
+    mounts.append(mount("camera_optical", of.root, camera, (-np.pi / 2 - TILT_RAD, 0.0, -np.pi / 2)))
+    mounts.append(mount("chest_board", of.root, board, BOARD_RPY))
+    urdf = mounted(tree, mounts)
+    ranges = {
+        bodies[i].joint: (max(low, q - HALF_RANGE_RAD), min(high, q + HALF_RANGE_RAD))
+        for i, q, (low, high) in zip(moving, middle.tolist(), limits.tolist(), strict=True)
+    }
+    return Robot(
+        name,
+        urdf,
+        of.root,
+        read_bodies(urdf, of.root),
+        sorted(ranges),
+        ranges,
+        list(of.markers),
+        0.03,
+        (8, 5),
+        0.03,
+        (1.6 * of.reach_m, 3.0 * of.reach_m),
+        (1280, 960),
+        (930.0, 1100.0),
+        0.0125 * of.reach_m,
+    )
+
+
+def _chain(bodies: list[Body], body: int) -> list[int]:
+    """The body and all that carry it."""
+    out = []
+    while body >= 0:
+        out.append(body)
+        body = bodies[body].parent
+    return out
+
+
+def _limits(body: Body) -> tuple[float, float]:
+    """Where a joint may go, no farther than so that its arm stays one posture away from its middle."""
+    return max(body.lower, -2.8), min(body.upper, 2.8)
+
+
+def _in_front(
+    bodies: list[Body],
+    moving: list[int],
+    carriers: list[int],
+    limits: Array,
+    reach_m: float,
+    rng: np.random.Generator,
+) -> tuple[Array, Array]:
+    """Positions (J,) of the moving joints, of many drawn, at which the carriers (M, 3) are farthest in front and apart."""
+    low, high = limits.T
+    drawn = low + rng.uniform(0.15, 0.85, (TRIED, len(moving))) * (high - low)
+    best = (-np.inf, drawn[0], np.zeros((len(carriers), 3)))
+    for q in drawn:
+        at_m = _places(bodies, dict(zip(moving, q.tolist(), strict=True)))[carriers]
+        apart = np.linalg.norm(at_m[:, None] - at_m[None], axis=2)[np.triu_indices(len(carriers), 1)].min()
+        score = (
+            np.minimum(at_m[:, 0], 0.5 * reach_m).sum()
+            - 0.3 * np.abs(at_m[:, 2] - at_m[:, 2].mean()).sum()
+            - 5 * max(0.0, 0.12 * reach_m - apart)
+        )
+        if score > best[0]:
+            best = (float(score), q, at_m)
+    return best[1], best[2]
+
+
+def _places(bodies: list[Body], q_rad: dict[int, float]) -> Array:
+    """Origins (B, 3) of all bodies in the root's frame."""
+    turns: list[Array] = []
+    places: list[Array] = []
+    for i, body in enumerate(bodies):
+        if body.parent < 0:
+            turns.append(np.eye(3))
+            places.append(np.zeros(3))
+            continue
+        places.append(places[body.parent] + turns[body.parent] @ body.xyz_m)
+        turn = turns[body.parent] @ body.rotation
+        turns.append(turn @ rotation_of(body.axis * q_rad[i]) if i in q_rad else turn)
+    return np.array(places)
