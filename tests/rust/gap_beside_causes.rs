@@ -19,8 +19,7 @@ fn run(world: &World, recording: &Recording) -> Diagnosis {
 }
 
 fn assert_named(diagnosis: &Diagnosis, wanted: &[&str]) {
-    let mut named: Vec<String> =
-        diagnosis.causes.iter().map(|c| format!("{}@{}", c.effect, c.at)).collect();
+    let mut named: Vec<String> = diagnosis.causes.iter().map(|c| format!("{}@{}", c.effect, c.at)).collect();
     named.sort();
     assert_eq!(named, wanted, "{:#?}", diagnosis.trace);
     assert!(diagnosis.causes.iter().all(|c| c.probability > 0.5), "{:?}", diagnosis.causes);

@@ -167,7 +167,9 @@ impl Doubt {
             }
             Self::Pairing => "rows of their own leave no smaller gap on held-out regions: they are in order",
             Self::FalseTogether => "what was left out as false is explained by a whole mistake",
-            Self::Unexplained => "what was left is explained by a whole mistake that does no more than small errors",
+            Self::Unexplained => {
+                "what was left is explained by a whole mistake that does no more than small errors"
+            }
             Self::TooLarge => "a cause larger than such an error ever is was a part of a whole mistake",
         }
     }

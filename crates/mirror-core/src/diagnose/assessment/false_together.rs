@@ -17,12 +17,8 @@ use std::collections::BTreeSet;
 
 /// Whether what was left out as false lies together.
 pub(crate) fn lies_together(recording: &Recording, data: &Data) -> bool {
-    let far: BTreeSet<(i64, &str)> = data
-        .left_out
-        .iter()
-        .filter(|l| l.is_false())
-        .map(|l| (l.frame, l.target.as_str()))
-        .collect();
+    let far: BTreeSet<(i64, &str)> =
+        data.left_out.iter().filter(|l| l.is_false()).map(|l| (l.frame, l.target.as_str())).collect();
     // Of each frame, by marker, whether it was left out; none where it was not seen.
     let seen: Vec<Vec<Option<bool>>> = recording
         .frames
@@ -93,8 +89,7 @@ mod tests {
         assert!(!together(&anywhere) && !together(&[]));
         let a_run: Vec<(usize, usize)> = (20..29).map(|frame| (frame, 3)).collect();
         assert!(together(&a_run));
-        let pairs: Vec<(usize, usize)> =
-            (0..6).flat_map(|k| [(11 * k % 60, 1), (11 * k % 60, 4)]).collect();
+        let pairs: Vec<(usize, usize)> = (0..6).flat_map(|k| [(11 * k % 60, 1), (11 * k % 60, 4)]).collect();
         assert!(together(&pairs) && !together(&pairs[..2]));
     }
 }

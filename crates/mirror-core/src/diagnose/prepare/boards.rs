@@ -24,7 +24,8 @@ pub(crate) fn leave_out_wrong_grids(problem: &mut Problem) -> Vec<LeftOut> {
     let most = (FAR_DEVIATIONS * better.max(problem.noise.corner_px)).max(USUAL_CORNER_PX);
     let wrong: Vec<(usize, f64)> =
         (0..problem.frames.len()).filter_map(|f| Some((f, rms(f)?))).filter(|(_, r)| *r > most).collect();
-    let wrong = but_for_the_last(wrong, &(0..problem.frames.len()).map(|f| rms(f).is_some()).collect::<Vec<_>>());
+    let wrong =
+        but_for_the_last(wrong, &(0..problem.frames.len()).map(|f| rms(f).is_some()).collect::<Vec<_>>());
     let told = wrong
         .iter()
         .map(|&(f, rms)| LeftOut {

@@ -83,20 +83,25 @@ fn an_error_is_named_where_it_outweighs_all_others_and_not_where_it_is_the_large
 
 #[test]
 fn a_board_is_another_grid_where_its_corners_are_off_as_no_good_view_has_them() {
-    let left_out = |rms_px: f64| {
-        let (robot, mut recording) = recorded(&Plan { postures: 6, noise_px: 0.05, ..Plan::default() });
+    let left_out = |rms_px: f64, frames: core::ops::Range<usize>| {
+        let (robot, mut recording) = recorded(&Plan { postures: 10, noise_px: 0.05, ..Plan::default() });
         let mut random = Random::new(5);
         let mut normal = || random.normal() * rms_px;
-        moved(&mut recording, 4, |t| match t {
-            Target::Corner(_) => Vector2::new(normal(), normal()),
-            _ => Vector2::zeros(),
-        });
+        for frame in frames {
+            moved(&mut recording, frame, |t| match t {
+                Target::Corner(_) => Vector2::new(normal(), normal()),
+                _ => Vector2::zeros(),
+            });
+        }
         let mut problem = Problem::new(&robot, &recording).unwrap();
         problem.noise.corner_px = 0.05;
         leave_out_wrong_grids(&mut problem).into_iter().map(|left| left.frame).collect::<Vec<i64>>()
     };
-    assert_eq!(left_out(0.6), Vec::<i64>::new());
-    assert_eq!(left_out(1.7), vec![4]);
+    assert_eq!(left_out(0.6, 4..5), Vec::<i64>::new());
+    assert_eq!(left_out(1.7, 4..5), vec![4]);
+    // A run to the end is no other grid: from there on board or camera sit elsewhere.
+    assert_eq!(left_out(1.7, 8..14), (8..14).collect::<Vec<i64>>());
+    assert_eq!(left_out(1.7, 14..20), Vec::<i64>::new());
 }
 
 #[test]

@@ -354,12 +354,7 @@ pub(super) struct Work {
 impl Work {
     pub fn new(problem: &Problem) -> Self {
         let nodes = problem.scene.nodes();
-        Self {
-            positions: vec![0.0; nodes],
-            frame: FrameWork::rough(problem),
-            moved: None,
-            placed: None,
-        }
+        Self { positions: vec![0.0; nodes], frame: FrameWork::rough(problem), moved: None, placed: None }
     }
 }
 

@@ -155,7 +155,9 @@ pub(crate) fn undone(
     };
     // One of each kind: a picture may be mirrored and of another crop.
     let mut tried = without.to_vec();
-    while let Some((mistake, odds)) = optics::find(&out.robot, &out.recording, &tried, known.is_some(), &problem.cancel)? {
+    while let Some((mistake, odds)) =
+        optics::find(&out.robot, &out.recording, &tried, known.is_some(), &problem.cancel)?
+    {
         tried.push(mistake.effect().to_owned());
         out.undo(&mistake, tempered(odds))?;
     }
@@ -245,11 +247,7 @@ fn names(robot: &Robot) -> Vec<String> {
 }
 
 /// The chain of mistakes of body and log that is likelier than small errors, and its probability.
-fn of_the_body(
-    session: &mut Undone,
-    without: &[String],
-    known: Option<&Known>,
-) -> Result<choice::Choice> {
+fn of_the_body(session: &mut Undone, without: &[String], known: Option<&Known>) -> Result<choice::Choice> {
     let mut lines = Vec::new();
     let mut choice = chain_of_the_body(session, without, known, &mut lines)?;
     let all = choice.mistakes.len();

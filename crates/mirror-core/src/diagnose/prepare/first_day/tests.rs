@@ -11,10 +11,11 @@ use super::variant::Variant;
 use super::{Chain, extended, outlying};
 use crate::diagnose::data::recording::{Recording, Target};
 use crate::diagnose::model::problem::{Noise, Problem};
+use crate::diagnose::prepare::known::Known;
 use crate::diagnose::tests::gap_world::{Plan, World, Wrong};
 use crate::robot::Robot;
 use core::f64::consts::FRAC_PI_2;
-use nalgebra::Vector2;
+use nalgebra::{Vector2, Vector3};
 
 const PLAN: Plan = Plan { postures: 12, views: 2, noise_px: 0.05, seed: 1, wrong: Vec::new() };
 
@@ -135,8 +136,44 @@ fn a_zero_is_off_by_a_right_angle_where_no_other_number_is_told() {
             other => panic!("{other:?}"),
         }
     };
-    assert_eq!(told(0.013), 0.0);
-    assert!((told(0.032) - 0.032).abs() < 0.008, "{}", told(0.032));
+    assert_eq!(told(0.035), 0.0);
+    assert!((told(0.075) - 0.075).abs() < 0.008, "{}", told(0.075));
+}
+
+#[test]
+fn beside_what_is_known_distances_are_those_of_the_noise() {
+    let world = World::new(4, false);
+    let mount = [0.02, -0.015, 0.01, 0.003, -0.004, 0.002];
+    let (elbow, shoulder) = (world.bone("r_elbow"), world.bone("l_shoulder_roll"));
+    let wrong = vec![
+        Wrong::CameraMount(mount),
+        Wrong::Offset(elbow, 0.06),
+        Wrong::Tilt(shoulder, 0.03, -0.02),
+        Wrong::Mount(1, [0.004, -0.006, 0.003]),
+    ];
+    let recording = world.record(&Plan { wrong, noise_px: 0.01, ..PLAN });
+    let problem = problem_of(&world, &recording);
+    let variant = Variant::of(&recording, &problem);
+    let node = |name: &str| problem.scene.body.nodes.iter().position(|n| n.joint == name).unwrap();
+    let mut known = problem.nominal();
+    known.camera_mount = mount.into();
+    known.marker_shift[1] = Vector3::new(0.004, -0.006, 0.003);
+    known.tilt[node("l_shoulder_roll")] = Vector2::new(0.03, -0.02);
+    let frames: Vec<usize> = (0..problem.frames.len()).collect();
+    frames.iter().for_each(|&f| known.add_joint_delta(f, node("r_elbow"), 0.06));
+    let largest = |misfit: &Misfit<'_>| {
+        misfit.distances(&variant, &frames).iter().map(|d| d.size_m).fold(0.0, f64::max)
+    };
+    let (nominal, beside) =
+        (Misfit::new(&problem).unwrap(), Misfit::beside(&problem, &known, &variant).unwrap());
+    // A hundredth of a pixel is some 20 µm at these distances.
+    assert!(
+        largest(&nominal) > 5e-3 && largest(&beside) < 2e-4,
+        "{} {}",
+        largest(&nominal),
+        largest(&beside)
+    );
+    assert!(beside.usual_m < 0.1 * nominal.usual_m);
 }
 
 #[test]
@@ -173,8 +210,10 @@ fn a_closer_look_goes_on_beside_a_mistake_where_nothing_gross_is_left() {
         recording.frames[f].commanded[column] = (1.0 - PART) * old[f] + PART * old[f - 1];
     }
     let problem = Problem::new(&robot, &recording).unwrap();
+    let known = Known { deformation: problem.nominal(), false_frames: Vec::new(), sought: false };
     let told = |closely: bool| {
-        let undone = super::undone(&robot, &recording, &problem, &["slip".to_owned()], closely).unwrap();
+        let known = Some(&known).filter(|_| closely);
+        let undone = super::undone(&robot, &recording, &problem, &["slip".to_owned()], known).unwrap();
         let mut told: Vec<String> = undone.unwrap().told.into_iter().map(|c| c.effect).collect();
         told.sort();
         told
