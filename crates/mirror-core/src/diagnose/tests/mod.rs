@@ -4,6 +4,7 @@
 
 mod adequacy;
 mod column_world;
+mod false_together;
 #[path = "../../../../../tests/rust/gap_world/mod.rs"]
 #[allow(dead_code)]
 pub(super) mod gap_world;

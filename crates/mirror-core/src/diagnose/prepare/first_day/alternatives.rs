@@ -1,7 +1,6 @@
 //! The whole mistakes that a session could hold, each with its unknown number tried on a grid.
 
-use super::LEAST_FALL;
-use super::misfit::{Misfit, Work};
+use super::misfit::{LEAST_FALL, Misfit, Work};
 use super::mistake::{LateKind, Mistake, UNITS};
 use super::variant::{Variant, seen_joints};
 use crate::diagnose::model::body::NodeId;

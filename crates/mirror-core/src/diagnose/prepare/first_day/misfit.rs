@@ -13,7 +13,7 @@ use crate::diagnose::model::frame::FrameWork;
 use crate::diagnose::model::pose::Pose;
 use crate::diagnose::model::problem::{Observation, Problem, Seen};
 use crate::diagnose::model::solver::SOLVER;
-use crate::diagnose::principles::{FAR_DEVIATIONS, FEWEST_OBSERVATIONS, Prior, Size};
+use crate::diagnose::principles::{FAR_DEVIATIONS, FEWEST_OBSERVATIONS, Prior, Size, Threshold};
 use crate::error::Result;
 use crate::geometry::rotation::nearest;
 use nalgebra::{Matrix3, Point3, Vector3};
@@ -22,6 +22,8 @@ use std::sync::Mutex;
 /// What a set-up by hand and small causes leave, as a share of the reach; and its bounds, m.
 const USUAL_SHARE: Prior = 0.03;
 const USUAL_BOUNDS_M: (f64, f64) = (0.006, 0.03);
+/// By this the mean loss must fall with each mistake. In a closer look, where little is left and what verifies decides, by a quarter of it.
+pub(super) const LEAST_FALL: Threshold = 0.03;
 /// Mirrors that are remembered of a frame: chains of mistakes ask for the same positions between camera and board again and again.
 const MOST_REMEMBERED: Size = 64;
 

@@ -42,7 +42,7 @@ use crate::statistics::GOLDEN_SECTION;
 use alternatives::Session;
 pub(crate) use changes::settle_slip;
 pub(crate) use choice::Doubt;
-use misfit::Misfit;
+use misfit::{LEAST_FALL, Misfit};
 pub(crate) use mistake::Mistake;
 use rayon::prelude::*;
 pub(crate) use told::told;
@@ -56,9 +56,7 @@ const BEAM: Size = 4;
 const GROSS: Threshold = 0.12;
 /// The same for the marker that is farthest off: one of several may sit on another link.
 const GROSS_OF_ONE: Threshold = 2.0 * GROSS;
-/// By this the mean loss must fall with each mistake, and by the share that makes a gap. In a closer look, where little is left and what verifies decides, by a
-/// quarter of it.
-const LEAST_FALL: Threshold = 0.03;
+/// The share that makes a gap, by which the mean loss must fall too.
 const LEAST_SHARE: Threshold = A_GAP - 1.0;
 /// Frames on which small errors are fitted beside a slip.
 const FRAMES_OF_SLIPS: Size = 100;

@@ -185,7 +185,8 @@ fn a_mistake_is_gone_on_from_where_the_loss_falls_by_what_matters() {
         let misfit = Misfit::new(&problem).unwrap();
         let frames: Vec<usize> = (0..problem.frames.len()).collect();
         let nominal = Chain::new(Vec::new(), Variant::of(&recording, &problem), &misfit, &frames);
-        let found = extended(&Session::new(&problem, &misfit), &frames, &nominal, &[], super::LEAST_FALL);
+        let found =
+            extended(&Session::new(&problem, &misfit), &frames, &nominal, &[], super::misfit::LEAST_FALL);
         let is_it = |m: &Mistake| matches!(m, Mistake::JointUnit { joint: j, .. } if *j == joint);
         found.iter().any(|c| c.mistakes.iter().any(is_it))
     };
