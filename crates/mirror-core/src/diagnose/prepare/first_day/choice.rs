@@ -5,10 +5,11 @@
 //! that is mounted just where a quarter turn of the last joint brings it). Then prior odds decide, and what is less likely is told beside.
 
 use super::alternatives::Session;
+use super::chain::{Chain, FRAMES, spread};
 use super::mistake::Mistake;
 use super::told::told;
+use super::undone::{Doubt, Undone};
 use super::verify::{Tolerant, smaller};
-use super::{Chain, FRAMES, Undone, spread};
 use crate::diagnose::data::diagnosis::{Alternative, Cause};
 use crate::diagnose::likelihood::probability::against;
 use crate::diagnose::model::problem::Problem;
@@ -23,14 +24,6 @@ pub(super) struct Choice {
     pub instead: Vec<Alternative>,
     /// What they could stand for, where they are none.
     pub doubts: Vec<Doubt>,
-}
-
-/// A mistake that could stand in the place of a small error.
-#[derive(Debug, Clone)]
-pub(crate) struct Doubt {
-    /// The small error: effect and place.
-    pub of: (String, String),
-    pub mistake: Alternative,
 }
 
 impl Choice {

@@ -3,6 +3,7 @@
 //! The boards tell by themselves: with these mistakes no flat mirror shows their corners where they are seen. A camera that a hand
 //! mounted askew does nearly the same; so the likeliest mistake is weighed against small errors of every kind ([`super::verify`]).
 
+use super::chain::FRAMES;
 use super::misfit::Misfit;
 use super::mistake::Mistake;
 use super::variant::Variant;
@@ -40,7 +41,7 @@ pub(super) fn find(
     cancel: &Cancel,
 ) -> Result<Option<(Mistake, f64)>> {
     let Some(sight) = recording.sight.as_ref().filter(|s| s.board.is_some()) else { return Ok(None) };
-    let step = recording.frames.len().div_ceil(super::FRAMES).max(1);
+    let step = recording.frames.len().div_ceil(FRAMES).max(1);
     let mut few = recording.clone();
     few.frames = recording.frames.iter().step_by(step).cloned().collect();
     let nominal = loss(robot, &few)?;

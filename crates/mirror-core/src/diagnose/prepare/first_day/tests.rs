@@ -3,12 +3,13 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use super::alternatives::Session;
+use super::chain::{Chain, extended};
 use super::changes::WITHIN_CHANCE;
 use super::misfit::Misfit;
 use super::mistake::Mistake;
 use super::optics::CLEAR_LOSS;
+use super::outlying;
 use super::variant::Variant;
-use super::{Chain, extended, outlying};
 use crate::diagnose::data::recording::{Recording, Target};
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::prepare::known::Known;

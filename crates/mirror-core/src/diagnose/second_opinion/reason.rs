@@ -1,26 +1,10 @@
-//! A diagnosis, and a second one where the first contradicts itself or rests on what it does not explain.
-//!
-//! Slips and whole mistakes are looked for before causes are: they take their share of any misfit that is like them. So where there is reason for
-//! doubt the session is diagnosed once more, and of the two the second is believed under a condition:
-//!
-//! | doubt of the first | the second | is believed where it |
-//! | --- | --- | --- |
-//! | a ratio told twice at one joint, or of no size; a picture of another size beside a focal length that takes it back; a slip by fewer than six deviations; slipped rows that fit their own postures beside the causes | goes without that mistake | explains all, or leaves no more |
-//! | a slip, or slipped rows, beside something unexplained | goes without that | leaves clearly less on held-out regions |
-//! | something is unexplained | looks beside the causes found for mistakes that do no more than small errors (a log that is a little late) | leaves no more, and explains all or most of it |
-//! | a cause is far larger than such an error is | looks beside the others in the same way | explains all by no more causes |
-//! | what was left out as false lies together | looks in the same way | explains all and leaves out less than half of that |
+//! Why a session is diagnosed a second time, what the second diagnosis does otherwise, and when it is believed.
 
 use crate::diagnose::assessment::false_together::lies_together;
 use crate::diagnose::data::diagnosis::{Cause, Diagnosis, Verdict};
 use crate::diagnose::data::recording::Recording;
-use crate::diagnose::pipeline::{self, Outcome};
-use crate::diagnose::prepare::known::Known;
-use crate::diagnose::prepare::options::{DiagnoseOptions, OtherSession};
-use crate::diagnose::prepare::prepared::Prepared;
+use crate::diagnose::pipeline::Outcome;
 use crate::diagnose::principles::{FAR_DEVIATIONS, LEAST_HELD_OUT_RATIO, MAJORITY, SURE_DEVIATIONS};
-use crate::error::Result;
-use crate::robot::Robot;
 
 const SLIP: &str = "slip";
 /// The parameter of a slip that is none of its motion.
@@ -31,66 +15,9 @@ const RESIZED: (&str, &str) = ("camera_resolution", "camera_focal");
 /// A ratio that is a whole mistake is tried as another unit of the joint, and told as a small one is.
 const RATIO: (&str, &str) = ("joint_unit", "gear_ratio");
 
-/// Diagnoses a recording: where the model is wrong, which effect causes it, how far the gap shrinks.
-///
-/// Slips and rows of their own beside an unexplained remainder, and ratios that are told twice or are none, are asked of twice.
-///
-/// # Errors
-/// A recording that is not valid, links that do not exist, invalid parameters of the camera.
-pub fn diagnose(
-    robot: &Robot,
-    recording: &Recording,
-    options: &DiagnoseOptions,
-    others: &[OtherSession],
-) -> Result<Diagnosis> {
-    let prepared = |options: &DiagnoseOptions, known: Option<&Known>| {
-        options.progress.enter("looking for whole mistakes");
-        Prepared::new(robot, recording, options, known)
-    };
-    let at_first = prepared(options, None)?;
-    let mistakes = at_first.mistakes().to_vec();
-    let found = pipeline::diagnose(at_first, robot, recording, options, others)?;
-    let Some(doubt) = Doubt::of(&found, recording) else { return Ok(found.diagnosis) };
-    let known = doubt.looks_closely().then(|| Known {
-        sought: matches!(doubt, Doubt::TooLarge | Doubt::Unexplained),
-        ..found.known_without_large.unwrap_or(found.known)
-    });
-    let mut still = options.clone();
-    still.without.extend(doubt.without().map(str::to_owned));
-    let again = prepared(&still, known.as_ref())?;
-    let first = found.diagnosis;
-    // The same mistakes undone come to the same end.
-    if doubt.without().is_none() && same_mistakes(again.mistakes(), &mistakes) {
-        return Ok(first);
-    }
-    let mut second = pipeline::diagnose(again, robot, recording, &still, others)?.diagnosis;
-    let no_worse = left(&second) <= left(&first);
-    let believed = match doubt {
-        Doubt::Twice | Doubt::Resized | Doubt::HardlySlipped | Doubt::InOrder => {
-            no_worse || explains(&second)
-        }
-        Doubt::Slip | Doubt::Pairing => LEAST_HELD_OUT_RATIO * left(&second) <= left(&first),
-        Doubt::Unexplained => no_worse && (explains(&second) || takes_most(&second, &first)),
-        Doubt::TooLarge => {
-            explains(&second)
-                && second.causes.len() <= first.causes.len()
-                && LEAST_HELD_OUT_RATIO * left(&second) <= left(&first)
-        }
-        // More is used, what was farthest off among it.
-        Doubt::FalseTogether => {
-            explains(&second) && false_count(&second) as f64 <= MAJORITY * false_count(&first) as f64
-        }
-    };
-    if !believed {
-        return Ok(first);
-    }
-    second.trace.insert(0, doubt.words().into());
-    Ok(second)
-}
-
-/// What a first diagnosis is asked again about.
+/// Why a session is diagnosed a second time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Doubt {
+pub(super) enum Reason {
     /// A ratio is told twice at one joint, or is that of the model.
     Twice,
     /// A picture of another size is told, and a focal length beside it that takes it back.
@@ -111,8 +38,9 @@ enum Doubt {
     Unexplained,
 }
 
-impl Doubt {
-    fn of(found: &Outcome, recording: &Recording) -> Option<Self> {
+impl Reason {
+    /// The reason that a first diagnosis gives, if it gives one.
+    pub fn of(found: &Outcome, recording: &Recording) -> Option<Self> {
         let first = &found.diagnosis;
         let named = |effect: &str| first.causes.iter().any(|c| c.effect == effect);
         if is_told_twice(&first.causes) || is_of_no_size(&first.causes) {
@@ -137,7 +65,7 @@ impl Doubt {
     }
 
     /// What the second diagnosis does without.
-    fn without(self) -> Option<&'static str> {
+    pub fn without(self) -> Option<&'static str> {
         match self {
             Self::Twice => Some(RATIO.0),
             Self::Resized => Some(RESIZED.0),
@@ -148,11 +76,36 @@ impl Doubt {
     }
 
     /// Whether whole mistakes are looked for that do no more than small errors.
-    fn looks_closely(self) -> bool {
+    pub fn looks_closely(self) -> bool {
         matches!(self, Self::Pairing | Self::Unexplained | Self::FalseTogether | Self::TooLarge)
     }
 
-    fn words(self) -> &'static str {
+    /// Whether the second diagnosis is believed, and not the first.
+    pub fn believes(self, second: &Diagnosis, first: &Diagnosis) -> bool {
+        let no_worse = left(second) <= left(first);
+        match self {
+            Self::Twice | Self::Resized | Self::HardlySlipped | Self::InOrder => no_worse || explains(second),
+            Self::Slip | Self::Pairing => LEAST_HELD_OUT_RATIO * left(second) <= left(first),
+            Self::Unexplained => no_worse && (explains(second) || takes_most(second, first)),
+            Self::TooLarge => {
+                explains(second)
+                    && second.causes.len() <= first.causes.len()
+                    && LEAST_HELD_OUT_RATIO * left(second) <= left(first)
+            }
+            // More is used, what was farthest off among it.
+            Self::FalseTogether => {
+                explains(second) && false_count(second) as f64 <= MAJORITY * false_count(first) as f64
+            }
+        }
+    }
+
+    /// Whether a whole mistake is sought for something that small errors do not explain.
+    pub fn seeks(self) -> bool {
+        matches!(self, Self::TooLarge | Self::Unexplained)
+    }
+
+    /// What is said of it where the second is believed.
+    pub fn words(self) -> &'static str {
         match self {
             Self::Twice => {
                 "a ratio undone as a whole mistake was found again beside it, or to be the model's: it is none"
@@ -193,11 +146,6 @@ fn hardly_slipped(cause: &Cause) -> bool {
     cause.effect == SLIP
         && motion().count() > 0
         && motion().all(|(_, e)| e.value.abs() < FAR_DEVIATIONS * e.std)
-}
-
-/// Whether the same mistakes were undone, but for their numbers.
-fn same_mistakes(a: &[Cause], b: &[Cause]) -> bool {
-    a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.effect == b.effect && a.at == b.at)
 }
 
 /// How many observations were left out as false.

@@ -1,0 +1,209 @@
+//! Chains of mistakes: a session as several mistakes would have it, and the best few, grown from none one mistake after another.
+
+use super::alternatives::Session;
+use super::misfit::{LEAST_FALL, Misfit};
+use super::mistake::Mistake;
+use super::mounts;
+use super::undone::{Undone, arranged_again};
+use super::variant::Variant;
+use crate::diagnose::model::problem::Problem;
+use crate::diagnose::model::work_budget::A_STAGE;
+use crate::diagnose::principles::{A_GAP, Size, Threshold};
+use crate::error::Result;
+use crate::statistics::GOLDEN_SECTION;
+use rayon::prelude::*;
+
+/// Frames on which alternatives are scored, and on which they are verified.
+pub(super) const FRAMES: Size = 64;
+/// How many of the best chains of mistakes are gone on from and verified.
+pub(super) const BEAM: Size = 4;
+/// A mean loss below this is that of small errors: nothing is gross.
+const GROSS: Threshold = 0.12;
+/// The same for the marker that is farthest off: one of several may sit on another link.
+const GROSS_OF_ONE: Threshold = 2.0 * GROSS;
+/// The share that makes a gap, by which the mean loss must fall too.
+const LEAST_SHARE: Threshold = A_GAP - 1.0;
+/// A chain of mistakes with the session as it would be.
+#[derive(Clone)]
+pub(super) struct Chain {
+    pub mistakes: Vec<Mistake>,
+    pub variant: Variant,
+    pub loss: f64,
+    /// The mean loss of the marker that has the largest.
+    pub worst: f64,
+}
+
+impl Chain {
+    pub fn new(mistakes: Vec<Mistake>, variant: Variant, misfit: &Misfit<'_>, frames: &[usize]) -> Self {
+        let (loss, worst) = misfit.mean_losses(&variant, frames);
+        Self { mistakes, variant, loss, worst }
+    }
+
+    /// With one more mistake, which may be one with the last.
+    pub fn with(&self, mistake: &Mistake, session: &Session<'_>, frames: &[usize]) -> Self {
+        let mut mistake = mistake.clone();
+        let mut variant = self.variant.clone();
+        if let Mistake::LogFrozen { joint, first, last } = &mut mistake {
+            variant = session.freed(&self.variant, *joint, *first, *last);
+            *first = session.begun(&self.variant, &variant, *first, *last);
+        } else {
+            mistake.on_variant(&mut variant);
+        }
+        let mut mistakes = self.mistakes.clone();
+        match mistakes.last().and_then(|last| last.together(&mistake)) {
+            Some(one) => *mistakes.last_mut().unwrap_or(&mut mistake) = one,
+            None => mistakes.push(mistake),
+        }
+        Self::new(mistakes, variant, session.misfit, frames)
+    }
+
+    /// The same mistakes but for one, from a chain that has none.
+    pub fn without(&self, which: usize, none: &Self, session: &Session<'_>, frames: &[usize]) -> Self {
+        let others = self.mistakes.iter().enumerate().filter(|(i, _)| *i != which);
+        others.fold(none.clone(), |chain, (_, mistake)| chain.with(mistake, session, frames))
+    }
+
+    /// Whether both have the same mistakes but for their numbers.
+    pub fn is_like(&self, other: &Self) -> bool {
+        self.mistakes.len() == other.mistakes.len()
+            && self.mistakes.iter().all(|m| other.mistakes.iter().any(|o| o.is_like(m)))
+    }
+
+    /// Whether something is left that is more than small errors, of one marker alone too.
+    pub fn is_gross(&self) -> bool {
+        self.loss > GROSS || self.worst > GROSS_OF_ONE
+    }
+}
+
+/// The best few chains of mistakes, grown from none.
+pub(super) fn grown(
+    all: &Session<'_>,
+    nominal: &Chain,
+    frames: &[usize],
+    without: &[String],
+    closely: bool,
+) -> Result<Vec<Chain>> {
+    let problem = all.problem;
+    let least_fall = if closely { 0.25 * LEAST_FALL } else { LEAST_FALL };
+    let mut chains = Vec::new();
+    let mut level = vec![nominal.clone()];
+    loop {
+        let mut next: Vec<Chain> = Vec::new();
+        for chain in &level {
+            next.extend(extended(all, frames, chain, without, least_fall));
+        }
+        // What was passed over after a stop has numbers that mean nothing.
+        problem.cancel.check()?;
+        // Where nothing fits each further one is as costly as it is vain.
+        let costly = problem.budget.share() > A_STAGE;
+        next.sort_by(|a, b| a.loss.total_cmp(&b.loss));
+        unlike(&mut next, BEAM);
+        let best = level.first().map_or(f64::INFINITY, |c| c.loss);
+        if next.first().is_none_or(|n| n.loss > best * (1.0 - LEAST_SHARE)) {
+            break;
+        }
+        chains.extend(next.iter().cloned());
+        level = next;
+        if !(level[0].is_gross() || closely) || costly {
+            break;
+        }
+    }
+    chains.sort_by(|a, b| {
+        let cost = |c: &Chain| c.loss + least_fall * c.mistakes.len() as f64;
+        cost(a).total_cmp(&cost(b))
+    });
+    unlike(&mut chains, BEAM);
+    Ok(chains)
+}
+
+/// A chain with each further mistake that makes it clearly better; the best few.
+pub(super) fn extended(
+    session: &Session<'_>,
+    frames: &[usize],
+    chain: &Chain,
+    without: &[String],
+    least_fall: f64,
+) -> Vec<Chain> {
+    let mut mistakes = session.of_joints(&chain.variant, chain.mistakes.is_empty());
+    mistakes.extend(session.of_labels(&chain.variant));
+    mistakes.extend(session.of_rows(&chain.variant));
+    mistakes.extend(session.of_stops(&chain.variant));
+    mistakes.extend(session.of_squares(&chain.variant));
+    // Where as many as half of the markers are elsewhere it is what all of them are seen with that is wrong.
+    let elsewhere = chain.mistakes.iter().filter(|m| matches!(m, Mistake::MarkerParent { .. })).count();
+    if 2 * (elsewhere + 1) < session.problem.marker_sites.len().max(3) {
+        mistakes.extend(mounts::elsewhere(session.problem, session.misfit, &chain.variant, frames));
+    }
+    mistakes.retain(|m| !without.iter().any(|w| w == m.effect()));
+    let with = |mistake: &Mistake| chain.with(mistake, session, frames);
+    let least = (chain.loss * (1.0 - LEAST_SHARE)).min(chain.loss - least_fall);
+    let mut out: Vec<(&Mistake, Chain)> = mistakes
+        .par_iter()
+        .map(|m| (m, with(m)))
+        .filter(|(_, c)| c.loss < chain.loss - 0.5 * least_fall)
+        .collect();
+    out.sort_by(|a, b| a.1.loss.total_cmp(&b.1.loss));
+    out.truncate(2 * BEAM);
+    let mut out: Vec<Chain> = out
+        .into_iter()
+        .map(|(mistake, c)| {
+            let refined = session.refined(mistake, &chain.variant, frames);
+            if refined == *mistake { c } else { with(&refined) }
+        })
+        .filter(|c| c.loss < least)
+        .collect();
+    out.sort_by(|a, b| a.loss.total_cmp(&b.loss));
+    out.truncate(BEAM);
+    out
+}
+
+/// Keeps the first few chains of which none is another's but for its numbers.
+pub(super) fn unlike(chains: &mut Vec<Chain>, count: usize) {
+    let mut kept: Vec<Chain> = Vec::new();
+    for chain in chains.drain(..) {
+        if kept.len() < count && !kept.iter().any(|other| chain.is_like(other)) {
+            kept.push(chain);
+        }
+    }
+    *chains = kept;
+}
+
+impl Chain {
+    /// The arranged problem with the chain's mistakes undone.
+    pub fn problem(&self, session: &Undone) -> Result<Problem> {
+        let (mut robot, mut recording) = (session.robot.clone(), session.recording.clone());
+        for mistake in &self.mistakes {
+            match mistake {
+                // Compared with what is best for it, not with its rows left out: fewer rows always fit better.
+                Mistake::LogFrozen { .. } | Mistake::Late { .. } | Mistake::Rows { .. } => {}
+                _ => mistake.undo(&mut robot, &session.problem, &mut recording)?,
+            }
+        }
+        for (frame, row) in recording.frames.iter_mut().zip(&self.variant.positions) {
+            frame.commanded.clone_from(row);
+        }
+        let mut problem = arranged_again(&robot, &recording, &session.problem)?;
+        problem.noise = session.problem.noise;
+        for mistake in &self.mistakes {
+            mistake.on_problem(&mut problem)?;
+        }
+        Ok(problem)
+    }
+}
+
+/// About so many frames spread over the session, up to so many of each posture.
+pub(super) fn spread(postures: &[Vec<usize>], count: usize, views: usize) -> Vec<usize> {
+    let wanted = (count / views).max(1);
+    let step = postures.len().div_ceil(wanted).max(1);
+    // One of each few, another one in turn by the golden ratio, and another view of it: a session's own rhythm (rows for which a posture
+    // is held) must not be met, or rows that are off by a view or two look alike.
+    let turn = |i: usize, count: usize| ((i as f64 * GOLDEN_SECTION).fract() * count as f64) as usize;
+    let mut out: Vec<usize> = postures
+        .chunks(step)
+        .enumerate()
+        .map(|(i, few)| (i, &few[turn(i, few.len())]))
+        .flat_map(|(i, p)| (0..views.min(p.len())).map(move |k| p[(i + k) % p.len()]))
+        .collect();
+    out.sort_unstable();
+    out
+}

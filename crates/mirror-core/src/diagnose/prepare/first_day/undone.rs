@@ -1,0 +1,87 @@
+//! The session with its mistakes undone, and what is told of them.
+
+use super::mistake::Mistake;
+use super::outlying;
+use super::told::told;
+use crate::diagnose::data::diagnosis::{Alternative, Cause, LeftOut};
+use crate::diagnose::data::recording::Recording;
+use crate::diagnose::model::problem::Problem;
+use crate::diagnose::prepare::boards::leave_out_wrong_grids;
+use crate::error::Result;
+use crate::robot::Robot;
+
+/// The session with its mistakes undone.
+pub(crate) struct Undone {
+    pub robot: Robot,
+    pub recording: Recording,
+    pub problem: Problem,
+    pub told: Vec<Cause>,
+    /// How it went, a line a step.
+    pub trace: Vec<String>,
+    /// Mistakes that could stand for a small error, where the data do not decide.
+    pub doubts: Vec<Doubt>,
+    /// Single observations that are false.
+    pub left_out: Vec<LeftOut>,
+    /// Whether rows hold other rows' measurement, or the board's squares are of another size, of which later stages take care: until
+    /// then they would pass for slips and false observations.
+    pub(super) unsettled: bool,
+}
+
+/// A mistake that could stand in the place of a small error.
+#[derive(Debug, Clone)]
+pub(crate) struct Doubt {
+    /// The small error: effect and place.
+    pub of: (String, String),
+    pub mistake: Alternative,
+}
+
+impl Undone {
+    /// Leaves out what no small error explains: digits, labels, rows whose joints were elsewhere.
+    pub(super) fn leave_out_false(&mut self) -> Result<()> {
+        let names = names(&self.robot);
+        let found = outlying::find(&self.problem, &self.recording, &names, self.problem.noise)?;
+        for outlying::False { frame, indices, told } in found {
+            outlying::remove(&mut self.recording.frames[frame], &indices);
+            let mut at = 0;
+            self.problem.frames[frame].others.retain(|_| {
+                at += 1;
+                !indices.contains(&(at - 1))
+            });
+            self.left_out.extend(told);
+        }
+        Ok(())
+    }
+
+    /// Undoes a mistake, and tells of it.
+    pub(super) fn undo(&mut self, mistake: &Mistake, probability: f64) -> Result<()> {
+        self.told.extend(told(mistake, &self.robot, &self.recording, &self.problem, probability));
+        let mut loose = core::mem::take(&mut self.problem.loose);
+        loose.extend(mistake.loose(&self.recording, &self.problem, &names(&self.robot)));
+        mistake.undo(&mut self.robot, &self.problem, &mut self.recording)?;
+        let slips = core::mem::take(&mut self.problem.slips);
+        self.problem = arranged_again(&self.robot, &self.recording, &self.problem)?;
+        leave_out_wrong_grids(&mut self.problem);
+        self.problem.slips = slips;
+        self.problem.loose = loose;
+        if !self.problem.slips.is_empty() {
+            self.problem.fit_boards()?;
+        }
+        mistake.on_problem(&mut self.problem)
+    }
+}
+
+/// A changed robot and recording arranged as before: with the markers where they were found to be, and the same token and limit of work.
+pub(super) fn arranged_again(robot: &Robot, recording: &Recording, before: &Problem) -> Result<Problem> {
+    let mut problem = Problem::new(robot, recording)?;
+    problem.marker_sites.clone_from(&before.marker_sites);
+    problem.marker_mounts.clone_from(&before.marker_mounts);
+    problem.scene.mount_known.clone_from(&before.scene.mount_known);
+    // A marker on another link is moved by other joints than the model says.
+    problem.markers_moved();
+    (problem.cancel, problem.budget) = (before.cancel.clone(), before.budget.clone());
+    Ok(problem)
+}
+
+fn names(robot: &Robot) -> Vec<String> {
+    robot.position_names().map(str::to_owned).collect()
+}
