@@ -12,6 +12,8 @@
 //! | what was left out as false lies together | looks in the same way | explains all and leaves out less than half of that |
 
 mod reason;
+#[cfg(test)]
+mod tests;
 
 use crate::diagnose::data::diagnosis::{Cause, Diagnosis};
 use crate::diagnose::data::recording::Recording;

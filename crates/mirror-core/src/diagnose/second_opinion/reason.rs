@@ -6,9 +6,9 @@ use crate::diagnose::data::recording::Recording;
 use crate::diagnose::pipeline::Outcome;
 use crate::diagnose::principles::{FAR_DEVIATIONS, LEAST_HELD_OUT_RATIO, MAJORITY, SURE_DEVIATIONS};
 
-const SLIP: &str = "slip";
+pub(super) const SLIP: &str = "slip";
 /// The parameter of a slip that is none of its motion.
-const FIRST_FRAME: &str = "first_frame";
+pub(super) const FIRST_FRAME: &str = "first_frame";
 const PAIRING: &str = "pairing";
 /// A camera's picture of another size, and what would be told beside it if it had none: a crop is an offset of the centre alone.
 const RESIZED: (&str, &str) = ("camera_resolution", "camera_focal");
@@ -129,19 +129,19 @@ impl Reason {
 }
 
 /// Whether a ratio is told at one joint both as a whole mistake and as a small cause.
-fn is_told_twice(causes: &[Cause]) -> bool {
+pub(super) fn is_told_twice(causes: &[Cause]) -> bool {
     let mut ratios = causes.iter().enumerate().filter(|(_, c)| c.effect == RATIO.1);
     ratios.any(|(i, c)| causes[..i].iter().any(|other| other.effect == c.effect && other.at == c.at))
 }
 
 /// Whether a ratio is told that is none, within its own deviations.
-fn is_of_no_size(causes: &[Cause]) -> bool {
+pub(super) fn is_of_no_size(causes: &[Cause]) -> bool {
     let of_ratios = causes.iter().filter(|c| c.effect == RATIO.1);
     of_ratios.flat_map(|c| c.parameters.values()).any(|e| e.value.abs() < SURE_DEVIATIONS * e.std)
 }
 
 /// Whether it is a slip by so little that its size may be chance, or a part of what another cause moves.
-fn hardly_slipped(cause: &Cause) -> bool {
+pub(super) fn hardly_slipped(cause: &Cause) -> bool {
     let motion = || cause.parameters.iter().filter(|(name, _)| *name != FIRST_FRAME);
     cause.effect == SLIP
         && motion().count() > 0
@@ -167,55 +167,4 @@ fn takes_most(second: &Diagnosis, first: &Diagnosis) -> bool {
 /// The held-out gap, in the unit of what was seen.
 fn left(diagnosis: &Diagnosis) -> f64 {
     diagnosis.gap.after_px.or(diagnosis.gap.after_m).unwrap_or(f64::INFINITY)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::diagnose::data::diagnosis::Estimate;
-
-    fn cause(effect: &str, at: &str) -> Cause {
-        Cause {
-            effect: effect.into(),
-            at: at.into(),
-            kind: "robot".into(),
-            probability: 0.99,
-            parameters: Default::default(),
-            stability: None,
-            alternatives: Vec::new(),
-            words: String::new(),
-            rms_shift: 0.0,
-            members: Vec::new(),
-            frames: Vec::new(),
-        }
-    }
-
-    #[test]
-    fn only_a_ratio_twice_at_one_joint_is_told_twice() {
-        let (a, b) = (cause("gear_ratio", "joint:a"), cause("gear_ratio", "joint:b"));
-        let offset = cause("joint_offset", "joint:a");
-        assert!(is_told_twice(&[a.clone(), b.clone(), a.clone()]));
-        assert!(!is_told_twice(&[a.clone(), b, offset.clone(), offset]));
-        let ratio = |value: f64| {
-            let scale = ("scale_error".to_owned(), Estimate { value, std: 0.001 });
-            Cause { parameters: [scale].into_iter().collect(), ..a.clone() }
-        };
-        assert!(
-            is_of_no_size(&[ratio(-0.002)])
-                && !is_of_no_size(&[ratio(-0.02)])
-                && !is_of_no_size(core::slice::from_ref(&a))
-        );
-    }
-    #[test]
-    fn a_slip_by_next_to_nothing_is_asked_of_twice() {
-        let slip = |motion: f64| {
-            let of = |value: f64, std: f64| Estimate { value, std };
-            let parameters =
-                [("dx_m", of(motion, 0.002)), ("dy_m", of(0.001, 0.002)), (FIRST_FRAME, of(90.0, 0.5))];
-            let parameters = parameters.into_iter().map(|(name, e)| (name.to_owned(), e)).collect();
-            Cause { parameters, ..cause(SLIP, "marker:a") }
-        };
-        assert!(hardly_slipped(&slip(0.004)) && hardly_slipped(&slip(0.011)) && !hardly_slipped(&slip(0.02)));
-        assert!(!hardly_slipped(&cause("gear_ratio", "joint:a")));
-    }
 }

@@ -1,0 +1,50 @@
+//! What of a first diagnosis is reason for a second one.
+
+use super::reason::{FIRST_FRAME, SLIP, hardly_slipped, is_of_no_size, is_told_twice};
+use crate::diagnose::data::diagnosis::{Cause, Estimate};
+
+fn cause(effect: &str, at: &str) -> Cause {
+    Cause {
+        effect: effect.into(),
+        at: at.into(),
+        kind: "robot".into(),
+        probability: 0.99,
+        parameters: Default::default(),
+        stability: None,
+        alternatives: Vec::new(),
+        words: String::new(),
+        rms_shift: 0.0,
+        members: Vec::new(),
+        frames: Vec::new(),
+    }
+}
+
+#[test]
+fn only_a_ratio_twice_at_one_joint_is_told_twice() {
+    let (a, b) = (cause("gear_ratio", "joint:a"), cause("gear_ratio", "joint:b"));
+    let offset = cause("joint_offset", "joint:a");
+    assert!(is_told_twice(&[a.clone(), b.clone(), a.clone()]));
+    assert!(!is_told_twice(&[a.clone(), b, offset.clone(), offset]));
+    let ratio = |value: f64| {
+        let scale = ("scale_error".to_owned(), Estimate { value, std: 0.001 });
+        Cause { parameters: [scale].into_iter().collect(), ..a.clone() }
+    };
+    assert!(
+        is_of_no_size(&[ratio(-0.002)])
+            && !is_of_no_size(&[ratio(-0.02)])
+            && !is_of_no_size(core::slice::from_ref(&a))
+    );
+}
+
+#[test]
+fn a_slip_by_next_to_nothing_is_asked_of_twice() {
+    let slip = |motion: f64| {
+        let of = |value: f64, std: f64| Estimate { value, std };
+        let parameters =
+            [("dx_m", of(motion, 0.002)), ("dy_m", of(0.001, 0.002)), (FIRST_FRAME, of(90.0, 0.5))];
+        let parameters = parameters.into_iter().map(|(name, e)| (name.to_owned(), e)).collect();
+        Cause { parameters, ..cause(SLIP, "marker:a") }
+    };
+    assert!(hardly_slipped(&slip(0.004)) && hardly_slipped(&slip(0.011)) && !hardly_slipped(&slip(0.02)));
+    assert!(!hardly_slipped(&cause("gear_ratio", "joint:a")));
+}
