@@ -66,7 +66,7 @@ def mounted(name: str, folder: Path, **moved: tuple[tuple[float, ...], tuple[flo
     data = pytest.importorskip("mirror_lab.blind.known_robots")
     file, root, mounts, _, _ = BODIES[name]
     try:
-        described = data._described(file)
+        described = data.description_file(file)
         urdf = described.read_text(encoding="utf-8")
     except MirrorPostureError as missing:
         pytest.skip(str(missing))

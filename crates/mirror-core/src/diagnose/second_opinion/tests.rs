@@ -45,6 +45,6 @@ fn a_slip_by_next_to_nothing_is_asked_of_twice() {
         let parameters = parameters.into_iter().map(|(name, e)| (name.to_owned(), e)).collect();
         Cause { parameters, ..cause(SLIP, "marker:a") }
     };
-    assert!(hardly_slipped(&slip(0.004)) && hardly_slipped(&slip(0.011)) && !hardly_slipped(&slip(0.02)));
+    assert!(hardly_slipped(&slip(0.004)) && hardly_slipped(&slip(0.02)) && !hardly_slipped(&slip(0.03)));
     assert!(!hardly_slipped(&cause("gear_ratio", "joint:a")));
 }
