@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .drawn_robots import BOARD_RPY
+from .kinematics import Change, chain
 from .known_robots import bare, description_file, mounted
-from .mounting import rotation_of
 from .robots import Body, Robot, mount, read_bodies
+from .truth import Commands
 
 Array = NDArray[np.float64]
 
@@ -98,12 +99,14 @@ def described_robot(name: str, rng: np.random.Generator) -> Robot:
     """A robot of [`DESCRIBED`] with drawn mounts and postures."""
     of = DESCRIBED[name]
     tree = bare(description_file(of.file).read_text(encoding="utf-8"))
-    bodies = read_bodies(mounted(tree, []), of.root)
-    index = {body.name: i for i, body in enumerate(bodies)}
-    carriers = [index[link] for link in of.markers.values()]
-    moving = sorted({i for c in carriers for i in _chain(bodies, c) if bodies[i].joint_type == "hinge"})
-    limits = np.array([_limits(bodies[i]) for i in moving])
-    middle, at_m = _in_front(bodies, moving, carriers, limits, of.reach_m, rng)
+    # Each marker at its link's origin first: where the camera goes depends on where these are.
+    at_links = [mount(f"{marker}_marker", link, np.zeros(3)) for marker, link in of.markers.items()]
+    rig = [mount(link, of.root, np.zeros(3)) for link in ("camera_optical", "chest_board")]
+    bare_robot = _robot(name, of, mounted(tree, at_links + rig), {})
+    above = {i for m in of.markers for i in bare_robot.ancestors(bare_robot.index[f"{m}_marker"])}
+    moving = [bare_robot.bodies[i] for i in sorted(above) if bare_robot.bodies[i].joint_type == "hinge"]
+    limits = {body.joint: _limits(body) for body in moving}
+    middle, at_m = _in_front(_robot(name, of, bare_robot.urdf, limits), list(limits), of.reach_m, rng)
     height = float(at_m[:, 2].mean())
     mounts = []
     for marker, link in of.markers.items():
@@ -114,11 +117,14 @@ def described_robot(name: str, rng: np.random.Generator) -> Robot:
     board = (-0.25 * of.reach_m, rng.uniform(-0.1, 0.1) * of.reach_m, height + 0.05 * of.reach_m)
     mounts.append(mount("camera_optical", of.root, camera, (-np.pi / 2 - TILT_RAD, 0.0, -np.pi / 2)))
     mounts.append(mount("chest_board", of.root, board, BOARD_RPY))
-    urdf = mounted(tree, mounts)
     ranges = {
-        bodies[i].joint: (max(low, q - HALF_RANGE_RAD), min(high, q + HALF_RANGE_RAD))
-        for i, q, (low, high) in zip(moving, middle.tolist(), limits.tolist(), strict=True)
+        joint: (max(low, q - HALF_RANGE_RAD), min(high, q + HALF_RANGE_RAD))
+        for (joint, (low, high)), q in zip(limits.items(), middle.tolist(), strict=True)
     }
+    return _robot(name, of, mounted(tree, mounts), ranges)
+
+
+def _robot(name: str, of: Described, urdf: str, ranges: dict[str, tuple[float, float]]) -> Robot:
     return Robot(
         name,
         urdf,
@@ -137,55 +143,26 @@ def described_robot(name: str, rng: np.random.Generator) -> Robot:
     )
 
 
-def _chain(bodies: list[Body], body: int) -> list[int]:
-    """The body and all that carry it."""
-    out = []
-    while body >= 0:
-        out.append(body)
-        body = bodies[body].parent
-    return out
-
-
 def _limits(body: Body) -> tuple[float, float]:
     """Where a joint may go, no farther than so that its arm stays one posture away from its middle."""
     return max(body.lower, -2.8), min(body.upper, 2.8)
 
 
 def _in_front(
-    bodies: list[Body],
-    moving: list[int],
-    carriers: list[int],
-    limits: Array,
-    reach_m: float,
-    rng: np.random.Generator,
+    robot: Robot, joints: list[str], reach_m: float, rng: np.random.Generator
 ) -> tuple[Array, Array]:
-    """Positions (J,) of the moving joints, of many drawn, at which the carriers (M, 3) are farthest in front and apart."""
-    low, high = limits.T
-    drawn = low + rng.uniform(0.15, 0.85, (TRIED, len(moving))) * (high - low)
-    best = (-np.inf, drawn[0], np.zeros((len(carriers), 3)))
-    for q in drawn:
-        at_m = _places(bodies, dict(zip(moving, q.tolist(), strict=True)))[carriers]
-        apart = np.linalg.norm(at_m[:, None] - at_m[None], axis=2)[np.triu_indices(len(carriers), 1)].min()
-        score = (
-            np.minimum(at_m[:, 0], 0.5 * reach_m).sum()
-            - 0.3 * np.abs(at_m[:, 2] - at_m[:, 2].mean()).sum()
-            - 5 * max(0.0, 0.12 * reach_m - apart)
-        )
-        if score > best[0]:
-            best = (float(score), q, at_m)
-    return best[1], best[2]
-
-
-def _places(bodies: list[Body], q_rad: dict[int, float]) -> Array:
-    """Origins (B, 3) of all bodies in the root's frame."""
-    turns: list[Array] = []
-    places: list[Array] = []
-    for i, body in enumerate(bodies):
-        if body.parent < 0:
-            turns.append(np.eye(3))
-            places.append(np.zeros(3))
-            continue
-        places.append(places[body.parent] + turns[body.parent] @ body.xyz_m)
-        turn = turns[body.parent] @ body.rotation
-        turns.append(turn @ rotation_of(body.axis * q_rad[i]) if i in q_rad else turn)
-    return np.array(places)
+    """Positions (J,) of the joints, of many drawn, at which the markers (M, 3) are farthest in front and apart."""
+    low, high = np.array([robot.ranges[joint] for joint in joints]).T
+    drawn = low + rng.uniform(0.15, 0.85, (TRIED, len(joints))) * (high - low)
+    poses = chain(robot, Commands(joints, drawn, np.zeros(TRIED)), Change())
+    at_m = poses.position_m[[robot.index[f"{m}_marker"] for m in robot.markers]].transpose(1, 0, 2)
+    pairs = np.triu_indices(len(robot.markers), 1)
+    apart = np.linalg.norm(at_m[:, pairs[0]] - at_m[:, pairs[1]], axis=2).min(axis=1)
+    height = at_m[:, :, 2]
+    score = (
+        np.minimum(at_m[:, :, 0], 0.5 * reach_m).sum(axis=1)
+        - 0.3 * np.abs(height - height.mean(axis=1, keepdims=True)).sum(axis=1)
+        - 5 * np.maximum(0.0, 0.12 * reach_m - apart)
+    )
+    best = int(np.argmax(score))
+    return drawn[best], at_m[best]

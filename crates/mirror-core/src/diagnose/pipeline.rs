@@ -38,10 +38,10 @@ pub(crate) struct Outcome {
     pub diagnosis: Diagnosis,
     /// Rows were left out as slipped, but fit their own postures beside the causes found.
     pub rows_in_order: bool,
-    /// What was found.
+    /// What was found, but for causes that are far larger than such an error is.
     pub known: Known,
-    /// What was found, but for causes that are far larger than such an error is; none where none is.
-    pub known_without_large: Option<Known>,
+    /// Whether there are such causes.
+    pub too_large: bool,
 }
 
 /// Diagnoses a recording: where the model is wrong, which effect causes it, how far the gap shrinks.
@@ -113,7 +113,7 @@ pub(crate) fn diagnose(
         Some(slip) => !is_found_again(&findings, &prepared.arranged, slip)?,
         None => false,
     };
-    let (known, without_large) = (findings.known(), findings.known_without_large());
+    let (deformation, too_large) = findings.known();
     let anew = chosen_anew(&findings, &ranking)?;
     let checked = others.iter().map(|other| check(&findings, other)).collect::<Result<Vec<_>>>()?;
     let (its_robot, its_recording) = (prepared.robot(robot), prepared.recording(recording));
@@ -131,14 +131,8 @@ pub(crate) fn diagnose(
     options.cancel.check()?;
     let number_of = |left: &LeftOut| arranged.frame_numbers.iter().position(|n| *n == left.frame);
     let left_out = diagnosis.data.left_out.iter().filter(|l| l.is_false());
-    let false_frames: Vec<usize> = left_out.filter_map(number_of).collect();
-    let known_of = |deformation| Known { deformation, false_frames: false_frames.clone(), sought: false };
-    Ok(Outcome {
-        rows_in_order,
-        known: known_of(known),
-        known_without_large: without_large.map(known_of),
-        diagnosis,
-    })
+    let known = Known { deformation, false_frames: left_out.filter_map(number_of).collect(), sought: false };
+    Ok(Outcome { rows_in_order, known, too_large, diagnosis })
 }
 
 /// Whether slipped rows are slipped beside what was found as well.

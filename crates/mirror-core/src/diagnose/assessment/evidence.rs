@@ -128,20 +128,16 @@ pub(crate) fn insufficient(data: &Data) -> bool {
 
 /// Whether so many observations were left out as false that the rest's agreement with the model says little.
 pub(crate) fn much_is_false(data: &Data) -> bool {
-    far(data) as f64 > WORTH_NAMING * data.points_given as f64
+    data.false_count() as f64 > WORTH_NAMING * data.points_given as f64
 }
 
 /// How much is false, in words.
 pub(crate) fn what_is_false(data: &Data) -> String {
     format!(
         "{} of {} observations of markers are far from any model and were left out; the rest agrees with the nominal model. Look at what is listed: names, rows, or something that moved.",
-        far(data),
+        data.false_count(),
         data.points_given
     )
-}
-
-fn far(data: &Data) -> usize {
-    data.left_out.iter().filter(|l| l.is_false()).count()
 }
 
 /// What is missing, in counts and in the commonest reason.

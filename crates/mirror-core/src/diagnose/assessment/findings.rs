@@ -34,27 +34,20 @@ pub(crate) struct Findings<'a> {
 }
 
 impl Findings<'_> {
-    /// What differs from the nominal model by the causes that have a name, and the small errors beside them.
-    pub fn known(&self) -> Deformation {
-        self.with_terms(|_| true)
-    }
-
-    /// The same without the causes that are far larger than such an error is; none where none is.
-    pub fn known_without_large(&self) -> Option<Deformation> {
+    /// What differs from the nominal model by the causes that have a name, and the small errors beside them, but for causes that are far larger than
+    /// such an error is; and whether there are any.
+    pub fn known(&self) -> (Deformation, bool) {
+        let hypotheses = &self.search.catalogue.hypotheses;
         let is_large = |term: &Term| {
-            let stds = &self.search.catalogue.hypotheses[term.hypothesis].prior_std;
+            let stds = &hypotheses[term.hypothesis].prior_std;
             let in_stds = term.parameters.iter().zip(stds).map(|(p, std)| (p / std).abs());
             in_stds.fold(0.0, f64::max) > FAR_DEVIATIONS
         };
-        let any = self.found.fit.model.terms.iter().any(is_large);
-        any.then(|| self.with_terms(|term| !is_large(term)))
-    }
-
-    /// What some of the causes do that have a name.
-    fn with_terms(&self, which: impl Fn(&Term) -> bool) -> Deformation {
         let mut model = self.found.fit.model.clone();
-        model.terms.retain(|t| !self.search.catalogue.is_free(t.hypothesis) && which(t));
-        self.search.deformation(&model)
+        model.terms.retain(|t| !self.search.catalogue.is_free(t.hypothesis));
+        let named = model.terms.len();
+        model.terms.retain(|t| !is_large(t));
+        (self.search.deformation(&model), model.terms.len() < named)
     }
 
     /// A fit of the findings' model, for those who need its covariance anew.

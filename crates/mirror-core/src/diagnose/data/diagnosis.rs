@@ -334,6 +334,13 @@ impl LeftOut {
     }
 }
 
+impl Data {
+    /// How many observations of markers were left out as false.
+    pub(crate) fn false_count(&self) -> usize {
+        self.left_out.iter().filter(|l| l.is_false()).count()
+    }
+}
+
 /// What of the data was given and used: nothing is left out without being listed.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct Data {

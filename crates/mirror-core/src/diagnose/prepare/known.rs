@@ -5,7 +5,7 @@ use crate::diagnose::model::deformation::Deformation;
 /// What a first diagnosis found.
 #[derive(Debug, Clone)]
 pub(crate) struct Known {
-    /// What differs from the nominal model by the causes that have a name, and the small errors beside them.
+    /// What differs from the nominal model by the causes that have a name, and the small errors beside them, but for causes far larger than those.
     pub deformation: Deformation,
     /// Frames, by index, of which something was left out as false.
     pub false_frames: Vec<usize>,

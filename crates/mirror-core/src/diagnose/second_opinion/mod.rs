@@ -45,9 +45,7 @@ pub fn diagnose(
     let mistakes = at_first.mistakes().to_vec();
     let found = pipeline::diagnose(at_first, robot, recording, options, others)?;
     let Some(reason) = Reason::of(&found, recording) else { return Ok(found.diagnosis) };
-    let known = reason
-        .looks_closely()
-        .then(|| Known { sought: reason.seeks(), ..found.known_without_large.unwrap_or(found.known) });
+    let known = reason.looks_closely().then(|| Known { sought: reason.seeks(), ..found.known });
     let mut still = options.clone();
     still.without.extend(reason.without().map(str::to_owned));
     let again = prepared(&still, known.as_ref())?;

@@ -57,7 +57,7 @@ impl Reason {
         }
         match () {
             () if explains(first) && lies_together(recording, &first.data) => Some(Self::FalseTogether),
-            () if explains(first) => found.known_without_large.as_ref().map(|_| Self::TooLarge),
+            () if explains(first) => found.too_large.then_some(Self::TooLarge),
             () if named(SLIP) => Some(Self::Slip),
             () if named(PAIRING) => Some(Self::Pairing),
             () => Some(Self::Unexplained),
@@ -94,7 +94,8 @@ impl Reason {
             }
             // More is used, what was farthest off among it.
             Self::FalseTogether => {
-                explains(second) && false_count(second) as f64 <= MAJORITY * false_count(first) as f64
+                explains(second)
+                    && second.data.false_count() as f64 <= MAJORITY * first.data.false_count() as f64
             }
         }
     }
@@ -147,11 +148,6 @@ pub(super) fn hardly_slipped(cause: &Cause) -> bool {
     cause.effect == SLIP
         && motion().count() > 0
         && motion().all(|(_, e)| e.value.abs() < 2.0 * FAR_DEVIATIONS * e.std)
-}
-
-/// How many observations were left out as false.
-fn false_count(diagnosis: &Diagnosis) -> usize {
-    diagnosis.data.left_out.iter().filter(|l| l.is_false()).count()
 }
 
 /// Whether nothing is left unexplained.

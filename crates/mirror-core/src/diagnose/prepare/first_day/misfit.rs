@@ -58,10 +58,10 @@ impl<'a> Misfit<'a> {
     /// # Errors
     /// Invalid parameters of camera or mirror.
     pub fn new(problem: &'a Problem) -> Result<Self> {
-        let reach = problem.scene.reach_m;
+        let (reach, known) = (problem.scene.reach_m, problem.nominal());
         Ok(Self {
-            eye: problem.eye(&problem.nominal())?,
-            known: problem.nominal(),
+            eye: problem.eye(&known)?,
+            known,
             feet: problem.boards.iter().map(|b| b.map(|b| b.foot)).collect(),
             at_others: problem.boards.iter().map(|_| Mutex::default()).collect(),
             usual_m: (USUAL_SHARE * reach).clamp(USUAL_BOUNDS_M.0, USUAL_BOUNDS_M.1),
@@ -158,7 +158,7 @@ impl<'a> Misfit<'a> {
                         continue;
                     }
                     let m = variant.labels[frame][*m];
-                    let point = camera_from_world.point(&self.marker(work, variant, frame, m));
+                    let point = camera_from_world.point(&self.marker(&work.frame, variant, frame, m));
                     let by = foot.filter(|_| *via == Via::Mirror);
                     with(m, image_distance(eye, by.as_ref(), &point, pixel).unwrap_or(UNKNOWN_STD));
                 }
@@ -171,7 +171,7 @@ impl<'a> Misfit<'a> {
                     }
                     let Some(site) = problem.points_site else { continue };
                     let marker = variant.labels[frame][*marker];
-                    let point = self.marker(work, variant, frame, marker);
+                    let point = self.marker(&work.frame, variant, frame, marker);
                     let observer = work.frame.world_from_site(&site);
                     with(marker, (position - observer.inverse_point(&point)).norm());
                 }
@@ -194,10 +194,10 @@ impl<'a> Misfit<'a> {
     }
 
     /// Where a marker is, in the world, in the frame that was posed last.
-    fn marker(&self, work: &Work, variant: &Variant, frame: usize, marker: usize) -> Vector3<f64> {
+    fn marker(&self, posed: &FrameWork, variant: &Variant, frame: usize, marker: usize) -> Vector3<f64> {
         let shift = self.known.marker_shift_in(frame, marker);
-        let mount = work.frame.world_from_site(&self.problem.marker_mounts[marker]);
-        work.frame.world_from_site(&variant.sites[marker]).t + mount.r * shift
+        let mount = posed.world_from_site(&self.problem.marker_mounts[marker]);
+        posed.world_from_site(&variant.sites[marker]).t + mount.r * shift
     }
 
     /// The line on which what is seen at a pixel lies, camera frame: origin and unit direction.
@@ -289,9 +289,8 @@ impl<'a> Misfit<'a> {
         let marker = variant.labels[frame][name];
         let root = posed.world_from_site(&self.problem.scene.body.root).inverse();
         let mount = root.then(&posed.world_from_site(&self.problem.marker_mounts[marker]));
-        let at = root.point(&posed.world_from_site(&variant.sites[marker]).t);
-        let local = mount.inverse_point(&at) + self.known.marker_shift_in(frame, marker);
-        PointSeen { frame, marker, position, local, mount }
+        let at = root.point(&self.marker(posed, variant, frame, marker));
+        PointSeen { frame, marker, position, local: mount.inverse_point(&at), mount }
     }
 
     fn placed_by(&self, points: &[PointSeen]) -> Placed {

@@ -49,7 +49,8 @@ use variant::Variant;
 /// Frames on which small errors are fitted beside a slip.
 const FRAMES_OF_SLIPS: Size = 100;
 
-/// Finds and undoes whole mistakes; none where there is none. `known`: what a first diagnosis found; beside that mistakes are looked for too that do no more than small errors do (a late column of a joint that hardly moves).
+/// Finds and undoes whole mistakes; none where there is none. `known`: what a first diagnosis found; beside that mistakes are looked for too
+/// that do no more than small errors do (a late column of a joint that hardly moves).
 ///
 /// # Errors
 /// Invalid parameters of camera or mirror.
@@ -142,9 +143,10 @@ fn chain_of_the_body(
     let variant = Variant::of(&session.recording, problem);
     let nominal = Chain::new(Vec::new(), variant.clone(), &misfit, &frames);
     let mut chains = Vec::new();
-    // What is gross was looked at before anything was known.
-    if nominal.is_gross() != known.is_some() {
-        chains = grown(&all, &nominal, &frames, without, known.is_some())?;
+    // What is gross was looked at before anything was known, what is not is looked at since.
+    let closely = known.is_some();
+    if nominal.is_gross() != closely {
+        chains = grown(&all, &nominal, &frames, without, closely)?;
     }
     if let Some(known) = known {
         let beside = Misfit::beside(problem, &known.deformation, &variant)?;
