@@ -2,7 +2,8 @@
 
 Position: the point q at which every gradient in a window around it is perpendicular to the direction from q (`cv2.cornerSubPix`,
 Förstner's condition). A large window averages more of the picture's noise, a small one suffers less from bent edges (lens, paper) and
-from light that changes across the squares: several are tried, and the one whose corners fit a flat board best is kept.
+from light that changes across the squares: several are tried, and the one whose corners fit a flat board best is kept. Where edges cross at a
+slant, or squares are small, the drawn pattern is fitted instead (`slanted`).
 
 Covariance: `σ² (Σ g gᵀ)⁻¹` over the window, the bound for a shift of a known pattern with gradients g under white noise σ; σ is
 read from the flat middles of the squares. A view's residual against the flat board then scales all of them where it is larger than
@@ -21,6 +22,7 @@ from ..board import Board
 from ..camera import Camera
 from ..short_repr import ShortRepr
 from .gate import GateOptions, GateResult, board_residual
+from .slanted import fitted_corners, is_slanted
 from .types import FloatArray, Pixels
 
 # The windows' half sides as fractions of the distance to the nearest neighbour: the next corners' edges stay outside of them.
@@ -61,6 +63,13 @@ def refine(
     """
     seen = np.ones(len(corners_px), dtype=bool) if visible is None else visible
     part, origin = _around(gray, corners_px[seen], 2 * MAX_WINDOW_PX)
+    grid, mask = corners_px.reshape(board.rows, board.columns, 2), seen.reshape(board.rows, board.columns)
+    if is_slanted(grid, mask):
+        cells = np.stack(np.meshgrid(np.arange(board.columns), np.arange(board.rows)), axis=-1).reshape(-1, 2)
+        fitted = corners_px.copy()
+        fitted[seen], half = fitted_corners(part, corners_px[seen] - origin, cells[seen].astype(np.float64))
+        fitted[seen] += origin
+        return Refined(fitted, half, board_residual(fitted, board, camera, options, seen))
     points = np.ascontiguousarray((corners_px[seen] - origin).reshape(-1, 1, 2), dtype=np.float32)
     criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-4)
     # Blurred by about a pixel, edges are sampled finely enough for their gradients: errors fall by a quarter on clean pictures.
