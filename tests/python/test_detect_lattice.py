@@ -73,6 +73,32 @@ def test_things_full_of_squares_cost_no_detector(thing, asked: list[tuple[int, .
     assert not asked
 
 
+@pytest.mark.parametrize("seed", [8, 39])
+def test_gingham_costs_no_detector(seed: int, asked: list[tuple[int, ...]]) -> None:
+    """Three shades look like a board with some corners hidden, here and there."""
+    rng = np.random.default_rng(seed)
+    shades = np.array([60, 130, 220], np.uint8)[(np.indices((16, 20)) % 2).sum(axis=0)]
+    (view,) = detect_boards(before_the_camera(np.kron(shades, np.ones((40, 40), np.uint8)), rng), BOARD)
+    assert not view.ok
+    assert not asked
+
+
+@pytest.mark.parametrize("seed", [65, 78, 81, 85])
+def test_a_board_before_chequered_cloth_is_read(seed: int) -> None:
+    """Its crossings are joined to the cloth's, a step beyond its margin."""
+    rng = np.random.default_rng(seed)
+    checks = np.kron(np.indices((12, 14)).sum(axis=0) % 2 * 150 + 50, np.ones((60, 60))).astype(np.uint8)
+    picture = before_the_camera(checks, rng)
+    left, top = rng.integers(10, 150), rng.integers(10, 110)
+    board, corners = drawn(rng, 20.0, 0.5, 2.0)
+    picture[top : top + 134, left : left + 192] = board[53:187, 64:256]
+    (view,) = detect_boards(picture, BOARD)
+    assert view.ok, view.reason
+    truth = corners + np.array([left - 64.0, top - 53.0])
+    away = np.linalg.norm(view.corners_px[view.visible][:, None] - truth[None], axis=2).min(axis=1)
+    assert away.max() < 0.3
+
+
 @pytest.mark.parametrize("square_px", [6.0, 12.0, 22.0])
 def test_a_board_is_read_from_its_crossings(square_px: float, asked: list[tuple[int, ...]]) -> None:
     for seed in range(3):
@@ -128,8 +154,12 @@ def test_boards_of_many_corners_are_found(counts: tuple[int, int]) -> None:
         (11, 8, (-1.2377, 0.542, 2.1323), (-0.068, -0.1179, 0.6651)),
     ],
 )
-def test_a_board_at_a_slant_is_found_though_its_crossings_are_joined_across_its_rows(
-    columns: int, rows: int, turn_rad: tuple[float, ...], at_m: tuple[float, ...]
+def test_a_board_at_a_slant_is_read_though_its_crossings_are_joined_across_its_rows(
+    columns: int,
+    rows: int,
+    turn_rad: tuple[float, ...],
+    at_m: tuple[float, ...],
+    asked: list[tuple[int, ...]],
 ) -> None:
     camera_from_board = np.eye(4)
     camera_from_board[:3, :3] = cv2.Rodrigues(np.array(turn_rad))[0]
@@ -137,3 +167,4 @@ def test_a_board_at_a_slant_is_found_though_its_crossings_are_joined_across_its_
     picture = draw(MATRIX, [((columns, rows, 0.02), camera_from_board)])
     (view,) = detect_boards(np.asarray(picture), Board(columns, rows, 0.02))
     assert view.ok, view.reason
+    assert not asked

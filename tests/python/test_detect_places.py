@@ -117,17 +117,14 @@ def test_squares_of_other_things_do_not_hide_the_board(long_searches: list[tuple
     assert all(rows * columns < 0.7 * SIZE[0] * SIZE[1] for rows, columns in long_searches)
 
 
-@pytest.mark.parametrize(("square_px", "enlarged"), [(5.0, True), (10.0, False), (22.0, False)])
-def test_only_small_squares_are_searched_enlarged(
-    monkeypatch: pytest.MonkeyPatch, square_px: float, enlarged: bool
+@pytest.mark.parametrize(("noise", "asked"), [(2.0, 0), (18.0, 1)])
+def test_a_detector_is_asked_only_where_noise_may_hide_crossings(
+    monkeypatch: pytest.MonkeyPatch, long_searches: list[tuple[int, int]], noise: float, asked: int
 ) -> None:
-    """The crossings of a board show, but their grid is not read, and no detector finds it: all ways are tried."""
-    asked: list[int] = []
-    monkeypatch.setattr(search, "read_crossings", lambda *given: Reading((), (), True, True))
-    for name in search.DETECTORS:
-        monkeypatch.setitem(search.DETECTORS, name, lambda gray, size: asked.append(gray.shape[0]))
-    picture, _ = drawn(np.random.default_rng(8), square_px, 0.5, 1.0)
-    (view,) = detect_boards(picture, BOARD)
-    assert not view.ok
-    assert len(asked) > 1
-    assert (max(asked) == 2 * min(asked)) == enlarged
+    """Crossings that may be a board, of which no grid passes the checks."""
+    picture, corners = drawn(np.random.default_rng(8), 14.0, 0.5, noise, 0.5)
+    grid = corners.reshape(4, 7, 2) + 9.0
+    shown = np.arange(28).reshape(4, 7) > 3
+    monkeypatch.setattr(search, "read_crossings", lambda *given: Reading((), ((grid, shown),), True))
+    detect_boards(picture, BOARD)
+    assert bool(long_searches) == bool(asked)

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from ..board import Board
 from .lattice import Reading, read_crossings
-from .places import LEAST_CONTRAST, LEAST_SHOWN, MARGIN_STEPS, Place, board_places, resized
+from .places import LEAST_CONTRAST, LEAST_SHOWN, MARGIN_STEPS, Place, board_places, noise_levels, resized
 from .types import FloatArray, Pixels
 
 # Larger pictures are searched at about this width: the detectors look for squares of tens of pixels.
@@ -26,16 +26,14 @@ FAINT_CONTRAST = 4.0
 LOOKS = (*((scale, LEAST_CONTRAST) for scale in PLACE_SCALES), (0.5, FAINT_CONTRAST), (0.25, FAINT_CONTRAST))
 # A board of more corners is looked for in the whole picture where no place shows: more crossings than are joined (`places`) may be its own.
 MANY_CORNERS = 300
-# Parts below this size are searched once more at twice the size, for small squares.
-UPSCALE_BELOW_PX = 500
-# ... if their squares are below this, px: enlarged, larger ones show no more, and cost as much as all of the rest.
-SMALL_SQUARE_PX = 7.0
 # Parts with larger squares than this are searched at half the size: in a quarter of the time, and corners are refined in the picture itself.
 LARGE_SQUARE_PX = 18.0
-# The slower ways are tried in so many places, those with nearest to the board's number of crossings first.
+# A detector averages over more of the picture than crossings do: it is asked where a pixel's noise is above this share of the squares' contrast, in so many places, those with
+# nearest to the board's number of crossings first, and where this share of its corners surely shows. Where noise is less, what crossings do not show is no board, and a
+# detector takes tenths of a second to find none in cloth or keys.
+LEAST_NOISE_SHARE = 0.08
 MOST_SEARCHED = 2
-# ... and only where this share of a board's corners surely shows: they take tenths of a second.
-LEAST_SHOWN_FOR_SLOW = 0.75
+LEAST_SHOWN_FOR_DETECTOR = 0.75
 # Grids with hidden corners that are examined of a place, those with the most that show first.
 MOST_PARTLY = 4
 
@@ -93,7 +91,7 @@ def candidates(gray: Pixels, scale: float, board: Board, shown: Places, quick: b
     """Grids by place, detector and preparation, the likeliest and fastest first."""
     small = resized(gray, scale)
     tried: list[Place] = []
-    likely: list[Place] = []
+    noisy: list[Place] = []
     nothing_seen = True
     for look in shown.looked_at() if quick else LOOKS:
         # A faint board is looked for where no other squares show.
@@ -114,25 +112,34 @@ def candidates(gray: Pixels, scale: float, board: Board, shown: Places, quick: b
                 continue
             place = _narrowed(place, reading)
             tried.append(place)
-            if reading.unread or reading.most_shown() >= LEAST_SHOWN_FOR_SLOW:
-                likely.append(place)
-            yield from _in_place(small, scale, place, board, _QUICK if quick else _FIRST)
+            if quick:
+                yield from _in_place(small, scale, place, board, "quick")
+            elif reading.most_shown() >= LEAST_SHOWN_FOR_DETECTOR and _is_noisy(small, place):
+                noisy.append(place)
     if quick:
         return
     if nothing_seen and board.corner_count > MANY_CORNERS:
         height, width = small.shape
         none = np.empty((0, 2))
         whole = Place((0, 0, width, height), none, none, np.empty((2, 0), dtype=np.intp), 1.0)
-        yield from _in_place(small, scale, whole, board, _QUICK)
-    likely.sort(key=lambda place: place.unlike(board.corner_count))
-    for place in likely[:MOST_SEARCHED]:
-        yield from _in_place(small, scale, place, board, _SLOW)
+        yield from _in_place(small, scale, whole, board, "quick")
+    noisy.sort(key=lambda place: place.unlike(board.corner_count))
+    for place in noisy[:MOST_SEARCHED]:
+        yield from _in_place(small, scale, place, board, "sector")
+
+
+def _is_noisy(gray: Pixels, place: Place) -> bool:
+    """Whether a place's noise may hide crossings of its squares."""
+    left, top, right, bottom = place.box_px
+    part = gray[top:bottom, left:right]
+    dark, light = np.percentile(part[::2, ::2], (10.0, 90.0))
+    return noise_levels(part) > LEAST_NOISE_SHARE * float(light - dark)
 
 
 def _narrowed(place: Place, reading: Reading) -> Place:
     """The part of a place in which a board may be: cloth and walls reach far beyond the few windows in which their squares look like one."""
     grids = [*reading.whole, *(grid for grid, _ in reading.partly)]
-    if not grids or reading.unread:
+    if not grids:
         return place
     points = np.concatenate([grid.reshape(-1, 2) for grid in grids])
     margin = MARGIN_STEPS * max(float(np.linalg.norm(np.diff(grid, axis=1), axis=2).max()) for grid in grids)
@@ -146,35 +153,22 @@ def _narrowed(place: Place, reading: Reading) -> Place:
     return replace(place, box_px=(left, top, right, bottom))
 
 
-def _in_place(
-    small: Pixels, scale: float, place: Place, board: Board, ways: tuple[str, ...]
-) -> Iterator[Candidate]:
+def _in_place(small: Pixels, scale: float, place: Place, board: Board, name: str) -> Iterator[Candidate]:
+    """The grid that a detector finds in a place."""
     left, top, right, bottom = place.box_px
-    step_px = place.step_px()
-    size = 0.5 if step_px > LARGE_SQUARE_PX else 1.0
+    size = 0.5 if place.step_px() > LARGE_SQUARE_PX else 1.0
     part = resized(np.ascontiguousarray(small[top:bottom, left:right]), size)
-    contrast: Pixels | None = None
-    for way in ways:
-        detector = DETECTORS[way.split(",")[0]]
-        prepared, times = part, size
-        if "," in way:
-            if contrast is None:
-                contrast = cv2.createCLAHE(clipLimit=4.0, tileGridSize=(4, 4)).apply(part)
-            prepared = contrast
-        if way.endswith("enlarged"):
-            if max(part.shape) > UPSCALE_BELOW_PX or step_px > SMALL_SQUARE_PX:
-                continue
-            prepared, times = cv2.resize(prepared, None, fx=2.0, fy=2.0, interpolation=cv2.INTER_CUBIC), 2.0
-        for name, grid in _run(way, prepared, times, board, detector):
-            # Pixel centres, not corners, are whole numbers: a resized picture is shifted by half a pixel.
-            yield Candidate(name, (grid + np.array([left, top], dtype=np.float64) + 0.5) / scale - 0.5)
-
-
-def _classic(gray: Pixels, size: tuple[int, int]) -> Pixels | None:
-    found, points = cv2.findChessboardCorners(
-        gray, size, flags=cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
-    )
-    return points if found else None
+    try:
+        points = DETECTORS[name](part, (board.columns, board.rows))
+    except cv2.error:
+        # OpenCV's detectors assert on some degenerate pictures (a few pixels high, say): nothing to find in those.
+        return
+    if points is None or points.size != 2 * board.corner_count or not np.isfinite(points).all():
+        return
+    grid = points.reshape(board.rows, board.columns, 2).astype(np.float64)
+    # Pixel centres, not corners, are whole numbers: a resized picture is shifted by half a pixel.
+    grid = (grid + 0.5) / size - 0.5 + np.array([left, top], dtype=np.float64)
+    yield Candidate(name, (grid + 0.5) / scale - 0.5)
 
 
 def _classic_quick(gray: Pixels, size: tuple[int, int]) -> Pixels | None:
@@ -190,27 +184,7 @@ def _sector(gray: Pixels, size: tuple[int, int]) -> Pixels | None:
     return points if found else None
 
 
-# Ways to search a place: a detector and, after the comma, how the picture is prepared.
-_QUICK = ("quick",)
-_FIRST = ("classic",)
-_SLOW = ("sector", "classic, contrast enhanced", "sector, enlarged")
-DETECTORS = {"quick": _classic_quick, "classic": _classic, "sector": _sector}
-
-
-def _run(
-    name: str,
-    gray: Pixels,
-    scale: float,
-    board: Board,
-    detector: Callable[[Pixels, tuple[int, int]], Pixels | None],
-) -> Iterator[tuple[str, FloatArray]]:
-    try:
-        points = detector(gray, (board.columns, board.rows))
-    except cv2.error:
-        # OpenCV's detectors assert on some degenerate pictures (a few pixels high, say): nothing to find in those.
-        return
-    if points is None or points.size != 2 * board.corner_count or not np.isfinite(points).all():
-        return
-    grid = points.reshape(board.rows, board.columns, 2).astype(np.float64)
-    # Pixel centres, not corners, are whole numbers: a resized picture is shifted by half a pixel.
-    yield name, (grid + 0.5) / scale - 0.5
+DETECTORS: dict[str, Callable[[Pixels, tuple[int, int]], Pixels | None]] = {
+    "quick": _classic_quick,
+    "sector": _sector,
+}

@@ -42,9 +42,12 @@ LEAST_SHOWN = 0.7
 LEAST_SHOWN_AND_JOINED = 0.6
 LEAST_SURE = 0.5
 LEAST_OF_OUTER_LINE = 0.34
-# A grid that was joined along other directions than its rows fills less than this share of a band so much longer than wide; that share of a board's corners is
-# worth a detector's time.
-FULL_BAND = 0.5
+# A lattice of which less than this share lies within so many squares of a flat grid was joined across from one thing to another.
+FLAT_SHARE = 0.93
+FLAT_SQUARES = 0.3
+# Columns by which rows may have been joined beside the rows before, an even number since colours change along a row; cells straightened so fill more of their rows and columns, by this factor.
+SHIFTS = (-4, -2, 2, 4)
+STRAIGHTER = 1.2
 LONG_BAND = 1.65
 LEAST_OF_SLANTED = 0.4
 # A grid goes on where four squares meet at this share of a line beyond it.
@@ -54,12 +57,11 @@ GOES_ON_AROUND = 0.4
 
 @dataclass(frozen=True)
 class Reading:
-    """What the crossings of a place say: whole grids `(ny, nx, 2)` px, grids of which some corners do not show, with which do `(ny, nx)`, and whether a detector could find more; `unread`: a grid among them could not be laid out."""
+    """What the crossings of a place say: whole grids `(ny, nx, 2)` px, grids of which some corners do not show, with which do `(ny, nx)`, and whether there are any."""
 
     whole: tuple[FloatArray, ...]
     partly: tuple[tuple[FloatArray, npt.NDArray[np.bool_]], ...]
     may_hold: bool
-    unread: bool = False
 
     def most_shown(self) -> float:
         """The largest share of a grid's corners that surely show."""
@@ -87,29 +89,36 @@ def read_crossings(gray: Pixels, place: Place, board: Board) -> Reading:
     """Grids of the board's counts among a place's crossings. `gray` is the picture in the size in which they were seen."""
     whole: list[FloatArray] = []
     partly: list[tuple[FloatArray, npt.NDArray[np.bool_]]] = []
-    unread = False
     for lattice in _lattices(place):
-        lines = _lines(gray, place.crossings_px[lattice.members], lattice.cells, place.scale)
-        if lines is None:
-            unread = True
-            continue
-        windows = list(_windows(lines, board))
+        windows: list[tuple[FloatArray, npt.NDArray[np.bool_]]] = []
+        for cells in _straightened(lattice.cells):
+            lines = _lines(gray, place.crossings_px[lattice.members], cells, place.scale)
+            if lines is not None:
+                windows.extend(_windows(lines, board))
         whole.extend(grid for grid, shown in windows if shown.all())
         partly.extend((grid, shown) for grid, shown in windows if not shown.all())
-        unread = unread or (not windows and _is_slanted(lattice, board))
     partly.sort(key=lambda one: -int(one[1].sum()))
-    return Reading(tuple(whole), tuple(partly), bool(whole or partly or unread), unread)
+    return Reading(tuple(whole), tuple(partly), bool(whole or partly))
 
 
-def _is_slanted(lattice: _Lattice, board: Board) -> bool:
-    """Whether enough crossings for a board were joined along other directions than its rows: seen at a slant, the nearest that is turned against one may be
-    a knight's move away, and the cells are then a slanted band."""
-    columns, rows = np.ptp(lattice.cells, axis=0) + 1
-    joined = len(lattice.members)
-    long = max(columns, rows) > LONG_BAND * min(columns, rows)
-    return bool(
-        long and joined >= LEAST_OF_SLANTED * board.corner_count and joined < FULL_BAND * columns * rows
-    )
+def _straightened(cells: npt.NDArray[np.intp]) -> list[npt.NDArray[np.intp]]:
+    """A lattice's cells as they were joined, and as rows and columns where they fill a slanted band: seen at a slant, the nearest crossing across a row that is turned
+    against one may lie two columns on, so each row begins two columns beside the row before."""
+    best, fullest = cells, _filled(cells)
+    for axis in (0, 1):
+        for shift in SHIFTS:
+            moved = cells.copy()
+            moved[:, axis] += shift * cells[:, 1 - axis]
+            filled = _filled(moved)
+            if filled > STRAIGHTER * fullest:
+                best, fullest = moved, filled
+    return [cells] if best is cells else [cells, best]
+
+
+def _filled(cells: npt.NDArray[np.intp]) -> float:
+    """The share of the rows and columns around cells that they fill."""
+    columns, rows = np.ptp(cells, axis=0) + 1
+    return float(len(cells) / (columns * rows))
 
 
 def _lattices(place: Place) -> Iterator[_Lattice]:
@@ -123,8 +132,26 @@ def _lattices(place: Place) -> Iterator[_Lattice]:
         seed, steps = start
         lattice = _grown(place, beside, fresh, seed, steps)
         fresh[lattice.members] = False
-        if len(lattice.members) >= LEAST_JOINED:
-            yield lattice
+        if len(lattice.members) < LEAST_JOINED:
+            continue
+        yield lattice
+        flat = _flat_part(place, lattice)
+        if LEAST_JOINED <= flat.sum() < FLAT_SHARE * len(flat):
+            # Joined across from one thing to another that is beside it: the rest is looked at by itself.
+            fresh[lattice.members[~flat]] = True
+            yield _Lattice(lattice.members[flat], lattice.cells[flat])
+
+
+def _flat_part(place: Place, lattice: _Lattice) -> npt.NDArray[np.bool_]:
+    """Which of a lattice's crossings lie where the largest flat grid among them has its cells."""
+    at = place.crossings_px[lattice.members]
+    _, inside = cv2.findHomography(
+        lattice.cells.astype(np.float64), at, cv2.RANSAC, FLAT_SQUARES * place.step_px()
+    )
+    if inside is None:
+        return np.ones(len(at), dtype=bool)
+    flat: npt.NDArray[np.bool_] = inside.ravel() > 0
+    return flat
 
 
 def _beside(place: Place) -> npt.NDArray[np.intp]:

@@ -139,7 +139,7 @@ def _saddles(gray: Pixels, least_contrast: float) -> _Saddles:
     curvature = xy * xy - xx * yy
     window = np.ones((2 * CONTRAST_REACH_PX + 1,) * 2, np.uint8)
     most, least = cv2.dilate(smooth, window), cv2.erode(smooth, window)
-    least_contrast = max(least_contrast, LEAST_CONTRAST_NOISES * _noise_levels(gray))
+    least_contrast = max(least_contrast, LEAST_CONTRAST_NOISES * noise_levels(gray))
     # What the least contrast needs leaves some hundred pixels to ask for more.
     by_contrast = LEAST_SADDLE / (np.pi * (BLUR_PX**2 + PIXEL_VARIANCE_PX2))
     highest = cv2.dilate(curvature, np.ones((5, 5), np.uint8))
@@ -178,7 +178,7 @@ def _between_pixels(values: Pixels, peak: npt.NDArray[np.intp]) -> FloatArray:
     return place
 
 
-def _noise_levels(gray: Pixels) -> float:
+def noise_levels(gray: Pixels) -> float:
     """Standard deviation of a pixel's noise: the median of mixed differences, which edges hardly touch."""
     part = gray[::2].astype(np.int16)
     mixed = np.abs(np.diff(np.diff(part, axis=0), axis=1)[:, ::3])
