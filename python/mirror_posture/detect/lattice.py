@@ -45,6 +45,8 @@ LEAST_OF_OUTER_LINE = 0.34
 # A lattice of which less than this share lies within so many squares of a flat grid was joined across from one thing to another.
 FLAT_SHARE = 0.93
 FLAT_SQUARES = 0.3
+# Fours of crossings that are drawn to find it: of a board and as much again of other things one in sixteen is the board's own.
+MOST_DRAWS = 100
 # Columns by which rows may have been joined beside the rows before, an even number since colours change along a row; cells straightened so fill more of their rows and columns, by this factor.
 SHIFTS = (-4, -2, 2, 4)
 STRAIGHTER = 1.2
@@ -89,7 +91,7 @@ def read_crossings(gray: Pixels, place: Place, board: Board) -> Reading:
     """Grids of the board's counts among a place's crossings. `gray` is the picture in the size in which they were seen."""
     whole: list[FloatArray] = []
     partly: list[tuple[FloatArray, npt.NDArray[np.bool_]]] = []
-    for lattice in _lattices(place):
+    for lattice in _lattices(place, board.corner_count):
         windows: list[tuple[FloatArray, npt.NDArray[np.bool_]]] = []
         for cells in _straightened(lattice.cells):
             lines = _lines(gray, place.crossings_px[lattice.members], cells, place.scale)
@@ -121,7 +123,7 @@ def _filled(cells: npt.NDArray[np.intp]) -> float:
     return float(len(cells) / (columns * rows))
 
 
-def _lattices(place: Place) -> Iterator[_Lattice]:
+def _lattices(place: Place, corner_count: int) -> Iterator[_Lattice]:
     """Grids of a place's crossings, from the best joined crossing on."""
     beside = _beside(place)
     fresh = np.ones(len(place.crossings_px), dtype=bool)
@@ -135,6 +137,8 @@ def _lattices(place: Place) -> Iterator[_Lattice]:
         if len(lattice.members) < LEAST_JOINED:
             continue
         yield lattice
+        if len(lattice.members) < corner_count:
+            continue
         flat = _flat_part(place, lattice)
         if LEAST_JOINED <= flat.sum() < FLAT_SHARE * len(flat):
             # Joined across from one thing to another that is beside it: the rest is looked at by itself.
@@ -146,7 +150,11 @@ def _flat_part(place: Place, lattice: _Lattice) -> npt.NDArray[np.bool_]:
     """Which of a lattice's crossings lie where the largest flat grid among them has its cells."""
     at = place.crossings_px[lattice.members]
     _, inside = cv2.findHomography(
-        lattice.cells.astype(np.float64), at, cv2.RANSAC, FLAT_SQUARES * place.step_px()
+        lattice.cells.astype(np.float64),
+        at,
+        cv2.RANSAC,
+        FLAT_SQUARES * place.step_px(),
+        maxIters=MOST_DRAWS,
     )
     if inside is None:
         return np.ones(len(at), dtype=bool)
