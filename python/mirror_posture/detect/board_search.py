@@ -35,7 +35,7 @@ LEAST_NOISE_SHARE = 0.08
 MOST_SEARCHED = 2
 LEAST_SHOWN_FOR_DETECTOR = 0.75
 # Grids with hidden corners that are examined of a place, those with the most that show first.
-MOST_PARTLY = 4
+MOST_PARTLY = 2
 
 
 def scale_of(gray: Pixels) -> float:
@@ -51,6 +51,7 @@ class Places:
         self._by_scale: dict[tuple[float, float], tuple[Place, ...]] = {}
         self._seen_at: dict[float, Pixels] = {}
         self._covered: list[FloatArray] = []
+        self._readings: dict[Place, Reading] = {}
 
     def at(self, scale: float, least_contrast: float = LEAST_CONTRAST) -> tuple[Place, ...]:
         if (scale, least_contrast) not in self._by_scale:
@@ -61,9 +62,11 @@ class Places:
         least = LEAST_SHOWN * self._corner_count
         return tuple(place for place in self._by_scale[scale, least_contrast] if self._open(place) >= least)
 
-    def seen_at(self, scale: float) -> Pixels:
-        """The picture at a size at which it was looked at."""
-        return self._seen_at[scale]
+    def reading(self, place: Place, board: Board) -> Reading:
+        """What a place's crossings say; they say the same when a surplus board is looked for."""
+        if place not in self._readings:
+            self._readings[place] = read_crossings(self._seen_at[place.scale], place, board)
+        return self._readings[place]
 
     def looked_at(self) -> tuple[tuple[float, float], ...]:
         return tuple(self._by_scale)
@@ -101,7 +104,7 @@ def candidates(gray: Pixels, scale: float, board: Board, shown: Places, quick: b
             nothing_seen = False
             if any(place.same_as(other) for other in tried):
                 continue
-            reading = read_crossings(shown.seen_at(look[0]), place, board)
+            reading = shown.reading(place, board)
             if not quick:
                 for grid in reading.whole:
                     yield Candidate("crossings", (grid + 0.5) / scale - 0.5)

@@ -92,6 +92,8 @@ def read_crossings(gray: Pixels, place: Place, board: Board) -> Reading:
     whole: list[FloatArray] = []
     partly: list[tuple[FloatArray, npt.NDArray[np.bool_]]] = []
     for lattice in _lattices(place, board.corner_count):
+        if len(lattice.members) < LEAST_SHOWN_AND_JOINED * board.corner_count:
+            continue
         windows: list[tuple[FloatArray, npt.NDArray[np.bool_]]] = []
         for cells in _straightened(lattice.cells):
             lines = _lines(gray, place.crossings_px[lattice.members], cells, place.scale)
