@@ -13,8 +13,8 @@ from board_drawing import chessboard_picture, corners_px
 from mirror_posture import Board
 from mirror_posture.detect import board_search as search
 from mirror_posture.detect import detect_boards
-from mirror_posture.detect.lattice import read_crossings
-from mirror_posture.detect.places import board_places
+from mirror_posture.detect.lattice import Reading, read_crossings
+from mirror_posture.detect.places import Place, board_places
 from test_cli_second_camera import MATRIX, draw
 from test_detect_places import BOARD, drawn
 
@@ -83,20 +83,39 @@ def test_gingham_costs_no_detector(seed: int, asked: list[tuple[int, ...]]) -> N
     assert not asked
 
 
-@pytest.mark.parametrize("seed", [65, 78, 81, 85])
-def test_a_board_before_chequered_cloth_is_read(seed: int) -> None:
-    """Its crossings are joined to the cloth's, a step beyond its margin."""
+def before_cloth(seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """A board before chequered cloth, and its corners (28, 2) px."""
     rng = np.random.default_rng(seed)
     checks = np.kron(np.indices((12, 14)).sum(axis=0) % 2 * 150 + 50, np.ones((60, 60))).astype(np.uint8)
     picture = before_the_camera(checks, rng)
     left, top = rng.integers(10, 150), rng.integers(10, 110)
     board, corners = drawn(rng, 20.0, 0.5, 2.0)
     picture[top : top + 134, left : left + 192] = board[53:187, 64:256]
+    return picture, corners + np.array([left - 64.0, top - 53.0])
+
+
+@pytest.mark.parametrize("seed", [65, 78, 81, 85])
+def test_a_board_before_chequered_cloth_is_read(seed: int) -> None:
+    """Its crossings are joined to the cloth's, a step beyond its margin."""
+    picture, truth = before_cloth(seed)
     (view,) = detect_boards(picture, BOARD)
     assert view.ok, view.reason
-    truth = corners + np.array([left - 64.0, top - 53.0])
     away = np.linalg.norm(view.corners_px[view.visible][:, None] - truth[None], axis=2).min(axis=1)
     assert away.max() < 0.3
+
+
+def test_a_place_is_read_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The search for a surplus board looks at the same places."""
+    read = []
+
+    def counted(gray: np.ndarray, place: Place, board: Board) -> Reading:
+        read.append(place)
+        return read_crossings(gray, place, board)
+
+    monkeypatch.setattr(search, "read_crossings", counted)
+    (view,) = detect_boards(before_cloth(65)[0], BOARD)
+    assert view.ok, view.reason
+    assert len(read) == len(set(map(id, read)))
 
 
 @pytest.mark.parametrize("square_px", [6.0, 12.0, 22.0])

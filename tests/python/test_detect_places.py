@@ -12,7 +12,7 @@ import pytest
 from mirror_posture import Board
 from mirror_posture.detect import board_search as search
 from mirror_posture.detect import detect_boards
-from mirror_posture.detect.lattice import Reading, read_crossings
+from mirror_posture.detect.lattice import Reading
 from mirror_posture.detect.places import board_places
 
 BOARD = Board(7, 4, 0.02)
@@ -115,23 +115,6 @@ def test_squares_of_other_things_do_not_hide_the_board(long_searches: list[tuple
     assert float(np.sqrt(np.mean(away**2))) < 0.15
     # Slow searches, where any, are of parts.
     assert all(rows * columns < 0.7 * SIZE[0] * SIZE[1] for rows, columns in long_searches)
-
-
-def test_a_place_is_read_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The search for a surplus board looks at the same places."""
-    read = []
-    monkeypatch.setattr(
-        search,
-        "read_crossings",
-        lambda gray, place, board: read.append(place) or read_crossings(gray, place, board),
-    )
-    picture, _ = drawn(np.random.default_rng(9), 12.0, 0.6, 2.0)
-    tiles = np.kron(np.indices((8, 8)).sum(axis=0) % 2 * 190 + 30, np.ones((8, 8))).astype(np.uint8)
-    picture[:64, :64] = tiles
-    (view,) = detect_boards(picture, BOARD)
-    assert view.ok, view.reason
-    assert len(read) >= 1
-    assert len(read) == len(set(map(id, read)))
 
 
 @pytest.mark.parametrize(("noise", "asked"), [(2.0, 0), (18.0, 1)])
