@@ -78,17 +78,16 @@ impl Kind {
         !matches!(self, Self::Angle | Self::Length | Self::Spring)
     }
 
-    /// Of tape and a hand: 3 mm and 1°. Joints' zeros are a few tenths of a degree off at most: more is an error of its own.
+    /// Of all joints and links at most 0.1 rad and 5 cm: what is off by more is no tolerance of manufacture. Of tape and a hand: 3 mm and 1°. Joints' zeros are a few tenths of a degree off at most: more is an error of its own.
     fn habit(self, setup_only: bool) -> Habit {
-        let nothing_known =
-            |common: f64, least: f64| Habit { common, worth: 0.0, least, most: f64::INFINITY };
+        let nothing_known = |common: f64, least: f64, most: f64| Habit { common, worth: 0.0, least, most };
         match self {
             Self::Angle if setup_only => Habit { common: 2.5e-3, worth: 3.0, least: 5e-6, most: 5e-3 },
-            Self::Angle => nothing_known(5e-3, 5e-6),
-            Self::Length => nothing_known(1e-3, 2e-6),
-            Self::Spring => nothing_known(1e-3, 2e-6),
+            Self::Angle => nothing_known(5e-3, 5e-6, 0.1),
+            Self::Length => nothing_known(1e-3, 2e-6, 0.05),
+            Self::Spring => nothing_known(1e-3, 2e-6, 0.1),
             Self::Marker if setup_only => Habit { common: 3e-3, worth: 1.0, least: 2e-6, most: 0.015 },
-            Self::Marker => nothing_known(1e-3, 2e-6),
+            Self::Marker => nothing_known(1e-3, 2e-6, 0.05),
             Self::BoardTurn | Self::CameraTurn => Habit { common: 0.02, worth: 1.0, least: 5e-6, most: 0.08 },
             Self::BoardShift | Self::CameraShift => {
                 Habit { common: 4e-3, worth: 1.0, least: 2e-6, most: 0.02 }
@@ -278,6 +277,12 @@ impl Geometry {
         let habit = Kind::Angle.habit(self.setup_only);
         let spread = ((sum + habit.worth * habit.common.powi(2)) / (told + habit.worth).max(1e-9)).sqrt();
         spread.clamp(habit.least, habit.most)
+    }
+
+    /// Whether links, axes, springs or markers would have to be off by more than small errors are.
+    pub fn is_at_its_bound(&self) -> bool {
+        let largest = |kind: Kind| self.spread(kind) >= kind.habit(self.setup_only).most;
+        [Kind::Angle, Kind::Length, Kind::Spring, Kind::Marker].into_iter().any(largest)
     }
 
     /// By how much the spreads differ from another group's, log.

@@ -66,7 +66,7 @@ pub(crate) fn look_beyond<'a>(
     let (mut clean, mut false_share) = without_false(search, found)?;
     let mut fits_noise = left(search, found, &clean)?;
     let named = search.clone();
-    let doubtful = fits_noise.significant && !freed;
+    let doubtful = fits_noise.significant;
     let many_false = false_share > trimmed_share();
     let enough = !fits_noise.significant && !fits_noise.corners_significant && !many_false;
     if !(freed && enough)

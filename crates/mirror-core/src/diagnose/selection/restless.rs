@@ -24,8 +24,8 @@ use crate::diagnose::selection::nonparametric::log_odds;
 use crate::diagnose::selection::search::{Found, Search};
 use crate::error::Result;
 
-/// Spreads that are tried, rad or m, each so many times the one before.
-const SPREADS: (f64, f64, usize) = (2e-4, 1.5, 13);
+/// Spreads that are tried, rad or m, each so many times the one before: from a tenth of a line of an encoder to a column that says nothing of its joint.
+const SPREADS: (f64, f64, usize) = (2e-4, 1.5, 23);
 
 /// A search beside a joint that rests elsewhere each time.
 pub(crate) struct Restless<'a> {
@@ -76,11 +76,15 @@ pub(crate) fn beside_restless_joint<'a>(
     Ok((odds + LOG_PRIOR_STRUCTURE > 0.0).then_some(Restless { node, search: beside, found: its }))
 }
 
-/// Whether many small errors take most of what errors of one joint in each posture say: these would be left as they are.
+/// Whether many small errors take most of what errors of one joint in each posture say: these would be left as they are. Errors that are not
+/// small take nothing.
 fn small_errors_take_it(search: &Search<'_>, nominal: &Model, noise: Noise, log_bayes: f64) -> Result<bool> {
     let mut geometry = Geometry::new(&search.problem, search.catalogue, false);
     let options = FitOptions { noise, steps: SOLVER.loose_steps };
     let fit = geometry.fit(&search.problem, search.catalogue, nominal, options, search.mask)?;
+    if geometry.is_at_its_bound() {
+        return Ok(false);
+    }
     let beside = Search { group: geometry.group, ..search.clone() };
     let left = best_joint(&beside, &fit.model, noise)?.map_or(0.0, |(_, _, log_bayes)| log_bayes);
     Ok(left < MAJORITY * log_bayes)
