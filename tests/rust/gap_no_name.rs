@@ -2,7 +2,7 @@
 
 use crate::gap_world::lingering::blobs_linger;
 use crate::gap_world::{Plan, World, Wrong};
-use mirror_core::diagnose::{DiagnoseOptions, Diagnosis, Recording, Verdict, diagnose};
+use mirror_core::diagnose::{DiagnoseOptions, Diagnosis, Recording, Target, Verdict, diagnose};
 use mirror_core::robot::Robot;
 use nalgebra::Vector2;
 
@@ -63,4 +63,54 @@ fn a_cause_is_found_in_noise_that_lingers() {
     );
     let found = told.causes[0].parameters.values().next().unwrap();
     assert!((found.value - 0.05).abs() < 4.0 * found.std, "{found:?}");
+}
+
+/// A column whose values no longer belong to their postures: each posture has that of another one.
+fn column_of_other_postures(recording: &mut Recording, joint: usize, step: usize) {
+    let postures = recording.frames.iter().map(|f| f.posture as usize).max().unwrap() + 1;
+    let mut column = vec![0.0; postures];
+    recording.frames.iter().for_each(|f| column[f.posture as usize] = f.commanded[joint]);
+    for frame in &mut recording.frames {
+        frame.commanded[joint] = column[(frame.posture as usize * step + 3) % postures];
+    }
+}
+
+#[test]
+fn a_column_that_says_nothing_of_its_joint_is_told_and_no_mount_takes_it_up() {
+    let name = "r_shoulder_yaw";
+    let world = World::new(4, true);
+    let mut recording = world.record(&Plan { postures: 61, seed: 11, ..Plan::default() });
+    let joint = world.robots_order().iter().position(|&b| b == world.bone(name)).unwrap();
+    column_of_other_postures(&mut recording, joint, 7);
+    let told = diagnosed(&world, &recording);
+    assert!(matches!(told.verdict, Verdict::Unknown | Verdict::Partial), "{}", told.sentence);
+    assert_eq!(told.r#where[0].at, format!("joint:{name}"), "{:?} {:#?}", told.r#where, told.trace);
+    assert!(told.causes.iter().all(|c| c.probability < 0.9), "{:?}", told.causes);
+}
+
+#[test]
+fn a_thing_in_the_background_is_no_marker_that_sits_elsewhere() {
+    let world = World::new(4, true);
+    // In all pictures, and in two of five.
+    for every in [1, 5] {
+        let mut recording = world.record(&Plan { postures: 50, seed: 21, ..Plan::default() });
+        let mut put = 0;
+        for (f, frame) in recording.frames.iter_mut().enumerate() {
+            for s in frame.sightings.iter_mut().filter(|s| s.target == Target::Marker(1)) {
+                if f % every < 2 {
+                    s.pixel = Vector2::new(412.3 + 0.1 * (f % 3) as f64, 227.9);
+                    put += 1;
+                }
+            }
+        }
+        let told = diagnosed(&world, &recording);
+        assert!(
+            told.causes.is_empty() && told.verdict == Verdict::None,
+            "{every}: {} {:#?}",
+            told.sentence,
+            told.trace
+        );
+        let background = told.data.left_out.iter().filter(|l| l.why.contains("background")).count();
+        assert_eq!(background, put, "{:?}", told.data.left_out);
+    }
 }

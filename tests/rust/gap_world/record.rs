@@ -95,7 +95,7 @@ impl World {
     }
 
     /// For each of the robot's independent joints the bone that it moves.
-    fn robots_order(&self) -> Vec<usize> {
+    pub fn robots_order(&self) -> Vec<usize> {
         let robot = mirror_core::robot::Robot::from_urdf_str(&self.urdf()).unwrap();
         robot.position_names().map(|n| self.bone(n)).collect()
     }

@@ -5,6 +5,7 @@ use crate::diagnose::data::diagnosis::{Cause, Diagnosis, Verdict};
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::pipeline::Outcome;
 use crate::diagnose::principles::{FAR_DEVIATIONS, LEAST_HELD_OUT_RATIO, MAJORITY, SURE_DEVIATIONS};
+use crate::diagnose::selection::nonparametric::BY_ITSELF;
 
 pub(super) const SLIP: &str = "slip";
 /// The parameter of a slip that is none of its motion.
@@ -14,37 +15,16 @@ const PAIRING: &str = "pairing";
 const RESIZED: (&str, &str) = ("camera_resolution", "camera_focal");
 /// A ratio that is a whole mistake is tried as another unit of the joint, and told as a small one is.
 const RATIO: (&str, &str) = ("joint_unit", "gear_ratio");
-
-/// Why a session is diagnosed a second time.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Reason {
-    /// A ratio is told twice at one joint, or is that of the model.
-    Twice,
-    /// A picture of another size is told, and a focal length beside it that takes it back.
-    Resized,
-    /// A slip by little, once the causes are known.
-    HardlySlipped,
-    /// Slipped rows that fit their own postures, once the causes are known.
-    InOrder,
-    /// A slip beside something unexplained.
-    Slip,
-    /// Rows of their own beside something unexplained.
-    Pairing,
-    /// What was left out as false lies together.
-    FalseTogether,
-    /// A cause far larger than such an error is, which may be a part of a whole mistake.
-    TooLarge,
-    /// Something is left unexplained: a joint that stood still over some rows, or whose log is late, does that.
-    Unexplained,
-}
-
-impl Reason {
-    /// The reason that a first diagnosis gives, if it gives one.
-    pub fn of(found: &Outcome, recording: &Recording) -> Option<Self> {
-        let first = &found.diagnosis;
+/// Mistakes of a joint's column that a column which says nothing of its joint shows as well: scaled to nothing, turned, exchanged, in other rows, it
+/// disturbs less.
+const OF_A_COLUMN: [&str; 7] =
+    ["joint_unit", "axis_sign", "joints_swapped", "joint_late", "joint_frozen", "joint_offset", PAIRING];
         let named = |effect: &str| first.causes.iter().any(|c| c.effect == effect);
         if is_told_twice(&first.causes) || is_of_no_size(&first.causes) {
             return Some(Self::Twice);
+        }
+        if is_lawless(first) {
+            return Some(Self::Lawless);
         }
         if named(RESIZED.0) && named(RESIZED.1) {
             return Some(Self::Resized);
@@ -65,13 +45,14 @@ impl Reason {
     }
 
     /// What the second diagnosis does without.
-    pub fn without(self) -> Option<&'static str> {
+    pub fn without(self) -> &'static [&'static str] {
         match self {
-            Self::Twice => Some(RATIO.0),
-            Self::Resized => Some(RESIZED.0),
-            Self::HardlySlipped | Self::Slip => Some(SLIP),
-            Self::Pairing | Self::InOrder => Some(PAIRING),
-            Self::Unexplained | Self::FalseTogether | Self::TooLarge => None,
+            Self::Twice => &[RATIO.0],
+            Self::Lawless => &OF_A_COLUMN,
+            Self::Resized => &[RESIZED.0],
+            Self::HardlySlipped | Self::Slip => &[SLIP],
+            Self::Pairing | Self::InOrder => &[PAIRING],
+            Self::Unexplained | Self::FalseTogether | Self::TooLarge => &[],
         }
     }
 
@@ -85,6 +66,8 @@ impl Reason {
         let no_worse = left(second) <= left(first);
         match self {
             Self::Twice | Self::Resized | Self::HardlySlipped | Self::InOrder => no_worse || explains(second),
+            // A mistake that is one makes the difference between a joint that stands nowhere and one that nearly stands.
+            Self::Lawless => MAJORITY * left(second) <= left(first),
             Self::Slip | Self::Pairing => LEAST_HELD_OUT_RATIO * left(second) <= left(first),
             Self::Unexplained => no_worse && (explains(second) || takes_most(second, first)),
             Self::TooLarge => {
@@ -111,6 +94,9 @@ impl Reason {
             Self::Twice => {
                 "a ratio undone as a whole mistake was found again beside it, or to be the model's: it is none"
             }
+            Self::Lawless => {
+                "a joint that is elsewhere in each posture is so without its column's mistake as well: the column says nothing of it"
+            }
             Self::Resized => "a focal length took back the pictures' other size: they have the camera's size",
             Self::HardlySlipped => {
                 "what slipped by little predicts held-out regions no better: nothing has slipped"
@@ -127,6 +113,16 @@ impl Reason {
             Self::TooLarge => "a cause larger than such an error ever is was a part of a whole mistake",
         }
     }
+}
+
+/// Whether a mistake of a joint's column is told where that joint is what is left, in each posture by itself.
+fn is_lawless(first: &Diagnosis) -> bool {
+    let name = |at: &str| at.trim_start_matches("joint:").to_owned();
+    let Some(place) = first.r#where.first().filter(|w| w.depends_on.as_deref() == Some(BY_ITSELF)) else {
+        return false;
+    };
+    let here = |c: &Cause| c.effect == PAIRING || c.at.split("<->").any(|at| name(at) == name(&place.at));
+    first.causes.iter().any(|c| OF_A_COLUMN.contains(&c.effect.as_str()) && here(c))
 }
 
 /// Whether a ratio is told at one joint both as a whole mistake and as a small cause.

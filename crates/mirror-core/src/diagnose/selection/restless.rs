@@ -64,6 +64,7 @@ pub(crate) fn beside_restless_joint<'a>(
     let mut start = nominal.clone();
     start.group = vec![0.0; beside.group.columns.len()];
     let mut its = beside.run(start)?;
+    drop_its_own(&beside, &mut its, node)?;
     let odds = log_odds((&beside, &its), (search, found))?;
     let joint = &search.problem.scene.body.nodes[node].joint;
     let mut trace = found.trace.clone();
@@ -74,6 +75,38 @@ pub(crate) fn beside_restless_joint<'a>(
     ));
     its.trace = trace;
     Ok((odds + LOG_PRIOR_STRUCTURE > 0.0).then_some(Restless { node, search: beside, found: its }))
+}
+
+/// Takes back causes at the joint itself that leave more than half of its errors: a column that says nothing of its joint makes others likely that
+/// disturb less, a coupling that takes it away or a zero between.
+fn drop_its_own(beside: &Search<'_>, its: &mut Found, node: NodeId) -> Result<()> {
+    let own = |found: &Model| {
+        let errors = &found.group[found.group.len() - errors_of(beside)..];
+        errors.iter().map(|e| e * e).sum::<f64>().sqrt()
+    };
+    let mut i = 0;
+    while i < its.fit.model.terms.len() {
+        let term = &its.fit.model.terms[i];
+        if beside.catalogue.hypotheses[term.hypothesis].place.node() != Some(node) {
+            i += 1;
+            continue;
+        }
+        let rest = beside.fit(&its.fit.model.without(i), its.noise, SOLVER.final_steps)?;
+        if own(&its.fit.model) < MAJORITY * own(&rest.model) {
+            i += 1;
+            continue;
+        }
+        let name = beside.catalogue.name(&beside.problem.scene, term.hypothesis);
+        its.trace.push(format!("drop {name}: the joint is elsewhere in each posture without it as well"));
+        its.fit = rest;
+    }
+    Ok(())
+}
+
+/// How many columns at the group's end are a joint's own errors.
+fn errors_of(beside: &Search<'_>) -> usize {
+    let of_postures = |c: &&Column| matches!(c.weight, Weight::Frames(_));
+    beside.group.columns.iter().rev().take_while(of_postures).count()
 }
 
 /// Whether many small errors take most of what errors of one joint in each posture say: these would be left as they are. Errors that are not
@@ -96,7 +129,7 @@ fn best_joint(search: &Search<'_>, model: &Model, noise: Noise) -> Result<Option
     let scene = &problem.scene;
     let deformation = search.deformation(model);
     let eye = problem.eye(&deformation)?;
-    let joints: Vec<NodeId> = (0..scene.nodes()).filter(|&n| scene.relevant[n] && scene.moves(n)).collect();
+    let joints: Vec<NodeId> = (0..scene.nodes()).filter(|&n| scene.relevant[n]).collect();
     let columns: Vec<Column> = joints.iter().map(|&n| Column::constant(Atom::Joint(n))).collect();
     let task = Task {
         gaussian: false,

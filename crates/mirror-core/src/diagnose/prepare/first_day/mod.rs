@@ -5,14 +5,16 @@
 //! board, a marker on another link. In order:
 //!
 //! 1. [`optics`]: what no small error makes possible for the boards, undone first;
-//! 2. [`alternatives`] of the body and of the log, scored at the nominal model by a loss that gross errors do not rule
+//! 2. [`background`]: what stands still in the picture under a marker's name is left out;
+//! 3. [`alternatives`] of the body and of the log, scored at the nominal model by a loss that gross errors do not rule
 //!    ([`misfit`]), singly, and on top of the best few;
-//! 3. [`verify`]: the best few against small errors of every kind at once, by marginal likelihood;
-//! 4. gravity in other directions, by the springs that its loads would need ([`loads`]);
-//! 5. what slips in the middle of the session ([`changes`]);
-//! 6. what wins is undone exactly ([`mistake`]), and the usual search goes on from there.
+//! 4. [`verify`]: the best few against small errors of every kind at once, by marginal likelihood;
+//! 5. gravity in other directions, by the springs that its loads would need ([`loads`]);
+//! 6. what slips in the middle of the session ([`changes`]);
+//! 7. what wins is undone exactly ([`mistake`]), and the usual search goes on from there.
 
 mod alternatives;
+mod background;
 mod chain;
 mod changes;
 mod choice;
@@ -80,6 +82,7 @@ pub(crate) fn undone(
         out.undo(&mistake, tempered(odds))?;
     }
     problem.cancel.check()?;
+    out.leave_out_background()?;
     let choice = of_the_body(&mut out, without, known)?;
     for mistake in &choice.mistakes {
         let first = out.told.len();

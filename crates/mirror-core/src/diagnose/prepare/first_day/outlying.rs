@@ -106,7 +106,7 @@ pub(super) fn find(
     Ok(if count as f64 > MAJORITY * sizes.len() as f64 { Vec::new() } else { out })
 }
 
-fn target(problem: &Problem, observation: &Observation) -> String {
+pub(super) fn target(problem: &Problem, observation: &Observation) -> String {
     match observation {
         Observation::Pixel { seen: Seen::Marker(m), .. } | Observation::Point { marker: m, .. } => {
             problem.scene.marker_names[*m].clone()

@@ -45,11 +45,9 @@ pub(crate) fn told(
         members: Vec::new(),
         frames: Vec::new(),
     };
-    let whole_run = |effect: &str, j: usize, first: usize, last: usize, words: &str| {
-        let run = [
-            ("first_frame", number(first) as f64, WHOLE_STD),
-            ("last_frame", number(last) as f64, WHOLE_STD),
-        ];
+    let whole_run = |effect: &str, j: usize, (first, std): (usize, f64), last: usize, words: &str| {
+        let run =
+            [("first_frame", number(first) as f64, std), ("last_frame", number(last) as f64, WHOLE_STD)];
         cause(effect, joint(j), &run, words)
     };
     let swapped = |(a, b): (usize, usize)| {
@@ -106,15 +104,17 @@ pub(crate) fn told(
             };
             vec![cause("joint_late", at, &[parameter], words)]
         }
+        // What a log stands still at is true of one posture: no row of that one says whether it stood already.
         Mistake::LogFrozen { joint: j, first, last } => vec![whole_run(
             "joint_frozen",
             *j,
-            *first,
+            (*first, WHOLE_STD.hypot(rows_of_posture(problem, *first) as f64 / 3f64.sqrt())),
             *last,
             "the log stands still over a run of rows while the joint moves; what it carries was left out there",
         )],
         Mistake::JointFrozen { joint: j, first, last, .. } => {
-            vec![whole_run("joint_frozen", *j, *first, *last, "the joint does not move over a run of rows")]
+            let first = (*first, WHOLE_STD);
+            vec![whole_run("joint_frozen", *j, first, *last, "the joint does not move over a run of rows")]
         }
         Mistake::MarkersSwapped { markers: (a, b), frames } => {
             let seen = seen_in(problem, *a, *b).max(1) as f64;
@@ -185,6 +185,12 @@ pub(crate) fn told(
         // Found, and told, by later stages.
         Mistake::Rows { .. } | Mistake::Squares { .. } => Vec::new(),
     }
+}
+
+/// How many rows show the posture of a frame, one after the other.
+fn rows_of_posture(problem: &Problem, frame: usize) -> usize {
+    let same = |f: &&i64| problem.posture.get(frame) == Some(f);
+    problem.posture.iter().skip(frame).take_while(same).count()
 }
 
 /// Whom a mistake concerns: `robot`, `setup`, `camera` or `data`.

@@ -1,5 +1,6 @@
 //! The session with its mistakes undone, and what is told of them.
 
+use super::background;
 use super::mistake::Mistake;
 use super::outlying;
 use super::told::told;
@@ -39,7 +40,17 @@ impl Undone {
     /// Leaves out what no small error explains: digits, labels, rows whose joints were elsewhere.
     pub(super) fn leave_out_false(&mut self) -> Result<()> {
         let names = names(&self.robot);
-        let found = outlying::find(&self.problem, &self.recording, &names, self.problem.noise)?;
+        self.leave_out(outlying::find(&self.problem, &self.recording, &names, self.problem.noise)?);
+        Ok(())
+    }
+
+    /// Leaves out what stands still in the picture while the marker of its name moves.
+    pub(super) fn leave_out_background(&mut self) -> Result<()> {
+        self.leave_out(background::find(&self.problem)?);
+        Ok(())
+    }
+
+    fn leave_out(&mut self, found: Vec<outlying::False>) {
         for outlying::False { frame, indices, told } in found {
             outlying::remove(&mut self.recording.frames[frame], &indices);
             let mut at = 0;
@@ -49,7 +60,6 @@ impl Undone {
             });
             self.left_out.extend(told);
         }
-        Ok(())
     }
 
     /// Undoes a mistake, and tells of it.
