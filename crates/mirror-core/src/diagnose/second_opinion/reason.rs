@@ -19,6 +19,36 @@ const RATIO: (&str, &str) = ("joint_unit", "gear_ratio");
 /// disturbs less.
 const OF_A_COLUMN: [&str; 7] =
     ["joint_unit", "axis_sign", "joints_swapped", "joint_late", "joint_frozen", "joint_offset", PAIRING];
+
+/// Why a session is diagnosed a second time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Reason {
+    /// A ratio is told twice at one joint, or is that of the model.
+    Twice,
+    /// A mistake of a column, and yet the joint is elsewhere in each posture.
+    Lawless,
+    /// A picture of another size is told, and a focal length beside it that takes it back.
+    Resized,
+    /// A slip by little, once the causes are known.
+    HardlySlipped,
+    /// Slipped rows that fit their own postures, once the causes are known.
+    InOrder,
+    /// A slip beside something unexplained.
+    Slip,
+    /// Rows of their own beside something unexplained.
+    Pairing,
+    /// What was left out as false lies together.
+    FalseTogether,
+    /// A cause far larger than such an error is, which may be a part of a whole mistake.
+    TooLarge,
+    /// Something is left unexplained: a joint that stood still over some rows, or whose log is late, does that.
+    Unexplained,
+}
+
+impl Reason {
+    /// The reason that a first diagnosis gives, if it gives one.
+    pub fn of(found: &Outcome, recording: &Recording) -> Option<Self> {
+        let first = &found.diagnosis;
         let named = |effect: &str| first.causes.iter().any(|c| c.effect == effect);
         if is_told_twice(&first.causes) || is_of_no_size(&first.causes) {
             return Some(Self::Twice);

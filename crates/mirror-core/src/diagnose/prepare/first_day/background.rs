@@ -15,7 +15,7 @@ use nalgebra::Vector2;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// How far apart two pictures' pixels of one thing are that does not move: a detector's noise, px.
-const RADIUS_PX: f64 = 1.0;
+const RADIUS_PX: Prior = 1.0;
 /// A noise wider by this factor leaves every observation some weight.
 const WIDE: Prior = 1000.0;
 
