@@ -111,6 +111,7 @@ fn a_thing_in_the_background_is_no_marker_that_sits_elsewhere() {
             told.trace
         );
         let background = told.data.left_out.iter().filter(|l| l.why.contains("background")).count();
+        assert!(told.warnings.iter().any(|w| w.contains("stands still")), "{:?}", told.warnings);
         assert_eq!(background, put, "{:?}", told.data.left_out);
     }
 }

@@ -20,7 +20,7 @@ use crate::diagnose::prepare::prepared::Prepared;
 use crate::diagnose::prepare::row_slip::{Slip, is_slipped};
 use crate::diagnose::random_effects::free_form::free_forms;
 use crate::diagnose::report::build;
-use crate::diagnose::report::reservations::{hangs_on_regions, reserve};
+use crate::diagnose::report::reservations::{background_was_taken, hangs_on_regions, reserve};
 use crate::diagnose::report::seen_markers::seen_markers;
 use crate::diagnose::selection::beside_slips::settle_slips;
 use crate::diagnose::selection::beyond::look_beyond;
@@ -123,6 +123,7 @@ pub(crate) fn diagnose(
     let (arranged, left_out) = (&prepared.arranged, &prepared.left_out);
     let sources = Sources { given: recording, undone: its_recording, arranged, left_out };
     diagnosis.data = evidence::data(&sources, &findings)?;
+    diagnosis.warnings.extend(background_was_taken(&diagnosis.data));
     reserve(&mut diagnosis, &findings);
     if options.markers {
         diagnosis.markers = seen_markers(&findings)?;

@@ -327,6 +327,8 @@ pub struct LeftOut {
 impl LeftOut {
     /// How the reason begins where a marker's observation is false.
     pub(crate) const FAR_FROM: &str = "far from";
+    /// How it begins where something in the background was taken for a marker.
+    pub(crate) const AT_ONE_PIXEL: &str = "at one pixel";
 
     /// Whether it is a marker's observation that is far from what the model says.
     pub(crate) fn is_false(&self) -> bool {

@@ -2,8 +2,26 @@
 
 use crate::diagnose::assessment::evidence;
 use crate::diagnose::assessment::findings::Findings;
-use crate::diagnose::data::diagnosis::{Diagnosis, Gap, Verdict};
+use crate::diagnose::data::diagnosis::{Data, Diagnosis, Gap, LeftOut, Verdict};
 use crate::diagnose::principles::{ABOVE_SCATTER, LEAST_HELD_OUT_RATIO};
+use std::collections::BTreeMap;
+
+/// What is to be said where something in the background was taken for markers.
+pub(crate) fn background_was_taken(data: &Data) -> Option<String> {
+    let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+    for left in data.left_out.iter().filter(|l| l.why.starts_with(LeftOut::AT_ONE_PIXEL)) {
+        *counts.entry(&left.target).or_default() += 1;
+    }
+    let told: Vec<String> =
+        counts.iter().map(|(target, count)| format!("{target} ({count} times)")).collect();
+    (!told.is_empty()).then(|| {
+        format!(
+            "something that stands still in the pictures was taken for {}, and is left out: look at its pixel in the list of what was left out, cover that \
+             thing or give the marker another colour, and record again; of a marker that was never seen nothing is known",
+            told.join(", ")
+        )
+    })
+}
 
 /// What is to be said where the causes chosen anew predict clearly worse than those told.
 pub(crate) fn hangs_on_regions(gap: &Gap) -> Option<String> {

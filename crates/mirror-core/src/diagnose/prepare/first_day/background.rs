@@ -45,9 +45,11 @@ pub(super) fn find(problem: &Problem) -> Result<Vec<False>> {
                 target: target(problem, &problem.frames[frame].others[sight.index]),
                 deviations: None,
                 why: format!(
-                    "at one pixel, {:.0}, {:.0}, in {postures} postures between which the model moves it by {apart_px:.0} px: something in the background, \
+                    "{}, {:.0}, {:.0}, in {postures} postures between which the model moves it by {apart_px:.0} px: something in the background, \
                      or on the mirror",
-                    sight.pixel.x, sight.pixel.y
+                    LeftOut::AT_ONE_PIXEL,
+                    sight.pixel.x,
+                    sight.pixel.y
                 ),
             });
         }
