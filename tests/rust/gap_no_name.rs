@@ -115,3 +115,20 @@ fn a_thing_in_the_background_is_no_marker_that_sits_elsewhere() {
         assert_eq!(background, put, "{:?}", told.data.left_out);
     }
 }
+
+#[test]
+fn a_marker_that_one_joint_moves_may_stand_still_with_it() {
+    let world = World::new(4, false);
+    let mut recording = world.record(&Plan { postures: 50, seed: 22, ..Plan::default() });
+    let order = world.robots_order();
+    let column = |name: &str| order.iter().position(|&b| b == world.bone(name)).unwrap();
+    let steady = [column("l_shoulder_roll"), column("l_shoulder_yaw")];
+    let upper = world.markers.iter().position(|m| m.0 == "l_upper").unwrap();
+    for frame in &mut recording.frames {
+        steady.iter().for_each(|&j| frame.commanded[j] = 0.2);
+        let seen = frame.sightings.iter_mut().filter(|s| s.target == Target::Marker(upper));
+        seen.for_each(|s| s.pixel = Vector2::new(412.3, 227.9));
+    }
+    let told = diagnosed(&world, &recording);
+    assert!(told.data.left_out.iter().all(|l| !l.why.contains("background")), "{:?}", told.data.left_out);
+}

@@ -69,11 +69,21 @@ def fitted_corners(gray: Pixels, corners_px: FloatArray, cells: FloatArray) -> t
             ]
             blur_px = BLURS_PX[int(np.argmin(left))]
         step, _ = _step(gray, at, to_cells, reach, blur_px)
-        away = np.linalg.norm(step, axis=1, keepdims=True)
-        at = at + step * np.minimum(1.0, MOST_STEP_PX / np.maximum(away, 1e-9))
-        if float(away.max()) < SETTLED_PX:
+        at = at + _cut(step)
+        if _is_settled(step):
             break
     return at, reach
+
+
+def _cut(step: FloatArray) -> FloatArray:
+    """Steps (N, 2) px of no more than the most that one may be."""
+    away = np.linalg.norm(step, axis=1, keepdims=True)
+    cut: FloatArray = step * np.minimum(1.0, MOST_STEP_PX / np.maximum(away, 1e-9))
+    return cut
+
+
+def _is_settled(step: FloatArray) -> bool:
+    return float(np.linalg.norm(step, axis=1).max()) < SETTLED_PX
 
 
 def _cells_per_pixel(cells: FloatArray, at: FloatArray) -> FloatArray | None:
@@ -164,8 +174,7 @@ def _quadratic_saddles(gray: Pixels, corners_px: FloatArray) -> FloatArray:
         bend = huu * hvv - huv * huv
         step = np.column_stack([huv * gv - hvv * gu, huv * gu - huu * gv])
         step /= np.where(bend < 0.0, bend, np.inf)[:, None]
-        away = np.linalg.norm(step, axis=1, keepdims=True)
-        at = at + step * np.minimum(1.0, MOST_STEP_PX / np.maximum(away, 1e-9))
-        if float(away.max()) < SETTLED_PX:
+        at = at + _cut(step)
+        if _is_settled(step):
             break
     return at

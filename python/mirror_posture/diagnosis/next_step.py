@@ -13,7 +13,8 @@ OFTEN = {
         "position": "a camera that gives way as a joint moves does this: press on its mount",
     },
     "joint": {
-        "posture": "a clutch or a screw that slips does this: mark shaft and hub, move, and look",
+        "posture": "a column that holds another joint's values, other rows' or none does this: compare it with what the joint did; so does "
+        "a clutch or a screw that slips: mark shaft and hub, move, and look",
         "history": "a tendon or a harmonic drive that winds up does this: come to one place from both sides",
     },
 }

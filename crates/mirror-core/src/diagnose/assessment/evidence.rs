@@ -70,31 +70,14 @@ pub(crate) fn data(sources: &Sources<'_>, findings: &Findings<'_>) -> Result<Dat
                 tell(&names[m], None, "the position of a joint that carries it is not known in this row");
             }
         }
+        let others = &arranged.frames[f].others;
         let known = work.evaluate(arranged, &task, f);
-        let mut residuals = Vec::new();
-        if known {
-            work.raw_residuals(|marker, measured, r| residuals.push((marker, measured, r.norm())));
-        }
-        let mut kept = clean.frames[f].others.iter().filter(|o| marker_of(o).is_some()).peekable();
-        let mut at = 0;
+        let residuals = if known { work.residuals_of(others) } else { vec![None; others.len()] };
+        let mut kept = clean.frames[f].others.iter().filter(|o| o.marker().is_some()).peekable();
         let mut any = false;
-        for observation in arranged.frames[f].others.iter() {
-            let Some((marker, std)) = marker_of(observation).map(|m| {
-                (
-                    m,
-                    if matches!(observation, Observation::Point { .. }) {
-                        noise.point_m
-                    } else {
-                        noise.marker_px
-                    },
-                )
-            }) else {
-                continue;
-            };
-            let deviations = residuals.get(at).filter(|r| r.0 == Some(marker)).map(|r| r.2 / std);
-            if deviations.is_some() {
-                at += 1;
-            }
+        for (observation, residual) in others.iter().zip(residuals) {
+            let Some(marker) = observation.marker() else { continue };
+            let deviations = residual.map(|r| r.norm() / observation.marker_std(noise));
             let by_mirror = matches!(observation, Observation::Pixel { via: Via::Mirror, .. });
             let is_kept = kept.peek().is_some_and(|k| same(k, observation));
             if is_kept {
@@ -163,14 +146,6 @@ pub(crate) fn what_is_missing(data: &Data) -> String {
 
 fn is_marker(target: Target) -> bool {
     matches!(target, Target::Marker(_))
-}
-
-fn marker_of(observation: &Observation) -> Option<usize> {
-    match observation {
-        Observation::Pixel { seen: Seen::Marker(m), .. } => Some(*m),
-        Observation::Pixel { .. } => None,
-        Observation::Point { marker, .. } => Some(*marker),
-    }
 }
 
 fn same(a: &Observation, b: &Observation) -> bool {

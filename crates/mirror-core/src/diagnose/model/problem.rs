@@ -44,6 +44,24 @@ pub(crate) enum Observation {
     Point { marker: usize, position: Vector3<f64> },
 }
 
+impl Observation {
+    /// The marker that it is of; none of a corner.
+    pub fn marker(&self) -> Option<usize> {
+        match self {
+            Self::Pixel { seen: Seen::Marker(m), .. } | Self::Point { marker: m, .. } => Some(*m),
+            Self::Pixel { .. } => None,
+        }
+    }
+
+    /// Standard deviation of each of its numbers where it is a marker's, px or m.
+    pub fn marker_std(&self, noise: Noise) -> f64 {
+        match self {
+            Self::Pixel { .. } => noise.marker_px,
+            Self::Point { .. } => noise.point_m,
+        }
+    }
+}
+
 /// One frame's observations.
 #[derive(Debug, Clone)]
 pub(crate) struct FrameData {

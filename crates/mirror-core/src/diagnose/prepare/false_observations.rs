@@ -2,7 +2,7 @@
 
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::frame::{FrameWork, Task};
-use crate::diagnose::model::problem::{Noise, Observation, Problem, Seen};
+use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::principles::FAR_DEVIATIONS;
 use crate::error::Result;
 
@@ -31,23 +31,12 @@ fn kept(problem: &Problem, deformation: &Deformation, noise: Noise) -> Result<Pr
         if !work.evaluate(problem, &task, f) {
             continue;
         }
-        let mut residuals = Vec::new();
-        work.raw_residuals(|marker, measured, r| residuals.push((marker, measured, r.norm())));
-        let mut at = 0;
+        let mut residuals = work.residuals_of(&data.others).into_iter();
         data.others.retain(|observation| {
-            let (marker, std) = match observation {
-                Observation::Pixel { seen: Seen::Marker(m), .. } => (*m, noise.marker_px),
-                Observation::Point { marker, .. } => (*marker, noise.point_m),
-                Observation::Pixel { .. } => return true,
-            };
-            match residuals.get(at) {
-                Some((Some(m), _, size)) if *m == marker => {
-                    at += 1;
-                    *size <= FAR_DEVIATIONS * std
-                }
-                // Not predicted at all: as false as can be.
-                _ => false,
-            }
+            let residual = residuals.next().flatten();
+            // Of a marker and not predicted at all: as false as can be.
+            observation.marker().is_none()
+                || residual.is_some_and(|r| r.norm() <= FAR_DEVIATIONS * observation.marker_std(noise))
         });
     }
     Ok(out)

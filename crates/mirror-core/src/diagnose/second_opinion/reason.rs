@@ -147,11 +147,10 @@ impl Reason {
 
 /// Whether a mistake of a joint's column is told where that joint is what is left, in each posture by itself.
 fn is_lawless(first: &Diagnosis) -> bool {
-    let name = |at: &str| at.trim_start_matches("joint:").to_owned();
     let Some(place) = first.r#where.first().filter(|w| w.depends_on.as_deref() == Some(BY_ITSELF)) else {
         return false;
     };
-    let here = |c: &Cause| c.effect == PAIRING || c.at.split("<->").any(|at| name(at) == name(&place.at));
+    let here = |c: &Cause| c.effect == PAIRING || c.at.split("<->").any(|at| at == place.at);
     first.causes.iter().any(|c| OF_A_COLUMN.contains(&c.effect.as_str()) && here(c))
 }
 

@@ -64,7 +64,7 @@ pub(crate) fn beside_restless_joint<'a>(
     let mut start = nominal.clone();
     start.group = vec![0.0; beside.group.columns.len()];
     let mut its = beside.run(start)?;
-    drop_its_own(&beside, &mut its, node)?;
+    drop_its_own(&beside, &mut its, (node, search.group.columns.len()))?;
     let odds = log_odds((&beside, &its), (search, found))?;
     let joint = &search.problem.scene.body.nodes[node].joint;
     let mut trace = found.trace.clone();
@@ -79,11 +79,8 @@ pub(crate) fn beside_restless_joint<'a>(
 
 /// Takes back causes at the joint itself that leave more than half of its errors: a column that says nothing of its joint makes others likely that
 /// disturb less, a coupling that takes it away or a zero between.
-fn drop_its_own(beside: &Search<'_>, its: &mut Found, node: NodeId) -> Result<()> {
-    let own = |found: &Model| {
-        let errors = &found.group[found.group.len() - errors_of(beside)..];
-        errors.iter().map(|e| e * e).sum::<f64>().sqrt()
-    };
+fn drop_its_own(beside: &Search<'_>, its: &mut Found, (node, first_error): (NodeId, usize)) -> Result<()> {
+    let own = |model: &Model| model.group[first_error..].iter().map(|e| e * e).sum::<f64>().sqrt();
     let mut i = 0;
     while i < its.fit.model.terms.len() {
         let term = &its.fit.model.terms[i];
@@ -101,12 +98,6 @@ fn drop_its_own(beside: &Search<'_>, its: &mut Found, node: NodeId) -> Result<()
         its.fit = rest;
     }
     Ok(())
-}
-
-/// How many columns at the group's end are a joint's own errors.
-fn errors_of(beside: &Search<'_>) -> usize {
-    let of_postures = |c: &&Column| matches!(c.weight, Weight::Frames(_));
-    beside.group.columns.iter().rev().take_while(of_postures).count()
 }
 
 /// Whether many small errors take most of what errors of one joint in each posture say: these would be left as they are. Errors that are not

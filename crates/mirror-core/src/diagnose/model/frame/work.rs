@@ -11,7 +11,7 @@ use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::free_optics::FreeColumns;
 use crate::diagnose::model::kinematics::NodePoses;
 use crate::diagnose::model::pose::{Pose, exp};
-use crate::diagnose::model::problem::{FrameData, Noise, Problem};
+use crate::diagnose::model::problem::{FrameData, Noise, Observation, Problem};
 use crate::diagnose::model::solver::SOLVER;
 use nalgebra::{Matrix3, SMatrix, Vector3, Vector6};
 
@@ -438,6 +438,19 @@ impl FrameWork {
                 with(row.marker, row.measured, row.residual / row.scale);
             }
         }
+    }
+
+    /// Unweighted residual (px or m) of each of the evaluated frame's other observations; none of a corner, and of a marker that was not predicted or
+    /// has no weight at all.
+    pub fn residuals_of(&self, others: &[Observation]) -> Vec<Option<Vector3<f64>>> {
+        let mut predicted = Vec::new();
+        self.raw_residuals(|marker, _, residual| predicted.push((marker, residual)));
+        let mut predicted = predicted.into_iter().peekable();
+        let of = |observation: &Observation| {
+            let marker = observation.marker()?;
+            Some(predicted.next_if(|(of, _)| *of == Some(marker))?.1)
+        };
+        others.iter().map(of).collect()
     }
 }
 

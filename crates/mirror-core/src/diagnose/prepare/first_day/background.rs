@@ -3,16 +3,19 @@
 //! A detector that does not find a marker may find another thing of its colour, in every picture the same. Of a marker's pixels `z_i` those within
 //! [`RADIUS_PX`] of one of them are of such a thing where they are of many postures and the model's pixels `h_i` there lie far apart:
 //! `rms(h_i − h̄) > 6 radii` while `|z_i − z_k| ≤ radius`. With the same pixel that is the spread of the residuals `z_i − h_i`, so that no
-//! offset of the model counts. A marker that really stands still is predicted to.
+//! offset of the model counts. A marker that really stands still is predicted to; one that a single joint moves stands still where that joint is dead, and is
+//! not judged here.
 
 use super::outlying::{False, target};
 use crate::diagnose::data::diagnosis::LeftOut;
+use crate::diagnose::model::body::NodeId;
+use crate::diagnose::model::elementary::{Atom, moves};
 use crate::diagnose::model::frame::{FrameWork, Task};
 use crate::diagnose::model::problem::{Noise, Observation, Problem, Seen};
 use crate::diagnose::principles::{FAR_DEVIATIONS, FEWEST_OBSERVATIONS, Prior};
 use crate::error::Result;
 use nalgebra::Vector2;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 /// How far apart two pictures' pixels of one thing are that does not move: a detector's noise, px.
 const RADIUS_PX: Prior = 1.0;
@@ -33,9 +36,13 @@ struct Sight {
 /// Invalid parameters of camera or mirror.
 pub(super) fn find(problem: &Problem) -> Result<Vec<False>> {
     let mut found: BTreeMap<usize, False> = BTreeMap::new();
-    for sights in sights(problem)? {
+    for (marker, sights) in sights(problem)?.into_iter().enumerate() {
+        if joints_that_move(problem, marker) < 2 {
+            continue;
+        }
         let Some((same, apart_px)) = standing_still(problem, &sights) else { continue };
         let postures = postures_of(problem, &same).len();
+        let pixel = same.iter().map(|s| s.pixel).sum::<Vector2<f64>>() / same.len() as f64;
         for sight in same {
             let frame = sight.frame;
             let out = found.entry(frame).or_insert(False { frame, indices: Vec::new(), told: Vec::new() });
@@ -48,8 +55,8 @@ pub(super) fn find(problem: &Problem) -> Result<Vec<False>> {
                     "{}, {:.0}, {:.0}, in {postures} postures between which the model moves it by {apart_px:.0} px: something in the background, \
                      or on the mirror",
                     LeftOut::AT_ONE_PIXEL,
-                    sight.pixel.x,
-                    sight.pixel.y
+                    pixel.x,
+                    pixel.y
                 ),
             });
         }
@@ -59,10 +66,7 @@ pub(super) fn find(problem: &Problem) -> Result<Vec<False>> {
 
 /// The largest group of a marker's sights at one pixel, and how far apart the model has them, px; none where these are few or lie together.
 fn standing_still<'s>(problem: &Problem, sights: &'s [Sight]) -> Option<(Vec<&'s Sight>, f64)> {
-    let at = |pixel: Vector2<f64>| {
-        sights.iter().filter(|s| (s.pixel - pixel).norm() <= RADIUS_PX).collect::<Vec<&Sight>>()
-    };
-    let same = sights.iter().map(|s| at(s.pixel)).max_by_key(Vec::len)?;
+    let same = most_within(sights)?;
     if postures_of(problem, &same).len() < FEWEST_OBSERVATIONS {
         return None;
     }
@@ -70,6 +74,36 @@ fn standing_still<'s>(problem: &Problem, sights: &'s [Sight]) -> Option<(Vec<&'s
     let mean = same.iter().map(|s| s.residual).sum::<Vector2<f64>>() / count;
     let apart = (same.iter().map(|s| (s.residual - mean).norm_squared()).sum::<f64>() / count).sqrt();
     (apart > FAR_DEVIATIONS * RADIUS_PX).then_some((same, apart))
+}
+
+/// The sights within a radius of the one that has most there. A sight is asked where its cell and those beside it, which hold all of them, have more than was found.
+fn most_within(sights: &[Sight]) -> Option<Vec<&Sight>> {
+    let cell = |s: &Sight| s.pixel.map(|x| (x / RADIUS_PX).floor() as i64);
+    let mut cells: HashMap<Vector2<i64>, Vec<&Sight>> = HashMap::new();
+    sights.iter().for_each(|s| cells.entry(cell(s)).or_default().push(s));
+    let mut best: Vec<&Sight> = Vec::new();
+    for sight in sights {
+        let own = cell(sight);
+        let around = (-1..=1).flat_map(|u| (-1..=1).map(move |v| own + Vector2::new(u, v)));
+        let near: Vec<&Vec<&Sight>> = around.filter_map(|at| cells.get(&at)).collect();
+        if near.iter().map(|c| c.len()).sum::<usize>() > best.len() {
+            let within = |s: &&&Sight| (s.pixel - sight.pixel).norm() <= RADIUS_PX;
+            let same: Vec<&Sight> = near.into_iter().flatten().filter(within).copied().collect();
+            if same.len() > best.len() {
+                best = same;
+            }
+        }
+    }
+    (!best.is_empty()).then_some(best)
+}
+
+/// How many joints that were commanded to move do so with a marker against the camera: a single one may be what stands still.
+fn joints_that_move(problem: &Problem, marker: usize) -> usize {
+    let scene = &problem.scene;
+    let (carrier, camera) = (problem.marker_sites[marker].node, problem.camera_site.and_then(|s| s.node));
+    let between =
+        |n: &NodeId| moves(Atom::Joint(*n), scene, carrier) != moves(Atom::Joint(*n), scene, camera);
+    (0..scene.nodes()).filter(|&n| scene.moves(n)).filter(between).count()
 }
 
 fn postures_of(problem: &Problem, sights: &[&Sight]) -> BTreeSet<i64> {
@@ -85,22 +119,16 @@ fn sights(problem: &Problem) -> Result<Vec<Vec<Sight>>> {
     let noise = Noise { marker_px: WIDE * problem.noise.marker_px, ..problem.noise };
     let task = Task { gaussian: false, ..Task::of_residuals(problem, &nominal, eye.as_ref(), noise) };
     let mut work = FrameWork::new(problem);
-    let mut residuals = Vec::new();
     for (frame, data) in problem.frames.iter().enumerate() {
         if !work.evaluate(problem, &task, frame) {
             continue;
         }
-        residuals.clear();
-        work.raw_residuals(|marker, _, r| residuals.push((marker, r.xy())));
-        let mut predicted = residuals.iter().peekable();
-        for (index, observation) in data.others.iter().enumerate() {
-            let marker = match observation {
-                Observation::Pixel { seen: Seen::Marker(m), .. } | Observation::Point { marker: m, .. } => *m,
-                Observation::Pixel { .. } => continue,
-            };
-            let Some((_, residual)) = predicted.next_if(|(m, _)| *m == Some(marker)) else { continue };
-            if let Observation::Pixel { pixel, .. } = observation {
-                out[marker].push(Sight { frame, index, pixel: *pixel, residual: *residual });
+        let residuals = work.residuals_of(&data.others);
+        for (index, (observation, residual)) in data.others.iter().zip(residuals).enumerate() {
+            if let (Observation::Pixel { seen: Seen::Marker(m), pixel, .. }, Some(residual)) =
+                (observation, residual)
+            {
+                out[*m].push(Sight { frame, index, pixel: *pixel, residual: residual.xy() });
             }
         }
     }

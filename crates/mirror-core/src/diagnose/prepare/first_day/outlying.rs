@@ -16,6 +16,7 @@ use crate::diagnose::principles::{
     FAR_DEVIATIONS, Grid, MAJORITY, NEARLY_ALL, Prior, SURE_DEVIATIONS, Threshold,
 };
 use crate::error::Result;
+use nalgebra::Vector3;
 use std::collections::BTreeMap;
 
 /// A marker of which more than this share is off is no matter of single observations.
@@ -126,15 +127,11 @@ fn deviations(
     let eye = problem.eye(deformation)?;
     let task = Task { gaussian: false, ..Task::of_residuals(problem, deformation, eye.as_ref(), noise) };
     let others = &problem.frames[frame].others;
-    let mut out = vec![None; others.len()];
     if !work.evaluate(problem, &task, frame) {
-        return Ok(out);
+        return Ok(vec![None; others.len()]);
     }
-    let mut residuals = Vec::new();
-    work.raw_residuals(|marker, _, r| residuals.push((marker, r.norm())));
-    if residuals.len()
-        < others.iter().filter(|o| !matches!(o, Observation::Pixel { seen: Seen::Corner(_), .. })).count()
-    {
+    let mut residuals = work.residuals_of(others);
+    if others.iter().zip(&residuals).any(|(o, r)| o.marker().is_some() && r.is_none()) {
         // So far off that they have no weight at all: asked again at a noise at which they have.
         let wide = Noise {
             marker_px: WIDE * noise.marker_px,
@@ -142,27 +139,15 @@ fn deviations(
             corner_px: noise.corner_px,
         };
         if work.evaluate(problem, &Task { noise: wide, ..task }, frame) {
-            residuals.clear();
-            work.raw_residuals(|marker, _, r| residuals.push((marker, r.norm())));
+            residuals = work.residuals_of(others);
         }
     }
-    let mut at = 0;
-    for (i, observation) in others.iter().enumerate() {
-        let (marker, std) = match observation {
-            Observation::Pixel { seen: Seen::Marker(m), .. } => (*m, noise.marker_px),
-            Observation::Point { marker, .. } => (*marker, noise.point_m),
-            Observation::Pixel { .. } => continue,
-        };
-        out[i] = match residuals.get(at) {
-            Some((Some(m), size)) if *m == marker => {
-                at += 1;
-                Some(size / std)
-            }
-            // So far off that it has no weight at all.
-            _ => Some(f64::INFINITY),
-        };
-    }
-    Ok(out)
+    // So far off that it has no weight at all: as far as can be.
+    let of = |(observation, residual): (&Observation, Option<Vector3<f64>>)| {
+        observation.marker()?;
+        Some(residual.map_or(f64::INFINITY, |r| r.norm() / observation.marker_std(noise)))
+    };
+    Ok(others.iter().zip(residuals).map(of).collect())
 }
 
 /// The joint that alone puts a frame right, in words.
