@@ -35,7 +35,8 @@ def outcome(case: Scored) -> str:
         and c["effect"] not in (MOUNTS if "setup" in case.answer else ())
         and c.get("probability", 1.0) >= CONFIDENT
     ]
-    if all(t in told or _tolerated(case, t, told) for t in wanted) and not wrong:
+    enough = len(told & (true | tolerated)) >= len(wanted)
+    if enough and all(t in told or _tolerated(case, t, told) for t in wanted) and not wrong:
         return "named"
     verdict = case.said.get("verdict")
     if verdict in ("unknown", "partial", "insufficient") and not wrong:

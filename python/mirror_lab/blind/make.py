@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from .accidents import ACCIDENTS
 from .effects import VOCABULARY
 from .errors import NoPlaceError
 from .identify import judge
@@ -43,6 +44,8 @@ def draw_causes(rng: np.random.Generator, options: Options, vocabulary: Sequence
     low, high = options.causes
     if options.mistakes:
         return _mistakes(rng)
+    if options.accidents:
+        return [str(rng.choice(list(ACCIDENTS)))]
     if options.by_hand:
         vocabulary = [v for v in vocabulary if v not in NOT_BESIDE]
     if low == 0 and rng.random() < options.none_share:

@@ -56,7 +56,7 @@ def told_truly(case: Case) -> Told:
     )
 
 
-def _joints(case: Case, least_range_rad: float = 0.3) -> list[str]:
+def moved_joints(case: Case, least_range_rad: float = 0.3) -> list[str]:
     """Joints that move a marker and are moved themselves."""
     robot, commands = case.robot, case.plan.commands
     return [
@@ -66,18 +66,20 @@ def _joints(case: Case, least_range_rad: float = 0.3) -> list[str]:
     ]
 
 
-def _pick(rng: np.random.Generator, names: list[str], what: str) -> str:
+def pick(rng: np.random.Generator, names: list[str], what: str) -> str:
+    """One of the names; NoPlaceError where there is none."""
     if not names:
         raise NoPlaceError(f"this robot has no place for {what}")
     return str(names[int(rng.integers(len(names)))])
 
 
-def _column(case: Case, joint: str) -> int:
+def column_of(case: Case, joint: str) -> int:
+    """The joint's column of `Told.q`."""
     return case.plan.commands.joints.index(joint)
 
 
 def axis_sign(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]:
-    j = _pick(rng, _joints(case), "axis_sign")
+    j = pick(rng, moved_joints(case), "axis_sign")
     tree = ET.fromstring(told.urdf)
     axis = next(e for e in tree.findall("joint") if e.get("name") == j).find("axis")
     if axis is None:
@@ -88,21 +90,21 @@ def axis_sign(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]:
 
 
 def joints_swapped(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]:
-    joints = _joints(case)
-    j = _pick(rng, joints, "joints_swapped")
-    k = _pick(rng, [k for k in joints if k != j], "joints_swapped")
+    joints = moved_joints(case)
+    j = pick(rng, joints, "joints_swapped")
+    k = pick(rng, [k for k in joints if k != j], "joints_swapped")
     return [_swapped(case, told, j, k)]
 
 
 def _swapped(case: Case, told: Told, j: str, k: str) -> Cause:
-    a, b = _column(case, j), _column(case, k)
+    a, b = column_of(case, j), column_of(case, k)
     told.q[:, [a, b]] = told.q[:, [b, a]]
     return {"effect": "joints_swapped", "at": f"joint:{j}<->joint:{k}"}
 
 
 def left_right(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]:
     """All columns of the left side for the right one's."""
-    joints = _joints(case, 0.05)
+    joints = moved_joints(case, 0.05)
     pairs = [(j, k) for j in joints for k in joints if k == re.sub(r"\bl_|\bleft", _other_side, j) and k != j]
     if not pairs:
         raise NoPlaceError("this robot has no two sides")
@@ -114,8 +116,8 @@ def _other_side(found: re.Match[str]) -> str:
 
 
 def degrees(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]:
-    j = _pick(rng, _joints(case), "joint_unit")
-    told.q[:, _column(case, j)] *= 180 / np.pi
+    j = pick(rng, moved_joints(case), "joint_unit")
+    told.q[:, column_of(case, j)] *= 180 / np.pi
     return [{"effect": "joint_unit", "at": f"joint:{j}", "factor": np.pi / 180}]
 
 
@@ -126,11 +128,11 @@ def all_degrees(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]
 
 def joint_frozen(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]:
     """The log stands still over a run of rows."""
-    j = _pick(rng, _joints(case), "joint_frozen")
+    j = pick(rng, moved_joints(case), "joint_frozen")
     frames = len(told.q)
     length = int(rng.integers(frames // 4, frames // 2))
     first = int(rng.integers(3, frames - length - 3))
-    column = told.q[:, _column(case, j)]
+    column = told.q[:, column_of(case, j)]
     column[first : first + length] = column[first - 1]
     return [
         {"effect": "joint_frozen", "at": f"joint:{j}", "first_frame": first, "last_frame": first + length - 1}
@@ -139,9 +141,9 @@ def joint_frozen(rng: np.random.Generator, case: Case, told: Told) -> list[Cause
 
 def joint_late(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]:
     """One column by a fraction of a row or more."""
-    j = _pick(rng, _joints(case), "joint_late")
+    j = pick(rng, moved_joints(case), "joint_late")
     delay_s = _delay(rng, told)
-    k = _column(case, j)
+    k = column_of(case, j)
     told.q[:, k] = _earlier(told, delay_s)[:, k]
     return [{"effect": "joint_late", "at": f"joint:{j}", "delay_s": delay_s}]
 
@@ -228,17 +230,17 @@ def square_size(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]
 
 
 def right_angle_zero(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]:
-    j = _pick(rng, _joints(case), "joint_offset")
+    j = pick(rng, moved_joints(case), "joint_offset")
     offset = float(rng.choice([-1, 1])) * np.pi / 2
-    told.q[:, _column(case, j)] -= offset
+    told.q[:, column_of(case, j)] -= offset
     return [{"effect": "joint_offset", "at": f"joint:{j}", "offset_rad": offset}]
 
 
 def scaled_column(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]:
     """A gear box of another ratio than is told."""
-    j = _pick(rng, _joints(case, 0.6), "gear_ratio")
+    j = pick(rng, moved_joints(case, 0.6), "gear_ratio")
     factor = float(rng.choice([0.75, 0.8, 1.25, 1.5, 2.0]))
-    told.q[:, _column(case, j)] /= factor
+    told.q[:, column_of(case, j)] /= factor
     return [{"effect": "gear_ratio", "at": f"joint:{j}", "scale_error": factor - 1}]
 
 
@@ -257,7 +259,7 @@ def marker_parent(rng: np.random.Generator, case: Case, told: Told) -> list[Caus
         own = robot.bodies[robot.index[f"{m}_marker"]].parent
         for other in (robot.bodies[own].parent, robot.next_body(own)):
             moves = other is not None and robot.rigid_root(other) != robot.rigid_root(own)
-            if other is not None and moves and other > 0 and robot.bodies[other].joint in _joints(case):
+            if other is not None and moves and other > 0 and robot.bodies[other].joint in moved_joints(case):
                 options.append((m, own, other))
     if not options:
         raise NoPlaceError("this robot has no marker on a moving link beside another")
@@ -333,8 +335,8 @@ NOT_TWICE = {"left_right", "all_degrees", "clock_late", "shifted_rows", "gravity
 """Mistakes that touch everything: they come alone, or with a small cause."""
 
 
-def draw_mistakes(rng: np.random.Generator, kinds: list[str], case: Case) -> Told:
-    """Makes the mistakes in what is told of a case, at places of their own, and adds them to its answer.
+def draw_mistakes(rng: np.random.Generator, kinds: list[str], case: Case, made: dict[str, Mistake]) -> Told:
+    """Makes mistakes of those that are known (`made`) in what is told of a case, at places of their own, and adds them to its answer.
 
     Raises NoPlaceError where a robot has none.
     """
@@ -344,7 +346,7 @@ def draw_mistakes(rng: np.random.Generator, kinds: list[str], case: Case) -> Tol
         before = (told.urdf, told.q.copy())
         for attempt in range(40):
             told.urdf, told.q = before[0], before[1].copy()
-            causes = MISTAKES[kind](rng, case, told)
+            causes = made[kind](rng, case, told)
             if not any(p in taken for c in causes for p in _places(c["at"])):
                 break
             if kind in ("markers_swapped",) or attempt == 39:
@@ -353,7 +355,7 @@ def draw_mistakes(rng: np.random.Generator, kinds: list[str], case: Case) -> Tol
             cause |= {
                 "mistake": kind,
                 "detectable": True,
-                "identifiable": kind != "gravity_sign",
+                "identifiable": cause.get("identifiable", kind != "gravity_sign"),
                 "rivals": [],
             }
         case.answer["causes"] += causes

@@ -23,6 +23,7 @@ from .effects import VOCABULARY, Cause, Laws, Scene, transverse_axes
 from .errors import BlindError, NoPlaceError
 from .given_robots import SUFFIXES, from_file
 from .known_robots import talos, unitree_g1, ur10
+from .accidents import ACCIDENTS
 from .mistakes import MISTAKES, SLIPS, Told, draw_mistakes
 from .mounting import Mounting, draw_mounting, rotation_of
 from .noise import Noise, add_outliers, blob_errors, corner_errors, draw_noise
@@ -59,6 +60,8 @@ class Options:
     """Whether board, camera and markers are mounted by hand, and the zeros set so."""
     mistakes: bool = False
     """Whether each session has a whole mistake of a first day instead of other causes."""
+    accidents: bool = False
+    """Whether each session has one accident of its log or names instead, for which the vocabulary has no single word."""
     noise_told: bool = True
     """Whether the session states its noise."""
 
@@ -258,9 +261,10 @@ def see(
 
 def simulate(name: str, kind: str, draws: Sequence[str], rng: np.random.Generator, options: Options) -> Case:
     """One session with the named causes (of the vocabulary or outside it, whole mistakes, slips), in memory."""
-    mistakes = [d for d in draws if d in MISTAKES]
+    made = MISTAKES | ACCIDENTS
+    mistakes = [d for d in draws if d in made]
     slips = [d for d in draws if d in SLIPS]
-    draws = [d for d in draws if d not in MISTAKES and d not in SLIPS]
+    draws = [d for d in draws if d not in made and d not in SLIPS]
     robot = draw_robot(kind, rng)
     tilt = rng.normal(0, 0.12, 2) if rng.random() < 0.35 else np.zeros(2)
     gravity = 9.81 * np.array(
@@ -349,7 +353,7 @@ def simulate(name: str, kind: str, draws: Sequence[str], rng: np.random.Generato
         case.answer["zeros_rad"], case.answer["tolerances_stated"] = mounting.zeros_rad, mounting.stated
     case.noise_told = options.noise_told
     if mistakes:
-        case.told = draw_mistakes(rng, mistakes, case)
+        case.told = draw_mistakes(rng, mistakes, case, made)
     return case
 
 

@@ -91,6 +91,13 @@ def make(
             help="Whole mistakes of a first day: one, two at once, or one beside a small cause; slips too.",
         ),
     ] = False,
+    accidents: Annotated[
+        bool,
+        typer.Option(
+            "--accidents",
+            help="One accident of the log or of names a session, for which the vocabulary has no single word.",
+        ),
+    ] = False,
     noise_told: Annotated[
         bool, typer.Option("--noise-told/--noise-unknown", help="Whether sessions state their noise.")
     ] = True,
@@ -110,7 +117,7 @@ def make(
         raise MirrorPostureError(f"--renderer: got {renderer!r}; known are own and mitsuba")
     if setup not in ("exact", "by-hand"):
         raise MirrorPostureError(f"--setup: got {setup!r}; known are exact and by-hand")
-    if pictures and (mistakes or setup == "by-hand"):
+    if pictures and (mistakes or accidents or setup == "by-hand"):
         raise MirrorPostureError("--pictures: mistakes and hand-made set-ups are made of image points only")
     if setup == "by-hand" and outside:
         raise MirrorPostureError(
@@ -129,6 +136,7 @@ def make(
             renderer=renderer,
             by_hand=setup == "by-hand",
             mistakes=mistakes,
+            accidents=accidents,
             noise_told=noise_told,
         )
         if robot:

@@ -80,6 +80,7 @@ impl<'a> Session<'a> {
         }
         out.extend(UNITS.iter().map(|&factor| Mistake::AllUnits { factor }));
         out.extend(self.sides());
+        out.extend(self.moved_on());
         out.extend(self.late(&moving, finely));
         out
     }
@@ -112,7 +113,24 @@ impl<'a> Session<'a> {
         let mut out = Vec::new();
         for (i, a) in chains.iter().enumerate() {
             for b in chains[..i].iter().filter(|b| b.len() == a.len() && a.len() > 1) {
-                out.push(Mistake::SidesSwapped { pairs: b.iter().copied().zip(a.iter().copied()).collect() });
+                out.push(Mistake::ColumnsSwapped {
+                    pairs: b.iter().copied().zip(a.iter().copied()).collect(),
+                });
+            }
+        }
+        out
+    }
+
+    /// All columns from one to another moved on by one place, the last first: a column too many, or one that was left out.
+    fn moved_on(&self) -> Vec<Mistake> {
+        let columns: Vec<usize> = self.joints.iter().map(|(j, _)| *j).collect();
+        let (mut out, count) = (Vec::new(), columns.len());
+        for first in 0..count {
+            for last in first + 2..count {
+                // Exchanges of neighbours carry one column through all others: forward, or back.
+                let neighbours = columns[first..=last].windows(2).map(|two| (two[0], two[1]));
+                out.push(Mistake::ColumnsSwapped { pairs: neighbours.clone().collect() });
+                out.push(Mistake::ColumnsSwapped { pairs: neighbours.rev().collect() });
             }
         }
         out
@@ -157,7 +175,7 @@ impl<'a> Session<'a> {
         for b in 0..markers {
             for a in 0..b {
                 let mut swapped = variant.clone();
-                swapped.labels.iter_mut().for_each(|l| l.swap(a, b));
+                (0..swapped.labels.len()).for_each(|f| swapped.exchange_labels(f, (a, b)));
                 let other = self.frame_losses(&swapped);
                 let mut frames: Vec<usize> =
                     (0..own.len()).filter(|&f| own[f].0 - other[f].0 > CLEAR).collect();

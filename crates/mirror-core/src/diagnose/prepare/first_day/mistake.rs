@@ -1,6 +1,6 @@
 //! Whole mistakes of model or log: what each is called, and how it is undone exactly.
 
-use super::variant::Variant;
+use super::variant::{Variant, other_of};
 use crate::camera::Camera;
 use crate::diagnose::data::recording::{Recording, Target};
 use crate::diagnose::model::body::{NodeId, Site};
@@ -25,8 +25,8 @@ pub(crate) enum Mistake {
     AxisSign { node: NodeId },
     /// Two columns, or two cables, changed places.
     JointsSwapped { joints: (usize, usize) },
-    /// Two like chains changed places: left and right.
-    SidesSwapped { pairs: Vec<(usize, usize)> },
+    /// Several columns changed places, by exchanges one after the other: left and right, or all of a run moved on by one.
+    ColumnsSwapped { pairs: Vec<(usize, usize)> },
     /// The column is in another unit: it must be multiplied by the factor.
     JointUnit { joint: usize, factor: f64 },
     /// As above, of all joints that turn.
@@ -76,7 +76,7 @@ impl Mistake {
         match *self {
             Self::AxisSign { node } => variant.signs[node] = -variant.signs[node],
             Self::JointsSwapped { joints: (a, b) } => rows.iter_mut().for_each(|row| row.swap(a, b)),
-            Self::SidesSwapped { ref pairs } => {
+            Self::ColumnsSwapped { ref pairs } => {
                 rows.iter_mut().for_each(|row| pairs.iter().for_each(|&(a, b)| row.swap(a, b)));
             }
             Self::JointUnit { joint, factor } => rows.iter_mut().for_each(|row| row[joint] *= factor),
@@ -102,10 +102,8 @@ impl Mistake {
                     rows[f].clone_from(&old[from]);
                 }
             }
-            Self::MarkersSwapped { markers: (a, b), ref frames } => {
-                for &f in frames {
-                    variant.labels[f].swap(a, b);
-                }
+            Self::MarkersSwapped { markers, ref frames } => {
+                frames.iter().for_each(|&f| variant.exchange_labels(f, markers));
             }
             Self::Squares { factor } => variant.squares *= factor,
             Self::MarkerParent { marker, node, place } => {
@@ -141,9 +139,9 @@ impl Mistake {
             }
             Self::Flipped { flip } => flip_pictures(recording, *flip),
             Self::BoardTurned { quarters } => turn_board(recording, *quarters),
-            Self::MarkersSwapped { markers: (a, b), frames } => {
+            Self::MarkersSwapped { markers, frames } => {
                 for &f in frames {
-                    exchange(&mut recording.frames[f], *a, *b);
+                    exchange(&mut recording.frames[f], *markers);
                 }
             }
             Self::Gravity { turn } => recording.gravity = Rotation3::new(*turn) * recording.gravity,
@@ -203,7 +201,7 @@ impl Mistake {
         match self {
             Self::AxisSign { .. }
             | Self::JointsSwapped { .. }
-            | Self::SidesSwapped { .. }
+            | Self::ColumnsSwapped { .. }
             | Self::AllUnits { .. } => true,
             Self::JointUnit { factor, .. } => UNITS.contains(factor),
             Self::Zero { offset, .. } => (offset / FRAC_PI_2).fract() == 0.0,
@@ -220,7 +218,7 @@ impl Mistake {
     pub fn effect(&self) -> &'static str {
         match self {
             Self::AxisSign { .. } => "axis_sign",
-            Self::JointsSwapped { .. } | Self::SidesSwapped { .. } => "joints_swapped",
+            Self::JointsSwapped { .. } | Self::ColumnsSwapped { .. } => "joints_swapped",
             Self::JointUnit { .. } | Self::AllUnits { .. } => "joint_unit",
             Self::Zero { .. } => "joint_offset",
             Self::Late { .. } => "joint_late",
@@ -309,23 +307,14 @@ fn unblended(log: &[f64], part: f64) -> Vec<f64> {
     out
 }
 
-fn exchange(frame: &mut crate::diagnose::data::recording::Frame, a: usize, b: usize) {
-    let other = |m: usize| {
-        if m == a {
-            b
-        } else if m == b {
-            a
-        } else {
-            m
-        }
-    };
+fn exchange(frame: &mut crate::diagnose::data::recording::Frame, markers: (usize, usize)) {
     for sighting in &mut frame.sightings {
         if let Target::Marker(m) = &mut sighting.target {
-            *m = other(*m);
+            *m = other_of(markers, *m);
         }
     }
     for point in &mut frame.points {
-        point.marker = other(point.marker);
+        point.marker = other_of(markers, point.marker);
     }
 }
 

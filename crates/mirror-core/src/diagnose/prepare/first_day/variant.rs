@@ -45,6 +45,12 @@ impl Variant {
         self.signs[n] * (multiplier * self.positions[frame][index] + offset)
     }
 
+    /// Exchanges what two markers' names stand for in a frame, after what was exchanged already: a circle of three names is two exchanges, and
+    /// their order counts.
+    pub fn exchange_labels(&mut self, frame: usize, markers: (usize, usize)) {
+        self.labels[frame].iter_mut().for_each(|marker| *marker = other_of(markers, *marker));
+    }
+
     /// A joint's column.
     pub fn column(&self, joint: usize) -> Vec<f64> {
         self.positions.iter().map(|row| row[joint]).collect()
@@ -55,6 +61,15 @@ impl Variant {
         for (row, value) in self.positions.iter_mut().zip(values) {
             row[joint] = *value;
         }
+    }
+}
+
+/// A marker after two were exchanged.
+pub(super) fn other_of((a, b): (usize, usize), marker: usize) -> usize {
+    match marker {
+        m if m == a => b,
+        m if m == b => a,
+        m => m,
     }
 }
 
