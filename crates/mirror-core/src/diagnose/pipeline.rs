@@ -28,6 +28,7 @@ use crate::diagnose::selection::lingering_noise::allow_for_lingering;
 use crate::diagnose::selection::long_session::{on_all_frames, part_of_frames};
 use crate::diagnose::selection::near_ties::from_near_ties;
 use crate::diagnose::selection::pairwise_start::from_a_pair;
+use crate::diagnose::selection::restless::column_says_nothing;
 use crate::diagnose::selection::search::{Search, SearchOptions};
 use crate::diagnose::selection::with_setup::{look_again_at_noise, with_or_without_setup};
 use crate::error::Result;
@@ -42,6 +43,8 @@ pub(crate) struct Outcome {
     pub known: Known,
     /// Whether there are such causes.
     pub too_large: bool,
+    /// A joint is elsewhere in each posture by as much as its column moves it.
+    pub says_nothing: bool,
 }
 
 /// Diagnoses a recording: where the model is wrong, which effect causes it, how far the gap shrinks.
@@ -102,6 +105,7 @@ pub(crate) fn diagnose(
     let with_geometry = options.allows("geometry");
     let beyond = look_beyond((&mut search, &mut found), &all, &nominal, setup, with_geometry)?;
 
+    let says_nothing = beyond.restless.is_some_and(|node| column_says_nothing(&search, &found, node));
     on_all_frames(&mut search, &mut found)?;
 
     options.progress.enter("weighing what was found");
@@ -133,12 +137,17 @@ pub(crate) fn diagnose(
     let number_of = |left: &LeftOut| arranged.frame_numbers.iter().position(|n| *n == left.frame);
     let left_out = diagnosis.data.left_out.iter().filter(|l| l.is_false());
     let known = Known { deformation, false_frames: left_out.filter_map(number_of).collect(), sought: false };
-    Ok(Outcome { rows_in_order, known, too_large, diagnosis })
+    Ok(Outcome { rows_in_order, known, too_large, says_nothing, diagnosis })
 }
 
 /// Whether slipped rows are slipped beside what was found as well.
 fn is_found_again(findings: &Findings<'_>, all_rows: &Problem, slip: &Slip) -> Result<bool> {
     let (search, model) = (&findings.search, &findings.found.fit.model);
     let as_found = |problem: &Problem| model.deformation(problem, search.catalogue, &search.group.columns);
-    is_slipped(all_rows, as_found, findings.found.noise, slip)
+    // Beside something unexplained rows fit their own postures no better than that lets them.
+    let mut noise = findings.found.noise;
+    if findings.unexplained.is_some() {
+        noise = noise::effective(&search.problem, &search.deformation(model), noise, None)?;
+    }
+    is_slipped(all_rows, as_found, noise, slip)
 }

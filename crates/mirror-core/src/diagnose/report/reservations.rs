@@ -54,6 +54,10 @@ pub(crate) fn reserve(diagnosis: &mut Diagnosis, findings: &Findings<'_>) {
             "There is a gap far above the noise floor, and these postures show neither its place nor its law.".into();
         diagnosis.verdict = Verdict::Unknown;
     }
+    if diagnosis.verdict == Verdict::Explained && is_far {
+        diagnosis.sentence += " Yet what they leave is far above the noise floor: something else is there.";
+        diagnosis.verdict = Verdict::Partial;
+    }
     // Where nothing was held out and predicted, nothing is known to agree.
     if evidence::insufficient(&diagnosis.data)
         || (diagnosis.verdict == Verdict::None && !diagnosis.gap.is_told())

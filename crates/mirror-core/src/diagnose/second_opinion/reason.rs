@@ -15,10 +15,20 @@ const PAIRING: &str = "pairing";
 const RESIZED: (&str, &str) = ("camera_resolution", "camera_focal");
 /// A ratio that is a whole mistake is tried as another unit of the joint, and told as a small one is.
 const RATIO: (&str, &str) = ("joint_unit", "gear_ratio");
-/// Mistakes of a joint's column that a column which says nothing of its joint shows as well: scaled to nothing, turned, exchanged, in other rows, it
-/// disturbs less.
-const OF_A_COLUMN: [&str; 7] =
-    ["joint_unit", "axis_sign", "joints_swapped", "joint_late", "joint_frozen", "joint_offset", PAIRING];
+/// A marker that a joint seems not to move, since its column says nothing of it.
+const ON_ANOTHER_LINK: &str = "marker_parent";
+/// Mistakes that a column which says nothing of its joint shows as well: scaled to nothing, turned, exchanged, in other rows, it disturbs less, or
+/// as that of a joint which does not move a marker.
+const OF_A_COLUMN: [&str; 8] = [
+    "joint_unit",
+    "axis_sign",
+    "joints_swapped",
+    "joint_late",
+    "joint_frozen",
+    "joint_offset",
+    PAIRING,
+    ON_ANOTHER_LINK,
+];
 
 /// Why a session is diagnosed a second time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -27,6 +37,10 @@ pub(super) enum Reason {
     Twice,
     /// A mistake of a column, and yet the joint is elsewhere in each posture.
     Lawless,
+    /// A mistake of a column, whose joint is elsewhere in each posture by as much as the column moves it.
+    SaysNothing,
+    /// A mistake of a column that leaves most of the gap.
+    Weak,
     /// A picture of another size is told, and a focal length beside it that takes it back.
     Resized,
     /// A slip by little, once the causes are known.
@@ -54,7 +68,10 @@ impl Reason {
             return Some(Self::Twice);
         }
         if is_lawless(first) {
-            return Some(Self::Lawless);
+            return Some(if found.says_nothing { Self::SaysNothing } else { Self::Lawless });
+        }
+        if is_weak(first) {
+            return Some(Self::Weak);
         }
         if named(RESIZED.0) && named(RESIZED.1) {
             return Some(Self::Resized);
@@ -78,7 +95,7 @@ impl Reason {
     pub fn without(self) -> &'static [&'static str] {
         match self {
             Self::Twice => &[RATIO.0],
-            Self::Lawless => &OF_A_COLUMN,
+            Self::Lawless | Self::SaysNothing | Self::Weak => &OF_A_COLUMN,
             Self::Resized => &[RESIZED.0],
             Self::HardlySlipped | Self::Slip => &[SLIP],
             Self::Pairing | Self::InOrder => &[PAIRING],
@@ -95,9 +112,19 @@ impl Reason {
     pub fn believes(self, second: &Diagnosis, first: &Diagnosis) -> bool {
         let no_worse = left(second) <= left(first);
         match self {
-            Self::Twice | Self::Resized | Self::HardlySlipped | Self::InOrder => no_worse || explains(second),
+            Self::Twice | Self::Resized | Self::HardlySlipped => no_worse || explains(second),
+            // With more rows there is more to predict.
+            Self::InOrder => {
+                no_worse || explains(second) || !explains(first) && MAJORITY * left(second) <= left(first)
+            }
             // A mistake that is one makes the difference between a joint that stands nowhere and one that nearly stands.
             Self::Lawless => MAJORITY * left(second) <= left(first),
+            Self::SaysNothing => true,
+            Self::Weak => {
+                let alone = lawless_place(second);
+                alone.is_some_and(|at| of_a_column(first).any(|c| is_at(c, at)))
+                    && MAJORITY * left(second) <= left(first)
+            }
             Self::Slip | Self::Pairing => LEAST_HELD_OUT_RATIO * left(second) <= left(first),
             Self::Unexplained => no_worse && (explains(second) || takes_most(second, first)),
             Self::TooLarge => {
@@ -124,7 +151,7 @@ impl Reason {
             Self::Twice => {
                 "a ratio undone as a whole mistake was found again beside it, or to be the model's: it is none"
             }
-            Self::Lawless => {
+            Self::Lawless | Self::SaysNothing | Self::Weak => {
                 "a joint that is elsewhere in each posture is so without its column's mistake as well: the column says nothing of it"
             }
             Self::Resized => "a focal length took back the pictures' other size: they have the camera's size",
@@ -145,13 +172,31 @@ impl Reason {
     }
 }
 
+/// The joint that most of what is left lives at, in each posture by itself.
+fn lawless_place(diagnosis: &Diagnosis) -> Option<&str> {
+    let first = diagnosis.r#where.first()?;
+    (first.depends_on.as_deref() == Some(BY_ITSELF)).then_some(&first.at)
+}
+
+/// The mistakes of columns that are told, a ratio among them.
+fn of_a_column(diagnosis: &Diagnosis) -> impl Iterator<Item = &Cause> {
+    diagnosis.causes.iter().filter(|c| OF_A_COLUMN.contains(&c.effect.as_str()) || c.effect == RATIO.1)
+}
+
+/// Whether a cause is of a place, or of rows.
+fn is_at(cause: &Cause, place: &str) -> bool {
+    cause.effect == PAIRING || cause.effect == ON_ANOTHER_LINK || cause.at.split("<->").any(|at| at == place)
+}
+
 /// Whether a mistake of a joint's column is told where that joint is what is left, in each posture by itself.
 fn is_lawless(first: &Diagnosis) -> bool {
-    let Some(place) = first.r#where.first().filter(|w| w.depends_on.as_deref() == Some(BY_ITSELF)) else {
-        return false;
-    };
-    let here = |c: &Cause| c.effect == PAIRING || c.at.split("<->").any(|at| at == place.at);
-    first.causes.iter().any(|c| OF_A_COLUMN.contains(&c.effect.as_str()) && here(c))
+    lawless_place(first).is_some_and(|place| of_a_column(first).any(|c| is_at(c, place)))
+}
+
+/// Whether something is left beside a mistake of a column, and it is more than half of the gap.
+fn is_weak(first: &Diagnosis) -> bool {
+    let before = first.gap.before_px.or(first.gap.before_m).unwrap_or(f64::INFINITY);
+    !explains(first) && of_a_column(first).next().is_some() && left(first) > MAJORITY * before
 }
 
 /// Whether a ratio is told at one joint both as a whole mistake and as a small cause.

@@ -56,6 +56,8 @@ pub(crate) enum Mistake {
     Gravity { turn: Vector3<f64> },
     /// A marker, the board or the camera slipped; with the standard deviations of its motion.
     Slip { slip: Slip, std: Vector6<f64> },
+    /// Rows that repeat the measurement of the row before them.
+    Hung { first: usize, last: usize },
     /// A run of rows to be looked into by [`crate::diagnose::prepare::row_slip`], not undone here.
     Rows { first: usize, last: usize, shift: i64 },
 }
@@ -145,6 +147,12 @@ impl Mistake {
                 }
             }
             Self::Gravity { turn } => recording.gravity = Rotation3::new(*turn) * recording.gravity,
+            Self::Hung { first, last } => {
+                for frame in &mut recording.frames[*first..=*last] {
+                    frame.sightings.clear();
+                    frame.points.clear();
+                }
+            }
             Self::MarkerParent { .. } | Self::Slip { .. } | Self::Rows { .. } => {}
             _ => {
                 let mut variant = Variant::of(recording, problem);
@@ -231,7 +239,7 @@ impl Mistake {
             Self::MarkerParent { .. } => "marker_parent",
             Self::Gravity { .. } => "gravity_direction",
             Self::Slip { .. } => "slip",
-            Self::Rows { .. } => "pairing",
+            Self::Hung { .. } | Self::Rows { .. } => "pairing",
         }
     }
 

@@ -4,7 +4,7 @@
 //! or names, a column in another unit, late, or standing still, the camera of another resolution, a mirrored picture, a turned
 //! board, a marker on another link. In order:
 //!
-//! 1. [`optics`]: what no small error makes possible for the boards, undone first;
+//! 1. [`hung`]: rows that repeat one measurement are left out; [`optics`]: what no small error makes possible for the boards, undone first;
 //! 2. [`background`]: what stands still in the picture under a marker's name is left out;
 //! 3. [`alternatives`] of the body and of the log, scored at the nominal model by a loss that gross errors do not rule
 //!    ([`misfit`]), singly, and on top of the best few;
@@ -19,6 +19,7 @@ mod chain;
 mod changes;
 mod choice;
 mod free_numbers;
+mod hung;
 mod loads;
 mod misfit;
 mod mistake;
@@ -36,7 +37,7 @@ use crate::diagnose::data::recording::Recording;
 use crate::diagnose::likelihood::probability::tempered;
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::prepare::known::Known;
-use crate::diagnose::principles::Size;
+use crate::diagnose::principles::{BEYOND_DOUBT, Size};
 use crate::error::Result;
 use crate::robot::Robot;
 use alternatives::Session;
@@ -73,6 +74,11 @@ pub(crate) fn undone(
         left_out: Vec::new(),
         unsettled: false,
     };
+    if !without.iter().any(|w| w == "pairing") {
+        for mistake in hung::find(recording, problem) {
+            out.undo(&mistake, tempered(BEYOND_DOUBT))?;
+        }
+    }
     // One of each kind: a picture may be mirrored and of another crop.
     let mut tried = without.to_vec();
     while let Some((mistake, odds)) =

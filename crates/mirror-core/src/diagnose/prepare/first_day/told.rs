@@ -182,6 +182,18 @@ pub(crate) fn told(
             }
             vec![cause("slip", at, &parameters, "from a row on it sits elsewhere")]
         }
+        Mistake::Hung { first, last } => {
+            let rows = (last + 1 - first) as f64;
+            // Row i holds the measurement of the row before the first: the mean of the shifts, and how far they are spread.
+            let shift = ("shift_rows", -0.5 * (rows + 1.0), rows / 12f64.sqrt());
+            let run = [
+                ("first_frame", number(*first) as f64, 0.0),
+                ("last_frame", number(*last) as f64, 0.0),
+                shift,
+            ];
+            let words = "over these rows one measurement is given again and again while the joints go on: the camera, or the tracker, hung; they were left out";
+            vec![cause("pairing", "data".into(), &run, words)]
+        }
         // Found, and told, by later stages.
         Mistake::Rows { .. } | Mistake::Squares { .. } => Vec::new(),
     }
