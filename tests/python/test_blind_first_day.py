@@ -13,6 +13,7 @@ import pytest
 
 pytest.importorskip("mujoco", reason="blind sessions need MuJoCo")
 
+from mirror_lab.blind.accidents import ACCIDENTS
 from mirror_lab.blind.comparison import Scored
 from mirror_lab.blind.first_day_score import by_hand, first_day, outcome
 from mirror_lab.blind.make import draw_causes, make_cases
@@ -189,3 +190,40 @@ def test_a_set_up_beside_a_cause_is_no_invention_and_something_else_is() -> None
     assert counted is not None
     assert counted["single_named_with_only_set_up"]["hits"] == 1 and counted["none_only_set_up"]["hits"] == 0
     assert counted["mounts"]["within_95"]["of"] == 1
+
+
+@pytest.mark.parametrize("kind", sorted(ACCIDENTS))
+def test_an_accident_spoils_what_is_told_and_leaves_what_was_done(kind: str, tmp_path: Path) -> None:
+    true, spoilt = (
+        simulate("case", "small", draws, np.random.default_rng(6), QUICK) for draws in ([], [kind])
+    )
+    assert spoilt.told is not None
+    told, done = spoilt.told.q, true.plan.commands.q_rad[true.plan.posture_of_frame]
+    pixels = [np.nan_to_num(c.blobs_px) for c in (true, spoilt)]
+    of_log = kind.startswith(("column", "log", "zero"))
+    assert np.array_equal(told, done) == (not of_log)
+    assert np.array_equal(*pixels) == of_log
+    if kind.startswith("column_") or kind == "zero_lost":
+        place = spoilt.answer["causes"][0]["at"].removeprefix("joint:")
+        changed = np.flatnonzero(np.any(told != done, axis=0))
+        assert [spoilt.plan.commands.joints[i] for i in changed] == [place]
+    made = write_session(spoilt, tmp_path / "case")
+    assert (tmp_path / "case" / "frames.csv").is_file(), made
+
+
+def test_an_accident_without_a_word_is_met_by_abstaining_at_its_place() -> None:
+    lost = {"effect": "unknown", "at": "joint:a", "mistake": "column_noisy", "identifiable": True}
+    lost["tolerated"] = [{"effect": "joint_frozen", "at": "joint:a"}]
+    assert outcome(_scored([lost], [], "unknown", "joint:a")) == "abstained"
+    assert outcome(_scored([lost], ["joint_frozen@joint:a"])) == "named"
+    assert outcome(_scored([lost], ["joint_offset@joint:a"])) == "misled"
+    assert outcome(_scored([lost], [], "none")) == "silent"
+    # Of two exchanges one is not enough.
+    pairs = [
+        {"effect": "markers_swapped", "at": f"marker:{p}"}
+        for p in ("a<->marker:b", "b<->marker:c", "a<->marker:c")
+    ]
+    circle = [p | {"mistake": "markers_circle", "identifiable": True, "tolerated": pairs} for p in pairs[:2]]
+    names = [f"{p['effect']}@{p['at']}" for p in pairs]
+    assert outcome(_scored(circle, names[1:])) == "named"
+    assert outcome(_scored(circle, names[2:])) == "misled"

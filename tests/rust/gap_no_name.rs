@@ -132,3 +132,19 @@ fn a_marker_that_one_joint_moves_may_stand_still_with_it() {
     let told = diagnosed(&world, &recording);
     assert!(told.data.left_out.iter().all(|l| !l.why.contains("background")), "{:?}", told.data.left_out);
 }
+
+#[test]
+fn another_joints_column_is_no_zero_and_no_other_link() {
+    let world = World::new(4, true);
+    let order = world.robots_order();
+    let column = |name: &str| order.iter().position(|&b| b == world.bone(name)).unwrap();
+    for (name, copied) in [("r_elbow", "l_elbow"), ("l_shoulder_pitch", "r_shoulder_roll")] {
+        let mut recording = world.record(&Plan { postures: 61, seed: 12, ..Plan::default() });
+        let (own, other) = (column(name), column(copied));
+        recording.frames.iter_mut().for_each(|f| f.commanded[own] = f.commanded[other]);
+        let told = diagnosed(&world, &recording);
+        assert!(matches!(told.verdict, Verdict::Unknown | Verdict::Partial), "{}", told.sentence);
+        assert_eq!(told.r#where[0].at, format!("joint:{name}"), "{:?} {:#?}", told.r#where, told.trace);
+        assert!(told.causes.iter().all(|c| c.probability < 0.9), "{:?}", told.causes);
+    }
+}

@@ -229,3 +229,65 @@ fn names_exchanged_in_a_few_frames_are_named_beside_a_late_column() {
         "{causes:?}"
     );
 }
+
+#[test]
+fn the_names_of_three_markers_in_a_circle_are_two_exchanges_and_no_other_link() {
+    let world = world();
+    // Both ways round: their order counts.
+    for circle in [[0, 1, 2], [2, 1, 0]] {
+        let mut recording = world.record(&plan(61, Vec::new()));
+        for s in recording.frames.iter_mut().flat_map(|f| &mut f.sightings) {
+            if let Target::Marker(m) = &mut s.target
+                && let Some(i) = circle.iter().position(|c| c == m)
+            {
+                *m = circle[(i + 1) % 3];
+            }
+        }
+        let diagnosis = run(&world, &recording);
+        let causes = named(&diagnosis);
+        assert_eq!(causes.len(), 2, "{causes:?} {:?}", diagnosis.trace);
+        assert!(causes.iter().all(|c| c.starts_with("markers_swapped@")), "{causes:?}");
+        assert!(diagnosis.gap.after_px.unwrap() < 1.2 * diagnosis.gap.noise_floor_px.unwrap());
+    }
+}
+
+#[test]
+fn columns_that_are_all_one_place_further_are_put_back() {
+    let world = world();
+    let columns: Vec<usize> = (0..recording_columns(&world)).collect();
+    for back in [false, true] {
+        let mut recording = world.record(&plan(62, Vec::new()));
+        for frame in &mut recording.frames {
+            if back { frame.commanded.rotate_left(1) } else { frame.commanded.rotate_right(1) }
+        }
+        let diagnosis = run(&world, &recording);
+        let causes = named(&diagnosis);
+        assert_eq!(causes.len(), columns.len() - 1, "{causes:?} {:?}", diagnosis.trace);
+        assert!(causes.iter().all(|c| c.starts_with("joints_swapped@")), "{causes:?}");
+        assert!(diagnosis.gap.after_px.unwrap() < 1.2 * diagnosis.gap.noise_floor_px.unwrap());
+    }
+}
+
+fn recording_columns(world: &World) -> usize {
+    world.record(&plan(62, Vec::new())).frames[0].commanded.len()
+}
+
+#[test]
+fn a_camera_that_hangs_is_named_with_its_rows_and_a_posture_that_is_held_is_none() {
+    let world = world();
+    let mut recording = world.record(&plan(63, Vec::new()));
+    let (first, last) = (40, 71);
+    let picture = recording.frames[first - 1].sightings.clone();
+    recording.frames[first..=last].iter_mut().for_each(|f| f.sightings.clone_from(&picture));
+    let diagnosis = run(&world, &recording);
+    assert_eq!(named(&diagnosis), ["pairing@data"], "{:?}", diagnosis.trace);
+    assert_near(&diagnosis, "pairing", "first_frame", 40.0, 0.5);
+    assert_near(&diagnosis, "pairing", "last_frame", 71.0, 0.5);
+    // The same picture of one posture that is held is nothing wrong.
+    let mut held = world.record(&plan(63, Vec::new()));
+    let (picture, row) = (held.frames[first - 1].sightings.clone(), held.frames[first - 1].commanded.clone());
+    for frame in &mut held.frames[first..=last] {
+        (frame.sightings, frame.commanded) = (picture.clone(), row.clone());
+    }
+    assert!(named(&run(&world, &held)).is_empty());
+}

@@ -40,7 +40,9 @@ def _of_postures(rng: np.random.Generator, case: Case, draw: Any) -> Array:
 def column_shuffled(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]:
     """The values of one column in an order of their own: a table that was sorted by another one."""
     joint, k = _joint(rng, case)
-    told.q[:, k] = _of_postures(rng, case, lambda n: rng.permutation(_first_of_posture(case, told.q[:, k], n)))
+    told.q[:, k] = _of_postures(
+        rng, case, lambda n: rng.permutation(_first_of_posture(case, told.q[:, k], n))
+    )
     return _wordless(joint)
 
 
@@ -78,7 +80,9 @@ def column_unsigned(rng: np.random.Generator, case: Case, told: Told) -> list[Ca
     """The sign was lost."""
     joints = moved_joints(case, 0.6)
     crossing = [
-        j for j in joints if np.mean(case.plan.commands.of(j) < -0.05) > 0.2 and np.max(case.plan.commands.of(j)) > 0.2
+        j
+        for j in joints
+        if np.mean(case.plan.commands.of(j) < -0.05) > 0.2 and np.max(case.plan.commands.of(j)) > 0.2
     ]
     joint = pick(rng, crossing, "a lost sign")
     k = column_of(case, joint)
@@ -107,7 +111,9 @@ def log_rounded(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]
     step_rad = float(rng.choice([0.01, np.deg2rad(1), np.deg2rad(2)]))
     told.q[:] = np.round(told.q / step_rad) * step_rad
     # It is everywhere: each joint is a true place.
-    return [{"effect": "unknown", "at": "<->".join(["robot", *(f"joint:{j}" for j in case.plan.commands.joints)])}]
+    return [
+        {"effect": "unknown", "at": "<->".join(["robot", *(f"joint:{j}" for j in case.plan.commands.joints)])}
+    ]
 
 
 def zero_lost(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import optics, robots
+from .accidents import ACCIDENTS
 from .body import Body, BodyPoses
 from .described_robots import DESCRIBED, described_robot
 from .drawing import View
@@ -23,7 +24,6 @@ from .effects import VOCABULARY, Cause, Laws, Scene, transverse_axes
 from .errors import BlindError, NoPlaceError
 from .given_robots import SUFFIXES, from_file
 from .known_robots import talos, unitree_g1, ur10
-from .accidents import ACCIDENTS
 from .mistakes import MISTAKES, SLIPS, Told, draw_mistakes
 from .mounting import Mounting, draw_mounting, rotation_of
 from .noise import Noise, add_outliers, blob_errors, corner_errors, draw_noise

@@ -6,7 +6,8 @@
 //! | doubt of the first | the second | is believed where it |
 //! | --- | --- | --- |
 //! | a ratio told twice at one joint, or of no size; a picture of another size beside a focal length that takes it back; a slip by fewer than twelve deviations; slipped rows that fit their own postures beside the causes | goes without that mistake | explains all, or leaves no more |
-//! | a joint is elsewhere in each posture, beside a mistake of its column or rows out of order | goes without all such mistakes | leaves less than twice as much: the column says nothing of the joint |
+//! | a joint is elsewhere in each posture, beside a mistake of its column, a marker on another link or rows out of order | goes without all such mistakes | leaves less than twice as much, or, where these errors are more than half of what the column moves, in any case: the column says nothing of the joint |
+//! | a mistake of a column leaves more than half of the gap | goes without in the same way | finds that joint elsewhere in each posture, and leaves less than twice as much |
 //! | a slip, or slipped rows, beside something unexplained | goes without that | leaves clearly less on held-out regions |
 //! | something is unexplained | looks beside the causes found for mistakes that do no more than small errors (a log that is a little late) | leaves no more, and explains all or most of it |
 //! | a cause is far larger than such an error is | looks beside the others in the same way | explains all by no more causes |
