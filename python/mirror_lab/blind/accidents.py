@@ -7,6 +7,7 @@ are `tolerated`.
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -148,10 +149,7 @@ def _exchanges(effect: str, places: list[str]) -> list[Cause]:
     """A circle of n places is n - 1 exchanges, of whichever pairs."""
     pairs = [f"{a}<->{b}" for i, a in enumerate(places) for b in places[:i]]
     tolerated = [{"effect": effect, "at": at} for at in pairs]
-    return [
-        {"effect": effect, "at": f"{a}<->{b}", "tolerated": tolerated}
-        for a, b in zip(places[:-1], places[1:], strict=True)
-    ]
+    return [{"effect": effect, "at": f"{a}<->{b}", "tolerated": tolerated} for a, b in pairwise(places)]
 
 
 def picture_hung(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]:
