@@ -247,6 +247,7 @@ fn the_names_of_three_markers_in_a_circle_are_two_exchanges_and_no_other_link() 
         let causes = named(&diagnosis);
         assert_eq!(causes.len(), 2, "{causes:?} {:?}", diagnosis.trace);
         assert!(causes.iter().all(|c| c.starts_with("markers_swapped@")), "{causes:?}");
+        assert!(diagnosis.data.left_out.is_empty(), "{:?}", diagnosis.data.left_out);
         assert!(diagnosis.gap.after_px.unwrap() < 1.2 * diagnosis.gap.noise_floor_px.unwrap());
     }
 }
@@ -283,6 +284,8 @@ fn a_camera_that_hangs_is_named_with_its_rows_and_a_posture_that_is_held_is_none
     assert_eq!(named(&diagnosis), ["pairing@data"], "{:?}", diagnosis.trace);
     assert_near(&diagnosis, "pairing", "first_frame", 40.0, 0.5);
     assert_near(&diagnosis, "pairing", "last_frame", 71.0, 0.5);
+    let why: Vec<&str> = diagnosis.data.left_out.iter().map(|l| l.why.as_str()).collect();
+    assert!(!why.is_empty() && why.iter().all(|w| w.contains("to the last digit")), "{why:?}");
     // The same picture of one posture that is held is nothing wrong.
     let mut held = world.record(&plan(63, Vec::new()));
     let (picture, row) = (held.frames[first - 1].sightings.clone(), held.frames[first - 1].commanded.clone());

@@ -7,14 +7,15 @@ are `tolerated`.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .errors import NoPlaceError
-from .mistakes import Cause, Mistake, Told, column_of, moved_joints, pick
+from .mistakes import Cause, Mistake, Told, column_of, moved_joints, pick, pictures_of_rows, run_of_rows
 
 if TYPE_CHECKING:
     from .simulate import Case
@@ -32,18 +33,16 @@ def _wordless(joint: str, *tolerated: str) -> list[Cause]:
     return [{"effect": "unknown", "at": at, "tolerated": [{"effect": e, "at": at} for e in tolerated]}]
 
 
-def _of_postures(rng: np.random.Generator, case: Case, draw: Any) -> Array:
+def _of_postures(case: Case, draw: Callable[[int], Array]) -> Array:
     """(F,) one draw a posture."""
     of = case.plan.posture_of_frame
-    return np.asarray(draw(int(of.max()) + 1), float)[of]
+    return draw(int(of.max()) + 1)[of]
 
 
 def column_shuffled(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]:
     """The values of one column in an order of their own: a table that was sorted by another one."""
     joint, k = _joint(rng, case)
-    told.q[:, k] = _of_postures(
-        rng, case, lambda n: rng.permutation(_first_of_posture(case, told.q[:, k], n))
-    )
+    told.q[:, k] = _of_postures(case, lambda n: rng.permutation(_first_of_posture(case, told.q[:, k], n)))
     return _wordless(joint)
 
 
@@ -95,7 +94,7 @@ def column_noisy(rng: np.random.Generator, case: Case, told: Told) -> list[Cause
     """An encoder that says something else in each posture."""
     joint, k = _joint(rng, case)
     std_rad = float(rng.uniform(0.03, 0.12))
-    told.q[:, k] += _of_postures(rng, case, lambda n: rng.normal(0, std_rad, n))
+    told.q[:, k] += _of_postures(case, lambda n: rng.normal(0, std_rad, n))
     return _wordless(joint)
 
 
@@ -154,10 +153,10 @@ def _exchanges(effect: str, places: list[str]) -> list[Cause]:
 
 def picture_hung(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]:
     """Over a run of rows the camera gives one picture again and again."""
-    first, last = _run(rng, len(told.q))
-    case.corners_px[first : last + 1] = case.corners_px[first]
-    case.blobs_px[first : last + 1] = case.blobs_px[first]
-    return _of_rows(first, last)
+    first, last = run_of_rows(rng, len(told.q))
+    source = np.arange(len(told.q))
+    source[first : last + 1] = first
+    return [pictures_of_rows(case, source)]
 
 
 def rows_lost(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]:
@@ -165,18 +164,7 @@ def rows_lost(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]:
     frames = len(told.q)
     first, shift = int(rng.integers(frames // 4, 3 * frames // 4)), int(rng.integers(1, 4))
     source = np.minimum(np.arange(frames) + shift * (np.arange(frames) >= first), frames - 1)
-    case.corners_px[:], case.blobs_px[:] = case.corners_px[source], case.blobs_px[source]
-    return _of_rows(first, frames - 1)
-
-
-def _run(rng: np.random.Generator, frames: int) -> tuple[int, int]:
-    length = int(rng.integers(frames // 6, frames // 3))
-    first = int(rng.integers(8, frames - length - 8))
-    return first, first + length - 1
-
-
-def _of_rows(first: int, last: int) -> list[Cause]:
-    return [{"effect": "pairing", "at": "data", "first_frame": first, "last_frame": last}]
+    return [pictures_of_rows(case, source)]
 
 
 def thing_in_the_background(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]:

@@ -289,21 +289,30 @@ def gravity_sign(rng: np.random.Generator, case: Case, told: Told) -> list[Cause
 
 def shifted_rows(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]:
     """A run of rows holds the measurement of others."""
-    frames = len(told.q)
+    first, last = run_of_rows(rng, len(told.q))
+    shift = int(rng.choice([-3, -2, -1, 1, 2, 3]))
+    source = np.arange(len(told.q))
+    source[first : last + 1] += shift
+    return [pictures_of_rows(case, source) | {"shift_rows": shift}]
+
+
+def run_of_rows(rng: np.random.Generator, frames: int) -> tuple[int, int]:
+    """The first and the last of a sixth to a third of the rows."""
     length = int(rng.integers(frames // 6, frames // 3))
-    first, shift = int(rng.integers(8, frames - length - 8)), int(rng.choice([-3, -2, -1, 1, 2, 3]))
-    source = np.arange(frames)
-    source[first : first + length] += shift
+    first = int(rng.integers(8, frames - length - 8))
+    return first, first + length - 1
+
+
+def pictures_of_rows(case: Case, source: NDArray[np.int_]) -> Cause:
+    """Each row gets what was seen in the row `source`; the cause, from the first row to the last that has another's."""
     case.corners_px[:], case.blobs_px[:] = case.corners_px[source], case.blobs_px[source]
-    return [
-        {
-            "effect": "pairing",
-            "at": "data",
-            "first_frame": first,
-            "last_frame": first + length - 1,
-            "shift_rows": shift,
-        }
-    ]
+    others = np.flatnonzero(source != np.arange(len(source)))
+    return {
+        "effect": "pairing",
+        "at": "data",
+        "first_frame": int(others[0]),
+        "last_frame": int(others[-1]),
+    }
 
 
 MISTAKES: dict[str, Mistake] = {

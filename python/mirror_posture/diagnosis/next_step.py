@@ -42,7 +42,7 @@ def next_step(found: Diagnosis) -> str:
         often = _what_often_does_it(found)
         return f"{look}{f' ({often})' if often else ''}. A law of your own can be tried as an own effect."
     if any(cause.effect == "pairing" for cause in found.causes):
-        return "Mend the rows of the frames table that hold other rows' measurement, then diagnose again."
+        return "Mend the rows of the frames table that hold other rows' measurement (delete them where the camera hung), then diagnose again."
     refused = [cause for cause in found.causes if cause.effect in BY_HAND and not cause.members]
     written = [cause for cause in found.causes if cause not in refused]
     steps = []

@@ -125,7 +125,7 @@ pub(crate) fn diagnose(
     diagnosis.gap.chosen_anew = anew;
     diagnosis.warnings.extend(hangs_on_regions(&diagnosis.gap));
     let (arranged, left_out) = (&prepared.arranged, &prepared.left_out);
-    let sources = Sources { given: recording, undone: its_recording, arranged, left_out };
+    let sources = Sources { given: recording, arranged, left_out };
     diagnosis.data = evidence::data(&sources, &findings)?;
     diagnosis.warnings.extend(background_was_taken(&diagnosis.data));
     reserve(&mut diagnosis, &findings);

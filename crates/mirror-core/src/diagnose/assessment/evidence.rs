@@ -13,8 +13,6 @@ use std::collections::BTreeSet;
 pub(crate) struct Sources<'a> {
     /// As it was given.
     pub given: &'a Recording,
-    /// With whole mistakes undone.
-    pub undone: &'a Recording,
     /// Arranged, before anything was left out by a model.
     pub arranged: &'a Problem,
     /// What was left out before the search, and why.
@@ -57,19 +55,7 @@ pub(crate) fn data(sources: &Sources<'_>, findings: &Findings<'_>) -> Result<Dat
         if has_board && !mirror && !slipped {
             tell("board", None, "too few corners, or none where a flat mirror could show them");
         }
-        // What whole mistakes took away: a joint's position is not known there.
         let names = &arranged.scene.marker_names;
-        for m in 0..names.len() {
-            let count = |r: &Recording| {
-                let seen = r.frames[f].sightings.iter().filter(|s| s.target == Target::Marker(m)).count();
-                seen + r.frames[f].points.iter().filter(|p| p.marker == m).count()
-            };
-            if count(sources.given) > count(sources.undone)
-                && findings.mistakes.iter().all(|c| c.frames.is_empty())
-            {
-                tell(&names[m], None, "the position of a joint that carries it is not known in this row");
-            }
-        }
         let others = &arranged.frames[f].others;
         let known = work.evaluate(arranged, &task, f);
         let residuals = if known { work.residuals_of(others) } else { vec![None; others.len()] };

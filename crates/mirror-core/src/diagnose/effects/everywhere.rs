@@ -76,7 +76,7 @@ pub(crate) const EVERYWHERE: [MistakeInfo; 14] = [
     mistake(
         "markers_swapped",
         "two markers fit each other's places, in the frames listed",
-        "exchange the two names in the frames listed (in session.toml, where it is all of them)",
+        "exchange the two names in the frames listed (in session.toml, where it is all of them), several pairs one after the other as they are listed",
         WrittenTo::Nothing,
     ),
     mistake(

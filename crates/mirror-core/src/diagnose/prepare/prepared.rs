@@ -29,7 +29,8 @@ pub(crate) struct Prepared {
 }
 
 impl Prepared {
-    /// Prepares a session; `known`: what a first diagnosis found, beside which whole mistakes are looked for more closely.
+    /// Prepares a session; `known`: what a first diagnosis found, beside which whole mistakes are looked for more closely. `hung`: whether rows that
+    /// repeat a measurement may be told, which a second diagnosis without slipped rows tells all the same.
     ///
     /// # Errors
     /// A recording that is not valid, links that do not exist, invalid parameters of the camera.
@@ -38,6 +39,7 @@ impl Prepared {
         recording: &Recording,
         options: &DiagnoseOptions,
         known: Option<&Known>,
+        hung: bool,
     ) -> Result<Self> {
         let mut problem = Problem::new(robot, recording)?;
         problem.cancel = options.cancel.clone();
@@ -45,7 +47,7 @@ impl Prepared {
         let stated = problem.noise;
         let mut left_out = leave_out_wrong_grids(&mut problem);
         let given = problem.clone();
-        let undone = first_day::undone(robot, recording, &problem, &options.without, known)?;
+        let undone = first_day::undone(robot, recording, &problem, &options.without, known, hung)?;
         if let Some(undone) = &undone {
             problem = undone.problem.clone();
             problem.cancel = given.cancel.clone();

@@ -39,30 +39,30 @@ pub fn diagnose(
     options: &DiagnoseOptions,
     others: &[OtherSession],
 ) -> Result<Diagnosis> {
+    let hung = options.allows("pairing");
     let prepared = |options: &DiagnoseOptions, known: Option<&Known>| {
         options.progress.enter("looking for whole mistakes");
-        Prepared::new(robot, recording, options, known)
+        Prepared::new(robot, recording, options, known, hung)
     };
     let at_first = prepared(options, None)?;
     let mistakes = at_first.mistakes().to_vec();
     let found = pipeline::diagnose(at_first, robot, recording, options, others)?;
-    let Some(reason) = Reason::of(&found, recording) else { return Ok(found.diagnosis) };
-    let known = reason.looks_closely().then(|| Known { sought: reason.seeks(), ..found.known });
-    let mut still = options.clone();
-    still.without.extend(reason.without().iter().map(|effect| (*effect).to_owned()));
-    let again = prepared(&still, known.as_ref())?;
-    let first = found.diagnosis;
-    // The same mistakes undone come to the same end.
-    if reason.without().is_empty() && same_mistakes(again.mistakes(), &mistakes) {
-        return Ok(first);
+    for reason in Reason::all(&found, recording, &mistakes) {
+        let known = Known { sought: reason.seeks(), ..found.known.clone() };
+        let mut still = options.clone();
+        still.without.extend(reason.without().iter().map(|effect| (*effect).to_owned()));
+        let again = prepared(&still, reason.looks_closely().then_some(&known))?;
+        // The same mistakes undone come to the same end.
+        if reason.without().is_empty() && same_mistakes(again.mistakes(), &mistakes) {
+            continue;
+        }
+        let mut second = pipeline::diagnose(again, robot, recording, &still, others)?.diagnosis;
+        if reason.believes(&second, &found.diagnosis) {
+            second.trace.insert(0, reason.words().into());
+            return Ok(second);
+        }
     }
-    let mut second = pipeline::diagnose(again, robot, recording, &still, others)?.diagnosis;
-    let believed = reason.believes(&second, &first);
-    if !believed {
-        return Ok(first);
-    }
-    second.trace.insert(0, reason.words().into());
-    Ok(second)
+    Ok(found.diagnosis)
 }
 
 /// Whether the same mistakes were undone, but for their numbers.

@@ -60,8 +60,16 @@ pub(super) enum Reason {
 }
 
 impl Reason {
-    /// The reason that a first diagnosis gives, if it gives one.
-    pub fn of(found: &Outcome, recording: &Recording) -> Option<Self> {
+    /// The reasons that a first diagnosis gives, in the order in which they are followed until a second one is believed. `mistakes`: what it undid.
+    pub fn all(found: &Outcome, recording: &Recording, mistakes: &[Cause]) -> Vec<Self> {
+        let first = Self::first(found, recording);
+        let of_columns = matches!(first, Some(Self::Twice | Self::Lawless | Self::SaysNothing));
+        let weak = (!of_columns && is_weak(&found.diagnosis, mistakes)).then_some(Self::Weak);
+        weak.into_iter().chain(first).collect()
+    }
+
+    /// The first of the reasons that go without looking at what was undone.
+    fn first(found: &Outcome, recording: &Recording) -> Option<Self> {
         let first = &found.diagnosis;
         let named = |effect: &str| first.causes.iter().any(|c| c.effect == effect);
         if is_told_twice(&first.causes) || is_of_no_size(&first.causes) {
@@ -69,9 +77,6 @@ impl Reason {
         }
         if is_lawless(first) {
             return Some(if found.says_nothing { Self::SaysNothing } else { Self::Lawless });
-        }
-        if is_weak(first) {
-            return Some(Self::Weak);
         }
         if named(RESIZED.0) && named(RESIZED.1) {
             return Some(Self::Resized);
@@ -180,7 +185,11 @@ fn lawless_place(diagnosis: &Diagnosis) -> Option<&str> {
 
 /// The mistakes of columns that are told, a ratio among them.
 fn of_a_column(diagnosis: &Diagnosis) -> impl Iterator<Item = &Cause> {
-    diagnosis.causes.iter().filter(|c| OF_A_COLUMN.contains(&c.effect.as_str()) || c.effect == RATIO.1)
+    diagnosis.causes.iter().filter(|c| is_of_a_column(c))
+}
+
+fn is_of_a_column(cause: &Cause) -> bool {
+    OF_A_COLUMN.contains(&cause.effect.as_str()) || cause.effect == RATIO.1
 }
 
 /// Whether a cause is of a place, or of rows.
@@ -193,10 +202,10 @@ fn is_lawless(first: &Diagnosis) -> bool {
     lawless_place(first).is_some_and(|place| of_a_column(first).any(|c| is_at(c, place)))
 }
 
-/// Whether something is left beside a mistake of a column, and it is more than half of the gap.
-fn is_weak(first: &Diagnosis) -> bool {
+/// Whether something is left beside a whole mistake of a column, and it is more than half of the gap.
+fn is_weak(first: &Diagnosis, mistakes: &[Cause]) -> bool {
     let before = first.gap.before_px.or(first.gap.before_m).unwrap_or(f64::INFINITY);
-    !explains(first) && of_a_column(first).next().is_some() && left(first) > MAJORITY * before
+    !explains(first) && mistakes.iter().any(is_of_a_column) && left(first) > MAJORITY * before
 }
 
 /// Whether a ratio is told at one joint both as a whole mistake and as a small cause.

@@ -34,23 +34,23 @@ pub(crate) struct Restless<'a> {
     pub found: Found,
 }
 
-/// Whether a joint's column says nothing of the joint: the errors that the joint has in each posture by itself (the last of the group) are more than half
-/// of what the column moves it, root mean squares over the frames.
+/// Whether a joint's column says nothing of the joint: the errors that the joint has in each posture by itself are more than half of what the column
+/// moves it, root mean squares over the postures that were searched.
 pub(crate) fn column_says_nothing(search: &Search<'_>, found: &Found, node: NodeId) -> bool {
     let scene = &search.problem.scene;
-    let mut errors = vec![0.0; scene.frames];
-    for (column, value) in search.group.columns.iter().zip(&found.fit.model.group) {
-        if let (Atom::Joint(n), Weight::Frames(weights)) = (&column.atom, &column.weight)
-            && *n == node
-        {
-            errors.iter_mut().zip(weights).for_each(|(error, weight)| *error += weight * value);
-        }
-    }
-    let positions: Vec<f64> = (0..scene.frames).map(|f| scene.commanded[f * scene.nodes() + node]).collect();
+    // A column of the group is one posture's error.
+    let posture = |column: &Column| match &column.weight {
+        Weight::Frames(weights) if column.atom == Atom::Joint(node) => weights.iter().position(|w| *w > 0.0),
+        _ => None,
+    };
+    let columns = search.group.columns.iter().zip(&found.fit.model.group);
+    let of_postures = columns.filter_map(|(column, error)| Some((posture(column)?, *error)));
+    let (positions, errors): (Vec<f64>, Vec<f64>) =
+        of_postures.map(|(frame, error)| (scene.commanded[frame * scene.nodes() + node], error)).unzip();
     let mean = positions.iter().sum::<f64>() / positions.len().max(1) as f64;
-    let size = |values: &mut dyn Iterator<Item = f64>| values.map(|x| x * x).sum::<f64>().sqrt();
-    let moved = size(&mut positions.iter().map(|q| q - mean));
-    size(&mut errors.iter().copied()) > MAJORITY * moved
+    let moved: f64 = positions.iter().map(|q| (q - mean).powi(2)).sum();
+    let elsewhere: f64 = errors.iter().map(|e| e * e).sum();
+    elsewhere.sqrt() > MAJORITY * moved.sqrt()
 }
 
 /// The search beside the joint that most of what is left lives at; none where what was found says it better.

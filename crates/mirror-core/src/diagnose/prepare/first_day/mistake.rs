@@ -217,6 +217,14 @@ impl Mistake {
         }
     }
 
+    /// Why what is taken away when it is undone cannot be used.
+    pub fn takes_away_since(&self) -> &'static str {
+        match self {
+            Self::Hung { .. } => "the same measurement, to the last digit, as in the row before",
+            _ => "the position of a joint that carries it is not known in this row",
+        }
+    }
+
     /// Whether it is a slip of this.
     pub fn slips(&self, what: Slipped) -> bool {
         matches!(self, Self::Slip { slip, .. } if slip.what == what)

@@ -53,7 +53,7 @@ use variant::Variant;
 const FRAMES_OF_SLIPS: Size = 100;
 
 /// Finds and undoes whole mistakes; none where there is none. `known`: what a first diagnosis found; beside that mistakes are looked for too
-/// that do no more than small errors do (a late column of a joint that hardly moves).
+/// that do no more than small errors do (a late column of a joint that hardly moves). `hung`: whether rows that repeat a measurement may be told.
 ///
 /// # Errors
 /// Invalid parameters of camera or mirror.
@@ -63,6 +63,7 @@ pub(crate) fn undone(
     problem: &Problem,
     without: &[String],
     known: Option<&Known>,
+    hung: bool,
 ) -> Result<Option<Undone>> {
     let mut out = Undone {
         robot: robot.clone(),
@@ -74,7 +75,7 @@ pub(crate) fn undone(
         left_out: Vec::new(),
         unsettled: false,
     };
-    if !without.iter().any(|w| w == "pairing") {
+    if hung {
         for mistake in hung::find(recording, problem) {
             out.undo(&mistake, tempered(BEYOND_DOUBT))?;
         }

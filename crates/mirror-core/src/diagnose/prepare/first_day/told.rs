@@ -66,6 +66,7 @@ pub(crate) fn told(
             "the joint turns the other way",
         )],
         Mistake::JointsSwapped { joints } => vec![swapped(*joints)],
+        // Of pairs that share a column the order counts: causes that move alike keep it.
         Mistake::ColumnsSwapped { pairs } => pairs.iter().map(|p| swapped(*p)).collect(),
         Mistake::JointUnit { joint: j, factor } if UNITS.contains(factor) => {
             vec![cause("joint_unit", joint(*j), &[("factor", *factor, 0.0)], "the column is in another unit")]

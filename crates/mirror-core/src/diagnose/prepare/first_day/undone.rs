@@ -5,7 +5,7 @@ use super::mistake::Mistake;
 use super::outlying;
 use super::told::told;
 use crate::diagnose::data::diagnosis::{Alternative, Cause, LeftOut};
-use crate::diagnose::data::recording::Recording;
+use crate::diagnose::data::recording::{Frame, Recording, Target};
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::prepare::boards::leave_out_wrong_grids;
 use crate::error::Result;
@@ -21,7 +21,7 @@ pub(crate) struct Undone {
     pub trace: Vec<String>,
     /// Mistakes that could stand for a small error, where the data do not decide.
     pub doubts: Vec<Doubt>,
-    /// Single observations that are false.
+    /// What is false, and what a mistake takes away.
     pub left_out: Vec<LeftOut>,
     /// Whether rows hold other rows' measurement, or the board's squares are of another size, of which later stages take care: until
     /// then they would pass for slips and false observations.
@@ -67,7 +67,9 @@ impl Undone {
         self.told.extend(told(mistake, &self.robot, &self.recording, &self.problem, probability));
         let mut loose = core::mem::take(&mut self.problem.loose);
         loose.extend(mistake.loose(&self.recording, &self.problem, &names(&self.robot)));
+        let before = self.recording.frames.clone();
         mistake.undo(&mut self.robot, &self.problem, &mut self.recording)?;
+        self.tell_taken_away(&before, mistake.takes_away_since());
         let slips = core::mem::take(&mut self.problem.slips);
         self.problem = arranged_again(&self.robot, &self.recording, &self.problem)?;
         leave_out_wrong_grids(&mut self.problem);
@@ -78,6 +80,38 @@ impl Undone {
         }
         mistake.on_problem(&mut self.problem)
     }
+}
+
+impl Undone {
+    /// Lists what a mistake, when it was undone, took away of some frames: each marker once, and the board.
+    fn tell_taken_away(&mut self, before: &[Frame], why: &str) {
+        for (before, after) in before.iter().zip(&self.recording.frames) {
+            let count = |frame: &Frame, target: Target| {
+                let points = frame.points.iter().map(|p| Target::Marker(p.marker));
+                frame.sightings.iter().map(|s| s.target).chain(points).filter(|t| *t == target).count()
+            };
+            let total = |frame: &Frame| frame.sightings.len() + frame.points.len();
+            // Names that were exchanged take nothing away.
+            if total(after) == total(before) {
+                continue;
+            }
+            let markers = self.problem.scene.marker_names.iter().enumerate();
+            let lost =
+                markers.filter(|(m, _)| count(before, Target::Marker(*m)) > count(after, Target::Marker(*m)));
+            let board = (corners(before) > corners(after)).then_some("board");
+            let targets = board.into_iter().chain(lost.map(|(_, name)| name.as_str()));
+            self.left_out.extend(targets.map(|target| LeftOut {
+                frame: before.number,
+                target: target.to_owned(),
+                deviations: None,
+                why: why.to_owned(),
+            }));
+        }
+    }
+}
+
+fn corners(frame: &Frame) -> usize {
+    frame.sightings.iter().filter(|s| matches!(s.target, Target::Corner(_))).count()
 }
 
 /// A changed robot and recording arranged as before: with the markers where they were found to be, and the same token and limit of work.
