@@ -118,7 +118,13 @@ def make(
     if setup not in ("exact", "by-hand"):
         raise MirrorPostureError(f"--setup: got {setup!r}; known are exact and by-hand")
     if pictures and (mistakes or accidents or setup == "by-hand"):
-        raise MirrorPostureError("--pictures: mistakes and hand-made set-ups are made of image points only")
+        raise MirrorPostureError(
+            "--pictures: mistakes, accidents and hand-made set-ups are made of image points only; leave it out, or them"
+        )
+    if mistakes and accidents:
+        raise MirrorPostureError(
+            "--accidents: a session has one of these or --mistakes, not both; leave one out"
+        )
     if setup == "by-hand" and outside:
         raise MirrorPostureError(
             f"--outside: got {outside:g} with --setup by-hand; what such a session can show of an effect outside the "

@@ -50,13 +50,8 @@ pub(crate) fn told(
             [("first_frame", number(first) as f64, std), ("last_frame", number(last) as f64, WHOLE_STD)];
         cause(effect, joint(j), &run, words)
     };
-    let swapped = |(a, b): (usize, usize)| {
-        cause(
-            "joints_swapped",
-            format!("{}<->{}", joint(a), joint(b)),
-            &[],
-            "two columns, or two servos' cables, changed places",
-        )
+    let swapped = |(a, b): (usize, usize), words: &str| {
+        cause("joints_swapped", format!("{}<->{}", joint(a), joint(b)), &[], words)
     };
     match mistake {
         Mistake::AxisSign { node } => vec![cause(
@@ -65,9 +60,14 @@ pub(crate) fn told(
             &[],
             "the joint turns the other way",
         )],
-        Mistake::JointsSwapped { joints } => vec![swapped(*joints)],
+        Mistake::JointsSwapped { joints } => {
+            vec![swapped(*joints, "two columns, or two servos' cables, changed places")]
+        }
         // Of pairs that share a column the order counts: causes that move alike keep it.
-        Mistake::ColumnsSwapped { pairs } => pairs.iter().map(|p| swapped(*p)).collect(),
+        Mistake::ColumnsSwapped { pairs } => {
+            let words = "several columns, or servos' cables, changed places: exchanges one after the other, as they are listed, put them back";
+            pairs.iter().map(|pair| swapped(*pair, words)).collect()
+        }
         Mistake::JointUnit { joint: j, factor } if UNITS.contains(factor) => {
             vec![cause("joint_unit", joint(*j), &[("factor", *factor, 0.0)], "the column is in another unit")]
         }
