@@ -1,4 +1,4 @@
-//! The crate's one error type: each variant carries what was got and what was needed.
+//! The crate's one error type: each variant contains what was given and what was required.
 
 /// Everything that the core refuses, with what was got, what was needed and the fix.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

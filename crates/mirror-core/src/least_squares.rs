@@ -1,8 +1,9 @@
-//! The loop of all non-linear least squares: Gauss–Newton, damped after Levenberg (1944) and Marquardt (1963) where a full step fails.
+//! The loop of all non-linear least squares: Gauss–Newton, damped after Levenberg (1944) and Marquardt (1963) where
+//! a full step fails.
 //!
-//! A problem says what its equations are and how they are solved ([`LeastSquares`]); [`minimise`] says when a step is taken, when it is
-//! damped, and when the way ends. A few unknowns have [`Normal`] equations, without allocation; the joint estimate eliminates planes and
-//! markers from its own.
+//! A problem defines its equations and how they are solved ([`LeastSquares`]); [`minimise`] decides when a step is
+//! taken, when it is damped, and when the iteration ends. Problems with few unknowns have [`Normal`] equations,
+//! without allocation; the joint estimate eliminates planes and markers from its own.
 
 use crate::error::{Error, Result};
 use nalgebra::{Const, DimMin, SMatrix, SVector};

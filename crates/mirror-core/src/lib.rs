@@ -1,28 +1,28 @@
 //! A robot looks at itself in a flat mirror: geometry, measurement, correction and diagnosis of its posture.
 //!
-//! The mathematics of the `mirror-posture` product, without Python and without OpenCV. Modules, and the way
-//! the arrows point (each uses only what stands above it):
+//! The mathematics of the `mirror-posture` product, without Python and without OpenCV. Each module uses only modules
+//! above it:
 //!
 //! | module | what it is |
 //! | --- | --- |
 //! | [`geometry`] | planes, reflections, rays, rotations |
 //! | [`camera`] | pinhole camera with lens distortion: project and unproject, with Jacobians |
-//! | [`mirror`] | the board and its pose, the ladder of mirror estimators, the virtual camera |
+//! | [`mirror`] | the board and its pose, the mirror estimators (Eq. 1, Eq. 2, maximum likelihood), the virtual camera |
 //! | [`triangulate`] | virtual rays to points, with covariance |
-//! | [`joint`] | all views of a session at once: mirrors, camera–board transform, markers |
+//! | [`joint`] | all views of a session at once (bundle adjustment): mirrors, camera–board transform, markers |
 //! | [`calibrate`] | the camera–board transform from mirror views alone, or with a second camera |
-//! | `picture` | (feature `picture`) ray tracer: pictures of a robot before a mirror, with their truth |
-//! | [`measure`] | a session by one estimator of the ladder: mirrors, then markers |
+//! | `picture` | (feature `picture`) ray tracer: pictures of a robot in front of a mirror, with their truth |
+//! | [`measure`] | a session by one mirror estimator: mirrors, then markers |
 //! | [`outline`] | coloured balls in pictures: their outline and centre, with covariance |
 //! | [`robot`] | URDF to a validated tree; kinematics, Jacobians, gravity torques |
-//! | [`correct`] | the posture loop: damped steps from marker errors to commands, and its stops |
+//! | [`correct`] | the correction loop: damped steps from marker errors to commands, and its stop reasons |
 //! | [`diagnose`] | the diagnosis: forward model, effects, screening, search, evidence, verdict |
 //!
-//! `README.md` names four runnable examples.
+//! `README.md` has a table that says where each formula is, and names four runnable examples.
 //!
-//! Conventions (tested, and told in full in `docs/conventions.md`): `a_from_b` maps coordinates in frame b to
-//! coordinates in frame a; `point_in_a`; SI units; a camera's optical frame has z forward, x right, y down;
-//! pixel (0, 0) is the centre of the top-left pixel; tangents put rotation before translation.
+//! Conventions (tested, and described in full in `docs/conventions.md`): `a_from_b` maps coordinates in frame b to
+//! coordinates in frame a; `point_in_a`; SI units; a camera's optical frame has z forward, x right, y down; pixel
+//! (0, 0) is the centre of the top-left pixel; tangents put rotation before translation.
 
 // Tests inside and outside share one maker of recordings, which calls the crate by its name.
 #[cfg(test)]

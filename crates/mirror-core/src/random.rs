@@ -1,4 +1,4 @@
-//! Random numbers that are the same each time: resampling and drawing need no more than a linear congruential generator.
+//! Reproducible random numbers for resampling and drawing: a linear congruential generator.
 
 /// Knuth's MMIX generator ("The Art of Computer Programming", fascicle 1, 1999): `x ← a x + c mod 2⁶⁴`, of which the high bits are used.
 pub(crate) struct Random(u64);

@@ -1,4 +1,5 @@
-//! Medians, quantiles of the normal and of the chi-squared distribution, runs in a sequence, and a sequence that is spread evenly.
+//! Medians, quantiles of the normal and of the chi-squared distribution, runs in a sequence, and an evenly spread
+//! sequence.
 
 /// (√5 − 1)/2. The fractional parts of its multiples are spread evenly whatever their number and meet no rhythm; the share by which a
 /// golden-section search narrows its interval.

@@ -1,4 +1,4 @@
-//! Which direction of the camera–board transform the views hardly show, in words.
+//! The direction of the camera–board transform that the views hardly determine, in words.
 
 use crate::mirror::Board;
 use nalgebra::{Matrix3, Matrix6, Vector3};

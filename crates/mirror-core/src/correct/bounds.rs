@@ -1,4 +1,4 @@
-//! How far a marker may really be from its target, given what was measured.
+//! Upper bound of a marker's true distance from its target, given the measurement.
 
 use crate::statistics::{normal_quantile, reduced_chi_squared_at};
 use nalgebra::{Matrix3, Vector3};

@@ -1,9 +1,10 @@
-//! Feed-forward: the command that makes a wanted posture come out right at the first try, from the known laws of the joints.
+//! Feed-forward: the command that reaches a wanted posture at the first attempt, from the known laws of the joints.
 //!
-//! Wanted θ, sought q with `θ = q + a + e q + s sin q + c (cos q − 1) + k τ(θ) + Σ κ_K q_K ± h`, h half the play or the dead band.
-//! The torque is that of the wanted posture, which is known, so q follows by the fixed point `q ← θ − error(q)`, joint by joint
-//! (Gauss–Seidel), which contracts where the shares are small. A play, and a servo that sticks, leave a joint on the side from which
-//! it came: it is brought there by a way-point beyond the goal, on the side on which its load holds it anyway.
+//! Given θ, sought q with `θ = q + a + e q + s sin q + c (cos q − 1) + k τ(θ) + Σ κ_K q_K ± h`, h half the play or
+//! the dead band. The torque is that of the wanted posture, which is known, so q follows from the fixed point `q ← θ
+//! − error(q)`, joint by joint (Gauss–Seidel), which contracts where the shares are small. A play, and a servo with
+//! stiction, leave a joint on the side from which it came: it is moved there over a way-point beyond the goal, on
+//! the side on which its load holds it.
 
 use crate::error::{Error, Result, finite};
 use crate::robot::{JointTerm, Robot};

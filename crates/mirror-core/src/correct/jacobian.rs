@@ -1,4 +1,5 @@
-//! The Jacobian of all markers: at the reference posture, at the command, or learnt while correcting.
+//! The Jacobian of all markers: at the reference posture, at the command, or updated during the correction
+//! (Broyden).
 
 use crate::error::{Error, Result};
 use crate::robot::Robot;

@@ -1,4 +1,4 @@
-//! The judgements of a correction that need no more than errors and their history.
+//! Tests of a correction that need only errors and their history: convergence, divergence, stagnation.
 
 use super::bounds::{DistanceBounds, deviate_of_look};
 use super::options::JudgeOptions;

@@ -1,20 +1,21 @@
-//! Posture correction: from where the markers are to what the joints are told next, until a stated reason to stop.
+//! Posture correction: from the measured markers to the next command, until a stated stop reason.
 //!
 //! Algorithm 1 of Hayashi et al. (2013): `θ ← θ + λ J⁺ (p_ref − p_now)`, J at the reference posture. Here:
 //!
 //! | file | what |
 //! | --- | --- |
-//! | `step` | one step as a pure function: damped, whitened, within limits, nothing allocated |
+//! | `step` | one step as a pure function: damped, whitened, within limits, without allocation |
 //! | `damping` | how strongly the pseudo-inverse is damped, and why |
-//! | `jacobian` | J of all markers: at the reference posture, at the command, or learnt while correcting |
-//! | `bounds` | how far off a marker may really be, given what was measured |
-//! | `plausible` | whether a reading can be believed after what was commanded |
-//! | `response` | how far each joint did what it was told |
+//! | `jacobian` | J of all markers: at the reference posture, at the command, or updated during the correction |
+//! | `bounds` | upper bound of a marker's true distance from its target |
+//! | `plausible` | whether a reading is plausible after what was commanded |
+//! | `response` | how far each joint followed its commands |
 //! | `stop` | why a correction ends, with the evidence |
-//! | `feed_forward` | the first command, shifted against what a diagnosis found |
+//! | `feed_forward` | the first command, compensated for what a diagnosis found |
 //! | `corrector` | the state of one correction: readings in, a decision out |
 //!
-//! Positions of markers are in the frame of one link, the board's, which neither the mirror's place nor the robot's stand moves.
+//! Positions of markers are in the frame of one link, the board's. Neither the mirror's place nor the robot's stand
+//! moves it.
 
 mod bounds;
 mod cholesky;

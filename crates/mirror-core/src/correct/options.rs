@@ -1,4 +1,4 @@
-//! What a user chooses of a correction.
+//! Options of a correction.
 
 use super::jacobian::JacobianSource;
 use super::step::StepOptions;

@@ -1,4 +1,4 @@
-//! Whether a reading of a marker can be believed, after what was commanded: what cannot is not acted upon.
+//! Whether a reading of a marker is plausible after what was commanded; an implausible one is not acted upon.
 
 use super::options::JudgeOptions;
 use crate::statistics::chi_squared_deviate;

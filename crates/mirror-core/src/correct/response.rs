@@ -1,4 +1,4 @@
-//! How far each joint did what it was told, from all steps of a correction together.
+//! How far each joint followed its commands, from all steps of a correction together.
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use serde::Serialize;

@@ -1,4 +1,5 @@
-//! One correction step: `Δθ = λ J⁺ (p_ref − p_now)`, damped, whitened, within limits. Pure, and nothing is allocated.
+//! One correction step: `Δθ = λ J⁺ (p_ref − p_now)`, damped, whitened, within limits. A pure function without
+//! allocation.
 
 use super::cholesky::solve;
 use super::damping::{Damping, Gram};

@@ -1,4 +1,4 @@
-//! What a correction is to reach: the markers of a posture, and the joints that may move for it.
+//! The target of a correction: the markers of a posture, and the joints that may move for it.
 
 use crate::error::{Error, Result};
 use crate::robot::Robot;

@@ -1,4 +1,4 @@
-//! From a recording to a diagnosis: the order in which everything is tried, and what is said of it.
+//! From a recording to a diagnosis: the order in which the stages run.
 
 use crate::diagnose::assessment::evidence::{self, Sources};
 use crate::diagnose::assessment::findings::Findings;

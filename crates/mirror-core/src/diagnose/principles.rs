@@ -1,8 +1,9 @@
-//! What decisions of the diagnosis rest on: a few quantities, each with its meaning and where it comes from.
+//! The quantities on which decisions of the diagnosis depend, each with its meaning and its source.
 //!
-//! Thresholds on odds, probabilities and counts are these or follow from them where they are used. The type of a constant says its kind, so that
-//! what decides can be told from what does not; a test (`tests/rust/architecture.rs`) counts the thresholds and finds constants without a
-//! kind. Numerical tolerances and steps of solvers stand in [`super::model::solver`], what bounds the work in [`super::model::work_budget`].
+//! Thresholds on odds, probabilities and counts are defined here, or are derived from these where they are used. The
+//! type of a constant states its kind, so that decisions can be told from computation. A test
+//! (`tests/rust/architecture.rs`) counts the thresholds and finds constants without a kind. Numerical tolerances and
+//! steps of solvers are in [`super::model::solver`], limits of work in [`super::model::work_budget`].
 
 /// A number on which a decision turns.
 pub(crate) type Threshold = f64;

@@ -1,4 +1,4 @@
-//! The score test of all hypotheses on its own: what a bench measures, and a quick look at a session.
+//! The score test of all hypotheses alone: for benches, and for a quick look at a session.
 
 use crate::diagnose::data::diagnosis::Ranked;
 use crate::diagnose::data::recording::Recording;

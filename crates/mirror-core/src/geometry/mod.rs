@@ -1,4 +1,4 @@
-//! Planes, reflections, rays and rotations: exact geometry that knows nothing of cameras or robots.
+//! Planes, reflections, rays and rotations: exact geometry, independent of cameras and robots.
 
 pub mod directions;
 mod improper;

@@ -1,4 +1,4 @@
-//! Reflection across a plane: a type of its own, that can't be mistaken for a rigid motion.
+//! Reflection across a plane: a separate type, so that it cannot be used as a rigid motion.
 
 use super::plane::Plane;
 use super::ray::Ray;

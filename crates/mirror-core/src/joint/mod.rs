@@ -1,7 +1,8 @@
-//! The joint estimator: all views of a session at once, mirrors, camera–board transform and markers together.
+//! The joint estimator (bundle adjustment): all views of a session at once, mirrors, camera–board transform and
+//! markers together.
 //!
-//! The camera–board transform dominates the error of every estimator that takes it as known: 1 mm of error in it is about 1 mm
-//! of marker error. Seen from several mirrors, the board's reflections betray that error. So the best estimate
+//! The camera–board transform dominates the error of every estimator that takes it as known: 1 mm of error in it is
+//! about 1 mm of marker error. The board's reflections in several mirrors determine that error. So this estimator
 //! adjusts everything at once: each frame's plane, the transform under its prior, and the markers of each posture,
 //! which all frames of the posture share.
 

@@ -1,4 +1,4 @@
-//! What the joint estimator is given, checked once.
+//! The input of the joint estimator, validated once.
 
 use crate::cancel::Cancel;
 use crate::error::{Error, Result, finite, positive};

@@ -1,4 +1,4 @@
-//! Where the joint iteration starts: single-view planes, and the nearest point of each marker's rays.
+//! Start values of the joint iteration: single-view planes, and the nearest point of each marker's rays.
 
 use super::problem::{JointFrame, JointOptions, Layout, PointStatus, PointView};
 use crate::camera::Camera;

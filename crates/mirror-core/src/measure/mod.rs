@@ -1,7 +1,8 @@
-//! A session measured by one estimator of the ladder: each view's mirror, then each posture's markers by all views of it.
+//! A session measured by one mirror estimator: each view's mirror, then each posture's markers from all of its
+//! views.
 //!
-//! [`crate::joint`] does the same with all views at once; this is the way of the paper, view by view, for comparison
-//! and where the camera–board transform is trusted.
+//! [`crate::joint`] does the same with all views at once. This is the paper's way, view by view, for comparison and
+//! for sessions whose camera–board transform is accurately known.
 
 mod ladder;
 mod options;

@@ -1,4 +1,4 @@
-//! What a measurement by one estimator takes into account.
+//! Options of a measurement by one mirror estimator.
 
 use crate::cancel::Cancel;
 use crate::error::{Error, Result, positive};

@@ -1,4 +1,4 @@
-//! The single-view mirror estimators by name, and what each hands over: a mirror with its covariance.
+//! The single-view mirror estimators by name, and their common result: a mirror with its covariance.
 
 use super::board::BoardView;
 use super::optics::MirrorOptics;

@@ -1,4 +1,4 @@
-//! How a residual counts: squared, or with less weight where it is large.
+//! The loss of a residual: squared, or with less weight where it is large (robust).
 
 use crate::error::{Result, positive};
 

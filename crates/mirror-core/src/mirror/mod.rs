@@ -1,8 +1,10 @@
-//! The mirror: its forward optics, the board and its pose, the ladder of mirror estimators behind one interface, the
-//! virtual camera.
+//! The mirror: its forward optics, the board and its pose, the mirror estimators behind one interface, the virtual
+//! camera.
 //!
-//! A mirror is a [`crate::geometry::Plane`] in the camera frame with its normal away from the camera; its three
-//! parameters are the foot point `f = d n` (m), its covariance is 3×3 in m².
+//! A mirror is a [`crate::geometry::Plane`] in the camera frame with its normal away from the camera. Its three
+//! parameters are the foot point `f = d n` (m); its covariance is 3×3 in m².
+//!
+//! The estimators: `pose_map` (Eq. 1 of the paper), `point_pair` (Eq. 2), `likelihood` (maximum likelihood).
 
 mod axial;
 mod batch;

@@ -1,4 +1,5 @@
-//! Eq. 1 of the paper: the mirror from the whole pose of the reflected board, as it is there and snapped to a reflection.
+//! Eq. 1 of the paper: the mirror from the pose of the reflected board, unchanged or projected to the nearest
+//! reflection.
 
 use super::board::BoardView;
 use super::estimate::{Found, MirrorEstimate, MirrorEstimator, before_both, reflected_rms_px};

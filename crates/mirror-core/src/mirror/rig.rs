@@ -1,4 +1,4 @@
-//! Camera, board and how they are fixed to each other.
+//! The rig: camera, board and the transform between them.
 
 use super::board::Board;
 use super::optics::MirrorOptics;

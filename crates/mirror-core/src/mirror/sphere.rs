@@ -1,4 +1,4 @@
-//! The picture of a ball: an ellipse whose centre is not the picture of the ball's centre.
+//! The image of a ball: an ellipse whose centre is not the image of the ball's centre.
 
 use crate::camera::{Camera, Distortion};
 use crate::error::{Error, Result, positive};

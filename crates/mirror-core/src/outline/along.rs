@@ -1,7 +1,8 @@
-//! The light of a ball and of what lies behind it along a ray, against that of the zones in which their colours are read.
+//! The light of a ball and of its background along a ray, relative to the zones in which their colours are read.
 //!
-//! A codec's colours are coarse: their zones lie some pixels from the edge. What the light does between zone and edge (the end of a lamp's light on the ball, the shadow that the ball
-//! casts on what carries it) is told by the brightness, which the codec keeps finer, up to where the lens has mixed the two.
+//! A codec's colours are coarse, so their zones lie some pixels from the edge. The change of light between zone and
+//! edge (the end of a lamp's light on the ball, the shadow that the ball casts on what carries it) is read from the
+//! brightness, which the codec keeps finer, up to where the lens has mixed the two.
 
 use super::rays::{Rays, STEP_PX, mean_and_variance};
 use core::ops::Range;

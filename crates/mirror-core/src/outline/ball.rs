@@ -1,4 +1,4 @@
-//! The whole measurement of one ball: patch, circle, edges, cone, in a few rounds.
+//! The whole measurement of one ball: patch, circle, edges, cone, in a few iterations.
 
 use super::blur::Blur;
 use super::circle::Circle;

@@ -1,7 +1,8 @@
-//! What the three channels of a picture say of the camera's curve.
+//! The camera's tone curve, estimated from the three channels of a picture.
 //!
-//! A blur mixes light; where the curve from levels to light is another than thought, the edge of a channel moves by how far its two values are apart. Red may rise where green falls: the channels of
-//! one edge then lie apart, by an amount and to a side that the colours tell. No other ball, and nothing of the robot, is needed for that.
+//! A blur mixes light. If the curve from levels to light is wrong, the edge of a channel moves in proportion to the
+//! difference of its two values. Red may rise where green falls; the channels of one edge then lie apart, by an
+//! amount and in a direction that the colours determine. This needs no other ball and no model of the robot.
 
 use super::curve::channel_moved_by_mixing;
 use super::rays::{Rays, beyond_step};

@@ -1,8 +1,10 @@
-//! Which pixels share a colour, told by the picture itself: a decoded video frame or JPEG that was kept without loss no longer says so.
+//! Which pixels share a colour, estimated from the picture: a decoded video frame or JPEG that was stored without
+//! loss no longer says so.
 //!
-//! Where a decoder has interpolated colour between samples two pixels apart, four neighbours across one sample's place lie on two lines that meet there: their third
-//! difference vanishes, and that of the four neighbours one pixel on does not. Where it has repeated the sample, neighbours of a pair are alike. In a picture whose
-//! colour has its own resolution both phases look the same.
+//! Where a decoder has interpolated colour between samples two pixels apart, four neighbours across one sample's
+//! place lie on two lines that meet there: their third difference vanishes, and that of the four neighbours one
+//! pixel on does not. Where it has repeated the sample, neighbours of a pair are alike. In a picture whose colour
+//! has full resolution both phases look the same.
 
 use super::patch::Picture;
 

@@ -1,4 +1,5 @@
-//! Levels and light, and how far a blurred edge's sum is moved where light mixes on another scale than the values are on.
+//! Levels and light, and how far the sum of a blurred edge is displaced where light mixes on another scale than the
+//! values are on.
 
 use std::sync::LazyLock;
 

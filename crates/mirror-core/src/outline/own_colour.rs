@@ -1,4 +1,5 @@
-//! The colour of a ball that what surrounds it has not: brightness behind it, and things of a third colour, do not count.
+//! The part of a ball's colour that its surroundings lack: the brightness of the background, and objects of a third
+//! colour, do not count.
 
 use super::patch::Patch;
 use super::template::Grid;

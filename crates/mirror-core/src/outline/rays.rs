@@ -1,4 +1,4 @@
-//! Samples of a patch along rays from a ball's centre, and what is read from them.
+//! Samples of a patch along rays from a ball's centre, and quantities read from them.
 
 use super::curve::level_of;
 use super::patch::Patch;

@@ -1,4 +1,4 @@
-//! How far edges scatter round one outline, whatever touches it.
+//! The scatter of edges around one outline.
 
 use super::circle::Indices;
 use super::ray_edge::{MIN_EDGE_POINTS, NORMAL_SPREAD};

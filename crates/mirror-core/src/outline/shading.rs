@@ -1,11 +1,13 @@
-//! Light on a sphere by its normal: what a ball shows up to its rim.
+//! Light on a sphere as a function of its normal, up to the ball's rim.
 //!
-//! Under any distant light a matt sphere's brightness is to a few hundredths a quadratic in its normal: nine spherical harmonics (Ramamoorthi
-//! and Hanrahan, "On the relationship between radiance and irradiance", 2001). Towards the rim the normal's part along the view falls
-//! as the root of the distance from the rim: no straight line says what is there.
+//! Under any distant light a matt sphere's brightness is a quadratic in its normal, to a few hundredths: nine
+//! spherical harmonics (Ramamoorthi and Hanrahan, "On the relationship between radiance and irradiance", 2001).
+//! Towards the rim the normal's component along the view falls as the root of the distance from the rim, so a
+//! straight line cannot extrapolate it.
 //!
-//! Where a lamp's light ends on the ball, brightness has a bend that the quadratic rounds off: it falls below what is there, and a codec's levels, which stretch the dark, show that.
-//! There the lamp has a term of its own, `max(0, n · l)`, towards where the quadratic is steepest.
+//! Where a lamp's light ends on the ball, brightness has a bend that the quadratic smooths: it falls below the true
+//! value, and a codec's levels, which stretch dark values, show that. There the lamp has a separate term, `max(0, n
+//! · l)`, in the direction in which the quadratic is steepest.
 
 use super::curve::light_of;
 use super::patch::Patch;

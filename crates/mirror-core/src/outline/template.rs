@@ -1,6 +1,8 @@
-//! What a shaded ball shows through a blurred lens and a moving camera: planes of a basis of its light, on a grid of pixels.
+//! The image of a shaded ball through a blurred lens and a moving camera: planes of a basis of its light, on a grid
+//! of pixels.
 //!
-//! The blur is a Gaussian's along its narrow direction; what is wider in the other is a motion on a line while the shutter is open, of the same variance.
+//! The blur is a Gaussian with the width of its narrow direction; the excess width in the other direction is a
+//! motion on a line while the shutter is open, of the same variance.
 
 use nalgebra::{Matrix2, SymmetricEigen, Vector2};
 

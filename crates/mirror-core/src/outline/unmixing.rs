@@ -1,4 +1,4 @@
-//! A colour as a mixture of two: the ball's and that of what lies behind.
+//! A colour as a mixture of two: the ball's and the background's.
 
 /// A ray's unmixing must tell the two colours apart: sine of the angle between them.
 const MIN_COLOUR_SINE: f64 = 0.12;

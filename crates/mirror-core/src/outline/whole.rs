@@ -1,7 +1,9 @@
-//! A ball that is blurred over much of its radius, measured as a whole: its picture, shaded, moved and blurred, is fitted to all of its pixels at once.
+//! A ball that is blurred over much of its radius, measured as a whole: its image, shaded, moved and blurred, is
+//! fitted to all of its pixels at once.
 //!
-//! Rays read their colours where no blur has mixed them. A ball that is small against the blur has no such place; what it shows is still a sphere's light through a
-//! kernel that has three numbers. Only the colour that the background does not have counts: what lies behind may be of any brightness.
+//! Rays read their colours where no blur has mixed them. A ball that is small compared with the blur has no such
+//! place, but its image is still a sphere's light through a kernel with three parameters. Only the colour that the
+//! background lacks counts: the background may have any brightness.
 
 use super::ball::{BallOutline, ellipse, expected_ellipse};
 use super::circle::Circle;

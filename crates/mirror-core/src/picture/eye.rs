@@ -1,4 +1,4 @@
-//! The tracer's camera: from a pixel to the beam that makes it.
+//! The tracer's camera: from a pixel to the beam of rays that forms it.
 
 use super::Beam;
 use crate::camera::{Camera, Distortion};

@@ -1,10 +1,10 @@
-//! The picture maker: a ray tracer that draws a robot before a mirror, with the truth of what it drew.
+//! A ray tracer that renders a robot in front of a mirror, with the truth of what it rendered.
 //!
-//! It exists so that detection and measurement can be tested on pictures whose truth is known. Therefore it shares
-//! no formula with what it tests: it never projects a point. Every pixel is made of rays that leave the camera,
-//! pass the lens ([`Eye`] inverts the published distortion polynomial by a fixed point of its own), enter the
-//! mirror's glass, meet its silver, leave the glass ([`Pane`]) and hit the scene. The exact pixel of a point
-//! ([`pixel_of`]) is the one whose traced ray passes through it, found by searching over traced rays.
+//! It exists to test detection and measurement on pictures whose truth is known. Therefore it shares no formula with
+//! what it tests: it never projects a point. Every pixel is made of rays that leave the camera, pass the lens
+//! ([`Eye`] inverts the published distortion polynomial by a separate fixed point), enter the mirror's glass, meet
+//! its silver, leave the glass ([`Pane`]) and hit the scene. The exact pixel of a point ([`pixel_of`]) is the one
+//! whose traced ray passes through it, found by searching over traced rays.
 //!
 //! The scene's frame is the robot's root: z up. Light is linear until [`Sensor`] turns it into 8-bit values.
 

@@ -1,4 +1,4 @@
-//! The mirror as a thing of glass: which ways light takes through it.
+//! The mirror as a pane of glass: the paths that light takes through it.
 
 use super::Beam;
 use crate::error::{Error, Result, finite, positive};

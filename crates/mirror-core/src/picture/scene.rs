@@ -1,4 +1,4 @@
-//! What stands before the mirror: painted solids, the room, the lamps.
+//! The scene in front of the mirror: painted solids, the room, the lamps.
 
 use super::{Beam, Colour, Lights, Pane, Shape, Touch};
 use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3};

@@ -1,4 +1,4 @@
-//! The truth of a picture: exact pixels, found by searching over traced beams, and how much is seen.
+//! The truth of a picture: exact pixels, found by searching over traced beams, and visible shares.
 
 use super::scene::Scene;
 use super::{Beam, Eye};

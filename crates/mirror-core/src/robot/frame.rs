@@ -1,4 +1,4 @@
-//! A rigid transform as the kernels hold it: a 4×4 matrix by columns.
+//! A rigid transform in the form of the kernels: a 4×4 matrix by columns.
 
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 

@@ -1,4 +1,4 @@
-//! What gravity does to each joint while any one link is held still.
+//! Gravity's torque at each joint while any one link is held still.
 
 use super::joint::JointKind;
 use super::model::Robot;

@@ -1,4 +1,4 @@
-//! A joint: how it moves, within which limits, and what drives it.
+//! A joint: its motion, its limits, and what drives it.
 
 use nalgebra::{Isometry3, Unit, Vector3};
 

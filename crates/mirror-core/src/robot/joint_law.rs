@@ -1,8 +1,9 @@
-//! How a real joint departs from its command, as terms that add up.
+//! The deviation of a real joint from its command, as a sum of terms.
 //!
 //! `θ = q + a + e q + s sin q + c (cos q − 1) + k τ(θ) + Σ κ_K q_K + r t ± w/2 ± d`
 //!
-//! A diagnosis tells each effect at a joint by its terms; a command is shifted against them, and a simulator's joint is given them.
+//! Each effect at a joint names the terms of its parameters. The feed-forward inverts them, and a simulator's joint
+//! is built from them.
 
 use serde::Serialize;
 

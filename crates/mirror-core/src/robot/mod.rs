@@ -1,7 +1,7 @@
 //! Robots: URDF to a validated tree; forward kinematics, Jacobians, gravity torques.
 //!
-//! A [`Robot`] never changes; a [`Poses`] is the workspace that holds where its links are at one posture, and is
-//! reused from posture to posture without allocation. Batches run several postures a vector, on all cores.
+//! A [`Robot`] is immutable. A [`Poses`] is the workspace with the links' poses at one posture; it is reused from
+//! posture to posture without allocation. Batches compute several postures in a vector, on all cores.
 //!
 //! Frames are the URDF's: `root_from_link`, `parent_from_joint`. Units: m, rad, kg, N m.
 

@@ -1,4 +1,4 @@
-//! Where all links are at one posture.
+//! The poses of all links at one posture.
 
 use super::frame::Frame;
 use super::model::Robot;

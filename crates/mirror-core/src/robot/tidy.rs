@@ -1,9 +1,9 @@
-//! Real-life URDF text reduced to the part that kinematics and gravity need, checked number by number.
+//! Real URDF text reduced to the part that kinematics and gravity need, checked number by number.
 //!
-//! `urdf-rs` reads pictures, materials and limits strictly, and refuses a whole robot for a mesh without a
-//! file name. It also skips words that are no numbers. This filter keeps links, inertials and joints, drops all
-//! else (visuals, collisions, transmissions, simulator and xacro tags, deeper nesting), and refuses what
-//! cannot be read with the name of the link or joint around it.
+//! `urdf-rs` reads pictures, materials and limits strictly, and refuses a whole robot for a mesh without a file
+//! name. It also skips words that are not numbers. This filter keeps links, inertials and joints, drops everything
+//! else (visuals, collisions, transmissions, simulator and xacro tags, deeper nesting), and refuses what cannot be
+//! read, with the name of the link or joint around it.
 
 use super::fault::ModelFault;
 use quick_xml::Reader;

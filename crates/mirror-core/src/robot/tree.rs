@@ -1,4 +1,4 @@
-//! Named links and joints grown into a tree: order, parents, mimic joints; what is no tree is refused.
+//! Named links and joints arranged as a tree: order, parents, mimic joints; a graph that is no tree is refused.
 
 use super::fault::{ModelFault, nearest};
 use super::joint::{Drive, Joint, Mimic};

@@ -1,11 +1,11 @@
-//! Which way is up on a link, as an accelerometer at rest reads it.
+//! The upward direction on a link, as an accelerometer at rest reads it.
 //!
 //! At rest an accelerometer reads `−g` in its own frame:
 //!
 //! `u = −R_linkᵀ R_root g / |g|`, `R = (∏ A_k E_k A_kᵀ) A`, over the joints k from the robot's root to the link
 //!
-//! with `A_k` the rotation of the link that joint k carries, at the commanded posture, and `E_k = Rot(axis, δ_k) Exp(ω_k)` its error in
-//! this frame: δ the error of its position, ω the bending of the link.
+//! with `A_k` the rotation of the link that joint k carries, at the commanded posture, and `E_k = Rot(axis, δ_k)
+//! Exp(ω_k)` its error in this frame: δ the error of its position, ω the bending of the link.
 
 use super::chain::Direction;
 use super::model::Robot;

@@ -1,9 +1,9 @@
 //! Triangulation: virtual rays of a marker to its position, with covariance.
 //!
-//! Four ways, each with the same result type: [`midpoint`] (the paper's, and least squares for more than two rays),
-//! [`lee_civera_mid2`] and [`unbiased`] (closed forms of two rays; the second without bias in the mean) and
-//! [`maximum_likelihood`] (in pixels, the mirrors' covariances included). All in the camera frame: within a session camera and board are fixed to each
-//! other, so it is the frame that the views share; each view has its own mirror.
+//! There are four methods with the same result type: [`midpoint`] (the paper's, and least squares for more than two
+//! rays), [`lee_civera_mid2`] and [`unbiased`] (closed forms of two rays; the second has no bias in the mean) and
+//! [`maximum_likelihood`] (in pixels, with the mirrors' covariances). All are in the camera frame: within a session
+//! camera and board are fixed to each other, so it is the frame that the views share; each view has its own mirror.
 
 mod batch;
 mod likelihood;

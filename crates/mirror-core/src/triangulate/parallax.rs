@@ -1,4 +1,4 @@
-//! The angle between rays: how well they can meet in a point.
+//! The angle between rays, which determines how well they intersect in a point.
 
 use crate::error::{Error, Result};
 use crate::geometry::Ray;

@@ -1,4 +1,4 @@
-//! Triangulation from what estimators and detectors hand over: mirrors and pixels, by any of the ways.
+//! Triangulation from the results of estimators and detectors: mirrors and pixels, by any of the methods.
 
 use super::likelihood::{MarkerView, maximum_likelihood};
 use super::mid2::{lee_civera_mid2, unbiased};

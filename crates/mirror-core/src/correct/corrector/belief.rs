@@ -1,4 +1,4 @@
-//! What a correction believes of its readings, and what it learns from them.
+//! Which readings a correction accepts, and what it learns from them.
 
 use super::super::bounds::{DistanceBounds, deviate_of_look};
 use super::super::jacobian::{JacobianSource, broyden_update, marker_jacobian};

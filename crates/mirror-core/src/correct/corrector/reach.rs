@@ -1,4 +1,5 @@
-//! What the joints can do about an error by the model, and the ends that follow where it is too little.
+//! What the joints can do about an error according to the model, and the stop reasons that follow where it is too
+//! little.
 
 use super::super::bounds::{DistanceBounds, deviate_of_look};
 use super::super::damping::Damping;

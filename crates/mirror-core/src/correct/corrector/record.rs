@@ -1,4 +1,4 @@
-//! What goes into a correction and what comes out: readings, decisions, the record of each look.
+//! Input and output of a correction: readings, decisions, the record of each look.
 
 use super::super::plausible::Implausible;
 use super::super::stop::Stop;

@@ -1,10 +1,10 @@
-//! The next postures: where rivals remain, the few commanded postures that would separate them best.
+//! Design of experiments: the next postures, which would best separate the remaining alternatives.
 //!
 //! Postures are drawn that the robot can take and that camera and mirror can see ([`Draws`]). Each is predicted by
-//! the cause and by its rival, both as fitted; the posture at which the markers in view come out farthest apart separates them best
-//! (T-optimal design: Atkinson and Fedorov 1975). Those are taken that differ by 10° or more from every visited one, and from each other,
-//! where there are such. The postures are to be taken in the order given: for play and friction it
-//! matters from which side a joint arrives.
+//! the cause and by its alternative, both as fitted. The posture in which the visible markers differ most separates
+//! them best (T-optimal design: Atkinson and Fedorov 1975). The postures chosen differ by 10° or more from every
+//! recorded one, and from each other, where there are such. They must be taken in the given order: play and friction
+//! depend on the side from which a joint arrives.
 
 use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::assessment::posture_draws::Draws;

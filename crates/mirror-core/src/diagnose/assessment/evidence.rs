@@ -1,4 +1,4 @@
-//! What of the data was used, what was left out and why, and whether it is enough to say anything.
+//! Which data were used, what was left out and why, and whether the rest is enough for a statement.
 
 use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::data::diagnosis::{Data, LeftOut};

@@ -1,13 +1,14 @@
-//! Whether observations that were left out as false lie together: blunders of detection fall anywhere, so that a run of them at one marker,
-//! or two in the same frame again and again, has one cause.
+//! Whether the observations left out as false lie together. Random detection errors are scattered; a run of them at
+//! one marker, or the same two markers again and again, has one cause.
 //!
 //! With p the share of all observations that was left out:
-//! * a run of rows in which half of a marker's observations are false gains `Σ ln(½ / p)` over those left out and `Σ ln(½ / (1 − p))` over the
-//!   others, over chance; the best run is found in one pass (Kadane);
-//! * of N frames that show two markers, `E = N p²` have both false by chance; k of them gain `k ln(k / E) − (k − E)` (Poisson), less the
-//!   logarithm of the number of pairs.
 //!
-//! Either must gain what any structure must.
+//! * a run of rows in which half of a marker's observations are false gains, over chance, `Σ ln(½ / p)` over those
+//!   left out and `Σ ln(½ / (1 − p))` over the others; the best run is found in one pass (Kadane);
+//! * of N frames that show two markers, `E = N p²` have both false by chance; k of them gain `k ln(k / E) − (k − E)`
+//!   (Poisson), less the logarithm of the number of pairs.
+//!
+//! Either gain must exceed the threshold for any structure.
 
 use crate::diagnose::data::diagnosis::Data;
 use crate::diagnose::data::recording::{Recording, Target};

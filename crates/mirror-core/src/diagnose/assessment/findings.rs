@@ -1,4 +1,4 @@
-//! Everything that was found, before it is put into words.
+//! Everything that was found, before the report is written.
 
 use crate::diagnose::criteria::cross_validation::PostureGap;
 use crate::diagnose::data::diagnosis::Cause;

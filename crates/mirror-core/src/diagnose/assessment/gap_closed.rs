@@ -1,7 +1,7 @@
-//! By how much the causes close the gap, and how sure that is.
+//! How far the causes close the gap, and the interval of that figure.
 //!
-//! `closed = (before − after) / (before − floor)`, of root mean squares in the unit in which was measured: pixels where there
-//! are pictures. In metres a direction that the views hardly see would outweigh all others.
+//! `closed = (before − after) / (before − floor)`, of root mean squares in the unit of the measurement: pixels where
+//! there are pictures. In metres the poorly observed depth direction would dominate.
 
 use crate::diagnose::assessment::noise_floor::Floor;
 use crate::diagnose::criteria::cross_validation::{PostureGap, size};

@@ -1,15 +1,16 @@
-//! What could have been seen: the largest size of each effect at each place that these postures would have hidden.
+//! Limits of detection: for each effect at each place the largest size that these postures would have hidden.
 //!
-//! An effect is added to the model that was found, board, camera and markers free (within their stated tolerances, else within
-//! what a hand leaves), and all of them are projected out of its columns. What the data then tell of its parameters is
-//! `A = X'(I − C(C'C + P)⁻¹C')X`. A cause of size p gains a noncentral chi-squared, of k degrees of freedom and noncentrality
-//! `λ = p' A p`, and is told where that gain pays for what the selection asks: its prior, its Occam factor, the least odds,
-//! `c = 2 (least − log π) + log det(I + S A S)`, and where the held-out gap shrinks by the share that is asked. The limit of a parameter
-//! is the size, all others 0, at which the gain exceeds c with probability 0.95: a larger one would be told in 19 of 20 sessions
-//! like this one.
+//! An effect is added to the model found. Board, camera and markers are free (within their stated tolerances,
+//! otherwise within the usual ones of mounts by hand), and are projected out of the effect's columns. The
+//! information on its parameters is `A = X'(I − C(C'C + P)⁻¹C')X`. A cause of size p gains a noncentral chi-squared
+//! variable with k degrees of freedom and noncentrality `λ = p' A p`. It is detected if that gain exceeds the
+//! criterion of the selection: its prior, its Occam factor, the minimum odds, `c = 2 (least − log π) + log det(I + S
+//! A S)`, and if the held-out gap shrinks by the required share. The limit of a parameter is the size, all others 0,
+//! at which the gain exceeds c with probability 0.95: a larger one would be detected in 19 of 20 sessions like this
+//! one.
 //!
-//! What it leaves out: that a rival can be told in its stead. Where a discrete unknown (a friction) matters, the limit is the
-//! largest over its values.
+//! Not included: an alternative may be reported in its place. Where the effect has a discrete unknown (a friction),
+//! the limit is the largest over its values.
 //!
 //! Source: power of the score test, Rao (1948); noncentral chi-squared by Sankaran's approximation (1959).
 

@@ -1,11 +1,12 @@
-//! The search for causes on some of the postures, as small dense algebra.
+//! The search for causes on a part of the postures, as small dense algebra.
 //!
-//! The model that was found is linearised once, with the columns of its causes, of their rivals and of the hypotheses that the first
-//! look ranked highest, part by part of the postures. The normal equations of any choice of postures are a weighted sum of the parts', so
-//! that the search on it is small dense algebra: causes are added while their posterior odds are above the selection's least, dropped and
-//! exchanged, from nothing and from the causes found, the likelier of both. Board, camera, markers, zeros and discrepancy terms are free
-//! wherever the model has them so, and the spreads of small errors everywhere are learned anew. Not searched anew are the noise, what was
-//! left out as false, discrete unknowns (frictions), and whole mistakes.
+//! The model found is linearised once, with the columns of its causes, of their alternatives and of the
+//! highest-ranked hypotheses of the first screening, separately for each part of the postures. The normal equations
+//! of any choice of postures are a weighted sum of the parts'. So the search on it is small dense algebra: causes
+//! are added while their posterior odds exceed the selection's minimum, dropped and exchanged, starting from nothing
+//! and from the causes found; the more probable result is used. Board, camera, markers, zeros and discrepancy terms
+//! are free wherever they are free in the model, and the scales of small errors everywhere are estimated anew. Fixed
+//! are the noise, the observations left out as false, discrete unknowns (frictions), and gross mistakes.
 
 use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::effects::hypothesis::Model;

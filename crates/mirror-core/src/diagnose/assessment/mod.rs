@@ -1,4 +1,4 @@
-//! What the result is worth: noise floor, gap closed, uncertainty, postures to measure next.
+//! Assessment of the result: noise floor, gap closed, uncertainty, stability, next postures.
 
 pub(super) mod design;
 pub(super) mod evidence;

@@ -1,14 +1,17 @@
-//! The gap on postures that took no part in the choice of the causes either.
+//! Nested cross-validation: the gap on postures that took no part in the selection of the causes either.
 //!
-//! For each region of posture space the search is repeated on the others ([`LinearSearch`], from the causes found and from nothing). The
-//! model with the causes that come out is fitted to the other regions and predicts this one. Where the same causes come out this is the gap
-//! held out with the causes found; where not, the choice hangs on the region. Chosen on all postures are what is left out as false, the
-//! hypotheses that compete, and the kinds of random effects (a free set-up, small errors everywhere).
+//! For each region of posture space the search is repeated on the others ([`LinearSearch`], from the causes found
+//! and from nothing). The model with the causes selected there is fitted to the other regions and predicts this one.
+//! If the same causes are selected, this is the held-out gap of the causes found; if not, the selection depends on
+//! the region. Chosen on all postures are the observations left out as false, the hypotheses that compete, and the
+//! kinds of random effects (free mounts, small errors everywhere).
 //!
-//! It is what the method is worth on postures of another kind, and is told beside the gap of the causes found, which it does not
-//! replace: a zero and a gear's ratio may be one in all regions but one, which tells them apart without doubt.
+//! The figure estimates how well the method predicts postures of another kind. It is reported beside the gap of the
+//! causes found and does not replace it: a zero and a gear's ratio may be inseparable in all regions but one, which
+//! separates them without doubt.
 //!
-//! Source: nested cross-validation, Varma and Simon, "Bias in error estimation when using cross-validation for model selection" (2006).
+//! Source: nested cross-validation, Varma and Simon, "Bias in error estimation when using cross-validation for model
+//! selection" (2006).
 
 use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::assessment::linear_search::{Equations, LinearSearch};

@@ -1,10 +1,15 @@
-//! How large a gap would be if only the measurement's noise were left.
+//! The noise floor: the gap that would remain if only the measurement's noise were left.
 //!
-//! Two independent estimates are combined. *Independent* of any model of the body: what the views of one posture disagree on (or, where
-//! postures have one view, what the session states of its noise). And what the *whole* model, free-form errors included,
-//! leaves of the postures that it was fitted to: with n rows and p parameters, `σ² = Σ r² / (n − p)`. The second is no smaller
-//! than the noise, and it is the noise where nothing significant is left. Both are taken of the very residuals of which the
-//! gap after is made, tails, detector and all, so that gap and floor are sizes of the same kind.
+//! Two independent estimates are combined.
+//!
+//! * One needs no model of the body: the disagreement of the views of one posture (or, where postures have one view,
+//!   the noise that the session states).
+//! * The other is what the whole model, free-form errors included, leaves of the postures that it was fitted to:
+//!   with n rows and p parameters, `σ² = Σ r² / (n − p)`. It is no smaller than the noise, and equals the noise
+//!   where nothing significant is left.
+//!
+//! Both use the same residuals as the gap after, tails and detector errors included, so that gap and floor are
+//! comparable.
 
 use crate::diagnose::criteria::cross_validation::{PostureGap, gap_of, seen_size, size};
 use crate::diagnose::criteria::lack_of_fit::noticeable_excess;

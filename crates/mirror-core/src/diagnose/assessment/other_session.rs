@@ -1,4 +1,5 @@
-//! The causes on another session: predicted as they were found, nothing of it fitted but its own nuisances.
+//! The causes on another session: predicted with the values found; only that session's nuisance parameters are
+//! fitted.
 
 use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::data::diagnosis::Checked;

@@ -1,9 +1,10 @@
-//! Postures that a robot can take and that camera and mirror can see: drawn from the joints' limits, not from what was visited.
+//! Random postures that a robot can take and that camera and mirror can see, drawn within the joints' limits.
 //!
-//! A joint that moves nothing that is seen (a caster, a leg) is held at the session's median. The others are drawn within their limits, less a
-//! margin, half of them anywhere and half about postures that were visited; a joint without limits goes a little beyond its visited
-//! range. A posture counts where one of the mirrors that the session had, told in the camera, shows the whole board from its printed side
-//! and at least one marker; which markers that mirror shows is kept. What hides behind the body is not known here.
+//! A joint that moves nothing visible (a caster, a leg) is held at the session's median. The others are drawn within
+//! their limits, less a margin, half of them anywhere and half near recorded postures; a joint without limits goes
+//! slightly beyond its recorded range. A posture counts if one of the session's mirrors, fixed relative to the
+//! camera, shows the whole board from its printed side and at least one marker; the markers that this mirror shows
+//! are kept. Occlusion by the body is not modelled.
 
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::model::kinematics::NodePoses;

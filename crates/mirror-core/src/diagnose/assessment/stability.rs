@@ -1,7 +1,8 @@
-//! How stable a verdict is: the search repeated on resampled postures.
+//! Stability of a verdict: the search repeated on resampled postures.
 //!
-//! A resample draws blocks of successive postures with replacement (block bootstrap: Künsch 1989) and repeats the search on them
-//! ([`LinearSearch`], which says what is chosen anew and what is not). Whole mistakes, which are tried exactly, have no stability.
+//! A resample draws blocks of successive postures with replacement (block bootstrap: Künsch 1989) and repeats the
+//! search on them ([`LinearSearch`] says what is selected anew and what is not). Gross mistakes, which are tried
+//! exactly, have no stability.
 
 use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::assessment::linear_search::LinearSearch;

@@ -1,10 +1,11 @@
-//! Which causes survive other draws of the postures.
+//! Which causes are selected again in resamples of the postures.
 //!
-//! Where the model is not quite that of the data, evidence counts a misfit that postures share as often as they were seen, and a cause
-//! that only takes a part of it gets log odds of tens and hundreds. Postures drawn anew vary with such a misfit as the likelihood does
-//! not. So a cause is named only where it, or a rival that the data cannot tell from it, is found again in more than half of the
-//! resamples, or is needed to predict; and no cause is more probable than it is stable: the bagged posterior. Beside a remainder, which
-//! shows the model to be wrong, what is found again with its rivals counts as well.
+//! Where the model is not exact, the evidence counts a misfit that postures share once for each observation. A cause
+//! that only absorbs part of such a misfit then gets log odds of tens and hundreds. Resampled postures vary with
+//! such a misfit; the likelihood does not. So a cause is named only if it, or an inseparable alternative, is
+//! selected again in more than half of the resamples, or if it is needed for prediction. No probability exceeds the
+//! stability: the bagged posterior. Where a remainder shows that the model is wrong, a selection of the cause's
+//! alternatives counts as well.
 //!
 //! Source: Huggins and Miller, "Robust inference and model selection using bagged posteriors" (2020).
 

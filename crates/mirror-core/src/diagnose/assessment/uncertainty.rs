@@ -1,12 +1,14 @@
-//! How uncertain the causes' parameters are, and what that uncertainty moves.
+//! Standard deviations of the causes' parameters, and how far model errors would move their values.
 //!
-//! A parameter is as uncertain as the fit says, or as it says with the laws' discrepancy terms and with correlated noise,
-//! whichever is more; beside that, by as far as these two move its value, and by what real joints are known to depart
-//! from a law that no data show. The noise is what the whole model leaves, where that is more than was thought.
+//! The standard deviation of a parameter is the largest of: the fit's; the fit's with discrepancy terms of the laws;
+//! the fit's with correlated noise. Added to it is how far the last two move the value, and how far real joints are
+//! known to depart from a law without the data showing it. The noise is what the whole model leaves, where that is
+//! more than the estimate.
 //!
-//! What gives way under load is told by its compliance when hardly loaded. A spring that stiffens, `δ = c τ (1 − s τ²/τ_max²)`,
-//! is softer there than the straight law that fits best: with s fitted beside c, the value moves by what the two laws differ.
-//! A link does not bend just in its middle: fitted with the bend off it, the value moves as levers do.
+//! A compliance is reported for small loads. A spring that stiffens, `δ = c τ (1 − s τ²/τ_max²)`, is softer there
+//! than the linear law that fits best: s is fitted together with c, and the value moves by the difference of the two
+//! laws. A link does not bend exactly in its middle: it is fitted with the bend off the middle, and the value moves
+//! with the lever arm.
 
 use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::assessment::noise_floor::Floor;

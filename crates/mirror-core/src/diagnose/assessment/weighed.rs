@@ -1,5 +1,5 @@
-//! What was found, weighed: causes that do not help on held-out regions are dropped, improbable ones give way, the remainder is tested
-//! against the noise.
+//! The findings after model comparison: causes that do not help on held-out regions are dropped, improbable ones are
+//! replaced, the remainder is tested against the noise.
 
 use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::assessment::noise_floor::{is_no_noise, is_reached};

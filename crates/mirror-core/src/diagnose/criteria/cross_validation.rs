@@ -1,4 +1,4 @@
-//! The gap on postures that the fit did not see.
+//! Cross-validation: the gap on postures that were not fitted.
 
 use crate::diagnose::criteria::regions::regions;
 use crate::diagnose::effects::hypothesis::{Catalogue, Model};

@@ -1,4 +1,4 @@
-//! Whether what a model leaves is more than noise: the lack-of-fit test on free markers.
+//! The lack-of-fit test on free markers: whether what a model leaves is more than noise.
 
 use crate::diagnose::likelihood::noise::{STATED_LOG_STD, corner_excess};
 use crate::diagnose::likelihood::saturated::free_markers;

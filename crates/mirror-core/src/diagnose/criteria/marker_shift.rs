@@ -1,4 +1,4 @@
-//! How far causes move what is seen: the size of an effect in the unit of the measurement.
+//! How far causes move the observations: the size of an effect in the unit of the measurement.
 
 use crate::diagnose::likelihood::normal_equations::chunks;
 use crate::diagnose::model::deformation::Deformation;

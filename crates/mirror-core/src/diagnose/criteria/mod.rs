@@ -1,4 +1,4 @@
-//! How good a model is: on regions that were held out, and against the noise.
+//! Criteria for a model: its prediction of held-out regions, and its residuals against the noise.
 
 pub(super) mod cross_validation;
 pub(super) mod lack_of_fit;

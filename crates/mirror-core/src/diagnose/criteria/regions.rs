@@ -1,4 +1,5 @@
-//! Regions of posture space, held out in turn: an effect that only fits its own neighbourhood must not win.
+//! Regions of posture space, held out in turn, so that an effect which fits only its own neighbourhood gains
+//! nothing.
 
 use crate::diagnose::likelihood::saturated::postures;
 use crate::diagnose::model::problem::Problem;

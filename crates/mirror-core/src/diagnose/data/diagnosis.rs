@@ -1,4 +1,4 @@
-//! What a diagnosis says: plain data, written as JSON by the public contract, with further details for people.
+//! The result of a diagnosis: plain data, written as JSON in the public format, with further details for the report.
 
 use crate::diagnose::principles::ABOVE_SCATTER;
 use serde::Serialize;

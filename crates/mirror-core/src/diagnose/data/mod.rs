@@ -1,4 +1,4 @@
-//! What goes in (a recording) and what comes out (a diagnosis).
+//! Input (a recording) and output (a diagnosis).
 
 pub(super) mod diagnosis;
 pub(super) mod progress;

@@ -1,4 +1,4 @@
-//! How far a diagnosis has come: told while it runs, and what is left of it where it is stopped.
+//! Progress of a diagnosis while it runs, and the partial result if it is stopped.
 
 use crate::diagnose::data::diagnosis::{Cause, Data, Diagnosis, Gap, GapStep, VERSION, Verdict};
 use crate::diagnose::data::recording::{Recording, Target};

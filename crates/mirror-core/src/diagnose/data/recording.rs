@@ -1,4 +1,4 @@
-//! What was recorded, validated: the input of the diagnosis.
+//! The recording, validated: the input of the diagnosis.
 
 use crate::camera::Camera;
 use crate::error::{Error, Result, finite, positive};

@@ -1,4 +1,4 @@
-//! What people and files need to know of an effect beyond its law's columns: each effect tells it in its own file.
+//! What readers and files need to know of an effect beyond its law's columns; each effect states it in its own file.
 
 use crate::robot::JointTerm;
 use serde::Serialize;

@@ -1,4 +1,4 @@
-//! The axis of rotation is tilted: the real axis is `unit(a + tan(tilt_1) u + tan(tilt_2) v)`.
+//! A tilted axis of rotation: the real axis is `unit(a + tan(tilt_1) u + tan(tilt_2) v)`.
 
 use super::about::{About, PlaceKind, WrittenTo};
 use super::{Effect, Place, joint_of, moving_joints, named};

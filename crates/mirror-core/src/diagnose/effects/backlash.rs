@@ -1,12 +1,14 @@
-//! Play of width b: the output lies on the side to which its load or, unloaded, its last motion pushes it.
+//! Play of width b: the output lies on the side to which its load or, without load, its last motion pushes it.
 //!
 //! With the friction torque τ_f as the discrete unknown:
-//! * `|τ_g| > τ_f`: the load wins, `θ = q + sign(τ_g) b/2`;
-//! * otherwise friction holds the output where the motor left it (the play operator): a motor that moves up pushes the
-//!   output from below, so that it lags behind, `θ = q − b/2`; moving down, `θ = q + b/2`; and within the play it stays.
 //!
-//! Source: Nordin and Gutman, "Controlling mechanical systems with backlash: a survey" (2002), friction-controlled and
-//! inertia-free model; the load's side by statics.
+//! * `|τ_g| > τ_f`: the load decides, `θ = q + sign(τ_g) b/2`;
+//! * otherwise friction holds the output where the motor left it (the play operator): a motor that moves up pushes
+//!   the output from below, so that it lags behind, `θ = q − b/2`; moving down, `θ = q + b/2`; within the play it
+//!   stays.
+//!
+//! Source: Nordin and Gutman, "Controlling mechanical systems with backlash: a survey" (2002), friction-controlled
+//! and inertia-free model; the load's side by statics.
 
 use super::about::{About, PlaceKind, WrittenTo};
 use super::{Effect, LawFreedom, Place, joint_error, joint_of, named};

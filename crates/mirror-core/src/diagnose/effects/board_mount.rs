@@ -1,5 +1,5 @@
-//! The board sits elsewhere on its link: real board = nominal ∘ (Exp ω, v). A camera on the same body moves along with it, so that what is
-//! told is where both are; the camera against the board is `camera_mount`.
+//! A displaced board: real board = nominal ∘ (Exp ω, v) on its link. A camera on the same body moves together with
+//! it, so the reported displacement is that of both; the camera relative to the board is `camera_mount`.
 
 use super::about::{About, PlaceKind, WrittenTo};
 use super::{Concern, Effect, Place, named};

@@ -1,4 +1,4 @@
-//! The principal point is off.
+//! An error of the principal point.
 
 use super::about::{About, PlaceKind, WrittenTo};
 use super::{Effect, Place, named};

@@ -1,4 +1,4 @@
-//! The focal length is off by a factor 1 + e.
+//! An error of the focal length, by a factor 1 + e.
 
 use super::about::{About, PlaceKind, WrittenTo};
 use super::{Effect, Place, named};

@@ -1,4 +1,4 @@
-//! The camera sits elsewhere relative to the board: real camera = nominal ∘ (Exp ω, v).
+//! A displaced camera: real camera = nominal ∘ (Exp ω, v), relative to the board.
 
 use super::about::{About, PlaceKind, WrittenTo};
 use super::{Concern, Effect, Place, named};

@@ -1,9 +1,10 @@
-//! A column bends in proportion to gravity's moment at its upper end, the more the further it is out:
-//! `ω_k = (c_k + g_k h(e)) m_k` about each of the two directions k across it (those of `axis_tilt`), in the middle of what is out.
+//! Bending of a column of prismatic links, proportional to gravity's moment at its upper end and growing with its
+//! extension: `ω_k = (c_k + g_k h(e)) m_k` about each of the two directions k across it (those of `axis_tilt`), in
+//! the middle of the extended part.
 //!
-//! e is the column's extension. A beam of one section bends in proportion to its length: `h = e`. Tubes that slide out of each
-//! other give way where they overlap, and the overlap D − e shrinks: `h = e/(1 − e/D)`.
-//! Both directions have stiffnesses of their own, since sections are hardly ever square.
+//! e is the column's extension. A beam of constant section bends in proportion to its length: `h = e`. Telescopic
+//! tubes yield where they overlap, and the overlap D − e shrinks: `h = e/(1 − e/D)`. Each direction has its own
+//! stiffness, because sections are hardly ever square.
 
 use super::about::{About, PlaceKind, WrittenTo};
 use super::telescopes::{columns_last, largest_moment, moment_across, slackening_m};

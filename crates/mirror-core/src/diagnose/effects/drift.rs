@@ -1,4 +1,4 @@
-//! The zero wanders with time: `θ = q + r t`, t from the first frame.
+//! A zero that drifts with time: `θ = q + r t`, t from the first frame.
 
 use super::about::{About, PlaceKind, WrittenTo};
 use super::{Effect, LawFreedom, Place, joint_error, joint_of, joints, named};

@@ -1,4 +1,5 @@
-//! What is tried beside the effects of one place: small errors everywhere, slipped rows, and whole mistakes of a first day.
+//! What is reported besides the effects of one place: small errors everywhere, slipped rows, and gross mistakes of
+//! model or log.
 
 use super::about::WrittenTo;
 use serde::Serialize;

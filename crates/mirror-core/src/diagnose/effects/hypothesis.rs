@@ -1,4 +1,4 @@
-//! Hypotheses, effect × place, and models: a set of causes with their parameters.
+//! Hypotheses (effect × place), and models: a set of causes with their parameters.
 
 use crate::diagnose::effects::{Effect, Place};
 use crate::diagnose::model::camera_and_mirror::FootPoints;

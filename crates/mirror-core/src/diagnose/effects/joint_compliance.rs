@@ -1,4 +1,4 @@
-//! The joint gives way in proportion to its gravity torque: `θ = q + c τ_g`.
+//! A compliant joint: its deflection is proportional to its gravity torque, `θ = q + c τ_g`.
 
 use super::about::{About, PlaceKind, WrittenTo};
 use super::{Effect, LawFreedom, Place, joint_error, joint_of, loaded_joints, named};

@@ -1,4 +1,4 @@
-//! The joint moves along with another: `θ_J = q_J + c q_K`.
+//! A joint that moves together with another: `θ_J = q_J + c q_K`.
 
 use super::about::{About, PlaceKind, WrittenTo};
 use super::{Effect, Place, named};

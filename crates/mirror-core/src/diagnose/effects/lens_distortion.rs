@@ -1,4 +1,4 @@
-//! Radial distortion that the model lacks.
+//! Radial distortion that the camera's model lacks.
 
 use super::about::{About, PlaceKind, WrittenTo};
 use super::{Effect, Place, named};

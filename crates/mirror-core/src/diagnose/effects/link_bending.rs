@@ -1,5 +1,5 @@
-//! The link bends in proportion to gravity's moment about its two transverse axes: a rotation `c m_⟂`
-//! about the middle of the link, m the moment there of all that the link carries and of its own mass.
+//! Bending of a link, proportional to gravity's moment about its two transverse axes: a rotation `c m_⟂` about the
+//! middle of the link. m is the moment there of all that the link carries and of its own mass.
 
 use super::about::{About, PlaceKind, WrittenTo};
 use super::{Effect, LawFreedom, Place, joint_of, named};

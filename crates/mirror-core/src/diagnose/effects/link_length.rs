@@ -1,4 +1,4 @@
-//! The origin of what the link carries next in the chain lies off, in the link's frame.
+//! A displaced origin of the next link in the chain, in the link's frame.
 
 use super::about::{About, PlaceKind, WrittenTo};
 use super::{Effect, Place, named, place_error_m};

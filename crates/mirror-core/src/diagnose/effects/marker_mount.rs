@@ -1,4 +1,4 @@
-//! The marker sits elsewhere on its link.
+//! A displaced marker on its link.
 
 use super::about::{About, PlaceKind, WrittenTo};
 use super::{Effect, Place, named, place_error_m};

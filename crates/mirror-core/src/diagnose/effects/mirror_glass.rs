@@ -1,4 +1,5 @@
-//! The reflecting coat lies behind a pane of glass, which refracts: the parameter is how much thicker it is than the session says.
+//! The reflecting coat lies behind a pane of glass, which refracts. The parameter is how much thicker the pane is
+//! than the session states.
 
 use super::about::{About, PlaceKind, WrittenTo};
 use super::{Effect, Place, named};

@@ -1,8 +1,8 @@
-//! The vocabulary of causes: one file an effect, one line here.
+//! The vocabulary of effects: one file for each effect, one line for each here.
 //!
-//! An effect is a name, the places where it can be, its parameters with their prior range, and its columns: which
-//! elementary change ([`Atom`]) each parameter makes, and how strongly in each frame. Adding an effect is a file and a line
-//! in [`vocabulary`].
+//! An effect has a name, the places where it can occur, its parameters with their prior scales, and its columns:
+//! which elementary change ([`Atom`]) each parameter makes, and how strongly in each frame. A new effect is one file
+//! and one line in [`vocabulary`].
 
 pub(super) mod about;
 mod axis_tilt;

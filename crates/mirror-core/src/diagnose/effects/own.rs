@@ -1,7 +1,9 @@
-//! Effects that a user brings: tables of weights, one number a frame and parameter, at the places where they are suspected.
+//! Effects that a user defines: tables of weights, one number for each frame and parameter, at the places where they
+//! are suspected.
 //!
-//! `change of the place in frame f = Σ_p parameter_p · weight[p][f]`, along the parameter's axis. An own effect is a hypothesis
-//! like those of the vocabulary: screened, fitted, weighed against all others, dropped again where it does not help.
+//! `change of the place in frame f = Σ_p parameter_p · weight[p][f]`, along the parameter's axis. Such an effect is
+//! a hypothesis like those of the vocabulary: it is screened, fitted, compared with all others, and dropped if it
+//! does not help.
 
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::effects::{Effect, Place, vocabulary};

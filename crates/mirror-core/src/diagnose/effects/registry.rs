@@ -1,4 +1,4 @@
-//! The vocabulary of effects in words, for people and files: read from the effects' own files.
+//! The vocabulary of effects in words, for readers and files; collected from the effects' own files.
 
 use super::about::{PlaceKind, WrittenTo};
 use super::{Effect, vocabulary};

@@ -1,7 +1,8 @@
-//! A servo of finite stiffness stops short of its target, on the side from which it came:
-//! `θ = q − d sign(last motion) + c τ_g`.
+//! A servo of finite stiffness stops short of its target, on the side from which it came: `θ = q − d sign(last
+//! motion) + c τ_g`.
 //!
-//! Moves too small to overcome friction leave it where it was. The same finite stiffness makes it droop under its load: c is the servo's own droop, a part of the effect.
+//! Commands too small to overcome friction do not move it. The same finite stiffness makes it droop under its load:
+//! c is the servo's droop, a parameter of the effect.
 
 use super::about::{About, PlaceKind, WrittenTo};
 use super::backlash::LEAST_PLAY_RAD;

@@ -1,4 +1,5 @@
-//! What effects of sliding columns have in common: which columns there are, how far they are out, the moment across them.
+//! What the effects of telescopic columns share: which columns exist, how far they are extended, the moment across
+//! them.
 
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::scene::Scene;

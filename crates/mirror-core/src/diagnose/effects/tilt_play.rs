@@ -1,8 +1,9 @@
-//! The guide of a sliding link has play in tilt: the link leans to the side to which gravity's moment presses it,
-//! `ω_k = ± (w + g h(e))/2` about one direction k across the joint (those of `axis_tilt`), with h(e) as of `column_bending`.
+//! Play in tilt of the guide of a prismatic link: the link leans to the side to which gravity's moment presses it,
+//! `ω_k = ± (w + g h(e))/2` about one direction k across the joint (those of `axis_tilt`), with h(e) as in
+//! `column_bending`.
 //!
-//! The side changes where the moment overcomes what else presses the guide (preload, masses that the model does not tell): the
-//! moment at which it does, N m, is the discrete unknown. Friction in the guide is not told apart from it.
+//! The side changes where the moment overcomes what else presses the guide (preload, masses that the model lacks).
+//! The moment at which it does, N m, is the discrete unknown. Friction in the guide cannot be separated from it.
 
 use super::about::{About, PlaceKind, WrittenTo};
 use super::telescopes::{columns_last, moment_across, slackening_m};

@@ -1,5 +1,6 @@
-//! A sliding link's guide, or what carries it, gives way across its axis: `ω_k = c_k m_k` about each of the two directions k across
-//! the joint, at the joint's origin, m_k gravity's moment on the link and all that it carries.
+//! Compliance across a prismatic joint's axis, of its guide or of what carries it: `ω_k = c_k m_k` about each of the
+//! two directions k across the joint, at the joint's origin. m_k is gravity's moment on the link and all that it
+//! carries.
 
 use super::about::{About, PlaceKind, WrittenTo};
 use super::telescopes::{columns_first, largest_moment, moment_across};

@@ -1,4 +1,5 @@
-//! The exact fit of a model: damped Gauss–Newton on all causes and nuisances at once, and its marginal likelihood.
+//! The exact fit of a model, damped Gauss–Newton on all causes and nuisance parameters at once, and its marginal
+//! likelihood.
 
 use crate::diagnose::effects::hypothesis::{Catalogue, Model, nuisances};
 use crate::diagnose::likelihood::normal_equations::{Normal, needs_board};

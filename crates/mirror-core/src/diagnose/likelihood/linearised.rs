@@ -1,5 +1,5 @@
-//! A model's normal equations where it stands, for questions that need no fit: the evidence with some causes at other sizes, other
-//! columns in a cause's place, the rest where it belongs once a cause is taken out.
+//! A model's normal equations at its current values, for questions that need no fit: the evidence with some causes
+//! at other sizes, with other columns in a cause's place, or without a cause.
 
 use crate::diagnose::effects::hypothesis::{Catalogue, Model, Term};
 use crate::diagnose::likelihood::fit::{Active, FitOptions, Group, linearise};

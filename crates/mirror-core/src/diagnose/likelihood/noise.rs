@@ -1,4 +1,5 @@
-//! The measurement's noise from the data: what no model of the body or of the optics could explain.
+//! The measurement's noise, estimated from the data: the part that no model of the body or of the optics could
+//! explain.
 
 use crate::diagnose::likelihood::normal_equations::{chunks, counts};
 use crate::diagnose::likelihood::saturated::free_markers;

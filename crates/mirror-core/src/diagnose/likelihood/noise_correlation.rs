@@ -1,9 +1,9 @@
 //! Correlation of the measurement's noise between neighbouring corners, and between successive frames.
 //!
-//! The fit weighs observations as independent of each other. Where they are not, a mean over many is less certain than it
-//! seems: by `√((1 + r)/(1 − r))` where successive errors correlate by r; over a board whose neighbours correlate by r along
-//! rows and columns (`R_ij = r^(|Δx| + |Δy|)`) by `√(bᵀ R b / bᵀ b)` for a smooth change b of the picture, such as the
-//! mirror's motion makes.
+//! The fit treats observations as independent. Where they are correlated, a mean over many is less certain than the
+//! fit says: by `√((1 + r)/(1 − r))` where successive errors correlate by r; over a board whose neighbours correlate
+//! by r along rows and columns (`R_ij = r^(|Δx| + |Δy|)`) by `√(bᵀ R b / bᵀ b)` for a smooth change b of the
+//! picture, such as a motion of the mirror.
 
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::frame::{FrameWork, PROJECTED, Task};

@@ -1,4 +1,4 @@
-//! Reduced normal equations over all frames: the mirror of each frame is projected out on the way.
+//! Reduced normal equations over all frames; the mirror plane of each frame is projected out.
 
 use crate::diagnose::model::camera_and_mirror::FootPoints;
 use crate::diagnose::model::deformation::Deformation;

@@ -1,4 +1,4 @@
-//! From log odds to a probability that can be believed.
+//! From log odds to a calibrated probability.
 
 use crate::diagnose::principles::{TEMPER, UNTHOUGHT_OF};
 

@@ -1,8 +1,8 @@
-//! What the data say without any model of the body: each posture's markers, set free.
+//! The saturated model, without any model of the body: each posture's markers are free.
 //!
-//! In the frames of one posture every marker may sit anywhere: three free parameters a marker, shared by the posture's
-//! views. Its estimate against the model's prediction is the gap there; what the views then still disagree on is the
-//! measurement's noise (and the optics). So noise and gap come apart without knowing any cause.
+//! In the frames of one posture every marker may be anywhere: three free parameters a marker, shared by the
+//! posture's views. Its estimate minus the model's prediction is the gap there; what the views then still disagree
+//! on is the measurement's noise (and the optics). So noise and gap are separated without knowing any cause.
 
 use crate::diagnose::data::recording::Via;
 use crate::diagnose::likelihood::normal_equations::{counts, inner};

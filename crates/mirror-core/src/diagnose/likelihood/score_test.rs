@@ -1,8 +1,10 @@
-//! Screening: the score test of every effect at every place at once, beside the causes that the model has already.
+//! Screening: the score test of every effect at every place at once, given the causes that the model already
+//! contains.
 //!
-//! For a hypothesis with columns X and the model's active columns C (nuisances, group, causes), all whitened and with each
-//! frame's mirror projected out, the test needs only `XᵀX`, `XᵀC` and `Xᵀr`: no fit. Hypotheses share atoms, so a frame costs
-//! one vector an atom and a few products a hypothesis.
+//! For a hypothesis with columns X and the model's active columns C (nuisance parameters, group, causes), all
+//! whitened and with each frame's mirror projected out, the test needs only `XᵀX`, `XᵀC` and `Xᵀr`: no fit.
+//! Hypotheses share elementary changes, so a frame costs one vector for each elementary change and a few products
+//! for each hypothesis.
 //!
 //! Source: the score (Lagrange multiplier) test, Rao 1948; the evidence is that of the linearised model.
 

@@ -1,4 +1,4 @@
-//! The robot as the diagnosis sees it: moving nodes, and sites (camera, board, markers) that ride on them.
+//! The robot as the diagnosis uses it: moving nodes, and sites (camera, board, markers) that are fixed to them.
 
 use crate::diagnose::model::pose::Pose;
 use crate::diagnose::model::telescope::Telescope;

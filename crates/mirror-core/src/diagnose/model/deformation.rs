@@ -1,4 +1,5 @@
-//! What all effects together do to the nominal model: the one thing that the exact forward model reads.
+//! The deformation: what all effects together change in the nominal model. It is the only input of the exact forward
+//! model.
 
 use crate::diagnose::model::free_values::FreeValues;
 use nalgebra::{Vector2, Vector3, Vector6};

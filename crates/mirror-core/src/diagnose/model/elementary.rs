@@ -1,7 +1,7 @@
-//! Atoms: the elementary ways in which a model can be wrong, and where each moves a point.
+//! Elementary changes ([`Atom`]): the elementary ways in which a model can be wrong, and where each moves a point.
 //!
 //! Every effect of the body is a twist at one place of the chain, times a basis that varies from frame to frame. The
-//! twist is the atom; its derivative is computed once a frame and shared by all effects at that place.
+//! twist is the elementary change; its derivative is computed once a frame and shared by all effects at that place.
 
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::deformation::Deformation;

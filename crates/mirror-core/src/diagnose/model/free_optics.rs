@@ -1,11 +1,11 @@
-//! Free-form errors of lens, board and mirror: more than the vocabulary has words for, linear in their numbers.
+//! Free-form errors of lens, board and mirror, linear in their parameters, for errors that the vocabulary lacks.
 //!
-//! * Lens: a smooth warp of the image, `Δu = f Σ w_k m_k(x, y)` in u and in v, with m_k all monomials of degree 1 to 3 of the
-//!   normalised image point: decentring, a rolling shutter, any aspect.
-//! * Board: its corners out of plane by a quadric, `z = W (a X² + b X Y + c Y²)`, and stretched unevenly or sheared, with
-//!   `X = x/W` and W the board's half width.
-//! * Mirror: astigmatism, heights `½ κ_a (x² − y²) + κ_b x y` over its plane. The seen point shifts sideways by `2 h ∇`, h the
-//!   distance of the point from the mirror and ∇ the height's gradient where the ray meets it.
+//! * Lens: a smooth warp of the image, `Δu = f Σ w_k m_k(x, y)` in u and in v, with m_k all monomials of degree 1 to
+//!   3 of the normalised image point: decentring, a rolling shutter, any aspect.
+//! * Board: its corners out of plane by a quadric, `z = W (a X² + b X Y + c Y²)`, and stretched unevenly or sheared,
+//!   with `X = x/W` and W the board's half width.
+//! * Mirror: astigmatism, heights `½ κ_a (x² − y²) + κ_b x y` over its plane. The seen point shifts sideways by `2 h
+//!   ∇`, h the distance of the point from the mirror and ∇ the height's gradient where the ray meets it.
 
 use crate::diagnose::model::camera_and_mirror::Eye;
 use crate::diagnose::model::free_values::{ASTIGMATISM, BOARD_SHAPE, MONOMIALS};

@@ -1,4 +1,5 @@
-//! Numbers of the free-form errors of lens, board and mirror, and where each stands ([`super::free_optics`] has their equations).
+//! Parameters of the free-form errors of lens, board and mirror, and the index of each ([`super::free_optics`] has
+//! their equations).
 
 use crate::diagnose::principles::Size;
 use nalgebra::SVector;

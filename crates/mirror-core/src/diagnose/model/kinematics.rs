@@ -1,4 +1,4 @@
-//! Exact kinematics of the deformed robot, and gravity's loads in it.
+//! Exact kinematics of the deformed robot, and its gravity loads.
 
 use crate::diagnose::model::body::Body;
 use crate::diagnose::model::deformation::Deformation;

@@ -1,5 +1,5 @@
-//! Numbers of whole mistakes that stay free: found before any cause was known, a zero by a right angle, a ratio or a delay is off by a little,
-//! which would pass for a cause of its own.
+//! Free parameters of gross mistakes. They were estimated before any cause was known, so a zero by a right angle, a
+//! ratio or a delay is slightly wrong. If they were fixed, that error would appear as a separate cause.
 
 use crate::diagnose::model::elementary::Column;
 

@@ -1,4 +1,4 @@
-//! A rigid transform as matrix and vector: the cheap form for the inner loops of the diagnosis.
+//! A rigid transform as matrix and vector: an inexpensive form for the inner loops of the diagnosis.
 
 use nalgebra::{Isometry3, Matrix3, Vector3};
 

@@ -1,4 +1,4 @@
-//! The likelihood of one observation: noise, or with a small probability anything.
+//! The likelihood of one observation: a mixture of the noise and, with a small probability, an arbitrary value.
 
 use crate::diagnose::principles::Prior;
 

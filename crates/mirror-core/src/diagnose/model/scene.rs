@@ -1,4 +1,5 @@
-//! What effects may look at: the robot's nodes, the commanded motion and its history, and gravity's loads.
+//! The quantities on which effects may depend: the robot's nodes, the commanded motion and its history, and
+//! gravity's loads.
 
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::model::body::{Body, NodeId, Site};

@@ -1,4 +1,4 @@
-//! Where camera, board and markers sit in a frame: what has slipped sits elsewhere from a row on.
+//! Poses of camera, board and markers in a frame; a part that slipped has another pose from a row on.
 
 use crate::diagnose::model::body::Site;
 use crate::diagnose::model::pose::{Pose, exp};

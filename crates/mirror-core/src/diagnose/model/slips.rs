@@ -1,4 +1,4 @@
-//! What slipped in the middle of a session: from a row on a marker, the board or the camera sits elsewhere.
+//! Slips during a session: from a row on a marker, the board or the camera has another pose.
 
 use nalgebra::Vector6;
 

@@ -1,5 +1,5 @@
-//! Options of the solvers: steps and tolerances. None of them decides anything: with more steps or finer tolerances results move by less
-//! than their noise.
+//! Options of the solvers: steps and tolerances. None of them decides anything: with more steps or finer tolerances
+//! results move by less than their noise.
 
 /// A motion (rad, m), torque (N m), droop (rad/(N m)) or distance (m) below this is none.
 pub(crate) const NEGLIGIBLE: f64 = 1e-6;

@@ -1,4 +1,5 @@
-//! Where estimation starts: each frame's mirror as its board shows it, the root in the unknown frame of measured points.
+//! Start values of the estimation: each frame's mirror from its board, and the robot's root in the unknown frame of
+//! measured points.
 
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::model::frame::FrameWork;

@@ -1,8 +1,8 @@
-//! Columns that slide out of each other: a run of two prismatic joints or more along one axis. One alone is a carriage, whose guide is the same
-//! wherever it stands.
+//! Telescopic columns: two or more successive prismatic joints along one axis. (A single one is a carriage, whose
+//! guide is the same wherever it stands.)
 //!
-//! Such a column is a beam whose length is its extension, so that the middle about which it bends travels with it, and
-//! what overlaps inside is the less the further it is out.
+//! Such a column is a beam whose length is its extension. The middle about which it bends moves with the extension,
+//! and the overlap inside shrinks as it extends.
 
 use crate::diagnose::model::pose::Pose;
 use crate::diagnose::principles::Guard;

@@ -1,8 +1,9 @@
-//! How much work a diagnosis may take: whatever is wrong with a session, the search for it ends.
+//! The limit of work of a diagnosis: whatever is wrong with a session, the search ends.
 //!
-//! Work is counted where it is done, in what was evaluated and not in time, so that the same session always ends at the same place.
-//! Who begins something further asks first; what was found so far is told then, with the remainder that it leaves. The search for single
-//! causes may take a part of it only, so that errors of no name and small errors everywhere are weighed in every session.
+//! Work is counted as evaluations, not as time, so that the same session always ends at the same point. A step of
+//! the search asks before it begins; when nothing is left, what was found so far is reported with its remainder. The
+//! search for single causes may use only a part of the work, so that free-form errors and small errors everywhere
+//! are tested in every session.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};

@@ -1,4 +1,4 @@
-//! Boards that are none: a grid found elsewhere in the picture shows no flat mirror.
+//! False boards: a grid detected elsewhere in the picture, which no flat mirror explains.
 
 use crate::diagnose::data::diagnosis::LeftOut;
 use crate::diagnose::model::problem::{BoardFit, FrameData, Problem};

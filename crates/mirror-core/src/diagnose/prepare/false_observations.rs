@@ -1,4 +1,4 @@
-//! Observations that the best model shows to be false: another marker's, a reflection's, a detector's slip.
+//! Observations that the best model shows to be false: another marker's, a reflection's, a detection error.
 
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::frame::{FrameWork, Task};

@@ -1,4 +1,5 @@
-//! What a first diagnosis found, beside which whole mistakes are looked for more closely.
+//! The result of a first diagnosis that a second one uses: with its causes known, smaller gross mistakes can be
+//! found.
 
 use crate::diagnose::model::deformation::Deformation;
 

@@ -1,4 +1,4 @@
-//! Before anything is explained: what in the data is not to be used.
+//! Preparation: which data are not used, and gross mistakes that are undone.
 
 pub(super) mod boards;
 pub(super) mod false_observations;

@@ -1,4 +1,4 @@
-//! What a diagnosis is asked: options, and further sessions on which it is checked.
+//! Options of a diagnosis, and further sessions on which it is checked.
 
 use crate::cancel::Cancel;
 use crate::diagnose::data::progress::Progress;

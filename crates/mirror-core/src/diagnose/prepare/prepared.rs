@@ -1,4 +1,4 @@
-//! A session ready for the search: whole mistakes undone, the noise known, slipped rows left out.
+//! A session ready for the search: gross mistakes undone, the noise known, slipped rows left out.
 
 use super::boards::leave_out_wrong_grids;
 use super::first_day::{self, Doubt, Mistake, Undone};

@@ -1,7 +1,7 @@
-//! A fault of the data: a run of rows that holds the picture or the measurement of another row.
+//! Slipped rows: a run of rows that contains the picture or the measurement of another row.
 //!
-//! For every shift s the frames are also predicted with the commanded posture of s rows away. A run in which that fits far
-//! better than the frame's own posture, and far better than the rest's scatter would do by chance, is a pairing fault.
+//! For every shift s the frames are also predicted with the commanded posture of s rows away. A run is slipped if
+//! that fits far better than the frame's own posture, and far better than the scatter of the rest would by chance.
 
 use crate::diagnose::likelihood::normal_equations::chunks;
 use crate::diagnose::model::deformation::Deformation;

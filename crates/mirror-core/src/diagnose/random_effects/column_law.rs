@@ -1,4 +1,4 @@
-//! By what a sliding column may bend otherwise than the law of `column_bending`: as the moment times any smooth function of its extension.
+//! The discrepancy of `column_bending`: the moment times any smooth function of the column's extension.
 
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::elementary::{Atom, Column, Weight};

@@ -1,5 +1,6 @@
-//! Whether members of a group are displaced: the Bayes factor of their values under their spread against none at all, by the ratio of the
-//! posterior's and the prior's densities at zero (Savage and Dickey), `log BF = ½ μᵀ Σ⁻¹ μ + ½ log |Σ| − Σ log s_k`.
+//! Whether members of a group are displaced: the Bayes factor of their values under their scale against zero, as the
+//! ratio of the posterior's and the prior's densities at zero (Savage and Dickey), `log BF = ½ μᵀ Σ⁻¹ μ + ½ log |Σ|
+//! − Σ log s_k`.
 
 use crate::diagnose::effects::Place;
 use crate::diagnose::likelihood::fit::Fit;

@@ -1,5 +1,5 @@
-//! Free-form errors: at every place a smooth error without a law. They are never causes: they say where something lives that
-//! the vocabulary has no word for, and on what it depends.
+//! Free-form errors: at every place a smooth error without a law (a non-parametric term). They are never causes.
+//! They show where an error is that the vocabulary lacks, and on which variables it depends.
 //!
 //! | place | error | depends on |
 //! | --- | --- | --- |

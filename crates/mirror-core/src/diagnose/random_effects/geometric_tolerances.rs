@@ -1,9 +1,12 @@
-//! Many small errors everywhere, fitted as a group with a common spread for each kind: manufacturing tolerance, and what a person's hands
-//! leave of a set-up.
+//! Small errors everywhere: manufacturing tolerances and mounts by hand, fitted as one group of random effects with
+//! a common scale for each kind.
 //!
-//! Every relevant joint's zero and axis and every link's shape may be a little off, every loaded joint gives way a little, and board,
-//! camera and markers may sit elsewhere: `θ_k ~ N(0, s²)`, one s for each [`Kind`]; a spring's is how far the joint that is loaded most for its size gives way, stiffness being in proportion to the torque that a joint is made for, and its compliance is never negative. The spreads are found by maximising the marginal likelihood (empirical Bayes), so that the
-//! group takes what is spread over the robot and leaves what is concentrated to a single cause.
+//! Every relevant joint's zero and axis and every link's shape may be slightly off, every loaded joint yields
+//! slightly, and board, camera and markers may be displaced: `θ_k ~ N(0, s²)`, one s for each [`Kind`]. For springs,
+//! s is the deflection of the joint with the highest load relative to its rated torque; stiffness is proportional to
+//! the rated torque, and a compliance is never negative. The scales are estimated by maximising the marginal
+//! likelihood (empirical Bayes). So the group explains what is spread over the robot, and leaves what is
+//! concentrated at one place to a single cause.
 //!
 //! Source: MacKay, "Bayesian interpolation" (1992), the evidence framework.
 

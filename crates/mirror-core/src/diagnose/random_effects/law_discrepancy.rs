@@ -1,9 +1,10 @@
-//! Discrepancy terms of the causes' laws: no real spring is linear, no real play is the same under every load.
+//! Discrepancy terms of the causes' laws: no real spring is linear, and no real play is the same under every load.
 //!
-//! What a cause's real law differs from its textbook law by looks like small further causes that move the same markers. So
-//! wherever a further cause is weighed, the laws of those there may already err smoothly, in load, direction or time, by a
-//! share of what they move: a column for each knot, with that share as its prior. What only these columns could tell from a
-//! further cause is no evidence for it; what it cannot imitate (the board's corners by a joint's law, say) counts in full.
+//! The difference between a real law and its textbook law looks like small further causes that move the same
+//! markers. So wherever a further cause is tested, the laws of the present causes may err smoothly, in load,
+//! direction or time, by a share of what they move: one column for each knot, with that share as its prior scale.
+//! What these columns can imitate is no evidence for a further cause; what they cannot imitate (the board's corners
+//! by a joint's law, for example) counts fully.
 
 use crate::diagnose::effects::LawFreedom;
 use crate::diagnose::effects::hypothesis::{Catalogue, Model};

@@ -1,4 +1,4 @@
-//! Members of the group of small errors that are too large for it: single causes that only hide among the others.
+//! Members of the group of small errors that are too large for it: they are reported as single causes.
 
 use crate::diagnose::effects::hypothesis::{Catalogue, Model, Term};
 use crate::diagnose::likelihood::fit::Fit;

@@ -1,4 +1,4 @@
-//! Findings put into words: verdict, causes with probabilities, where the gap lies, before and after.
+//! Builds the diagnosis from the findings: verdict, causes with probabilities, where the gap lies, before and after.
 
 use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::assessment::gap_closed::gap_over;

@@ -1,4 +1,4 @@
-//! Whole mistakes beside a small error that could be one.
+//! Alternatives of a gross mistake: a small error that could look the same.
 
 use crate::diagnose::data::diagnosis::Cause;
 use crate::diagnose::prepare::first_day::Doubt;

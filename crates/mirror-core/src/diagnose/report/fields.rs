@@ -1,10 +1,11 @@
-//! Fields: what is left of corners and markers over the image, and of corners over the board, on average of all frames.
+//! Fields: mean residuals of corners and markers over the image, and of corners over the board, over all frames.
 //!
-//! In each frame the mirror's plane is fitted to what the frame shows, and the residuals are averaged. Over the image
-//! they are averaged as they are, in cells of a grid, corners and markers apart: a wrong lens moves what is seen at a place
-//! of the picture, a wrong mirror above all the markers, since its plane is fitted to the corners. Over the
-//! board they are told as the displacement of each corner by itself, `d = (Σ JᵀJ)⁻¹ Σ Jᵀ r` with J the pixel's derivative by
-//! the corner in the board's frame: a wrong board moves its corners. What a shift of the mirror can take up is not in either.
+//! In each frame the mirror's plane is fitted to what the frame shows, and the residuals are averaged. Over the
+//! image they are averaged in cells of a grid, corners and markers separately: a wrong lens moves what is seen at a
+//! place of the picture; a wrong mirror mainly moves the markers, because its plane is fitted to the corners. Over
+//! the board they are given as the displacement of each corner, `d = (Σ JᵀJ)⁻¹ Σ Jᵀ r` with J the pixel's derivative
+//! by the corner in the board's frame: a wrong board moves its corners. What a shift of the mirror can absorb is in
+//! neither.
 
 use crate::diagnose::data::diagnosis::{Field, FieldPoint};
 use crate::diagnose::likelihood::normal_equations::chunks;

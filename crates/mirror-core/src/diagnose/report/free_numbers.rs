@@ -1,4 +1,4 @@
-//! The numbers of whole mistakes as the fit with all causes has them.
+//! The parameters of gross mistakes, as fitted together with all causes.
 
 use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::data::diagnosis::Cause;

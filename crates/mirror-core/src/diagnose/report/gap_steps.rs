@@ -1,8 +1,9 @@
-//! The gap as causes are added one by one, in the order in which they are told.
+//! The gap as causes are added one by one, in the order in which they are reported.
 //!
-//! Each region of posture space is held out in turn; the whole model's parameters are fitted to the others, all together, and the
-//! region is predicted with the first k causes of that fit, for each k. So a step shows what a cause is worth beside those before it, at the
-//! value that is claimed for it. Nuisances (unknown mounts and frames) are fitted anew at each step: they are no causes.
+//! Each region of posture space is held out in turn. All parameters of the whole model are fitted to the other
+//! regions, and the region is predicted with the first k causes of that fit, for each k. So a step shows what a
+//! cause contributes to those before it, at its reported value. Nuisance parameters (unknown mounts and frames) are
+//! fitted again at each step.
 
 use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::criteria::cross_validation::{GapSize, PostureGap, gap_of, size};

@@ -1,4 +1,4 @@
-//! From what was found to what is said and drawn.
+//! From the findings to the report and its plots.
 
 pub(super) mod build;
 mod doubts;

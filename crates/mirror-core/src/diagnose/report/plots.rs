@@ -1,8 +1,9 @@
-//! Which signatures show a cause, or what is unexplained, that is not a joint's position: tracks over the postures for
+//! The plots of a cause, or of an unexplained part, that is not a joint's position: tracks over the postures for
 //! markers, links, axes and the camera; fields over image and board for lens, board and mirror.
 //!
-//! A track tells for each posture what a component alone would have to be there: the fitted value and what the posture's own
-//! residual adds to it, `δ_k = fitted_k + ⟨x_k, r⟩ / ⟨x_k, x_k⟩`, all else as the model has it (a partial residual plot).
+//! A point of a track is the value that one component alone would need in that posture: the fitted value plus the
+//! contribution of the posture's own residual, `δ_k = fitted_k + ⟨x_k, r⟩ / ⟨x_k, x_k⟩`, with everything else as in
+//! the model (a partial residual plot).
 
 use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::data::diagnosis::{Cause, Field, Track, TrackAxis, TrackPoint};

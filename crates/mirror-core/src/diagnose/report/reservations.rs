@@ -1,4 +1,5 @@
-//! Where the data do not carry the verdict that the search came to: too few, too much false, or the search not at its end.
+//! Reservations: where the data do not support the verdict of the search (too few, too many false, or the search did
+//! not end).
 
 use crate::diagnose::assessment::evidence;
 use crate::diagnose::assessment::findings::Findings;

@@ -1,4 +1,4 @@
-//! How far a cause moves what is seen, in the unit of the measurement.
+//! How far a cause moves the observations, in the unit of the measurement.
 
 use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::criteria::marker_shift::marker_shift;

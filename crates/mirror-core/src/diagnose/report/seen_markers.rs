@@ -1,4 +1,4 @@
-//! Where the markers are, posture by posture: measured, as the nominal model has them, and with the causes. For drawing.
+//! Marker positions, posture by posture: measured, by the nominal model, and with the causes. For plots.
 
 use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::data::diagnosis::SeenMarker;

@@ -1,4 +1,4 @@
-//! The verdict in one sentence for a person.
+//! The verdict in one sentence.
 
 use crate::diagnose::data::diagnosis::{Cause, Gap, Verdict, Where};
 use crate::diagnose::likelihood::probability::tempered;

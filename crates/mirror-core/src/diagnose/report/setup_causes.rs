@@ -1,4 +1,4 @@
-//! What a person should measure again: the displacements of board, camera and markers, each as a cause of its own with its values.
+//! Displaced mounts that a person should measure again: board, camera and markers, each as a cause with its values.
 
 use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::assessment::uncertainty::Deviations;

@@ -1,7 +1,8 @@
-//! The signature of a cause: how large the error at a place would have to be in each posture, by itself.
+//! The signature of a cause: the size that the error at its place would need in each posture alone.
 //!
-//! One number a posture, free of any law: `δ = ⟨x, r⟩ / ⟨x, x⟩` with x the place's column and r the residual of the model
-//! without the cause. Drawn against the joint's position, its load, its direction or time, the plot shows the law.
+//! One number for each posture, without any law: `δ = ⟨x, r⟩ / ⟨x, x⟩`, with x the place's column and r the residual
+//! of the model without the cause. Plotted against the joint's position, its load, its direction or time, it shows
+//! the law.
 
 use crate::diagnose::likelihood::normal_equations::inner;
 use crate::diagnose::likelihood::saturated::postures;

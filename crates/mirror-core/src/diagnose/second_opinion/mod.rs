@@ -1,17 +1,19 @@
-//! A diagnosis, and a second one where the first contradicts itself or rests on what it does not explain.
+//! A diagnosis, and a second one where the first contradicts itself or depends on something that it does not
+//! explain.
 //!
-//! Slips and whole mistakes are looked for before causes are: they take their share of any misfit that is like them. So where there is reason for
-//! doubt the session is diagnosed once more, and of the two the second is believed under a condition:
+//! Slips and gross mistakes are searched for before causes are known. They absorb part of any similar misfit. So
+//! where there is reason for doubt, the session is diagnosed again with other assumptions. The second diagnosis
+//! replaces the first under a condition:
 //!
-//! | doubt of the first | the second | is believed where it |
+//! | reason for doubt in the first | the second diagnosis | it is accepted if it |
 //! | --- | --- | --- |
-//! | a ratio told twice at one joint, or of no size; a picture of another size beside a focal length that takes it back; a slip by fewer than twelve deviations; slipped rows that fit their own postures beside the causes | goes without that mistake | explains all, or leaves no more |
-//! | a joint is elsewhere in each posture, beside a mistake of its column, a marker on another link or rows out of order | goes without all such mistakes | leaves less than twice as much, or, where these errors are more than half of what the column moves, in any case: the column says nothing of the joint |
-//! | a mistake of a column leaves more than half of the gap | goes without in the same way | finds that joint elsewhere in each posture, and leaves less than twice as much |
-//! | a slip, or slipped rows, beside something unexplained | goes without that | leaves clearly less on held-out regions |
-//! | something is unexplained | looks beside the causes found for mistakes that do no more than small errors (a log that is a little late) | leaves no more, and explains all or most of it |
-//! | a cause is far larger than such an error is | looks beside the others in the same way | explains all by no more causes |
-//! | what was left out as false lies together | looks in the same way | explains all and leaves out less than half of that |
+//! | a ratio is named twice at one joint, or does not differ from the model's; a picture of another size together with a focal length that cancels it; a slip by fewer than twelve deviations; slipped rows that fit their own postures once the causes are known | leaves out that mistake | explains everything, or leaves no larger gap |
+//! | a joint's error is independent in each posture, together with a mistake of its column, a marker on another link, or slipped rows | leaves out all such mistakes | leaves less than twice as much. It is always accepted if these errors are more than half of what the column moves: the column is unrelated to the joint |
+//! | a mistake of a column leaves more than half of the gap | leaves out the same | finds that joint's error independent in each posture, and leaves less than twice as much |
+//! | a slip, or slipped rows, together with something unexplained | leaves out that | leaves clearly less on held-out regions |
+//! | something is unexplained | searches, with the causes found, for mistakes that are as small as usual errors (a slightly late log) | leaves no more, and explains everything or most of it |
+//! | a cause is far larger than such an error usually is | searches in the same way, without that cause | explains everything with no more causes |
+//! | the observations left out as false lie together | searches in the same way | explains everything and leaves out less than half of them |
 
 mod reason;
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! Why a session is diagnosed a second time, what the second diagnosis does otherwise, and when it is believed.
+//! The reasons for a second diagnosis: what it does differently, and when it is accepted.
 
 use crate::diagnose::assessment::false_together::lies_together;
 use crate::diagnose::data::diagnosis::{Cause, Diagnosis, Verdict};

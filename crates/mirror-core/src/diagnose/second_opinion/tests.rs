@@ -1,4 +1,4 @@
-//! What of a first diagnosis is reason for a second one.
+//! Which results of a first diagnosis are a reason for a second one.
 
 use super::reason::{FIRST_FRAME, SLIP, hardly_slipped, is_of_no_size, is_told_twice};
 use crate::diagnose::data::diagnosis::{Cause, Estimate};

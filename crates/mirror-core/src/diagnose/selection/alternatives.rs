@@ -1,4 +1,4 @@
-//! How sure a cause is: its rivals, each fitted in its place, and their probabilities.
+//! The alternatives of a cause, each fitted in its place, and the probabilities of all.
 
 use crate::diagnose::criteria::cross_validation::PostureGap;
 use crate::diagnose::effects::hypothesis::Model;

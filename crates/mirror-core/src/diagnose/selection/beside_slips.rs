@@ -1,5 +1,6 @@
-//! Slips beside causes: how far something slipped was found before any cause was known, with all small errors free beside it. What these
-//! took of the motion, or gave to it, causes that cancel each other would make up for.
+//! Slips, estimated again together with causes. The first estimate of a slip was made before any cause was known,
+//! with all small errors free. These absorbed part of the motion or added to it, and causes that cancel each other
+//! would compensate that error.
 
 use crate::diagnose::effects::hypothesis::Model;
 use crate::diagnose::prepare::first_day::settle_slip;

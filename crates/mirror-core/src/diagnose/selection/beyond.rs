@@ -1,5 +1,5 @@
-//! Beyond single causes: free-form errors beside the vocabulary where there is reason for doubt, a joint that rests elsewhere each time,
-//! many small errors where a remainder or many causes are left.
+//! Models beyond single causes: free-form errors where there is reason for doubt, a joint with an independent error
+//! in each posture, and small errors everywhere where a remainder or many causes are left.
 
 use crate::diagnose::criteria::cross_validation::size;
 use crate::diagnose::criteria::lack_of_fit::adequacy;

@@ -1,5 +1,5 @@
-//! What could be added to a model: the hypotheses that the score test puts high, fitted, each with the likeliest of its discrete
-//! unknowns (a friction torque, a side).
+//! Candidates that could be added to a model: the hypotheses that the score test ranks high, fitted, each with the
+//! most probable value of its discrete unknown (a friction torque, a side).
 
 use crate::diagnose::effects::hypothesis::Model;
 use crate::diagnose::likelihood::fit::{Active, Fit, FitOptions, fit_below};

@@ -1,4 +1,4 @@
-//! Whether what is left is but the error of the causes' own laws: no law of a real joint is exact.
+//! Whether the remainder is only the error of the causes' own laws; no law of a real joint is exact.
 
 use crate::diagnose::criteria::cross_validation::{PostureGap, seen_size};
 use crate::diagnose::criteria::marker_shift::marker_shift;

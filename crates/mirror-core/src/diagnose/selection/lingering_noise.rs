@@ -1,5 +1,6 @@
-//! Noise that lingers: an error of the detector that the next frames keep a part of is larger than the views of one posture show, and
-//! what it makes of a posture looks like a joint that rests elsewhere each time, or like a law that nobody knows.
+//! Noise that is correlated over frames: a detection error that persists partly in the next frames. It is larger
+//! than the disagreement of the views of one posture shows. In a posture it looks like an independent joint error,
+//! or like an unknown law.
 
 use crate::diagnose::likelihood::noise_correlation::widening_of_views;
 use crate::diagnose::selection::search::{Found, Search};

@@ -1,7 +1,8 @@
-//! Long sessions: causes are searched on a part of the frames, then fitted, weighed and told on all of them.
+//! Long sessions: causes are searched on a part of the frames, then fitted, compared and reported on all of them.
 //!
-//! A few hundred frames tell causes apart; thousands make each step of the search as many times dearer and say the same. What was found
-//! on a part is searched on with all frames: causes so small that only all of them show them are found then.
+//! A few hundred frames separate causes; with thousands each step of the search costs many times more and gives the
+//! same result. What was found on a part is the start of a search on all frames, which finds causes so small that
+//! only all frames show them.
 
 use crate::diagnose::likelihood::saturated::postures;
 use crate::diagnose::model::problem::{Noise, Problem};

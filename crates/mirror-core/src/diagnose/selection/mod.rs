@@ -1,4 +1,4 @@
-//! Which causes: prior and posterior odds, the search and its moves, alternatives.
+//! Model selection: prior and posterior odds, the search and its moves, alternatives.
 
 pub(super) mod alternatives;
 pub(super) mod beside_slips;

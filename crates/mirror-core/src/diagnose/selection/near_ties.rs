@@ -1,5 +1,6 @@
-//! Near ties: one of two causes was taken where they were about as likely. A tilted axis may stand for a zero and a gear at once: it is one cause
-//! too few, and no exchange of one for one leads back from it. So the other of the two is asked what it would be worth with one cause more.
+//! Near ties: two causes were about as probable, and one was added. A tilted axis may replace a zero and a gear
+//! together: then the model has one cause too few, and no exchange of one cause for one leads to the right model. So
+//! the cause that was not added is tried with one further cause.
 
 use crate::diagnose::effects::hypothesis::{Model, Term};
 use crate::diagnose::likelihood::fit::Fit;

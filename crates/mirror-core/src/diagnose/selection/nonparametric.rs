@@ -1,9 +1,11 @@
-//! Beyond the vocabulary: the same search with free-form errors beside the causes, and what is said where they are needed.
+//! Non-parametric search: the same search with free-form errors as hypotheses, and what is reported where they are
+//! needed.
 //!
-//! A gap that no effect explains is taken up, piece by piece, by causes that are not there: a lens that nobody modelled by
-//! links of other lengths, an unknown law of a joint by three laws of its neighbours. A free-form error at the one right place
-//! explains it better and with fewer numbers. So the search is repeated with [free forms](crate::diagnose::random_effects::free_form) as hypotheses like
-//! any other, at longer odds than the vocabulary's; where the best of those models needs one, the vocabulary is not enough.
+//! A gap that no effect explains is absorbed piece by piece by false causes: an unmodelled lens by links of other
+//! lengths, an unknown law of a joint by three laws of its neighbours. A free-form error at the right place explains
+//! it better and with fewer parameters. So the search is repeated with [free
+//! forms](crate::diagnose::random_effects::free_form) as hypotheses like any other, at longer odds than the
+//! vocabulary's. If the best of those models needs one, the vocabulary is not sufficient.
 
 use crate::diagnose::criteria::lack_of_fit::Adequacy;
 use crate::diagnose::criteria::marker_shift::marker_shift;

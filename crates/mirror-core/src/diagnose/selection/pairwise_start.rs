@@ -1,9 +1,9 @@
-//! Pairs of causes that nearly cancel: each alone shows next to nothing, so that no search which adds one at a time begins
-//! with either.
+//! Pairs of causes that nearly cancel: each alone has almost no effect, so a search that adds one cause at a time
+//! starts with neither.
 //!
-//! One linearisation has the normal equations of all one-parameter hypotheses at once; from them each pair's evidence is a matter
-//! of two rows and columns: with the base (nuisances) projected out, `A = XᵀX − B H⁻¹ Bᵀ`, scaled by the priors,
-//! `log BF = ½ gᵀ(I + A)⁻¹ g − ½ log det(I + A)`, 2 × 2.
+//! One linearisation gives the normal equations of all one-parameter hypotheses at once. The evidence of each pair
+//! then needs only two rows and columns: with the nuisance parameters projected out, `A = XᵀX − B H⁻¹ Bᵀ`, scaled by
+//! the priors, `log BF = ½ gᵀ(I + A)⁻¹ g − ½ log det(I + A)`, 2 × 2.
 
 use crate::diagnose::effects::hypothesis::Model;
 use crate::diagnose::likelihood::fit::Active;

@@ -1,4 +1,5 @@
-//! How likely a model is, and each of its causes: priors, evidence, and what is tolerated rather than called a cause.
+//! Posterior odds of a model and of each of its causes: the prior over models, the evidence, and the size up to
+//! which an error is tolerated instead of being called a cause.
 
 use crate::diagnose::criteria::marker_shift::marker_shift;
 use crate::diagnose::effects::hypothesis::{Model, Term};

@@ -1,11 +1,13 @@
-//! A joint that rests elsewhere each time: friction, play or a slipping clutch of which no law of rest says where it ends.
+//! A joint with an independent error in each posture: friction, play or a slipping clutch, for which no static law
+//! predicts the rest position.
 //!
-//! Each posture p has an error of its own at the joint, `δ_p ~ N(0, s²)`. With `h_p = xᵀx` and `g_p = xᵀr` of the joint's column x in
-//! the frames of the posture, mirrors projected out, its log Bayes factor against none is, to first order and with all else as it was
-//! found, `Σ ½ [s² g_p² / (1 + s² h_p) − ln(1 + s² h_p)]`. Where that is the best account of what is left at any joint, the search is repeated
-//! with these errors free: what causes of other places, and smooth errors without a law, only took up of them is then found no more.
-//! Small errors everywhere are the other account of a gap that is everywhere: they take most of what is smooth over the postures, and nothing of
-//! errors that each posture has by itself.
+//! Each posture p has its own error at the joint, `δ_p ~ N(0, s²)`. With `h_p = xᵀx` and `g_p = xᵀr` of the joint's
+//! column x in the frames of the posture, mirrors projected out, its log Bayes factor against none is, to first
+//! order and with everything else as found, `Σ ½ [s² g_p² / (1 + s² h_p) − ln(1 + s² h_p)]`. If that explains the
+//! remainder best at some joint, the search is repeated with these errors free. Causes elsewhere and smooth
+//! free-form errors that only absorbed them are then no longer found. Small errors everywhere are the competing
+//! explanation of a gap that is everywhere: they explain what is smooth over the postures, and no independent
+//! errors.
 //!
 //! Source: a variance component by its score, Rao (1973).
 

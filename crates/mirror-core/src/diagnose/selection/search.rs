@@ -1,4 +1,5 @@
-//! The search for causes: added one at a time, each tried again for dropping and against its rivals.
+//! The search for causes: they are added one at a time; each is tested again for dropping and for exchange with its
+//! alternatives.
 
 use crate::diagnose::criteria::cross_validation::{PostureGap, held_out};
 use crate::diagnose::data::diagnosis::{Cause, Estimate};

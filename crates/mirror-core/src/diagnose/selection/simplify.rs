@@ -1,5 +1,5 @@
-//! The causes found, made fewer and simpler: those that do not help where they were not fitted are dropped, those that are equivalent to
-//! another are replaced by it, those that only served free-form errors are taken back.
+//! Simplifies the causes found: those that do not help on held-out regions are dropped, those that are equivalent to
+//! a simpler one are replaced by it, those that only served free-form errors are removed.
 
 use crate::diagnose::criteria::cross_validation::{PostureGap, held_out, in_sample, seen_size, size};
 use crate::diagnose::effects::hypothesis::{Model, Term};

@@ -1,9 +1,10 @@
-//! The search for causes with the set-up free: what a person mounted by hand sits a little elsewhere than the URDF says, and must
-//! neither hide a cause of the robot nor pass for one.
+//! The search for causes with free mounts: parts that were mounted by hand are slightly displaced from the URDF.
+//! This must neither hide a cause of the robot nor be taken for one.
 //!
-//! The mounts of board, camera and markers and the joints' zeros are random effects of every model that is fitted here: each
-//! hypothesis is scored with all of them projected out at their spreads, each candidate is fitted together with them. The spreads
-//! are learned where they are not stated. Where the data are as likely without any of it, the search without is the answer.
+//! The mounts of board, camera and markers and the joints' zeros are random effects of every model fitted here: each
+//! hypothesis is scored with all of them projected out at their scales, each candidate is fitted together with them.
+//! The scales are estimated where they are not stated. Where the data are as probable without any of it, the search
+//! without free mounts is the answer.
 
 use crate::diagnose::criteria::lack_of_fit::adequacy;
 use crate::diagnose::effects::hypothesis::Model;

@@ -1,4 +1,5 @@
-//! The search for causes beside many small errors: a real robot has both, and neither may hide or pass for the other.
+//! The search for causes together with small errors everywhere: a real robot has both, and neither may hide the
+//! other or be taken for it.
 
 use crate::diagnose::criteria::cross_validation::seen_size;
 use crate::diagnose::criteria::lack_of_fit::adequacy;

@@ -1,4 +1,4 @@
-//! The mirror of a frame by its board alone.
+//! The mirror of a frame, estimated from its board alone.
 
 use super::flat_mirror::FlatMirror;
 use super::products::PROJECTED;

@@ -1,4 +1,4 @@
-//! The columns of a frame: how its rows move with an elementary change of the model.
+//! The columns of a frame: the derivatives of its rows by an elementary change of the model.
 
 use super::products::{PROJECTED, Span};
 use super::work::{FrameWork, Rows};

@@ -1,11 +1,12 @@
-//! The board's corners of a frame as a few rows that have the same products.
+//! The board's corners of a frame, condensed to a few rows with the same products.
 //!
-//! A board shows a hundred rows, yet all that moves them is few: the board's motion against the camera (six numbers), the
-//! optics, the mirror's plane. With B these columns and P the plane's, all weighted, and `[B P]ᵀ[B P] = RᵀR` (Cholesky, columns
-//! that depend on those before left out), the rows of R have the same products with each other as those of `[B P]`, and
-//! `R⁻ᵀ[B P]ᵀr` stands for the residual r: normal equations are the same, of a dozen rows instead of a hundred.
+//! A board has a hundred rows, but they depend on few quantities: the board's motion relative to the camera (six
+//! numbers), the optics, the mirror's plane. With B these columns and P the plane's, all weighted, and `[B P]ᵀ[B P]
+//! = RᵀR` (Cholesky, without columns that depend on earlier ones), the rows of R have the same products with each
+//! other as those of `[B P]`, and `R⁻ᵀ[B P]ᵀr` replaces the residual r. The normal equations are the same, with a
+//! dozen rows instead of a hundred.
 //!
-//! Free-form errors are not among the columns: there are dozens of them, which nearly depend on each other.
+//! Free-form errors are not among the columns: there are dozens of them, and they are nearly collinear.
 
 use super::products::{PROJECTED, Table, stride};
 use crate::diagnose::model::elementary::Twist;

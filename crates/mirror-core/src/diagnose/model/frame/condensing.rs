@@ -1,4 +1,4 @@
-//! The corners of an evaluated frame, condensed.
+//! Condenses the corners of an evaluated frame.
 
 use super::condensed::{MOTION, OPTICS};
 use super::products::{PROJECTED, add_products, stride};

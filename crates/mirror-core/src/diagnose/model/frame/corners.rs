@@ -1,4 +1,4 @@
-//! Corners and markers of an evaluated frame, in the picture: what is left of each.
+//! Residuals of the corners and markers of an evaluated frame, in the picture.
 
 use super::work::FrameWork;
 use crate::diagnose::data::recording::Via;

@@ -1,7 +1,8 @@
-//! Points in a flat front-surface mirror, through a polynomial lens, many at a time: what nearly every board is seen in.
+//! Points in a flat front-surface mirror, through a polynomial lens, many at a time: the case of nearly every board.
 //!
-//! The equations are those of [`super::sight`]: `q = p + 2 (1 − f·p/f²) f`, then the lens. They are written for one point without a branch, in
-//! loops over [`LANES`] points, so that they run in vector registers; a test compares them with the general optics.
+//! The equations are those of [`super::sight`]: `q = p + 2 (1 − f·p/f²) f`, then the lens. They are written for one
+//! point without a branch, in loops over [`LANES`] points, so that they run in vector registers; a test compares
+//! them with the general optics.
 
 use super::pictures::{COLUMNS, OF_OPTICS, OF_PLANE, Pictures};
 use super::products::LANES;

@@ -1,4 +1,5 @@
-//! The corners of a frame's board as products alone, without rows of their own: in a flat mirror, where nobody reads the rows.
+//! The corners of a frame's board as products alone, without their rows: for a flat mirror, where the rows
+//! themselves are not used.
 
 use super::condensed::{BoardSums, MOTION, OPTICS};
 use super::flat_mirror::FlatMirror;

@@ -1,8 +1,10 @@
-//! One frame of the exact forward model: predictions, residuals and the rows of any column, the mirror projected out.
+//! One frame of the exact forward model: predictions, residuals and the rows of any column, with the mirror
+//! projected out.
 //!
-//! For given deformation the frame's mirror plane is fitted to all that the frame shows (variable projection), then all is
-//! linearised there. With rows whitened, plane rows D, `G = DᵀD = L Lᵀ`, a column x enters the reduced normal equations as
-//! `⟨x, y⟩ = x·y − (L⁻¹Dᵀx)·(L⁻¹Dᵀy)`: each vector is stored as its rows followed by the three numbers `L⁻¹Dᵀx`.
+//! For a given deformation the frame's mirror plane is fitted to everything that the frame shows (variable
+//! projection); then the model is linearised there. With rows whitened, plane rows D, `G = DᵀD = L Lᵀ`, a column x
+//! enters the reduced normal equations as `⟨x, y⟩ = x·y − (L⁻¹Dᵀx)·(L⁻¹Dᵀy)`: each vector is stored as its rows
+//! followed by the three numbers `L⁻¹Dᵀx`.
 
 mod board_fit;
 mod columns;

@@ -1,4 +1,4 @@
-//! Columns of many points' pictures, list by list, weighed and multiplied with each other.
+//! Columns of the images of many points, weighted and multiplied with each other.
 
 use super::products::LANES;
 use crate::diagnose::principles::Size;

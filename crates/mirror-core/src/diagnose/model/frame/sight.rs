@@ -1,4 +1,4 @@
-//! How an image point depends on where the point is, on the mirror's plane and on the lens.
+//! Derivatives of an image point by the point, by the mirror's plane and by the lens.
 
 use crate::diagnose::data::recording::Via;
 use crate::diagnose::model::camera_and_mirror::Eye;

@@ -1,4 +1,4 @@
-//! The workspace of one frame: its mirror fitted, its rows evaluated.
+//! The workspace of one frame: fits its mirror, evaluates its rows.
 
 use super::condensed::{BoardSums, Condensed};
 use super::flat_mirror::Points;

@@ -1,4 +1,4 @@
-//! The whole mistakes that a session could hold, each with its unknown number tried on a grid.
+//! The gross mistakes that a session could contain, each with its unknown parameter tried on a grid.
 
 use super::misfit::{LEAST_FALL, Misfit, Work};
 use super::mistake::{LateKind, Mistake, UNITS};

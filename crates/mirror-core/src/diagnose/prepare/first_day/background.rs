@@ -1,10 +1,12 @@
-//! A marker that is seen at one and the same pixel while the model moves it about: something in the background, a lamp, a sticker on the mirror.
+//! Objects in the background: a detection under a marker's name that stays at one pixel while the model moves the
+//! marker (a lamp, a sticker on the mirror).
 //!
-//! A detector that does not find a marker may find another thing of its colour, in every picture the same. Of a marker's pixels `z_i` those within
-//! [`RADIUS_PX`] of one of them are of such a thing where they are of many postures and the model's pixels `h_i` there lie far apart:
-//! `rms(h_i − h̄) > 6 radii` while `|z_i − z_k| ≤ radius`. With the same pixel that is the spread of the residuals `z_i − h_i`, so that no
-//! offset of the model counts. A marker that really stands still is predicted to; one that a single joint moves stands still where that joint is dead, and is
-//! not judged here.
+//! A detector that does not find a marker may find another object of its colour, the same in every picture. Of a
+//! marker's pixels `z_i`, those within [`RADIUS_PX`] of one of them are such an object if they are of many postures
+//! and the model's pixels `h_i` there lie far apart: `rms(h_i − h̄) > 6 radii` while `|z_i − z_k| ≤ radius`. Since
+//! the pixel is the same, that is the spread of the residuals `z_i − h_i`, so that a constant error of the model
+//! does not matter. A marker that really stands still is predicted to. A marker that a single joint moves stands
+//! still if that joint does not move; it is not tested here.
 
 use super::outlying::{False, target};
 use crate::diagnose::data::diagnosis::LeftOut;

@@ -1,4 +1,5 @@
-//! Chains of mistakes: a session as several mistakes would have it, and the best few, grown from none one mistake after another.
+//! Chains of mistakes: a session with several mistakes undone. The best few chains grow from none, one mistake after
+//! another.
 
 use super::alternatives::Session;
 use super::misfit::{LEAST_FALL, Misfit};

@@ -1,9 +1,10 @@
-//! Change points: from which row on a marker, the board or the camera sits elsewhere.
+//! Change points: the row from which on a marker, the board or the camera has another pose (a slip).
 //!
-//! At the fit with all small errors ([`super::verify`]) each place is given a constant displacement a and one more, b, from row
-//! k on. With `H_f = XᵀX` and `g_f = Xᵀr` frame by frame, and sums over all frames (H, g) and from k on (H_b, g_b), what b gains is
-//! `eᵀ S⁻¹ e`, `e = g_b − H_b H⁻¹ g`, `S = H_b − H_b H⁻¹ H_b`: all k in one pass. The best place and row is refitted with all small
-//! errors and kept where its marginal likelihood is far above that without it.
+//! At the fit with all small errors ([`super::verify`]) each place gets a constant displacement a and another one,
+//! b, from row k on. With `H_f = XᵀX` and `g_f = Xᵀr` frame by frame, and sums over all frames (H, g) and from k on
+//! (H_b, g_b), the gain of b is `eᵀ S⁻¹ e`, `e = g_b − H_b H⁻¹ g`, `S = H_b − H_b H⁻¹ H_b`: all k in one pass. The
+//! best place and row is fitted again with all small errors, and kept if its marginal likelihood is far above that
+//! without it.
 
 use super::mistake::Mistake;
 use super::verify::{Tolerant, smaller};

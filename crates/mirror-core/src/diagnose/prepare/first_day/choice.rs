@@ -1,8 +1,9 @@
-//! The likeliest of some chains of mistakes and of none, small errors allowed for.
+//! The most probable of several chains of mistakes and of none, with small errors allowed for.
 //!
-//! A mistake with a number of its own must gain so much over small errors that no law which is off a little could have done it. Of one without
-//! it is a question of what is likelier to happen: that mistake, or a large error that happens to lie where it would have put it (a marker
-//! that is mounted just where a quarter turn of the last joint brings it). Then prior odds decide, and what is less likely is told beside.
+//! A mistake with a free parameter must gain so much over small errors that no slightly wrong law could have caused
+//! it. For a mistake without a free parameter the question is which is more probable: that mistake, or a large error
+//! that happens to have the same effect (a marker that is mounted exactly where a quarter turn of the last joint
+//! brings it). Then prior odds decide, and the less probable one is reported as an alternative.
 
 use super::alternatives::Session;
 use super::chain::{Chain, FRAMES, spread};

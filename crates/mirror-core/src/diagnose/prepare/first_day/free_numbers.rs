@@ -1,4 +1,4 @@
-//! The numbers of a mistake that are found beside the causes once more: a zero, a ratio, a delay, a crop.
+//! The parameters of a mistake that are estimated again together with the causes: a zero, a ratio, a delay, a crop.
 
 use super::mistake::{Mistake, UNITS, in_time};
 use super::told::row_step_s;

@@ -1,7 +1,8 @@
-//! A camera, or a tracker, that hangs: over a run of rows it gives one measurement again and again while the joints go on.
+//! A camera or tracker that hangs: over a run of rows it repeats one measurement while the joints move.
 //!
-//! Noise alone makes no two measurements the same. So rows i to j are of one measurement where all that was seen in them is the same to the last
-//! digit, of enough rows and postures between which a joint moves that moves what is seen. The first of them has its own; the others are left out.
+//! Noise makes two measurements differ. So rows i to j contain one measurement if everything measured in them is
+//! identical to the last digit, if they are enough rows and postures, and if a joint that moves the observations
+//! moves between them. The first row keeps its measurement; the others are left out.
 
 use super::mistake::Mistake;
 use super::variant::seen_joints;

@@ -1,7 +1,8 @@
-//! Gravity that points elsewhere: every spring would give way against its load.
+//! Gravity with a wrong direction: every spring would deflect against its load.
 //!
-//! Springs have compliances of one sign only. Under a gravity that is stated upside down (or along another axis) they need the
-//! other: no cause of the vocabulary fits then, and the right direction explains with one what many others cannot.
+//! Springs have compliances of one sign only. If gravity is stated upside down (or along another axis) they need the
+//! other sign. Then no cause of the vocabulary fits, and the right direction explains with one parameter what many
+//! others cannot.
 
 use super::mistake::Mistake;
 use super::verify::smaller;

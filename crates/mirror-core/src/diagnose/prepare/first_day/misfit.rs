@@ -1,8 +1,9 @@
-//! How far the markers are from where a set of positions puts them: a loss that gross errors do not rule.
+//! A robust loss: how far the markers are from where a set of positions puts them.
 //!
-//! Each observation's distance r (an image point's residual at the depth of what it shows, m; a measured point's as it is)
-//! counts `ln(1 + (r/s)²)` with s of the size that a set-up by hand and small causes leave. So every part that a
-//! transformation of the session puts right counts, however wrong the rest is. Mirrors are where the boards show them.
+//! Each observation's distance r (an image point's residual at the depth of what it shows, m; a measured point's as
+//! it is) counts `ln(1 + (r/s)²)`, with s the size of the errors of mounts by hand and of small causes. So each part
+//! of the session that a transformation corrects counts, however wrong the rest is. Mirrors are taken from the
+//! boards.
 
 use super::variant::Variant;
 use crate::diagnose::data::recording::Via;

@@ -1,4 +1,4 @@
-//! Whole mistakes of model or log: what each is called, and how it is undone exactly.
+//! Gross mistakes of model or log: the name of each, and how it is undone exactly.
 
 use super::variant::{Variant, other_of};
 use crate::camera::Camera;

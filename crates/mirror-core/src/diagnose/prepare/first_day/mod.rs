@@ -1,17 +1,18 @@
-//! Whole mistakes of model or log, tried exactly before small errors are searched.
+//! Gross mistakes of model or log, tried exactly before small errors are searched.
 //!
-//! Each is a discrete alternative (effects.md, "Mistakes of a first day"): an axis that turns the other way, exchanged columns
-//! or names, a column in another unit, late, or standing still, the camera of another resolution, a mirrored picture, a turned
-//! board, a marker on another link. In order:
+//! Each is a discrete alternative (effects.md, "Gross mistakes"): an axis with the wrong sign, exchanged columns or
+//! names, a column in another unit, late, or standing still, a camera file of another resolution, a mirrored
+//! picture, a rotated board, a marker on another link. In order:
 //!
-//! 1. [`hung`]: rows that repeat one measurement are left out; [`optics`]: what no small error makes possible for the boards, undone first;
+//! 1. [`hung`]: rows that repeat one measurement are left out; [`optics`]: boards that no small error makes
+//!    possible; these mistakes are undone first;
 //! 2. [`background`]: what stands still in the picture under a marker's name is left out;
-//! 3. [`alternatives`] of the body and of the log, scored at the nominal model by a loss that gross errors do not rule
-//!    ([`misfit`]), singly, and on top of the best few;
+//! 3. [`alternatives`] of the body and of the log, scored at the nominal model by a robust loss ([`misfit`]),
+//!    singly, and on top of the best few;
 //! 4. [`verify`]: the best few against small errors of every kind at once, by marginal likelihood;
 //! 5. gravity in other directions, by the springs that its loads would need ([`loads`]);
-//! 6. what slips in the middle of the session ([`changes`]);
-//! 7. what wins is undone exactly ([`mistake`]), and the usual search goes on from there.
+//! 6. slips during the session ([`changes`]);
+//! 7. the best chain is undone exactly ([`mistake`]), and the usual search continues from there.
 
 mod alternatives;
 mod background;

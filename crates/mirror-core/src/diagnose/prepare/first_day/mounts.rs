@@ -1,4 +1,4 @@
-//! Markers that ride on another body than the model says: where on it, from all that was seen of them.
+//! Markers that are fixed to another body than the model says: their place on it, from all of their observations.
 
 use super::misfit::{Misfit, Work};
 use super::mistake::Mistake;

@@ -1,7 +1,8 @@
-//! Whole mistakes of camera and board: the wrong resolution, a mirrored picture, a board that is turned.
+//! Gross mistakes of camera and board: a wrong resolution, a mirrored picture, a rotated board.
 //!
-//! The boards tell by themselves: with these mistakes no flat mirror shows their corners where they are seen. A camera that a hand
-//! mounted askew does nearly the same; so the likeliest mistake is weighed against small errors of every kind ([`super::verify`]).
+//! The boards alone show them: with these mistakes no flat mirror explains their corners. A camera that was mounted
+//! askew by hand has nearly the same effect, so the most probable mistake is compared with small errors of every
+//! kind ([`super::verify`]).
 
 use super::chain::FRAMES;
 use super::misfit::Misfit;

@@ -1,8 +1,9 @@
-//! Observations that no small error explains: a typed digit, another marker's place, a row whose joints were not there.
+//! Observations that no small error explains: a typed digit, another marker's place, a row whose joints were
+//! elsewhere.
 //!
-//! At the fit with all small errors ([`super::verify`]), whose scale is the median's and so is not moved by half of the data
-//! being false, what lies far off is left out before causes are searched, and listed. Where a whole frame is off, each joint is
-//! asked alone whether another position would put it right: a sign, a digit.
+//! At the fit with all small errors ([`super::verify`]), whose scale is the median's and so tolerates that half of
+//! the data are false, outliers are left out before causes are searched, and listed. Where a whole frame is off,
+//! each joint is tested alone: whether another position would correct the frame (a sign, a digit).
 
 use super::misfit::Misfit;
 use super::variant::{Variant, seen_joints};

@@ -1,4 +1,4 @@
-//! What is gross, clear and no single observation's matter: on sessions that a move of a threshold by a factor of two decides otherwise.
+//! Thresholds for gross mistakes, each on a session in which half or twice the threshold decides otherwise.
 
 #![allow(clippy::unwrap_used, clippy::panic)]
 

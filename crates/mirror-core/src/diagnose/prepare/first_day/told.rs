@@ -1,4 +1,4 @@
-//! A mistake in the words of the public vocabulary: effect, place, parameters, and a sentence for a person.
+//! A mistake in the public vocabulary: effect, place, parameters, and a sentence for the reader.
 
 use super::alternatives::seen_in;
 use super::mistake::{LateKind, Mistake, UNITS};

@@ -1,4 +1,4 @@
-//! The session with its mistakes undone, and what is told of them.
+//! The session with its mistakes undone, and what is reported of them.
 
 use super::background;
 use super::mistake::Mistake;

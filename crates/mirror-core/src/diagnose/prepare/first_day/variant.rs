@@ -1,4 +1,4 @@
-//! A session as a mistake would have it: positions, labels and mounts on which the alternatives are tried.
+//! A session with a mistake undone: the positions, labels and mounts on which the alternatives are tried.
 
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::model::body::{Body, NodeId, Site};

@@ -1,9 +1,11 @@
-//! A mistake against small errors: both sides may have every small error of the vocabulary at once.
+//! Model comparison of a mistake with small errors: both models may have every small error of the vocabulary at
+//! once.
 //!
-//! Whether a session is explained by a whole mistake or by small errors is asked of two models that differ in nothing but the
-//! mistake: with it and without it all small errors (zeros, ratios, tilts, lengths, springs, mounts, lens) are random effects
-//! of their usual sizes. So nothing that small errors can explain is called a mistake, and small errors beside a mistake do
-//! not hide it. Compared is the marginal likelihood (Laplace) at one noise: the smallest that any of them leaves.
+//! Whether a mistake or small errors explain a session is a comparison of two models that differ only in the
+//! mistake. In both, all small errors (zeros, ratios, tilts, lengths, springs, mounts, lens) are random effects of
+//! their usual sizes. So nothing that small errors can explain is called a mistake, and small errors do not hide a
+//! mistake. The marginal likelihoods (Laplace) are compared at one noise: the smallest that any of the models
+//! leaves.
 
 use crate::diagnose::effects::hypothesis::{Catalogue, Model, Term};
 use crate::diagnose::effects::vocabulary;
