@@ -261,6 +261,6 @@ def test_the_command_and_the_page_show_the_witness(
     in_the_mirror: tuple[Path, str, list[str]], tmp_path: Path
 ) -> None:
     done = CliRunner().invoke(app, ["diagnose", str(in_the_mirror[0]), "--out", str(tmp_path / "out")])
-    assert done.exit_code == 0 and "Accelerometers that no fit saw" in done.output
+    assert done.exit_code == 0 and "Accelerometers that took no part in the fit" in done.output
     page = next((tmp_path / "out").rglob("*.html")).read_text(encoding="utf-8")
     assert f"accelerometer on link {in_the_mirror[2][0]}" in page

@@ -35,7 +35,7 @@ def test_a_choice_that_hangs_on_one_region_is_said_to(tmp_path: Path) -> None:
     # Without them it is taken for a ratio, which at 1.25 rad is off by three times the offset.
     assert (anew.regions, anew.changed) == (5, 1)
     assert anew.rms_m > 1.4 * gap.after_m
-    assert any("hangs on few postures" in warning for warning in found.warnings)
+    assert any("depends on few postures" in warning for warning in found.warnings)
 
 
 def test_a_choice_that_every_region_tells_is_the_same_gap(tmp_path: Path) -> None:

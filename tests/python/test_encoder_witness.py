@@ -55,7 +55,7 @@ def test_the_named_cause_predicts_the_encoder_that_no_fit_saw(session: tuple[Pat
 
 def test_the_command_shows_the_witness(session: tuple[Path, str]) -> None:
     done = CliRunner().invoke(app, ["diagnose", str(session[0])])
-    assert done.exit_code == 0 and "Encoders that no fit saw" in done.output
+    assert done.exit_code == 0 and "Encoders that took no part in the fit" in done.output
 
 
 def test_encoders_that_read_what_is_predicted_are_no_rows() -> None:

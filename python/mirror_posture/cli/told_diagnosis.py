@@ -29,7 +29,7 @@ def write_results(output: Output, session: Session, found: Diagnosis, folder: Pa
             write_next_postures(found, part / NEXT_POSTURES)
     if found.next_postures:
         output.say(
-            f"written: {folder / NEXT_POSTURES}, {len(found.next_postures)} postures that would tell the rivals apart"
+            f"written: {folder / NEXT_POSTURES}, {len(found.next_postures)} postures that would separate the alternatives"
         )
     output.say(f"written: {folder / 'diagnosis.json'}, {folder / 'report.html'}, {folder / 'pictures'}")
 
@@ -91,7 +91,7 @@ def show_diagnosis(output: Output, folder: Path, found: Diagnosis) -> None:
         )
     ]
     if (anew := gap.chosen_anew) is not None and anew.changed:
-        gaps.append(("… with causes chosen anew without them", "", millimetres(anew.rms_m), ""))
+        gaps.append(("… with causes selected without them", "", millimetres(anew.rms_m), ""))
     gaps += [(c.session, millimetres(c.before_m), millimetres(c.after_m), "") for c in gap.checked]
     gaps += [
         (f"marker {w.marker}, withheld", millimetres(w.before_m), millimetres(w.after_m), "")
@@ -124,7 +124,7 @@ def show_diagnosis(output: Output, folder: Path, found: Diagnosis) -> None:
     encoders = telling_encoders(read)
     if encoders:
         output.table(
-            "Encoders that no fit saw: RMS of reading less prediction, mrad (a prismatic joint: mm)",
+            "Encoders that took no part in the fit: RMS of reading minus prediction, mrad (a prismatic joint: mm)",
             ("*joint", "before", "after", "before, zero free", "after, zero free"),
             [(e["joint"], *(f"{1e3 * e[key]:.2f}" for key in ENCODER_COLUMNS)) for e in encoders],
             caption=f"{len(read) - len(encoders)} others read what is predicted"
@@ -135,7 +135,7 @@ def show_diagnosis(output: Output, folder: Path, found: Diagnosis) -> None:
     if accelerometers:
         columns = ("before_rad", "after_rad", "before_mount_free_rad", "after_mount_free_rad")
         output.table(
-            "Accelerometers that no fit saw: RMS angle between reading and prediction, mrad",
+            "Accelerometers that took no part in the fit: RMS angle between reading and prediction, mrad",
             ("*link", "frames", "before", "after", "before, mount free", "after, mount free"),
             [
                 (

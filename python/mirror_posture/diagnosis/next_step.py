@@ -9,13 +9,13 @@ from .result import Diagnosis
 OFTEN = {
     "board": {"nothing": "a board that is not flat does this: lay a ruler on it"},
     "camera": {
-        "nothing": "a lens of which the camera file has not all terms does this: calibrate it with more",
-        "position": "a camera that gives way as a joint moves does this: press on its mount",
+        "nothing": "a lens model with too few terms in the camera file does this: calibrate it with more terms",
+        "position": "a camera mount that yields as a joint moves does this: press on it",
     },
     "joint": {
         "posture": "a column that holds another joint's values, other rows' or none does this: compare it with what the joint did; so does "
         "a clutch or a screw that slips: mark shaft and hub, move, and look",
-        "history": "a tendon or a harmonic drive that winds up does this: come to one place from both sides",
+        "history": "a tendon or a harmonic drive that winds up does this: approach one posture from both sides",
     },
 }
 """What often makes an error without a name, by the kind of its place and what it depends on: what a person can look at first."""
@@ -29,14 +29,14 @@ def next_step(found: Diagnosis) -> str:
     if verdict == "insufficient":
         return "Record more: postures in which the board and the markers are seen together; `mirror-posture check` tells what is missing."
     if found.document.get("motion", {}).get("next_moves") and any(c.alternatives for c in found.causes):
-        return "Record a motion with the suggested moves too (report.html), and diagnose again: they tell the rivals apart."
+        return "Record a motion with the suggested moves too (report.html), and diagnose again: they separate the alternatives."
     if "motion" in found.document:
-        return "Change the simulator's model as the model.xml of --out has it, record another motion, and diagnose it with --check."
+        return "Change the simulator's model as in the model.xml of --out, record another motion, and diagnose it with --check."
     rivals = [cause for cause in found.causes if cause.alternatives]
     if rivals and found.next_postures:
-        return "Take the suggested postures and diagnose again: they tell the rivals apart."
+        return "Take the suggested postures and diagnose again: they separate the alternatives."
     if rivals:
-        return "Record further postures, far from those of this session, and diagnose again: rivals remain."
+        return "Record further postures, far from those of this session, and diagnose again: alternatives remain."
     if verdict == "unknown":
         look = f"Look at {_unexplained_place(found)}: no effect of the vocabulary explains it"
         often = _what_often_does_it(found)
@@ -54,7 +54,7 @@ def next_step(found: Diagnosis) -> str:
         steps.append(f"{'no' if steps else 'No'} file can hold {names}: {'; '.join(ways)}")
     if verdict == "partial":
         return ". ".join(("; ".join(steps), f"Then look at {_unexplained_place(found)}.")) if steps else ""
-    last = "Check it on a session of other postures with --check." if written else "Then diagnose anew."
+    last = "Check it on a session of other postures with --check." if written else "Then diagnose again."
     return f"{'; '.join(steps)}. {last}"
 
 

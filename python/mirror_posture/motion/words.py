@@ -6,25 +6,25 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 WORDS: Mapping[str, str] = {
-    "latency": "pictures show the body of an earlier moment than their stamps say",
-    "servo_lag": "the joint follows its command late, as a filter of first order",
-    "servo_gain": "the position loop is stiffer or softer, and damped otherwise, than the model has it",
+    "latency": "pictures show the body at an earlier moment than their time stamps say",
+    "servo_lag": "the joint follows its command with a delay (first-order filter)",
+    "servo_gain": "stiffness or damping of the position loop differ from the model",
     "viscous_friction": "a torque against the motion, in proportion to the speed",
-    "coulomb_friction": "a dry friction against the motion, whatever the speed",
-    "reflected_inertia": "the joint feels more (or less) inertia of its motor and gears",
-    "torque_limit": "the servo gives no more than this torque",
-    "velocity_limit": "the joint is told to go no faster than this",
+    "coulomb_friction": "dry friction against the motion, the same at all speeds",
+    "reflected_inertia": "more (or less) inertia of motor and gears at the joint",
+    "torque_limit": "an upper limit of the servo's torque",
+    "velocity_limit": "an upper limit of the command's speed",
     "joint_offset": "a wrong zero",
     "gear_ratio": "a proportional transmission error",
-    "joint_compliance": "the joint gives way in proportion to its load",
+    "joint_compliance": "the joint yields in proportion to its load",
     "backlash": "a play: the output lies on the side to which its load pushes it",
-    "marker_mount": "the marker sits elsewhere on its link",
-    "camera_mount": "the camera sits elsewhere relative to the board",
-    "board_mount": "the board sits elsewhere on its link",
+    "marker_mount": "the marker is displaced on its link",
+    "camera_mount": "the camera is displaced relative to the board",
+    "board_mount": "the board is displaced on its link",
 }
 
 REMEDIES: Mapping[str, str] = {
-    "latency": "shift the pictures' stamps by it, or trigger the camera by the log's clock",
+    "latency": "shift the pictures' time stamps by it, or trigger the camera by the log's clock",
     "servo_lag": "look for a filter or a smoothed command in the driver, or put it into the simulator (`model.xml`)",
     "servo_gain": "set the position loop's gains, or the model's, to agree",
     "viscous_friction": "put it into the model (`damping`); look at grease and cables where it is new",
@@ -45,4 +45,4 @@ def sentence(verdict: str, causes: Sequence[Mapping[str, Any]], gap: Mapping[str
     if verdict == "unknown":
         return f"the simulator is {before:.2f} px off the motion (noise {floor:.2f} px), and no effect of the vocabulary explains it"
     told = f"{names}: the gap in motion falls from {before:.2f} to {after:.2f} px (noise {floor:.2f} px)"
-    return told if verdict == "explained" else f"{told}; something is left that no effect explains"
+    return told if verdict == "explained" else f"{told}; a remainder is left that no effect explains"

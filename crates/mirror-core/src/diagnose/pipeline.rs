@@ -34,26 +34,34 @@ use crate::diagnose::selection::with_setup::{look_again_at_noise, with_or_withou
 use crate::error::Result;
 use crate::robot::Robot;
 
-/// A diagnosis, and what a second one is asked by.
+/// A diagnosis, and what decides on a second one.
 pub(crate) struct Outcome {
     pub diagnosis: Diagnosis,
-    /// Rows were left out as slipped, but fit their own postures beside the causes found.
+    /// Rows were left out as slipped, but fit their own postures once the causes are known.
     pub rows_in_order: bool,
-    /// What was found, but for causes that are far larger than such an error is.
+    /// The result without causes that are far larger than such an error usually is.
     pub known: Known,
     /// Whether there are such causes.
     pub too_large: bool,
-    /// A joint is elsewhere in each posture by as much as its column moves it.
+    /// A joint's error, independent in each posture, is as large as what its column moves.
     pub says_nothing: bool,
 }
 
 /// Diagnoses a recording: where the model is wrong, which effect causes it, how far the gap shrinks.
 ///
-/// In order: whole mistakes undone; the noise from the data; slipped rows; the search for causes, with the set-up free where a few causes
-/// do not suffice, in a long session on a part of its frames; errors that linger from view to view; where there is reason for doubt, the same with free-form errors beside the vocabulary, or with a joint that rests
-/// elsewhere each time; where that leaves a remainder or many causes, the same beside many small errors (`geometry`); causes that do not
-/// help on held-out regions are dropped, improbable ones give way; the remainder is tested against the noise; causes that other draws of
-/// the postures do not show again are taken back.
+/// In order:
+///
+/// 1. gross mistakes are undone, the noise is estimated, slipped rows are left out (`prepare`);
+/// 2. the search for causes, with free mounts where a few causes are not sufficient; in a long session on a part of
+///    its frames;
+/// 3. noise that is correlated over frames, and near ties;
+/// 4. where there is reason for doubt, the search with free-form errors, or with an independent error in each
+///    posture at one joint;
+/// 5. where that leaves a remainder or many causes, the search with small errors everywhere (`geometry`);
+/// 6. causes that do not help on held-out regions are dropped, improbable ones are replaced, the remainder is
+///    tested against the noise;
+/// 7. causes that are not selected again in resamples of the postures are removed;
+/// 8. the assessment and the report.
 ///
 /// # Errors
 /// A recording that is not valid, links that do not exist, invalid parameters of the camera.
@@ -92,7 +100,8 @@ pub(crate) fn diagnose(
         if let Some(other) = from_a_pair(&search, &found, &nominal)? {
             (search, found) = other;
         }
-        // Wrong optics pass for noise of the markers until they are known, and a stated noise may be too large: look again at what is left.
+        // Wrong optics look like noise of the markers until they are known, and a stated noise may be too large, so
+        // the noise is estimated again from the residuals.
         let optics = search.deformation(&found.fit.model).optics_differ() || search.problem.camera.is_none();
         if optics && look_again_at_noise(&mut search, &found.fit.model, stated)? {
             let first = found.trace;
@@ -108,10 +117,10 @@ pub(crate) fn diagnose(
     let says_nothing = beyond.restless.is_some_and(|node| column_says_nothing(&search, &found, node));
     on_all_frames(&mut search, &mut found)?;
 
-    options.progress.enter("weighing what was found");
+    options.progress.enter("comparing the causes found");
     let mut findings = weighed((search, found), beyond, &nominal, &prepared)?;
 
-    options.progress.enter("telling what it is worth");
+    options.progress.enter("assessing the result");
     keep_survivors(&mut findings, &ranking)?;
     let rows_in_order = match &prepared.slip {
         Some(slip) => !is_found_again(&findings, &prepared.arranged, slip)?,
@@ -140,7 +149,7 @@ pub(crate) fn diagnose(
     Ok(Outcome { rows_in_order, known, too_large, says_nothing, diagnosis })
 }
 
-/// Whether slipped rows are slipped beside what was found as well.
+/// Whether slipped rows are still slipped given the causes found.
 fn is_found_again(findings: &Findings<'_>, all_rows: &Problem, slip: &Slip) -> Result<bool> {
     let (search, model) = (&findings.search, &findings.found.fit.model);
     let as_found = |problem: &Problem| model.deformation(problem, search.catalogue, &search.group.columns);

@@ -34,19 +34,19 @@ def command(
     ] = None,
     check: Annotated[
         list[Path] | None,
-        typer.Option(help="Another session (other postures), predicted with nothing of it fitted."),
+        typer.Option(help="Another session (other postures) that is only predicted, not fitted."),
     ] = None,
     without: Annotated[
         list[str] | None,
         typer.Option(
-            "--without", "--leave-out", help="An effect that the vocabulary shall lack, `backlash` say."
+            "--without", "--leave-out", help="An effect to leave out of the vocabulary, for example `backlash`."
         ),
     ] = None,
     withhold: Annotated[
         list[str] | None,
-        typer.Option(help="`marker:NAME`: a marker that the fit does not see and that it must then predict."),
+        typer.Option(help="`marker:NAME`: a marker that takes no part in the fit and is then predicted."),
     ] = None,
-    most_causes: Annotated[int, typer.Option(help="Causes that are looked for at most.", min=1)] = 6,
+    most_causes: Annotated[int, typer.Option(help="Largest number of causes.", min=1)] = 6,
     model: Annotated[
         Path | None,
         typer.Option(
@@ -74,11 +74,12 @@ def command(
 ) -> None:
     """Say where the model is wrong, which effect causes it, and how far the gap shrinks.
 
-    Every effect of the vocabulary is tried at every place; those that the evidence carries are fitted together. The gap
-    is told on postures whose whole region was held out of the fit of the parameters. What these postures cannot tell apart is named as alternatives.
+    Every effect of the vocabulary is tried at every place; those that the evidence supports are fitted together. The gap
+    is measured on held-out regions of posture space. Causes that these postures cannot separate are named as alternatives.
 
-    Verdicts: `none` the model is as good as the noise allows; `explained` the causes close the gap; `partial` they
-    shrink it and something is left; `unknown` no effect explains it. A session with pictures only is detected first.
+    Verdicts: `none`: the model is as good as the noise allows; `explained`: the causes close the gap; `partial`: they
+    shrink it and a remainder is left; `unknown`: no effect explains it; `insufficient`: too little evidence. In a session
+    with pictures only, board and balls are detected first.
 
     Exit code 0 for every verdict, 1 where the session is invalid or too small to diagnose.
 

@@ -78,7 +78,7 @@ def apply_diagnosis(
     require_same(session, dict(found.document))
     if found.interrupted:
         raise MirrorPostureError(
-            "got a diagnosis that was interrupted, needed a whole one: rivals were not weighed; diagnose again"
+            "got a diagnosis that was interrupted, needed a complete one: alternatives were not compared; diagnose again"
         )
     urdf = Urdf(read_xml(session.robot_file), str(session.robot_file))
     better = session

@@ -109,7 +109,7 @@ fn taken_back(findings: &mut Findings<'_>, i: usize, share: f64, odds: f64) -> R
     (findings.search, findings.geometry) = (search, spreads);
     let search = &findings.search;
     let name = search.catalogue.name(&search.problem.scene, found.fit.model.terms[i].hypothesis);
-    found.trace.push(format!("take back {name}: found again in {:.0} % of resamples", 100.0 * share));
+    found.trace.push(format!("remove {name}: selected again in {:.0} % of resamples", 100.0 * share));
     found.fit = without;
     findings.standings.remove(i);
     // What has no name cannot be added to a model.

@@ -47,7 +47,7 @@ pub(crate) fn weighed<'a>(
     };
     let cut_off = unfinished && hopeless(&search, &found, &after)?;
     if cut_off {
-        found.trace.push("no cause is named: the search for them did not come to its end".into());
+        found.trace.push("no cause is named: the search for causes did not end".into());
         found.fit = search.fit(nominal, found.noise, SOLVER.loose_steps)?;
         (geometry, after) = (None, nominal_gap.clone());
     } else {

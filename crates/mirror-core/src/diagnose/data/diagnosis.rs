@@ -7,13 +7,13 @@ use std::collections::BTreeMap;
 /// A parameter with its standard deviation.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Estimate {
-    /// The value, in the unit that the parameter's name says.
+    /// The value, in the unit given by the parameter's name.
     pub value: f64,
     /// One standard deviation.
     pub std: f64,
 }
 
-/// A rival that these postures cannot tell from a cause.
+/// An alternative that these postures cannot separate from a cause.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Alternative {
     /// The effect.
@@ -27,26 +27,26 @@ pub struct Alternative {
 /// A cause of the gap.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Cause {
-    /// The effect, a word of the vocabulary.
+    /// The effect's name in the vocabulary.
     pub effect: String,
     /// The place.
     pub at: String,
     /// Whom it concerns: `robot`, `setup`, `camera`, `mirror` or `data`.
     pub kind: String,
-    /// Probability of this cause against its rivals.
+    /// Posterior probability of this cause against its alternatives.
     pub probability: f64,
-    /// Share of resamples of the postures, the search included, in which the same cause comes out; none where it was not searched
-    /// by the score (whole mistakes, slipped rows, small errors all over the robot).
+    /// Stability: share of resamples of the postures in which the same cause is selected again. None for causes
+    /// that are not found by the score test (gross mistakes, slipped rows, small errors everywhere).
     pub stability: Option<f64>,
     /// Its parameters by name.
     pub parameters: BTreeMap<String, Estimate>,
     /// Rivals.
     pub alternatives: Vec<Alternative>,
-    /// What happens, for a person.
+    /// What happens, in words for the reader.
     pub words: String,
     /// Root mean square shift of the markers that it makes, px (m where points were measured).
     pub rms_shift: f64,
-    /// Of a group (`geometry`): each of its small errors, in the words of single effects.
+    /// Of a group (`geometry`): each of its small errors, named as single effects.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub members: Vec<Member>,
     /// Of a mistake in some frames only (`markers_swapped`): their numbers.
@@ -76,13 +76,13 @@ pub struct Where {
     pub at: String,
     /// Share of the gap's variance.
     pub share: f64,
-    /// On what the unexplained part there depends, where it is unexplained.
+    /// The variables on which the unexplained part depends, if there is one at this place.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub depends_on: Option<String>,
 }
 
 impl Where {
-    /// The place of what is left where it lies at no single place.
+    /// The name of the place if the remainder has no single place.
     pub const NOWHERE: &str = "unknown";
 }
 
@@ -138,11 +138,11 @@ pub struct Gap {
     pub after_px: Option<f64>,
     /// As above.
     pub noise_floor_px: Option<f64>,
-    /// The gap as causes are added one by one in the order told; the first entry is the nominal model.
+    /// The gap as causes are added one by one in the reported order; the first entry is the nominal model.
     pub steps: Vec<GapStep>,
     /// Number of postures, each predicted while its region was held out.
     pub held_out_postures: usize,
-    /// With causes that are chosen anew without the region too; none where nothing is named.
+    /// The gap with causes also selected without the held-out region; none where no cause is named.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub chosen_anew: Option<ChosenAnew>,
     /// Further sessions.
@@ -150,8 +150,9 @@ pub struct Gap {
     pub checked: Vec<Checked>,
 }
 
-/// The gap where not only the parameters but the causes too are chosen without the region that they predict.
-/// Chosen on all postures are the observations left out, the hypotheses that compete, and which random effects are free.
+/// Nested cross-validation: the gap where the parameters and the causes are chosen without the region that they
+/// predict. Chosen on all postures are the observations left out, the hypotheses that compete, and which random
+/// effects are free.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct ChosenAnew {
     /// RMS distance, m; none where no marker was compared in space.
@@ -160,7 +161,7 @@ pub struct ChosenAnew {
     pub rms_px: Option<f64>,
     /// Regions that were held out in turn.
     pub regions: usize,
-    /// Those without which other causes come out.
+    /// The number of regions without which other causes are selected.
     pub changed: usize,
 }
 
@@ -172,7 +173,7 @@ impl Gap {
         (before < ABOVE_SCATTER * floor).then_some(in_pixels)
     }
 
-    /// Whether anything was held out and predicted: without it nothing is known to agree.
+    /// Whether anything was held out and predicted; without it no agreement is shown.
     pub(crate) fn is_told(&self) -> bool {
         self.after_m.is_some() || self.after_px.is_some()
     }
@@ -198,7 +199,7 @@ pub struct SignaturePoint {
     pub error: f64,
     /// Its standard deviation.
     pub std: f64,
-    /// What the fitted cause says (of an unexplained part: the free-form error there).
+    /// The fitted value of the cause, or of the free-form error of an unexplained part.
     pub fitted: f64,
 }
 
@@ -238,7 +239,7 @@ pub struct TrackPoint {
     pub error: Vec<f64>,
     /// Their standard deviations.
     pub std: Vec<f64>,
-    /// What the cause (of an unexplained part: the free-form error) says.
+    /// The value of the cause, or of the free-form error of an unexplained part.
     pub fitted: Vec<f64>,
 }
 
@@ -255,7 +256,7 @@ pub struct Track {
     pub unit: String,
     /// The components' names.
     pub components: Vec<String>,
-    /// Against what it is told.
+    /// The variable against which it is plotted.
     pub against: Vec<TrackAxis>,
     /// One point a posture.
     pub points: Vec<TrackPoint>,
@@ -279,7 +280,7 @@ pub struct FieldPoint {
     pub std: Vec<f64>,
 }
 
-/// The signature of wrong optics: what is left of corners and markers over the image, or of corners over the board.
+/// The signature of wrong optics: residuals of corners and markers over the image, or of corners over the board.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Field {
     /// Index into the causes; absent for the unexplained part.
@@ -330,7 +331,7 @@ impl LeftOut {
     /// How it begins where something in the background was taken for a marker.
     pub(crate) const AT_ONE_PIXEL: &str = "at one pixel";
 
-    /// Whether it is a marker's observation that is far from what the model says.
+    /// Whether it is a marker's observation that is far from the model's prediction.
     pub(crate) fn is_false(&self) -> bool {
         self.target != "board" && self.why.starts_with(Self::FAR_FROM)
     }
@@ -348,11 +349,11 @@ impl Data {
 pub struct Data {
     /// Frames of the session.
     pub frames_given: usize,
-    /// Frames of which at least one marker was used.
+    /// Frames with at least one marker used.
     pub frames_used: usize,
     /// Postures of the session.
     pub postures_given: usize,
-    /// Postures of which at least one marker was used.
+    /// Postures with at least one marker used.
     pub postures_used: usize,
     /// Observations of markers, image points and measured points.
     pub points_given: usize,
@@ -377,20 +378,20 @@ pub struct Ranked {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
-    /// Too little usable evidence to say anything.
+    /// Too little usable evidence for a statement.
     Insufficient,
     /// The nominal model already predicts to the noise floor.
     None,
     /// The causes bring it there.
     Explained,
-    /// The causes shrink the gap, and what is left is significant.
+    /// The causes shrink the gap, and the remainder is significant.
     Partial,
     /// A significant gap that no effect of the vocabulary explains.
     Unknown,
 }
 
 impl Verdict {
-    /// The word in `diagnosis.json`.
+    /// Its name in `diagnosis.json`.
     pub fn as_str(self) -> &'static str {
         match self {
             Self::Insufficient => "insufficient",
@@ -411,21 +412,21 @@ impl core::fmt::Display for Verdict {
 /// The version of the public format that is written.
 pub(crate) const VERSION: u32 = 2;
 
-/// What a diagnosis says.
+/// The result of a diagnosis.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Diagnosis {
     /// `mirror-posture/diagnosis`.
     pub format: String,
     /// 2: the version of the format.
     pub version: u32,
-    /// Whether it was stopped before its end, and tells only what was found so far.
+    /// Whether it was stopped before its end and contains a partial result.
     #[serde(skip_serializing_if = "core::ops::Not::not")]
     pub interrupted: bool,
     /// How much of the gap the causes explain.
     pub verdict: Verdict,
     /// The verdict in one sentence.
     pub sentence: String,
-    /// What of the data was used, and what was left out.
+    /// Which data were used, and what was left out.
     pub data: Data,
     /// The causes, the one that closes most of the gap first.
     pub causes: Vec<Cause>,
@@ -433,11 +434,12 @@ pub struct Diagnosis {
     pub r#where: Vec<Where>,
     /// Before and after.
     pub gap: Gap,
-    /// The largest size of each effect at each place that these postures would have hidden (95 %), set-up free.
+    /// The largest size of each effect at each place that these postures would have hidden (95 %), with free
+    /// mounts.
     pub limits: Vec<Limit>,
-    /// Commanded postures that would separate the rivals.
+    /// Commanded postures that would separate the alternatives.
     pub next_postures: Vec<BTreeMap<String, f64>>,
-    /// What a user should know: what is missing, what is weak.
+    /// Warnings: missing or weak data.
     pub warnings: Vec<String>,
     /// Estimated noise, one axis: corners and markers in px, points in m.
     pub noise: BTreeMap<String, f64>,
@@ -453,7 +455,7 @@ pub struct Diagnosis {
     /// Signatures of lens, board and mirror.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub fields: Vec<Field>,
-    /// The markers posture by posture, where they were asked for.
+    /// The markers posture by posture, if requested.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub markers: Vec<SeenMarker>,
 }

@@ -6,7 +6,7 @@ use crate::diagnose::principles::Prior;
 use std::collections::{BTreeMap, HashSet};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// A cause that was found so far has this probability: its rivals were not weighed yet.
+/// Probability of a cause in a partial result: its alternatives were not compared.
 pub(crate) const UNWEIGHED: Prior = 0.5;
 
 /// Looks at a running diagnosis from outside. Clones watch the same one; the default one watches nothing.
@@ -40,7 +40,7 @@ impl Progress {
         self.0.as_ref().map(|state| change(&mut state.lock().unwrap_or_else(PoisonError::into_inner)))
     }
 
-    /// Whether anybody looks.
+    /// Whether an observer is registered.
     pub(crate) fn is_watched(&self) -> bool {
         self.0.is_some()
     }
@@ -57,7 +57,7 @@ impl Progress {
         self.with(|s| s.causes = causes);
     }
 
-    /// What is being done, in a few words; empty before the start.
+    /// The current stage in a few words; empty before the start.
     #[must_use]
     pub fn stage(&self) -> &'static str {
         self.with(|s| s.stage).unwrap_or_default()
@@ -69,8 +69,8 @@ impl Progress {
         self.with(|s| s.mistakes.len() + s.causes.len()).unwrap_or_default()
     }
 
-    /// What was found so far, as a diagnosis that says of itself that it was interrupted: causes at even odds, since their rivals were not
-    /// weighed, and no gap, since nothing was held out yet.
+    /// The partial result, marked as interrupted: causes with probability 0.5, because their alternatives were not
+    /// compared, and no gap, because nothing was held out yet.
     #[must_use]
     pub fn so_far(&self, recording: &Recording) -> Diagnosis {
         let (stage, causes) = self
@@ -79,12 +79,14 @@ impl Progress {
         let step = |added| GapStep { added, rms_m: None, rms_px: None };
         let added = causes.iter().map(|c| Some(format!("{}@{}", c.effect, c.at)));
         let sentence = match causes.len() {
-            0 => format!("Interrupted while {stage}: nothing was found so far, which says nothing."),
+            0 => format!("Interrupted while {stage}: no cause had been found yet. This is no verdict."),
             1 => {
-                format!("Interrupted while {stage}: one cause was found so far, its rivals were not weighed.")
+                format!(
+                    "Interrupted while {stage}: one cause was found so far; its alternatives were not compared."
+                )
             }
             n => format!(
-                "Interrupted while {stage}: {n} causes were found so far, their rivals were not weighed."
+                "Interrupted while {stage}: {n} causes were found so far; their alternatives were not compared."
             ),
         };
         Diagnosis {
@@ -112,7 +114,10 @@ impl Progress {
             r#where: Vec::new(),
             limits: Vec::new(),
             next_postures: Vec::new(),
-            warnings: vec!["interrupted: what is told is what was found so far; diagnose again before anything is mended by it".into()],
+            warnings: vec![
+                "interrupted: these are the causes found so far; diagnose again before you correct anything"
+                    .into(),
+            ],
             noise: BTreeMap::new(),
             trace: Vec::new(),
             ranking: Vec::new(),

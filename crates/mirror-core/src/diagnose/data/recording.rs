@@ -60,7 +60,7 @@ pub struct MarkerSpec {
     pub link: String,
     /// Diameter of the ball, m; 0 is an ideal point.
     pub diameter_m: f64,
-    /// Whether its place on its link is known; otherwise it is estimated along with the rest.
+    /// Whether its place on its link is given; otherwise it is estimated.
     pub mount_known: bool,
 }
 
@@ -90,17 +90,17 @@ pub struct SightSpec {
     pub refractive_index: f64,
 }
 
-/// In whose frame measured points are told.
+/// The frame of the measured points.
 #[derive(Debug, Clone, PartialEq)]
 pub enum PointsFrame {
     /// A link of the robot.
     Link(String),
-    /// A fixed frame whose pose is estimated along with the rest.
+    /// A fixed frame whose pose is estimated.
     Unknown,
 }
 
-/// How exactly something was mounted: one standard deviation by which its real place may differ from the URDF's. None is learned from
-/// the data, 0 is exact.
+/// Tolerance of a mount: one standard deviation by which its real place may differ from the URDF's. None means that
+/// it is estimated from the data; 0 is exact.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Tolerance {
     /// Of its place along each axis, m.
@@ -116,14 +116,14 @@ pub struct Tolerances {
     pub board: Tolerance,
     /// Of the camera.
     pub camera: Tolerance,
-    /// Of each marker on its link, in their order; those beyond the last are learned.
+    /// Of each marker on its link, in their order; missing ones are estimated.
     pub markers: Vec<Tolerance>,
 }
 
-/// A whole session, as the diagnosis takes it.
+/// A whole session, the input of the diagnosis.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Recording {
-    /// The link in which gravity is constant and which stands still.
+    /// The link that stands still and in which gravity is constant.
     pub root_link: String,
     /// Gravity in that link's frame, m/s².
     pub gravity: Vector3<f64>,
@@ -135,13 +135,13 @@ pub struct Recording {
     pub tolerances: Tolerances,
     /// Frame of the measured points.
     pub points_frame: Option<PointsFrame>,
-    /// Whether the rows are in the order of execution: otherwise no direction of motion is known.
+    /// Whether the rows are in the order of execution; otherwise the direction of motion is unknown.
     pub ordered: bool,
     /// Whether `time_s` was recorded (otherwise it is the frame's number).
     pub timed: bool,
-    /// What the session says of the noise of image points, px (one axis).
+    /// The session's noise of image points, px (one axis).
     pub pixel_std_px: Option<f64>,
-    /// What the session says of the noise of measured points, m (one axis).
+    /// The session's noise of measured points, m (one axis).
     pub point_std_m: Option<f64>,
     /// The frames, in the session's order.
     pub frames: Vec<Frame>,

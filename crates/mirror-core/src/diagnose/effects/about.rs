@@ -24,7 +24,7 @@ pub enum PlaceKind {
 }
 
 impl PlaceKind {
-    /// The word in files: `joint_pair`, say.
+    /// Its name in files, for example `joint_pair`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Joint => "joint",
@@ -38,24 +38,24 @@ impl PlaceKind {
     }
 }
 
-/// The file that holds the effect once it is known.
+/// The file into which the effect is written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum WrittenTo {
     /// The robot's description.
     Urdf,
-    /// The simulator's model: mechanics that a URDF has no words for.
+    /// The simulator's model: mechanics that a URDF cannot describe.
     Mjcf,
     /// The camera's calibration.
     CameraFile,
     /// The session's description of board and mirror.
     Session,
-    /// None: it is mended or fed forward.
+    /// None: it is repaired or fed forward.
     Nothing,
 }
 
 impl WrittenTo {
-    /// The word in files: `camera_file`, say.
+    /// Its name in files, for example `camera_file`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Urdf => "urdf",
@@ -67,14 +67,14 @@ impl WrittenTo {
     }
 }
 
-/// What an effect of the vocabulary tells of itself.
+/// The description of an effect of the vocabulary.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct About {
     pub at: PlaceKind,
     pub law: &'static str,
     pub remedy: &'static str,
     pub written_to: WrittenTo,
-    /// At a joint: which term of its law each parameter is; empty where it is none.
+    /// At a joint: which term of the joint law each parameter is; empty where it is none.
     pub joint_law: &'static [JointTerm],
     pub signature: &'static str,
     pub shown_by: &'static str,

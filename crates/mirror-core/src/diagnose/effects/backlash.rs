@@ -29,20 +29,20 @@ pub(super) const LEAST_PLAY_RAD: Guard = 1e-4;
 pub(crate) struct Backlash;
 
 impl Backlash {
-    /// Where the output lies in its play (rad, from the commanded position) in each frame, and how that moves with b.
+    /// The output's place in its play (rad, from the commanded position) in each frame, and its derivative by b.
     ///
-    /// Followed along the way between the rows: the load may push the output over in passing, and friction then keeps it
-    /// there. Position and torque are taken as linear between rows.
+    /// The path between the rows is followed: the load may push the output to the other side on the way, and
+    /// friction then keeps it there. Position and torque are taken as linear between rows.
     fn followed(scene: &Scene, n: NodeId, friction_nm: f64, width: f64) -> (Vec<f64>, Vec<f64>) {
         let half = width.max(LEAST_PLAY_RAD) / 2.0;
         let (mut positions, mut slopes) =
             (Vec::with_capacity(scene.frames), Vec::with_capacity(scene.frames));
-        // Before the first row the joint rests at 0; where in its play is unknown, taken as the middle.
+        // Before the first row the joint rests at 0; its place in the play is unknown and taken as the middle.
         let (mut output, mut slope) = (0.0_f64, 0.0);
         let (mut last_q, mut last_torque) = (0.0, scene.torque(0, n));
         for f in 0..scene.frames {
             let (q_end, torque_end) = (scene.q(f, n), scene.torque(f, n));
-            // The way is cut where the load takes over from friction or hands back to it.
+            // The path is split where load and friction exchange the control of the output.
             let change = torque_end - last_torque;
             let mut cuts = [1.0; 3];
             if change.abs() > NEGLIGIBLE {

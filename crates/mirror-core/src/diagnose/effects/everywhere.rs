@@ -4,7 +4,7 @@
 use super::about::WrittenTo;
 use serde::Serialize;
 
-/// What a person needs to know of it; how each is tried stands in `prepare` and `random_effects`.
+/// The description of each for readers; how each is tried is in `prepare` and `random_effects`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct MistakeInfo {
     /// Its name in the public vocabulary.
@@ -13,9 +13,9 @@ pub struct MistakeInfo {
     pub signature: &'static str,
     /// What to do about it.
     pub remedy: &'static str,
-    /// The file that holds it once it is known.
+    /// The file into which it is written.
     pub written_to: WrittenTo,
-    /// Whether it is a whole mistake of model, log or mounting, tried exactly before small errors are searched.
+    /// Whether it is a gross mistake of model, log or mounting, tried exactly before small errors are searched.
     pub is_mistake: bool,
 }
 

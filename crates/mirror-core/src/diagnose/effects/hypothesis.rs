@@ -9,7 +9,8 @@ use crate::diagnose::model::scene::Scene;
 use crate::diagnose::principles::{LEAST_LOG_ODDS, LOG_PRIOR_FREE, Prior};
 use std::sync::Arc;
 
-/// An unknown mount, or the pose of an unknown frame, may be this far from where it starts, rad and m.
+/// Prior standard deviation of an unknown mount, or of the pose of an unknown frame, from its start value, rad and
+/// m.
 pub(crate) const UNKNOWN_STD: Prior = 1.0;
 
 /// An effect at a place.
@@ -20,8 +21,8 @@ pub(crate) struct Hypothesis {
     pub place: Place,
     pub variants: Vec<f64>,
     pub prior_std: Vec<f64>,
-    /// Log of the prior probability of this cause among all: effects are equally likely (those of columns where there is one), and
-    /// so are an effect's places.
+    /// Log prior probability of this cause: all effects are equally probable (with those of columns where the robot
+    /// has one), and so are the places of an effect.
     pub log_prior: f64,
 }
 
@@ -86,7 +87,8 @@ impl Catalogue {
         self.effects[self.hypotheses[hypothesis].effect].as_ref()
     }
 
-    /// Log prior probability of a variant of a hypothesis: where it does just what a simpler one does, that is to be told first.
+    /// Log prior probability of a variant of a hypothesis: a variant that equals a simpler hypothesis is less
+    /// probable than that.
     pub fn log_prior(&self, scene: &Scene, hypothesis: usize, variant: f64) -> f64 {
         let of = &self.hypotheses[hypothesis];
         let simpler = self.effect(hypothesis).is_like_a_simpler_one(scene, of.place, variant);
@@ -134,7 +136,8 @@ pub(crate) struct Model {
     pub planes: Option<Arc<FootPoints>>,
 }
 
-/// What is unknown in any case: mounts said to be unknown, the frame of the measured points. Columns with their prior.
+/// Nuisance parameters of every model: mounts that are stated as unknown, the frame of the measured points. Columns
+/// with their prior.
 pub(crate) fn nuisances(problem: &Problem) -> Vec<(Column, f64)> {
     let mut out = Vec::new();
     for m in (0..problem.marker_sites.len()).filter(|&m| !problem.scene.mount_known[m]) {

@@ -76,7 +76,7 @@ impl Place {
         }
     }
 
-    /// The node where the place sits in the chain, if it is of the body.
+    /// The node of the place in the chain, if it is of the body.
     pub fn node(self) -> Option<NodeId> {
         match self {
             Self::Joint(n) | Self::JointPair(n, _) => Some(n),
@@ -86,10 +86,10 @@ impl Place {
     }
 }
 
-/// In what the law of an effect may differ from the textbook's.
+/// The variable in which the law of an effect may differ from the textbook's.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum LawFreedom {
-    /// In nothing: the law is geometry.
+    /// None: the law is geometry.
     Exact,
     /// In the joint's load: no spring is linear.
     Load,
@@ -108,7 +108,7 @@ pub(crate) enum LawFreedom {
 pub(crate) enum Concern {
     /// The robot itself.
     Robot,
-    /// What a person mounted: board, camera, markers.
+    /// Mounts by hand: board, camera, markers.
     Setup,
     /// The camera's lens and sensor.
     Camera,
@@ -117,7 +117,7 @@ pub(crate) enum Concern {
 }
 
 impl Concern {
-    /// Its word in the public format.
+    /// Its name in the public format.
     pub fn word(self) -> &'static str {
         match self {
             Self::Robot => "robot",
@@ -128,12 +128,12 @@ impl Concern {
     }
 }
 
-/// One kind of cause. All effects are linear in their parameters unless they say otherwise by [`Effect::deform`].
+/// One kind of cause. Effects are linear in their parameters unless they implement [`Effect::deform`].
 pub(crate) trait Effect: Send + Sync {
-    /// Its word in the public vocabulary.
+    /// Its name in the public vocabulary.
     fn name(&self) -> &str;
 
-    /// The words of its parameters, in order, each with its unit as suffix.
+    /// The names of its parameters, in order, each with its unit as suffix.
     fn parameters(&self) -> Vec<String>;
 
     /// Where it can be in this scene.
@@ -142,7 +142,8 @@ pub(crate) trait Effect: Send + Sync {
     /// Standard deviation of the prior of each parameter at a place: the size that such an error commonly has.
     fn prior_std(&self, scene: &Scene, place: Place) -> Vec<f64>;
 
-    /// A further, discrete unknown of the effect (a friction torque, say): the values that are tried. Most have none.
+    /// A discrete unknown of the effect (for example a friction torque): the values that are tried. Most effects
+    /// have none.
     fn variants(&self, _scene: &Scene, _place: Place) -> Vec<f64> {
         vec![0.0]
     }
@@ -178,32 +179,34 @@ pub(crate) trait Effect: Send + Sync {
         false
     }
 
-    /// Whether the scene must be told gravity's loads anew when it is large: its basis depends on the actual posture.
+    /// Whether gravity's loads must be computed again when the effect is large: its basis depends on the actual
+    /// posture.
     fn depends_on_load(&self) -> bool {
         false
     }
 
-    /// Whether in this session it does just what a simpler effect does, so that no posture tells the two apart.
+    /// Whether in this session it equals a simpler effect, so that no posture separates the two.
     fn is_like_a_simpler_one(&self, _scene: &Scene, _place: Place, _variant: f64) -> bool {
         false
     }
 
-    /// By how much, relatively, the parameter itself is uncertain because real joints obey the law only roughly.
+    /// Relative uncertainty of the parameter because real joints obey the law only approximately.
     fn law_uncertainty(&self) -> f64 {
         0.0
     }
 
-    /// In what its law may differ from the textbook's.
+    /// The variable in which its law may differ from the textbook's.
     fn law_freedom(&self) -> LawFreedom {
         LawFreedom::Exact
     }
 
-    /// Whether only robots with a column of tubes that slide out of each other can have it.
+    /// Whether only robots with a telescopic column can have it.
     fn is_of_columns(&self) -> bool {
         false
     }
 
-    /// Whether every joint has a little of it by manufacture: then little of it is no cause beside `geometry`.
+    /// Whether every joint has a little of it by manufacture; then a small size is no cause in addition to
+    /// `geometry`.
     fn is_tolerance(&self) -> bool {
         false
     }
@@ -228,16 +231,17 @@ pub(crate) trait Effect: Send + Sync {
         }
     }
 
-    /// What happens, in a sentence for a person.
+    /// What happens, in a sentence for the reader.
     fn words(&self) -> &str;
 
-    /// What people and files need to know of it; every effect of the vocabulary tells it.
+    /// Its description for readers and files; every effect of the vocabulary has one.
     fn about(&self) -> Option<About> {
         None
     }
 }
 
-/// All effects of `effects.md` but the groups (`geometry`) and faults of the data (`pairing`), which are not one place's twist.
+/// All effects of `effects.md` except the groups (`geometry`) and faults of the data (`pairing`), which have no
+/// single place.
 pub(crate) fn vocabulary() -> Vec<Box<dyn Effect>> {
     vec![
         Box::new(joint_offset::JointOffset),

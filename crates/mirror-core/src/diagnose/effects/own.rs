@@ -38,20 +38,20 @@ pub enum OwnAxis {
 pub struct OwnPlace {
     /// `joint:J`, `marker:M`, `link:L` or `camera`.
     pub at: String,
-    /// A weight for each frame, one list a parameter.
+    /// A weight for each frame, one list for each parameter.
     pub weights: Vec<Vec<f64>>,
 }
 
 /// An effect that a user brings.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OwnEffect {
-    /// Its word.
+    /// Its name.
     pub name: String,
     /// What happens, in a sentence.
     pub words: String,
     /// Its parameters.
     pub parameters: Vec<OwnParameter>,
-    /// Where it may be, with its weights there.
+    /// The places where it may occur, with its weights there.
     pub places: Vec<OwnPlace>,
 }
 
@@ -64,7 +64,7 @@ pub struct Quantities {
     pub joint_names: Vec<String>,
     /// The link that each joint moves.
     pub link_names: Vec<String>,
-    /// Whether the joint moves what is seen against who sees it: others cannot be diagnosed.
+    /// Whether the joint moves the observed markers relative to the observer; others cannot be diagnosed.
     pub seen: Vec<bool>,
     /// Markers, in the order of their columns.
     pub marker_names: Vec<String>,
@@ -149,11 +149,11 @@ impl Effect for Tabulated {
     }
 }
 
-/// Own effects as hypotheses of a scene.
+/// A user's effects as hypotheses of a scene.
 ///
 /// # Errors
-/// A name of the vocabulary or one given twice; a place that is not there; weights of another length, not finite, or zero
-/// throughout; an axis that is missing or does not fit the place; a prior that is not above 0.
+/// A name of the vocabulary or a duplicate name; a place that does not exist; weights of another length, not
+/// finite, or zero throughout; an axis that is missing or does not fit the place; a prior that is not above 0.
 pub(crate) fn own_effects(own: &[OwnEffect], scene: &Scene) -> Result<Vec<Box<dyn Effect>>> {
     let mut taken: Vec<String> = vocabulary().iter().map(|e| e.name().to_owned()).collect();
     taken.extend(["geometry".to_owned(), "pairing".to_owned(), "none".to_owned()]);

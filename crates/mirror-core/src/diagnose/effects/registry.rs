@@ -24,15 +24,15 @@ pub struct EffectInfo {
     pub parameters: Vec<String>,
     /// Its law: θ the joint's position, q the commanded one, τ gravity's torque, t time.
     pub law: &'static str,
-    /// What happens, for a person.
+    /// What happens, in words for the reader.
     pub words: String,
     /// What to do about it.
     pub remedy: &'static str,
-    /// The file that holds it once it is known.
+    /// The file into which it is written.
     pub written_to: WrittenTo,
     /// Whether commands can be shifted against it (`correct --feed-forward`).
     pub fed_forward: bool,
-    /// At a joint: which term of its law each parameter is, in the order of the parameters; else empty.
+    /// At a joint: which term of the joint law each parameter is, in the order of the parameters; otherwise empty.
     pub joint_law: &'static [JointTerm],
     /// What it looks like in the data.
     pub signature: &'static str,
@@ -42,7 +42,8 @@ pub struct EffectInfo {
     pub confused_with: &'static str,
 }
 
-/// The vocabulary of effects, in words. `geometry` (small errors everywhere) and `pairing` (slipped rows) are tried beside them.
+/// The vocabulary of effects, in words. `geometry` (small errors everywhere) and `pairing` (slipped rows) are
+/// separate.
 pub fn effects() -> Vec<EffectInfo> {
     vocabulary().iter().filter_map(|e| info(e.as_ref())).collect()
 }

@@ -16,11 +16,12 @@ use crate::robot::JointTerm;
 
 /// See the module.
 pub(crate) struct Stiction {
-    /// Whether it droops under its load. Not where compliance is left out of the vocabulary: droop is the same at a servo.
+    /// Whether it droops under its load. Not if compliance is left out of the vocabulary: droop is the same at a
+    /// servo.
     pub droops: bool,
 }
 
-/// Where the joint rests in a frame, and how that depends on dead band and droop.
+/// The joint's rest position in a frame, and its derivatives by dead band and droop.
 struct Rest {
     error: f64,
     by_band: f64,
@@ -28,7 +29,7 @@ struct Rest {
 }
 
 impl Stiction {
-    /// Follows the joint from row to row: it moves only as far as the servo's pull exceeds friction, so that it comes to rest
+    /// Follows the joint from row to row: it moves only as far as the servo's torque exceeds friction. So it stops
     /// within `± d` of where the drooping servo would hold it without friction, and stays there while it can.
     fn followed(scene: &Scene, n: NodeId, band: f64, droop: f64) -> Vec<Rest> {
         let band = band.max(LEAST_PLAY_RAD);

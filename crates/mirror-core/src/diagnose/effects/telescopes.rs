@@ -7,13 +7,13 @@ use crate::diagnose::model::solver::NEGLIGIBLE;
 use crate::diagnose::model::telescope::Telescope;
 use crate::diagnose::principles::{Guard, Prior};
 
-/// Where the overlap of the tubes would end, in multiples of the farthest that the joints' limits let them out: guides that hold something are left
-/// with a fifth of the way.
+/// Extension at which the overlap of the tubes would be zero, in multiples of the largest extension that the
+/// joints' limits allow: loaded guides keep a fifth of the stroke.
 const END: Prior = 1.2;
-/// The overlap ends beyond what was commanded by at least so much.
+/// The overlap is zero at least this far beyond the largest commanded extension.
 const LEAST_OVERLAP: Guard = 1.02;
 
-/// The last sliding joint of each column that moves what is seen, was moved, and is loaded.
+/// The last prismatic joint of each column that moves the observed markers, was moved, and is loaded.
 pub(super) fn columns_last(scene: &Scene) -> impl Iterator<Item = NodeId> + '_ {
     let nodes = &scene.body.nodes;
     let is_inner = move |n: NodeId| {
@@ -42,8 +42,9 @@ pub(super) fn largest_moment(scene: &Scene, n: NodeId) -> f64 {
     (0..2).flat_map(|k| moment_across(scene, n, k)).fold(0.0, |largest: f64, m| largest.max(m.abs()))
 }
 
-/// By what a column gives way more for being out, frame by frame, m: `h = e/(1 − e/D)`, e its extension and D where its overlap ends,
-/// [`END`] times the farthest that the limits allow; h is e itself where they allow anything. It depends on nothing of the session but e.
+/// Growth of a column's flexibility with its extension, frame by frame, m: `h = e/(1 − e/D)`, e its extension and D
+/// where its overlap is zero, [`END`] times the largest that the limits allow; h is e itself where there are no
+/// limits. It depends on nothing else of the session.
 pub(super) fn slackening_m(scene: &Scene, n: NodeId) -> Vec<f64> {
     let (Some(telescope), Some(out)) = (scene.body.nodes[n].column(), scene.extensions_m(n)) else {
         return vec![0.0; scene.frames];

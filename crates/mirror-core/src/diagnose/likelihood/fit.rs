@@ -12,12 +12,12 @@ use crate::error::Result;
 use nalgebra::{DMatrix, DVector};
 use std::sync::Arc;
 
-/// The group of many small errors that is fitted beside the causes: columns with a common spread each.
+/// The group of small errors that is fitted together with the causes: columns with a common scale for each kind.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Group {
     pub columns: Vec<Column>,
     pub prior_std: Vec<f64>,
-    /// Which of the first columns are never negative; those beyond its end may be.
+    /// Which of the first columns cannot be negative; later ones can.
     pub positive: Vec<bool>,
 }
 
@@ -34,7 +34,7 @@ pub(crate) struct Fit {
     pub model: Model,
     /// Log marginal likelihood (Laplace), up to a constant that all models of the recording share.
     pub log_evidence: f64,
-    /// −2 log likelihood with the priors' penalty: what the parameters leave.
+    /// −2 log likelihood with the priors' penalty, at the fitted parameters.
     pub misfit: f64,
     /// Covariance of all parameters: nuisances, group, then the terms' in order.
     pub covariance: DMatrix<f64>,
@@ -115,7 +115,7 @@ impl Active {
         }
     }
 
-    /// The values after a step; those that cannot be negative end at 0.
+    /// The values after a step; those that cannot be negative are limited to 0.
     pub fn values_moved_by(&self, step: &DVector<f64>) -> Vec<f64> {
         let moved = self.values.iter().zip(step.iter()).zip(&self.positive);
         moved.map(|((v, s), positive)| if *positive { (v + s).max(0.0) } else { v + s }).collect()
@@ -143,11 +143,11 @@ impl Active {
     }
 }
 
-/// Fits all parameters of a model to the frames that count.
+/// Fits all parameters of a model to the frames in use.
 ///
-/// Minimises `−2 log L + Σ (θ/σ₀)²` by damped Gauss–Newton, reweighted by the mixture likelihood; parameters that cannot be
-/// negative are held at 0 where they would be. The evidence is Laplace's:
-/// `log Z = −(cost + penalty)/2 − ½ log det(I + S A S)`, `S = diag σ₀`, A the information of the data.
+/// Minimises `−2 log L + Σ (θ/σ₀)²` by damped Gauss–Newton, reweighted by the mixture likelihood. Parameters that
+/// cannot be negative are held at 0 where they would be. The evidence is Laplace's: `log Z = −(cost + penalty)/2 −
+/// ½ log det(I + S A S)`, `S = diag σ₀`, A the information of the data.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.
@@ -220,14 +220,14 @@ pub(crate) fn fit_below(
             break;
         }
     }
-    // The planes of frames that did not count are not known.
+    // The planes of frames that were not used are unknown.
     if mask.is_none() && !normal.planes.feet.is_empty() {
         model.planes = Some(Arc::new(core::mem::take(&mut normal.planes.feet)));
     }
     Ok(summary(model, &normal, &active))
 }
 
-/// The normal equations of a model where it stands, and its parameters in their order.
+/// The normal equations of a model at its current values, and its parameters in their order.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.
@@ -247,8 +247,8 @@ pub(super) fn linearise(
     Ok((normal, active))
 }
 
-/// The step in coordinates scaled by the priors, in which damping treats all parameters alike; parameters that rest at 0
-/// and are pushed below it are left out. With it what it gains if all is linear, `gᵀ H⁻¹ g`.
+/// The step in coordinates scaled by the priors, in which damping treats all parameters alike. Parameters at 0 that
+/// are pushed below it are left out. Also returns the gain if everything is linear, `gᵀ H⁻¹ g`.
 fn step(normal: &Normal, active: &Active, damping: f64) -> Option<(DVector<f64>, f64)> {
     let count = active.values.len();
     let s = DVector::from_column_slice(&active.prior_std);

@@ -9,7 +9,7 @@ use crate::error::Result;
 use core::ops::Range;
 use nalgebra::{DMatrix, DVector};
 
-/// A model's normal equations where it stands: for questions that need no fit.
+/// A model's normal equations at its current values, for questions that need no fit.
 pub(crate) struct Linearised {
     normal: Normal,
     active: Active,
@@ -40,11 +40,12 @@ impl Linearised {
         first..first + model.terms[i].parameters.len()
     }
 
-    /// A model with some of its parameters at other values, all others moved to where the linear model has its optimum then:
-    /// `δ_r = −(H_rr + P_r)⁻¹ H_ro δ_o`. None where numbers overflow.
+    /// A model with some of its parameters at other values, and all others at the optimum of the linear model given
+    /// these: `δ_r = −(H_rr + P_r)⁻¹ H_ro δ_o`. None where numbers overflow.
     ///
-    /// A cause that is taken out leaves the others where they were best beside it. Seen from there every observation that it explained looks
-    /// false and has no weight: a fit that starts there would never find that the others can explain it as well.
+    /// If a cause is removed, the other parameters stay at their optimum with it. There every observation that the
+    /// cause explained looks false and has no weight, so a fit from there would never find that the others can
+    /// explain it as well.
     pub fn moved_with(&self, model: &Model, own: &Range<usize>, to: &[f64]) -> Option<Model> {
         let (active, h) = (&self.active, &self.normal.h);
         let rest: Vec<usize> = (0..active.values.len()).filter(|i| !own.contains(i)).collect();
@@ -70,8 +71,8 @@ impl Linearised {
         self.active.first_group
     }
 
-    /// What the data tell of some parameters once all others are free within their priors, `A = H_oo − H_or (H_rr + P_r)⁻¹ H_ro`;
-    /// none where numbers overflow.
+    /// The information of the data on some parameters with all others free within their priors, `A = H_oo − H_or
+    /// (H_rr + P_r)⁻¹ H_ro`; none where numbers overflow.
     pub fn information_of(&self, own: &[usize]) -> Option<DMatrix<f64>> {
         let h = &self.normal.h;
         let rest: Vec<usize> = (0..self.active.values.len()).filter(|i| !own.contains(i)).collect();
@@ -109,8 +110,9 @@ impl Linearised {
         values.iter().chain(&variances).all(|x| x.is_finite()).then_some((values, variances))
     }
 
-    /// Log evidence of other columns in the place of the i-th cause's, at the best parameters of the linear model; `others` holds one set a
-    /// variant, as many as the cause has, behind the model's own columns in the normal equations. None where numbers overflow.
+    /// Log evidence of other columns in the place of the i-th cause's, at the optimum of the linear model; `others`
+    /// holds one set for each variant, as many as the cause has, after the model's own columns in the normal
+    /// equations. None where numbers overflow.
     ///
     /// With r the residuals at the present parameters p of the columns X, those without the cause are `r + X p`.
     fn log_evidence_instead(&self, own: &Range<usize>, others: &Range<usize>) -> Option<f64> {
@@ -154,7 +156,8 @@ impl Linearised {
     }
 }
 
-/// Values of a cause's discrete unknown, the likeliest first: by the evidence of one linear model that has the columns of all of them.
+/// Values of a cause's discrete unknown, the most probable first: by the evidence of one linear model with the
+/// columns of all of them.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.

@@ -13,24 +13,24 @@ use crate::error::Result;
 use nalgebra::{SMatrix, SVector, Vector2};
 use rayon::prelude::*;
 
-/// Noise below this is not believed (px): the tables are rounded at 1e-4 px, and noise-free sessions must not divide by 0.
+/// Lower bound of the noise (px): tables are rounded at 1e-4 px, and noise-free sessions must not divide by 0.
 const LEAST_PIXEL_STD_PX: Guard = 0.005;
-/// Rows of a posture whose free markers leave less than this many of them over say nothing of the noise.
+/// Rows of a posture with fewer degrees of freedom left by its free markers give no estimate of the noise.
 const LEAST_LEFT: Guard = 1.5;
-/// Corners beside the mirror's three numbers that a board must have to tell what its optics leave.
+/// Corners beyond the mirror's three parameters that a board must have to estimate the optics' residual.
 const LEAST_OF_A_BOARD: Guard = 1.0;
 /// A stated noise is a rule of thumb, one figure for corners and blobs, which differ by two commonly: relative, one
 /// standard deviation.
 pub(crate) const STATED_LOG_STD: Prior = 0.3;
-/// A noise that fell by no more than this factor is as it was.
+/// A noise that fell by no more than this factor counts as unchanged.
 pub(crate) const SETTLED: Guard = 0.9;
 
 /// Estimates the noise of corners and markers.
 ///
-/// * Corners: residuals of each board at its best plane, less a smooth picture of any wrong optics (the eight columns of a
-///   homography), pooled by the median over frames.
-/// * Markers: what the views of one posture disagree on when every marker is set free, pooled by the median over postures;
-///   where postures have one view only, what the session states, or the corners' noise.
+/// * Corners: residuals of each board at its best plane, minus a smooth picture of any wrong optics (the eight
+///   columns of a homography), pooled by the median over frames.
+/// * Markers: the disagreement of the views of one posture with every marker free, pooled by the median over
+///   postures; where postures have one view only, what the session states, or the corners' noise.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.
@@ -57,10 +57,10 @@ pub(crate) fn estimate(problem: &Problem, deformation: &Deformation, stated: Noi
         }
     }
     if problem.camera.is_none() {
-        // No noise is larger than what is left in all.
+        // The noise cannot exceed the total of the residuals.
         let least = Noise { point_m: NEGLIGIBLE, ..noise };
         let left = effective(problem, deformation, least, None)?.point_m;
-        // A stated noise is too large where less is left than chance, and what parameters take, allow.
+        // A stated noise is too large if the residuals are smaller than chance and the fitted parameters allow.
         if left < NEARLY_ALL * noise.point_m {
             noise.point_m = left;
         }
@@ -69,8 +69,8 @@ pub(crate) fn estimate(problem: &Problem, deformation: &Deformation, stated: Noi
     Ok(noise)
 }
 
-/// The variance ratio whose χ² medians match the data's: the median of `χ²/ν` over the median of a χ² of that many degrees
-/// of freedom (Wilson and Hilferty), each group weighted alike.
+/// The variance ratio whose χ² medians match the data's: the median of `χ²/ν` over the median of a χ² of that many
+/// degrees of freedom (Wilson and Hilferty), with equal weights of all groups.
 fn median_variance(mut groups: Vec<(f64, f64)>) -> Option<f64> {
     if groups.is_empty() {
         return None;
@@ -96,7 +96,8 @@ fn corner_noise(problem: &Problem) -> Result<Option<f64>> {
     Ok(median_variance(groups).map(f64::sqrt))
 }
 
-/// Sum of squares of what a homography's eight columns leave of a residual field, and its degrees of freedom.
+/// Sum of squares of a residual field after the eight columns of a homography are fitted to it, and its degrees of
+/// freedom.
 fn smooth_part_removed(residuals: &[(Vector2<f64>, Vector2<f64>)]) -> Option<(f64, f64)> {
     let count = residuals.len();
     if count < 8 {
@@ -121,8 +122,8 @@ fn smooth_part_removed(residuals: &[(Vector2<f64>, Vector2<f64>)]) -> Option<(f6
 
 /// The noise at which a model's residuals would be as large as they are: never below the measurement's own.
 ///
-/// While causes are missing, the residuals are far above the measurement's noise, and good observations must not look
-/// false because of it. The scale is a root mean square without the largest 2 %.
+/// While causes are missing, the residuals are far above the measurement's noise, and good observations must not
+/// look false for that reason. The scale is a root mean square without the largest 2 %.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.
@@ -167,8 +168,8 @@ pub(crate) fn effective(
     })
 }
 
-/// Share of the largest residuals that is left out where a scale is estimated: twice as many as are false in most sessions. More false ones
-/// are reported, and examined again.
+/// Share of the largest residuals that is left out of an estimate of scale: twice the share of false observations
+/// in most sessions. A larger share is reported, and examined again.
 pub(crate) fn trimmed_share() -> f64 {
     2.0 * OUTLIER_FRACTION
 }
@@ -182,7 +183,8 @@ fn trimmed_std(squares: &mut [f64], dimensions: f64) -> Option<f64> {
     Some((squares[..kept].iter().sum::<f64>() / kept as f64 / dimensions).sqrt())
 }
 
-/// Variance of the board corners' residuals at their own best planes over the noise's, less 1: what the optics leave.
+/// Variance of the board corners' residuals at their own best planes over the noise's, minus 1: the share of the
+/// optics.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.

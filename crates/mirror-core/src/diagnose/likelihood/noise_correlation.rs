@@ -12,9 +12,9 @@ use crate::diagnose::principles::{Guard, Size, Threshold};
 use crate::error::Result;
 use nalgebra::{DMatrix, DVector, Vector3};
 
-/// No correlation is believed beyond this: a slow error is no noise.
+/// Upper bound of a correlation: a slower error is not noise.
 const MOST_CORRELATION: Guard = 0.6;
-/// A correlation is believed from this many of its standard deviations on.
+/// A correlation is accepted from this many of its standard deviations on.
 const CLEAR_DEVIATIONS: Threshold = 2.0;
 /// An error of the detector has faded after so many frames: by 0.6 each it is down to 0.017.
 const SLOW: Size = 8;
@@ -65,13 +65,14 @@ fn corners_together(problem: &Problem) -> Result<f64> {
     let seen = product / squares;
     let scatter = (2.0 * frames * grid.neighbours.len() as f64).sqrt().recip()
         * (grid.neighbours.len() as f64 / problem.corners.len() as f64);
-    // The smooth part that was taken away held more of correlated noise than of white: what is seen is compared with what
-    // each correlation would leave.
+    // The smooth part that was removed contained more of the correlated noise than of white noise, so the observed
+    // correlation is compared with what each true correlation would leave.
     let none = grid.left_of(0.0);
     if seen < none.ratio() + CLEAR_DEVIATIONS * scatter {
         return Ok(1.0);
     }
-    // The ratio rises with the correlation: halved until the two ends differ by less than what is seen scatters.
+    // The ratio rises with the correlation: bisection until the interval is smaller than the scatter of the
+    // observed value.
     let (mut low, mut high) = (0.0, MOST_CORRELATION);
     let (mut below, mut found) = (none.ratio(), grid.left_of(high));
     while found.ratio() > seen && found.ratio() - below > scatter {
@@ -109,7 +110,8 @@ impl Left {
 }
 
 fn grid(corners: &[Vector3<f64>]) -> Option<Grid> {
-    // Where smooth functions take more than half of the numbers away little is left to tell a correlation by.
+    // If smooth functions remove more than half of the degrees of freedom, too little is left to estimate a
+    // correlation.
     if corners.len() < 2 * SMOOTH {
         return None;
     }
@@ -149,11 +151,13 @@ impl Grid {
     }
 }
 
-/// By how much the noise that the views of one posture show is to be widened, so that a posture is as uncertain as it is: n successive
-/// errors that correlate by r at a distance of one differ by `σ² (1 − r̄)` and have a mean of variance `σ² (1 + (n − 1) r̄) / n`, r̄ the mean of
-/// `r^|i − j|` over their pairs. 1 where errors do not linger, or postures have one view.
+/// Factor for the noise that the views of one posture show, so that the uncertainty of a posture is right: n
+/// successive errors that correlate by r at a distance of one differ by `σ² (1 − r̄)` and have a mean of variance
+/// `σ² (1 + (n − 1) r̄) / n`, r̄ the mean of `r^|i − j|` over their pairs. 1 where errors are uncorrelated, or
+/// postures have one view.
 ///
-/// Only what fades within a few frames counts: an error that is the same [`SLOW`] frames later is one of the body, or of the camera's mount.
+/// Only correlation that decays within a few frames counts: an error that is the same [`SLOW`] frames later is one
+/// of the body, or of the camera's mount.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.
@@ -174,8 +178,8 @@ pub(crate) fn widening_of_views(problem: &Problem, deformation: &Deformation, no
     Ok(((1.0 + (views - 1.0).max(0.0) * shared) / (1.0 - shared)).sqrt())
 }
 
-/// Correlation of a marker's residuals in successive frames of different postures: of an error of the detector that
-/// lingers, not of one of the body, which the next posture changes. 0 where it is not clear.
+/// Correlation of a marker's residuals in successive frames of different postures: of a detection error that
+/// persists, not of an error of the body, which the next posture changes. 0 where it is not significant.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.
@@ -204,7 +208,7 @@ fn correlation_after(problem: &Problem, deformation: &Deformation, noise: Noise,
                 }
             });
         }
-        // The row of the frame that came `lag` frames before is the one that this frame takes.
+        // The row of the frame `lag` frames before is the one that this frame takes.
         let row = &mut seen[markers * (frame % lag)..][..markers];
         if frame >= lag && problem.posture[frame] != problem.posture[frame - lag] {
             for (a, b) in row.iter().zip(&now).filter_map(|(a, b)| a.zip(*b)) {

@@ -40,7 +40,8 @@ impl Planes {
     }
 }
 
-/// The dot product, in sums kept apart, so that it need not wait for each addition and can use vector registers.
+/// The dot product, in several partial sums, so that additions need not wait for each other and vector registers
+/// are used.
 #[inline(always)]
 fn dot(x: &[f64], y: &[f64]) -> f64 {
     let (xs, ys) = (x.chunks_exact(LANES), y.chunks_exact(LANES));
@@ -262,7 +263,8 @@ pub(crate) fn chunks(frames: usize) -> Vec<core::ops::Range<usize>> {
         .collect()
 }
 
-/// Chunks whose sums are held at once: enough for many cores, and no more memory for long sessions than for short ones.
+/// Chunks whose sums are kept at once: enough for many cores, and no more memory for long sessions than for short
+/// ones.
 const CHUNKS_A_ROUND: Size = 16;
 
 /// The chunks in rounds: each round's sums are added up, in order, before the next begins.

@@ -15,8 +15,8 @@ use crate::error::Result;
 use nalgebra::{DMatrix, DVector, Vector3};
 use rayon::prelude::*;
 
-/// How far something that may sit anywhere is from its prediction, m and rad: a free marker, whose depth this keeps finite where only one
-/// view shows it; what has slipped.
+/// Prior standard deviation of a free pose from its prediction, m and rad: for a free marker, whose depth it keeps
+/// finite where only one view shows it; for a part that slipped.
 pub(crate) const FREE_STD: Prior = 0.05;
 
 /// A marker of one posture, measured.
@@ -38,9 +38,9 @@ pub(crate) struct FreePosture {
     /// χ² of the markers' rows with the markers at their prediction, and set free.
     pub chi2_predicted: f64,
     pub chi2_free: f64,
-    /// Rows less what the free markers take up.
+    /// Rows minus what the free markers explain.
     pub freedom_left: f64,
-    /// What the free markers take up.
+    /// What the free markers explain.
     pub freedom_taken: f64,
     /// RMS pixel residual of the markers (none without image points), sum of squares and count.
     pub pixel_square_sum: f64,
@@ -160,7 +160,7 @@ fn free_posture(problem: &Problem, task: &Task<'_>, frames: Vec<usize>, work: &m
     let Some(factor) = (&data + DMatrix::identity(n, n) * prior).cholesky() else { return out };
     let solution = factor.solve(&gradient);
     let covariance = factor.inverse();
-    // The estimate's scatter under noise alone: C H C, smaller than C where the prior holds it.
+    // The estimate's covariance under noise alone: C H C, smaller than C where the prior limits it.
     let scatter = &covariance * &data * &covariance;
     // Effective number of parameters: trace of the hat matrix.
     let taken = (&covariance * &data).trace();

@@ -19,7 +19,7 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 use std::collections::HashMap;
 
-/// What the score test says of one hypothesis.
+/// The result of the score test of one hypothesis.
 #[derive(Debug, Clone)]
 pub(crate) struct Score {
     pub hypothesis: usize,
@@ -28,19 +28,20 @@ pub(crate) struct Score {
     pub log_bayes: f64,
     /// The linearised estimate.
     pub parameters: Vec<f64>,
-    /// What the data tell of the parameters once all that the model has already is free: the inverse of their covariance.
+    /// The information on the parameters with everything in the model free: the inverse of their covariance.
     pub information: DMatrix<f64>,
-    /// `L⁻¹ B p` of these parameters p: what they change for all that the model has already.
+    /// `L⁻¹ B p` of these parameters p: the change of all that the model already contains.
     pub across: DVector<f64>,
 }
 
-/// The Cholesky factor L of what a model has already, and `L⁻¹ g` of its gradient.
+/// The Cholesky factor L of the model's columns, and `L⁻¹ g` of its gradient.
 type Base = (Cholesky<f64, Dyn>, DVector<f64>);
 
-/// All hypotheses scored, best first, beside what the model has already.
+/// All hypotheses scored, best first, given the model.
 pub(crate) struct Screening {
     pub scores: Vec<Score>,
-    /// The misfit of the model as it stands; none where a fit of it sees the board's corners otherwise.
+    /// The misfit of the model at its current values; none if a fit of it changes which of the board's corners are
+    /// visible.
     pub misfit: Option<f64>,
     base: Option<Base>,
 }
@@ -72,7 +73,7 @@ struct Sums {
     g: DVector<f64>,
 }
 
-/// What is screened beside what.
+/// The input of a screening.
 struct Screened<'a> {
     active: &'a [Column],
     /// The candidates' atoms first; each with the active columns that it has.
@@ -115,7 +116,8 @@ impl Part {
     }
 }
 
-/// Scores all hypotheses that are not yet in the model, best first, beside what it has already, which each of them moves along.
+/// Scores all hypotheses that are not yet in the model, best first, given the model; its parameters move with each
+/// of them.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.
@@ -290,7 +292,7 @@ fn not_negative(a: &DMatrix<f64>, g: &DVector<f64>, unbound: DVector<f64>) -> DV
     solution
 }
 
-/// Reusable memory. The residual stands behind the active columns.
+/// Reusable memory. The residual is stored after the active columns.
 struct Scratch {
     work: FrameWork,
     /// Vectors of the atoms, and where each is not 0; none where it is absent from the frame.

@@ -431,7 +431,10 @@ fn warnings(findings: &Findings<'_>) -> Vec<String> {
         ));
     }
     if scene.marker_names.len() == 1 {
-        out.push("one marker only: joints behind one another are hard to tell apart; add a marker on each link of interest".into());
+        out.push(
+            "one marker only: joints in series are hard to separate; add a marker on each link of interest"
+                .into(),
+        );
     }
     if findings.false_share > trimmed_share() {
         out.push(format!(
@@ -448,7 +451,7 @@ fn warnings(findings: &Findings<'_>) -> Vec<String> {
         .collect();
     if !still.is_empty() {
         out.push(format!(
-            "joints that never moved: {}; of them only a constant error can be seen",
+            "joints that never moved: {}; only a constant error of these can be seen",
             still.join(", ")
         ));
     }

@@ -17,8 +17,8 @@ pub(crate) fn background_was_taken(data: &Data) -> Option<String> {
         counts.iter().map(|(target, count)| format!("{target} ({count} times)")).collect();
     (!told.is_empty()).then(|| {
         format!(
-            "something that stands still in the pictures was taken for {}, and is left out: look at its pixel in the list of what was left out, cover that \
-             thing or give the marker another colour, and record again; of a marker that was never seen nothing is known",
+            "an object that stands still in the pictures was detected as {}, and is left out: look at its pixel in the list of what was left out, cover the \
+             object or give the marker another colour, and record again; nothing is known of a marker that was never seen",
             told.join(", ")
         )
     })
@@ -33,8 +33,8 @@ pub(crate) fn hangs_on_regions(gap: &Gap) -> Option<String> {
     };
     (told < LEAST_HELD_OUT_RATIO * other).then(|| {
         format!(
-            "the choice of causes hangs on few postures: chosen anew without one region of the postures, other causes come out for {} of {} regions, \
-             and predict what was left out to {other:.2} {unit} instead of {told:.2} {unit}; check the causes on a session of other postures (--check)",
+            "the selection of causes depends on few postures: if it is repeated without one region of the postures, other causes are selected for {} of {} regions, \
+             and they predict that region to {other:.2} {unit} instead of {told:.2} {unit}; check the causes on a session of other postures (--check)",
             anew.changed, anew.regions
         )
     })
@@ -56,7 +56,7 @@ pub(crate) fn reserve(diagnosis: &mut Diagnosis, findings: &Findings<'_>) {
         diagnosis.verdict = Verdict::Unknown;
     }
     if diagnosis.verdict == Verdict::Explained && is_far {
-        diagnosis.sentence += " Yet what they leave is far above the noise floor: something else is there.";
+        diagnosis.sentence += " But the remaining gap is far above the noise floor: there is another cause.";
         diagnosis.verdict = Verdict::Partial;
     }
     // Where nothing was held out and predicted, nothing is known to agree.
@@ -79,10 +79,10 @@ pub(crate) fn reserve(diagnosis: &mut Diagnosis, findings: &Findings<'_>) {
     if budget.is_spent() {
         diagnosis.sentence += match diagnosis.verdict {
             Verdict::Partial | Verdict::Unknown => {
-                " The search ended at its limit of work: a cause may be among those known."
+                " The search ended at its limit of work: an effect of the vocabulary may still explain it."
             }
             Verdict::Explained if diagnosis.causes.iter().any(|c| c.kind != "data") => {
-                " The search ended at its limit of work: something else that was not looked at may be as likely as each cause."
+                " The search ended at its limit of work: a hypothesis that was not tested may be as probable as each cause."
             }
             _ => "",
         };

@@ -21,7 +21,7 @@ pub(crate) fn sentence(verdict: Verdict, causes: &[Cause], places: &[Where], gap
             after * 1e3,
             floor * 1e3
         ),
-        (None, _) => "no gap can be told".to_owned(),
+        (None, _) => "no gap could be computed".to_owned(),
     };
     let sizes = format!("{sizes}, on postures that the fit did not see");
     let names: Vec<String> = causes.iter().map(name).collect();
@@ -32,7 +32,7 @@ pub(crate) fn sentence(verdict: Verdict, causes: &[Cause], places: &[Where], gap
         ),
         Verdict::Explained => format!("The gap is explained by {} ({sizes}).", listed(&names)),
         Verdict::Partial if !gap.is_told() => format!(
-            "Named: {}. No marker was left to predict, so that how far it closes the gap is not known.",
+            "Named: {}. No marker was left to predict, so it is not known how far this closes the gap.",
             listed(&names)
         ),
         Verdict::Partial => {

@@ -43,7 +43,7 @@ pub fn diagnose(
 ) -> Result<Diagnosis> {
     let hung = options.allows("pairing");
     let prepared = |options: &DiagnoseOptions, known: Option<&Known>| {
-        options.progress.enter("looking for whole mistakes");
+        options.progress.enter("searching for gross mistakes");
         Prepared::new(robot, recording, options, known, hung)
     };
     let at_first = prepared(options, None)?;

@@ -154,25 +154,35 @@ impl Reason {
     pub fn words(self) -> &'static str {
         match self {
             Self::Twice => {
-                "a ratio undone as a whole mistake was found again beside it, or to be the model's: it is none"
+                "second diagnosis accepted: a ratio that was undone as a gross mistake was found again as a cause, or does not differ from the model's; it is no mistake"
             }
             Self::Lawless | Self::SaysNothing | Self::Weak => {
-                "a joint that is elsewhere in each posture is so without its column's mistake as well: the column says nothing of it"
+                "second diagnosis accepted: the joint's error is independent in each posture, also without the mistake of its column; the column is unrelated to the joint"
             }
-            Self::Resized => "a focal length took back the pictures' other size: they have the camera's size",
+            Self::Resized => {
+                "second diagnosis accepted: a focal length cancelled the pictures' other size; the pictures have the camera's size"
+            }
             Self::HardlySlipped => {
-                "what slipped by little predicts held-out regions no better: nothing has slipped"
+                "second diagnosis accepted: the small slip does not improve the prediction of held-out regions; nothing slipped"
             }
-            Self::Slip => "a slip leaves no smaller gap on held-out regions: nothing has slipped",
+            Self::Slip => {
+                "second diagnosis accepted: the slip does not make the gap on held-out regions smaller; nothing slipped"
+            }
             Self::InOrder => {
-                "rows that seemed to hold other rows' measurement fit their own, once the causes are known"
+                "second diagnosis accepted: once the causes are known, the rows that seemed to contain other rows' measurements fit their own postures"
             }
-            Self::Pairing => "rows of their own leave no smaller gap on held-out regions: they are in order",
-            Self::FalseTogether => "what was left out as false is explained by a whole mistake",
+            Self::Pairing => {
+                "second diagnosis accepted: leaving out the slipped rows does not make the gap on held-out regions smaller; the rows are in order"
+            }
+            Self::FalseTogether => {
+                "second diagnosis accepted: a gross mistake explains the observations that were left out as false"
+            }
             Self::Unexplained => {
-                "what was left is explained by a whole mistake that does no more than small errors"
+                "second diagnosis accepted: a gross mistake, as small as usual errors, explains the remainder"
             }
-            Self::TooLarge => "a cause larger than such an error ever is was a part of a whole mistake",
+            Self::TooLarge => {
+                "second diagnosis accepted: a cause larger than such an error usually is was part of a gross mistake"
+            }
         }
     }
 }

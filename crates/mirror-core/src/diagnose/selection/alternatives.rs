@@ -267,7 +267,7 @@ fn at_rest(
             let name = |h: usize| search.catalogue.name(&search.problem.scene, h);
             let old = name(found.fit.model.terms[i].hypothesis);
             let new = rival.map_or_else(|| "nothing".to_owned(), |r| name(r.hypothesis));
-            found.trace.push(format!("{old} gives way to {new}, which is more probable"));
+            found.trace.push(format!("{old} is replaced by {new}, which is more probable"));
             found.fit = next;
             *after = gap;
             changed = true;

@@ -21,7 +21,7 @@ pub(crate) fn allow_for_lingering(search: &mut Search<'_>, found: &mut Found) ->
     search.problem.noise = search.measured_noise;
     let mut again = search.run(found.fit.model.clone())?;
     let mut trace = std::mem::take(&mut found.trace);
-    trace.push(format!("errors that linger from view to view: noise {widening:.2} times what views show"));
+    trace.push(format!("detection errors are correlated over frames: noise {widening:.2} times what the views of a posture show"));
     trace.append(&mut again.trace);
     *found = Found { trace, ..again };
     Ok(())

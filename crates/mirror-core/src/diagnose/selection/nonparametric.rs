@@ -131,7 +131,7 @@ pub(crate) fn beside_free_forms<'a>(
     // Laws are never exact, and data that contradict them are many.
     let prior = if free { LOG_PRIOR_STRUCTURE } else { 0.0 };
     let mut trace = found.trace.clone();
-    trace.push(format!("beside free-form errors: log odds {odds:.1}"));
+    trace.push(format!("with free-form errors: log odds {odds:.1}"));
     trace.append(&mut result.trace);
     result.trace = trace;
     Ok((odds + prior > 0.0).then_some((beside, result)))
@@ -229,7 +229,7 @@ pub(crate) fn retract_imitators(search: &Search<'_>, found: &mut Found) -> Resul
     let mut rest = found.fit.model.clone();
     for &i in retracted.iter().rev() {
         let name = search.catalogue.name(&search.problem.scene, terms[i].hypothesis);
-        found.trace.push(format!("{name} imitates a law that the vocabulary has not"));
+        found.trace.push(format!("drop {name}: it imitates a law that the vocabulary lacks"));
         rest.terms.remove(i);
     }
     found.fit = search.fit(&rest, found.noise, 8)?;

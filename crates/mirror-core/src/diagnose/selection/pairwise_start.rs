@@ -47,7 +47,7 @@ pub(crate) fn from_a_pair<'a>(
     let mut result = other.run(start)?;
     let odds = log_odds((&other, &result), (search, found))?;
     let mut trace = found.trace.clone();
-    trace.push(format!("from the likeliest pair instead: log odds {odds:.1}"));
+    trace.push(format!("search from the most probable pair of causes: log odds {odds:.1}"));
     trace.append(&mut result.trace);
     result.trace = trace;
     Ok((odds > 0.0).then_some((other, result)))

@@ -91,7 +91,7 @@ pub(crate) fn beside_restless_joint<'a>(
     let mut trace = found.trace.clone();
     trace.append(&mut its.trace);
     trace.push(format!(
-        "joint:{joint} resting elsewhere each time ({:.2} mrad): log odds {odds:.1}",
+        "joint:{joint} with an independent error in each posture ({:.2} mrad): log odds {odds:.1}",
         spread * 1e3
     ));
     its.trace = trace;
@@ -115,7 +115,8 @@ fn drop_its_own(beside: &Search<'_>, its: &mut Found, (node, first_error): (Node
             continue;
         }
         let name = beside.catalogue.name(&beside.problem.scene, term.hypothesis);
-        its.trace.push(format!("drop {name}: the joint is elsewhere in each posture without it as well"));
+        its.trace
+            .push(format!("drop {name}: the joint's error is independent in each posture, also without it"));
         its.fit = rest;
     }
     Ok(())

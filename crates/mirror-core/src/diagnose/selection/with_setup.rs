@@ -89,7 +89,7 @@ pub(crate) fn with_or_without_setup(
         let displaced = !freed.setup.group.columns.is_empty();
         let prior = if displaced { LOG_PRIOR_STRUCTURE } else { 0.0 };
         let odds = log_odds((&freed.search, &freed.found), (&plain, &more))? + prior;
-        trace.push(format!("with the set-up free, against more causes: log odds {odds:.1}"));
+        trace.push(format!("with free mounts, compared with more causes: log odds {odds:.1}"));
         if odds > 0.0 {
             freed.found.trace = trace;
             *search = freed.search;
@@ -146,7 +146,7 @@ pub(crate) fn with_setup<'a>(
         let mut again = look_again_at_noise(&mut search, &next.fit.model, stated)?;
         if let Some(term) = standing_out(&setup, search.catalogue, &next.fit) {
             let name = search.catalogue.name(&search.problem.scene, term.hypothesis);
-            trace.push(format!("{name} stands out of the other zeros"));
+            trace.push(format!("{name} is an outlier among the zeros"));
             next.fit.model.terms.push(term);
             next.fit = setup.fit(&search.problem, search.catalogue, &next.fit.model, options, search.mask)?;
             search.group = setup.group.clone();
@@ -162,7 +162,7 @@ pub(crate) fn with_setup<'a>(
     let Some(mut found) = result else { return Ok(None) };
     found.fit = search.prune(found.fit, found.noise, &mut trace)?;
     let odds = log_odds((&search, &found), (plain, alone))? + LOG_PRIOR_STRUCTURE;
-    trace.push(format!("with the set-up free ({}): log odds {odds:.1}", told(&setup)));
+    trace.push(format!("with free mounts ({}): log odds {odds:.1}", told(&setup)));
     found.trace = trace;
     if odds < 0.0 {
         return Ok(None);
@@ -174,7 +174,7 @@ pub(crate) fn with_setup<'a>(
         let causes = Model { group: Vec::new(), ..found.fit.model.clone() };
         let mut without = bare.run(causes)?;
         if log_odds((&search, &found), (&bare, &without))? + LOG_PRIOR_STRUCTURE < 0.0 {
-            found.trace.push("the set-up is where the model has it".into());
+            found.trace.push("the mounts are as modelled".into());
             found.trace.append(&mut without.trace);
             without.trace = found.trace;
             return Ok(Some(WithSetup { setup: Geometry::empty(), search: bare, found: without }));

@@ -87,7 +87,9 @@ pub(crate) fn beside_geometry<'a>(
         let causes = Model { group: vec![0.0; named.group.columns.len()], ..found.fit.model.clone() };
         let mut without = bare.run(causes)?;
         if log_odds((&bare, &without), (its_search, alone))? > 0.0 {
-            alone.trace.push("causes that stood out of the small errors, without these:".into());
+            alone
+                .trace
+                .push("outliers of the small errors as single causes, without the small errors:".into());
             alone.trace.append(&mut without.trace);
             without.trace = core::mem::take(&mut alone.trace);
             (*its_search, *alone) = (bare, without);
@@ -99,7 +101,7 @@ pub(crate) fn beside_geometry<'a>(
     let mut better = odds > 0.0 && known;
     let mut unnamed = None;
     let mut told = format!(
-        "beside geometry (spread {:.3} mm, {:.3} mrad): log odds {odds:.1}",
+        "with small errors everywhere (scale {:.3} mm, {:.3} mrad): log odds {odds:.1}",
         geometry.spread(Kind::Length) * 1e3,
         geometry.spread(Kind::Angle) * 1e3
     );
@@ -124,7 +126,7 @@ pub(crate) fn beside_geometry<'a>(
                 unnamed = unexplained(its_search, alone, &left, false)?;
             }
         }
-        told += &format!(", held-out gap {:.3} of that without", with / without.max(1e-30));
+        told += &format!(", held-out gap {:.3} times that without them", with / without.max(1e-30));
     }
     let mut trace = alone.trace.clone();
     trace.append(&mut found.trace);
@@ -189,7 +191,7 @@ fn drop_tolerances(search: &Search<'_>, geometry: &Geometry, found: &mut Found) 
     let scene = &search.problem.scene;
     for term in rest.terms.iter().filter(|t| within(t)) {
         let name = search.catalogue.name(scene, term.hypothesis);
-        found.trace.push(format!("drop {name}: no larger than the tolerance all around"));
+        found.trace.push(format!("drop {name}: no larger than the scale of the small errors"));
     }
     rest.terms.retain(|t| !within(t));
     if rest.terms.len() < found.fit.model.terms.len() {

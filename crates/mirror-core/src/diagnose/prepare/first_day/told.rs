@@ -65,7 +65,7 @@ pub(crate) fn told(
         }
         // Of pairs that share a column the order counts: causes that move alike keep it.
         Mistake::ColumnsSwapped { pairs } => {
-            let words = "several columns, or servos' cables, changed places: exchanges one after the other, as they are listed, put them back";
+            let words = "several columns, or servos' cables, changed places: exchange them one after the other, as they are listed";
             pairs.iter().map(|pair| swapped(*pair, words)).collect()
         }
         Mistake::JointUnit { joint: j, factor } if UNITS.contains(factor) => {
@@ -111,7 +111,7 @@ pub(crate) fn told(
             *j,
             (*first, WHOLE_STD.hypot(rows_of_posture(problem, *first) as f64 / 3f64.sqrt())),
             *last,
-            "the log stands still over a run of rows while the joint moves; what it carries was left out there",
+            "the log stands still over a run of rows while the joint moves; observations of what the joint carries were left out there",
         )],
         Mistake::JointFrozen { joint: j, first, last, .. } => {
             let first = (*first, WHOLE_STD);
@@ -167,7 +167,7 @@ pub(crate) fn told(
             "gravity_direction",
             "robot".into(),
             &[("rx_rad", turn.x, 0.1), ("ry_rad", turn.y, 0.1), ("rz_rad", turn.z, 0.1)],
-            "gravity points elsewhere than the session says",
+            "gravity has another direction than the session states",
         )],
         Mistake::Slip { slip, std } => {
             let first = number(slip.first) as f64;
@@ -181,7 +181,7 @@ pub(crate) fn told(
             for k in from..6 {
                 parameters.push((MOTION[k], slip.motion[k], std[k]));
             }
-            vec![cause("slip", at, &parameters, "from a row on it sits elsewhere")]
+            vec![cause("slip", at, &parameters, "from a row on it has another place")]
         }
         Mistake::Hung { first, last } => {
             let rows = (last + 1 - first) as f64;
@@ -192,7 +192,7 @@ pub(crate) fn told(
                 ("last_frame", number(*last) as f64, 0.0),
                 shift,
             ];
-            let words = "over these rows one measurement is given again and again while the joints go on: the camera, or the tracker, hung; they were left out";
+            let words = "over these rows one measurement is repeated while the joints move: the camera or the tracker hung; the rows were left out";
             vec![cause("pairing", "data".into(), &run, words)]
         }
         // Found, and told, by later stages.
