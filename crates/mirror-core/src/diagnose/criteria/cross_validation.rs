@@ -23,8 +23,8 @@ pub(crate) struct PostureGap {
 
 /// Predicts every region with the parameters fitted to all others: one entry a posture.
 ///
-/// Free-form errors are fitted with the rest and left out of the prediction where it is `of_causes_alone`: what has no name
-/// cannot be added to a model, but the causes' parameters are those that were found beside it.
+/// Free-form errors are fitted with the rest, and left out of the prediction if it is `of_causes_alone`: they
+/// cannot be added to a model, but the causes' parameters were estimated with them.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.
@@ -65,7 +65,7 @@ pub(crate) fn held_out(
     Ok(out)
 }
 
-/// The gap of a deformation on all postures as it stands: one entry a posture.
+/// The gap of a given deformation on all postures, without a fit: one entry a posture.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.
@@ -110,7 +110,7 @@ impl GapSize {
     }
 }
 
-/// The size of a gap, false observations (postures far beyond the others) included: they are part of what was seen.
+/// The size of a gap, false observations (postures far beyond the others) included: they were observed too.
 pub(crate) fn size(gaps: &[PostureGap]) -> GapSize {
     let sum = |f: fn(&PostureGap) -> f64| gaps.iter().map(f).sum::<f64>();
     let compared = sum(|g| g.markers) > 0.0;
@@ -124,7 +124,7 @@ pub(crate) fn size(gaps: &[PostureGap]) -> GapSize {
     }
 }
 
-/// Size of a gap in the unit of what was seen: pixels where there are pictures.
+/// Size of a gap in the unit of the observations: pixels where there are pictures.
 pub(crate) fn seen_size(gaps: &[PostureGap]) -> f64 {
     let size = size(gaps);
     size.rms_px.unwrap_or(size.rms_m)

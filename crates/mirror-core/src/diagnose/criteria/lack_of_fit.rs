@@ -12,15 +12,15 @@ use crate::statistics::{normal_quantile, reduced_chi_squared_at};
 
 /// Quantile of the postures' misfit that is compared with that of χ².
 const QUANTILE: Threshold = 0.7;
-/// Postures of which free markers take up less than this many degrees of freedom tell nothing of the fit.
+/// Postures whose free markers use fewer degrees of freedom than this give no information on the fit.
 const LEAST_TAKEN: Guard = 0.5;
 /// With no more redundant rows than this the noise is the stated one, and
 const FEW_LEFT: Threshold = FEWEST_REDUNDANT_ROWS / 2.0;
-/// its variance is taken to be known as from a hundred rows.
+/// its variance counts as known from a hundred rows.
 const STATED_SCATTER: Prior = 0.02;
 
-/// What a remainder must have, as a share of the noise's variance: it must be a gap, and far from 0 by its own scatter. Smaller ones are
-/// real but do not matter.
+/// The minimum remainder, as a share of the noise's variance: it must be a gap, and significantly above 0. Smaller
+/// remainders are real but negligible.
 pub(crate) fn noticeable_excess() -> f64 {
     A_GAP * A_GAP - 1.0
 }
@@ -28,16 +28,16 @@ pub(crate) fn noticeable_excess() -> f64 {
 /// What is left of a gap, against the noise.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Adequacy {
-    /// Variance of what free markers take up, over the noise's, less 1.
+    /// Variance of what free markers explain, over the noise's, minus 1.
     pub excess: f64,
-    /// From which excess on it stands out of the noise where nothing says how it is made: more, where the session states the noise, no two views of
-    /// a posture show it, and all postures exceed it alike.
+    /// The excess from which it is significant where its structure is unknown: larger where the session states the
+    /// noise, no two views of a posture show it, and all postures exceed it alike.
     pub stands_out_from: f64,
     pub significant: bool,
     pub corners_significant: bool,
 }
 
-/// Tests a model: under noise alone, what setting the markers free gains is χ² of as many degrees as it takes up.
+/// Tests a model: under noise alone, the gain of free markers is χ² with as many degrees of freedom as they use.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.
@@ -58,11 +58,11 @@ pub(crate) fn adequacy(problem: &Problem, deformation: &Deformation, noise: Nois
     let taken: f64 = postures.iter().map(|p| p.freedom_taken).sum();
     let kept = &postures;
     let left: f64 = kept.iter().map(|p| p.freedom_left.max(0.0)).sum();
-    // The noise is itself known from as many degrees as the views leave.
+    // The noise itself is estimated from as many degrees of freedom as the views leave.
     let scatter = (2.0 / taken.max(1.0) + if left > FEW_LEFT { 2.0 / left } else { STATED_SCATTER }).sqrt();
     let of_corners = corner_excess(problem, deformation, noise)?;
-    // A wrong figure for the noise widens all postures alike, but for the few that false observations are in; what is wrong in more of them,
-    // as in a run of rows of which a joint stood still, is no noise.
+    // A wrong noise widens all postures alike, except the few with false observations. If more postures differ, as
+    // in a run of rows in which a joint stood still, it is not the noise.
     let alike = 1.0 + excess_at(1.0 - WORTH_NAMING) < ABOVE_SCATTER.powi(2) * (1.0 + excess);
     let by_rule_of_thumb = problem.camera.is_some() && left < FEWEST_REDUNDANT_ROWS && alike;
     let uncertain = if by_rule_of_thumb { STATED_LOG_STD.exp() } else { 1.0 };

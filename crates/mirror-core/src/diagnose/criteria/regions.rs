@@ -9,10 +9,11 @@ use crate::diagnose::principles::Size;
 /// Regions that are held out in turn.
 pub(crate) const REGIONS: Size = 5;
 
-/// The region of each frame: k-means on the standardised commanded positions of the moving joints, one row a posture.
+/// The region of each frame: k-means on the standardised commanded positions of the moving joints, one row a
+/// posture.
 ///
-/// Starts are spread deterministically (each next start is the posture farthest from those before: Gonzalez 1985), so the
-/// same session always has the same regions. Fewer regions where there are few postures.
+/// Start values are spread deterministically (each next start is the posture farthest from the previous ones:
+/// Gonzalez 1985), so the same session always has the same regions. Few postures have fewer regions.
 pub(crate) fn regions(problem: &Problem) -> Vec<usize> {
     let scene = &problem.scene;
     let groups = postures(problem);

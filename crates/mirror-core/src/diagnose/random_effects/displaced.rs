@@ -16,7 +16,7 @@ pub(crate) fn members_of(setup: &Geometry, effect: &str, place: Place) -> Vec<(u
         .collect()
 }
 
-/// Whether all that a person mounts sits elsewhere: hands leave nothing where the model has it.
+/// Whether all mounts by hand are displaced: hands never place a part exactly as modelled.
 pub(crate) fn all_displaced(setup: &Geometry, fit: &Fit) -> bool {
     setup.mounts().all(|(effect, place)| {
         let columns: Vec<usize> = members_of(setup, effect, place).iter().map(|m| m.0).collect();

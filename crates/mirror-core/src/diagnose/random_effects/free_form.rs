@@ -106,13 +106,14 @@ fn hats(values: &[f64], knots: usize) -> Vec<Vec<f64>> {
         .collect()
 }
 
-/// The stop operator of a path that starts at `from`: how far it is from a slack of half width `reach` that it drags along, −reach to reach. Sums
-/// of a few are any rate-independent hysteresis that Prandtl and Ishlinskii describe: play, Bouc–Wen's law nearly.
+/// The stop operator of a path that starts at `from`: its distance from the centre of a dead zone of half width
+/// `reach` that it drags along, −reach to reach. Sums of a few represent any rate-independent hysteresis of Prandtl
+/// and Ishlinskii: play, and approximately Bouc–Wen's law.
 fn stop(from: f64, path: &[f64], reach: f64) -> Vec<f64> {
     let mut dragged = from;
     path.iter()
         .map(|&q| {
-            // No clamp: positions whose range overflows have no finite reach, and no slack that could be told.
+            // No clamp: positions whose range overflows have no finite reach, and so no dead zone.
             dragged = dragged.max(q - reach).min(q + reach);
             let share = (q - dragged) / reach;
             if share.is_finite() { share } else { 0.0 }
@@ -130,7 +131,7 @@ impl FreeForm {
         Self { what, on, words: on.words(scene) }
     }
 
-    /// The weights of its dependence at a place, one list a column and elementary change.
+    /// The weights of its dependence at a place, one list for each column and elementary change.
     fn weights(&self, scene: &Scene, place: Place) -> Vec<Weight> {
         let frames = 0..scene.frames;
         let of = |f: &dyn Fn(usize) -> f64| -> Vec<f64> { frames.clone().map(f).collect() };
@@ -329,8 +330,8 @@ pub(crate) fn law_columns(scene: &Scene, place: Place, freedom: LawFreedom) -> V
     columns
 }
 
-/// What a bending link does beyond the linear law: about each axis the moment's cube (springs stiffen), and the product of the
-/// moments about the other two (two turns, one after the other, make a third).
+/// Deviations of a bending link from the linear law: about each axis the moment's cube (springs stiffen), and the
+/// product of the moments about the other two (two successive turns produce a third).
 fn beyond_linear(scene: &Scene, n: NodeId) -> Vec<Column> {
     let largest = (0..scene.frames).map(|f| scene.moment(f, n).norm()).fold(1e-12, f64::max);
     let weight = |of: &dyn Fn(&Vector3<f64>) -> f64| {

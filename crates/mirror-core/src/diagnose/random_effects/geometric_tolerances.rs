@@ -25,8 +25,8 @@ use crate::diagnose::principles::{Guard, Size};
 use crate::error::Result;
 use std::collections::HashMap;
 
-/// Angles, lengths of links, places of markers, of the board and of the camera: each kind has its own spread. What a person mounts is
-/// mounted by another tolerance than the links are made.
+/// Angles, lengths of links, places of markers, of the board and of the camera: each kind has its own scale,
+/// because mounts by hand have other tolerances than manufactured links.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Kind {
     Angle,
@@ -36,13 +36,14 @@ pub(crate) enum Kind {
     BoardShift,
     CameraTurn,
     CameraShift,
-    /// How far the joint that is loaded most for its size gives way, rad: all joints do a little, the softer the less torque they are made for.
+    /// Deflection of the joint with the highest load relative to its rated torque, rad. All joints yield a little,
+    /// and more if their rated torque is smaller.
     Spring,
 }
 
 pub(crate) const KINDS: Size = 8;
 
-/// What is known of a spread before the data: its common size, as how many values that counts, and the bounds.
+/// The prior of a scale: its usual size, the number of values as which it counts, and the bounds.
 struct Habit {
     common: f64,
     worth: f64,
@@ -76,12 +77,13 @@ impl Kind {
         }
     }
 
-    /// Whether a person mounts it.
+    /// Whether it is a mount by hand.
     pub fn is_of_setup(self) -> bool {
         !matches!(self, Self::Angle | Self::Length | Self::Spring)
     }
 
-    /// Of all joints and links at most 0.1 rad and 5 cm: what is off by more is no tolerance of manufacture. Of tape and a hand: 3 mm and 1°. Joints' zeros are a few tenths of a degree off at most: more is an error of its own.
+    /// Upper bounds: 0.1 rad and 5 cm for joints and links; larger errors are no manufacturing tolerance. 3 mm and
+    /// 1° for mounts by hand. A few tenths of a degree for joints' zeros; a larger one is a separate error.
     fn habit(self, setup_only: bool) -> Habit {
         let nothing_known = |common: f64, least: f64, most: f64| Habit { common, worth: 0.0, least, most };
         match self {
@@ -111,9 +113,10 @@ pub(crate) struct Geometry {
     stated: Vec<Option<f64>>,
     /// What a spread of 1 is in each column's own unit.
     units: Vec<f64>,
-    /// Whether it holds but the set-up and the joints' zeros, not the links.
+    /// Whether it contains only the mounts and the joints' zeros, not the links.
     pub setup_only: bool,
-    /// Whether board and camera are in it, so that the mounts are told by themselves and not as errors of the robot.
+    /// Whether board and camera are in it, so that the mounts are reported separately and not as errors of the
+    /// robot.
     pub mounted: bool,
 }
 
@@ -125,12 +128,12 @@ pub(crate) fn spring_of(column: &Column) -> Option<NodeId> {
     }
 }
 
-/// How soft each joint is beside the others, rad/N m: `1 / e` with the torque e that it is made for, in a scale in which the joint that is loaded
-/// most for its size gives way by 1 rad.
+/// The relative compliance of each joint, rad/N m: `1 / e` with its rated torque e, scaled so that the joint with
+/// the highest load relative to its rating deflects by 1 rad.
 ///
-/// A gear of twice the torque is about twice as stiff: gears of one series wind up by about the same angle under the torque that they are
-/// made for. Where the URDF does not state it, it is the others' median. Units by the loads of the session instead would make a wrist soft because
-/// it carries little.
+/// A gear of twice the torque is about twice as stiff: gears of one series wind up by about the same angle at their
+/// rated torque. If the URDF does not state it, the median of the others is used. A scale from the loads of the
+/// session instead would make a wrist soft because its loads are small.
 pub(crate) fn softness(scene: &Scene, springs: impl Iterator<Item = NodeId>) -> HashMap<NodeId, f64> {
     let springs: Vec<NodeId> = springs.collect();
     let mut stated: Vec<f64> = springs.iter().filter_map(|&n| scene.body.nodes[n].effort_limit).collect();
@@ -141,7 +144,7 @@ pub(crate) fn softness(scene: &Scene, springs: impl Iterator<Item = NodeId>) -> 
     springs.iter().map(|&n| (n, 1.0 / (effort(n) * most))).collect()
 }
 
-/// An elementary small error in the words of a single effect: its name, place and parameter.
+/// An elementary small error as a single effect: its name, place and parameter.
 pub(crate) fn single_effect(column: &Column) -> Option<(&'static str, Place, &'static str)> {
     let of_axis = |k: usize| ["dx_m", "dy_m", "dz_m"][k];
     let of_pose = |k: usize| ["rx_rad", "ry_rad", "rz_rad", "dx_m", "dy_m", "dz_m"][k];
@@ -162,8 +165,8 @@ pub(crate) fn single_effect(column: &Column) -> Option<(&'static str, Place, &'s
 }
 
 impl Geometry {
-    /// All columns of the group with spreads to start from; with those of board and camera where a set-up was found displaced, and with
-    /// springs where the catalogue has them.
+    /// All columns of the group with start values of the scales; with those of board and camera where displaced
+    /// mounts were found, and with springs where the catalogue has them.
     pub fn new(problem: &Problem, catalogue: &Catalogue, with_setup: bool) -> Self {
         let scene = &problem.scene;
         let mut columns = Vec::new();
@@ -189,7 +192,8 @@ impl Geometry {
         Self::of(columns, problem, false)
     }
 
-    /// What a person mounted, and the joints' zeros; `without` are effects that are switched off. Empty where nothing was mounted.
+    /// The mounts by hand and the joints' zeros; `without` are effects that are switched off. Empty where there are
+    /// no mounts.
     pub fn of_setup(problem: &Problem, without: &[String]) -> Self {
         let scene = &problem.scene;
         let on = |name: &str| !without.iter().any(|w| w == name);
@@ -202,8 +206,8 @@ impl Geometry {
         Self::of(columns, problem, true)
     }
 
-    /// The markers that a person mounted by a tolerance that the session states, as long as `told` has an effect for them. Empty where
-    /// nothing is stated.
+    /// The markers whose mount has a stated tolerance, if `told` has an effect for them. Empty where nothing is
+    /// stated.
     pub fn of_stated_markers(problem: &Problem, told: impl Fn(&'static str, Place) -> bool) -> Self {
         let mut columns: Vec<Column> = markers(&problem.scene).collect();
         columns.retain(|c| {
@@ -218,7 +222,7 @@ impl Geometry {
         Self::with_units(Vec::new(), &Tolerances::default(), Vec::new(), true)
     }
 
-    /// The set-up's displacements of the group, each in the words of its effect, once.
+    /// The displacements of the group's mounts, each once, as its effect.
     pub fn mounts(&self) -> impl Iterator<Item = (&'static str, Place)> + '_ {
         let mut last = None;
         let of_setup = self.group.columns.iter().filter(|c| Kind::of(c).is_of_setup());
@@ -244,7 +248,7 @@ impl Geometry {
         let mut out = Self {
             stated: columns.iter().map(|c| stated(tolerances, c.atom)).collect(),
             units,
-            // A joint gives way in the direction of gravity's torque.
+            // A joint deflects in the direction of gravity's torque.
             group: Group {
                 positive: columns.iter().map(|c| Kind::of(c) == Kind::Spring).collect(),
                 columns,
@@ -270,12 +274,12 @@ impl Geometry {
         self.spreads[kind as usize]
     }
 
-    /// A value of the k-th column in the unit in which its kind is spread.
+    /// A value of the k-th column in the unit of its kind's scale.
     fn of_its_kind(&self, k: usize, value: f64) -> f64 {
         value / self.units[k]
     }
 
-    /// The spread of zeros of which `told` values are told, their squares summing up to `sum`.
+    /// The scale of zeros for which the data determine `told` values, with this sum of squares.
     pub fn usual_zero(&self, sum: f64, told: f64) -> f64 {
         let habit = Kind::Angle.habit(self.setup_only);
         let spread = ((sum + habit.worth * habit.common.powi(2)) / (told + habit.worth).max(1e-9)).sqrt();
@@ -298,8 +302,8 @@ impl Geometry {
             .sum()
     }
 
-    /// Standard deviations of the spreads of angles and of links' lengths. A spread found from n values is known to one part
-    /// in √(2 n); a value of which the data tell only a share counts by that share's square.
+    /// Standard deviations of the scales of angles and of links' lengths. A scale estimated from n values is known
+    /// to one part in √(2 n); a value that the data determine only partly counts by the square of that share.
     pub fn spread_stds(&self, fit: &Fit) -> [f64; 2] {
         let first = fit.model.nuisances.len();
         let mut told = [0.0; KINDS];
@@ -311,8 +315,8 @@ impl Geometry {
         [std(Kind::Angle), std(Kind::Length)]
     }
 
-    /// On how many values the better known of the spreads of angles and lengths rests: each counts by the square of the share by which the
-    /// data narrow it, so that the spread is known to one part in √(2 n).
+    /// The effective number of values of the better known of the scales of angles and lengths: each counts by the
+    /// square of the share by which the data narrow it, so that the scale is known to one part in √(2 n).
     pub fn told(&self, fit: &Fit) -> f64 {
         let first = fit.model.nuisances.len();
         let mut told = [0.0; KINDS];
@@ -323,7 +327,8 @@ impl Geometry {
         told[Kind::Angle as usize].max(told[Kind::Length as usize])
     }
 
-    /// Each small error of the robot in a fit (not of the set-up), in the words of single effects, with its standard deviation of `stds`.
+    /// Each small error of the robot in a fit (not of the mounts), as single effects, with its standard deviation
+    /// from `stds`.
     pub fn members(&self, fit: &Fit, stds: &[f64], scene: &Scene) -> Vec<Member> {
         let told = self.group.columns.iter().zip(&fit.model.group).enumerate();
         told.filter(|(_, (column, _))| self.is_of_robot(column))
@@ -347,15 +352,16 @@ impl Geometry {
         self.group.columns.iter().filter_map(single_effect).any(|(effect, place, _)| (effect, place) == own)
     }
 
-    /// Whether a column is told as an error of the robot.
+    /// Whether a column is reported as an error of the robot.
     pub fn is_of_robot(&self, column: &Column) -> bool {
         !(self.mounted && Kind::of(column).is_of_setup())
     }
 
-    /// Fits a model with the group, and the spreads, in turn.
+    /// Fits a model with the group, and the scales, alternately.
     ///
-    /// At each linear model the spreads are stepped to a maximum of the evidence, `s² ← (Σ μ² + ν s₀²) / (γ + ν)`, with
-    /// `γ = Σ (1 − Σ_kk / s²)` the number of values that the data tell, s₀ the common size and ν as how many values that counts.
+    /// At each linear model the scales are iterated to a maximum of the evidence, `s² ← (Σ μ² + ν s₀²) / (γ + ν)`,
+    /// with `γ = Σ (1 − Σ_kk / s²)` the effective number of values that the data determine, s₀ the usual size and ν
+    /// the number of values as which it counts.
     ///
     /// # Errors
     /// Invalid parameters of the camera or mirror.
@@ -383,8 +389,8 @@ impl Geometry {
         Ok(best)
     }
 
-    /// The spreads that other data than those of a fit have: at a linear model that tells values and variances of the group under given
-    /// prior deviations, stepped until they are settled.
+    /// The scales for other data than those of a fit: at a linear model that gives values and variances of the
+    /// group under given prior deviations, iterated until they converge.
     pub fn learned_from(&mut self, posterior: &dyn Fn(&[f64]) -> Option<Values>) {
         for _ in 0..SOLVER.spread_steps {
             if !self.step_spreads(posterior(&self.group.prior_std)) {
@@ -425,7 +431,7 @@ impl Geometry {
 
 /// Spreads that changed by less than this (log, summed over the kinds) since causes were searched need no second search.
 pub(crate) const SPREADS_SETTLED: Guard = 0.5;
-/// A kind of which the data tell less than this of one value keeps its spread.
+/// A kind of which the data determine less than this of one value keeps its scale.
 const LEAST_TOLD: Guard = 0.05;
 
 /// What the session states of an elementary displacement of a mount, rad or m.

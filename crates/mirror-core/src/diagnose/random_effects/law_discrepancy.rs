@@ -14,7 +14,8 @@ use crate::diagnose::model::problem::Problem;
 use crate::diagnose::principles::Prior;
 use crate::diagnose::random_effects::free_form::law_columns;
 
-/// By how much a law may be wrong, as a share of the largest error that its cause makes (one standard deviation a knot).
+/// Scale of a law's discrepancy, as a share of the largest error that its cause makes (one standard deviation at a
+/// knot).
 pub(crate) const LAW_SHARE: Prior = 0.07;
 
 /// A group with the discrepancy terms of a model's causes behind its own columns, but that of the cause that is `in_question`.
@@ -27,7 +28,7 @@ pub(crate) fn with_slack(
 ) -> Group {
     let mut out = group.clone();
     if model.group.is_empty() {
-        // A group that is not in the model has no values that its columns could take.
+        // A group that is not in the model has no values for its columns.
         out = Group::default();
     }
     for (i, term) in model.terms.iter().enumerate() {

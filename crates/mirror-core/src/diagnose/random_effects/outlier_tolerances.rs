@@ -10,24 +10,27 @@ use crate::diagnose::random_effects::geometric_tolerances::{
 };
 use std::collections::BTreeMap;
 
-/// One error with this share of the squares of all of its kind is no member of a group: of tens that are spread alike the largest
-/// has a tenth or a third. At half a link's length was taken out of a real arm's group, and a spring was lost by it.
+/// An error with this share of the squares of all of its kind is no member of a group: of tens with one scale the
+/// largest has a tenth or a third. With a half, a link's length was removed from a real arm's group, and a spring
+/// was lost by that.
 const OUTLYING_SHARE: Threshold = 0.6;
 /// Of fewer errors than this one is easily the largest by far.
 const FEWEST: Count = 5;
 
-/// Whether an error of so many of a kind is too large to be one of them, by its square and the sum of all squares.
+/// Whether an error is too large for a group of so many of its kind, by its square and the sum of all squares.
 ///
-/// Loads differ by orders of magnitude along an arm: of springs, few or many, one may have most of the squares, and hardly all.
+/// Loads differ by orders of magnitude along an arm, so one of the springs, few or many, may have most of the
+/// squares, but hardly all.
 pub(crate) fn outweighs(kind: Kind, square: f64, total: f64, errors: usize) -> bool {
     let (fewest, share) =
         if kind == Kind::Spring { (2, 1.0 - WORTH_NAMING) } else { (FEWEST, OUTLYING_SHARE) };
     errors >= fewest && square > share * total.max(1e-30)
 }
 
-/// The small errors of a group by hypothesis, each with its kind, its columns and its square, and the sums of squares of all kinds.
+/// The small errors of a group by hypothesis, each with its kind, its columns and its square, and the sums of
+/// squares of all kinds.
 ///
-/// An error counts by what it does in this session: a spring by the angle under its largest load, rad.
+/// The size of an error is its effect in this session: of a spring, the angle under its largest load, rad.
 struct Errors {
     of_hypothesis: BTreeMap<usize, (Kind, Vec<usize>, f64)>,
     totals: [f64; KINDS],
@@ -64,8 +67,8 @@ impl Errors {
     }
 }
 
-/// Takes the one error that outweighs all others of its kind (lengths, angles) out of the group's values and names it as a cause
-/// of its own: its hypothesis, none where there is none.
+/// Removes the one error that outweighs all others of its kind (lengths, angles) from the group's values and
+/// returns it as a single cause: its hypothesis, none where there is none.
 pub(crate) fn name_outlying(
     group: (&Geometry, &Scene),
     catalogue: &Catalogue,
@@ -75,7 +78,7 @@ pub(crate) fn name_outlying(
     let known = |h: usize| model.terms.iter().any(|t| t.hypothesis == h);
     let hypothesis = errors.of_hypothesis.keys().copied().find(|&h| !known(h) && errors.outweighs(h))?;
     let columns = errors.columns(hypothesis);
-    // Several joints of one link may each have a shift of their own there: no single cause is all of these.
+    // Several joints of one link may each have a separate shift there: no single cause is all of these.
     if columns.len() != catalogue.hypotheses[hypothesis].prior_std.len() {
         return None;
     }
@@ -84,8 +87,8 @@ pub(crate) fn name_outlying(
     Some(hypothesis)
 }
 
-/// Puts back what was named as outlying and, beside the causes that came after it, outweighs its kind no more; whether there was any. Of two
-/// springs that were named one after the other neither may be alone.
+/// Returns outliers to the group that, given the causes added later, no longer outweigh their kind; whether there
+/// was any. Of two springs that became causes one after the other, neither may be an outlier alone.
 pub(crate) fn put_back(
     group: (&Geometry, &Scene),
     catalogue: &Catalogue,
@@ -108,11 +111,11 @@ pub(crate) fn put_back(
     !back.is_empty()
 }
 
-/// The joint's zero that stands out of all others by so much that it is an error of its own: with it taken out, the others' spread is
-/// so much smaller that the data are likelier. Values count by the share of them that the data tell.
+/// The joint's zero that is an outlier: without it the others' scale is so much smaller that the data are more
+/// probable. Values count by the share that the data determine.
 ///
-/// `log BF = Σ_{j≠k} [ln N(μ_j; s₋ₖ) − ln N(μ_j; s)] − ln N(μ_k; s) + ln N(μ_k; σ₀) + ln P`, s and s₋ₖ the spreads with and without it,
-/// σ₀ and P its prior as a cause.
+/// `log BF = Σ_{j≠k} [ln N(μ_j; s₋ₖ) − ln N(μ_j; s)] − ln N(μ_k; s) + ln N(μ_k; σ₀) + ln P`, s and s₋ₖ the scales
+/// with and without it, σ₀ and P its prior as a cause.
 pub(crate) fn standing_out(setup: &Geometry, catalogue: &Catalogue, fit: &Fit) -> Option<Term> {
     let first = fit.model.nuisances.len();
     let mut zeros: Vec<(usize, f64, f64)> = Vec::new();

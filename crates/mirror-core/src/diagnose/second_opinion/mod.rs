@@ -31,7 +31,7 @@ use reason::Reason;
 
 /// Diagnoses a recording: where the model is wrong, which effect causes it, how far the gap shrinks.
 ///
-/// Where the first diagnosis gives reason for it, there is a second one (see the module).
+/// Where the first diagnosis gives reason for doubt, a second one follows (see the module).
 ///
 /// # Errors
 /// A recording that is not valid, links that do not exist, invalid parameters of the camera.
@@ -54,7 +54,7 @@ pub fn diagnose(
         let mut still = options.clone();
         still.without.extend(reason.without().iter().map(|effect| (*effect).to_owned()));
         let again = prepared(&still, reason.looks_closely().then_some(&known))?;
-        // The same mistakes undone come to the same end.
+        // If the same mistakes are undone, the result is the same.
         if reason.without().is_empty() && same_mistakes(again.mistakes(), &mistakes) {
             continue;
         }
@@ -67,7 +67,7 @@ pub fn diagnose(
     Ok(found.diagnosis)
 }
 
-/// Whether the same mistakes were undone, but for their numbers.
+/// Whether the same mistakes were undone, apart from their parameters.
 fn same_mistakes(a: &[Cause], b: &[Cause]) -> bool {
     a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.effect == b.effect && a.at == b.at)
 }

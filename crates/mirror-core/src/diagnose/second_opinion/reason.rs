@@ -11,14 +11,15 @@ pub(super) const SLIP: &str = "slip";
 /// The parameter of a slip that is none of its motion.
 pub(super) const FIRST_FRAME: &str = "first_frame";
 const PAIRING: &str = "pairing";
-/// A camera's picture of another size, and what would be told beside it if it had none: a crop is an offset of the centre alone.
+/// A camera's picture of another size, and the effect that appears if there is none: a crop is an offset of the
+/// centre alone.
 const RESIZED: (&str, &str) = ("camera_resolution", "camera_focal");
-/// A ratio that is a whole mistake is tried as another unit of the joint, and told as a small one is.
+/// A ratio as a gross mistake is tried as another unit of the joint; both are reported under the same name.
 const RATIO: (&str, &str) = ("joint_unit", "gear_ratio");
-/// A marker that a joint seems not to move, since its column says nothing of it.
+/// A marker that a joint seems not to move, because its column is unrelated to it.
 const ON_ANOTHER_LINK: &str = "marker_parent";
-/// Mistakes that a column which says nothing of its joint shows as well: scaled to nothing, turned, exchanged, in other rows, it disturbs less, or
-/// as that of a joint which does not move a marker.
+/// Mistakes that also appear if a column is unrelated to its joint: scaled to zero, with the other sign, exchanged,
+/// in other rows, or as that of a joint that does not move a marker, the column disturbs less.
 const OF_A_COLUMN: [&str; 8] = [
     "joint_unit",
     "axis_sign",
@@ -33,34 +34,35 @@ const OF_A_COLUMN: [&str; 8] = [
 /// Why a session is diagnosed a second time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Reason {
-    /// A ratio is told twice at one joint, or is that of the model.
+    /// A ratio is named twice at one joint, or does not differ from the model's.
     Twice,
-    /// A mistake of a column, and yet the joint is elsewhere in each posture.
+    /// A mistake of a column is named, and still the joint's error is independent in each posture.
     Lawless,
-    /// A mistake of a column, whose joint is elsewhere in each posture by as much as the column moves it.
+    /// The same, and that error is as large as what the column moves.
     SaysNothing,
     /// A mistake of a column that leaves most of the gap.
     Weak,
-    /// A picture of another size is told, and a focal length beside it that takes it back.
+    /// A picture of another size is named, together with a focal length that cancels it.
     Resized,
-    /// A slip by little, once the causes are known.
+    /// A slip is small, given the causes.
     HardlySlipped,
-    /// Slipped rows that fit their own postures, once the causes are known.
+    /// Slipped rows fit their own postures, given the causes.
     InOrder,
-    /// A slip beside something unexplained.
+    /// A slip is named, and something is unexplained.
     Slip,
-    /// Rows of their own beside something unexplained.
+    /// Slipped rows are named, and something is unexplained.
     Pairing,
     /// What was left out as false lies together.
     FalseTogether,
-    /// A cause far larger than such an error is, which may be a part of a whole mistake.
+    /// A cause is far larger than such an error usually is, and may be a part of a gross mistake.
     TooLarge,
     /// Something is left unexplained: a joint that stood still over some rows, or whose log is late, does that.
     Unexplained,
 }
 
 impl Reason {
-    /// The reasons that a first diagnosis gives, in the order in which they are followed until a second one is believed. `mistakes`: what it undid.
+    /// The reasons that a first diagnosis gives, in the order in which they are followed until a second one is
+    /// accepted. `mistakes`: what the first one undid.
     pub fn all(found: &Outcome, recording: &Recording, mistakes: &[Cause]) -> Vec<Self> {
         let first = Self::first(found, recording);
         let of_columns = matches!(first, Some(Self::Twice | Self::Lawless | Self::SaysNothing));
@@ -68,7 +70,7 @@ impl Reason {
         weak.into_iter().chain(first).collect()
     }
 
-    /// The first of the reasons that go without looking at what was undone.
+    /// The first of the reasons that do not depend on the mistakes undone.
     fn first(found: &Outcome, recording: &Recording) -> Option<Self> {
         let first = &found.diagnosis;
         let named = |effect: &str| first.causes.iter().any(|c| c.effect == effect);
@@ -108,12 +110,12 @@ impl Reason {
         }
     }
 
-    /// Whether whole mistakes are looked for that do no more than small errors.
+    /// Whether gross mistakes that are as small as usual errors are searched for.
     pub fn looks_closely(self) -> bool {
         matches!(self, Self::Pairing | Self::Unexplained | Self::FalseTogether | Self::TooLarge)
     }
 
-    /// Whether the second diagnosis is believed, and not the first.
+    /// Whether the second diagnosis replaces the first.
     pub fn believes(self, second: &Diagnosis, first: &Diagnosis) -> bool {
         let no_worse = left(second) <= left(first);
         match self {
@@ -122,7 +124,7 @@ impl Reason {
             Self::InOrder => {
                 no_worse || explains(second) || !explains(first) && MAJORITY * left(second) <= left(first)
             }
-            // A mistake that is one makes the difference between a joint that stands nowhere and one that nearly stands.
+            // With a true mistake of the column the joint's error becomes much smaller.
             Self::Lawless => MAJORITY * left(second) <= left(first),
             Self::SaysNothing => true,
             Self::Weak => {
@@ -137,7 +139,7 @@ impl Reason {
                     && second.causes.len() <= first.causes.len()
                     && LEAST_HELD_OUT_RATIO * left(second) <= left(first)
             }
-            // More is used, what was farthest off among it.
+            // It uses more observations, and among them the farthest outliers.
             Self::FalseTogether => {
                 explains(second)
                     && second.data.false_count() as f64 <= MAJORITY * first.data.false_count() as f64
@@ -145,12 +147,12 @@ impl Reason {
         }
     }
 
-    /// Whether a whole mistake is sought for something that small errors do not explain.
+    /// Whether a gross mistake is searched for something that small errors do not explain.
     pub fn seeks(self) -> bool {
         matches!(self, Self::TooLarge | Self::Unexplained)
     }
 
-    /// What is said of it where the second is believed.
+    /// The line in the trace if the second diagnosis is accepted.
     pub fn words(self) -> &'static str {
         match self {
             Self::Twice => {
@@ -187,13 +189,13 @@ impl Reason {
     }
 }
 
-/// The joint that most of what is left lives at, in each posture by itself.
+/// The joint of the largest part of the remainder, if its error is independent in each posture.
 fn lawless_place(diagnosis: &Diagnosis) -> Option<&str> {
     let first = diagnosis.r#where.first()?;
     (first.depends_on.as_deref() == Some(BY_ITSELF)).then_some(&first.at)
 }
 
-/// The mistakes of columns that are told, a ratio among them.
+/// The named mistakes of columns, a ratio included.
 fn of_a_column(diagnosis: &Diagnosis) -> impl Iterator<Item = &Cause> {
     diagnosis.causes.iter().filter(|c| is_of_a_column(c))
 }
@@ -207,31 +209,31 @@ fn is_at(cause: &Cause, place: &str) -> bool {
     cause.effect == PAIRING || cause.effect == ON_ANOTHER_LINK || cause.at.split("<->").any(|at| at == place)
 }
 
-/// Whether a mistake of a joint's column is told where that joint is what is left, in each posture by itself.
+/// Whether a mistake of a joint's column is named while that joint's error is independent in each posture.
 fn is_lawless(first: &Diagnosis) -> bool {
     lawless_place(first).is_some_and(|place| of_a_column(first).any(|c| is_at(c, place)))
 }
 
-/// Whether something is left beside a whole mistake of a column, and it is more than half of the gap.
+/// Whether a mistake of a column is named and more than half of the gap is left.
 fn is_weak(first: &Diagnosis, mistakes: &[Cause]) -> bool {
     let before = first.gap.before_px.or(first.gap.before_m).unwrap_or(f64::INFINITY);
     !explains(first) && mistakes.iter().any(is_of_a_column) && left(first) > MAJORITY * before
 }
 
-/// Whether a ratio is told at one joint both as a whole mistake and as a small cause.
+/// Whether a ratio is named at one joint both as a gross mistake and as a small cause.
 pub(super) fn is_told_twice(causes: &[Cause]) -> bool {
     let mut ratios = causes.iter().enumerate().filter(|(_, c)| c.effect == RATIO.1);
     ratios.any(|(i, c)| causes[..i].iter().any(|other| other.effect == c.effect && other.at == c.at))
 }
 
-/// Whether a ratio is told that is none, within its own deviations.
+/// Whether a named ratio does not differ from the model's, within its own deviation.
 pub(super) fn is_of_no_size(causes: &[Cause]) -> bool {
     let of_ratios = causes.iter().filter(|c| c.effect == RATIO.1);
     of_ratios.flat_map(|c| c.parameters.values()).any(|e| e.value.abs() < SURE_DEVIATIONS * e.std)
 }
 
-/// Whether it is a slip by so little that it may be a part of what another cause moves: at six deviations no chance, at twice as many no
-/// neighbour of a law that is a little off.
+/// Whether a slip is so small that it may be a part of what another cause moves: six deviations are no chance, and
+/// at twice as many no neighbour of a slightly wrong law explains it.
 pub(super) fn hardly_slipped(cause: &Cause) -> bool {
     let motion = || cause.parameters.iter().filter(|(name, _)| *name != FIRST_FRAME);
     cause.effect == SLIP
@@ -250,7 +252,7 @@ fn takes_most(second: &Diagnosis, first: &Diagnosis) -> bool {
     left(second).powi(2) - floor.powi(2) <= MAJORITY * (left(first).powi(2) - floor.powi(2))
 }
 
-/// The held-out gap, in the unit of what was seen.
+/// The held-out gap, in the unit of the observations.
 fn left(diagnosis: &Diagnosis) -> f64 {
     diagnosis.gap.after_px.or(diagnosis.gap.after_m).unwrap_or(f64::INFINITY)
 }

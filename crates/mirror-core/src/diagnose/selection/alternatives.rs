@@ -25,7 +25,7 @@ pub(crate) struct Rival {
     pub probability: f64,
 }
 
-/// The probability of the i-th cause and of its rivals, best first; and of there being nothing.
+/// The probability of the i-th cause, of its alternatives, best first, and of no cause.
 #[derive(Debug, Clone)]
 pub(crate) struct Standing {
     pub probability: f64,
@@ -36,24 +36,26 @@ pub(crate) struct Standing {
 }
 
 impl Standing {
-    /// The rival that is likelier than the cause.
+    /// The alternative that is more probable than the cause.
     fn likelier(&self) -> Option<&Rival> {
         self.rivals.first().filter(|r| r.probability > self.probability && r.probability > self.nothing)
     }
 
-    /// By what factor evidence has something else, or nothing, likelier than the cause; 1 or less where it has not.
+    /// By what factor the evidence makes an alternative, or no cause, more probable than the cause; 1 or less where
+    /// it does not.
     fn challenged(&self) -> f64 {
         let best = self.rivals.first().map_or(0.0, |r| r.probability).max(self.nothing);
         best / self.probability
     }
 
-    /// By what factor the challenger is likelier once held-out regions count as well, which favour it by these log odds:
-    /// the two opinions pooled with equal weights (Genest and Zidek 1986).
+    /// The same factor once held-out regions count as well, which favour the alternative by these log odds: both
+    /// opinions are pooled with equal weights (Genest and Zidek 1986).
     fn pooled(&self, held_out: f64) -> f64 {
         (self.challenged() * (TEMPER * held_out).exp()).sqrt()
     }
 
-    /// The challengers are likelier than the cause by this factor at most, and no longer by what evidence alone says.
+    /// The alternatives are more probable than the cause by this factor at most, instead of what the evidence alone
+    /// says.
     fn disputed(&mut self, by: f64) {
         let scale = by / self.challenged();
         self.rivals.iter_mut().for_each(|r| r.probability *= scale);
@@ -66,15 +68,16 @@ impl Standing {
     }
 }
 
-/// Whether two causes are laws of one joint of which neither is known exactly: what tells them apart only where both follow the textbook
-/// to the last detail (a play that widens with its load from a servo that sticks and droops) is no evidence.
+/// Whether two causes are laws of one joint, neither of which is exactly known. What separates them only if both
+/// follow the textbook exactly (a play that widens with its load, and a servo that sticks and droops) is no
+/// evidence.
 fn both_laws_err(search: &Search<'_>, one: usize, other: usize) -> bool {
     let node = |h: usize| search.catalogue.hypotheses[h].place.node();
     let errs = |h: usize| search.catalogue.effect(h).law_freedom() != LawFreedom::Exact;
     node(one).is_some() && node(one) == node(other) && errs(one) && errs(other)
 }
 
-/// Fits the best rivals in the place of the i-th cause and weighs them.
+/// Fits the best alternatives in the place of the i-th cause and computes their probabilities.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.
@@ -90,7 +93,7 @@ pub(crate) fn standing(search: &Search<'_>, found: &Found, i: usize) -> Result<S
     } else {
         search.log_posterior(&search.fit_with_slack(&found.fit.model, Some(i), found.noise, 6)?)
     };
-    // With the laws of all causes erring a little, that of the one in question too.
+    // With discrepancy terms of the laws of all causes, the one in question included.
     let loosely = |model: &Model| search.fit_with_slack(model, None, found.noise, 8);
     // Weights relative to the cause itself.
     let mut weights: Vec<(usize, f64, f64)> = Vec::new();
@@ -121,8 +124,9 @@ pub(crate) fn standing(search: &Search<'_>, found: &Found, i: usize) -> Result<S
     Ok(Standing { probability: scale, rivals, nothing: nothing * scale, mounts })
 }
 
-/// The best rivals in the place of the i-th cause, fitted. First at the noise as large as the model without the cause leaves it:
-/// at the measurement's own, all that the cause explains would look false, and no rival would ever get near.
+/// The best alternatives in the place of the i-th cause, fitted. First with the noise that the model without the
+/// cause leaves: with the measurement's own noise everything that the cause explains would look false, and no
+/// alternative could compete.
 fn rivals_at_all_noises(
     named: &Search<'_>,
     found: &Found,
@@ -145,7 +149,7 @@ fn rivals_at_all_noises(
         return Ok(Vec::new());
     }
     let reference = named.log_posterior(&own_fit);
-    // Log odds at which a rival would be less probable than is worth naming.
+    // Log odds at which an alternative would be less probable than is worth naming.
     let far_behind = -WORTH_NAMING.ln() / TEMPER;
     candidates
         .iter()
@@ -167,9 +171,9 @@ struct ByMounts {
     gap: Vec<PostureGap>,
 }
 
-/// The i-th cause weighed where every marker is free by the tolerance that the session states for its mount; none where nothing is stated,
-/// where the set-up is free already, or where the cause is beyond doubt all the same. A stated tolerance is part of what is known: one mount
-/// alone pays for each of its directions, and cannot do what several do together.
+/// The i-th cause compared with markers that are all free within the stated tolerance of their mounts; none where
+/// nothing is stated, where mounts are free already, or where the cause is beyond doubt. A stated tolerance is
+/// prior knowledge: a single mount must pay for each of its directions, and cannot do what several do together.
 fn by_stated_mounts(search: &Search<'_>, found: &Found, i: usize) -> Result<Option<ByMounts>> {
     let catalogue = search.catalogue;
     let in_model = |h: usize| found.fit.model.terms.iter().any(|t| t.hypothesis == h);
@@ -198,10 +202,11 @@ fn by_stated_mounts(search: &Search<'_>, found: &Found, i: usize) -> Result<Opti
     Ok(Some(ByMounts { mount, odds, gap: free.held_out(&without.model, found.noise)? }))
 }
 
-/// Rounds in which causes give way to their rivals.
+/// Rounds in which causes are replaced by their alternatives.
 const ROUNDS: Size = 4;
 
-/// As [`at_rest`]; where the search ended at its limit of work, something that was not looked at may be as likely as what was found.
+/// As [`at_rest`]; where the search ended at its limit of work, a hypothesis that was not tested may be as probable
+/// as what was found.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.
@@ -219,8 +224,8 @@ pub(crate) fn settled(
     Ok(standings)
 }
 
-/// The standing of every cause, once each has given way to a rival, or to nothing, where evidence and held-out regions together have
-/// that likelier; none for free-form errors. `after` is the held-out gap.
+/// The probabilities of every cause, after each was replaced by an alternative, or by none, where evidence and
+/// held-out regions together make that more probable; none for free-form errors. `after` is the held-out gap.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.
@@ -244,7 +249,7 @@ fn at_rest(
             let together =
                 standing.mounts.as_ref().filter(|by| rival.is_some_and(|r| r.hypothesis == by.mount));
             if let Some(by) = together {
-                // No single cause can take the place: both are told.
+                // No single cause can replace it: both are reported.
                 let pooled = standing.pooled(held_out_odds(&by.gap, after, found.noise));
                 standing.disputed(pooled);
                 continue;
@@ -277,13 +282,13 @@ fn at_rest(
             return Ok(standings);
         }
     }
-    // Still not at rest: what would give way again is not to be believed.
+    // The exchange did not converge: a cause that would be replaced again is not accepted.
     let mut last = standings(search, found)?;
     last.iter_mut().flatten().filter(|s| s.challenged() > 1.0).for_each(|s| s.disputed(1.0));
     Ok(last)
 }
 
-/// By how much one model's held-out gap is likelier than another's, log, at a noise.
+/// Log likelihood ratio of two models' held-out gaps, at a noise.
 pub(crate) fn held_out_odds(one: &[PostureGap], other: &[PostureGap], noise: Noise) -> f64 {
     let pixels = one.iter().any(|g| g.pixels > 0.0);
     let square = |gaps: &[PostureGap]| -> f64 {

@@ -8,10 +8,12 @@ use crate::diagnose::selection::search::{Search, SearchOptions};
 use crate::error::Result;
 use nalgebra::Vector6;
 
-/// Causes in the model at which the slips are found again, round by round: first what is largest, then what it hid.
+/// Number of causes in the model at which the slips are estimated again, round by round: first the largest, then
+/// those that it hid.
 const CAUSES: [usize; 2] = [1, 3];
 
-/// The slips of a search's problem beside its largest causes; of each that moved, its number and the standard deviations of its motion.
+/// Estimates the slips of a search's problem together with its largest causes. Of each slip that changed: its
+/// number and the standard deviations of its motion.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.

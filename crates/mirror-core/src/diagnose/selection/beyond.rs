@@ -24,16 +24,17 @@ use crate::error::Result;
 pub(crate) struct Beyond {
     /// Small errors everywhere, where they are part of the answer.
     pub geometry: Option<Geometry>,
-    /// The joint that rests elsewhere each time.
+    /// The joint with an independent error in each posture.
     pub restless: Option<NodeId>,
-    /// Where errors of no name say more than the small errors that are told.
+    /// Places where free-form errors explain more than the reported small errors.
     pub unnamed: Option<Unexplained>,
     /// The problem without the observations that the best model shows to be false, and their share.
     pub clean: Problem,
     pub false_share: f64,
 }
 
-/// Whether the gap that the named causes leave beside errors of no name, which cannot be added to a model, is far above the noise.
+/// Whether the gap that the named causes leave without the free-form errors, which cannot be added to a model, is
+/// far above the noise.
 fn hangs_on_no_name(search: &Search<'_>, found: &Found) -> Result<bool> {
     if !found.fit.model.terms.iter().any(|t| search.catalogue.is_free(t.hypothesis)) {
         return Ok(false);
@@ -42,7 +43,8 @@ fn hangs_on_no_name(search: &Search<'_>, found: &Found) -> Result<bool> {
     Ok(left.rms_m > ABOVE_SCATTER * left.floor_m)
 }
 
-/// Looks beyond single causes and replaces what was found by what is likelier; `setup` is the set-up that was set free.
+/// Searches models beyond single causes and replaces what was found if one is more probable; `setup` are the mounts
+/// that were set free.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.

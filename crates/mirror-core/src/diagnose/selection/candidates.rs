@@ -12,20 +12,21 @@ use crate::diagnose::selection::search::Search;
 use crate::error::Result;
 use rayon::prelude::*;
 
-/// Of candidates with a discrete unknown, and of the values of each, as many of the likeliest are fitted exactly.
+/// Of candidates with a discrete unknown, and of the values of each, this many of the most probable are fitted
+/// exactly.
 const FITTED: Size = 3;
-/// The score test is of the linearised model: a hypothesis that it puts lower than the best by more than this (log), and by
+/// The score test is linearised: a hypothesis that it ranks lower than the best by more than this (log), and by
 /// more than this share of the best's, is not the best when fitted either.
 const LEAST_REACH: Threshold = 25.0;
 const REACH: Threshold = 0.15;
-/// The same for hypotheses with a discrete unknown, which the score test takes at a play of no width.
+/// The same for hypotheses with a discrete unknown, which the score test evaluates at a play of zero width.
 const REACH_OF_VARIANTS: Threshold = MAJORITY;
 /// The share of the score test's estimate at which a fit starts that got worse from the estimate itself.
 const NEXT_TO_NOTHING: Guard = 1e-3;
 
 impl Search<'_> {
-    /// Fits the most promising additions to a model, at a noise; best first. `but` is left out, if it stands in the model's
-    /// place by itself already: a fit with whose misfit all others must compete.
+    /// Fits the most promising additions to a model, at a noise; best first. `but` is a fit that is already in the
+    /// model's place; it is left out, and the others must compete with its misfit.
     pub fn candidates(
         &self,
         model: &Model,
@@ -78,13 +79,14 @@ impl Search<'_> {
             if fit.as_ref().is_some_and(|f| f.misfit <= alone) {
                 return fit;
             }
-            // Far from the linear model: where a zero is far off and the set-up makes up for it, every observation looks false at the
-            // estimate, and a fit stands still. From next to nothing all moves at once.
+            // Far from the linear model: where a zero is far off and the mounts compensate it, every observation
+            // looks false at the estimate, and the fit does not move. From almost zero it converges.
             let again = fitted_from(score, NEXT_TO_NOTHING, hopeless);
             let misfit = |f: &Option<Fit>| f.as_ref().map_or(f64::INFINITY, |f| f.misfit);
             if misfit(&again) < misfit(&fit) { again } else { fit }
         };
-        // The others need not be fitted to their end where they fall far behind the first, or behind what is there already.
+        // The others need not be fitted to convergence if they fall far behind the first, or behind what is there
+        // already.
         let hopeless = |fit: Option<&Fit>| fit.map_or(f64::INFINITY, |f| f.misfit + 2.0 * BEYOND_DOUBT);
         let own = hopeless(but.map(|b| b.1));
         let mut fits: Vec<Fit> = chosen.first().and_then(|score| fitted(score, own)).into_iter().collect();
@@ -99,7 +101,7 @@ impl Search<'_> {
         );
         self.problem.cancel.check()?;
         fits.sort_by(|a, b| self.log_posterior(b).total_cmp(&self.log_posterior(a)));
-        // The score test takes a play of no width; of its real width another friction may fit far better.
+        // The score test uses a play of zero width; with its real width another friction may fit far better.
         for fit in fits.iter_mut().take(FITTED) {
             *fit = self.best_variant(fit, noise)?;
         }
@@ -129,7 +131,8 @@ impl Search<'_> {
         Ok(best.filter(|b| b.log_evidence > fit.log_evidence).unwrap_or_else(|| fit.clone()))
     }
 
-    /// The few likeliest of some values of a cause's discrete unknown, the laws of all but the cause in question with their discrepancy terms.
+    /// The most probable values of a cause's discrete unknown, with discrepancy terms of the laws of all other
+    /// causes.
     fn likeliest_variants(
         &self,
         model: &Model,

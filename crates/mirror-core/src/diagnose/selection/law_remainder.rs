@@ -12,8 +12,8 @@ use crate::error::Result;
 /// More causes than this at once are rather many small errors.
 pub(crate) const MANY_CAUSES: Count = SEVERAL_CAUSES + 1;
 
-/// Whether free-form errors only say that the causes found have not quite their textbook laws: they sit at the causes' own
-/// places, and what they take up beyond the causes is a small part of what the causes move.
+/// Whether free-form errors only show that the causes found do not follow their textbook laws exactly: they are at
+/// the causes' own places, and what they explain in addition is a small part of what the causes move.
 pub(crate) fn only_their_laws(
     search: &Search<'_>,
     found: &Found,
@@ -32,7 +32,8 @@ pub(crate) fn only_their_laws(
     Ok(remainder_share(search, found, &after, Some(&after_free))? < LAW_SHARE.powi(2))
 }
 
-/// What is left above the noise (or above `least`, another model's remainder), squared, as a share of what the causes move.
+/// The remainder above the noise (or above `least`, another model's remainder), squared, as a share of what the
+/// causes move.
 fn remainder_share(
     search: &Search<'_>,
     found: &Found,

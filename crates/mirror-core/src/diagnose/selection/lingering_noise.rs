@@ -6,7 +6,7 @@ use crate::diagnose::likelihood::noise_correlation::widening_of_views;
 use crate::diagnose::selection::search::{Found, Search};
 use crate::error::Result;
 
-/// Widens the measured noise where what was found leaves errors that linger, and searches again with it.
+/// Increases the measured noise where residuals are correlated over frames, and repeats the search with it.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.

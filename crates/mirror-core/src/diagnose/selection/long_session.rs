@@ -12,13 +12,13 @@ use crate::diagnose::selection::search::{Found, Search};
 use crate::error::Result;
 use crate::statistics::GOLDEN_SECTION;
 
-/// So many frames are searched on, and all where there are not half as many again.
+/// Number of frames that are searched; all frames if there are less than half as many more.
 const ENOUGH: Size = 300;
 
-/// The frames that causes are searched on: whole postures, spread evenly over the session; none for all.
+/// The frames on which causes are searched: whole postures, evenly over the session; none means all.
 ///
-/// The i-th posture is one of them where the fractional part of i φ is below their share, φ the golden ratio: evenly spread whatever the
-/// period of the postures.
+/// The i-th posture is used if the fractional part of i φ is below their share, φ the golden ratio: evenly spread
+/// whatever the period of the postures.
 pub(crate) fn part_of_frames(problem: &Problem) -> Option<Vec<bool>> {
     let frames = problem.frames.len();
     if 2 * frames <= 3 * ENOUGH {
@@ -33,13 +33,15 @@ pub(crate) fn part_of_frames(problem: &Problem) -> Option<Vec<bool>> {
     Some(part)
 }
 
-/// Whether what a model leaves is rather the structure of something unmodelled than the measurement's noise. More frames are no more
-/// evidence then: their residuals are those of their neighbours, and causes that take a part of them gain with every row, wrong as they are.
+/// Whether the residuals show unmodelled structure rather than measurement noise. Then more frames are no more
+/// evidence: residuals equal those of their neighbours, and wrong causes that absorb a part of them gain with every
+/// row.
 fn is_structure(left: Noise, measured: Noise) -> bool {
     left.point_m > ABOVE_SCATTER * measured.point_m || left.marker_px > ABOVE_SCATTER * measured.marker_px
 }
 
-/// What was found on a part of the frames, fitted to all, and the search gone on with where its work is not done and what is left is noise.
+/// Fits to all frames what was found on a part of them, and continues the search if work is left and the residuals
+/// are noise.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.
@@ -71,7 +73,7 @@ mod tests {
         assert!(!is_structure(Noise { marker_px: 0.25, ..measured }, measured));
         assert!(is_structure(Noise { marker_px: 0.4, ..measured }, measured));
         assert!(is_structure(Noise { point_m: 2e-4, ..measured }, measured));
-        // Corners tell of the mirror, not of the body.
+        // Corners determine the mirror, not the body.
         assert!(!is_structure(Noise { corner_px: 1.0, ..measured }, measured));
     }
 }

@@ -11,10 +11,10 @@ use crate::diagnose::selection::nonparametric::log_odds;
 use crate::diagnose::selection::search::{Found, Search};
 use crate::error::Result;
 
-/// The search once more from the other cause of each near tie with which the model would be likelier, where it ends there.
+/// Repeats the search from the other cause of each near tie if the model is more probable with it.
 ///
 /// # Errors
-/// A camera or mirror that cannot be.
+/// Invalid parameters of the camera or mirror.
 pub(crate) fn from_near_ties(search: &mut Search<'_>, found: &mut Found) -> Result<()> {
     if search.ties.is_empty() {
         return Ok(());
@@ -45,8 +45,8 @@ pub(crate) fn from_near_ties(search: &mut Search<'_>, found: &mut Found) -> Resu
     Ok(())
 }
 
-/// The model with the other cause in place of the one that was taken, and the likeliest further one beside it, where that is likelier than what was
-/// found. Where the two stay as likely they are rivals, and told beside each other.
+/// The model with the other cause in place of the one that was added, and the most probable further one, if that is
+/// more probable than what was found. If the two stay equally probable they are alternatives of each other.
 fn likelier_with(search: &Search<'_>, found: &Found, at: usize, other: Term) -> Result<Option<Model>> {
     let mut rest = search.taken_out(&found.fit.model, at, found.noise)?;
     if rest.terms.len() + 1 >= search.options.most_causes {

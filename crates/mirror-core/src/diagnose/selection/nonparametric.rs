@@ -18,10 +18,11 @@ use crate::diagnose::principles::{LOG_PRIOR_FREE, LOG_PRIOR_STRUCTURE, Threshold
 use crate::diagnose::selection::search::{Found, Search, SearchOptions};
 use crate::error::Result;
 
-/// A cause beside a free-form error at its own joint stands only where its shift, squared, is so many times the error's.
+/// A cause with a free-form error at its own joint is kept only if its shift, squared, is this many times the
+/// error's.
 pub(crate) const IMITATOR_SHARE: Threshold = 4.0;
 
-/// What the error of a joint that rests elsewhere each time depends on.
+/// The dependence of an error that is independent in each posture.
 pub(crate) const BY_ITSELF: &str = "posture, each by itself";
 
 /// Where the unexplained part lives: the place that matters most first.
@@ -31,19 +32,19 @@ pub(crate) struct Unexplained {
 }
 
 impl Unexplained {
-    /// A joint that rests elsewhere each time.
+    /// A joint with an independent error in each posture.
     pub fn restless(node: NodeId) -> Self {
         let place = Some(Place::Joint(node));
         Self { places: vec![UnexplainedPlace { place, depends_on: Some(BY_ITSELF.into()), shift: 1.0 }] }
     }
 
-    /// Whether nothing says which law the rest follows, nor where: of no place, or of each posture by itself.
+    /// Whether the remainder has neither a known law nor a place: of no place, or independent in each posture.
     pub fn is_lawless(&self) -> bool {
         let by_itself = |p: &UnexplainedPlace| p.depends_on.as_deref() == Some(BY_ITSELF);
         self.places.iter().all(|p| p.place.is_none() || by_itself(p))
     }
 
-    /// A remainder of no known place.
+    /// A remainder without a place.
     pub fn anywhere() -> Self {
         Self { places: vec![UnexplainedPlace { place: None, depends_on: None, shift: 0.0 }] }
     }
@@ -59,7 +60,7 @@ pub(crate) struct UnexplainedPlace {
     pub shift: f64,
 }
 
-/// Whether there is reason to look beyond the vocabulary.
+/// Whether there is reason for models beyond the vocabulary.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.
@@ -71,7 +72,7 @@ pub(crate) fn is_suspicious(
     many_false: bool,
 ) -> Result<bool> {
     let terms = found.fit.model.terms.len();
-    // Behind several causes at once there may be one unknown law.
+    // Several causes may together imitate one unknown law.
     if adequacy.significant || adequacy.corners_significant || many_false || terms > 1 {
         return Ok(true);
     }
@@ -84,8 +85,8 @@ pub(crate) fn is_suspicious(
         .any(|s| s.log_bayes + all.hypotheses[s.hypothesis].log_prior > -LOG_PRIOR_FREE))
 }
 
-/// The search with free-form errors beside the vocabulary, from the nominal model and from the causes found; none where they
-/// are no better than the causes.
+/// The search with free-form errors as hypotheses, from the nominal model and from the causes found; none where
+/// they are no better than the causes.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.
@@ -157,8 +158,8 @@ pub(crate) fn smaller(a: Noise, b: Noise) -> Noise {
     if size(&a) < size(&b) { a } else { b }
 }
 
-/// What the result leaves unexplained: its free-form errors, or a remainder that no place explains; none where the named causes have
-/// `reached` the floor and there are no such errors.
+/// The unexplained part of the result: its free-form errors, or a remainder without a place; none where the named
+/// causes have `reached` the floor and there are no such errors.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.
@@ -200,8 +201,8 @@ pub(crate) fn unexplained(
     Ok(Some(out))
 }
 
-/// Takes causes back that share their joint or link with a free-form error that matters as much: together they imitate a law
-/// that the vocabulary has not, and none of them is to be believed.
+/// Removes causes at the joint or link of a free-form error of comparable size: together they imitate a law that
+/// the vocabulary lacks, and none of them is credible.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.

@@ -16,7 +16,7 @@ use crate::diagnose::selection::search::{Found, Search};
 use crate::error::Result;
 use nalgebra::{DMatrix, DVector};
 
-/// Two hypotheses, likeliest together.
+/// Two hypotheses, the most probable pair.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Pair {
     pub hypotheses: [usize; 2],
@@ -24,7 +24,8 @@ pub(crate) struct Pair {
     pub log_bayes: f64,
 }
 
-/// The search from the likeliest pair of causes, where the ladder ended with several others instead; none where these are better.
+/// The search from the most probable pair of causes, if the stepwise search ended with several others; none where
+/// these are better.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.
@@ -53,7 +54,8 @@ pub(crate) fn from_a_pair<'a>(
     Ok((odds > 0.0).then_some((other, result)))
 }
 
-/// A model with the pair added; none where the linear model led to a camera or a mirror that cannot be (a pane of 130 mm).
+/// A model with the pair added; none where the linear model gives invalid parameters of camera or mirror (a pane of
+/// 130 mm).
 pub(crate) fn start_from(search: &Search<'_>, nominal: &Model, pair: &Pair) -> Option<Model> {
     let mut start = nominal.clone();
     for (&hypothesis, &parameter) in pair.hypotheses.iter().zip(&pair.parameters) {
@@ -65,7 +67,8 @@ pub(crate) fn start_from(search: &Search<'_>, nominal: &Model, pair: &Pair) -> O
     search.can_be(&start).then_some(start)
 }
 
-/// The likeliest pair of one-parameter causes beside a model, linearised there; none where there are fewer than two.
+/// The most probable pair of one-parameter causes to add to a model, linearised there; none where there are fewer
+/// than two.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.
@@ -110,7 +113,7 @@ fn likeliest_pair(search: &Search<'_>, model: &Model, noise: Noise) -> Result<Op
             let prior =
                 catalogue.hypotheses[singles[i]].log_prior + catalogue.hypotheses[singles[j]].log_prior;
             let log_bayes = 0.5 * (x * gi + y * gj) - 0.5 * det.ln() + prior;
-            // Written so that NaN fails.
+            // Written so that NaN fails the test.
             if !impossible && best.is_none_or(|b| log_bayes > b.log_bayes) && log_bayes.is_finite() {
                 best = Some(Pair {
                     hypotheses: [singles[i], singles[j]],

@@ -16,7 +16,7 @@ use core::ops::Range;
 
 /// Share of a common size below which an error is called a tolerance.
 const PRIOR_TOLERANCE: Prior = 0.005;
-/// A tolerated error moves the markers by no more than this many standard deviations of the noise.
+/// Upper bound of the shift of a tolerated error, in standard deviations of the noise.
 const UNSEEN_SHIFT: Prior = 0.08;
 
 impl Search<'_> {
@@ -42,10 +42,10 @@ impl Search<'_> {
         fit.log_evidence + self.log_prior(&fit.model)
     }
 
-    /// The i-th cause at a size that is tolerated rather than called a cause, all else refitted: at most
-    /// [`PRIOR_TOLERANCE`] of the size that such an error commonly has, and no more than could be seen. The laws of the other causes have their discrepancy terms.
-    /// Given up where it is clear that the misfit stays above `hopeless`. The others start from the linear model at the cause as found, with
-    /// room for the discrepancy terms' values.
+    /// The i-th cause at a tolerated size, everything else fitted again: at most [`PRIOR_TOLERANCE`] of the usual
+    /// size of such an error, and too small to be observed. The laws of the other causes have their discrepancy
+    /// terms. The fit is given up where the misfit clearly stays above `hopeless`. The other parameters start from
+    /// the linear model at the cause as found, with room for the discrepancy terms' values.
     fn tolerated(
         &self,
         fit: &Fit,
@@ -90,18 +90,18 @@ impl Search<'_> {
         Ok(found.log_evidence + self.log_prior_of(&fit.model, i) - tolerated.log_evidence)
     }
 
-    /// Log prior odds of the i-th cause beside the others.
+    /// Log prior odds of the i-th cause given the others.
     fn log_prior_of(&self, model: &Model, i: usize) -> f64 {
         self.log_prior(model) - self.log_prior(&model.without(i))
     }
 
-    /// The odds of the linearised model where they leave no doubt: nothing need be fitted then. At the largest and the
-    /// smallest size that could be tolerated, whichever is the greater evidence against the cause.
+    /// The odds of the linearised model if they are beyond doubt; then no fit is needed. They are evaluated at the
+    /// largest and the smallest tolerated size, and the stronger evidence against the cause is used.
     fn clear_odds(&self, model: &Model, i: usize, here: &Linearised, own: Range<usize>) -> Option<f64> {
         let found = here.log_evidence(own.clone(), 1.0)?;
         let [large, small] = [PRIOR_TOLERANCE, NEGLIGIBLE].map(|scale| here.log_evidence(own.clone(), scale));
         let odds = found + self.log_prior_of(model, i) - large?.max(small?);
-        // Exactly fitted they would still be beyond doubt.
+        // An exact fit would still be beyond doubt.
         (odds > 2.0 * BEYOND_DOUBT).then_some(odds)
     }
 }

@@ -26,18 +26,19 @@ use crate::diagnose::selection::nonparametric::log_odds;
 use crate::diagnose::selection::search::{Found, Search};
 use crate::error::Result;
 
-/// Spreads that are tried, rad or m, each so many times the one before: from a tenth of a line of an encoder to a column that says nothing of its joint.
+/// Scales that are tried, rad or m, in a geometric sequence: from a tenth of an encoder's line to a column that is
+/// unrelated to its joint.
 const SPREADS: (f64, f64, usize) = (2e-4, 1.5, 23);
 
-/// A search beside a joint that rests elsewhere each time.
+/// The result of a search with an independent joint error in each posture.
 pub(crate) struct Restless<'a> {
     pub node: NodeId,
     pub search: Search<'a>,
     pub found: Found,
 }
 
-/// Whether a joint's column says nothing of the joint: the errors that the joint has in each posture by itself are more than half of what the column
-/// moves it, root mean squares over the postures that were searched.
+/// Whether a joint's column is unrelated to the joint: its independent errors are more than half of what the column
+/// moves, root mean squares over the postures that were searched.
 pub(crate) fn column_says_nothing(search: &Search<'_>, found: &Found, node: NodeId) -> bool {
     let scene = &search.problem.scene;
     // A column of the group is one posture's error.
@@ -55,7 +56,8 @@ pub(crate) fn column_says_nothing(search: &Search<'_>, found: &Found, node: Node
     elsewhere.sqrt() > MAJORITY * moved.sqrt()
 }
 
-/// The search beside the joint that most of what is left lives at; none where what was found says it better.
+/// The search with independent errors at the joint of the largest part of the remainder; none where what was found
+/// explains it better.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.
@@ -68,7 +70,7 @@ pub(crate) fn beside_restless_joint<'a>(
     if !here.is_some_and(|(_, _, log_bayes)| log_bayes + LOG_PRIOR_STRUCTURE > 0.0) {
         return Ok(None);
     }
-    // Where everything is still to be explained, so that no cause that only took a part of it decides the place.
+    // At the nominal model, so that no cause that only absorbed a part of it decides the place.
     let scatter = search.effective(nominal)?;
     let Some((node, spread, log_bayes)) = best_joint(search, nominal, scatter)? else { return Ok(None) };
     if small_errors_take_it(search, nominal, scatter, log_bayes)? {
@@ -98,8 +100,8 @@ pub(crate) fn beside_restless_joint<'a>(
     Ok((odds + LOG_PRIOR_STRUCTURE > 0.0).then_some(Restless { node, search: beside, found: its }))
 }
 
-/// Takes back causes at the joint itself that leave more than half of its errors: a column that says nothing of its joint makes others likely that
-/// disturb less, a coupling that takes it away or a zero between.
+/// Removes causes at the joint itself that leave more than half of its errors. A column that is unrelated to its
+/// joint makes causes probable that reduce its influence: a coupling that cancels it, or a zero in between.
 fn drop_its_own(beside: &Search<'_>, its: &mut Found, (node, first_error): (NodeId, usize)) -> Result<()> {
     let own = |model: &Model| model.group[first_error..].iter().map(|e| e * e).sum::<f64>().sqrt();
     let mut i = 0;
@@ -122,8 +124,8 @@ fn drop_its_own(beside: &Search<'_>, its: &mut Found, (node, first_error): (Node
     Ok(())
 }
 
-/// Whether many small errors take most of what errors of one joint in each posture say: these would be left as they are. Errors that are not
-/// small take nothing.
+/// Whether small errors everywhere explain most of what the independent errors of one joint would explain; true
+/// independent errors would remain. Errors that are not small explain nothing here.
 fn small_errors_take_it(search: &Search<'_>, nominal: &Model, noise: Noise, log_bayes: f64) -> Result<bool> {
     let mut geometry = Geometry::new(&search.problem, search.catalogue, false);
     let options = FitOptions { noise, steps: SOLVER.loose_steps };
@@ -136,7 +138,7 @@ fn small_errors_take_it(search: &Search<'_>, nominal: &Model, noise: Noise, log_
     Ok(left < MAJORITY * log_bayes)
 }
 
-/// The joint whose own error in each posture says most of what a model leaves: its spread and log Bayes factor.
+/// The joint whose independent errors explain most of the remainder: its scale and log Bayes factor.
 fn best_joint(search: &Search<'_>, model: &Model, noise: Noise) -> Result<Option<(NodeId, f64, f64)>> {
     let problem = &search.problem;
     let scene = &problem.scene;

@@ -24,7 +24,7 @@ pub(crate) struct SearchOptions {
     pub refined: usize,
     /// Whether free-form errors are left alone.
     pub named_only: bool,
-    /// Hypotheses that are no candidates: what they would explain is in the group.
+    /// Hypotheses that are no candidates: the group already explains what they would.
     pub left_out: Vec<usize>,
     /// A cause is kept when its log posterior odds against "not there" exceed this: 3 is 20 to 1.
     pub least_log_odds: f64,
@@ -43,7 +43,7 @@ impl Default for SearchOptions {
 }
 
 impl SearchOptions {
-    /// With no more causes than so many; 0 for the usual number.
+    /// With at most this many causes; 0 for the default.
     pub fn of(most_causes: usize) -> Self {
         let usual = Self::default();
         let most_causes = if most_causes == 0 { usual.most_causes } else { most_causes };
@@ -55,13 +55,13 @@ impl SearchOptions {
 #[derive(Debug, Clone)]
 pub(crate) struct Found {
     pub fit: Fit,
-    /// The noise at which the evidence was weighed: the measurement's, or more where the model leaves more.
+    /// The noise of the evidence: the measurement's, or more where the model leaves more.
     pub noise: Noise,
-    /// One line a step, for people who want to know how it went.
+    /// The trace: one line for each step.
     pub trace: Vec<String>,
 }
 
-/// Everything that the search looks at.
+/// The input of the search.
 #[derive(Clone)]
 pub(crate) struct Search<'a> {
     /// Owned: gravity's loads in its scene follow the actual postures of the model found so far.
@@ -69,11 +69,11 @@ pub(crate) struct Search<'a> {
     pub catalogue: &'a Catalogue,
     pub group: Group,
     pub measured_noise: Noise,
-    /// By how much that was widened for errors that linger from view to view; 1 where they do not.
+    /// The factor by which the noise was increased for correlation over frames; 1 where there is none.
     pub lingering: f64,
     pub options: SearchOptions,
     pub mask: Option<&'a [bool]>,
-    /// Causes that were added where another was about as likely, with that other.
+    /// Causes that were added although another was about as probable, with that other.
     pub ties: Vec<(usize, Term)>,
 }
 
@@ -82,8 +82,9 @@ impl Search<'_> {
         fit(&self.problem, self.catalogue, &self.group, model, FitOptions { noise, steps }, self.mask)
     }
 
-    /// As [`Search::fit`], while the laws of all causes but the one in question may err a little ([`crate::diagnose::random_effects::law_discrepancy`]). The
-    /// fit's model is without the discrepancy terms' values.
+    /// As [`Search::fit`], with discrepancy terms of the laws of all causes but the one in question
+    /// ([`crate::diagnose::random_effects::law_discrepancy`]). The fit's model is without the discrepancy terms'
+    /// values.
     pub fn fit_with_slack(
         &self,
         model: &Model,
@@ -118,7 +119,8 @@ impl Search<'_> {
         (group, start)
     }
 
-    /// A fitted model without its i-th cause, the others moved to where the linear model has them then: where a fit of the rest starts.
+    /// A fitted model without its i-th cause, with the others at the optimum of the linear model: the start of a
+    /// fit of the rest.
     ///
     /// # Errors
     /// Invalid parameters of the camera or mirror.
@@ -146,7 +148,7 @@ impl Search<'_> {
         effective(&self.problem, &deformation, self.measured_noise, self.mask)
     }
 
-    /// Everything that a model says, as the forward model reads it.
+    /// The deformation of a model, the input of the forward model.
     pub fn deformation(&self, model: &Model) -> crate::diagnose::model::deformation::Deformation {
         model.deformation(&self.problem, self.catalogue, &self.group.columns)
     }
@@ -157,7 +159,7 @@ impl Search<'_> {
         held_out(&self.problem, self.catalogue, &self.group, model, noise, measured, false)
     }
 
-    /// The same where errors of no name are fitted with the rest but predict nothing.
+    /// The same if free-form errors are fitted with the rest but predict nothing.
     pub fn held_out_of_causes(&self, model: &Model, noise: Noise) -> Result<Vec<PostureGap>> {
         let measured = self.measured_noise;
         held_out(&self.problem, self.catalogue, &self.group, model, noise, measured, true)
@@ -210,7 +212,8 @@ impl Search<'_> {
                 .collect::<Result<Vec<Fit>>>()?;
             let mut refits = refits;
             refits.sort_by(|a, b| self.log_posterior(b).total_cmp(&self.log_posterior(a)));
-            // The likeliest that is a cause: a likelier one whose size is within tolerance leaves the place to the next.
+            // The most probable candidate above the tolerated size; a more probable one within tolerance is
+            // skipped.
             let mut larger = None;
             let likeliest = refits.first().map_or(0.0, |r| self.log_posterior(r));
             let as_likely = |r: &&Fit| self.log_posterior(r) >= likeliest - LEAST_LOG_ODDS;
@@ -231,7 +234,7 @@ impl Search<'_> {
                     larger = Some(refit);
                     break;
                 }
-                // Where the likeliest addition is this unlikely a cause, the others need not be tried.
+                // If the odds of the most probable addition are this low, the others need not be tried.
                 if odds < -LEAST_LOG_ODDS {
                     break;
                 }
@@ -259,7 +262,7 @@ impl Search<'_> {
         Ok(Found { fit: best, noise, trace })
     }
 
-    /// Tells whoever watches what was found so far.
+    /// Reports the intermediate result to the observer.
     fn tell(&self, fit: &Fit) {
         if !self.problem.progress.is_watched() {
             return;
@@ -313,7 +316,7 @@ impl Search<'_> {
         Ok(best)
     }
 
-    /// Replaces causes by better rivals, now that the others are there.
+    /// Replaces causes by better alternatives, given the other causes.
     fn exchange(&mut self, mut best: Fit, noise: Noise, trace: &mut Vec<String>) -> Result<Fit> {
         if best.model.terms.len() < 2 || self.problem.budget.is_spent() {
             return Ok(best);
@@ -341,7 +344,8 @@ impl Search<'_> {
         Ok(best)
     }
 
-    /// Two causes at one joint give way to one that is as likely: stiction with its droop is not play beside a spring.
+    /// Two causes at one joint are replaced by one that is as probable: stiction with its droop instead of play and
+    /// a spring.
     fn merge(&mut self, mut best: Fit, noise: Noise, trace: &mut Vec<String>) -> Result<Fit> {
         let node = |t: &Term| self.catalogue.hypotheses[t.hypothesis].place.node();
         let free = |t: &Term| self.catalogue.is_free(t.hypothesis);

@@ -61,9 +61,10 @@ pub(crate) fn drop_useless(
     let least_of = |term: &Term| match beside {
         None => LEAST_HELD_OUT_GAIN,
         Some(group) if group.setup_only => 0.0,
-        // What gives way under load is no error of a shape, and predicts other loads: it needs to help no more than among single causes.
+        // A compliance is no error of a shape and predicts other loads: it needs to help no more than among single
+        // causes.
         Some(_) if catalogue.effect(term.hypothesis).depends_on_load() => LEAST_HELD_OUT_GAIN,
-        // Of many small errors a cause must stand out.
+        // A cause among many small errors must be an outlier.
         Some(_) => 1.0 - LEAST_HELD_OUT_RATIO,
     };
     let mut i = 0;
@@ -75,7 +76,7 @@ pub(crate) fn drop_useless(
         let least = least_of(&found.fit.model.terms[i]);
         let rest = search.taken_out(&found.fit.model, i, found.noise)?;
         let without = search.fit(&rest, found.noise, 6)?;
-        // Where even the fitted postures are worse off, those held out need not be looked at.
+        // If even the fitted postures are worse, the held-out ones need not be predicted.
         let fitted = in_sample(&search.problem, &search.deformation(&without.model), search.measured_noise)?;
         if seen_size(&fitted) >= seen_size(after) * (1.0 + least) {
             i += 1;
@@ -95,7 +96,8 @@ pub(crate) fn drop_useless(
     Ok(())
 }
 
-/// Whether what was found leaves the held-out gap no smaller than the nominal model does, in what was seen or in metres.
+/// Whether what was found leaves the held-out gap no smaller than the nominal model, in the unit of the
+/// observations or in metres.
 pub(crate) fn named_in_vain(
     search: &Search<'_>,
     found: &Found,
@@ -110,7 +112,8 @@ pub(crate) fn named_in_vain(
     (named || !model.group.is_empty()) && !smaller
 }
 
-/// Whether the named causes leave nearly all of the gap: beside a rest that has no place they only took a part of it, whatever their odds.
+/// Whether the named causes leave nearly all of the gap: if the remainder has no place, they only absorbed a part
+/// of it, whatever their odds.
 pub(crate) fn named_for_little(
     search: &Search<'_>,
     found: &Found,
@@ -121,13 +124,14 @@ pub(crate) fn named_for_little(
     named && seen_size(after) > NEARLY_ALL * seen_size(before)
 }
 
-/// Whether a cause is one that stands out of a set-up's own small errors: these would predict as well without it, less credibly.
+/// Whether a cause is an outlier among the small errors of the mounts: without it these would predict as well, less
+/// credibly.
 fn stands_out_of(beside: Option<&Geometry>, search: &Search<'_>, term: &Term) -> bool {
     beside.is_some_and(|group| group.setup_only && group.holds(search.catalogue, term))
 }
 
-/// The held-out gap of the named causes alone: what has no name cannot be added to a model, so what it leaves is left. A cause
-/// that makes the gap no smaller by itself only served the free-form errors, and is taken back.
+/// The held-out gap of the named causes alone, because free-form errors cannot be added to a model. A cause that by
+/// itself makes the gap no smaller only served the free-form errors, and is removed.
 pub(crate) fn without_names(
     search: &Search<'_>,
     found: &mut Found,
@@ -149,7 +153,7 @@ pub(crate) fn without_names(
             continue;
         }
         let without = gap_of(&rest)?;
-        // It may be small beside the free-form errors.
+        // It may be small compared with the free-form errors.
         if seen_size(&after) <= seen_size(&without) * (1.0 + LEAST_HELD_OUT_GAIN) {
             i += 1;
             continue;
@@ -166,7 +170,7 @@ pub(crate) fn without_names(
     if model.group.is_empty() && model.terms.iter().all(is_free) {
         return Ok(after);
     }
-    // The gap that is claimed is that of the parameters that are claimed: those found beside what has no name.
+    // The reported gap is that of the reported parameters, which were estimated with the free-form errors.
     let (s, measured) = (search, search.measured_noise);
     held_out(&s.problem, s.catalogue, &s.group, &found.fit.model, found.noise, measured, true)
 }

@@ -23,17 +23,17 @@ use crate::diagnose::selection::pairwise_start::from_a_pair;
 use crate::diagnose::selection::search::{Found, Search, SearchOptions};
 use crate::error::Result;
 
-/// A cause beside the set-up is kept from these log odds on: what else could be in its place is in the model already.
+/// A cause with free mounts is kept from these log odds on: its possible replacements are in the model already.
 pub(crate) const LEAST_LOG_ODDS: Threshold = 2.0;
 
-/// Causes beside a displaced set-up.
+/// The causes found with displaced mounts.
 pub(crate) struct WithSetup<'a> {
     pub setup: Geometry,
     pub search: Search<'a>,
     pub found: Found,
 }
 
-/// Whether a model leaves no more than noise: of the markers, and of the board's corners.
+/// Whether a model leaves no more than noise, of the markers and of the board's corners.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.
@@ -44,7 +44,8 @@ pub(crate) fn suffices(search: &Search<'_>, found: &Found) -> Result<bool> {
     Ok(!left.significant && !left.corners_significant)
 }
 
-/// The search for causes, beside a displaced set-up where a few causes do not suffice; with it the set-up, where it is displaced.
+/// The search for causes, with free mounts where a few causes are not sufficient; also returns the mounts, if they
+/// are displaced.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.
@@ -62,7 +63,7 @@ pub(crate) fn with_or_without_setup(
     search.options.most_causes = most_causes.min(SEVERAL_CAUSES);
     let mut few = search.run(nominal.clone())?;
     let mut enough = suffices(search, &few)?;
-    // Of few postures three wrong causes may leave what the set-up then makes up for.
+    // With few postures three wrong causes may leave a remainder that free mounts then absorb.
     if !enough
         && search.problem.budget.share() < A_STAGE
         && let Some(other) = from_a_pair(search, &few, nominal)?
@@ -101,8 +102,8 @@ pub(crate) fn with_or_without_setup(
     Ok((more, None))
 }
 
-/// The search with the set-up free; none where there is no set-up, or where the data are no likelier with it displaced than with the
-/// causes that were found `alone`.
+/// The search with free mounts; none where there are no mounts, or where the data are no more probable with
+/// displaced mounts than with the causes that were found `alone`.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.
@@ -183,7 +184,8 @@ pub(crate) fn with_setup<'a>(
     Ok(Some(WithSetup { setup, search, found }))
 }
 
-/// A displaced camera passes for noise of the markers until it is known: the noise told anew, where it is smaller.
+/// A displaced camera looks like noise of the markers until it is known; the noise is estimated again, and used if
+/// it is smaller.
 pub(crate) fn look_again_at_noise(search: &mut Search<'_>, model: &Model, stated: Noise) -> Result<bool> {
     let again = noise::estimate(&search.problem, &search.deformation(model), stated)?;
     let before = search.measured_noise;
@@ -196,7 +198,7 @@ pub(crate) fn look_again_at_noise(search: &mut Search<'_>, model: &Model, stated
     Ok(smaller)
 }
 
-/// The spreads in words.
+/// The scales in words.
 fn told(setup: &Geometry) -> String {
     format!(
         "board {:.2} mm {:.2} mrad, camera {:.2} mm {:.2} mrad, markers {:.2} mm, zeros {:.2} mrad",

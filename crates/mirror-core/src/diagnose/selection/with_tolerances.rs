@@ -19,20 +19,21 @@ use crate::diagnose::selection::nonparametric::{Unexplained, log_odds, unexplain
 use crate::diagnose::selection::search::{Found, Search};
 use crate::error::Result;
 
-/// The spread of many small errors rests on so many values at least: it is known to better than a half.
+/// Minimum effective number of values for a scale of the small errors: it is known to better than a half.
 pub(crate) const FEWEST_TOLD: Threshold = 2.5;
 
-/// Causes beside many small errors.
+/// The causes found together with small errors everywhere.
 pub(crate) struct BesideGeometry<'a> {
     pub geometry: Geometry,
     pub search: Search<'a>,
     pub found: Found,
-    /// Where errors of no name say more than the small errors.
+    /// Places where free-form errors explain more than the small errors.
     pub unnamed: Option<Unexplained>,
 }
 
-/// The search beside many small errors; none where what was found without them says it better. Causes that it finds among the
-/// small errors, and that are better without these than what was found before, take that one's place.
+/// The search together with small errors everywhere; none where what was found without them explains the data
+/// better. Causes that it finds among the small errors, and that without the small errors are better than what was
+/// found before, replace that.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.
@@ -46,7 +47,7 @@ pub(crate) fn beside_geometry<'a>(
         return Ok(None);
     }
     let mut search = Search { group: geometry.group.clone(), ..named.clone() };
-    // Spreads first at the scatter that single causes leave, then with the causes that stand out from the group.
+    // Scales first at the scatter that single causes leave, then with the outliers of the group as causes.
     let mut noise = alone.noise;
     let at = |noise, steps| FitOptions { noise, steps };
     let mut start = geometry.fit(&named.problem, named.catalogue, nominal, at(noise, 6), named.mask)?.model;
@@ -82,7 +83,7 @@ pub(crate) fn beside_geometry<'a>(
         search.group = geometry.group.clone();
     }
     if !hidden.is_empty() {
-        // The causes that stand out may be all that there is.
+        // The outliers alone may explain everything.
         let mut bare = named.clone();
         let causes = Model { group: vec![0.0; named.group.columns.len()], ..found.fit.model.clone() };
         let mut without = bare.run(causes)?;
@@ -96,7 +97,7 @@ pub(crate) fn beside_geometry<'a>(
         }
     }
     let odds = log_odds((&search, &found), (its_search, alone))? + LOG_PRIOR_STRUCTURE;
-    // A spread that rests on a few values says nothing about many.
+    // A scale from a few values says nothing about many.
     let known = geometry.told(&found.fit) > FEWEST_TOLD;
     let mut better = odds > 0.0 && known;
     let mut unnamed = None;
@@ -106,8 +107,9 @@ pub(crate) fn beside_geometry<'a>(
         geometry.spread(Kind::Angle) * 1e3
     );
     let free = alone.fit.model.terms.iter().any(|t| its_search.catalogue.is_free(t.hypothesis));
-    // Many pieces together can imitate what they are not. They were chosen by the very regions that are held out, the group was not: their
-    // prediction says nothing against evidence for it that is twice what its prior asks for; the group's may speak for it against evidence.
+    // Many pieces together can imitate what they are not. They were selected on the same regions that are held out;
+    // the group was not. So their better prediction does not outweigh evidence for the group that is twice what its
+    // prior requires. The group's better prediction may outweigh evidence.
     let in_pieces = places(its_search, alone) >= SEVERAL_CAUSES;
     let pieces = in_pieces && odds > -BEYOND_DOUBT;
     let settled = better && pieces && !free && odds > -LOG_PRIOR_STRUCTURE;
@@ -118,7 +120,7 @@ pub(crate) fn beside_geometry<'a>(
         // One error of no name at one place is an answer; errors in many places are the small errors' pieces.
         if !better && free && known && in_pieces {
             let named_alone = seen_size(&its_search.held_out_of_causes(&alone.fit.model, alone.noise)?);
-            // Errors of no name that fit better cannot be added to a model.
+            // Free-form errors that fit better cannot be added to a model.
             if with < MAJORITY * named_alone {
                 better = true;
                 let left = its_search.deformation(&alone.fit.model);
@@ -136,8 +138,9 @@ pub(crate) fn beside_geometry<'a>(
     Ok((better && matters(&search, &found)?).then_some(BesideGeometry { geometry, search, found, unnamed }))
 }
 
-/// Whether several causes without free-form errors are likelier beside small errors everywhere, by one linear model at the causes found:
-/// the evidence with the group at its usual spreads, or at smaller ones, against none.
+/// Whether several causes without free-form errors are more probable together with small errors everywhere, by one
+/// linear model at the causes found: the evidence with the group at its usual scales, or at smaller ones, against
+/// none.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.
@@ -170,7 +173,7 @@ pub(crate) fn small_errors_help(search: &Search<'_>, found: &Found) -> Result<bo
 const SPREADS: [Grid; 3] = [1.0, 0.3, 0.1];
 const NEXT_TO_NONE: Grid = 1e-4;
 
-/// Drops errors of gears that vary no more than the tolerance that every joint has: they do not stand out from it.
+/// Drops errors of gears that vary no more than the tolerance of every joint.
 fn drop_tolerances(search: &Search<'_>, geometry: &Geometry, found: &mut Found) -> Result<()> {
     let frames = 0..search.problem.scene.frames;
     let within = |term: &Term| {
@@ -213,7 +216,7 @@ fn places(search: &Search<'_>, found: &Found) -> usize {
     seen.len()
 }
 
-/// A group that moves next to nothing beside the causes only takes up what their laws are wrong by.
+/// A group that moves almost nothing in addition to the causes only absorbs the errors of their laws.
 fn matters(search: &Search<'_>, found: &Found) -> Result<bool> {
     let all = search.deformation(&found.fit.model);
     let mut bare = found.fit.model.clone();
