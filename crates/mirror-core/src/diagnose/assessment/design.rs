@@ -21,10 +21,11 @@ use crate::robot::Robot;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Postures that are proposed for a pair of rivals.
+/// Number of postures proposed for a pair of alternatives.
 const PROPOSED: Size = 4;
 
-/// Postures that would tell each cause from its likeliest rival; none where there are no rivals.
+/// Postures that would separate each cause from its most probable alternative; none where there are no
+/// alternatives.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.
@@ -83,7 +84,7 @@ pub(crate) fn next_postures(
         for f in chosen {
             let commanded = &draws.recording.frames[f].commanded;
             let told = robot.position_names().zip(commanded).enumerate();
-            // A joint that is held where it rests anyhow need not be commanded.
+            // A joint that is held at its rest position anyway need not be commanded.
             let told = told.filter(|(k, (_, q))| draws.is_drawn(*k) || **q != 0.0);
             out.push(told.map(|(_, (name, q))| (name.to_owned(), *q)).collect());
         }
@@ -91,7 +92,7 @@ pub(crate) fn next_postures(
     Ok(out)
 }
 
-/// The best postures that are far from all visited ones and from each other; the best of all where there are none.
+/// The best postures that are far from all recorded ones and from each other; the best of all where there are none.
 fn far_apart(draws: &Draws, visited: &Recording, separation: &[(usize, f64)]) -> Vec<usize> {
     let commanded = |f: usize| &draws.recording.frames[f].commanded;
     let new = |f: usize| visited.frames.iter().all(|v| draws.are_apart(commanded(f), &v.commanded));

@@ -9,7 +9,7 @@ use crate::diagnose::principles::{FEWEST_OBSERVATIONS, FEWEST_POSTURES, WORTH_NA
 use crate::error::Result;
 use std::collections::BTreeSet;
 
-/// The session on its way to what was used.
+/// The session in the steps from the given to the used data.
 pub(crate) struct Sources<'a> {
     /// As it was given.
     pub given: &'a Recording,
@@ -90,17 +90,17 @@ pub(crate) fn data(sources: &Sources<'_>, findings: &Findings<'_>) -> Result<Dat
     Ok(out)
 }
 
-/// Whether there is too little to say anything.
+/// Whether there is too little evidence for a statement.
 pub(crate) fn insufficient(data: &Data) -> bool {
     data.postures_used < FEWEST_POSTURES || data.points_used < FEWEST_OBSERVATIONS
 }
 
-/// Whether so many observations were left out as false that the rest's agreement with the model says little.
+/// Whether so many observations were left out as false that the agreement of the rest with the model says little.
 pub(crate) fn much_is_false(data: &Data) -> bool {
     data.false_count() as f64 > WORTH_NAMING * data.points_given as f64
 }
 
-/// How much is false, in words.
+/// How many observations are false, in words.
 pub(crate) fn what_is_false(data: &Data) -> String {
     format!(
         "{} of {} observations of markers are far from any model and were left out; the rest agrees with the nominal model. Look at what is listed: names, rows, or something that moved.",

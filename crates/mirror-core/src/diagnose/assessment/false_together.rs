@@ -16,7 +16,7 @@ use crate::diagnose::principles::{LOG_PRIOR_STRUCTURE, MAJORITY};
 use crate::statistics::best_run;
 use std::collections::BTreeSet;
 
-/// Whether what was left out as false lies together.
+/// Whether the observations left out as false lie together.
 pub(crate) fn lies_together(recording: &Recording, data: &Data) -> bool {
     let far: BTreeSet<(i64, &str)> =
         data.left_out.iter().filter(|l| l.is_false()).map(|l| (l.frame, l.target.as_str())).collect();
@@ -50,7 +50,7 @@ pub(crate) fn lies_together(recording: &Recording, data: &Data) -> bool {
     in_a_run.max(at_once(&seen, p)) > -LOG_PRIOR_STRUCTURE
 }
 
-/// What frames in which both of two markers are false gain over chance, of the pair that gains most.
+/// The gain over chance of frames in which both of two markers are false, for the pair with the largest gain.
 fn at_once(seen: &[Vec<Option<bool>>], p: f64) -> f64 {
     let markers = seen.first().map_or(0, Vec::len);
     let pairs: Vec<(usize, usize)> = (0..markers).flat_map(|b| (0..b).map(move |a| (a, b))).collect();

@@ -14,7 +14,7 @@ use crate::diagnose::selection::nonparametric::Unexplained;
 use crate::diagnose::selection::search::{Found, Search};
 use crate::error::Result;
 
-/// Everything that was found, before it is put into words.
+/// Everything that was found, before the report is built.
 pub(crate) struct Findings<'a> {
     pub search: Search<'a>,
     pub found: Found,
@@ -29,13 +29,13 @@ pub(crate) struct Findings<'a> {
     pub false_share: f64,
     /// Whole mistakes of model or log, which are undone in the search's problem.
     pub mistakes: Vec<Cause>,
-    /// Mistakes that could stand for a small error.
+    /// Mistakes that a small error could be instead.
     pub doubts: Vec<Doubt>,
 }
 
 impl Findings<'_> {
-    /// What differs from the nominal model by the causes that have a name, and the small errors beside them, but for causes that are far larger than
-    /// such an error is; and whether there are any.
+    /// The deformation by the named causes and the small errors, without causes that are far larger than such an
+    /// error usually is; and whether there are any of those.
     pub fn known(&self) -> (Deformation, bool) {
         let hypotheses = &self.search.catalogue.hypotheses;
         let is_large = |term: &Term| {
@@ -50,7 +50,7 @@ impl Findings<'_> {
         (self.search.deformation(&model), model.terms.len() < named)
     }
 
-    /// A fit of the findings' model, for those who need its covariance anew.
+    /// A fit of the findings' model, for callers that need its covariance.
     ///
     /// # Errors
     /// Invalid parameters of the camera or mirror.

@@ -13,8 +13,8 @@ use std::collections::HashMap;
 /// Bootstrap resamples over postures.
 const RESAMPLES: Size = 400;
 
-/// The gap before and after, its floor, and the share that is closed; `law_shifts` are mean squares by which the causes' laws
-/// may move the markers otherwise than was found.
+/// The gap before and after, its floor, and the share that is closed; `law_shifts` are mean squares by which errors
+/// of the causes' laws may move the markers.
 pub(crate) fn gap_over(
     before: &[PostureGap],
     after: &[PostureGap],
@@ -29,7 +29,7 @@ pub(crate) fn gap_over(
         before_m: from.told_m(),
         after_m: to.told_m(),
         noise_floor_m: to.told_m().map(|_| bottom.m),
-        // Noise can carry the figure a little beyond 1.
+        // Noise can make the figure slightly larger than 1.
         closed: closed.map(|c| c.min(1.0)),
         closed_ci95: closed.and_then(|_| interval(before, after, floor, law_shifts)),
         before_px: from.rms_px,
@@ -57,12 +57,12 @@ fn closed(
     };
     let after = after.hypot(law_square.sqrt());
     let room = before - bottom;
-    // What could not be told from the floor on held-out regions is no gap: there is nothing to close.
+    // If the gap before does not differ from the floor on held-out regions, there is nothing to close.
     (room > (1.0 - LEAST_HELD_OUT_RATIO) * bottom).then(|| (before - after) / room)
 }
 
-/// 95 % interval by resampling postures with a fixed generator: gaps and floor of the same postures, the independent
-/// witness of the floor off by its own uncertainty, and the laws by theirs.
+/// 95 % interval by resampling postures with a fixed generator: gaps and floor from the same postures, the
+/// independent estimate of the floor varied by its own uncertainty, and the laws by theirs.
 fn interval(
     before: &[PostureGap],
     after: &[PostureGap],

@@ -43,7 +43,7 @@ pub(crate) fn limits(findings: &Findings<'_>) -> Result<Vec<Limit>> {
     let mut search = findings.search.clone();
     let mut model = findings.found.fit.model.clone();
     if model.group.is_empty() {
-        // Zeros are no part of what a person mounts: they are learned, or exact.
+        // Zeros are no mounts by hand: they are estimated, or exact.
         search.group = Geometry::of_setup(&search.problem, &["geometry".to_owned()]).group;
         model.group = vec![0.0; search.group.columns.len()];
     }
@@ -59,7 +59,7 @@ pub(crate) fn limits(findings: &Findings<'_>) -> Result<Vec<Limit>> {
     let options = FitOptions { noise, steps: 0 };
     let here =
         Linearised::at(&search.problem, search.catalogue, &search.group, &model, options, search.mask)?;
-    // A mount is in the set-up itself: it is asked with all but itself free.
+    // A mount is itself free: it is tested with all other mounts free.
     let mut in_group: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
     for (k, column) in search.group.columns.iter().enumerate().take(model.group.len()) {
         let effect = single_effect(column);
@@ -108,7 +108,7 @@ fn held_out_gain(findings: &Findings<'_>) -> f64 {
     ((1.0 + LEAST_HELD_OUT_GAIN).powi(2) - 1.0) * total
 }
 
-/// Each parameter's limit, at what the data tell of all of them.
+/// Each parameter's limit, given the information of the data on all of them.
 fn limits_of(search: &Search<'_>, hypothesis: usize, information: &DMatrix<f64>, held_out: f64) -> Vec<f64> {
     let entry = &search.catalogue.hypotheses[hypothesis];
     let (s, count) = (&entry.prior_std, entry.prior_std.len());
@@ -119,7 +119,7 @@ fn limits_of(search: &Search<'_>, hypothesis: usize, information: &DMatrix<f64>,
     let Some(factor) = occam.cholesky() else { return vec![f64::INFINITY; count] };
     let log_det = 2.0 * factor.l_dirty().diagonal().iter().map(|x| x.ln()).sum::<f64>();
     let asked = 2.0 * (search.options.least_log_odds - entry.log_prior) + log_det;
-    // A cause takes as many degrees of freedom of the postures that are held out as it has parameters.
+    // A cause uses as many degrees of freedom of the held-out postures as it has parameters.
     let needed = noncentrality(asked.max(held_out + count as f64), count as f64);
     (0..count)
         .map(|i| {

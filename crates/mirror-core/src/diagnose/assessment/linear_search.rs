@@ -20,9 +20,10 @@ use crate::error::Result;
 use core::ops::Range;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
-/// Hypotheses that compete with the causes found: their rivals first, then those that the first look ranked highest.
+/// Number of hypotheses that compete with the causes found: their alternatives first, then the highest-ranked of
+/// the first screening.
 const COMPETING: Size = 28;
-/// Causes that a search adds at most, beyond those that were found.
+/// Largest number of causes that a search adds to those that were found.
 const MORE_CAUSES: Size = 2;
 
 /// One hypothesis that competes.
@@ -45,7 +46,8 @@ pub(crate) struct LinearSearch<'a> {
     pub found: usize,
     least_log_odds: f64,
     most_causes: usize,
-    /// The prior deviations, and the small errors everywhere whose spreads each resample learns anew, from which parameter on.
+    /// The prior deviations, and the small errors everywhere whose scales each resample estimates anew, with their
+    /// first index.
     std: Vec<f64>,
     geometry: Option<(&'a Geometry, usize)>,
     /// Where the group's parameters begin.
@@ -57,8 +59,8 @@ pub(crate) type Equations = (DMatrix<f64>, DVector<f64>);
 pub(crate) type Factor = Cholesky<f64, Dyn>;
 
 impl<'a> LinearSearch<'a> {
-    /// The model of the findings linearised on each part of the postures, told as frames; `standings` and `ranking` tell the causes' rivals
-    /// and what the first look ranked highest.
+    /// The model of the findings, linearised on each part of the postures (given as frames); `standings` and
+    /// `ranking` name the causes' alternatives and the highest-ranked of the first screening.
     ///
     /// # Errors
     /// Invalid parameters of the camera or mirror.
@@ -145,7 +147,7 @@ impl<'a> LinearSearch<'a> {
         let most_causes = found + MORE_CAUSES;
         let least_log_odds = search.options.least_log_odds;
         let first_group = active.first_group;
-        // The spreads of a set-up have habits, and causes beside it are looked for with these.
+        // The scales of mounts have fixed priors, and causes are searched with these.
         let of_model = |g: &&Geometry| !g.setup_only && g.group.columns.len() <= model.group.len();
         let geometry = findings.geometry.as_ref().filter(of_model).map(|g| (g, first_group));
         Ok(Self {
@@ -178,7 +180,7 @@ impl<'a> LinearSearch<'a> {
         self.always.iter().copied().chain(own).collect()
     }
 
-    /// Log posterior odds of a candidate beside others.
+    /// Log posterior odds of a candidate given others.
     fn odds(
         &self,
         (m, b): (&DMatrix<f64>, &DVector<f64>),
@@ -220,7 +222,7 @@ impl<'a> LinearSearch<'a> {
         Some((factor, indices, solved))
     }
 
-    /// The best candidate beside a set (without one of it), with its odds.
+    /// The best candidate to add to a set (without one of its members), with its odds.
     fn best(
         &self,
         m: &DMatrix<f64>,
@@ -236,9 +238,9 @@ impl<'a> LinearSearch<'a> {
             .max_by(|x, y| x.1.total_cmp(&y.1))
     }
 
-    /// The causes that the search finds from nothing or from those that were found, whichever are likelier, with the normal equations at
-    /// the spreads that the resample has beside them: one cause at a time may lead to two that only imitate two others, which the whole
-    /// search leaves again by starts of its own.
+    /// The causes that the search finds from nothing or from those that were found, whichever are more probable,
+    /// with the normal equations at the scales that the resample has with them. Adding one cause at a time may end
+    /// at two causes that only imitate two others; the whole search avoids that by additional start points.
     pub fn search(&self, resample: &Equations) -> Option<(Vec<usize>, Equations)> {
         let from = |start: Vec<usize>| -> Option<(f64, Vec<usize>, Equations)> {
             let (m, b) = self.with_spreads(resample, &start);
@@ -251,8 +253,8 @@ impl<'a> LinearSearch<'a> {
         Some((set, equations))
     }
 
-    /// The normal equations with the spreads of small errors everywhere that the resample has beside some causes: spreads that were learned
-    /// beside the causes found would leave no room for what these explain.
+    /// The normal equations with the scales of small errors everywhere that the resample has with some causes.
+    /// Scales that were estimated with the causes found would leave no room for what these causes explain.
     fn with_spreads(&self, (m, b): &Equations, causes: &[usize]) -> Equations {
         let Some((geometry, first)) = self.geometry else { return (m.clone(), b.clone()) };
         let group = first..first + geometry.group.columns.len();
@@ -269,7 +271,7 @@ impl<'a> LinearSearch<'a> {
             });
             (among, DVector::from_fn(of.len(), |i, _| b[of[i]] * units[of[i]]))
         };
-        // What is always free comes first and in order, so that the group stands where it stands among all.
+        // What is always free comes first and in order, so that the group has the same indices everywhere.
         let free = self.indices(causes, None);
         let posterior = |prior_std: &[f64]| {
             let (m, b) = rescaled(&units(prior_std), &free);

@@ -57,7 +57,7 @@ pub(crate) fn chosen_anew(findings: &Findings<'_>, ranking: &[Score]) -> Result<
             let start = with_causes(findings, &linear, (&equations, &set));
             let options = FitOptions { noise: found.noise, steps: SOLVER.final_steps };
             let mut model = fit(problem, catalogue, &search.group, &start, options, Some(&train))?.model;
-            // What has no name cannot be added to a model.
+            // Free-form errors cannot be added to a model.
             model.terms.retain(|t| !catalogue.is_free(t.hypothesis));
             let deformation = search.deformation(&model);
             let seen = free_markers(problem, &deformation, search.measured_noise, true, Some(&test))?;

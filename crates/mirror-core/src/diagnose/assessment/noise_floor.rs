@@ -24,15 +24,15 @@ use crate::diagnose::principles::{FAR_DEVIATIONS, FEWEST_REDUNDANT_ROWS, Prior, 
 use crate::diagnose::selection::search::Search;
 use crate::error::Result;
 
-/// The views' noise is what it seems but for what their planes share (one mirror a view, its board's corners), relative.
+/// Relative uncertainty of the views' noise by what their planes share (one mirror a view, its board's corners).
 const VIEWS_LOG_STD: Prior = 0.04;
 
-/// A figure known by itself: its value and the standard deviation of its logarithm.
+/// An estimate of the floor: its value and the standard deviation of its logarithm.
 #[derive(Debug, Clone, Copy)]
 struct Known {
     value: f64,
     log_std: f64,
-    /// Whether it is stated of these very measurements, so that no remainder is asked.
+    /// Whether it is stated for these measurements, so that the residuals are not used.
     stated: bool,
 }
 
@@ -43,14 +43,14 @@ pub(crate) struct FloorSize {
     pub px: f64,
 }
 
-/// What tells the floor.
+/// The source of the floor.
 #[derive(Debug, Clone)]
 pub(crate) struct Floor {
     /// The whole model's gap on the postures that it was fitted to.
     pub fitted: Vec<PostureGap>,
     /// Root of `n / (n − p)`.
     loss: f64,
-    /// What the floor is by the independent witness, as a share of the measured noise that `fitted` was weighed with.
+    /// The independent estimate of the floor, as a share of the measured noise with which `fitted` was weighted.
     independent: Known,
     /// What the whole model leaves, as a multiple of the measured noise, freedom allowed for.
     pub fitted_scale: f64,
@@ -91,7 +91,8 @@ impl Floor {
         })
     }
 
-    /// The floor over some of the postures (`fitted`), the independent witness `deviation` standard deviations off.
+    /// The floor over some of the postures (`fitted`), with the independent estimate varied by `deviation` standard
+    /// deviations.
     pub fn of(&self, fitted: &[PostureGap], deviation: f64) -> FloorSize {
         let seen = size(fitted);
         let known = self.independent.value * (self.independent.log_std * deviation).exp();
@@ -101,7 +102,7 @@ impl Floor {
         }
     }
 
-    /// Mean of the two witnesses' logarithms by their precision; of an upper bound the smaller.
+    /// The precision-weighted mean of the two estimates' logarithms; if one is only an upper bound, the smaller.
     fn together(&self, fitted: f64, independent: f64) -> f64 {
         if self.independent.stated {
             return independent;
@@ -117,8 +118,8 @@ impl Floor {
     }
 }
 
-/// Whether a model's held-out gap (`after`) is no larger than its floor makes it, tails of the noise included: where the views of
-/// a posture tell the noise, a Gaussian of the same core would be too small a measure.
+/// Whether a model's held-out gap (`after`) is no larger than its floor, with the tails of the noise: where the
+/// views of a posture determine the noise, a Gaussian with the same core would be too small a measure.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.
@@ -133,9 +134,9 @@ pub(crate) fn is_reached(search: &Search<'_>, fit: &Fit, after: &[PostureGap]) -
 /// Measured points that scatter by this share of the robot's reach show nothing of it.
 const SHARE_OF_REACH: Threshold = 0.1;
 
-/// Whether what passes for noise is none: the views of one posture disagree on markers by more than a detector ever does that finds
-/// corners as well as these are found, or that is as good as the session states; or corners are found worse by as much as it states;
-/// or measured points scatter as far as the robot's links are long.
+/// Whether the apparent noise is not noise: the views of one posture disagree on markers by far more than a
+/// detector with corners as accurate as these, or as the session states; or corners are worse than stated by as
+/// much; or measured points scatter by the length of the robot's links.
 pub(crate) fn is_no_noise(measured: Noise, stated: Noise, reach_m: f64) -> bool {
     let far = |one: f64, usual: f64| (one / usual).ln() > FAR_DEVIATIONS * STATED_LOG_STD;
     far(measured.marker_px, measured.corner_px.max(stated.marker_px))
@@ -143,7 +144,7 @@ pub(crate) fn is_no_noise(measured: Noise, stated: Noise, reach_m: f64) -> bool 
         || measured.point_m > SHARE_OF_REACH * reach_m
 }
 
-/// How many parameters a fit has taken from the data: of one under a prior, the share that the data tell.
+/// Effective number of fitted parameters: of one with a prior, the share that the data determine.
 fn spent(search: &Search<'_>, fit: &Fit) -> f64 {
     let told = |at: usize, prior: f64| 1.0 - (fit.covariance[(at, at)] / (prior * prior)).clamp(0.0, 1.0);
     let first_group = fit.model.nuisances.len();
@@ -202,7 +203,7 @@ fn independent(
     }
     let correlation = successive_correlation(problem, deformation, noise)?;
     let views = postures.iter().map(|p| p.frames.len()).sum::<usize>() as f64 / postures.len().max(1) as f64;
-    // Views of one posture follow each other: of errors that linger they show only the difference.
+    // Views of one posture are successive: of errors that are correlated over frames they show only the difference.
     let shared = shared_by_views(correlation, views);
     let sampling = (2.0 * redundant(&postures)).sqrt().recip();
     Ok(Known {

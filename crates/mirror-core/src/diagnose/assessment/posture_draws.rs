@@ -18,7 +18,7 @@ use nalgebra::{Point3, Vector3};
 
 /// Postures that are drawn.
 const DRAWN: Size = 320;
-/// Of them those that are looked at further.
+/// Number of them that are examined further.
 const KEPT: Size = 100;
 /// Margin to each limit, as a share of the range.
 const MARGIN: Grid = 0.05;
@@ -34,7 +34,7 @@ const APART_RAD: Grid = 0.174_533;
 /// What a posture shows.
 #[derive(Debug, Clone)]
 pub(crate) struct Draws {
-    /// The postures, in which nothing was seen yet, in order.
+    /// The postures, before visibility is computed, in order.
     pub recording: Recording,
     /// Which markers the best mirror shows, by posture.
     pub shown: Vec<Vec<bool>>,
@@ -60,7 +60,7 @@ fn ranges(robot: &Robot, scene: &Scene, recording: &Recording) -> Vec<Option<(f6
             match robot.joints()[robot.position_joints()[k]].limits {
                 Some(limits) if limits.upper > limits.lower => {
                     let margin = MARGIN * (limits.upper - limits.lower);
-                    // What was visited can be reached, whatever the limits say.
+                    // Recorded positions can be reached, whatever the limits say.
                     Some(((limits.lower + margin).min(low), (limits.upper - margin).max(high)))
                 }
                 _ => moved.then_some((low - 2.0 * APART_RAD, high + 2.0 * APART_RAD)),

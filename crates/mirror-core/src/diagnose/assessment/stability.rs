@@ -21,21 +21,21 @@ pub(crate) const RESAMPLES: Size = 40;
 /// Blocks of successive postures at most.
 const MOST_BLOCKS: Size = 64;
 
-/// Shares of the resamples in which the same came out.
+/// Shares of the resamples in which the same was selected.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Stability {
     /// Of each term of the model; none of free-form errors.
     pub terms: Vec<Option<f64>>,
-    /// As above, of the term or of a rival that the data cannot tell from it.
+    /// The same, of the term or of an alternative that the data cannot separate from it.
     pub or_rivals: Vec<Option<f64>>,
-    /// Of each displaced mount that was asked for.
+    /// Of each displaced mount that was requested.
     pub mounts: Vec<f64>,
 }
 
 /// What a resample's search found: hypotheses, and whether each mount is displaced.
 type CameOut = (Vec<usize>, Vec<bool>);
 
-/// Repeats the search on resampled postures; `mounts` are columns of the group whose displacement was told.
+/// Repeats the search on resampled postures; `mounts` are columns of the group whose displacement was reported.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.

@@ -22,17 +22,19 @@ use crate::diagnose::selection::alternatives::held_out_odds;
 use crate::diagnose::selection::nonparametric::unexplained;
 use crate::error::Result;
 
-/// Takes back the causes that neither survive nor are needed to predict, the least stable first.
+/// Removes the causes that are neither stable nor needed for prediction, the least stable first.
 ///
-/// A cause of which the resamples say `p` and the regions held out log odds `h` is taken back where both together, each with the same
-/// weight, are against it: `ln((1 − p) / p) + t h > 0`, with the power t of all evidence here.
+/// A cause with stability `p` in the resamples and log odds `h` from the held-out regions is removed if both
+/// together, with equal weights, are against it: `ln((1 − p) / p) + t h > 0`, with the exponent t of all evidence
+/// here.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.
 pub(crate) fn keep_survivors(findings: &mut Findings<'_>, ranking: &[Score]) -> Result<()> {
     let found_again = stability(findings, &findings.standings, ranking, &[])?;
     let (mut shares, mut alone) = (found_again.or_rivals, found_again.terms);
-    // The rival of what could be one of many small errors is that it is: where other causes take its place as well, it is not found again.
+    // The alternative of a possible small error is that it is one: if other causes replace it, it counts as not
+    // selected.
     for (i, term) in findings.found.fit.model.terms.iter().enumerate() {
         if findings.geometry.as_ref().is_some_and(|group| group.holds(findings.search.catalogue, term)) {
             shares[i] = alone[i];
@@ -71,7 +73,7 @@ pub(crate) fn keep_survivors(findings: &mut Findings<'_>, ranking: &[Score]) -> 
     Ok(())
 }
 
-/// The probability that a share of the resamples stands for (Jeffreys).
+/// The probability that a share of the resamples represents (Jeffreys).
 fn bagged(share: f64) -> f64 {
     let count = RESAMPLES as f64;
     (count * share + 0.5) / (count + 1.0)
@@ -112,7 +114,7 @@ fn taken_back(findings: &mut Findings<'_>, i: usize, share: f64, odds: f64) -> R
     found.trace.push(format!("remove {name}: selected again in {:.0} % of resamples", 100.0 * share));
     found.fit = without;
     findings.standings.remove(i);
-    // What has no name cannot be added to a model.
+    // Free-form errors cannot be added to a model.
     let (s, model) = (search, &found.fit.model);
     let free = model.terms.iter().any(|t| s.catalogue.is_free(t.hypothesis));
     findings.after = if free {

@@ -35,14 +35,14 @@ const OFF_THE_MIDDLE: Prior = 0.1;
 pub(crate) struct Deviations {
     /// Standard deviations of its parameters.
     pub stds: Vec<Vec<f64>>,
-    /// The same of the group of many small errors and of the set-up, column by column.
+    /// The same of the group of small errors and of the mounts, column by column.
     pub group: Vec<f64>,
-    /// Mean square shift of the markers (px², or m² where points were measured) by what laws may be wrong by, one entry a
-    /// parameter whose law is not exact.
+    /// Mean square shift of the markers (px², or m² where points were measured) by possible errors of the laws, one
+    /// entry for each parameter whose law is not exact.
     pub law_shifts: Vec<f64>,
 }
 
-/// The deviations of what was found.
+/// The standard deviations of what was found.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.
@@ -51,7 +51,7 @@ pub(crate) fn deviations(findings: &Findings<'_>, floor: &Floor) -> Result<Devia
     let found = &findings.found;
     let all = search.deformation(&found.fit.model);
     let mut seen = if search.lingering > 1.0 {
-        // Of one observation: what it shares with its neighbours is allowed for below, over all frames.
+        // Of one observation; its correlation with its neighbours is allowed for below, over all frames.
         effective(&search.problem, &all, search.noise_of_views(), None)?
     } else {
         found.noise
@@ -96,7 +96,8 @@ pub(crate) fn deviations(findings: &Findings<'_>, floor: &Floor) -> Result<Devia
     Ok(out)
 }
 
-/// Deviations of the group's values: the fit's, or those beside discrepancy terms and correlated noise, with what these move.
+/// Standard deviations of the group's values: the fit's, or those with discrepancy terms and correlated noise,
+/// including how far these move the values.
 fn of_group(exact: &Fit, loose: &Fit) -> Vec<f64> {
     let first = exact.model.nuisances.len();
     let variance = |fit: &Fit, k: usize| fit.covariance[(first + k, first + k)].max(0.0);
@@ -120,7 +121,7 @@ fn elsewhere_bent(findings: &Findings<'_>, term: &Term, noise: Noise) -> Result<
     search.fit(model, noise, SOLVER.loose_steps).map(Some)
 }
 
-/// Whether a law is one of springs.
+/// Whether a law is that of a spring.
 fn may_stiffen(freedom: LawFreedom) -> bool {
     matches!(freedom, LawFreedom::Load | LawFreedom::Moment)
 }

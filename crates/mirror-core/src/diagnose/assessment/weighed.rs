@@ -17,7 +17,7 @@ use crate::diagnose::selection::simplify::{
 };
 use crate::error::Result;
 
-/// Weighs what was found, without the observations that the best model shows to be false.
+/// Compares the causes found, without the observations that the best model shows to be false.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.
@@ -38,10 +38,11 @@ pub(crate) fn weighed<'a>(
     let left = |search: &Search<'_>, found: &Found| {
         adequacy(&search.problem, &search.deformation(&found.fit.model), search.measured_noise)
     };
-    // Nothing agrees with views that disagree among themselves, nor is anything known to where the search was cut off.
+    // No model agrees with views that disagree among themselves, and where the search was cut off nothing is known.
     let loud = is_no_noise(search.noise_of_views(), prepared.stated, search.problem.scene.reach_m);
     let mut standings = Vec::new();
-    // Causes beside a remainder are believed where they were found beside small errors; those of a search that was cut off without them only took a part.
+    // Causes with a remainder are accepted if they were found together with small errors. Those of a search that
+    // was cut off without small errors only absorbed a part.
     let hopeless = |search: &Search<'_>, found: &Found, after: &[PostureGap]| -> Result<bool> {
         Ok(loud || left(search, found)?.significant && !is_reached(search, &found.fit, after)?)
     };
@@ -57,12 +58,13 @@ pub(crate) fn weighed<'a>(
     }
     let free = has_free(&search, &found);
     let left = left(&search, &found)?;
-    // Where the named causes reach the floor, a remainder of no structure is the noise's tails.
-    // So is a structure of the corners that makes markers no better predictable where they were held out.
+    // If the named causes reach the floor, a remainder without structure is the noise's tails. So is a structure of
+    // the corners that does not improve the prediction of held-out markers.
     let in_vain = with_free && !free && !left.significant;
     let reached =
         (found.fit.model.explains() && !free || in_vain) && is_reached(&search, &found.fit, &after)?;
-    // Errors of no name that say more than the small errors which are told stay so however little these leave: many numbers reach any floor.
+    // Free-form errors that explain more than the reported small errors are kept, however little these leave: with
+    // many parameters any model reaches the floor.
     let unexplained = match restless.map(Unexplained::restless).or(unnamed) {
         Some(told) => Some(told),
         None => unexplained(&search, &found, &left, reached)?,

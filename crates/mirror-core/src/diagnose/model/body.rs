@@ -32,7 +32,7 @@ pub(crate) struct Node {
     pub bend_pivot: Vector3<f64>,
     /// The run of sliding joints that this one ends; none of joints that turn.
     pub telescope: Option<Telescope>,
-    /// Unit vector along the link in the node's frame; none where nothing says which way it goes.
+    /// Unit vector along the link in the node's frame; none where its direction is not defined.
     pub long_axis: Option<Vector3<f64>>,
     /// Index into the commanded positions, and `position ↦ multiplier · position + offset` (mimic joints).
     pub command: (usize, f64, f64),
@@ -44,9 +44,9 @@ pub(crate) struct Node {
 }
 
 impl Node {
-    /// Where the link bends, in the node's frame, m: its middle; of a telescope the middle of all that is out.
+    /// Where the link bends, in the node's frame, m: its middle; for a telescope the middle of the extended part.
     ///
-    /// `positions` of the nodes' joints, `[node]`, as far as this node.
+    /// `positions` of the nodes' joints, `[node]`, up to this node.
     pub fn pivot(&self, positions: &[f64]) -> Vector3<f64> {
         match self.column() {
             Some(telescope) => self.bend_pivot + telescope.foot(positions) * 0.5,
@@ -71,7 +71,7 @@ pub(crate) struct Site {
 #[derive(Debug, Clone)]
 pub(crate) struct Body {
     pub nodes: Vec<Node>,
-    /// The link in which gravity is known and which stands still.
+    /// The link that stands still and in which gravity is given.
     pub root: Site,
     /// The base body's mass (kg) and mass times centre (kg m).
     pub base_mass: f64,
@@ -83,7 +83,7 @@ pub(crate) struct Body {
 }
 
 impl Body {
-    /// Multiplies out the fixed joints of a robot; `root_link` is the link in which gravity is known.
+    /// Multiplies out the fixed joints of a robot; `root_link` is the link in which gravity is given.
     ///
     /// # Errors
     /// An unknown link.
@@ -174,8 +174,8 @@ impl Body {
         self.link_sites[link]
     }
 
-    /// The frame in which a marker's mount is told: that of the link which carries the marker's link by a fixed joint,
-    /// as (node, node_from_mount).
+    /// The frame of a marker's mount: that of the link which carries the marker's link by a fixed joint, as (node,
+    /// node_from_mount).
     pub fn mount_of(&self, link: usize) -> Site {
         match self.link_parents[link] {
             Some(parent) if self.link_sites[parent].node == self.link_sites[link].node => {
@@ -204,7 +204,7 @@ impl Body {
         site.is_some_and(|s| self.nodes[s].ancestors[node])
     }
 
-    /// Whether a joint that sits on node `node` carries `site`: what moves when that joint's origin is shifted.
+    /// Whether the joint of node `node` carries `site`: what moves when that joint's origin is shifted.
     #[inline]
     pub fn carries_beyond(&self, node: NodeId, site: Option<NodeId>) -> bool {
         site.is_some_and(|s| s != node && self.nodes[s].ancestors[node])

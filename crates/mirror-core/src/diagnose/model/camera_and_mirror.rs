@@ -29,7 +29,7 @@ impl Problem {
     /// Camera and mirror of a deformation; none where the session has no camera.
     ///
     /// # Errors
-    /// Invalid parameters of the camera or mirror (a focal length below zero, say).
+    /// Invalid parameters of the camera or mirror (for example a focal length below zero).
     pub fn eye(&self, deformation: &Deformation) -> Result<Option<Eye>> {
         self.eye_as(deformation, deformation.camera_mount, deformation.focal_scale_error)
     }

@@ -35,9 +35,10 @@ pub(crate) struct Deformation {
     pub board_scale_error: f64,
     pub glass_thickness_m: f64,
     pub curvature_per_m: f64,
-    /// What lens, board and mirror are wrong by beyond the vocabulary.
+    /// Free-form errors of lens, board and mirror.
     pub free_optics: FreeValues,
-    /// The camera's mount on top of `camera_mount`, by frame; empty where it stands still. The same tangent.
+    /// The camera's additional mount error, by frame, on top of `camera_mount`; empty where it is constant. The
+    /// same tangent.
     camera_sway: Vec<Vector6<f64>>,
     /// Relative error of the focal lengths on top of `focal_scale_error`, by frame; empty where it is constant.
     focal_wander: Vec<f64>,
@@ -143,7 +144,8 @@ impl Deformation {
             || self.rock(frame, node).is_some_and(|b| *b != Vector2::zeros())
     }
 
-    /// Whether camera, lens, board or mirror differ from the nominal: then the board's corners must be predicted anew.
+    /// Whether camera, lens, board or mirror differ from the nominal; then the board's corners must be predicted
+    /// again.
     pub fn optics_differ(&self) -> bool {
         self.camera_mount != Vector6::zeros()
             || self.focal_scale_error != 0.0

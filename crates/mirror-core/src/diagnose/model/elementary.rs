@@ -22,7 +22,8 @@ pub(crate) enum Atom {
     Turn(NodeId, usize),
     /// Rotation of the node about its middle about one of the two directions across its joint's axis (those of `axis_tilt`).
     Across(NodeId, usize),
-    /// Rotation about one of the same directions at the joint's origin, before its motion: the joint as a whole gives way.
+    /// Rotation about one of the same directions at the joint's origin, before its motion: compliance of the joint
+    /// as a whole.
     Rock(NodeId, usize),
     /// Shift along x, y or z of the origins of the joints that the node (or the base: none) carries.
     LinkShift(Option<NodeId>, usize),
@@ -56,7 +57,7 @@ pub(crate) enum Atom {
 impl Atom {
     /// Whether the atom is of the camera, its lens, the board's print or the mirror: it changes how corners are seen.
     pub fn is_optical(self) -> bool {
-        // Every atom is named: a new one must say here what it is.
+        // Every elementary change is listed: a new one must be added here.
         match self {
             Self::CameraMount(_)
             | Self::Focal
@@ -98,10 +99,11 @@ impl Twist {
     }
 }
 
-/// The part of `moment` transverse to the node's long axis: what bends the link (twisting about its axis does not).
+/// The part of `moment` transverse to the node's long axis, which bends the link (a moment about the axis does
+/// not).
 ///
-/// The long axis points from the node's origin to that of the joint (or, at the chain's end, the marker) which it carries, or, where
-/// that is the same place, to the next beyond.
+/// The long axis points from the node's origin to that of the joint which it carries (or, at the chain's end, of
+/// the marker), or, where that is the same place, to the next one.
 pub(crate) fn transverse_moment(scene: &Scene, frame: usize, node: NodeId) -> Vector3<f64> {
     let moment = scene.moment(frame, node);
     match scene.body.nodes[node].long_axis {

@@ -95,10 +95,11 @@ impl NodePoses {
     }
 }
 
-/// Gravity's torque on each joint's position and its moment about the middle of each node's link (in the node's frame), N m.
+/// Gravity's torque on each joint's position and its moment about the middle of each node's link (in the node's
+/// frame), N m.
 ///
-/// `τ = a · Σ (c − o) × m g` over all that moves when the joint turns while the root link stands still: what the node
-/// carries, or, where the root rides on the node, all the rest with the opposite sign.
+/// `τ = a · Σ (c − o) × m g` over everything that moves when the joint turns while the root link stands still: what
+/// the node carries, or, if the node carries the root, all the rest with the opposite sign.
 pub(crate) fn loads(
     body: &Body,
     poses: &NodePoses,

@@ -9,10 +9,10 @@ pub(crate) struct Loose {
     pub column: Column,
     /// Prior's standard deviation.
     pub std: f64,
-    /// The mistake as it is told: effect, place and parameter.
+    /// The reported mistake: effect, place and parameter.
     pub effect: String,
     pub at: String,
     pub parameter: String,
-    /// By how much the told parameter grows with this one.
+    /// The derivative of the reported parameter by this one.
     pub unit: f64,
 }

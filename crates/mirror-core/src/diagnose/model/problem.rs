@@ -19,7 +19,7 @@ use crate::mirror::Sphere;
 use crate::robot::Robot;
 use nalgebra::{Matrix3, Vector2, Vector3};
 
-/// Frames that are worked on together: a fixed number, so that sums do not depend on the number of cores.
+/// Frames that form a unit of work: a fixed number, so that sums do not depend on the number of cores.
 pub(crate) const FRAMES_A_CHUNK: Size = 32;
 
 /// Standard deviations of one axis of an observation.
@@ -97,11 +97,11 @@ pub(crate) struct Problem {
     pub camera_site: Option<Site>,
     /// What slipped in the middle of the session.
     pub slips: Vec<Slip>,
-    /// Numbers of whole mistakes that stay free.
+    /// Free parameters of gross mistakes.
     pub loose: Vec<Loose>,
     pub camera: Option<Camera>,
     pub refractive_index: f64,
-    /// The link (or the root, for an unknown frame) against which measured points are told.
+    /// The link (or the root, for an unknown frame) in whose frame measured points are given.
     pub points_site: Option<Site>,
     /// Start of the pose of the root in the unknown frame.
     pub unknown_frame: Option<Pose>,
@@ -116,15 +116,15 @@ pub(crate) struct Problem {
     pub between_camera_and_board: Vec<usize>,
     /// Looked at whenever an eye is made, and in every frame that is evaluated.
     pub cancel: Cancel,
-    /// Counts what is evaluated.
+    /// Counts the evaluations.
     pub budget: WorkBudget,
     /// Told how far the search has come.
     pub progress: Progress,
 }
 
 impl Problem {
-    /// A validated recording arranged, before anything is estimated: no frame's mirror is known yet, and the unknown frame of
-    /// measured points lies on the root ([`Problem::new`] finds both).
+    /// A validated recording arranged, before anything is estimated: no frame's mirror is known yet, and the
+    /// unknown frame of measured points is at the root ([`Problem::new`] estimates both).
     ///
     /// # Errors
     /// Unknown links.
@@ -194,7 +194,7 @@ impl Problem {
             })
             .collect();
         let pixel_std = recording.pixel_std_px.unwrap_or(0.25);
-        // A set-up that is free: board, camera and markers where they are mounted, and the joints' zeros.
+        // Free mounts: of board, camera and markers where they are mounted, and the joints' zeros.
         let joints = scene.relevant.iter().filter(|r| **r).count();
         let setup = 12 + 3 * recording.markers.len() + joints;
         let corners_seen = frames.iter().map(|f| f.corners.len()).sum();
@@ -231,7 +231,8 @@ impl Problem {
         })
     }
 
-    /// Finds anew which joints move what is seen against who sees it: a marker sits on another link than the model says.
+    /// Determines again which joints move the observed sites relative to the observer, because a marker is on
+    /// another link than the model says.
     pub fn markers_moved(&mut self) {
         let observers = [self.camera_site, self.points_site];
         find_relevant(&mut self.scene, observers, self.board, &self.marker_sites);
@@ -250,7 +251,7 @@ impl Problem {
             || self.shifts_between(deformation)
     }
 
-    /// Whether the camera rides on the board's own body, so that both move with the board's mount.
+    /// Whether the camera is on the board's own body, so that both move with the board's mount.
     pub fn camera_beside_board(&self) -> bool {
         matches!((self.camera_site, self.board), (Some(camera), Some(board)) if camera.node == board.node)
     }

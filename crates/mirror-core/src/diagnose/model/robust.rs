@@ -5,9 +5,9 @@ use crate::diagnose::principles::Prior;
 /// How many observations in a hundred are expected to be false.
 pub(crate) const OUTLIER_FRACTION: Prior = 0.01;
 
-/// A mixture `(1 − ε) N(r; 0, σ² I) + ε / A`: a Gaussian for the good observations, uniform over the area (or volume) A for
-/// the false ones. Good observations keep exactly Gaussian weight, so that claimed covariances stay right; false ones lose
-/// theirs altogether.
+/// A mixture `(1 − ε) N(r; 0, σ² I) + ε / A`: a Gaussian for the good observations, uniform over the area (or
+/// volume) A for the false ones. Good observations keep their exact Gaussian weight, so that claimed covariances
+/// stay right; false ones have almost no weight.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Mixture {
     /// `ε / (1 − ε) · (2 π σ²)^{k/2} / A`.

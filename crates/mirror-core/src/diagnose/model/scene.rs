@@ -11,10 +11,10 @@ use crate::error::Result;
 use crate::robot::Robot;
 use nalgebra::Vector3;
 
-/// A link shorter than this (m) does not say which way it goes.
+/// A link shorter than this (m) has no defined direction.
 const SHORTEST_LINK_M: Guard = 1e-4;
 
-/// The quantities that tell effects apart, frame by frame and node by node (`[frame * nodes + node]`).
+/// The quantities that distinguish effects, frame by frame and node by node (`[frame * nodes + node]`).
 #[derive(Debug, Clone)]
 pub(crate) struct Scene {
     pub body: Body,
@@ -50,8 +50,8 @@ pub(crate) struct Scene {
 }
 
 impl Scene {
-    /// Tabulates the commanded motion and gravity's loads at the nominal postures. Moments are about the joints until it is known where links
-    /// bend ([`Scene::find_relevant`]).
+    /// Tabulates the commanded motion and gravity's loads at the nominal postures. Moments are about the joints
+    /// until the bending places of the links are known ([`Scene::find_relevant`]).
     ///
     /// # Errors
     /// An unknown link.
@@ -109,8 +109,8 @@ impl Scene {
         Ok(scene)
     }
 
-    /// Finds which nodes move what is seen against who sees it, how far they reach, and where each bends. Gravity's moments are taken about
-    /// these places from here on.
+    /// Finds which nodes move the observed sites relative to the observer, how far they reach, and where each
+    /// bends. From here on gravity's moments are about these places.
     pub fn find_relevant(
         &mut self,
         observers: &[Option<NodeId>],
@@ -132,7 +132,7 @@ impl Scene {
             }
             let next_joint =
                 |n: NodeId| (0..nodes).find(|&k| self.relevant[k] && self.body.nodes[k].parent == Some(n));
-            // Tips in the world at rest: of the link, and of those beyond it.
+            // End points in the world at rest: of the link, and of those that it carries.
             let tip_of = |n: NodeId| match next_joint(n) {
                 Some(k) => Some(poses.origin[k]),
                 None => markers
@@ -153,7 +153,7 @@ impl Scene {
         self.update_loads(&Deformation::nominal(self.frames, nodes, markers.len()));
     }
 
-    /// Computes gravity's loads anew at the actual postures of a deformation.
+    /// Computes gravity's loads again at the actual postures of a deformation.
     pub fn update_loads(&mut self, deformation: &Deformation) {
         let nodes = self.body.nodes.len();
         let mut poses = NodePoses::new(nodes);

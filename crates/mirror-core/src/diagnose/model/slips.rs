@@ -12,7 +12,8 @@ pub(crate) enum Slipped {
     Camera,
 }
 
-/// A slip: real = nominal ∘ (Exp ω, v) from frame `first` on. Of a marker v is told in the frame of its mount's link, without ω.
+/// A slip: real = nominal ∘ (Exp ω, v) from frame `first` on. For a marker v is in the frame of its mount's link,
+/// without ω.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Slip {
     pub what: Slipped,

@@ -10,38 +10,40 @@ pub(crate) struct Solver {
     pub board_steps: usize,
     /// Share of a board's χ² below which a further step's gain does not matter.
     pub board_gain: f64,
-    /// Steps, and how many of the corners are used, where the plane need only be known to a share of the markers' distances.
+    /// Steps, and the number of corners used, where the plane need only be known to a share of the markers'
+    /// distances.
     pub rough_board_steps: usize,
     pub rough_corners: usize,
-    /// Steps that a plane takes from the board's own optimum to that of the whole frame: a tiny way.
+    /// Steps of a plane from the board's optimum to that of the whole frame, which is close.
     pub plane_steps: usize,
     /// A plane from nearby is good where the next step would gain less than this (in −2 log likelihood),
     pub last_plane_gain: f64,
-    /// and is not near where it would gain more than this, or after so many steps, or where a smaller share of the board's corners counts:
-    /// from there good corners look false, weigh nothing and would never draw it back.
+    /// and is not near if it would gain more than this, or after this many steps, or if a smaller share of the
+    /// board's corners has weight: from there good corners look false, have no weight, and would never correct the
+    /// plane.
     pub nearby_gain: f64,
     pub nearby_steps: usize,
     pub least_corners_counted: f64,
-    /// A condensed column of which less than this share (squared) is not in those before it depends on them to the last digits: rounding is a
-    /// share of some 1e-15 of the columns' squares.
+    /// A condensed column with less than this share (squared) outside the earlier ones depends on them numerically:
+    /// rounding is a share of about 1e-15 of the columns' squares.
     pub dependent: f64,
-    /// A step of a model's fit that gains less than this (in −2 log likelihood) is taken without looking at its result: what it leaves is of
-    /// second order, and log evidence need not be known better than to a hundredth.
+    /// A step of a model's fit that gains less than this (in −2 log likelihood) is taken without another
+    /// evaluation: the rest is of second order, and log evidence need not be known better than to a hundredth.
     pub last_gain: f64,
-    /// The linear model foretells what a fit will gain to within this factor: one that would not reach what it must with so much is given
-    /// up.
+    /// The linear model predicts the gain of a fit to within this factor: a fit that would not be sufficient with
+    /// it is given up.
     pub most_hoped: f64,
     /// Gauss–Newton steps of a candidate, and of the model that is kept.
     pub candidate_steps: usize,
     pub final_steps: usize,
     /// Steps of a fit that only follows a change of noise or spreads.
     pub loose_steps: usize,
-    /// Loads and postures are taken in turn this often: each turn leaves the share by which the droop changes the load.
+    /// Iterations between loads and postures: each leaves the share by which the droop changes the load.
     pub load_steps: usize,
-    /// Rounds in which two things that depend on each other are found in turn: values and spreads, noise and causes, displacement and
-    /// small errors.
+    /// Iterations between two quantities that depend on each other: values and scales, noise and causes,
+    /// displacement and small errors.
     pub rounds: usize,
-    /// Steps of the spreads at one linear model; by no more than this factor each.
+    /// Steps of the scales at one linear model; by no more than this factor each.
     pub spread_steps: usize,
     pub largest_spread_step: f64,
     /// Spreads that changed by less than this (log) are settled.

@@ -26,7 +26,7 @@ impl Problem {
         Ok(problem)
     }
 
-    /// Fits each frame's mirror to its board with nominal optics, from where it was if it was known.
+    /// Fits each frame's mirror to its board with nominal optics, from its previous value if there is one.
     pub fn fit_boards(&mut self) -> Result<()> {
         let nominal = self.nominal();
         let eye = self.eye(&nominal)?;

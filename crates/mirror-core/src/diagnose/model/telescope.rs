@@ -25,7 +25,7 @@ pub(crate) struct Telescope {
 }
 
 impl Telescope {
-    /// The run that ends with the sliding joint of node `id`; `inner` is that of the node that carries it.
+    /// The run that ends with the prismatic joint of node `id`; `inner` is that of the node that carries it.
     /// `upper_m` is the joint's upper limit, infinite where it has none.
     pub fn of(
         id: usize,
@@ -46,7 +46,7 @@ impl Telescope {
         Self { joints, farthest_m: inner.farthest_m + upper_m, axis: *axis, retracted }
     }
 
-    /// Whether its tubes slide out of each other: at least two joints.
+    /// Whether it is telescopic: at least two joints.
     pub fn is_column(&self) -> bool {
         self.joints.len() > 1
     }

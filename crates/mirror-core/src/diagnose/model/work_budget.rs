@@ -8,12 +8,13 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// As much as so many linearisations of the whole session by a set-up that is free; sessions of simulators and by hand mostly end at a fifth to
-/// three quarters of it.
+/// The limit, in linearisations of the whole session with free mounts; simulated sessions and sessions mounted by
+/// hand mostly use a fifth to three quarters of it.
 const MOST_LINEARISATIONS: u64 = 1600;
 /// At least: three seconds or so.
 const LEAST: u64 = 480_000_000;
-/// At least for each frame, up to so many: twenty-five milliseconds. A session of measured points has a set-up of a few columns, and as many causes as another.
+/// The minimum for each frame, up to this many frames: twenty-five milliseconds. A session of measured points has
+/// few columns of mounts, and as many causes as another.
 const LEAST_OF_FRAME: u64 = 9_000_000;
 const MOST_FRAMES: usize = 500;
 /// A frame; each corner of its board, where these are rows; each column; each product of two is a quarter. In some five nanoseconds of one core.
@@ -23,8 +24,8 @@ const COLUMN: u64 = 15;
 /// A corner that is predicted while a board's mirror is fitted.
 const PREDICTED: u64 = 110;
 
-/// The share of the work that is for each stage but the search for named causes: whole mistakes before it, free-form errors and small errors
-/// everywhere after it. What a stage leaves is for those that follow.
+/// The share of the work for each stage except the search for named causes: gross mistakes before it, free-form
+/// errors and small errors everywhere after it. What a stage does not use is left for later ones.
 pub(crate) const A_STAGE: f64 = 0.2;
 
 /// The work of one diagnosis; clones count together.
@@ -37,7 +38,7 @@ pub(crate) struct WorkBudget {
 }
 
 impl WorkBudget {
-    /// Of a session of so many frames, with so many corners of boards in all and so many columns of its set-up.
+    /// For a session with this many frames, corners of boards in all, and columns of its mounts.
     pub fn of(frames: usize, corners: usize, columns: usize) -> Self {
         let most = MOST_LINEARISATIONS * linearisation(frames, corners, columns);
         let most = most.max(LEAST).max(LEAST_OF_FRAME * frames.min(MOST_FRAMES) as u64);

@@ -5,11 +5,11 @@ use crate::diagnose::model::problem::{BoardFit, FrameData, Problem};
 use crate::diagnose::principles::{FAR_DEVIATIONS, FEWEST_FRAMES, NEARLY_ALL, Threshold};
 use crate::statistics::best_run;
 
-/// A board whose residual is beyond this, and far beyond those of the better boards and the stated noise, is of a wrong grid, px: real ones
-/// have 1.7 to 2.6 px where good views have 0.3 to 0.5.
+/// A board whose residual is beyond this, and far beyond those of the better boards and the stated noise, is a
+/// wrong grid, px: real ones have 1.7 to 2.6 px where good views have 0.3 to 0.5.
 pub(super) const USUAL_CORNER_PX: Threshold = 1.0;
 
-/// Leaves out the boards that no mirror explains, and with them what was seen in those mirrors.
+/// Leaves out the boards that no mirror explains, and the observations in those mirrors.
 pub(crate) fn leave_out_wrong_grids(problem: &mut Problem) -> Vec<LeftOut> {
     let of_board = |board: &BoardFit| (board.chi2_px2 / (2.0 * board.corners as f64 - 3.0).max(1.0)).sqrt();
     let boards: Vec<(usize, f64)> =
@@ -40,7 +40,8 @@ pub(crate) fn leave_out_wrong_grids(problem: &mut Problem) -> Vec<LeftOut> {
     told
 }
 
-/// Boards (frame, residual) beyond the most, but for those of a run to the session's end: from there on board or camera sit elsewhere.
+/// Boards (frame, residual) beyond the limit, except a run to the session's end: from there on board or camera may
+/// have slipped.
 fn wrong_but_for_the_last(boards: &[(usize, f64)], most_px: f64) -> Vec<(usize, f64)> {
     // A run of which nearly all are wrong.
     let right = -NEARLY_ALL / (1.0 - NEARLY_ALL);

@@ -6,10 +6,11 @@ use crate::diagnose::model::deformation::Deformation;
 /// What a first diagnosis found.
 #[derive(Debug, Clone)]
 pub(crate) struct Known {
-    /// What differs from the nominal model by the causes that have a name, and the small errors beside them, but for causes far larger than those.
+    /// The deformation by the named causes and the small errors, without causes far larger than those.
     pub deformation: Deformation,
     /// Frames, by index, of which something was left out as false.
     pub false_frames: Vec<usize>,
-    /// Whether something is unexplained without a whole mistake, or larger than small errors are: it needs no more than strong evidence then.
+    /// Whether something is unexplained without a gross mistake, or is larger than small errors are: then strong
+    /// evidence is sufficient for a mistake.
     pub sought: bool,
 }

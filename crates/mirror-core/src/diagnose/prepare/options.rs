@@ -19,9 +19,9 @@ pub struct DiagnoseOptions {
     pub without: Vec<String>,
     /// No more causes than this; 0 for the usual six.
     pub most_causes: usize,
-    /// Further effects beside the vocabulary.
+    /// Further effects in addition to the vocabulary.
     pub own: Vec<OwnEffect>,
-    /// Whether the markers are told posture by posture.
+    /// Whether the markers are reported posture by posture.
     pub markers: bool,
     /// Stops the diagnosis from outside.
     pub cancel: Cancel,
@@ -38,20 +38,20 @@ pub struct OtherSession {
     pub robot: Robot,
     /// What was recorded.
     pub recording: Recording,
-    /// The options' own effects, with their weights in this session; those that are not here are not predicted.
+    /// The user's effects, with their weights in this session; those that are not here are not predicted.
     pub own: Vec<OwnEffect>,
 }
 
 impl DiagnoseOptions {
-    /// Whether an effect, or what is tried beside them, is not switched off.
+    /// Whether an effect, or a group or fault of the data, is not switched off.
     pub(crate) fn allows(&self, name: &str) -> bool {
         !self.without.iter().any(|w| w == name)
     }
 
-    /// The hypotheses of a session: the vocabulary and the options' own effects, without those that are switched off.
+    /// The hypotheses of a session: the vocabulary and the user's effects, without those that are switched off.
     ///
     /// # Errors
-    /// [`Error::UnknownName`]: a name in `without` that is none; an own effect that this session cannot have.
+    /// [`Error::UnknownName`]: an unknown name in `without`; a user's effect that this session cannot have.
     pub(crate) fn catalogue(&self, scene: &Scene) -> Result<Catalogue> {
         let mut effects = vocabulary();
         if !self.allows("joint_compliance") {

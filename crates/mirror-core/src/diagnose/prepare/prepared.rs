@@ -29,8 +29,9 @@ pub(crate) struct Prepared {
 }
 
 impl Prepared {
-    /// Prepares a session; `known`: what a first diagnosis found, beside which whole mistakes are looked for more closely. `hung`: whether rows that
-    /// repeat a measurement may be told, which a second diagnosis without slipped rows tells all the same.
+    /// Prepares a session; `known`: the result of a first diagnosis, with which smaller gross mistakes can be
+    /// found. `hung`: whether rows that repeat a measurement may be named; a second diagnosis without slipped rows
+    /// still names them.
     ///
     /// # Errors
     /// A recording that is not valid, links that do not exist, invalid parameters of the camera.
@@ -73,7 +74,7 @@ impl Prepared {
         Ok(Self { given, arranged, problem, stated, slip, left_out, undone })
     }
 
-    /// Takes over how far something slipped, found again beside causes in a problem of the search.
+    /// Takes over the size of a slip, estimated again together with causes in a problem of the search.
     ///
     /// # Errors
     /// Invalid parameters of camera or mirror.
@@ -107,7 +108,7 @@ impl Prepared {
         self.undone.as_ref().map_or(&[], |u| &u.told)
     }
 
-    /// Mistakes that could stand for a small error.
+    /// Mistakes that a small error could be instead.
     pub fn doubts(&self) -> &[Doubt] {
         self.undone.as_ref().map_or(&[], |u| &u.doubts)
     }

@@ -30,8 +30,8 @@ pub(crate) struct Slip {
 pub(crate) const WHOLE_STD: Prior = 0.5;
 
 impl Slip {
-    /// Standard deviations of its first and its last frame: a frame whose measurement belongs to another one of the same
-    /// posture shows no slip, so that a run may begin anywhere among such frames at its edge.
+    /// Standard deviations of its first and its last frame: a frame whose measurement belongs to another one of the
+    /// same posture shows no slip, so a run may begin anywhere among such frames at its edge.
     pub fn edge_stds(&self, posture: &[i64]) -> [f64; 2] {
         let silent = |frame: i64| {
             let of = |f: i64| usize::try_from(f).ok().and_then(|f| posture.get(f));
@@ -66,19 +66,21 @@ pub(crate) fn find(problem: &Problem, noise: Noise) -> Result<Option<Slip>> {
                 (start, sum) = (f, 0.0);
             }
             sum += gain;
-            // In −2 log likelihood: beyond doubt, and as much again for the number of runs and shifts that are tried.
+            // In −2 log likelihood: beyond doubt, and as much again for the number of runs and shifts that are
+            // tried.
             if sum > best.map_or(4.0 * BEYOND_DOUBT, |b| b.gain) && f + 1 - start >= FEWEST_POSTURES {
                 best = Some(Slip { first: start, last: f, shift, gain: sum });
             }
         }
     }
-    // Of nearly all rows it is a log that is late, if by part of a row: found as a whole mistake, or not known.
+    // If it is nearly all rows, the log is late: found as a gross mistake, or not known.
     let nearly_all = |b: &Slip| b.shift > 0 && (b.last + 1 - b.first) as f64 >= NEARLY_ALL * frames as f64;
     Ok(best.filter(|b| !nearly_all(b)))
 }
 
-/// Whether a run of slipped rows is one beside the causes found too: a wrong scale makes neighbours of a row look like its own, and once it is
-/// known the row's own posture fits. `problem` is one with these rows, `deformation` what was found as a problem's deformation.
+/// Whether a run of slipped rows is still slipped given the causes found: with a wrong scale the neighbours of a
+/// row look like its own, and once the scale is known the row's own posture fits. `problem` is one with these rows,
+/// `deformation` the result as a problem's deformation.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.

@@ -35,16 +35,18 @@ use crate::error::Result;
 use crate::robot::Robot;
 use std::collections::BTreeMap;
 
-/// The droop of a servo that sticks is told as a cause of its own where, at the largest load, it is more than this share of the dead band.
+/// The droop of a servo with stiction is reported as a separate cause if, at the largest load, it is more than this
+/// share of the dead band.
 pub(crate) const DROOP_BESIDE_BAND: Threshold = 0.1;
-/// With fewer postures than this little can be told apart: one marker, two rows a posture, does not tell its variance then.
+/// With fewer postures than this few causes can be separated: one marker, two rows a posture, does not determine
+/// its variance then.
 const FEW_POSTURES: Count = FEWEST_REDUNDANT_ROWS as usize / 2;
 /// Hypotheses of the ranking that are written.
 const RANKED: Size = 40;
-/// How finely a play's friction is searched, as a share of it: told as its standard deviation.
+/// Resolution of a play's friction, as a share of it; reported as its standard deviation.
 const FRICTION_RESOLUTION: Grid = 0.1;
 
-/// Puts findings into words.
+/// Builds the diagnosis from the findings.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.
@@ -125,7 +127,7 @@ pub(crate) fn diagnosis(
     })
 }
 
-/// Adds to each cause that was searched by the score in what share of resamples it comes out again.
+/// Adds its stability to each cause that was found by the score test.
 fn add_stability(
     findings: &Findings<'_>,
     standings: &[Option<Standing>],
@@ -170,14 +172,15 @@ fn causes(
             .map(|(name, (value, std))| (name, Estimate { value: *value, std: *std }))
             .collect();
         if effect.name() == "mirror_glass" {
-            // The vocabulary's parameter is the pane's thickness, not what it exceeds the session's by.
+            // The vocabulary's parameter is the pane's thickness, not its excess over the session's.
             if let Some(thickness) = parameters.get_mut("thickness_m") {
                 thickness.value = (thickness.value + scene.glass_thickness_m).max(0.0);
             }
         }
         let droop = parameters.remove("droop_rad_per_nm");
         if effect.name() == "backlash" && term.variant.is_finite() {
-            // A simulator needs it beside the width: below it friction, above it gravity's torque decides the side.
+            // A simulator needs it in addition to the width: below it friction, above it gravity's torque decides
+            // the side.
             let std = FRICTION_RESOLUTION * term.variant;
             parameters.insert("friction_nm".to_owned(), Estimate { value: term.variant, std });
         }
@@ -205,7 +208,7 @@ fn causes(
             frames: Vec::new(),
         };
         out.push((cause, Part::Term(i)));
-        // The servo's own droop, told apart: `effects.md` calls it joint_compliance at the same joint.
+        // The servo's droop, reported separately: `effects.md` calls it joint_compliance at the same joint.
         if let Some(droop) = droop.filter(|d| d.value > SURE_DEVIATIONS * d.std) {
             let largest = place.node().map_or(0.0, |n| scene.largest_torque(n));
             if droop.value * largest > DROOP_BESIDE_BAND * term.parameters[0] {

@@ -3,7 +3,7 @@
 use crate::diagnose::data::diagnosis::Cause;
 use crate::diagnose::prepare::first_day::Doubt;
 
-/// Tells the mistakes that could stand in a cause's place, and takes their probability from it.
+/// Reports the mistakes that could replace a cause as its alternatives, and reduces its probability by theirs.
 pub(super) fn doubted(cause: &mut Cause, doubts: &[Doubt]) {
     let of_it = |d: &&Doubt| d.of.0 == cause.effect && d.of.1 == cause.at;
     let mistakes: Vec<_> = doubts.iter().filter(of_it).map(|d| d.mistake.clone()).collect();

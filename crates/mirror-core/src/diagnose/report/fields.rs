@@ -21,7 +21,7 @@ use rayon::prelude::*;
 /// Cells of the image's grid from left to right.
 const CELLS_ACROSS: Size = 16;
 
-/// Over what a field is drawn.
+/// The surface of a field.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Over {
     Image,
@@ -73,7 +73,7 @@ impl Sums {
     }
 }
 
-/// What is left of corners and markers without a cause, and with it.
+/// Residuals of corners and markers without a cause, and with it.
 ///
 /// None where the session has no camera or no board.
 ///

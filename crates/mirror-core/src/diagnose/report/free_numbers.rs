@@ -5,8 +5,8 @@ use crate::diagnose::data::diagnosis::Cause;
 use crate::diagnose::effects::hypothesis::nuisances;
 use crate::diagnose::model::elementary::Atom;
 
-/// The numbers of a mistake (where a marker sits on the link that it turned out to be fixed to; a zero, a ratio, a delay): what was found first,
-/// and what the fit with all causes adds to it, by inverse variances where several parameters tell of one.
+/// The parameters of a mistake (a marker's place on its true link; a zero, a ratio, a delay): the first estimate,
+/// corrected by the fit with all causes; by inverse variances where several parameters determine one.
 pub(super) fn with_free_numbers(cause: &mut Cause, findings: &Findings<'_>) {
     let (problem, fit) = (&findings.search.problem, &findings.found.fit);
     let columns = nuisances(problem);

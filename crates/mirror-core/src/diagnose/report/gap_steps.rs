@@ -16,22 +16,22 @@ use crate::diagnose::model::solver::SOLVER;
 use crate::error::Result;
 use rayon::prelude::*;
 
-/// What a told cause is in the model.
+/// The part of the model that a reported cause represents.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum Part {
     /// A term, by its index.
     Term(usize),
     /// Columns of the group of small errors.
     Columns(Vec<usize>),
-    /// A whole mistake, which is undone before anything else is looked at.
+    /// A gross mistake, which is undone before anything else.
     Mistake,
-    /// Nothing of its own: slipped rows are left out of all figures, a droop comes with its stiction.
+    /// Nothing separate: slipped rows are left out of all figures, a droop comes with its stiction.
     Nothing,
 }
 
-/// The steps; of `causes` each has its part.
+/// The steps; each of `causes` has its part.
 ///
-/// A step between several whole mistakes has no figures: they are undone together.
+/// A step between several gross mistakes has no figures: they are undone together.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.
@@ -90,8 +90,8 @@ fn sizes(findings: &Findings<'_>, parts: &[Part], wanted: &[usize]) -> Result<Ve
     Ok((0..wanted.len()).map(|at| size(&of_step(at))).collect())
 }
 
-/// A fitted model with the first k causes only, held as they are. Small displacements that are not told by themselves are in it from
-/// the first cause on; free-form errors are no part of a better model.
+/// A fitted model with the first k causes only, with fixed values. Small displacements that are not reported
+/// separately are in it from the first cause on; free-form errors are not in it.
 fn with_first(findings: &Findings<'_>, fitted: &Model, parts: &[Part], k: usize) -> Model {
     let mut model = Model { frozen: true, planes: None, ..fitted.clone() };
     let later = &parts[k..];

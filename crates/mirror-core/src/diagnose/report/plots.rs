@@ -41,7 +41,7 @@ enum Part {
     Focal,
 }
 
-/// Against what a track is drawn.
+/// The variable against which a track is plotted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Quantity {
     Time,
@@ -104,7 +104,7 @@ impl Part {
         match self {
             Self::Marker(m) => deformation.marker_shift_in(frame, m).as_slice().to_vec(),
             Self::LinkShift(n) => {
-                // The base's shift stands behind those of the nodes.
+                // The base's shift is stored after those of the nodes.
                 let at = n.unwrap_or(deformation.link_shift.len().saturating_sub(1));
                 deformation.link_shift.get(at).map_or_else(|| vec![0.0; 3], |s| s.as_slice().to_vec())
             }
@@ -121,7 +121,7 @@ impl Part {
         }
     }
 
-    /// Against what it is told: first the joint on which it is said to depend.
+    /// The variables: first the joint on which it depends.
     fn against(self, scene: &Scene, between: &[NodeId], other: Option<NodeId>) -> Vec<Quantity> {
         let mut out: Vec<Quantity> = other.map(Quantity::Position).into_iter().collect();
         match self {
@@ -180,7 +180,7 @@ impl Quantity {
     }
 }
 
-/// The panels of all causes and of the unexplained part; `causes` as they are told.
+/// The panels of all causes and of the unexplained part; `causes` in their reported order.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.
@@ -220,13 +220,13 @@ pub(crate) fn panels(findings: &Findings<'_>, causes: &[Cause]) -> Result<Panels
             out.fields.extend(drawn.map(|f| Field { cause, at: at.clone(), ..f }));
         }
     }
-    // Optics of which only the corners' remainder tells, and no free-form error.
+    // Optics of which only the corners' remainder gives evidence, and no free-form error.
     let bare = findings.unexplained.iter().flat_map(|u| &u.places);
     if bare.clone().any(|p| p.place == Some(Place::Camera) && p.depends_on.is_none()) {
         let drawn = field(&search.problem, search.measured_noise, Over::Image, &full, None)?;
         out.fields.extend(drawn.map(|f| Field { cause: None, at: "camera".into(), ..f }));
     }
-    // As the causes stand; what is unexplained last.
+    // In the order of the causes; the unexplained part last.
     out.tracks.sort_by_key(|t| t.cause.unwrap_or(usize::MAX));
     out.fields.sort_by_key(|f| f.cause.unwrap_or(usize::MAX));
     Ok(out)

@@ -7,7 +7,7 @@ use crate::diagnose::data::diagnosis::{Data, Diagnosis, Gap, LeftOut, Verdict};
 use crate::diagnose::principles::{ABOVE_SCATTER, LEAST_HELD_OUT_RATIO};
 use std::collections::BTreeMap;
 
-/// What is to be said where something in the background was taken for markers.
+/// The warning if objects in the background were detected as markers.
 pub(crate) fn background_was_taken(data: &Data) -> Option<String> {
     let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
     for left in data.left_out.iter().filter(|l| l.why.starts_with(LeftOut::AT_ONE_PIXEL)) {
@@ -24,7 +24,7 @@ pub(crate) fn background_was_taken(data: &Data) -> Option<String> {
     })
 }
 
-/// What is to be said where the causes chosen anew predict clearly worse than those told.
+/// The warning if causes selected without the held-out region predict clearly worse than the reported ones.
 pub(crate) fn hangs_on_regions(gap: &Gap) -> Option<String> {
     let anew = gap.chosen_anew.as_ref()?;
     let (told, other, unit) = match (gap.after_px, anew.rms_px) {
@@ -46,7 +46,7 @@ pub(crate) fn reserve(diagnosis: &mut Diagnosis, findings: &Findings<'_>) {
         diagnosis.sentence = evidence::what_is_false(&diagnosis.data);
         diagnosis.verdict = Verdict::Unknown;
     }
-    // Too few postures may make no test significant: what is far above its own floor agrees with nothing all the same.
+    // With too few postures no test may be significant; a gap far above its own floor is still no agreement.
     let far = |gap: Option<f64>, floor: Option<f64>| matches!((gap, floor), (Some(gap), Some(floor)) if gap > ABOVE_SCATTER * floor);
     let gap = &diagnosis.gap;
     let is_far = far(gap.after_px, gap.noise_floor_px) || far(gap.after_m, gap.noise_floor_m);
@@ -59,7 +59,7 @@ pub(crate) fn reserve(diagnosis: &mut Diagnosis, findings: &Findings<'_>) {
         diagnosis.sentence += " But the remaining gap is far above the noise floor: there is another cause.";
         diagnosis.verdict = Verdict::Partial;
     }
-    // Where nothing was held out and predicted, nothing is known to agree.
+    // Where nothing was held out and predicted, no agreement is shown.
     if evidence::insufficient(&diagnosis.data)
         || (diagnosis.verdict == Verdict::None && !diagnosis.gap.is_told())
     {

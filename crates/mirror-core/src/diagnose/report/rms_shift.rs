@@ -5,7 +5,7 @@ use crate::diagnose::criteria::marker_shift::marker_shift;
 use crate::diagnose::model::deformation::Deformation;
 use crate::error::Result;
 
-/// RMS over markers of the shift between two deformations, in the unit of what was seen.
+/// RMS over markers of the shift between two deformations, in the unit of the observations.
 pub(crate) fn rms_shift(findings: &Findings<'_>, from: &Deformation, to: &Deformation) -> Result<f64> {
     let search = &findings.search;
     let noise = search.measured_noise;

@@ -40,7 +40,8 @@ pub(crate) fn seen_markers(findings: &Findings<'_>) -> Result<Vec<SeenMarker>> {
         let Some(&frame) = posture.frames.first() else { continue };
         let (at, with) = (Places::new(findings, &nominal, frame), Places::new(findings, &better, frame));
         for marker in &posture.markers {
-            // The measurement is told once, by the model that is nearer to it: it is less far to linearise.
+            // The measurement is computed once, with the model that is nearer to it, because the linearisation is
+            // then better.
             let Some(&measured_m) = measured.get(&(frame, marker.marker)) else { continue };
             let zero = nalgebra::Vector3::zeros();
             out.push(SeenMarker {

@@ -4,7 +4,7 @@ use crate::diagnose::data::diagnosis::{Cause, Gap, Verdict, Where};
 use crate::diagnose::likelihood::probability::tempered;
 use crate::diagnose::principles::{LEAST_LOG_ODDS, SEVERAL_CAUSES, WORTH_NAMING};
 
-/// The verdict, what it rests on, and the gap's sizes.
+/// The verdict, its reasons, and the gap's sizes.
 pub(crate) fn sentence(verdict: Verdict, causes: &[Cause], places: &[Where], gap: &Gap) -> String {
     let sizes = match (gap.in_pixels(), [gap.before_m, gap.after_m, gap.noise_floor_m]) {
         (Some([before, after, floor]), _) => {
@@ -52,14 +52,15 @@ pub(crate) fn sentence(verdict: Verdict, causes: &[Cause], places: &[Where], gap
     }
 }
 
-/// Where the unexplained part lies: the place of a free-form error; else no single place, or the optics of which only the
-/// corners' remainder tells.
+/// The place of the unexplained part: that of a free-form error; otherwise no single place, or the optics if only
+/// the corners' remainder is evidence.
 fn unexplained_place(places: &[Where]) -> Option<&Where> {
     let at = |name: &str| places.iter().find(|w| w.at == name);
     places.iter().find(|w| w.depends_on.is_some()).or_else(|| at(Where::NOWHERE)).or_else(|| at("camera"))
 }
 
-/// `effect at place`, or, where it is less probable than what is just told against nothing, `effect or other effect at place`.
+/// `effect at place`, or, if it is less probable than a cause at the minimum odds against none, `effect or other
+/// effect at place`.
 fn name(cause: &Cause) -> String {
     let rival = cause.alternatives.first().filter(|r| r.probability >= WORTH_NAMING);
     let own = of_place(&cause.effect, &cause.at);
@@ -130,7 +131,7 @@ fn where_and_on_what(place: Option<&Where>) -> String {
     format!("at {}{}{depends}", article(&place.at), place.at)
 }
 
-/// `the ` before a place of which there is one.
+/// `the ` before a place of which there is only one.
 fn article(at: &str) -> &'static str {
     if matches!(at, "camera" | "board" | "mirror") { "the " } else { "" }
 }

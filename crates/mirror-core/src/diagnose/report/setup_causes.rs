@@ -13,7 +13,7 @@ use crate::diagnose::random_effects::geometric_tolerances::Geometry;
 use crate::diagnose::report::rms_shift::rms_shift;
 use crate::error::Result;
 
-/// The displaced mounts of a set-up, as causes, each with its columns of the group.
+/// The displaced mounts, as causes, each with its columns of the group.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.

@@ -87,7 +87,7 @@ impl FrameWork {
                 damped[(i, i)] *= 1.0 + damping;
             }
             let step = damped.cholesky()?.solve(&gradient);
-            // What is left to gain is next to nothing: the step is taken, its result not looked at.
+            // The remaining gain is negligible: the step is taken without another evaluation.
             if step.dot(&gradient) < SOLVER.board_gain * chi2 {
                 foot += step;
                 break;

@@ -17,7 +17,8 @@ fn motion(problem: &Problem, node: Option<NodeId>, observer: Option<NodeId>, ato
     (target != observer).then_some(if target { 1.0 } else { -1.0 })
 }
 
-/// How the board's mount moves a row's target against its observer: the board itself, and a camera that rides beside it.
+/// How the board's mount moves a row's target relative to its observer: the board itself, and a camera on the same
+/// body.
 fn board_motion(problem: &Problem, target: bool, measured: bool) -> Option<f64> {
     let observer = !measured && problem.camera_beside_board();
     (target != observer).then_some(if target { 1.0 } else { -1.0 })
@@ -33,7 +34,7 @@ impl FrameWork {
             let by_turn = crate::geometry::rotation::right_jacobian(&turn);
             return Some(Twist::about(&actual.t, actual.r * by_turn.column(k)));
         }
-        // The shift is told in the nominal frame: R = R_actual Exp(ω)ᵀ.
+        // The shift is expressed in the nominal frame: R = R_actual Exp(ω)ᵀ.
         let nominal = actual.r * crate::diagnose::model::pose::exp(&turn).transpose();
         Some(Twist::along(nominal.column(k - 3).into_owned()))
     }
@@ -75,7 +76,7 @@ impl FrameWork {
             }
             at = condensed.rank;
         }
-        // Rows of one target follow each other: whether the atom moves it is asked once.
+        // Rows of one target are adjacent: whether the elementary change moves it is computed once.
         let mut last = None;
         for row in &self.rows[condensed.corners..] {
             let value = match &twist {
@@ -114,8 +115,8 @@ impl FrameWork {
         span
     }
 
-    /// The column of what slips by the k-th number of its motion (a turn and a shift in its own frame; of a marker a shift alone); false
-    /// where it moves nothing here. The corners must be rows of their own.
+    /// The column of a slip by the k-th parameter of its motion (a turn and a shift in its own frame; of a marker a
+    /// shift alone); false where it moves nothing here. The corners must be separate rows.
     pub fn column_of_slip(
         &self,
         problem: &Problem,
@@ -204,8 +205,8 @@ impl FrameWork {
     }
 }
 
-/// Where an atom's column stands among those by the optics; none where it is not of them. Every atom is named: a new one must
-/// say here what it is.
+/// The index of an elementary change among the columns of the optics; none where it is not of the optics. Every
+/// elementary change is listed: a new one must be added here.
 fn optics_column(atom: Atom) -> Option<usize> {
     match atom {
         Atom::CameraMount(k) => Some(k),

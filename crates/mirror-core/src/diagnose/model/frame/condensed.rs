@@ -16,11 +16,11 @@ use nalgebra::{Matrix3, Vector3};
 
 /// Numbers of the board's motion: a turn and a shift.
 pub(super) const MOTION: Size = 6;
-/// Columns by the optics, as in `OpticsColumns`: the camera's mount moves the board against the camera, the others are
-/// columns of their own.
+/// Columns of the optics, as in `OpticsColumns`: the camera's mount moves the board relative to the camera, the
+/// others are separate columns.
 pub(super) const OPTICS: Size = 13 - MOTION;
 
-/// What a board's corners say of the plane.
+/// The information of a board's corners on the plane.
 pub(super) struct BoardSums {
     pub information: Matrix3<f64>,
     pub gradient: Vector3<f64>,
@@ -36,7 +36,7 @@ pub(super) struct BoardSums {
 pub(super) struct Condensed {
     /// Whether the frame has any.
     pub used: bool,
-    /// How many of [`FrameWork::rows`](super::work::FrameWork) these rows stand for: the first ones.
+    /// How many of [`FrameWork::rows`](super::work::FrameWork) these rows replace: the first ones.
     pub corners: usize,
     /// Whether columns by the optics are among them.
     pub has_optics: bool,
@@ -49,7 +49,7 @@ pub(super) struct Condensed {
     pub(super) columns: usize,
     /// The point that the board turns about in the motion's columns, in the world.
     pub(super) about: Vector3<f64>,
-    /// From the world to the frame in which its turns and shifts are told.
+    /// From the world to the frame in which its turns and shifts are expressed.
     pub(super) turned: Matrix3<f64>,
     /// How the board moves against the camera with each parameter of the camera's mount.
     pub(super) by_mount: Option<[Twist; MOTION]>,

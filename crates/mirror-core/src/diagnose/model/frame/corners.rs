@@ -28,7 +28,7 @@ pub(crate) struct PicturedMarker {
 }
 
 impl FrameWork {
-    /// Whether each observation of the frame that was evaluated last, with its board, has its row: one that cannot be
+    /// Whether each observation of the frame evaluated last, board included, has its row: one that cannot be
     /// predicted has none.
     fn in_step(&self, problem: &Problem) -> bool {
         let data = &problem.frames[self.frame];

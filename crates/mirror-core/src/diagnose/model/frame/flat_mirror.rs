@@ -15,7 +15,8 @@ use nalgebra::{Matrix3, Vector2, Vector3};
 const NEAREST_DEPTH_M: Guard = 1e-6;
 const FARTHEST_DEPTH_M: Guard = 1e150;
 
-/// Points and where they are seen, each a list as long as a multiple of [`LANES`]; what is behind the last counts nothing.
+/// Points and their pixels, each a list whose length is a multiple of [`LANES`]; entries after the last point are
+/// ignored.
 #[derive(Debug, Default)]
 pub(super) struct Points {
     /// In the camera's frame, m.
@@ -102,7 +103,7 @@ fn less(a: &[f64; 3], scale: f64, share: f64, b: &[f64; 3]) -> [f64; 3] {
 }
 
 impl FlatMirror {
-    /// None of mirrors of glass, of curved ones, of fisheyes, or beside free-form errors of the optics.
+    /// None for mirrors of glass, curved mirrors, fisheyes, or with free-form errors of the optics.
     pub fn of(eye: &Eye, foot: &Vector3<f64>) -> Option<Self> {
         let (k, limit) = eye.camera.polynomial_lens()?;
         if !eye.mirror.is_ideal() || eye.free.is_some() {
@@ -219,7 +220,8 @@ impl FlatMirror {
         ]
     }
 
-    /// Sum of squares of the residuals (px²), the foot point's information and its gradient; none where a point cannot be seen.
+    /// Sum of squares of the residuals (px²), the foot point's information and its gradient; none where a point
+    /// cannot be seen.
     pub fn plane_sums(
         &self,
         points: &Points,
@@ -239,8 +241,8 @@ impl FlatMirror {
         Some((at(3, 3), Matrix3::from_fn(at), Vector3::from_fn(|i, _| at(i, 3))))
     }
 
-    /// The columns of all points, not yet weighted, those of the optics where they are wanted. Turns are about `origin`; the board is scaled by
-    /// `scale`.
+    /// The columns of all points, not yet weighted, with those of the optics if requested. Turns are about
+    /// `origin`; the board is scaled by `scale`.
     pub fn columns(
         &self,
         points: &Points,
@@ -262,7 +264,8 @@ impl FlatMirror {
     }
 }
 
-/// Writes numbers of both rows of a point into their lists. Written out: a loop of its own would keep that over the points out of vector registers.
+/// Writes the values of both rows of a point into their lists. Unrolled: an inner loop would keep the loop over the
+/// points out of vector registers.
 macro_rules! put {
     ($block:ident, $lane:ident, $u:ident, $v:ident, $($k:literal)*) => {
         $( $block[2 * $k][$lane] = $u[$k]; $block[2 * $k + 1][$lane] = $v[$k]; )*

@@ -61,7 +61,8 @@ impl FrameWork {
         let (mut corners, mut counted) = (0, 0.0);
         self.pictures.weigh(self.points.len(), |squared| {
             let Some(squared) = squared else {
-                // What cannot be predicted (behind the mirror, say) is as wrong as a false observation.
+                // A corner that cannot be predicted (for example behind the mirror) costs as much as a false
+                // observation.
                 cost += mixture.of(f64::INFINITY).cost;
                 return 0.0;
             };

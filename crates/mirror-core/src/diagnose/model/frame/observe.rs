@@ -145,7 +145,7 @@ impl FrameWork {
         let in_camera = camera_from_world.point(&point);
         let wanted = if full && task.with_board { task.wanted } else { Wanted::default() };
         let Some(sight) = sight_of(eye, via, &self.foot, &in_camera, wanted) else {
-            // What cannot be predicted (behind the mirror, say) is as wrong as a false observation.
+            // An observation that cannot be predicted (for example behind the mirror) costs as much as a false one.
             self.cost += mixture.of(f64::INFINITY).cost;
             return;
         };

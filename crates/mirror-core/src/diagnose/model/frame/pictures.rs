@@ -4,8 +4,8 @@ use super::products::LANES;
 use crate::diagnose::principles::Size;
 use multiversion::multiversion;
 
-/// Columns of a point's picture: its motion in the camera's frame (a turn and a shift), focal length, centre, k1, the board's scale, glass,
-/// curvature, the mirror's foot point, the residual.
+/// Columns of a point's image: its motion in the camera's frame (a turn and a shift), focal length, centre, k1, the
+/// board's scale, glass, curvature, the mirror's foot point, the residual.
 pub(super) const COLUMNS: Size = 17;
 pub(super) const OF_OPTICS: Size = 6;
 pub(super) const OF_PLANE: Size = 13;
@@ -24,7 +24,8 @@ pub(super) struct Pictures {
 }
 
 impl Pictures {
-    /// Weighs the first `count` points: `weight` of a point's squared residual (px²), 0 where it was not seen. Those behind have none.
+    /// Weights of the first `count` points: `weight` of a point's squared residual (px²), 0 where it was not seen.
+    /// Later entries have none.
     pub fn weigh(&mut self, count: usize, mut weight: impl FnMut(Option<f64>) -> f64) {
         let rows = self.rows;
         for i in 0..rows {

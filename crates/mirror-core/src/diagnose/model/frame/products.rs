@@ -67,8 +67,8 @@ impl Table {
     }
 }
 
-/// Adds the products of the columns of `left` with those of `right`, `sums[j * stride + i] += ⟨left_j, right_i⟩`: rows less the parts
-/// along the plane. Of a table with itself (`half`) the products with `i ≤ j` are enough.
+/// Adds the products of the columns of `left` with those of `right`, `sums[j * stride + i] += ⟨left_j, right_i⟩`:
+/// rows minus the parts along the plane. For a table with itself (`half`) the products with `i ≤ j` are sufficient.
 #[multiversion(targets("x86_64+avx512f", "x86_64+avx2"))]
 pub(crate) fn add_products(left: &Table, right: &Table, half: bool, sums: &mut [f64]) {
     let stride = right.stride;

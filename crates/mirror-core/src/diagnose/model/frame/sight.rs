@@ -41,7 +41,7 @@ pub(super) struct Sight {
     pub by_glass: Vector2<f64>,
     pub by_curvature: Vector2<f64>,
     pub by_lens: SMatrix<f64, 2, 4>,
-    /// By the optics' free-form errors but the board's shape, where they were asked for.
+    /// By the optics' free-form errors except the board's shape, if requested.
     pub free: Option<FreeColumns>,
 }
 
@@ -59,10 +59,11 @@ fn apparent(eye: &Eye, foot: &Vector3<f64>, point: &Vector3<f64>, by_mirror: boo
     }
 }
 
-/// In a flat front-surface mirror of foot point f: `p′ = p + 2 (1 − f·p/f²) f`. The mirror that nearly all sessions have,
-/// without the general optics. With the glass's refractive index its derivatives by a pane's thickness and by a curvature, both where they
-/// are 0: `2 (n² + (n² − 1) P/E²)^(−½)` and `−P σ (2 − σ) − 2 d (d − h)` along the normal, d being the mirror's distance, h the point's
-/// height, P the square of its distance from the axis, `E = 2 d − h`, σ = d/E.
+/// In a flat front-surface mirror of foot point f: `p′ = p + 2 (1 − f·p/f²) f`. The mirror of nearly all sessions,
+/// without the general optics. With the glass's refractive index its derivatives by a pane's thickness and by a
+/// curvature, both where they are 0: `2 (n² + (n² − 1) P/E²)^(−½)` and `−P σ (2 − σ) − 2 d (d − h)` along the
+/// normal, d being the mirror's distance, h the point's height, P the square of its distance from the axis, `E = 2
+/// d − h`, σ = d/E.
 fn ideally_reflected(
     foot: &Vector3<f64>,
     point: &Vector3<f64>,
@@ -160,8 +161,8 @@ pub(super) fn sight_of(
     })
 }
 
-/// A first plane: the board's reflection lies in the direction of the corners' mean, at the depth at which its picture has
-/// the size that it has; the mirror is half-way to it (the paper's Eq. 2 with a crude position).
+/// A first plane: the board's reflection is in the direction of the corners' mean, at the depth that corresponds to
+/// its image size; the mirror is half-way to it (the paper's Eq. 2 with an approximate position).
 pub(super) fn start_of_plane(
     problem: &Problem,
     eye: &Eye,

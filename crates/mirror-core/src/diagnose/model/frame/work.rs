@@ -30,9 +30,9 @@ pub(super) struct Rows {
     /// The point in the world.
     pub(super) point: Vector3<f64>,
     pub(super) plane: Matrix3<f64>,
-    /// Where its columns by the optics stand in [`FrameWork::optics`], if they were asked for.
+    /// Index of its columns of the optics in [`FrameWork::optics`], if they were requested.
     pub(super) optics: Option<usize>,
-    /// Where its free-form columns stand in [`FrameWork::free`], if they were asked for.
+    /// Index of its free-form columns in [`FrameWork::free`], if they were requested.
     pub(super) free: Option<usize>,
     pub(super) measured: bool,
 }
@@ -53,7 +53,7 @@ pub(crate) struct FrameWork {
     board_gradient: Vector3<f64>,
     /// Whitened χ² of the board above that at its own best plane.
     pub board_excess: f64,
-    /// How the board's displaced mount moves it in the world; none where it sits as the model has it.
+    /// How the board's displaced mount moves it in the world; none where the mount is as modelled.
     board_moved: Option<Pose>,
     pub(super) root: Pose,
     pub(super) unknown: Option<Pose>,
@@ -64,7 +64,7 @@ pub(crate) struct FrameWork {
     pub(super) free: Vec<FreeColumns>,
     /// Whether boards are fitted roughly.
     pub(super) rough: bool,
-    /// The corners' rows, where a task asks for them condensed.
+    /// The corners' rows, if a task requests them condensed.
     pub(super) condensed: Condensed,
     /// The corners before the camera, each so many-th, as posed last; 0 where they are not.
     pub(super) points: Points,
@@ -81,17 +81,18 @@ pub(crate) struct Task<'a> {
     pub deformation: &'a Deformation,
     pub eye: Option<&'a Eye>,
     pub noise: Noise,
-    /// Whether the board's corners are rows of their own, rather than condensed: needed where a column moves them.
+    /// Whether the board's corners are separate rows instead of condensed ones: needed where a column moves them.
     pub with_board: bool,
-    /// Whether every observation counts in full: needed where the model is known to be far off, so that nothing looks false.
+    /// Whether every observation has full weight: needed where the model is known to be far off, so that nothing
+    /// looks false.
     pub gaussian: bool,
     /// Which columns of the optics will be read.
     pub wanted: Wanted,
-    /// Foot points from which the planes of frames with fresh boards start, where they are nearly known: boards are not fitted
-    /// by themselves first then, and [`FrameWork::board_excess`] is not told.
+    /// Foot points from which the planes of frames start where they are nearly known. Boards are then not fitted by
+    /// themselves first, and [`FrameWork::board_excess`] is not available.
     pub planes: Option<&'a [Option<Vector3<f64>>]>,
-    /// Whether the corners' rows may be condensed to a few of the same products: rows and residual are then not those of
-    /// observations. Where free-form columns are wanted they are not.
+    /// Whether the corners' rows may be condensed to a few with the same products: rows and residual are then not
+    /// those of observations. With free-form columns they are not condensed.
     pub condensed: bool,
 }
 
@@ -207,11 +208,11 @@ impl FrameWork {
         Some(moved.map_or(nominal, |moved| moved.then(&nominal)))
     }
 
-    /// Evaluates a frame: after it, [`FrameWork::cost`], [`FrameWork::residual`] and columns can be read.
+    /// Evaluates a frame: afterwards [`FrameWork::cost`], [`FrameWork::residual`] and columns can be read.
     ///
-    /// False where the frame shows nothing that a model could predict (no board for its mirror, say), and for all frames of
-    /// a problem that was cancelled. Where it is this model that
-    /// predicts nothing of it, the cost is that of false observations: to lose a frame must not pay.
+    /// False where the frame shows nothing that a model could predict (for example no board for its mirror), and
+    /// for all frames of a problem that was cancelled. If this model predicts nothing of it, the cost is that of
+    /// false observations: losing a frame must not reduce the cost.
     pub fn evaluate(&mut self, problem: &Problem, task: &Task<'_>, frame: usize) -> bool {
         self.rows.clear();
         self.condensed.used = false;
@@ -221,7 +222,7 @@ impl FrameWork {
         if problem.cancel.is_cancelled() {
             return false;
         }
-        // A camera that is not the same in all frames is made anew for this one.
+        // A camera that differs between frames is built again for this one.
         let own = if task.deformation.eye_varies() {
             match problem.eye_in(task.deformation, frame) {
                 Ok(eye) => eye,
@@ -260,7 +261,7 @@ impl FrameWork {
             }
         }
         let corner_variance = task.noise.corner_px * task.noise.corner_px;
-        // The plane goes from the board's optimum to the whole frame's, weights as of the present residuals.
+        // The plane moves from the board's optimum to the whole frame's, with weights of the present residuals.
         for _ in 0..if self.has_plane { SOLVER.plane_steps } else { 0 } {
             let Some(fit) = &board else { break };
             self.rows.clear();
@@ -310,7 +311,7 @@ impl FrameWork {
         if self.has_plane {
             match g.cholesky().and_then(|c| c.l().try_inverse()) {
                 Some(inverse) => self.plane_inverse_factor = inverse,
-                // Nothing here is likely enough to weigh anything.
+                // Nothing here is probable enough to have a weight.
                 None => return false,
             }
         }
@@ -338,8 +339,8 @@ impl FrameWork {
         });
     }
 
-    /// Evaluates a frame with all its rows from a plane that is nearly the best: Gauss–Newton on the whole frame, until the next
-    /// step would gain next to nothing; the cost is that after it. False where the plane was not near.
+    /// Evaluates a frame with all its rows from a nearly optimal plane: Gauss–Newton on the whole frame, until the
+    /// next step would gain almost nothing; the cost is that after it. False if the plane was not near.
     fn evaluate_nearby(&mut self, problem: &Problem, task: &Task<'_>, data: &FrameData) -> bool {
         for _ in 0..SOLVER.nearby_steps {
             self.rows.clear();
@@ -394,7 +395,7 @@ impl FrameWork {
         }
     }
 
-    /// Condenses the corners where the task asks for it: those that are products already, or the first `rows`.
+    /// Condenses the corners if the task requests it: those that are products already, or the first `rows`.
     fn condense_corners(&mut self, problem: &Problem, task: &Task<'_>, rows: usize) {
         if self.condensed.used {
             self.factorise_corners();
@@ -440,8 +441,8 @@ impl FrameWork {
         }
     }
 
-    /// Unweighted residual (px or m) of each of the evaluated frame's other observations; none of a corner, and of a marker that was not predicted or
-    /// has no weight at all.
+    /// Unweighted residual (px or m) of each other observation of the evaluated frame; none of a corner, and of a
+    /// marker that was not predicted or has zero weight.
     pub fn residuals_of(&self, others: &[Observation]) -> Vec<Option<Vector3<f64>>> {
         let mut predicted = Vec::new();
         self.raw_residuals(|marker, _, residual| predicted.push((marker, residual)));

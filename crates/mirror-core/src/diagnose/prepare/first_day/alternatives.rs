@@ -14,23 +14,25 @@ use core::f64::consts::{FRAC_PI_2, PI};
 
 /// Other factors that are tried, and refined: a transmission that is another one.
 const FACTORS: [f64; 10] = [0.2, 1.0 / 3.0, 0.5, 2.0 / 3.0, 0.8, 1.25, 1.5, 2.0, 3.0, 5.0];
-/// Factors on the board's squares, refined by as much as lies between them.
+/// Factors on the board's squares; the best is refined within its interval.
 const SQUARES: [f64; 10] = [0.5, 2.0 / 3.0, 0.75, 0.8, 0.9, 1.1, 1.25, 4.0 / 3.0, 1.5, 2.0];
 const SQUARES_STEP: Grid = 1.12;
 /// Zeros that are tried, rad: every 15°.
 const ZERO_STEP: Grid = PI / 12.0;
-/// A zero is off by a right angle where it is no farther from one than zeros are off (rad), and a number of its own is worth no mistake.
+/// A zero is off by a right angle if it is no farther from one than zeros usually are (rad); then no separate
+/// parameter is justified.
 const NEARLY_RIGHT: Threshold = 0.05;
 /// Whole rows by which a column may be late, and parts of a row.
 const LATE_ROWS: Size = 8;
 const LATE_PARTS: Size = 10;
-/// The same of all joints at once: where every row is a blend, one of half a row is nearly as far from one of 0.54 as from none.
+/// The same of all joints at once: where every row is a mixture, one with half a row is nearly as far from one with
+/// 0.54 as from none.
 const LATE_PARTS_OF_ALL: Size = 40;
 /// A part of a row must shrink the loss by this share: a whole number needs no other explanation.
 const WORTH_A_PART: Threshold = WORTH_NAMING;
 /// A frame whose loss falls by this was seen with another label, or at another row.
 const CLEAR: Threshold = 1.5;
-/// Positions that are tried where a joint's is not known.
+/// Positions that are tried where a joint's position is not known.
 const FREE_POSITIONS: Size = 25;
 
 /// Everything that alternatives are made of.
@@ -180,7 +182,8 @@ impl<'a> Session<'a> {
                 let mut frames: Vec<usize> =
                     (0..own.len()).filter(|&f| own[f].0 - other[f].0 > CLEAR).collect();
                 let seen: Vec<usize> = (0..own.len()).filter(|&f| shows(self.problem, f, a, b)).collect();
-                // Where both places look alike a frame tells nothing: nearly all is all.
+                // If both places look alike a frame gives no information; so a share that is nearly all counts as
+                // all.
                 if frames.len() as f64 >= NEARLY_ALL * seen.len() as f64 {
                     frames = seen;
                 }
@@ -192,7 +195,8 @@ impl<'a> Session<'a> {
         out
     }
 
-    /// A run of rows that holds other rows' measurement. Of nearly all rows that is a log that is late ([`Session::late`]).
+    /// A run of rows that contains other rows' measurements. If it is nearly all rows, the log is late
+    /// ([`Session::late`]).
     pub fn of_rows(&self, variant: &Variant) -> Vec<Mistake> {
         let own = self.frame_losses(variant);
         let count = own.len();
@@ -257,8 +261,8 @@ impl<'a> Session<'a> {
         out
     }
 
-    /// What each row from the first on gains by another variant, to where the run of those that gain has ended: a joint that stands still does so from
-    /// here on.
+    /// What each row from the first on gains by another variant, up to the end of the run of gaining rows: a joint
+    /// that stands still does so from here on.
     fn gains_while_held(
         &self,
         work: &mut Work,
@@ -314,7 +318,7 @@ impl<'a> Session<'a> {
         let (low, high) = (low - margin, high + margin);
         let mut out = variant.clone();
         let mut work = Work::new(self.problem);
-        // Measured in a frame that nobody has told: the other rows tell it.
+        // Measured in an unknown frame: the other rows determine it.
         let others: Vec<usize> =
             (0..self.problem.frames.len()).filter(|f| !(first..=last).contains(f)).collect();
         work.placed = self.misfit.placed(variant, &others);
@@ -354,7 +358,8 @@ impl<'a> Session<'a> {
             Mistake::Zero { joint, offset } => {
                 let of = |offset| Mistake::Zero { joint, offset };
                 let best = least(offset - ZERO_STEP, offset + ZERO_STEP, |x| loss(&of(x)));
-                // A horn that sits a tooth or a side further is off by a right angle: where that does as well it has no number of its own.
+                // A horn that is mounted a tooth or a side further is off by a right angle: if that fits as well,
+                // no separate parameter is needed.
                 let right = (best / FRAC_PI_2).round() * FRAC_PI_2;
                 let is_right = (best - right).abs() < NEARLY_RIGHT;
                 of(if is_right && loss(&of(right)) <= loss(&of(best)) + LEAST_FALL { right } else { best })
@@ -373,7 +378,7 @@ impl<'a> Session<'a> {
                 of(least((rows - part).max(0.01), (rows + part).min(0.99), |x| loss(&of(x))))
             }
             Mistake::Late { joint, rows, .. } => {
-                // Late by more than a row: between the rows beside the best whole one.
+                // Late by more than a row: between the rows next to the best whole one.
                 let between = |(kind, from): (LateKind, f64)| {
                     let of = |rows| Mistake::Late { joint, rows, kind };
                     let best = of(least(from + 0.01, from + 0.99, |x| loss(&of(x))));

@@ -21,10 +21,10 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 /// How far apart two pictures' pixels of one thing are that does not move: a detector's noise, px.
 const RADIUS_PX: Prior = 1.0;
-/// A noise wider by this factor leaves every observation some weight.
+/// A noise increased by this factor leaves every observation some weight.
 const WIDE: Prior = 1000.0;
 
-/// An observation of a marker: where, at which pixel, and how far from the model.
+/// An observation of a marker: its frame, its pixel, and its distance from the model.
 struct Sight {
     frame: usize,
     index: usize,
@@ -32,7 +32,7 @@ struct Sight {
     residual: Vector2<f64>,
 }
 
-/// Observations of things that stand still in the picture.
+/// Observations of objects that stand still in the picture.
 ///
 /// # Errors
 /// Invalid parameters of camera or mirror.
@@ -78,7 +78,8 @@ fn standing_still<'s>(problem: &Problem, sights: &'s [Sight]) -> Option<(Vec<&'s
     (apart > FAR_DEVIATIONS * RADIUS_PX).then_some((same, apart))
 }
 
-/// The sights within a radius of the one that has most there. A sight is asked where its cell and those beside it, which hold all of them, have more than was found.
+/// The observations within a radius of the one with the most neighbours. One is examined if its cell and the
+/// adjacent ones, which contain all of them, have more than the best so far.
 fn most_within(sights: &[Sight]) -> Option<Vec<&Sight>> {
     let cell = |s: &Sight| s.pixel.map(|x| (x / RADIUS_PX).floor() as i64);
     let mut cells: HashMap<Vector2<i64>, Vec<&Sight>> = HashMap::new();
@@ -99,7 +100,8 @@ fn most_within(sights: &[Sight]) -> Option<Vec<&Sight>> {
     (!best.is_empty()).then_some(best)
 }
 
-/// How many joints that were commanded to move do so with a marker against the camera: a single one may be what stands still.
+/// How many joints that were commanded to move do so with a marker relative to the camera: a single one may itself
+/// stand still.
 fn joints_that_move(problem: &Problem, marker: usize) -> usize {
     let scene = &problem.scene;
     let (carrier, camera) = (problem.marker_sites[marker].node, problem.camera_site.and_then(|s| s.node));
@@ -112,7 +114,7 @@ fn postures_of(problem: &Problem, sights: &[&Sight]) -> BTreeSet<i64> {
     sights.iter().map(|s| problem.posture[s.frame]).collect()
 }
 
-/// What was seen of each marker in pictures of which the nominal model predicts something.
+/// The observations of each marker in pictures of which the nominal model predicts something.
 fn sights(problem: &Problem) -> Result<Vec<Vec<Sight>>> {
     let mut out: Vec<Vec<Sight>> = Vec::new();
     out.resize_with(problem.marker_sites.len(), Vec::new);

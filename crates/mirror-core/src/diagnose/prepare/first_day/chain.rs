@@ -20,7 +20,7 @@ pub(super) const FRAMES: Size = 64;
 pub(super) const BEAM: Size = 4;
 /// A mean loss below this is that of small errors: nothing is gross.
 const GROSS: Threshold = 0.12;
-/// The same for the marker that is farthest off: one of several may sit on another link.
+/// The same for the marker that is farthest off: one of several may be on another link.
 const GROSS_OF_ONE: Threshold = 2.0 * GROSS;
 /// The share that makes a gap, by which the mean loss must fall too.
 const LEAST_SHARE: Threshold = A_GAP - 1.0;
@@ -58,13 +58,13 @@ impl Chain {
         Self::new(mistakes, variant, session.misfit, frames)
     }
 
-    /// The same mistakes but for one, from a chain that has none.
+    /// The same mistakes except one, from a chain that has none.
     pub fn without(&self, which: usize, none: &Self, session: &Session<'_>, frames: &[usize]) -> Self {
         let others = self.mistakes.iter().enumerate().filter(|(i, _)| *i != which);
         others.fold(none.clone(), |chain, (_, mistake)| chain.with(mistake, session, frames))
     }
 
-    /// Whether both have the same mistakes but for their numbers.
+    /// Whether both have the same mistakes, apart from their parameters.
     pub fn is_like(&self, other: &Self) -> bool {
         self.mistakes.len() == other.mistakes.len()
             && self.mistakes.iter().all(|m| other.mistakes.iter().any(|o| o.is_like(m)))
@@ -130,7 +130,7 @@ pub(super) fn extended(
     mistakes.extend(session.of_rows(&chain.variant));
     mistakes.extend(session.of_stops(&chain.variant));
     mistakes.extend(session.of_squares(&chain.variant));
-    // Where as many as half of the markers are elsewhere it is what all of them are seen with that is wrong.
+    // If half of the markers or more are displaced, their common observer is wrong.
     let elsewhere = chain.mistakes.iter().filter(|m| matches!(m, Mistake::MarkerParent { .. })).count();
     if 2 * (elsewhere + 1) < session.problem.marker_sites.len().max(3) {
         mistakes.extend(mounts::elsewhere(session.problem, session.misfit, &chain.variant, frames));
@@ -158,7 +158,7 @@ pub(super) fn extended(
     out
 }
 
-/// Keeps the first few chains of which none is another's but for its numbers.
+/// Keeps the first few chains that differ by more than their parameters.
 pub(super) fn unlike(chains: &mut Vec<Chain>, count: usize) {
     let mut kept: Vec<Chain> = Vec::new();
     for chain in chains.drain(..) {
@@ -175,7 +175,7 @@ impl Chain {
         let (mut robot, mut recording) = (session.robot.clone(), session.recording.clone());
         for mistake in &self.mistakes {
             match mistake {
-                // Compared with what is best for it, not with its rows left out: fewer rows always fit better.
+                // Compared with its best alternative, not with its rows left out: fewer rows always fit better.
                 Mistake::LogFrozen { .. } | Mistake::Late { .. } | Mistake::Rows { .. } => {}
                 _ => mistake.undo(&mut robot, &session.problem, &mut recording)?,
             }
@@ -196,8 +196,9 @@ impl Chain {
 pub(super) fn spread(postures: &[Vec<usize>], count: usize, views: usize) -> Vec<usize> {
     let wanted = (count / views).max(1);
     let step = postures.len().div_ceil(wanted).max(1);
-    // One of each few, another one in turn by the golden ratio, and another view of it: a session's own rhythm (rows for which a posture
-    // is held) must not be met, or rows that are off by a view or two look alike.
+    // One of each few, varied by the golden ratio, and with another view: the sample must not be in phase with a
+    // session's own period (rows for which a posture is held), otherwise rows that are off by a view or two look
+    // alike.
     let turn = |i: usize, count: usize| ((i as f64 * GOLDEN_SECTION).fract() * count as f64) as usize;
     let mut out: Vec<usize> = postures
         .chunks(step)

@@ -24,7 +24,7 @@ use core::ops::Range;
 use nalgebra::{DMatrix, DVector, Vector6};
 use rayon::prelude::*;
 
-/// Displacement and small errors are found in turn until what is found more is within chance (in χ²).
+/// Displacement and small errors are estimated alternately until the change is within chance (in χ²).
 pub(super) const WITHIN_CHANCE: Threshold = 4.0;
 /// No more of a step is taken to be kept back for the next: a factor of ten on it.
 const MOST_KEPT: Guard = 0.9;
@@ -76,7 +76,8 @@ pub(super) fn find(problem: &Problem, frames: &[usize], least: Noise) -> Result<
     let alone = without.log_evidence(noise)?;
     let mut found: Option<(f64, Best)> = None;
     for (best, mut fit) in tried {
-        // Where the model with the slip is still far from the noise something else is wrong, of which a step takes its share.
+        // If the model with the slip is still far from the noise, something else is wrong, and a step absorbs part
+        // of it.
         if size(fit.noise) > ABOVE_SCATTER * size(least) {
             continue;
         }
@@ -106,8 +107,8 @@ fn settled(problem: &Problem, frames: &[usize], least: Noise, mut best: Best) ->
         if round > 0 && more.gain < WITHIN_CHANCE {
             break;
         }
-        // Small errors hold a part of the slip and give it back round by round: the rounds' steps shrink by one factor, and the rest of
-        // that series is taken at once (Aitken).
+        // Small errors absorb a part of the slip and return it round by round. The rounds' steps shrink by a
+        // constant factor, and the rest of that series is added at once (Aitken).
         let in_stds = |motion: &Vector6<f64>| motion.component_div(&more.std);
         let kept = last.map_or(0.0, |last: Vector6<f64>| {
             let before = in_stds(&last);
@@ -125,8 +126,8 @@ fn settled(problem: &Problem, frames: &[usize], least: Noise, mut best: Best) ->
     Ok((best, fit))
 }
 
-/// A slip of the board with all small errors at nothing but for what sits elsewhere throughout, and these only then: two small errors that
-/// cancel each other move the point about which it turned, and pass for a part of its shift.
+/// A slip of the board with all small errors at zero, except parts that are displaced throughout: two small errors
+/// that cancel each other move the centre of rotation, and look like a part of its shift.
 fn polished(problem: &Problem, frames: &[usize], least: Noise, mut best: Best) -> Result<(Best, Tolerant)> {
     let mut with = problem.clone();
     with.slips.push(best.slip);
@@ -140,7 +141,8 @@ fn polished(problem: &Problem, frames: &[usize], least: Noise, mut best: Best) -
     Ok((best, fit))
 }
 
-/// The motion of one of a problem's slips with everything else as a model has it; its standard deviations, none where it stays as it is.
+/// The motion of one of a problem's slips with everything else as in a model; its standard deviations, none if it
+/// does not change.
 ///
 /// # Errors
 /// Invalid parameters of camera or mirror.
@@ -165,7 +167,7 @@ pub(crate) fn settle_slip(
     Ok(std)
 }
 
-/// Marker or camera: the slip is as many columns more, found together with all small errors.
+/// Marker or camera: the slip has its own columns, estimated together with all small errors.
 fn together(
     problem: &Problem,
     frames: &[usize],
@@ -180,7 +182,7 @@ fn together(
         Slipped::Camera => (0, (0..6).map(Atom::CameraMount).collect()),
         Slipped::Board => return Ok(None),
     };
-    // From the linear estimate: from 0 all that has slipped would look false.
+    // From the linear estimate: from 0 everything that slipped would look false.
     let columns = atoms
         .into_iter()
         .enumerate()
@@ -208,7 +210,7 @@ fn best_slips(fit: &Tolerant, problem: &Problem) -> Result<Vec<Best>> {
     Ok(places.iter().filter_map(|place| scan(place, 0..problem.frames.len())).collect())
 }
 
-/// The best of some rows from which on the place may sit elsewhere.
+/// The best of some rows from which on the place may be displaced.
 fn scan(place: &Place, rows: Range<usize>) -> Option<Best> {
     let count = place.frames.first()?.0.nrows();
     let zero = || (DMatrix::zeros(count, count), DVector::zeros(count));

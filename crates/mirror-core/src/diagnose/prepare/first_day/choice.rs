@@ -17,13 +17,13 @@ use crate::diagnose::model::problem::Problem;
 use crate::diagnose::principles::{BEYOND_DOUBT, LEAST_LOG_ODDS, LOG_PRIOR_STRUCTURE, TEMPER, UNTHOUGHT_OF};
 use crate::error::Result;
 
-/// The mistakes that are undone, none where small errors are likelier.
+/// The mistakes that are undone, none where small errors are more probable.
 pub(super) struct Choice {
     pub mistakes: Vec<Mistake>,
     pub probability: f64,
-    /// What could stand in their place.
+    /// The alternatives of these mistakes.
     pub instead: Vec<Alternative>,
-    /// What they could stand for, where they are none.
+    /// The causes whose alternatives these mistakes are, if none is undone.
     pub doubts: Vec<Doubt>,
 }
 
@@ -34,7 +34,7 @@ impl Choice {
     }
 }
 
-/// The likeliest of the chains and of none. `sought`: a mistake needs no more than strong evidence.
+/// The most probable of the chains and of none. `sought`: strong evidence is sufficient for a mistake.
 ///
 /// # Errors
 /// Invalid parameters of camera or mirror.
@@ -48,7 +48,8 @@ pub(super) fn chosen(
 ) -> Result<Choice> {
     let scored_on = spread(&all.postures, FRAMES, 1);
     let mut weighed = Weighed::new(session, core::iter::once(nominal.clone()).chain(chains).collect(), all)?;
-    // What a mistake with numbers of its own takes away a small cause may explain as well: the best chain is weighed without each of its mistakes.
+    // A small cause may explain what a mistake with free parameters absorbs: the best chain is compared without
+    // each of its mistakes.
     let (values, log_odds) = loop {
         let (values, log_odds) = weighed.log_odds(sought);
         let best = (1..log_odds.len()).max_by(|&a, &b| log_odds[a].total_cmp(&log_odds[b])).unwrap_or(0);
@@ -106,7 +107,7 @@ struct Weighed<'a> {
     session: &'a Undone,
     frames: Vec<usize>,
     chains: Vec<Chain>,
-    /// None where a chain cannot be.
+    /// None for an invalid chain.
     fits: Vec<Option<Tolerant>>,
 }
 
@@ -142,8 +143,8 @@ impl<'a> Weighed<'a> {
     }
 }
 
-/// The frames on which chains are weighed: spread over the session, and those in which one of them has names exchanged. Where these are few, none
-/// of them might be among the others, and the mistake would gain nothing.
+/// The frames on which chains are compared: spread over the session, and those in which one of the chains has names
+/// exchanged. If these are few, the sample might contain none of them, and the mistake would gain nothing.
 fn weighed_on(all: &Session<'_>, tried: &[Chain]) -> Vec<usize> {
     let mut frames = spread(&all.postures, FRAMES, 2);
     for mistake in tried.iter().flat_map(|chain| &chain.mistakes) {
@@ -156,7 +157,8 @@ fn weighed_on(all: &Session<'_>, tried: &[Chain]) -> Vec<usize> {
     frames
 }
 
-/// Log prior of mistakes against none: a mistake with numbers of its own can take its share of any law that is a little off, one without can not.
+/// Log prior of mistakes against none: a mistake with free parameters can absorb part of the error of any slightly
+/// wrong law, one without cannot.
 fn log_prior(mistakes: &[Mistake], sought: bool) -> f64 {
     let of_one = |m: &Mistake| match () {
         () if sought => -LEAST_LOG_ODDS,

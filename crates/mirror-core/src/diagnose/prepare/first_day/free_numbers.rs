@@ -13,7 +13,8 @@ use crate::diagnose::model::problem::Problem;
 use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::principles::Prior;
 
-/// What the first estimate, made before any cause was known, is off by: a zero (rad), a ratio (relative), a delay (rows).
+/// Error of the first estimate, made before any cause was known: of a zero (rad), a ratio (relative), a delay
+/// (rows).
 const FIRST_ESTIMATE_STD: Prior = 0.03;
 
 impl Mistake {

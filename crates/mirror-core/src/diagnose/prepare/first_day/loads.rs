@@ -19,7 +19,7 @@ use core::f64::consts::{FRAC_PI_2, PI};
 use nalgebra::{Rotation3, Vector3};
 use std::sync::Arc;
 
-/// Gravity's turn that lets a single spring explain what no cause explains under the stated direction.
+/// The rotation of gravity with which a single spring explains what no cause explains under the stated direction.
 ///
 /// # Errors
 /// Invalid parameters of camera or mirror.
@@ -47,10 +47,12 @@ pub(super) fn turned_gravity(problem: &Problem) -> Result<Option<(Mistake, f64)>
         }
     }
     let Some((turned, turn)) = found else { return Ok(None) };
-    // At the nominal model's own scatter and with clearly less left than by the best cause under the stated gravity, whatever else is wrong;
+    // With the nominal model's scatter, and with clearly less left than by the best cause under the stated gravity,
+    // whatever else is wrong;
     let much = turned.log_bayes > stated.log_bayes + BEYOND_DOUBT
         && size(problem, turned.left) < NEARLY_ALL * size(problem, stated.left);
-    // or where the spring alone leaves no gap, weighed at what it leaves. Beside other causes a spring the wrong way may only take a part of theirs.
+    // or if the spring alone leaves no gap, compared with the noise that it leaves. Together with other causes a
+    // spring of the wrong sign may only absorb a part of theirs.
     let excess = |best: &Best| (size(problem, best.left) / size(problem, problem.noise)).powi(2) - 1.0;
     let all = excess(&turned) < (A_GAP * A_GAP - 1.0).min(MAJORITY * excess(&stated));
     if !(much || all) {

@@ -20,12 +20,14 @@ use crate::geometry::rotation::nearest;
 use nalgebra::{Matrix3, Point3, Vector3};
 use std::sync::Mutex;
 
-/// What a set-up by hand and small causes leave, as a share of the reach; and its bounds, m.
+/// Size of the errors of mounts by hand and of small causes, as a share of the reach; and its bounds, m.
 const USUAL_SHARE: Prior = 0.03;
 const USUAL_BOUNDS_M: (f64, f64) = (0.006, 0.03);
-/// By this the mean loss must fall with each mistake. In a closer look, where little is left and what verifies decides, by a quarter of it.
+/// Factor by which the mean loss must fall with each mistake. If little is left and the verification decides, a
+/// quarter of it.
 pub(super) const LEAST_FALL: Threshold = 0.03;
-/// Mirrors that are remembered of a frame: chains of mistakes ask for the same positions between camera and board again and again.
+/// Number of mirrors that are cached for a frame: chains of mistakes need the same positions between camera and
+/// board repeatedly.
 const MOST_REMEMBERED: Size = 64;
 
 /// Positions between camera and board and the squares' size, each less the nominal one, and where the mirror then is.
@@ -43,7 +45,7 @@ pub(super) struct Distance {
 pub(super) struct Misfit<'a> {
     problem: &'a Problem,
     eye: Option<Eye>,
-    /// What is known to differ from the nominal model.
+    /// The known deformation of the nominal model.
     known: Deformation,
     /// The mirrors as the boards show them at the recorded positions.
     feet: Vec<Option<Vector3<f64>>>,
@@ -70,10 +72,7 @@ impl<'a> Misfit<'a> {
         })
     }
 
-    /// The same where causes are known already: usual errors are then what most observations are within.
-    ///
-    /// # Errors
-    /// Invalid parameters of camera or mirror.
+    /// The same if causes are known already: most observations are then within usual errors.
     pub fn beside(problem: &'a Problem, known: &Deformation, variant: &Variant) -> Result<Self> {
         let mut out = Self { eye: problem.eye(known)?, known: known.clone(), ..Self::new(problem)? };
         if problem.needs_fresh_board(known) {
@@ -187,7 +186,7 @@ impl<'a> Misfit<'a> {
         variant: &Variant,
         frame: usize,
     ) -> (Option<Pose>, Option<Vector3<f64>>) {
-        // A mirror that is fitted anew poses the frame for itself.
+        // A mirror that is fitted again poses the frame itself.
         let foot = self.foot(work, variant, frame);
         variant.nodes(&self.problem.scene.body, frame, &mut work.positions);
         work.frame.pose_as(self.problem, &self.known, frame, &work.positions);
@@ -201,7 +200,7 @@ impl<'a> Misfit<'a> {
         posed.world_from_site(&variant.sites[marker]).t + mount.r * shift
     }
 
-    /// The line on which what is seen at a pixel lies, camera frame: origin and unit direction.
+    /// The line of a pixel's points, camera frame: origin and unit direction.
     pub fn ray(
         &self,
         foot: Option<&Vector3<f64>>,
@@ -250,7 +249,7 @@ impl<'a> Misfit<'a> {
         foot
     }
 
-    /// As [`Misfit::distances`], while the frame of the measured points and unknown mounts are found robustly beside.
+    /// As [`Misfit::distances`], with robust estimates of the frame of the measured points and of unknown mounts.
     fn distances_in_unknown_frame(&self, variant: &Variant, frames: &[usize]) -> Vec<Distance> {
         let points = self.points(variant, frames);
         let placed = self.placed_by(&points);
@@ -260,7 +259,8 @@ impl<'a> Misfit<'a> {
             .collect()
     }
 
-    /// Where the frame of measured points and unknown mounts lie as some frames show it; none where the session says it.
+    /// The frame of measured points and unknown mounts, estimated from some frames; none where the session states
+    /// them.
     pub fn placed(&self, variant: &Variant, frames: &[usize]) -> Option<Placed> {
         self.problem.unknown_frame.map(|_| self.placed_by(&self.points(variant, frames)))
     }
@@ -332,7 +332,7 @@ struct PointSeen {
     local: Vector3<f64>,
 }
 
-/// Where the unknown frame of measured points lies, and the markers on mounts that are not known.
+/// The unknown frame of measured points, and the markers on unknown mounts.
 pub(super) struct Placed {
     pose: Pose,
     shifts: Vec<Vector3<f64>>,
@@ -349,7 +349,7 @@ pub(super) struct Work {
     positions: Vec<f64>,
     pub frame: FrameWork,
     moved: Option<Deformation>,
-    /// The unknown frame of measured points, where it is taken as known.
+    /// The unknown frame of measured points, if it is taken as known.
     pub placed: Option<Placed>,
 }
 

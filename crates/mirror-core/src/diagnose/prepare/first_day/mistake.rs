@@ -33,9 +33,9 @@ pub(crate) enum Mistake {
     AllUnits { factor: f64 },
     /// A wrong zero too large for a small error, rad: added to the column.
     Zero { joint: usize, offset: f64 },
-    /// The column holds earlier rows' positions; none is all joints.
+    /// The column contains earlier rows' positions; none means all joints.
     Late { joint: Option<usize>, rows: f64, kind: LateKind },
-    /// The log stands still over a run of rows: what was commanded there is not known.
+    /// The log stands still over a run of rows: the commands there are unknown.
     LogFrozen { joint: usize, first: usize, last: usize },
     /// The joint stands still over a run of rows, at this position.
     JointFrozen { joint: usize, first: usize, last: usize, position: f64 },
@@ -45,20 +45,20 @@ pub(crate) enum Mistake {
     Resolution { factor: f64, offset_px: Vector2<f64> },
     /// The picture is mirrored: 1 left and right, 2 up and down, 3 both.
     Flipped { flip: u8 },
-    /// The board's squares are larger by this factor: looked for so that nothing else passes for it, and left to the search, which finds it as
-    /// `board_scale`.
+    /// The board's squares are larger by this factor. It is searched for so that nothing else is taken for it, and
+    /// left to the search, which finds it as `board_scale`.
     Squares { factor: f64 },
     /// The board's corners are counted from another corner: quarter turns.
     BoardTurned { quarters: u8 },
     /// The marker is fixed to another body, at this place in its frame, m.
     MarkerParent { marker: usize, node: Option<NodeId>, place: Vector3<f64> },
-    /// Gravity points elsewhere: the turn from the stated to the true direction, rad.
+    /// Gravity has another direction: the rotation from the stated to the true direction, rad.
     Gravity { turn: Vector3<f64> },
     /// A marker, the board or the camera slipped; with the standard deviations of its motion.
     Slip { slip: Slip, std: Vector6<f64> },
     /// Rows that repeat the measurement of the row before them.
     Hung { first: usize, last: usize },
-    /// A run of rows to be looked into by [`crate::diagnose::prepare::row_slip`], not undone here.
+    /// A run of rows to be examined by [`crate::diagnose::prepare::row_slip`], not undone here.
     Rows { first: usize, last: usize, shift: i64 },
 }
 
@@ -116,7 +116,7 @@ impl Mistake {
         }
     }
 
-    /// Undoes it in the recording, its robot included; what cannot be known any more is left out.
+    /// Undoes it in the recording, its robot included; data that are unknown after that are left out.
     ///
     /// # Errors
     /// A camera whose parameters would be invalid.
@@ -168,7 +168,7 @@ impl Mistake {
         Ok(())
     }
 
-    /// Undoes what is of the arranged problem: sites.
+    /// Undoes its part in the arranged problem: sites.
     ///
     /// # Errors
     /// Invalid parameters of camera or mirror.
@@ -179,7 +179,7 @@ impl Mistake {
                 let site = Site { node: *node, node_from_site: Pose { r: turn, t: *place } };
                 problem.marker_sites[*marker] = site;
                 problem.marker_mounts[*marker] = Site { node: *node, node_from_site: Pose::identity() };
-                // Where on that link nobody has said: the place is where the search begins.
+                // The place on that link is unknown: this is the start of the search.
                 problem.scene.mount_known[*marker] = false;
                 problem.markers_moved();
             }
@@ -192,7 +192,8 @@ impl Mistake {
         Ok(())
     }
 
-    /// The one mistake that this and then another come to, if they are one: late by whole rows, and by a part of one.
+    /// The one mistake that this and another one together are, if they are one: late by whole rows, and by a part
+    /// of one.
     pub fn together(&self, other: &Self) -> Option<Self> {
         let (Self::Late { joint, rows: a, kind: of_a }, Self::Late { joint: its, rows: b, kind: of_b }) =
             (self, other)
@@ -217,7 +218,7 @@ impl Mistake {
         }
     }
 
-    /// Why what is taken away when it is undone cannot be used.
+    /// The reason why data are left out when it is undone.
     pub fn takes_away_since(&self) -> &'static str {
         match self {
             Self::Hung { .. } => "the same measurement, to the last digit, as in the row before",
@@ -230,7 +231,7 @@ impl Mistake {
         matches!(self, Self::Slip { slip, .. } if slip.what == what)
     }
 
-    /// Its word in the public vocabulary.
+    /// Its name in the public vocabulary.
     pub fn effect(&self) -> &'static str {
         match self {
             Self::AxisSign { .. } => "axis_sign",
@@ -251,7 +252,7 @@ impl Mistake {
         }
     }
 
-    /// Whether it is the same mistake but for its number.
+    /// Whether it is the same mistake, apart from its parameter.
     pub fn is_like(&self, other: &Self) -> bool {
         match (self, other) {
             (Self::JointUnit { joint: a, .. }, Self::JointUnit { joint: b, .. })
@@ -267,13 +268,13 @@ impl Mistake {
         }
     }
 
-    /// Frames in which a joint's position is not known even once the mistake is; none is all joints.
+    /// Frames in which a joint's position is unknown even when the mistake is undone; none means all joints.
     fn not_known(&self, frames: usize) -> Vec<(usize, Option<usize>)> {
         match *self {
             Self::LogFrozen { joint, first, last } => (first..=last).map(|f| (f, Some(joint))).collect(),
             Self::Late { joint, rows, kind } => {
                 let lost = (rows.abs().ceil() as usize).min(frames);
-                // A blend is undone from one end, which it takes some rows to forget.
+                // A mixture is undone from one end; the error of the start decays over some rows.
                 let at_start = if kind == LateKind::Blend { BLEND_ROWS.min(frames) } else { 0 };
                 let end = (frames - lost..frames).map(|f| (f, joint));
                 (0..at_start).map(|f| (f, joint)).chain(end).collect()

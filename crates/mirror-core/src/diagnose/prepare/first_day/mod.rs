@@ -50,11 +50,12 @@ pub(crate) use told::told;
 pub(crate) use undone::{Doubt, Undone};
 use variant::Variant;
 
-/// Frames on which small errors are fitted beside a slip.
+/// Frames on which small errors are fitted together with a slip.
 const FRAMES_OF_SLIPS: Size = 100;
 
-/// Finds and undoes whole mistakes; none where there is none. `known`: what a first diagnosis found; beside that mistakes are looked for too
-/// that do no more than small errors do (a late column of a joint that hardly moves). `hung`: whether rows that repeat a measurement may be told.
+/// Finds and undoes gross mistakes; none where there is none. `known`: the result of a first diagnosis; with it,
+/// mistakes are also found that are as small as usual errors (a late column of a joint that hardly moves). `hung`:
+/// whether rows that repeat a measurement may be named.
 ///
 /// # Errors
 /// Invalid parameters of camera or mirror.
@@ -104,14 +105,14 @@ pub(crate) fn undone(
         out.undo(&mistake, tempered(odds))?;
     }
     if !out.unsettled && !without.iter().any(|w| w == "slip") {
-        // Each round's is at a place that has not slipped yet: there are but so many.
+        // Each round's slip is at a place that has not slipped yet, so the number of rounds is limited.
         loop {
             let postures = crate::diagnose::likelihood::saturated::postures(&out.problem);
             let frames = spread(&postures, FRAMES_OF_SLIPS, 1);
             let Some((mistake, odds)) = changes::find(&out.problem, &frames, out.problem.noise)? else {
                 break;
             };
-            // What is left at a place that has slipped already is the rest of that slip.
+            // A remainder at a place that has slipped already is the rest of that slip.
             if out.problem.slips.iter().any(|s| mistake.slips(s.what)) {
                 break;
             }
@@ -125,7 +126,7 @@ pub(crate) fn undone(
     Ok((!nothing).then_some(out))
 }
 
-/// The chain of mistakes of body and log that is likelier than small errors, and its probability.
+/// The chain of mistakes of body and log that is more probable than small errors, and its probability.
 fn of_the_body(session: &mut Undone, without: &[String], known: Option<&Known>) -> Result<choice::Choice> {
     let mut lines = Vec::new();
     let mut choice = chain_of_the_body(session, without, known, &mut lines)?;
@@ -154,7 +155,7 @@ fn chain_of_the_body(
     let variant = Variant::of(&session.recording, problem);
     let nominal = Chain::new(Vec::new(), variant.clone(), &misfit, &frames);
     let mut chains = Vec::new();
-    // What is gross was looked at before anything was known, what is not is looked at since.
+    // Large mistakes were searched before anything was known; small ones are searched since causes are known.
     let closely = known.is_some();
     if nominal.is_gross() != closely {
         chains = grown(&all, &nominal, &frames, without, closely)?;

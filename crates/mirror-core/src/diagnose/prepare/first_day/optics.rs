@@ -24,13 +24,14 @@ use nalgebra::Vector2;
 const FACTORS: [f64; 8] = [1.25, 4.0 / 3.0, 1.5, 1.6, 2.0, 2.4, 3.0, 4.0];
 /// A mean loss that right optics do not reach, and by which losses of corners and markers together must fall.
 pub(super) const CLEAR_LOSS: Threshold = 0.5;
-/// What moves the boards' corners beside a crop of the picture: what holds camera and board, the board's print.
+/// Effects that move the boards' corners besides a crop of the picture: the mounts of camera and board, the board's
+/// print.
 const OF_BOARDS: [&str; 4] = ["camera_center", "camera_mount", "board_mount", "board_scale"];
 /// The loss of a frame whose board no mirror shows.
 const NO_MIRROR: Prior = 8.0;
 
-/// The mistake of the optics that puts boards and markers right, if one does, with its log odds against small errors. `closely`: another crop
-/// is looked for where boards and markers are nearly right too.
+/// The mistake of the optics that corrects boards and markers, if there is one, with its log odds against small
+/// errors. `closely`: another crop is also searched for if boards and markers are nearly right.
 ///
 /// # Errors
 /// Invalid parameters of camera or mirror.
@@ -46,8 +47,8 @@ pub(super) fn find(
     let mut few = recording.clone();
     few.frames = recording.frames.iter().step_by(step).cloned().collect();
     let nominal = loss(robot, &few)?;
-    // A mistake of the optics spoils every board: where some are right it is the others that are wrong. Seen in a mirror whose distance nobody
-    // knows, a board hardly shows another focal length; then the markers do.
+    // A mistake of the optics affects every board: if some are right, the others are wrong. In a mirror at an
+    // unknown distance a board hardly shows another focal length; then the markers do.
     let nearly_right = nominal.better < CLEAR_LOSS && !(nominal.markers > CLEAR_LOSS);
     if nearly_right && !closely {
         return Ok(None);
@@ -72,7 +73,7 @@ pub(super) fn find(
             continue;
         }
         let Ok(loss) = loss(&robot, &tried) else { continue };
-        // The markers' part counts where the body is right; a mistake of the body beside it must not hide the boards'.
+        // The markers' part counts if the body is right; a mistake of the body must not hide the boards'.
         let gain = nominal.corners - loss.corners + 0.5 * (nominal.markers - loss.markers);
         let gain = if gain.is_finite() { gain } else { nominal.corners - loss.corners };
         if gain > best.as_ref().map_or(CLEAR_LOSS, |b| b.0) {
@@ -89,14 +90,15 @@ pub(super) fn find(
     Ok(None)
 }
 
-/// Another crop of the picture, larger than a centre is usually off, as the boards alone show it: what is wrong with body and markers has no
-/// say, and next to a whole mistake of these the corners' loss, which small errors hardly move, says little. Its numbers stay free in the search.
+/// Another crop of the picture, larger than the usual error of a centre, from the boards alone. Body and markers
+/// have no influence; with a gross mistake of these the corners' loss, which small errors hardly change, says
+/// little. Its parameters stay free in the search.
 fn crop(problem: &Problem) -> Option<Mistake> {
     let mut boards = problem.clone();
     boards.frames.iter_mut().for_each(|frame| frame.others.clear());
     let shown: Vec<usize> = (0..boards.boards.len()).filter(|&f| boards.boards[f].is_some()).collect();
     let fit = Tolerant::of_effects(&boards, &shown, problem.noise, &OF_BOARDS).ok()?;
-    // Boards that are still far from the noise have something else wrong: a joint between camera and board, say.
+    // Boards that are still far from the noise have another error: for example a joint between camera and board.
     if fit.noise.corner_px > ABOVE_SCATTER * problem.noise.corner_px {
         return None;
     }
@@ -106,8 +108,8 @@ fn crop(problem: &Problem) -> Option<Mistake> {
     is_large.then_some(Mistake::Resolution { factor: 1.0, offset_px })
 }
 
-/// Log odds of a mistake against small errors, these free beside it as well, on the frames in which either can be; infinite where
-/// small errors leave most of the boards without a mirror.
+/// Log odds of a mistake against small errors, which are free in both models, on the frames in which either is
+/// possible; infinite if small errors leave most of the boards without a mirror.
 fn log_odds(robot: &Robot, few: &Recording, nominal: &Problem, mistake: &Mistake) -> Result<f64> {
     let (mut robot, mut recording) = (robot.clone(), few.clone());
     mistake.undo(&mut robot, nominal, &mut recording)?;

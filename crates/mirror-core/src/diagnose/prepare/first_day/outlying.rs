@@ -20,9 +20,9 @@ use crate::error::Result;
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
 
-/// A marker of which more than this share is off is no matter of single observations.
+/// If more than this share of a marker's observations is off, single observations are not the reason.
 const MOST_OF_ONE: Threshold = 0.15;
-/// A noise wider by this factor leaves every observation some weight.
+/// A noise increased by this factor leaves every observation some weight.
 const WIDE: Prior = 300.0;
 /// Step of the positions that are tried, rad, up to half a turn both ways.
 const POSITION_STEP: Grid = 0.02;
@@ -50,7 +50,7 @@ pub(super) fn find(
     let mut sizes: Vec<f64> = distances.iter().map(|d| d.size_m).collect();
     sizes.sort_by(f64::total_cmp);
     let Some(median) = sizes.get(sizes.len() / 2).copied() else { return Ok(Vec::new()) };
-    // Beyond the nominal model's median by so much, and beyond usual errors, they are worth the look.
+    // Observations are examined if they exceed the nominal model's median by this much, and exceed usual errors.
     let far = sizes.iter().filter(|s| **s > (FAR_DEVIATIONS * median).max(misfit.usual_m)).count();
     if far == 0 || far as f64 > MAJORITY * sizes.len() as f64 {
         return Ok(Vec::new());
@@ -117,7 +117,7 @@ pub(super) fn target(problem: &Problem, observation: &Observation) -> String {
     }
 }
 
-/// Deviations of each observation of a frame; none of what is no marker's or was not predicted.
+/// Deviations of each observation of a frame; none for one that is not a marker's or was not predicted.
 fn deviations(
     problem: &Problem,
     deformation: &Deformation,
@@ -133,7 +133,7 @@ fn deviations(
     }
     let mut residuals = work.residuals_of(others);
     if others.iter().zip(&residuals).any(|(o, r)| o.marker().is_some() && r.is_none()) {
-        // So far off that they have no weight at all: asked again at a noise at which they have.
+        // So far off that they have no weight at all: examined again with a noise at which they have.
         let wide = Noise {
             marker_px: WIDE * noise.marker_px,
             point_m: WIDE * noise.point_m,
@@ -143,7 +143,7 @@ fn deviations(
             residuals = work.residuals_of(others);
         }
     }
-    // So far off that it has no weight at all: as far as can be.
+    // So far off that it has no weight at all: as far as possible.
     let of = |(observation, residual): (&Observation, Option<Vector3<f64>>)| {
         observation.marker()?;
         Some(residual.map_or(f64::INFINITY, |r| r.norm() / observation.marker_std(noise)))
@@ -151,7 +151,7 @@ fn deviations(
     Ok(others.iter().zip(residuals).map(of).collect())
 }
 
-/// The joint that alone puts a frame right, in words.
+/// The joint that alone corrects a frame, in words.
 fn another_position(
     problem: &Problem,
     joint_names: &[String],
@@ -199,7 +199,7 @@ fn another_position(
     }))
 }
 
-/// Removes observations of a frame, told by their index among its arranged ones.
+/// Removes observations of a frame, given by their index among its arranged ones.
 pub(super) fn remove(frame: &mut Frame, indices: &[usize]) {
     // The arranged observations are the sightings but mirrored corners, then the points.
     let mut at = 0;

@@ -105,7 +105,8 @@ pub(crate) fn told(
             };
             vec![cause("joint_late", at, &[parameter], words)]
         }
-        // What a log stands still at is true of one posture: no row of that one says whether it stood already.
+        // The log's constant value is true of one posture: no row of that posture says whether the log stood
+        // already.
         Mistake::LogFrozen { joint: j, first, last } => vec![whole_run(
             "joint_frozen",
             *j,
@@ -185,7 +186,7 @@ pub(crate) fn told(
         }
         Mistake::Hung { first, last } => {
             let rows = (last + 1 - first) as f64;
-            // Row i holds the measurement of the row before the first: the mean of the shifts, and how far they are spread.
+            // Row i holds the measurement of the row before the first: the mean of the shifts, and their spread.
             let shift = ("shift_rows", -0.5 * (rows + 1.0), rows / 12f64.sqrt());
             let run = [
                 ("first_frame", number(*first) as f64, 0.0),
@@ -195,7 +196,7 @@ pub(crate) fn told(
             let words = "over these rows one measurement is repeated while the joints move: the camera or the tracker hung; the rows were left out";
             vec![cause("pairing", "data".into(), &run, words)]
         }
-        // Found, and told, by later stages.
+        // Found, and reported, by later stages.
         Mistake::Rows { .. } | Mistake::Squares { .. } => Vec::new(),
     }
 }

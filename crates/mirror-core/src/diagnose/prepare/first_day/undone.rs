@@ -19,16 +19,16 @@ pub(crate) struct Undone {
     pub told: Vec<Cause>,
     /// How it went, a line a step.
     pub trace: Vec<String>,
-    /// Mistakes that could stand for a small error, where the data do not decide.
+    /// Mistakes that a small error could be instead, where the data do not decide.
     pub doubts: Vec<Doubt>,
-    /// What is false, and what a mistake takes away.
+    /// False observations, and data that a mistake leaves unknown.
     pub left_out: Vec<LeftOut>,
-    /// Whether rows hold other rows' measurement, or the board's squares are of another size, of which later stages take care: until
-    /// then they would pass for slips and false observations.
+    /// Whether rows contain other rows' measurements, or the board's squares have another size. Later stages handle
+    /// both; until then they would look like slips and false observations.
     pub(super) unsettled: bool,
 }
 
-/// A mistake that could stand in the place of a small error.
+/// A mistake that a small error could be instead.
 #[derive(Debug, Clone)]
 pub(crate) struct Doubt {
     /// The small error: effect and place.
@@ -62,7 +62,7 @@ impl Undone {
         }
     }
 
-    /// Undoes a mistake, and tells of it.
+    /// Undoes a mistake, and reports it.
     pub(super) fn undo(&mut self, mistake: &Mistake, probability: f64) -> Result<()> {
         self.told.extend(told(mistake, &self.robot, &self.recording, &self.problem, probability));
         let mut loose = core::mem::take(&mut self.problem.loose);
@@ -83,7 +83,7 @@ impl Undone {
 }
 
 impl Undone {
-    /// Lists what a mistake, when it was undone, took away of some frames: each marker once, and the board.
+    /// Lists the data that undoing a mistake left unknown in some frames: each marker once, and the board.
     fn tell_taken_away(&mut self, before: &[Frame], why: &str) {
         for (before, after) in before.iter().zip(&self.recording.frames) {
             let count = |frame: &Frame, target: Target| {
@@ -91,7 +91,7 @@ impl Undone {
                 frame.sightings.iter().map(|s| s.target).chain(points).filter(|t| *t == target).count()
             };
             let total = |frame: &Frame| frame.sightings.len() + frame.points.len();
-            // Names that were exchanged take nothing away.
+            // Exchanged names leave nothing unknown.
             if total(after) == total(before) {
                 continue;
             }

@@ -4,18 +4,18 @@ use crate::diagnose::data::recording::Recording;
 use crate::diagnose::model::body::{Body, NodeId, Site};
 use crate::diagnose::model::problem::Problem;
 
-/// Positions row by row, which joints turn the other way, what each marker's name stands for, and where markers are mounted.
+/// Positions row by row, which joints have the other sign, the marker of each name, and where markers are mounted.
 #[derive(Debug, Clone)]
 pub(super) struct Variant {
     /// `positions[frame][joint]`, rad or m.
     pub positions: Vec<Vec<f64>>,
     /// −1 for a node whose joint turns the other way, else 1.
     pub signs: Vec<f64>,
-    /// `labels[frame][name]`: the marker that a name stands for.
+    /// `labels[frame][name]`: the marker that a name denotes.
     pub labels: Vec<Vec<usize>>,
     /// The markers' places.
     pub sites: Vec<Site>,
-    /// By what the board's squares are larger than the session says.
+    /// Factor between the size of the board's squares and the session's.
     pub squares: f64,
 }
 
@@ -45,8 +45,8 @@ impl Variant {
         self.signs[n] * (multiplier * self.positions[frame][index] + offset)
     }
 
-    /// Exchanges what two markers' names stand for in a frame, after what was exchanged already: a circle of three names is two exchanges, and
-    /// their order counts.
+    /// Exchanges the markers of two names in a frame, after the earlier exchanges: a cycle of three names is two
+    /// exchanges, and their order counts.
     pub fn exchange_labels(&mut self, frame: usize, markers: (usize, usize)) {
         self.labels[frame].iter_mut().for_each(|marker| *marker = other_of(markers, *marker));
     }
@@ -73,7 +73,7 @@ pub(super) fn other_of((a, b): (usize, usize), marker: usize) -> usize {
     }
 }
 
-/// The independent joints that move what is seen against who sees it, each with its node.
+/// The independent joints that move the observed sites relative to the observer, each with its node.
 pub(super) fn seen_joints(body: &Body, relevant: &[bool]) -> Vec<(usize, NodeId)> {
     let mut out: Vec<(usize, NodeId)> = Vec::new();
     for (n, node) in body.nodes.iter().enumerate() {

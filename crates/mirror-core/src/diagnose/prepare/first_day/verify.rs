@@ -57,7 +57,7 @@ impl Tolerant {
         least: Noise,
         further: Vec<(Column, f64, f64)>,
     ) -> Result<Self> {
-        // Couplings are as many as pairs of joints: they would explain exchanged columns.
+        // There are as many couplings as pairs of joints: they would explain exchanged columns.
         let without = ["joint_coupling".to_owned(), "stiction".to_owned()];
         Self::fitted_without(problem, frames, least, &without, further)
     }
