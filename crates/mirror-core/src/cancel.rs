@@ -14,11 +14,11 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// Whether a computation shall stop. Clones are the same token; looking at it costs about a nanosecond.
+/// Whether a computation must stop. Clones are the same token; a check costs about a nanosecond.
 ///
 /// The default one is never cancelled. Loops call [`Cancel::check`] where they can return an error, at least every
-/// few milliseconds, and [`Cancel::is_cancelled`] where they can only stop early: whoever reads what they left calls
-/// `check` before.
+/// few milliseconds, and [`Cancel::is_cancelled`] where they can only stop early: the code that reads their result
+/// calls `check` first.
 #[derive(Debug, Clone, Default)]
 pub struct Cancel(Option<Arc<State>>);
 
@@ -40,7 +40,7 @@ impl PartialEq for Cancel {
 }
 
 impl Cancel {
-    /// A token that stands until [`Cancel::cancel`] is called.
+    /// A token that is not cancelled until [`Cancel::cancel`] is called.
     #[must_use]
     pub fn new() -> Self {
         Self(Some(Arc::default()))
@@ -55,7 +55,7 @@ impl Cancel {
         })))
     }
 
-    /// Asks all who hold a clone to stop; nothing happens on a token that is never cancelled.
+    /// Requests all computations with a clone to stop; no effect on a token that is never cancelled.
     pub fn cancel(&self) {
         if let Some(state) = &self.0 {
             state.asked.store(true, Ordering::Relaxed);
@@ -103,7 +103,7 @@ mod tests {
     fn a_deadline_cancels() {
         assert!(Cancel::after(Duration::ZERO).is_cancelled());
         assert!(!Cancel::after(Duration::from_secs(3600)).is_cancelled());
-        // A time beyond the clock's range is no deadline.
+        // A time outside the clock's range is no deadline.
         assert!(!Cancel::after(Duration::MAX).is_cancelled());
     }
 }

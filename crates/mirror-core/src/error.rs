@@ -1,6 +1,6 @@
 //! The crate's one error type: each variant contains what was given and what was required.
 
-/// Everything that the core refuses, with what was got, what was needed and the fix.
+/// All errors of the core, with what was given, what was required and the fix.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -19,7 +19,7 @@ pub enum Error {
         what: String,
         /// Its value.
         got: f64,
-        /// What was needed, in words.
+        /// What was required, in words.
         needed: String,
     },
     /// Two arguments whose lengths must agree do not.
@@ -32,7 +32,7 @@ pub enum Error {
         /// The length that was needed.
         needed: usize,
     },
-    /// Too little data for what is asked.
+    /// Too little data for the request.
     #[error("{what}: got {got}, needed at least {needed}")]
     TooFew {
         /// Of what.
@@ -59,7 +59,7 @@ pub enum Error {
         y: f64,
         /// z, m.
         z: f64,
-        /// Why, and what was needed.
+        /// Why, and what was required.
         reason: &'static str,
     },
     /// A pixel that no ray reaches: the lens model cannot be inverted there.
@@ -69,7 +69,7 @@ pub enum Error {
         u: f64,
         /// v, px.
         v: f64,
-        /// Why, and what was needed.
+        /// Why, and what was required.
         reason: &'static str,
     },
     /// A robot model that cannot be used, or a link or joint that it does not have.
@@ -135,7 +135,7 @@ pub enum Error {
         /// The name that was got.
         got: String,
     },
-    /// A mirror that the camera and the board do not both stand before.
+    /// A mirror that camera and board are not both in front of.
     #[error(
         "mirror: got it {offset_m:.4} m before the camera and {board_m:.4} m before the board, needed both above 0; \
          check the corner labels and the camera-board transform"

@@ -39,8 +39,8 @@ pub(crate) trait LeastSquares {
     type Step;
     const WHAT: &'static str;
     const DAMPING: Damping;
-    /// The last step promises next to nothing and only comes nearer: it is taken without a look at its equations, which then are those of the
-    /// state before it.
+    /// The last step, whose predicted gain is negligible, is taken without evaluating its equations again; the
+    /// equations are then those of the state before it.
     const LAST_STEP_UNSEEN: bool;
 
     /// Writes the equations at a state and returns its cost; refuses states outside its domain, which counts as a failed step.
@@ -53,7 +53,8 @@ pub(crate) trait LeastSquares {
         damping: f64,
     ) -> Result<Option<(Self::Step, f64)>>;
     fn moved(&self, state: &Self::State, step: &Self::Step) -> Result<Self::State>;
-    /// A second chance for a state that is no better than `cost`: what it can be made to, with its equations and its cost.
+    /// A second attempt for a state that is no better than `cost`: an improved state, with its equations and its
+    /// cost.
     fn mended(
         &self,
         next: Self::State,
@@ -177,8 +178,8 @@ pub(crate) fn inverse_information<const P: usize>(
     Ok(inverse)
 }
 
-/// The inverse of an information matrix, scaled to a unit diagonal first (radians and metres differ in size, not in worth), and the
-/// determinant of the scaled one; None where it is not positive definite.
+/// The inverse of an information matrix, scaled to a unit diagonal first (radians and metres have different
+/// magnitudes), and the determinant of the scaled one; None where it is not positive definite.
 pub(crate) fn scaled_inverse<const P: usize>(
     information: &SMatrix<f64, P, P>,
 ) -> Option<(SMatrix<f64, P, P>, f64)> {

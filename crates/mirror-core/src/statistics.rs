@@ -1,8 +1,8 @@
 //! Medians, quantiles of the normal and of the chi-squared distribution, runs in a sequence, and an evenly spread
 //! sequence.
 
-/// (√5 − 1)/2. The fractional parts of its multiples are spread evenly whatever their number and meet no rhythm; the share by which a
-/// golden-section search narrows its interval.
+/// (√5 − 1)/2. The fractional parts of its multiples are evenly spread whatever their number, without a period; it
+/// is also the factor by which a golden-section search narrows its interval.
 pub(crate) const GOLDEN_SECTION: f64 = 0.618_033_988_749_895;
 
 /// The median of numbers; 0 for none.

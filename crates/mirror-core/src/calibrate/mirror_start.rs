@@ -29,7 +29,7 @@ const AMBIGUOUS_RATIO: f64 = 2.0;
 const ANGLE_STEPS: usize = 180;
 /// How many of the best angles are judged on the pictures.
 const ANGLES_JUDGED: usize = 6;
-/// Residuals beyond this (px) count no further when candidates are judged: one bad view must not decide.
+/// Upper bound of a residual (px) when candidates are compared, so that one bad view does not decide.
 const JUDGE_CAP_PX: f64 = 10.0;
 
 /// The improper pose of the reflected board.

@@ -30,7 +30,7 @@ pub struct MirrorViewOptions {
     pub corner_std_px: Option<f64>,
     /// How residuals count.
     pub loss: Loss,
-    /// A prior on the transform, and the nominal transform that it stands at. `None`: the views alone decide.
+    /// A prior on the transform, centred on the nominal transform. `None`: the views alone decide.
     pub prior: Option<(Isometry3<f64>, Matrix6<f64>)>,
     /// Views whose free planar pose leaves more than this are refused, px RMS.
     pub gate_px: f64,
@@ -53,7 +53,7 @@ impl Default for MirrorViewOptions {
     }
 }
 
-/// A view that took no part, and why.
+/// A view that was not used, and why.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RefusedView {
     /// Its place in the input.
@@ -69,25 +69,25 @@ pub struct CameraBoardCalibration {
     pub camera_from_board: Isometry3<f64>,
     /// 6×6 in the tangent of [`crate::geometry::rotation::moved`] (rotation rad, translation m).
     pub covariance: Matrix6<f64>,
-    /// Its worst-known directions; ask it for a warning.
+    /// Its worst-known directions, for a warning.
     pub weakness: Weakness,
-    /// Which views took part, by their place in the input.
+    /// Which views were used, by their index in the input.
     pub views: Vec<usize>,
     /// The views that did not, and why.
     pub refused: Vec<RefusedView>,
-    /// The mirror of each view that took part, in the camera frame.
+    /// The mirror of each view used, in the camera frame.
     pub planes: Vec<Plane>,
     /// 3×3 of the planes' foot points, m².
     pub plane_covariances_m2: Vec<Matrix3<f64>>,
     /// Mean length of the corners' residuals over all corners, px.
     pub reprojection_mean_px: f64,
-    /// Root mean square length of the residuals, px, by view that took part.
+    /// Root mean square length of the residuals, px, of each view used.
     pub view_rms_px: Vec<f64>,
-    /// Standard deviation of a corner along one axis that the covariance rests on, px.
+    /// Standard deviation of a corner along one axis, from which the covariance is computed, px.
     pub corner_std_px: f64,
-    /// Whether the views determine all six directions. Where they do not (a mirror that only turns about its own
-    /// stand), the blind direction is held near the closed form by a prior of 0.3 rad and 0.3 m, which then shows in
-    /// the covariance and in the warning.
+    /// Whether the views determine all six directions. If they do not (a mirror that only turns about its own
+    /// stand), a prior of 0.3 rad and 0.3 m holds the undetermined direction near the closed form; the covariance
+    /// and the warning show it.
     pub determined: bool,
 }
 
@@ -155,7 +155,7 @@ pub fn calibrate_from_mirror_views(
         && used.len() < FEWEST_VIEWS
         && let Some(first) = refused.first()
     {
-        // Too few are left because some were refused: say why.
+        // Too few are left because some were refused: the error says why.
         return Err(Error::InView { view: first.view, source: Box::new(first.reason.clone()) });
     }
     let (nominal, prior) = match &options.prior {

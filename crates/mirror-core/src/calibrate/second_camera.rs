@@ -17,8 +17,8 @@ use rayon::prelude::*;
 const AMBIGUOUS_RATIO: f64 = 2.0;
 /// Squared normalised distances count no further than this when poses are chosen (99.9 % of χ² with 12 degrees of freedom).
 const CONSENSUS_CAP: f64 = 33.0;
-/// So many snapshots, spread evenly over all, are asked which chain they agree with: enough to outvote ambiguous poses, and the work
-/// stays linear in the number of snapshots.
+/// Number of snapshots, evenly spread over all, that vote on the chain: enough to outvote ambiguous poses, and the
+/// work stays linear in the number of snapshots.
 const WITNESSES: usize = 64;
 /// The weighted mean converges in 3 to 5 steps.
 const MEAN_STEPS: usize = 20;

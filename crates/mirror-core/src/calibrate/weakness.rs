@@ -84,7 +84,8 @@ impl Weakness {
         }
     }
 
-    /// The worst direction that is too badly known, translation before rotation; nothing where all are known well.
+    /// The worst direction whose deviation exceeds the limit, translation before rotation; none where all are known
+    /// well.
     pub fn weak_direction(&self) -> Option<WeakDirection> {
         if self.translation_is_weak {
             Some(self.translation)
@@ -95,7 +96,7 @@ impl Weakness {
         }
     }
 
-    /// The warning that names what is badly known and says what to do; nothing where all is known well.
+    /// The warning that names the poorly known direction and says what to do; none where all are known well.
     pub fn warning(&self) -> Option<String> {
         let named: Vec<String> =
             [(self.translation_is_weak, self.translation), (self.rotation_is_weak, self.rotation)]

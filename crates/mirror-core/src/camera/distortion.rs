@@ -62,7 +62,7 @@ impl Distortion {
     }
 }
 
-/// A lens as the inner loops take it.
+/// A lens in the form of the inner loops.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Lens {
     k: [f64; COEFFICIENTS],

@@ -127,7 +127,7 @@ impl Camera {
             return refuse("needed a point before the camera (z above 0)");
         }
         let normalised = Vector2::new(point.x / point.z, point.y / point.z);
-        // Written so that NaN fails.
+        // Written so that NaN fails the test.
         if !(normalised.norm_squared() <= self.lens.one_to_one_limit) {
             return refuse("needed a point inside the angle within which the lens model is one-to-one");
         }
@@ -203,7 +203,7 @@ impl Camera {
             return refuse("needed finite numbers");
         }
         let target = (pixel - self.center_px).component_div(&self.focal_px);
-        // Written so that NaN fails.
+        // Written so that NaN fails the test.
         if !(target.norm_squared() < FARTHEST_SQUARED) {
             return refuse("needed a pixel whose ray has a direction before the camera");
         }

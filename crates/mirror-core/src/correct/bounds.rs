@@ -34,7 +34,7 @@ impl DistanceBounds {
 
 /// The deviate for a look so that all looks and markers together err with probability `whole` at most.
 ///
-/// Look k (from 1) spends `whole / (k (k + 1))`, whose sum over all k is `whole`; markers share it (Bonferroni).
+/// Look k (from 1) uses `whole / (k (k + 1))`, whose sum over all k is `whole`; the markers share it (Bonferroni).
 pub(super) fn deviate_of_look(whole: f64, look: usize, markers: usize) -> f64 {
     let k = look as f64;
     -normal_quantile(whole / (k * (k + 1.0)) / markers as f64)
@@ -49,7 +49,7 @@ mod tests {
         let spent: f64 = (1..10_000).map(|k| 1e-3 / (k as f64 * (k as f64 + 1.0))).sum();
         assert!(spent <= 1e-3);
         assert!(deviate_of_look(1e-3, 5, 2) > deviate_of_look(1e-3, 1, 2));
-        // Markers share what a look may spend.
+        // The markers share the probability of a look.
         let of_one = |markers: usize| normal_quantile(1.0 - 1e-3 / 2.0 / markers as f64);
         for markers in [1, 2, 7] {
             assert!((deviate_of_look(1e-3, 1, markers) - of_one(markers)).abs() < 1e-9, "{markers}");

@@ -22,7 +22,7 @@ pub enum Damping {
 }
 
 impl Default for Damping {
-    /// Noise may turn the joints by half a degree in a step: about what the play of a small servo does anyway.
+    /// Default: noise may turn the joints by half a degree in a step, which is about the play of a small servo.
     fn default() -> Self {
         Self::Noise { step_std_rad: 0.5_f64.to_radians() }
     }
@@ -49,12 +49,12 @@ impl Damping {
     }
 }
 
-/// Halvings of the interval in which μ is sought: it is then known to a thousandth of its upper bound.
+/// Number of bisections for μ: it is then known to a thousandth of its upper bound.
 const HALVINGS: usize = 10;
-/// Where no damping is asked for and the matrix is singular: this part of the root of its trace stands for "μ → 0".
+/// Without damping and with a singular matrix, this part of the root of its trace replaces "μ → 0".
 const LEAST_MU: f64 = 1e-6;
 
-/// A Gram matrix of the whitened Jacobian and the places in which it is damped and factored.
+/// The Gram matrix of the whitened Jacobian, with storage for its damping and factorisation.
 pub(super) struct Gram<'a> {
     /// n×n by rows, undamped.
     pub matrix: &'a [f64],

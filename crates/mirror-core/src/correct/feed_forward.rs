@@ -11,11 +11,12 @@ use crate::robot::{JointTerm, Robot};
 use nalgebra::Vector3;
 use std::sync::Arc;
 
-/// A way-point lies so many times the whole play beyond the goal: the joint then arrives on the right side for certain.
+/// Distance of a way-point beyond the goal, in multiples of the whole play: the joint then certainly arrives on the
+/// right side.
 const BEYOND: f64 = 2.0;
 /// And this far at least, rad (m).
 const LEAST_BEYOND_RAD: f64 = 0.02;
-/// A share of its own or another's position beyond this is no small error: the fixed point would no longer contract quickly.
+/// Upper limit of a share of its own or another's position: beyond it the fixed point would not contract quickly.
 const LARGEST_SHARE: f64 = 0.5;
 /// The fixed point has then converged by `0.5⁶⁰`.
 const ROUNDS: usize = 60;
@@ -35,7 +36,7 @@ pub struct JointError {
     pub driver: Option<usize>,
 }
 
-/// What is known of one joint, all its terms together.
+/// All known terms of one joint.
 #[derive(Debug, Clone, Default, PartialEq)]
 struct Law {
     position: usize,
@@ -118,8 +119,8 @@ impl FeedForward {
     /// From the known errors of a robot's joints. `held_link` stands still, gravity is in its frame, m/s².
     ///
     /// # Errors
-    /// A position or link that the robot does not have, a number that is not finite, a share of 0.5 and more, a coupling
-    /// without its driver, a term that grows with time.
+    /// A position or link that the robot does not have, a number that is not finite, a share of 0.5 and more, a
+    /// coupling without its driver, a term that grows with time.
     pub fn new(
         robot: Arc<Robot>,
         held_link: usize,
@@ -193,7 +194,7 @@ impl FeedForward {
     fn solve(&self, wanted: &[f64], torque: &[f64], command: &mut [f64]) {
         for _ in 0..ROUNDS {
             let mut change = 0.0_f64;
-            // In turn, so that a coupled joint sees its driver's command, not its wanted position.
+            // Sequentially, so that a coupled joint sees its driver's command, not its wanted position.
             for law in &self.laws {
                 let p = law.position;
                 let next = self.within(p, wanted[p] - law.error(command, torque[p], side(torque[p])));
@@ -215,7 +216,7 @@ impl FeedForward {
     }
 }
 
-/// Side of its play on which the joint shall rest: +1 where its load pushes it up, and then it comes from above.
+/// Side of its play on which the joint must rest: +1 if its load pushes it up; then it comes from above.
 fn side(torque: f64) -> f64 {
     if torque > 0.0 { 1.0 } else { -1.0 }
 }

@@ -5,13 +5,13 @@ use crate::error::{Error, Result};
 use crate::robot::Robot;
 use nalgebra::{DMatrix, Matrix3xX, Point3};
 
-/// Which Jacobian a correction takes its steps with.
+/// The Jacobian with which a correction computes its steps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum JacobianSource {
     /// At the reference posture, once (the paper's).
     #[default]
     Reference,
-    /// At the present command, anew for each step.
+    /// At the present command, computed again for each step.
     Current,
     /// Starts at the reference posture and is corrected by what each step did ([`broyden_update`]).
     Broyden,
@@ -49,10 +49,12 @@ pub fn marker_jacobian(
 /// How wrong the entries of the model's J are taken to be before anything is seen: a part of the marker's lever, m/rad.
 const JACOBIAN_STD_M_PER_RAD: f64 = 0.02;
 
-/// Broyden's rank-one update, weighted by how much of what was seen is noise: `J ← J + κ (Δp − J Δθ) Δθᵀ / Δθᵀ Δθ`.
+/// Broyden's rank-one update, weighted by the share of noise in the observation: `J ← J + κ (Δp − J Δθ) Δθᵀ / Δθᵀ
+/// Δθ`.
 ///
-/// `κ = σ_J² ‖Δθ‖² / (σ_J² ‖Δθ‖² + s²)` with s the deviation of Δp (m, one axis): a step that moved the markers less than the noise
-/// teaches nothing. `moved_m` has 3M numbers, `change` N. (C. G. Broyden, 1965; κ is the gain of a Kalman filter on J's entries.)
+/// `κ = σ_J² ‖Δθ‖² / (σ_J² ‖Δθ‖² + s²)` with s the deviation of Δp (m, one axis): a step that moved the markers
+/// less than the noise gives no information. `moved_m` has 3M numbers, `change` N. (C. G. Broyden, 1965; κ is the
+/// gain of a Kalman filter on J's entries.)
 pub fn broyden_update(jacobian: &mut DMatrix<f64>, change: &[f64], moved_m: &[f64], noise_m: f64) {
     let square: f64 = change.iter().map(|x| x * x).sum();
     if square == 0.0 || jacobian.ncols() != change.len() || jacobian.nrows() != moved_m.len() {

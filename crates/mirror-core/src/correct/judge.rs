@@ -4,7 +4,7 @@ use super::bounds::{DistanceBounds, deviate_of_look};
 use super::options::JudgeOptions;
 use nalgebra::{Matrix3, Vector3};
 
-/// The errors of all markers at one look that was believed.
+/// The errors of all markers at one look that was accepted.
 #[derive(Debug, Clone)]
 pub(super) struct Errors {
     /// Target minus measured, m.
@@ -16,7 +16,7 @@ pub(super) struct Errors {
 
 /// A growth or a gain is significant beyond this many standard deviations.
 const SIGNIFICANT: f64 = 3.0;
-/// An error whose chi-squared is below this deviate is not told from zero.
+/// An error whose chi-squared is below this deviate does not differ from zero.
 const INDISTINCT: f64 = 2.0;
 
 impl Errors {
@@ -73,7 +73,7 @@ pub(super) fn grew(now: &Errors, best_m: f64, options: &JudgeOptions) -> bool {
     error - SIGNIFICANT * now.rms_std_m() > options.divergence * best_m && error > options.tolerance_m
 }
 
-/// Whether the last `patience` looks brought too little.
+/// Whether the last `patience` looks reduced the error too little.
 pub(super) fn stalled(history_m: &[f64], options: &JudgeOptions) -> bool {
     let Some(before) = history_m.len().checked_sub(options.patience).filter(|&n| n > 0) else { return false };
     let best = |looks: &[f64]| looks.iter().copied().fold(f64::INFINITY, f64::min);

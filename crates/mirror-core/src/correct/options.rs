@@ -11,30 +11,32 @@ pub struct CorrectOptions {
     pub step: StepOptions,
     /// Which Jacobian.
     pub jacobian: JacobianSource,
-    /// When to stop, and what to believe.
+    /// When to stop, and which readings to accept.
     pub judge: JudgeOptions,
 }
 
-/// When a correction stops, and what it believes.
+/// When a correction stops, and which readings it accepts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct JudgeOptions {
     /// ε: each marker's true distance from its target must be below, m.
     pub tolerance_m: f64,
-    /// The probability that a whole correction (all its looks and markers together) calls itself converged wrongly.
+    /// The probability that a whole correction (all its looks and markers together) wrongly reports convergence.
     pub wrong_converged: f64,
-    /// The most looks.
+    /// The largest number of looks.
     pub looks: usize,
     /// Looks in a row that bring less than [`Self::least_progress`] before the correction counts as stalled.
     pub patience: usize,
-    /// The part by which the best error must have fallen within `patience` looks.
+    /// The relative reduction of the best error that is required within `patience` looks.
     pub least_progress: f64,
     /// How many times the best error an error must be, significantly and twice in a row, to count as diverging.
     pub divergence: f64,
-    /// Looks in a row at one posture that may fail (a marker not seen, a reading not believed) before the correction gives up.
+    /// Number of successive looks at one posture that may fail (a marker not seen, a reading rejected) before the
+    /// correction ends.
     pub retries: usize,
-    /// The farthest that a marker can be from its model at the first look, m; farther is not believed.
+    /// The largest plausible distance of a marker from its model at the first look, m; a larger one is rejected.
     pub largest_gap_m: f64,
-    /// How far a marker may be from where the last step should have put it, beyond noise and beyond that whole step: play, m.
+    /// How far a marker may be from where the last step should have put it, beyond noise and beyond that whole
+    /// step: play, m.
     pub play_m: f64,
     /// The farthest that a command may go from the reference posture, rad (m for a prismatic joint).
     pub largest_correction_rad: f64,
@@ -60,7 +62,7 @@ impl Default for JudgeOptions {
 }
 
 impl CorrectOptions {
-    /// Refuses options that make no sense.
+    /// Refuses invalid options.
     ///
     /// # Errors
     /// A number that is not finite or out of range, by its name.

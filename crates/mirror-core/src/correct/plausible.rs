@@ -8,7 +8,7 @@ use serde::Serialize;
 /// Beyond this many standard deviations noise is no explanation: once in 300,000 readings.
 const IMPLAUSIBLE_DEVIATE: f64 = 4.5;
 
-/// A reading that cannot be believed, with its evidence.
+/// A rejected reading, with its evidence.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Implausible {
     /// The marker's name.
@@ -32,31 +32,31 @@ pub enum Surprise {
     FarFromModel {
         /// Distance, m.
         distance_m: f64,
-        /// The farthest that is believed, noise included, m.
+        /// The largest distance that is accepted, noise included, m.
         allowed_m: f64,
     },
     /// Farther from where the last step should have put it than noise, that whole step and play together explain.
     Jump {
         /// Distance from where it was expected, m.
         distance_m: f64,
-        /// The farthest that is believed, m.
+        /// The largest distance that is accepted, m.
         allowed_m: f64,
         /// How far the step was to move it, joint by joint, m.
         commanded_m: f64,
     },
 }
 
-/// What is known of a marker before it is read.
+/// The prior knowledge of a marker before its reading.
 pub(super) struct Expected {
     /// Where it should be, m.
     pub point_m: Vector3<f64>,
-    /// Covariance of the earlier reading that this rests on, m²; none at the first look.
+    /// Covariance of the earlier reading on which the prediction depends, m²; none at the first look.
     pub covariance_m2: Option<Matrix3<f64>>,
     /// The ways that all joints were to move it since, added up, m.
     pub commanded_m: f64,
 }
 
-/// What is wrong with a reading; none where it can be believed.
+/// The reason to reject a reading; none if it is accepted.
 pub(super) fn surprise(
     point_m: &Vector3<f64>,
     covariance_m2: &Matrix3<f64>,

@@ -9,7 +9,7 @@ const PRIOR_STD: f64 = 1.0;
 const FOLLOWS: f64 = 0.5;
 const SURE: f64 = 3.0;
 
-/// How far a joint did what it was told: 1 all of it, 0 nothing.
+/// How far a joint followed its commands: 1 completely, 0 not at all.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct JointResponse {
     /// The joint's name.
@@ -18,7 +18,7 @@ pub struct JointResponse {
     pub response: f64,
     /// Its standard deviation.
     pub std: f64,
-    /// How far it was told to go, all steps added up, rad (m).
+    /// Sum of the commanded changes over all steps, rad (m).
     pub commanded_rad: f64,
     /// Whether it surely does not follow.
     pub stuck: bool,

@@ -117,15 +117,18 @@ impl StepWorkspace {
 /// A command this far outside its limits is rounding; farther is refused.
 const LIMIT_SLACK: f64 = 1e-9;
 
-/// One step of Algorithm 1 (paper, section II-B-3): `Δθ = λ Jᵀ W (W J Jᵀ Wᵀ + μ² I)⁻¹ W e`, e the stacked `p_ref − p_now`.
+/// One step of Algorithm 1 (paper, section II-B-3): `Δθ = λ Jᵀ W (W J Jᵀ Wᵀ + μ² I)⁻¹ W e`, e the stacked `p_ref −
+/// p_now`.
 ///
-/// W whitens each marker by its covariance, scaled by the mean deviation s, so that with equal, isotropic covariances W = I and
-/// this is the paper's equation (with μ = 0) as it stands. Where a joint would leave its limits it is put on the limit and what
-/// it cannot do is given to the others (bounded least squares by active sets); joints whose multiplier turns are released.
-/// At the end all changes are shortened together to the largest step. A command within its limits stays within them.
+/// W whitens each marker by its covariance, scaled by the mean deviation s, so that with equal, isotropic
+/// covariances W = I and this is the paper's equation (with μ = 0). A joint that would leave its limits is set to
+/// the limit, and the others compensate as far as they can (bounded least squares by active sets); joints whose
+/// multiplier changes sign are released. At the end all changes are scaled together to the largest step. A command
+/// within its limits stays within them.
 ///
 /// # Errors
-/// Arrays whose sizes differ, numbers that are not finite, a covariance that is not positive definite, a command outside its limits.
+/// Arrays whose sizes differ, numbers that are not finite, a covariance that is not positive definite, a command
+/// outside its limits.
 pub fn correction_step<'w>(
     problem: &StepProblem<'_>,
     options: &StepOptions,
@@ -138,7 +141,7 @@ pub fn correction_step<'w>(
     let mut mu = None;
     workspace.at_limit.fill(false);
     workspace.change.fill(0.0);
-    // Each pass puts one joint on a limit or takes one off; three a joint is far more than ever seen.
+    // Each pass sets one joint to a limit or releases one; three passes a joint are far more than ever needed.
     for _ in 0..3 * workspace.joints.len() + 1 {
         leave_to_active(problem, options.gain, rows, workspace);
         let chosen = solve_active(rows, options.damping, noise_m, mu, workspace);
@@ -303,7 +306,7 @@ fn solve_active(rows: usize, damping: Damping, noise_m: f64, mu: Option<f64>, w:
         solution[..n].copy_from_slice(&remaining[..n]);
     }
     let mut matrix = Gram { matrix: gram, n, factor, inverse };
-    // The damping of the first pass is kept: joints on limits do not change what the noise does.
+    // The damping of the first pass is kept: joints at limits do not change the effect of the noise.
     let mu = matrix.choose(mu.map_or(damping, |mu_m_per_rad| Damping::Fixed { mu_m_per_rad }), noise_m);
     solve(&factor[..n * n], n, solution);
     for a in 0..count {
@@ -343,7 +346,7 @@ fn room(p: &StepProblem<'_>, joint: usize) -> (f64, f64) {
     ((p.lower[joint] - p.positions[joint]).min(0.0), (p.upper[joint] - p.positions[joint]).max(0.0))
 }
 
-/// A joint on a limit that would now rather turn back inside: the sign of its multiplier says so.
+/// A joint at a limit that would now move back inside, by the sign of its multiplier.
 fn to_release(p: &StepProblem<'_>, rows: usize, w: &mut StepWorkspace) -> Option<usize> {
     if !w.at_limit.iter().any(|&at| at) {
         return None;

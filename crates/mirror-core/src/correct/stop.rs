@@ -21,7 +21,7 @@ pub enum Stop {
     Inconsistent(Inconsistent),
     /// The target cannot be reached within the limits.
     LimitReached(LimitReached),
-    /// The looks that were granted are used up.
+    /// The allowed number of looks is used up.
     BudgetSpent(BudgetSpent),
 }
 
@@ -34,7 +34,7 @@ pub struct Converged {
     pub below_m: Vec<f64>,
     /// The tolerance, m.
     pub tolerance_m: f64,
-    /// The probability with which a whole correction may say this wrongly.
+    /// The probability of this being wrong, for a whole correction.
     pub wrong_converged: f64,
 }
 
@@ -42,13 +42,14 @@ pub struct Converged {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum StallCause {
-    /// The error stays although the model says that the steps should reduce it.
+    /// The error stays although the steps should reduce it according to the model.
     NoProgress,
-    /// A joint does not do what it is told.
+    /// A joint does not follow its commands.
     NotFollowing,
-    /// What is left lies outside of what the free joints can move: no posture of theirs puts all markers on their targets.
+    /// The remaining error lies outside of what the free joints can move: no posture of theirs puts all markers on
+    /// their targets.
     OutOfReach,
-    /// The error is within what the measurement can see, and that is more than the tolerance.
+    /// The error is within the measurement's noise, which is larger than the tolerance.
     TooUncertain,
 }
 
@@ -61,11 +62,11 @@ pub struct Stalled {
     pub distance_m: Vec<f64>,
     /// The upper bound of each, m.
     pub below_m: Vec<f64>,
-    /// Root mean square distance of each look that was believed, m.
+    /// Root mean square distance of each accepted look, m.
     pub history_m: Vec<f64>,
-    /// What the free joints cannot take away, by the model, for each marker, m.
+    /// The part of each marker's error that the free joints cannot remove according to the model, m.
     pub left_m: Vec<f64>,
-    /// How far each joint did what it was told.
+    /// How far each joint followed its commands.
     pub responses: Vec<JointResponse>,
 }
 
@@ -78,11 +79,11 @@ pub struct Diverging {
     pub error_std_m: f64,
     /// The best one seen, m.
     pub best_error_m: f64,
-    /// The look at which it was the best, from 1.
+    /// The number of the best look, from 1.
     pub best_look: usize,
-    /// Root mean square distance of each look that was believed, m.
+    /// Root mean square distance of each accepted look, m.
     pub history_m: Vec<f64>,
-    /// How far each joint did what it was told.
+    /// How far each joint followed its commands.
     pub responses: Vec<JointResponse>,
 }
 
@@ -98,7 +99,7 @@ pub struct MarkerLost {
 /// Readings contradict each other, the model or the commands.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Inconsistent {
-    /// What was not believed at the last look.
+    /// The readings that were rejected at the last look.
     pub readings: Vec<Implausible>,
     /// Looks in a row that failed.
     pub looks: usize,
@@ -134,13 +135,13 @@ pub struct LimitReached {
     pub tolerance_m: f64,
 }
 
-/// The looks that were granted are used up.
+/// The allowed number of looks is used up.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct BudgetSpent {
     /// How many.
     pub looks: usize,
-    /// Distance of each marker from its target at the last look that was believed, m; empty where there was none.
+    /// Distance of each marker from its target at the last accepted look, m; empty where there was none.
     pub distance_m: Vec<f64>,
-    /// Root mean square distance of each look that was believed, m.
+    /// Root mean square distance of each accepted look, m.
     pub history_m: Vec<f64>,
 }

@@ -19,15 +19,16 @@ pub struct Target {
 }
 
 impl Target {
-    /// The target `p_ref`: where the model has the markers at `posture`, in the frame of `board_link`.
+    /// The target `p_ref`: the markers' positions by the model at `posture`, in the frame of `board_link`.
     ///
-    /// `markers` are names and links; `posture` has an entry for each position of the robot, rad (m). Free to move are the joints
-    /// between the board and a marker, without those between the camera and the board (the measurement rests on them) and
-    /// without `held` (indices into the positions). Limits are the model's, those of joints that follow (mimic) included.
+    /// `markers` are names and links; `posture` has an entry for each position of the robot, rad (m). The joints
+    /// between the board and a marker may move, except those between the camera and the board (the measurement
+    /// depends on them) and `held` (indices into the positions). Limits are the model's, those of joints that
+    /// follow (mimic) included.
     ///
     /// # Errors
-    /// No marker, a posture of the wrong length or outside the limits (by the joint's name), an index that is no link,
-    /// nothing left that may move.
+    /// No marker, a posture of the wrong length or outside the limits (by the joint's name), an invalid link index,
+    /// no joint left that may move.
     pub fn new(
         robot: Arc<Robot>,
         camera_link: usize,

@@ -47,8 +47,8 @@ impl ImproperIsometry {
         Self { linear, translation }
     }
 
-    /// The pose of the left-handed frame B′ that lies in space as the right-handed frame D does, but for its z axis:
-    /// `a_from_b′ = a_from_d · diag(1, 1, −1)`.
+    /// The pose of the left-handed frame B′ that equals the right-handed frame D except for its z axis: `a_from_b′
+    /// = a_from_d · diag(1, 1, −1)`.
     pub fn with_z_reversed(a_from_d: &Isometry3<f64>) -> Self {
         let mut linear = a_from_d.rotation.to_rotation_matrix().into_inner();
         linear.column_mut(2).neg_mut();

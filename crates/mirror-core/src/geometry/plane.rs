@@ -3,7 +3,7 @@
 use crate::error::{Error, Result, finite};
 use nalgebra::{Isometry3, Matrix3, Point3, Unit, Vector3};
 
-/// Below this length (m, or of any vector) a vector has no direction that could be trusted.
+/// Below this length (m, or of any vector) a vector has no reliable direction.
 pub(crate) const SHORTEST_DIRECTION: f64 = 1e-12;
 
 /// An oriented plane `{x : n·x = d}` with `|n| = 1`; n is unitless, d in metres.

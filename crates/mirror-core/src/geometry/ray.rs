@@ -4,7 +4,7 @@ use super::Plane;
 use crate::error::Result;
 use nalgebra::{Point3, Unit, Vector3};
 
-/// A ray closer to parallel with a plane than this (cosine with its normal) meets it nowhere that could be trusted.
+/// A ray closer to parallel with a plane than this (cosine with its normal) has no reliable intersection with it.
 const PARALLEL_COSINE: f64 = 1e-12;
 
 /// A half-line `x(t) = o + t r`, `t ≥ 0`, with `|r| = 1`; t in metres.

@@ -7,11 +7,11 @@
 use crate::least_squares::scaled_inverse;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix3, Matrix3x6, Matrix6, Vector3, Vector6};
 
-/// What one frame says: its Gauss–Newton matrix and gradient, in units of variance.
+/// The contribution of one frame: its Gauss–Newton matrix and gradient, in units of variance.
 #[derive(Clone)]
 pub(super) struct FrameTerms {
     pub cost: f64,
-    /// Squared residuals in px², corners and markers: not weighed.
+    /// Squared residuals in px², corners and markers, unweighted.
     pub corner_px2: f64,
     pub marker_px2: f64,
     pub plane: Matrix3<f64>,
@@ -22,7 +22,7 @@ pub(super) struct FrameTerms {
     pub points: Vec<PointTerms>,
 }
 
-/// What one sighting of a marker says.
+/// The contribution of one sighting of a marker.
 #[derive(Clone)]
 pub(super) struct PointTerms {
     /// Place of the point in its posture.
@@ -82,7 +82,7 @@ pub(super) struct Step {
     pub points: Vec<Vec<Vector3<f64>>>,
 }
 
-/// The prior's share of the normal equations of s; `None` holds s.
+/// The prior's share of the normal equations of s; `None` fixes s.
 pub(super) struct SharedTerms {
     pub information: Matrix6<f64>,
     pub gradient: Vector6<f64>,

@@ -33,11 +33,11 @@ pub struct JointPoint {
     pub covariance_m2: Option<Matrix3<f64>>,
 }
 
-/// All that the views of a session say, with covariances.
+/// The result of the joint estimate, with covariances.
 #[derive(Debug, Clone, PartialEq)]
 pub struct JointEstimate {
-    /// The correction of the camera–board transform: `camera_from_board = camera_from_nominal_camera ∘ nominal`, the
-    /// same in all frames (the camera sits elsewhere on the head than the model believes).
+    /// The correction of the camera–board transform: `camera_from_board = camera_from_nominal_camera ∘ nominal`,
+    /// the same in all frames (the camera is displaced on the head).
     pub camera_from_nominal_camera: Isometry3<f64>,
     /// The corrected transform, by frame.
     pub camera_from_board: Vec<Isometry3<f64>>,
@@ -53,7 +53,7 @@ pub struct JointEstimate {
     pub corner_rms_px: Vec<f64>,
     /// The same of all markers that were used; 0 where there are none.
     pub marker_rms_px: f64,
-    /// Sum of the weighed squared residuals over their variances, the prior included.
+    /// Sum of the weighted squared residuals over their variances, the prior included.
     pub chi_squared: f64,
     /// How many of them are free: what χ² should be.
     pub degrees_of_freedom: usize,
@@ -71,7 +71,7 @@ pub(super) struct State {
     points: Vec<Vec<Point3<f64>>>,
 }
 
-/// What the iteration needs beside the state.
+/// What the iteration needs in addition to the state.
 struct Problem<'a> {
     camera: &'a Camera,
     spheres: &'a [Sphere],
@@ -210,8 +210,9 @@ impl LeastSquares for Problem<'_> {
     type Equations = Vec<FrameTerms>;
     type Step = Step;
     const WHAT: &'static str = WHAT;
-    /// It begins so low because the direction that needs damping is a weak one: by yaw alone the transform is known a thousand times worse
-    /// along one direction than along the others, its share of the diagonal is 1e-6, and the valley along it is curved.
+    /// The start value is low because the direction that needs damping is weak: by yaw alone the transform is known
+    /// a thousand times worse along one direction than along the others, its share of the diagonal is 1e-6, and the
+    /// valley along it is curved.
     const DAMPING: Damping = Damping { first: 1e-8, rise: 10.0, fall: 4.0 };
     /// The covariances are of the equations at the estimate.
     const LAST_STEP_UNSEEN: bool = false;
@@ -254,8 +255,8 @@ impl LeastSquares for Problem<'_> {
 
     /// The planes follow the transform and the points non-linearly.
     ///
-    /// By yaw alone, the valley of the cost along the weak direction is curved: a long step of the transform is right only
-    /// when each plane turns along with it. The planes are one 3×3 problem each, so following is cheap.
+    /// By yaw alone, the valley of the cost along the weak direction is curved: a long step of the transform is
+    /// right only if each plane turns along with it. The planes are one 3×3 problem each, so this is cheap.
     fn mended(
         &self,
         mut next: State,
@@ -297,7 +298,7 @@ pub(crate) fn board_side_from_camera_side(camera_from_board: &Isometry3<f64>) ->
     by
 }
 
-/// Runs the iteration from a given start. Points whose status is not `Measured` take no part.
+/// Runs the iteration from a given start. Points whose status is not `Measured` are not used.
 pub(crate) fn adjust(
     camera: &Camera,
     spheres: &[Sphere],
@@ -342,7 +343,7 @@ pub(crate) fn adjust(
     };
     let point_count: usize = problem.points_of.iter().sum();
     let corner_count: usize = frames.iter().map(|f| f.corners.corners().len()).sum();
-    // The prior adds as many measurements as it has unknowns; without it they cost six.
+    // The prior adds as many measurements as it has unknowns; without it they cost six degrees of freedom.
     let shared_cost = if matches!(options.prior, super::BoardPrior::Unknown) { 6 } else { 0 };
     let unknowns = 3 * (frames.len() + point_count) + shared_cost;
     let measurements = 2 * (corner_count + sighting_count);

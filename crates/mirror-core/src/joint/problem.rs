@@ -22,7 +22,7 @@ pub struct MarkerSighting {
 pub struct JointFrame {
     /// Frames with the same number show the same body posture, so the markers stand still between them in the camera frame.
     pub posture: i64,
-    /// The camera–board transform that the model believes, in this frame (a head that turns between postures changes it).
+    /// The model's camera–board transform in this frame (a head that turns between postures changes it).
     pub nominal_camera_from_board: Isometry3<f64>,
     /// The board's corners, as reflected, with their true labels.
     pub corners: BoardView,
@@ -30,8 +30,8 @@ pub struct JointFrame {
     pub markers: Vec<MarkerSighting>,
 }
 
-/// What is known of the camera–board transform beforehand.
-// One a session: that it can be copied is worth more than its size.
+/// The prior knowledge of the camera–board transform.
+// One for each session, so its size does not matter; it can be copied.
 #[allow(clippy::large_enum_variant)]
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum BoardPrior {
@@ -55,7 +55,7 @@ pub struct JointOptions {
     pub marker_std_px: f64,
     /// How residuals count.
     pub loss: Loss,
-    /// What is known of the camera–board transform.
+    /// The prior of the camera–board transform.
     pub prior: BoardPrior,
     /// Two rays must differ at least by this, rad, for their marker to be estimated.
     pub least_parallax_rad: f64,

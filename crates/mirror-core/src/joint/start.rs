@@ -15,7 +15,7 @@ pub(crate) struct Start {
     pub correction: Isometry3<f64>,
     /// By frame.
     pub planes: Vec<Plane>,
-    /// The points that take part, by posture, then marker.
+    /// The points that are used, by posture, then marker.
     pub points: Vec<StartPoint>,
 }
 
@@ -57,7 +57,7 @@ fn widest_angle_rad(rays: &[Ray]) -> f64 {
     widest
 }
 
-/// The start of all unknowns, and for each point of the layout whether it takes part.
+/// The start values of all unknowns, and for each point of the layout whether it is used.
 pub(super) fn start(
     camera: &Camera,
     board: &Board,

@@ -14,14 +14,14 @@ use rayon::prelude::*;
 /// Camera–board transforms of one posture's views that differ by more than this (matrix elements; m, or rad) belong to a head that moved.
 const SAME_HEAD: f64 = 1e-6;
 
-/// A marker of a posture: where it is, or why that is not known.
+/// A marker of a posture: its position, or the reason why it is unknown.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MeasuredMarker {
     /// The posture's number.
     pub posture: i64,
     /// Which marker.
     pub marker: usize,
-    /// How many views of it there are whose mirror is known.
+    /// Number of its views with a known mirror.
     pub views: usize,
     /// In the camera frame of the posture.
     pub result: Result<Triangulated>,
@@ -30,7 +30,7 @@ pub struct MeasuredMarker {
 /// What one estimator makes of a session.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LadderMeasurement {
-    /// The mirror of each frame, or why it is not known.
+    /// The mirror of each frame, or the reason why it is unknown.
     pub mirrors: Vec<Result<MirrorEstimate>>,
     /// The markers that any frame sees, by posture, then marker.
     pub markers: Vec<MeasuredMarker>,

@@ -47,7 +47,7 @@ impl MeasureOptions {
     /// The triangulator that is used.
     ///
     /// # Errors
-    /// [`Error::UnknownName`] for maximum likelihood after Eq. 1, whose map is no mirror in which a point could be seen.
+    /// [`Error::UnknownName`] for maximum likelihood after Eq. 1, whose map is no mirror and so predicts no pixel.
     pub fn triangulator(&self) -> Result<Triangulator> {
         match (self.estimator, self.triangulator) {
             (MirrorEstimator::Pose, Some(Triangulator::MaximumLikelihood)) => Err(Error::UnknownName {

@@ -4,7 +4,7 @@ use crate::error::{Error, Result};
 use crate::geometry::Plane;
 use nalgebra::{Unit, Vector3};
 
-/// A ray flatter than this to the mirror (cosine with its normal) meets it nowhere that could be trusted.
+/// A ray flatter than this to the mirror (cosine with its normal) has no reliable intersection with it.
 const GRAZING_COSINE: f64 = 1e-6;
 
 /// A depth along the mirror's axis with its derivatives.

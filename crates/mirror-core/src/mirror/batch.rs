@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 use nalgebra::Vector2;
 use rayon::prelude::*;
 
-/// Fewer views than this a thread are not worth handing out: 16 take some 0.2 ms.
+/// With fewer views than this a thread is not worthwhile: 16 take some 0.2 ms.
 const SMALLEST_SHARE: usize = 16;
 
 /// A view from a row of pixels, one pair a corner in the order of its index: `u, v, u, v, …`; a pair that is not a

@@ -66,7 +66,7 @@ impl Trial {
     fn at(sigma: f64, lateral_squared: f64, height: f64, distance: f64, curvature: f64) -> Option<Self> {
         let s2 = sigma * sigma * lateral_squared;
         let slope2 = curvature * curvature * s2;
-        // Written so that NaN fails.
+        // Written so that NaN fails the test.
         if !(slope2 <= LARGEST_SLOPE * LARGEST_SLOPE) {
             return None;
         }

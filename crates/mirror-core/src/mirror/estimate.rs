@@ -22,7 +22,7 @@ use nalgebra::{Isometry3, Matrix3, SMatrix};
 #[non_exhaustive]
 pub enum MirrorEstimator {
     /// Eq. 1: the reflected board's whole pose composed with the camera–board transform. An improper map, not a
-    /// reflection: its virtual rays carry the board's rotation error. The paper's baseline, kept as it is there.
+    /// reflection: its virtual rays contain the board's rotation error. It is the paper's baseline, unchanged.
     Pose,
     /// Eq. 1 snapped to the nearest reflection.
     PoseSnapped,
@@ -67,7 +67,7 @@ pub struct MirrorEstimate {
     /// The mirror in the camera frame, its normal away from the camera. Of [`MirrorEstimator::Pose`]: the plane of
     /// the nearest reflection, for comparison only; its virtual rays do not use it.
     pub plane: Plane,
-    /// What the mirror is beyond that plane, as the estimator took it.
+    /// The mirror's glass and curvature, as the estimator assumed them.
     pub optics: MirrorOptics,
     /// 3×3 of the foot point `f = d n`, m²: corner noise and the camera–board transform's covariance together.
     pub covariance_m2: Matrix3<f64>,
@@ -80,7 +80,7 @@ pub struct MirrorEstimate {
     /// Root mean square of the corners' residual lengths, px: of the reflected board's free pose for
     /// [`MirrorEstimator::Pose`], of the board reflected across the plane for the others.
     pub rms_px: f64,
-    /// Standard deviation of a corner along one axis that the covariance rests on, px.
+    /// Standard deviation of a corner along one axis, from which the covariance is computed, px.
     pub noise_px: f64,
     /// The camera–board transform that was used.
     pub camera_from_board: Isometry3<f64>,
@@ -142,7 +142,7 @@ pub(crate) fn reflected_rms_px(rig: &Rig, view: &BoardView, plane: &Plane) -> Re
     Ok((sum / view.corners().len() as f64).sqrt())
 }
 
-/// Refuses a mirror that the camera and the board would not both stand before.
+/// Refuses a mirror that camera and board are not both in front of.
 pub(crate) fn before_both(plane: Plane, rig: &Rig) -> Result<Plane> {
     let board = nalgebra::Point3::from(rig.camera_from_board.translation.vector);
     if plane.offset_m() > 0.0 && plane.signed_distance_m(&board) < 0.0 {

@@ -5,7 +5,7 @@ use crate::error::{Error, Result, finite};
 use crate::geometry::{Plane, Ray, Reflection};
 use nalgebra::{Unit, Vector3};
 
-/// Glass thicker than this (m) is no mirror pane: somebody gave millimetres.
+/// Glass thicker than this (m) is no mirror pane: the value was given in millimetres.
 const THICKEST_PANE_M: f64 = 0.1;
 /// No glass refracts more (diamond has 2.42).
 const LARGEST_INDEX: f64 = 3.0;

@@ -26,7 +26,7 @@ pub struct MirrorOptics {
     pub curvature: Curvature,
 }
 
-/// Where the camera sees a point in a mirror, and how that depends on everything.
+/// Where the camera sees a point in a mirror, with the derivatives by all quantities.
 ///
 /// Only its direction matters for the pixel. For an ideal mirror it is the reflected point itself.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -72,7 +72,7 @@ impl Axial {
         let normal = plane.normal().into_inner();
         let distance = plane.offset_m();
         let height = normal.dot(&point.coords);
-        // Written so that NaN fails.
+        // Written so that NaN fails the test.
         if !(distance > 0.0 && distance - height > 0.0 && height.is_finite()) {
             return Err(Error::OutOfRange {
                 what: "distance of a point before the mirror (m)".into(),

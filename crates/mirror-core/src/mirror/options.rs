@@ -6,7 +6,7 @@ use crate::least_squares::Stop;
 
 /// Gauss–Newton from the closed forms takes 2 to 5 steps; an ambiguous pose seen from far may take 20.
 const MOST_STEPS: usize = 60;
-/// A step that promises to lower the sum of squares by less than this (px²) is the last one. With noise of 0.2 px
+/// A step with a predicted reduction of the sum of squares below this (px²) is the last one. With noise of 0.2 px
 /// it moves the result by 2e-4 of its standard deviation, and Gauss–Newton leaves a thousandth of that.
 const SMALLEST_DECREASE_PX2: f64 = 1e-9;
 

@@ -25,7 +25,7 @@ pub struct PlanarPose {
     pub covariance: Matrix6<f64>,
     /// Root mean square of the corners' residual lengths, px.
     pub rms_px: f64,
-    /// Standard deviation of a corner along one axis that the covariance rests on, px.
+    /// Standard deviation of a corner along one axis, from which the covariance is computed, px.
     pub noise_px: f64,
     /// The other pose that explains the picture, where there is one.
     pub alternative: Option<AlternativePose>,
@@ -36,7 +36,7 @@ pub struct PlanarPose {
 pub struct AlternativePose {
     /// As [`PlanarPose::camera_from_pattern`].
     pub camera_from_pattern: Isometry3<f64>,
-    /// Its residual, px. Where it is close to the better pose's, the picture does not tell the tilt's sign.
+    /// Its residual, px. If it is close to the better pose's, the picture does not determine the sign of the tilt.
     pub rms_px: f64,
 }
 

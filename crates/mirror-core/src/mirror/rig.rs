@@ -26,10 +26,10 @@ pub struct Rig {
     pub board: Board,
     /// Where the board is, `camera_from_board`.
     pub camera_from_board: Isometry3<f64>,
-    /// How well that is known: 6×6 in the pose tangent of [`crate::geometry::rotation`]. `None`: taken as exact.
+    /// Its covariance: 6×6 in the pose tangent of [`crate::geometry::rotation`]. `None`: taken as exact.
     pub camera_from_board_covariance: Option<Matrix6<f64>>,
-    /// What is known of the mirror beyond its plane: glass and curvature. Maximum likelihood uses it; the paper's
-    /// estimators take every mirror as ideal, and their planes absorb what it is not.
+    /// The mirror's known glass and curvature. Maximum likelihood uses them; the paper's estimators take every
+    /// mirror as ideal, and their planes absorb the difference.
     pub optics: MirrorOptics,
 }
 

@@ -27,7 +27,7 @@ pub enum VirtualCamera {
     Reflected {
         /// The mirror in the camera frame.
         plane: Plane,
-        /// What it is beyond its plane.
+        /// The mirror's glass and curvature.
         optics: MirrorOptics,
         /// 3×3 of its foot point from corner noise, m².
         measurement_covariance_m2: Matrix3<f64>,

@@ -9,7 +9,7 @@ use crate::mirror::virtual_ray;
 use nalgebra::{Point3, Vector2};
 use rayon::prelude::*;
 
-/// Fewer markers than this a thread are not worth handing out: 1,024 take some 0.2 ms.
+/// With fewer markers than this a thread is not worthwhile: 1,024 take some 0.2 ms.
 const SMALLEST_SHARE: usize = 1024;
 
 /// A marker seen in two views: the reflected board's origin b′ and the marker's pixel of each.

@@ -23,7 +23,7 @@ pub struct MarkerView {
     pub noise_px: f64,
     /// The mirror in the camera frame.
     pub plane: Plane,
-    /// What it is beyond its plane.
+    /// The mirror's glass and curvature.
     pub optics: MirrorOptics,
     /// 3×3 of the plane's foot point from this view's own noise, m².
     pub measurement_covariance_m2: Matrix3<f64>,

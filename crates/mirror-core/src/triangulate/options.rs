@@ -7,7 +7,7 @@ use nalgebra::{Matrix3, Matrix6, Point3, SMatrix};
 /// what lies below is no measurement.
 const LEAST_PARALLAX_RAD: f64 = std::f64::consts::PI / 180.0;
 
-/// What a triangulation accepts and takes into account.
+/// Options of a triangulation: limits and noise.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TriangulationOptions {
     /// The least angle between the widest pair of rays, rad.

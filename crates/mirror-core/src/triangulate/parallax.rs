@@ -29,6 +29,6 @@ pub fn widest_angle_rad<'a>(rays: impl Iterator<Item = &'a Ray> + Clone) -> Resu
 
 /// Refuses too little parallax, with the angle there is and the angle needed.
 pub(crate) fn enough(got_rad: f64, needed_rad: f64) -> Result<f64> {
-    // Written so that NaN fails.
+    // Written so that NaN fails the test.
     if got_rad >= needed_rad { Ok(got_rad) } else { Err(Error::TooLittleParallax { got_rad, needed_rad }) }
 }

@@ -7,7 +7,7 @@ use crate::geometry::Ray;
 use crate::mirror::VirtualRay;
 use nalgebra::{Matrix3, Point3, SMatrix, Vector3};
 
-/// Refuses a point that no real marker seen in this mirror can have: it must lie beyond the mirror along the ray.
+/// Refuses a point that no real marker in this mirror can have: it must lie beyond the mirror along the ray.
 pub(super) fn beyond_mirror(view: usize, point: &Point3<f64>, along_m: f64, mirror_at_m: f64) -> Result<()> {
     let place = if along_m <= 0.0 {
         "behind the virtual camera"
@@ -49,7 +49,7 @@ pub fn midpoint_of_two(a: &Ray, b: &Ray, least_parallax_rad: f64) -> Result<Poin
     Ok(point)
 }
 
-/// From the point and how each ray's point moves it, everything that a result holds.
+/// The result with its covariance, from the point and the derivatives by each ray.
 ///
 /// To first order a ray moves its point at distance λ by `u = δo + λ δd`, and the result by `Σ M_k u_k`.
 pub(super) fn finished(

@@ -65,9 +65,10 @@ impl Corrector {
         (0..readings.len()).map(one).collect()
     }
 
-    /// Whether the markers are elsewhere than the last step should have put them, by more than half of it and the tolerance.
+    /// Whether the markers are not where the last step should have put them: the difference exceeds half of the
+    /// step plus the tolerance.
     ///
-    /// A first look surprises always: nothing before it says where the markers should be but the model that is in doubt.
+    /// A first look always counts as unexpected, because only the model predicts it, and the model is in doubt.
     pub(super) fn surprising(&self, readings: &[Option<Reading>]) -> bool {
         readings.iter().enumerate().any(|(m, reading)| {
             let (Some(reading), Some(_)) = (reading, &self.last) else { return true };
@@ -77,7 +78,7 @@ impl Corrector {
         })
     }
 
-    /// Remembers the look, what the last step did, and corrects J by it; whether there was a step.
+    /// Stores the look and the effect of the last step, and updates J by it; returns whether there was a step.
     pub(super) fn learn(&mut self, readings: &[Option<Reading>]) -> Result<bool> {
         let now: Vec<Reading> = readings.iter().flatten().copied().collect();
         let mut moved = false;

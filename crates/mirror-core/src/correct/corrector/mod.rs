@@ -41,7 +41,7 @@ pub struct Corrector {
     stopped: bool,
 }
 
-/// The last look that was believed.
+/// The last look that was accepted.
 #[derive(Debug, Clone)]
 struct Last {
     point_m: Vec<Vector3<f64>>,
@@ -57,10 +57,11 @@ struct Best {
 }
 
 impl Corrector {
-    /// A correction towards a target; `start` is the first command (the target's posture where there is none, as in the paper).
+    /// A correction towards a target; `start` is the first command (the target's posture where there is none, as in
+    /// the paper).
     ///
     /// # Errors
-    /// Options that make no sense; a start of the wrong length, or outside the limits (by the joint's name).
+    /// Invalid options; a start of the wrong length, or outside the limits (by the joint's name).
     pub fn new(target: Target, options: CorrectOptions, start: Option<&[f64]>) -> Result<Self> {
         options.check()?;
         let joints = target.robot.position_count();
@@ -83,7 +84,7 @@ impl Corrector {
                     needed: format!("{least:.4} to {most:.4}, its limits"),
                 });
             }
-            // Where a feed-forward starts elsewhere, the range reaches around both.
+            // If a feed-forward starts elsewhere, the range includes both.
             lower.push(least.max(target.posture[j].min(command[j]) - range));
             upper.push(most.min(target.posture[j].max(command[j]) + range));
         }
@@ -127,7 +128,7 @@ impl Corrector {
     /// Narrows the range of a position (rad, m) to what the robot itself allows; the model's limits stay in force.
     ///
     /// # Errors
-    /// An index that is no position, a range that the present command is not in.
+    /// An invalid index, or a range that does not contain the present command.
     pub fn narrow(&mut self, position: usize, lower: f64, upper: f64) -> Result<()> {
         let Some(&command) = self.command.get(position) else {
             return Err(Error::OutOfRange {
@@ -156,7 +157,7 @@ impl Corrector {
         &self.command
     }
 
-    /// The command at which the error was smallest so far; none before a look was believed.
+    /// The command at which the error was smallest so far; none before a look was accepted.
     pub fn best_command(&self) -> Option<&[f64]> {
         self.best.as_ref().map(|b| b.command.as_slice())
     }
@@ -166,13 +167,14 @@ impl Corrector {
         &self.records
     }
 
-    /// How far each joint did what it was told so far.
+    /// How far each joint followed its commands so far.
     pub fn responses(&self) -> Vec<JointResponse> {
         let names: Vec<&str> = self.target.robot.position_names().collect();
         responses(&self.moves, &names)
     }
 
-    /// Takes the readings of one look at [`Self::command`] (one for each marker, none where it was not measured) and decides.
+    /// Takes the readings of one look at [`Self::command`] (one for each marker, none where it was not measured)
+    /// and decides.
     ///
     /// # Errors
     /// Another number of readings than of markers, numbers that are not finite, a correction that has stopped.
@@ -235,7 +237,7 @@ impl Corrector {
         Errors { error_m, covariance_m2, look }
     }
 
-    /// A look that cannot be used: once more, or the end.
+    /// A look that cannot be used: it is repeated, or the correction ends.
     fn fail(&mut self, readings: &[Option<Reading>], doubts: Vec<Option<Implausible>>) -> Decision {
         self.failures += 1;
         let doubts: Vec<Implausible> = doubts.into_iter().flatten().collect();
@@ -253,7 +255,7 @@ impl Corrector {
         Decision::Stop { stop }
     }
 
-    /// Decides on a look that was believed.
+    /// Decides on a look that was accepted.
     fn judge(&mut self, errors: Errors, readings: &[Option<Reading>]) -> Result<Decision> {
         self.failures = 0;
         let judge = self.options.judge;
@@ -274,7 +276,7 @@ impl Corrector {
             return Ok(Decision::Stop { stop });
         }
         let error = errors.rms_m();
-        // More looks at one posture are no attempts to get closer.
+        // Repeated looks at one posture are no attempts to get closer.
         if moved || self.history_m.is_empty() {
             self.history_m.push(error);
         } else if let Some(last) = self.history_m.last_mut() {
@@ -284,7 +286,7 @@ impl Corrector {
             self.growths =
                 if grew(&errors, best.error_m, &judge) { self.growths + usize::from(moved) } else { 0 };
             if self.growths >= 2 {
-                // Where a joint stands still, what the others do in its place is no divergence of the loop.
+                // If a joint stands still, the motion of the others in its place is no divergence of the loop.
                 let stop = if self.stuck() {
                     self.stall(StallCause::NotFollowing, &errors, None)
                 } else {
@@ -363,7 +365,7 @@ impl Corrector {
         Ok(decision)
     }
 
-    /// The decision, or the end where it would take one look too many.
+    /// The decision, or the end if it would need more looks than allowed.
     fn within_budget(&self, decision: Decision, look: usize, markers: &[MarkerError]) -> Decision {
         if look < self.options.judge.looks || matches!(decision, Decision::Stop { .. }) {
             return decision;

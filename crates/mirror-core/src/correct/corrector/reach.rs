@@ -10,7 +10,7 @@ use super::Corrector;
 use crate::error::Result;
 use nalgebra::Vector3;
 
-/// What the model says can be reached from here.
+/// What can be reached from here according to the model.
 pub(super) struct Reach {
     left: Vec<Vector3<f64>>,
     change: Vec<f64>,
@@ -34,12 +34,13 @@ impl Corrector {
         Ok(Reach { left: left.collect(), change: step.change.to_vec(), at_limit: step.at_limit.to_vec() })
     }
 
-    /// Whether the model sees next to nothing to gain.
+    /// Whether almost nothing can be gained according to the model.
     pub(super) fn little_to_gain(&self, errors: &Errors, reach: &Reach) -> bool {
         rms(&reach.left) > (1.0 - self.options.judge.least_progress) * errors.rms_m()
     }
 
-    /// The end where, twice in a row, the model sees next to nothing to gain and surely too much left.
+    /// The end if, twice in a row, almost nothing can be gained according to the model and significantly too much
+    /// is left.
     pub(super) fn beyond_reach(&mut self, errors: &Errors, reach: &Reach) -> Result<Option<Stop>> {
         let judge = self.options.judge;
         let z = -deviate_of_look(judge.wrong_converged, errors.look, errors.error_m.len());
@@ -85,7 +86,7 @@ impl Corrector {
         }))
     }
 
-    /// Whether a joint surely does not do what it is told.
+    /// Whether a joint significantly does not follow its commands.
     pub(super) fn stuck(&self) -> bool {
         self.responses().iter().any(|r| r.stuck)
     }

@@ -5,7 +5,7 @@ use super::super::stop::Stop;
 use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;
 
-/// A marker as it was measured at one look.
+/// The measurement of a marker at one look.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reading {
     /// Position in the board's frame, m.
@@ -14,7 +14,7 @@ pub struct Reading {
     pub covariance_m2: Matrix3<f64>,
     /// Sum of squared normalised residuals of its rays.
     pub chi_squared: f64,
-    /// Degrees of freedom of that; 0 where it is not known.
+    /// Its degrees of freedom; 0 where they are not known.
     pub degrees_of_freedom: usize,
 }
 
@@ -60,11 +60,11 @@ pub struct MarkerError {
     pub std_m: Option<[f64; 3]>,
     /// The true distance is below this, m.
     pub below_m: Option<f64>,
-    /// Why it was not believed.
+    /// Why it was rejected.
     pub implausible: Option<Implausible>,
 }
 
-/// What one look saw and what followed.
+/// The measurement of one look and the decision that followed.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct LookRecord {
     /// From 1.
@@ -75,7 +75,7 @@ pub struct LookRecord {
     pub command: Vec<f64>,
     /// One for each marker.
     pub markers: Vec<MarkerError>,
-    /// Root mean square distance, m; none where the look was not believed.
+    /// Root mean square distance, m; none where the look was rejected.
     pub rms_m: Option<f64>,
     /// What was decided.
     pub decision: Decision,
