@@ -10,7 +10,8 @@ use core::ops::Range;
 /// Range of a light against that of its zone.
 const BALL_RANGE: (f64, f64) = (0.3, 2.5);
 const BEHIND_RANGE: (f64, f64) = (0.3, 2.0);
-/// How far inside of the edge and beyond it the brightness is the ball's own, and that of what lies behind, px.
+/// Distance from the edge, inside and outside, up to which the brightness is the ball's alone, and the background's
+/// alone, px.
 const BALL_CLEAR_PX: f64 = 1.8;
 const BEHIND_CLEAR_PX: f64 = 1.5;
 /// Least brightness of a zone.
@@ -18,9 +19,9 @@ const LEAST_BRIGHTNESS: f64 = 1e-3;
 
 /// Light by sample of a ray, 1 where it is as in the zone.
 pub(super) struct Along {
-    /// The ball's; beyond the rim, as at the rim.
+    /// Of the ball; beyond the rim, as at the rim.
     pub ball: Vec<f64>,
-    /// That of what lies behind; inside of the edge, as beside it.
+    /// Of the background; inside of the edge, as at the edge.
     pub behind: Vec<f64>,
     /// The ball's at the rim.
     pub at_rim: f64,

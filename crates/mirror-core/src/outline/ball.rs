@@ -9,10 +9,11 @@ use super::patch::{Patch, Picture};
 use crate::camera::Camera;
 use nalgebra::{Matrix2, Vector2};
 
-/// Rounds of centring the rays and fitting again; from the last but one on, no more where centre and radius have moved by less than this, px.
+/// Iterations of centring the rays and fitting; from the second to last on they end when centre and radius move by
+/// less than this, px.
 const ROUNDS: usize = 4;
 const SETTLED_PX: f64 = 0.05;
-/// The patch reaches so far beyond the ball.
+/// The patch extends this far beyond the ball.
 const MARGIN_SHARE: f64 = 1.4;
 const MARGIN_PX: f64 = 16.0;
 /// Fewest and most rays.
@@ -22,23 +23,25 @@ const USUAL_BLUR_PX: f64 = 0.7;
 const BLUR_OF_STEP: f64 = 0.6;
 /// Edges farther than this from an outline are not on it, px.
 const TOLERANCE_PX: f64 = 0.675;
-/// What edges share with their neighbours by the blur, which carries over the rim what lies beside it: px for each px of blur and for each px² of it, and the same in
-/// coded pictures. Measured on drawn and path-traced balls, as the shares below.
+/// Common error of neighbouring edges by the blur, which mixes light from outside over the rim: px for each px of
+/// blur and for each px² of it, and the same in coded pictures. Measured on rendered and path-traced balls, as the
+/// shares below.
 const SHARED_BY_BLUR: [f64; 2] = [0.0127, 0.0171];
 const SHARED_BY_CODED_BLUR: [f64; 2] = [0.0413, 0.0320];
-/// The same by sharpening, px for an overshoot of the whole step; beside that, it parts the channels (`channels`).
+/// The same by sharpening, px for an overshoot of the whole step; in addition, it separates the channels
+/// (`channels`).
 const SHARED_BY_OVERSHOOT_PX: f64 = 0.4;
 /// Along the outline, edges share their errors over about this length (times the blur, where that is above 1 px): what lies behind, and a codec's blocks.
 const CORRELATION_PX: f64 = 1.8;
-/// Variance of the centre by the edges' scatter against what they show: the fit follows the errors that reach farthest along the outline. So many times more for
-/// each time that there are more edges than agree.
+/// Variance of the centre by the edges' scatter, relative to the residuals: the fit follows errors with a long
+/// correlation along the outline. This many times more for each multiple of the agreeing edges.
 const SCATTER_SHARE: f64 = 1.45;
 const DISAGREEING_POWER: f64 = 1.24;
-/// How much longer for each px by which a noisy picture was smoothed.
+/// How much longer the correlation is for each px by which a noisy picture was smoothed.
 const SMOOTHED_CORRELATION: f64 = 0.8;
 /// Least square of the share of the outline that edges agree with, in that.
 const LEAST_HELD: f64 = 0.1;
-/// What has no edge (another part before the ball) spoils the edges beside it over this length.
+/// A part without an edge (an occlusion) disturbs the adjacent edges over this length.
 const SPOILED_PX: f64 = 2.0;
 
 /// The radii that a ball may have, px.
@@ -69,7 +72,8 @@ pub struct BallOutline {
     pub narrow_blur_px: f64,
     /// What lens and motion have of it, over all directions, px: a codec's own blur of the colours is not in it.
     pub lens_blur_px: f64,
-    /// By how many deviations of what the claims allow for its channels say that the camera's curve is another than sRGB's; None where they do not tell.
+    /// By how many deviations of the allowed error the channels show another tone curve than sRGB's; None where
+    /// they do not determine it.
     pub curve_deviations: Option<f64>,
 }
 
@@ -122,7 +126,8 @@ pub fn measure_ball(
             })
             .unzip();
         let wide = blur.mean_px().max(1.0);
-        // The coarser a codec has made the colour, the longer are its errors; and where other things hold a part of the outline, some of the rest is theirs too.
+        // The coarser a codec has made the colour, the longer is the correlation of its errors; and where other
+        // objects hide a part of the outline, they disturb some of the rest too.
         let held = together.iter().filter(|t| **t).count() as f64 / count as f64;
         let longer = if patch.coded { wide / (held * held).max(LEAST_HELD) } else { 1.0 };
         let shared = CORRELATION_PX * wide * longer * (1.0 + SMOOTHED_CORRELATION * patch.smoothing_px);
@@ -133,7 +138,7 @@ pub fn measure_ball(
         circle = Circle { center_px: cone.centroid_px, radius_px: cone.mean_radius_px };
         center = cone.centroid_px;
         let agreeing = cone.inlier.iter().filter(|i| **i).count();
-        // In coded pictures edges scatter so much that which of them agree tells little.
+        // In coded pictures edges scatter so much that their agreement says little.
         if !patch.coded {
             let more = points.len() as f64 / agreeing.max(1) as f64;
             cone.centroid_covariance_px2 *= more.powf(DISAGREEING_POWER);
@@ -159,13 +164,13 @@ pub fn measure_ball(
         .filter(|ball| ball.cone.mean_radius_px >= range.min_px && ball.cone.mean_radius_px <= range.max_px)
 }
 
-/// Distances of a sphere's outline from its centre in evenly spaced directions, the sphere where a circle says.
+/// Distances of a sphere's outline from its centre in evenly spaced directions, for the sphere at a circle.
 fn expected_radii(circle: &Circle, camera: &Camera, count: usize) -> Option<Vec<f64>> {
     let (semi_axes, angle) = expected_ellipse(circle, camera)?;
     Some(radii(&semi_axes, angle, count))
 }
 
-/// Half axes (px) and angle (rad) of a sphere's outline, the sphere where a circle says.
+/// Half axes (px) and angle (rad) of a sphere's outline, for the sphere at a circle.
 pub(super) fn expected_ellipse(circle: &Circle, camera: &Camera) -> Option<(Vector2<f64>, f64)> {
     let axis = camera.unproject(&circle.center_px).ok()?.into_inner();
     let half = circle.radius_px / px_per_rad(camera, &circle.center_px)?;
@@ -183,7 +188,7 @@ fn radii(semi_axes: &Vector2<f64>, angle: f64, count: usize) -> Vec<f64> {
         .collect()
 }
 
-/// Edges that are found, those beside what has none left out; all of them where too few would be left.
+/// Edges that are found, without those next to a gap; all of them if too few would be left.
 fn beside_found(found: &[bool], rays_per_px: f64) -> Vec<bool> {
     let count = found.len();
     let reach = (SPOILED_PX * rays_per_px).round() as usize;

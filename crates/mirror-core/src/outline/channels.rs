@@ -7,21 +7,23 @@
 use super::curve::channel_moved_by_mixing;
 use super::rays::{Rays, beyond_step};
 
-/// A channel tells of an edge from this difference of light on.
+/// Smallest difference of light at which a channel determines an edge.
 const LEAST_STEP: f64 = 0.04;
 /// ... where neither light is cut off.
 const MOST_LIGHT: f64 = 0.9;
-/// Fewest rays (by their weights) that tell a curve.
+/// Fewest rays (by their weights) that determine a curve.
 const LEAST_RAYS: f64 = 8.0;
 
-/// How the channels of an edge lie apart against how another curve would part them: product and square, weighed and summed.
+/// The separation of an edge's channels against the separation that another curve would cause: product and square,
+/// weighted and summed.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Parted {
     pub product: f64,
     pub square: f64,
 }
 
-/// An edge as the channels see it: its place, the taper of its weights, the ball's light along the ray and at the rim, and the two colours.
+/// An edge for the channels: its place, the taper of its weights, the ball's light along the ray and at the rim,
+/// and the two colours.
 pub(super) struct Seen<'a> {
     pub edge: f64,
     pub taper: f64,
@@ -59,7 +61,7 @@ pub(super) fn parted(rays: &Rays, ray: usize, seen: &Seen<'_>, power: f64) -> Pa
     }
 }
 
-/// By how many deviations the curve is another, by the weighted median of the rays; None where too few tell.
+/// By how many deviations the curve differs, by the weighted median of the rays; None with too few rays.
 pub(super) fn deviations(parted: impl Iterator<Item = Parted>) -> Option<f64> {
     let mut slopes: Vec<(f64, f64)> =
         parted.filter(|p| p.square > 1e-9).map(|p| (p.product / p.square, p.square)).collect();

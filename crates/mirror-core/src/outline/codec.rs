@@ -14,7 +14,7 @@ const STRIDE: usize = 3;
 const LEAST_CHANGE: f32 = 14.0;
 /// Least number of places that count, in each phase.
 const LEAST_PLACES: f64 = 60.0;
-/// A phase is told from the other where its mean square is below this share of it.
+/// A phase is distinguished from the other if its mean square is below this share of it.
 const TELLING_SHARE: f64 = 0.3;
 
 /// Mean squares by phase.
@@ -39,7 +39,7 @@ impl Phases {
     }
 }
 
-/// Pixels across and down that share a colour: 1 or 2 each; 1 where the picture does not tell.
+/// Pixels across and down that share a colour: 1 or 2 each; 1 where the picture does not determine it.
 pub fn chroma_step(picture: &Picture<'_>) -> (usize, usize) {
     let (width, height) = (picture.width, picture.height);
     let across = lines_share(height, width, |line, place| colour_at(picture.row(line), place));
@@ -57,7 +57,7 @@ fn colour_at(row: &[u8], column: usize) -> [f32; 2] {
 
 fn lines_share(lines: usize, places: usize, colour: impl Fn(usize, usize) -> [f32; 2]) -> bool {
     let (mut first, mut third) = (Phases::default(), Phases::default());
-    // A line's colours first: most places change too little to count, and that is told of a whole line at once.
+    // A line's colours first: most places change too little to count, which is decided for a whole line at once.
     let mut along = [vec![0.0f32; places], vec![0.0f32; places]];
     for line in (0..lines).step_by(STRIDE) {
         for place in 0..places {

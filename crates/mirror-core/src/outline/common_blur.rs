@@ -7,7 +7,7 @@ use nalgebra::{Matrix2, SymmetricEigen};
 
 /// Variance of a blur at most, px².
 const MOST_VARIANCE_PX2: f64 = 36.0;
-/// So many balls tell a common blur, and so well at most, px².
+/// Fewest balls for a common blur, and its largest precision, px².
 const LEAST_SHARING: usize = 3;
 const LEAST_SHARED_STD_PX2: f64 = 0.3;
 

@@ -11,20 +11,20 @@ use crate::camera::Camera;
 use crate::statistics::median;
 use nalgebra::{Matrix2, Matrix2x3, Matrix3, Point3, SMatrix, Vector2, Vector3};
 
-/// Corners of the polygon that stands for an outline.
+/// Corners of the polygon that represents an outline.
 const BOUNDARY_POINTS: usize = 72;
 /// Edge points farther from the fitted outline than this belong to something else, px, unless they are this uncertain themselves (deviations).
 const INLIER_PX: f64 = 0.45;
 const INLIER_DEVIATIONS: f64 = 2.5;
-/// An edge that stands out from its neighbours' scatter is not the sphere's either, however near it is: so many of the spreads (of normal deviations) that the others
-/// show in their own deviations; at least so much they always scatter.
+/// An edge that is an outlier among its neighbours is not the sphere's either, however near it is: this many
+/// standard deviations of the others' scatter, which is at least this much.
 const OUTSTANDING_SPREADS: f64 = 3.0;
 const LEAST_SPREAD: f64 = 0.5;
 /// Times that, an edge is of another thing for sure.
 const FAR_OFF: f64 = 2.0;
 /// Steps of the robust refit: inliers are chosen again from the last fit.
 const REFITS: usize = 6;
-/// What neighbours share (misjudged light, a soft rim) reaches over about this angle along the outline, rad, and so many harmonics tell it.
+/// Errors are correlated over about this angle along the outline, rad; this many harmonics represent them.
 const SHARED_REACH_RAD: f64 = 0.8;
 const SHARED_HARMONICS: usize = 5;
 /// Worst condition of the scaled normal equations.
@@ -66,11 +66,14 @@ pub struct ConeFit {
     pub residual_rms_px: f64,
 }
 
-/// Robust weighted fit of a sphere's outline to edge points in order around it, started from a circle; None where they show none.
+/// Robust weighted fit of a sphere's outline to edge points in order around it, started from a circle; None where
+/// they show none.
 ///
-/// Minimises `Σ (d / std)²` with `d = f (acos(r·w / |w|) − acos(1 / |w|))`, f the camera's scale at the ball in px/rad. The covariance is
-/// scaled by the residuals' size and by how many neighbours share an error: what their autocorrelation shows, at least `correlated_points`. What edges share
-/// over a broad part of the outline, and what one cause does to all, is carried through the fit by itself: a part of an outline makes more of it than a whole one.
+/// Minimises `Σ (d / std)²` with `d = f (acos(r·w / |w|) − acos(1 / |w|))`, f the camera's scale at the ball in
+/// px/rad. The covariance is scaled by the size of the residuals and by the number of correlated neighbours: from
+/// their autocorrelation, at least `correlated_points`. Errors that are common to a broad part of the outline, or
+/// to all of it, are propagated through the fit separately: they have a larger effect on a part of an outline than
+/// on a whole one.
 pub fn fit_cone(
     points: &[EdgePoint],
     start: &Circle,
@@ -83,7 +86,8 @@ pub fn fit_cone(
     fit_cone_from(points, inlier, &start.center_px, camera, correlated_points, 1.0)
 }
 
-/// [`fit_cone`] started from the edges that are thought to be the sphere's; the covariance by their scatter is `scatter_share` of what they show.
+/// [`fit_cone`] started from the edges that are probably the sphere's; the covariance by their scatter is
+/// `scatter_share` of the residuals'.
 pub(super) fn fit_cone_from(
     points: &[EdgePoint],
     mut inlier: Vec<bool>,
@@ -197,7 +201,8 @@ fn solve(points: &[EdgePoint], rays: &[Vector3<f64>], inlier: &[bool]) -> Option
         let l = local(&rays[i]);
         let row = Vector3::new(l.x / size, l.y / size, 1.0);
         let weight = points[i].std_px.powi(-2);
-        // With v = (w_x, w_y) / w_z and k = 1 / w_z: x v_x + y v_y − k = −z, and 1 − z is tiny: written so that it keeps its digits.
+        // With v = (w_x, w_y) / w_z and k = 1 / w_z: x v_x + y v_y − k = −z, and 1 − z is tiny: written so that it
+        // keeps its digits.
         let target = l.xy().norm_squared() / (1.0 + l.z);
         normal += row * row.transpose() * weight;
         right += row * (weight * target);
@@ -242,10 +247,12 @@ fn distance_gradient(ray: &Vector3<f64>, parameters: &Vector3<f64>, scale: f64) 
     (by_along / -sine - parameters / (length.powi(3) * half_sine)) * scale
 }
 
-/// Edges within the tolerance, those beside a stray one left out: what hides the outline blurs its neighbours too. `before` are those that the last fit had.
+/// Edges within the tolerance, without those next to an outlier: an occlusion disturbs its neighbours too. `before`
+/// are those of the last fit.
 ///
-/// A shadow beside the ball moves edges by some tenths of a pixel: little against the tolerance that noisy and coded pictures need, much against the scatter of a
-/// clear one. That is told by the median of the residuals (Rousseeuw and Leroy, "Robust Regression and Outlier Detection", 1987).
+/// A shadow beside the ball moves edges by some tenths of a pixel: little compared with the tolerance that noisy
+/// and coded pictures need, much compared with the scatter of a clear one. The median of the residuals shows it
+/// (Rousseeuw and Leroy, "Robust Regression and Outlier Detection", 1987).
 fn agreeing(away: &[f64], points: &[EdgePoint], before: &[bool]) -> Vec<bool> {
     let whitened = away.iter().zip(points).map(|(d, p)| d.abs() / p.std_px);
     let shown = median(whitened.zip(before).filter(|(_, b)| **b).map(|(size, _)| size).collect());

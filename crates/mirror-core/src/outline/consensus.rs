@@ -10,10 +10,11 @@ use nalgebra::{Matrix3, Vector3};
 const TRIALS: usize = 120;
 /// Edges count less from this standard deviation on, px.
 const FULL_WEIGHT_STD_PX: f64 = 0.15;
-/// Triples whose directions are nearer to each other than this tell no copy (determinant).
+/// Triples whose directions are nearer to each other than this determine no copy (determinant).
 const LEAST_SPREAD: f64 = 0.05;
 
-/// Edges within twice the tolerance (px) of the copy that most agree with, by MSAC (Torr and Zisserman 2000); None where no triple tells one.
+/// Edges within twice the tolerance (px) of the copy with most agreement, by MSAC (Torr and Zisserman 2000); None
+/// where no triple determines one.
 ///
 /// `offset_px`, `std_px` and `found` by evenly spaced ray; the copy may be grown by `growth_px` (least, most).
 pub(super) fn of_one_outline(

@@ -9,7 +9,7 @@ const ENCODING_POWER: f64 = 2.2;
 const TABLE_STEPS: usize = 2048;
 const TABLE_LIGHT: f64 = 4.0;
 
-/// Levels at evenly spaced roots of light: the curve is steep in the dark, and a square root takes most of that away.
+/// Levels at evenly spaced roots of light: the curve is steep in the dark, and a square root removes most of that.
 static LEVELS: LazyLock<Vec<f64>> = LazyLock::new(|| {
     let root = |i: usize| TABLE_LIGHT.sqrt() * i as f64 / TABLE_STEPS as f64;
     (0..=TABLE_STEPS).map(|i| root(i).powf(2.0 / ENCODING_POWER)).collect()
@@ -25,7 +25,8 @@ fn between(table: &[f64], place: f64) -> f64 {
     table[low] + (place - low as f64) * (table[low + 1] - table[low])
 }
 
-/// The level (0..1 for light of 0..1) of linear light, within 1e-6: a power costs ten times as much, and a ball asks for some ten thousand.
+/// The level (0..1 for light of 0..1) of linear light, within 1e-6: a power costs ten times as much, and a ball
+/// needs some ten thousand.
 #[inline]
 pub(super) fn level_of(light: f64) -> f64 {
     if light >= TABLE_LIGHT {
@@ -44,11 +45,12 @@ pub(super) fn light_of(level: f64) -> f64 {
 const SHARES: [f64; 11] =
     [0.0062, 0.0228, 0.0668, 0.1587, 0.3085, 0.5, 0.6915, 0.8413, 0.9332, 0.9772, 0.9938];
 const SHARES_STEP: f64 = 0.5;
-/// Channels whose values differ by less tell nothing of an edge.
+/// Channels whose values differ by less do not determine an edge.
 const LEAST_STEP: f64 = 1e-3;
 
-/// Shift of the covered length between two colours, in blurs: `Σ_c p_c ∫ g_c(Φ(−x)) − Φ(−x) dx`, g_c(w) the share that a channel's value shows at the share w of
-/// what mixes; p_c the channel's part in what is summed. `mixing` is what mixes by a value, `shown` the value by it.
+/// Shift of the covered length between two colours, in blurs: `Σ_c p_c ∫ g_c(Φ(−x)) − Φ(−x) dx`, g_c(w) the share
+/// that a channel's value shows at the share w of the mixture; p_c the channel's part in the sum. `mixing` is the
+/// mixing quantity of a value, `shown` the value of it.
 fn moved(
     ball: &[f64; 3],
     behind: &[f64; 3],

@@ -23,13 +23,14 @@ const EDGE_FLOOR_PX: f64 = 0.05;
 const CODED_EDGE_FLOOR_PX: f64 = 0.07;
 /// How far apart edges of colour and brightness may be, px.
 const LUMA_REACH_PX: f64 = 1.0;
-/// What a coded picture's edges show as blur holds the codec's errors too: so much of it is blur, and at least so much, px. A window of more would sum up more of the errors.
+/// The blur that a coded picture's edges show includes the codec's errors: this share of it is blur, and at least
+/// this much, px. A larger window would sum more of the errors.
 const CODED_BLUR_SHARE: f64 = 0.9;
 const LEAST_CODED_BLUR_PX: f64 = 0.8;
 /// Width of the weights with which colours are summed about an edge, in blurs; of a coded picture.
 const TAPER: f64 = 0.85;
 const CODED_TAPER: f64 = 0.7;
-/// How far the zones' unevenness reaches under these weights, in blurs.
+/// Range of the zones' unevenness under these weights, in blurs.
 const LEVER: f64 = 1.53;
 /// Passes of setting the zones around the edge that was found.
 const PASSES: usize = 3;
@@ -42,7 +43,8 @@ const CLIPPED_SHARE: f64 = 0.09;
 /// Where the coverage's overshoot is read, px from the edge.
 const OVERSHOOT_PX: (f64, f64) = (1.0, 1.6);
 
-/// One edge point a ray, its standard deviation along the ray (its own, what it shares with its neighbours, and what one cause does to all), and whether there is one.
+/// One edge point a ray, its standard deviation along the ray (its own, the part common with its neighbours, and
+/// the part common to all), and whether there is one.
 pub(super) struct Edges {
     pub points_px: Vec<Vector2<f64>>,
     /// From the expected outline, px.
@@ -51,7 +53,7 @@ pub(super) struct Edges {
     pub shared_std_px: Vec<f64>,
     /// Signed: one deviation of the camera's curve, less its mean, which does not move the centre.
     pub common_px: Vec<f64>,
-    /// By how many of these deviations the channels say that the curve is another; None where they do not tell.
+    /// By how many of these deviations the channels show another curve; None where they do not determine it.
     pub curve_deviations: Option<f64>,
     /// Overshoot of the coverage, as a share of the step; 0 for none.
     pub overshoot: f64,
@@ -128,7 +130,8 @@ fn overshoot(edges: &[RayEdge]) -> f64 {
     side(0).max(side(1)).max(0.0)
 }
 
-/// The brightness is as sharp as the picture: where ball and background differ in it, it says better where the edge is.
+/// The brightness has the picture's full resolution: where ball and background differ in it, it locates the edge
+/// better.
 fn join_brightness(rays: &Rays, edges: &mut [RayEdge], lens_px: f64) {
     for edge in edges.iter_mut() {
         edge.offset -= lens_before_codec(edge, lens_px);
@@ -139,7 +142,8 @@ fn join_brightness(rays: &Rays, edges: &mut [RayEdge], lens_px: f64) {
         rays,
         edges.iter().zip(&sharp).map(|(e, s)| (s.offset, s.contrast, e.found && s.std_px.is_finite())),
     );
-    // Another thing before the ball may differ more from it than what lies behind: its edges must not weigh more than the outline's.
+    // Another object in front of the ball may differ more from it than the background: its edges must not have more
+    // weight than the outline's.
     let usual = median(edges.iter().filter(|e| e.found).map(|e| e.contrast).collect());
     let usual_luma = median(sharp.iter().filter(|s| s.std_px.is_finite()).map(|s| s.contrast).collect());
     for (edge, sharp) in edges.iter_mut().zip(&mut sharp) {

@@ -5,7 +5,7 @@ use crate::statistics::median;
 
 /// Weights of blue, green and red in the brightness.
 const BRIGHTNESS: [f64; 3] = [0.114, 0.587, 0.299];
-/// Ball and what lies behind have hues of their own over about this angle, rad, on both sides.
+/// Ball and background have constant hues over about this angle, rad, on both sides.
 const REACH_RAD: f64 = 0.6;
 
 fn brightness_of(bgr: &[f64; 3]) -> f64 {
@@ -24,8 +24,9 @@ impl Hue {
     }
 }
 
-/// The hues of the ball and of what lies behind by ray, medians over neighbours: a codec's errors of colour are as long as a zone, and an error of a zone's colour moves the edge by
-/// its share of the window; the brightness of each zone is kept well.
+/// The hues of the ball and of the background by ray, medians over neighbours: a codec's errors of colour are as
+/// long as a zone, and an error of a zone's colour moves the edge by its share of the window; the brightness of
+/// each zone is preserved well.
 pub(super) fn hues_of_zones(rays: &Rays) -> Vec<[Hue; 2]> {
     let count = rays.radius_px.len();
     let smoothed = |zone: &dyn Fn(f64) -> (f64, f64)| -> Vec<Hue> {

@@ -11,9 +11,9 @@ const SAMPLING_BLUR_PX: f64 = 0.32;
 const MIN_CONTRAST: f64 = 0.06;
 /// Least contrast of an edge of the brightness: below, the codec's own steps are as large.
 const MIN_EDGE_CONTRAST: f64 = 0.1;
-/// How much of the blur that the brightness shows lies before the codec's curve; the rest is the codec's.
+/// The share of the brightness's blur that precedes the codec's curve; the rest is the codec's.
 const LENS_SHARE: f64 = 0.9;
-/// Width of the weights with which the brightness is summed about an edge, in blurs.
+/// Width of the weights with which the brightness is summed around an edge, in blurs.
 const TAPER: f64 = 1.0;
 /// Steps of the curve from a share of light to its brightness, and the range of its slope beyond the two colours.
 const CURVE_STEPS: usize = 16;

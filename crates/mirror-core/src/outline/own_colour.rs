@@ -6,9 +6,9 @@ use super::template::Grid;
 use crate::statistics::median;
 use nalgebra::{Vector2, Vector3};
 
-/// The grid reaches so far beyond the ball, px.
+/// The grid extends this far beyond the ball, px.
 pub(super) const MARGIN_PX: f64 = 13.0;
-/// A ball must have so much colour that the background has not, as a share of its light.
+/// Smallest part of a ball's colour that the background lacks, as a share of its light.
 const LEAST_OWN_COLOUR: f64 = 0.15;
 /// Pixels of a third colour, by their share of it against the ball's own, count less.
 const THIRD_COLOUR: f64 = 0.15;

@@ -21,11 +21,12 @@ pub(super) struct RayEdge {
     pub parted: Parted,
     /// Whether a channel of one of the two colours is as bright as can be.
     pub clipped: bool,
-    /// How much the coverage exceeds 1 inside of the edge and falls below 0 beyond it, as sharpening makes it.
+    /// How much the coverage exceeds 1 inside of the edge and falls below 0 beyond it, an effect of sharpening.
     pub overshoot: [f64; 2],
     /// Second moment of what is covered by half, px²: the blur's variance.
     pub moment: f64,
-    /// How far the ball's colour and that behind it are apart where they are told from each other, in the patch's values: noise divided by it is noise of the share.
+    /// The difference of the ball's and the background's colour where they are distinguished, in the patch's
+    /// values: noise divided by it is noise of the share.
     pub contrast: f64,
     /// How much each channel has in the share that is read, together 1.
     pub channels: [f64; 3],

@@ -12,16 +12,18 @@ pub(super) const STEP_PX: f64 = 0.25;
 const REACH_PX: f64 = 3.0;
 const REACH_SHARE: f64 = 0.4;
 const ROUGH_SHARE: f64 = 0.12;
-/// Half width of the window over which the covered length is summed: at least so much, a part that no blur changes, and for each px of blur. What a window holds beyond
-/// the blur is other things' light; a codec's own blur is told less well, and has its own; so has its brightness.
+/// Half width of the window over which the covered length is summed: a minimum, a part that no blur changes, and a
+/// part for each px of blur. What a window contains beyond the blur is other objects' light. A codec's blur is
+/// estimated less well, and has its own value; so has its brightness.
 const WINDOW: [f64; 3] = [1.5, -0.1, 2.2];
 const CODED_WINDOW: [f64; 3] = [1.75, 0.2, 2.0];
 pub(super) const LUMA_WINDOW: [f64; 3] = [1.4, 0.16, 1.6];
 /// It is at most this share of the radius.
 const WINDOW_SHARE: f64 = 0.45;
-/// How far from the outline the brightness of a coded picture is the ball's own.
+/// Distance from the outline up to which the brightness of a coded picture is the ball's alone.
 const LUMA_CLEAR_PX: f64 = 1.75;
-/// Width of the zones next to the window in which the two colours are read; a codec's colours are a sample for two pixels.
+/// Width of the zones next to the window in which the two colours are read; a codec has one colour sample for two
+/// pixels.
 pub(super) const ZONE_PX: f64 = 1.5;
 pub(super) const CODED_ZONE_PX: f64 = 2.25;
 
@@ -167,10 +169,12 @@ impl Rays {
     }
 }
 
-/// How far an edge of the given blur (standard deviation, px) lies beyond a place, from what samples have more than a step there; the place's neighbourhood counts most.
+/// How far an edge of the given blur (standard deviation, px) lies beyond a place, from the samples minus a step
+/// there; the place's neighbourhood has most weight.
 ///
-/// `∫ h (f − m) dt / (height ∫ h φ_σ dt)`, h a Gaussian of `taper` blurs about the place: what any even blur leaves in place, whatever its width. What lies farther off (a pane's second
-/// image, another thing's light) hardly counts.
+/// `∫ h (f − m) dt / (height ∫ h φ_σ dt)`, h a Gaussian of `taper` blurs around the place: any symmetric blur
+/// leaves it unchanged, whatever its width. Light from farther away (a pane's second image, another object) has
+/// little weight.
 pub(super) fn beyond_step(
     rays: &Rays,
     edge: f64,

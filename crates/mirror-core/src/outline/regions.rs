@@ -91,7 +91,7 @@ impl Joined {
             let mut other = above;
             while other < self.current && self.runs[other].start <= end {
                 let (a, b) = (self.root(here as u32), self.root(other as u32));
-                // The first run of a region stands for it.
+                // The first run of a region represents it.
                 self.parent[a.max(b) as usize] = a.min(b);
                 other += 1;
             }
@@ -151,7 +151,7 @@ pub fn color_regions(
     let mut joined: Vec<Joined> = colors.iter().map(|_| Joined::default()).collect();
     let least = |of: fn(&ColorBox) -> f32| colors.iter().map(of).fold(f32::INFINITY, f32::min);
     let (pale, dark) = (least(|c| c.min_saturation), least(|c| c.min_value));
-    // Most of a picture is too pale or too dark for every colour: told by whole numbers alone.
+    // Most of a picture is too pale or too dark for every colour, which whole numbers alone decide.
     let needed: [u8; 256] = core::array::from_fn(|value| {
         if (value as f32) < dark * 255.0 - 0.5 {
             255

@@ -10,8 +10,9 @@ use nalgebra::{Matrix3, Vector3};
 const MEDIAN_TRIALS: usize = 60;
 const LEAST_SPREAD: f64 = 0.05;
 
-/// What a codec adds to values, summed along a ray: the standard deviation, times px, that explains how edges of the contrasts that they have scatter round a shifted
-/// and scaled outline, by the median; it does not follow the outline.
+/// The noise that a codec adds to values, summed along a ray: the standard deviation, times px, that explains how
+/// edges with their contrasts scatter around a shifted and scaled outline, by the median; it does not follow the
+/// outline.
 pub(super) fn noise_of(rays: &Rays, edges: impl Iterator<Item = (f64, f64, bool)>) -> f64 {
     let rows: Vec<(Vector3<f64>, f64, f64)> = edges
         .enumerate()
@@ -23,7 +24,8 @@ pub(super) fn noise_of(rays: &Rays, edges: impl Iterator<Item = (f64, f64, bool)
     if rows.len() < MIN_EDGE_POINTS {
         return 1.0;
     }
-    // Least median of squares (Rousseeuw 1984) to begin with: things that touch the ball may hold a third of the outline.
+    // Least median of squares (Rousseeuw 1984) to begin with: objects that touch the ball may hide a third of the
+    // outline.
     let mut random = Indices::new(rows.len() as u64);
     let sizes_of = |copy: &Vector3<f64>| -> Vec<f64> {
         rows.iter().map(|(row, value, contrast)| (value - row.dot(copy)).abs() * contrast).collect()

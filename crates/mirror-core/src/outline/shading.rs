@@ -17,10 +17,11 @@ use nalgebra::{SMatrix, SVector, Vector2, Vector3};
 const TERMS: usize = 10;
 /// The lamp's own term.
 const LAMP: usize = TERMS - 1;
-/// How much each order of harmonics and the lamp's term are held back, as a share of the weight of the pixels: small balls show few. The first order hardly: what a lamp's light loses
-/// towards the rim must be carried there whole.
+/// Regularisation of each order of harmonics and of the lamp's term, as a share of the weight of the pixels: small
+/// balls show few orders. Hardly any on the first order: the decrease of a lamp's light towards the rim must be
+/// extrapolated fully.
 const RIDGE: [f64; 4] = [1e-9, 2e-4, 2e-2, 1e-4];
-/// Pixels of another colour than the ball's (sine of the angle between them) tell nothing of its light.
+/// Pixels of another colour than the ball's (sine of the angle between them) are not used for its light.
 const OTHER_COLOUR_SINE: f64 = 0.3;
 /// The most pixels that are read.
 const MOST_PIXELS: usize = 900;
@@ -28,7 +29,8 @@ const REWEIGHTINGS: usize = 4;
 /// Those of them that are with the lamp's own term, and the least slope towards it.
 const WITH_LAMP: usize = 2;
 const LEAST_SLOPE: f64 = 0.05;
-/// In levels an error of light counts by its share: pixels weigh as the inverse of their light, of no less than this.
+/// In levels an error of light counts relatively: pixels have the inverse of their light as weight, of no less than
+/// this.
 const LEAST_LIGHT: f64 = 0.15;
 /// Least spread of pixels around the fit, as a share of the ball's light.
 const LEAST_SPREAD: f64 = 0.02;
@@ -37,7 +39,7 @@ const LEAST_SPREAD: f64 = 0.02;
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Shading {
     terms: SVector<f64, TERMS>,
-    /// Towards the lamp; zeros without a term of its own.
+    /// Towards the lamp; zeros without a separate term.
     lamp: Vector3<f64>,
 }
 
@@ -66,10 +68,11 @@ impl Shading {
         self.terms.dot(&basis(place.x, place.y, &self.lamp)).max(0.02)
     }
 
-    /// Fits the light on a ball's inside, `clear_px` from its outline; even light where too little is seen.
+    /// Fits the light on a ball's inside, `clear_px` from its outline; constant light where too little is visible.
     ///
-    /// `radius_px` are the outline's distances from the centre in evenly spaced directions. Where the codec blurs the colours, the brightness of an evenly painted
-    /// ball tells its light up to `luma_clear_px` from the outline.
+    /// `radius_px` are the outline's distances from the centre in evenly spaced directions. Where the codec blurs
+    /// the colours, the brightness of a uniformly painted ball gives its light up to `luma_clear_px` from the
+    /// outline.
     pub fn fit(
         patch: &Patch,
         center_px: Vector2<f64>,
@@ -120,7 +123,8 @@ impl Shading {
         let brightness = |index: usize| light_of(f64::from(patch.luma[index]));
         let typical_light =
             if patch.coded { median(inner().map(|p| brightness(p.2)).collect()) } else { 0.0 };
-        // Colours near the outline are mixed by the codec: there the brightness must do, and what does not fit is weighed down.
+        // Colours near the outline are mixed by the codec: there only the brightness is used, and outliers have
+        // less weight.
         let mut rows: Vec<_> = pixels
             .iter()
             .filter(|(_, colour, _, clear)| !clear || own_colour(colour))

@@ -1,11 +1,11 @@
 //! A colour as a mixture of two: the ball's and the background's.
 
-/// A ray's unmixing must tell the two colours apart: sine of the angle between them.
+/// A ray's unmixing requires that the two colours differ by this: sine of the angle between them.
 const MIN_COLOUR_SINE: f64 = 0.12;
 /// What lies behind counts as black below this share of the ball's light: it has no colour to unmix by.
 const BLACK_SHARE: f64 = 0.03;
 
-/// Parts of ball and background that make up a colour, or of the ball alone before black.
+/// Parts of ball and background in a colour, or of the ball alone in front of black.
 pub(super) struct Unmixing {
     ball: [f64; 3],
     behind: [f64; 3],
@@ -31,7 +31,7 @@ impl Unmixing {
         telling.then_some(Self { ball, behind, bb, bg, gg, black })
     }
 
-    /// Noise of a colour by that of the coverage `trust s + (1 − trust)(1 − w)` made of it.
+    /// Noise of a colour as noise of the coverage `trust s + (1 − trust)(1 − w)`.
     pub fn contrast(&self, trust: f64) -> f64 {
         if self.black {
             return (self.bb - self.bg) / self.bb.sqrt();
@@ -41,7 +41,8 @@ impl Unmixing {
         ((self.bb * self.gg - self.bg * self.bg) / power).sqrt()
     }
 
-    /// How much each channel has in the coverage `trust s + (1 − trust)(1 − w)` between the two colours, together 1.
+    /// The share of each channel in the coverage `trust s + (1 − trust)(1 − w)` between the two colours, together
+    /// 1.
     pub fn channels(&self, trust: f64) -> [f64; 3] {
         let other = 1.0 - trust;
         let determinant = self.bb * self.gg - self.bg * self.bg;

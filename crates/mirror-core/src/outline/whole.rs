@@ -38,7 +38,7 @@ const MOST_RADIUS_PX: f64 = 200.0;
 /// A disc's part that counts as its rim, by the covered share.
 const RIM: (f64, f64) = (0.15, 0.85);
 
-/// What is known of a ball before it is looked at.
+/// The prior knowledge of a ball.
 #[derive(Debug, Clone, Copy)]
 pub struct ExpectedRadius {
     /// px.
@@ -56,12 +56,16 @@ pub struct BlurredBall {
     pub blur_px2: Matrix2<f64>,
 }
 
-/// Measures a blurred ball near a circle's centre; None where nothing of the ball's colour stands out from what surrounds it, or nothing fits.
+/// Measures a blurred ball near a circle's centre; None where nothing of the ball's colour differs from its
+/// surroundings, or nothing fits.
 ///
-/// Without a `common` blur it begins with the moments of the ball's colour; with it, at the circle's centre, where a fit without it has ended.
+/// Without a `common` blur it starts with the moments of the ball's colour; with it, at the circle's centre, where
+/// a fit without it has ended.
 ///
-/// Minimises the weighted squares of `y − T(c, r, Σ) β − (1 − α) γ` by Gauss–Newton: y the ball's own colour, T the blurred basis of a sphere's light, α the share covered, Σ the blur.
-/// By the centre and the blur the picture changes as its gradient and half of its second derivatives say (heat equation); by the radius `∂F/∂r = −((p − c)·∇F + tr Σ∇∇F) / r`.
+/// Minimises the weighted squares of `y − T(c, r, Σ) β − (1 − α) γ` by Gauss–Newton: y the part of the ball's
+/// colour that the background lacks, T the blurred basis of a sphere's light, α the share covered, Σ the blur. The
+/// derivatives of the image by the centre and the blur are its gradient and half of its second derivatives (heat
+/// equation); by the radius `∂F/∂r = −((p − c)·∇F + tr Σ∇∇F) / r`.
 pub fn measure_blurred_ball(
     picture: &Picture<'_>,
     start: &Circle,
@@ -104,11 +108,11 @@ pub fn measure_blurred_ball(
     Some(BlurredBall { outline: fit.outline(&grid, &disc, camera)?, blur_px2: fit.blur_px2 })
 }
 
-/// Where the fit stands.
+/// The present state of the fit.
 struct Fit {
     center_px: Vector2<f64>,
     blur_px2: Matrix2<f64>,
-    /// Of the ball's light and of what the background has of its colour.
+    /// Of the ball's light, and of the background's share of its colour.
     light: SVector<f64, { BASES + BEHIND }>,
     spread: f64,
     covariance_px2: Matrix2<f64>,
@@ -178,7 +182,7 @@ impl Fit {
             let under = behind(index);
             let other: f64 = (0..BEHIND).map(|k| self.light[BASES + k] * under[k]).sum();
             let own: f64 = (0..BASES).map(|k| self.light[k] * planes[k][index]).sum();
-            // What changes as the ball moves: its light less what it hides.
+            // What moves with the ball: its light minus the background that it hides.
             ball[index] = own - other * planes[0][index];
             residual[index] = seen.value[index] - own - other * (1.0 - planes[0][index]);
         }
@@ -234,7 +238,7 @@ impl Fit {
                 right.axpy(weight * residual[index], &line, 1.0);
             }
         }
-        // Neighbours share their errors: so many pixels are worth one.
+        // Neighbouring pixels have correlated errors: this many count as one.
         let area = SHARED_AREA_PX2[0] + SHARED_AREA_PX2[1] * 0.5 * self.blur_px2.trace();
         let variance = area * self.spread.powi(2);
         let prior = |normal: &mut SMatrix<f64, UNKNOWNS, UNKNOWNS>,

@@ -25,7 +25,7 @@ pub struct DressedVisual {
     pub material: Material,
 }
 
-/// All visuals of a robot, by link: what it looks like, whatever its posture.
+/// All visuals of a robot, by link, independent of its posture.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Dress {
     /// The visuals, in the order of the file.

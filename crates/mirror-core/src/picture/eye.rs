@@ -10,7 +10,7 @@ use rayon::prelude::*;
 const FIXED_POINT_STEP: f64 = 1e-15;
 /// Steps of the fixed point; each gains a decimal or more for the lenses of real cameras.
 const FIXED_POINT_STEPS: usize = 300;
-/// Pixels of a picture at most: the table of beams takes 16 bytes for each.
+/// Largest number of pixels: the table of beams takes 16 bytes for each.
 const MOST_PIXELS: usize = 50_000_000;
 /// How far the lens formula, applied to the result, may miss the pixel (normalised image coordinates).
 const FIXED_POINT_TOLERANCE: f64 = 1e-12;
@@ -123,14 +123,14 @@ impl Eye {
         (missed < FIXED_POINT_TOLERANCE && radial > 0.0).then_some(x)
     }
 
-    /// The exact beam of a pixel, the eye standing at `scene_from_camera`; nothing where the lens cannot be inverted.
+    /// The exact beam of a pixel, for a camera at `scene_from_camera`; none where the lens cannot be inverted.
     pub fn exact_beam(&self, pixel: &Vector2<f64>, scene_from_camera: &Isometry3<f64>) -> Option<Beam> {
         let rotation = scene_from_camera.rotation.to_rotation_matrix().into_inner();
         self.undistorted(pixel).map(|x| place(&x, &scene_from_camera.translation.vector, &rotation))
     }
 
-    /// The beam of a place in the picture (px, clamped to the picture), by the table; the eye stands at `from` (m), turned
-    /// by the rotation scene from camera.
+    /// The beam of a place in the picture (px, clamped to the picture), by the table; the camera is at `from` (m),
+    /// with the given rotation from camera to scene.
     #[inline]
     pub fn beam(&self, pixel: &Vector2<f64>, from: &Vector3<f64>, rotation: &Matrix3<f64>) -> Beam {
         let u = (pixel.x + 0.5).clamp(0.0, self.width as f64);

@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 /// Exponent of the highlight: that of a satin plastic.
 const HIGHLIGHT_EXPONENT: i32 = 40;
 
-/// What one sample of a pixel looks at beyond its main path.
+/// The secondary rays of one sample of a pixel.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Probe {
     /// Place on each lamp's disc, unit circle.
@@ -50,7 +50,7 @@ pub(super) fn shade(scene: &Scene, beam: &Beam, meeting: &Meeting, probe: Probe)
         if facing <= 0.0 {
             continue;
         }
-        // Lift the start off the surface, so that it does not shade itself.
+        // The start is moved off the surface, so that it does not shade itself.
         if scene.is_blocked(&Beam { from: at + normal * 1e-6, along: towards }, distance) {
             continue;
         }
@@ -82,7 +82,7 @@ fn beyond(scene: &Scene, beam: &Beam, probe: Probe) -> (Colour, Option<usize>) {
     }
 }
 
-/// What a beam from the eye sees: the light, and which body its main path ends on (tells edges).
+/// The result of a beam from the camera: the light, and the body on which its main path ends (for edges).
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Seen {
     /// Light of the main path.

@@ -34,7 +34,7 @@ pub type Colour = nalgebra::Vector3<f64>;
 
 /// A half-line of the tracer: start (m) and unit direction in the scene's frame.
 ///
-/// A type of its own, not [`crate::geometry::Ray`]: the tracer shares no code with the geometry that it tests.
+/// A separate type, not [`crate::geometry::Ray`]: the tracer shares no code with the geometry that it tests.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Beam {
     /// Where it starts, m.

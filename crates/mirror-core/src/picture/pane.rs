@@ -58,7 +58,7 @@ struct Face {
     curvature: f64,
 }
 
-/// One way through the pane: where the light goes on, and how much of it.
+/// One path through the pane: where the light continues, and how much of it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PanePath {
     /// The beam that leaves the mirror.

@@ -81,7 +81,7 @@ pub fn render(scene: &Scene, eye: &Eye, sampling: &Sampling) -> Result<LightFiel
     drafts.par_chunks_mut(width).enumerate().try_for_each(|(row, line)| {
         let mut random = row_random(sampling.seed, 0, row);
         for (column, draft) in line.iter_mut().enumerate() {
-            // At every pixel: a row of thousands of rays a pixel takes seconds.
+            // Checked at every pixel, because a row with thousands of rays a pixel takes seconds.
             sampling.cancel.check()?;
             *draft = look_at_pixel(scene, eye, sampling, sampling.grid, (column, row), &mut random);
         }
@@ -105,7 +105,7 @@ pub fn render(scene: &Scene, eye: &Eye, sampling: &Sampling) -> Result<LightFiel
     Ok(LightField { width, height, pixels })
 }
 
-/// A source of random numbers of its own for each pass and row, so that the split among cores does not matter.
+/// A separate source of random numbers for each pass and row, so that the distribution among cores does not matter.
 fn row_random(seed: u64, pass: u64, row: usize) -> ChaCha8Rng {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     random.set_stream(pass << 32 | row as u64);
@@ -139,7 +139,7 @@ fn look_at_pixel(
                 (i as f64 / count as f64 + spread).fract(),
                 (i as f64 * GOLDEN_SECTION + turn).fract(),
             ),
-            // The ghosts are weak: a few samples tell them.
+            // The ghosts are weak: a few samples are sufficient.
             ghost_weight: if i % GHOST_EVERY == 0 { ghost_weight } else { 0.0 },
         };
         let beam = eye.beam(&at, &scene.scene_from_camera.translation.vector, &scene.eye_rotation);

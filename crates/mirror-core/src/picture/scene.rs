@@ -27,7 +27,7 @@ pub enum Paint {
     Wood(Colour),
 }
 
-/// How a body's surface looks.
+/// The appearance of a body's surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Material {
     /// Its colour.
@@ -95,11 +95,12 @@ struct Ball {
     radius2: f64,
     /// The bodies themselves in a leaf; none in a ball that is divided into the two after it.
     bodies: Range<usize>,
-    /// Where a beam that misses the ball goes on: behind all balls within.
+    /// Where a beam that misses the ball continues: after all balls within.
     after: usize,
 }
 
-/// Sorts bodies so that neighbours stand together, and surrounds them with balls: halves along the widest axis until few are left.
+/// Sorts bodies so that neighbours are adjacent, and encloses them in balls: halves along the widest axis until few
+/// are left.
 ///
 /// `indices` are the bodies from place `first` of the sorted order on.
 fn gather(bodies: &[Body], indices: &mut [usize], first: usize, balls: &mut Vec<Ball>) {
@@ -143,8 +144,8 @@ pub(super) struct Meeting {
 #[derive(Debug, Clone)]
 pub struct Scene {
     pub(super) bodies: Vec<Placed>,
-    /// Bodies `0..small` stand in balls, neighbours together; then come large ones before the mirror's front
-    /// face, then, from `behind` on, large ones at or behind it, which no light from the mirror reaches.
+    /// Bodies `0..small` are in balls, neighbours adjacent; then come large ones in front of the mirror's front
+    /// face; then, from `behind` on, large ones at or behind it, which no light from the mirror reaches.
     small: usize,
     behind: usize,
     balls: Vec<Ball>,
@@ -152,7 +153,7 @@ pub struct Scene {
     order: Vec<usize>,
     /// The lamps and the light of the room.
     pub(super) lights: Lights,
-    /// Where the eye stands: optical frame, z forward, x right, y down.
+    /// The camera's pose: optical frame, z forward, x right, y down.
     pub(super) scene_from_camera: Isometry3<f64>,
     pub(super) eye_rotation: Matrix3<f64>,
     /// The mirror, where there is one.
@@ -188,7 +189,7 @@ impl Scene {
         Self { bodies: placed, small, behind, balls, order, lights, scene_from_camera, eye_rotation, pane }
     }
 
-    /// Index, as meetings tell it, of the body that was given as number `given`.
+    /// Index, in the numbering of hits, of the body that was given as number `given`.
     pub(super) fn index_of(&self, given: usize) -> usize {
         self.order[given]
     }
@@ -236,7 +237,7 @@ impl Scene {
         Some(Meeting { distance_m: touch.distance_m, normal, body })
     }
 
-    /// Whether a small body stands within this distance (m) along the beam.
+    /// Whether a small body is within this distance (m) along the beam.
     #[inline]
     pub(super) fn is_blocked(&self, beam: &Beam, within_m: f64) -> bool {
         let mut next = 0;

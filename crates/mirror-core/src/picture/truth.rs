@@ -61,7 +61,7 @@ pub struct BallTruth {
     pub direct: Option<ViaTruth>,
 }
 
-/// The beam that arrives at the scene from a pixel, and its length to the mirror; nothing where it takes another way.
+/// The beam that arrives at the scene from a pixel, and its length to the mirror; none where it takes another path.
 fn arriving(scene: &Scene, eye: &Eye, pixel: &Vector2<f64>, via: Via) -> Option<Beam> {
     let beam = eye.exact_beam(pixel, &scene.scene_from_camera)?;
     match via {
@@ -136,7 +136,7 @@ fn search(scene: &Scene, eye: &Eye, point: &Vector3<f64>, via: Via) -> Option<Ve
     None
 }
 
-/// Whether the way from a pixel to the mirror is free (seen directly, nothing stands on the way that the meeting does not tell).
+/// Whether the path from a pixel to the mirror is free (directly; no object is on it that the hit does not show).
 fn way_is_free(scene: &Scene, eye: &Eye, pixel: &Vector2<f64>, via: Via) -> bool {
     let Some(beam) = eye.exact_beam(pixel, &scene.scene_from_camera) else { return false };
     let mirror_m = scene.pane.as_ref().and_then(|pane| pane.distance_m(&beam));
@@ -174,7 +174,7 @@ fn via_truth(scene: &Scene, eye: &Eye, body: usize, via: Via) -> Option<ViaTruth
     let center = scene.bodies[body].center;
     let center_px = search(scene, eye, &center, via)?;
     let beam = arriving(scene, eye, &center_px, via)?;
-    // The picture's radius: half again what the length of the beam's way says, for obliqueness.
+    // The picture's radius: half more than the length of the beam's path gives, for obliqueness.
     let start = scene.scene_from_camera.translation.vector;
     let way = match via {
         Via::Direct => (center - start).norm(),

@@ -14,10 +14,10 @@ use rayon::prelude::*;
 /// Blocks of [`LANES`] postures that one task takes: enough to hide the cost of handing it over.
 const BLOCKS_A_TASK: usize = 16;
 
-/// Forward kinematics of one block, compiled once for each width of the processor's vectors and chosen when it runs.
+/// Forward kinematics of one block, compiled once for each width of the processor's vectors and chosen at run time.
 ///
-/// All versions round alike (no fused multiply-add), so results are the same bits on every machine. A function of its own: written
-/// into each of its callers it would be a seventh of the library.
+/// All versions round alike (no fused multiply-add), so results are the same bits on every machine. A separate
+/// function: inlined into each of its callers it would be a seventh of the library.
 #[multiversion(targets("x86_64+avx512f", "x86_64+avx2"))]
 fn advance_block(robot: &Robot, q: &[f64], poses: &mut LanePoses) {
     robot.advance_lanes(q, poses);
@@ -45,8 +45,8 @@ fn run_rows<W, F: Fn(&LanePoses, &mut W, &mut [f64])>(
 impl Robot {
     /// Forward kinematics of N postures: `root_from_link` of all links as 4×4 matrices by rows, (N, links, 4, 4).
     ///
-    /// Of a large batch most time goes into writing 128 bytes a link to memory: ask for the links that are needed by
-    /// [`Robot::link_poses_batch`].
+    /// For a large batch most time is spent on writing 128 bytes a link to memory: request only the links that are
+    /// needed with [`Robot::link_poses_batch`].
     ///
     /// # Errors
     /// Positions that are not finite (by row and joint), lengths that do not fit.
@@ -71,11 +71,11 @@ impl Robot {
         )
     }
 
-    /// Poses of some links in N postures: `root_from_link` as 4×4 matrices by rows, (N, links asked for, 4, 4), in the
-    /// order of `links`.
+    /// Poses of some links in N postures: `root_from_link` as 4×4 matrices by rows, (N, requested links, 4, 4), in
+    /// the order of `links`.
     ///
     /// # Errors
-    /// As [`Robot::forward_kinematics_batch`], and an index that is no link.
+    /// As [`Robot::forward_kinematics_batch`], and an invalid link index.
     pub fn link_poses_batch(&self, q: &[f64], links: &[usize], out: &mut [f64]) -> Result<()> {
         for &link in links {
             self.check_link("link", link)?;
@@ -368,7 +368,7 @@ impl Robot {
     /// Number of postures, where positions and output fit.
     fn check_batch(&self, q: &[f64], out: usize, each: usize, what: &str) -> Result<usize> {
         let width = self.position_count();
-        // A robot without movable joints has no positions: the output tells how many postures are meant.
+        // A robot without movable joints has no positions: the length of the output gives the number of postures.
         let count = q.len().checked_div(width).or_else(|| out.checked_div(each)).unwrap_or(0);
         if q.len() != count * width {
             return Err(Error::LengthMismatch {

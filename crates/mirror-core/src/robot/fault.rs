@@ -17,15 +17,15 @@ pub enum ModelFault {
     NotUrdf {
         /// Where in the text.
         at_byte: u64,
-        /// What was found, what was needed.
+        /// What was found, and what was required.
         reason: String,
     },
-    /// An element lacks what it must have, or holds something that cannot be read.
+    /// An element lacks a required part, or contains something that cannot be read.
     #[error("robot model, {element}: {reason}")]
     Element {
         /// The link or joint, by name.
         element: String,
-        /// What was found, what was needed.
+        /// What was found, and what was required.
         reason: String,
     },
     /// The file describes no links.

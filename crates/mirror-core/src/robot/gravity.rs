@@ -6,10 +6,10 @@ use super::poses::Poses;
 use crate::error::{Error, Result, finite};
 use nalgebra::Vector3;
 
-/// The load that gravity puts on one joint.
+/// The load of gravity on one joint.
 ///
-/// Force and moment are those conjugate to a tangent `(Exp ω, v)` inserted after the joint (in the child link's frame,
-/// about its origin): `−∂V/∂(ω, v)`. Where the held link hangs below the joint, it is the parent's side that moves; the signs
+/// Force and moment are those conjugate to a tangent `(Exp ω, v)` inserted after the joint (in the child link's
+/// frame, about its origin): `−∂V/∂(ω, v)`. If the held link is below the joint, the parent's side moves; the signs
 /// follow, so that the moment's part along the axis is the torque of a turning joint in every case.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GravityLoad {

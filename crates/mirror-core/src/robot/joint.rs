@@ -38,7 +38,7 @@ pub struct Limits {
 
 /// What drives a movable joint: `joint position = multiplier · q[position] + offset`.
 ///
-/// A joint of its own has multiplier 1 and offset 0; a mimic joint those of its (possibly chained) `<mimic>`.
+/// An independent joint has multiplier 1 and offset 0; a mimic joint those of its (possibly chained) `<mimic>`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Drive {
     /// Index into the positions vector.

@@ -45,7 +45,7 @@ impl JointTerm {
         Self::DeadBand,
     ];
 
-    /// Its word: `dead_band`, say.
+    /// Its name in files, for example `dead_band`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Offset => "offset",
@@ -60,7 +60,7 @@ impl JointTerm {
         }
     }
 
-    /// The term of a word.
+    /// The term with this name.
     pub fn named(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|term| term.name() == name)
     }

@@ -7,13 +7,13 @@ use super::sine;
 use super::step::{Motion, Step};
 use core::ops::{Add, Mul, Neg, Sub};
 
-/// Postures that one pass of the batch kernels takes.
+/// Number of postures of one pass of the batch kernels.
 pub(super) const LANES: usize = 8;
 
-/// One number of each posture. Plain arrays: the compiler makes them the vectors that the processor has.
+/// One number of each posture. Plain arrays, which the compiler maps to the processor's vectors.
 ///
-/// Only plain loops here, no `map`, no `from_fn`, no closures: those are functions of their own, which the compiler
-/// does not always inline, and one call in the kernel costs it all vectors (measured: 5 times the time).
+/// Only plain loops here, no `map`, no `from_fn`, no closures: those are separate functions, which the compiler
+/// does not always inline, and one call in the kernel prevents all vectorisation (measured: 5 times the time).
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(C, align(64))]
 pub(super) struct Lane(pub [f64; LANES]);

@@ -90,7 +90,7 @@ impl Robot {
         Ok(())
     }
 
-    /// Forward kinematics into poses of its own: for use outside inner loops.
+    /// Forward kinematics into new poses: for use outside inner loops.
     ///
     /// # Errors
     /// As [`Robot::forward_kinematics`].

@@ -11,7 +11,7 @@ const TWO_OVER_PI: f64 = core::f64::consts::FRAC_2_PI;
 const PI_2_HIGH: f64 = 1.570_796_326_734_125_6;
 const PI_2_MIDDLE: f64 = 6.077_100_506_303_966e-11;
 const PI_2_LOW: f64 = 2.022_266_248_795_950_6e-21;
-/// 1.5 · 2^52: adding it rounds to the nearest integer, which then stands in the lowest bits.
+/// 1.5 · 2^52: adding it rounds to the nearest integer, which is then in the lowest bits.
 const ROUNDER: f64 = 6_755_399_441_055_744.0;
 
 const S: [f64; 6] = [

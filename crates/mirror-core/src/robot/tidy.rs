@@ -11,7 +11,7 @@ use quick_xml::escape::escape;
 use quick_xml::events::{BytesStart, Event};
 use std::fmt::Write;
 
-/// What an attribute must hold.
+/// The required type of an attribute.
 enum Holds {
     Text,
     Numbers(usize),
@@ -36,9 +36,9 @@ fn kept(parent: &str, element: &str) -> Option<&'static [(&'static str, Holds)]>
 /// The joint types that are modelled.
 const JOINT_TYPES: [&str; 4] = ["revolute", "continuous", "prismatic", "fixed"];
 
-/// Bytes of a URDF text at most: the largest known ones, with all their pictures, have a few million.
+/// Largest size of a URDF text, bytes: the largest known ones, with all their pictures, have a few million.
 pub(super) const MOST_BYTES: usize = 64_000_000;
-/// Links and joints at most, together: each posture takes a matrix for every link.
+/// Largest number of links and joints together: each posture needs a matrix for every link.
 const MOST_PARTS: usize = 10_000;
 /// Attributes of one element at most: the parser compares each with all before it.
 const MOST_ATTRIBUTES: usize = 100;
@@ -196,7 +196,7 @@ impl Tidy {
             self.dropped -= 1;
         } else if let Some(name) = self.open.pop() {
             if name == "inertial" {
-                // Rotational inertia plays no part at rest; `urdf-rs` insists on one.
+                // Rotational inertia has no effect at rest; `urdf-rs` requires one.
                 self.out.push_str("<inertia ixx=\"0\" ixy=\"0\" ixz=\"0\" iyy=\"0\" iyz=\"0\" izz=\"0\"/>");
             }
             let _ = write!(self.out, "</{name}>");

@@ -27,7 +27,7 @@ fn by_name<'a>(kind: &'static str, names: impl Iterator<Item = &'a str>) -> Resu
     Ok(index)
 }
 
-/// Which file joints hang below each file link, and which one carries it.
+/// Which file joints are children of each file link, and which one carries it.
 struct Edges {
     above: Vec<Option<usize>>,
     below: Vec<Vec<usize>>,
@@ -86,7 +86,7 @@ fn loop_above(link: usize, edges: &Edges, joints: &[NamedJoint]) -> ModelFault {
     ModelFault::Loop { joints: path.into_iter().map(|j| joints[j].joint.name.clone()).collect() }
 }
 
-/// File joints in depth-first order (in the order of the file where several hang below a link).
+/// File joints in depth-first order (in the order of the file where several are children of one link).
 fn depth_first(links: &[Link], joints: &[NamedJoint], edges: &Edges) -> Result<(usize, Vec<usize>)> {
     let mut roots = (0..links.len()).filter(|&l| edges.above[l].is_none());
     let root = match (roots.next(), roots.next()) {

@@ -14,7 +14,7 @@ use crate::error::{Error, Result, positive};
 use crate::geometry::rotation::exp;
 use nalgebra::{Matrix3, Vector3};
 
-/// What turns the link that a joint carries beside its commanded position, posture by posture.
+/// Rotation errors of the link that a joint carries, in addition to its commanded position, posture by posture.
 #[derive(Debug, Clone, PartialEq)]
 pub struct JointErrors {
     /// Index of the joint.
@@ -60,7 +60,7 @@ impl Robot {
                 });
             }
         }
-        // From the robot's root outwards, so that the last error turns first.
+        // From the robot's root outwards, so that the last error is applied first.
         let on = |way: Direction| -> Vec<&JointErrors> {
             let steps = chain.steps.iter().filter(move |s| s.direction == way);
             let found = steps.filter_map(|s| errors.iter().find(|e| e.joint == s.joint));
