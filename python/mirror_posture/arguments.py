@@ -1,4 +1,5 @@
-"""The border of the public functions: an argument of a wrong type is a `MirrorPostureError` that says what was needed."""
+"""Checks of the public functions' arguments: a wrong type is a `MirrorPostureError` that says what was
+required."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The printed board: its pattern, its inner corners, where it is fixed."""
+"""The printed board: its pattern, its inner corners, its mount."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Errors that cross a process: a worker hands its errors back pickled."""
+"""Pickling of errors, with which a worker process returns its errors."""
 
 from __future__ import annotations
 

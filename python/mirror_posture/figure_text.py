@@ -1,4 +1,5 @@
-"""Texts of figures as they stand: names of robots may hold what a plotting library takes for formulas."""
+"""Literal texts in figures: names of robots may contain characters that a plotting library takes for
+formulas."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""File names made from the names of joints, markers and meshes, which may hold anything."""
+"""File names made from the names of joints, markers and meshes, which may contain anything."""
 
 from __future__ import annotations
 

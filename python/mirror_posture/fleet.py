@@ -1,12 +1,14 @@
 """Many sessions at once on a fleet of machines by Dask (extra `fleet`).
 
-A fleet's machines need share no disk: a session's files travel with its job, its diagnosis travels back. A worker
-that is lost takes nothing with it: its jobs are done again by the others, and give the same results.
+The machines need share no disk: a session's files are sent with its job, its diagnosis is returned. The
+jobs of a lost worker are repeated by the others, with the same results.
 
-Trust. Dask pickles jobs and results: whoever can speak to the scheduler or to a worker can run code there, and a scheduler or worker can
-run code here. Over `tcp://` nothing is encrypted and nobody is asked who they are: use it within one machine or a network of one's own,
-else `tls://` with certificates (`Tls`). What travels: every file of the session's folder (and of those to check on), by its name within
-the folder, with their hash, and the options of the diagnosis; back travels the text of diagnosis.json. A worker refuses files whose hash is another.
+Trust. Dask pickles jobs and results: whoever can connect to the scheduler or to a worker can run code
+there, and a scheduler or worker can run code here. Over `tcp://` nothing is encrypted and nobody is
+authenticated: use it within one machine or a private network, otherwise `tls://` with certificates (`Tls`).
+Sent are every file of the session's folder (and of those to check on), under its name within the folder,
+with its hash, and the options of the diagnosis; the text of diagnosis.json is returned. A worker refuses
+files with another hash.
 """
 
 from __future__ import annotations

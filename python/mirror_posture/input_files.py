@@ -1,7 +1,7 @@
-"""Input files, read within bounds: regular files inside their folder only, of a size that can be meant.
+"""Input files, read within limits: only regular files inside their folder, of plausible size.
 
-A named pipe would be waited for forever, a link could hand out a file of somebody else, and a few kilobytes of YAML
-aliases unfold to gigabytes: each is refused before anything of it is read.
+A named pipe would block forever, a link could expose another's file, and a few kilobytes of YAML aliases
+expand to gigabytes: each is refused before anything of it is read.
 """
 
 from __future__ import annotations

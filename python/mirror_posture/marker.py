@@ -1,4 +1,4 @@
-"""Markers: balls on the robot's links, and the colours that they are found by."""
+"""Markers: balls on the robot's links, and the colours by which they are found."""
 
 from __future__ import annotations
 

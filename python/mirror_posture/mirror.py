@@ -1,9 +1,9 @@
-"""Mirrors from the reflected board: one interface to the ladder of estimators, and the virtual rays.
+"""Mirrors from the reflected board: one interface to all mirror estimators, and the virtual rays.
 
-A mirror is the plane `n·x = d` in the camera frame, n away from the camera, d > 0; its covariance is that of its foot
-point `f = d n` (m²). Corners are `(N, nx * ny, 2)` px in the order `index = iy * nx + ix` of their TRUE labels, a pair of NaN
-where a corner was not seen. A view without a result is masked: `valid` is False, its numbers are NaN and `reasons`
-says why.
+A mirror is the plane `n·x = d` in the camera frame, n away from the camera, d > 0; its covariance is that
+of its foot point `f = d n` (m²). Corners are `(N, nx * ny, 2)` px in the order `index = iy * nx + ix` of
+their TRUE labels, a pair of NaN where a corner was not seen. A view without a result is masked: `valid` is
+False, its numbers are NaN and `reasons` says why.
 """
 
 from __future__ import annotations

@@ -1,7 +1,9 @@
-"""What a camera sees in real mirrors: glass before the silver, a slight curvature, and balls instead of points.
+"""Forward optics of real mirrors: glass in front of the silver, a slight curvature, and balls instead of
+points.
 
-A mirror is given by the foot of the camera's perpendicular, `f = d n` (m): of the glass's front face, or of the tangent plane of
-a curved mirror there. Rows without a result are masked: `valid` is False, their numbers are NaN, `reasons` says why.
+A mirror is given by the foot of the camera's perpendicular, `f = d n` (m): of the glass's front face, or of
+the tangent plane of a curved mirror there. Rows without a result are masked: `valid` is False, their
+numbers are NaN, `reasons` says why.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 """Output files and folders, whole or not at all.
 
-Everything is written under another name beside its place, synced to the disk, and renamed in one step. A full disk, an
-exception, a kill at any moment and a second writer leave the old or the new there, never a part of one or a mixture of
-both. What a killed run left under its other name is removed by the next one that writes to the same place.
+Everything is written under a temporary name beside its place, synced to the disk, and renamed in one step.
+A full disk, an exception, a kill at any moment and a second writer leave the old or the new result, never a
+part of one or a mixture of both. The next run that writes to the same place removes what a killed run left
+under its temporary name.
 
 Errors are `MirrorPostureError` and name the file, also where a library's own error does not.
 """

@@ -1,7 +1,7 @@
-"""A robot drawn before a mirror, ray by ray, with the truth of each picture.
+"""Renders a robot in front of a mirror by ray tracing, with the truth of each picture.
 
-The core traces the rays, glass and all; nothing here or there projects a point, so that what measures in the pictures is
-tested by something that shares no formula with it.
+The core traces the rays, glass included. Nothing here or there projects a point, so measurements in the
+pictures are tested by code that shares no formula with them.
 """
 
 from __future__ import annotations

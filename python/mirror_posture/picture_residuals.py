@@ -1,4 +1,4 @@
-"""Residuals of pictures that were measured without a robot: tested, not believed, as `measure` does with a session's."""
+"""Tests of the residuals of pictures that were measured without a robot, as `measure` tests a session's."""
 
 from __future__ import annotations
 

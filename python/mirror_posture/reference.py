@@ -1,4 +1,5 @@
-"""Reference of the formats: JSON Schemas and Markdown pages, made from the definitions that the readers check by."""
+"""Reference of the formats: JSON Schemas and Markdown pages, generated from the definitions that the
+readers use."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sessions with drawn pictures and their truth: for tests, demonstrations and teaching."""
+"""Sessions with rendered pictures and their truth: for tests, demonstrations and teaching."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Records that hold arrays: shown in a line or two, compared by identity, and filled from the core's results."""
+"""Records with arrays: short repr, compared by identity, filled from the core's results."""
 
 from __future__ import annotations
 

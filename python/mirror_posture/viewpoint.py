@@ -1,4 +1,4 @@
-"""From where a robot looks into its mirror."""
+"""The viewpoint of a robot in front of its mirror."""
 
 from __future__ import annotations
 

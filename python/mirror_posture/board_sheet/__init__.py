@@ -1,4 +1,4 @@
-"""The board on paper: a PDF at true scale, with what a person needs to print it right and to check the printer."""
+"""The board on paper: a PDF at true scale, with instructions for printing and for checking the printer."""
 
 from .draw import write_board_pdf
 from .layout import PAPERS_M, BoardSheet, Placement

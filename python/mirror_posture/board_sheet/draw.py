@@ -1,4 +1,4 @@
-"""The sheet as a PDF of vectors: squares, rulers, cutting lines, axes and what to do with them."""
+"""The sheet as a vector PDF: squares, rulers, cutting lines, axes and instructions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is printed where: the squares, the codes and the frame of the board on its sheet of paper, in metres."""
+"""The layout of the sheet: the squares, the codes and the frame of the board, in metres."""
 
 from __future__ import annotations
 

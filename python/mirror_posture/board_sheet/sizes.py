@@ -1,4 +1,4 @@
-"""How large squares and balls should be for a distance and a camera, and which colours can be told apart."""
+"""Sizes of squares and balls for a distance and a camera, and distinguishable colours."""
 
 from __future__ import annotations
 

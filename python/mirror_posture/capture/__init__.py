@@ -1,4 +1,5 @@
-"""Pictures of a plan's postures, taken by themselves when all is still and sharp, with a page on this machine to look at."""
+"""Captures the pictures of a plan's postures automatically, when everything is still and sharp, with a
+local web page."""
 
 from .live import state_of
 from .loop import Capture

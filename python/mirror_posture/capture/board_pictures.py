@@ -1,4 +1,5 @@
-"""Pictures of the board for the calibration of a camera, taken by themselves from a live camera or a film."""
+"""Captures pictures of the board for the calibration of a camera, automatically, from a live camera or a
+film."""
 
 from __future__ import annotations
 

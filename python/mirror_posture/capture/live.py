@@ -1,6 +1,6 @@
-"""What the capture's page shows: the state as JSON, and the last picture with what was found in it.
+"""The state that the capture's page shows: JSON, and the last picture with its detections.
 
-Both are read without the capture's lock: a robot that is being moved must not stop the page.
+Both are read without the capture's lock: a moving robot must not stop the page.
 """
 
 from __future__ import annotations

@@ -1,4 +1,5 @@
-"""What was captured, on the disk at once: each picture first, then the table that names it, both whole or not at all."""
+"""Writes captured data to disk at once: each picture first, then the table that names it, both whole or not
+at all."""
 
 from __future__ import annotations
 

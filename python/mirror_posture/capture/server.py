@@ -1,7 +1,9 @@
-"""The capture's page on this machine alone: 127.0.0.1, an address nobody can guess, no request from another site.
+"""The capture's page, served on this machine only: 127.0.0.1, a secret address, no request from another
+site.
 
-The server binds to 127.0.0.1, answers only where the `Host` is its own (a foreign name that was made to point here is refused), under a
-path that holds a random token, and takes actions only by POST with its own `Origin`.
+The server binds to 127.0.0.1. It answers only if the `Host` is its own (a foreign name that resolves to
+this machine is refused), under a path that contains a random token, and accepts actions only by POST with
+its own `Origin`.
 """
 
 from __future__ import annotations

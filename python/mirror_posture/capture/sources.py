@@ -1,4 +1,4 @@
-"""Where pictures come from: a camera of this machine, a stream, a film, a folder of pictures."""
+"""Sources of pictures: a camera of this machine, a stream, a film, a folder of pictures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a capture is doing, and when it takes a picture."""
+"""The stages of a capture, and when it takes a picture."""
 
 from __future__ import annotations
 

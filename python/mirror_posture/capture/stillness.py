@@ -1,4 +1,4 @@
-"""Whether a picture stands still and is sharp, from the pictures before it."""
+"""Whether a picture is still and sharp, by comparison with the previous pictures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The application: finds the commands, and turns every error into one clear line and an exit code."""
+"""The application: finds the commands, and converts every error to one line and an exit code."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A session for a command that needs image points: loaded, and detected first where it has only pictures."""
+"""Loads a session for a command that needs image points; runs detection first if it has only pictures."""
 
 from __future__ import annotations
 

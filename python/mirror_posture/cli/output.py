@@ -1,4 +1,4 @@
-"""What commands say: tables and progress for a person, one JSON document for a program."""
+"""Output of commands: tables and progress for people, one JSON document for programs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What other distributions add by entry points: commands and robots."""
+"""Commands and robots that other distributions add by entry points."""
 
 from __future__ import annotations
 

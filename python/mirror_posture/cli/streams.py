@@ -1,7 +1,8 @@
 """Standard output and error that cannot fail in the middle of the work.
 
-Whoever reads them may stop (`| head`), and a disk behind them may be full: what else a command writes is written all the
-same. A reader that stopped is no error; any other failure is told once the work is done.
+A reader of the output may stop (`| head`), and a disk may be full: everything else that a command writes is
+written all the same. A reader that stopped is no error; any other failure is reported when the work is
+done.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A correction as the terminal shows it: a row a look while it runs, and what came of it."""
+"""A correction in the terminal: one row for each look while it runs, and the result."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A diagnosis as the terminal shows it, and the files that it is written to."""
+"""A diagnosis in the terminal, and the files to which it is written."""
 
 from __future__ import annotations
 

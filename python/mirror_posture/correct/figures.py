@@ -1,4 +1,4 @@
-"""A correction as pictures: how the errors fell, and the robot before and after."""
+"""Plots of a correction: the errors look by look, and the robot before and after."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files that grow line by line and survive a kill: each line is on the disk before the next one is begun."""
+"""Append-only files that survive a kill: each line is on disk before the next one is started."""
 
 from __future__ import annotations
 

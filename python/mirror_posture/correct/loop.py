@@ -1,4 +1,5 @@
-"""The posture loop: look, measure, decide, command, until there is a reason to stop. Algorithm 1 of the paper, on any robot."""
+"""The correction loop: look, measure, decide, command, until there is a stop reason. Algorithm 1 of the
+paper, on any robot."""
 
 from __future__ import annotations
 

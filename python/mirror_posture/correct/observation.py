@@ -1,4 +1,4 @@
-"""The markers of one posture, measured from its looks, as the corrector takes them."""
+"""The markers of one posture, measured from its looks, as input of the corrector."""
 
 from __future__ import annotations
 

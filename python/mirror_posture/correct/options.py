@@ -1,4 +1,4 @@
-"""What a user chooses of a correction; frozen dataclasses with units in their names."""
+"""Options of a correction; frozen dataclasses with units in their names."""
 
 from __future__ import annotations
 

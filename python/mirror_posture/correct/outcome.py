@@ -1,4 +1,4 @@
-"""What came of a correction: the stop with its evidence, each look, the commands."""
+"""The outcome of a correction: the stop reason with its evidence, each look, the commands."""
 
 from __future__ import annotations
 

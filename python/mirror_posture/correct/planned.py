@@ -1,4 +1,5 @@
-"""The viewpoints of a plan, for a correction: the ways to turn its mirror in which this target may be held and is seen."""
+"""The viewpoints of a plan for a correction: orientations of its mirror in which this target may be held
+and is visible."""
 
 from __future__ import annotations
 

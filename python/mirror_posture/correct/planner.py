@@ -1,4 +1,5 @@
-"""Which viewpoints show board and markers, and let the rays meet well: predicted from the model before anything is moved."""
+"""Chooses viewpoints that show board and markers and have enough parallax; predicted from the model before
+anything moves."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A recorded correction read back: what it was started with, its looks, and what they measured."""
+"""Reads a recorded correction: its settings, its looks, and their measurements."""
 
 from __future__ import annotations
 

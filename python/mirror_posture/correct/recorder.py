@@ -1,8 +1,9 @@
-"""A correction recorded while it runs: an append-only session, on the disk before anything follows from it.
+"""Records a correction while it runs: an append-only session, on disk before anything depends on it.
 
-What is written, and when: the picture (whole, under its name), then the frame's row, then its image points, then what the
-look measured; each flushed and synced before the next begins. So after `kill -9` at any moment everything that was captured is
-there: a frame without image points is detected again from its picture, a last line without its end is no line.
+The order: the picture (whole, under its name), the frame's row, its image points, the look's measurement;
+each is flushed and synced before the next begins. So after `kill -9` at any moment everything that was
+captured is there: a frame without image points is detected again from its picture; a last line without its
+end is ignored.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The target of a correction: which markers, which joints, where the model wants them."""
+"""The target of a correction: the markers, the joints, and the markers' positions by the model."""
 
 from __future__ import annotations
 

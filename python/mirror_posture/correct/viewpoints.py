@@ -1,4 +1,5 @@
-"""Changing the viewpoint: the mirror or the stand turned, by hand or by a motor, or the robot turned by its own joints."""
+"""Changes the viewpoint: the mirror or the stand is turned, by hand or by a motor, or the robot turns with
+its own joints."""
 
 from __future__ import annotations
 

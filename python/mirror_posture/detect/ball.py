@@ -1,6 +1,7 @@
-"""A ball's outline to a fraction of a pixel: circles to start from go to the core, fitted outlines come back.
+"""A ball's outline to a fraction of a pixel: start circles go to the core, fitted outlines come back.
 
-The core reads sub-pixel edges, fits the cone of rays that touch a sphere, and tells the centre's covariance; all balls of a picture at once, on all threads.
+The core reads sub-pixel edges, fits the cone of rays that touch a sphere, and returns the centre's
+covariance; all balls of a picture at once, on all threads.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """Coloured regions: colour extraction in HSV and labelling, as the paper finds its markers.
 
-Hue is circular, in degrees; saturation and value are in 0..1. The paper takes the largest labelled region's centroid. Here that is
-the start: `outline` measures the ball's outline from it, which shading does not move. The core labels all colours of a picture in one pass.
+Hue is circular, in degrees; saturation and value are in 0..1. The paper takes the centroid of the largest
+labelled region. Here that is the start: `outline` measures the ball's outline from it, which is insensitive
+to shading. The core labels all colours of a picture in one pass.
 """
 
 from __future__ import annotations

@@ -1,6 +1,8 @@
-"""Balls that are blurred over much of their radius (a shake, a lens out of focus): measured as a whole, by all of their pixels.
+"""Balls that are blurred over much of their radius (motion, defocus): measured as a whole, from all of
+their pixels.
 
-Rays read a ball's colour inside of its blurred rim. Where the blur leaves nothing inside, the picture of a shaded ball, moved and blurred, is fitted instead; the model must say how large it is.
+Rays read a ball's colour inside of its blurred rim. Where the blur leaves nothing inside, the image of a
+shaded ball, moved and blurred, is fitted instead; the model must give its size.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
-"""Finds chessboards, direct or mirrored, and settles which corner is which.
+"""Finds chessboards, direct or mirrored, and determines the labels of their corners.
 
-Several detectors and several preparations of the picture are tried in turn; each grid found is refined on the original picture and
-must pass the pattern's check (`pattern`), the labels' (`labels`) and the residual's (`gate`). The first that passes all three wins; what
-the others failed of is kept in `attempts`.
+Several detectors and several preparations of the picture are tried in turn. Each grid found is refined on
+the original picture and must pass three tests: the pattern's (`pattern`), the labels' (`labels`) and the
+residual's (`gate`). The first grid that passes all three is used; the failures of the others are kept in
+`attempts`.
 """
 
 from __future__ import annotations

@@ -1,6 +1,8 @@
-"""Candidates for chessboards in a picture: in which places OpenCV's detectors look, in which order, after which preparation.
+"""Candidates for chessboards in a picture: where OpenCV's detectors search, in which order, after which
+preparation.
 
-The quick look at crossings (`places`) says where a board can be; detectors, which take a hundred times as long on what is no board, see only those parts.
+The fast search for crossings (`places`) says where a board can be. Detectors, which take a hundred times as
+long where there is no board, search only those parts.
 """
 
 from __future__ import annotations

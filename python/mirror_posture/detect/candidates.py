@@ -1,7 +1,9 @@
-"""Which of several things of a marker's colour is the marker: shape, size, and where the robot's model expects it.
+"""Which of several regions of a marker's colour is the marker: by shape, size, and the place that the
+robot's model predicts.
 
-The model is a hint, not a fence: its errors are what the product looks for. A thing that is no ball, or not of the size that the ball has at its distance, is
-none; of several that are left the nearest to the expected place is taken only if it is much nearer than the next.
+The prediction is only a hint, because the product looks for the model's errors. A region that is no ball,
+or does not have the ball's size at its distance, is rejected. Of several that are left, the one nearest to
+the predicted place is taken only if it is much nearer than the next.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
-"""What the balls of a picture say of the camera's curve from light to levels, and what that does to their deviations.
+"""The camera's tone curve as the balls of a picture show it, and its effect on their deviations.
 
-Edges are read in linear light by sRGB's curve, and a ball's covariance allows for another one: a power of 8.5 % is one deviation. A camera of another curve, or one that sharpens, parts the channels
-of each edge; one ball's shading does that too, but not in the same way on all balls of a picture.
+Edges are read in linear light by sRGB's curve, and a ball's covariance allows for another one: an exponent
+that differs by 8.5 % is one deviation. A camera with another curve, or with sharpening, separates the
+channels of each edge. Shading does that too, but differently on each ball.
 """
 
 from __future__ import annotations

@@ -1,13 +1,16 @@
-"""The residual of one view against a plane chessboard: a detector's success is no proof.
+"""The residual of one view against a plane chessboard: a second test after a detector's success.
 
-With a camera, the corners' rays are seen straight on and a homography from the board's plane is fitted to them. Every view of a flat board, direct or
-mirrored, is a homography; its residual holds only measurement noise (a pane of glass adds less than 0.1 px). Without a camera, lens
-distortion is left in, and a cubic polynomial on top of the homography takes it up.
+With a camera, the corners' rays are undistorted and a homography from the board's plane is fitted to them.
+Every view of a flat board, direct or mirrored, is a homography; its residual contains only measurement
+noise (a pane of glass adds less than 0.1 px). Without a camera, lens distortion remains, and a cubic
+polynomial in addition to the homography absorbs it.
 
-A view that is labelled is then gated once more on its reprojection from the best pose before the camera, by the core's planar solver, which
-has two freedoms less and so also notices a camera file of another camera.
+A labelled view is then tested once more on its reprojection from the best pose in front of the camera, by
+the core's planar solver, which has two degrees of freedom less and so also notices a camera file of another
+camera.
 
-Method: normalised direct linear transform and refinement by OpenCV's `findHomography`; the pose as in `mirror_posture.mirror`.
+Method: normalised direct linear transform and refinement by OpenCV's `findHomography`; the pose as in
+`mirror_posture.mirror`.
 """
 
 from __future__ import annotations

@@ -1,8 +1,11 @@
-"""The ghost of a pane: its front face reflects a few hundredths of the light too, and shows everything once more, some pixels beside.
+"""The ghost of a pane: its front face also reflects a few hundredths of the light, and shows everything
+once more, displaced by some pixels.
 
-The edges of a ball and those of its ghost overlap, which pulls the ball's outline towards the ghost, in all of a picture's balls alike: no residual shows it. The
-board does, whose pattern is known: P(x) = c₁ M(x) + c₂ M(x − d) with the pattern M, drawn through the corners' homography, in linear light. What the pull can be is
-added to the claims; it is not taken off, since the board's corners are pulled too.
+The edges of a ball and those of its ghost overlap, which pulls the ball's outline towards the ghost, in the
+same way for all balls of a picture, so no residual shows it. The board shows it, because its pattern is
+known: P(x) = c₁ M(x) + c₂ M(x − d) with the pattern M, rendered through the corners' homography, in linear
+light. The possible pull is added to the claimed deviations. It is not subtracted, because the board's
+corners are pulled too.
 """
 
 from __future__ import annotations

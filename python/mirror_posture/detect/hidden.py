@@ -1,7 +1,9 @@
-"""A chessboard of which something hides a few corners: a thumb, a cable, a spot of glare. The others are read, and what is hidden is told.
+"""A chessboard with a few hidden corners (a thumb, a cable, a spot of glare): the others are read, and the
+hidden ones are reported.
 
-Where the board ends must stay sure, since a grid that is shifted by a row reprojects as well: half of each outer row and column must show. An edge of what hides a
-corner draws its measured place by pixels: corners that stand out from the flat board that the others show are hidden too.
+The board's ends must be certain, because a grid that is shifted by a row reprojects as well: half of each
+outer row and column must be visible. The edge of an occluding object displaces a corner by pixels, so
+corners that deviate from the flat board of the others count as hidden too.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A session's pictures detected: from a session without image points to one with them."""
+"""Detection in a session's pictures: from a session without image points to one with them."""
 
 from __future__ import annotations
 

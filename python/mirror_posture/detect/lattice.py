@@ -1,7 +1,8 @@
-"""Crossings of squares laid out as a grid: the board's own, with some hidden, or a grid of other things.
+"""Crossings of squares arranged as a grid: the board's own, with some hidden, or a grid of other objects.
 
-A full detector takes ten to seventy milliseconds on a keyboard or a tiled wall, and refuses a board of which one corner is hidden. Crossings joined step by step
-tell both at once: which of them are the board's, and whether what is there can be a board at all.
+A full detector takes ten to seventy milliseconds on a keyboard or a tiled wall, and refuses a board with
+one hidden corner. Crossings joined step by step show both at once: which of them are the board's, and
+whether there can be a board at all.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
-"""Which region of a colour is which marker: predicted ones first, the nearest pair first; else the largest of a fitting size, as in the paper.
+"""Assigns regions of a colour to markers: predicted ones first, the nearest pair first; otherwise the
+largest of a fitting size, as in the paper.
 
-A choice that is doubtful (twins of one colour, two regions of like size) carries its reason.
+An ambiguous assignment (two markers of one colour, two regions of similar size) has its reason.
 """
 
 from __future__ import annotations

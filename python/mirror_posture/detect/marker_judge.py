@@ -1,4 +1,5 @@
-"""When a ball is believed: how much of it is seen, how well its outline fits, and the reasons that masked ones carry."""
+"""Decides whether a ball's measurement is accepted: visible share, fit of its outline, and the reasons of
+masked ones."""
 
 from __future__ import annotations
 

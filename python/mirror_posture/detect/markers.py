@@ -1,8 +1,9 @@
-"""Coloured balls: which region is which marker, its outline, its centre, and when not to trust it.
+"""Coloured balls: the region of each marker, its outline, its centre, and when it is masked.
 
-Candidates are the regions of the marker's colour. A predicted place chooses among them; without one, the reflection's distance bounds
-the ball's size where camera, diameter and a board are known (the robot's own hand, seen without the mirror, is nearer and larger), and the
-largest region wins, as in the paper. What remains doubtful is masked with its reason.
+Candidates are the regions of the marker's colour. A predicted place selects among them. Without one, the
+reflection's distance bounds the ball's size if camera, diameter and a board are known (the robot's own
+hand, seen without the mirror, is nearer and larger), and the largest region is taken, as in the paper.
+Uncertain ones are masked with their reason.
 """
 
 from __future__ import annotations

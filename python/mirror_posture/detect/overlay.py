@@ -1,8 +1,8 @@
-"""Overlay pictures: what was detected, drawn so that a person can check it at a glance.
+"""Overlay pictures of the detections, for a visual check.
 
-Corner 0 carries a ring and the board's x and y axes; each ball its fitted outline, a ring whose colour and gap say how sure its centre is, and its name beside all
-balls; a masked view is crossed out. A strip under the
-picture lists every view with its figures, or why it is masked.
+Corner 0 has a ring and the board's x and y axes. Each ball has its fitted outline, a ring whose colour and
+gap show the uncertainty of its centre, and its name. A masked view is crossed out. A strip under the
+picture lists every view with its figures, or the reason why it is masked.
 """
 
 from __future__ import annotations

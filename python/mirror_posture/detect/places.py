@@ -1,7 +1,9 @@
-"""Where in a picture a chessboard can be: crossings of its squares, joined to those beside them.
+"""Where in a picture a chessboard can be: crossings of its squares, joined to their neighbours.
 
-Half of the time of a search without success goes into thresholds that a full detector tries on what is no board. A crossing of squares is a saddle of the
-brightness, and those beside it along the grid are saddles turned by a right angle (dark and light change places); noise and texture have saddles, but not in such company.
+Half of the time of a search without success is spent on thresholds that a full detector tries where there
+is no board. A crossing of squares is a saddle of the brightness, and its neighbours along the grid are
+saddles rotated by a right angle (dark and light exchanged). Noise and texture have saddles too, but without
+such neighbours.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""The pose of a seen board by the core's planar solver, for the calibrated gate and for distances.
+"""The pose of a detected board by the core's planar solver, for the calibrated gate and for distances.
 
-A pose solver cannot see a wrong handedness, both labellings reproject equally well: so a mirrored view has a pose too, that of a board seen
-from behind, with the same residual and the same centre.
+A pose solver cannot detect a wrong handedness, because both labellings reproject equally well. So a
+mirrored view has a pose too: that of a board seen from behind, with the same residual and the same centre.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Expected corners of a view from what is known of the board, to choose between labellings that look the same."""
+"""Predicted corners of a view from what is known of the board, to select among ambiguous labellings."""
 
 from __future__ import annotations
 

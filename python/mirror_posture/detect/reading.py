@@ -1,7 +1,7 @@
-"""Reads pictures, and says in one line what is wrong with one that cannot be read.
+"""Reads pictures, and says in one line why one cannot be read.
 
-Pixels are taken as they are stored: a picture is never turned by its EXIF tag, since the camera file is of stored pixels. What the tag says is kept, to name it where
-a picture's size does not fit.
+Pixels are used as stored: a picture is never rotated by its EXIF tag, because the camera file describes
+stored pixels. The tag is kept, to name it if a picture's size does not fit.
 """
 
 from __future__ import annotations

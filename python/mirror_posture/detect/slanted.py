@@ -1,8 +1,10 @@
-"""Corners of boards whose edges cross at a slant or lie a few pixels apart, by the pattern itself.
+"""Corners of boards whose edges cross at a slant or lie a few pixels apart, by a fit of the pattern.
 
-Where blur fills the window, the point to which gradients are perpendicular (`corners`) is no longer the corner: of a saddle whose curvatures differ by more than two, as that of
-edges that cross at less than 70° does, the iteration runs to a point beside it, by up to a pixel and in all corners alike, so that no residual shows it. Here the squares around
-each corner are drawn as the grid has them, blurred as the picture is, and shifted until they fit. On sharp, wide squares both find the same; a pane's ghost pulls this one by more.
+Where blur fills the window, the point to which gradients are perpendicular (`corners`) is no longer the
+corner. At a saddle whose curvatures differ by more than a factor of two, as where edges cross at less than
+70°, the iteration converges to a point beside it, by up to a pixel and in all corners alike, so no residual
+shows it. Here the squares around each corner are rendered from the grid, blurred like the picture, and
+shifted until they fit. On sharp, wide squares both methods agree; a pane's ghost pulls this one more.
 """
 
 from __future__ import annotations

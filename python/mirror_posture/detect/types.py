@@ -1,7 +1,7 @@
-"""What a detection needs to know and what it gives back: plain frozen dataclasses, units in their names.
+"""Input and output of detection: plain frozen dataclasses, units in their names.
 
-Pixels are `(u, v)` with (0, 0) at the centre of the top-left pixel. Board corners are in the order of the session
-format, `index = iy * corners_x + ix`; the board frame has z out of the printed face.
+Pixels are `(u, v)` with (0, 0) at the centre of the top-left pixel. Board corners are in the order of the
+session format, `index = iy * corners_x + ix`; the board frame has z out of the printed face.
 """
 
 from __future__ import annotations

@@ -1,13 +1,14 @@
-"""Accelerometers that the fit never saw, as witnesses: which way is up on a link, against what the causes predict there.
+"""Accelerometers as independent sensors: the upward direction on a link that they read, compared with the
+diagnosis' prediction. No fit uses them.
 
-The nominal model says where that points at the commanded posture; the model with the named causes says where it points in
-the posture in which the links really stand (`Robot::up_in_link` of the core). Tilted axes and wrong zeros are written into
-the URDF first. Figures: RMS of the angle between reading and prediction, once as read, and once with the sensor's own
-mounting rotation taken out (Wahba's problem over all frames).
+The nominal model predicts that direction at the commanded posture. The model with the named causes predicts
+it at the posture in which the links really are (`Robot::up_in_link` of the core); tilted axes and wrong
+zeros are written into the URDF first. Figures: RMS of the angle between reading and prediction, once as
+read, and once with the sensor's mounting rotation estimated (Wahba's problem over all frames).
 
-What no accelerometer sees: a turn about the vertical, lengths and shifts, camera, board and mirror. A link that bends is
-taken as bent in its middle, and the sensor as beyond it. What no cause explains (the free-form errors) is left out, on
-purpose: the witness judges what was named.
+An accelerometer cannot see a turn about the vertical, lengths and shifts, camera, board or mirror. A link
+that bends is taken as bent in its middle, with the sensor beyond it. Free-form errors are left out on
+purpose: the sensor tests the named causes.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Who must act: the causes by whom they concern, and what that person does about each."""
+"""Who must act: the causes grouped by whom they concern, and what to do about each."""
 
 from __future__ import annotations
 

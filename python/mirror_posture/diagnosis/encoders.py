@@ -1,11 +1,13 @@
-"""Encoders that the fit never saw, as witnesses: what a second encoder read against what the causes predict there.
+"""Encoders as independent sensors: the readings of a second encoder, compared with the diagnosis'
+prediction. No fit uses them.
 
-A session's `measured:<joint>` columns take no part in a diagnosis. The nominal model says that a joint stands where it
-was commanded; the model with the named causes says by how much it does not:
+A session's `measured:<joint>` columns take no part in a diagnosis. The nominal model says that a joint is
+where it was commanded; the model with the named causes predicts its error:
 
     before = RMS(measured − q),    after = RMS(measured − q − Σ fitted error of the causes at the joint)
 
-once as read, and once with the encoder's own zero taken out (an encoder that was mounted by eye knows changes only).
+once as read, and once with the encoder's own zero estimated (an encoder without a calibrated zero shows
+changes only).
 """
 
 from __future__ import annotations

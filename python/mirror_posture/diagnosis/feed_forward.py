@@ -1,8 +1,9 @@
-"""Feed-forward: the command that makes a wanted posture come out right at the first try, from what a diagnosis found.
+"""Feed-forward: the command that reaches a wanted posture at the first attempt, from the causes of a
+diagnosis.
 
-The robot stands at `θ = q + a + e q + s sin q + c (cos q − 1) + k τ(θ) + Σ κ_K q_K ± play`; the core solves it for q.
-A play, and a servo that sticks, leave a joint on the side from which it came; it is brought there by a way-point beyond
-the goal, on the side on which its load holds it anyway.
+The robot stands at `θ = q + a + e q + s sin q + c (cos q − 1) + k τ(θ) + Σ κ_K q_K ± play`; the core solves
+it for q. A play, and a servo with stiction, leave a joint on the side from which it came. It is moved there
+over a way-point beyond the goal, on the side on which its load holds it.
 """
 
 from __future__ import annotations

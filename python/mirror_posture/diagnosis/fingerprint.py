@@ -1,4 +1,4 @@
-"""Which session a diagnosis is of: a hash of the robot and of what was commanded."""
+"""Identifies the session of a diagnosis: a hash of the robot and of the commands."""
 
 from __future__ import annotations
 

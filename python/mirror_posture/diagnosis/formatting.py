@@ -1,4 +1,4 @@
-"""Parameters and places in people's words and units: degrees and millimetres instead of rad and m."""
+"""Parameters and places in words and units for the reader: degrees and millimetres instead of rad and m."""
 
 from __future__ import annotations
 

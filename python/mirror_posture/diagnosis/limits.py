@@ -1,4 +1,4 @@
-"""What these postures would have hidden: the limits of a diagnosis in people's units, in a line, as a table, and on the robot."""
+"""Limits of detection of a diagnosis, in readable units: as a line, as a table, and on the robot."""
 
 from __future__ import annotations
 

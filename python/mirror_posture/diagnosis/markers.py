@@ -1,4 +1,4 @@
-"""A session with some of its markers only: what the fit may see, and what it is asked to predict."""
+"""A session with some of its markers only: those that are fitted, and those that are predicted."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The postures that would tell rivals apart, as a frames table to execute."""
+"""The postures that would separate alternatives, as a frames table to execute."""
 
 from __future__ import annotations
 

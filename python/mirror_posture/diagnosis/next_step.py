@@ -1,4 +1,4 @@
-"""What to do next: what a person can write, mend, measure or look at after a diagnosis."""
+"""The next step after a diagnosis: what to write, repair, measure or inspect."""
 
 from __future__ import annotations
 

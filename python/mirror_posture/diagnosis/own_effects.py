@@ -1,4 +1,5 @@
-"""Effects that a user brings: a basis as a Python function, weighed by the core like those of the vocabulary."""
+"""Effects that a user defines: a basis as a Python function, compared by the core with those of the
+vocabulary."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Signatures of what is no joint: tracks of markers, links, axes and the camera; fields of arrows over image and board."""
+"""Signatures of causes that are not joint positions: tracks of markers, links, axes and the camera; fields
+of arrows over image and board."""
 
 from __future__ import annotations
 

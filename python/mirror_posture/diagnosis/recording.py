@@ -1,4 +1,4 @@
-"""A session, handed over to the core as arrays."""
+"""Converts a session to the arrays that the core takes."""
 
 from __future__ import annotations
 

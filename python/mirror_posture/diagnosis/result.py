@@ -1,4 +1,4 @@
-"""What a diagnosis says, as a frozen dataclass around the JSON of the public format."""
+"""The result of a diagnosis, as a frozen dataclass around the JSON of the public format."""
 
 from __future__ import annotations
 

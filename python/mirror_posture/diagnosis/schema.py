@@ -1,4 +1,4 @@
-"""diagnosis.json as JSON Schema, made from the dataclasses that its reader fills."""
+"""diagnosis.json as JSON Schema, generated from the dataclasses that its reader fills."""
 
 from __future__ import annotations
 

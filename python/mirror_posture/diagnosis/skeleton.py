@@ -1,4 +1,4 @@
-"""The robot as a stick figure, from the front and from the side, with the guilty places marked."""
+"""The robot as a stick figure, from the front and from the side, with the causes' places marked."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The effects by name: the public vocabulary, as commands take it."""
+"""The effects by name: the public vocabulary for commands."""
 
 from __future__ import annotations
 

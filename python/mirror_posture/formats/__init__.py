@@ -1,4 +1,5 @@
-"""The keys of the files that people write, each defined once: readers check by them, schemas and reference pages are made from them."""
+"""The keys of the files that people write, each defined once: readers check by them, schemas and reference
+pages are generated from them."""
 
 from __future__ import annotations
 

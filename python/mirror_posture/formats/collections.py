@@ -1,4 +1,4 @@
-"""Keys that hold several values: a list of texts, and an object whose names are free."""
+"""Keys with several values: a list of texts, and an object with arbitrary names."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A key of a file: its type, its range, its default, and what it means; a section: keys that stand together."""
+"""A key of a file: its type, its range, its default and its meaning; a section: a group of keys."""
 
 from __future__ import annotations
 

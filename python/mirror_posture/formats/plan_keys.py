@@ -1,4 +1,4 @@
-"""plan.json: every key. `plan` writes it, `correct --plan` reads it back, and people may mend it in between."""
+"""plan.json: every key. `plan` writes it, `correct --plan` reads it, and people may edit it in between."""
 
 from __future__ import annotations
 

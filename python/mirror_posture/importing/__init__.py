@@ -1,4 +1,5 @@
-"""Recordings that people have, made into sessions: bags, LeRobot datasets, a film or pictures and a log of joints."""
+"""Converts existing recordings into sessions: bags, LeRobot datasets, a film or pictures and a log of
+joints."""
 
 from .read import read_recording
 from .recording import JointLog, Recording

@@ -1,7 +1,7 @@
-"""Bounds of recordings, looked at before anything is unfolded: files, chunks, pictures, rows.
+"""Limits of recordings, checked before anything is decompressed: files, chunks, pictures, rows.
 
-A recording is read as a stream, whatever its length; what is held at once is bounded here. The libraries of bags unfold a chunk to whatever size it has: each
-chunk is looked at first.
+A recording is read as a stream, whatever its length; the memory in use is limited here. The libraries of
+bags decompress a chunk to any size, so each chunk is checked first.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A film or a folder of pictures, with a CSV of the joints beside it."""
+"""A film or a folder of pictures, with a CSV of the joints."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The joints' log of a film or of pictures: a CSV, as whatever wrote it has it."""
+"""The joints' log of a film or of pictures: a CSV in any common dialect."""
 
 from __future__ import annotations
 

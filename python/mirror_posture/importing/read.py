@@ -1,4 +1,4 @@
-"""Which kind of recording a path is, and its reader."""
+"""Determines the kind of a recording, and its reader."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What every kind of recording becomes: a log of the joints, and pictures with their times."""
+"""The common form of all recordings: a log of the joints, and pictures with their times."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""A measurement as pictures: measured against model for each marker, and both drawn into the session's pictures."""
+"""Plots of a measurement: measured against model for each marker, and both drawn into the session's
+pictures."""
 
 from __future__ import annotations
 

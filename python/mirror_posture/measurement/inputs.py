@@ -1,4 +1,4 @@
-"""From a session to what the core's estimators take: nominal transforms, pixels with masks, noise."""
+"""From a session to the input of the core's estimators: nominal transforms, pixels with masks, noise."""
 
 from __future__ import annotations
 

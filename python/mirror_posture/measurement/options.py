@@ -1,4 +1,4 @@
-"""How a session is measured: the estimator, the noise, what is known of the camera's mount."""
+"""Options of a measurement: the estimator, the noise, the prior of the camera's mount."""
 
 from __future__ import annotations
 

@@ -1,8 +1,11 @@
-"""What a measurement's residuals say of its assumptions: a claim may not be narrower than they allow.
+"""Tests of a measurement's assumptions by its residuals: a claimed deviation may not be smaller than they
+allow.
 
-The camera–board transform, the corners' noise and the balls' are assumed; the views test them. With known noise σ the squared residuals of a right view sum to
-σ² times the degrees of freedom. Where the sum is larger throughout, noise and mount are widened to what the residuals show; a view that is far worse than the others is
-left out; a marker whose own views disagree is widened, or left out where they cannot be of one point.
+The camera–board transform and the noise of corners and balls are assumed; the views test them. With known
+noise σ the squared residuals of a correct view sum to σ² times the degrees of freedom. If the sum is larger
+throughout, the deviations of noise and mount are increased to match the residuals. A view that is far worse
+than the others is left out. A marker whose own views disagree gets a larger deviation, or is left out if
+they cannot be of one point.
 """
 
 from __future__ import annotations

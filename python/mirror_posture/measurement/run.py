@@ -1,4 +1,4 @@
-"""A session measured: where the mirror stood in each view, and where the markers of each posture are."""
+"""Measures a session: the mirror of each view, and the markers of each posture."""
 
 from __future__ import annotations
 

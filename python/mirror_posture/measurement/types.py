@@ -1,6 +1,7 @@
-"""What comes of a measurement: the mirror of each frame, the markers of each posture, each with its covariance.
+"""The result of a measurement: the mirror of each frame, the markers of each posture, each with its
+covariance.
 
-What is not measured is told by a mask (`measured`) and a `reason`; the arrays hold 0 there, never NaN.
+What is not measured has a mask (`measured`) and a `reason`; the arrays hold 0 there, never NaN.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a measurement rests on: how much was given, how much was used, what was left out and why."""
+"""The data of a measurement: how much was given, how much was used, what was left out and why."""
 
 from __future__ import annotations
 

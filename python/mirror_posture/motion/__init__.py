@@ -1,4 +1,4 @@
-"""Moving sessions: the simulator that the user runs against a minute of motion in the mirror (extra `mujoco`)."""
+"""Sessions in motion: the user's simulator compared with a minute of motion in the mirror (extra `mujoco`)."""
 
 from ..session.motion import is_moving
 from .diagnose import MotionDiagnosis, Unseen, diagnose_motion, unseen_gap, with_checked

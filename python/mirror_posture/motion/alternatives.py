@@ -1,8 +1,8 @@
-"""Rivals of a cause: hypotheses that say the same of these pictures, the other causes free beside them.
+"""Alternatives of a cause: hypotheses that explain the same pictures, with the other causes free.
 
-Every hypothesis is scored in the cause's place by the first look. Those that it puts near are fitted there; probabilities follow from
-the evidence of each. Of one that was not fitted the first look's own distance from the cause stands for it, so that a rival that is
-as near as this is never left out of the sum.
+Every hypothesis is scored in the cause's place by the first screening. Those with a similar score are
+fitted there; probabilities follow from the evidence of each. For one that was not fitted the score of the
+screening is used, so that no close alternative is left out of the sum.
 """
 
 from __future__ import annotations

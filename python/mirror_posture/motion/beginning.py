@@ -1,6 +1,7 @@
 """The first pictures of a motion: what they show of how long the robot stood before its log began.
 
-Simulated it stands at the first command and settles. A limb that its servo cannot hold falls from then on, and nobody told for how long.
+In the simulation it stands at the first command and settles. A limb that its servo cannot hold falls from
+then on, for an unknown time.
 """
 
 from __future__ import annotations

@@ -1,4 +1,5 @@
-"""A moving session diagnosed: causes in the simulator's servos, joints, mounts and clock, as `diagnosis.json` tells them."""
+"""Diagnoses a session in motion: causes in the simulator's servos, joints, mounts and clock, written as
+`diagnosis.json`."""
 
 from __future__ import annotations
 

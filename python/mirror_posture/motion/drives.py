@@ -1,4 +1,4 @@
-"""What the servos are told: the log's commands, late or limited as the causes have it."""
+"""The servos' commands: the log's, delayed or limited by the causes."""
 
 from __future__ import annotations
 

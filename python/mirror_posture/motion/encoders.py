@@ -1,7 +1,8 @@
-"""The robot's own encoders as witnesses of a motion: what they read against where the simulator's joints are, by the log's clock.
+"""The robot's own encoders as independent sensors of a motion: their readings compared with the simulator's
+joints, by the log's clock.
 
-No fit uses them. An encoder sits at the motor: it sees what servo, friction, inertia and limits do, and neither a wrong zero, a gear
-error, play or a spring behind it, nor a camera that is late.
+No fit uses them. An encoder is at the motor: it shows what servo, friction, inertia and limits do, but not
+a wrong zero, a gear error, play or a spring behind it, nor a late camera.
 """
 
 from __future__ import annotations

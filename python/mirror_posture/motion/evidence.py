@@ -1,14 +1,17 @@
-"""The evidence of a fitted model: how likely the pictures are with its parameters anywhere that is usual of them.
+"""The evidence of a fitted model: the probability of the pictures under the usual sizes of its parameters.
 
-By Laplace about the fit, u the parameters' usual sizes (the scale of a Cauchy prior), φ what squares count less:
+By Laplace's approximation at the fit, u the parameters' usual sizes (the scale of a Cauchy prior), φ the
+factor by which squares are reduced:
 
     log E = −|r|² / 2φ − ½ log det(I + U JᵀJ U / φ) − Σ log(1 + (p / u)²)
 
-A parameter that the pictures hardly tell costs nothing, as it should: a price for each parameter by the number of rows, which the
-search asks of a cause before it takes one in, would drive such a model out, and its simpler rival would look certain.
+A parameter that the pictures hardly determine costs nothing. A price for each parameter by the number of
+rows, which the search requires of a new cause, would exclude such a model, and its simpler alternative
+would look certain.
 
-A law is not true to the last digit: by LAW_SHARE of what a cause does, RMS, the real body may depart from it, and by ALONG of it in the
-very direction in which two models differ. All squares count less by `1 + ALONG² G / φ`, G what the cause lowers them by.
+No law is exact: the real body may differ from it by LAW_SHARE of what a cause does, RMS, and by ALONG of it
+in the direction in which two models differ. All squares are reduced by `1 + ALONG² G / φ`, G the reduction
+of the squares by the cause.
 """
 
 from __future__ import annotations

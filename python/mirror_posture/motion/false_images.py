@@ -1,9 +1,10 @@
-"""Gross errors of a detector in a row of pictures: single images that lie off what those before and after them say.
+"""Gross detection errors in a sequence of pictures: single images that deviate from those before and after
+them.
 
-Along the time a wrong model's error is smooth. Beside each image a parabola is laid through the nine about it, in the sense of the least
-sum of distances (by reweighted least squares), which two gross errors among the nine do not bend. Of images that lie off the farthest of
-their neighbourhood goes first, and the others are looked at again without it. Where more than two in a row lie off, it is the
-body that moves so.
+Over time a wrong model's error is smooth. At each image a parabola is fitted to the nine around it with the
+least sum of distances (by reweighted least squares), which two gross errors among the nine do not bend. The
+farthest outlier of each neighbourhood is removed, and the others are tested again without it. Where more
+than two successive images deviate, the body moves in that way.
 """
 
 from __future__ import annotations

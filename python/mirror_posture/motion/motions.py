@@ -1,7 +1,7 @@
-"""A simulated motion: where the joints of each branch are, step by step.
+"""A simulated motion: the joint positions of each branch, step by step.
 
-A branch is a set of joints that feel nothing of the others: on a base that stands still each limb is one. Motions that differ in
-one limb share the others.
+A branch is a set of joints without influence on the others: on a base that stands still each limb is one.
+Motions that differ in one limb share the others.
 """
 
 from __future__ import annotations

@@ -1,9 +1,10 @@
-"""What to move next: the move that would best part what this motion left together.
+"""The next moves, which would best separate what this motion could not.
 
-For each cause and its likeliest rival - where there is none, for the effect that this motion hides most - moves of the joint concerned
-are simulated with either model: slowly, quickly, and short and quick, there and back with rests, the other joints standing where
-the joint's load is smallest, largest, in between and none. With H the pictures' mean information of joint positions
-(in units of the noise) a move parts two models by `√mean(Δqᵀ H Δq)`, Δq the difference of their positions.
+For each cause and its most probable alternative (where there is none, for the effect that this motion hides
+most) moves of the joint concerned are simulated with either model: slowly, quickly, and short and quick,
+there and back with rests, with the other joints where the joint's load is smallest, largest, in between and
+zero. With H the pictures' mean information on joint positions (in units of the noise) a move separates two
+models by `√mean(Δqᵀ H Δq)`, Δq the difference of their positions.
 """
 
 from __future__ import annotations

@@ -1,4 +1,5 @@
-"""Pictures of a diagnosed motion: the staircase, and of each joint that a cause names its path, its lag, its loop, its friction."""
+"""Plots of a diagnosed motion: the staircase, and for each joint that a cause names its path, its lag, its
+loop, its friction."""
 
 from __future__ import annotations
 

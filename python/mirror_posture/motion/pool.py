@@ -1,4 +1,5 @@
-"""Many models stepped at once (`mujoco.rollout`, all cores), and what of a state is a joint's position and speed."""
+"""Steps many models at once (`mujoco.rollout`, all cores), and extracts joint positions and speeds from
+their states."""
 
 from __future__ import annotations
 

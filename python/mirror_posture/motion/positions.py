@@ -1,7 +1,7 @@
-"""Where links stand while their joints follow a simulated motion: the laws of what lies behind a servo.
+"""Link positions while their joints follow a simulated motion: the laws of what lies behind a servo.
 
-A wrong zero and a wrong gear change the position itself; a spring gives way and a play goes over under the load that gravity and the
-motion put on the joint.
+A wrong zero and a wrong gear change the position itself; a spring yields and a play changes its side under
+the load of gravity and motion on the joint.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""Residuals of a moving session as a function of its causes, and their columns.
+"""Residuals of a session in motion as a function of its causes, and their columns.
 
-What a cause does to a joint is a change of that joint's position, moment by moment: the simulator tells it for what its servo
-does, a law for its zero, gear, spring and play, the speed for a latency. A change of positions becomes one of images by one
-Jacobian that all hypotheses share.
+A cause changes a joint's position at each moment: for its servo the simulator computes the change; for its
+zero, gear, spring and play a law does; for a latency it follows from the speed. One Jacobian that all
+hypotheses share turns changes of positions into changes of images.
 """
 
 from __future__ import annotations

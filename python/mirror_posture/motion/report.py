@@ -1,4 +1,4 @@
-"""What a diagnosis of a motion says, as `diagnosis.json` has it."""
+"""The result of a diagnosed motion, as `diagnosis.json`."""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
-"""Motions of the simulated robot: the log's commands through the servos, many models at once (`mujoco.rollout`, all cores).
+"""Motions of the simulated robot: the log's commands through the servos, many models at once
+(`mujoco.rollout`, all cores).
 
-A joint with a position servo of the model's own keeps it. To any other an ideal servo is added, fast and with the speed fed
-forward: it follows its command, and nothing can be told of its gains.
+A joint with a position servo in the model keeps it. To any other joint an ideal servo is added, fast and
+with feed-forward of the speed: it follows its command, and its gains cannot be estimated.
 """
 
 from __future__ import annotations

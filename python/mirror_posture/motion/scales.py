@@ -1,4 +1,4 @@
-"""What is usual of each joint in the motion of the model as it is."""
+"""Usual sizes for each joint in the motion of the unchanged model."""
 
 from __future__ import annotations
 

@@ -1,8 +1,9 @@
-"""The first look: what each hypothesis would gain, by one linear step on columns that are computed once.
+"""The first screening: the gain of each hypothesis, by one linear step on columns that are computed once.
 
-With the residuals r and the columns Q of the causes that a model has projected out, a hypothesis with the columns C lowers the
-squares by `2 aᵀCᵀr − aᵀCᵀC a` at its best amplitude a within its bounds. A limit, which has no derivative before it is
-reached, is tried at several sizes: the mildest first, tighter ones where that one tells something.
+With the residuals r and the columns Q of the causes that a model has projected out, a hypothesis with the
+columns C lowers the squares by `2 aᵀCᵀr − aᵀCᵀC a` at its best amplitude a within its bounds. A limit has
+no derivative before it is reached, so it is tried at several sizes: the mildest first, and tighter ones if
+that one shows an effect.
 """
 
 from __future__ import annotations

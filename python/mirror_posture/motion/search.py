@@ -1,9 +1,10 @@
-"""One search over all causes of a moving session: add, exchange, drop, by a criterion that a wrong model cannot buy.
+"""One search over all causes of a session in motion: add, exchange, drop, by a criterion that a wrong model
+cannot satisfy.
 
-Two models are compared by their squares over the inflation φ of the better one's (what it leaves, correlated in time, counts
-accordingly) and a price for each parameter: `squares / φ + parameters · log(independent rows)`, as BIC has it; a new cause pays
-for being one of H hypotheses besides. A cause must move the markers by a tenth of the noise, and predict segments of time that its
-parameters were not fitted to.
+Two models are compared by their squares over the inflation φ of the better one (allowing for the
+correlation in time of what it leaves) and a price for each parameter: `squares / φ + parameters ·
+log(independent rows)`, as in BIC; a new cause also pays for being one of H hypotheses. A cause must move
+the markers by a tenth of the noise, and predict held-out segments of time.
 """
 
 from __future__ import annotations

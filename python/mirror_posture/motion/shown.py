@@ -1,8 +1,10 @@
-"""What a motion would have shown, and how firmly its causes stand: both by the search's own criterion, on linear columns.
+"""Limits of detection of a motion, and the stability of its causes: both by the search's own criterion, on
+linear columns.
 
-In units of the noise: c a hypothesis' column with those of the causes found projected out, φ what squares count less, T what the
-criterion asks (its price, its margin, and log rows for each parameter). A size s shows with probability 95 % where
-`s |c| / √φ ≥ √T + 1.645`, and moves the markers by a tenth of the noise.
+In units of the noise: c a hypothesis' column with those of the causes found projected out, φ the factor by
+which squares are reduced, T the criterion (its price, its margin, and log rows for each parameter). A size
+s is detected with probability 95 % where `s |c| / √φ ≥ √T + 1.645`, if it moves the markers by a tenth of
+the noise.
 """
 
 from __future__ import annotations

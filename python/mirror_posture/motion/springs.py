@@ -1,7 +1,8 @@
-"""What a spring that is not straight does: a nuisance of the intervals, never a cause.
+"""The nonlinearity of springs: a nuisance parameter of the intervals, never a cause.
 
-A real spring stiffens: `give (1 − s min(|load| / 3 usual, 1)) load` with s of about a tenth either way. Which straight line is told
-for it depends on the loads that occurred, and an interval that holds only the noise says less than is unknown.
+A real spring stiffens: `give (1 − s min(|load| / 3 usual, 1)) load` with s of about a tenth in either
+direction. The fitted linear law depends on the loads that occurred, so an interval that contains only the
+noise is too narrow.
 """
 
 from __future__ import annotations

@@ -1,9 +1,11 @@
-"""Where a falling limb is when its log begins: what encoders read of the first moments, and for how long it had stood.
+"""The state of a falling limb when its log begins: from the encoders' first readings, with the time that it
+had stood.
 
-A robot stands at the first command before its log begins, nobody says for how long. A limb that its servo cannot hold falls from
-then on, and where it is when the log begins decides all that follows. Its encoders tell: position and speed at the log's first
-row, by a cubic through the first readings. Simulated, the limb falls from the first command on, and the log begins where the
-simulated limb is nearest to that, in units of the readings' errors: each model says for how long it had stood.
+A robot stands at the first command before its log begins, for an unknown time. A limb that its servo cannot
+hold falls from then on, and its state when the log begins decides everything that follows. Its encoders
+give position and speed at the log's first row, by a cubic through the first readings. In the simulation the
+limb falls from the first command on, and the log begins where the simulated limb is nearest to that state,
+in units of the readings' errors. So each model determines the time.
 """
 
 from __future__ import annotations

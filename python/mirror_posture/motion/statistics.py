@@ -1,8 +1,9 @@
-"""Noise and misfit of a moving session's residuals.
+"""Noise and misfit of the residuals of a session in motion.
 
-Pictures follow each other fast against what a body does: the fourth difference of a marker's residuals along the time holds the
-noise (times √70) and next to nothing of a wrong model. What a model leaves is correlated in time; its rows count as
-`n (1 − ρ) / (1 + ρ)` independent ones, and its squares are divided by their mean times `(1 + ρ) / (1 − ρ)`.
+Pictures are fast compared with the motion of a body, so the fourth difference of a marker's residuals in
+time contains the noise (times √70) and almost nothing of a wrong model. The remainder of a model is
+correlated in time: its rows count as `n (1 − ρ) / (1 + ρ)` independent ones, and its squares are divided by
+their mean times `(1 + ρ) / (1 − ρ)`.
 """
 
 from __future__ import annotations

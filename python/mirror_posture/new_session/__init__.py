@@ -1,4 +1,4 @@
-"""A session's folder from nothing: a robot's file, and where camera, board and markers sit on it."""
+"""Creates a session's folder from a robot's file and the places of camera, board and markers on it."""
 
 from .create import NewSession, create_session
 from .drawing import draw_setup

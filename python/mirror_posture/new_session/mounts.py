@@ -1,4 +1,5 @@
-"""Where things sit on a robot, as a person says it: a link, a place on it, where it looks, which way is up."""
+"""Mounts on a robot as a person states them: a link, a place on it, a viewing direction, an upward
+direction."""
 
 from __future__ import annotations
 

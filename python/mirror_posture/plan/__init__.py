@@ -1,4 +1,4 @@
-"""Postures and viewpoints for a robot, its mirror and its room, and what they will be able to tell, before a picture is taken."""
+"""Plans postures and viewpoints for a robot, its mirror and its room, and predicts what they will show."""
 
 from .judge import judge_plan
 from .options import MirrorPlace, PlanOptions

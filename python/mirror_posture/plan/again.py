@@ -1,4 +1,4 @@
-"""A plan read back: its mirrors and its room, asked whether another posture may be held there, and what it would show."""
+"""Reads a plan: whether another posture may be held with its mirrors in its room, and what it would show."""
 
 from __future__ import annotations
 

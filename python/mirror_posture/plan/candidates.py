@@ -1,4 +1,4 @@
-"""Postures that may be held before a mirror, sifted by sight, body and room."""
+"""Candidate postures, filtered by visibility, body and room."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a plan's sensitivity is told of: causes at places, and the moments of postures."""
+"""The causes at places for which a plan's sensitivity is reported, and the moments of postures."""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
-"""Which candidates tell most together, and in which order every joint arrives from both sides on a free path.
+"""Chooses the candidates that are most informative together, and their order, in which every joint arrives
+from both sides on a free path.
 
-The set is D-optimal over the parameters of all effects of the body (Fedorov's exchange is not needed: candidates are many, and a
-greedy choice comes near; Atkinson, Donev and Tobias 2007, ch. 12).
+The set is D-optimal over the parameters of all effects of the body. (Fedorov's exchange is not needed:
+there are many candidates, and a greedy choice comes near; Atkinson, Donev and Tobias 2007, ch. 12.)
 """
 
 from __future__ import annotations

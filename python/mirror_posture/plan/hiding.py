@@ -1,4 +1,4 @@
-"""What of the board and the balls the robot itself hides from the mirror, or from the camera behind it."""
+"""Occlusion of the board and the balls by the robot itself, from the mirror and from the camera."""
 
 from __future__ import annotations
 

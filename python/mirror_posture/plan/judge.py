@@ -1,4 +1,5 @@
-"""A plan that is there, judged as a new one would be: after its rows, the mounts, their tolerances or the mirror were changed."""
+"""Checks an existing plan as a new one: after its rows, the mounts, their tolerances or the mirror were
+changed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a plan is made for: the mirror, the room, how many pictures."""
+"""Options of a plan: the mirror, the room, the number of pictures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""A plan as a picture: the robot before its mirror from the side and from above, and what the plan tells."""
+"""A plan as a picture: the robot in front of its mirror from the side and from above, and what the plan
+will show."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a posture must keep clear of: the robot itself, the table, the glass."""
+"""Clearances of a posture: from the robot itself, the table, the glass."""
 
 from __future__ import annotations
 

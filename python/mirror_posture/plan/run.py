@@ -1,4 +1,5 @@
-"""A plan from a session's folder: where the mirror stands, which postures, in which order, and what they will tell."""
+"""Makes a plan from a session's folder: the mirror's place, the postures, their order, and what they will
+show."""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
-"""How each effect of the vocabulary moves the pixels of a planned picture: the columns of its Jacobian.
+"""The sensitivity of a planned picture: the Jacobian columns of each effect of the vocabulary.
 
-Every effect is a small twist at one place of the chain from camera to marker, times a basis that varies with the posture:
-`∂pixel/∂parameter = ∂pixel/∂point · (ω × (p − o) + v) · basis`. The mirror of each frame (3 parameters) is projected out.
+Every effect is a small twist at one place of the chain from camera to marker, times a basis that varies
+with the posture: `∂pixel/∂parameter = ∂pixel/∂point · (ω × (p − o) + v) · basis`. The mirror of each frame
+(3 parameters) is projected out.
 """
 
 from __future__ import annotations

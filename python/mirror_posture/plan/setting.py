@@ -1,4 +1,4 @@
-"""The robot before its mirror: frames, which joints move, home."""
+"""The robot in front of its mirror: frames, movable joints, home posture."""
 
 from __future__ import annotations
 

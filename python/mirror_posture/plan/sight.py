@@ -1,4 +1,4 @@
-"""What the camera sees in a mirror of finite size, for many postures at once, and why not."""
+"""Visibility in a mirror of finite size, for many postures at once, with reasons."""
 
 from __future__ import annotations
 

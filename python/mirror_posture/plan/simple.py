@@ -1,4 +1,4 @@
-"""Mirrors without a plan: straight before the board, or as views.csv of a plan tells."""
+"""Mirrors without a plan: straight in front of the board, or from a plan's views.csv."""
 
 from __future__ import annotations
 

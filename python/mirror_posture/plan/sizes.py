@@ -1,4 +1,4 @@
-"""Sizes of causes in the units that a person measures them in."""
+"""Sizes of causes in readable units."""
 
 from __future__ import annotations
 

@@ -1,8 +1,10 @@
-"""What a plan will be able to tell: of each effect the smallest size, and which effects stay twins.
+"""Predicted detection limits of a plan: the smallest detectable size of each effect, and which effects stay
+twins.
 
-With the Fisher information F of all pixels, the set-up (mounts, within their tolerances) free beside one cause h at a time, its
-covariance is `S⁻¹`, `S = F_hh − F_hN (F_NN + Λ)⁻¹ F_Nh`. A cause is told surely from `SURE` standard deviations on. A cause h can hide
-as another cause k where even the best size of k leaves fewer than `SURE` deviations: `s² (S_hh − S_hk S_kk⁺ S_kh) < SURE²`.
+With the Fisher information F of all pixels and the mounts free within their tolerances, one cause h at a
+time has the covariance `S⁻¹`, `S = F_hh − F_hN (F_NN + Λ)⁻¹ F_Nh`. A cause is detected with certainty from
+`SURE` standard deviations on. A cause h can hide as another cause k where even the best size of k leaves
+fewer than `SURE` deviations: `s² (S_hh − S_hk S_kk⁺ S_kh) < SURE²`.
 """
 
 from __future__ import annotations

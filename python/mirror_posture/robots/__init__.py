@@ -1,7 +1,7 @@
-"""Robots that can be commanded, behind one small protocol: command joint positions, look, rest, close.
+"""Robots that can be commanded, with one small protocol: command joint positions, look, rest, close.
 
-`CommandedRobot` is the protocol, `RobotBase` what a new robot derives from; `TurnsView` is for those that can turn
-before their mirror. `Nominal` is the session that a robot belongs to.
+`CommandedRobot` is the protocol, `RobotBase` the base class of a new robot; `TurnsView` is for robots that
+can turn in front of their mirror. `Nominal` is the session of a robot.
 """
 
 from .base import RobotBase

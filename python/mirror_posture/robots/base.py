@@ -1,4 +1,5 @@
-"""The part that all commanded robots share: checks at the border, the last command, rest and close at the end."""
+"""The common part of all commanded robots: checks of arguments, the last command, rest and close at the
+end."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Any real robot, by hand: it prints what to command and waits for the picture in a folder.
 
-A person, or a script of theirs, moves the robot and saves a picture; how the picture gets into the folder (a cable, a
+A person or a script moves the robot and saves a picture; how the picture gets into the folder (a cable, a
 card, a network share) does not matter. A file that is still being written is not read.
 """
 

@@ -1,7 +1,7 @@
-"""Dynamixel servos of the X series, protocol 2.0: their registers, and what must be true of one before it gets torque.
+"""Dynamixel servos of the X series, protocol 2.0: their registers, and the conditions before torque.
 
-Needs the extra `dynamixel` (the vendor's SDK). Which servo is which joint says a TOML file, see docs/robots.md. Source of
-registers, models and units: the vendor's e-Manual, X series.
+Needs the extra `dynamixel` (the vendor's SDK). A TOML file says which servo is which joint, see
+docs/robots.md. Source of registers, models and units: the vendor's e-Manual, X series.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What can go wrong with a robot that is commanded; each error says what was got, what was needed and the fix."""
+"""Errors of commanded robots; each says what was given, what was required and the fix."""
 
 from __future__ import annotations
 

@@ -1,9 +1,12 @@
-"""Feetech servos of the STS series (STS3215: what SO-101 arms have): their registers, and what must be true of one before torque.
+"""Feetech servos of the STS series (STS3215, the servos of SO-101 arms): their registers, and the
+conditions before torque.
 
-Needs the extra `feetech` (the SDK that LeRobot uses too, so that both can be installed). Which servo is which joint says a
-TOML file, see docs/robots.md. Source of registers and units: the vendor's memory table of the SMS and STS series.
+Needs the extra `feetech` (the SDK that LeRobot uses too, so that both can be installed). A TOML file says
+which servo is which joint, see docs/robots.md. Source of registers and units: the vendor's memory table of
+the SMS and STS series.
 
-These servos have no watchdog: they are sent goals a little ahead of where they are, so that a cut line ends a motion here as well.
+These servos have no watchdog: they get goals a little ahead of their position, so that a cut line ends a
+motion here as well.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
-"""Signals that end a program: they become an exception, so that a robot is brought to rest before the program ends.
+"""Signals that end a program are turned into an exception, so that a robot is brought to rest before the
+program ends.
 
-`SIGINT` raises `KeyboardInterrupt` in Python already. `SIGTERM` and `SIGHUP` would end the program between two
-instructions, with the torque on.
+`SIGINT` raises `KeyboardInterrupt` in Python already. `SIGTERM` and `SIGHUP` would end the program between
+two instructions, with the torque on.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The nominal session of a robot: what the model believes, and looks gathered into sessions that `measure` reads."""
+"""The nominal session of a robot: its model, and looks collected into sessions that `measure` reads."""
 
 from __future__ import annotations
 

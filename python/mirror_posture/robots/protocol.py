@@ -1,4 +1,5 @@
-"""What every robot that can be commanded offers: command, look, rest, close; some can turn before the mirror.
+"""The interface of every robot that can be commanded: command, look, rest, close; some can turn in front of
+the mirror.
 
 Joint positions are rad (m for a prismatic joint), by joint name, always positive in the URDF's sense.
 """

@@ -1,4 +1,5 @@
-"""The TOML file of a robot of servos: which servo is which joint, where its zero is, how fast and how strong it may be."""
+"""The TOML file of a robot of servos: which servo is which joint, its zero, and its limits of speed and
+torque."""
 
 from __future__ import annotations
 

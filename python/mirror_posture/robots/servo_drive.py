@@ -1,6 +1,6 @@
-"""What a make of servos says of itself: its registers, what must be true of a servo before torque, what limits it.
+"""The properties of a make of servos: its registers, the conditions before torque, its limits.
 
-`ServoRobot` asks every make the same; nothing here decides when torque goes on or off.
+`ServoRobot` uses every make in the same way; nothing here decides when torque goes on or off.
 """
 
 from __future__ import annotations

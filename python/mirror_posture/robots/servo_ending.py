@@ -1,4 +1,5 @@
-"""The end of servos' torque: held within limits where that is wanted and safe, else taken off, and what is known of it afterwards."""
+"""The end of servos' torque: held within limits where that is wanted and safe, otherwise off; and the
+resulting state."""
 
 from __future__ import annotations
 

@@ -1,7 +1,9 @@
-"""Servos on one serial line through their vendor's SDK: registers of many servos, every failure an error that says what it is.
+"""Servos on one serial line through their vendor's SDK: registers of many servos; every failure is an error
+that names it.
 
-The vendors' SDKs give result codes, raise what the serial line raises, stay "busy" after an exception, and wait by a
-clock that can be set: all of that ends here. Dynamixel's and Feetech's have the same functions; `Sdk` names them.
+The vendors' SDKs give result codes, raise the serial line's exceptions, stay "busy" after an exception, and
+wait by a clock that can be set; all of that is handled here. Dynamixel's and Feetech's have the same
+functions; `Sdk` names them.
 """
 
 from __future__ import annotations

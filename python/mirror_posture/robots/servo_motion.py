@@ -1,4 +1,4 @@
-"""One motion of servos: goals sent, everything read while it lasts, until all joints rest."""
+"""One motion of servos: goals are sent, everything is monitored while it lasts, until all joints rest."""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
-"""A robot of servos, of whatever make: limits before torque, limits before every motion, and an end that says what it left.
+"""A robot of servos, of any make: limits before torque, limits before every motion, and an end that reports
+its state.
 
-`unpowered → holding ⇄ moving`, and `stopped` from everywhere (`servo_state`). What a make of servo is like says its
-`ServoDrive`.
+`unpowered → holding ⇄ moving`, and `stopped` from everywhere (`servo_state`). The properties of a make are
+in its `ServoDrive`.
 """
 
 from __future__ import annotations

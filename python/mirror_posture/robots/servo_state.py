@@ -1,4 +1,4 @@
-"""The states of a robot of servos, and what may follow what: one rule for every make of servo."""
+"""The states of a robot of servos and their transitions: one rule for every make of servo."""
 
 from __future__ import annotations
 

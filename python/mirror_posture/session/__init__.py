@@ -1,4 +1,4 @@
-"""Sessions: folders with a robot model, a camera and what was seen, read, validated and written."""
+"""Sessions: folders with a robot model, a camera and observations; read, validated and written."""
 
 from ..board import Board
 from ..marker import ColorRange, Marker

@@ -1,7 +1,8 @@
-"""Accelerometers in frames.csv: columns `accelerometer:<link>:x`, `:y`, `:z`, what a sensor on that link read at rest.
+"""Accelerometers in frames.csv: columns `accelerometer:<link>:x`, `:y`, `:z`, the reading at rest of a
+sensor on that link.
 
-At rest an accelerometer reads the specific force `−g`: about 9.81 m/s², upward, here in the link's frame. A frame in which
-all three cells are empty was not measured.
+At rest an accelerometer reads the specific force `−g`: about 9.81 m/s², upward, here in the link's frame. A
+frame with three empty cells was not measured.
 """
 
 from __future__ import annotations

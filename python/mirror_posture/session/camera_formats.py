@@ -1,6 +1,8 @@
-"""Camera files of other tools as one `Camera`: OpenCV's YAML and XML, Kalibr's camchain, a dump of ROS's topic.
+"""Camera files of other tools as one `Camera`: OpenCV's YAML and XML, Kalibr's camchain, a dump of ROS's
+topic.
 
-Whatever says more than a pinhole or equidistant camera of one picture size is refused with its name, never replaced by something near.
+A model other than a pinhole or equidistant camera of one picture size is refused with its name, never
+replaced by a similar one.
 """
 
 from __future__ import annotations

@@ -1,4 +1,5 @@
-"""The error of a session that is refused: it names the file, the row, what was got, what was needed and the fix."""
+"""The error of a refused session: it names the file, the row, what was given, what was required and the
+fix."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a session looks like against what sessions usually look like: each fact with its usual range."""
+"""Facts about a session, each with its usual range."""
 
 from __future__ import annotations
 

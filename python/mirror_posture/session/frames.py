@@ -1,4 +1,4 @@
-"""frames.csv: what was commanded, in the order in which the robot executed it."""
+"""frames.csv: the commands, in the order in which the robot executed them."""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
-"""What a session says against itself: invalid units, sizes and ids, found before any estimate.
+"""Plausibility of a session: invalid units, sizes and ids, found before any estimate.
 
-Each check compares numbers that must agree in size: commands with encoders, points with the robot's reach, the focal
-length with the picture. An error is what no real robot, camera or room can have; a warning what hardly any has.
+Each check compares numbers that must agree in size: commands with encoders, points with the robot's reach,
+the focal length with the picture. A value that no real robot, camera or room can have is an error; one that
+hardly any has is a warning.
 """
 
 from __future__ import annotations

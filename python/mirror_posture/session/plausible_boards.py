@@ -1,4 +1,5 @@
-"""What the board's pictures say against the session: corners that are no plane's image, a board that is too near, one that looks away."""
+"""Plausibility of the board's pictures: corners that are no plane's image, a board that is too near, one
+that looks away."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""What the tables' rows say against each other and the robot: commands of a posture, encoders beside commands, points beside the robot's reach."""
+"""Plausibility of the tables' rows: commands of a posture, encoders compared with commands, points compared
+with the robot's reach."""
 
 from __future__ import annotations
 

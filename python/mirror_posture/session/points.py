@@ -1,4 +1,4 @@
-"""points.csv: marker positions that something else measured."""
+"""points.csv: marker positions from another measurement."""
 
 from __future__ import annotations
 

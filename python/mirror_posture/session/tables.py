@@ -1,7 +1,7 @@
 """A table file, CSV or Parquet, as checked NumPy columns: a bad value is named by file, row and column.
 
-CSV is read as text and converted a whole column at a time, so that the first bad cell can be found and shown as it
-stands in the file without a loop over the good ones.
+CSV is read as text and converted a whole column at a time, so that the first bad cell can be found and
+quoted as it is in the file, without a loop over the good ones.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
-"""What a session is in memory: frozen dataclasses around NumPy arrays, one row a frame.
+"""A session in memory: frozen dataclasses around NumPy arrays, one row a frame.
 
-Arrays are dense. What was not seen has a mask that is False and holds 0.0: never read a value without its mask.
+Arrays are dense. A value that was not observed has a mask that is False and holds 0.0: never read a value
+without its mask.
 """
 
 from __future__ import annotations

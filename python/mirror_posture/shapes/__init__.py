@@ -1,4 +1,5 @@
-"""The shapes of a robot's links: triangles from its URDF, coarse copies of its meshes, bodies that collide and hide."""
+"""The shapes of a robot's links: triangles from its URDF, simplified copies of its meshes, bodies for
+collisions and occlusion."""
 
 from .of_links import keep_coarse_meshes, shapes_of_links
 from .triangles import Triangles

@@ -1,6 +1,7 @@
-"""A robot's body in space: which of its parts touch, how far it reaches, what it hides. MuJoCo does the geometry.
+"""A robot's body in space: which of its parts touch, how far it reaches, what it hides. MuJoCo does the
+geometry.
 
-Every link is a free body of its own in a MuJoCo model, put where the robot's kinematics (or a simulator) says: so mimic
+Every link is a free body in a MuJoCo model, placed by the robot's kinematics (or a simulator). So mimic
 joints, any root and bent links need no translation into MuJoCo's joints.
 """
 

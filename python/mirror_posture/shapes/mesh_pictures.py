@@ -1,6 +1,8 @@
-"""Any robot with its meshes before a mirror of finite size, by MuJoCo's renderer: a quick preview, or the pictures of a session.
+"""Renders any robot with its meshes in front of a mirror of finite size, by MuJoCo: a quick preview, or the
+pictures of a session.
 
-MuJoCo's mirror is a front-surface one without glass. For pictures of glass, ghosts and blur see `mirror_posture.render`.
+MuJoCo's mirror is a front-surface one without glass. For pictures with glass, ghosts and blur see
+`mirror_posture.render`.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Pictures by MuJoCo's own renderer: a plane that reflects everything before the robot's camera.
+"""Pictures by MuJoCo's own renderer, with a reflecting plane in front of the robot's camera.
 
-The renderer knows neither lenses nor glass: the lens is put on afterwards, the mirror is a front-surface one. Needs an
-OpenGL: set MUJOCO_GL to egl or osmesa on a machine without a screen.
+The renderer has neither lenses nor glass: the lens is applied afterwards, the mirror is a front-surface
+one. Needs an OpenGL: set MUJOCO_GL to egl or osmesa on a machine without a screen.
 """
 
 from __future__ import annotations

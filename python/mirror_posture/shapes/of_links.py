@@ -1,4 +1,4 @@
-"""The shapes of a URDF's links, from its meshes and primitives, and coarse copies of the meshes beside it."""
+"""The shapes of a URDF's links, from its meshes and primitives, and simplified copies of the meshes."""
 
 from __future__ import annotations
 

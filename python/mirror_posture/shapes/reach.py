@@ -1,4 +1,4 @@
-"""How far each link's body reaches in any direction, by a few points of it."""
+"""The reach of each link's body in any direction, by a few points of it."""
 
 from __future__ import annotations
 

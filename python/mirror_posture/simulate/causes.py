@@ -1,7 +1,7 @@
-"""A diagnosis' causes, added one by one to the simulator's own model: what each effect is in MuJoCo.
+"""Adds the causes of a diagnosis one by one to the simulator's own model: what each effect is in MuJoCo.
 
-Every law changes a `Changed` state (specification, drives, session) and returns one line that says what was changed: it becomes a
-comment in the model that is written. Effects without a law cannot be held by a simulator.
+Every law changes a `Changed` state (specification, drives, session) and returns one line that describes the
+change; it becomes a comment in the written model. A simulator cannot represent effects without a law.
 """
 
 from __future__ import annotations

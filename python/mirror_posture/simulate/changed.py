@@ -1,4 +1,4 @@
-"""The simulator's model with a session's causes being added: what a cause may change."""
+"""The simulator's model while a session's causes are added."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Bodies, axes and mounts that sit elsewhere than the model says, in MuJoCo."""
+"""Displaced bodies, axes and mounts in MuJoCo."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""The simulator's gap on postures held out: each half of the posture space is diagnosed, the other half simulated."""
+"""The simulator's gap on held-out postures: each half of the posture space is diagnosed, the other half
+simulated."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The law of a joint in MuJoCo, term by term: what a motor is told, what lies behind it, what its servo is."""
+"""The joint law in MuJoCo, term by term: the motor's command, the parts behind the motor, the servo."""
 
 from __future__ import annotations
 

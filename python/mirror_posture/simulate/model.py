@@ -1,8 +1,9 @@
-"""The session's robot as a MuJoCo model: a URDF, or the user's own MJCF with everything in it, on position servos.
+"""The session's robot as a MuJoCo model: a URDF, or the user's own MJCF with everything in it, on position
+servos.
 
-What the session needs and the model lacks (the frames of camera, board and markers) is added as sites, placed as the
-session's URDF places them. The nominal model is an ideal positioner: its servos are so stiff that gravity bends them by
-`DROOP_RAD` at most. Position servos that the user's MJCF has already are kept as they are: they are part of that simulator.
+Frames that the session needs and the model lacks (camera, board, markers) are added as sites, placed by the
+session's URDF. The nominal model is an ideal positioner: its servos are so stiff that gravity deflects them
+by `DROOP_RAD` at most. Position servos of the user's MJCF are kept: they are part of that simulator.
 """
 
 from __future__ import annotations

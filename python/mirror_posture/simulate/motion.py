@@ -1,7 +1,9 @@
-"""MuJoCo executes a session's commands in their order and comes to rest after each: what the body then is.
+"""MuJoCo executes a session's commands in their order and comes to rest after each; the result is the
+body's pose.
 
-Each row moves every joint straight from the last command to the next, waits until nothing moves, and is told as the poses
-of camera, board and markers in the root's frame. Rows with the same command as the row before are the same rest.
+Each row moves every joint straight from the last command to the next, waits until nothing moves, and gives
+the poses of camera, board and markers in the root's frame. Rows with the same command as the row before are
+the same rest.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Lens, board and glass that differ from their files: the session's optics, in which a simulator is seen."""
+"""Lens, board and glass that differ from their files: the optics through which the simulated body is seen."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""The staircase as a picture: the simulator's gap after each cause, beside what the diagnosis predicted."""
+"""The staircase as a picture: the simulator's gap after each cause, and the gap that the diagnosis
+predicted."""
 
 from __future__ import annotations
 

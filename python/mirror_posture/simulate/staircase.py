@@ -1,4 +1,5 @@
-"""The staircase: the simulator's gap as it is, and with each cause of a diagnosis added to that simulator in turn."""
+"""The staircase: the simulator's gap of the unchanged model, and with each cause of a diagnosis added in
+turn."""
 
 from __future__ import annotations
 

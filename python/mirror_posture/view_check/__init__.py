@@ -1,4 +1,4 @@
-"""Are the pictures what they claim to be? See `check`."""
+"""Tests whether the pictures are what they claim to be. See `check`."""
 
 from __future__ import annotations
 

@@ -1,9 +1,11 @@
-"""Are the pictures what they claim to be? The board's reflections tested against the model, and against the usual mistakes.
+"""Tests whether the pictures are what they claim to be: the board's reflections against the model, and
+against the usual mistakes.
 
-A board whose place before the camera is known has three freedoms in a mirror (the plane) and shows six (its pose): the other three are a test. As
-the session says it, the reflections of a right session fit a mirror to the noise. Where they do not, each usual mistake is tried exactly: pictures
-mirrored or turned by a driver, a board mounted or counted turned, a camera file of another resolution, another board. Only one that explains the
-views far better than the session as it stands, markers included, is named.
+A board at a known place in front of the camera has three degrees of freedom in a mirror (the plane) and
+shows six (its pose): the other three are a test. The reflections of a correct session fit a mirror to the
+noise. If they do not, each usual mistake is tried exactly: pictures mirrored or rotated by a driver, a
+board mounted or counted the other way round, a camera file of another resolution, another board. A mistake
+is named only if it explains the views, markers included, far better than the session as given.
 """
 
 from __future__ import annotations

@@ -1,4 +1,5 @@
-"""How well a reading of a session explains its views: the board's residual in the best mirrors, and the markers' distances in those."""
+"""How well an interpretation of a session explains its views: the board's residual in the best mirrors, and
+the markers' distances in those."""
 
 from __future__ import annotations
 

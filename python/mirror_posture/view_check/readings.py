@@ -1,4 +1,4 @@
-"""The usual mistakes: how a session may have to be read instead, and how to put it right."""
+"""The usual mistakes: other interpretations of a session, and how to correct each."""
 
 from __future__ import annotations
 

@@ -1,5 +1,6 @@
-"""One file a command.
+"""One file for each command.
 
-A module here is a command of its own name: it has `ORDER` (its place in the help), `PANEL` (its heading there) and a
-function `command`, whose docstring is the help. Heavy imports belong inside the function, so that help is quick.
+The module's name is the command's. It has `ORDER` (its place in the help), `PANEL` (its heading there) and
+a function `command`, whose docstring is the help. Heavy imports belong inside the function, so that the
+help is fast.
 """

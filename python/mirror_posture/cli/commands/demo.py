@@ -1,4 +1,4 @@
-"""`mirror-posture demo`: the whole way once, on pictures whose truth is known."""
+"""`mirror-posture demo`: all steps once, on rendered pictures whose truth is known."""
 
 from __future__ import annotations
 

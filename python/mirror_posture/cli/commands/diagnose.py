@@ -39,7 +39,9 @@ def command(
     without: Annotated[
         list[str] | None,
         typer.Option(
-            "--without", "--leave-out", help="An effect to leave out of the vocabulary, for example `backlash`."
+            "--without",
+            "--leave-out",
+            help="An effect to leave out of the vocabulary, for example `backlash`.",
         ),
     ] = None,
     withhold: Annotated[

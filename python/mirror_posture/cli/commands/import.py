@@ -1,4 +1,4 @@
-"""`mirror-posture import`: a recording that is there already, made into a session."""
+"""`mirror-posture import`: converts an existing recording into a session."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`mirror-posture measure`: marker positions with their uncertainty, beside the model's."""
+"""`mirror-posture measure`: marker positions with their uncertainty, compared with the model's."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`mirror-posture mirror`: where a mirror stands, from pictures of a board before it."""
+"""`mirror-posture mirror`: a mirror's plane from pictures of a board in front of it."""
 
 from __future__ import annotations
 

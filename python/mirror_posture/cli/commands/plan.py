@@ -1,4 +1,4 @@
-"""`mirror-posture plan`: postures and viewpoints for this robot, mirror and room, and what they will tell."""
+"""`mirror-posture plan`: postures and viewpoints for this robot, mirror and room, and what they will show."""
 
 from __future__ import annotations
 

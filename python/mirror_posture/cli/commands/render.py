@@ -1,4 +1,4 @@
-"""`mirror-posture render`: pictures of a robot before a mirror, with their truth."""
+"""`mirror-posture render`: pictures of a robot in front of a mirror, with their truth."""
 
 from __future__ import annotations
 

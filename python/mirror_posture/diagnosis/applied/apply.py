@@ -1,4 +1,4 @@
-"""What a diagnosis found, written back: a corrected session folder, and a table of what went where."""
+"""Writes the causes back: a corrected session folder, and a table of what was written where."""
 
 from __future__ import annotations
 

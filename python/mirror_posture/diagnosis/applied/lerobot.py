@@ -1,4 +1,4 @@
-"""What was found, in a LeRobot calibration file: homing offsets, in ticks."""
+"""Writes zeros into a LeRobot calibration file: homing offsets, in ticks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Whole mistakes of model or log, undone in a session: what can be written, and where; and what a person must do instead."""
+"""Undoes gross mistakes of model or log in a session: what can be written, and where; and what to do
+instead."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What URDF cannot say, as an MJCF that MuJoCo loads: play, friction, springs and gear ratios."""
+"""Writes causes that a URDF cannot describe as an MJCF for MuJoCo: play, friction, springs and gear ratios."""
 
 from __future__ import annotations
 

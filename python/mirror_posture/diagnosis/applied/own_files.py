@@ -1,4 +1,4 @@
-"""What was found, written into copies of the files in which people keep it, each with its patch."""
+"""Writes the causes into copies of the user's own files, each with its patch."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What was found, in the user's own MJCF: meshes, geoms, sites, order and comments stay."""
+"""Writes the causes into the user's own MJCF: meshes, geoms, sites, order and comments stay."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What was found, in the user's own URDF: the file that the session's robot was made from."""
+"""Writes the causes into the user's own URDF, from which the session's robot was made."""
 
 from __future__ import annotations
 

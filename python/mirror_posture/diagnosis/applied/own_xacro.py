@@ -1,4 +1,5 @@
-"""What was found, in the user's own xacro: the property, argument or origin that holds a joint's number."""
+"""Writes the causes into the user's own xacro: the property, argument or origin that contains a joint's
+number."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What was found, in a `<ros2_control>` description: offsets and reductions of its transmissions."""
+"""Writes the causes into a `<ros2_control>` description: offsets and reductions of its transmissions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""What was found, in a Universal Robots calibration file (`ur_calibration`, `default_kinematics.yaml`): the joints' origins."""
+"""Writes the joints' origins into a Universal Robots calibration file (`ur_calibration`,
+`default_kinematics.yaml`)."""
 
 from __future__ import annotations
 

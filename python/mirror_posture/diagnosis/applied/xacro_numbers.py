@@ -1,4 +1,4 @@
-"""The numbers of xacro files that can be changed, each in its place in the text."""
+"""The numbers of xacro files that can be changed, with their places in the text."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A robot written in xacro: its files as text, and the URDF that the package `xacro` makes of them."""
+"""A robot written in xacro: its files as text, and the URDF into which the package `xacro` expands them."""
 
 from __future__ import annotations
 
