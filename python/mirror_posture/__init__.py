@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from .robot import Robot
     from .session import Session, SessionError, load_session, write_session
 
-# Loaded when first asked for: OpenCV and Arrow take longer to load than most commands run.
+# Loaded at first use: OpenCV and Arrow take longer to load than most commands run.
 _HOME = {
     "Board": "board",
     "Camera": "camera",

@@ -26,8 +26,8 @@ LONGEST_SHOWN = 60
 def checked_arguments(function: Callable[P, R]) -> Callable[P, R]:
     """Checks the arguments of a public function or method against its annotations, before it does anything.
 
-    Values (ranges, shapes, names) are the function's own to check; what the compiled core refuses to convert is told
-    as a `MirrorPostureError` as well.
+    The function itself checks values (ranges, shapes, names). What the compiled core refuses to convert is
+    reported as a `MirrorPostureError` as well.
     """
     signature = inspect.signature(function)
 
@@ -82,7 +82,7 @@ def _hints(function: Callable[..., Any]) -> dict[str, Any]:
 
 
 def _fits(value: object, hint: Any) -> bool:
-    """Whether a value is of an annotation's type; True where the annotation says too little."""
+    """Whether a value has an annotation's type; True where the annotation is not specific enough."""
     origin, parts = typing.get_origin(hint), typing.get_args(hint)
     if hint is None or hint is NoneType:
         return value is None

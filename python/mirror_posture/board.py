@@ -36,7 +36,8 @@ class Board:
     link: str = ""
     """The link that it is fixed to; empty where there is no robot."""
     tolerance_m: float | None = None
-    """One standard deviation by which the real place may differ from the URDF's; 0: exact; None: not said."""
+    """One standard deviation by which the real place may differ from the URDF's; 0: exact; None: not
+    stated."""
     tolerance_rad: float | None = None
 
     def __post_init__(self) -> None:

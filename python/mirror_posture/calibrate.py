@@ -1,8 +1,9 @@
 """Calibrating the camera-board transform: from mirror views alone, or with a second camera as in the paper.
 
-`camera_from_board` is (4, 4). Its covariance (6, 6) is in the tangent `camera_from_board ∘ (Exp ω, v)`, rotation first (rad,
-m). Corners are `(V, nx * ny, 2)` px in the order `index = iy * nx + ix` of their TRUE labels, a pair of NaN where a corner was
-not seen. Every function raises `MirrorPostureError` for what it cannot do, with what was got and what was needed.
+`camera_from_board` is (4, 4). Its covariance (6, 6) is in the tangent `camera_from_board ∘ (Exp ω, v)`,
+rotation first (rad, m). Corners are `(V, nx * ny, 2)` px in the order `index = iy * nx + ix` of their TRUE
+labels, a pair of NaN where a corner was not seen. Every function raises `MirrorPostureError` for what it
+cannot do, with what was given and what was required.
 """
 
 from __future__ import annotations
@@ -44,12 +45,14 @@ class WeakDirection(ShortRepr):
 class CameraBoardCalibration(ShortRepr):
     """A camera-board transform from mirror views.
 
-    `views` are the rows that took part, `reasons` says why the others did not. `normals` (U, 3), `offsets_m` (U,) and
-    `plane_covariances_m2` (U, 3, 3, of the foot points) are their mirrors in the camera frame. `reprojection_mean_px` is the mean
-    length of all corners' residuals, `view_rms_px` (U,) the RMS length by view, `corner_std_px` the standard deviation of a corner along
-    one axis that the covariance rests on. `warning` names the directions that the views hardly show and says what to do
-    (None where all are known well); `weak_direction` is the worst of them. `determined` is False where some direction is not shown at
-    all: it is then held near the closed form by a prior of 0.3 rad and 0.3 m.
+    `views` are the rows that were used, `reasons` says why the others were not. `normals` (U, 3),
+    `offsets_m` (U,) and `plane_covariances_m2` (U, 3, 3, of the foot points) are their mirrors in the
+    camera frame. `reprojection_mean_px` is the mean length of all corners' residuals, `view_rms_px` (U,)
+    the RMS length by view, `corner_std_px` the standard deviation of a corner along one axis, from which
+    the covariance is computed. `warning` names the directions that the views hardly determine and says what
+    to do (None where all are known well); `weak_direction` is the worst of them. `determined` is False
+    where some direction is not determined at all: a prior of 0.3 rad and 0.3 m then holds it near the
+    closed form.
     """
 
     camera_from_board: Array
@@ -73,8 +76,8 @@ class CameraBoardCalibration(ShortRepr):
 class SecondCameraCalibration(ShortRepr):
     """A camera-board transform from K snapshots of a second camera.
 
-    `chi_squared` sums the snapshots' squared normalised deviations from the mean; it should be about `degrees_of_freedom`
-    = 6 (K - 1). The `snapshot_…` arrays say what each snapshot alone gives.
+    `chi_squared` sums the snapshots' squared normalised deviations from the mean; it should be about
+    `degrees_of_freedom` = 6 (K - 1). The `snapshot_…` arrays are the results of each snapshot alone.
     """
 
     camera_from_board: Array
@@ -92,7 +95,7 @@ class SecondCameraCalibration(ShortRepr):
 
 
 def _weakness(core: _core.CameraBoardCalibration | _core.SecondCameraCalibration) -> dict[str, Any]:
-    """The fields that tell what is known badly."""
+    """The fields that describe the poorly known directions."""
     translation, rotation, weak, warning = core.weakness
 
     def direction(parts: _core._Direction) -> WeakDirection:
@@ -154,10 +157,12 @@ def calibrate_with_second_camera(
     stand_in_second_camera_px: npt.ArrayLike,
     chest_in_second_camera_px: npt.ArrayLike,
 ) -> SecondCameraCalibration:
-    """The transform the paper's way: `camera_from_stand · second_from_stand⁻¹ · second_from_chest` of each of K snapshots.
+    """The transform the paper's way: `camera_from_stand · second_from_stand⁻¹ · second_from_chest` of each
+    of K snapshots.
 
-    A second camera sees the board on the chest and a board that stands in the robot's view; both are seen directly. Between
-    snapshots the second camera and the standing board may move. Corners are `(K, n, 2)` px of each board in each picture.
+    A second camera sees the board on the chest and a board in the robot's view; both are seen directly.
+    Between snapshots the second camera and the other board may move. Corners are `(K, n, 2)` px of each
+    board in each picture.
     """
     core = _core.calibrate_second_camera(
         robot_camera.core,

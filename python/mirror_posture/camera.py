@@ -22,12 +22,14 @@ __all__ = ["Camera"]
 class Camera:
     """A camera with lens distortion, pinhole or fisheye.
 
-    Optical frame with z forward, x right, y down; pixel (0, 0) is the centre of the top-left pixel. `distortion_model` is
-    `none`, `plumb_bob` (k1 k2 p1 p2 k3), `rational_polynomial` (k1 k2 p1 p2 k3 k4 k5 k6) or `equidistant` (k1 k2 k3 k4: the fisheye of Kannala
-    and Brandt, for what lies before the camera), in OpenCV's meaning of them.
+    Optical frame with z forward, x right, y down; pixel (0, 0) is the centre of the top-left pixel.
+    `distortion_model` is `none`, `plumb_bob` (k1 k2 p1 p2 k3), `rational_polynomial` (k1 k2 p1 p2 k3 k4 k5
+    k6) or `equidistant` (k1 k2 k3 k4: the fisheye of Kannala and Brandt, for points in front of the
+    camera), in OpenCV's meaning.
 
-    Raises `MirrorPostureError` for numbers that make no camera: sizes and focal lengths above 0, as many finite
-    coefficients as the lens model has, and a distortion that can be inverted all over the picture.
+    Raises `MirrorPostureError` for invalid parameters: sizes and focal lengths must be above 0, there must
+    be as many finite coefficients as the lens model has, and the distortion must be invertible all over the
+    picture.
     """
 
     size_px: tuple[int, int]
@@ -91,7 +93,7 @@ class Camera:
         return cls(size_px, focal, center, model, tuple(coefficients), name)
 
     def __getstate__(self) -> dict[str, Any]:
-        # The compiled camera and what was cached are made again.
+        # The compiled camera and cached values are created again.
         return {name: getattr(self, name) for name in self.__dataclass_fields__}
 
     def __setstate__(self, state: dict[str, Any]) -> None:

@@ -19,7 +19,7 @@ CELLS = (8, 6)
 """The picture in cells, across and down: a lens is known where corners were."""
 GOOD_COVERAGE = 0.6
 GOOD_TILT_DEG = 25.0
-"""Pictures face-on alone cannot tell the focal length from the distance."""
+"""Pictures face-on alone cannot separate the focal length from the distance."""
 OUTLIER = 3.0
 """A view whose residual is this many times the median's was detected wrongly, or the board bent."""
 GOOD_FOCAL = 0.003
@@ -43,7 +43,7 @@ class CameraCalibration:
     """Share of the picture's cells in which corners were."""
     largest_tilt_rad: float
     weak: tuple[str, ...]
-    """What to do better, in words; empty where all is well."""
+    """What to improve, in words; empty where everything is good."""
 
 
 def calibrate_camera(

@@ -6,10 +6,11 @@ from typing import Any
 
 
 class PickledWhole:
-    """An error that comes back from pickling as it was, whatever its `__init__` takes.
+    """An error that is restored from pickling unchanged, whatever its `__init__` takes.
 
-    Python would call the class with the message alone. Here the message and the fields are put back without `__init__`; the
-    fields come after the error itself, so that one of them may hold the error again (all problems of a session).
+    Python would call the class with the message alone. Here the message and the fields are restored without
+    `__init__`. The fields come after the error itself, so that one of them may contain the error again (all
+    problems of a session).
     """
 
     args: tuple[Any, ...]

@@ -10,7 +10,8 @@ if TYPE_CHECKING:
 
 
 def literal(drawn: Figure) -> None:
-    """All texts of a figure as they stand, names with dollars included; labels of logarithmic axes keep their powers."""
+    """Shows all texts of a figure literally, names with dollars included; labels of logarithmic axes keep
+    their powers."""
     from matplotlib.text import Text
     from matplotlib.ticker import LogFormatter
 

@@ -8,7 +8,7 @@ import re
 MOST = 80
 """Characters that are kept: with a hash and endings far below the 255 bytes that file systems take."""
 RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?")
-"""What is a device on Windows, whatever its ending."""
+"""Names that are devices on Windows, whatever their ending."""
 
 
 def file_name_of(name: str) -> str:

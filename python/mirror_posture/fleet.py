@@ -140,7 +140,7 @@ def diagnose_packed(
     session: PackedSession, without: Sequence[str] = (), check: Sequence[PackedSession] = (),
     withhold: Sequence[str] = (), most_causes: int | None = None,
 ) -> str:  # fmt: skip
-    """The same of a session that has travelled; what it was unpacked to is removed again."""
+    """The same of a session that was received; its unpacked copy is removed again."""
     with tempfile.TemporaryDirectory(prefix="mirror-posture-") as name:
         below = Path(name)
         others = [other.unpack(below / f"check-{i}") for i, other in enumerate(check)]
@@ -154,8 +154,7 @@ def on_fleet(scheduler: str, tls: Tls | None = None) -> Iterator[Executor]:
     Without `tls` a `tls://` address uses the certificates of Dask's own configuration.
 
     Raises:
-        MirrorPostureError: `distributed` is not installed, nobody answers at the address, or a worker has another
-            version of this package.
+        MirrorPostureError: `distributed` is not installed, there is no answer at the address, or a worker has another version of this package.
     """
     try:
         from distributed import Client
@@ -167,7 +166,7 @@ def on_fleet(scheduler: str, tls: Tls | None = None) -> Iterator[Executor]:
         client = Client(
             scheduler, timeout=CONNECT_SECONDS, set_as_default=False, security=_security(scheduler, tls)
         )
-    # Certificates that are missing or of somebody else are errors of several kinds.
+    # Missing or foreign certificates raise errors of several kinds.
     except (OSError, ValueError, RuntimeError, TypeError) as error:
         raise MirrorPostureError(
             f"--scheduler {scheduler}: no scheduler answers there ({error}); start one with `dask scheduler`"

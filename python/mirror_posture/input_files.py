@@ -20,7 +20,7 @@ LARGEST_TEXT = 1_000_000
 LARGEST_MODEL = 64_000_000
 """Bytes of a URDF at most, as in the core."""
 LARGEST_TABLE = 256_000_000
-"""Bytes of a table at most; text cells take about twice as much in memory."""
+"""Largest size of a table, bytes; text cells take about twice as much in memory."""
 MOST_YAML_PARTS = 20_000
 """Keys, values and lists of a YAML text at most."""
 DEEPEST_YAML = 20
@@ -61,7 +61,7 @@ def open_regular(file: Path, largest: int) -> IO[bytes]:
     Raises:
         OSError: as `read_regular`.
     """
-    # Without O_NONBLOCK, opening a named pipe waits for somebody to write to it.
+    # Without O_NONBLOCK, opening a named pipe waits until something writes to it.
     handle = os.open(file, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
     kind = os.fstat(handle)
     if not stat.S_ISREG(kind.st_mode) or kind.st_size > largest:
@@ -86,7 +86,7 @@ def read_text(file: Path, largest: int = LARGEST_TEXT) -> str:
 
 
 def reason(error: Exception) -> str:
-    """What an error of reading says, in one line, without the path."""
+    """The message of a reading error, in one line, without the path."""
     text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
     return " ".join(text.split()) or type(error).__name__
 

@@ -45,7 +45,8 @@ class Marker:
     color: ColorRange | None = None
     """None for a marker that is not looked for in pictures."""
     tolerance_m: float | None = None
-    """One standard deviation by which the real place may differ from the URDF's; 0: exact; None: not said."""
+    """One standard deviation by which the real place may differ from the URDF's; 0: exact; None: not
+    stated."""
 
 
 def _is_number(value: object) -> bool:

@@ -42,10 +42,11 @@ class GlassArguments(TypedDict, total=False):
 
 @dataclass(frozen=True)
 class Mirror:
-    """How a mirror is made: a pane of glass, silvered behind; a thickness of 0 m is a front-surface mirror.
+    """The mirror's construction: a pane of glass, silvered behind; a thickness of 0 m is a front-surface
+    mirror.
 
-    Its size and where its centre stands (in the root's frame) are for plans and pictures, None where nobody told; no fit
-    uses them: where a mirror stood is estimated from the board's reflection.
+    Its size and its centre's place (in the root's frame) are for plans and pictures, None where they are
+    not stated. No fit uses them: a mirror's plane is estimated from the board's reflection.
     """
 
     glass_thickness_m: float = 0.0
@@ -61,7 +62,7 @@ class Mirror:
 
 
 IDEAL_MIRROR = Mirror()
-"""A front-surface mirror: what is assumed where a session says nothing."""
+"""A front-surface mirror: the default of a session that states nothing."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -99,11 +100,12 @@ class Rig(ShortRepr):
 class MirrorEstimates(ShortRepr):
     """Mirrors of N views.
 
-    `covariances_m2` (N, 3, 3) of the foot points is the sum of `measurement_covariances_m2` (the view's own noise) and
-    of what the camera-board transform's covariance adds through `foot_by_camera_from_board` (N, 3, 6), which the
-    views share. `camera_from_virtual` (N, 4, 4) is the reflection, or Eq. 1's map for the estimator `pose` (whose plane
-    is that of the nearest reflection). `rms_px` is the RMS length of the corners' residuals, `noise_px` the standard
-    deviation of one axis that the covariance rests on.
+    `covariances_m2` (N, 3, 3) of the foot points is the sum of `measurement_covariances_m2` (the view's own
+    noise) and of the contribution of the camera-board transform's covariance through
+    `foot_by_camera_from_board` (N, 3, 6), which the views share. `camera_from_virtual` (N, 4, 4) is the
+    reflection, or Eq. 1's map for the estimator `pose` (whose plane is that of the nearest reflection).
+    `rms_px` is the RMS length of the corners' residuals, `noise_px` the standard deviation of one axis from
+    which the covariance is computed.
     """
 
     estimator: Estimator
@@ -143,10 +145,11 @@ class VirtualRays(ShortRepr):
 class PlanarPoses(ShortRepr):
     """Poses of a flat board in N views.
 
-    `camera_from_pattern` (N, 4, 4) maps (x, y, 0) of a corner to where the camera sees it: the board's pose where it is
-    seen directly, the paper's right-handed frame D where it is seen in a mirror. `covariances` (N, 6, 6) in the
-    tangent with rotation first (rad, m). `alternative_rms_px` is the residual of the other pose that explains the
-    view, infinite where there is none: close to `rms_px`, the tilt's sign is not told by the picture.
+    `camera_from_pattern` (N, 4, 4) maps (x, y, 0) of a corner to where the camera sees it: the board's pose
+    where it is seen directly, the paper's right-handed frame D where it is seen in a mirror. `covariances`
+    (N, 6, 6) in the tangent with rotation first (rad, m). `alternative_rms_px` is the residual of the other
+    pose that explains the view, infinite where there is none. If it is close to `rms_px`, the picture does
+    not determine the sign of the tilt.
     """
 
     camera_from_pattern: Array

@@ -41,10 +41,12 @@ Picture = str | os.PathLike[str] | npt.NDArray[np.uint8]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SeenMarkers(ShortRepr):
-    """Markers of one posture, measured in several views: `positions` has one row a name of `names`, `mirrors` one a picture.
+    """Markers of one posture, measured in several views: `positions` has one row for each of `names`,
+    `mirrors` one for each picture.
 
-    `camera_from_board` (4, 4) is as given, or measured, and then `camera_from_board_covariance` (6, 6) is its covariance, rotation first (rad, m).
-    `unseen` says for each name why a view (its index) does not show it, `warnings` what was widened and why.
+    `camera_from_board` (4, 4) is as given, or measured, and then `camera_from_board_covariance` (6, 6) is
+    its covariance, rotation first (rad, m). `unseen` says for each name why a view (its index) does not
+    show it, `warnings` which deviations were increased and why.
     """
 
     names: tuple[str, ...]
@@ -66,14 +68,17 @@ def mirror_from_picture(
     glass_thickness_m: float = 0.0,
     gate: GateOptions | None = None,
 ) -> MirrorEstimates:
-    """The mirror in one picture, a path or a BGR array: the plane `n·x = d` in the camera frame, m, with the covariance of its foot point.
+    """The mirror in one picture, a path or a BGR array: the plane `n·x = d` in the camera frame, m, with
+    the covariance of its foot point.
 
-    The picture shows the board and its reflection: the first tells where the board is, both together where the mirror is (maximum likelihood). With a
-    known `camera_from_board` (4, 4) the reflection is enough, and pictures that were mirrored or turned are named; without it they cannot be told, a chessboard looks alike in a mirror. The result has one row. Where its corners lie farther from any mirror's than their noise, the covariance is widened to
-    what they show.
+    The picture shows the board and its reflection. The direct view gives the board's pose, both together
+    give the mirror (maximum likelihood). With a known `camera_from_board` (4, 4) the reflection is
+    sufficient, and mirrored or rotated pictures are named. Without it they cannot be detected, because a
+    chessboard looks alike in a mirror. The result has one row. If its corners fit no mirror within their
+    noise, the covariance is increased to match the residuals.
 
-    Raises `MirrorPostureError` for a picture that cannot be read or is of another size than the camera's, and where a view is not found or cannot
-    be trusted: the message says which and why.
+    Raises `MirrorPostureError` for a picture that cannot be read or has another size than the camera's, and
+    where a view is not found or is not reliable: the message says which and why.
     """
     found = _seen(camera, board, (), picture, camera_from_board, gate)
     mirrored = _trusted(found, "mirror")
@@ -95,7 +100,8 @@ def mirrors_from_pictures(
     glass_thickness_m: float = 0.0,
     gate: GateOptions | None = None,
 ) -> tuple[MirrorEstimates | MirrorPostureError, ...]:
-    """`mirror_from_picture` of each picture, in the order given; the error that says why in place of a mirror that was not measured."""
+    """`mirror_from_picture` of each picture, in the given order; an error with the reason in place of a
+    mirror that was not measured."""
     found: list[MirrorEstimates | MirrorPostureError] = []
     for picture in pictures:
         try:
@@ -125,13 +131,16 @@ def markers_from_views(
     glass_thickness_m: float = 0.0,
     gate: GateOptions | None = None,
 ) -> SeenMarkers:
-    """Balls' places in the camera frame, m, with covariance, from two or more pictures in which only the mirror moved.
+    """Balls' places in the camera frame, m, with covariance, from two or more pictures in which only the
+    mirror moved.
 
-    Camera, board and balls stay as they are to each other; each picture shows the board's reflection (and, where `camera_from_board` (4, 4) is not given, the
-    board itself) and the balls in the mirror. Each ball's virtual rays meet at the ball (maximum likelihood). A marker that fewer than two
-    pictures show is masked with its reason.
+    Camera, board and balls stay fixed to each other. Each picture shows the board's reflection (and, where
+    `camera_from_board` (4, 4) is not given, the board itself) and the balls in the mirror. Each ball's
+    virtual rays meet at the ball (maximum likelihood). A marker that fewer than two pictures show is masked
+    with its reason.
 
-    Raises `MirrorPostureError` for fewer than two pictures, one that cannot be read, and where a view of the board is not found or cannot be trusted.
+    Raises `MirrorPostureError` for fewer than two pictures, one that cannot be read, and where a view of
+    the board is not found or is not reliable.
     """
     if len(pictures) < 2:
         raise MirrorPostureError(

@@ -29,18 +29,20 @@ except ImportError:  # pragma: no cover - Windows
     fcntl = None  # type: ignore[assignment]
 
 WINDOWS = os.name == "nt"
-"""There folders cannot be opened, files that are open cannot be renamed, and what is synced must be open for writing."""
+"""On Windows folders cannot be opened, open files cannot be renamed, and a file must be open for writing to
+be synced."""
 PART = ".part"
-"""Ending of what is not whole yet."""
+"""Ending of a file that is not complete yet."""
 MIXED = ".being-replaced"
-"""A file of this name in a folder says that its files are being exchanged one by one: it is gone when all are there."""
+"""A file of this name in a folder means that its files are being exchanged one by one; it is removed when
+all are there."""
 
 
 def write_file(file: str | os.PathLike[str], data: bytes | str) -> Path:
     """Writes a file in one step; text in UTF-8. Returns its path.
 
     Raises:
-        MirrorPostureError: it cannot be written; what was there before is there still.
+        MirrorPostureError: it cannot be written; the old file is still there.
     """
     with new_file(file) as part:
         part.write_bytes(data.encode("utf-8") if isinstance(data, str) else data)
@@ -84,16 +86,16 @@ def new_file(file: str | os.PathLike[str]) -> Iterator[Path]:
 
 @contextmanager
 def new_folder(folder: str | os.PathLike[str], owned: Sequence[str] | None = None) -> Iterator[Path]:
-    """A folder beside the folder's place, which takes its place at the end of the block.
+    """A temporary folder beside the folder's place, which takes its place at the end of the block.
 
-    `owned` are patterns of the names that the folder's writer makes: files of these names that are there from an earlier run go,
-    all others stay. None: whatever is there is replaced.
+    `owned` are patterns of the names that the folder's writer makes: files of these names from an earlier
+    run are removed, all others stay. None: everything there is replaced.
 
-    Where others' files lie there, the new ones are moved in one after the other, and the file `MIXED` stands there meanwhile;
-    else the whole folder is exchanged in one step.
+    If others' files are there, the new ones are moved in one after the other, and the file `MIXED` exists
+    meanwhile; otherwise the whole folder is exchanged in one step.
 
     Raises:
-        MirrorPostureError: it cannot be written; what was there before is there still.
+        MirrorPostureError: it cannot be written; the old folder is still there.
     """
     folder = Path(folder)
     part: Path | None = None
@@ -119,12 +121,13 @@ def new_folder(folder: str | os.PathLike[str], owned: Sequence[str] | None = Non
 
 
 def keep_files(folder: Path, part: Path, besides: Sequence[str]) -> None:
-    """Everything of a folder in a new one, as links to the same files, but for those of some names (patterns of paths in it).
+    """Everything of a folder in a new one, as links to the same files, except those of some names (patterns
+    of paths in it).
 
-    To be used within `new_folder`: what is kept must not be written into, only replaced.
+    To be used within `new_folder`: the linked files must not be written into, only replaced.
 
     Raises:
-        MirrorPostureError: something there is neither a file nor a folder nor a link.
+        MirrorPostureError: an entry is neither a file nor a folder nor a link.
     """
     for path in sorted(folder.rglob("*")):
         name = path.relative_to(folder)
@@ -156,7 +159,7 @@ def _publish(part: Path, place: Path, owned: Sequence[str] | None) -> None:
         return
     if not place.is_dir():
         raise MirrorPostureError(f"{place}: is a file, needed a folder; give another name")
-    # A folder in which somebody stands must stay the same folder.
+    # A folder that is a process's working directory must stay the same folder.
     stands_in_it = Path.cwd().is_relative_to(place)
     others = owned is not None and any(not _is_owned(path.name, owned) for path in place.iterdir())
     if not others and not stands_in_it and _exchange(part, place):
@@ -205,7 +208,7 @@ def _exchange(part: Path, place: Path) -> bool:
 
 
 def _by_two_renames(part: Path, place: Path) -> None:
-    """Between the two the place is empty, and the old folder beside it."""
+    """Between the two renames the place is empty, and the old folder is beside it."""
     old = Path(tempfile.mkdtemp(dir=place.parent, prefix=f".{place.name}-old-", suffix=PART))
     os.replace(place, old / place.name)
     try:
@@ -279,7 +282,7 @@ def _sync(path: Path) -> None:
 
 
 def sync_folder(folder: Path) -> None:
-    """Waits until a folder's list of names is on the disk, where a system lets one ask for that."""
+    """Waits until a folder's list of names is on disk, where the system allows that."""
     _sync(folder)
 
 

@@ -167,10 +167,10 @@ class Painter:
     def draw(
         self, link_poses: LinkPoses, plane: MirrorPlane, options: PictureOptions | None = None, seed: int = 0
     ) -> Drawn:
-        """Draws the robot with its links at these poses (`root_from_link`, (4, 4)) before a mirror.
+        """Renders the robot with its links at these poses (`root_from_link`, (4, 4)) in front of a mirror.
 
-        The poses may come from anywhere, a simulator say: what bends or gives way there is seen in the picture.
-        The same input gives the same picture.
+        The poses may come from anywhere, for example a simulator: what bends or yields there is visible in
+        the picture. The same input gives the same picture.
         """
         o = options or PictureOptions()
         picture, truth = self.maker.draw(

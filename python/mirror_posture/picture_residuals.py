@@ -28,10 +28,12 @@ TAKEN_UP = 2.5
 def tested_mirrors(
     rig: Rig, corners_px: npt.NDArray[np.float64], noise_px: float, sources: Sequence[str]
 ) -> tuple[MirrorEstimates, tuple[str, ...]]:
-    """Mirrors of views (V, N, 2) px; where corners lie farther from any mirror's than their noise, noise and the board's pose are widened to what they show, and a warning says so.
+    """Mirrors of views (V, N, 2) px. If corners fit no mirror within their noise, the deviations of noise
+    and the board's pose are increased to match the residuals, with a warning.
 
-    What all corners share (a shutter that rolls, a bent board, another lens) turns a plane as a whole: it is no noise that many corners average out.
-    Raises `MirrorPostureError` where no mirror explains a view, with the usual mistake that would.
+    An error that all corners share (a rolling shutter, a bent board, another lens) turns a plane as a
+    whole; averaging over many corners does not reduce it. Raises `MirrorPostureError` where no mirror
+    explains a view, with the usual mistake that would.
     """
     mirrors = estimate_mirrors(rig, corners_px, noise_px=noise_px)
     corners = corners_px.shape[1]
@@ -81,7 +83,8 @@ def _views(rig: Rig, corners_px: npt.NDArray[np.float64]) -> Views:
 
 
 def agreeing_views(part: MarkerPositions, freedom: int) -> MarkerPositions:
-    """A marker whose views disagree is widened, and masked where they cannot be of one point."""
+    """The deviation of a marker whose views disagree is increased; it is masked if they cannot be of one
+    point."""
     if freedom <= 0 or not part.valid[0] or not np.isfinite(part.chi_squared[0]):
         return part
     covariances, (reason,) = widen_markers(part.covariances_m2, part.chi_squared, np.array([freedom]))

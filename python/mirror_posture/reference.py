@@ -166,7 +166,7 @@ def _diagnosis_page() -> str:
 
 
 def _type_in_words(hint: str) -> str:
-    """A Python type as readers of JSON say it: `tuple[Cause, ...]` as `list of Cause`."""
+    """A Python type in the terms of JSON: `tuple[Cause, ...]` as `list of Cause`."""
     for pattern, words in (
         (r"tuple\[(\w+(?:\[[^\[\]]*\])?), \.\.\.\]", r"list of \1"),
         (r"tuple\[([^\[\]]*)\]", r"list of \1"),

@@ -37,7 +37,7 @@ TRUTH_CONVENTIONS = (
 )
 
 SECONDS_A_FRAME = 2.0
-"""Time from picture to picture that frames.csv tells."""
+"""Time between pictures in frames.csv."""
 
 
 DEMO_JOINTS = (
@@ -66,7 +66,7 @@ DEMO_VIEWS = (
     View(yaw_rad=math.radians(-6.0), pitch_rad=math.radians(9.0)),
 )
 DEMO_OFFSETS_RAD: Positions = {"r_shoulder_roll": math.radians(2.5), "l_elbow": math.radians(-2.0)}
-"""What the demonstration hides: how far the actual joint stands from its command."""
+"""The hidden errors of the demonstration: actual joint position minus command."""
 
 
 @checked_arguments
@@ -85,15 +85,16 @@ def render_session(
     overwrite: bool = False,
     progress: Callable[[int, int], None] | None = None,
 ) -> Path:
-    """Draws each posture in each view and writes a session with pictures, and truth.json beside them.
+    """Renders each posture in each view and writes a session with pictures, and truth.json beside them.
 
-    `postures` are COMMANDED joint positions (rad), frames run posture by posture through the `views`. What is hidden
-    from the model comes in one of three ways: `offsets_rad` (actual = commanded + offset), `actual(frame, commanded)`
-    (actual positions), or `link_poses(frame, commanded)` (`root_from_link` (4, 4) of each link, from a simulator).
-    `model_glass_thickness_m` is what session.toml claims of the mirror; by default the truth.
-    `progress(done, total)` is called after each picture. The folder is written whole or not at all; it is returned.
+    `postures` are COMMANDED joint positions (rad); frames run posture by posture through the `views`.
+    Errors that the model does not contain are given in one of three ways: `offsets_rad` (actual = commanded
+    + offset), `actual(frame, commanded)` (actual positions), or `link_poses(frame, commanded)`
+    (`root_from_link` (4, 4) of each link, from a simulator). `model_glass_thickness_m` is the mirror's
+    glass in session.toml; by default the true one. `progress(done, total)` is called after each picture.
+    The folder is written whole or not at all; its path is returned.
 
-    Raises `MirrorPostureError` for unknown joints, no postures or views, or a folder that is there already.
+    Raises `MirrorPostureError` for unknown joints, no postures or views, or an existing folder.
     """
     if not postures or not views:
         raise MirrorPostureError(

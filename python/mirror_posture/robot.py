@@ -37,10 +37,11 @@ class Link:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Joint(ShortRepr):
-    """A joint between two links: `parent_from_child(θ) = parent_from_joint ∘ motion(θ)` about or along `axis`.
+    """A joint between two links: `parent_from_child(θ) = parent_from_joint ∘ motion(θ)` about or along
+    `axis`.
 
-    `lower` and `upper` are rad (m for a prismatic joint), infinite where there is no limit. A movable joint stands at
-    `θ = multiplier · q[position] + offset`; a fixed one has no `position`.
+    `lower` and `upper` are rad (m for a prismatic joint), infinite where there is no limit. The position of
+    a movable joint is `θ = multiplier · q[position] + offset`; a fixed one has no `position`.
     """
 
     name: str
@@ -67,7 +68,7 @@ class ChainStep:
 class Robot:
     """A robot: an immutable, validated tree of links and joints.
 
-    Links stand in depth-first order, the root first; joint j carries link j + 1.
+    Links are in depth-first order, the root first; joint j carries link j + 1.
     """
 
     def __init__(self, core: _core.Robot, urdf: str) -> None:
@@ -201,9 +202,11 @@ class Robot:
 
     @checked_arguments
     def link_poses(self, positions: npt.ArrayLike, links: Sequence[str]) -> Array:
-        """Poses `root_from_link` of some links in N postures: `(N, len(links), 4, 4)`, in the order of `links`.
+        """Poses `root_from_link` of some links in N postures: `(N, len(links), 4, 4)`, in the order of
+        `links`.
 
-        Of a large batch of all links most time goes into writing them to memory; this writes what is asked for.
+        For a large batch of all links most time is spent on writing them to memory; this writes only the
+        requested ones.
         """
         return self.core.link_poses(positions, list(links))
 
@@ -236,7 +239,8 @@ class Robot:
     ) -> Array:
         """Derivatives of `points` by the positions: `(N, 3, nq)`, m/rad (m/m for prismatic joints).
 
-        `in_link` may be any link, the camera's, say. Mimic joints add to the column of the joint that drives them.
+        `in_link` may be any link, for example the camera's. Mimic joints add to the column of the joint
+        that drives them.
         """
         return self.core.point_jacobians(positions, in_link, link, point_in_link_m)
 

@@ -34,7 +34,8 @@ def rpy_of_rotation(rotation: Floats) -> Floats:
 
 
 def nearest_rpy(rotation: Floats, near_rpy_rad: Floats) -> Floats:
-    """Of the angles that say a rotation those that are nearest to given ones: (r, p, y) and (r + π, π − p, y + π) say the same."""
+    """Of the equivalent angles of a rotation, (r, p, y) and (r + π, π − p, y + π), those that are nearest
+    to given ones."""
     roll, pitch, yaw = rpy_of_rotation(rotation)
     both = np.array([[roll, pitch, yaw], [roll + math.pi, math.pi - pitch, yaw + math.pi]])
     both -= 2.0 * math.pi * np.round((both - near_rpy_rad) / (2.0 * math.pi))

@@ -9,7 +9,7 @@ import numpy as np
 
 Record = TypeVar("Record")
 LONGEST = 60
-"""Characters of one field; longer ones are told by their kind and size."""
+"""Characters of one field; longer ones are shown by their kind and size."""
 
 
 class ShortRepr:
@@ -42,6 +42,6 @@ def _short(value: Any) -> str:
 
 
 def from_core(kind: type[Record], core: Any, **others: Any) -> Record:
-    """A dataclass filled from what the core gives: fields of the same names, and the others as they are told."""
+    """A dataclass filled from the core's results: fields of the same names, and the others as given."""
     names = (field.name for field in dataclasses.fields(kind))  # type: ignore[arg-type]
     return kind(**{name: others[name] if name in others else getattr(core, name) for name in names})

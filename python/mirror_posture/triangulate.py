@@ -1,7 +1,9 @@
-"""Marker positions from virtual rays: the paper's midpoint, closed forms, maximum likelihood, with covariance.
+"""Marker positions from virtual rays: the paper's midpoint, closed forms, maximum likelihood, with
+covariance.
 
-All in the camera frame, m. A marker without a result is masked: `valid` is False, its numbers are NaN and `reasons`
-says why (too little parallax, with the angle there is and the angle needed; a point behind the mirror; …).
+All in the camera frame, m. A marker without a result is masked: `valid` is False, its numbers are NaN and
+`reasons` says why (too little parallax, with the actual and the required angle; a point behind the mirror;
+…).
 """
 
 from __future__ import annotations
@@ -31,9 +33,10 @@ TRIANGULATORS: tuple[Triangulator, ...] = ("midpoint", "lee_civera_mid2", "unbia
 class MarkerPositions(ShortRepr):
     """Positions of M markers.
 
-    `covariances_m2` (M, 3, 3) holds the noise of pixels and corners (`measurement_covariances_m2`) and the covariance of
-    the camera-board transform, through `point_by_camera_from_board` (M, 3, 6). `parallax_rad` is the widest angle between two
-    of a marker's rays. `rms_px` and `chi_squared` (2 V − 3 degrees of freedom) are of maximum likelihood alone, NaN elsewhere.
+    `covariances_m2` (M, 3, 3) contains the noise of pixels and corners (`measurement_covariances_m2`) and
+    the covariance of the camera-board transform, through `point_by_camera_from_board` (M, 3, 6).
+    `parallax_rad` is the largest angle between two of a marker's rays. `rms_px` and `chi_squared` (2 V − 3
+    degrees of freedom) are of maximum likelihood alone, NaN otherwise.
     """
 
     triangulator: Triangulator

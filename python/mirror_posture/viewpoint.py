@@ -7,12 +7,13 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class View:
-    """Where the mirror stands before the robot.
+    """The mirror's pose in front of the robot.
 
-    At `yaw_rad = pitch_rad = 0` the chest board faces it squarely. The unit normal, from the robot to the mirror, is
-    `(cos p cos y, cos p sin y, sin p)` in the root's frame (x forward, y left, z up): a positive yaw is the robot turned
-    to its right, so that its right hand comes nearer to the picture's middle; a positive pitch is a mirror whose top
-    leans towards the robot. `distance_m` is that of the board's centre from the mirror's front face.
+    At `yaw_rad = pitch_rad = 0` the chest board faces it squarely. The unit normal, from the robot to the
+    mirror, is `(cos p cos y, cos p sin y, sin p)` in the root's frame (x forward, y left, z up): a positive
+    yaw is the robot turned to its right, so that its right hand comes nearer to the picture's middle; a
+    positive pitch is a mirror whose top leans towards the robot. `distance_m` is that of the board's centre
+    from the mirror's front face.
     """
 
     yaw_rad: float = 0.0

@@ -31,30 +31,31 @@ Floats = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
 IN_URDF = ("axis_tilt", "joint_offset")
-"""Effects that a URDF can say and that turn links. In this order: an offset turns about the real axis."""
+"""Effects that a URDF can represent and that turn links. In this order, because an offset turns about the
+real axis."""
 LENGTH_OFF = 0.05
 """A median length that differs from |g| by this share is more than a sensor's scale: a wrong unit, most likely."""
 FEWEST_FOR_MOUNT = 4
-"""Frames: with fewer, the mounting's three angles can take up most of what two directions each say."""
+"""Frames: with fewer, the mounting's three angles can absorb most of the two directions of each."""
 POINTS_DOWN = 0.5
-"""Readings that fit turned over so many times better than as they are point down."""
+"""Readings that fit this many times better when inverted point down."""
 
 
 @dataclass(frozen=True)
 class AccelerometerWitnesses:
-    """One entry for each accelerometer, as `accelerometer_witness` of diagnosis.json has it, and what is odd."""
+    """One entry for each accelerometer, as `accelerometer_witness` of diagnosis.json, and unusual findings."""
 
     entries: tuple[dict[str, Any], ...]
     warnings: tuple[str, ...]
 
 
 def accelerometer_witness(session: Session, found: Diagnosis) -> AccelerometerWitnesses:
-    """What each accelerometer of a session says of a diagnosis that did not see it.
+    """Compares each accelerometer of a session with a diagnosis that did not use it.
 
-    An entry has `link`, `named` (whether a named cause turns the link against the root), `frames`, `before_rad`,
-    `after_rad`, `before_mount_free_rad`, `after_mount_free_rad` (None with fewer than 4 frames), and
-    `median_m_per_s2`, the readings' median length. Frames in which a cause's error is not known, since no marker
-    beyond it was seen, count neither before nor after.
+    An entry has `link`, `named` (whether a named cause turns the link relative to the root), `frames`,
+    `before_rad`, `after_rad`, `before_mount_free_rad`, `after_mount_free_rad` (None with fewer than 4
+    frames), and `median_m_per_s2`, the readings' median length. Frames in which a cause's error is unknown,
+    because no marker beyond it was seen, are excluded from both.
     """
     frames = session.frames
     gravity = session.gravity_m_per_s2
@@ -114,7 +115,8 @@ def accelerometer_witness(session: Session, found: Diagnosis) -> AccelerometerWi
 
 @dataclass(frozen=True)
 class _Errors:
-    """What the named causes say of the joints: in the URDF, and frame by frame (NaN where a frame does not show it)."""
+    """The named causes' errors of the joints: in the URDF, and frame by frame (NaN where a frame does not
+    show it)."""
 
     robot: Robot
     """With tilted axes and wrong zeros in it."""
@@ -146,7 +148,7 @@ class _Errors:
         bend: dict[str, Floats] = {}
         for signature in found.signatures:
             joint = signature.at.split("<-")[0].removeprefix("joint:")
-            # What the URDF says already does not count twice; what no cause explains does not count.
+            # What is in the URDF already does not count twice; free-form errors do not count.
             if signature.cause is None or found.causes[signature.cause].effect in IN_URDF:
                 continue
             if joint in turning:

@@ -12,7 +12,7 @@ from .result import Diagnosis
 from .vocabulary import IN_WORDS, remedy
 
 AMBIGUOUS = 0.1
-"""A cause with an alternative of at least this probability is not told apart from it by these postures."""
+"""With an alternative of at least this probability, these postures do not separate the cause from it."""
 SHOWN = 0.005
 """Shares and probabilities below this would be shown as 0 %."""
 LARGEST_MEMBERS = 3
@@ -22,7 +22,7 @@ WHO = {
     "setup": ("The set-up", "Measure again, or fasten again, what a person mounted."),
     "data": ("The data", "Correct the log or the recording; the robot is not to blame for these."),
 }
-"""Whom a cause concerns, in the order in which it is told, and what that means."""
+"""Whom a cause concerns, in the order of the page, and what that means."""
 OF_KIND = {"robot": "robot", "setup": "setup", "camera": "setup", "mirror": "setup", "data": "data"}
 OF_PLACE = {"camera": "setup", "board": "setup", "mirror": "setup", "data": "data", "marker": "setup"}
 """For documents whose causes have no kind."""
@@ -37,7 +37,7 @@ class Action:
     what: str
     do: str
     instead: tuple[str, ...]
-    """What it may be instead, with probabilities; empty where these postures tell it apart."""
+    """Its alternatives, with probabilities; empty where these postures separate it from them."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ def what_to_do(cause: Cause) -> str:
 
 
 def is_ambiguous(cause: Cause) -> bool:
-    """Whether these postures do not tell a cause from one of its alternatives."""
+    """Whether these postures cannot separate a cause from one of its alternatives."""
     return any(alternative.probability >= AMBIGUOUS for alternative in cause.alternatives)
 
 

@@ -37,7 +37,7 @@ class FeedForward:
 
     robot: Robot
     left_out: tuple[Cause, ...] = ()
-    """Causes that no command of the joints can mend, or that grow with time."""
+    """Causes that no command of the joints can compensate, or that grow with time."""
     _core: _core.FeedForward = field(kw_only=True, repr=False)
 
     def __call__(self, posture: Mapping[str, float]) -> tuple[dict[str, float], ...]:
@@ -64,17 +64,17 @@ class FeedForward:
         return tuple({name: float(row[0, names.index(name)]) for name in told} for row in rows)
 
     def command(self, posture: Mapping[str, float]) -> dict[str, float]:
-        """The last of the commands: where the joints are told to stay."""
+        """The last of the commands: the final joint positions."""
         return self(posture)[-1]
 
 
 @checked_arguments
 def feed_forward(found: Diagnosis, of: Session | CommandedRobot) -> FeedForward:
-    """The commands that make postures come out right, from the causes at the joints of a diagnosis.
+    """The commands that reach postures, compensated for the causes at the joints of a diagnosis.
 
-    `of` is the session that was diagnosed, or the robot that will be commanded. Taken are the causes whose effect has a law
-    at a joint (`joint_law` of `vocabulary.IN_WORDS`), but for what grows with time, and the joint zeros of `geometry`;
-    the other causes are named in `left_out`.
+    `of` is the session that was diagnosed, or the robot that will be commanded. Used are the causes whose
+    effect has a law at a joint (`joint_law` of `vocabulary.IN_WORDS`), except those that grow with time,
+    and the joint zeros of `geometry`; the other causes are named in `left_out`.
 
     Raises:
         MirrorPostureError: a joint that the robot does not have; an error half as large as the motion itself.

@@ -15,7 +15,8 @@ KEY = "session"
 def fingerprint(session: Session) -> dict[str, str]:
     """SHA-256 of the robot's file and of the frames with their commands.
 
-    Image points have no part in it: they may be detected anew. Line ends have none either: they change between systems.
+    Image points are not included, because they may be detected again; nor are line ends, which differ
+    between systems.
     """
     frames = session.frames
     commands = hashlib.sha256("\n".join(frames.joint_names).encode())
@@ -26,7 +27,7 @@ def fingerprint(session: Session) -> dict[str, str]:
 
 
 def require_same(session: Session, document: object) -> None:
-    """Refuses a diagnosis that says of itself that it is of another session; one that says nothing is taken.
+    """Refuses a diagnosis that states another session; one that states none is accepted.
 
     Raises:
         MirrorPostureError: with what differs.

@@ -32,7 +32,7 @@ UNITS = {
     "scale_error": ("%", 100.0),
     "coupling": ("%", 100.0),
 }
-"""Ending of a parameter's name, its unit for people, and the factor from the SI unit."""
+"""Ending of a parameter's name, its unit for the reader, and the factor from the SI unit."""
 
 
 SLID = {"_rad_per_nm": ("mm/N", 1000.0), "_rad_per_s": ("mm/h", 3.6e6), "_rad": ("mm", 1000.0)}
@@ -40,7 +40,8 @@ SLID = {"_rad_per_nm": ("mm/N", 1000.0), "_rad_per_s": ("mm/h", 3.6e6), "_rad": 
 
 
 def unit_of(name: str, slides: bool) -> tuple[str, float]:
-    """The unit of a parameter for people, and the factor from the SI unit; `slides`: of a prismatic joint."""
+    """The unit of a parameter for the reader, and the factor from the SI unit; `slides`: of a prismatic
+    joint."""
     for ending, unit in UNITS.items():
         if name.endswith(ending):
             return SLID.get(ending, unit) if slides else unit
@@ -48,14 +49,14 @@ def unit_of(name: str, slides: bool) -> tuple[str, float]:
 
 
 TINY = 0.01
-"""Values smaller than this are told in thousandths: zeros behind the point cannot be counted at a glance."""
+"""Below this, values are printed in units of 10⁻³."""
 SIZES = ("width", "spread", "deadband", "thickness", "friction", "compliance", "growth")
-"""Parameters that cannot be negative: a sign would say nothing."""
+"""Parameters that cannot be negative are printed without a sign."""
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """A parameter as people read it."""
+    """A parameter in readable form."""
 
     name: str
     value: str
@@ -67,7 +68,7 @@ class Quantity:
 
 
 def tell(name: str, estimate: Estimate | Member) -> Quantity:
-    """A parameter in people's units; the digits follow its standard deviation."""
+    """A parameter in readable units; the digits follow its standard deviation."""
     unit, factor, short = "", 1.0, name
     for ending in UNITS:
         if name.endswith(ending):
@@ -90,12 +91,12 @@ def tell(name: str, estimate: Estimate | Member) -> Quantity:
 
 
 def is_zero(quantity: Quantity) -> bool:
-    """Whether a quantity and its deviation are zero in the digits shown: a row of zeros says nothing."""
+    """Whether a quantity and its deviation are zero in the digits shown; such rows are left out."""
     return float(quantity.value) == 0.0 and float(quantity.std) == 0.0
 
 
 def tell_all(cause: Cause) -> list[Quantity]:
-    """All parameters of a cause in people's units."""
+    """All parameters of a cause in readable units."""
     return [tell(name, estimate) for name, estimate in cause.parameters.items()]
 
 
@@ -188,7 +189,7 @@ TRACKS = {
     ("camera", "shift"): "By how much the camera is shifted, along its own axes (x right, y down, z ahead)",
     ("camera", "focal"): "Relative error of the focal length",
 }
-"""What a track shows, by kind of place and what is off."""
+"""The quantity of a track, by kind of place and error."""
 
 
 def track_caption(at: str, what: str) -> str:
@@ -213,7 +214,7 @@ DEPENDENCES = {
     "time": "time",
     "posture": "how gravity pulls at it",
 }
-"""Of an unexplained error, on what it depends."""
+"""The variables on which an unexplained error depends, in words."""
 
 
 def dependence(depends_on: str) -> str:

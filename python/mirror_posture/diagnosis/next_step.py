@@ -18,7 +18,8 @@ OFTEN = {
         "history": "a tendon or a harmonic drive that winds up does this: approach one posture from both sides",
     },
 }
-"""What often makes an error without a name, by the kind of its place and what it depends on: what a person can look at first."""
+"""Usual reasons of an unexplained error, by the kind of its place and the variable on which it depends:
+what to inspect first."""
 
 
 def next_step(found: Diagnosis) -> str:
@@ -59,7 +60,7 @@ def next_step(found: Diagnosis) -> str:
 
 
 def _unexplained(found: Diagnosis) -> Place | None:
-    """The first place of which it is known on what what is left there depends."""
+    """The first place with a known dependence of the remainder."""
     return next((where for where in found.where if where.depends_on), None)
 
 

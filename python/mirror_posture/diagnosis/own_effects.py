@@ -64,7 +64,7 @@ class PlaceQuantities(ShortRepr):
     def _of_joint(self, name: str) -> Floats:
         if self._joint is None:
             raise MirrorPostureError(f"{self.at}: has no joint of its own; take `positions`, by joint name")
-        # A copy: a basis that writes into it harms nobody.
+        # A copy, so that a basis that writes into it changes nothing else.
         return np.array(self._tables[name][:, self._joint])
 
 
@@ -73,14 +73,15 @@ Basis = Callable[[PlaceQuantities], npt.ArrayLike]
 
 @dataclass(frozen=True)
 class OwnEffect:
-    """An effect that the vocabulary does not have: `change at the place = Σ_p parameter_p · weight_p(frame)`.
+    """An effect that the vocabulary lacks: `change at the place = Σ_p parameter_p · weight_p(frame)`.
 
-    At a `joint:` the change is one of its position, rad (m); at a `marker:` a shift along the parameter's axis (`x`, `y`,
-    `z` of the link that carries its mount), m; at a `link:` a turn about it (`rx`, `ry`, `rz`) in the link's middle, rad; at
-    `camera` either, all six. `axes` names one axis a parameter, and is empty at joints.
+    At a `joint:` the change is one of its position, rad (m); at a `marker:` a shift along the parameter's
+    axis (`x`, `y`, `z` of the link that carries its mount), m; at a `link:` a turn about it (`rx`, `ry`,
+    `rz`) in the link's middle, rad; at `camera` either, all six. `axes` names one axis for each parameter,
+    and is empty at joints.
 
-    `basis` is called once a place with its `PlaceQuantities` and returns the weights, (F, parameters), or (F,) for one
-    parameter. Loads are those of the nominal postures.
+    `basis` is called once for each place with its `PlaceQuantities` and returns the weights, (F,
+    parameters), or (F,) for one parameter. Loads are those of the nominal postures.
     """
 
     name: str
@@ -90,7 +91,7 @@ class OwnEffect:
     parameters: tuple[str, ...]
     """Names with their units as suffix, `stretch_rad`."""
     prior_std: tuple[float, ...]
-    """The size that each parameter commonly has: what is ten times as large is not believed."""
+    """The usual size of each parameter (prior standard deviation); ten times as much is rejected."""
     axes: tuple[str, ...] = ()
     words: str = "an effect of one's own"
     """What happens, in a sentence, for the report."""
@@ -113,7 +114,7 @@ class OwnEffect:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Tabulated(ShortRepr):
-    """An own effect with its weights in one session, as the core takes it."""
+    """A user's effect with its weights in one session, as input of the core."""
 
     name: str
     words: str
@@ -161,7 +162,7 @@ def tabulate(
 
 
 def _places(effect: OwnEffect, tables: Mapping[str, Any]) -> list[tuple[str, bool]]:
-    """Places by name, and whether they stand for all of their kind."""
+    """Places by name, and whether they denote all of their kind."""
     given = [effect.at] if isinstance(effect.at, str) else list(effect.at)
     out: list[tuple[str, bool]] = []
     for at in given:

@@ -26,7 +26,8 @@ HEADLINES = {
     "unknown": "Not explained",
 }
 LARGEST_PICTURES = 2_200_000
-"""Characters of SVG on the page: what does not fit (a big session's last signatures) is in pictures/ only."""
+"""Largest number of characters of SVG on the page; what does not fit (a large session's last signatures) is
+in pictures/ only."""
 RANKED = 40
 """Single causes that the page lists at most."""
 
@@ -71,7 +72,7 @@ def write_report(session: Session, found: Diagnosis, folder: Path) -> Path:
         "concerned": actions.concerned(found),
         "panels": shown,
         "panels_left": len(panels) - len(shown),
-        # Rows that would show as 0 % say nothing.
+        # Rows that would show 0 % are left out.
         "where": [p for p in found.where if p.share >= actions.SHOWN or p.depends_on],
         "unexplained": any(place.depends_on for place in found.where),
         "slipped": any(cause.effect == "pairing" for cause in found.causes),
@@ -112,12 +113,13 @@ class Panel:
 
     @property
     def says(self) -> str:
-        """The picture in words, for those who do not see it."""
+        """The description of the picture, for readers who cannot see it."""
         return f"{self.title}. {self.caption or 'The error against position, load, direction of motion and time; points: each posture alone, and what the cause says.'}"
 
 
 def signature_panels(found: Diagnosis) -> list[Panel]:
-    """All signatures, as the causes stand; those of the unexplained part last, the largest share first."""
+    """All signatures, in the order of the causes; those of the unexplained part last, the largest share
+    first."""
 
     def title(cause: int | None, at: str) -> str:
         place = formatting.place_with_article(at)

@@ -16,11 +16,12 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 UNITS = {"rad": ("°", math.degrees(1.0)), "m": ("mm", 1000.0), "1": ("%", 100.0), "px": ("px", 1.0)}
-"""A unit of the core, as people read it, and the factor."""
+"""A unit of the core, its readable unit, and the factor."""
 MOST_COLUMNS = 4
-"""More quantities than this side by side cannot be read."""
+"""More plots than this side by side are not readable."""
 UNCLEAR = 6.0
-"""A posture whose standard deviation is so many times the typical one hardly shows the place, and is not drawn."""
+"""A posture whose standard deviation is this many times the typical one gives little information, and is
+not drawn."""
 WORST = 3.0
 """A component that is so much less certain than the best one does not set the common scale."""
 ARROW_SHARE = 0.09
@@ -34,9 +35,10 @@ HEIGHTS = "PuOr"
 
 
 def draw_track(track: Track, index: int) -> Drawing:
-    """A row a component, a column a quantity: what each posture alone shows, and what the cause says; one scale for all.
+    """One row for each component, one column for each quantity: the value of each posture alone, and the
+    cause's; one scale for all.
 
-    Against one quantity alone the components stand side by side.
+    Against one quantity alone the components are side by side.
     """
     unit, factor = UNITS[track.unit]
     columns = _columns(track)
@@ -105,7 +107,8 @@ def _columns(track: Track) -> list[int]:
 
 
 def _limit(track: Track) -> float:
-    """Half of the common scale: all that the cause says, and nearly all that the well-seen components show."""
+    """Half of the common scale: everything of the cause, and nearly everything of the well-observed
+    components."""
     typical = np.median(track.std, axis=0)
     well = typical <= WORST * typical.min()
     shown = np.quantile(np.abs(track.error[:, well]) + track.std[:, well], 0.98)
@@ -113,11 +116,11 @@ def _limit(track: Track) -> float:
 
 
 def _quantity(track: Track, column: int) -> tuple[Floats, str]:
-    """Values and label of a quantity, in people's units."""
+    """Values and label of a quantity, in readable units."""
     name, unit, values = track.against[column], track.against_units[column], track.values[:, column]
     told, factor = UNITS.get(unit, (unit, 1.0))
     name = formatting.place_in_words(name)
-    # A long name in two lines: four of them stand side by side.
+    # A long name in two lines, because four of them are side by side.
     for start in ("position of ", "torque of "):
         if name.startswith(start):
             name = f"{'commanded position' if start[0] == 'p' else 'gravity torque'} of\n{name.removeprefix(start)}"
@@ -127,7 +130,7 @@ def _quantity(track: Track, column: int) -> tuple[Floats, str]:
 def draw_field(field: Field, index: int) -> Drawing:
     """Arrows of the mean residual of the board's corners, without the cause and with it, on one scale."""
     std = field.std.max(axis=1)
-    # Cells at the edge of what was seen hold few corners: their noise would set the scale.
+    # Cells at the edge of the observed area contain few corners: their noise would set the scale.
     clear = std <= WORST * np.array([std[[kind == of for kind in field.of]].min() for of in field.of])
     markers = np.array([of == "markers" for of in field.of])[clear]
     unit, factor = UNITS[field.unit]

@@ -26,12 +26,12 @@ PLAIN: dict[Any, tuple[tuple[type, ...], str]] = {
 def read_fields(
     kind: type, entry: Any, where: str = "", at: str = "", sliding: Collection[str] = ()
 ) -> dict[str, Any]:
-    """The fields of a dataclass from the keys that it knows; a newer core may say more.
+    """The fields of a dataclass from its known keys; a newer core may write more.
 
-    `where` names the entry, `at` is the place that it speaks of, `sliding` are the places of prismatic joints.
+    `where` names the entry, `at` is its place, `sliding` are the places of prismatic joints.
 
     Raises:
-        TypeError: a value of another type; it says which.
+        TypeError: a value of another type; the message names it.
     """
     if not isinstance(entry, Mapping):
         raise _wrong(where, entry, "an object")

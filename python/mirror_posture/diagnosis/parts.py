@@ -15,7 +15,8 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Estimate:
-    """A parameter in the unit that its name says (of a prismatic joint: m for rad), with one standard deviation."""
+    """A parameter in the unit given by its name (of a prismatic joint: m for rad), with one standard
+    deviation."""
 
     value: float
     std: float
@@ -25,7 +26,7 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Alternative:
-    """A rival that these postures cannot tell from a cause."""
+    """An alternative that these postures cannot separate from a cause."""
 
     effect: str
     at: str
@@ -34,8 +35,8 @@ class Alternative:
 
 @dataclass(frozen=True)
 class Member:
-    """One small error of a group (`geometry`), as the single effect that it would be: `joint_offset`, `axis_tilt`,
-    `link_length` or `marker_mount`; the value is in the unit that the parameter's name says."""
+    """One small error of a group (`geometry`), as a single effect: `joint_offset`, `axis_tilt`,
+    `link_length` or `marker_mount`; the value is in the unit given by the parameter's name."""
 
     effect: str
     at: str
@@ -64,8 +65,8 @@ class Cause:
     frames: tuple[int, ...] = ()
     """Of a mistake in some frames only (`markers_swapped`): their numbers."""
     stability: float | None = None
-    """Share of resamples of the postures, the search included, in which the same cause comes out; None where it was not
-    resampled."""
+    """Stability: share of resamples of the postures in which the same cause is selected again; None where
+    it was not resampled."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +94,8 @@ class Data:
 
 @dataclass(frozen=True)
 class Place:
-    """A place with its share of the gap's variance; `depends_on` says on what an unexplained part there depends."""
+    """A place with its share of the gap's variance; `depends_on` names the variables on which an
+    unexplained part there depends."""
 
     at: str
     share: float
@@ -121,8 +123,8 @@ class Witness:
 
 @dataclass(frozen=True)
 class Step:
-    """The held-out gap once the cause `added` (`effect@place`; None: the nominal model) is there beside those before it: RMS
-    in m and px, each None where there is nothing to compare."""
+    """The held-out gap with the cause `added` (`effect@place`; None: the nominal model) in addition to
+    those before it: RMS in m and px, each None where there is nothing to compare."""
 
     added: str | None
     rms_m: float | None
@@ -131,8 +133,9 @@ class Step:
 
 @dataclass(frozen=True)
 class ChosenAnew:
-    """The gap where the causes too are chosen without the region of postures that they predict, RMS in m and px: equal to the gap after where
-    the same causes come out. Without `changed` of the `regions` other causes come out."""
+    """The gap if the causes too are selected without the region of postures that they predict (nested
+    cross-validation), RMS in m and px. It equals the gap after where the same causes are selected. Without
+    `changed` of the `regions` other causes are selected."""
 
     rms_m: float | None
     rms_px: float | None
@@ -156,7 +159,8 @@ class Gap:
     held_out_postures: int = 0
     checked: tuple[Checked, ...] = ()
     steps: tuple[Step, ...] = ()
-    """As causes are added one by one in the order told, the nominal model first; empty in a document of version 1."""
+    """The gap as causes are added one by one in the reported order, the nominal model first; empty in a
+    document of version 1."""
     chosen_anew: ChosenAnew | None = None
     """None where nothing is named."""
 
@@ -184,10 +188,11 @@ class Ranked:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Signature(ShortRepr):
-    """The error at a place that each posture shows by itself (`error`, with `std`) and what the cause says (`fitted`).
+    """The error at a place, estimated from each posture separately (`error`, with `std`), and the cause's
+    value (`fitted`).
 
-    Arrays (K,), one value a posture; `unit` (rad or m) is that of error, std and fitted. `cause` is an index into the
-    causes, or None for the part that no cause explains, of which `fitted` is the free-form error.
+    Arrays (K,), one value for each posture; `unit` (rad or m) is that of error, std and fitted. `cause` is
+    an index into the causes, or None for the unexplained part, whose `fitted` is the free-form error.
     """
 
     at: str
@@ -232,11 +237,13 @@ class Track(ShortRepr):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Field(ShortRepr):
-    """What is left on average of corners and markers over the image, or of corners over the board: the signature of optics.
+    """Mean residuals of corners and markers over the image, or of corners over the board: the signature of
+    optics.
 
-    Over the image, `at_points` (K, 2) are px and residuals (K, 2) px, seen less predicted. Over the board, `at_points` are m
-    in its frame and residuals (K, 3) m, each corner's displacement. `of` names what was averaged at each
-    place, `corners` or `markers`, and `count` (K,) how often; `size` (2,) is that of the image, or of the board's corners. `with_cause` is None where there is no cause to take away.
+    Over the image, `at_points` (K, 2) are px and residuals (K, 2) px, observed minus predicted. Over the
+    board, `at_points` are m in its frame and residuals (K, 3) m, each corner's displacement. `of` says what
+    was averaged at each place, `corners` or `markers`, and `count` (K,) how many; `size` (2,) is that of
+    the image, or of the board's corners. `with_cause` is None where there is no cause to subtract.
     """
 
     at: str

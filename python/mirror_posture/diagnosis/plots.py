@@ -28,7 +28,7 @@ __all__ = [
     "draw_gap", "draw_signature", "figure", "finished", "gap_told",
 ]  # fmt: skip
 MOSTLY_NOISE = 1.5
-"""A gap in space below so many noise floors is mostly noise: the same bound as the core's for `closed`."""
+"""A gap in space below this many noise floors is mostly noise: the same bound as the core's for `closed`."""
 
 
 def shows_in_pixels(gap: Gap) -> bool:
@@ -41,10 +41,10 @@ def shows_in_pixels(gap: Gap) -> bool:
 
 
 def gap_told(gap: Gap) -> tuple[list[float], str, str]:
-    """Before, after and noise floor in the unit that shows the gap, the unit, and what it is; no values where there is
-    nothing to compare.
+    """Before, after and noise floor in the unit that shows the gap, the unit, and its name; no values where
+    there is nothing to compare.
 
-    `closed` is of the picture too where that shows the gap better.
+    If the gap is shown in pixels, so is `closed`.
     """
     if shows_in_pixels(gap):
         in_pixels = (gap.before_px, gap.after_px, gap.noise_floor_px)
@@ -62,7 +62,7 @@ def gap_told(gap: Gap) -> tuple[list[float], str, str]:
 
 
 def draw_steps(gap: Gap) -> Drawing:
-    """Bars: the held-out gap as causes are added one by one, from the nominal model down to what is left."""
+    """Bars: the held-out gap as causes are added one by one, from the nominal model to the remainder."""
     in_pixels = shows_in_pixels(gap)
     values = [step.rms_px if in_pixels else step.rms_m for step in gap.steps]
     floor = gap.noise_floor_px if in_pixels else gap.noise_floor_m

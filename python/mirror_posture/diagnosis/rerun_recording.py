@@ -24,7 +24,7 @@ MARKER_RADIUS_M = 0.004
 BODY_RADIUS_M = 0.002
 TIMELINE = "frame"
 ARROW_FACTOR = 100.0
-"""Residuals over the picture are drawn so many times as long as they are: tenths of a pixel must be seen."""
+"""Residuals over the picture are drawn this many times longer, so that tenths of a pixel are visible."""
 
 
 def write_recording(session: Session, found: Diagnosis, file: Path) -> Path:
@@ -57,7 +57,7 @@ def write_recording(session: Session, found: Diagnosis, file: Path) -> Path:
         )
     recording: Any = rr.RecordingStream("mirror-posture diagnosis", recording_id=session.folder.name or None)
     recording.save(file)
-    # When this file was written says nothing of the robot.
+    # The time of writing this file is not data of the robot.
     recording.set_log_time_enabled(False)
     recording.send_blueprint(_layout(found))
     recording.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
@@ -133,7 +133,7 @@ def _log_postures(rr: Any, recording: Any, session: Session, found: Diagnosis) -
 
 
 def _layout(found: Diagnosis) -> Any:
-    """What the viewer opens with: the robot beside the sentence, the residuals and the signatures."""
+    """The initial layout of the viewer: the robot beside the sentence, the residuals and the signatures."""
     import rerun.blueprint as rrb  # type: ignore[import-not-found,import-untyped,unused-ignore]
 
     series = [rrb.TimeSeriesView(origin="residual", name="distance to the measured marker, mm")]

@@ -33,7 +33,7 @@ class Diagnosis:
     where: tuple[Place, ...]
     gap: Gap
     next_postures: tuple[Mapping[str, float], ...] = ()
-    """Commanded postures, joint name to rad (m), that would tell the rivals apart best."""
+    """Commanded postures, joint name to rad (m), that would best separate the alternatives."""
     warnings: tuple[str, ...] = ()
     noise: Mapping[str, float] = field(default_factory=dict)
     """Estimated noise, one axis: corners and markers in px, points in m, as the names say."""
@@ -46,15 +46,16 @@ class Diagnosis:
     """Signatures of lens, board and mirror."""
     witness: tuple[Witness, ...] = ()
     markers: tuple[SeenMarker, ...] = ()
-    """Posture by posture, where they were asked for (`markers=True`)."""
+    """Posture by posture, if requested (`markers=True`)."""
     data: Data = field(default_factory=Data)
-    """What of the data was used, and what was left out."""
+    """Which data were used, and what was left out."""
     limits: tuple[Limit, ...] = ()
     """What could have been seen: one entry for each effect and place; empty in a document of version 1."""
     prismatic_joints: tuple[str, ...] = ()
-    """Joints that slide: their parameters are in m where names say rad."""
+    """Prismatic joints: their parameters are in m where names say rad."""
     interrupted: bool = False
-    """Whether it was stopped before its end, and tells only what was found so far: no gap, no limits, rivals not weighed."""
+    """Whether it was stopped before its end and contains a partial result: no gap, no limits, alternatives
+    not compared."""
     document: Mapping[str, Any] = field(default_factory=dict, repr=False)
     """The JSON tree as the core gave it, with all that the format does not know."""
 

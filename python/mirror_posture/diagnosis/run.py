@@ -27,7 +27,7 @@ WITNESS = "witness:"
 
 
 class DiagnosisInterrupted(PickledWhole, KeyboardInterrupt):
-    """Ctrl-C while a session was diagnosed; `found` is what was found so far."""
+    """Ctrl-C during a diagnosis; `found` is the partial result."""
 
     def __init__(self, found: Diagnosis) -> None:
         self.found = found
@@ -39,7 +39,7 @@ POLL_S = 0.1
 
 @contextmanager
 def _watched(watch: DiagnosisProgress, told: Callable[[str, int], None] | None) -> Iterator[None]:
-    """Tells the stage and the number of causes found so far whenever they change, from a thread of its own."""
+    """Reports the stage and the number of causes found so far whenever they change, from a separate thread."""
     if told is None:
         yield
         return
@@ -74,17 +74,17 @@ def diagnose(
     markers: bool = False,
     progress: Callable[[str, int], None] | None = None,
 ) -> Diagnosis:
-    """Where the model is wrong, by which effect, and how far the gap shrinks.
+    """Diagnoses a session: where the model is wrong, which effect causes it, and how far the gap shrinks.
 
-    `without` are effects that the vocabulary shall lack; `check` further sessions, of which nothing is fitted but
-    their own mirrors; `withhold` markers (`marker:NAME`, or the bare name) that the fit does not see and that it then
-    predicts. `effects` are one's own, tried beside the vocabulary at every place that they name; `markers` tells
-    each marker posture by posture, for drawing. `progress` is told what is being done and how many causes were
-    found so far, from another thread. A session with pictures
-    and no image points is detected first.
+    `without` are effects to leave out of the vocabulary; `check` further sessions that are only predicted
+    (nothing is fitted but their own mirrors); `withhold` markers (`marker:NAME`, or the bare name) that
+    take no part in the fit and are then predicted. `effects` are your own, tried in addition to the
+    vocabulary at every place that they name; `markers` requests each marker posture by posture, for
+    drawing. `progress` is called, from another thread, with the current stage and the number of causes
+    found so far. In a session with pictures and no image points, board and balls are detected first.
 
     Raises:
-        DiagnosisInterrupted: Ctrl-C (it is a `KeyboardInterrupt`); `found` has what was found so far.
+        DiagnosisInterrupted: Ctrl-C (it is a `KeyboardInterrupt`); `found` has the partial result.
         MirrorPostureError: an invalid session, an unknown effect or marker, too little to diagnose.
     """
     left_out = checked_effects(without)

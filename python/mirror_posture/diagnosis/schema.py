@@ -18,7 +18,8 @@ KNOWN = {**vars(parts), **vars(result)}
 
 
 def document_schema() -> dict[str, Any]:
-    """The whole file as JSON Schema; keys that it does not name are allowed: a newer core may say more."""
+    """The whole file as JSON Schema; keys that it does not name are allowed, because a newer core may write
+    more."""
     schema = _of_dataclass(Diagnosis)
     properties = {key: value for key, value in schema["properties"].items() if key not in NOT_OF_THE_FILE}
     properties["verdict"] = {"enum": list(VERDICTS)}

@@ -91,7 +91,7 @@ def draw_robot(session: Session, found: Diagnosis) -> Drawing:
         ax.set_title(f"from {title}{unit}", color=INK, fontsize=10, loc="left")
         ax.set_aspect("equal")
         ax.tick_params(labelsize=8, colors=FLOOR)
-        # The axis ends with the robot: beside it stand names.
+        # The axis ends with the robot; names are beside it.
         ax.set_xticks([t for t in ax.get_xticks() if ends[0] - edge <= t <= ends[1] + edge])
         ax.spines.bottom.set_bounds(ends[0] - edge, ends[1] + edge)
         for side in ("left", "bottom"):
@@ -100,7 +100,8 @@ def draw_robot(session: Session, found: Diagnosis) -> Drawing:
 
 
 def _mark(ax: Any, guilty: list[tuple[tuple[float, float], str, str]], named: bool, column: float) -> None:
-    """Guilty places as coloured dots; their names stand in a column beside the robot, so that none hides another."""
+    """Places of causes as coloured dots; their names are in a column beside the robot, so that none hides
+    another."""
     low, high = ax.get_ylim()
     step, last = 0.085 * (high - low), high
     ordered = sorted(guilty, key=lambda entry: -entry[0][1])

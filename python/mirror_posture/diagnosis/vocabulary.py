@@ -7,14 +7,15 @@ from collections.abc import Mapping, Sequence
 from .._core import MirrorPostureError, effects, mistakes
 
 BESIDE: Mapping[str, Mapping[str, object]] = {str(mistake["name"]): mistake for mistake in mistakes()}
-"""What is tried beside the effects of one place, as the core tells it: `signature`, `remedy`, `written_to`, `is_mistake`."""
+"""Groups, faults of the data and gross mistakes, as the core describes them: `signature`, `remedy`,
+`written_to`, `is_mistake`."""
 MISTAKES = tuple(name for name, told in BESIDE.items() if told["is_mistake"])
 """Whole mistakes of model, log or mounting, which are tried exactly before small errors are searched."""
 IN_WORDS: Mapping[str, Mapping[str, object]] = {str(effect["name"]): effect for effect in effects()}
-"""Each effect as the core tells it: `at`, `parameters`, `law`, `joint_law`, `words`, `remedy`, `written_to`, `fed_forward`,
-`signature`, `shown_by`, `confused_with`."""
+"""Each effect as the core describes it: `at`, `parameters`, `law`, `joint_law`, `words`, `remedy`,
+`written_to`, `fed_forward`, `signature`, `shown_by`, `confused_with`."""
 EFFECTS = (*IN_WORDS, *BESIDE)
-"""All names that a diagnosis takes and tells."""
+"""All names that a diagnosis accepts and reports."""
 
 
 def remedy(effect: str) -> str:

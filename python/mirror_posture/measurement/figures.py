@@ -82,9 +82,11 @@ def plot_measured_against_model(measurement: Measurement, file: Path) -> None:
 
 
 def draw_measured_and_model(session: Session, measurement: Measurement, row: int) -> Pixels | None:
-    """A frame's picture with each marker where it was measured (green ring) and where the model says (red cross).
+    """A frame's picture with each marker where it was measured (green ring) and where the model predicts it
+    (red cross).
 
-    Both are drawn where they would be seen in the mirror of this frame. None for a frame without picture or mirror.
+    Both are drawn where they would be seen in the mirror of this frame. None for a frame without picture or
+    mirror.
     """
     file, camera = session.image_files[row], session.camera
     if file is None or camera is None or not measurement.mirrors.measured[row]:
@@ -137,7 +139,8 @@ def _draw(
     color: tuple[int, int, int],
     scale: int,
 ) -> None:
-    """A ring or a cross at a sub-pixel place, with a dark rim so that it shows on a ball of its own colour."""
+    """A ring or a cross at a sub-pixel place, with a dark rim so that it is visible on a ball of its own
+    colour."""
     x, y = (int(v) for v in np.round(at * 2**SHIFT))
     for ink, weight in (((0, 0, 0), 3 * scale), (color, scale)):
         if shape == "ring":

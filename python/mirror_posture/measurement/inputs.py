@@ -16,7 +16,7 @@ Floats = npt.NDArray[np.float64]
 
 
 def nominal_camera_from_board(session: Session) -> Floats:
-    """(F, 4, 4), as the model says at the commanded joint positions.
+    """(F, 4, 4), by the model at the commanded joint positions.
 
     Raises `MirrorPostureError` for a session without camera or board.
     """
@@ -32,7 +32,7 @@ def nominal_camera_from_board(session: Session) -> Floats:
 
 
 def a_from_b(session: Session, link_a: str, link_b: str) -> Floats:
-    """(F, 4, 4): from link b's frame to link a's, as the model says at the commanded joint positions."""
+    """(F, 4, 4): from link b's frame to link a's, by the model at the commanded joint positions."""
     robot = session.robot
     poses = robot.forward_kinematics(session.positions)
     root_from_a, root_from_b = (poses[:, robot.link_index(link)] for link in (link_a, link_b))

@@ -18,7 +18,7 @@ ESTIMATORS: tuple[Estimator, ...] = get_args(Estimator)
 
 JOINT_MOUNT_STD_RAD = math.radians(1.0)
 JOINT_MOUNT_STD_M = 0.002
-"""What `joint` assumes of the camera–board transform where nothing is said: a hand-made mount."""
+"""Default prior of `joint` for the camera–board transform: a mount by hand."""
 
 EXACT_STD = 1e-8
 """What is stated as exact, rad or m, where something else is not: a prior cannot hold a zero."""
@@ -41,8 +41,8 @@ class MeasureOptions:
     estimator: Estimator = "maximum-likelihood"
     corner_noise_px: float | None = None
     marker_noise_px: float | None = None
-    """Standard deviations of board corners and of ball centres, one axis. None: the session's, else the detector's
-    (median), else what the residuals show."""
+    """Standard deviations of board corners and of ball centres, one axis. None: the session's, otherwise
+    the detector's (median), otherwise estimated from the residuals."""
     mount_std_rad: float | None = None
     mount_std_m: float | None = None
     """How well the model's camera–board transform is known, one axis. None: exactly (`joint`: 1°, 2 mm)."""
@@ -51,5 +51,5 @@ class MeasureOptions:
     mount: Mount | None = None
     """A calibrated camera–board transform, which takes the place of the model's and of the two deviations above."""
     judge_markers: bool = True
-    """Whether views and markers that are far off are masked, and what is off throughout widened; False leaves it to a caller who
-    reads `chi_squared`."""
+    """Whether outlying views and markers are masked, and deviations that are too small throughout are
+    increased; False leaves that to a caller who reads `chi_squared`."""

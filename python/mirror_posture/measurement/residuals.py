@@ -24,7 +24,8 @@ from ..short_repr import ShortRepr
 Floats = npt.NDArray[np.float64]
 
 WIDEN_ABOVE = 1.5
-"""Ratio of the residuals' deviation to the assumed one above which the assumption is widened: what a wrong grey curve or a bent board leaves stays below."""
+"""Ratio of the residuals' deviation to the assumed one above which the assumption is increased; the effect
+of a wrong grey curve or a bent board stays below."""
 OUTLYING_VIEW = 6.0
 """A view is left out whose residual is this many times the session's median, and the noise's,"""
 OUTLYING_VIEW_PX = 1.0
@@ -49,7 +50,8 @@ class Assumed(ShortRepr):
 
 @dataclass(frozen=True)
 class Tested:
-    """Assumptions that the residuals allow, rows of frames to leave out with their reason, and what was widened, in words."""
+    """Assumptions that the residuals allow, rows of frames to leave out with their reason, and what was
+    increased, in words."""
 
     assumed: Assumed
     left_out: Mapping[int, str]
@@ -132,7 +134,8 @@ def _mount_shown(session: Session, seen: npt.NDArray[np.bool_], excess_px: float
 def widen_markers(
     covariance_m2: Floats, chi_squared: Floats, freedom: npt.NDArray[np.int64]
 ) -> tuple[Floats, list[str | None]]:
-    """Covariances (K, 3, 3) widened where a marker's own views disagree, and the reason where they cannot be of one point."""
+    """Covariances (K, 3, 3), increased where a marker's own views disagree, and the reason where they
+    cannot be of one point."""
     ratio = np.sqrt(chi_squared / np.maximum(freedom, 1)) * (freedom > 0)
     factor = np.where(ratio > WIDEN_MARKER_ABOVE, ratio, 1.0)
     reasons = [
@@ -145,7 +148,8 @@ def widen_markers(
 
 
 def excess_of_markers(chi_squared: Floats, freedom: npt.NDArray[np.int64]) -> float:
-    """How many times larger than assumed the deviations of the markers' pixels are, by the median; 1 where no marker can tell."""
+    """The factor between the actual and the assumed deviation of the markers' pixels, by the median; 1
+    where no marker determines it."""
     known = freedom > 0
     if not known.any():
         return 1.0

@@ -25,17 +25,20 @@ Floats = npt.NDArray[np.float64]
 
 @checked_arguments
 def measure(session: Session | str | os.PathLike[str], options: MeasureOptions | None = None) -> Measurement:
-    """Measures a session (or a folder) by one estimator: each frame's mirror from the board's reflection, then each posture's markers.
+    """Measures a session (or a folder) by one estimator: each frame's mirror from the board's reflection,
+    then each posture's markers.
 
-    A marker needs two views (frames of one `posture`) before mirrors that stand differently; all its views are used. Positions
-    are in the camera frame of the posture; covariances contain the noise of the pixels, the mirrors' and the mount's.
+    A marker needs two views (frames of one `posture`) with differently oriented mirrors; all its views are
+    used. Positions are in the camera frame of the posture; covariances contain the noise of the pixels, the
+    mirrors' and the mount's.
 
-    Each view's residual is tested against the noise: a view or marker that is far off is masked, what is off throughout
-    widens the covariances and stands in `warnings`.
+    Each view's residual is tested against the noise: an outlying view or marker is masked; a deviation that
+    is too small throughout is increased, with an entry in `warnings`.
 
-    Raises `MirrorPostureError` for a session without camera or board or without detections, or whose pictures are mirrored, turned, of
-    another board or of another camera (`view_check`); `NothingMeasuredError` where no mirror at all can be estimated. What concerns one
-    frame or marker is a mask with a reason.
+    Raises `MirrorPostureError` for a session without camera or board or without detections, or whose
+    pictures are mirrored, rotated, of another board or of another camera (`view_check`);
+    `NothingMeasuredError` where no mirror at all can be estimated. What concerns one frame or marker is a
+    mask with a reason.
     """
     return measure_all(session, (options or MeasureOptions(),))[0]
 
@@ -44,7 +47,7 @@ def measure(session: Session | str | os.PathLike[str], options: MeasureOptions |
 def measure_all(
     session: Session | str | os.PathLike[str], options: Sequence[MeasureOptions]
 ) -> list[Measurement]:
-    """Measures a session in several ways; what they share is done once."""
+    """Measures a session in several ways; common steps are done once."""
     for one in options:
         if one.estimator not in ESTIMATORS:
             raise MirrorPostureError(
@@ -80,7 +83,8 @@ def _measure(session: Session, nominal: Floats, options: MeasureOptions) -> Meas
         mount = np.diag(np.maximum(stds, EXACT_STD) ** 2)
     parallax = options.least_parallax_rad
     assumed = Assumed(corner_noise, marker_noise, mount)
-    # Who judges by himself gets the estimator as it is: a correction's steps are weighed by these covariances.
+    # A caller who tests residuals himself gets the estimator's result unchanged: a correction's steps are
+    # weighted by these covariances.
     tested = (
         judge_views(session, core, assumed, parallax, joint)
         if options.judge_markers
@@ -170,7 +174,7 @@ def _markers(session: Session, done: Measured, correction: Floats, judge: bool) 
     for index, spec in enumerate(session.markers):
         mine = marker == index
         model[mine] = session.robot.points(session.positions[row[mine]], camera_link, spec.link)
-    # The board is where the model says; where the camera sits elsewhere, it is the camera that moved.
+    # The board is where the model says; if the camera is displaced relative to it, the camera is moved.
     root_from_camera = a_from_b(session, session.root_link, camera_link)[row] @ np.linalg.inv(correction)
     covariance = done.point_covariance_m2
     disagree: list[str | None] = [None] * len(posture)

@@ -21,10 +21,11 @@ MILLIMETRES = 1000.0
 
 
 def marker_table(measurement: Measurement) -> pa.Table:
-    """One row a marker of a posture, in the frame of the session's root link: what is measured, what the model says.
+    """One row for each marker of a posture, in the frame of the session's root link: measured and modelled.
 
-    `x_m, y_m, z_m` and `std_x_m, …` (one axis), `cov_xy_m2, …`, `model_x_m, …`, `distance_m` between the two,
-    `camera_x_m, …` in the camera frame of the posture. A marker that is not measured has empty cells and a `reason`.
+    `x_m, y_m, z_m` and `std_x_m, …` (one axis), `cov_xy_m2, …`, `model_x_m, …`, `distance_m` between the
+    two, `camera_x_m, …` in the camera frame of the posture. A marker that is not measured has empty cells
+    and a `reason`.
     """
     markers = measurement.markers
     measured = markers.measured

@@ -22,7 +22,7 @@ Floats = npt.NDArray[np.float64]
 
 
 class NothingMeasuredError(MirrorPostureError):
-    """The session is fine and nothing can be measured from it; the message says why."""
+    """The session is valid and nothing can be measured from it; the message says why."""
 
     exit_code = 3
 
@@ -70,9 +70,9 @@ class Markers(ShortRepr):
     covariance_m2: Floats
     """(K, 3, 3), in the camera frame."""
     model_in_camera_m: Floats
-    """(K, 3): where the nominal model says that it is (relative to the board, whose place it is taken to know)."""
+    """(K, 3): the position by the nominal model (relative to the board, whose place counts as known)."""
     root_from_camera: Floats
-    """(K, 4, 4), in the first frame of the posture: as the model says, or as `joint` has corrected it."""
+    """(K, 4, 4), in the first frame of the posture: by the model, or as corrected by `joint`."""
     reason: tuple[str | None, ...]
     chi_squared: Floats
     """(K,): sum of squared normalised residuals of the views' pixels; 0 where there is no degree of freedom."""
@@ -126,7 +126,8 @@ class Measurement(ShortRepr):
     mirrors: Mirrors
     markers: Markers
     camera_from_nominal_camera: Floats = field(default_factory=lambda: np.eye(4))
-    """(4, 4): how the camera sits against the model's, as calibrated or as `joint` finds it; else the identity."""
+    """(4, 4): the camera's displacement from the model, as calibrated or as estimated by `joint`; otherwise
+    the identity."""
     camera_from_board_covariance: Floats | None = None
     """(6, 6): of the camera–board transform, rotation (rad) before translation (m); None where it is taken as exact."""
     chi_squared: float | None = None

@@ -37,12 +37,13 @@ NOT_IN_A_MODEL = {
 }
 """Why an effect cannot be written, and what to do instead."""
 FIRST = {"axis_sign": 0, "axis_tilt": 1, "board_mount": 1}
-"""Effects whose places others are told against, in the order in which they are written."""
+"""Effects on whose places others depend, in the order in which they are written."""
 
 
 @dataclass(frozen=True)
 class Written:
-    """A cause and where it went; `file` is None where it could not be written, and `what` then says why."""
+    """A cause and where it was written; `file` is None where it could not be written, and `what` then says
+    why."""
 
     cause: Cause
     file: str | None
@@ -65,15 +66,16 @@ def apply_diagnosis(
     overwrite: bool = False,
     also: Callable[[Path], object] | None = None,
 ) -> Applied:
-    """Writes a session whose model has the causes of a diagnosis in it.
+    """Writes a session whose model contains the causes of a diagnosis.
 
-    The robot's origins and axes, the camera's intrinsics, the board's squares and the mirror's glass are corrected;
-    for play, friction, springs and gear ratios, which URDF cannot say, an MJCF is written beside them (it needs the
-    extra `mujoco`). The observations stay as they are, so that the folder can be diagnosed again. `also` is called with the
-    folder before it takes its place, to write further files into it: where it raises an error nothing is written at all.
+    The robot's origins and axes, the camera's intrinsics, the board's squares and the mirror's glass are
+    corrected. For play, friction, springs and gear ratios, which a URDF cannot represent, an MJCF is
+    written as well (it needs the extra `mujoco`). The observations are not changed, so that the folder can
+    be diagnosed again. `also` is called with the folder before it takes its place, to write further files
+    into it; if it raises an error nothing is written at all.
 
     Raises:
-        MirrorPostureError: a diagnosis of another session, a place that the session does not have, a folder that is there already.
+        MirrorPostureError: a diagnosis of another session, a place that the session does not have, an existing folder.
     """
     require_same(session, dict(found.document))
     if found.interrupted:
@@ -82,8 +84,8 @@ def apply_diagnosis(
         )
     urdf = Urdf(read_xml(session.robot_file), str(session.robot_file))
     better = session
-    # Of a group's small errors each is written like a cause of its own. An offset turns about the real axis: tilts go first; so does the
-    # board, against which the camera is told.
+    # Of a group's small errors each is written like a separate cause. An offset turns about the real axis, so
+    # tilts are written first; so is the board, relative to which the camera is given.
     parts = [(index, part) for index, cause in enumerate(found.causes) for part in parts_of(cause)]
     entries: dict[int, list[Written]] = {index: [] for index in range(len(found.causes))}
     for index, part in sorted(parts, key=lambda entry: FIRST.get(entry[1].effect, 2)):
@@ -121,7 +123,8 @@ def apply_diagnosis(
 
 
 def _together(causes: Iterable[Cause]) -> list[Cause]:
-    """Causes of which none is there twice: a spring that is told by itself and one of the small errors at its joint add up."""
+    """Causes without duplicates: a spring that is a separate cause and one of the small errors at its joint
+    are added."""
     sums: dict[tuple[str, str], Cause] = {}
     for cause in causes:
         first = sums.setdefault((cause.effect, cause.at), cause)

@@ -23,11 +23,12 @@ SIGN = {"feetech": -1, "dynamixel": 1}
 def patch_lerobot(
     own: Path, causes: Sequence[Cause], out: Path, motors: str = "feetech"
 ) -> dict[tuple[str, str], str]:
-    """Writes a LeRobot calibration file whose homing offsets allow for joint offsets; returns what was written.
+    """Writes a LeRobot calibration file whose homing offsets compensate joint offsets; returns what was
+    written.
 
-    `θ = q + a`: what a motor reports must grow by a, `a · 4096 / 2π` ticks, so its `homing_offset` changes by as many,
-    down on Feetech servos, up on Dynamixel's. The ranges stay: LeRobot counts degrees from their middle. The motors'
-    direction of counting is taken to be the joint's. Only the numbers change.
+    `θ = q + a`: a motor's reading must grow by a, `a · 4096 / 2π` ticks, so its `homing_offset` changes by
+    as many, down on Feetech servos, up on Dynamixel's. The ranges stay: LeRobot counts degrees from their
+    middle. The motors' direction of counting is taken to be the joint's. Only the numbers change.
 
     Raises:
         MirrorPostureError: no such file, or not one of LeRobot's; unknown motors; an offset beyond the register.

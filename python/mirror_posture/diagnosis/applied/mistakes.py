@@ -19,7 +19,8 @@ FRAMES, CAMERA, ROBOT, SETTINGS = "frames.csv", "camera.yaml", "robot.urdf", "se
 
 
 def undo_mistake(session: Session, urdf: Urdf, cause: Cause) -> tuple[Session, str | None, str] | None:
-    """A mistake undone: the better session, the file and what was written in it, or None and what to do instead.
+    """Undoes a mistake: the corrected session, the file and what was written in it, or None and what to do
+    instead.
 
     None where the cause is no mistake of this kind.
     """

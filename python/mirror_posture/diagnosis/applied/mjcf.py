@@ -16,7 +16,8 @@ from ..vocabulary import IN_WORDS, joint_terms
 
 MECHANICAL = tuple(name for name, effect in IN_WORDS.items() if effect["written_to"] == "mjcf")
 DROOP_RAD = 1e-3
-"""Droop of a servo under the largest gravity torque of the session: small beside what is diagnosed, stable to simulate."""
+"""Droop of a servo under the largest gravity torque of the session: small compared with the diagnosed
+errors, stable to simulate."""
 LEAST_STIFFNESS = 1.0
 """N m/rad: of joints that bear no load."""
 LEAST_MASS_KG, LEAST_INERTIA = 1e-4, 1e-8
@@ -61,7 +62,7 @@ def write_mjcf(
         told = {(cause.effect, cause.at): _add(mujoco, spec, session, cause, stiffness) for cause in causes}
         spec.compile()
         file.write_text(spec.to_xml(), encoding="utf-8")
-        # What was written is what counts, not what was in memory.
+        # The result on disk counts, not the one in memory.
         mujoco.MjModel.from_xml_path(str(file))
     except ValueError as error:
         raise MirrorPostureError(f"{session.robot_file}: MuJoCo cannot load the robot: {error}") from error
@@ -84,7 +85,7 @@ def _add(mujoco: Any, spec: Any, session: Session, cause: Cause, stiffness: dict
     if "play" in terms:
         half = terms["play"] / 2.0
         play = _in_series(mujoco, body, f"{name}_play", axis, 0.0, PLAY_DAMPING * servo)
-        # A stop as hard as the time step allows: MuJoCo's own gives way by a fifth of a typical play.
+        # A stop as hard as the time step allows: MuJoCo's default yields by a fifth of a typical play.
         play.armature, play.solref_limit = servo / SERVO_RATE**2, [STOP_TIME_S, 1.0]
         play.limited, play.range = mujoco.mjtLimited.mjLIMITED_TRUE, [-half, half]
         return f"hinge {name}_play in series, from {-half:.5f} to {half:.5f} rad"
@@ -135,7 +136,8 @@ def _servo_stiffness(session: Session) -> dict[str, float]:
 
 
 def _without_pictures(urdf_text: str) -> str:
-    """The URDF without shapes: their mesh files may lie elsewhere, and touching bodies would push each other."""
+    """The URDF without shapes: their mesh files may be elsewhere, and touching bodies would push each
+    other."""
     robot = ElementTree.fromstring(urdf_text)
     for link in robot.findall("link"):
         for tag in ("visual", "collision"):

@@ -28,7 +28,7 @@ _JOINT = re.compile(r"(?:joint[: ]|origin of )([^:\s]+)")
 
 @dataclass(frozen=True)
 class OwnFile:
-    """A user's file: its corrected copy, the patch beside it, and what became of the causes that concern it."""
+    """A user's file: its corrected copy, its patch, and the result for the causes that concern it."""
 
     file: Path
     patch: Path

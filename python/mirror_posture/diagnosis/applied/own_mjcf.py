@@ -17,10 +17,10 @@ from .mjcf import LEAST_STIFFNESS, PLAY_DAMPING, SERVO_RATE, STOP_TIME_S
 from .xml_text import Element, XmlText, read_xml
 
 LEAST_ARMATURE = 1e-4
-"""kg m²: of a joint whose file says nothing."""
+"""kg m²: of a joint whose file states none."""
 WRITTEN = {"offset", "share", "play", "compliance", "dead_band"}
-"""The terms of a joint's law that MuJoCo has words for. Effects that move frames are left: an MJCF names those otherwise
-than a URDF."""
+"""The terms of a joint's law that MuJoCo can represent. Effects that move frames are left out: an MJCF
+names frames differently from a URDF."""
 
 
 def patch_own_mjcf(own: Path, causes: Sequence[Cause], out: Path) -> dict[tuple[str, str], str]:

@@ -33,10 +33,11 @@ def patch_own_urdf(own: Path, before: Urdf, after: Urdf, out: Path) -> list[str]
 
 
 def correct_joints(urdf: Urdf, before: Urdf, after: Urdf, shown_as: str, why: str) -> list[str]:
-    """Gives a URDF the origins and axes that differ between two versions of a session's robot; returns the joints changed.
+    """Gives a URDF the origins and axes that differ between two versions of a session's robot; returns the
+    joints changed.
 
     Raises:
-        MirrorPostureError: a joint whose origin is not the session's; `why` says what that may come from.
+        MirrorPostureError: a joint whose origin is not the session's; `why` gives possible reasons.
     """
     changed = []
     for name in before.joints:

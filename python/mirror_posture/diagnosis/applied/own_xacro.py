@@ -33,7 +33,7 @@ class Number(NamedTuple):
 
 @dataclass(frozen=True)
 class PatchedXacro:
-    """The texts that change, by file; what was changed; what was not, and where a person would change it."""
+    """The texts that change, by file; what was changed; what was not, and where to change it by hand."""
 
     texts: dict[Path, str]
     told: tuple[str, ...]
@@ -42,10 +42,11 @@ class PatchedXacro:
 def patch_own_xacro(tree: XacroTree, before: Urdf, after: Urdf) -> PatchedXacro:
     """Changes the numbers of xacro files so that their URDF gets the origins and axes of a corrected robot.
 
-    Each number of a file is moved a little and the files are expanded: what follows it is seen, not guessed. A property, an
-    argument, a macro's default or a call's parameter is changed where no other joint depends on it; else the joint's own
-    origin, also inside an expression (`${x}` becomes `${x + 0.05}`). The changed files are expanded again: every joint is then
-    as it should be, and all others are as they were. What hangs on numbers that other joints share is told with its line.
+    Each number of a file is changed slightly and the files are expanded, which shows what depends on it. A
+    property, an argument, a macro's default or a call's parameter is changed if no other joint depends on
+    it; otherwise the joint's own origin, also inside an expression (`${x}` becomes `${x + 0.05}`). The
+    changed files are expanded again: every joint is then as required, and all others are unchanged. A
+    change of numbers that other joints share is not made; it is reported with its line.
 
     Raises:
         MirrorPostureError: a joint whose origin is not the session's: another robot, other arguments, or corrected already.
@@ -120,7 +121,7 @@ def _following(tree: XacroTree, now: Urdf, place: Place) -> dict[Number, float]:
 def _holder(
     tree: XacroTree, now: Urdf, number: Number, follow: Mapping[Place, Mapping[Number, float]]
 ) -> Place | None:
-    """The place on which this number alone depends: a plain number first, the one that people look for."""
+    """The place on which this number alone depends: a plain number first, because users expect it there."""
     alone = [place for place, slopes in follow.items() if set(slopes) == {number}]
     own = [
         place
@@ -166,7 +167,7 @@ def _not_written(
     missing: list[Number],
     follow: Mapping[Place, Mapping[Number, float]],
 ) -> str:
-    """Where a person would change it, and what stands in the way."""
+    """Where to change it by hand, and why it was not changed."""
     was = now.numbers(name)
     lines = "; ".join(joint_lines(tree.sources, name)) or tree.main.name
     wanted = []

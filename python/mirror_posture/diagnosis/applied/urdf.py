@@ -32,13 +32,13 @@ class Urdf:
         self._axes: dict[str, Floats] = {}
 
     def text(self) -> str:
-        """The edited file: what did not change stays to the letter."""
+        """The edited file: what did not change stays identical."""
         document = XmlText(self._text)
         for name, axis in self._axes.items():
             self._write(document, name, "axis", {"xyz": (axis, self._read_axis(name))})
         for name, pose in self._origins.items():
             was = self._read_origin(name)
-            # Numbers that say the same rotation in another way would be changes without a change.
+            # Another representation of the same rotation would be a change of numbers without a change.
             same = np.allclose(pose[:3, :3], was[:3, :3], rtol=0.0, atol=UNCHANGED)
             rpy_was = self._numbers_of(name, "origin", "rpy", ZERO)
             rpy = rpy_was if same else nearest_rpy(pose[:3, :3], rpy_was)
@@ -88,7 +88,8 @@ class Urdf:
         return self.joint(name).attributes.get("type", "")
 
     def axis(self, name: str) -> Floats:
-        """The joint's unit axis in its own frame; x where the file says nothing, or 0 0 0, as exporters write of fixed joints."""
+        """The joint's unit axis in its own frame; x where the file has none, or 0 0 0, as exporters write
+        for fixed joints."""
         axis = self._axes[name] if name in self._axes else self._read_axis(name)
         length = float(np.linalg.norm(axis))
         unit: Floats = axis / length if length > 0.0 else np.array([1.0, 0.0, 0.0])
@@ -192,7 +193,7 @@ class Urdf:
         parent = _link(self.joint(name), "parent")
         parent_from_rider = np.linalg.inv(body[parent]) @ nominal_from_real @ body[rider]
         self.move_mount(link, nominal_from_real)
-        # A rider that hangs on the link itself has moved already.
+        # A child that is fixed to the link itself has moved already.
         left = np.linalg.inv(self._rigid_body(parent)[rider]) @ parent_from_rider
         if np.allclose(left, np.eye(4), atol=1e-12):
             return [name]

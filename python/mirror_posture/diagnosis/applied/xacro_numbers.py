@@ -22,7 +22,7 @@ BUILT_IN = {
     "unless",
 }
 DIGITS = 10
-"""Behind the point: what is smaller is rounding of other numbers."""
+"""Digits after the point: smaller differences are rounding of other numbers."""
 _TOKEN = re.compile(r"\$\{[^}]*\}|[^\s${}]+")
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\Z")
 _EXPRESSION = re.compile(r"\$\{([^}]*)\}\Z")
@@ -40,7 +40,7 @@ class Place:
     old: str
     line: int
     words: str
-    """What it is, for people."""
+    """Its description for the reader."""
 
     @property
     def plain(self) -> bool:
@@ -71,7 +71,8 @@ def edited(sources: Mapping[Path, str], changes: Mapping[Place, str]) -> dict[Pa
 
 
 def shared_places(sources: Mapping[Path, str]) -> list[Place]:
-    """Numbers of properties, arguments, macros' defaults and calls of macros: what a person would change first."""
+    """Numbers of properties, arguments, macros' defaults and calls of macros, which a person would change
+    first."""
     return [place for file, text in sources.items() for place in _shared(file, text)]
 
 
@@ -135,7 +136,7 @@ def _may_be(template: str, name: str) -> bool:
 
 
 class _Document:
-    """A file's elements, and where the words of their attributes stand."""
+    """A file's elements, and the positions of the words of their attributes."""
 
     def __init__(self, file: Path, text: str) -> None:
         self._file = file

@@ -95,7 +95,7 @@ class XmlText:
         self._attributes.setdefault(element.start, {})[attribute] = value
 
     def inner(self, element: Element) -> str:
-        """What stands between an element's tags, as it was read."""
+        """The text between an element's tags, as it was read."""
         if element.open_end == element.end:
             return ""
         return self._bytes[element.open_end : self._bytes.rfind(b"</", 0, element.end)].decode("utf-8")
