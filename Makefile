@@ -11,6 +11,8 @@ PROFILE ?= dev
 # What is never imported need not be compiled: that takes longer than installing.
 INSTALL := $(BIN)/python -m pip install -q --disable-pip-version-check --no-compile
 WHEELS := target/wheels
+# Tests start many processes: what one has compiled of the packages the next ones read.
+unexport PYTHONDONTWRITEBYTECODE
 
 # Their files alone: reading all others takes each worker longer than these tests take.
 REALTIME := $(shell grep -l "mark.realtime" tests/python/test_*.py)

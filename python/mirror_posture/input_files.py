@@ -11,8 +11,6 @@ import stat
 from pathlib import Path
 from typing import IO, Any
 
-import yaml
-
 from ._core import MirrorPostureError
 
 LARGEST_TEXT = 1_000_000
@@ -114,6 +112,8 @@ def parse_yaml(text: str, needed: str, most_parts: int = MOST_YAML_PARTS) -> Any
         ValueError: no YAML, or YAML with aliases, too many parts or too deep: they can unfold without end, and nothing
             that is read here needs them.
     """
+    import yaml
+
     try:
         depth = 0
         for count, event in enumerate(yaml.parse(text, Loader=yaml.SafeLoader)):

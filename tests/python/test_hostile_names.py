@@ -16,7 +16,7 @@ from rich.console import Console
 from mirror_posture import load_session
 from mirror_posture.cli.output import Output
 from mirror_posture.diagnosis.page import write_report
-from mirror_posture.diagnosis.plots import figure, finished
+from mirror_posture.diagnosis.plots import figure, finished, styled
 from mirror_posture.diagnosis.result import VERSION, Diagnosis
 
 SCRIPT = '"><img src=x onerror=alert(1)>'
@@ -43,12 +43,18 @@ class Tags(HTMLParser):
         self.found.append((tag, dict(attrs)))
 
 
+@styled
 def drawn(name: str) -> str:
     picture, axes = figure(3.0, 2.0)
     axes[0, 0].set_title(name)
     axes[0, 0].barh([name, "other"], [1.0, 2.0], label=name)
     axes[0, 0].legend()
     return finished(picture, f"signature-{name}").svg
+
+
+def test_a_figure_whose_texts_would_be_formulas_is_refused() -> None:
+    with pytest.raises(RuntimeError, match="styled"):
+        figure(3.0, 2.0)
 
 
 @pytest.mark.parametrize("name", NAMES)

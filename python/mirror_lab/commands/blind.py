@@ -7,17 +7,19 @@ import itertools
 import json
 import os
 from collections.abc import Iterator
-from concurrent.futures import Executor, Future
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from mirror_posture._core import MirrorPostureError
 from mirror_posture.cli.output import JsonOption, Output
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor, Future
 
 ORDER = 90
 PANEL = "Diagnosis"

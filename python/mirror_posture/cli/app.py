@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import importlib
 import os
-import pkgutil
 import sys
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperGroup
 
 from .._core import MirrorPostureError
-from . import commands
+from .lazy_commands import LazyCommands
 from .output import ExitCode, Output
-from .plugins import COMMAND_GROUP, plugins
 from .streams import end, make_patient
 
 _HELP = """
@@ -30,11 +26,8 @@ Exit codes: 0 fine; 1 the input is invalid (one line says where and why); 2 the 
 _DEBUG_VARIABLE = "MIRROR_POSTURE_DEBUG"
 
 
-class _Commands(TyperGroup):
-    """The commands in the order of their `ORDER`; errors end here."""
-
-    def list_commands(self, ctx: Any) -> list[str]:
-        return list(self.commands)
+class _Commands(LazyCommands):
+    """The commands; errors end here."""
 
     def invoke(self, ctx: Any) -> Any:
         try:
@@ -97,33 +90,6 @@ def _options(
 ) -> None:
     if debug:
         os.environ[_DEBUG_VARIABLE] = "1"
-
-
-def _register() -> None:
-    """Adds every module of `commands` and of other distributions: its `command`, or its `group` of commands."""
-    names = [
-        found.name for found in pkgutil.iter_modules(commands.__path__) if not found.name.startswith("_")
-    ]
-    modules = {name: importlib.import_module(f"{commands.__name__}.{name}") for name in names}
-    for name, point in plugins(COMMAND_GROUP).items():
-        try:
-            modules.setdefault(name, point.load())
-        except ImportError as error:
-            # A broken plug-in takes its own command away, not the others.
-            print(
-                f"warning: the command {name!r} of {point.value} cannot be loaded: {error}", file=sys.stderr
-            )
-    for name, module in sorted(modules.items(), key=lambda item: item[1].ORDER):
-        name = name.replace("_", "-")
-        if hasattr(module, "group"):
-            app.add_typer(module.group, name=name, rich_help_panel=module.PANEL, no_args_is_help=True)
-            continue
-        app.command(
-            name, rich_help_panel=module.PANEL, no_args_is_help=getattr(module, "NEEDS_ARGUMENTS", True)
-        )(module.command)
-
-
-_register()
 
 
 def main() -> None:

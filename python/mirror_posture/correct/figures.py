@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..detect import read_picture
-from ..figure_text import literal
+from ..figure_settings import literal
 from ..measurement import (
     Measurement,
     MeasureOptions,
@@ -37,6 +37,7 @@ LEAST_SHOWN_M = 5e-5
 """The lower end of the logarithmic axis: below it measurements are noise."""
 
 
+@literal
 def plot_convergence(outcome: Outcome, file: Path, tolerance_m: float) -> None:
     """Each marker's distance from its target by look, mm, with the bound below which it surely is, and the tolerance."""
     import matplotlib
@@ -94,7 +95,6 @@ def plot_convergence(outcome: Outcome, file: Path, tolerance_m: float) -> None:
         axis.legend(loc="upper right", fontsize=9)
     title = outcome.stop.sentence
     axis.set_title(_folded(title, 105), fontsize=9, loc="left")
-    literal(figure)
     with new_file(file) as part:
         figure.savefig(part, dpi=120)
 

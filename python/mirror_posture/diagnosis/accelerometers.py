@@ -62,8 +62,6 @@ def accelerometer_witness(session: Session, found: Diagnosis) -> AccelerometerWi
     strength = float(np.linalg.norm(gravity))
     entries: list[dict[str, Any]] = []
     warnings: list[str] = []
-    if not frames.accelerometer_links:
-        return AccelerometerWitnesses((), ())
     if strength == 0.0:
         told = "session.toml: gravity is zero; no accelerometer can be predicted"
         return AccelerometerWitnesses((), (told,))

@@ -7,12 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..pages.drawing import FIXED
 from ..session import Session
 from . import formatting
 from .parts import Limit
-from .plots import FLOOR, INK, Drawing, figure, finished
+from .plots import INK, Drawing, finished, styled
 from .result import Diagnosis
-from .skeleton import MARGIN, VIEWS, links_of
+from .skeleton import VIEWS, Stance, links_of
 
 CLASSES = (
     (np.radians(0.2), 0.001, "#2f7f4f", "up to 0.2° or 1 mm"),
@@ -104,34 +105,24 @@ def line(found: Diagnosis) -> str:
     return f"These postures would have hidden (95 %) {formatting.listed(parts)}." if parts else ""
 
 
+@styled
 def draw_limits(session: Session, found: Diagnosis) -> Drawing:
     """The robot at the session's median posture; each place in the colour of what would have been hidden there."""
-    robot = session.robot
-    poses = robot.forward_kinematics(np.median(session.positions, axis=0, keepdims=True))[0]
-    base = np.linalg.inv(poses[robot.link_index(session.root_link)])
-    place = {name: 1000.0 * (base @ poses[i])[:3, 3] for i, name in enumerate(robot.link_names)}
-    points = np.array(list(place.values()))
-    low, high = points.min(axis=0), points.max(axis=0)
-    edge = MARGIN * float((high - low).max()) + 1.0
-    span = high - low + 2.0 * edge
-    height = float(np.clip(6.4 * span[2] / (span[0] + span[1]), 2.8, 7.0))
-    drawn, axes = figure(6.4, height + 0.8, columns=2, width_ratios=[span[1], span[0]], sharey=True)
-    marks = list(_marks(session, found))
-    for ax, (title, axis, sign) in zip(axes[0], VIEWS, strict=True):
-        for joint in robot.joints:
-            a, b = place[joint.parent_link], place[joint.child_link]
-            ax.plot([sign * a[axis], sign * b[axis]], [a[2], b[2]], color="#c8c8c8", linewidth=1.6, zorder=1)
-        for link, colour, shape in marks:
-            at = place[link]
-            ax.plot(sign * at[axis], at[2], shape, color=colour, markersize=7, markeredgecolor=INK, zorder=3)
-        ends = sorted((sign * low[axis], sign * high[axis]))
-        ax.set_xlim(ends[0] - edge, ends[1] + edge)
-        ax.set_ylim(low[2] - edge, high[2] + edge)
-        ax.set_title(f"from {title}, mm", color=INK, fontsize=10, loc="left")
-        ax.set_aspect("equal")
-        ax.tick_params(labelsize=8, colors=FLOOR)
     keys = [(colour, words) for _, _, colour, words in CLASSES] + [(ANY_COLOUR, ANY)]
-    handles = [axes[0, 0].plot([], [], "o", color=colour, markeredgecolor=INK)[0] for colour, _ in keys]
+    worse = [colour for colour, _ in keys]
+    stance = Stance(session)
+    drawn, axes = stance.figure(more_inches=0.8)
+    marks: dict[tuple[str, str], list[str]] = {}
+    for link, colour, shape in _marks(session, found):
+        marks.setdefault((colour, shape), []).append(link)
+    for ax, view in zip(axes, VIEWS, strict=True):
+        stance.bones(ax, view, [True, False], color=FIXED, linewidth=1.6)
+        # Where two fall on one place, the worse one is on top.
+        for (colour, shape), links in sorted(marks.items(), key=lambda mark: worse.index(mark[0][0])):
+            at = np.array([stance.flat(link, view) for link in links])
+            ax.plot(*at.T, shape, color=colour, markersize=7, markeredgecolor=INK, zorder=3)
+        ax.set_title(f"from {view[0]}, mm", color=INK, fontsize=10, loc="left")
+    handles = [axes[0].plot([], [], "o", color=colour, markeredgecolor=INK)[0] for colour, _ in keys]
     drawn.legend(
         handles, [words for _, words in keys], fontsize=8, frameon=False, loc="outside lower center", ncols=4
     )

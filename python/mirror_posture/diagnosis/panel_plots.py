@@ -10,7 +10,7 @@ import numpy as np
 
 from . import formatting
 from .parts import Field, Floats, Track
-from .plots import AFTER, BAR_ALPHA, BEFORE, FLOOR, FREE, INK, MANY_POINTS, Drawing, figure, finished
+from .plots import AFTER, BAR_ALPHA, BEFORE, FLOOR, FREE, INK, MANY_POINTS, Drawing, figure, finished, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -34,6 +34,7 @@ HEIGHTS = "PuOr"
 """Colours of a displacement out of the board's plane: orange away from the viewer, violet towards."""
 
 
+@styled
 def draw_track(track: Track, index: int) -> Drawing:
     """One row for each component, one column for each quantity: the value of each posture alone, and the
     cause's; one scale for all.
@@ -127,6 +128,7 @@ def _quantity(track: Track, column: int) -> tuple[Floats, str]:
     return factor * values, f"{name}, {told}" if told else name
 
 
+@styled
 def draw_field(field: Field, index: int) -> Drawing:
     """Arrows of the mean residual of the board's corners, without the cause and with it, on one scale."""
     std = field.std.max(axis=1)

@@ -19,13 +19,14 @@ from ..pages.drawing import (
     Drawing,
     figure,
     finished,
+    styled,
 )
 from . import formatting
 from .parts import Gap, Signature
 
 __all__ = [
     "AFTER", "BAR_ALPHA", "BEFORE", "FLOOR", "FREE", "INK", "MANY_POINTS", "PNG_DPI", "Drawing",
-    "draw_gap", "draw_signature", "figure", "finished", "gap_told",
+    "draw_gap", "draw_signature", "figure", "finished", "gap_told", "styled",
 ]  # fmt: skip
 MOSTLY_NOISE = 1.5
 """A gap in space below this many noise floors is mostly noise: the same bound as the core's for `closed`."""
@@ -61,6 +62,7 @@ def gap_told(gap: Gap) -> tuple[list[float], str, str]:
     )
 
 
+@styled
 def draw_steps(gap: Gap) -> Drawing:
     """Bars: the held-out gap as causes are added one by one, from the nominal model to the remainder."""
     in_pixels = shows_in_pixels(gap)
@@ -96,6 +98,7 @@ LONGEST_NAME = 34
 """Letters of a step's name at most: more would leave no room for its bar."""
 
 
+@styled
 def draw_gap(gap: Gap) -> Drawing:
     """Bars: the gap before and after on held-out postures, with the interval of what was closed, and the noise floor."""
     values, unit, label = gap_told(gap)
@@ -133,6 +136,7 @@ def draw_gap(gap: Gap) -> Drawing:
     return finished(drawn, "gap")
 
 
+@styled
 def draw_signature(signature: Signature, index: int) -> Drawing:
     """Four panels: the error that each posture shows by itself against position, load, direction and time."""
     angular = signature.unit == "rad"

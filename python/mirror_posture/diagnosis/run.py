@@ -12,7 +12,6 @@ from .._core import DiagnosisProgress, GapRecording, MirrorPostureError
 from ..arguments import checked_arguments
 from ..error_pickling import PickledWhole
 from ..session import Session, as_session
-from .accelerometers import accelerometer_witness
 from .encoders import encoder_witness
 from .fingerprint import KEY, fingerprint
 from .markers import marker_of_place, only_markers
@@ -127,9 +126,11 @@ def diagnose(
     if encoders:
         tree["encoder_witness"] = encoders
     found = Diagnosis.from_document(tree)
-    accelerometers = accelerometer_witness(loaded, found)
-    if not accelerometers.entries and not accelerometers.warnings:
+    if not loaded.frames.accelerometer_links:
         return found
+    from .accelerometers import accelerometer_witness
+
+    accelerometers = accelerometer_witness(loaded, found)
     tree["accelerometer_witness"] = list(accelerometers.entries)
     tree["warnings"] = [*tree.get("warnings", ()), *accelerometers.warnings]
     return Diagnosis.from_document(tree)

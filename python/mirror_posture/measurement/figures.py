@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..detect import read_picture
-from ..figure_text import literal
+from ..figure_settings import literal
 from ..mirror import IDEAL_MIRROR
 from ..optics import see_in_mirror
 from ..output_files import new_file, write_file
@@ -27,6 +27,7 @@ SHIFT = 4
 """Fractional bits of OpenCV's drawing coordinates."""
 
 
+@literal
 def plot_measured_against_model(measurement: Measurement, file: Path) -> None:
     """One panel a marker: measured minus model along x, y, z of the root frame in each posture, mm, with 1 σ bars."""
     from matplotlib.figure import Figure
@@ -76,7 +77,6 @@ def plot_measured_against_model(measurement: Measurement, file: Path) -> None:
     figure.suptitle(
         f"Markers measured in the mirror ({measurement.estimator}); root frame; bars: one standard deviation"
     )
-    literal(figure)
     with new_file(file) as part:
         figure.savefig(part, dpi=110)
 

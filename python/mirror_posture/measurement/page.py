@@ -10,7 +10,7 @@ import numpy as np
 
 from .._core import __version__
 from ..output_files import write_file
-from ..pages import Drawing, figure, finished, inline, render
+from ..pages import Drawing, figure, finished, inline, render, styled
 from ..pages.drawing import AFTER, BAR_ALPHA, BEFORE, GOOD, INK, MANY_POINTS
 from ..session import Session
 from .table import summarise
@@ -85,6 +85,7 @@ def _mm(value: float | None) -> str:
     return "" if value is None else f"{MILLIMETRES * value:.2f}"
 
 
+@styled
 def _draw(measurement: Measurement) -> Drawing:
     markers = measurement.markers
     difference = MILLIMETRES * (markers.point_in_root_m - markers.model_in_root_m)

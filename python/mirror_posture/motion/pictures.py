@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
-from ..diagnosis.plots import AFTER, BEFORE, INK, Drawing, figure, finished
+from ..diagnosis.plots import AFTER, BEFORE, INK, Drawing, figure, finished, styled
 from .diagnose import MotionDiagnosis
 
 Floats = npt.NDArray[np.float64]
@@ -29,6 +29,7 @@ def joint_pictures(done: MotionDiagnosis) -> Mapping[str, Drawing]:
     return out
 
 
+@styled
 def staircase(done: MotionDiagnosis) -> Drawing:
     """The gap step by step."""
     steps = done.diagnosis.document["gap"]["steps"]
@@ -50,6 +51,7 @@ def staircase(done: MotionDiagnosis) -> Drawing:
     return finished(drawn, "motion")
 
 
+@styled
 def _joint(done: MotionDiagnosis, joint: str) -> Drawing:
     problem, causes = done.problem, done.found.best.causes
     j = problem.joints.index(joint)

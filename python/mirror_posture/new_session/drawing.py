@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ..figure_settings import literal
 from ..robot import Robot
 from ..session.metadata import load_metadata
 from ..shapes import shapes_of_links
@@ -20,6 +21,7 @@ VIEWS = (
 CAMERA_COLOUR, BOARD_COLOUR = "#1f6feb", "#b35900"
 
 
+@literal
 def draw_setup(
     folder: Path,
     file: Path,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .drawing import Drawing, figure, finished
+from .drawing import Drawing, figure, finished, styled
 from .write import inline, render
 
-__all__ = ["Drawing", "figure", "finished", "inline", "render"]
+__all__ = ["Drawing", "figure", "finished", "inline", "render", "styled"]

@@ -7,7 +7,9 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from ..figure_text import literal
+import numpy as np
+
+from ..figure_settings import drawn_with
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -44,6 +46,9 @@ STYLE: Any = {
     "ytick.color": INK,
 }
 
+styled = drawn_with(STYLE)
+"""For functions that draw with `figure` and `finished`."""
+
 
 @dataclass(frozen=True)
 class Drawing:
@@ -56,27 +61,37 @@ class Drawing:
 def figure(
     width: float, height: float, rows: int = 1, columns: int = 1, **options: Any
 ) -> tuple[Figure, Any]:
-    """A figure in the pages' style, inches; axes as a (rows, columns) array."""
-    from matplotlib import rc_context
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    """A figure of a function that is `styled`, inches; axes as a (rows, columns) array."""
+    from matplotlib import rcParams
     from matplotlib.figure import Figure
 
-    with rc_context(STYLE):
-        drawn = Figure(figsize=(width, height), layout="constrained")
-        FigureCanvasAgg(drawn)
-        axes = drawn.subplots(rows, columns, squeeze=False, **options)
-    return drawn, axes
+    if rcParams["svg.hashsalt"] != STYLE["svg.hashsalt"]:
+        raise RuntimeError("figure: got a function that is not `styled`; its texts would be read as formulas")
+    drawn = Figure(figsize=(width, height), layout="constrained")
+    return drawn, drawn.subplots(rows, columns, squeeze=False, **options)
 
 
 def finished(drawn: Figure, name: str) -> Drawing:
     """The figure as SVG (ids made unique by the name, since a page has several; no background) and PNG."""
-    from matplotlib import rc_context
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+    from PIL import Image
 
-    literal(drawn)
-    with rc_context(STYLE):
-        vector, raster = io.StringIO(), io.BytesIO()
-        drawn.savefig(raster, format="png", dpi=PNG_DPI)
-        drawn.savefig(vector, format="svg", dpi=RASTER_DPI, transparent=True, metadata={"Date": None})
+    vector, raster = io.StringIO(), io.BytesIO()
+    # Drawn once a format and laid out once: `savefig` does each of them twice.
+    drawn.set_dpi(PNG_DPI)
+    # matplotlib has no types for its canvases.
+    picture: Any = FigureCanvasAgg(drawn)
+    picture.draw()
+    Image.fromarray(np.asarray(picture.buffer_rgba())[..., :3]).save(
+        raster, format="png", dpi=(PNG_DPI, PNG_DPI)
+    )
+    drawn.set_layout_engine("none")
+    for background in (drawn.patch, *(ax.patch for ax in drawn.axes)):
+        background.set_visible(False)
+    drawn.set_dpi(RASTER_DPI)
+    vectors: Any = FigureCanvasSVG(drawn)
+    vectors.print_svg(vector, metadata={"Date": None})
     svg = vector.getvalue()
     svg = svg[svg.index("<svg") :]
     # Names of robots end up here, and may hold anything.

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ..figure_settings import literal
 from .options import MirrorPlace
 from .run import Plan
 from .sizes import size_in_words
@@ -27,8 +28,10 @@ SHOWN = {
 """The effects of the table, in a person's words."""
 
 
+@literal
 def draw_plan(plan: Plan, file: Path) -> None:
     """Writes the picture as PNG."""
+    from matplotlib.collections import LineCollection
     from matplotlib.figure import Figure
 
     joints = plan.setting.joint_names
@@ -41,14 +44,15 @@ def draw_plan(plan: Plan, file: Path) -> None:
     axes = top.subplots(1, 2)
     poses = robot.link_poses(plan.positions, list(robot.link_names))[:, :, :3, 3]
     index = {name: k for k, name in enumerate(robot.link_names)}
+    bones = [[index[joint.parent_link], index[joint.child_link]] for joint in robot.joints]
     markers = setting.nominal.metadata.markers
     for panel, (vertical, title, word) in zip(
         axes, ((setting.up, "from the side", "up, m"), (across, "from above", "to its left, m")), strict=True
     ):
-        for row in range(len(poses)):
-            for joint in robot.joints:
-                ends = poses[row][[index[joint.parent_link], index[joint.child_link]]]
-                panel.plot(ends @ setting.forward, ends @ vertical, color="#57606a", lw=0.6, alpha=0.25)
+        ends = poses[:, bones] @ np.stack([setting.forward, vertical], axis=-1)
+        panel.add_collection(
+            LineCollection(list(ends.reshape(-1, 2, 2)), colors="#57606a", linewidths=0.6, alpha=0.25)
+        )
         for number, marker in enumerate(markers):
             seen = plan.markers[:, number]
             points = poses[seen][:, index[marker.link]]

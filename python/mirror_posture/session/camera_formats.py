@@ -11,7 +11,6 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import cv2
 import numpy as np
 
 from .._core import MirrorPostureError
@@ -54,6 +53,8 @@ def is_topic(tree: Mapping[Any, Any]) -> bool:
 
 def from_opencv(name: str, text: str) -> Camera:
     """The camera of a text of `cv2.FileStorage`: matrix, coefficients, `image_width` and `image_height`; `fisheye_model: 1` for an equidistant one."""
+    import cv2
+
     try:
         storage = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
         found = {key: storage.getNode(key) for key in storage.root().keys()}

@@ -20,7 +20,6 @@ import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.csv
-import pyarrow.parquet
 
 from ..input_files import LARGEST_TABLE, path_inside, read_regular, reason
 from ..short_repr import ShortRepr
@@ -223,7 +222,10 @@ def _check_size(name: str, columns: int, rows: int, most_cells: int = MOST_CELLS
 
 def _read_parquet(data: bytes, name: str, only: Collection[str] | None, most_cells: int) -> pa.Table:
     """A few bytes of Parquet can unfold to any size: what it says of itself is looked at first, and no text is unfolded before its size is known."""
-    told = pyarrow.parquet.read_metadata(pa.BufferReader(data))
+    # It takes longer to load than most tables to read, and most are CSV.
+    from pyarrow import parquet
+
+    told = parquet.read_metadata(pa.BufferReader(data))
     leaves = [told.schema.column(i) for i in range(told.num_columns)]
     if len(leaves) > MOST_COLUMNS:
         _check_size(name, len(leaves), told.num_rows, most_cells)
@@ -247,7 +249,7 @@ def _read_parquet(data: bytes, name: str, only: Collection[str] | None, most_cel
         raise SessionError(
             name, f"got the column {odd[0]!r} of long or nested values, needed numbers or names"
         )
-    file = pyarrow.parquet.ParquetFile(pa.BufferReader(data), read_dictionary=texts)
+    file = parquet.ParquetFile(pa.BufferReader(data), read_dictionary=texts)
     table = file.read(columns=wanted)
     unfolded = sum(_text_bytes(chunk) for text in texts for chunk in table[text].chunks)
     if unfolded > LARGEST_TABLE:

@@ -12,7 +12,6 @@ from typing import Any, Literal
 import numpy as np
 import pyarrow as pa
 import pyarrow.csv
-import pyarrow.parquet
 import tomli_w
 
 from ..arguments import checked_arguments
@@ -70,7 +69,9 @@ def write_detections(session: Session, file: str | os.PathLike[str]) -> Path:
 def write_table(table: pa.Table, file: Path) -> None:
     """Writes a table as CSV or Parquet by the file's name; numbers keep all their digits."""
     if file.suffix == ".parquet":
-        pyarrow.parquet.write_table(table, file)
+        from pyarrow import parquet
+
+        parquet.write_table(table, file)
     else:
         pyarrow.csv.write_csv(
             table, file, pyarrow.csv.WriteOptions(quoting_style="needed", quoting_header="needed")

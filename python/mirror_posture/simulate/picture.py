@@ -6,12 +6,13 @@ from __future__ import annotations
 from pathlib import Path
 
 from ..diagnosis.formatting import effect_in_words, place_in_words
-from ..diagnosis.plots import AFTER, BEFORE, PNG_DPI, figure
+from ..diagnosis.plots import AFTER, BEFORE, PNG_DPI, figure, styled
 from .staircase import Simulation
 
 WIDEST_LABEL = 34
 
 
+@styled
 def draw_staircase(simulation: Simulation, file: Path) -> None:
     """Writes the staircase as PNG: a step for each cause, in px and in mm; dashed what the diagnosis told."""
     stairs = simulation.stairs
