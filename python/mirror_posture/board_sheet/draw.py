@@ -19,9 +19,9 @@ POINTS_PER_M = 72.0 / 0.0254
 def write_board_pdf(sheet: BoardSheet, file: str | os.PathLike[str]) -> Path:
     """Writes the sheet as a PDF at true scale; returns the file.
 
-    Everything but the text is drawn as filled rectangles and lines in PDF's own units, so that no picture is scaled.
-    A viewer's "fit to page" is switched off by the document's own wish, and a ruler in both directions shows what the
-    printer did: many printers stretch the direction in which the paper is fed.
+    Everything but the text is drawn as filled rectangles and lines in PDF's own units, so that no picture
+    is scaled. The document requests viewers to switch off "fit to page". A ruler in both directions shows
+    the printer's scale, because many printers stretch the direction in which the paper is fed.
 
     Raises:
         MirrorPostureError: reportlab is not installed.
@@ -99,7 +99,7 @@ def _axes(page: Any, sheet: BoardSheet) -> None:
     page.line(x, y, x, y + sign * length)
     page.line(x, y + sign * length, x + tip, y + sign * (length - tip))
     page.line(x, y + sign * length, x - tip, y + sign * (length - tip))
-    # The letter stands on its foot: below an arrow that points down it needs its own height.
+    # Text is placed at its baseline: below an arrow that points down it needs its own height.
     _write(
         page, x, y + sign * (length + tip) - (0.35 * s if sheet.axes_turned else 0.0), "y", size, centred=True
     )

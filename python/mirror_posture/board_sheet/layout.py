@@ -39,8 +39,8 @@ DEFAULT_DICTIONARY = "DICT_4X4_250"
 class BoardSheet:
     """A board to be printed: inner corners, side of a square (m), pattern, paper.
 
-    A chessboard has one odd and one even count of inner corners: only then do the colours of the squares tell it from
-    itself turned by half a turn. A ChArUco board carries codes, so that a part of it is enough.
+    A chessboard has one odd and one even count of inner corners: only then do the colours of the squares
+    distinguish it from itself after half a turn. A ChArUco board has codes, so a part of it is sufficient.
 
     Raises:
         MirrorPostureError: counts that leave the board ambiguous, a size that does not fit the paper.

@@ -36,7 +36,7 @@ NAMES = (
 
 @dataclass(frozen=True)
 class BallColour:
-    """A colour for a ball: hue in degrees, a name for people, and a tone for the screen (`#rrggbb`)."""
+    """A colour for a ball: hue in degrees, a name, and a tone for the screen (`#rrggbb`)."""
 
     hue_deg: float
     name: str
@@ -45,9 +45,10 @@ class BallColour:
 
 @dataclass(frozen=True)
 class Recommendation:
-    """Sizes for a distance: `square_m` and `ball_diameter_m` at least, and one colour for each marker.
+    """Sizes for a distance: minima of `square_m` and `ball_diameter_m`, and one colour for each marker.
 
-    `path_m` is the way of the light, camera – mirror – thing: about twice the distance to the mirror.
+    `path_m` is the length of the light's path, camera – mirror – object: about twice the distance to the
+    mirror.
     """
 
     path_m: float
@@ -57,13 +58,14 @@ class Recommendation:
 
 
 def recommend(distance_m: float, focal_px: float, markers: int = 4) -> Recommendation:
-    """What to print and to buy for a mirror at `distance_m` from the camera and its focal length, px.
+    """Sizes and colours for a mirror at `distance_m` from the camera and the camera's focal length, px.
 
-    A thing of size s appears with `f s / L` px at the end of a path of length `L = 2 · distance`. Squares get at least
-    12 px and balls 16 px, rounded up to whole millimetres and to diameters that are sold. The hues are spread evenly.
+    An object of size s appears with `f s / L` px at the end of a path of length `L = 2 · distance`. Squares
+    get at least 12 px and balls 16 px, rounded up to whole millimetres and to diameters that are sold. The
+    hues are evenly spaced.
 
     Raises:
-        MirrorPostureError: a distance or a focal length that is not positive, more markers than hues can tell.
+        MirrorPostureError: a distance or a focal length that is not positive, more markers than distinguishable hues.
     """
     for name, value in (("distance", distance_m), ("focal length", focal_px)):
         if not (math.isfinite(value) and value > 0.0):

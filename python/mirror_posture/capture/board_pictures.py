@@ -24,19 +24,22 @@ STILL_S = 0.6
 """For how long all must have stood still: a board in a hand trembles less than it seems."""
 LOOK_EVERY_S = 0.5
 APART = 0.02
-"""Of the picture's width, RMS over the corners: nearer to a picture that was taken, another one tells little more."""
+"""Of the picture's width, RMS over the corners: nearer to an existing picture, another one adds little
+information."""
 
 
 def take_board_pictures(
     source: Source, board: Board, folder: Path, most: int, say: Callable[[str], object]
 ) -> int:
-    """Takes pictures of the board into a folder until a calibration finds nothing weak in them; returns how many.
+    """Takes pictures of the board into a folder until a calibration finds nothing weak in them; returns how
+    many.
 
-    A picture is taken when all stands still, the board is found in it, and it stands elsewhere than in all that were taken. After each it is said
-    what is still weak. It ends with `GOOD_VIEWS` pictures or more of which nothing is weak, with `most`, or with the source.
+    A picture is taken when everything is still, the board is found in it, and its place differs from those
+    in all pictures taken. After each picture the weak points are printed. It ends with `GOOD_VIEWS`
+    pictures or more if nothing is weak, with `most`, or with the source.
 
     Raises:
-        MirrorPostureError: a folder that holds something, a source of pictures that stand for themselves, one that gives none any more.
+        MirrorPostureError: a folder that is not empty, a source of single pictures, a source that ends unexpectedly.
     """
     if source.stills:
         raise MirrorPostureError(
@@ -78,7 +81,8 @@ def take_board_pictures(
 def _corners(
     shot: Shot, setup: DetectionSetup, options: DetectionOptions, taken: list[Floats]
 ) -> tuple[Floats | None, str]:
-    """The board's corners (N, 2) in a picture that is worth taking, NaN where one is not seen; else None, and why not."""
+    """The board's corners (N, 2) in a picture that is useful, NaN where one is not seen; otherwise None,
+    and why not."""
     view = detect_picture(shot.picture, setup, options=options).boards[0]
     if not view.ok or view.corners_px is None:
         return None, f"still, but not taken: {view.reason}"

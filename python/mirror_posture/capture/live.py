@@ -52,7 +52,7 @@ def state_of(capture: Capture) -> dict[str, Any]:
 
 
 def live_jpeg(capture: Capture) -> bytes | None:
-    """The last picture, small, with what was found in it drawn over; None before the first."""
+    """The last picture, small, with its detections drawn over it; None before the first."""
     shot, found = capture.last, capture.found
     if shot is None:
         return None

@@ -29,9 +29,9 @@ from .stillness import Stillness
 
 ACTIONS = ("start", "pause", "turned", "skip", "again", "finish")
 PATIENCE_S = 2.0
-"""For how long an action waits for a picture that is being looked at."""
+"""How long an action waits for a picture that is being processed."""
 LOOK_EVERY_S = 1.0
-"""Of a film or a camera: what is in a picture is looked for as often as this."""
+"""For a film or a camera: interval of the detections."""
 
 
 class Capture:
@@ -57,7 +57,7 @@ class Capture:
         self.stage = Stage.WAITING if self.options.ask else Stage.MOVING
         self.message = ""
         self.found: ImagePoints | None = None
-        """In the picture that was looked at last."""
+        """In the picture that was processed last."""
         self.last: Shot | None = None
         """The picture that was read last."""
         self._looked_s = -np.inf
@@ -76,7 +76,7 @@ class Capture:
         return next(left, None)
 
     def step(self) -> bool:
-        """Reads a picture and does what is due; False when the capture has ended."""
+        """Reads a picture and takes the next action; False when the capture has ended."""
         with self._lock:
             while self._asked:
                 self._act(self._asked.popleft())
@@ -131,7 +131,7 @@ class Capture:
         return True
 
     def _take_still(self, shot: Shot) -> bool:
-        """A picture of a folder: of the planned frame that its name says."""
+        """A picture of a folder: of the planned frame given by its name."""
         frame = next((f for f in self.plan if f.frame == shot.number), None)
         if frame is None:
             raise MirrorPostureError(
@@ -165,7 +165,7 @@ class Capture:
         return True
 
     def _trouble(self) -> str:
-        """Why the picture that was looked at last cannot be taken; empty where it can."""
+        """Why the picture processed last cannot be taken; empty where it can."""
         found = self.found
         if found is None:
             return "nothing was looked for"
@@ -217,9 +217,10 @@ class Capture:
         return sum(1 for f in self.plan if f.frame not in self.recorder.taken)
 
     def do(self, action: str) -> str:
-        """What a person asks for: start, pause, turned, skip, again, finish. Returns what was done.
+        """An action of the user: start, pause, turned, skip, again, finish. Returns what was done.
 
-        While a driver moves the robot it is done when that movement has ended. Raises `MirrorPostureError` for anything else.
+        While a driver moves the robot it takes effect when that movement has ended. Raises
+        `MirrorPostureError` for anything else.
         """
         if action not in ACTIONS:
             raise MirrorPostureError(f"got {action!r}, needed one of {', '.join(ACTIONS)}")

@@ -104,7 +104,7 @@ class Recorder:
         self._write()
 
     def _write(self) -> None:
-        # Rows stand in the order of execution, which the plan's numbers are.
+        # Rows are in the order of execution, which is that of the plan's numbers.
         rows = [self.taken[frame] for frame in sorted(self.taken)]
         start = rows[0].time_s if rows else 0.0
         columns: dict[str, Any] = {

@@ -30,7 +30,7 @@ POLICY = (
 
 
 class CaptureServer:
-    """Serves the page of a capture from a thread of its own. `address` is what a browser is given."""
+    """Serves the page of a capture from a separate thread. `address` is the URL for a browser."""
 
     def __init__(self, capture: Capture, port: int = 0) -> None:
         self._token = secrets.token_urlsafe(24)
@@ -85,7 +85,7 @@ class CaptureServer:
                 return tuple(f"{scheme}{name}:{port_}" for name in ("127.0.0.1", "localhost"))
 
             def _asked(self) -> str | None:
-                """What is asked for below the token; None where the request was refused."""
+                """The requested path below the token; None where the request was refused."""
                 if self.headers.get("Host") not in self._own():
                     self.send_error(HTTPStatus.FORBIDDEN, "another host")
                     return None

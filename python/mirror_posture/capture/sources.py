@@ -24,7 +24,7 @@ LOST_AFTER = 50
 
 @dataclass(frozen=True, eq=False)
 class Shot:
-    """A picture, BGR, and when it was taken, s; `number` is the planned frame that its name says, if any."""
+    """A picture, BGR, and its time, s; `number` is the planned frame given by its name, if any."""
 
     picture: Picture
     time_s: float
@@ -36,9 +36,9 @@ class Source(Protocol):
     """Gives pictures one after the other."""
 
     stills: bool
-    """True: each picture is one of its own, taken at rest; False: they follow each other as in a film."""
+    """True: each picture is independent, taken at rest; False: they are successive, as in a film."""
     live: bool
-    """True: it never ends, and waits for nobody."""
+    """True: it never ends, and does not wait for the reader."""
 
     def read(self) -> Shot | None:
         """The next picture; None at the end. Raises `MirrorPostureError` where none comes any more."""
@@ -104,7 +104,7 @@ class FilmSource:
 class FolderSource:
     """A folder of pictures, in the order of the numbers in their names.
 
-    Where each name is one number, as `0012.png`, it says which planned frame the picture is of.
+    If each name is one number, as `0012.png`, it is the number of the planned frame.
     """
 
     stills, live = True, False
@@ -156,7 +156,7 @@ def open_source(text: str, camera: Camera | None) -> Source:
 
 
 def shown_source(where: int | str) -> str:
-    """A source as it may be told: without the password in its address."""
+    """A source without the password in its address."""
     return f"webcam:{where}" if isinstance(where, int) else re.sub(r"//[^/@]*@", "//…@", where)
 
 

@@ -12,12 +12,12 @@ class Stage(str, enum.Enum):
     WAITING = "waiting"
     """For the person to start it."""
     TURN_MIRROR = "turn_mirror"
-    """For the person to turn the mirror and say so."""
+    """Waits until the person has turned the mirror and confirms it."""
     COMMANDING = "commanding"
     """A robot's driver moves the robot."""
     MOVING = "moving"
     STILL = "still"
-    """All stands still; what is in the picture is not good enough yet."""
+    """Everything is still; the picture is not good enough yet."""
     PAUSED = "paused"
     FINISHED = "finished"
     FAILED = "failed"
@@ -32,4 +32,4 @@ class CaptureOptions:
     least_markers: int = 1
     """How many balls must be found in it."""
     ask: bool = True
-    """Whether somebody is there to be asked: to start, to turn the mirror. False: a folder or a film, without a page."""
+    """Whether a person is present: to start, to turn the mirror. False: a folder or a film, without a page."""

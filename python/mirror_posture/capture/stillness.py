@@ -21,7 +21,8 @@ LEAST_SHARPNESS = 0.5
 
 
 class Stillness:
-    """Follows a film: since when all stands still, and whether anything moved since the last picture that was taken."""
+    """Follows a film: since when everything is still, and whether anything moved since the last picture
+    that was taken."""
 
     def __init__(self) -> None:
         self._before: Floats | None = None

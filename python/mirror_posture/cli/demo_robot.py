@@ -21,7 +21,8 @@ MILLIMETRES = 1000.0
 
 
 def demonstrate_diagnosis(output: Output, session: Session, folder: Path) -> dict[str, Any]:
-    """Diagnoses the measured session, writes diagnosis.json and the report; what it says, for `--json`."""
+    """Diagnoses the measured session, writes diagnosis.json and the report; returns the result for
+    `--json`."""
     from ..diagnosis import diagnose
     from .told_diagnosis import write_results
 
@@ -39,9 +40,11 @@ def demonstrate_diagnosis(output: Output, session: Session, folder: Path) -> dic
 def demonstrate_correction(
     output: Output, hidden_rad: Mapping[str, float], posture: Mapping[str, float], seed: int, picture: Path
 ) -> dict[str, Any] | None:
-    """Corrects a simulated robot in which the same joints are off, by looks into the mirror (exact pixels with noise).
+    """Corrects a simulated robot with the same joint errors, by looks into the mirror (exact pixels with
+    noise).
 
-    The simulated robot is that of the distribution mirror-posture-lab; without it nothing is corrected, and that is said.
+    The simulated robot is in the distribution mirror-posture-lab; without it nothing is corrected, and a
+    message says so.
     """
     from ..correct import CorrectOptions, StopOptions, correct
     from ..correct.figures import plot_convergence

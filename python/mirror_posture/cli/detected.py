@@ -12,9 +12,9 @@ if TYPE_CHECKING:
 
 
 def load_detected(output: Output, folder: Path, *, points_suffice: bool = False) -> Session:
-    """The session of a folder with its image points; its warnings and those of the pictures are told.
+    """The session of a folder with its image points; its warnings and those of the pictures are printed.
 
-    `points_suffice`: measured points (`points.csv`) will do, pictures beside them are not looked at.
+    `points_suffice`: measured points (`points.csv`) are sufficient; pictures beside them are not processed.
     """
     from ..session import load_session
 

@@ -16,10 +16,12 @@ LENGTHS = {"mm": 0.001, "cm": 0.01, "m": 1.0}
 
 
 def joint_values(given: Iterable[str], option: str, robot: Robot | None = None) -> dict[str, float]:
-    """Joint name to rad or m, of texts such as `elbow=15`, `elbow=0.26rad`, `rail=12mm`, or several with commas between them.
+    """Joint name to rad or m, from texts such as `elbow=15`, `elbow=0.26rad`, `rail=12mm`, or several with
+    commas between them.
 
-    Raises `MirrorPostureError`, which names the option, what was got and what is needed, for a text that is none, a number that is not finite, and
-    (with a robot) a length for a joint that turns or an angle for one that slides.
+    Raises `MirrorPostureError`, which names the option, what was given and what is required, for an invalid
+    text, a number that is not finite, and (with a robot) a length for a revolute joint or an angle for a
+    prismatic one.
     """
     kinds = {} if robot is None else {joint.name: joint.kind for joint in robot.joints}
     found: dict[str, float] = {}

@@ -62,7 +62,7 @@ SessionArgument = Annotated[
 
 
 class Output:
-    """Where a command's words go: to stdout for a person, to stderr where stdout is a program's."""
+    """Destination of a command's text: stdout for people, stderr if stdout is for a program."""
 
     _current: ClassVar[Output | None] = None
 
@@ -74,7 +74,7 @@ class Output:
 
     @classmethod
     def current(cls) -> Output:
-        """The running command's output; before there is one, a person's."""
+        """The running command's output; before there is one, that for people."""
         return cls._current or cls()
 
     @property
@@ -83,17 +83,18 @@ class Output:
         return self.messages.is_terminal and self.messages.width < NARROW
 
     def say(self, text: str, style: str | None = None) -> None:
-        """One line for a person."""
+        """One line for people."""
         self.messages.print(Text(shown(text)), style=style)
 
     def warn(self, text: str) -> None:
-        """A line that a person must not miss, on stderr."""
+        """A warning, on stderr."""
         self.errors.print(f"[yellow]warning:[/yellow] {escape(shown(text))}")
 
     def table(
         self, title: str, columns: Iterable[str], rows: Iterable[Iterable[str]], caption: str = ""
     ) -> None:
-        """A table for a person. A name starts with `*` for text, with `~` for text that may be folded; else numbers."""
+        """A table for people. A name starts with `*` for text, with `~` for text that may be folded;
+        otherwise numbers."""
         if self.as_json:
             return
         columns = list(columns)
@@ -110,12 +111,12 @@ class Output:
                 column.lstrip("*~"), justify="left" if text else "right", no_wrap=not column.startswith("~")
             )
         for row in rows:
-            # Cells are words, never markup: a name may look like it.
+            # Cells are literal text, never markup: a name may look like markup.
             table.add_row(*(Text(shown(cell)) for cell in row))
         self.messages.print(table, soft_wrap=False)
 
     def result(self, document: Any) -> None:
-        """The command's result as JSON, where it was asked for."""
+        """The command's result as JSON, if requested."""
         if self.as_json:
             json.dump(plain(document), sys.stdout, indent=2, allow_nan=False, ensure_ascii=False)
             sys.stdout.write("\n")
@@ -137,14 +138,14 @@ class Output:
 
     @contextmanager
     def counting(self, what: str, total: int) -> Iterator[Callable[[int], None]]:
-        """A bar on stderr (where that is a terminal) for work that says itself how much is done."""
+        """A progress bar on stderr (if that is a terminal) for work of known length."""
         with _bar() as bar:
             task = bar.add_task(escape(what), total=total)
             yield lambda done: bar.update(task, completed=done)
 
     @contextmanager
     def working(self, what: str) -> Iterator[Callable[[str], None]]:
-        """What is being done, on stderr (where that is a terminal), for work whose length nobody knows."""
+        """The current step, on stderr (if that is a terminal), for work of unknown length."""
         console = Console(stderr=True)
         with console.status(escape(what)) as status:
             yield lambda stage: status.update(escape(shown(stage)))
@@ -154,7 +155,7 @@ class Output:
         self.errors.print(f"[red]error:[/red] {escape(shown(text))}")
 
     def fail(self, message: str, error: BaseException, code: int) -> None:
-        """An error as one line on stderr and, where JSON was asked for, as a document on stdout."""
+        """An error as one line on stderr and, if JSON was requested, as a document on stdout."""
         self.problem(message)
         if self.as_json:
             place = {name: getattr(error, name, None) for name in ("file", "row", "column")}
@@ -189,7 +190,7 @@ def _bar() -> Progress:
 
 
 def plain(value: Any) -> Any:
-    """A value as JSON can hold it: arrays as lists, dataclasses as objects, what is not finite as null."""
+    """A value in JSON's types: arrays as lists, dataclasses as objects, what is not finite as null."""
     if is_dataclass(value) and not isinstance(value, type):
         return plain(asdict(value))
     if isinstance(value, Mapping):

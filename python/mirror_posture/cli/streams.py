@@ -61,7 +61,8 @@ def make_patient() -> Patient:
 
 
 def end(out: Patient) -> str | None:
-    """Writes what is buffered; why standard output failed, or None where it did not, or where its reader stopped."""
+    """Flushes the buffer; returns why standard output failed, or None if it did not, or if its reader
+    stopped."""
     out.flush()
     sys.stderr.flush()
     error = out.failure

@@ -17,7 +17,8 @@ OWN_FILES = ("diagnosis.json", "report.html", "pictures", NEXT_POSTURES)
 
 
 def write_results(output: Output, session: Session, found: Diagnosis, folder: Path) -> None:
-    """Writes diagnosis.json, the report with its pictures and the next postures into a folder, and says so."""
+    """Writes diagnosis.json, the report with its pictures and the next postures into a folder, and prints
+    their paths."""
     from ..diagnosis.next_postures import write_next_postures
     from ..diagnosis.page import write_report
     from ..output_files import new_folder
@@ -35,7 +36,7 @@ def write_results(output: Output, session: Session, found: Diagnosis, folder: Pa
 
 
 def show_diagnosis(output: Output, folder: Path, found: Diagnosis) -> None:
-    """Tables for a person; of a program only the warnings."""
+    """Tables for people; for a program only the warnings."""
     from ..diagnosis.formatting import (
         ENCODER_COLUMNS,
         dependence,

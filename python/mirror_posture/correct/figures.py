@@ -106,10 +106,11 @@ def _folded(text: str, width: int) -> str:
 
 
 def write_before_and_after(folder: Path, outcome: Outcome, file: Path) -> bool:
-    """The first and the last believed look side by side, from like viewpoints, with each marker's surroundings enlarged.
+    """The first and the last accepted look side by side, from similar viewpoints, with each marker's
+    surroundings enlarged.
 
-    Green ring: where the marker was measured; red cross: its target; both as seen in the mirror of that picture. False for a
-    recording without pictures, or without a measured look.
+    Green ring: where the marker was measured; red cross: its target; both as seen in the mirror of that
+    picture. False for a recording without pictures, or without a measured look.
     """
     session = load_session(folder)
     believed = [look for look in outcome.looks if look.rms_m is not None]
@@ -137,7 +138,8 @@ def write_before_and_after(folder: Path, outcome: Outcome, file: Path) -> bool:
 
 
 def _like_rows(session: Session, measurement: Measurement, first: int, last: int) -> tuple[int, int] | None:
-    """A frame of each posture with picture and mirror, so that the two mirrors stand as much alike as can be."""
+    """A frame of each posture with picture and mirror, such that the two mirrors are as similar as
+    possible."""
 
     def usable(posture: int) -> list[int]:
         mine = np.flatnonzero(session.frames.posture == posture).tolist()

@@ -27,7 +27,7 @@ def append(file: Path, columns: Sequence[str], rows: Sequence[Sequence[Any]]) ->
 
 
 def append_bytes(file: Path, data: bytes) -> None:
-    """One write, then synced: what a kill can cut is the last line at most."""
+    """One write, then a sync: a kill can cut the last line at most."""
     with open(file, "ab", buffering=0) as stream:
         stream.write(data)
         os.fsync(stream.fileno())
@@ -45,7 +45,7 @@ def write_whole(file: Path, data: bytes) -> None:
 
 
 def cut_last_line(file: Path) -> None:
-    """Takes off what stands after the last end of a line."""
+    """Removes everything after the last end of a line."""
     if not file.is_file():
         return
     data = file.read_bytes()

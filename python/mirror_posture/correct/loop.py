@@ -22,8 +22,8 @@ from .target import Target, make_target
 from .viewpoints import Viewpoint, choose_viewpoints, go
 
 CommandForPosture = Callable[[Mapping[str, float]], Mapping[str, float] | Sequence[Mapping[str, float]]]
-"""From the posture that is wanted to the first command (a diagnosed model's feed-forward), joint positions, rad (m); or to
-several commands, way-points before the first look, of which the last stays."""
+"""From the wanted posture to the first command (the feed-forward of a diagnosed model), joint positions,
+rad (m); or to several commands, way-points before the first look, of which the last is held."""
 
 RETURN_TO_BEST = ("stalled", "diverging", "budget_spent", "limit_reached")
 """After these the best posture that was seen is commanded; after lost or contradicting readings nothing is moved."""
@@ -133,7 +133,7 @@ class _Run:
             evidence = {"message": str(error), "error": type(error).__name__}
             stop = Stop("robot_failed", self._at_rest(evidence))
         except BaseException:
-            # What nobody foresaw is the caller's; the robot does not stand under way for it.
+            # Unexpected exceptions propagate after the robot is stopped.
             self._at_rest({})
             raise
         outcome = self._outcome(stop)
@@ -142,7 +142,7 @@ class _Run:
         return outcome
 
     def _at_rest(self, evidence: dict[str, Any]) -> dict[str, Any]:
-        """Brings the robot to rest; where that fails too, the evidence says so."""
+        """Brings the robot to rest; if that fails too, the evidence says so."""
         try:
             self.robot.rest()
             evidence["at_rest"] = True
@@ -156,7 +156,7 @@ class _Run:
     # What an earlier run has recorded.
 
     def _recorded(self) -> tuple[Viewpoint, ...] | None:
-        """Goes through what was recorded already; returns the viewpoints that are to be taken next."""
+        """Replays what was recorded already; returns the viewpoints that are to be taken next."""
         pending: tuple[Viewpoint, ...] | None = self.viewpoints.of_look(0)
         if self.recorder is None:
             return pending
@@ -167,7 +167,8 @@ class _Run:
             pending = self._decide(one.readings, recorded=True)
             if pending is None:
                 return None
-        # Pictures of a look that was not finished stay recorded, under a posture of their own: the body may have moved since.
+        # Pictures of an unfinished look stay recorded, under a separate posture, because the body may have
+        # moved since.
         if past.postures:
             self.posture = max(self.posture, max(past.postures) + 1)
             pending = self.viewpoints.of_look(len(self.reports))
@@ -204,14 +205,14 @@ class _Run:
         return read(self.target, self.looks, self.postures, self.options.measure)
 
     def _keep(self, look: Look) -> None:
-        """Records a look before anything is made of it, then what was detected in it."""
+        """Records a look before it is used, then its detections."""
         frame = None
         if self.recorder is not None:
             frame = self.recorder.capture(look, self.posture)
         seen = detect_look(self.target.nominal, look)
         if self.recorder is not None and frame is not None:
             self.recorder.detected(frame, seen)
-        # Pictures are on the disk, or nobody's: a long correction does not keep them.
+        # Pictures are on disk; a long correction does not keep them in memory.
         self.looks.append(replace(seen, picture_bgr=None))
         self.postures.append(self.posture)
         if self.on_picture is not None:
@@ -242,7 +243,7 @@ class _Run:
             self._stop = Stop(evidence["kind"], {k: v for k, v in evidence.items() if k != "kind"})
             return None
         if kind == "look_again" and not decision["fresh"]:
-            # The same posture from elsewhere; where nothing else is proposed, the same views once more.
+            # The same posture from other viewpoints; if no others are proposed, the same views once more.
             return self.viewpoints.further or self.viewpoints.of_look(len(self.reports))
         self.posture += 1
         return self.viewpoints.of_look(len(self.reports))

@@ -63,7 +63,7 @@ def read(target: Target, looks: Sequence[Look], posture: Sequence[int], choice: 
                 mount=choice.mount,
                 mount_std_rad=choice.mount_std_rad,
                 mount_std_m=choice.mount_std_m,
-                # The corrector itself tests chi-squared, and looks afresh at what it does not believe.
+                # The corrector itself tests chi-squared, and looks again at what it rejects.
                 judge_markers=False,
             ),
         ).markers
@@ -103,7 +103,7 @@ def read(target: Target, looks: Sequence[Look], posture: Sequence[int], choice: 
 
 
 def _from_points(target: Target, looks: Sequence[Look], choice: MeasureChoice) -> Readings:
-    """Positions that something else measured: the weighted mean of the looks, with how well they agree."""
+    """Positions from another measurement: the weighted mean of the looks, and their agreement."""
     count = len(target.markers)
     out = Readings.nothing(count, "not seen")
     reasons: list[str | None] = list(out.reasons)

@@ -29,12 +29,13 @@ class StepOptions:
     largest_step_rad: float = 0.15
     """The most that a joint may turn in one step (m for a prismatic joint)."""
     jacobian: JacobianSource = "reference"
-    """J at the target posture (the paper's), at the current command, or learnt from what the steps did (Broyden)."""
+    """J at the target posture (the paper's), at the current command, or updated from the steps' effect
+    (Broyden)."""
 
 
 @dataclass(frozen=True)
 class StopOptions:
-    """When a correction stops, and which readings it believes; see `mirror_core::correct::JudgeOptions`."""
+    """When a correction stops, and which readings it accepts; see `mirror_core::correct::JudgeOptions`."""
 
     tolerance_m: float = 0.001
     """ε: every marker's true distance from its target must be below."""
@@ -50,7 +51,7 @@ class StopOptions:
     retries: int = 2
     """Looks in a row that may fail, or be too uncertain, before the correction stops for it."""
     largest_gap_m: float = 0.05
-    """A marker that is first seen farther from its model is not believed."""
+    """A marker whose first reading is farther from its model is rejected."""
     play_m: float = 0.004
     """How far a marker may be from where the last step should have put it, beyond noise and that whole step."""
     largest_correction_rad: float = 0.35
@@ -84,15 +85,16 @@ class CorrectOptions:
     held: tuple[str, ...] = ()
     """Joints that are not moved. Those between camera and board are held anyway."""
     views: tuple[View, ...] | None = None
-    """Where the mirror stands in each look's pictures. None: proposed for the target (`propose_views`)."""
+    """The mirror's pose in each look's pictures. None: proposed for the target (`propose_views`)."""
     further_views: tuple[View, ...] | None = None
-    """Where it may stand for a look that is too uncertain to say anything. None: `extra_views` are proposed."""
+    """The mirror's pose for a look that is too uncertain for a decision. None: `extra_views` are proposed."""
     views_a_look: int = 3
     """How many viewpoints are proposed for a look."""
     view_joints: tuple[tuple[tuple[str, float], ...], ...] = ()
-    """Instead of turning mirror or stand: for each view, joints of the robot (waist, legs) and where they go, rad."""
+    """Instead of turning mirror or stand: for each view, joints of the robot (waist, legs) and their
+    positions, rad."""
     extra_views: int = 2
-    """How many viewpoints more are proposed for a look whose measurement is too uncertain to say anything."""
+    """How many more viewpoints are proposed for a look that is too uncertain for a decision."""
 
     def check(self) -> None:
         """Refuses what makes no sense; the numbers of steps and stops are checked by the core."""

@@ -49,9 +49,9 @@ class MarkerError:
     """None where it was not measured."""
     std_m: tuple[float, float, float] | None
     below_m: float | None
-    """The true distance is below this, but for the stated probability."""
+    """Upper bound of the true distance, at the stated probability."""
     doubt: str | None
-    """Why the reading was not believed; None where it was."""
+    """Why the reading was rejected; None where it was accepted."""
     reason: str | None = None
     """Why it was not measured."""
 
@@ -63,7 +63,7 @@ class MarkerError:
 
 @dataclass(frozen=True)
 class LookReport:
-    """One look and what was decided."""
+    """One look and the decision."""
 
     look: int
     """From 1."""
@@ -77,7 +77,7 @@ class LookReport:
     """Joint positions at which it was taken, rad (m)."""
     markers: tuple[MarkerError, ...]
     rms_m: float | None
-    """Root mean square distance of all markers; None where the look was not believed."""
+    """Root mean square distance of all markers; None where the look was rejected."""
     decision: DecisionKind
     why: str
     """For a further look: why; for a stop: its kind."""
@@ -100,7 +100,7 @@ class Outcome:
     best_command: Mapping[str, float]
     """The command with the smallest measured error; the last one where it converged."""
     responses: tuple[Mapping[str, Any], ...] = field(default=())
-    """How far each joint did what it was told: `joint`, `response`, `std`, `commanded_rad`, `stuck`."""
+    """How far each joint followed its commands: `joint`, `response`, `std`, `commanded_rad`, `stuck`."""
     views: int = 0
     """How many pictures or measurements were taken in all."""
 
@@ -111,9 +111,11 @@ class Outcome:
 
     @property
     def data(self) -> dict[str, Any]:
-        """Counts of looks, pictures (or measurements of a tracker) and readings of markers, given and used; what was left out, and why.
+        """Counts of looks, pictures (or measurements of a tracker) and readings of markers, given and used;
+        what was left out, and why.
 
-        Pictures of a look that ended before it was measured (Ctrl-C, a robot that failed) are given and not used.
+        Pictures of a look that ended before it was measured (Ctrl-C, a robot that failed) are given and not
+        used.
         """
         left_out = [
             {
@@ -141,7 +143,7 @@ class Outcome:
 
 
 def doubt_in_words(implausible: Mapping[str, Any] | None) -> str | None:
-    """Why a reading was not believed, with its numbers."""
+    """Why a reading was rejected, with its numbers."""
     if implausible is None:
         return None
     surprise = implausible["surprise"]

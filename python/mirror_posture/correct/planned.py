@@ -24,11 +24,13 @@ from .target import Target
 Floats = npt.NDArray[np.float64]
 
 FARTHER = (1.0, 1.25, 1.6, 2.0)
-"""A target may reach farther than the plan's postures, or need more of the picture: so many times as far as planned the mirror may stand."""
+"""A target may reach farther than the plan's postures, or need more of the picture: largest mirror
+distance, in multiples of the planned one."""
 GOOD_STD_M = 0.00015
 """Of a marker along its worst axis: with this a correction sees a millimetre, and the mirror stays where it is."""
 FURTHER = 3
-"""Viewpoints beside the asked ones: of a look that would measure too badly without, or of one that turns out too uncertain."""
+"""Additional viewpoints: for a look that would otherwise measure too badly, or that turns out to be too
+uncertain."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +40,7 @@ class PlannedViews:
     usual: tuple[View, ...]
     """Of every look, best first."""
     further: tuple[View, ...]
-    """For a look that is too uncertain to say anything."""
+    """For a look that is too uncertain for a decision."""
     std_m: float
     """The largest standard deviation that a marker would have along its worst axis, as the model predicts it."""
     warnings: tuple[str, ...]
@@ -52,17 +54,19 @@ def views_of_plan(
     start: Mapping[str, float] | None = None,
     count: int = USUAL_VIEWS,
 ) -> PlannedViews:
-    """The viewpoints of a plan's mirror for a target: `count` usual ones (up to three more where these measure too badly), and further ones.
+    """The viewpoints of a plan's mirror for a target: `count` usual ones (up to three more where these
+    measure too badly), and further ones.
 
-    A viewpoint is taken where the mirror, of the plan's size, shows the board and all of the target's markers, past the robot's own body, with
-    no real ball beside them, and the body keeps the plan's clearance from the glass, at the target and on the straight way to it from `start` (rad by
-    joint name; others at 0). The mirror is turned in many ways, slid within its plane so that it shows them, and
-    stands at the plan's distance, or farther where that measures too badly; one whose place was told (`--mirror-at`, `mirror.center`) stays. Taken
-    are the ways that measure best together, as in `propose_views`.
+    A viewpoint is accepted if the mirror, with the plan's size, shows the board and all of the target's
+    markers past the robot's own body, with no real ball beside them, and if the body keeps the plan's
+    clearance from the glass, at the target and on the straight path to it from `start` (rad by joint name;
+    others at 0). The mirror is turned in many ways and slid within its plane so that it shows them. It is
+    at the plan's distance, or farther where that measures too badly; one whose place was given
+    (`--mirror-at`, `mirror.center`) stays. Chosen are the orientations that measure best together, as in
+    `propose_views`.
 
     Raises:
-        MirrorPostureError: a folder that is no plan of this robot; a target, or a way to it, on which the robot touches itself or the table;
-            fewer than two viewpoints, with the reasons.
+        MirrorPostureError: a folder that is no plan of this robot; a target, or a path to it, on which the robot touches itself or the table; fewer than two viewpoints, with the reasons.
     """
     folder = Path(folder)
     planned = read_planned_room(folder, target.nominal)
@@ -106,7 +110,8 @@ def views_of_plan(
 def _offered(
     planned: PlannedRoom, target: Target, start: Floats | None, farther: float
 ) -> tuple[list[Prospect], Counter[str]]:
-    """The ways to turn the mirror, so many times as far as planned, that can be taken, and why others cannot."""
+    """The possible orientations of the mirror at a multiple of the planned distance, and why others are not
+    possible."""
     mirrors, seen = [], []
     for turned in planned.mirrors:
         mirror = planned.moved(turned, target.positions, target.marker_indices, farther)

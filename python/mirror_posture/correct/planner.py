@@ -27,18 +27,18 @@ PITCHES_RAD = tuple(math.radians(x) for x in (0, -5, 5, -10, 10, -15, 15))
 MARGIN_PX = 12.0
 """Nearer to the picture's edge nothing is planned: a ball would be cut."""
 STAND_STD_RAD = math.radians(1.0)
-"""How far off a hand-turned stand ends up. The mirror's picture turns twice as far."""
+"""Error of a stand that is turned by hand. The mirror's picture turns twice as far."""
 RISK = 2.0
 """How much worse a set of views is for each view that is sure to lose a marker over the picture's edge: a look is spent on it."""
 STEEPEST_RAD = math.radians(60.0)
 """A board that is turned farther from the mirror is not planned."""
 USUAL_NOISE_PX = 0.1
-"""Of corners and ball centres, where the session says nothing."""
+"""Of corners and ball centres, where the session states nothing."""
 RISK_TAKEN = 0.1
-"""A view with more than this chance of losing a marker is not taken while the mirror can stand farther away."""
+"""A view with a larger probability of losing a marker is not taken while the mirror can be farther away."""
 FARTHER = (1.25, 1.5, 1.8)
 BEYOND_REACH = (1.2, 1.5, 1.9, 2.4, 3.0)
-"""Where the mirror cannot stand near its usual distance: so many times as far as the body reaches towards it."""
+"""If the mirror cannot be at its usual distance: its distance, in multiples of the body's reach towards it."""
 CLEARANCE_M = 0.02
 """Of every link's origin and shape and every ball's surface from the glass."""
 USUAL_VIEWS = 3
@@ -128,7 +128,7 @@ def prospects(
         pixels = np.where(seen.valid[:, None], seen.pixels_px, -1.0)
         inside = seen.valid & np.all((pixels > MARGIN_PX) & (pixels < size - 1 - MARGIN_PX), axis=1)
         inside &= points @ normal < distance
-        # Nothing of the robot may reach into the glass, whether it is looked at or not.
+        # No part of the robot may reach into the glass, whether it is observed or not.
         if not inside[needed].all() or (body @ normal + clearance_m).max() > distance:
             continue
         edge = np.minimum(pixels, size - 1 - pixels)[needed].min() - MARGIN_PX
@@ -153,9 +153,10 @@ def prospects(
 
 
 def predicted_std_m(target: Target, sets: Sequence[Sequence[Prospect]]) -> Floats:
-    """For each set of views the largest deviation that any marker's position would have along its worst axis, m.
+    """For each set of views the largest deviation of any marker's position along its worst axis, m.
 
-    Infinite where a marker could not be measured: rays too nearly parallel, say. All sets are measured in one batch.
+    Infinite where a marker could not be measured, for example with nearly parallel rays. All sets are
+    measured in one batch.
     """
     noise = target.nominal.metadata.noise.pixel_std_px or USUAL_NOISE_PX
     commanded = target.by_name(target.positions)
@@ -180,13 +181,14 @@ def predicted_std_m(target: Target, sets: Sequence[Sequence[Prospect]]) -> Float
 def propose_views(
     target: Target, count: int, kept: Sequence[View] = (), start: View | None = None
 ) -> list[View]:
-    """`count` views, best first: board and markers in sight, and the markers' worst deviation as small as the model predicts,
-    weighed with the risk that a marker is lost over the picture's edge.
+    """`count` views, best first: board and markers visible, and the markers' worst predicted deviation as
+    small as possible, with a penalty for the risk that a marker leaves the picture.
 
-    Begins with `kept`, or else with the best pair; then adds one at a time what helps most. Among nearly equal ones the
-    view that is turned less wins. The third differs in pitch where the first two do not. The mirror stands as far away as
-    in `start`, or farther (all views alike) where the markers do not fit into the picture. Fewer are returned where the
-    model sees fewer (none, if the markers are not to be seen in this mirror).
+    Starts with `kept`, or otherwise with the best pair; then adds one view at a time that helps most. Among
+    nearly equal ones the view that is turned less is chosen. The third differs in pitch if the first two do
+    not. The mirror is as far away as in `start`, or farther (all views alike) if the markers do not fit
+    into the picture. Fewer are returned if the model sees fewer (none, if the markers are not visible in
+    this mirror).
     """
     start = start or View()
     best = _proposal(target, count, kept, start)
@@ -210,7 +212,8 @@ def propose_views(
 
 
 def why_not_seen(target: Target, start: View) -> str:
-    """Why no view shows what has to be seen: what is wrong in the view straight ahead, at the distance of the body's reach."""
+    """Why no view shows what is needed: the problem of the view straight ahead, at the distance of the
+    body's reach."""
     camera_from, points = _scene(target)
     metadata, camera = target.nominal.metadata, target.nominal.camera
     assert camera is not None
@@ -300,7 +303,7 @@ def _proposal(target: Target, count: int, kept: Sequence[View], start: View) -> 
 
 
 def _effort(views: Sequence[Prospect]) -> float:
-    """What a set of views costs beside its deviation: turning, and markers that may be lost."""
+    """The cost of a set of views in addition to its deviation: turning, and the risk of losing markers."""
     farthest = max(max(abs(p.view.yaw_rad), abs(p.view.pitch_rad)) for p in views)
     return (1.0 + EASE * farthest / YAWS_RAD[-1]) * (1.0 + RISK * sum(p.risk for p in views))
 

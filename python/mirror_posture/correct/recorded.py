@@ -64,7 +64,7 @@ def recorded_looks(session: Session, nominal: Nominal) -> list[Look]:
         )
         picture = session.image_files[row]
         seen = bool(view.board_seen[row].any() or view.marker_seen[row].any())
-        # The last frame's points may have been cut: its picture is looked at again.
+        # The last frame's points may be incomplete: they are detected again from its picture.
         if picture is not None and (not seen or row == len(frames) - 1):
             from ..detect import read_picture
 

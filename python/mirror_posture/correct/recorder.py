@@ -163,7 +163,7 @@ class Recorder:
             self._append_detections(frame, look)
 
     def measured(self, posture: int, readings: Readings) -> None:
-        """Writes what a look measured."""
+        """Writes the measurement of a look."""
         document = {"posture": posture, **{k: _plain(v) for k, v in asdict(readings).items()}}
         append_bytes(self.folder / READINGS, (json.dumps(document, allow_nan=False) + "\n").encode())
 
@@ -205,7 +205,8 @@ class Recorder:
 
 _DETECTION_COLUMNS = ["frame", "target", "index", "u", "v", "std_px"]
 USUAL_STD_PX = 0.1
-"""Written for image points whose deviation neither detector nor session tells: the column takes no empty cell."""
+"""Written for image points whose deviation neither detector nor session states: the column takes no empty
+cell."""
 
 
 def _detection_rows(frame: int, points: ImagePoints, nominal: Nominal) -> list[list[Any]]:

@@ -20,7 +20,7 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Target(ShortRepr):
-    """A posture to be reached, and what is measured and moved for it."""
+    """A posture to be reached, the markers that are measured and the joints that are moved for it."""
 
     nominal: Nominal
     posture: dict[str, float]

@@ -16,7 +16,7 @@ from .target import Target
 
 @dataclass(frozen=True)
 class Viewpoint:
-    """One viewpoint of a look: where the mirror stands, or where the robot's turning joints go (rad)."""
+    """One viewpoint of a look: the mirror's pose, or the positions of the robot's turning joints (rad)."""
 
     view: View | None = None
     joints: Mapping[str, float] = field(default_factory=dict)
@@ -35,11 +35,12 @@ class Viewpoints:
 
 
 def choose_viewpoints(robot: CommandedRobot, target: Target, options: CorrectOptions) -> Viewpoints:
-    """The viewpoints of a correction: those that were given, those of joints, or proposed ones.
+    """The viewpoints of a correction: given ones, those of joints, or proposed ones.
 
-    A robot that cannot turn has one: enough only where its looks bring marker positions.
+    A robot that cannot turn has one: sufficient only if its looks contain marker positions.
 
-    Raises `MirrorPostureError` for a turning joint between camera, board and a marker: it would move what is measured.
+    Raises `MirrorPostureError` for a turning joint between camera, board and a marker: it would move what
+    is measured.
     """
     if options.view_joints:
         stations = tuple(Viewpoint(joints=dict(one)) for one in options.view_joints)

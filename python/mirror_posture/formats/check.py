@@ -12,7 +12,8 @@ MOST_SHOWN = 80
 
 
 def problems(section: Section, tree: Any, path: str = "") -> Iterator[str]:
-    """What is wrong with a document, key by key: what was got and what is needed. A closed section's unknown keys are wrong, too."""
+    """The errors of a document, key by key: what was given and what is required. Unknown keys of a closed
+    section are errors too."""
     if not isinstance(tree, dict):
         yield f"{path or 'the document'}: got {_shown(tree)}, needed an object"
         return

@@ -15,7 +15,8 @@ LARGEST = 1.7976931348623157e308
 
 @dataclass(frozen=True, kw_only=True)
 class Key:
-    """What every key has. `default` is what a reader takes where the key is left out; `REQUIRED`: it must be there."""
+    """The common part of every key. `default` is the value if the key is left out; `REQUIRED`: it must be
+    there."""
 
     name: str
     what: str
@@ -23,9 +24,9 @@ class Key:
     default: Any = REQUIRED
     unit: str = ""
     needs: str = ""
-    """What it needs, in other words than those of its type."""
+    """Its requirement, if it differs from that of its type."""
     null: bool = False
-    """Whether null may stand there (TOML has none)."""
+    """Whether null is allowed (TOML has none)."""
 
     @property
     def required(self) -> bool:
@@ -34,18 +35,18 @@ class Key:
 
     @property
     def needed(self) -> str:
-        """What the key needs, as error messages say it."""
+        """The requirement of the key, for error messages."""
         return (self.needs or self._needed()) + (", or null" if self.null else "")
 
     def _needed(self) -> str:
         raise NotImplementedError
 
     def read(self, value: Any) -> Any:
-        """The value as readers use it; None where it is not what is needed."""
+        """The value as readers use it; None if it is invalid."""
         raise NotImplementedError
 
     def takes(self, value: Any) -> bool:
-        """Whether a value may stand there."""
+        """Whether a value is allowed."""
         return (self.null and value is None) or self.read(value) is not None
 
     def schema(self) -> dict[str, Any]:
@@ -158,7 +159,7 @@ class Number(Key):
 
 @dataclass(frozen=True, kw_only=True)
 class Numbers(Key):
-    """A list of so many finite numbers."""
+    """A list of a fixed number of finite numbers."""
 
     count: int
 
@@ -177,7 +178,7 @@ class Numbers(Key):
 
 @dataclass(frozen=True, kw_only=True)
 class Wholes(Key):
-    """A list of so many whole numbers within bounds."""
+    """A list of a fixed number of whole numbers within bounds."""
 
     count: int
     at_least: int

@@ -12,7 +12,7 @@ VERSION = 1
 MOUNTS = ("known", "unknown")
 MOST_MARKERS = 1000
 MOST_CORNERS = 100
-"""A side; larger boards are typing errors, which would ask for all memory."""
+"""Largest number of corners of a side; larger ones are typing errors, which would use all memory."""
 STANDARD_GRAVITY = 9.80665
 GRAVITY_UNITS = {"m/s^2": 1.0, "cm/s^2": 1e-2, "mm/s^2": 1e-3, "g": STANDARD_GRAVITY}
 LONGEST_SHUTTER_S = 0.5
@@ -26,7 +26,7 @@ LARGEST_MIRROR_M = 10.0
 SMALLEST_PIXEL_STD, SMALLEST_POINT_STD_M = 1e-6, 1e-9
 """Below these rounding is larger: nothing would agree with anything."""
 LARGEST_PIXEL_STD, LARGEST_POINT_STD_M, LARGEST_TOLERANCE_M = 20.0, 0.05, 0.5
-"""Beyond these a measurement would hide whatever is wrong with a robot: the unit is another."""
+"""Beyond these values the noise would hide any error of a robot: the unit is another."""
 
 TOLERANCE_M = Number(
     name="tolerance_m",

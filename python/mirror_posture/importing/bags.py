@@ -72,7 +72,7 @@ def _read_bag(
     joints = _topic(source, topics, STATES, joints_topic, "--joints-topic", besides=commands_topic)
     image = _topic(source, topics, RAW + COMPRESSED, image_topic, "--image")
     infos = [name for name, kind in topics.items() if kind in INFO]
-    # The camera_info of a picture's topic stands beside it.
+    # The camera_info of a picture's topic is a sibling topic.
     base = image.rsplit("/", 1)[0]
     beside = [name for name in infos if name.startswith((base + "/", base.rsplit("/", 1)[0] + "/"))] or infos
     camera: Camera | None = None
@@ -108,7 +108,8 @@ def _read_bag(
 
 @contextmanager
 def _own_words(source: Path) -> Iterator[None]:
-    """Errors of the bags' libraries as one of this package that names the file: what is in a bag is anybody's, and so are their kinds."""
+    """Converts errors of the bags' libraries to one of this package that names the file: a bag's content is
+    arbitrary, and so are the kinds of errors."""
     try:
         yield
     except MirrorPostureError:
@@ -158,7 +159,7 @@ def _messages(source: Path, topics: list[str]) -> Iterator[Message]:
             reader = make_reader(stream, decoder_factories=[DecoderFactory()])
             messages = iter(reader.iter_decoded_messages(topics=topics))
             while True:
-                # The decoder prints what it cannot read, whatever a bag holds, and then raises it.
+                # The decoder prints what it cannot read, whatever a bag contains, and then raises it.
                 with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
                     decoded_message = next(messages, None)
                 if decoded_message is None:
@@ -211,7 +212,8 @@ def _stamp(message: Any, recorded_s: float) -> float:
 def _log(source: Path, topic: str, rows: list[tuple[float, dict[str, float]]], factor: float) -> JointLog:
     if not rows:
         raise MirrorPostureError(f"{source}, topic {topic}: holds no messages")
-    # Some drivers publish arms and grippers in turn: only what all messages tell can be one table.
+    # Some drivers publish arms and grippers alternately: only joints that all messages contain can be one
+    # table.
     names = tuple(name for name in rows[0][1] if all(name in row for _, row in rows))
     if not names:
         raise MirrorPostureError(

@@ -45,7 +45,7 @@ MOST_BAG_PARTS = 200_000
 
 @contextmanager
 def opened(file: Path, needed: str) -> Iterator[IO[bytes]]:
-    """A regular file, open for reading; MirrorPostureError for what is none or too large."""
+    """A regular file, open for reading; MirrorPostureError if it is not regular or too large."""
     try:
         stream = open_regular(file, LARGEST_FILE)
     except (OSError, ValueError) as error:
@@ -65,14 +65,14 @@ def checked_size(width: int, height: int, name: str) -> None:
 
 
 def decoded(data: bytes, name: str) -> Picture:
-    """A compressed picture as BGR, as stored: a turn that its file tells of is not made."""
+    """A compressed picture as BGR, as stored: a rotation in its file is not applied."""
     from PIL import Image
 
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
             size = Image.open(io.BytesIO(data)).size
-    # Of many kinds; what is in a picture is anybody's.
+    # Errors of many kinds, because a picture's content is arbitrary.
     except Exception as error:
         raise MirrorPostureError(
             f"{name}: a compressed picture cannot be read ({' '.join(str(error).split())[:200]})"
@@ -168,7 +168,7 @@ def check_open_bag(reader: Any, source: Path) -> None:
     import zstandard
 
     for one in reader.readers:
-        # ROS 1: a chunk is told by its position in the file and the function that unpacks it.
+        # ROS 1: a chunk is given by its position in the file and the function that unpacks it.
         for chunk in () if reader.is2 else one.chunks.values():
             _check_unfolded(chunk.datasize, source)
             one.bio.seek(chunk.datapos)
@@ -188,7 +188,7 @@ def _unfolded_size(kind: str, data: bytes, told: int) -> int:
     if kind == "zstd":
         import zstandard
 
-        # Without a size in the data the decoder unfolds to what the chunk says.
+        # Without a size in the data the decoder expands to the size that the chunk states.
         return max(told, int(zstandard.frame_content_size(data)))
     return max(told, len(data))
 

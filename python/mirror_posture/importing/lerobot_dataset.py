@@ -33,10 +33,10 @@ def is_dataset(source: Path) -> bool:
 
 
 def read_dataset(folder: Path, *, image: str | None, episode: int, degrees: bool) -> Recording:
-    """One episode: `action` is what was commanded, `observation.state` what was measured.
+    """One episode: `action` are the commands, `observation.state` the measurements.
 
     Raises:
-        MirrorPostureError: a version that is not known, an episode or a camera that is not there, missing columns.
+        MirrorPostureError: an unknown version, an episode or a camera that does not exist, missing columns.
     """
     try:
         info = json.loads(given_text(folder / INFO, "LeRobot's info.json"))
@@ -47,7 +47,7 @@ def read_dataset(folder: Path, *, image: str | None, episode: int, degrees: bool
         raise MirrorPostureError(f"{folder}: got version {version!r}, needed LeRobot's v2.1 or v3.0")
     try:
         joints, film, start, end = _episode(folder, info, image, episode, degrees)
-        # Half a frame: a time stamp of the film that is rounded differently belongs to the episode all the same.
+        # Half a frame: a time stamp of the film that is rounded differently still belongs to the episode.
         half = 0.5 / float(info["fps"])
     except MirrorPostureError:
         raise

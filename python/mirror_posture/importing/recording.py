@@ -15,18 +15,20 @@ from ..camera import Camera
 Floats = npt.NDArray[np.float64]
 Picture = npt.NDArray[Any]
 Pictures = Callable[[], Iterator[tuple[float, Picture]]]
-"""A function that starts the film anew: time in seconds and picture, BGR (H, W, 3) uint8, in the order of the times."""
+"""A function that restarts the film: time in seconds and picture, BGR (H, W, 3) uint8, in the order of the
+times."""
 
 
 @dataclass(frozen=True, eq=False)
 class JointLog:
-    """Joint positions by time: `time_s` (N,), rising; `position` (N, J), rad (m). `commanded` says which they are."""
+    """Joint positions by time: `time_s` (N,), rising; `position` (N, J), rad (m). `commanded` says whether
+    they are commands."""
 
     time_s: Floats
     names: tuple[str, ...]
     position: Floats
     measured: Floats | None = None
-    """(N, J) what the encoders read beside the commands; None where there is one of the two only."""
+    """(N, J) readings of the encoders in addition to the commands; None where there is only one of the two."""
     commanded: bool = False
     others: tuple[str, ...] = ()
     """Columns that hold no numbers, and are left out."""
@@ -51,7 +53,8 @@ class JointLog:
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """A recording: the joints, the pictures, the camera where the recording tells it, and where all came from."""
+    """A recording: the joints, the pictures, the camera if the recording contains it, and the sources of
+    all."""
 
     joints: JointLog
     pictures: Pictures

@@ -18,9 +18,10 @@ SMALL_WIDTH_PX = 160
 STEP_S = 0.02
 """Step of the offsets that are tried."""
 LEAST_MATCH = 0.5
-"""Correlation of the two clocks' movement below which they say nothing about each other."""
+"""Correlation of the two clocks' movement below which they do not determine the offset."""
 RIVAL_MATCH, NEAR = 0.08, 15
-"""Offsets whose correlation is lower by less may be meant as well; a peak is the highest of so many steps either way."""
+"""Offsets whose correlation is lower by less may be right as well; a peak is the highest within this many
+steps either way."""
 WINDOW_S = 0.1
 """Speed is judged over this long: shorter, and the encoders' noise looks like movement."""
 
@@ -42,7 +43,7 @@ class ClockMatch:
 
     @property
     def trusted(self) -> bool:
-        """Whether the pictures' movement says anything about the offset."""
+        """Whether the pictures' movement determines the offset."""
         return self.match >= LEAST_MATCH
 
 
@@ -104,13 +105,13 @@ def match_clocks(
 ) -> ClockMatch:
     """The offset at which the pictures move when the joints do.
 
-    Both movements, joint speed and difference of pictures, become "moves" or "rests" and are correlated for offsets up to
-    `most_s` either way. Of equally good offsets the middle is told.
+    Both movements, joint speed and difference of pictures, are reduced to "moves" or "rests" and are
+    correlated for offsets up to `most_s` either way. Of equally good offsets the middle one is returned.
     """
     times, seen = np.asarray(picture_s, dtype=float), np.asarray(motion, dtype=float)
     if len(times) < 10 or seen.max(initial=0.0) <= 0.0:
         return ClockMatch(0.0, 0.0)
-    # The noise of a picture that stands still is the lower half's own level.
+    # The noise of a still picture is the level of the lower half.
     level = np.median(np.sort(seen[1:])[: max(1, len(seen) // 4)])
     moves = (seen > 3.0 * level + 0.02 * (np.percentile(seen, 95) - level)).astype(float)
     # A difference belongs to the middle between its two pictures.

@@ -24,7 +24,7 @@ MARGIN = 0.2
 """Share of a rest that is left at either end: the robot may still swing, and the clocks' match has a width."""
 SHARP_WIDTH_PX = 640
 BEYOND_LIMIT = 0.05
-"""rad (m) by which a position may be beyond a joint's limit without a word."""
+"""rad (m) by which a position may be beyond a joint's limit without a warning."""
 BEGAN_WITHIN_S = 30.0
 TABLES = ("frames.csv", "frames.parquet", "detections.csv", "detections.parquet")
 PICTURES = "images/[0-9][0-9][0-9][0-9].png"
@@ -33,7 +33,7 @@ PICTURES = "images/[0-9][0-9][0-9][0-9].png"
 
 @dataclass(frozen=True)
 class Imported:
-    """What was written: the frames, the rests that no picture shows, the clocks' match, and what is odd."""
+    """The result: the frames, the rests without a picture, the clocks' alignment, and unusual findings."""
 
     frames: int
     rests: int
@@ -53,16 +53,17 @@ def import_recording(
     overwrite: bool = False,
     degrees: bool = False,
 ) -> Imported:
-    """Writes frames.csv and images/ into a folder that `init` made: one frame for each moment of rest that a picture shows.
+    """Writes frames.csv and images/ into a folder that `init` made: one frame for each moment of rest with
+    a picture.
 
-    Of a rest's pictures the sharpest is taken, away from the rest's ends; a joint's position is its median there.
-    `joint_names` renames the recording's joints to the URDF's. Without `offset_s` the clocks are matched by the pictures'
-    own stillness; where that says nothing, they are taken to agree, with a warning. The recording's camera replaces
-    camera.yaml. Detections of earlier pictures are removed. `degrees` says that the recording was read as degrees: joints that slide were not.
+    Of a rest's pictures the sharpest is used, away from the rest's ends; a joint's position is its median
+    there. `joint_names` renames the recording's joints to the URDF's. Without `offset_s` the clocks are
+    aligned by the pictures' own stillness; if that does not determine the offset, they are taken to agree,
+    with a warning. The recording's camera replaces camera.yaml. Detections of earlier pictures are removed.
+    `degrees` says that the recording was read as degrees, except for prismatic joints.
 
     Raises:
-        MirrorPostureError: no session there, frames that are there already, no joint of the robot in the recording, no
-            rest, or none with a picture.
+        MirrorPostureError: no session there, existing frames, no joint of the robot in the recording, no rest, or none with a picture.
     """
     metadata = load_metadata(folder)
     robot = Robot.from_urdf(folder / metadata.robot)
@@ -138,7 +139,7 @@ def import_recording(
         )
     if len(chosen) < len(rests):
         warnings.append(f"{len(rests) - len(chosen)} of {len(rests)} moments of rest have no picture")
-    # In one step: frames of one recording with pictures of another would be believed.
+    # In one step, because frames of one recording with pictures of another would look valid.
     with new_folder(folder) as part:
         camera = None if recording.camera is None else metadata.camera or "camera.yaml"
         pictures = (PICTURES,) if there else tuple(map(_picture_name, range(len(chosen))))
@@ -184,7 +185,8 @@ def _overlap(log: JointLog, picture_s: Floats) -> bool:
 
 
 def match_begins(log: JointLog, picture_s: Floats, motion: Floats) -> ClockMatch:
-    """The match of clocks that have nothing in common (one counts from 1970, say): recordings that began within half a minute."""
+    """Aligns clocks with different origins (one counts from 1970, for example): recordings that began
+    within half a minute."""
     shift = float(picture_s[0] - log.time_s[0])
     found = match_clocks(log, picture_s - shift, motion, most_s=BEGAN_WITHIN_S)
     return ClockMatch(shift + found.offset_s, found.match)

@@ -30,13 +30,13 @@ CAMERA_LINK, BOARD_LINK, MARKER_SUFFIX = "session_camera_optical", "session_boar
 GRAVITY = 9.81
 OWN_FILES = ("session.toml", "robot.urdf", "camera.yaml", "setup.png", "meshes")
 PLAN = "plan"
-"""Of an earlier beginning it is kept: `plan --judge` says what of it still holds."""
+"""Kept from an earlier folder: `plan --judge` says what of it is still valid."""
 HUE_TOLERANCE_DEG = 15.0
 
 
 @dataclass(frozen=True)
 class NewSession:
-    """What was written: the folder, the robot in it, and what a person should look at again."""
+    """The result: the folder, the robot in it, and what a person should check."""
 
     folder: Path
     robot: Robot
@@ -63,16 +63,18 @@ def create_session(
     overwrite: bool = False,
     up: Sequence[float] = (0.0, 0.0, 1.0),
 ) -> NewSession:
-    """Writes a session without frames: robot.urdf, camera.yaml and session.toml, to be edited by hand at will.
+    """Writes a session without frames: robot.urdf, camera.yaml and session.toml, which may be edited by
+    hand.
 
-    The URDF stays as it is, to the letter, with the mounts as further links before its end; xacro is expanded
-    (`xacro_arguments`), an MJCF is turned into a URDF of the same kinematics and shapes. Coarse copies of the meshes that are found (`packages`: folders of ROS packages) are kept
-    in the folder `meshes`, for plans and pictures. `also` writes further files into the folder before it takes its place: all are there, or
-    none. `board` are the keys of `[board]` without its link; `up` is where up is in the root's frame. The markers get evenly spread hues.
+    The URDF is unchanged, with the mounts as further links before its end. xacro is expanded
+    (`xacro_arguments`), an MJCF is converted to a URDF of the same kinematics and shapes. Simplified copies
+    of the meshes that are found (`packages`: folders of ROS packages) are kept in the folder `meshes`, for
+    plans and pictures. `also` writes further files into the folder before it takes its place: all are
+    there, or none. `board` are the keys of `[board]` without its link; `up` is the upward direction in the
+    root's frame. The markers get evenly spaced hues.
 
     Raises:
-        MirrorPostureError: a folder that is there, a link that the robot does not have (with those that it has), a
-            robot that cannot be read.
+        MirrorPostureError: an existing folder, a link that the robot does not have (with those that it has), a robot that cannot be read.
     """
     if folder.exists():
         _check_replaceable(folder, overwrite)
@@ -129,7 +131,8 @@ def _gravity(up: Sequence[float]) -> list[float]:
 
 
 def _check_replaceable(folder: Path, overwrite: bool) -> None:
-    """Whether a folder that is there holds no more than a session's beginning (and a plan, which is kept), and may be written anew."""
+    """Whether an existing folder contains no more than a new session (and a plan, which is kept), and may
+    be overwritten."""
     others = (
         sorted(path.name for path in folder.iterdir() if path.name not in (*OWN_FILES, PLAN))
         if folder.is_dir()

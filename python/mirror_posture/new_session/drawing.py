@@ -28,7 +28,7 @@ def draw_setup(
     *,
     positions: Mapping[str, float] | None = None,
 ) -> list[str]:
-    """Draws a session's robot with what is mounted on it as a picture of three views; joints at 0 unless told.
+    """Draws a session's robot with its mounts as a picture of three views; joints at 0 by default.
 
     Returns the names of the meshes that were not found: those links are drawn as lines.
     """
@@ -44,7 +44,8 @@ def draw_setup(
     pose = dict(zip(robot.link_names, root_from_link, strict=True))
     shapes, missing = shapes_of_links(folder / told.robot)
     figure = Figure(figsize=(15, 6), layout="constrained")
-    # The views are of the root's frame: of a robot that hangs, or on a wall, down is elsewhere in them.
+    # The views are in the root's frame: for a robot that hangs, or on a wall, down has another direction in
+    # them.
     stands = told.gravity_m_per_s2[2] < -0.99 * float(np.linalg.norm(told.gravity_m_per_s2))
     for axes, (title, across, up, across_name, up_name) in zip(figure.subplots(1, 3), VIEWS, strict=True):
         for name, parts in shapes.items():

@@ -14,7 +14,7 @@ from ..shapes.triangles import Triangles, sphere
 
 Floats = npt.NDArray[np.float64]
 SHOWN_GROUPS = 3
-"""MuJoCo's viewer shows the groups below this one unless it is told otherwise: there MJCFs keep what is to be seen."""
+"""MuJoCo's viewer shows the groups below this one by default: MJCFs keep their visible shapes there."""
 
 
 def origin_text(pose: Floats) -> str:

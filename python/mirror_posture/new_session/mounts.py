@@ -14,12 +14,13 @@ from .._core import MirrorPostureError
 Floats = npt.NDArray[np.float64]
 Vector = tuple[float, float, float]
 LEAST_ANGLE_RAD = math.radians(5.0)
-"""Directions that are nearer to parallel than this say no way up."""
+"""Directions that are nearer to parallel than this do not define an upward direction."""
 
 
 @dataclass(frozen=True)
 class CameraMount:
-    """The camera: its optical centre on a link (m), where it looks and what is up in its picture, in the link's frame.
+    """The camera: its optical centre on a link (m), its viewing direction and the upward direction of its
+    picture, in the link's frame.
 
     Without a place the link itself is the optical frame (z forward, x right, y down).
     """

@@ -35,7 +35,7 @@ def render(package: str, template: str, values: Mapping[str, Any]) -> str:
 
 
 def inline(drawing: Drawing, says: str) -> Markup:
-    """A picture within the page, with what it shows in words for those who do not see it."""
+    """A picture within the page, with a description for readers who cannot see it."""
     head = f'<svg role="img" aria-label="{escape(" ".join(says.split()))}"'
     if (width := re.search(r'<svg[^>]*? width="([\d.]+)pt"', drawing.svg)) is not None:
         head += f' style="--drawn: {float(width[1]) / 0.75:.0f}px"'

@@ -35,7 +35,7 @@ MORE_YAWS_DEG, MORE_PITCHES_DEG = range(-24, 25, 6), range(-16, 17, 4)
 
 @dataclass(frozen=True, eq=False)
 class PlannedRoom:
-    """The mirrors that a plan used, and what the robot must keep clear of before them."""
+    """The mirrors of a plan, and what the robot must keep clear of in front of them."""
 
     setting: Setting
     options: PlanOptions
@@ -64,9 +64,11 @@ class PlannedRoom:
         markers: Sequence[int],
         start: Floats | None = None,
     ) -> tuple[list[int], Counter[str]]:
-        """Before which of these mirrors (in the root's frame) a posture (nq,) can be held with these markers in sight, and why not before others.
+        """In front of which of these mirrors (in the root's frame) a posture (nq,) can be held with these
+        markers visible, and why not for others.
 
-        With `start`, the glass must be clear of the straight way from there too: the mirror may stand already.
+        With `start`, the glass must also be clear of the straight path from there, because the mirror may
+        be in place already.
         """
         if not mirrors:
             return [], Counter()
@@ -90,7 +92,7 @@ class PlannedRoom:
         return good, +reasons
 
     def in_base(self, mirror: MirrorPlace) -> MirrorPlace:
-        """A mirror of the root's frame, told in the frame of the robot's first link."""
+        """A mirror of the root's frame, in the frame of the robot's first link."""
         turn, shift = self.setting.base_from_root[:3, :3], self.setting.base_from_root[:3, 3]
         return replace(
             mirror,
@@ -101,14 +103,14 @@ class PlannedRoom:
 
     @property
     def told_place(self) -> bool:
-        """Whether somebody said where the mirror stands: then it stays there."""
+        """Whether the mirror's place was given; then it stays there."""
         return self.options.mirror_fixed or self.options.mirror_at_m is not None
 
     def moved(
         self, mirror: MirrorPlace, positions: Floats, markers: Sequence[int], farther: float
     ) -> MirrorPlace:
-        """A mirror so many times as far before the board, and slid within its plane so that the board and these markers of a posture lie about its
-        middle. One whose place was told stays there.
+        """A mirror at a multiple of the planned distance, slid within its plane so that the board and these
+        markers of a posture are around its middle. A mirror whose place was given stays there.
         """
         if self.told_place:
             return mirror

@@ -40,7 +40,7 @@ def information_roots(
     torque = sensitivity.torques(candidates.positions)
     found = []
     for row, view in enumerate(candidates.view):
-        # The sides of arrival are not settled yet; any will do that are not all the same.
+        # The sides of arrival are not decided yet; any are accepted that are not all the same.
         side = random.choice([-1.0, 1.0], size=candidates.positions.shape[1])
         moment = Moment(candidates.positions[row], side, torque[row], float(random.random()))
         rows = sensitivity.jacobian(moment, mirrors[view], candidates.markers[row])
@@ -88,7 +88,8 @@ def choose(
             break
         left.discard(best)
         if not same:
-            # The same posture is not taken again in another view: another posture tells more.
+            # The same posture is not taken again in another view, because another posture is more
+            # informative.
             mine = candidates.positions[pool[best][0]]
             left -= {n for n in left if np.array_equal(candidates.positions[pool[n][0]], mine)}
         for row in pool[best]:
@@ -110,17 +111,19 @@ def order(
     tally: Floats,
     torque: Floats,
 ) -> tuple[list[int], Counter[str]]:
-    """The order in which these postures (N, nq) are taken from `start`: free paths, each joint from both sides.
+    """The order in which these postures (N, nq) are taken from `start`: free paths, each joint from both
+    sides.
 
-    `tally` (3, nq) is changed: the sums of the sides, and of the sides times load and times position, which shall stay near 0, so
-    that play, gravity and gear do not look alike. Postures that no free path reaches are left out, with the reason.
+    `tally` (3, nq) is changed: the sums of the sides, and of the sides times load and times position, which
+    must stay near 0, so that play, gravity and gear do not look alike. Postures that no free path reaches
+    are left out, with the reason.
     """
     here, found = start, []
     trouble: Counter[str] = Counter()
     scale = np.maximum(np.abs(torque).max(axis=0), 1e-9)
     span = np.maximum(setting.high - setting.low, 1e-9)
     middle = 0.5 * (setting.high + setting.low)
-    # What has no free way home may be a dead end: it stands between two others, or nowhere.
+    # A posture without a free path home may be a dead end: it is placed between two others, or left out.
     ways_home = [path_blocked(setting, room, mirror, row, setting.home) is None for row in positions]
     left = [row for row, free in enumerate(ways_home) if free]
     aside = [row for row, free in enumerate(ways_home) if not free]

@@ -19,8 +19,8 @@ Floats = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
 RIM_SHARE, RIM_LEAST = 0.8, 3
-"""A ball counts as seen where its middle is, and so many of four points this share of its radius off it: of a half-hidden one the outline is
-not found surely."""
+"""A ball counts as visible if its centre and this many of four points at this share of its radius are: the
+outline of a half-hidden one is not found reliably."""
 
 
 def _face(setting: Setting, scene: Scene, row: int) -> Floats:
@@ -38,7 +38,7 @@ def _face(setting: Setting, scene: Scene, row: int) -> Floats:
 
 
 def _rim(centre: Floats, way: Floats, radius_m: float) -> Floats:
-    """Points (4, 3) near the rim of what is seen of a ball along a way."""
+    """Points (4, 3) near the rim of a ball as seen along a path of light."""
     first = np.cross(way, [1.0, 0.0, 0.0] if abs(way[0]) < abs(way[1]) else [0.0, 1.0, 0.0])
     first /= np.linalg.norm(first)
     second = np.cross(way, first) / np.linalg.norm(way)

@@ -24,11 +24,12 @@ Floats = npt.NDArray[np.float64]
 
 
 def judge_plan(folder: str | os.PathLike[str], plan_folder: Path) -> tuple[Plan, tuple[str, ...]]:
-    """The plan of a folder with what it will tell, and of the rows that cannot be taken why, a sentence each.
+    """The plan of a folder with its predicted detection limits, and for each row that cannot be taken the
+    reason, in a sentence.
 
-    Asked of each row is what `plan` asks of a posture: in the joints' limits; free of collisions, on the straight way from the row before,
-    too; clear of the glass; the board and a ball seen in the mirror's frame; no real ball in the picture. Rows that show nothing tell
-    nothing.
+    Each row must satisfy `plan`'s conditions for a posture: within the joints' limits; free of collisions,
+    also on the straight path from the previous row; clear of the glass; board and a ball visible in the
+    mirror's frame; no real ball in the picture. Rows that show nothing give no information.
 
     Raises:
         MirrorPostureError: no plan there, one that is broken, or one of another robot.

@@ -19,7 +19,7 @@ Floats = npt.NDArray[np.float64]
 YAWS_DEG = (0.0, 12.0, -12.0, 24.0, -24.0)
 PITCHES_DEG = (0.0, 8.0, -8.0)
 USUAL_SIZE_M = (0.4, 0.6)
-"""Width and height of a mirror of which nobody told them."""
+"""Default width and height of a mirror."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,9 +47,10 @@ class PlanOptions:
 
     mirror_width_m: float | None = None
     mirror_height_m: float | None = None
-    """None: as session.toml says, else 40 cm wide and 60 cm high."""
+    """None: as in session.toml, otherwise 40 cm wide and 60 cm high."""
     mirror_at_m: tuple[float, float, float] | None = None
-    """Its centre; None: as session.toml says, else the plan chooses, before the board and the markers."""
+    """Its centre; None: as in session.toml, otherwise the plan chooses, in front of the board and the
+    markers."""
     mirror_fixed: bool = False
     """True: it hangs on a wall and is not turned: one view."""
     views: int = 3
@@ -60,9 +61,10 @@ class PlanOptions:
     table_m: float | None = None
     """Height of the table or floor; None: the lowest point of the robot at home."""
     clearance_m: float | None = None
-    """Of the body from itself and the table; from the glass three times as much. None: 1 cm, less for a robot below 60 cm."""
+    """Clearance of the body from itself and the table; from the glass three times as much. None: 1 cm, less
+    for a robot below 60 cm."""
     home: Mapping[str, float] = field(default_factory=dict)
-    """Joints elsewhere than 0 at home, rad (m). Joints that no marker depends on stay there."""
+    """Home positions of joints other than 0, rad (m). Joints on which no marker depends stay there."""
     held: tuple[str, ...] = ()
     """Joints that stay at home though markers depend on them."""
     real_balls_allowed: bool = False
@@ -70,7 +72,7 @@ class PlanOptions:
     packages: Mapping[str, Path] = field(default_factory=dict)
     """Folders of the ROS packages whose meshes the URDF names."""
     noise_px: float | None = None
-    """Of a corner or a ball's centre, one axis; None: as session.toml says, else 0.15 px."""
+    """Noise of a corner or a ball's centre, one axis; None: as in session.toml, otherwise 0.15 px."""
     seed: int = 0
 
     @property
@@ -80,7 +82,7 @@ class PlanOptions:
         return self.mirror_width_m or width, self.mirror_height_m or height
 
     def before(self, mirror: Mirror | None) -> PlanOptions:
-        """With what session.toml says of the mirror where these options say nothing."""
+        """With the mirror of session.toml where these options do not set it."""
         if mirror is None:
             return self
         return replace(

@@ -25,7 +25,7 @@ SHOWN = {
     "axis_tilt": "axis tilt",
     "link_length": "length",
 }
-"""The effects of the table, in a person's words."""
+"""The effects of the table, in words for the reader."""
 
 
 @literal
@@ -91,7 +91,7 @@ def _mirror(panel: Any, plan: Plan, mirror: MirrorPlace, vertical: Floats, view:
     ring = (mirror.center_in_root_m + half) @ turn.T + shift
     panel.plot(ring @ plan.setting.forward, ring @ vertical, color="#0a7f5a", lw=2)
     top = ring[np.argmax(ring @ vertical)]
-    # One under the other: the mirrors of several views stand nearly in one place.
+    # One below the other, because the mirrors of several views are nearly at one place.
     panel.annotate(
         f"view {view}", (top @ plan.setting.forward, top @ vertical), xytext=(-6, -4 - 11 * view), textcoords="offset points", fontsize=8, ha="right"
     )  # fmt: skip

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 Floats = npt.NDArray[np.float64]
 
 GLASS_CLEARANCES = 3.0
-"""Clearances that the body keeps from the glass: the mirror does not stand exactly where it was meant."""
+"""Clearances of the body from the glass, because the mirror is not exactly where it was meant."""
 ALWAYS_SAMPLES = 40
 ALWAYS_SHARE = 0.95
 AS_NEAR_AS_AT_HOME = 0.5
@@ -44,7 +44,7 @@ class Room:
         return sorted(moved_links(self.setting))
 
     def take(self, positions: Floats) -> None:
-        """What follows is asked of this posture."""
+        """The posture to which the following calls refer."""
         robot = self.setting.nominal.robot
         if self.body is not None:
             self.body.put(positions)
@@ -72,7 +72,7 @@ class Room:
         return None
 
     def glass_free(self, mirror: MirrorPlace) -> bool:
-        """Whether the robot stays before the mirror's plane; told in the base's frame."""
+        """Whether the robot stays in front of the mirror's plane, given in the base's frame."""
         at = float(mirror.normal_in_root @ mirror.center_in_root_m)
         return self.reach_m(mirror.normal_in_root) < at - GLASS_CLEARANCES * self.clearance_m
 
@@ -80,7 +80,8 @@ class Room:
 def room_of(
     setting: Setting, options: PlanOptions, random: np.random.Generator
 ) -> tuple[Room, list[str], list[str]]:
-    """The room around a robot at home, the pairs of links that are not compared, and warnings of what is not checked."""
+    """The room around a robot at home, the pairs of links that are not compared, and warnings of what is
+    not checked."""
     warnings: list[str] = []
     ignored: list[str] = []
     clearance_m = _clearance_m(setting, options)
@@ -109,7 +110,7 @@ def room_of(
     room = Room(setting, body, clearance_m, None)
     room.take(setting.home)
     if options.table_m is None:
-        # What stands on the table at home touches it, and is not moved.
+        # A part that stands on the table at home touches it, and is not moved.
         lowest = -room.reach_m(-setting.up)
         room.table_m = lowest - clearance_m if lowest > -np.inf else None
     else:
@@ -127,10 +128,11 @@ def _clearance_m(setting: Setting, options: PlanOptions) -> float:
 
 
 def ignore_by_construction(body: Body, setting: Setting, random: np.random.Generator) -> list[str]:
-    """Has the body ignore pairs of links that touch at home or nearly always; returns them.
+    """Excludes pairs of links that touch at home or nearly always; returns them.
 
-    First by the links' convex hulls. Those that overlap may be hollow, as a torso is at its armpits: they are compared again piece
-    by piece, and what is free then at home may come half as near as there (at most the clearance), not nearer.
+    First by the links' convex hulls. Those that overlap may be hollow, as a torso is at its armpits: they
+    are compared again piece by piece. Pieces that are free then at home may come half as near as there (at
+    most the clearance), not nearer.
     """
     sample = draw(setting, ALWAYS_SAMPLES, random)
     hollow = _by_construction(body, setting, sample)

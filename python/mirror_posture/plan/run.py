@@ -33,7 +33,7 @@ LEAST_DISTANCE_M = 0.15
 DRAWN_FOR_A_DISTANCE = 1500
 DRAWN = 6000
 POOL = 160
-"""Postures that are kept to choose from, at least; more where more are asked for."""
+"""Smallest number of postures to choose from; more where more are requested."""
 SECONDS_A_FRAME = 10.0
 """How long a posture with its picture is taken to last."""
 LEAST_FRAMES = 4
@@ -41,7 +41,7 @@ LEAST_FRAMES = 4
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """Postures in the order of execution, each with the mirror before which it is held, and what they will tell."""
+    """Postures in the order of execution, each with its mirror, and what they will show."""
 
     setting: Setting
     options: PlanOptions
@@ -73,13 +73,15 @@ def make_plan(
     *,
     say: Callable[[str], None] | None = None,
 ) -> Plan:
-    """Plans postures and views for the robot of a session's folder (`init` makes one; no frames are needed).
+    """Plans postures and views for the robot of a session's folder (`init` makes one; no frames are
+    needed).
 
-    Every posture is within the joints' limits, clear of the robot itself, of the table and of the glass, also on the straight way
-    from the one before; board and balls are seen in the mirror's finite frame, and no real ball is in the picture.
+    Every posture is within the joints' limits, clear of the robot itself, of the table and of the glass,
+    also on the straight path from the previous one; board and balls are visible in the mirror's finite
+    frame, and no real ball is in the picture.
 
     Raises:
-        MirrorPostureError: a folder that cannot be planned for; too few postures, with what took the others away.
+        MirrorPostureError: a folder that cannot be planned for; too few postures, with the reasons why others were rejected.
     """
     say = say or (lambda _: None)
     nominal = Nominal.load(folder)
@@ -142,7 +144,8 @@ def told_by(
     mirrors: Sequence[MirrorPlace],
     markers: npt.NDArray[np.bool_],
 ) -> tuple[Tells, ...]:
-    """What postures (F, nq), held one after the other before these F mirrors (in the base's frame), tell by the balls (F, M) that are seen."""
+    """The information of postures (F, nq), held one after the other in front of these F mirrors (in the
+    base's frame), with visible balls (F, M)."""
     told_moments = moments(positions, sensitivity.torques(positions), SECONDS_A_FRAME)
     held = zip(told_moments, mirrors, markers, strict=True)
     rows = [sensitivity.jacobian(moment, mirror, seen, True) for moment, mirror, seen in held]
@@ -152,7 +155,7 @@ def told_by(
 def _place(
     setting: Setting, room: Room, options: PlanOptions, random: np.random.Generator
 ) -> list[MirrorPlace]:
-    """The mirror's views, in the base's frame: as told, or where it shows most."""
+    """The mirror's views, in the base's frame: as given, or where it shows most."""
     if options.mirror_at_m is not None:
         turn, shift = setting.base_from_root[:3, :3], setting.base_from_root[:3, 3]
         center = turn @ np.array(options.mirror_at_m) + shift
@@ -175,7 +178,7 @@ def _place(
     best: tuple[float, Floats] = (0.0, board + reach * setting.forward)
     for factor in DISTANCES:
         for sight in (middle, board):
-            # Halfway between the eye and what it looks at, where the plane is.
+            # Half-way between the camera and what it looks at, where the plane is.
             aim = 0.5 * (camera + sight)
             center = aim + (float((board - aim) @ setting.forward) + factor * reach) * setting.forward
             mirror = turned_mirrors(replace(options, mirror_fixed=True), center, setting.forward, setting.up)[

@@ -32,7 +32,7 @@ class _Place:
     joint: int
     """Index of the joint that the effect moves."""
     bases: tuple[Basis, ...]
-    """Each tells the twist (6,), ω and v, in the joint's own frame before its motion, for a moment."""
+    """Each gives the twist (6,), ω and v, in the joint's own frame before its motion, for a moment."""
 
 
 class Sensitivity:
@@ -45,7 +45,7 @@ class Sensitivity:
         self._parent = [links.index(joint.parent_link) for joint in self.robot.joints]
         self._below = np.eye(len(links), dtype=bool)
         for number, joint in enumerate(self.robot.joints):
-            # Links stand in depth-first order; joint j carries link j + 1.
+            # Links are in depth-first order; joint j carries link j + 1.
             self._below[:, number + 1] |= self._below[:, links.index(joint.parent_link)]
         self._markers = [links.index(marker.link) for marker in metadata.markers]
         self._camera, self._board = links.index(setting.camera_link), links.index(setting.board.link)
@@ -75,7 +75,7 @@ class Sensitivity:
         self.width = self._count
 
     def prior_precision(self) -> Floats:
-        """(width,) of the set-up's columns: the session's tolerances, or 3 mm and 1°; 0 for all others."""
+        """(width,) of the mounts' columns: the session's tolerances, or 3 mm and 1°; 0 for all others."""
         metadata, out = self.setting.nominal.metadata, np.zeros(self.width)
         tolerance: dict[str, tuple[float | None, float | None]] = {
             f"marker:{m.name}": (m.tolerance_m, None) for m in metadata.markers
@@ -210,7 +210,8 @@ class Sensitivity:
     def _body(
         self, moment: Moment, poses: Floats, points: Floats, owner: Sequence[int], by_base_point: Floats
     ) -> Floats:
-        """The columns (N, 2, ·) of the body's effects: what a twist moves is what hangs behind it, unless the camera does too."""
+        """The columns (N, 2, ·) of the body's effects: a twist moves everything beyond it in the chain,
+        unless the camera is beyond it too."""
         twists = [np.stack([basis(moment) for basis in place.bases]) for place in self._places]
         frames = [
             poses[self._parent[place.joint]] @ self.robot.joints[place.joint].parent_from_joint

@@ -28,7 +28,7 @@ LEVEL_RAD = math.radians(45.0)
 
 @dataclass(frozen=True, eq=False)
 class Setting:
-    """What a plan starts from. Everything is told in the frame of the robot's first link, the base."""
+    """The start of a plan. Everything is in the frame of the robot's first link, the base."""
 
     nominal: Nominal
     camera: Camera
@@ -68,11 +68,10 @@ class Setting:
 
 
 def read_setting(nominal: Nominal, options: PlanOptions) -> Setting:
-    """What a session's folder says, made ready for planning.
+    """A session's folder, prepared for planning.
 
     Raises:
-        MirrorPostureError: no camera, board or markers; a joint that the robot does not have; no joint between camera and
-            markers; a board that looks away from where the camera looks.
+        MirrorPostureError: no camera, board or markers; a joint that the robot does not have; no joint between camera and markers; a board that looks away from where the camera looks.
     """
     metadata, robot = nominal.metadata, nominal.robot
     if (

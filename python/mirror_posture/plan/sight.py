@@ -19,7 +19,8 @@ Mask = npt.NDArray[np.bool_]
 EDGE_SHARE = 0.02
 """Of the picture's width: nearer to its edge nothing is planned."""
 FRAME_SHARE = 0.06
-"""Of the mirror's sides: nearer to its edge nothing is planned, since it will not stand exactly where it was meant."""
+"""Margin of the mirror's edges: nothing is planned nearer to them, because it will not be exactly where it
+was meant."""
 STEEPEST_COS = math.cos(math.radians(60.0))
 LEAST_SQUARE_PX = 6.0
 """Of a square of the board: with fewer pixels its corners are not found."""
@@ -76,7 +77,7 @@ def scene_of(setting: Setting, positions: Floats, all_corners: bool = False) -> 
 
 
 def look(setting: Setting, scene: Scene, mirror: MirrorPlace) -> Sight:
-    """What a mirror (told in the base's frame) shows the camera of each posture."""
+    """What a mirror (in the base's frame) shows the camera of each posture."""
     camera = setting.camera
     rotation = scene.camera_from_base[:, :3, :3]
     normal = rotation @ mirror.normal_in_root
@@ -126,7 +127,8 @@ def _real(setting: Setting, scene: Scene) -> Mask:
     count, balls = scene.markers.shape[:2]
     flat = scene.markers.reshape(-1, 3)
     ahead = flat[:, 2] > 0.0
-    # The lens model folds back far outside of the picture: only what a pinhole of twice the picture sees is projected.
+    # The lens model is not monotonic far outside of the picture: only what a pinhole of twice the picture
+    # sees is projected.
     depth = np.where(ahead, flat[:, 2], 1.0)
     span = np.array(camera.size_px) / np.array([camera.fx_px, camera.fy_px])
     near = ahead & (np.abs(flat[:, :2] / depth[:, None]) < span).all(axis=1)

@@ -39,7 +39,7 @@ def size_in_words(plan: Plan, told: Tells, size: float) -> str:
 
 
 def apart_in_words(plan: Plan, told: Tells, rival: Rival) -> str:
-    """From which size of the cause on its rival is told apart from it."""
+    """The size from which the cause is separated from its alternative."""
     if math.isinf(rival.apart_from):
         return "at no size"
     return f"from {size_in_words(plan, told, rival.apart_from)} on"

@@ -76,7 +76,7 @@ def write_plan(plan: Plan, folder: Path) -> None:
 
 
 def document(plan: Plan) -> dict[str, Any]:
-    """What the plan tells, as JSON holds it; a size that is never found is null."""
+    """The plan's predictions as JSON; a size that is never detected is null."""
 
     def size(value: float) -> float | None:
         return value if math.isfinite(value) else None

@@ -32,7 +32,8 @@ REPORTED = (
 
 @dataclass(frozen=True)
 class Rival:
-    """Another cause that looks alike, and the size (of the first parameter) from which both are told apart; infinite: never."""
+    """Another cause that looks alike, and the size (of the first parameter) from which both are separated;
+    infinite: never."""
 
     name: str
     apart_from: float
@@ -40,12 +41,13 @@ class Rival:
 
 @dataclass(frozen=True)
 class Tells:
-    """What a plan tells of one cause."""
+    """The predicted detection limits of one cause."""
 
     effect: str
     at: str
     parameters: dict[str, float]
-    """The smallest size of each parameter that is found surely, in its unit; infinite where it cannot be seen."""
+    """The smallest size of each parameter that is detected with certainty, in its unit; infinite where it
+    cannot be seen."""
     twins: tuple[Rival, ...]
     """Causes that it can hide as at a size at which it matters, the nearest first."""
     typical: tuple[float, ...]
@@ -92,7 +94,7 @@ def what_it_tells(sensitivity: Sensitivity, rows: Sequence[Floats]) -> list[Tell
             left = np.diag(
                 view[np.ix_(own, own)] - hk @ np.linalg.pinv(kk, rcond=1e-9, hermitian=True) @ hk.T
             )
-            # Apart are they where any of the parameters is; a rival must mimic all of them.
+            # They are separated if any of the parameters is; an alternative must imitate all of them.
             apart = min(_size(value) for value in left)
             visible = min(_size(block[i, i]) for i in range(len(own)))
             if apart > max(1.0, 2.0 * visible) and visible < UNSEEN:
@@ -111,7 +113,7 @@ def _columns(cause: Cause) -> list[int]:
 
 
 def _without(information: Floats, prior: Floats, free: Sequence[int]) -> Floats:
-    """The information that is left when the columns `free`, with their priors, are fitted beside."""
+    """The information that is left when the columns `free`, with their priors, are fitted as well."""
     f = list(free)
     block = information[np.ix_(f, f)] + np.diag(np.maximum(prior[f], 1e-9))
     side = information[:, f]

@@ -18,10 +18,12 @@ Self = TypeVar("Self", bound="RobotBase")
 
 
 class RobotBase(ABC):
-    """A `CommandedRobot` but for how it moves, looks and rests, which a subclass says in `_move`, `_look`, `_rest`.
+    """A `CommandedRobot` except for how it moves, looks and rests, which a subclass defines in `_move`,
+    `_look`, `_rest`.
 
-    `limits` narrows the URDF's; joints that it does not name cannot be commanded. None: all joints, the URDF's limits.
-    `start` is where the joints are taken to be before the first command (0, or the nearest limit, where it says nothing).
+    `limits` narrows the URDF's; joints that it does not name cannot be commanded. None: all joints, the
+    URDF's limits. `start` are the joint positions before the first command (0, or the nearest limit, by
+    default).
     """
 
     def __init__(
@@ -40,7 +42,7 @@ class RobotBase(ABC):
         self._opened_s = time.monotonic()
         self._closed = self._entered = False
 
-    # What a new robot says.
+    # The part that a new robot defines.
 
     @abstractmethod
     def _move(self, positions: dict[str, float]) -> Positions:
@@ -58,14 +60,14 @@ class RobotBase(ABC):
         """Brings the robot into its safe state."""
 
     def _close(self) -> None:
-        """Lets go of what it holds; nothing by default."""
+        """Releases its resources; nothing by default."""
         return
 
     # What the world sees: `CommandedRobot`.
 
     @property
     def name(self) -> str:
-        """What people call it."""
+        """Its name for messages."""
         return self._name
 
     @property
@@ -128,7 +130,7 @@ class RobotBase(ABC):
         try:
             self.rest()
         except RobotError as failed:
-            # What went wrong first is what is told; that it did not come to rest is added to it.
+            # The first error is raised; a failure to come to rest is added to it.
             if error is None:
                 raise
             if hasattr(error, "add_note"):
@@ -142,7 +144,7 @@ class RobotBase(ABC):
     # Helpers of subclasses.
 
     def _now_s(self) -> float:
-        """Seconds since it was opened; a simulated robot says its own."""
+        """Seconds since it was opened; a simulated robot has its own time."""
         return time.monotonic() - self._opened_s
 
     def _check_open(self) -> None:

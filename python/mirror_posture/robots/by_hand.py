@@ -27,7 +27,7 @@ PICTURE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", "
 LEAST_CHANGE_RAD = 1e-6
 """Joints that change less are not printed: no servo is that fine."""
 BROKEN_AFTER_S = 5.0
-"""A file that has not grown for so long and cannot be read is told of, once."""
+"""A file that has not grown for this long and cannot be read is reported, once."""
 
 
 @dataclass(frozen=True)
@@ -37,13 +37,13 @@ class ByHandOptions:
     longest_wait_s: float | None = None
     """For a picture; None waits until one comes, or Ctrl-C."""
     still_s: float = 0.5
-    """A file is whole when its size and date have not changed for so long, and it can be read."""
+    """A file is complete when its size and date have not changed for this long, and it can be read."""
     poll_s: float = 0.1
 
 
 @dataclass(frozen=True)
 class _Stamp:
-    """What tells a file from its next version of the same name."""
+    """Distinguishes a file from its next version of the same name."""
 
     name: str
     size: int
@@ -51,10 +51,11 @@ class _Stamp:
 
 
 class ByHandRobot(RobotBase):
-    """A robot that a person commands; it can turn before its mirror (`TurnsView`), by the person's hands.
+    """A robot that a person commands; it can turn in front of its mirror (`TurnsView`), by the person's
+    hands.
 
-    Pictures in the folder from before the last command or turn are not taken: they show another posture. `say` prints a
-    line; `limits` narrows the joints to those that can be commanded at all.
+    Pictures in the folder from before the last command or turn are not used, because they show another
+    posture. `say` prints a line; `limits` narrows the joints to those that can be commanded at all.
     """
 
     def __init__(
@@ -82,11 +83,11 @@ class ByHandRobot(RobotBase):
 
     @property
     def view(self) -> View:
-        """Where the mirror is meant to stand."""
+        """The requested pose of the mirror."""
         return self._view
 
     def turn(self, view: View) -> None:
-        """Says how to turn the stand, and returns at once: the next picture shows it."""
+        """Prints how to turn the stand, and returns at once: the next picture shows it."""
         self._check_open()
         self._view = view
         side = "right" if view.yaw_rad >= 0.0 else "left"
@@ -151,7 +152,7 @@ class ByHandRobot(RobotBase):
         return frozenset(stamps)
 
     def _wait(self) -> tuple[Path, npt.NDArray[np.uint8]]:
-        # OpenCV takes long to load; a robot that is never looked at need not.
+        # OpenCV takes long to load; a robot without looks does not need it.
         from ..detect import DetectionError, read_picture
 
         options, began = self.options, time.monotonic()
@@ -165,7 +166,7 @@ class ByHandRobot(RobotBase):
             whole = [
                 stamp for stamp in fresh if now - since[stamp] >= options.still_s and stamp not in broken
             ]
-            # The newest: whoever took a second picture did not like the first.
+            # The newest: a second picture replaces the first.
             for stamp in sorted(whole, key=lambda s: s.modified_ns, reverse=True):
                 file = self.folder / stamp.name
                 try:

@@ -138,7 +138,7 @@ class DynamixelDrive(ServoDrive):
             packets=packets,
             payload_bytes=lambda packet: packet[5] + 256 * packet[6] - 4,
             garbled=lambda error: error & 0x7F == GARBLED,
-            # The highest bit only says that the hardware error status is not 0: that is read where it is dealt with.
+            # The highest bit only says that the hardware error status is not 0, which is read elsewhere.
             refused=lambda error: packets.getRxPacketError(error & 0x7F) if error & 0x7F else "",
         )
         super().__init__(config, ServoLine(sdk, config.port, config.baudrate))

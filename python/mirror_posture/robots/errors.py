@@ -7,7 +7,7 @@ from ..error_pickling import PickledWhole
 
 
 class RobotError(PickledWhole, MirrorPostureError):
-    """A robot that did not do what it was asked for."""
+    """A robot that did not do what was requested."""
 
 
 class UnsafeCommandError(RobotError):
@@ -31,16 +31,17 @@ class NotSettledError(RobotError):
 
 
 class NoLookError(RobotError):
-    """No picture or measurement came; the robot still answers, and may be asked again."""
+    """No picture or measurement arrived; the robot still answers, and may be asked again."""
 
 
 class HardwareFaultError(RobotError):
-    """The robot reports a fault of its own (overload, heat, voltage); torque has been taken off."""
+    """The robot reports a fault (overload, heat, voltage); torque has been switched off."""
 
 
 class LostRobotError(RobotError):
-    """The robot cannot be reached any more: a cut line, a window that was closed. What its joints do is not known."""
+    """The robot cannot be reached any more: a cut line, a window that was closed. The state of its joints
+    is unknown."""
 
 
 class ClosedRobotError(RobotError):
-    """The robot was closed; nothing more can be asked of it."""
+    """The robot was closed and cannot be used any more."""

@@ -101,7 +101,7 @@ class FeetechDrive(ServoDrive):
         phase = line.read(i, PHASE)
         if phase & MULTI_TURN:
             raise HardwareFaultError(f"{who}: counts several turns (phase {phase}); set it to one turn")
-        # The bit decides what the same number means: a factor of 50.
+        # The bit decides the meaning of the same number: a factor of 50.
         self._speed_steps[i] = 1 if phase & FINE_SPEED else COARSE_STEPS
         offset = line.read(i, HOMING_OFFSET)
         if servo.homing_offset is not None and offset != servo.homing_offset:
@@ -137,7 +137,7 @@ class FeetechDrive(ServoDrive):
         }
 
     def speed_unit_of(self, servo_id: int) -> float:
-        """rad/s of one unit of present speed, as the phase says."""
+        """rad/s of one unit of present speed, according to the phase."""
         return STS_STEP_RAD * self._speed_steps[servo_id]
 
 

@@ -16,11 +16,11 @@ from types import FrameType
 from typing import Any
 
 ENDING = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name))
-"""Signals that end a program where nobody handles them; not all are known to every system."""
+"""Signals that end a program without a handler; not all exist on every system."""
 
 
 class Interrupted(SystemExit):
-    """A signal that ends the program; without anybody who catches it the program ends with code 128 + its number."""
+    """A signal that ends the program; if it is not caught the program ends with code 128 + its number."""
 
     def __init__(self, number: int) -> None:
         super().__init__(128 + number)
@@ -35,7 +35,7 @@ def _raise(number: int, frame: FrameType | None) -> None:
 
 
 class _Handlers:
-    """Handlers that are installed while anybody needs them, once for all."""
+    """Handlers that are installed while they are needed, once for all robots."""
 
     def __init__(self) -> None:
         self.users = 0
@@ -70,9 +70,9 @@ _handlers = _Handlers()
 
 
 def handle_ending_signals() -> bool:
-    """Has signals that end the program raise `Interrupted` until `let_signals_end` was called as often.
+    """Makes signals that end the program raise `Interrupted` until `let_signals_end` was called as often.
 
-    Only the main thread can do that; returns whether it was done. Handlers of somebody's own are left alone.
+    Only the main thread can do that; returns whether it was done. The user's own handlers are not replaced.
     """
     return _handlers.acquire()
 
@@ -103,7 +103,7 @@ def undisturbed() -> Iterator[None]:
     before = {}
     for number in (signal.SIGINT, *ENDING):
         handler = signal.getsignal(number)
-        # None: a handler that was not installed from Python cannot be put back.
+        # None: a handler that was not installed from Python cannot be restored.
         if handler is not None and handler is not signal.SIG_IGN:
             before[number] = signal.signal(number, lambda n, frame: came.append(n))
     try:
@@ -111,6 +111,6 @@ def undisturbed() -> Iterator[None]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-    # Reached only where nothing else is being raised: that is told first.
+    # Reached only where nothing else is being raised, which has priority.
     if came:
         signal.raise_signal(came[0])

@@ -25,7 +25,7 @@ EMBEDDED_FOLDER = Path(__file__).parent.parent / "embedded"
 
 @dataclass(frozen=True)
 class Nominal:
-    """A session without frames: robot, camera, board, markers and mirror, as session.toml tells them."""
+    """A session without frames: robot, camera, board, markers and mirror, from session.toml."""
 
     folder: Path
     """Where session.toml, the URDF and camera.yaml are; a whole session will do as well."""
@@ -37,7 +37,7 @@ class Nominal:
     def load(cls, folder: str | os.PathLike[str] = EMBEDDED_FOLDER) -> Nominal:
         """Reads a folder's session.toml and the files that it names; the embedded robot by default.
 
-        Raises `SessionError` (a `MirrorPostureError`) that names the file, what was got and the fix.
+        Raises `SessionError` (a `MirrorPostureError`) that names the file, what was given and the fix.
         """
         folder = Path(folder)
         metadata = load_metadata(folder)

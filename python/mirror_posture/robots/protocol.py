@@ -65,7 +65,7 @@ class ImagePoints(ShortRepr):
     marker_std_px: Floats | None = None
     """(markers,)."""
     reasons: tuple[str, ...] = ()
-    """Why what was not seen was not: one line for the board or a marker each."""
+    """The reasons for missing observations: one line for the board or a marker each."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -84,7 +84,7 @@ class MarkerPoints(ShortRepr):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Look(ShortRepr):
-    """One look of the robot at itself: a picture, or what was detected in one, or marker points."""
+    """One look of the robot at itself: a picture, or its detections, or marker points."""
 
     commanded: Positions
     """Where every joint had been commanded when the look was taken."""
@@ -93,7 +93,7 @@ class Look(ShortRepr):
     measured: Positions = field(default_factory=dict)
     """What the joints' own encoders read, of those that have one."""
     view: View | None = None
-    """Where the mirror is believed to stand, if anybody said so. A hint: the mirror is measured in each look."""
+    """The approximate pose of the mirror, if known. A hint: the mirror is measured in each look."""
     picture_bgr: npt.NDArray[np.uint8] | None = None
     """(height, width, 3)."""
     points: ImagePoints | None = None
@@ -115,18 +115,19 @@ class Arrival:
 class CommandedRobot(Protocol):
     """A robot that can be commanded.
 
-    Use it as a context: at its end, however it comes, `rest` and `close` are called. All errors are `RobotError`s.
-    `RobotBase` gives all of this to a robot that says how it moves, looks and rests.
+    Use it as a context: at its end, however it comes, `rest` and `close` are called. All errors are
+    `RobotError`s. `RobotBase` implements all of this for a robot that defines how it moves, looks and
+    rests.
     """
 
     @property
     def name(self) -> str:
-        """What people call it."""
+        """Its name for messages."""
         ...
 
     @property
     def nominal(self) -> Nominal:
-        """The session that it belongs to: what the model believes of robot, camera, board, markers and mirror."""
+        """The session that it belongs to: the model of robot, camera, board, markers and mirror."""
         ...
 
     @property
@@ -175,15 +176,17 @@ class CommandedRobot(Protocol):
 
 @runtime_checkable
 class TurnsView(Protocol):
-    """A robot whose mirror, stand or person can change the viewpoint; ask with `isinstance(robot, TurnsView)`."""
+    """A robot whose mirror, stand or person can change the viewpoint; test with `isinstance(robot,
+    TurnsView)`."""
 
     @property
     def view(self) -> View:
-        """Where the mirror is believed to stand now."""
+        """The approximate present pose of the mirror."""
         ...
 
     def turn(self, view: View) -> None:
-        """Has the mirror stand there, roughly, and returns when it does; no joint moves. Raises `RobotError`."""
+        """Moves the mirror there, approximately, and returns when it is there; no joint moves. Raises
+        `RobotError`."""
         ...
 
 

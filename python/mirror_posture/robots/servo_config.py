@@ -34,7 +34,7 @@ STEPS = {
     "dynamixel": (SPEED_UNIT_RAD_PER_S, ACCELERATION_UNIT_RAD_PER_S2),
     "feetech": (STS_STEP_RAD, STS_ACCELERATION_UNIT_RAD_PER_S2),
 }
-"""The smallest speed and acceleration that each make can be told, rad/s and rad/s²."""
+"""The smallest speed and acceleration that can be set for each make, rad/s and rad/s²."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Servo:
     reversed: bool = False
     """Dynamixel: whether its drive mode turns the positive sense round; verified before torque."""
     model: str | None = None
-    """What it must be, if the file says so; verified before torque."""
+    """Its required model and firmware, if the file states them; verified before torque."""
     firmware: str | None = None
     homing_offset: int | None = None
     """Feetech: the offset that `zero_counts` was found with; verified before torque."""
@@ -67,7 +67,7 @@ class Servo:
 
 @dataclass(frozen=True)
 class ServoConfig:
-    """All that the file says."""
+    """The content of the file."""
 
     port: str
     servos: tuple[Servo, ...]
@@ -93,7 +93,8 @@ class ServoConfig:
 
 
 def load_config(file: str | os.PathLike[str], nominal: Nominal, make: Make = "dynamixel") -> ServoConfig:
-    """Reads the file of a robot of this make against the nominal robot. Raises `MirrorPostureError`: the key, what was got, what was needed.
+    """Reads the file of a robot of this make against the nominal robot. Raises `MirrorPostureError`: the
+    key, what was given, what was required.
 
     See docs/robots.md for its keys.
     """
@@ -109,7 +110,7 @@ def load_config(file: str | os.PathLike[str], nominal: Nominal, make: Make = "dy
             raise MirrorPostureError(f"{file}: {key}: is no key of this file; there are bus, joints, rest")
     given = _table(raw, "bus", file)
     if make == "dynamixel" and ("current_a" in given) == ("pwm_share" in given):
-        # A misspelt limit is told as such.
+        # A misspelt limit is reported as such.
         _no_others(given, BUS[make], file, "bus")
         raise MirrorPostureError(
             f"{file}: [bus] needs exactly one torque limit: current_a (A) for servos with current control, or pwm_share (0 to 1)"

@@ -19,7 +19,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Identity:
-    """What a servo says it is."""
+    """The identity that a servo reports."""
 
     model: str
     firmware: str
@@ -27,7 +27,7 @@ class Identity:
 
 @dataclass(frozen=True)
 class Reading:
-    """What all servos say at one moment, by id."""
+    """The readings of all servos at one moment, by id."""
 
     position: Mapping[int, int]
     speed: Mapping[int, int]
@@ -40,7 +40,7 @@ class Reading:
 
 
 class ServoDrive(ABC):
-    """A make of servos. A subclass fills in the registers and says `verify` and `limits`."""
+    """A make of servos. A subclass fills in the registers and defines `verify` and `limits`."""
 
     make: str
     torque: Register
@@ -49,18 +49,18 @@ class ServoDrive(ABC):
     speed: Register
     fault: Register
     watchdog: Register | None = None
-    """A register that a servo without a word for so long stops by itself."""
+    """The register of the watchdog: a servo without communication for this long stops by itself."""
     watchdog_unit_s: float = 0.0
     watchdog_bitten: int = 255
     still_units: int
     """Of `speed`: a servo at rest reads no more."""
     speed_unit_rad_per_s: float
-    """Of `speed`, unless `speed_unit_of` says another for a servo."""
+    """Of `speed`, unless `speed_unit_of` returns another for a servo."""
     standing: Sequence[Register]
     """Lasting settings that decide what goals and limits mean; read again before every motion."""
     position_limits: tuple[Register, Register]
     faults: Mapping[int, str]
-    """What each bit of `fault` says."""
+    """The meaning of each bit of `fault`."""
 
     def __init__(self, config: ServoConfig, line: ServoLine) -> None:
         self.config, self.line = config, line
@@ -69,7 +69,7 @@ class ServoDrive(ABC):
         self._wanted: dict[int, dict[Register, int]] = {}
         self._settings: dict[int, dict[Register, int]] = {}
 
-    # What a make says.
+    # The part that a make defines.
 
     @abstractmethod
     def verify(self, servo: Servo, model_number: int) -> Identity:
@@ -85,7 +85,7 @@ class ServoDrive(ABC):
     # What follows from it.
 
     def fault_words(self, status: int) -> str:
-        """What a servo's fault status says."""
+        """The meaning of a servo's fault status."""
         words = ", ".join(word for bit, word in self.faults.items() if status & (1 << bit))
         return words or f"{self.fault.name} {status}"
 
@@ -94,7 +94,7 @@ class ServoDrive(ABC):
         numbers = {servo.servo_id: self.line.ping(servo.servo_id) for servo in self.config.servos}
         self.line.write_everywhere(self.torque, 0)
         for servo in self.config.servos:
-            # The ends of a servo's range and its mode cannot be trusted, or written, under torque.
+            # The ends of a servo's range and its mode are not reliable, and cannot be written, under torque.
             self.line.write(servo.servo_id, self.torque, 0)
             if self.watchdog is not None:
                 self.line.write(servo.servo_id, self.watchdog, 0)
@@ -102,14 +102,14 @@ class ServoDrive(ABC):
             self._check_identity(servo, identity)
             self._check_range(servo)
             self.identities[servo.servo_id] = identity
-            # Not before it is known what the servo is.
+            # Only when the servo's identity is known.
             self._wanted[servo.servo_id] = self.limits(servo)
             for register, value in self._wanted[servo.servo_id].items():
                 self.line.write(servo.servo_id, register, value)
         self._settings = self.line.read_block(self.standing, self.ids)
 
     def read(self) -> Reading:
-        """Everything that matters of all servos, each asked once."""
+        """All relevant readings of all servos, each requested once."""
         limits = {r for wanted in self._wanted.values() for r in wanted}
         registers = [self.torque, self.goal, self.position, self.speed, self.fault, *limits]
         if self.watchdog is not None:
@@ -147,7 +147,7 @@ class ServoDrive(ABC):
             raise HardwareFaultError("; ".join(told))
 
     def check_settings(self) -> None:
-        """Raises `HardwareFaultError` where a lasting setting is no longer what it was when it was verified."""
+        """Raises `HardwareFaultError` if a permanent setting has changed since it was verified."""
         found = self.line.read_block(self.standing, self.ids)
         for servo in self.config.servos:
             for register, was in self._settings[servo.servo_id].items():
@@ -187,7 +187,7 @@ class ServoDrive(ABC):
             )
 
     def _set(self, servo: Servo, register: Register, value: int, why: str, *, usual: bool = False) -> None:
-        """Changes a lasting setting, and says so; aloud where it is not `usual`."""
+        """Changes a permanent setting, and logs it; as a warning if it is not `usual`."""
         was = self.line.read(servo.servo_id, register)
         if was != value:
             self.line.write(servo.servo_id, register, value)

@@ -59,7 +59,7 @@ class ServoEnding:
         )
 
     def _silent(self) -> list[str]:
-        """Joints whose servo does not say that its torque is off."""
+        """Joints whose servo does not confirm that its torque is off."""
         silent, until = [], time.monotonic() + OFF_PATIENCE_S
         for servo in self._config.servos:
             try:
@@ -72,7 +72,8 @@ class ServoEnding:
         return silent
 
     def _hold(self, state: State) -> None:
-        """Every goal where its joint stands, within limits that are in force. Raises `RobotError` where that is not so."""
+        """Every goal is where its joint stands, within limits that are in force. Raises `RobotError`
+        otherwise."""
         drive, until = self._drive, time.monotonic() + OFF_PATIENCE_S
         reading = drive.read()
         drive.check(reading, torque=True)

@@ -20,7 +20,7 @@ T = TypeVar("T")
 
 BROADCAST_ID = 254
 TRIES = 4
-"""A packet that is lost or garbled is asked for again so often before the line counts as lost."""
+"""A lost or garbled packet is requested again this many times before the line counts as lost."""
 READ_WAIT_S = 0.002
 """The SDKs poll without a pause; a short wait in each read leaves the processor to others."""
 PATIENCE_MS = 80.0
@@ -31,7 +31,8 @@ QUIET_S = 0.03
 
 @dataclass(frozen=True)
 class Register:
-    """A place in a servo's memory, little-endian: unsigned, in two's complement, or with a sign bit of its own."""
+    """A place in a servo's memory, little-endian: unsigned, in two's complement, or with a separate sign
+    bit."""
 
     name: str
     address: int
@@ -69,14 +70,14 @@ class Register:
 
 @dataclass(frozen=True)
 class Sdk:
-    """A vendor's SDK: its module, its packets, and what its servos' error byte says."""
+    """A vendor's SDK: its module, its packets, and the meaning of its servos' error byte."""
 
     module: ModuleType
     packets: Any
     payload_bytes: Callable[[Sequence[int]], int]
     """How many bytes of data an answer carries."""
     garbled: Callable[[int], bool]
-    """Whether a servo's error byte says that the packet came to it broken: it is sent again."""
+    """Whether a servo's error byte says that the packet arrived broken: it is sent again."""
     refused: Callable[[int], str]
     """What a servo refuses by its error byte; empty where it refuses nothing."""
 
@@ -103,7 +104,7 @@ def _exact_packets(sdk: Sdk) -> Any:
 
 
 def _patient_port(sdk: Sdk, path: str) -> Any:
-    """The SDK's port, with reads that wait a little, a longer patience, and a clock that nobody sets."""
+    """The SDK's port, with reads that wait a little, a longer timeout, and a monotonic clock."""
 
     class PatientPort(sdk.module.PortHandler):  # type: ignore[misc, name-defined]
         def setPacketTimeout(self, packet_length: int) -> None:
@@ -166,7 +167,7 @@ class ServoLine:
             data, result, error = self._packets.readTxRx(
                 self._port, servo_id, register.address, register.size
             )
-            # An error of the servo comes without data, and is dealt with as what it is.
+            # An error of the servo comes without data, and is handled as such.
             if result == self._sdk.module.COMM_SUCCESS and len(data) != register.size:
                 if self._sdk.refused(error) and not data:
                     return 0, result, error

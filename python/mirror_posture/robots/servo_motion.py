@@ -17,11 +17,12 @@ POLL_S = 0.02
 STILL_READS = 3
 """So many reads in a row at rest, near the goal, are rest."""
 BLOCKED_READS = 25
-"""So many reads at rest elsewhere: it does not get there."""
+"""After this many reads at rest elsewhere the joint does not arrive."""
 PATIENCE_S = 2.0
 """Beyond the time that the motion should take."""
 TOO_FAST = 2.0
-"""A joint that turns so many times faster than its limit is stopped; a servo's own reading may be a third too high."""
+"""A joint that turns faster than its limit by this factor is stopped; a servo's own reading may be a third
+too high."""
 
 
 class ServoMotion:
@@ -46,11 +47,11 @@ class ServoMotion:
         reading: Reading,
         go_on: Callable[[], None],
     ) -> Reading:
-        """Sends the goal and waits until all joints rest, there or elsewhere; `go_on` raises where nobody wants it any more.
+        """Sends the goal and waits until all joints rest, there or elsewhere; `go_on` raises to abort it.
 
         Raises:
             NotSettledError: a joint that still moves long after it should have arrived.
-            RobotError: a servo that fails, falls silent or is too fast.
+            RobotError: a servo that fails, does not answer or is too fast.
         """
         drive, speed = self._drive, self._config.speed_rad_per_s
         farthest = max(abs(positions[j] - q) for j, q in self.measured_rad(reading).items())
@@ -78,7 +79,7 @@ class ServoMotion:
                     joints=moving,
                 )
             if not there:
-                # On the way, or a write that nobody answers to was lost.
+                # On the way, or an unacknowledged write was lost.
                 sent = self._send(reading, goal)
 
     def check_arrived(self, reading: Reading, positions: Mapping[str, float]) -> None:

@@ -33,21 +33,23 @@ from .servo_state import Standing, State, StateMachine, Torque
 log = logging.getLogger(__name__)
 
 Eye = Callable[[], "npt.NDArray[np.uint8] | ImagePoints"]
-"""Takes a picture (BGR) when called, or gives what was detected in one."""
+"""Takes a picture (BGR) when called, or returns its detections."""
 
 STANDING_WATCHDOG_S = 2.5
-"""While it holds. A computer that is busy for a second is no fault of a robot that stands still."""
+"""While holding. A computer that is busy for a second is no fault of a robot that stands still."""
 KEEP_S = 0.5
-"""While it holds, all servos are asked so often how they are."""
+"""While holding, the state of all servos is requested this often."""
 
 
 class ServoRobot(RobotBase):
-    """A robot of servos. Use it as a context: at its end it rests, with the torque off, or held where the file says so.
+    """A robot of servos. Use it as a context: at its end it rests, with the torque off, or held if the file
+    says so.
 
-    At opening every servo is asked for and verified, torque is taken off, the limits of torque and speed are written and
-    read back, and only then is torque put on, at the place where each joint stands. Before every motion, and while it lasts,
-    all of that is read again. Any failure under way, a signal, Ctrl-C, a lost parent process, ends the motion and the torque (or holds,
-    as configured); `standing` says which, and the robot has to be opened again.
+    At opening every servo is queried and verified, torque is switched off, the limits of torque and speed
+    are written and read back, and only then is torque switched on, at the place where each joint stands.
+    Before every motion, and while it lasts, all of that is read again. Any failure during a motion, a
+    signal, Ctrl-C, or a lost parent process ends the motion and the torque (or holds, as configured);
+    `standing` says which, and the robot has to be opened again.
     """
 
     make: Make
@@ -88,7 +90,7 @@ class ServoRobot(RobotBase):
         self._keeper = threading.Thread(target=self._keep, name=f"{name}: standing by", daemon=True)
         self._keeper.start()
 
-    # What the world asks.
+    # The public interface.
 
     @property
     def standing(self) -> Standing:
@@ -113,7 +115,7 @@ class ServoRobot(RobotBase):
         drive.check(reading, torque=False)
         self._powered = True
         for servo_id in drive.ids:
-            # Where it stands: putting torque on moves nothing.
+            # At the present position, so that switching torque on moves nothing.
             drive.line.write(servo_id, drive.goal, reading.position[servo_id])
             drive.line.write(servo_id, drive.torque, 1)
         drive.watch(STANDING_WATCHDOG_S)
@@ -124,7 +126,7 @@ class ServoRobot(RobotBase):
             for j, q in self._motion.measured_rad(reading).items()
         }
 
-    # What `RobotBase` asks for.
+    # The methods that `RobotBase` requires.
 
     def _move(self, positions: dict[str, float]) -> Positions:
         with self._lock:
@@ -218,7 +220,7 @@ class ServoRobot(RobotBase):
     # The end.
 
     def _at_exit(self) -> None:
-        # A forked child that ends has no say in its parent's robot.
+        # A forked child that ends must not act on its parent's robot.
         if os.getpid() != self._process:
             return
         if self._machine.now.state in (State.HOLDING, State.MOVING):
@@ -227,9 +229,10 @@ class ServoRobot(RobotBase):
         self._drive.line.close()
 
     def _end(self, why: BaseException | None, reason: str = "at rest") -> None:
-        """Ends motion, and torque where it is not to be held, and makes sure of it; `standing` and the log say which.
+        """Ends motion, and torque unless it is to be held, and verifies it; `standing` and the log say
+        which.
 
-        Raises `LostRobotError` where nobody answers any more; says so beside `why`, which is what is then told.
+        Raises `LostRobotError` if there is no answer any more; it is added to `why`, which is then raised.
         """
         if os.getpid() != self._process:
             return
@@ -252,7 +255,7 @@ class ServoRobot(RobotBase):
             raise LostRobotError(f"{self.name}: {note}")
 
     def _try_again(self) -> None:
-        """Once more for a line that may be back; that it is not was said already."""
+        """Once more for a line that may be back; that it was lost was reported already."""
         with undisturbed():
             torque, _ = self._ending.take_off(self._machine.now.state, self._powered, 0.0)
         if torque is not Torque.UNKNOWN:
@@ -261,7 +264,8 @@ class ServoRobot(RobotBase):
 
 
 def _parent(config: ServoConfig) -> int | None:
-    """The process whose end ends this one's motion; None: nobody's, or a program that was meant to outlive it (nohup)."""
+    """The process whose end ends this one's motion; None: there is none, or a program that was meant to
+    outlive it (nohup)."""
     hang_up = getattr(signal, "SIGHUP", None)
     if not config.end_with_parent or hang_up is None or signal.getsignal(hang_up) is signal.SIG_IGN:
         return None

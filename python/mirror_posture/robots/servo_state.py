@@ -9,11 +9,11 @@ from typing import Literal
 from .errors import HardwareFaultError, RobotError
 
 AtEnd = Literal["off", "hold"]
-"""What becomes of the torque when a robot stops or rests: taken off, or kept, within its limits, where the joints stand."""
+"""The torque when a robot stops or rests: off, or held, within its limits, where the joints stand."""
 
 
 class State(Enum):
-    """Where a robot of servos stands."""
+    """The state of a robot of servos."""
 
     UNPOWERED = "unpowered"
     """No torque; nothing was promised yet, or it rests."""
@@ -29,11 +29,11 @@ class Torque(Enum):
     """What is known of the torque."""
 
     OFF = "off"
-    """Every servo was asked and says that it is off."""
+    """Every servo was queried and confirms that it is off."""
     HELD = "held"
-    """Every servo was asked: torque within its limits, goal where it stands."""
+    """Every servo was queried: torque within its limits, goal where it stands."""
     UNKNOWN = "not known"
-    """A servo could not be asked: a cut line, a servo without power."""
+    """A servo could not be queried: a cut line, a servo without power."""
 
 
 FOLLOWS: dict[State, tuple[State, ...]] = {
@@ -54,7 +54,7 @@ class Standing:
 
     @property
     def sentence(self) -> str:
-        """For people."""
+        """In words."""
         return f"{self.state.value}, torque is {self.torque.value}: {self.why}"
 
 
@@ -67,7 +67,7 @@ class StateMachine:
 
     @property
     def now(self) -> Standing:
-        """Where it stands."""
+        """Its state."""
         return self._now
 
     def to(self, state: State, torque: Torque, why: str) -> Standing:

@@ -17,7 +17,7 @@ OPTIONAL_COLUMNS = ("via", "std_px")
 """`std_px`: the detector's standard deviation of u and of v, a column of this package's own."""
 WAYS = ("mirror", "direct")
 EDGE_PX = 1.0
-"""A point is measured so far beyond the picture's edge at most: what is cut off has its middle within."""
+"""A point may be this far outside the picture: the centre of an object that is cut off is inside."""
 
 
 def frame_rows(table: Table, frames: Frames, frames_name: str) -> np.ndarray:
@@ -37,7 +37,7 @@ def frame_rows(table: Table, frames: Frames, frames_name: str) -> np.ndarray:
 
 
 def refuse_twice(table: Table, key: np.ndarray, what: str) -> None:
-    """Refuses two rows with the same key: it cannot be known which is meant."""
+    """Refuses two rows with the same key, because it is ambiguous which is meant."""
     if np.bincount(key).max(initial=0) < 2:
         return
     order = np.argsort(key, kind="stable")
@@ -53,7 +53,8 @@ def read_detections(
     table: Table, frames: Frames, frames_name: str, board: Board | None, marker_names: tuple[str, ...],
     picture_px: tuple[int, int] | None = None,
 ) -> tuple[Views, Views]:  # fmt: skip
-    """What was seen in the mirror, and directly; `picture_px` is the picture's width and height, outside of which nothing is."""
+    """The observations in the mirror, and direct ones; `picture_px` is the picture's width and height,
+    outside of which there is none."""
     table.require(*COLUMNS)
     corners = 0 if board is None else board.columns * board.rows
     mirror, direct = (Views.empty(len(frames), corners, len(marker_names)) for _ in range(2))

@@ -14,9 +14,9 @@ from ..error_pickling import PickledWhole
 class SessionError(PickledWhole, MirrorPostureError):
     """An invalid session.
 
-    The message is one line: place, what was got, what was needed, the fix. `file`, `row` (counted from 1 below
-    the header) and `column` say the place again for programs; they are None where they do not apply. `problems` are all
-    that were found in the session, this one first.
+    The message is one line: place, what was given, what was required, the fix. `file`, `row` (counted from
+    1 below the header) and `column` give the place to programs; they are None where they do not apply.
+    `problems` are all that were found in the session, this one first.
     """
 
     problems: tuple[SessionError, ...] = ()

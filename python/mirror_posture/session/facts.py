@@ -27,7 +27,7 @@ USUAL_ENCODER = 0.05
 
 @dataclass(frozen=True)
 class Fact:
-    """One thing that a session says: what was got, what is usual, and whether it is plausible."""
+    """A fact about a session: its value, the usual range, and whether it is plausible."""
 
     what: str
     got: str
@@ -36,7 +36,7 @@ class Fact:
 
 
 def facts(session: Session) -> list[Fact]:
-    """All facts of a session that was read without an error; what is not plausible need not be wrong."""
+    """All facts of a session that was read without an error; an implausible one need not be wrong."""
     found = [
         _within("length of gravity, m/s²", float(np.linalg.norm(session.gravity_m_per_s2)), USUAL_GRAVITY),
         _within("reach of the robot, m", robot_reach_m(session.robot), USUAL_REACH_M),

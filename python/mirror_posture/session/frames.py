@@ -18,11 +18,12 @@ MEASURED = "measured:"
 LIMIT_FACTOR = 4.0
 """A command beyond this many times the joint's limit is an error: degrees, most likely (a factor of 57)."""
 FULL_TURN, MANY_TURNS, LARGEST_POSITION = 2.0 * np.pi, 100.0, 1e5
-"""rad (m): where a joint without a limit stands beyond sixteen turns a warning is given; beyond the second it is an error."""
+"""rad (m): a joint without a limit beyond sixteen turns gives a warning; beyond the second value it is an
+error."""
 
 
 def read_frames(table: Table, robot: Robot, ordered: bool) -> tuple[Frames, list[str]]:
-    """The frames table, checked against the robot; second, what is odd and was kept."""
+    """The frames table, checked against the robot; and unusual findings that were kept."""
     problems = Problems()
     table.require("frame", "posture")
     if table.rows == 0:
@@ -133,7 +134,8 @@ def _check_unit(table: Table, column: str, joint: Joint, positions: np.ndarray) 
         most = LIMIT_FACTOR * largest
         told = f"more than {LIMIT_FACTOR:g} times the joint's limit of {largest:g} {unit} in the URDF; needed {unit}"
         if column.startswith(MEASURED) and joint.kind != "prismatic" and most < FULL_TURN:
-            # A limb that its servo cannot hold tips over: that is read, not told.
+            # A limb that its servo cannot hold tips over: encoders may read that, commands may not contain
+            # it.
             most, told = FULL_TURN, f"more than a full turn; needed {unit}"
     else:
         most, told = LARGEST_POSITION, f"needed at most {LARGEST_POSITION:g} {unit}"

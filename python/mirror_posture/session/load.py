@@ -40,13 +40,14 @@ def as_session(session: Session | str | os.PathLike[str]) -> Session:
 def load_session(folder: str | os.PathLike[str]) -> Session:
     """Loads a session's folder and validates it as a whole.
 
-    Tables may be CSV or Parquet. A session with pictures and no detections table loads with `detected` False.
+    Tables may be CSV or Parquet. A session with pictures and no detections table loads with `detected`
+    False.
 
-    A session that is being recorded, or whose recording was cut off, loads with what is complete in it.
+    A session that is being recorded, or whose recording was cut off, loads with its complete part.
 
-    Raises `SessionError` (a `MirrorPostureError`) for invalid input: it names the file, the row and the fix; in its
-    `problems` stands all that was found.
-    Unknown keys and columns are kept, and named in `Session.warnings`.
+    Raises `SessionError` (a `MirrorPostureError`) for invalid input: it names the file, the row and the
+    fix; its `problems` contain everything that was found. Unknown keys and columns are kept, and named in
+    `Session.warnings`.
     """
     folder = Path(folder)
     if not folder.is_dir():
@@ -127,7 +128,7 @@ def _states(folder: Path, robot: Robot) -> States | None:
 
 @dataclass(frozen=True)
 class _Tables:
-    """The tables of what was seen, read against the frames."""
+    """The tables of observations, read against the frames."""
 
     folder: Path
     metadata: Metadata
@@ -139,7 +140,8 @@ class _Tables:
     problems: Problems
 
     def read(self) -> tuple[bool, tuple[Views, Views], Points | None]:
-        """Whether there is a detections table, what was seen in the mirror and directly, and measured points."""
+        """Whether there is a detections table, the observations in the mirror and direct ones, and measured
+        points."""
         folder, metadata, frames = self.folder, self.metadata, self.frames
         detections_file, points_file = find_table(folder, "detections"), find_table(folder, "points")
         pictures = any(name is not None for name in frames.image or ())
@@ -149,7 +151,8 @@ class _Tables:
                 "the file is missing, and so are points.csv and pictures (an `image` column in the frames table): "
                 "nothing was observed; add one of them",
             )
-        # Pictures are optional beside a detections table: a session may be passed on without them, as a whole.
+        # Pictures are optional if there is a detections table: a session may be passed on without all of
+        # them.
         if pictures and (detections_file is None or (folder / "images").is_dir()):
             with self.problems.kept():
                 check_images_exist(folder, self.frames_name, frames)

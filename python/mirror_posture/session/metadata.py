@@ -45,7 +45,7 @@ FILE = "session.toml"
 RESERVED_TARGET = "board"
 """The name that detections.csv gives the board: no marker can have it."""
 GRAVITY_TOLERANCE = 0.05
-"""On Earth gravity differs by 0.3 %; what is off by more than this share is in another unit."""
+"""On Earth gravity differs by 0.3 %; a value that is off by more than this share is in another unit."""
 LARGEST_GRAVITY = 300.0
 """m/s²: that of the sun. Beyond it a unit is wrong."""
 
@@ -60,7 +60,7 @@ class Metadata(ShortRepr):
     camera: str | None
     camera_link: str | None
     camera_tolerance: tuple[float | None, float | None]
-    """m and rad, one standard deviation; None: not said."""
+    """m and rad, one standard deviation; None: not stated."""
     board: Board | None
     markers: tuple[Marker, ...]
     mirror: Mirror | None
@@ -72,7 +72,8 @@ class Metadata(ShortRepr):
 
 
 def load_metadata(folder: Path) -> Metadata:
-    """Reads `session.toml` of a folder; raises `SessionError` with the key, what was got and what was needed, all problems in `problems`."""
+    """Reads `session.toml` of a folder; raises `SessionError` with the key, what was given and what was
+    required, all problems in `problems`."""
     file = folder / FILE
     try:
         if file.is_symlink() and path_inside(folder, FILE) is None:
@@ -91,7 +92,7 @@ def load_metadata(folder: Path) -> Metadata:
         raise SessionError(FILE, f"is not valid TOML: {error}") from None
     metadata = _check(raw)
     for key, name in (("robot", metadata.robot), ("camera", metadata.camera)):
-        # A session lies in its folder, so that it can be passed on, and reads nobody else's files.
+        # A session is inside its folder, so that it can be passed on and reads no other files.
         if name is not None and path_inside(folder, name) is None:
             raise SessionError(
                 FILE,
@@ -104,7 +105,7 @@ def _check(raw: dict[str, Any]) -> Metadata:
     """All keys, each problem kept; the dataclasses are made where there is none."""
     warnings: list[str] = []
     problems = Problems()
-    # Of another format the other keys say nothing.
+    # In another format the other keys have no meaning.
     for key in TOP.keys[:2]:
         _format(raw, key)
     reader = _Reader(problems, warnings)
@@ -116,7 +117,7 @@ def _check(raw: dict[str, Any]) -> Metadata:
     markers = reader.several(raw, MARKERS)
     mirror, noise = reader.one(raw, MIRROR), reader.one(raw, NOISE)
     points, frames = reader.one(raw, POINTS), reader.one(raw, FRAMES)
-    # A motion reads it; of a still session it says nothing.
+    # Used for a motion only.
     reader.one(raw, SHUTTER)
     camera, camera_link = top["camera"], None if mount is None else mount["link"]
     for wrong, problem in (
@@ -158,7 +159,7 @@ def _format(raw: Mapping[str, Any], key: Key) -> None:
 
 
 def _names(markers: Sequence[Mapping[str, Any]], problems: Problems) -> None:
-    """Every marker has a name of its own, and there are not too many."""
+    """Marker names are unique, and there are not too many."""
     if len(markers) > MOST_MARKERS:
         problems.add(SessionError(FILE, f"markers: got {len(markers)}, needed at most {MOST_MARKERS}"))
     for name, count in Counter(marker["name"] for marker in markers if marker["name"] is not None).items():
@@ -223,7 +224,8 @@ def _marker(marker: Mapping[str, Any]) -> Marker:
 
 
 def _gravity(raw: Mapping[str, Any], reader: _Reader) -> Floats:
-    """Gravity, m/s²: a list, or a section with `vector` and `unit`, which says that another length is meant."""
+    """Gravity, m/s²: a list, or a section with `vector` and `unit`, which states that another length is
+    meant."""
     if isinstance(raw.get("gravity"), dict):
         section = reader.section("gravity", raw["gravity"], GRAVITY)
         if None in section.values():
@@ -249,7 +251,7 @@ def _gravity(raw: Mapping[str, Any], reader: _Reader) -> Floats:
 
 
 class _Reader:
-    """Reads sections by the definitions of their keys; what is wrong is kept, keys that nobody knows are warnings."""
+    """Reads sections by the definitions of their keys; errors are collected, unknown keys are warnings."""
 
     def __init__(self, problems: Problems, warnings: list[str]) -> None:
         self.problems, self._warnings = problems, warnings
@@ -270,7 +272,7 @@ class _Reader:
     def section(
         self, path: str, given: Mapping[str, Any], section: Section, known: tuple[str, ...] = ()
     ) -> dict[str, Any]:
-        """All keys of a section by name, and its own sections; of what is wrong None."""
+        """All keys of a section by name, and its subsections; None for invalid ones."""
         found = {key.name: self.value(path, given, key) for key in section.keys}
         inner = {} if not path else {one.name: self.one(given, one, path) for one in section.sections}
         names = {*found, *(one.name for one in section.sections), *known}

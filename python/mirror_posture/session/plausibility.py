@@ -27,13 +27,13 @@ LEAST_PICTURE_PX = 16
 FOCAL_SHARE = (0.1, 100.0)
 """Focal length in widths of the picture: below the first a lens sees 157° and more, fisheyes have 0.3."""
 UNSET = 0.02
-"""A principal point nearer to the first pixel than this share of the picture's sides is a zero that nobody set."""
+"""A principal point nearer to the first pixel than this share of the picture's sides is an unset value."""
 ASPECT = 3.0
 """fx and fy of real cameras differ by a few per cent."""
 
 
 def check_plausible(session: Session, problems: Problems) -> list[str]:
-    """All checks; errors go to `problems`, what is unusual is returned as warnings."""
+    """All checks; errors go to `problems`, unusual findings are returned as warnings."""
     warnings: list[str] = []
     reach_m = robot_reach_m(session.robot)
     with problems.kept():

@@ -22,7 +22,8 @@ NEARER = 0.5
 """Light from the board to the camera goes at least straight. A picture of the board that is larger than it would be at this share of the
 straight distance is of a board whose square, or of a camera whose focal length, is in another unit."""
 LEAST_FACING = 0.1
-"""Cosine between the board's face and what the camera sees of it in the mirror: both must look at the mirror."""
+"""Cosine between the board's face and what the camera sees of it in the mirror: both must look at the
+mirror."""
 
 
 def flat_boards(session: Session) -> None:
@@ -108,7 +109,8 @@ def board_distance(session: Session) -> None:
 
 
 def facing(session: Session) -> list[str]:
-    """Camera and board both look at the mirror: what the camera sees of the board lies where the board's face looks."""
+    """Camera and board both look at the mirror: what the camera sees of the board is where the board's face
+    looks."""
     camera, board, link = session.camera, session.board, session.camera_link
     if camera is None or board is None or link is None or not session.mirror_view.board_seen.any():
         return []

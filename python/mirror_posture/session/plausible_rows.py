@@ -15,20 +15,22 @@ if TYPE_CHECKING:
 SAME_COMMAND = 1e-4
 """rad (m): commands of one posture that differ by more are of different postures; text of few digits rounds below it."""
 FAR_POINT = 4.0
-"""Points farther from where they are measured than so many times the robot's reach are in mm."""
+"""Points farther from where they are measured than this many times the robot's reach are in mm."""
 NOISY_POINT = 0.1
-"""Noise of points beyond this share of the robot's reach hides whatever is wrong."""
+"""Noise of points beyond this share of the robot's reach would hide any error."""
 DEGREES, MILLI = (40.0, 80.0), (700.0, 1400.0)
-"""Slopes of encoder over command, or of command over encoder, that say that one of both is in degrees, or in milliradians."""
+"""Slopes of encoder over command, or of command over encoder, for which one of both is in degrees, or in
+milliradians."""
 LEAST_MOTION = 0.02
-"""rad (m): joints that move less say nothing of their encoders' unit."""
+"""rad (m): joints that move less do not determine their encoders' unit."""
 LEAST_ROWS = 5
 FAR_ENCODER = 0.5
-"""rad (m): an encoder that typically reads so far from its command is an odd zero, worth a warning."""
+"""rad (m): an encoder that typically reads this far from its command has an unusual zero, and gives a
+warning."""
 
 
 def one_command_a_posture(session: Session) -> None:
-    """Frames of one posture have one command, of the joints that move what is measured."""
+    """Frames of one posture have one command of the joints that move what is measured."""
     frames, robot = session.frames, session.robot
     ends = [link for link in (session.camera_link, session.board and session.board.link) if link]
     if session.points is not None:
@@ -110,7 +112,7 @@ def points(session: Session, reach_m: float) -> None:
         rows = np.flatnonzero(points.seen[:, m])
         if not len(rows):
             continue
-        # In an unknown frame only the motion tells.
+        # In an unknown frame only the motion can be compared.
         origin = np.zeros(3) if known else np.median(at[rows, m], axis=0)
         distance = np.linalg.norm(at[rows, m] - origin, axis=1)
         # The typical distance: a single wild point is an outlier, which the estimate bears.

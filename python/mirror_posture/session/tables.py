@@ -33,7 +33,8 @@ LONGEST_FIXED = 64
 LARGEST_NUMBER = 1e12
 """A number beyond this is no length, angle, pixel or time, and its square would overflow."""
 UNFINISHED = "recording.unfinished"
-"""A file of this name in a session's folder says that it is being recorded, or that the recording was cut off."""
+"""A file of this name in a session's folder means that it is being recorded, or that the recording was cut
+off."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -92,7 +93,7 @@ class Table(ShortRepr):
         return self._cast(column, pa.int64(), "a whole number")
 
     def texts(self, column: str) -> tuple[npt.NDArray[np.int64], list[str]]:
-        """A column as codes (one a row) and the distinct texts that they stand for, in order of appearance."""
+        """A column as codes (one a row) and their distinct texts, in order of appearance."""
         array = self._filled(column, "a name")
         if not pa.types.is_string(array.type) and not pa.types.is_large_string(array.type):
             try:
@@ -131,7 +132,7 @@ class Table(ShortRepr):
 
     @staticmethod
     def _first_that_fails(array: pa.Array, kind: pa.DataType) -> int:
-        """The first cell that cannot be converted, by halving: the cells before `low` all can."""
+        """The first cell that cannot be converted, by bisection: the cells before `low` all can."""
         low, high = 0, len(array)
         while high - low > 1:
             middle = (low + high) // 2
@@ -155,7 +156,7 @@ class Table(ShortRepr):
 
 def find_table(folder: Path, stem: str) -> Path | None:
     """The file of a table, `<stem>.csv` or `<stem>.parquet`; None where there is neither; both is refused."""
-    # What is there and no file (a pipe, a broken link) is found too: reading it says what is wrong with it.
+    # An entry that is no file (a pipe, a broken link) is found too; reading it reports the reason.
     found = [folder / (stem + suffix) for suffix in SUFFIXES if os.path.lexists(folder / (stem + suffix))]
     if len(found) > 1:
         raise SessionError(
@@ -167,7 +168,7 @@ def find_table(folder: Path, stem: str) -> Path | None:
 def read_table(file: Path, unfinished: bool = False) -> Table:
     """Reads a CSV or Parquet file; refuses one that is no table or names a column twice.
 
-    Of an `unfinished` CSV file what stands after the last end of a line is left out: it was being written.
+    Of an `unfinished` CSV file everything after the last end of a line is left out: it was being written.
     """
     if path_inside(file.parent, file.name) is None:
         raise SessionError(
@@ -182,7 +183,8 @@ def open_table(
     only: Collection[str] | None = None,
     most_cells: int = MOST_CELLS,
 ) -> Table:
-    """As `read_table`, of a file that somebody names, which may be a link; of Parquet `only` some columns, if there."""
+    """As `read_table`, for a file named by the user, which may be a link; of Parquet `only` some columns,
+    if there."""
     name = file.name
     try:
         data = read_regular(file, LARGEST_TABLE)
@@ -221,7 +223,8 @@ def _check_size(name: str, columns: int, rows: int, most_cells: int = MOST_CELLS
 
 
 def _read_parquet(data: bytes, name: str, only: Collection[str] | None, most_cells: int) -> pa.Table:
-    """A few bytes of Parquet can unfold to any size: what it says of itself is looked at first, and no text is unfolded before its size is known."""
+    """A few bytes of Parquet can expand to any size: the sizes that it states are checked first, and no
+    text is expanded before its size is known."""
     # It takes longer to load than most tables to read, and most are CSV.
     from pyarrow import parquet
 
@@ -258,7 +261,7 @@ def _read_parquet(data: bytes, name: str, only: Collection[str] | None, most_cel
 
 
 def _text_bytes(chunk: pa.Array) -> int:
-    """Bytes of texts, each as often as it stands there."""
+    """Bytes of texts, each counted as often as it occurs."""
     if not pa.types.is_dictionary(chunk.type):
         return int(chunk.nbytes)
     lengths = pc.binary_length(chunk.dictionary.cast(pa.binary())).cast(pa.int64())
@@ -285,9 +288,10 @@ def _read_csv(data: bytes, name: str, unfinished: bool) -> pa.Table:
 
 
 def _name_ragged_row(data: bytes, name: str, convert: pyarrow.csv.ConvertOptions) -> None:
-    """Reads once more, row by row, to say which row has the wrong number of cells."""
+    """Reads again, row by row, to find the row with the wrong number of cells."""
 
-    # The reader decodes the ragged row before it is told, and prints what fails: bytes that are no text are named here.
+    # The reader decodes the ragged row before it reports it, and prints what fails: bytes that are no text
+    # are named here.
     data.decode("utf-8-sig")
     ragged: list[pyarrow.csv.InvalidRow] = []
 

@@ -132,13 +132,13 @@ class States(ShortRepr):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Session(ShortRepr):
-    """A robot model, a camera, and what was seen while the robot held a sequence of postures."""
+    """A robot model, a camera, and the observations while the robot held a sequence of postures."""
 
     folder: Path
     robot_file: Path
     """The nominal URDF."""
     robot: Robot
-    """What it says."""
+    """The content of session.toml."""
     root_link: str
     gravity_m_per_s2: Floats
     """(3,), in the root link's frame."""
@@ -156,7 +156,8 @@ class Session(ShortRepr):
     points: Points | None = None
     states: States | None = None
     camera_tolerance_m: float | None = None
-    """One standard deviation by which the camera's real place may differ from the URDF's; 0: exact; None: not said."""
+    """One standard deviation by which the camera's real place may differ from the URDF's; 0: exact; None:
+    not stated."""
     camera_tolerance_rad: float | None = None
     detected: bool = True
     """False: there is no detections table yet, only pictures."""

@@ -41,10 +41,10 @@ def write_session(
 ) -> Path:
     """Writes a session as a folder that `load_session` reads back to the same arrays, bit for bit.
 
-    It is written beside its place and then renamed, so that a folder that is there is whole. Pictures are copied,
-    keys of session.toml that the format does not know are kept. Returns the folder.
+    It is written to a temporary folder and then renamed, so that an existing folder is complete. Pictures
+    are copied; keys of session.toml that the format does not know are kept. Returns the folder.
 
-    Raises `SessionError` if the folder is there already and `overwrite` is False.
+    Raises `SessionError` if the folder exists and `overwrite` is False.
     """
     folder = Path(folder)
 
@@ -93,7 +93,7 @@ def frames_table(session: Session) -> pa.Table:
 
 
 def detections_table(session: Session) -> pa.Table:
-    """The detections table; the column `via` stands there only where something was seen directly."""
+    """The detections table; it has the column `via` only if something was seen directly."""
     names = np.array([RESERVED_TARGET, *session.marker_names])
     parts = [_rows_of(view) for view in (session.mirror_view, session.direct_view)]
     way = np.repeat([0, 1], [len(part[0]) for part in parts])
@@ -150,14 +150,14 @@ def points_table(session: Session) -> pa.Table:
 
 
 def metadata_tree(session: Session) -> dict[str, Any]:
-    """session.toml of a session: what was read, with the session's own values over it."""
+    """session.toml of a session: its original content, overwritten by the session's own values."""
     raw = deepcopy(dict(session.metadata))
     tree: dict[str, Any] = {"format": FORMAT, "version": VERSION, "robot": "robot.urdf"}
     if session.camera is not None:
         tree["camera"] = "camera.yaml"
     tree["root"] = session.root_link
     gravity = [float(g) for g in session.gravity_m_per_s2]
-    # What was given in a unit of its own is written in the format's.
+    # A value that was given in another unit is written in the format's.
     tree["gravity"] = (
         {"vector": gravity, "unit": "m/s^2"} if isinstance(raw.get("gravity"), dict) else gravity
     )
@@ -210,7 +210,7 @@ def metadata_tree(session: Session) -> dict[str, Any]:
 
 
 def mirror_keys(mirror: Mirror) -> dict[str, Any]:
-    """The keys of `[mirror]`; what is not told is left out."""
+    """The keys of `[mirror]`; those that are not stated are left out."""
     keys = {
         "glass_thickness": mirror.glass_thickness_m,
         "refractive_index": mirror.refractive_index,
@@ -260,7 +260,7 @@ def write_session_files(session: Session, target: Path, tables: TableFormat = "c
 
 
 def replace_folder(folder: Path, fill: Callable[[Path], None], overwrite: bool) -> None:
-    """Fills a folder beside its place, then renames it there; on any error the place is as it was."""
+    """Fills a temporary folder, then renames it; on any error the place is unchanged."""
     if folder.exists() and not overwrite:
         raise SessionError(folder, "is there already; give another folder, or ask to overwrite it")
     with new_folder(folder) as new:

@@ -29,7 +29,7 @@ except ImportError:
 Floats = npt.NDArray[np.float64]
 
 SHEET_M = 0.003
-"""Thickness of the board with what it is glued on."""
+"""Thickness of the board with its support."""
 CUT_CELLS = 6
 """Along the longest side of a mesh that is cut into pieces: a hull around each follows the hollows of the whole."""
 SAME_PLACE_M = 1e-4
@@ -86,8 +86,9 @@ def place(model: mujoco.MjModel, data: mujoco.MjData, links: Sequence[str], worl
 class Body:
     """The collision shapes of a session's robot, with its board and balls.
 
-    Links of one rigid body, and rigid bodies that one joint joins, are never compared: they touch by construction; nor are two of
-    which none is among `moved`. `missing` are the meshes that were not found; `bare` says that no link has a shape at all.
+    Links of one rigid body, and rigid bodies that one joint joins, are never compared, because they touch
+    by construction; nor are two of which none is among `moved`. `missing` are the meshes that were not
+    found; `bare` says that no link has a shape at all.
     """
 
     def __init__(
@@ -100,7 +101,8 @@ class Body:
         self._moved = set(nominal.robot.link_names if moved is None else moved)
         self._nominal, self._robot = nominal, nominal.robot
         self._links = list(nominal.robot.link_names)
-        # What is seen is what is there: collision shapes are often smaller, a short cylinder for a shoulder.
+        # The visible shapes are the real ones: collision shapes are often smaller, for example a short
+        # cylinder for a shoulder.
         shapes, self.missing = shapes_of_links(nominal.robot_file, packages, "visual")
         self.bare = not shapes
         metadata = nominal.metadata
@@ -165,7 +167,8 @@ class Body:
         )
 
     def put(self, positions: Floats) -> Floats:
-        """Takes a posture (nq,); returns `base_from_link` (L, 4, 4) of all links. What follows is asked of this posture."""
+        """Sets a posture (nq,), to which the following calls refer; returns `base_from_link` (L, 4, 4) of
+        all links."""
         poses: Floats = self._robot.link_poses(positions[None], self._links)[0]
         self._poses = poses
         place(self._model, self._data, self._links, poses)
@@ -181,7 +184,7 @@ class Body:
         return found
 
     def touching(self) -> set[frozenset[str]]:
-        """The pairs of links that are nearer to each other than they may be, but for those that `ignored` names."""
+        """The pairs of links that are nearer to each other than allowed, except those that `ignored` names."""
         return {
             pair
             for pair, distance in self.distances_m().items()
@@ -201,9 +204,11 @@ class Body:
         return most
 
     def hides(self, start_m: Floats, way: Floats, length_m: float, past_camera: bool = False) -> bool:
-        """Whether the body blocks the straight way from a point (3,) along a unit vector (3,), both in the base's frame, up to a length.
+        """Whether the body blocks the straight path from a point (3,) along a unit vector (3,), both in the
+        base's frame, up to a length.
 
-        With `past_camera` the rigid body that carries the camera blocks nothing: it sits in its housing.
+        With `past_camera` the rigid body that carries the camera blocks nothing, because the camera is in
+        its housing.
         """
         wanted = ALL_BUT_HOUSING if past_camera else None
         distance = mujoco.mj_ray(self._model, self._data, start_m, way, wanted, 1, -1, None)

@@ -31,12 +31,13 @@ from .of_links import COARSE_FOLDER, shapes_of_links
 Floats = npt.NDArray[np.float64]
 
 GREYS = (0.72, 0.62, 0.5)
-"""Of links in turn, so that neighbours are told apart."""
+"""Colours of successive links, so that neighbours can be distinguished."""
 
 
 @dataclass(frozen=True, eq=False)
 class MeshFrame:
-    """A picture to be drawn: what is commanded, rad (m), and the mirror before the robot, in the root's frame."""
+    """A picture to be rendered: the command, rad (m), and the mirror in front of the robot, in the root's
+    frame."""
 
     posture: int
     commanded: Mapping[str, float]
@@ -95,7 +96,7 @@ class MeshPainter:
         center_in_root_m: npt.ArrayLike,
         normal_in_root: npt.ArrayLike,
     ) -> npt.NDArray[np.uint8]:
-        """The same with the links (4, 4) wherever something else says that they are: a simulator, a body with errors."""
+        """The same with given link poses (4, 4): from a simulator, or a body with errors."""
         poses = np.array([root_from_link[name] for name in self._links])
         place(self._model, self._data, self._links, poses)
         return self._renderer.picture(
@@ -118,9 +119,11 @@ def render_meshes_session(
     overwrite: bool = False,
     progress: Callable[[int, int], None] | None = None,
 ) -> list[str]:
-    """Writes a session with a picture of each frame; `offsets_rad` are hidden from its model. Returns the meshes that were not found.
+    """Writes a session with a picture of each frame; `offsets_rad` are not in its model. Returns the meshes
+    that were not found.
 
-    The session says that its mirror has no glass, which is how MuJoCo draws it; truth.json tells the joints. Whole or not at all.
+    The session says that its mirror has no glass, as MuJoCo renders it; truth.json contains the joints.
+    Whole or not at all.
     """
     offsets = dict(offsets_rad or {})
     for name in [*offsets, *(name for frame in frames for name in frame.commanded)]:

@@ -30,7 +30,7 @@ FINER = 2
 """Rendered pixels a picture's pixel, each way, before the lens is put on; fewer for a preview."""
 EDGE_SAMPLES = 8
 BORDER_PX = 4
-"""Of the rendered picture beyond what the lens sees."""
+"""Margin of the rendered picture beyond what the lens sees."""
 WALL = "mirror_posture:wall"
 MIRROR_HALF_M = (0.6, 0.6)
 WALL_HALF_M = 6.0
@@ -38,15 +38,16 @@ WALL_BEHIND_M = 1.5
 """From the mirror to the wall behind the robot."""
 PAINT = {"value": 0.85, "saturation": 0.94}
 SHEET_M = 0.0005
-"""Thickness of the printed sheet; its dark squares stand out by as much less as the eye cannot see."""
+"""Thickness of the printed sheet; its dark squares are raised by an invisible amount."""
 INK_M = 1e-5
 PROBE_TIMEOUT_S = 60.0
 
 
 @functools.cache
 def opengl_is_there() -> bool:
-    """Whether MuJoCo can render here, tried in a process of its own: a failing OpenGL may take the process with it."""
-    # By which OpenGL was settled when MuJoCo was first imported; what MUJOCO_GL says now may be too late.
+    """Whether MuJoCo can render here, tried in a separate process, because a failing OpenGL may end the
+    process."""
+    # The OpenGL was chosen when MuJoCo was first imported; the present value of MUJOCO_GL may be too late.
     backend = getattr(getattr(mujoco, "GLContext", None), "__module__", "").rpartition(".")[2]
     if not backend:
         return False
@@ -110,7 +111,8 @@ def dress(
         (MIRROR, mujoco.mjtGeom.mjGEOM_PLANE, [*mirror_half_m, 0.1]),
         (WALL, mujoco.mjtGeom.mjGEOM_BOX, [WALL_HALF_M, WALL_HALF_M, 0.01]),
     ):
-        # Turned at all, so that MuJoCo does not take its frame for the world's for good: it is put elsewhere for each picture.
+        # Turned slightly, so that MuJoCo does not take its frame for the world's permanently: it is moved for
+        # each picture.
         geom = spec.worldbody.add_geom(
             name=name, type=kind, size=size, pos=[1.0, 0.0, 0.0], quat=[0.7, 0.1, 0.7, 0.1]
         )
@@ -168,7 +170,7 @@ def _rays(nominal: Nominal, finer: int) -> Floats:
     u, v = ((np.arange(size * finer) + 0.5) / finer - 0.5 for size in (camera.width_px, camera.height_px))
     pixels = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 1, 2)
     criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 40, 1e-7)
-    # OpenCV 4 has the variant with criteria under a name of its own.
+    # OpenCV 4 has the variant with criteria under a different name.
     iterated: Any = getattr(cv2, "undistortPointsIter", cv2.undistortPoints)
     rays = iterated(
         pixels,

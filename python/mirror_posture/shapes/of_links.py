@@ -20,14 +20,15 @@ Kind = Literal["visual", "collision"]
 
 COARSE_FOLDER = "meshes"
 COARSE_CELLS = 48
-"""Along a mesh's longest side: a link of 30 cm keeps what is larger than 6 mm."""
+"""Cells along a mesh's longest side: a link of 30 cm keeps details larger than 6 mm."""
 
 
 def mesh_file(name: str, urdf: Path, packages: Mapping[str, Path]) -> Path | None:
-    """The file that a URDF's `filename` means; None where it is not found.
+    """The file of a URDF's `filename`; None where it is not found.
 
-    A coarse copy beside the URDF comes first. `package://NAME/REST` is looked for in `packages`, in the folders of
-    ROS_PACKAGE_PATH, and in every folder above the URDF: where one is called NAME, or holds a folder NAME.
+    A simplified copy beside the URDF comes first. `package://NAME/REST` is searched for in `packages`, in
+    the folders of ROS_PACKAGE_PATH, and in every folder above the URDF that is called NAME, or contains a
+    folder NAME.
     """
     copy = urdf.parent / COARSE_FOLDER / coarse_name(name)
     if copy.is_file():
@@ -54,10 +55,11 @@ def coarse_name(name: str) -> str:
 def keep_coarse_meshes(
     source: Path, urdf: Path, packages: Mapping[str, Path], read: Mapping[str, Triangles] | None = None
 ) -> int:
-    """Writes coarse copies of the meshes that a URDF names into the folder `meshes` beside `urdf`; returns how many.
+    """Writes simplified copies of the meshes that a URDF names into the folder `meshes` beside `urdf`;
+    returns how many.
 
-    With them a session can be planned and drawn wherever it is passed on to. `source` is the URDF beside which the meshes lie;
-    `read` are those that were read already, by the name that the URDF gives them.
+    With them a session can be planned and drawn on another machine. `source` is the URDF beside which the
+    meshes are; `read` are those that were read already, by their name in the URDF.
     """
     names = {mesh.get("filename", "") for mesh in ElementTree.parse(urdf).getroot().iter("mesh")}
     kept = 0
@@ -75,9 +77,9 @@ def keep_coarse_meshes(
 def shapes_of_links(
     urdf: Path, packages: Mapping[str, Path] | None = None, kind: Kind = "visual"
 ) -> tuple[dict[str, list[Triangles]], list[str]]:
-    """The shapes of each link in the link's frame, m; second, the meshes that were not found or cannot be read.
+    """The shapes of each link in the link's frame, m; and the meshes that were not found or cannot be read.
 
-    A link without shapes of the kind that was asked for has those of the other kind.
+    A link without shapes of the requested kind gets those of the other kind.
     """
     found: dict[str, list[Triangles]] = {}
     missing: list[str] = []

@@ -30,7 +30,7 @@ LAWS: Mapping[str, Law] = {
     "board_scale": optics.board_scale,
     "mirror_glass": optics.mirror_glass,
 }
-"""By effect of docs/effects.md that is no law of a joint: what it is in a simulator."""
+"""For each effect of docs/effects.md that is no law of a joint: its representation in a simulator."""
 
 
 def is_held(effect: str) -> bool:

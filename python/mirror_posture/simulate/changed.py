@@ -28,7 +28,7 @@ class Changed:
     largest_torque_nm: Mapping[str, float]
     drives: dict[str, list[Drive]] = field(default_factory=dict)
     comments: list[tuple[str, str]] = field(default_factory=list)
-    """Name of the changed element of the model, and what was changed."""
+    """Name of the changed element of the model, and the change."""
 
     def joint(self, name: str) -> Any:
         """A joint of the model. Raises `MirrorPostureError` that lists the joints there are."""

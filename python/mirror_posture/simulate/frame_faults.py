@@ -139,7 +139,7 @@ def _on_carrier(element: Any) -> tuple[str, Floats]:
 
 
 def _tip(body: Any) -> Floats:
-    """Where a link ends, in its frame: the next joint that it carries, else the farthest thing on it."""
+    """The end of a link, in its frame: the next joint that it carries, otherwise the farthest part on it."""
     ends: list[Floats] = []
 
     def visit(child: Any, pose: Floats) -> None:

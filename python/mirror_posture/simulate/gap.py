@@ -32,7 +32,8 @@ POINT_STEP_M = 1e-5
 FREE_MARKER_M = 0.05
 """How far a free marker may be from its prediction: keeps finite what only one view shows of it."""
 CORNER_NOISE_PX = 0.2
-"""Where neither the session nor a detector states the noise: it weighs corners against markers and moves no minimum."""
+"""Default noise where neither the session nor a detector states it: it is the weight of corners relative to
+markers and moves no minimum."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -141,10 +142,11 @@ def _direct(session: Session, counted: npt.NDArray[np.bool_], marker_in_camera: 
 
 
 def _pixel_squares(images: _Images, foot_covariance_m2: Floats, noise_px: float) -> list[Floats]:
-    """By marker: squared distances between seen and predicted image, px².
+    """By marker: squared distances between observed and predicted image, px².
 
-    The mirror of a frame is a nuisance of all that the frame shows: to the plane that its corners tell, with covariance Σ, the
-    markers' residuals r with J = ∂pixel/∂foot add `δ = (Σ⁻¹ + ∑ JᵀJ / σ²)⁻¹ ∑ Jᵀ r / σ²`.
+    The mirror of a frame is a nuisance parameter of all that the frame shows: to the plane from its
+    corners, with covariance Σ, the markers' residuals r with J = ∂pixel/∂foot add `δ = (Σ⁻¹ + ∑ JᵀJ / σ²)⁻¹
+    ∑ Jᵀ r / σ²`.
     """
     by_foot, residual, usable = images.by_foot, images.residual, images.usable
     information = np.zeros((len(usable), 3, 3))

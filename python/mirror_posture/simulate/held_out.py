@@ -47,8 +47,8 @@ class HeldOut:
 def held_out_gap(session: Session, model: Path | None = None) -> HeldOut:
     """The gap before and after, each half of the posture space predicted from the other.
 
-    All commands are executed either way: what a joint did before a posture is part of it. Only what was seen of the held-out
-    half is withheld from the diagnosis, its search included.
+    All commands are executed in both cases, because a posture depends on the joint's history. Only the
+    observations of the held-out half are withheld from the diagnosis, its search included.
 
     Raises:
         MirrorPostureError: as `simulate`, and where half of the session is too small to diagnose.

@@ -12,10 +12,11 @@ from .changed import Changed, Floats, Values
 from .model import STIFF_FRICTION, Simulator
 
 PART_ARMATURE_KGM2 = 1e-4
-"""Of what lies between a motor and a part that gives way; with less a play beside a spring chatters."""
+"""Inertia of the part between a motor and an elastic part; with less a play together with a spring
+chatters."""
 
 STIFF_LIMIT = ([0.002, 1.0], [0.999, 0.9999, 0.0001, 0.5, 2.0])
-"""The ends of a play: MuJoCo's own defaults give way by a fifth of a typical play."""
+"""The ends of a play: MuJoCo's own defaults yield by a fifth of a typical play."""
 
 FRICTION_BEYOND_LOAD = 1.2
 """Friction in a play, as a share of the joint's largest torque, where the diagnosis found that its load never decides the side."""
@@ -46,7 +47,7 @@ TOLD = {
 
 
 def change_joint(changed: Changed, places: str, terms: Values, value: Values) -> tuple[str, str]:
-    """A law of a joint, term by term: what a motor is told, what lies behind it, and what its servo is."""
+    """The law of a joint, term by term: the motor's command, the parts behind the motor, and the servo."""
     name, _, other = places.partition("<-joint:")
     if other:
         changed.joint(other)

@@ -151,7 +151,7 @@ def _read(file: Path) -> tuple[Any, bool]:
             for element in root.findall(tag):
                 root.remove(element)
         for link in root.findall("link"):
-            # Mesh files may lie elsewhere, and shapes do not matter to the statics.
+            # Mesh files may be elsewhere, and shapes do not matter for statics.
             for tag in ("visual", "collision"):
                 for element in link.findall(tag):
                     link.remove(element)

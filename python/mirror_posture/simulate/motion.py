@@ -72,7 +72,7 @@ def execute(simulator: Simulator, session: Session, drives: Mapping[str, list[Dr
 
 
 def _commands(simulator: Simulator, session: Session, drives: Mapping[str, list[Drive]]) -> Floats:
-    """(F, joints): what each servo is told, faults of its drive included."""
+    """(F, joints): the command of each servo, faults of its drive included."""
     positions = dict(zip(session.robot.position_names, session.positions.T, strict=True))
     times = session.frames.time_s
     time_s = session.frames.frame.astype(float) if times is None else np.asarray(times, float)

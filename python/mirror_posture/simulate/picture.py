@@ -14,7 +14,8 @@ WIDEST_LABEL = 34
 
 @styled
 def draw_staircase(simulation: Simulation, file: Path) -> None:
-    """Writes the staircase as PNG: a step for each cause, in px and in mm; dashed what the diagnosis told."""
+    """Writes the staircase as PNG: a step for each cause, in px and in mm; the diagnosis' prediction is
+    dashed."""
     stairs = simulation.stairs
     drawn, axes = figure(9.0, 1.6 + 0.75 * len(stairs), 1, 2, sharey=True)
     places = range(len(stairs))

@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Stair:
-    """The simulator with the causes up to `added` (None: as the model stands). `what` says what was changed; where
-    `simulated` is False no simulator can hold the cause, and the gap is the one before it."""
+    """The simulator with the causes up to `added` (None: the unchanged model). `what` describes the change;
+    where `simulated` is False no simulator can represent the cause, and the gap is the previous one."""
 
     added: str | None
     what: str
@@ -52,9 +52,9 @@ class Simulation:
     told_after_m: float | None = None
     told_before_px: float | None = None
     told_after_px: float | None = None
-    """What the diagnosis told of its own gap, on postures held out of its fit."""
+    """The diagnosis' own gap, on postures held out of its fit."""
     held_out: HeldOut | None = None
-    """The simulator's gap on postures that the causes were not fitted to, where it was asked for."""
+    """The simulator's gap on postures to which the causes were not fitted, if requested."""
 
     def to_tree(self) -> dict[str, Any]:
         """As JSON."""
@@ -97,13 +97,14 @@ def simulate(
     workers: int = 0,
     progress: Callable[[str], None] | None = None,
 ) -> Simulation:
-    """Executes a session in MuJoCo: the nominal model, then with each cause of a diagnosis added to that model.
+    """Executes a session in MuJoCo: the nominal model, then with each cause of a diagnosis added to that
+    model.
 
-    `model` is the user's own MJCF or URDF; None takes the session's URDF. Causes are added in the order told.
+    `model` is the user's own MJCF or URDF; None takes the session's URDF. Causes are added in the reported
+    order.
 
     Raises:
-        MirrorPostureError: a session without camera and board; a model that MuJoCo cannot load, or that lacks a joint or
-            link of the session.
+        MirrorPostureError: a session without camera and board; a model that MuJoCo cannot load, or that lacks a joint or link of the session.
     """
     loaded = session if isinstance(session, Session) else load_session(session)
     if loaded.camera is None or loaded.board is None:
@@ -149,7 +150,8 @@ def simulate(
 def with_causes(
     session: Session, model_file: Path | None, causes: Sequence[Cause]
 ) -> tuple[Changed, list[str | None], Rest]:
-    """A session executed on a model with causes added: the model, what was changed for each (None: nothing holds it), the rest."""
+    """A session executed on a model with causes added: the model, the change for each (None: it cannot be
+    represented), the rest."""
     torque = np.abs(
         session.robot.gravity_torques(session.positions, session.gravity_m_per_s2, session.root_link)
     )

@@ -35,7 +35,8 @@ WORSE = 1.5
 
 @dataclass(frozen=True)
 class ViewCheck:
-    """What the check says. `mistake` is empty where none is named; `as_it_stands` is the session's own fit."""
+    """The result of the check. `mistake` is empty where none is named; `as_it_stands` is the session's own
+    fit."""
 
     as_it_stands: Fit
     noise_px: float
@@ -72,7 +73,7 @@ def check(views: Views, noise_px: float) -> ViewCheck:
     least = min(fit.reading.mistakes for fit in better)
     simple = [fit for fit in better if fit.reading.mistakes == least]
     best = max(simple, key=lambda fit: fit.gain_over(own, noise))
-    # What explains the views as well as the best one cannot be told from it.
+    # An interpretation that explains the views as well as the best one cannot be separated from it.
     equal = [fit for fit in simple if best.gain_over(fit, noise) < WORSE and fit is not best]
     return ViewCheck(own, noise, _said(own, best, equal), (best.reading, *(fit.reading for fit in equal)))
 

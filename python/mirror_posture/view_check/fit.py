@@ -20,7 +20,7 @@ from .readings import PIXELS, Reading
 Floats = npt.NDArray[np.float64]
 
 MOST_VIEWS = 24
-"""Views that are looked at, spread over the session: a mistake of this kind is in all of them."""
+"""Number of views tested, spread over the session: a mistake of this kind is in all of them."""
 LEAST_MARKER_PX = 2.0
 """Residuals below these are as good as none when two readings are compared, px."""
 NO_MIRROR_PX = 1000.0

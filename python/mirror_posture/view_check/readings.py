@@ -16,7 +16,8 @@ PixelMap = Callable[[Floats, float, float], Floats]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Reading(ShortRepr):
-    """One way to read a session: what was done to pictures, labels, board and camera, and how to put it right."""
+    """One interpretation of a session: what was done to pictures, labels, board and camera, and how to
+    correct it."""
 
     name: str
     said: str = ""
@@ -68,8 +69,9 @@ def usual_mistakes(corners: tuple[int, int], square_picture: bool) -> Iterator[R
     pixels = [*_FLIPS, "turned by 180°", *(_QUARTERS if square_picture else ())]
     for name in pixels:
         one = Reading(name, f"the pictures are {name}", _FLIP_FIX[name], 1, pixels=name)
-        # Turned back, a flipped view's labels change hands: the detector took the board for a mirrored one. Which axis it reversed is told by
-        # the dark square beyond corner 0, if the counts differ in parity.
+        # If a flipped view is flipped back, its labels change handedness, because the detector took the board
+        # for a mirrored one. The dark square diagonally outside corner 0 shows which axis it reversed, if the
+        # counts differ in parity.
         swaps = ("as they are",) if name not in _FLIPS else _natural_swaps(nx, ny)
         for labels in dict.fromkeys(("as they are", *swaps)):
             yield replace(one, labels=labels)

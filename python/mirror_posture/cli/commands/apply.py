@@ -17,7 +17,7 @@ PANEL = "Diagnosis"
 
 
 RELATIVE = re.compile(r'\bfile(?:name)?\s*=\s*"(?!package:|model:|file:|https?:|/)[^"]')
-"""A file that is named by its place beside the naming one."""
+"""A file that is named by a path relative to the naming one."""
 
 
 def command(
@@ -62,16 +62,18 @@ def command(
     ] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Write what `diagnose` found back: a corrected robot, camera and session.
+    """Write the result of `diagnose` back: a corrected robot, camera and session.
 
-    Zeros, links, axes and mounts go into robot.urdf, whose names and comments stay; focal length, principal point and
-    lens into camera.yaml; squares and glass into session.toml. Play, friction, springs and gear ratios, which URDF
-    cannot say, go into robot.mjcf.xml, which MuJoCo loads. What no file can hold is named, with what to do instead.
+    Zeros, links, axes and mounts go into robot.urdf, whose names and comments stay; focal length, principal
+    point and lens into camera.yaml; squares and glass into session.toml. Play, friction, springs and gear
+    ratios, which a URDF cannot represent, go into robot.mjcf.xml for MuJoCo. Causes that no file can
+    represent are named, with what to do instead.
 
-    Of your own files only the numbers that change are changed: a corrected copy and a .patch are written to the folder,
-    the files themselves stay as they are. In xacro it is the property, argument or origin on which the joint alone depends.
-    What the robot is told (--lerobot, --ros2-control) and what the model says (--urdf, --mjcf, --ur) mend the same error:
-    use one of them. A diagnosis of another session is refused.
+    In your own files only the numbers that must change are changed: a corrected copy and a .patch are
+    written to the folder, and your files are not changed. In xacro it is the property, argument or origin
+    on which the joint alone depends. The controller's files (--lerobot, --ros2-control) and the models
+    (--urdf, --mjcf, --ur) correct the same error: use one of them. A diagnosis of another session is
+    refused.
 
     The folder is a session with the same observations: diagnose it again to see what is left.
 

@@ -35,10 +35,11 @@ def command(
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the file.")] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Print the board that the robot wears: a PDF at true scale, and the balls to buy.
+    """Print the robot's board: a PDF at true scale, and the balls to buy.
 
-    On the sheet: the pattern, cutting lines, which way up, and a ruler in both directions that shows what the printer
-    did. Said beside it: which squares, balls and colours the distance to the mirror asks for.
+    The sheet shows the pattern, cutting lines, the axes, and a ruler in both directions to check the
+    printer's scale. The command also prints which squares, balls and colours the distance to the mirror
+    requires.
 
     Example: `mirror-posture board board.pdf --distance-m 0.4 --focal-px 900`
 

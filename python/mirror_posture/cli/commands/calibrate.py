@@ -43,13 +43,14 @@ def command(
 ) -> None:
     """Calibrate how the camera is fixed to the board: the largest part of every marker's error.
 
-    From mirror views alone: three or more frames with the mirror turned AND tilted between them (views in a cross do
-    well; by turning alone one direction stays nearly blind, and that is said). Or the paper's way: a second camera sees
-    the board on the chest and a second board, which stands in the robot's view (`--second-camera`, `--second-pictures`,
-    `--stand`); the two boards must differ in their number of corners.
+    From mirror views alone: three or more frames with the mirror turned AND tilted between them. Views in a
+    cross are good; by turning alone one direction is almost undetermined, and the result says so. Or the
+    paper's way: a second camera sees the board on the chest and a second board in the robot's view
+    (`--second-camera`, `--second-pictures`, `--stand`); the two boards must differ in their number of
+    corners.
 
-    Example: `mirror-posture calibrate my-session --out mount.json` and then
-    `mirror-posture measure my-session --mount mount.json`
+    Example: `mirror-posture calibrate my-session --out mount.json` and then `mirror-posture measure
+    my-session --mount mount.json`
     """
     output = Output(as_json)
     import numpy as np
@@ -80,7 +81,7 @@ def command(
         found = _by_mirror(loaded, still)
 
     difference = found.camera_from_board @ np.linalg.inv(nominal)
-    # The board's centre is what a marker's error follows.
+    # A marker's error follows that of the board's centre.
     shift = found.camera_from_board[:3, 3] - nominal[:3, 3]
     turn = float(np.degrees(np.arccos(np.clip((np.trace(difference[:3, :3]) - 1.0) / 2.0, -1.0, 1.0))))
     std = np.sqrt(np.diag(found.covariance))

@@ -35,15 +35,19 @@ def command(
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the file.")] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Calibrate the camera: 12 or more pictures of the printed board, tilted, and in all parts of the picture.
+    """Calibrate the camera: 12 or more pictures of the printed board, tilted, and in all parts of the
+    picture.
 
-    The board is held before the camera, no mirror is needed. Focus and zoom stay as they will be. Told are the numbers with
-    their standard deviations, the residual, how much of the picture was covered, and what is weak.
+    Hold the board in front of the camera, without a mirror. Do not change focus and zoom afterwards. The
+    command prints the parameters with their standard deviations, the residual, how much of the picture was
+    covered, and what is weak.
 
-    With --source a picture is taken whenever the board is held still in a new place; after each it says what is still weak, and it
-    ends by itself when nothing is. Ctrl-C ends it too: the pictures stay in the folder, to be calibrated without --source.
+    With --source a picture is taken whenever the board is held still in a new place. After each picture it
+    says what is still weak, and it ends by itself when nothing is. Ctrl-C ends it too: the pictures stay in
+    the folder, to be calibrated without --source.
 
-    Example: `mirror-posture calibrate-camera pictures --corners 7x4 --square-mm 20 --out my-session/camera.yaml --overwrite`
+    Example: `mirror-posture calibrate-camera pictures --corners 7x4 --square-mm 20 --out
+    my-session/camera.yaml --overwrite`
 
     Next: `mirror-posture init --help` (it takes the file as --camera-file)
     """

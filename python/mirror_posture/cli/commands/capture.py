@@ -44,13 +44,15 @@ def command(
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the session's frames.")] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Take the pictures of a plan into a session: each by itself, when all stands still and board and balls are found in it.
+    """Take the pictures of a plan into a session, automatically, when everything is still and board and
+    balls are found.
 
-    A page on this machine alone (127.0.0.1, behind a secret address) shows the live picture, what is found in it, the next posture and
-    how many are left. Move the robot (or let a driver), turn the mirror when the page asks; what was taken is on the disk at once, and
-    the same command goes on where it was stopped.
+    A page on this machine alone (127.0.0.1, a secret address) shows the live picture, the detections, the
+    next posture and how many are left. Move the robot (or let a driver move it), and turn the mirror when
+    the page asks for it. Each picture is on disk at once, and the same command continues after an
+    interruption.
 
-    Pictures of a folder that are named by their frame, as 0012.png, are taken as they are.
+    Pictures of a folder that are named by their frame, as 0012.png, are used as they are.
 
     Example: `mirror-posture capture my-session --source webcam:0`
 

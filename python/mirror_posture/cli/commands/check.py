@@ -27,11 +27,12 @@ def command(
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Check a session's folder and say what is in it.
+    """Check a session's folder and list its content.
 
-    Every table is read and validated as all other commands do it. All errors are named, each with its
-    file, row and fix; what is only odd is a warning, and a table compares the session with what is usual. The board's views (of some pictures, where nothing is detected yet) are
-    tested for pictures that are mirrored, turned, of another board or of another camera.
+    Every table is read and validated as by all other commands. All errors are named, each with its file,
+    row and fix. Unusual findings are warnings, and a table compares the session with usual values. The
+    board's views (of some pictures, where nothing is detected yet) are tested for pictures that are
+    mirrored, rotated, of another board or of another camera.
 
     Example: `mirror-posture check my-session`
 

@@ -114,22 +114,24 @@ def command(
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Move a robot's joints until its markers are where its model wants them, and say why it ended.
+    """Move a robot's joints until its markers are where its model wants them, and state why it ended.
 
-    Each look takes pictures from several viewpoints, measures the markers in the mirror, and either commands a step
-    `Δθ = λ J⁺ (p_ref − p_now)`, looks again, or stops: converged (the measurement's uncertainty counted), stalled, diverging,
-    marker lost, inconsistent readings, limit reached, budget spent, each with its evidence.
+    Each look takes pictures from several viewpoints and measures the markers in the mirror. Then the
+    command either commands a step `Δθ = λ J⁺ (p_ref − p_now)`, looks again, or stops: converged (with the
+    measurement's uncertainty), stalled, diverging, marker lost, inconsistent readings, limit reached,
+    budget spent, each with its evidence.
 
-    The folder is a session that grows while it runs: whatever ends it, nothing captured is lost, and `--resume` goes on.
-    Ctrl-C, SIGTERM and SIGHUP bring the robot to rest, and it says what became of the torque. Exit code 0 converged, 3 ended otherwise, 130 stopped with Ctrl-C.
+    The folder is a session that grows while it runs: whatever ends it, nothing captured is lost, and
+    `--resume` continues. Ctrl-C, SIGTERM and SIGHUP bring the robot to rest, and the message says whether
+    torque is on. Exit code 0 converged, 3 ended otherwise, 130 stopped with Ctrl-C.
 
-    Where the mirror stands is proposed, or told (--view), or found by a plan's mirror and room (--plan my-session/plan): the
-    target is seen past the robot then, free of the glass, with a free way to it.
+    The mirror's pose is proposed, or given (--view), or found with a plan's mirror and room (--plan
+    my-session/plan): then the target is visible past the robot, clear of the glass, with a free path to it.
 
-    Example: `mirror-posture correct twin --out corrected --joint r_shoulder_pitch=-30,r_shoulder_roll=50,r_elbow=45
-    --hide joint_offset@joint:r_elbow:offset_rad=0.06`
+    Example: `mirror-posture correct twin --out corrected --joint
+    r_shoulder_pitch=-30,r_shoulder_roll=50,r_elbow=45 --hide joint_offset@joint:r_elbow:offset_rad=0.06`
 
-    Next: `mirror-posture diagnose corrected`, which says why it stood wrong
+    Next: `mirror-posture diagnose corrected`, which says why the posture was wrong
     """
     output = Output(as_json)
     settings: dict[str, Any] = {
@@ -202,7 +204,7 @@ def _run(output: Output, out: Path, settings: dict[str, Any], resume: bool) -> t
         with open_robot(settings, nominal, say) as machine:
             ahead = _ahead(output, settings, machine, posture)
             if recorder is None:
-                # A target that cannot be must not leave a folder in the way of the next try.
+                # An impossible target must not leave a folder that blocks the next attempt.
                 target = make_target(nominal, posture, options)
                 target.corrector(options)
                 if settings["plan"] is not None:
@@ -228,8 +230,8 @@ def _run(output: Output, out: Path, settings: dict[str, Any], resume: bool) -> t
 def _ahead(
     output: Output, settings: dict[str, Any], machine: CommandedRobot, posture: Mapping[str, float]
 ) -> Callable[[Mapping[str, float]], list[dict[str, float]]] | None:
-    """The first commands by feed-forward. They go into the settings: what is resumed began with them, whatever became of
-    the diagnosis."""
+    """The first commands by feed-forward. They are stored in the settings, so that a resumed correction
+    uses them whatever happened to the diagnosis."""
     if settings.get("feed_forward") is None:
         return None
     if "commands" not in settings:
@@ -255,7 +257,8 @@ def _one_way_of_looking(settings: Mapping[str, Any]) -> None:
 def _planned(
     output: Output, settings: Mapping[str, Any], machine: CommandedRobot, target: Target
 ) -> dict[str, list[list[float]]]:
-    """The plan's viewpoints, as the settings keep them: what is resumed goes on with them, whatever became of the plan."""
+    """The plan's viewpoints, stored in the settings, so that a resumed correction uses them whatever
+    happened to the plan."""
     from ...correct import views_of_plan
     from ...robots.protocol import TurnsView
 

@@ -25,11 +25,13 @@ def command(
     seed: Annotated[int, typer.Option(help="Seed of the camera's noise.", min=0)] = 0,
     as_json: JsonOption = False,
 ) -> None:
-    """Draw the embedded robot before a mirror, measure it from the pictures, diagnose it and correct it.
+    """Render the embedded robot in front of a mirror, measure it from the pictures, diagnose it and correct
+    it.
 
-    Two of its joints are off and the model does not know: the measured markers show it, the diagnosis names the joints, and
-    a simulated robot with the same errors is corrected in the mirror. Everything is written into one folder; at the end
-    it is said what is where and how far the markers are from the truth.
+    Two of its joints are off, and the model does not contain that. The measured markers show it, the
+    diagnosis names the joints, and a simulated robot with the same errors is corrected in the mirror.
+    Everything is written into one folder. The end of the output lists the files and says how far the
+    markers are from the truth.
 
     Example: `mirror-posture demo --out out`
     """

@@ -33,9 +33,9 @@ def command(
 ) -> None:
     """Find the mirrored board and the coloured balls in the pictures of a session.
 
-    Writes detections.csv (image points), detections.json (residuals, and for what was refused the reason) and overlays/.
-    A view whose residual is too large, a ball that is mostly hidden and a picture that cannot be read are left out with
-    their reason: look at the overlays when something is missing.
+    Writes detections.csv (image points), detections.json (residuals, and the reason for each refusal) and
+    overlays/. A view whose residual is too large, a ball that is mostly hidden and a picture that cannot be
+    read are left out with their reason: look at the overlays if something is missing.
 
     Example: `mirror-posture detect my-session`
 

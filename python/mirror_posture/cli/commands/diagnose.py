@@ -210,7 +210,7 @@ def _in_motion(
 
 
 def _diagnosed(output: Output, session: Session, **options: Any) -> Diagnosis:
-    """The diagnosis, with what is being done on stderr where that is a terminal."""
+    """The diagnosis, with its progress on stderr if that is a terminal."""
     from ...diagnosis import diagnose
 
     with output.working("diagnosing") as told:

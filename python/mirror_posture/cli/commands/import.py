@@ -60,10 +60,11 @@ def command(
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the session's frames.")] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Make a session of a recording: its moments of rest become postures, each with its sharpest picture.
+    """Convert a recording into a session: its moments of rest become postures, each with its sharpest
+    picture.
 
-    The clocks of joints and pictures are matched by when the pictures stand still, and what came out is said. Needs
-    `pip install "mirror-posture[import]"` for bags and films.
+    The clocks of joints and pictures are aligned by the times at which the pictures stand still, and the
+    result is printed. Needs `pip install "mirror-posture[import]"` for bags and films.
 
     Example: `mirror-posture import recording.mcap my-session`
 

@@ -85,13 +85,14 @@ def command(
     ] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Start a session: tell where camera, board and balls sit on the robot.
+    """Start a session: state where camera, board and balls are on the robot.
 
-    Writes robot.urdf (your URDF to the letter, with the mounts at its end), camera.yaml, session.toml with tolerances,
-    and setup.png: the robot with camera, board and balls from three sides. Look at it. All files can be edited by hand.
+    Writes robot.urdf (your URDF unchanged, with the mounts at its end), camera.yaml, session.toml with
+    tolerances, and setup.png: the robot with camera, board and balls from three sides. Look at it. All
+    files can be edited by hand.
 
-    Example: `mirror-posture init arm.urdf my-session --camera base --camera-at 0.1,0,0.3 --board base --board-at 0.1,0,0.1
-    --marker hand=gripper@0,0,0.05`
+    Example: `mirror-posture init arm.urdf my-session --camera base --camera-at 0.1,0,0.3 --board base
+    --board-at 0.1,0,0.1 --marker hand=gripper@0,0,0.05`
 
     Next: `mirror-posture plan my-session`
     """
@@ -204,7 +205,7 @@ def command(
 
 
 def _place(question: str) -> str | None:
-    """A place that is asked for; None where only Enter was pressed."""
+    """A place entered by the user; None where only Enter was pressed."""
     return typer.prompt(question, "", show_default=False, err=True) or None
 
 

@@ -60,13 +60,14 @@ def command(
     rows: Annotated[int, typer.Option(help="How many rows of the long table are shown.", min=0)] = ROWS_SHOWN,
     as_json: JsonOption = False,
 ) -> None:
-    """Measure where the markers are, and where the model says that they are.
+    """Measure the marker positions, and compare them with the model's.
 
-    Each view's mirror is estimated from the board's reflection; the views of a posture are joined to positions with
-    covariance, in the frame of the session's root link. A session with pictures only is detected first. `±` is one
-    standard deviation of the length of the error. The distance from the model is what `diagnose` explains.
+    Each view's mirror is estimated from the board's reflection. The views of a posture are combined to
+    positions with covariance, in the frame of the session's root link. In a session with pictures only,
+    board and balls are detected first. `±` is one standard deviation of the length of the error. `diagnose`
+    explains the distance from the model.
 
-    Estimators: `maximum-likelihood` where the camera's mount on the robot is trusted, `joint` where it is not;
+    Estimators: `maximum-likelihood` if the camera's mount on the robot is accurately known, `joint` if not;
     `pose` and `point-pair` are the paper's, for comparison.
 
     Example: `mirror-posture measure my-session --plot gap.png --out markers.csv`
@@ -95,7 +96,7 @@ def command(
         for name in (ESTIMATORS if estimator == ALL else (estimator,))
     )
     measurements = measure_all(loaded, options)
-    # Of all, the best that trusts the model's mount is shown in full.
+    # With `all`, the best estimator that takes the model's mount as known is shown in full.
     chosen = measurements[ESTIMATORS.index("maximum-likelihood") if estimator == ALL else 0]
     if estimator == ALL:
         _show_comparison(output, measurements)

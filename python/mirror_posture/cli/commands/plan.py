@@ -87,19 +87,24 @@ def command(
     ] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Plan postures and views for this robot, mirror and room, and what they will tell, before any picture is taken.
+    """Plan postures and views for this robot, mirror and room, and predict what they will show, before any
+    picture is taken.
 
-    Every posture is in the joints' limits, clear of the robot itself, the table and the glass, also on the way from the one
-    before; board and balls are seen in the mirror's frame; no real ball is in the picture beside its reflection; every joint
-    arrives from both sides, under loads of both signs. Collisions need `pip install "mirror-posture[mujoco]"`.
+    Every posture is within the joints' limits, clear of the robot itself, the table and the glass, also on
+    the path from the previous one. Board and balls are visible in the mirror's frame. No real ball is in
+    the picture beside its reflection. Every joint arrives from both sides, under loads of both signs.
+    Collisions need `pip install "mirror-posture[mujoco]"`.
 
-    Writes postures.csv (for `capture`), views.csv (where the mirror stands), plan.json and plan.png. Look at the picture.
+    Writes postures.csv (for `capture`), views.csv (the mirror's places), plan.json and plan.png. Look at
+    the picture.
 
-    postures.csv may be changed by hand: `--judge` says of each row why it cannot be taken, and what the rows tell now.
+    You may edit postures.csv: `--judge` says for each row why it cannot be taken, and what the rows show
+    now.
 
     Example: `mirror-posture plan my-session --mirror-size 40x60`
 
-    Next: `mirror-posture capture my-session`, or `mirror-posture render rehearsal --template my-session --meshes --plan my-session/plan`
+    Next: `mirror-posture capture my-session`, or `mirror-posture render rehearsal --template my-session
+    --meshes --plan my-session/plan`
     """
     output = Output(as_json)
     from ...new_session import parse_vector
@@ -145,7 +150,7 @@ def command(
 
 
 def say_plan(output: Output, plan: Plan) -> None:
-    """What a plan tells, and where its mirrors stand."""
+    """The predicted detection limits of a plan, and the places of its mirrors."""
     from ...plan.picture import SHOWN, table_rows
     from ...plan.sizes import apart_in_words
 

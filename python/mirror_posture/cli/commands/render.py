@@ -150,7 +150,7 @@ def _with_meshes(
     offsets = joint_values(offset, "--offset", nominal.robot)
     wanted = PlanOptions(*wanted_size(mirror_size))
     if plan is not None and mirror_size is None and (plan / DOCUMENT).is_file():
-        # The glass that was planned for: a smaller one would not show what the plan promises.
+        # The mirror of the plan: a smaller one would not show what the plan predicts.
         wanted = read_options(plan / DOCUMENT)
     options = wanted.before(nominal.metadata.mirror)
     width, height = options.mirror_size_m

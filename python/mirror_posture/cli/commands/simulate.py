@@ -39,11 +39,13 @@ def command(
     ] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Execute a session in MuJoCo and compare: how far is the simulator from what was seen, before and after?
+    """Execute a session in MuJoCo and compare: how far is the simulator from the observations, before and
+    after?
 
-    MuJoCo moves the robot from command to command and lets it come to rest; the mirror turns the simulated body into
-    predicted image points. With a diagnosis, its causes are added to the model one by one (plays as hinges, springs, friction,
-    offsets, mounts), and the gap is told after each: the staircase. The patched model has a comment at each change.
+    MuJoCo moves the robot from command to command and lets it come to rest. The mirror turns the simulated
+    body into predicted image points. With a diagnosis, its causes are added to the model one by one (plays
+    as hinges, springs, friction, offsets, mounts), and the gap is computed after each: the staircase. The
+    patched model has a comment at each change.
 
     Example: `mirror-posture simulate my-session --with diagnosis --out simulated`
     """
