@@ -41,6 +41,7 @@ else:
     import tomli as tomllib
 
 GROUP = typer.main.get_command(app)
+GROUP.list_commands(typer.Context(GROUP))  # type: ignore[attr-defined]  # builds all of them
 PRINTED = commands()
 LAB = tomllib.loads((PROJECT / "python" / "mirror_lab" / "pyproject.toml").read_text(encoding="utf-8"))[
     "project"
