@@ -37,12 +37,15 @@ class Start(ShortRepr):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class OutlineFit(ShortRepr):
-    """A fitted outline: its centroid and ellipse in the picture, the sphere's centre, and how well the edges agree.
+    """A fitted outline: its centroid and ellipse in the picture, the sphere's centre, and the agreement of
+    the edges.
 
-    `arc_fraction` is the share of the outline that agreeing edges cover, `blur_px` the standard deviation of the picture's blur there where it
-    is widest, `narrow_blur_px` where it is narrowest: much less where ball or camera moved; `lens_blur_px` over all directions,
-    without what the codec blurs colours by. `curve_deviations` is by how many deviations of what the covariance allows for its channels say that the camera's curve
-    is another (None where they do not tell), `curve_moved_px` how far one moves the centre.
+    `arc_fraction` is the share of the outline that agreeing edges cover, `blur_px` the standard deviation
+    of the picture's blur there in its widest direction, `narrow_blur_px` in its narrowest: much less where
+    ball or camera moved; `lens_blur_px` over all directions, without the codec's blur of colours.
+    `curve_deviations` is by how many deviations of the covariance's allowance the channels show another
+    tone curve (None where they do not determine it), `curve_moved_px` how far one deviation moves the
+    centre.
     """
 
     centroid_px: FloatArray
@@ -80,11 +83,13 @@ def measure_balls(
 def measure_blurred_balls(
     bgr: npt.NDArray[np.uint8], starts: Sequence[Circle], radius_std_share: float, camera: Camera
 ) -> list[OutlineFit | None]:
-    """The ball of a circle's size near each circle, measured by all of its pixels: for balls that are blurred over much of their radius. None where none stands out.
+    """The ball of a circle's size near each circle, measured from all of its pixels: for balls that are
+    blurred over much of their radius. None where none is found.
 
-    Three or more share their blur, as far as they show one.
+    Three or more share their blur, as far as they determine one.
 
-    `arc_fraction` is the share of its rim whose pixels fit, `residual_rms_px` what its edges would have to be off by to leave what its pixels leave.
+    `arc_fraction` is the share of its rim whose pixels fit, `residual_rms_px` the edge error that
+    corresponds to its pixels' residuals.
     """
     if not starts:
         return []

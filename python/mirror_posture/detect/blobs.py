@@ -21,7 +21,8 @@ from .types import FloatArray
 
 # Regions smaller than this are noise or too small to measure.
 MIN_REGION_AREA_PX = 12
-# The most regions of one colour that are looked at, the largest first: more are texture, not balls.
+# The largest number of regions of one colour that are examined, the largest regions first: more are texture,
+# not balls.
 MAX_REGIONS = 32
 
 

@@ -75,11 +75,12 @@ def with_blurred(
     options: MarkerOptions,
     coded: bool,
 ) -> list[MarkerView]:
-    """Views by the rays, balls measured as a whole in their place where something moved by much of its radius, where they claim less, or the rays tell nothing.
+    """Views by the rays; balls measured as a whole replace them where something moved by much of its
+    radius, where they claim a smaller deviation, or where the rays fail.
 
     `fits` are all outlines by the rays, by marker.
     """
-    # One blurred ball among sharp ones is hidden in part, or another thing.
+    # One blurred ball among sharp ones is partly hidden, or another object.
     shown = [fit.lens_blur_px for own in fits for fit in own if fit is not None]
     blur_px = float(np.median(shown)) if shown else np.inf
     if blur_px < LEAST_TRIED_BLUR_PX:

@@ -135,7 +135,8 @@ def _nothing_found(board: Board) -> str:
 def _search_all(
     gray: Pixels, board: Board, camera: Camera | None, options: BoardOptions, attempts: list[str]
 ) -> tuple[list[_Found], _Found | None]:
-    """All boards of the picture, the found ones painted over one by one, and the best grid that failed a check."""
+    """All boards of the picture, with the found ones painted over one by one, and the best grid that failed
+    a check."""
     found: list[_Found] = []
     failed: _Found | None = None
     remaining = gray
@@ -152,7 +153,7 @@ def _search_all(
                 item = examined
                 break
             attempts.append(f"{candidate.method}: {examined.reason}")
-            # What hides a part of the board tells more than what a whole grid failed of.
+            # A hidden part of the board is a better reason than the failure of a whole grid.
             if failed is None or (candidate.shown is not None and failed.seen.all()):
                 failed = examined
         if item is None:
@@ -262,7 +263,7 @@ def _outline(grid: FloatArray) -> FloatArray:
 def _painted(gray: Pixels, outline_px: FloatArray) -> Pixels:
     """The picture with a found board painted over."""
     covered = gray.copy()
-    # A typical grey: every eighth pixel tells it.
+    # A typical grey, from every eighth pixel.
     cv2.fillConvexPoly(covered, np.rint(outline_px).astype(np.int32), int(np.median(gray[::8, ::8])))
     result: Pixels = covered
     return result

@@ -23,16 +23,18 @@ from .types import FloatArray, Pixels
 SEARCH_WIDTH_PX = 1632
 # Sizes in which places of boards are looked for, the most usual first: a small picture is free of noise and blur, a large one shows small squares.
 PLACE_SCALES = (0.5, 0.25, 1.0)
-# ... and the least contrast, levels, of what is looked for. Texture shows many faint crossings: such are looked for last, and where squares are not small.
+# ... and the least contrast, levels. Texture has many faint crossings: such are searched last, and where
+# squares are not small.
 FAINT_CONTRAST = 4.0
 LOOKS = (*((scale, LEAST_CONTRAST) for scale in PLACE_SCALES), (0.5, FAINT_CONTRAST), (0.25, FAINT_CONTRAST))
 # A board of more corners is looked for in the whole picture where no place shows: more crossings than are joined (`places`) may be its own.
 MANY_CORNERS = 300
 # Parts with larger squares than this are searched at half the size: in a quarter of the time, and corners are refined in the picture itself.
 LARGE_SQUARE_PX = 18.0
-# A detector averages over more of the picture than crossings do: it is asked where a pixel's noise is above this share of the squares' contrast, in so many places, those with
-# nearest to the board's number of crossings first, and where this share of its corners surely shows. Where noise is less, what crossings do not show is no board, and a
-# detector takes tenths of a second to find none in cloth or keys.
+# A detector averages over more of the picture than crossings do. It is used where a pixel's noise is above
+# this share of the squares' contrast, in at most this many places, those with nearest to the board's number
+# of crossings first, and where this share of its corners is certain. Where noise is less, there is no board
+# without crossings, and a detector takes tenths of a second to find none in cloth or keys.
 LEAST_NOISE_SHARE = 0.08
 MOST_SEARCHED = 2
 LEAST_SHOWN_FOR_DETECTOR = 0.75
@@ -46,7 +48,8 @@ def scale_of(gray: Pixels) -> float:
 
 
 class Places:
-    """Where a picture may hold boards, by the size that it is looked at in; what lies on boards that were found no longer counts."""
+    """Where a picture may contain boards, by the size in which it is examined; places on boards that were
+    found no longer count."""
 
     def __init__(self, gray: Pixels, corner_count: int) -> None:
         self._gray, self._corner_count = gray, corner_count
@@ -65,7 +68,7 @@ class Places:
         return tuple(place for place in self._by_scale[scale, least_contrast] if self._open(place) >= least)
 
     def reading(self, place: Place, board: Board) -> Reading:
-        """What a place's crossings say; they say the same when a surplus board is looked for."""
+        """The grids of a place's crossings; they are the same when a surplus board is searched."""
         if place not in self._readings:
             self._readings[place] = read_crossings(self._seen_at[place.scale], place, board)
         return self._readings[place]
@@ -93,7 +96,7 @@ class Candidate:
 
 
 def candidates(gray: Pixels, scale: float, board: Board, shown: Places, quick: bool) -> Iterator[Candidate]:
-    """Grids by place, detector and preparation, the likeliest and fastest first."""
+    """Grids by place, detector and preparation, the most probable and fastest first."""
     small = resized(gray, scale)
     tried: list[Place] = []
     noisy: list[Place] = []
@@ -166,7 +169,8 @@ def _in_place(small: Pixels, scale: float, place: Place, board: Board, name: str
     try:
         points = DETECTORS[name](part, (board.columns, board.rows))
     except cv2.error:
-        # OpenCV's detectors assert on some degenerate pictures (a few pixels high, say): nothing to find in those.
+        # OpenCV's detectors assert on some degenerate pictures (for example a few pixels high): there is
+        # nothing to find in those.
         return
     if points is None or points.size != 2 * board.corner_count or not np.isfinite(points).all():
         return

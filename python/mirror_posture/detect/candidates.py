@@ -19,10 +19,11 @@ from .types import FloatArray, PredictedMarker
 
 # A ball's radius may differ from the model's by this factor: postures move it nearer or farther.
 SIZE_FACTOR = 1.3
-# The next candidate must be this many times farther from the expected place than the nearest, and by at least so many of the ball's radii.
+# The next candidate must be this many times farther from the expected place than the nearest, and by at least
+# this many of the ball's radii.
 CLEARLY_NEARER = 2.0
 NEARER_RADII = 0.7
-# The most candidates of one marker that are measured, the likeliest first.
+# The largest number of candidates of one marker that are measured, the most probable first.
 MOST_MEASURED = 4
 # A circle must hold this share of the contour that a ball of the expected size would show.
 LEAST_ARC = 0.25
@@ -43,7 +44,8 @@ class Candidate(ShortRepr):
 def find_candidates(
     regions: tuple[Region, ...], expected: PredictedMarker, least_radius_px: float
 ) -> list[Candidate]:
-    """Circles of about the expected size in the contours of regions of the marker's colour, the likeliest first."""
+    """Circles of about the expected size in the contours of regions of the marker's colour, the most
+    probable first."""
     radius = float(expected.ball_radius_px or 0.0)
     low, high = max(radius / SIZE_FACTOR, least_radius_px), radius * SIZE_FACTOR
     if high <= low:
@@ -85,7 +87,7 @@ def _distinct(candidates: list[Candidate]) -> list[Candidate]:
 
 
 def choose(places_px: list[FloatArray], expected: PredictedMarker) -> tuple[int, str]:
-    """The index of the ball among measured centres, or -1 and the reason why it cannot be told."""
+    """The index of the ball among measured centres, or -1 and the reason why it cannot be decided."""
     if len(places_px) == 1:
         return 0, ""
     away = np.array([float(np.linalg.norm(place - np.array(expected.pixel_px))) for place in places_px])

@@ -173,7 +173,8 @@ def picture_noise_levels(
 def scale_by_residual(
     covariances_px2: FloatArray, gate: GateResult, visible: npt.NDArray[np.bool_] | None = None
 ) -> FloatArray:
-    """Covariances scaled by the view's `χ²/dof` where that is above 1 (what the residual shows beyond the picture's noise), plus the floor."""
+    """Covariances scaled by the view's `χ²/dof` where that is above 1 (residuals beyond the picture's
+    noise), plus the floor."""
     floor = np.eye(2) * COMMON_FLOOR_PX**2
     if visible is not None:
         floor = floor * visible[:, None, None]

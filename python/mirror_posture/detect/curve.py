@@ -15,16 +15,17 @@ import numpy as np
 
 from .ball import OutlineFit
 
-# Fewer balls than this do not tell the camera's curve from their own shading.
+# Fewer balls than this cannot separate the camera's curve from their own shading.
 LEAST_BALLS = 3
-# The median of balls is not known better than to so many deviations.
+# The median of balls is known to no better than this many deviations.
 LEAST_STD = 0.7
 # Standard deviation of the median of normal numbers by the median of their sizes: 1.4826 for one, 1.25 for the median of several.
 MEDIAN_STD = 1.25 * 1.4826
 
 
 def curve_doubt(fits: Sequence[OutlineFit | None]) -> float:
-    """How many times as much the curve may be another as the covariances say: what the balls' channels show beyond what their scatter explains, at least 1."""
+    """How many times larger the curve's error may be than the covariances allow: what the balls' channels
+    show beyond their scatter, at least 1."""
     told = [fit.curve_deviations for fit in fits if fit is not None and fit.curve_deviations is not None]
     if len(told) < LEAST_BALLS:
         return 1.0
@@ -34,7 +35,8 @@ def curve_doubt(fits: Sequence[OutlineFit | None]) -> float:
 
 
 def with_curve_doubt(fit: OutlineFit | None, doubt: float) -> OutlineFit | None:
-    """An outline whose covariance holds so many times the curve's part, which it holds once: `C + (k² − 1) m mᵀ`, m what one deviation moves the centre by."""
+    """An outline whose covariance contains the curve's part this many times, instead of once: `C + (k² − 1)
+    m mᵀ`, m the shift of the centre by one deviation."""
     if fit is None or doubt <= 1.0:
         return fit
     more = (doubt**2 - 1.0) * np.outer(fit.curve_moved_px, fit.curve_moved_px)

@@ -161,7 +161,8 @@ def pose_gate(
 
 @dataclass(frozen=True, eq=False, repr=False)
 class _ViewPlane(ShortRepr):
-    """Corners as an ideal camera would see them that looks at their middle, in px there, and the way back to this camera's pixels."""
+    """Corners as an ideal camera that looks at their middle would see them, in its px, and the way back to
+    this camera's pixels."""
 
     measured: FloatArray
     camera: Camera | None

@@ -18,7 +18,7 @@ import numpy as np
 from ..board import Board
 from .types import BoardView, FloatArray, MarkerView, Pixels
 
-# The part of the board that is looked at, squares each way from its middle: enough for a ghost of a thirtieth.
+# The part of the board that is used, squares each way from its middle: sufficient for a ghost of a thirtieth.
 HALF_ACROSS, HALF_DOWN = 2.2, 1.5
 # Samples a pixel each way of the drawn pattern.
 FINE = 2
@@ -28,7 +28,8 @@ BLURS_PX = (0.5, 0.8, 1.2)
 REACH_PX, REACH_SQUARES = 7, 0.6
 # Nearer than this a ghost looks like blur, px.
 NEAREST_PX = 1.9
-# A ghost of strength a, d px away, pulls an outline by a d exp(−(d / w)²): near ones shift an edge, far ones stand beside it. w in px, of drawn and sharp pictures.
+# A ghost of strength a, d px away, pulls an outline by a d exp(−(d / w)²): near ones shift an edge, far ones
+# are beside it. w in px, from rendered and sharp pictures.
 PULL_WIDTH_PX = 2.5
 # The claims of outlines were set on pictures of usual panes, of 2 to 5 hundredths: they hold that much.
 USUAL_STRENGTH = 0.035
@@ -46,7 +47,7 @@ class Ghost:
 
     @property
     def pull_px(self) -> FloatArray:
-        """How far it draws the outline of a ball beyond what a usual pane's does, `(2,)` px."""
+        """How far it displaces the outline of a ball beyond the displacement by a usual pane, `(2,)` px."""
         shift = np.array(self.shift_px)
         strength = float(np.sqrt(max(self.strength**2 - USUAL_STRENGTH**2, 0.0)))
         result: FloatArray = strength * shift * np.exp(-float(shift @ shift) / PULL_WIDTH_PX**2)
@@ -54,7 +55,8 @@ class Ghost:
 
 
 def board_ghost(gray: Pixels, view: BoardView, board: Board) -> Ghost | None:
-    """The ghost that a view of the board `gray` (H, W) uint8 shows; None where it shows none, or the board is too small to tell."""
+    """The ghost in a view of the board `gray` (H, W) uint8; None where it shows none, or the board is too
+    small to determine it."""
     drawn = _drawn(gray, view, board)
     if drawn is None:
         return None
@@ -79,7 +81,8 @@ def board_ghost(gray: Pixels, view: BoardView, board: Board) -> Ghost | None:
 
 @dataclass(frozen=True)
 class _Fit:
-    """The best second picture beside one pattern, and what squares both and the pattern alone explain."""
+    """The best second image in addition to one pattern, and which squares both and the pattern alone
+    explain."""
 
     strength: float
     shift_px: tuple[float, float]
@@ -110,7 +113,7 @@ def _second(part: Pixels, model: Pixels, reach: int) -> _Fit:
     first = solved[0] - second * along[0]
     index = np.arange(2 * reach + 1)
     down, across = reach - index[:, None], reach - index[None, :]
-    # Of the same sign, and not beside the pattern itself: else it is the pattern's own blur.
+    # Of the same sign, and not adjacent to the pattern itself: otherwise it is the pattern's own blur.
     held = (first * second > 0.0) & (np.hypot(across, down) >= NEAREST_PX)
     row, column = divmod(int(np.where(held, gained, -1.0).argmax()), gained.shape[1])
     alone = float(on_light @ solved)

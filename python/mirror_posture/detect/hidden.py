@@ -38,7 +38,7 @@ LEAST_BESIDE_PX = 0.15
 MOST_OUTLIERS = 12
 # Median of chi-square of two freedoms.
 MEDIAN_CHI2 = 2.0 * np.log(2.0)
-# Fewer corners show no outlier beside a homography's 8 freedoms.
+# Fewer corners show no outlier given a homography's 8 degrees of freedom.
 LEAST_CORNERS_TO_JUDGE = 12
 # Least median of the contrast where four squares meet: a chessboard's is near 1, that of gingham's three shades about 0.7.
 LEAST_TYPICAL_CONTRAST = 0.8
@@ -98,7 +98,8 @@ def read_partly_seen(
 
 
 def where_hidden(corners_px: FloatArray, seen: npt.NDArray[np.bool_]) -> str:
-    """Where in the picture the corners `(N, 2)` px lie that are not seen `(N,)`: "upper left", say, of the board."""
+    """Where in the picture the hidden corners are, of corners `(N, 2)` px with mask `(N,)`: for example
+    "upper left" of the board."""
     low, high = corners_px.min(axis=0), corners_px.max(axis=0)
     off = (corners_px[~seen].mean(axis=0) - 0.5 * (low + high)) / np.maximum(high - low, 1e-9)
     words = (
@@ -117,7 +118,8 @@ def _another_pattern(contrast: FloatArray) -> str:
 
 
 def told_hidden(view: BoardView, board: Board) -> str:
-    """What a view's corners that are not seen are to be told as: how many, and where in the picture; empty if all are seen."""
+    """The description of a view's hidden corners: how many, and where in the picture; empty if all are
+    seen."""
     if not view.ok or view.corners_px is None or view.visible is None or view.visible.all():
         return ""
     flat = _by_those_seen(view.corners_px, view.visible, board)
@@ -136,7 +138,7 @@ def _refined(
     camera: Camera | None,
     options: GateOptions,
 ) -> tuple[FloatArray, corners.Refined]:
-    """Corners `(N, 2)`, refined where they are seen and elsewhere where the others' homography has them."""
+    """Corners `(N, 2)`, refined where they are seen and elsewhere from the others' homography."""
     refined = corners.refine(gray, flat, board, camera, options, seen)
     by_others = _by_those_seen(refined.corners_px, seen, board)
     result = refined.corners_px.copy()
@@ -162,7 +164,8 @@ def without_outliers(
     camera: Camera | None,
     options: GateOptions,
 ) -> npt.NDArray[np.bool_]:
-    """The corners `(N,)` that are seen, without those that stand out from the flat board that the others show; all of them where more stand out than may be hidden."""
+    """The corners `(N,)` that are seen, without outliers of the others' flat board; all of them where more
+    are outliers than may be hidden."""
     kept = seen.copy()
     grid = flat.reshape(board.rows, board.columns, 2)
     sides = [float(np.median(np.linalg.norm(np.diff(grid, axis=axis), axis=2))) for axis in (0, 1)]
@@ -183,7 +186,7 @@ def without_outliers(
 
 
 def _beside_hidden(kept: npt.NDArray[np.bool_], board: Board) -> npt.NDArray[np.bool_]:
-    """Which of the corners that are kept `(K,)` lie beside one that is not."""
+    """Which of the kept corners `(K,)` are adjacent to one that is not kept."""
     hidden = (~kept).reshape(board.rows, board.columns).astype(np.uint8)
     near: npt.NDArray[np.bool_] = cv2.dilate(hidden, np.ones((3, 3), np.uint8)).ravel()[kept] > 0
     return near
@@ -196,10 +199,12 @@ def _without_each(
     camera: Camera | None,
     options: GateOptions,
 ) -> tuple[FloatArray, FloatArray]:
-    """By how much the sum of squares would be less without each of the corners that are kept `(K,)`, px², and how far each lies from where the others have it, px.
+    """The reduction of the sum of squares without each of the kept corners `(K,)`, px², and the distance of
+    each from its place by the others, px.
 
-    Both exact in linear models: r'(1 - H)⁻¹ r and |(1 - H)⁻¹ r|, with the residual r and the 2 × 2 block H of the projection on what a flat board can do. At the board's
-    corners a homography follows a single wrong corner by more than half, and the residual alone would hide it.
+    Both are exact in linear models: r'(1 - H)⁻¹ r and |(1 - H)⁻¹ r|, with the residual r and the 2 × 2
+    block H of the projection on the motions of a flat board. At the board's corners a homography follows a
+    single wrong corner by more than half, and the residual alone would hide it.
     """
     residuals = board_residual(flat, board, camera, options, kept).residuals_px
     count = len(residuals)

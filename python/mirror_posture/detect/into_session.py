@@ -51,7 +51,7 @@ def predictions_from_session(session: Session) -> tuple[PicturePrediction | None
 
 @dataclass(frozen=True)
 class DetectedSession:
-    """A session with the image points that its pictures gave, and what is behind them."""
+    """A session with the image points from its pictures, and their details."""
 
     session: Session
     pictures: dict[int, PictureDetections]
@@ -69,11 +69,13 @@ def detect_session(
 ) -> DetectedSession:
     """Detects the board and the balls in every picture of a session (or a folder).
 
-    A picture that cannot be used, and a view that cannot be trusted, is masked with its reason. `progress` wraps the
-    chunks of rows as they are worked on; `done` is filled as pictures are finished, so that a stop loses none of them.
+    A picture that cannot be used, and a view that is not reliable, is masked with its reason. `progress`
+    wraps the chunks of rows as they are processed; `done` is filled as pictures are finished, so that a
+    stop loses none of them.
 
-    Raises `DetectionError` for a session without pictures, or with a marker that has no colour, and, unless `check` is False, for pictures that are
-    mirrored, turned, of another board or of another camera (`mirror_posture.view_check`).
+    Raises `DetectionError` for a session without pictures, or with a marker that has no colour, and, unless
+    `check` is False, for pictures that are mirrored, rotated, of another board or of another camera
+    (`mirror_posture.view_check`).
     """
     session = as_session(session)
     rows = [row for row, file in enumerate(session.image_files) if file is not None]
@@ -96,7 +98,7 @@ def detect_session(
 
 @checked_arguments
 def with_detections(session: Session, pictures: dict[int, PictureDetections]) -> Session:
-    """The session with the image points of these pictures (by row of the frames table) in place of its own."""
+    """The session with the image points of these pictures (by row of the frames table) instead of its own."""
     corners = 0 if session.board is None else session.board.columns * session.board.rows
     names = session.marker_names
     count = len(session.frames)

@@ -28,7 +28,7 @@ MIN_PREDICTION_RATIO = 2.0
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LabelledGrid(ShortRepr):
-    """The settled corners `(N, 2)` px, or the reason why they cannot be settled."""
+    """The labelled corners `(N, 2)` px, or the reason why they cannot be labelled."""
 
     ok: bool
     reason: str

@@ -27,13 +27,14 @@ NEW_STEP_SHARE = 0.5
 LEAST_SINE = 0.4
 # Fewer joined crossings are no grid.
 LEAST_JOINED = 6
-# Grids of one place that are looked at.
+# Number of grids of one place that are examined.
 MOST_LATTICES = 6
-# Crossings that are turned against one and looked at for its neighbours, the nearest.
+# Number of nearest crossings of the opposite orientation that are examined as neighbours.
 NEXT_LOOKED_AT = 8
 # Crossings that are tried as a grid's first, the best joined.
 SEEDS_TRIED = 4
-# Lines beyond those joined that are looked at: of a board seen at a slant the far columns are too near each other to be joined.
+# Lines beyond the joined ones that are examined: for a board seen at a slant the far columns are too close
+# together to be joined.
 LINES_AROUND = 3
 # Contrast of four squares at a crossing, relative to the light there: 1 where four squares meet, 0.5 at the edge of a pattern (`pattern`).
 CORNER_CONTRAST = 0.65
@@ -43,12 +44,13 @@ LEAST_SHOWN = 0.7
 LEAST_SHOWN_AND_JOINED = 0.6
 LEAST_SURE = 0.5
 LEAST_OF_OUTER_LINE = 0.34
-# A lattice of which less than this share lies within so many squares of a flat grid was joined across from one thing to another.
+# A lattice with less than this share within this many squares of a flat grid was joined across two objects.
 FLAT_SHARE = 0.93
 FLAT_SQUARES = 0.3
 # Fours of crossings that are drawn to find it: of a board and as much again of other things one in sixteen is the board's own.
 MOST_DRAWS = 100
-# Columns by which rows may have been joined beside the rows before, an even number since colours change along a row; cells straightened so fill more of their rows and columns, by this factor.
+# Columns by which rows may have been joined to the wrong neighbours, an even number since colours alternate
+# along a row; cells straightened in that way fill more of their rows and columns, by this factor.
 SHIFTS = (-4, -2, 2, 4)
 STRAIGHTER = 1.2
 LONG_BAND = 1.65
@@ -60,7 +62,8 @@ GOES_ON_AROUND = 0.4
 
 @dataclass(frozen=True)
 class Reading:
-    """What the crossings of a place say: whole grids `(ny, nx, 2)` px, grids of which some corners do not show, with which do `(ny, nx)`, and whether there are any."""
+    """The grids of a place's crossings: whole grids `(ny, nx, 2)` px, grids with hidden corners, with a
+    mask `(ny, nx)`, and whether there are any."""
 
     whole: tuple[FloatArray, ...]
     partly: tuple[tuple[FloatArray, npt.NDArray[np.bool_]], ...]
@@ -107,8 +110,9 @@ def read_crossings(gray: Pixels, place: Place, board: Board) -> Reading:
 
 
 def _straightened(cells: npt.NDArray[np.intp]) -> list[npt.NDArray[np.intp]]:
-    """A lattice's cells as they were joined, and as rows and columns where they fill a slanted band: seen at a slant, the nearest crossing across a row that is turned
-    against one may lie two columns on, so each row begins two columns beside the row before."""
+    """A lattice's cells as they were joined, and as rows and columns where they fill a slanted band: at a
+    slant, the nearest crossing of the opposite orientation across a row may be two columns further, so each
+    row begins two columns beside the previous one."""
     best, fullest = cells, _filled(cells)
     for axis in (0, 1):
         for shift in SHIFTS:
@@ -144,7 +148,7 @@ def _lattices(place: Place, corner_count: int) -> Iterator[_Lattice]:
             continue
         flat = _flat_part(place, lattice)
         if LEAST_JOINED <= flat.sum() < FLAT_SHARE * len(flat):
-            # Joined across from one thing to another that is beside it: the rest is looked at by itself.
+            # Joined across two objects: the rest is examined separately.
             fresh[lattice.members[~flat]] = True
             yield _Lattice(lattice.members[flat], lattice.cells[flat])
 
@@ -203,8 +207,9 @@ def _grown(
     seed: int,
     steps: FloatArray,
 ) -> _Lattice:
-    """Crossings joined to the seed one step on from those joined before, the nearest of which is looked from first."""
-    # Plain numbers: a board has some thirty crossings with eight others beside each, too few for arrays to pay.
+    """Crossings joined to the seed, one step from those joined before, starting at the nearest."""
+    # Plain numbers: a board has some thirty crossings with eight neighbours each, too few for arrays to be
+    # faster.
     at: list[list[float]] = place.crossings_px.tolist()
     near: list[list[int]] = beside.tolist()
     free: list[bool] = fresh.tolist()
@@ -247,7 +252,8 @@ def _grown(
 
 
 def _lines(gray: Pixels, at: FloatArray, cells: npt.NDArray[np.intp], scale: float) -> _Lines | None:
-    """The lattice with a few more lines on each side, its holes filled by its homography, and what the picture shows there."""
+    """The lattice with a few more lines on each side, its holes filled by its homography, and the contrast
+    of the picture there."""
     low = cells.min(axis=0) - LINES_AROUND
     columns, rows = cells.max(axis=0) + LINES_AROUND + 1 - low
     homography, _ = cv2.findHomography((cells - low).astype(np.float64), at)
@@ -277,7 +283,8 @@ def _lines(gray: Pixels, at: FloatArray, cells: npt.NDArray[np.intp], scale: flo
 
 
 def _windows(lines: _Lines, board: Board) -> Iterator[tuple[FloatArray, npt.NDArray[np.bool_]]]:
-    """Grids of the board's counts in a lattice, either way round, of which enough may be shown: places (ny, nx, 2), and which corners surely are."""
+    """Grids of the board's counts in a lattice, in both orientations, of which enough may be visible:
+    places (ny, nx, 2), and which corners are certain."""
     for turned in (False, True):
         at = lines.at.transpose(1, 0, 2) if turned else lines.at
         joined = lines.joined.T if turned else lines.joined
@@ -298,7 +305,8 @@ def _windows(lines: _Lines, board: Board) -> Iterator[tuple[FloatArray, npt.NDAr
 
 
 def _shares(mask: npt.NDArray[np.bool_], rows: int, columns: int) -> FloatArray:
-    """The share of a mask that is set in each window of so many rows and columns, by the window's first cell."""
+    """The share of a mask that is set in each window of the given rows and columns, by the window's first
+    cell."""
     sums = np.zeros((mask.shape[0] + 1, mask.shape[1] + 1))
     sums[1:, 1:] = mask.cumsum(axis=0).cumsum(axis=1)
     whole = sums[rows:, columns:] - sums[:-rows, columns:] - sums[rows:, :-columns] + sums[:-rows, :-columns]

@@ -14,7 +14,8 @@ from ..marker import Marker
 from .blobs import Region, hue_distance_deg
 from .types import PredictedMarker, color_of
 
-# Without a prediction, a second region of comparable size makes the choice doubtful; where no board tells what size a ball can have there, a smaller one does too: the larger may be another thing.
+# Without a prediction, a second region of comparable size makes the assignment ambiguous. If no board
+# determines the ball's size there, a smaller one does too, because the larger may be another object.
 RIVAL_AREA_RATIO = 0.6
 RIVAL_AREA_RATIO_OF_UNKNOWN_SIZE = 0.1
 

@@ -15,8 +15,8 @@ from .ball import OutlineFit
 from .blobs import Region, hue_distance_deg, to_hsv
 from .types import MarkerView, color_of
 
-# A ball that is seen less than half is masked. The estimate of the seen share is itself good to a few hundredths (the hidden part is
-# inferred from the outline), so the limit stands a little above one half.
+# A ball with less than half visible is masked. The estimate of the visible share is accurate to a few
+# hundredths (the hidden part is inferred from the outline), so the limit is slightly above one half.
 MIN_VISIBLE_FRACTION = 0.54
 # Least share of the outline that must agree with a ball: below, any bent edge can pose as an arc.
 MIN_ARC_FRACTION = 0.3
@@ -24,8 +24,9 @@ MIN_ARC_FRACTION = 0.3
 MAX_OUTLINE_RESIDUAL_PX = 0.6
 # A region's centroid: what its edge shares and counting pixels does not show, px.
 CENTRE_FLOOR_PX = 0.03
-# A ball counts as whole and sharp from these shares on (of its area, its outline; blur against radius); others must have the expected size to this share, or to so many
-# pixels: a model that is right to 3 cm at a metre knows it to 3 %.
+# A ball counts as whole and sharp from these shares on (of its area, its outline; blur against radius).
+# Others must have the expected size to this share, or to this many pixels: a model that is right to 3 cm at a
+# metre predicts it to 3 %.
 WHOLE_FRACTION = 0.93
 WHOLE_ARC = 0.88
 SHARP_SHARE = 0.2
@@ -57,10 +58,12 @@ class MarkerOptions:
     max_outline_residual_px: float = MAX_OUTLINE_RESIDUAL_PX
     use_outline: bool = True
     more_size_share: float = 0.0
-    """By how much more than else the radius of a ball that is seen in part, or blurred, may differ from what the model expects, as a share."""
+    """How much more than usual the radius of a partly hidden or blurred ball may differ from the expected
+    one, as a share."""
 
     def with_codec(self, quantisation_step: float, coarse_colour: bool) -> MarkerOptions:
-        """These limits for pictures of a codec: its errors move edges by more than a blur or a bent edge of another thing does, and the claimed deviation holds that."""
+        """These limits for coded pictures: a codec's errors move edges by more than a blur or a bent edge
+        of another object does, and the claimed deviation contains that."""
         of_colour = RESIDUAL_OF_COARSE_COLOUR_PX if coarse_colour else 0.0
         return replace(
             self,
@@ -74,7 +77,7 @@ class MarkerOptions:
 def judged(
     bgr: npt.NDArray[np.uint8], marker: Marker, region: Region, fit: OutlineFit, options: MarkerOptions
 ) -> MarkerView:
-    """A measured outline as a view, masked where it cannot be trusted."""
+    """A measured outline as a view, masked where it is not reliable."""
     seen = _visible_fraction(bgr, marker, fit)
     fields: dict[str, Any] = {
         "pixel_px": (float(fit.centroid_px[0]), float(fit.centroid_px[1])),
@@ -109,12 +112,13 @@ def is_sharp(fit: OutlineFit) -> bool:
 
 
 def size_share(expected_px: float, options: MarkerOptions) -> float:
-    """By what share the radius of a ball that is seen in part may differ from what the model expects."""
+    """The share by which the radius of a partly hidden ball may differ from the expected one."""
     return max(PARTIAL_SIZE_SHARE, PARTIAL_SIZE_PX / expected_px) + options.more_size_share
 
 
 def doubted_size(view: MarkerView, fit: OutlineFit, expected_px: float, options: MarkerOptions) -> MarkerView:
-    """A ball that is seen in part, or blurred, is believed only if it has the size that the model expects: half an outline fits many circles."""
+    """A partly hidden or blurred ball is accepted only if it has the expected size, because half an outline
+    fits many circles."""
     ratio = fit.mean_radius_px / expected_px
     whole = (view.visible_fraction or 0.0) >= WHOLE_FRACTION and fit.arc_fraction >= WHOLE_ARC
     sharp = is_sharp(fit)
@@ -130,8 +134,9 @@ def doubted_size(view: MarkerView, fit: OutlineFit, expected_px: float, options:
 
 
 def widened_by_size(view: MarkerView, fit: OutlineFit, expected_px: float) -> MarkerView:
-    """A radius that differs from what the model expects by more than both deviations shows that what moved the edges is larger than claimed: the centre's covariance is scaled by
-    `(r − r₀)² / (s_r² + s_model²)` where that is above 1."""
+    """A radius that differs from the expected one by more than both deviations shows that the edges' error
+    is larger than claimed: the centre's covariance is scaled by `(r − r₀)² / (s_r² + s_model²)` where that
+    is above 1."""
     if view.covariance_px2 is None:
         return view
     claimed = RADIUS_VARIANCE_SHARE * 0.5 * float(np.trace(view.covariance_px2))
@@ -165,7 +170,7 @@ def _visible_fraction(bgr: npt.NDArray[np.uint8], marker: Marker, fit: OutlineFi
     coloured = (patch[..., 1] >= 0.5 * color.min_saturation) & (
         hue_distance_deg(patch[..., 0], color.hue_deg) <= 1.5 * color.hue_tolerance_deg
     )
-    # A highlight is white but lies within the ball: what the coloured part encloses counts as seen.
+    # A highlight is white but inside the ball: what the coloured part encloses counts as visible.
     seen = cv2.morphologyEx((coloured & part).astype(np.uint8), cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
     return float((seen.astype(bool) & part).sum()) / total
 

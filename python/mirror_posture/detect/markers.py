@@ -38,17 +38,21 @@ from .types import FloatArray, MarkerView, PredictedMarker, color_of
 
 # Smallest outline that sub-pixel edges can be read from; below, the region's centroid is all there is.
 MIN_OUTLINE_RADIUS_PX = 3.0
-# A marker of whose colour nothing fits is looked for in a range so many times as wide in hue, and from these shares of its least saturation and value on.
+# A marker without a fitting region of its colour is searched in a range this many times as wide in hue, and
+# from these shares of its least saturation and value on.
 WIDER_HUE = 1.8
 WIDER_SATURATION = 0.8
 WIDER_VALUE = 0.5
-# A codec's blocks shift all edges of a side alike, by errors whose variance grows with its quantisation step (levels): from these steps on they are most of what the centre's variance
-# has; less than where colour is fine, since coarse colour has errors of its own. Measured on balls of 7 to 40 px at JPEG qualities 98 to 20.
+# A codec's blocks shift all edges of a side alike, by errors whose variance grows with its quantisation step
+# (levels): from these steps on they are most of the centre's variance; less than where colour is fine,
+# because coarse colour has additional errors. Measured on balls of 7 to 40 px at JPEG qualities 98 to 20.
 TELLING_STEP = 13.0
 TELLING_STEP_OF_COARSE_COLOUR = 29.0
-# The step of a codec of coarse colour that does not tell it (a decoded frame, WebP), levels: that of JPEG quality 92.
+# The assumed step of a codec of coarse colour that does not state it (a decoded frame, WebP), levels: that of
+# JPEG quality 92.
 USUAL_STEP = 2.2
-# From this step on a codec has kept so little of the colour's detail that it is read as at half of the resolution, whatever the file says: at 4:4:4 and quality 80, 0.09 px against 0.15.
+# From this step on a codec has kept so little of the colour's detail that it is read at half of the
+# resolution, whatever the file says: at 4:4:4 and quality 80, 0.09 px against 0.15.
 COARSE_COLOUR_STEP = 5.0
 
 
@@ -64,11 +68,13 @@ def detect_markers(
     expected: tuple[PredictedMarker, ...] = (),
     quantisation_step: float = 0.0,
 ) -> tuple[MarkerView, ...]:
-    """Detects each marker in a colour picture `(H, W, 3)` uint8 BGR, in the order given; masked ones carry their reason.
+    """Detects each marker in a colour picture `(H, W, 3)` uint8 BGR, in the given order; masked ones have
+    their reason.
 
-    `predictions` are fences: nothing outside of them is looked at. `expected` are hints, of a robot's model: place and size of each ball, either of which may be
-    off. `chroma_step_px`: pixels across and down that share a colour, as the picture's codec has it;
-    `quantisation_step`: its step of brightness, levels.
+    `predictions` are bounds: nothing outside of them is examined. `expected` are hints from a robot's
+    model: place and size of each ball, either of which may be wrong. `chroma_step_px`: pixels across and
+    down that share a colour, according to the picture's codec; `quantisation_step`: its step of brightness,
+    levels.
     """
     options = (options or MarkerOptions()).with_codec(quantisation_step, chroma_step_px != (1, 1))
     bounds = bounds or {}
@@ -182,9 +188,10 @@ _Measured = Callable[[list[Start]], list[OutlineFit | None]]
 def _more_widely(
     bgr: npt.NDArray[np.uint8], jobs: list[_Job], views: list[MarkerView], options: MarkerOptions
 ) -> list[tuple[int, _Job]]:
-    """Markers whose place and size the model expects and that are not found, by index, looked for in a wider range of their colour: the light is warmer, colder or dimmer than thought.
+    """Markers with a place and size from the model that are not found, by index, are searched in a wider
+    range of their colour: the light is warmer, colder or dimmer than assumed.
 
-    Where a part of the ball had its colour, that part says what is seen of it as before.
+    If a part of the ball had its colour, that part determines the visible share as before.
     """
     hues = [color_of(job.marker).hue_deg for job in jobs]
     poor = [
@@ -294,7 +301,7 @@ def _by_hint(
         seen = judged(bgr, marker, one.region, fit, options)
         view = doubted_size(seen, fit, radius, options)
         if seen.ok and not view.ok and (coded or is_sharp(fit)):
-            # A wrong part of its outline may have been taken: looked at again, with no other size.
+            # A wrong part of its outline may have been used: it is measured again, with no other size.
             again = of_known_size(fit.centroid_px)
             if again is not None:
                 seen = judged(bgr, marker, one.region, again, options)
@@ -320,7 +327,8 @@ def _by_hint(
 
 
 def _nearer(view: MarkerView, bad: list[MarkerView], hint: PredictedMarker) -> str | None:
-    """Why a ball is doubted: one that cannot be measured is clearly nearer to where the model expects it."""
+    """The reason why a ball is ambiguous: another one that cannot be measured is clearly nearer to the
+    predicted place."""
 
     def away(one: MarkerView) -> float:
         assert one.pixel_px is not None

@@ -19,7 +19,7 @@ from ..output_files import write_file
 from .reading import Picture, as_picture
 from .types import BoardView, DetectionError, FloatArray, MarkerView, PictureDetections, Pixels
 
-# Pictures narrower than this are drawn enlarged, so that lines of one pixel do not hide what they mark.
+# Narrower pictures are enlarged, so that lines of one pixel do not hide what they mark.
 ENLARGE_BELOW_PX = 1400
 FONT = cv2.FONT_HERSHEY_SIMPLEX
 
@@ -33,7 +33,7 @@ WHITE = (255, 255, 255)
 STRIP = (32, 32, 32)
 # Colours of the ring around a ball by the deviation of its centre, px: up to the first, to the second, and beyond.
 SURE = ((0.1, (80, 220, 60)), (0.3, (40, 200, 255)), (float("inf"), (40, 120, 255)))
-# A deviation is drawn so many times as wide, as the gap between outline and ring.
+# A deviation is drawn enlarged by this factor, as the gap between outline and ring.
 GAP_PER_STD = 20.0
 
 

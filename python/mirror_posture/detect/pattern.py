@@ -111,7 +111,7 @@ def sample(gray: Pixels, at: FloatArray) -> FloatArray:
 def bad_line(relative: FloatArray) -> str:
     """Reason if a whole row or column is not one of chessboard corners (NaN: hidden): the sign of a shifted grid."""
     for name, axis in (("row", 1), ("column", 0)):
-        # A line that is hidden all along says nothing.
+        # A line that is completely hidden gives no information.
         known = [line[np.isfinite(line)] for line in (relative if axis == 1 else relative.T)]
         medians = np.array([np.median(line) if line.size else 1.0 for line in known])
         worst = int(np.argmin(medians))

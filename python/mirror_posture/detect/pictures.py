@@ -50,7 +50,7 @@ class PicturePrediction:
 
     board: BoardPrediction | None = None
     markers: tuple[PredictedMarker, ...] = ()
-    """Where markers must be: nothing else is looked at."""
+    """Where markers must be: nothing else is examined."""
     marker_in_camera_m: Mapping[str, FloatArray] = field(default_factory=dict)
     """Where the robot's model has each marker before the camera (3,): a hint for its place and size in the mirror."""
 
@@ -73,8 +73,8 @@ def detect_picture(
 ) -> PictureDetections:
     """Detects the board's views and the markers in one picture, a path or a BGR (or grey) array.
 
-    What was not found, or cannot be trusted, is masked with its reason. Raises `DetectionError` for a picture that cannot be read, or of
-    another size than its camera's.
+    What was not found, or is not reliable, is masked with its reason. Raises `DetectionError` for a picture
+    that cannot be read, or has another size than its camera's.
     """
     options = options or DetectionOptions()
     prediction = prediction or PicturePrediction()
@@ -107,7 +107,7 @@ def detect_picture(
         prediction.markers,
         bounds,
         options.marker,
-        # A decoded frame that was kept without loss: the file no longer says that its colours are coarser.
+        # A decoded frame that was stored without loss: the file no longer says that its colours are coarser.
         chroma_step(bgr) if file.chroma_step_px == (1, 1) else file.chroma_step_px,
         expected_markers(boards, setup, prediction),
         file.quantisation_step,
@@ -129,9 +129,11 @@ def detect_pictures(
     progress: Callable[[int, int], None] | None = None,
     threads: int | None = None,
 ) -> tuple[PictureDetections, ...]:
-    """Detects in many pictures at once, in the order given; `progress(done, total)` is called as each is finished.
+    """Detects in many pictures at once, in the given order; `progress(done, total)` is called as each is
+    finished.
 
-    A picture that cannot be used gives detections with `error` set and nothing in them. Raises `DetectionError` if there is no picture.
+    A picture that cannot be used gives detections with `error` set and nothing in them. Raises
+    `DetectionError` if there is no picture.
     """
     if len(pictures) == 0:
         raise DetectionError("no pictures given: needed at least one")
@@ -160,7 +162,7 @@ def detect_pictures(
 
 
 def _check_size(width: int, height: int, camera: Camera | None, source: str, exif_turn: str = "") -> None:
-    """Refuses a picture of another size than its camera's, and says what its size looks like."""
+    """Refuses a picture of another size than its camera's, and says what the size suggests."""
     if camera is None or (camera.width_px, camera.height_px) == (width, height):
         return
     across, down = width / camera.width_px, height / camera.height_px
@@ -221,7 +223,8 @@ def _size_bounds(boards: tuple[BoardView, ...], setup: DetectionSetup) -> dict[s
 def expected_markers(
     boards: tuple[BoardView, ...], setup: DetectionSetup, prediction: PicturePrediction
 ) -> tuple[PredictedMarker, ...]:
-    """Where and how large the robot's model expects the balls in the mirror of this picture, whose place the board's reflection tells."""
+    """Predicted places and sizes of the balls in the mirror of this picture, which the board's reflection
+    determines."""
     camera, board = setup.camera, prediction.board
     seen = [view for view in boards if view.ok and view.via == "mirror" and view.corners_px is not None]
     if camera is None or setup.board is None or board is None or board.camera_from_board is None or not seen:

@@ -37,8 +37,8 @@ OPPOSITE_COSINE = -0.7
 STRENGTH_RATIO = 3.0
 # A step to a partner is repeated beyond it or on the other side, to this share of the step: perspective changes the steps of a grid slowly.
 STEP_SHARE = 0.3
-# Partners are at most so many times as far away as the nearest one: first as on a board seen from the front, which parts it from things beside it, then as on one
-# that is seen at a flat angle.
+# Partners are at most this many times as far away as the nearest one: first as on a board seen from the
+# front, which separates it from neighbouring objects, then as on one that is seen at a flat angle.
 STEP_RATIOS = (1.7, 4.0)
 # Least partners of a crossing: a corner of the grid has two. Counted again without those that had too few, so many times.
 LEAST_PARTNERS = 2
@@ -54,9 +54,11 @@ SAME_SHARE = 0.6
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Place(ShortRepr):
-    """A part of the picture that may hold a board: `(left, top, right, bottom)` px, and the crossings that it shows, `(N, 2)` px.
+    """A part of the picture that may contain a board: `(left, top, right, bottom)` px, and its crossings,
+    `(N, 2)` px.
 
-    `axis` (N, 2): cosine and sine of twice the angle of each crossing; `links` (2, M): pairs of crossings beside each other; `scale`: the size in which they were seen.
+    `axis` (N, 2): cosine and sine of twice the angle of each crossing; `links` (2, M): pairs of adjacent
+    crossings; `scale`: the size in which they were found.
     """
 
     box_px: tuple[int, int, int, int]
@@ -97,7 +99,8 @@ class _Saddles:
 def board_places(
     gray: Pixels, corner_count: int, scale: float = 0.5, least_contrast: float = LEAST_CONTRAST
 ) -> tuple[Place, ...]:
-    """Parts of a grey picture (H, W) that show most of a board's `corner_count` crossings when it is looked at in a size `scale`, the likeliest first.
+    """Parts of a grey picture (H, W) that show most of a board's `corner_count` crossings in a size
+    `scale`, the most probable first.
 
     `least_contrast`: of a crossing, grey levels.
     """
@@ -165,7 +168,7 @@ def _saddles(gray: Pixels, least_contrast: float) -> _Saddles:
 
 
 def _between_pixels(values: Pixels, peak: npt.NDArray[np.intp]) -> FloatArray:
-    """Places (N, 2) of peaks, given by their index, from parabolas through the pixels beside them."""
+    """Places (N, 2) of peaks, given by their index, from parabolas through the adjacent pixels."""
     height, width = values.shape
     rows, columns = np.divmod(peak, width)
     place = np.column_stack([columns, rows]).astype(np.float64)
@@ -218,7 +221,8 @@ def _pairs(saddles: _Saddles) -> _Pairs:
 def _groups(
     saddles: _Saddles, pairs: _Pairs, least: float, step_ratio: float
 ) -> list[tuple[npt.NDArray[np.intp], npt.NDArray[np.intp], float]]:
-    """Saddles joined to neighbours that are turned against them: their indices (N,), the links (2, M) among these, and the links' typical length, of groups with at least so many."""
+    """Saddles joined to neighbours of the opposite orientation: their indices (N,), the links (2, M) among
+    these, and the links' typical length, of groups with at least this many."""
     count = len(saddles.place_px)
     mine, other, away = pairs.mine, pairs.other, pairs.away
     steady = away <= step_ratio * np.minimum(pairs.nearest[mine], pairs.nearest[other])
@@ -248,7 +252,7 @@ def _repeated(
 ) -> npt.NDArray[np.bool_]:
     """Which links go on by about the same step, at either end."""
     count = len(place_px)
-    # Links of each saddle, side by side; what is missing points at a place far away.
+    # Links of each saddle, side by side; missing ones point at a distant place.
     links = np.full((count, NEIGHBOURS), count)
     column = np.arange(len(mine)) - np.searchsorted(mine, mine)
     links[mine, column] = other

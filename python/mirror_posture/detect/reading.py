@@ -49,10 +49,11 @@ TURNED_BACK = {
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PictureFile(ShortRepr):
-    """A picture's pixels as stored, BGR `(H, W, 3)` uint8, and what its file says of them.
+    """A picture's pixels as stored, BGR `(H, W, 3)` uint8, and properties of its file.
 
-    `exif_turn`: how a viewer would show it ("" as stored). `chroma_step_px`: pixels that share a colour, across and down: (2, 2) in a JPEG of 4:2:0. `quantisation_step`: mean
-    step of a JPEG's ten finest coefficients of brightness, levels: about 2 at quality 92, 13 at 50; 0 where nothing is lost.
+    `exif_turn`: how a viewer would show it ("" as stored). `chroma_step_px`: pixels that share a colour,
+    across and down: (2, 2) in a JPEG of 4:2:0. `quantisation_step`: mean step of a JPEG's ten finest
+    coefficients of brightness, levels: about 2 at quality 92, 13 at 50; 0 where nothing is lost.
     """
 
     pixels: Picture
@@ -71,7 +72,8 @@ def read_picture(path: Path | str) -> Picture:
 
 
 def read_picture_file(path: Path | str) -> PictureFile:
-    """A picture with what its file says of it. Raises as `read_picture`; the size is checked before anything is decoded."""
+    """A picture with the properties of its file. Raises as `read_picture`; the size is checked before
+    anything is decoded."""
     file = Path(path)
     try:
         content = read_regular(file, LARGEST_PICTURE)

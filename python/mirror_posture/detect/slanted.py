@@ -25,7 +25,7 @@ LEAST_APART_PX = 8.0
 # Of each square this share is compared, at most so many pixels from the corner, at least so many.
 COMPARED_SHARE = 0.7
 MOST_REACH_PX, LEAST_REACH_PX = 6, 3
-# Samples of the drawn pattern a pixel, each way, and how far beyond what is compared it is drawn, px.
+# Samples of the rendered pattern a pixel, each way, and its margin beyond the compared part, px.
 FINE = 2
 BEYOND_PX = 3
 # Blurs that are tried, px, on so many corners of the board.

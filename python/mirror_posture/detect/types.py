@@ -19,7 +19,7 @@ from ..marker import ColorRange, Marker
 from ..short_repr import ShortRepr
 
 FloatArray = npt.NDArray[np.float64]
-# A picture's pixels, of whatever type OpenCV gave them.
+# A picture's pixels, of any type that OpenCV gives.
 Pixels = npt.NDArray[Any]
 Via = Literal["mirror", "direct"]
 CentreKind = Literal["outline_centroid", "region_centroid"]
@@ -29,7 +29,7 @@ LEAST_CORNERS = 3
 
 
 class DetectionError(MirrorPostureError):
-    """Input that detection cannot work with: what was got, what is needed, and the fix."""
+    """Input that detection cannot process: what was given, what is required, and the fix."""
 
 
 def check_board(board: Board) -> None:

@@ -19,21 +19,22 @@ from .problem import Problem
 from .search import Found, columns_of, start_of, without_cause
 
 NEAR = 30.0
-"""Log odds: a rival farther behind at the first look is not fitted..."""
+"""Log odds: an alternative farther behind in the first screening is not fitted..."""
 SHARE = 0.25
-"""... nor one farther behind than this share of what the cause gains: what is large is not linear."""
+"""... nor one farther behind than this share of the cause's gain, because large effects are not linear."""
 RIVALS = 6
 CLOSE = 4.0
-"""Log odds: rivals as near as this are fitted once more where the simulator is exact near them."""
+"""Log odds: alternatives as near as this are fitted once more with steps that are exact near them."""
 LEAST_PROBABILITY = 0.01
 MOST_PROBABILITY = 0.999
 
 
 @dataclass(frozen=True, eq=False)
 class Rivals:
-    """The probability of a cause, and of those that might stand in its place, the likeliest first.
+    """The probability of a cause, and of its alternatives, the most probable first.
 
-    `models` are those that were fitted with a rival in its place; `better` is the one that is likelier than the cause, if any is.
+    `models` are those that were fitted with an alternative in its place; `better` is the one that is more
+    probable than the cause, if any is.
     """
 
     probability: float
@@ -43,7 +44,7 @@ class Rivals:
 
 
 def rivals_of(problem: Problem, found: Found, key: Key) -> Rivals:
-    """The rivals of one of the causes found."""
+    """The alternatives of one of the causes found."""
     best, scale = found.best, found.noise_scale
     inflation = best.misfit.inflation
     columns, _ = columns_of(problem, best, scale)
@@ -54,7 +55,7 @@ def rivals_of(problem: Problem, found: Found, key: Key) -> Rivals:
     own = max(gain.get(key, 0.0), 0.5 * (without.misfit.squares - best.misfit.squares) / inflation)
     behind = {s.key: own - gain[s.key] for s in scored if s.key != key}
     near = [s for s in scored if s.key != key and behind[s.key] < NEAR + SHARE * own][:RIVALS]
-    # The cause itself once more beside them: with the same columns, as far as they are.
+    # The cause itself once more, with the same columns where possible.
     starts = [dict(best.causes), *(start_of(problem, without, one, scale) for one in near)]
     itself, *trials = fit_all(problem, starts, scale, iterations=6, known=known, enough=0.05)
     itself, does = itself or best, without.misfit.squares - best.misfit.squares
@@ -86,7 +87,7 @@ def rivals_of(problem: Problem, found: Found, key: Key) -> Rivals:
 
 
 def _simulated(one: Key, other: Key) -> bool:
-    """Whether the motions of two causes differ, and so what a simulator's steps are off."""
+    """Whether the motions of two causes differ, and so the simulator's integration errors."""
     return EFFECTS[one[0]].in_rollout or EFFECTS[other[0]].in_rollout
 
 

@@ -13,7 +13,8 @@ from .problem import Problem
 from .recording import LEAST_FRAMES
 
 DEPENDS = 0.5
-"""In units of the noise: a picture that is shifted by more depends on what the log does not tell."""
+"""In units of the noise: a picture that is shifted by more depends on something that the log does not
+contain."""
 
 
 def leave_out_beginning(problem: Problem, causes: Causes) -> bool:
@@ -29,6 +30,6 @@ def leave_out_beginning(problem: Problem, causes: Causes) -> bool:
     shift = np.einsum("fmij,fmj->fmi", problem.by_position(), moved)
     depends = np.flatnonzero(np.abs(shift).max(axis=(1, 2)) > DEPENDS)
     first = int(depends[-1]) + 1 if len(depends) else 0
-    # What depends on it throughout cannot be left out.
+    # A limb that depends on it throughout cannot be left out.
     problem.begin_at(first if len(shift) - first >= LEAST_FRAMES else 0)
     return problem.view.first != before

@@ -38,7 +38,7 @@ EXACT = 0.002
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MotionDiagnosis(ShortRepr):
-    """A diagnosis with what it was made of: for pictures, and for predicting another motion."""
+    """A diagnosis with its models: for plots, and for predicting another motion."""
 
     diagnosis: Diagnosis
     problem: Problem
@@ -52,13 +52,14 @@ def diagnose_motion(
     most_causes: int = MOST_CAUSES,
     progress: Callable[[str], None] | None = None,
 ) -> MotionDiagnosis:
-    """Where the simulator is wrong about a motion, by which effects, and how far the gap shrinks.
+    """Diagnoses a motion: where the simulator is wrong, which effects cause it, and how far the gap
+    shrinks.
 
-    `model` is the user's MJCF or URDF, executed by MuJoCo with the log's commands; without it the session's URDF on ideal servos.
+    `model` is the user's MJCF or URDF, executed by MuJoCo with the log's commands; without it the session's
+    URDF on ideal servos.
 
     Raises:
-        MirrorPostureError: a session that does not move or is too short, or without camera and board; a model that MuJoCo
-            cannot load or that lacks a joint.
+        MirrorPostureError: a session that does not move or is too short, or without camera and board; a model that MuJoCo cannot load or that lacks a joint.
     """
     loaded = as_session(session)
     problem = Problem(loaded, None if model is None else Path(model))
@@ -66,7 +67,8 @@ def diagnose_motion(
     before = problem.view.false
     false = _false(problem, found)
     if (false != before).any():
-        # One false image bends a fit, and what the first look took for false may be what a cause does.
+        # One false image bends a fit, and what the first screening took for false may be the effect of a
+        # cause.
         problem.leave_out(false)
         changed = int((false != before).sum())
         few = changed < FEW_FALSE * problem.view.seen.sum()
@@ -81,7 +83,8 @@ def diagnose_motion(
 
 
 def _likeliest(problem: Problem, found: Found) -> tuple[Found, dict[Key, Rivals]]:
-    """The causes with their rivals; where a rival is the likelier one, it is the cause: unless something is left unexplained."""
+    """The causes with their alternatives. If an alternative is more probable, it becomes the cause, unless
+    something is left unexplained."""
     been = {frozenset(found.best.causes)}
     while True:
         rivals = {key: rivals_of(problem, found, key) for key in found.best.causes}
@@ -98,10 +101,12 @@ def _likeliest(problem: Problem, found: Found) -> tuple[Found, dict[Key, Rivals]
 
 
 def covariance(problem: Problem, found: Found) -> tuple[list[tuple[Key, int]], Floats, Floats]:
-    """Of the fitted parameters, in steps: which they are, their covariance, and their columns in units of the noise.
+    """Covariance of the fitted parameters, in steps: which they are, their covariance, and their columns in
+    units of the noise.
 
-    `(JᵀJ)⁻¹`, times what the residuals exceed white noise by; what a spring that is not straight does to all that was fitted; and
-    EXACT of each parameter, to which no simulator and no law follows a body.
+    `(JᵀJ)⁻¹`, times the ratio of the residuals to white noise; plus the effect of a nonlinear spring on all
+    that was fitted; plus EXACT of each parameter, because no simulator and no law is more accurate than
+    that.
     """
     of, columns = design(problem, found.best.causes)
     columns = columns / found.noise_scale
@@ -109,7 +114,7 @@ def covariance(problem: Problem, found: Found) -> tuple[list[tuple[Key, int]], F
     matrix = columns[seen].reshape(2 * int(seen.sum()), len(of))
     normal, inflation = matrix.T @ matrix + 1e-9 * np.eye(len(of)), found.best.misfit.inflation
     out = np.linalg.pinv(normal) * inflation
-    # By how much a spring that stiffens as usual moves what was fitted without it.
+    # How far the usual stiffening of a spring moves the parameters that were fitted without it.
     springs = (
         stiffening_columns(problem, found.best.causes)[seen].reshape(len(matrix), -1) / found.noise_scale
     )
@@ -130,7 +135,8 @@ def _sizes(problem: Problem, found: Found, of: list[tuple[Key, int]]) -> Floats:
 
 @dataclass(frozen=True)
 class Unseen:
-    """Another motion of the same robot, of which nothing was fitted but its own mirrors: RMS distances, px and m."""
+    """Another motion of the same robot, of which nothing was fitted but its own mirrors: RMS distances, px
+    and m."""
 
     before_px: float
     after_px: float

@@ -44,7 +44,7 @@ class Effect:
     parameters: tuple[str, ...]
     in_rollout: bool = False
     needs_servo: bool = False
-    """Whether it can only be told where the model says how its servo behaves."""
+    """Whether it can only be estimated if the model contains the servo."""
     is_limit: bool = False
     """A limit does nothing until it is reached: it has no derivative at the nominal model, and is tried at sizes."""
 
@@ -73,7 +73,8 @@ EFFECTS = {
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """An effect at a place: one step of each parameter, what it may be, and the values at which it is first tried."""
+    """An effect at a place: one step of each parameter, its bounds, and the values at which it is first
+    tried."""
 
     effect: Effect
     at: str
@@ -122,7 +123,7 @@ def gains(values: tuple[float, ...]) -> tuple[float, float]:
 
 
 def told(key: Key, values: tuple[float, ...], covariance: Floats) -> tuple[list[float], list[float]]:
-    """Parameters as they are told, and their standard deviations, from those that were fitted and their covariance."""
+    """Reported parameters and their standard deviations, from the fitted ones and their covariance."""
     if key[0] != "servo_gain":
         return list(values), np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist()
     stiffness, damping = gains(values)
@@ -134,10 +135,12 @@ def told(key: Key, values: tuple[float, ...], covariance: Floats) -> tuple[list[
 LIMIT_SHARES = (0.4, 0.55, 0.7, 0.85)
 """Shares of a joint's largest speed at which its limit is tried."""
 MILDEST_LEVEL = 0.98
-"""Share of the time that a joint's torque is below the mildest limit that is tried: the largest may be a single jerk, which tells nothing."""
+"""Share of the time that a joint's torque is below the mildest limit that is tried: the maximum may be a
+single jerk, which gives no information."""
 TIGHTEST, FINER = 0.35, 0.95
-"""The tightest limit of torque tried, in units of the mildest, and each in units of the one before: beside a limit that is off by more
-than two or three per cent a limb falls at another moment, and nothing tells how far off it is."""
+"""The tightest limit of torque tried, in units of the mildest, and each in units of the previous one: with
+a limit that is off by more than two or three per cent a limb falls at another moment, and the residuals do
+not show how far it is off."""
 
 
 def torque_sizes(torque: Floats) -> tuple[float, ...]:

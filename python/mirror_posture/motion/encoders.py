@@ -16,10 +16,12 @@ from .problem import Problem
 
 
 def encoder_witness(problem: Problem, causes: Causes) -> list[dict[str, Any]]:
-    """One entry for each joint with a column `measured:<joint>` in states.csv, in rad (m for a prismatic joint).
+    """One entry for each joint with a column `measured:<joint>` in states.csv, in rad (m for a prismatic
+    joint).
 
-    `before` and `after` are RMS(reading − simulated position) without and with the causes, `before_zero_free` and
-    `after_zero_free` the same with a constant of the encoder's own taken out; `named` says whether a cause is named there.
+    `before` and `after` are RMS(reading − simulated position) without and with the causes,
+    `before_zero_free` and `after_zero_free` the same with a constant of the encoder estimated; `named` says
+    whether a cause is named there.
     """
     states = problem.recording.states
     nominal, (moved,) = problem.rollouts.nominal(), problem.rollouts.motions([causes])

@@ -23,15 +23,17 @@ from .problem import Problem
 
 LAW_SHARE, ALONG = 0.1, 0.05
 EXACT_LAWS = frozenset({"latency", "joint_offset", "marker_mount", "camera_mount", "board_mount"})
-"""A rigid body and a clock are where they are: two of these are told apart by all that the pictures show."""
+"""A rigid body and a clock have exact laws: two of these are separated by everything that the pictures
+show."""
 
 
 NEVER_TURNED = float(np.log(2.0))
-"""Log odds against a play beside a wrong zero: only one whose load never turns says the same, and the zero asks for less."""
+"""Log odds against a play compared with a wrong zero: only one whose load never turns is equivalent, and
+the zero is the simpler hypothesis."""
 
 
 def volume(problem: Problem, model: Fitted, inflation: float) -> float:
-    """What the evidence of a fitted model has besides its squares: how much of what is usual of its parameters it leaves."""
+    """The evidence of a fitted model in addition to its squares (Occam factor)."""
     if model.information is None or not model.of:
         return 0.0
     step = np.array([problem.hypotheses[key].step[k] for key, k in model.of])
@@ -47,12 +49,14 @@ def volume(problem: Problem, model: Fitted, inflation: float) -> float:
 
 
 def log_odds(problem: Problem, one: Fitted, other: Fitted, inflation: float, does: float) -> float:
-    """Of one fitted model against another that stands in its place; `does`: what the cause in question lowers the squares by."""
+    """Log odds of one fitted model against another in its place; `does`: the reduction of the squares by
+    the cause in question."""
     inflation *= trusted_to(does, inflation)
     by_squares = 0.5 * (other.misfit.squares - one.misfit.squares) / inflation
     return by_squares + volume(problem, one, inflation) - volume(problem, other, inflation)
 
 
 def trusted_to(does: float, inflation: float) -> float:
-    """By how much squares count less since laws are not exact; `does`: what the cause in question lowers them by."""
+    """The factor by which squares are reduced because laws are not exact; `does`: the reduction of the
+    squares by the cause in question."""
     return 1.0 + ALONG**2 * max(0.0, does) / inflation

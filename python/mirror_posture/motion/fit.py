@@ -33,9 +33,9 @@ SMALL_DECREASE = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """Causes with fitted parameters, what they leave (F, markers, 2) in units of the noise, and its misfit.
+    """Causes with fitted parameters, the residuals (F, markers, 2) in units of the noise, and their misfit.
 
-    `of` and `information` are the parameters and JᵀJ, in steps, where a fit last had them.
+    `of` and `information` are the parameters and JᵀJ, in steps, of the last fit.
     """
 
     causes: Causes
@@ -72,7 +72,8 @@ def fit(
     iterations: int = 6,
     known: Known | None = None,
 ) -> Fitted | None:
-    """Fits all parameters of the causes; `known` are columns (of one step, whitened) that need not be computed anew."""
+    """Fits all parameters of the causes; `known` are columns (of one step, whitened) that need not be
+    computed again."""
     return fit_all(problem, [start], scale, iterations=iterations, known=known)[0]
 
 
@@ -95,8 +96,8 @@ def fit_all(
 ) -> list[Fitted | None]:
     """Fits several models side by side.
 
-    `hopeless(one, best)` tells after each step of the first whether it need not be fitted further, beside the best of all so far;
-    a step that lowers the squares by less than `enough` is the last.
+    `hopeless(one, best)` decides after each step whether the first can be given up, compared with the best
+    of all so far; a step that lowers the squares by less than `enough` is the last.
     """
     first = evaluated_all(problem, starts, scale)
     trials = [None if f is None else _Trial(f, going=bool(f.causes)) for f in first]
@@ -133,7 +134,7 @@ def fit_all(
 
 
 def _ahead(problem: Problem, several: Sequence[Causes], known: Known | None) -> None:
-    """Simulates together what the columns of several models will ask for."""
+    """Simulates together what the columns of several models need."""
     problem.ahead(
         [(causes, [key for key in causes if (key, 0) not in (known or {})]) for causes in several],
         central=False,

@@ -37,7 +37,7 @@ class Motion(ShortRepr):
     step_s: float
     branches: Sequence[Branch]
     loads: dict[tuple[float, int], Floats] = field(default_factory=dict)
-    """Loads that were asked for, by the first moment and their number."""
+    """Requested loads, by the first moment and their number."""
 
     @property
     def joints(self) -> int:

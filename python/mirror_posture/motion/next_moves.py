@@ -29,7 +29,7 @@ from .search import Found
 Floats = npt.NDArray[np.float64]
 
 LEAST_PROBABILITY = 0.05
-"""A rival that is less likely needs no move of its own."""
+"""A less probable alternative needs no separate move."""
 MOST_MOVES = 3
 MOST_PICTURES, TOO_MANY = 3000, 10**9
 LOG_STEP_S, PICTURE_STEP_S = 0.01, 1.0 / 30.0
@@ -44,7 +44,8 @@ DRAWN, WITHIN = 100, 0.9
 
 @dataclass(frozen=True)
 class Move:
-    """A joint moves from where `start` has it to where `end` has it and back, in `seconds` a way; the others stand."""
+    """A joint moves from its position in `start` to that in `end` and back, in `seconds` each way; the
+    others stand still."""
 
     joint: str
     start: Mapping[str, float]
@@ -75,7 +76,8 @@ class Move:
 
 @dataclass(frozen=True, eq=False)
 class _Pair:
-    """Two models that a move shall part, the joints it may move, and by what they differ in the motion as it is."""
+    """Two models that a move must separate, the joints it may move, and their difference in the present
+    motion."""
 
     one: Causes
     other: Causes
@@ -87,7 +89,8 @@ class _Pair:
 def next_moves(
     problem: Problem, found: Found, rivals: Mapping[Key, Rivals], limits: Sequence[Mapping[str, Any]]
 ) -> list[Move]:
-    """The moves that would part rivals or show what is hidden most; empty where none would by more than this motion does."""
+    """The moves that would separate alternatives or show what is hidden most; empty where none is better
+    than this motion."""
     pairs = _ambiguous(problem, found, rivals) or _hidden(problem, found, limits)
     out = []
     for pair in pairs[:MOST_MOVES]:
@@ -131,7 +134,7 @@ def _apart(problem: Problem, one: Fitted, other: Fitted) -> float:
 
 
 def _hidden(problem: Problem, found: Found, limits: Sequence[Mapping[str, Any]]) -> list[_Pair]:
-    """The effect of which the largest hidden size is farthest above what is usual of it."""
+    """The effect whose largest hidden size exceeds its usual size most."""
     worst: tuple[float, Key | None] = (1.0, None)
     taken = {at for _, at in found.best.causes}
     for entry in limits:
@@ -224,7 +227,7 @@ def _candidates(problem: Problem, joint: str, why: str) -> list[Move]:
 
 
 def _ranges(problem: Problem, low: Floats, high: Floats) -> tuple[Floats, Floats]:
-    """The joints' ranges, the middle part of them; where the robot tells none, what the log went through."""
+    """The joints' ranges, their middle part; if the robot states none, the range of the log."""
     low, high = low.copy(), high.copy()
     known = {joint.name: joint for joint in problem.session.robot.joints}
     for j, name in enumerate(problem.rollouts.joints):
@@ -236,7 +239,7 @@ def _ranges(problem: Problem, low: Floats, high: Floats) -> tuple[Floats, Floats
 
 
 def _middles(rollouts: Rollouts) -> Floats:
-    """When a motion that stands three steps in each of the drawn postures is in the middle of each."""
+    """The times of the middle of each drawn posture, in a motion that stands three steps in each."""
     return np.asarray(rollouts.start_s + STEP_S * (3.0 * np.arange(DRAWN) + 1.0))
 
 

@@ -25,7 +25,8 @@ NEXT_POSTURES = "next-postures.csv"
 
 
 def write_motion_report(done: MotionDiagnosis, folder: Path) -> Path:
-    """Writes `report.html`, `pictures/*.png`, the patched `model.xml` and, where moves are told, `next-postures.csv`; returns the page."""
+    """Writes `report.html`, `pictures/*.png`, the patched `model.xml` and, if there are moves,
+    `next-postures.csv`; returns the page."""
     steps, joints = staircase(done), joint_pictures(done)
     (folder / "pictures").mkdir(exist_ok=True)
     files = {"staircase": steps} | {f"joint-{file_name_of(joint)}": drawn for joint, drawn in joints.items()}
@@ -60,7 +61,7 @@ def write_motion_report(done: MotionDiagnosis, folder: Path) -> Path:
 
 
 def _who_must_act(found: Diagnosis) -> list[Concerned]:
-    """As of still sessions, with what a motion's own effects ask for."""
+    """As of still sessions, with the remedies of a motion's own effects."""
     return [
         replace(
             group,

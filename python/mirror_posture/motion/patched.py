@@ -16,7 +16,7 @@ NOT_IN_A_MODEL: Mapping[str, str] = {
     "joint_compliance": "the output gives way by {0:.6g} rad/(N m) behind the servo",
     "backlash": "the output has a play of {0:.6f} rad behind the servo",
 }
-"""What a model of rigid joints on servos cannot hold; it is said in a comment at the joint."""
+"""Causes that a model of rigid joints on servos cannot represent; a comment at the joint says so."""
 
 
 def patched_model(rollouts: Rollouts, causes: Causes) -> str:

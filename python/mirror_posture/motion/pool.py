@@ -27,7 +27,8 @@ class Pool:
 
     def run(self, models: Sequence[Any], begin: Floats, controls: Sequence[Floats]) -> Floats:
         """States (N, steps, states) of several models, each from its own state (N, states); row i is after step i."""
-        # A motion that diverges is told as none: MuJoCo would write a file of it where the user stands.
+        # A motion that diverges gives no result: MuJoCo would write a file of it in the user's working
+        # directory.
         heard = mujoco.get_mju_user_warning()
         mujoco.set_mju_user_warning(lambda _: None)
         try:
@@ -37,7 +38,7 @@ class Pool:
         return np.asarray(states)
 
     def at_rest(self, position: Floats) -> Floats:
-        """The state of a body that stands at these joint positions."""
+        """The state of a body at rest at these joint positions."""
         state = np.zeros(mujoco.mj_stateSize(self.model, mujoco.mjtState.mjSTATE_FULLPHYSICS))
         begin = self.data[0]
         mujoco.mj_resetData(self.model, begin)

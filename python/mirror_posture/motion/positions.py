@@ -22,7 +22,8 @@ LOAD_SHARE = 0.02
 def positions(
     rollouts: Rollouts, causes: Causes, motion: Motion, marker_time_s: Floats, board_time_s: Floats
 ) -> tuple[Floats, Floats]:
-    """Where the links of a simulated motion stand at times (F, markers) and (F,): (F, markers, joints) and (F, joints)."""
+    """The link positions of a simulated motion at times (F, markers) and (F,): (F, markers, joints) and (F,
+    joints)."""
     latency = causes.get(("latency", "camera"), (0.0,))[0]
     markers = motion.at(marker_time_s - latency)
     board = motion.at(board_time_s - latency)

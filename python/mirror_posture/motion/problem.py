@@ -31,7 +31,7 @@ WEAK_SHARE = 1e-3
 MOST_AHEAD = 44
 """Motions simulated ahead of their use: fewer than are kept."""
 FAR_RAD = 0.03
-"""Where joints stand farther than this from the model as it is, images are no longer linear about it."""
+"""If joints are farther than this from the nominal model, images are no longer linear around it."""
 
 
 class Problem:
@@ -49,7 +49,7 @@ class Problem:
         moves = self._moving_joints()
         bare = [name for name, scale in self.scales.items() if name in moves and not scale.has_servo]
         if bare:
-            # How a joint follows its log is then unknown, and every other cause would be bent to stand for it.
+            # Then it is unknown how a joint follows its log, and every other cause would absorb that.
             raise MirrorPostureError(
                 f"the model has no position servos at {', '.join(bare)}, so nothing says how they follow their log; give the MJCF "
                 "that your simulator runs, with its servos (--model)"
@@ -64,7 +64,7 @@ class Problem:
         self._kept: dict[tuple[object, ...], Places | None] = {}
 
     def _moving_joints(self) -> set[str]:
-        """The joints whose positions change what is seen."""
+        """The joints whose positions change the observations."""
         robot, out = self.session.robot, set()
         for marker in self.view.marker_links:
             for step in robot.chain(self.view.links[0], marker):
@@ -74,7 +74,7 @@ class Problem:
         return out
 
     def places(self, causes: Causes, motion: Motion) -> Places:
-        """Where the joints stand when markers and board are seen."""
+        """The joint positions when markers and board are seen."""
         recording = self.recording
         markers, board = positions(
             self.rollouts, causes, motion, recording.marker_time_s, recording.board_time_s
@@ -134,7 +134,8 @@ class Problem:
     def changes(self, base: Causes, several: Sequence[Causes]) -> list[Floats | None]:
         """Whitened change of the prediction (F, markers, 2) from `base` to each set of causes.
 
-        Linear in the positions, but for what moves camera, board or markers, and from models whose joints stand far from the nominal.
+        Linear in the positions, except for what moves camera, board or markers, and for models whose joints
+        are far from the nominal.
         """
         (here_motion,) = self.rollouts.motions([base])
         if here_motion is None:
@@ -144,7 +145,7 @@ class Problem:
         jacobian = self.by_position()
         out: list[Floats | None] = []
         at_base: Floats | None = None
-        # From the model as it is each hypothesis is asked for once, whatever images are left out in between.
+        # From the nominal model each hypothesis is computed once, whatever images are left out in between.
         known = self._from_nominal if not base else {}
         fresh = [causes for causes in several if _key(causes) not in known]
         simulated = dict(zip(map(_key, fresh), self.rollouts.motions(fresh), strict=True))
@@ -216,7 +217,7 @@ class Problem:
         return of, ahead, behind
 
     def ahead(self, several: Sequence[tuple[Causes, Sequence[Key]]], *, central: bool) -> None:
-        """Simulates together what `columns` of several models and causes will ask for: all cores are at work."""
+        """Simulates together what `columns` of several models and causes need: all cores are used."""
         wanted: list[Causes] = []
         for base, keys in several:
             _, ahead, behind = self._differenced(base, keys, central)
@@ -224,26 +225,27 @@ class Problem:
         self.rollouts.motions(wanted[:MOST_AHEAD])
 
     def leave_out(self, false: npt.NDArray[np.bool_]) -> None:
-        """Leaves out these images (F, markers) as false and no other; all columns must be computed anew."""
+        """Leaves out these images (F, markers) as false and no others; all columns must be computed again."""
         self.view.leave_out(false)
         self._by_position = None
 
     def begin_at(self, first: int) -> None:
-        """Counts no picture before this one; columns must be computed anew."""
+        """Counts no picture before this one; columns must be computed again."""
         if first != self.view.first:
             self.view.begin_at(first)
             self._by_position = None
 
     def leave_out_false(self, causes: Causes) -> None:
-        """Leaves out the images that lie far from where those before and after have the marker, beside a model with causes.
+        """Leaves out the images that lie far from the marker's place in those before and after, given a
+        model with causes.
 
-        A model that is wrong is so in neighbouring pictures too: of its errors none is hidden.
+        A wrong model is wrong in neighbouring pictures too, so none of its errors is hidden.
         """
         self.leave_out(np.zeros_like(self.view.false))
         self.leave_out(self.view.false_among(self.errors_px(causes)))
 
     def errors_px(self, causes: Causes) -> Floats:
-        """(F, markers, 2): seen less predicted, px, the mirror where the board's reflection tells it."""
+        """(F, markers, 2): observed minus predicted, px, with the mirror from the board's reflection."""
         (motion,) = self.rollouts.motions([causes])
         assert motion is not None
         return self.view.residual_px(self.places(causes, motion), causes)

@@ -23,7 +23,7 @@ from ..short_repr import ShortRepr
 Floats = npt.NDArray[np.float64]
 
 LEAST_FRAMES, LEAST_SECONDS = 60, 3.0
-"""Fewer than these say nothing of a motion."""
+"""Fewer than these give no information on a motion."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -33,7 +33,8 @@ class Recording(ShortRepr):
     session: Session
     states: States
     marker_time_s: Floats
-    """(F, markers): when what the picture shows of each marker happened; of one that was not seen, that of the middle row."""
+    """(F, markers): the moment at which each marker was seen in the picture; of one that was not seen, that
+    of the middle row."""
     board_time_s: Floats
     """(F,)."""
 
@@ -48,10 +49,10 @@ class Recording(ShortRepr):
 
 
 def recording_of(session: Session) -> Recording:
-    """The moving session as arrays.
+    """The session in motion as arrays.
 
     Raises:
-        MirrorPostureError: no log, no times, no camera and board, or too short to say anything of a motion.
+        MirrorPostureError: no log, no times, no camera and board, or too short.
     """
     states, time_s = session.states, session.frames.time_s
     if states is None or time_s is None:

@@ -23,9 +23,10 @@ from .words import WORDS, sentence
 Floats = npt.NDArray[np.float64]
 
 EXPLAINED = 1.15
-"""RMS of what is left, in units of the noise: up to here the noise explains it."""
+"""RMS of the remainder, in units of the noise: up to here the noise explains it."""
 LEAST_NAMED = 0.1
-"""A cause less probable than this is not named: its place is told, and that something there takes its part."""
+"""A cause less probable than this is not named: its place is reported, and that something there absorbs a
+part."""
 BOOTSTRAPS = 400
 
 
@@ -45,7 +46,7 @@ def document(
     share = _shares(found, without)
     stable = stability(problem, found, without)
     left = float(np.sqrt(best.misfit.squares / best.misfit.rows))
-    # Causes of a model that leaves something unexplained may stand for what is not in it.
+    # Causes of a model that leaves something unexplained may replace a missing effect.
     trust = min(1.0, (EXPLAINED / left) ** 2)
     order = sorted(best.causes, key=lambda key: -share[key])
     causes = []
@@ -81,7 +82,7 @@ def document(
     causes, unsure = named(causes)
     gap = _gap(problem, found, columns)
     gap["steps"] = _steps(problem, order, best)
-    # With all causes the gap is told on pictures that the parameters did not see.
+    # With all causes the gap is computed on held-out segments of time.
     gap["steps"][-1] |= {"rms_px": gap["after_px"], "rms_m": gap["after_m"]}
     verdict = _verdict(bool(causes), left) if causes or not order else "unknown"
     total = sum(share.values()) or 1.0
@@ -206,7 +207,7 @@ def _gap(problem: Problem, found: Found, columns: Floats) -> dict[str, Any]:
 
 
 def held_out(residual: Floats, columns: Floats, seen: npt.NDArray[np.bool_]) -> Floats:
-    """Residuals (F, markers, 2) of each segment of time with parameters that the others tell, to first order."""
+    """Residuals (F, markers, 2) of each segment of time with parameters from the others, to first order."""
     out: Floats = residual.copy()
     count = columns.shape[-1]
     if not count:

@@ -129,7 +129,7 @@ class Rollouts:
     def motions(self, several: Sequence[Causes]) -> list[Motion | None]:
         """The motion with each set of causes; None where the simulation diverges."""
         wanted = [self._by_branch(causes) for causes in several]
-        # What limbs do that feel nothing of each other is simulated in one motion, each limb with what is asked of it.
+        # Limbs without influence on each other are simulated in one motion, each with its own requests.
         missing: list[list[Causes]] = [[] for _ in self.branches]
         seen: set[tuple[int, Any]] = set()
         for parts in wanted:
@@ -185,7 +185,7 @@ class Rollouts:
     def stood_longer(self, causes: Causes) -> Motion | None:
         """The motion of a robot that has stood at the first command for longer before the log begins.
 
-        None where it diverges, or where encoders tell how long it stood.
+        None where it diverges, or where encoders determine how long it stood.
         """
         if self._falls(causes):
             return None
@@ -287,7 +287,7 @@ class Rollouts:
         return model
 
     def _controls(self, causes: Causes) -> Floats:
-        """(settling and T, actuators): what the servos are told."""
+        """(settling and T, actuators): the servos' commands."""
         out: Floats = self._told.copy()
         for (effect, at), values in causes.items():
             if effect in ("servo_lag", "velocity_limit"):
@@ -331,7 +331,7 @@ class Rollouts:
 
 
 def _finer(controls: Floats, substeps: int) -> Floats:
-    """Controls (T, actuators) for steps so many times shorter, straight in between."""
+    """Controls (T, actuators) for steps that are shorter by this factor, linear in between."""
     if substeps == 1:
         return controls
     return between(controls, np.arange((len(controls) - 1) * substeps + 1) / substeps)

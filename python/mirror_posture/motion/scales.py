@@ -9,7 +9,7 @@ from .rollouts import STEP_S, Rollouts
 
 LEAST_SPEED_RAD_PER_S = 1e-3
 LARGEST = 0.999
-"""Share of the time: what is larger is a jerk."""
+"""Share of the time: larger values are jerks."""
 
 
 def scales_of(rollouts: Rollouts) -> dict[str, JointScale]:

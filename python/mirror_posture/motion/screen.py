@@ -24,16 +24,17 @@ RIDGE = 1e-9
 LIMIT_AMPLITUDE = (0.3, 1.6)
 """How much more or less than at the size tried a limit may change the prediction, to be counted."""
 TOLD_DEVIATIONS = 3.0
-"""By so many standard deviations the mildest limit must speak for itself, before tighter ones are simulated."""
+"""The mildest limit must be significant by this many standard deviations before tighter ones are simulated."""
 MOST_PLACES, MOST_SCANNED = 3, 40_000
-"""Joints whose tighter limits are simulated: those at which anything would gain most; and so many steps of time for all of them."""
+"""Joints whose tighter limits are simulated: those with the largest gain; and the total number of time
+steps for all of them."""
 BLOCKS = 10
 """Parts of the time whose sums are kept apart."""
 
 
 @dataclass(frozen=True)
 class Scored:
-    """A hypothesis, by how much it lowers the squares, and where its fit shall start."""
+    """A hypothesis, its reduction of the squares, and the start of its fit."""
 
     key: Key
     gain: float
@@ -66,7 +67,8 @@ class Screen:
         self.limits: list[tuple[Hypothesis, tuple[float, ...], int]] = []
         self._counted: npt.NDArray[np.bool_] | None = None
         self._matrix, self._blocks = np.zeros((0, 0)), np.zeros((BLOCKS, 0, 0))
-        # A limit acts wherever a tighter one acts, the same way: where the mildest tried tells nothing, none does.
+        # A limit acts wherever a tighter one acts, in the same direction: if the mildest one shows no effect,
+        # none does.
         limits = [h for h in problem.hypotheses.values() if h.effect.is_limit]
         self._try_limits([(h, h.starts[-1]) for h in limits])
 
@@ -159,7 +161,8 @@ class Screen:
     def _tighter(
         self, free: Free, by_residual: Floats, scored: Sequence[Scored], skip: Sequence[Key]
     ) -> list[tuple[Hypothesis, tuple[float, ...]]]:
-        """Sizes not tried yet of the limits whose mildest size tells something, at the joints where anything gains most."""
+        """Untried sizes of the limits whose mildest size shows an effect, at the joints with the largest
+        gain."""
         clear, falling = [], self.problem.rollouts.falling_joint()
         tried = {(h.key, start) for h, start, _ in self.limits}
         for h, start, column in self.limits:
@@ -201,5 +204,5 @@ def _best(h: Hypothesis, normal: Floats, by_residual: Floats, whole: Floats) -> 
 
 
 def with_cause(causes: Causes, scored: Scored) -> Causes:
-    """A model with one more cause, where its fit shall start."""
+    """A model with one more cause, and the start of its fit."""
     return {**causes, scored.key: scored.start}

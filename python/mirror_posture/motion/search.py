@@ -30,19 +30,20 @@ TRIED = 6
 MARGIN = 6.0
 """Twice the log odds that a new cause must have over its price."""
 AT_NOISE = 1.15
-"""RMS of what is left, in units of the noise: up to here it is small."""
+"""RMS of the remainder, in units of the noise: up to here it is small."""
 LEAST_SHIFT = 0.1
-"""In units of the noise: a cause that moves the markers by less, RMS, is not told."""
+"""In units of the noise: a cause that moves the markers by less, RMS, is not reported."""
 HOPELESS = (60.0, 0.5)
-"""A model is fitted no further where the criterion has it behind the best by so much, and by this share of what the best gained."""
+"""A model is fitted no further if it is behind the best by this much in the criterion, and by this share of
+the best's gain."""
 MOST_AHEAD, FAR = 3, 1.5
 """So many causes may be tried together before they pay, while more than so much of the noise, RMS, is left."""
 MOST_STEPS = 13_000_000
 """Of all simulations together, until which the search looks for one more cause: three hundred motions of a minute."""
 NEAR_SIZES = 1
-"""Sizes of a limit to either side of the best alone that are tried beside the causes that a model has."""
+"""Sizes of a limit to either side of the single best that are tried with the causes of a model."""
 UNLIKE = 0.5
-"""Share of what a cause gains, at the first look, below which another is not tried in its place."""
+"""Share of a cause's gain, in the first screening, below which another is not tried in its place."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +70,7 @@ def search(
     as_it_is = evaluated(problem, {}, 1.0)
     first_fit = fit(problem, start, 1.0, iterations=3) if start else as_it_is
     assert first_fit is not None and as_it_is is not None
-    # A model that is wrong in what is quick adds to it, none takes away.
+    # A model that is wrong in fast motion increases it; none decreases it.
     scale = min(noise_scale(model.residual, problem.view.seen) for model in (as_it_is, first_fit))
     base, best = evaluated(problem, {}, scale), evaluated(problem, first_fit.causes, scale)
     assert base is not None and best is not None
@@ -110,7 +111,7 @@ def search(
                 nominal = evaluated(problem, {}, scale) or nominal
             accepted, ahead = best, 0
         elif ahead < MOST_AHEAD and trial.misfit.squares > FAR**2 * trial.misfit.rows:
-            # Beside much that is wrong one cause seems to be worth little: perhaps together with the next.
+            # If much is wrong a single cause may gain little; it may gain together with the next.
             best = trial
         else:
             break
@@ -119,7 +120,7 @@ def search(
 
 
 def _pays(problem: Problem, before: Fitted, trial: Fitted, scale: float, price: float) -> tuple[bool, str]:
-    """Whether a model with more causes is better than one before it, by all that is asked; and in words."""
+    """Whether a model with more causes is better than the previous one by all criteria; and in words."""
     new = [key for key in trial.causes if key not in before.causes]
     gained = before.misfit.squares - trial.misfit.squares
     worth = advantage(trial, before)
@@ -170,7 +171,8 @@ def _best_addition(
 
 
 def start_of(problem: Problem, base: Fitted, scored: Scored, scale: float) -> Causes:
-    """A model with one more cause, where its fit shall start: a limit at the size that leaves least, of those near the best alone."""
+    """A model with one more cause, and the start of its fit: a limit at the size that leaves least, near
+    the single best."""
     hypothesis = problem.hypotheses[scored.key]
     if not hypothesis.effect.is_limit:
         return with_cause(base.causes, scored)
@@ -254,9 +256,10 @@ def without_cause(
     key: Key,
     scale: float,
 ) -> tuple[Fitted | None, dict[tuple[Key, int], Floats], list[Scored]]:
-    """The model without one of its causes, the others as they are and free to one linear step: what it leaves is told so.
+    """The model without one of its causes, the others unchanged and free for one linear step: its
+    remainder.
 
-    Then the others' columns, and what each hypothesis would gain in its place, the best first.
+    Then the others' columns, and the gain of each hypothesis in its place, the best first.
     """
     rest = {k: v for k, v in model.causes.items() if k != key}
     without = evaluated(problem, rest, scale)

@@ -33,10 +33,12 @@ AMPLITUDE = (0.3, 1.6)
 
 
 def limits(problem: Problem, found: Found) -> list[dict[str, Any]]:
-    """The largest size of each effect at each place that this motion would have hidden, 95 %, the causes found free beside it.
+    """Limits of detection: the largest size of each effect at each place that this motion would have
+    hidden, 95 %, with the causes found free.
 
-    One entry a hypothesis; a parameter's size is None where any would be hidden. The other parameters of the same effect are
-    free. Limits of torque and speed, which act only where they are reached, have no such size and are left out.
+    One entry for each hypothesis; a parameter's size is None where any would be hidden. The other
+    parameters of the same effect are free. Limits of torque and speed, which act only where they are
+    reached, have no such size and are left out.
     """
     scale, misfit = found.noise_scale, found.best.misfit
     _, taken = columns_of(problem, found.best, scale)
@@ -61,10 +63,11 @@ def limits(problem: Problem, found: Found) -> list[dict[str, Any]]:
 
 
 def bagged(share: float | None) -> float:
-    """The probability that a share of the resamples stands for, half a resample on either side (Jeffreys); 1 where none is told, or all agree.
+    """The probability that a share of the resamples represents, half a resample on either side (Jeffreys);
+    1 where none is computed, or all agree.
 
-    No cause is more probable than it is stable. Source: Huggins and Miller, "Robust inference and model selection using bagged
-    posteriors" (2020).
+    No probability exceeds the stability. Source: Huggins and Miller, "Robust inference and model selection
+    using bagged posteriors" (2020).
     """
     if share is None or share >= 1.0:
         return 1.0
@@ -72,10 +75,11 @@ def bagged(share: float | None) -> float:
 
 
 def stability(problem: Problem, found: Found, without: Mapping[Key, Fitted | None]) -> dict[Key, float]:
-    """By cause: the share of resamples of the time, in tenths, in which no other hypothesis stands in its place.
+    """For each cause: the share of resamples of the time, in tenths, in which no other hypothesis replaces
+    it.
 
-    `without` are the models without each cause, the others as they are. A rival has its best amplitude in each resample, linear
-    at the nominal model; the cause has what it does as it was fitted, more or less of it.
+    `without` are the models without each cause, the others unchanged. An alternative has its best amplitude
+    in each resample, linear at the nominal model; the cause has its fitted effect, scaled.
     """
     random = np.random.default_rng(0)
     weights = random.multinomial(BLOCKS, np.full(BLOCKS, 1.0 / BLOCKS), size=RESAMPLES).astype(float)

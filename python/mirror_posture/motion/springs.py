@@ -17,7 +17,7 @@ Floats = npt.NDArray[np.float64]
 
 STIFFENING = 0.1
 FAR = 3.0
-"""Loads from so many times the usual on stiffen no further."""
+"""Loads from this multiple of the usual one on stiffen no further."""
 
 
 def stiffening_columns(problem: Problem, causes: Causes) -> Floats:

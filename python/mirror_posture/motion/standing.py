@@ -24,10 +24,11 @@ from .recording import Recording
 Floats = npt.NDArray[np.float64]
 
 FIRST_S, LEAST_READINGS = (0.2, 0.14, 0.1), 8
-"""Readings by which position and speed are told: of the first so many seconds, the longest that a cubic follows as closely as the others."""
+"""Readings from which position and speed are computed: of the first seconds, the longest interval that a
+cubic follows as closely as the others."""
 AS_CLOSE = 1.5
 LEAST_STD_RAD = 2e-4
-"""Of a reading: less than an encoder's tick is not believed."""
+"""Smallest error of a reading: less than an encoder's tick is implausible."""
 MOST_STOOD_S, LEAST_STOOD_S = 3.0, 0.05
 MOVING_RAD_PER_S, ELSEWHERE_RAD = 0.1, 0.3
 """A joint that is so much faster than the model as it is, or so far from it, has begun to fall."""
@@ -51,9 +52,9 @@ class Began:
     time_s: Floats
 
     def falling(self, nominal: Motion) -> dict[int, float]:
-        """Columns of the joints that fall when the log begins, and how fast beside the model as it is.
+        """Columns of the joints that fall when the log begins, and how fast relative to the nominal model.
 
-        A log may begin with a jerk of its commands: the model's own motion is looked at as the readings are.
+        A log may begin with a jerk of its commands: the model's own motion is treated like the readings.
         """
         readings = nominal.at(nominal.start_s + self.time_s[self.time_s <= max(FIRST_S)])
         std = np.sqrt(np.linalg.inv(self.information)[:, 1, 1])
@@ -74,9 +75,10 @@ class Began:
         step_s: float,
         bias: Floats | None = None,
     ) -> float:
-        """Step (a fraction between two) at which these joints, falling (T, joints), are nearest to where the log has them.
+        """Step (a fraction between two) at which these joints, falling (T, joints), are nearest to their
+        state in the log.
 
-        `bias` (joints, 2) is what a cubic has too much of their positions and speeds.
+        `bias` (joints, 2) is the error of a cubic in their positions and speeds.
         """
         mine, at = self._common(joints)
         state = self.state[mine] - (0.0 if bias is None else bias[at])
@@ -117,7 +119,7 @@ class Began:
 
 
 def began(recording: Recording, joints: tuple[str, ...]) -> Began | None:
-    """What the encoders say of the log's first moments; None where they are too few or silent."""
+    """The encoders' state at the log's first moments; None where they are too few or absent."""
     states = recording.states
     time = states.time_s - states.time_s[0]
     columns, told, window = [], [], []
@@ -165,9 +167,10 @@ def where_logs_begin(
     step_s: float,
     settle_s: float,
 ) -> Floats:
-    """States (N, states) in which the log begins, of several models that stand `at_rest`; their controls (T, …) from then on.
+    """States (N, states) in which the log begins, of several models that stand `at_rest`; their controls
+    (T, …) from then on.
 
-    Of each model's `falling` sets of joints where their encoders have them; the others after `settle_s`.
+    Of each model's `falling` sets of joints in their encoders' state; the others after `settle_s`.
     """
     steps, first = int(MOST_STOOD_S / step_s), int(max(FIRST_S) / step_s) + 2
     begin = np.repeat(at_rest[None], len(models), axis=0)
@@ -180,7 +183,7 @@ def where_logs_begin(
                 q, v = pool.positions_at(joints), pool.velocities_at(joints)
                 if not (np.abs(run[:, q]) <= WILD_RAD).all():
                     continue
-                # A swing is no cubic: by how much, the motion that follows from there says.
+                # A swing is not a cubic: the simulated motion gives the error.
                 off = (
                     None
                     if motions is None

@@ -54,11 +54,13 @@ class Misfit:
 def noise_scale(whitened: Floats, seen: Mask) -> float:
     """The noise in units of the one that whitened the residuals (F, markers, 2).
 
-    A detector's errors may be correlated from picture to picture, ρ to the next: then fourth differences hold less of them. How
-    much is read off the correlation of successive differences, which ρ alone decides.
+    A detector's errors may be correlated from picture to picture, ρ to the next: then fourth differences
+    contain less of them. How much follows from the correlation of successive differences, which depends on
+    ρ alone.
 
-    Where a limb does what the model never does, the model's own error is quick too, at some markers for some of the time. The noise
-    is the same everywhere: where the quietest windows hold much less than the whole, what they hold is the noise.
+    Where a limb does what the model never does, the model's own error is fast too, at some markers for some
+    of the time. The noise is the same everywhere: if the quietest windows contain much less than the whole,
+    their content is the noise.
     """
     whole: Mask = np.asarray(np.lib.stride_tricks.sliding_window_view(seen, 6, axis=0).all(axis=-1))
     differences = np.lib.stride_tricks.sliding_window_view(whitened, 5, axis=0) @ FOURTH

@@ -31,9 +31,9 @@ from .recording import Recording
 Floats = npt.NDArray[np.float64]
 
 TWIST_STEP = 1e-4
-"""rad, m: of the differences that tell how a mirror's foot moves with the camera against the board."""
+"""rad, m: step of the differences by which a mirror's foot moves with the camera relative to the board."""
 KEPT_PER_MARKER = 6
-"""Poses of each marker that are remembered: what a cause does not move is asked for again and again."""
+"""Poses of each marker that are cached: what a cause does not move is needed repeatedly."""
 HIDDEN = 1e6
 """px²: the variance of a marker that was not seen."""
 
@@ -220,7 +220,8 @@ class View:
         )
 
     def metres_per_px(self, nominal: Places) -> Floats:
-        """(F, markers): what a pixel is at a marker, across the line of sight: the light's path over the focal length."""
+        """(F, markers): the size of a pixel at a marker, across the line of sight: the light's path over
+        the focal length."""
         out = np.zeros(self.seen.shape)
         normal = self.foot_m / np.linalg.norm(self.foot_m, axis=1, keepdims=True)
         for m, link in enumerate(self.marker_links):
