@@ -120,7 +120,7 @@ def _servos_page() -> str:
     text = _head(
         "servos.toml",
         [f"servos-{make}" for make in servo_keys.MAKES],
-        "Which servo is which joint; what it means is in [robots](../robots.md). A key that is not listed is refused: a misspelt limit must not be none.",
+        "Which servo is which joint; the meaning is in [robots](../robots.md). A key that is not listed is refused, so that a misspelt limit is not ignored.",
     )
     for make in servo_keys.MAKES:
         text += f"\n## {make.capitalize()}\n"
@@ -152,7 +152,7 @@ def _diagnosis_page() -> str:
     text = _head(
         "diagnosis.json",
         ["diagnosis"],
-        "Keys that are not listed may be there: a newer core says more. What the words mean is in [diagnosing](../diagnosing.md).",
+        "Keys that are not listed may be there, because a newer core may write more. The meaning is in [diagnosing](../diagnosing.md).",
     )
     for name, kind in described().items():
         title = "The document" if not name else name

@@ -111,7 +111,7 @@ def run(rig: tuple[Path, Path, np.ndarray], *more: str, code: int = 0):
 def test_bad_calls_are_named(rig: tuple[Path, Path, np.ndarray]) -> None:
     assert "all of" in run(rig, code=1).stderr
     assert "as in 9x6x20" in run(rig, "--stand", "9x6", code=1).stderr
-    assert "cannot be told apart" in run(rig, "--stand", "4x7x20", code=1).stderr
+    assert "cannot be distinguished" in run(rig, "--stand", "4x7x20", code=1).stderr
     (rig[1] / "second" / "1.png").unlink()
     assert "second/1.png" in run(rig, "--stand", "9x6x20", code=1).stderr
 

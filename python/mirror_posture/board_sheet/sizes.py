@@ -72,7 +72,7 @@ def recommend(distance_m: float, focal_px: float, markers: int = 4) -> Recommend
             raise MirrorPostureError(f"{name}: got {value!r}, needed a number above 0")
     if not 1 <= markers <= MOST_COLOURS:
         raise MirrorPostureError(
-            f"markers: got {markers}, needed 1 to {MOST_COLOURS}: more hues cannot be told apart"
+            f"markers: got {markers}, needed 1 to {MOST_COLOURS}: more hues cannot be distinguished"
         )
     path = 2.0 * distance_m
     square = math.ceil(1000.0 * SQUARE_PX * path / focal_px - 1e-9) / 1000.0

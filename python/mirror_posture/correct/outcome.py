@@ -180,7 +180,7 @@ def _stalled(e: Mapping[str, Any]) -> str:
     stuck = [r["joint"] for r in e["responses"] if r["stuck"]]
     causes = {
         "no_progress": "the error no longer falls, though the model says that it should",
-        "not_following": f"{', '.join(stuck)} does not do what it is told",
+        "not_following": f"{', '.join(stuck)} does not follow its commands",
         "out_of_reach": f"no posture of the free joints puts all markers on their targets; {_list_mm(e['left_m'])} are left at best",
         "too_uncertain": f"the error is within the measurement's noise, which reaches to {_list_mm(e['below_m'])}; take more or wider views",
     }

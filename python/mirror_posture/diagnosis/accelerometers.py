@@ -72,7 +72,7 @@ def accelerometer_witness(session: Session, found: Diagnosis) -> AccelerometerWi
         rows = np.flatnonzero(read & known)
         if not len(rows):
             why = "no frame has a reading" if not read.any() else "no frame with a reading shows its causes"
-            warnings.append(f"accelerometer on {link}: {why}; it is no witness")
+            warnings.append(f"accelerometer on {link}: {why}; it is not used")
             continue
         force = frames.accelerometer_m_per_s2[rows, k]
         length = np.linalg.norm(force, axis=1)

@@ -199,7 +199,7 @@ def track_caption(at: str, what: str) -> str:
 
 def field_caption(over: str, compared: bool) -> str:
     """What a field shows."""
-    both = " Left without what is told here, right with it, both on one scale." if compared else ""
+    both = " Left without the cause, right with it, both on one scale." if compared else ""
     if over == "image":
         return f"Where the board's corners and the markers (blue) are seen, less where they are predicted, on average over the picture (px).{both} Grey arrows are within the noise."
     return f"By how much each corner of the board is displaced, on average, facing the print: arrows in its plane, dots out of it (mm).{both} What the mirror's position can take up is not in it."

@@ -88,7 +88,7 @@ def write_report(session: Session, found: Diagnosis, folder: Path) -> Path:
 def _gap_in_words(gap: Gap) -> str:
     sizes, unit, label = gap_told(gap)
     if not sizes:
-        return "No gap can be told: there is nothing to compare."
+        return "No gap can be computed: there is nothing to compare."
     before, after, floor = sizes
     return f"Bars: {label}: {before:.2f} before, {after:.2f} after, {floor:.2f} of noise ({unit})."
 
@@ -114,7 +114,7 @@ class Panel:
     @property
     def says(self) -> str:
         """The description of the picture, for readers who cannot see it."""
-        return f"{self.title}. {self.caption or 'The error against position, load, direction of motion and time; points: each posture alone, and what the cause says.'}"
+        return f"{self.title}. {self.caption or 'The error against position, load, direction of motion and time; points: each posture separately; line: the law of the cause.'}"
 
 
 def signature_panels(found: Diagnosis) -> list[Panel]:

@@ -105,7 +105,7 @@ def draw_gap(gap: Gap) -> Drawing:
     drawn, axes = figure(5.2, 2.1)
     ax = axes[0, 0]
     if not values:
-        ax.text(0.5, 0.5, "no gap can be told: nothing to compare", ha="center", va="center", color=FLOOR)
+        ax.text(0.5, 0.5, "no gap can be computed: nothing to compare", ha="center", va="center", color=FLOOR)
         ax.set_axis_off()
         return finished(drawn, "gap")
     ends = values[1]

@@ -27,7 +27,7 @@ def _count(name: str, what: str) -> Whole:
 
 VIEW = Section(
     name="views",
-    what="A way in which the mirror stands; the column `view` of views.csv counts them from 0.",
+    what="An orientation and place of the mirror; the column `view` of views.csv counts them from 0.",
     keys=(
         _angle("yaw_rad", "Turned about the vertical."),
         _angle("pitch_rad", "Leaning."),
@@ -57,7 +57,7 @@ TWIN = Section(
         Text(name="cause", what="`effect@place`."),
         Number(
             name="apart_from",
-            what="The size, in the effect's unit, from which both are told apart; null: at no size.",
+            what="The size, in the effect's unit, from which both can be separated; null: at no size.",
             at_least=0.0,
             null=True,
         ),
@@ -67,7 +67,7 @@ TWIN = Section(
 )
 TELLS = Section(
     name="tells",
-    what="What the pictures will tell of one cause.",
+    what="The predicted detection limits of one cause.",
     keys=(
         Text(name="effect", what="As a diagnosis names it."),
         Text(name="at", what="Its place, `joint:NAME` for instance."),
@@ -84,11 +84,11 @@ TELLS = Section(
 )
 OPTIONS = Section(
     name="options",
-    what="What was planned for: postures are judged by it again when the plan is read back. null: as session.toml says, or else as `plan` chooses.",
+    what="The options of the plan: postures are checked with them again when the plan is read. null: as in session.toml, or otherwise as `plan` chooses.",
     keys=(
         _above_0("mirror_width_m", "Of the glass.", "m", null=True),
         _above_0("mirror_height_m", "Of the glass.", "m", null=True),
-        _vector("mirror_at_m", "Where its centre was told to be, in the root's frame.", "m", null=True),
+        _vector("mirror_at_m", "The given place of its centre, in the root's frame.", "m", null=True),
         Flag(name="mirror_fixed", what="Whether it hangs, and is not turned."),
         Whole(name="views", what="How many ways it is turned.", at_least=1, at_most=MOST_VIEWS),
         Whole(name="postures", what="How many were asked for.", at_least=2, at_most=MOST_POSTURES),
@@ -97,7 +97,7 @@ OPTIONS = Section(
         _above_0("clearance_m", "Between the robot and itself or the table.", "m", null=True),
         Named(
             name="home",
-            what="Joints that stand elsewhere than at 0, rad (m).",
+            what="Joints at other positions than 0, rad (m).",
             each=Number(name="", what=""),
         ),
         Texts(name="held", what="Joints that stay at home."),
@@ -114,7 +114,7 @@ OPTIONS = Section(
 )
 TOP = Section(
     name="",
-    what="A plan, as `mirror-posture plan` tells it.",
+    what="A plan, as `mirror-posture plan` writes it.",
     keys=(
         Text(name="format", what="What the file is.", one_of=(FORMAT,)),
         Whole(name="version", what="Of the format.", one_of=(VERSION,)),

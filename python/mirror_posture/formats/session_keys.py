@@ -46,7 +46,7 @@ TOLERANCE_RAD = Number(
 )
 CAMERA_MOUNT = Section(
     name="camera_mount",
-    what="Where the camera sits; needed with `camera`.",
+    what="The camera's mount; needed with `camera`.",
     keys=(
         Text(
             name="link",
@@ -181,7 +181,7 @@ MIRROR = Section(
         ),
         Numbers(
             name="center",
-            what="Where its centre stands in the root's frame, for `plan`; left out: the plan chooses. No fit uses it.",
+            what="The place of its centre in the root's frame, for `plan`; left out: the plan chooses. No fit uses it.",
             unit="m",
             count=3,
             default=None,
@@ -263,7 +263,7 @@ GRAVITY = Section(
 )
 GRAVITY_VECTOR = Numbers(
     name="gravity",
-    what="In the root link's frame, of a length of about 9.81; a section `[gravity]` says another unit or place.",
+    what="In the root link's frame, of a length of about 9.81; a section `[gravity]` can state another unit or place.",
     unit="m/s²",
     count=3,
 )

@@ -95,7 +95,7 @@ def import_recording(
     if left := [*(name for _, name in columns if name not in robot.position_names), *log.others]:
         warnings.append(f"not joints of the robot, left out: {', '.join(left)}")
     if still := [name for name in robot.position_names if name not in {name for _, name in kept}]:
-        warnings.append(f"not in the recording, taken to stand at 0: {', '.join(still)}")
+        warnings.append(f"not in the recording, assumed at 0: {', '.join(still)}")
     if not log.commanded:
         warnings.append(
             "the recording has measured positions only: they are written as if they had been commanded"

@@ -25,9 +25,7 @@ def nominal_camera_from_board(session: Session) -> Floats:
             f"{session.folder}: has no camera; only what a camera sees in a mirror is measured"
         )
     if session.board is None:
-        raise MirrorPostureError(
-            f"{session.folder}: has no [board], whose reflection tells where the mirror stands"
-        )
+        raise MirrorPostureError(f"{session.folder}: has no [board], whose reflection determines the mirror")
     return a_from_b(session, session.camera_link, session.board.link)
 
 

@@ -11,9 +11,9 @@ NOT_IN_A_MODEL: Mapping[str, str] = {
     "latency": "delay the pictures by {0:.5f} s against the log",
     "servo_lag": "filter the commands with a time constant of {0:.5f} s",
     "velocity_limit": "let the command change by at most {0:.5f} rad/s",
-    "joint_offset": "the joint stands {0:+.6f} rad off what it is told: mend its zero",
-    "gear_ratio": "the joint turns {0:+.6f} rad more for each that it is told",
-    "joint_compliance": "the output gives way by {0:.6g} rad/(N m) behind the servo",
+    "joint_offset": "the joint is {0:+.6f} rad off its command: correct its zero",
+    "gear_ratio": "the joint turns {0:+.6f} rad more for each rad of its command",
+    "joint_compliance": "the output yields by {0:.6g} rad/(N m) behind the servo",
     "backlash": "the output has a play of {0:.6f} rad behind the servo",
 }
 """Causes that a model of rigid joints on servos cannot represent; a comment at the joint says so."""

@@ -51,7 +51,7 @@ class Problem:
         if bare:
             # Then it is unknown how a joint follows its log, and every other cause would absorb that.
             raise MirrorPostureError(
-                f"the model has no position servos at {', '.join(bare)}, so nothing says how they follow their log; give the MJCF "
+                f"the model has no position servos at {', '.join(bare)}, so it is unknown how they follow their log; give the MJCF "
                 "that your simulator runs, with its servos (--model)"
             )
         self.hypotheses: dict[Key, Hypothesis] = {}

@@ -152,7 +152,7 @@ def read_planned_room(folder: Path, nominal: Nominal) -> PlannedRoom:
         up = up_in_root - (up_in_root @ normal) * normal
         if np.linalg.norm(up) < SAME_TURN_RAD:
             raise MirrorPostureError(
-                f"{folder / 'views.csv'}: frame {row.frame}: the mirror lies flat, needed one that stands"
+                f"{folder / 'views.csv'}: frame {row.frame}: the mirror lies flat, needed an upright one"
             )
         places.setdefault(
             row.view, MirrorPlace(center, normal, up / np.linalg.norm(up), *options.mirror_size_m)

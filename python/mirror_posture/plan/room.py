@@ -92,7 +92,7 @@ def room_of(
         warnings.append(f"collisions of the robot with itself are NOT checked: {missing}")
     else:
         body = Body(setting.nominal, options.packages, clearance_m, moved_links(setting))
-        where = "say where their ROS package lies: --package NAME=FOLDER, best of `init`, which keeps copies"
+        where = "state where their ROS package is: --package NAME=FOLDER, preferably of `init`, which keeps copies"
         if body.bare and body.missing:
             warnings.append(
                 f"none of the robot's meshes was found, as {body.missing[0]}: collisions of the robot with itself are NOT checked; {where}"

@@ -107,7 +107,7 @@ def _rows_read(table: Table, names: list[str]) -> Mask:
         row = int(partly[0])
         raise SessionError(
             table.name,
-            "got an empty cell beside others of the same reading; needed all three numbers, or three empty cells",
+            "got an empty cell with other cells of the same reading; needed all three numbers, or three empty cells",
             row=row + 1,
             column=names[int(np.flatnonzero(blank[row])[0])],
         )

@@ -109,7 +109,7 @@ def simulate(
     loaded = session if isinstance(session, Session) else load_session(session)
     if loaded.camera is None or loaded.board is None:
         raise MirrorPostureError(
-            f"{loaded.folder}: has no camera and board; the simulator's gap is told in the mirror's pictures"
+            f"{loaded.folder}: has no camera and board; the simulator's gap is measured in the mirror's pictures"
         )
     if found is not None:
         loaded = _without_left_out(loaded, found)

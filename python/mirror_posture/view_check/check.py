@@ -106,7 +106,7 @@ def _said(own: Fit, best: Fit, equal: list[Fit]) -> str:
         f"{best.reading.fix}"
     )
     for other in equal:
-        text += f"; or {other.reading.said} (cannot be told apart here): {other.reading.fix}"
+        text += f"; or {other.reading.said} (cannot be separated here): {other.reading.fix}"
     return text
 
 

@@ -1,4 +1,5 @@
-//! Eq. 2 of the paper: the mirror from one point and its reflection.
+//! Eq. 2 of the paper: the mirror from one point b and its reflection b′, the plane half-way between them:
+//! `n = (b′ − b)/|b′ − b|`, `d = n·(b + b′)/2`.
 
 use super::board::BoardView;
 use super::estimate::{Found, MirrorEstimate, MirrorEstimator, before_both, reflected_rms_px};

@@ -1,5 +1,8 @@
 //! Eq. 1 of the paper: the mirror from the pose of the reflected board, unchanged or projected to the nearest
 //! reflection.
+//!
+//! `C_T_C′ = C_T_D · diag(1, 1, −1) · C_T_B⁻¹`: C the camera, C′ the virtual camera, B the board, D the right-handed
+//! frame of the reflected board.
 
 use super::board::BoardView;
 use super::estimate::{Found, MirrorEstimate, MirrorEstimator, before_both, reflected_rms_px};

@@ -166,7 +166,7 @@ def _by_second_camera(loaded: Any, camera_file: Path, folder: Path, stand_text: 
     chest = loaded.board
     if set(stand.corners) == set(chest.corners):
         raise MirrorPostureError(
-            f"--stand: both boards have {chest.columns} × {chest.rows} corners and cannot be told apart; use another board"
+            f"--stand: both boards have {chest.columns} × {chest.rows} corners and cannot be distinguished; use another board"
         )
     second = load_camera_info(camera_file)
     names = [file.name for file in list_pictures(folder / "robot")]

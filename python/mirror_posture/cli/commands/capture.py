@@ -82,7 +82,7 @@ def command(
         serve = eye.live if page is None else page
         if robot is not None and not serve:
             raise MirrorPostureError(
-                "--robot: a robot is moved only where somebody looks on; leave out --no-page"
+                "--robot: a robot is moved only while a person watches the page; leave out --no-page"
             )
         machine = None
         if robot is not None:

@@ -95,7 +95,7 @@ def command(
     ] = False,
     noise_px: Annotated[float, typer.Option(help="twin, mujoco: noise of exact pixels, px.", min=0.0)] = 0.1,
     stand_error_deg: Annotated[
-        float, typer.Option(help="twin, mujoco: how far off a hand-turned stand ends, degrees.", min=0.0)
+        float, typer.Option(help="twin, mujoco: error of a stand that is turned by hand, degrees.", min=0.0)
     ] = 0.5,
     seed: Annotated[int, typer.Option(help="twin, mujoco: seed.", min=0)] = 0,
     inbox: Annotated[Path | None, typer.Option(help="by-hand: the folder where pictures are saved.")] = None,
@@ -109,7 +109,7 @@ def command(
     feed_forward: Annotated[
         Path | None,
         typer.Option(
-            help="diagnosis.json (or its folder): the first command allows for what was found, play approached from its side."
+            help="diagnosis.json (or its folder): the first command compensates for the causes found; play is approached from its side."
         ),
     ] = None,
     as_json: JsonOption = False,
@@ -240,7 +240,9 @@ def _ahead(
 
         model = feed_forward(Diagnosis.load(settings["feed_forward"]), machine)
         for cause in model.left_out:
-            output.warn(f"--feed-forward: no command mends {cause.effect.replace('_', ' ')} at {cause.at}")
+            output.warn(
+                f"--feed-forward: no command compensates {cause.effect.replace('_', ' ')} at {cause.at}"
+            )
         settings["commands"] = list(model(posture))
     commands: list[dict[str, float]] = settings["commands"]
     return lambda _: commands
@@ -264,7 +266,7 @@ def _planned(
 
     if not isinstance(machine, TurnsView):
         raise MirrorPostureError(
-            f"--plan: {machine.name} has nobody and nothing that turns its mirror; needed --turn-by, or by-hand"
+            f"--plan: {machine.name} has no way to turn its mirror; needed --turn-by, or by-hand"
         )
     found = views_of_plan(target, settings["plan"], machine.commanded, settings["views"])
     for text in found.warnings:

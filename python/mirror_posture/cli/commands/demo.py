@@ -111,7 +111,7 @@ def command(
     output.say(f"The model misses the markers by {gap:.2f} mm RMS, since it does not know of {hidden}.")
     output.say(f"Measured in the mirror they are {error:.2f} mm RMS from the truth.")
 
-    output.say("4. diagnosing: which joint is off, by how much, and what it cannot tell apart")
+    output.say("4. diagnosing: which joint is off, by how much, and which causes it cannot separate")
     diagnosed = demonstrate_diagnosis(output, session, out / "diagnosis")
 
     output.say("5. correcting the posture of a simulated robot with the same errors, look by look")

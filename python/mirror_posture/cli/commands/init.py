@@ -51,7 +51,7 @@ def command(
     ] = None,
     mirror_at: Annotated[
         str | None,
-        typer.Option(help="Its centre X,Y,Z in the root's frame, m, for `plan`, if it is to stand there."),
+        typer.Option(help="Its centre X,Y,Z in the root's frame, m, for `plan`, if its place is fixed."),
     ] = None,
     tolerance_mm: Annotated[
         float, typer.Option(help="How exactly you could place things: one std, mm.")
@@ -75,12 +75,13 @@ def command(
         list[str] | None, typer.Option(help="NAME=VALUE of a robot written in xacro. Repeat it.")
     ] = None,
     up: Annotated[
-        str, typer.Option(help="Where up is, in the root link's frame; of a robot that hangs 0,0,-1.")
+        str,
+        typer.Option(help="The upward direction in the root link's frame; for a robot that hangs 0,0,-1."),
     ] = "0,0,1",
     overwrite: Annotated[
         bool,
         typer.Option(
-            "--overwrite", help="Write a folder anew that holds no pictures yet; a plan in it is kept."
+            "--overwrite", help="Overwrite a folder that contains no pictures yet; a plan in it is kept."
         ),
     ] = False,
     as_json: JsonOption = False,

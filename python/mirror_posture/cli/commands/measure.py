@@ -141,7 +141,7 @@ def command(
     output.result(result)
     if not chosen.markers.measured.any():
         output.warn(
-            "no marker could be measured: a marker needs two views of one posture before mirrors that stand differently"
+            "no marker could be measured: a marker needs two views of one posture, with differently oriented mirrors"
         )
         raise typer.Exit(ExitCode.NOTHING)
 

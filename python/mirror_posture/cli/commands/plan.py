@@ -169,7 +169,7 @@ def say_plan(output: Output, plan: Plan) -> None:
         output.say(f"and {len(twins) - MOST_TWINS} more twins, in plan.json")
     if plan.setting.carrying_all:
         output.say(
-            f"not told of, since they carry camera, board and balls alike: {', '.join(plan.setting.carrying_all)}"
+            f"cannot be seen, since they carry camera, board and balls alike: {', '.join(plan.setting.carrying_all)}"
         )
     unseen = [one.name for one in plan.tells if not one.seen]
     if unseen:

@@ -34,7 +34,7 @@ def command(
         bool,
         typer.Option(
             "--held-out",
-            help="Diagnose each half of the posture space too, and tell the simulator's gap on the other half.",
+            help="Also diagnose each half of the posture space, and report the simulator's gap on the other half.",
         ),
     ] = False,
     as_json: JsonOption = False,

@@ -30,10 +30,10 @@ NOT_IN_A_MODEL = {
     "column_bending": "no file has a beam that grows as it slides out; stiffen the column's guides, or model it as flexible",
     "tilt_play_1": "no file has play across a sliding joint; preload or shim the guide",
     "tilt_play_2": "no file has play across a sliding joint; preload or shim the guide",
-    "transverse_compliance": "no file has a guide that gives way across its axis; stiffen it, or the ground on which the robot stands",
+    "transverse_compliance": "no file format has a guide that yields across its axis; stiffen it, or the ground on which the robot stands",
     "mirror_curvature": "the session format knows flat mirrors only; use a flatter mirror",
-    "geometry": "this diagnosis tells the spread of many small errors, not each of them; diagnose anew",
-    "pairing": "a fault of the data: mend the rows of the frames table",
+    "geometry": "this diagnosis contains the spread of the small errors, not each of them; diagnose again",
+    "pairing": "a fault of the data: correct the rows of the frames table",
 }
 """Why an effect cannot be written, and what to do instead."""
 FIRST = {"axis_sign": 0, "axis_tilt": 1, "board_mount": 1}
@@ -112,7 +112,9 @@ def apply_diagnosis(
         if entry.file != MJCF:
             return entry
         done = told.get((entry.cause.effect, entry.cause.at))
-        missing = "URDF cannot say it, and MuJoCo is not installed: pip install 'mirror-posture[mujoco]'"
+        missing = (
+            "a URDF cannot represent it, and MuJoCo is not installed: pip install 'mirror-posture[mujoco]'"
+        )
         return replace(entry, file=MJCF if done else None, what=done or missing)
 
     written = []

@@ -68,6 +68,8 @@ pub(crate) fn diagnosis(
     let mut gap = gap_over(&findings.before, &findings.after, &floor, &deviations.law_shifts, checked);
     gap.steps = gap_steps(findings, &causes, &parts)?;
     let places = places(findings, &causes);
+    // The verdict: by whether causes are named and whether something is unexplained. `reservations::reserve` changes it where the data do
+    // not support it (`insufficient`, too many false observations, a gap far above its floor).
     let verdict = match (causes.is_empty(), &findings.unexplained) {
         (true, None) => Verdict::None,
         (true, Some(_)) => Verdict::Unknown,

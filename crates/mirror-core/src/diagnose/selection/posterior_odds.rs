@@ -20,6 +20,12 @@ const PRIOR_TOLERANCE: Prior = 0.005;
 const UNSEEN_SHIFT: Prior = 0.08;
 
 impl Search<'_> {
+    /// The prior over models: `log π(M) = Σ log π(effect, place) + Σ crowding`.
+    ///
+    /// The first sum is over the causes: all effects are equally probable, and so are an effect's places
+    /// ([`Catalogue::log_prior`](crate::diagnose::effects::hypothesis::Catalogue::log_prior)). The second is a penalty for each further
+    /// cause at one joint or link ([`LOG_PRIOR_SAME_PLACE`]), and excludes a third one ([`LOG_PRIOR_CROWD`]). Both, and the priors of
+    /// free-form errors and groups, are in `principles.rs`.
     fn log_prior(&self, model: &Model) -> f64 {
         let place = |t: &Term| self.catalogue.hypotheses[t.hypothesis].place.node();
         let terms = &model.terms;
