@@ -53,7 +53,7 @@ pub(crate) fn data(sources: &Sources<'_>, findings: &Findings<'_>) -> Result<Dat
         let slipped = findings.slip.is_some_and(|s| (s.first..=s.last).contains(&f));
         let mirror = clean.boards.get(f).copied().flatten().is_some();
         if has_board && !mirror && !slipped {
-            tell("board", None, "too few corners, or none where a flat mirror could show them");
+            tell("board", None, "too few corners, or corners that no flat mirror explains");
         }
         let names = &arranged.scene.marker_names;
         let others = &arranged.frames[f].others;
@@ -73,7 +73,7 @@ pub(crate) fn data(sources: &Sources<'_>, findings: &Findings<'_>) -> Result<Dat
                 out.points_used += 1;
                 any = true;
             } else if slipped {
-                tell(&names[marker], None, "the row holds the measurement of another row");
+                tell(&names[marker], None, "the row contains the measurement of another row");
             } else if by_mirror && !mirror {
                 tell(&names[marker], None, "the mirror of this frame is not known: no board");
             } else {
@@ -125,7 +125,7 @@ pub(crate) fn what_is_missing(data: &Data) -> String {
         None => String::new(),
     };
     format!(
-        "Too little usable evidence to say anything: {} of {} postures and {} of {} observations of markers could be used, {FEWEST_POSTURES} postures and {FEWEST_OBSERVATIONS} observations are the least{why}.",
+        "Too little usable evidence for a statement: {} of {} postures and {} of {} observations of markers could be used, {FEWEST_POSTURES} postures and {FEWEST_OBSERVATIONS} observations are the least{why}.",
         data.postures_used, data.postures_given, data.points_used, data.points_given
     )
 }

@@ -35,14 +35,14 @@ impl Effect for BoardMount {
     }
 
     fn words(&self) -> &str {
-        "the board sits elsewhere on its link; a camera on the same link moves along with it"
+        "the board is displaced on its link; a camera on the same link moves with it"
     }
 
     fn about(&self) -> Option<About> {
         Some(About {
             at: PlaceKind::Board,
-            law: "board = nominal ∘ (Exp ω, v); a camera on the same body moves along",
-            remedy: "measure where the board sits and write its mount into the URDF",
+            law: "board = nominal ∘ (Exp ω, v); a camera on the same body moves with it",
+            remedy: "measure the board's place and write its mount into the URDF",
             written_to: WrittenTo::Urdf,
             joint_law: &[],
             signature: "all markers shift together in the board's frame",

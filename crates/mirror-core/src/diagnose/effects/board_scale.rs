@@ -37,7 +37,7 @@ impl Effect for BoardScale {
         Some(About {
             at: PlaceKind::Board,
             law: "squares (1 + e) times as large",
-            remedy: "measure the board's squares anew",
+            remedy: "measure the board's squares again",
             written_to: WrittenTo::Session,
             joint_law: &[],
             signature: "the mirror seems too near or too far; markers grow or shrink with it",

@@ -34,7 +34,7 @@ impl Effect for CameraMount {
     }
 
     fn words(&self) -> &str {
-        "the camera sits elsewhere relative to the board"
+        "the camera is displaced relative to the board"
     }
 
     fn about(&self) -> Option<About> {

@@ -75,7 +75,7 @@ impl Effect for ColumnBending {
     }
 
     fn words(&self) -> &str {
-        "the column bends under the load of gravity, the more the further it is out"
+        "the column bends under the load of gravity, and more the further it is extended"
     }
 
     fn about(&self) -> Option<About> {

@@ -38,7 +38,7 @@ impl Effect for Drift {
     }
 
     fn words(&self) -> &str {
-        "the zero of the joint wanders with time"
+        "the zero of the joint drifts with time"
     }
 
     fn about(&self) -> Option<About> {

@@ -36,8 +36,8 @@ const fn beside(name: &'static str, signature: &'static str, remedy: &'static st
 pub(crate) const EVERYWHERE: [MistakeInfo; 14] = [
     beside(
         "geometry",
-        "small errors of many places together, none of which stands out",
-        "diagnose anew: this document does not tell each of the small errors",
+        "small errors of many places together, none of which is an outlier",
+        "diagnose again: this document does not contain each of the small errors",
     ),
     beside(
         "pairing",

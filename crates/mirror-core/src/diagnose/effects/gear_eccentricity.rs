@@ -41,7 +41,7 @@ impl Effect for GearEccentricity {
     }
 
     fn words(&self) -> &str {
-        "the gear runs out of round: the error comes back once a turn"
+        "the gear is eccentric: the error repeats once a turn"
     }
 
     fn about(&self) -> Option<About> {

@@ -45,7 +45,7 @@ impl Effect for JointCompliance {
     }
 
     fn words(&self) -> &str {
-        "the joint gives way under the load of gravity"
+        "the joint yields under the load of gravity"
     }
 
     fn about(&self) -> Option<About> {

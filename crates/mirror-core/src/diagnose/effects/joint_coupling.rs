@@ -46,14 +46,14 @@ impl Effect for JointCoupling {
     }
 
     fn words(&self) -> &str {
-        "the joint moves along when another one moves"
+        "the joint moves when another one moves"
     }
 
     fn about(&self) -> Option<About> {
         Some(About {
             at: PlaceKind::JointPair,
             law: "θ = q + c q_other",
-            remedy: "feed it forward (`correct --feed-forward`), or mend the coupling",
+            remedy: "feed it forward (`correct --feed-forward`), or repair the coupling",
             written_to: WrittenTo::Nothing,
             joint_law: &[JointTerm::Coupling],
             signature: "a cloud against its own position, a line against the other joint's",

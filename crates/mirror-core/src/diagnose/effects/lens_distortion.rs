@@ -30,7 +30,7 @@ impl Effect for LensDistortion {
     }
 
     fn words(&self) -> &str {
-        "the lens distorts other than the model says"
+        "the lens distortion differs from the model's"
     }
 
     fn about(&self) -> Option<About> {

@@ -37,7 +37,7 @@ impl Effect for LinkLength {
     }
 
     fn words(&self) -> &str {
-        "the link is longer, shorter or of other shape than the model's: what it carries sits elsewhere"
+        "the link's length or shape differs from the model's: everything that it carries is displaced"
     }
 
     fn about(&self) -> Option<About> {

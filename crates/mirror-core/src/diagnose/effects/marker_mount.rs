@@ -34,7 +34,7 @@ impl Effect for MarkerMount {
     }
 
     fn words(&self) -> &str {
-        "the marker sits elsewhere on its link"
+        "the marker is displaced on its link"
     }
 
     fn about(&self) -> Option<About> {

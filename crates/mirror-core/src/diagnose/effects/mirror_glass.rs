@@ -31,7 +31,7 @@ impl Effect for MirrorGlass {
     }
 
     fn words(&self) -> &str {
-        "the silver lies behind a pane of glass that refracts"
+        "the silver is behind a pane of refracting glass"
     }
 
     fn about(&self) -> Option<About> {

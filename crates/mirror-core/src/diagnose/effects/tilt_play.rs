@@ -108,7 +108,7 @@ impl Effect for TiltPlay {
     }
 
     fn words(&self) -> &str {
-        "the guide has play: what slides in it leans to the side to which its load presses"
+        "the guide has play: the sliding part leans to the side to which its load presses it"
     }
 
     fn about(&self) -> Option<About> {

@@ -55,7 +55,7 @@ impl Effect for TransverseCompliance {
     }
 
     fn words(&self) -> &str {
-        "the link's guide, or what carries it, gives way across its axis under the load of gravity"
+        "the link's guide, or its support, yields across its axis under the load of gravity"
     }
 
     fn about(&self) -> Option<About> {

@@ -297,7 +297,7 @@ fn causes(
             ]),
             stability: None,
             alternatives: Vec::new(),
-            words: "a run of rows holds the measurement of other rows; it was left out of the fit".into(),
+            words: "a run of rows contains the measurement of other rows; it was left out of the fit".into(),
             rms_shift: (slip.gain / (slip.last - slip.first + 1) as f64).sqrt(),
             members: Vec::new(),
             frames: Vec::new(),
