@@ -233,7 +233,7 @@ class JointStuck(Fault):
 
 
 class JointHalf(Fault):
-    name = "a joint does half of what it is told after the first command"
+    name = "a joint does half of each command after the first"
 
     def __init__(self, rng: np.random.Generator, robot: MujocoRobot) -> None:
         super().__init__(rng, robot)

@@ -272,7 +272,7 @@ def row(trials: list[Trial]) -> str:
     )
 
 
-HEAD = """| | fault | runs | went on | torque off | held | nobody could ask | other than promised | still moving | fastest told, of the limit | fastest turned |
+HEAD = """| | fault | runs | went on | torque off | held | could not be queried | other than promised | still moving | fastest commanded, of the limit | fastest turned |
 | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |"""
 
 
@@ -298,7 +298,7 @@ def main() -> None:
     every = [one for trials in found.values() for one in trials]
     print(
         f"\n{len(every)} runs: torque other than promised in {sum(not t.promise_kept for t in every)}, still moving in "
-        f"{sum(not t.still for t in every)}, fastest told {max(t.commanded_share for t in every):.3f} of the limit, turned "
+        f"{sum(not t.still for t in every)}, fastest commanded {max(t.commanded_share for t in every):.3f} of the limit, turned "
         f"{max(t.fastest_share for t in every):.3f}"
     )
 
