@@ -86,7 +86,7 @@ REFUSALS = {
         {"frames": replaced(with_accelerometer("lower"), "0.1,0.2,9.8\n", "0.1,,9.8\n")},
         "frames.csv",
         1,
-        "'accelerometer:lower:y': got an empty cell beside others",
+        "'accelerometer:lower:y': got an empty cell with other cells",
     ),
     "accelerometer nan": (
         {"frames": replaced(with_accelerometer("lower"), "0.3,0.4,9.7", "0.3,nan,9.7")},
