@@ -1,5 +1,6 @@
-"""What judges mirror-posture: simulated robots, sessions whose effect is withheld, the paper's experiments.
+"""The laboratory of mirror-posture: simulated robots, sessions whose cause is withheld, the paper's
+experiments.
 
-`mirror_lab.blind` imports nothing of `mirror_posture`; nothing here imports `mirror_posture.diagnosis`, and the product
-imports nothing of this package: its commands and robots join by entry points.
+`mirror_lab.blind` imports nothing of `mirror_posture`; nothing here imports `mirror_posture.diagnosis`, and
+the product imports nothing of this package: its commands and robots are added by entry points.
 """

@@ -81,7 +81,7 @@ def rms_angles(a: npt.ArrayLike, b: npt.ArrayLike) -> tuple[float, float]: ...
 
 @final
 class PictureMaker:
-    """Draws a robot before a mirror by tracing rays, and tells the truth of what it drew."""
+    """Renders a robot in front of a mirror by ray tracing, with the truth of what it rendered."""
 
     def __new__(
         cls,

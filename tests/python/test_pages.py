@@ -101,7 +101,7 @@ def test_who_must_act_comes_first(diagnosed: Path) -> None:
     assert robot < page.index("<b>backlash at joint r_elbow</b>") < setup
     assert setup < page.index("<b>board mount at the board</b>") < data < page.index("<b>joint frozen")
     assert act.count(">ambiguous<") == 1 and "stiction at joint r_elbow (28 %)" in act
-    assert "mend the joint or its log" in act
+    assert "repair the joint or its log" in act
 
 
 def test_the_largest_small_errors_are_named_and_no_row_is_zero(diagnosed: Path) -> None:

@@ -218,7 +218,7 @@ impl PyCorrector {
         PyArray1::from_slice(py, self.inner.command())
     }
 
-    /// (N,): the command with the smallest error so far; None before a look was believed.
+    /// (N,): the command with the smallest error so far; None before a look was accepted.
     #[getter]
     fn best_command<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
         self.inner.best_command().map(|command| PyArray1::from_slice(py, command))
@@ -229,7 +229,7 @@ impl PyCorrector {
         json(&self.inner.records())
     }
 
-    /// How far each joint did what it was told so far, as JSON.
+    /// How far each joint followed its commands so far, as JSON.
     fn responses(&self) -> PyResult<String> {
         json(&self.inner.responses())
     }

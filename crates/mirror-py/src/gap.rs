@@ -383,7 +383,7 @@ pub fn effects(py: Python<'_>) -> PyResult<Vec<Bound<'_, PyDict>>> {
     mirror_core::diagnose::effects().into_iter().map(told).collect()
 }
 
-/// What is tried beside the effects of one place, a dict each; see `mirror_core::diagnose::mistakes`.
+/// The hypotheses without a single place, a dict each; see `mirror_core::diagnose::mistakes`.
 #[pyfunction]
 pub fn mistakes(py: Python<'_>) -> PyResult<Vec<Bound<'_, PyDict>>> {
     let told = |mistake: &mirror_core::diagnose::MistakeInfo| {

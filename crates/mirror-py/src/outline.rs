@@ -178,7 +178,7 @@ fn picture_of<'a>(
     Picture::new(bytes, shape[1], shape[0], chroma_step_px).map_err(to_py)
 }
 
-/// Pixels across and down that share a colour, told by the picture itself: 1 or 2 each.
+/// Pixels across and down that share a colour, estimated from the picture: 1 or 2 each.
 #[pyfunction]
 pub fn chroma_step(py: Python<'_>, bgr: PyReadonlyArray3<'_, u8>) -> PyResult<(usize, usize)> {
     let picture = picture_of(&bgr, (1, 1))?;

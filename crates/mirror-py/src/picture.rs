@@ -32,7 +32,7 @@ struct Ball {
     rgb: [f64; 3],
 }
 
-/// Draws a robot before a mirror by tracing rays, and tells the truth of what it drew.
+/// Renders a robot in front of a mirror by ray tracing, with the truth of what it rendered.
 #[pyclass(frozen, module = "mirror_posture._core")]
 pub struct PictureMaker {
     robot: Robot,

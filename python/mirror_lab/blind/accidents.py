@@ -1,8 +1,8 @@
-"""Accidents of a log and of names that the vocabulary has no word for, or only several words.
+"""Accidents of a log and of names, for which the vocabulary has no word, or only several words.
 
-As in `mistakes`, machine and light stay as they are, and what is written is spoilt. Where there is no word the answer's cause is called
-`unknown` at its place: an abstention at that place is right, every cause that is told with confidence is wrong, but for those that
-are `tolerated`.
+As in `mistakes`, the machine and the light are unchanged, and the written data are corrupted. Where there
+is no word the answer's cause is called `unknown` at its place: an abstention at that place is right, and
+every cause that is named with confidence is wrong, except those that are `tolerated`.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What failures have in common: rates by effect, by evidence, by company and by robot."""
+"""Breakdown of the failures: rates by effect, by evidence, by other causes and by robot."""
 
 from __future__ import annotations
 

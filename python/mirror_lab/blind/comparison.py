@@ -1,4 +1,4 @@
-"""One session: what was said against what was true, by the rules of the score."""
+"""One session: the diagnosis compared with the truth, by the rules of the score."""
 
 from __future__ import annotations
 

@@ -1,7 +1,9 @@
-"""Robots of the package `example-robot-data` that nobody fitted this project to, before a mast with camera and board.
+"""Robots of the package `example-robot-data` on which nothing of this project was tuned, in front of a mast
+with camera and board.
 
-The link that stands still carries a camera behind and above and a board below it, both looking along x. Each marker sits at a
-drawn place of its link; each joint moves 0.7 rad to both sides of a drawn posture in which the markers are in front and apart.
+The link that stands still carries a camera behind and above and a board below it, both looking along x.
+Each marker is at a random place of its link; each joint moves 0.7 rad to both sides of a random posture in
+which the markers are in front and apart.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Pictures of a simulated session: board and balls through mirror and lens, ray by ray, in plain NumPy.
 
-A pixel's ray is undone through the lens, goes to the mirror, which may be a pane (refracted in, off the silver,
-refracted out) or curved (the law of reflection at the cap's own normal), and from there to what it hits first. Nothing projects
-a point: `optics` shoots from points to the camera, this goes the other way. No ghosts of the front face, no body but
-board and balls, and the mirror fills the picture.
+A pixel's ray is undistorted, goes to the mirror, which may be a pane (refracted in, off the silver,
+refracted out) or curved (the law of reflection at the cap's own normal), and from there to the first hit.
+Nothing projects a point: `optics` shoots from points to the camera, this goes the other way. No ghosts of
+the front face, no body except board and balls, and the mirror fills the picture.
 """
 
 from __future__ import annotations

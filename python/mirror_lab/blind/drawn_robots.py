@@ -1,4 +1,4 @@
-"""Robots that are drawn: small humanoids of random sizes, and arms with random joints."""
+"""Random robots: small humanoids of random sizes, and arms with random joints."""
 
 from __future__ import annotations
 

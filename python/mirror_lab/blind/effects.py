@@ -1,7 +1,7 @@
-"""The vocabulary's effects as this simulator makes them: a place and a size are drawn, and the true machine
-is changed.
+"""The vocabulary's effects in this simulator: a place and a size are drawn, and the true machine is
+changed.
 
-Sizes run from hardly visible to large. `Laws` says by how much the true laws differ from the vocabulary's
+Sizes run from hardly visible to large. `Laws` defines how far the true laws differ from the vocabulary's
 simple ones. The answer names the effect, its place and its parameters as the vocabulary defines them.
 """
 

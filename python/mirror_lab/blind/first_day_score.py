@@ -1,4 +1,5 @@
-"""What is counted of sessions with a hand-made set-up or a whole mistake: named with nothing but the set-up beside, misled, or silent."""
+"""The score of sessions with mounts by hand or a gross mistake: named with nothing else except the mounts,
+misled, or silent."""
 
 from __future__ import annotations
 

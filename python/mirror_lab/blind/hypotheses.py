@@ -1,5 +1,5 @@
-"""The vocabulary as hypotheses, for judging what a session can show: effect, place, and what its parameters
-change.
+"""The vocabulary as hypotheses, to decide what a session can show: effect, place, and the change by its
+parameters.
 
 Each `apply(change, parameters)` adds a cause to a `Change`. Steps are for finite differences.
 """

@@ -1,6 +1,6 @@
-"""The nominal chain in plain NumPy, all postures at once, with whatever a hypothesis changes of it.
+"""The nominal chain in plain NumPy, all postures at once, with the changes of a hypothesis.
 
-Used only to judge what a session can show; the sessions themselves come from MuJoCo.
+Used only to decide what a session can show; the sessions themselves come from MuJoCo.
 """
 
 from __future__ import annotations

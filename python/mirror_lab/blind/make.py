@@ -1,5 +1,5 @@
-"""Make sessions whose effect is withheld: draw the causes, simulate, judge what can be seen, write, seal the
-answers."""
+"""Makes sessions whose cause is withheld: draws the causes, simulates, decides what can be seen, writes,
+seals the answers."""
 
 from __future__ import annotations
 

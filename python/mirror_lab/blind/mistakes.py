@@ -1,8 +1,8 @@
-"""Whole mistakes of a first day: what is told of a session (model, log, names) is not what was done.
+"""Gross mistakes: the written session (model, log, names) is not what was done.
 
-The true machine and the light stay as they are; a mistake changes what is written: a column, the URDF, camera.yaml, a name, an
-index. Slips are physical: from a row on a marker, the board or the camera really sits elsewhere. Each draw returns the causes in
-the words of the public vocabulary.
+The true machine and the light are unchanged; a mistake changes what is written: a column, the URDF,
+camera.yaml, a name, an index. Slips are physical: from a row on a marker, the board or the camera is really
+displaced. Each draw returns the causes in the public vocabulary.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Effects that the vocabulary does not have, with the place at which each truly sits."""
+"""Effects that the vocabulary lacks, with their true places."""
 
 from __future__ import annotations
 

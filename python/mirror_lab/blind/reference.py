@@ -1,5 +1,5 @@
-"""A session's geometry and noise-free pixels, and the model that predicts them: what identifiability is judged
-with."""
+"""A session's geometry and noise-free pixels, and the model that predicts them: the input of the
+identifiability reference."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One HTML page of a blind score, that needs no network."""
+"""One HTML page of a blind score, without network access."""
 
 from __future__ import annotations
 

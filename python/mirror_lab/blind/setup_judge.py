@@ -1,8 +1,9 @@
-"""What a session can show whose set-up was mounted by hand: identifiability with board, camera, markers and zeros free.
+"""What a session with mounts by hand can show: identifiability with board, camera, markers and zeros free.
 
-The exact pixels are compared with those of the true machine without the cause in question; what the set-up, free within the
-spreads that it was drawn from, and each frame's mirror can take up is projected out to first order; then every hypothesis of the
-vocabulary is weighed as in `identify`, each to first order about the true set-up. The cause's own χ² is that of the exact model.
+The exact pixels are compared with those of the true machine without the cause in question. What the mounts,
+free within the spreads from which they were drawn, and each frame's mirror can absorb is projected out to
+first order. Then every hypothesis of the vocabulary is compared as in `identify`, each to first order
+around the true mounts. The cause's own χ² is that of the exact model.
 """
 
 from __future__ import annotations

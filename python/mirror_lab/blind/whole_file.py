@@ -1,4 +1,5 @@
-"""Files and folders that are there as a whole or not at all; this package writes without a line of the product's."""
+"""Files and folders that are written as a whole or not at all; this package uses no code of the product's
+for that."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Write a simulated case as a session folder, to the letter of the session format."""
+"""Writes a simulated case as a session folder, exactly in the session format."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Commands and robots that join `mirror-posture` by the entry points of this distribution."""
+"""Commands and robots that are added to `mirror-posture` by the entry points of this distribution."""

@@ -1,4 +1,5 @@
-"""`mirror-posture moving`: sessions in motion whose causes are withheld, their diagnosis, its score, and peers beside it."""
+"""`mirror-posture moving`: sessions in motion whose causes are withheld, their diagnosis, its score, and
+comparison with other tools."""
 
 from __future__ import annotations
 

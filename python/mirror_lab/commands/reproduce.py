@@ -1,4 +1,4 @@
-"""`mirror-posture reproduce`: the paper's experiments in simulation, beside what the paper found."""
+"""`mirror-posture reproduce`: the paper's experiments in simulation, compared with the paper's results."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What may be wrong with a moving body, drawn: the judge's own laws of each effect, and how large it is made."""
+"""The causes of a moving body, drawn at random: this simulator's own laws of each effect, and their sizes."""
 
 from __future__ import annotations
 

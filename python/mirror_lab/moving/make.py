@@ -1,4 +1,5 @@
-"""One moving session whose causes are withheld, with the user's MJCF of the robot and a second session that nobody may fit."""
+"""Makes one session in motion whose causes are withheld, with the user's MJCF of the robot and a second
+session for checking only."""
 
 from __future__ import annotations
 

@@ -1,8 +1,10 @@
-"""Peers in one run: the same session by the diagnosis, by `mujoco.sysid` and as a table of errors by joint, as SAGE makes it.
+"""Comparison with other tools: the same session by the diagnosis, by `mujoco.sysid` and as a table of
+errors by joint, as SAGE makes it.
 
-`mujoco.sysid` is given what its users give it: all drive parameters of all joints at once, within bounds, and the residuals of
-the very same pictures, mirrors and noise included. The table of errors is what replaying and comparing tells; it changes nothing
-in the model, so it predicts another motion as well as the model as it is.
+`mujoco.sysid` gets what its users give it: all drive parameters of all joints at once, within bounds, and
+the residuals of the same pictures, mirrors and noise included. The table of errors is the result of
+replaying and comparing; it changes nothing in the model, so it predicts another motion as well as the
+unchanged model.
 """
 
 from __future__ import annotations

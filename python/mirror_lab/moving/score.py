@@ -1,9 +1,10 @@
-"""What diagnoses of moving sessions are worth: causes found with their places, invented ones, parameters, unseen motions.
+"""The score of diagnoses of sessions in motion: causes found with their places, false causes, parameters,
+unseen motions.
 
-Beside the strict counts stand those of what can be told. A true cause with `rivals` in its answer (other laws of its joint's position
-that these pictures do not clearly tell from it, by the judge's own reckoning) is not identifiable. A cause that is named in vain is no
-claim where the diagnosis says itself that it may be the true one: where that stands among its alternatives with at least `REAL`
-of the named one's own probability.
+In addition to the strict counts there are those of identifiable causes. A true cause with `rivals` in its
+answer (other laws of its joint's position that these pictures do not clearly separate from it, according to
+the reference) is not identifiable. A false cause does not count if the diagnosis itself gives the true one
+as an alternative with at least `REAL` of the named one's probability.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A moving session as a folder, to the letter of the session format."""
+"""Writes a session in motion as a folder, exactly in the session format."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the paper says and what came out here, side by side."""
+"""The paper's statements and the results here, side by side."""
 
 from __future__ import annotations
 

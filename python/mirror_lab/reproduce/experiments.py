@@ -1,4 +1,4 @@
-"""All experiments in order: what was asked for, drawn, told and written as each is finished."""
+"""All experiments in order: each is run, plotted, printed and written as it is finished."""
 
 from __future__ import annotations
 

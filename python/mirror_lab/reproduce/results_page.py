@@ -1,4 +1,5 @@
-"""What came out, written: one picture a figure, and the comparison as Markdown, as one HTML file and as JSON."""
+"""Writes the results: one picture for each figure, and the comparison as Markdown, as one HTML file and as
+JSON."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""How large the paper's errors are, in px: it prints no numbers for Figs. 8 to 11, but axes, and one noise must fill all four."""
+"""The size of the paper's errors, in px: for Figs. 8 to 11 it prints axes without numbers, and one noise
+must fill all four."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""A body that is not as its model says: kinematics with hidden effects, posture after posture.
+"""A body that differs from its model: kinematics with hidden effects, posture after posture.
 
-The words and parameters are those of docs/effects.md. Plain NumPy on the blind check's own URDF reader: it shares no
-formula with the compiled kinematics that corrects and diagnoses.
+Effects and parameters are named as in docs/effects.md. Plain NumPy on the blind check's own URDF reader: it
+shares no formula with the compiled kinematics that corrects and diagnoses.
 """
 
 from __future__ import annotations

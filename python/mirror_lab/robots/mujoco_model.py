@@ -1,8 +1,8 @@
 """MuJoCo's model of a true body: any URDF or MJCF, with servos on its joints and hidden effects built in.
 
-What a servo is told wrongly (offset, gear, eccentricity, coupling, drift) is a `ServoError`; what gives way (play, springs,
-friction, bending) becomes joints that the dynamics moves; what sits elsewhere moves a frame. Words and parameters are
-those of docs/effects.md.
+Errors of a servo's command (offset, gear, eccentricity, coupling, drift) are a `ServoError`; elastic parts
+(play, springs, friction, bending) become joints that the dynamics moves; displaced parts move a frame.
+Names and parameters are those of docs/effects.md.
 """
 
 from __future__ import annotations

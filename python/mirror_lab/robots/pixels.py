@@ -1,7 +1,8 @@
 """Image points without a picture: exact pixels of board corners and balls in a mirror, with chosen noise.
 
-The light's path is the blind check's (Snell's law by shooting, the ball's traced outline), so that nothing here shares
-a formula with what measures. What a limb hides is not known to it: only the picture's border and the board's face count.
+The light's path is the blind check's (Snell's law by shooting, the ball's traced outline), so that nothing
+here shares a formula with the measurement. Occlusion by limbs is not modelled: only the picture's border
+and the board's face count.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The stand of a simulated robot: it is turned by hand, and ends up a little beside where it was meant."""
+"""The stand of a simulated robot: it is turned by hand, with an error."""
 
 from __future__ import annotations
 

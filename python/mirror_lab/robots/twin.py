@@ -1,6 +1,8 @@
-"""The twin: the embedded robot (or any session's) with hidden effects, before a traced mirror or in exact pixels.
+"""The twin: the embedded robot (or any session's) with hidden effects, in front of a traced mirror or in
+exact pixels.
 
-With pictures it looks as a real robot would, through rendering and detection; without, a look takes milliseconds.
+With pictures it looks as a real robot would, through rendering and detection; without, a look takes
+milliseconds.
 """
 
 from __future__ import annotations

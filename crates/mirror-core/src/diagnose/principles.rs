@@ -1,7 +1,7 @@
 //! The quantities on which decisions of the diagnosis depend, each with its meaning and its source.
 //!
 //! Thresholds on odds, probabilities and counts are defined here, or are derived from these where they are used. The
-//! type of a constant states its kind, so that decisions can be told from computation. A test
+//! type of a constant states its kind, so that decisions can be distinguished from computation. A test
 //! (`tests/rust/architecture.rs`) counts the thresholds and finds constants without a kind. Numerical tolerances and
 //! steps of solvers are in [`super::model::solver`], limits of work in [`super::model::work_budget`].
 

@@ -63,7 +63,7 @@ pub struct PointBatch {
 ///
 /// # Errors
 /// [`Error::LengthMismatch`] where the two differ in length; [`Error::Cancelled`] where `cancel` says stop. Rows that have no
-/// result are told in the batch.
+/// result are marked in the batch.
 pub fn point_pair_markers(
     camera: &Camera,
     board_in_camera: &Point3<f64>,

@@ -28,18 +28,18 @@ const fn mistake(
     MistakeInfo { name, signature, remedy, written_to, is_mistake: true }
 }
 
-const fn beside(name: &'static str, signature: &'static str, remedy: &'static str) -> MistakeInfo {
+const fn not_a_mistake(name: &'static str, signature: &'static str, remedy: &'static str) -> MistakeInfo {
     MistakeInfo { name, signature, remedy, written_to: WrittenTo::Nothing, is_mistake: false }
 }
 
 /// In the order of the public vocabulary.
 pub(crate) const EVERYWHERE: [MistakeInfo; 14] = [
-    beside(
+    not_a_mistake(
         "geometry",
         "small errors of many places together, none of which is an outlier",
         "diagnose again: this document does not contain each of the small errors",
     ),
-    beside(
+    not_a_mistake(
         "pairing",
         "a run of rows is off by much, and fits the row before or after",
         "pair each row with its own picture, and record those rows again",
@@ -65,7 +65,7 @@ pub(crate) const EVERYWHERE: [MistakeInfo; 14] = [
     mistake(
         "joint_frozen",
         "a column, or the joint, stands still while others move",
-        "mend the joint or its log, and record those rows again",
+        "repair the joint or its log, and record those rows again",
         WrittenTo::Nothing,
     ),
     mistake(
@@ -95,13 +95,13 @@ pub(crate) const EVERYWHERE: [MistakeInfo; 14] = [
     mistake(
         "gravity_direction",
         "springs would have to push against their loads",
-        "write gravity as told into session.toml",
+        "write the reported gravity into session.toml",
         WrittenTo::Session,
     ),
     mistake(
         "marker_parent",
         "a marker stands still against another link",
-        "fix the marker's link to the link named, at the place told, in the robot's URDF",
+        "fix the marker's link to the named link, at the reported place, in the robot's URDF",
         WrittenTo::Nothing,
     ),
     mistake(
@@ -118,11 +118,11 @@ pub(crate) const EVERYWHERE: [MistakeInfo; 14] = [
     ),
 ];
 
-/// What is tried beside the effects of one place, in words: small errors everywhere, slipped rows, whole mistakes.
+/// The hypotheses without a single place, in words: small errors everywhere, slipped rows, gross mistakes.
 ///
 /// ```
-/// let beside = mirror_core::diagnose::mistakes();
-/// assert!(beside.iter().any(|m| m.name == "axis_sign" && m.is_mistake));
+/// let mistakes = mirror_core::diagnose::mistakes();
+/// assert!(mistakes.iter().any(|m| m.name == "axis_sign" && m.is_mistake));
 /// ```
 pub fn mistakes() -> &'static [MistakeInfo] {
     &EVERYWHERE
