@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import colorsys
 import math
 from dataclasses import dataclass
 
@@ -47,6 +48,12 @@ class Marker:
     tolerance_m: float | None = None
     """One standard deviation by which the real place may differ from the URDF's; 0: exact; None: not
     stated."""
+
+    def rgb(self, saturation: float = 0.85, value: float = 0.85) -> tuple[float, float, float]:
+        """Red, green and blue, 0 to 1, in which the marker is drawn: its hue; grey for a marker without colour."""
+        if self.color is None:
+            return value, value, value
+        return colorsys.hsv_to_rgb(self.color.hue_deg / 360.0, saturation, value)
 
 
 def _is_number(value: object) -> bool:

@@ -19,6 +19,7 @@ from . import _core
 from .arguments import checked_arguments
 from .board import Board
 from .camera import Camera
+from .formats.session_keys import FLOAT_GLASS_INDEX as FLOAT_GLASS_INDEX
 from .short_repr import ShortRepr, from_core
 
 Array = npt.NDArray[np.float64]
@@ -28,9 +29,6 @@ Loss = Literal["squared", "huber", "cauchy"]
 
 ESTIMATORS: tuple[Estimator, ...] = ("pose", "pose_snapped", "point_pair", "maximum_likelihood")
 """Eq. 1 of the paper, Eq. 1 snapped to the nearest reflection, Eq. 2 (the paper's method), maximum likelihood."""
-
-FLOAT_GLASS_INDEX = 1.52
-"""Refractive index of the glass that mirrors are made of."""
 
 
 class GlassArguments(TypedDict, total=False):

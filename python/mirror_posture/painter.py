@@ -6,7 +6,6 @@ pictures are tested by code that shares no formula with them.
 
 from __future__ import annotations
 
-import colorsys
 import math
 import os
 from collections.abc import Iterable, Mapping
@@ -138,9 +137,8 @@ class Painter:
                 raise MirrorPostureError(
                     f"{folder / 'session.toml'}: marker {marker.name!r} has diameter 0; only balls can be drawn"
                 )
-            hue = 0.0 if marker.color is None else marker.color.hue_deg / 360.0
-            rgb = colorsys.hsv_to_rgb(hue, 0.0 if marker.color is None else BALL_SATURATION, BALL_VALUE)
-            balls.append((marker.name, marker.link, marker.diameter_m, list(rgb)))
+            rgb = list(marker.rgb(BALL_SATURATION, BALL_VALUE))
+            balls.append((marker.name, marker.link, marker.diameter_m, rgb))
         maker = PictureMaker(
             given_text(folder / metadata.robot, "the robot's URDF", LARGEST_MODEL),
             size_px=camera.size_px,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
@@ -22,13 +21,11 @@ from ..measurement import (
 from ..mirror import IDEAL_MIRROR
 from ..optics import see_in_mirror
 from ..output_files import new_file, write_file
+from ..picture_marks import MEASURED_BGR, WANTED_BGR, Pixels, draw_label, draw_mark
 from ..session import Session, load_session
 from .outcome import LookReport, Outcome
 
-Pixels = npt.NDArray[Any]
-"""A picture as OpenCV holds it: (H, W, 3) uint8, BGR."""
 MILLIMETRES = 1000.0
-MEASURED_BGR, TARGET_BGR = (80, 230, 80), (60, 60, 255)
 CROP_PX = 39
 """Half the width of the closer look at a marker."""
 ZOOM = 5
@@ -177,12 +174,12 @@ def _panel(
         crops.append(_crop(picture, wanted[index], None if distance is None else measured[index], text))
         for pixel, color, shape in (
             (measured[index], MEASURED_BGR, "ring"),
-            (wanted[index], TARGET_BGR, "cross"),
+            (wanted[index], WANTED_BGR, "cross"),
         ):
             if np.isfinite(pixel).all() and not (shape == "ring" and distance is None):
-                _mark(canvas, shape, pixel, color, 1)
-    _text(canvas, f"{title}: look {look.look}, {look.steps} steps", (10, 24), 0.6)
-    _text(canvas, "green ring: measured, red cross: target", (10, canvas.shape[0] - 12), 0.45)
+                draw_mark(canvas, shape, pixel, color, 1)
+    draw_label(canvas, f"{title}: look {look.look}, {look.steps} steps", (10, 24), 0.6)
+    draw_label(canvas, "green ring: measured, red cross: target", (10, canvas.shape[0] - 12), 0.45)
     side = crops[0].shape[0]
     across = max(1, (canvas.shape[1] + GAP_PX) // (side + GAP_PX))
     lines = []
@@ -223,30 +220,8 @@ def _crop(
         if np.isfinite(wanted).all():
             ends = [tuple(int(v) for v in np.round(enlarged(p))) for p in (measured, wanted)]
             cv2.line(canvas, ends[0], ends[1], (255, 255, 255), 2, cv2.LINE_AA)
-        _mark(canvas, "ring", enlarged(measured), MEASURED_BGR, 2)
+        draw_mark(canvas, "ring", enlarged(measured), MEASURED_BGR, 2)
     if np.isfinite(wanted).all():
-        _mark(canvas, "cross", enlarged(wanted), TARGET_BGR, 2)
-    _text(canvas, text, (8, 24), 0.6)
+        draw_mark(canvas, "cross", enlarged(wanted), WANTED_BGR, 2)
+    draw_label(canvas, text, (8, 24), 0.6)
     return canvas
-
-
-def _mark(
-    canvas: Pixels, shape: str, at: npt.NDArray[np.float64], color: tuple[int, int, int], scale: int
-) -> None:
-    """A ring or a cross with a dark rim, so that it shows on a ball of its own colour."""
-    x, y = (int(v) for v in np.round(at * 16))
-    for ink, weight in (((0, 0, 0), 3 * scale), (color, scale)):
-        if shape == "ring":
-            cv2.circle(canvas, (x, y), (9 * scale) << 4, ink, weight, cv2.LINE_AA, 4)
-            continue
-        arm = (5 * scale) << 4
-        for dx, dy in ((arm, arm), (arm, -arm)):
-            cv2.line(canvas, (x - dx, y - dy), (x + dx, y + dy), ink, weight, cv2.LINE_AA, 4)
-
-
-def _text(canvas: Pixels, text: str, at: tuple[int, int], size: float) -> None:
-    """Text on a dark plate."""
-    (width, height), base = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, size, 1)
-    plate = canvas[max(at[1] - height - 4, 0) : at[1] + base + 2, max(at[0] - 4, 0) : at[0] + width + 4]
-    plate[:] = (plate * 0.35).astype(np.uint8)
-    cv2.putText(canvas, text, at, cv2.FONT_HERSHEY_SIMPLEX, size, (255, 255, 255), 1, cv2.LINE_AA)

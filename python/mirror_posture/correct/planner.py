@@ -223,12 +223,9 @@ def why_not_seen(target: Target, start: View) -> str:
         return "the board does not face the mirror: its z axis, out of the printed face, must point along the root's x axis"
     if normal[2] <= 0.0:
         return "the camera looks away from the mirror: its z axis must point along the root's x axis"
-    glass = (0.0, 1.52)
-    if metadata.mirror is not None:
-        glass = (metadata.mirror.glass_thickness_m, metadata.mirror.refractive_index)
     distance_m = BEYOND_REACH[2] * max(reach_m(target), start.distance_m)
     at = float(normal @ board[:3, 3]) + distance_m
-    seen = see_in_mirror(camera, at * normal, points, glass_thickness_m=glass[0], refractive_index=glass[1])
+    seen = see_in_mirror(camera, at * normal, points, **(metadata.mirror or IDEAL_MIRROR).glass)
     corners = target.nominal.corner_count
     names = ["the board"] * corners + [f"marker {m.name}" for m in metadata.markers]
     wanted = [*range(corners), *(corners + i for i in target.marker_indices)]

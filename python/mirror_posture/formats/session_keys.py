@@ -19,10 +19,11 @@ LONGEST_SHUTTER_S = 0.5
 LARGEST_SQUARE_M, LARGEST_MARKER_M, THICKEST_GLASS_M = 0.5, 0.5, 0.05
 """Beyond these a length is in mm."""
 FLOAT_GLASS_INDEX = 1.52
+"""Refractive index of the glass that mirrors are made of."""
 LARGEST_INDEX = 3.0
+"""Diamond has 2.4."""
 LARGEST_MIRROR_M = 10.0
 """Width and height."""
-"""Diamond has 2.4."""
 SMALLEST_PIXEL_STD, SMALLEST_POINT_STD_M = 1e-6, 1e-9
 """Below these rounding is larger: nothing would agree with anything."""
 LARGEST_PIXEL_STD, LARGEST_POINT_STD_M, LARGEST_TOLERANCE_M = 20.0, 0.05, 0.5

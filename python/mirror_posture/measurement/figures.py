@@ -4,7 +4,6 @@ pictures."""
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
@@ -15,16 +14,11 @@ from ..figure_settings import literal
 from ..mirror import IDEAL_MIRROR
 from ..optics import see_in_mirror
 from ..output_files import new_file, write_file
+from ..picture_marks import MEASURED_BGR, WANTED_BGR, Pixels, draw_label, draw_mark
 from ..session import Session
 from .types import Measurement
 
-Pixels = npt.NDArray[Any]
-"""A picture as OpenCV holds it: (H, W, 3) uint8, BGR."""
-MEASURED_BGR = (80, 230, 80)
-MODEL_BGR = (60, 60, 255)
 MILLIMETRES = 1000.0
-SHIFT = 4
-"""Fractional bits of OpenCV's drawing coordinates."""
 
 
 @literal
@@ -100,7 +94,7 @@ def draw_measured_and_model(session: Session, measurement: Measurement, row: int
     glass = (session.mirror or IDEAL_MIRROR).glass
     for points, color, shape in (
         (markers.point_in_camera_m, MEASURED_BGR, "ring"),
-        (markers.model_in_camera_m, MODEL_BGR, "cross"),
+        (markers.model_in_camera_m, WANTED_BGR, "cross"),
     ):
         if not len(mine):
             continue
@@ -113,7 +107,7 @@ def draw_measured_and_model(session: Session, measurement: Measurement, row: int
             if not inside or (shape == "ring" and not markers.measured[k]):
                 continue
             at = (pixel + 0.5) * scale - 0.5
-            _draw(canvas, shape, at, color, scale)
+            draw_mark(canvas, shape, at, color, scale)
             if shape == "ring":
                 text = f"{measurement.marker_names[markers.marker[k]]} {markers.distance_m[k] * MILLIMETRES:.1f} mm"
                 _label(canvas, text, at + np.array([0.0, 34.0 if order % 2 else -22.0]) * scale, scale)
@@ -132,31 +126,10 @@ def write_measured_and_model(session: Session, measurement: Measurement, row: in
     return True
 
 
-def _draw(
-    canvas: Pixels,
-    shape: str,
-    at: npt.NDArray[np.float64],
-    color: tuple[int, int, int],
-    scale: int,
-) -> None:
-    """A ring or a cross at a sub-pixel place, with a dark rim so that it is visible on a ball of its own
-    colour."""
-    x, y = (int(v) for v in np.round(at * 2**SHIFT))
-    for ink, weight in (((0, 0, 0), 3 * scale), (color, scale)):
-        if shape == "ring":
-            cv2.circle(canvas, (x, y), (9 * scale) << SHIFT, ink, weight, cv2.LINE_AA, SHIFT)
-            continue
-        arm = (5 * scale) << SHIFT
-        for dx, dy in ((arm, arm), (arm, -arm)):
-            cv2.line(canvas, (x - dx, y - dy), (x + dx, y + dy), ink, weight, cv2.LINE_AA, SHIFT)
-
-
 def _label(canvas: Pixels, text: str, at: npt.NDArray[np.float64], scale: int) -> None:
     """Text on a dark plate, centred on a place and kept inside of the picture."""
     size = 0.4 * scale
     (width, height), base = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, size, 1)
     x = int(np.clip(at[0] - width / 2, 4, max(4, canvas.shape[1] - width - 6)))
     y = int(np.clip(at[1], height + 4, canvas.shape[0] - base - 2))
-    plate = canvas[y - height - 3 : y + base + 1, max(x - 3, 0) : x + width + 4]
-    plate[:] = (plate * 0.35).astype(np.uint8)
-    cv2.putText(canvas, text, (x, y), cv2.FONT_HERSHEY_SIMPLEX, size, (255, 255, 255), 1, cv2.LINE_AA)
+    draw_label(canvas, text, (x, y), size)

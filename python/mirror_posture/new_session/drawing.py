@@ -61,8 +61,7 @@ def draw_setup(
         _board(axes, told, pose, across, up)
         for marker in told.markers:
             at = pose[marker.link][:3, 3]
-            hue = 0.0 if marker.color is None else marker.color.hue_deg
-            axes.plot(at[across], at[up], "o", ms=9, color=_tone(hue), mec="black", zorder=5)
+            axes.plot(at[across], at[up], "o", ms=9, color=marker.rgb(), mec="black", zorder=5)
             axes.annotate(
                 marker.name,
                 (at[across], at[up]),
@@ -112,12 +111,6 @@ def _board(axes: Any, told: Any, pose: Mapping[str, Any], across: int, up: int) 
 
 def _moved(a_from_b: Any, points_in_b: Any) -> Any:
     return points_in_b @ a_from_b[:3, :3].T + a_from_b[:3, 3]
-
-
-def _tone(hue_deg: float) -> tuple[float, float, float]:
-    import colorsys
-
-    return colorsys.hsv_to_rgb(hue_deg / 360.0, 0.85, 0.85)
 
 
 def _gravity(axes: Any, told: Any, across: int, up: int) -> None:

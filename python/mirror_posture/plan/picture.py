@@ -56,9 +56,8 @@ def draw_plan(plan: Plan, file: Path) -> None:
         for number, marker in enumerate(markers):
             seen = plan.markers[:, number]
             points = poses[seen][:, index[marker.link]]
-            hue = 0.0 if marker.color is None else marker.color.hue_deg
             panel.plot(
-                points @ setting.forward, points @ vertical, "o", ms=4, color=_tone(hue), label=marker.name
+                points @ setting.forward, points @ vertical, "o", ms=4, color=marker.rgb(), label=marker.name
             )
         for view, mirror in enumerate(plan.mirrors):
             _mirror(panel, plan, mirror, vertical, view)
@@ -128,9 +127,3 @@ def table_rows(plan: Plan) -> list[list[str]]:
             cells.append(text + ("*" if one.twins and one.seen else ""))
         rows.append(cells)
     return rows
-
-
-def _tone(hue_deg: float) -> tuple[float, float, float]:
-    import colorsys
-
-    return colorsys.hsv_to_rgb(hue_deg / 360.0, 0.85, 0.85)

@@ -6,7 +6,6 @@ one. Needs an OpenGL: set MUJOCO_GL to egl or osmesa on a machine without a scre
 
 from __future__ import annotations
 
-import colorsys
 import functools
 import math
 import os
@@ -82,9 +81,8 @@ def dress(
         body = _body(spec, marker.link)
         for own in body.geoms:
             spec.delete(own)
-        hue = 0.0 if marker.color is None else marker.color.hue_deg / 360.0
-        rgb = colorsys.hsv_to_rgb(hue, 0.0 if marker.color is None else PAINT["saturation"], PAINT["value"])
-        paint = spec.add_material(name=f"mirror_posture:{marker.name}", rgba=[*rgb, 1.0])
+        rgba = [*marker.rgb(PAINT["saturation"], PAINT["value"]), 1.0]
+        paint = spec.add_material(name=f"mirror_posture:{marker.name}", rgba=rgba)
         paint.emission, paint.specular, paint.shininess = 0.45, 0.0, 0.0
         ball = body.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[0.5 * marker.diameter_m, 0, 0])
         ball.material, ball.contype, ball.conaffinity, ball.mass = paint.name, 0, 0, 0.0
