@@ -94,10 +94,7 @@ def view_planes(views: Iterable[View], board_in_root_m: npt.ArrayLike) -> tuple[
     for view in views:
         if not (view.distance_m > 0.0 and math.isfinite(view.yaw_rad) and math.isfinite(view.pitch_rad)):
             raise MirrorPostureError(f"{view}: needed finite angles and a distance above 0 m")
-        level = math.cos(view.pitch_rad)
-        normal = np.array(
-            [level * math.cos(view.yaw_rad), level * math.sin(view.yaw_rad), math.sin(view.pitch_rad)]
-        )
+        normal = view.normal_in_root
         center = board + view.distance_m * normal
         planes.append(MirrorPlane(tuple(center.tolist()), tuple(normal.tolist())))
     return tuple(planes)

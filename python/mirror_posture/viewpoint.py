@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
 
 
 @dataclass(frozen=True)
@@ -19,3 +23,11 @@ class View:
     yaw_rad: float = 0.0
     pitch_rad: float = 0.0
     distance_m: float = 0.150
+
+    @property
+    def normal_in_root(self) -> npt.NDArray[np.float64]:
+        """The mirror's unit normal, from the robot to the mirror, (3,)."""
+        level = math.cos(self.pitch_rad)
+        return np.array(
+            [level * math.cos(self.yaw_rad), level * math.sin(self.yaw_rad), math.sin(self.pitch_rad)]
+        )

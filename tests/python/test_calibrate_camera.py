@@ -80,6 +80,10 @@ def test_a_view_that_does_not_fit_is_left_out_and_named() -> None:
     assert done.camera.focal_px[0] == pytest.approx(FOCAL[0], rel=0.01)
     made[5][:25] = np.nan
     assert not calibrate_camera(BOARD, made, SIZE).used[5]
+    # A view of too few corners before the one that does not fit: both are left out, and no other.
+    made[5], made[1] = made[6], made[1].copy()
+    made[1][:25] = np.nan
+    assert np.flatnonzero(~calibrate_camera(BOARD, made, SIZE).used).tolist() == [1, 4]
     with pytest.raises(MirrorPostureError, match="needed 4"):
         calibrate_camera(BOARD, made[:3], SIZE)
     with pytest.raises(MirrorPostureError, match="7 x 4"):

@@ -124,6 +124,11 @@ def test_opencvs_files_are_read(tmp_path: Path, ending: str) -> None:
         (kalibr("radtan", RADTAN), "plumb_bob", (*RADTAN, 0.0)),
         (topic("equidistant", FISHEYE), "equidistant", FISHEYE),
         (topic("plumb_bob", (*RADTAN, 0.0)), "plumb_bob", (*RADTAN, 0.0)),
+        (
+            topic("plumb_bob", (*RADTAN, 0.0)).replace("height: 0, width: 0", "height: 720, width: 1280"),
+            "plumb_bob",
+            (*RADTAN, 0.0),
+        ),
         (dump_camera_info(fisheye()), "equidistant", FISHEYE),
     ],
 )
@@ -147,6 +152,9 @@ def test_kalibrs_and_ros_files_are_read(
         (topic("equidistant", FISHEYE[:3]), "needed 4"),
         (topic("plumb_bob", RADTAN).replace("binning_x: 0", "binning_x: 2"), "binning"),
         (topic("plumb_bob", RADTAN).replace("x_offset: 0", "x_offset: 8"), "roi"),
+        (topic("plumb_bob", RADTAN).replace("y_offset: 0", "y_offset: 8"), "roi"),
+        (topic("plumb_bob", RADTAN).replace("width: 0", "width: 640"), "roi"),
+        (topic("plumb_bob", RADTAN).replace("height: 0", "height: 360"), "roi"),
         ("%YAML:1.0\n---\ncamera_matrix: 3\n", "OpenCV"),
         ("%YAML:1.0\n---\n[[[", "OpenCV"),
     ],

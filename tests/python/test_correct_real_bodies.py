@@ -12,7 +12,7 @@ import pytest
 from mirror_lab.robots import HiddenEffect, TwinOptions, TwinRobot
 from mirror_posture import MirrorPostureError
 from mirror_posture.correct import CorrectOptions, correct, make_target
-from mirror_posture.correct.planner import propose_views, reach_m, view_normal
+from mirror_posture.correct.planner import propose_views, reach_m
 from mirror_posture.render import view_planes
 from mirror_posture.robots import Nominal
 from mirror_posture.robots.servo_config import load_config
@@ -118,7 +118,7 @@ def test_a_robot_of_its_own_size_ends_within_a_millimetre(name: str, simulated: 
         assert np.linalg.norm(truth[marker] - wanted) < 1e-3, marker
         # The glass is farther away than the ball, and than any link.
         board = nominal.robot.points(q, root, "chest_board")[0]
-        assert view_normal(view) @ (wanted - board) + 0.015 < view.distance_m
+        assert view.normal_in_root @ (wanted - board) + 0.015 < view.distance_m
     assert reach_m(target) < view.distance_m
     # Only what lies between the board and the markers is moved.
     robot_model = nominal.robot
@@ -140,7 +140,7 @@ def test_a_mirror_that_would_touch_the_robot_is_not_proposed(tmp_path: Path) -> 
     q = nominal.robot.positions(posture)
     board = nominal.robot.points(q, "torso_link", "chest_board")[0]
     for view in views:
-        far = max(view_normal(view) @ (nominal.robot.points(q, "torso_link", n)[0] - board) for n in links)
+        far = max(view.normal_in_root @ (nominal.robot.points(q, "torso_link", n)[0] - board) for n in links)
         assert far < view.distance_m
 
 

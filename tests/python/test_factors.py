@@ -13,7 +13,7 @@ from scipy.special import erfcinv
 import mirror_posture as mp
 from mirror_posture import ColorRange, Marker
 from mirror_posture.correct import CorrectOptions, make_target
-from mirror_posture.correct.planner import MARGIN_PX, STAND_STD_RAD, prospects, view_normal
+from mirror_posture.correct.planner import MARGIN_PX, STAND_STD_RAD, prospects
 from mirror_posture.detect import MarkerOptions, detect_markers
 from mirror_posture.diagnosis.applied import apply_diagnosis
 from mirror_posture.robots import Nominal
@@ -98,7 +98,7 @@ def test_the_risk_counts_that_a_mirror_turns_the_ray_twice() -> None:
 
         def reflected_px(yaw_rad: float, view: View = prospect.view) -> np.ndarray:
             turned = View(view.yaw_rad + yaw_rad, view.pitch_rad, view.distance_m)
-            normal = camera_from_root[:3, :3] @ view_normal(turned)
+            normal = camera_from_root[:3, :3] @ turned.normal_in_root
             distance = normal @ board + view.distance_m
             seen = board + 2.0 * (distance - normal @ board) * normal
             return camera.fx_px * seen[:2] / seen[2]

@@ -26,7 +26,6 @@ from mirror_posture.viewpoint import View
 from .hidden import HiddenEffect
 from .pixels import MirrorInRoot, exact_points, lens_of
 from .stand import SimulatedStand
-from .twin import view_normal
 
 try:
     import mujoco
@@ -220,7 +219,7 @@ class MujocoRobot(SimulatedStand, RobotBase):
         if glass is None:
             glass = 0.0 if claimed is None else claimed.glass_thickness_m
         index = FLOAT_GLASS_INDEX if claimed is None else claimed.refractive_index
-        normal = view_normal(self._real_view)
+        normal = self._real_view.normal_in_root
         if self._lens is not None:
             distance = float(normal @ self._board_in_root) + self._real_view.distance_m
             mirror = MirrorInRoot(normal, distance, glass, index)

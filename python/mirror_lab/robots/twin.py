@@ -7,7 +7,6 @@ milliseconds.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
@@ -170,7 +169,7 @@ class TwinRobot(SimulatedStand, RobotBase):
             )
             picture_bgr = np.ascontiguousarray(drawn.picture[..., ::-1])
             return Look(self.commanded, self._time_s, view=self._view, picture_bgr=picture_bgr)
-        normal = view_normal(self._real_view)
+        normal = self._real_view.normal_in_root
         distance = float(normal @ self._board_in_root) + self._real_view.distance_m
         mirror = MirrorInRoot(normal, distance, glass, index, options.curvature_per_m)
         points = exact_points(self.nominal, self._lens, poses, mirror, options.noise_px, self._random)
@@ -205,11 +204,3 @@ class TwinRobot(SimulatedStand, RobotBase):
 
     def _now_s(self) -> float:
         return self._time_s
-
-
-def view_normal(view: View) -> np.ndarray:
-    """The mirror's unit normal, from the robot to the mirror, in the root's frame; see `View`."""
-    level = math.cos(view.pitch_rad)
-    return np.array(
-        [level * math.cos(view.yaw_rad), level * math.sin(view.yaw_rad), math.sin(view.pitch_rad)]
-    )

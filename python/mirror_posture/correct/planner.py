@@ -85,7 +85,7 @@ def reach_m(target: Target) -> float:
     """How far the body at the target reaches towards the mirror, from the board's centre, m; at least the clearance."""
     camera_from, _ = _scene(target)
     body, clearance_m = _body(target)
-    normal = camera_from[0, :3, :3] @ view_normal(View())
+    normal = camera_from[0, :3, :3] @ View().normal_in_root
     return float((body @ normal + clearance_m).max() - normal @ camera_from[2, :3, 3])
 
 
@@ -120,7 +120,7 @@ def prospects(
     found = []
     for yaw, pitch in product(yaws_rad, pitches_rad):
         view = View(yaw, pitch, start.distance_m)
-        normal = camera_from[0, :3, :3] @ view_normal(view)
+        normal = camera_from[0, :3, :3] @ view.normal_in_root
         distance = float(normal @ board[:3, 3]) + view.distance_m
         if distance <= 0.0 or float(normal @ board[:3, 2]) < math.cos(STEEPEST_RAD):
             continue
@@ -218,7 +218,7 @@ def why_not_seen(target: Target, start: View) -> str:
     metadata, camera = target.nominal.metadata, target.nominal.camera
     assert camera is not None
     board = camera_from[2]
-    normal = camera_from[0, :3, :3] @ view_normal(View())
+    normal = camera_from[0, :3, :3] @ View().normal_in_root
     if float(normal @ board[:3, 2]) < math.cos(STEEPEST_RAD):
         return "the board does not face the mirror: its z axis, out of the printed face, must point along the root's x axis"
     if normal[2] <= 0.0:
@@ -303,11 +303,3 @@ def _effort(views: Sequence[Prospect]) -> float:
     """The cost of a set of views in addition to its deviation: turning, and the risk of losing markers."""
     farthest = max(max(abs(p.view.yaw_rad), abs(p.view.pitch_rad)) for p in views)
     return (1.0 + EASE * farthest / YAWS_RAD[-1]) * (1.0 + RISK * sum(p.risk for p in views))
-
-
-def view_normal(view: View) -> Floats:
-    """The mirror's unit normal, from the robot to the mirror, in the root's frame; see `View`."""
-    level = math.cos(view.pitch_rad)
-    return np.array(
-        [level * math.cos(view.yaw_rad), level * math.sin(view.yaw_rad), math.sin(view.pitch_rad)]
-    )

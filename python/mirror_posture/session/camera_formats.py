@@ -136,7 +136,10 @@ def from_topic(name: str, tree: Mapping[Any, Any]) -> Camera:
     width, height = _whole(name, "width", tree["width"]), _whole(name, "height", tree["height"])
     roi = tree.get("roi")
     if isinstance(roi, Mapping) and (
-        roi.get("x_offset") or roi.get("y_offset") or roi.get("width") not in (0, width, None)
+        roi.get("x_offset")
+        or roi.get("y_offset")
+        or roi.get("width") not in (0, width, None)
+        or roi.get("height") not in (0, height, None)
     ):
         raise SessionError(name, "roi: needed whole pictures, got a part of the sensor; record without it")
     matrix = numbers(name, "k", tree.get("k", tree.get("K")), 9)
