@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import itertools
 import math
+import shutil
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
@@ -28,7 +30,8 @@ from mirror_posture.correct import (
     make_target,
     propose_views,
 )
-from mirror_posture.correct.planner import predicted_std_m, prospects
+from mirror_posture.correct.planner import predicted_std_m, prospects, reach_m
+from mirror_posture.render import EMBEDDED_FOLDER
 from mirror_posture.robots import Look, LostRobotError, MarkerPoints, NoLookError, Nominal, RobotBase
 from mirror_posture.viewpoint import View
 
@@ -369,6 +372,20 @@ def test_proposed_views_show_everything_and_differ_in_pitch() -> None:
         if len(paper) == 2:
             better, usual = predicted_std_m(target, [best, paper])
             assert better < 0.7 * usual
+
+
+def test_a_mirror_nearer_than_the_bodys_clearance_is_not_proposed(tmp_path: Path) -> None:
+    """A horn of the base, out of the picture: the glass keeps off it."""
+    for name in ("camera.yaml", "session.toml"):
+        shutil.copy(EMBEDDED_FOLDER / name, tmp_path)
+    text = (EMBEDDED_FOLDER / "robot.urdf").read_text()
+    horn = '<link name="horn"/><joint name="horn" type="fixed"><parent link="base_link"/><child link="horn"/><origin xyz="0.16 0.3 0"/></joint>'
+    (tmp_path / "robot.urdf").write_text(text.replace("</robot>", f"{horn}</robot>"))
+    target = make_target(Nominal.load(tmp_path), BENT, CorrectOptions())
+    nearest = reach_m(target)
+    assert nearest > reach_m(make_target(Nominal.load(), BENT, CorrectOptions())) + 0.05
+    for distance, proposed in ((nearest - 1e-4, 0), (nearest + 1e-4, 1)):
+        assert len(prospects(target, View(distance_m=distance), (0.0,), (0.0,))) == proposed
 
 
 def test_the_predicted_deviation_is_the_one_that_comes() -> None:

@@ -53,6 +53,16 @@ def test_a_corrected_session_has_no_gap(name: str, effect: str, tmp_path: Path) 
     assert again.gap.before_m <= first.gap.before_m
 
 
+def test_angles_of_an_origin_that_is_only_shifted_stay_as_they_were_written() -> None:
+    """At a pitch of 90° many angles mean one rotation: none of them is written in place of the file's own."""
+    text = '<robot name="r"><link name="a"/><link name="b"/><joint name="j" type="revolute"><parent link="a"/><child link="b"/><origin xyz="0 0 1" rpy="0.3 1.5707963267948966 0.2"/></joint></robot>'
+    urdf = Urdf(text)
+    pose = urdf.origin("j")
+    pose[0, 3] = 0.25
+    urdf.set_origin("j", pose)
+    assert urdf.text() == text.replace('xyz="0 0 1"', 'xyz="0.25 0 1"')
+
+
 def test_offset_and_tilt_move_the_robot_as_the_vocabulary_says(tmp_path: Path) -> None:
     session = mp.load_session(write_folder(tmp_path / "session"))
     offset, tilt_1, tilt_2 = 0.07, 0.03, -0.02
