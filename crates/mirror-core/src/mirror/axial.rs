@@ -21,6 +21,30 @@ pub(super) struct AxialDepth {
     pub by_parameter: f64,
 }
 
+/// As [`AxialDepth`], of several points, number by number: what is computed for each without a branch runs in vector registers.
+#[derive(Clone, Copy)]
+pub(crate) struct AxialDepths<const N: usize> {
+    pub depth: [f64; N],
+    pub by_lateral_squared: [f64; N],
+    pub by_height: [f64; N],
+    pub by_distance: [f64; N],
+    pub by_parameter: [f64; N],
+    /// Whether the camera sees the point, and once.
+    pub seen: [bool; N],
+}
+
+impl<const N: usize> AxialDepths<N> {
+    /// All 0, and seen.
+    pub const ZERO: Self = Self {
+        depth: [0.0; N],
+        by_lateral_squared: [0.0; N],
+        by_height: [0.0; N],
+        by_distance: [0.0; N],
+        by_parameter: [0.0; N],
+        seen: [true; N],
+    };
+}
+
 /// A camera ray split at the mirror's normal.
 pub(super) struct IncidentRay {
     pub cosine: f64,

@@ -1,6 +1,6 @@
 //! A slightly spherical mirror: what a flat one becomes when its frame bends it.
 
-use super::axial::{AxialDepth, IncidentRay};
+use super::axial::{AxialDepth, AxialDepths, IncidentRay};
 use crate::error::{Error, Result, finite};
 use crate::geometry::{Plane, Ray};
 use nalgebra::{Point3, Unit, Vector3};
@@ -14,6 +14,8 @@ const LARGEST_FOCUS: f64 = 0.7;
 const LARGEST_SLOPE: f64 = 0.5;
 /// Newton needs 2 to 5 steps.
 const REFLECTION_STEPS: usize = 50;
+/// Steps of several points at once.
+const REFLECTION_STEPS_OF_MANY: usize = 7;
 /// After a relative step below this Newton's next would be below rounding: it converges quadratically.
 const LAST_STEP: f64 = 1e-8;
 
@@ -64,21 +66,29 @@ struct Trial {
 impl Trial {
     #[inline]
     fn at(sigma: f64, lateral_squared: f64, height: f64, distance: f64, curvature: f64) -> Option<Self> {
+        let trial = Self::of(sigma, lateral_squared, height, distance, curvature);
+        trial.is_slight().then_some(trial)
+    }
+
+    /// Whether the mirror is no steeper there than a slightly spherical one. Written so that NaN fails.
+    #[inline(always)]
+    fn is_slight(&self) -> bool {
+        let slope = self.curvature * self.sigma;
+        slope * slope * self.lateral_squared <= LARGEST_SLOPE * LARGEST_SLOPE
+    }
+
+    #[inline(always)]
+    fn of(sigma: f64, lateral_squared: f64, height: f64, distance: f64, curvature: f64) -> Self {
         let s2 = sigma * sigma * lateral_squared;
-        let slope2 = curvature * curvature * s2;
-        // Written so that NaN fails the test.
-        if !(slope2 <= LARGEST_SLOPE * LARGEST_SLOPE) {
-            return None;
-        }
-        let c = (1.0 - slope2).sqrt();
+        let c = (1.0 - curvature * curvature * s2).sqrt();
         let w = -curvature * s2 / (1.0 + c);
         let a = curvature * sigma * (1.0 - sigma) * lateral_squared + c * (height - distance - w);
         let g = sigma * (height - 2.0 * a * c) - (distance + w) * (1.0 - 2.0 * a * curvature * sigma);
-        Some(Self { sigma, lateral_squared, height, distance, curvature, c, w, a, g })
+        Self { sigma, lateral_squared, height, distance, curvature, c, w, a, g }
     }
 
     /// `∂g/∂σ`: [`Trial::differential`] of a change of σ alone, which Newton asks for many times.
-    #[inline]
+    #[inline(always)]
     fn slope(&self) -> f64 {
         let Self { sigma, lateral_squared: p, height, distance, curvature: k, c, w, a, .. } = *self;
         let k_ds2 = 2.0 * k * sigma * p;
@@ -90,7 +100,7 @@ impl Trial {
     }
 
     /// The differentials `(dw, dg)` of a change.
-    #[inline]
+    #[inline(always)]
     fn differential(&self, by: &Change) -> (f64, f64) {
         let Self { sigma, lateral_squared: p, height, distance, curvature: k, c, w, a, .. } = *self;
         let s2 = sigma * sigma * p;
@@ -205,6 +215,50 @@ impl Curvature {
             by_distance: depth_by(Change { distance: 1.0, ..Change::default() }),
             by_parameter: depth_by(Change { curvature: 1.0, ..Change::default() }),
         })
+    }
+
+    /// As [`Curvature::depth_with_derivatives`], of several points at once.
+    #[inline(always)]
+    pub(super) fn depths_with_derivatives<const N: usize>(
+        &self,
+        lateral_squared: &[f64; N],
+        height: &[f64; N],
+        distance: f64,
+    ) -> AxialDepths<N> {
+        let k = self.per_m;
+        let mut sigma = [0.0; N];
+        for l in 0..N {
+            let before = distance - height[l];
+            sigma[l] = distance / (distance + before - 2.0 * k * distance * before);
+        }
+        for _ in 0..if k == 0.0 { 0 } else { REFLECTION_STEPS_OF_MANY } {
+            for l in 0..N {
+                let trial = Trial::of(sigma[l], lateral_squared[l], height[l], distance, k);
+                let next = sigma[l] - trial.g / trial.slope();
+                sigma[l] = next.max(0.5 * sigma[l]).min(2.0 * sigma[l]);
+            }
+        }
+        let mut out = AxialDepths::ZERO;
+        for l in 0..N {
+            let before = distance - height[l];
+            let at = Trial::of(sigma[l], lateral_squared[l], height[l], distance, k);
+            let depth = (distance + at.w) / at.sigma;
+            let (w_by_sigma, g_by_sigma) = at.differential(&Change { sigma: 1.0, ..Change::default() });
+            let depth_by = |change: Change| {
+                let (dw, dg) = at.differential(&change);
+                let dsigma = -dg / g_by_sigma;
+                (change.distance + dw + w_by_sigma * dsigma - depth * dsigma) / at.sigma
+            };
+            out.depth[l] = depth;
+            out.by_lateral_squared[l] = depth_by(Change { lateral_squared: 1.0, ..Change::default() });
+            out.by_height[l] = depth_by(Change { height: 1.0, ..Change::default() });
+            out.by_distance[l] = depth_by(Change { distance: 1.0, ..Change::default() });
+            out.by_parameter[l] = depth_by(Change { curvature: 1.0, ..Change::default() });
+            out.seen[l] = (k * 2.0 * distance * before <= LARGEST_FOCUS * (distance + before))
+                & at.is_slight()
+                & (at.g.abs() <= 1e-12 * distance);
+        }
+        out
     }
 
     /// The virtual ray of a camera ray: the line of the reflected light, started as far behind the mirror as the camera

@@ -1,6 +1,6 @@
 //! A pane of glass silvered at its back: refracted in, reflected, refracted out.
 
-use super::axial::{AxialDepth, IncidentRay};
+use super::axial::{AxialDepth, AxialDepths, IncidentRay};
 use crate::error::{Error, Result, finite};
 use crate::geometry::{Plane, Ray, Reflection};
 use nalgebra::{Unit, Vector3};
@@ -11,6 +11,8 @@ const THICKEST_PANE_M: f64 = 0.1;
 const LARGEST_INDEX: f64 = 3.0;
 /// Newton runs monotonically to the root and needs 2 to 4 steps; the rest is for grazing rays.
 const SNELL_STEPS: usize = 60;
+/// Steps of several points at once: rays that need more graze the pane, beyond any lens.
+const SNELL_STEPS_OF_MANY: usize = 6;
 /// After a step below this, relative to 1 + tan α, the next would be below rounding: Newton converges quadratically.
 const SNELL_TOLERANCE: f64 = 1e-8;
 
@@ -144,6 +146,48 @@ impl GlassPane {
             by_distance: 2.0 * implicit,
             by_parameter: 2.0 * g * implicit,
         }
+    }
+
+    /// As [`GlassPane::depth_with_derivatives`], of several points at once.
+    #[inline(always)]
+    pub(super) fn depths_with_derivatives<const N: usize>(
+        &self,
+        lateral_squared: &[f64; N],
+        height: &[f64; N],
+        distance: f64,
+    ) -> AxialDepths<N> {
+        let (n, t) = (self.refractive_index, self.thickness_m);
+        let (n2, twice) = (n * n, 2.0 * t);
+        let refraction = |s: f64| 1.0 / (n2 + (n2 - 1.0) * s).sqrt();
+        let (mut air, mut lateral, mut tangent, mut last) = ([0.0; N], [0.0; N], [0.0; N], [0.0; N]);
+        for l in 0..N {
+            air[l] = 2.0 * distance - height[l];
+            lateral[l] = lateral_squared[l].sqrt();
+            tangent[l] = lateral[l] / (air[l] + twice / n);
+        }
+        for _ in 0..if t == 0.0 { 0 } else { SNELL_STEPS_OF_MANY } {
+            for l in 0..N {
+                let g = refraction(tangent[l] * tangent[l]);
+                let value = tangent[l] * (air[l] + twice * g) - lateral[l];
+                last[l] = value / (air[l] + twice * n2 * g * g * g);
+                tangent[l] -= last[l];
+            }
+        }
+        let mut out = AxialDepths::ZERO;
+        for l in 0..N {
+            let depth = air[l] + twice * refraction(tangent[l] * tangent[l]);
+            let s = lateral_squared[l] / (depth * depth);
+            let g = refraction(s);
+            let slope = -0.5 * (n2 - 1.0) * g * g * g;
+            let implicit = 1.0 / (1.0 + 4.0 * t * slope * s / depth);
+            out.depth[l] = depth;
+            out.by_lateral_squared[l] = 2.0 * t * slope / (depth * depth) * implicit;
+            out.by_height[l] = -implicit;
+            out.by_distance[l] = 2.0 * implicit;
+            out.by_parameter[l] = 2.0 * g * implicit;
+            out.seen[l] = last[l].abs() <= SNELL_TOLERANCE * (1.0 + tangent[l]);
+        }
+        out
     }
 
     /// How far the pane shifts the outgoing ray sideways, `2 t tan β` along the ray's lateral direction, m.

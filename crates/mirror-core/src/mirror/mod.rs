@@ -27,6 +27,7 @@ mod sphere;
 mod via;
 mod virtual_camera;
 
+pub(crate) use axial::AxialDepths;
 pub use batch::{estimate_rows, planar_pose_rows, view_from_row};
 pub use board::{Board, BoardView, DetectedCorner, FEWEST_CORNERS, SeenCorner};
 pub use curved::Curvature;

@@ -1,6 +1,6 @@
 //! The forward optics of a mirror: where the camera sees a point in it, with all Jacobians.
 
-use super::axial::{AxialDepth, IncidentRay};
+use super::axial::{AxialDepth, AxialDepths, IncidentRay};
 use super::curved::Curvature;
 use super::glass::GlassPane;
 use crate::camera::Camera;
@@ -165,6 +165,28 @@ impl MirrorOptics {
             by_curvature: at.normal * curved.by_parameter,
             ..at.seen_at(&depth)
         })
+    }
+
+    /// The depths at which the camera sees several points, by the squares of their distances from the axis and their heights: by the
+    /// thickness first, and by the curvature the derivatives of what it changes.
+    #[inline(always)]
+    pub(crate) fn depths<const N: usize>(
+        &self,
+        lateral_squared: &[f64; N],
+        height: &[f64; N],
+        distance: f64,
+    ) -> (AxialDepths<N>, [f64; N]) {
+        let mut out = self.pane.depths_with_derivatives(lateral_squared, height, distance);
+        let curved = self.curvature.depths_with_derivatives(lateral_squared, height, distance);
+        // Both share the ideal mirror's depth 2 d − h: count it once.
+        for l in 0..N {
+            out.depth[l] += curved.depth[l] - (2.0 * distance - height[l]);
+            out.by_lateral_squared[l] += curved.by_lateral_squared[l];
+            out.by_height[l] += curved.by_height[l] + 1.0;
+            out.by_distance[l] += curved.by_distance[l] - 2.0;
+            out.seen[l] &= curved.seen[l];
+        }
+        (out, curved.by_parameter)
     }
 
     /// The apparent point with its Jacobians by the point and by the plane alone (the others are 0): the inner loop of

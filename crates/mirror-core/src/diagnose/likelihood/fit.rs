@@ -2,6 +2,7 @@
 //! likelihood.
 
 use crate::diagnose::effects::hypothesis::{Catalogue, Model, nuisances};
+use crate::diagnose::likelihood::covariance::Covariance;
 use crate::diagnose::likelihood::normal_equations::{Normal, needs_board};
 use crate::diagnose::model::camera_and_mirror::FootPoints;
 use crate::diagnose::model::elementary::Column;
@@ -37,7 +38,7 @@ pub(crate) struct Fit {
     /// −2 log likelihood with the priors' penalty, at the fitted parameters.
     pub misfit: f64,
     /// Covariance of all parameters: nuisances, group, then the terms' in order.
-    pub covariance: DMatrix<f64>,
+    pub covariance: Covariance,
     /// Where the terms' parameters begin in it.
     pub first_term: usize,
 }
@@ -220,9 +221,14 @@ pub(crate) fn fit_below(
             break;
         }
     }
-    // The planes of frames that were not used are unknown.
-    if mask.is_none() && !normal.planes.feet.is_empty() {
-        model.planes = Some(Arc::new(core::mem::take(&mut normal.planes.feet)));
+    if !normal.planes.feet.is_empty() {
+        let mut feet = core::mem::take(&mut normal.planes.feet);
+        // Those of frames that did not count are where they were.
+        if let (Some(before), Some(mask)) = (&start, mask) {
+            let left_out = feet.iter_mut().zip(before.iter()).zip(mask).filter(|(_, counts)| !**counts);
+            left_out.for_each(|((foot, before), _)| *foot = *before);
+        }
+        model.planes = Some(Arc::new(feet));
     }
     Ok(summary(model, &normal, &active))
 }
@@ -279,24 +285,15 @@ fn summary(model: Model, normal: &Normal, active: &Active) -> Fit {
     // The nuisances' wide priors are the same in all models: they do not count.
     let causes = active.first_group..count;
     let penalty: f64 = causes.map(|i| (active.values[i] / s[i]).powi(2)).sum();
-    let (log_det, covariance) = match scaled.cholesky() {
-        Some(factor) => {
-            let log_det = 2.0 * factor.l_dirty().diagonal().iter().map(|x| x.ln()).sum::<f64>();
-            let mut covariance = factor.inverse();
-            for i in 0..count {
-                for j in 0..count {
-                    covariance[(i, j)] *= s[i] * s[j];
-                }
-            }
-            (log_det, covariance)
-        }
-        // Not positive only where numbers overflow: no evidence then.
-        None => (f64::INFINITY, DMatrix::from_diagonal(&DVector::from_fn(count, |i, _| s[i] * s[i]))),
-    };
+    let factor = scaled.cholesky();
+    // Not positive only where numbers overflow: no evidence then.
+    let log_det = factor
+        .as_ref()
+        .map_or(f64::INFINITY, |f| 2.0 * f.l_dirty().diagonal().iter().map(|x| x.ln()).sum::<f64>());
     Fit {
         log_evidence: -0.5 * (normal.cost + penalty + log_det),
         misfit: normal.cost + active.penalty(&active.values),
-        covariance,
+        covariance: Covariance::new(factor, s.clone()),
         first_term: active.first_term,
         model,
     }

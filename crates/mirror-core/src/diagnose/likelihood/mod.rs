@@ -1,5 +1,6 @@
 //! The noise, the normal equations, the fit of a model with its evidence, the score test of single hypotheses.
 
+pub(super) mod covariance;
 pub(super) mod fit;
 pub(super) mod linearised;
 pub(super) mod noise;

@@ -3,6 +3,7 @@
 
 use crate::diagnose::likelihood::normal_equations::{chunks, counts};
 use crate::diagnose::likelihood::saturated::free_markers;
+use crate::diagnose::model::camera_and_mirror::FootPoints;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::frame::{FrameWork, Task};
 use crate::diagnose::model::problem::{Noise, Problem};
@@ -133,8 +134,23 @@ pub(crate) fn effective(
     noise: Noise,
     mask: Option<&[bool]>,
 ) -> Result<Noise> {
+    effective_from(problem, deformation, noise, None, mask)
+}
+
+/// As [`effective`], the mirrors starting from where they nearly are.
+///
+/// # Errors
+/// Invalid parameters of the camera or mirror.
+pub(crate) fn effective_from(
+    problem: &Problem,
+    deformation: &Deformation,
+    noise: Noise,
+    planes: Option<&FootPoints>,
+    mask: Option<&[bool]>,
+) -> Result<Noise> {
     let eye = problem.eye(deformation)?;
-    let task = Task::of_markers(problem, deformation, eye.as_ref(), noise);
+    let planes = planes.map(Vec::as_slice);
+    let task = Task { planes, ..Task::of_markers(problem, deformation, eye.as_ref(), noise) };
     let parts: Vec<(Vec<f64>, Vec<f64>)> = chunks(problem.frames.len())
         .into_par_iter()
         .map_init(

@@ -19,7 +19,7 @@ pub(crate) struct Normal {
     pub h: DMatrix<f64>,
     pub g: DVector<f64>,
     pub cost: f64,
-    /// Each frame's plane, and how it moves with the columns' parameters; none where no column needs fresh boards.
+    /// Each frame's plane, and how it moves with the columns' parameters; none where nothing is seen in a mirror.
     pub planes: Planes,
 }
 
@@ -27,16 +27,17 @@ pub(crate) struct Normal {
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Planes {
     pub feet: FootPoints,
-    /// By frame, then by column.
+    /// By frame that has a plane, then by column.
     by_parameter: Vec<Vector3<f64>>,
 }
 
 impl Planes {
     /// Where the planes will be once the parameters have moved by `step`.
     pub fn after(&self, step: &[f64]) -> FootPoints {
-        let by_frame = self.by_parameter.chunks(step.len().max(1));
+        let mut by_frame = self.by_parameter.chunks(step.len().max(1));
         let moved = |by: &[Vector3<f64>]| by.iter().zip(step).map(|(b, s)| b * *s).sum::<Vector3<f64>>();
-        self.feet.iter().zip(by_frame).map(|(foot, by)| foot.map(|f| f + moved(by))).collect()
+        let mut after = |f: Vector3<f64>| f + by_frame.next().map_or_else(Vector3::zeros, moved);
+        self.feet.iter().map(|foot| foot.map(&mut after)).collect()
     }
 }
 
@@ -123,17 +124,17 @@ impl Normal {
         };
         let count = columns.len();
         let by_atom = by_atom(columns);
-        let fresh = with_board && problem.needs_fresh_board(deformation);
+        let in_mirror = problem.board.is_some() && problem.camera.is_some();
         let chunks: Vec<Sums> = chunks(problem.frames.len())
             .into_par_iter()
             .map_init(
                 || Scratch::new(problem),
                 |scratch, frames| {
-                    let mut sum = Sums::zeros(count);
+                    let any = frames.clone().any(|frame| counts(mask, frame));
+                    let mut sum = if any { Sums::zeros(count) } else { Sums::none(count) };
                     for frame in frames {
-                        if fresh {
+                        if in_mirror {
                             sum.planes.feet.push(None);
-                            sum.planes.by_parameter.resize(sum.planes.feet.len() * count, Vector3::zeros());
                         }
                         if counts(mask, frame) {
                             scratch.add_frame(problem, &task, columns, &by_atom, frame, &mut sum);
@@ -165,6 +166,11 @@ impl Sums {
     fn zeros(count: usize) -> Self {
         let products = vec![0.0; (count + 1) * stride(count + 1)];
         Self { count, products, cost: 0.0, planes: Planes::default() }
+    }
+
+    /// Of no frame that counts.
+    fn none(count: usize) -> Self {
+        Self { count, products: Vec::new(), cost: 0.0, planes: Planes::default() }
     }
 
     fn add(&mut self, other: Self) {
@@ -229,10 +235,11 @@ impl Scratch {
         }
         let count = columns.len();
         let with_plane = work.has_plane() && !sum.planes.feet.is_empty();
+        let of_frame = sum.planes.by_parameter.len();
         if let Some(foot) = sum.planes.feet.last_mut().filter(|_| with_plane) {
             *foot = Some(work.best_foot());
+            sum.planes.by_parameter.resize(of_frame + count, Vector3::zeros());
         }
-        let of_frame = sum.planes.by_parameter.len().saturating_sub(count);
         vector.resize(work.row_count + PROJECTED, 0.0);
         table.clear(count + 1, work.row_count);
         for (atom, indices) in by_atom {

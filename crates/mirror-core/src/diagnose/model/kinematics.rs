@@ -46,8 +46,20 @@ impl NodePoses {
 
     /// Poses all nodes of one frame: parent · shift · fixed · rock · motion about the real axis · bend.
     pub fn update(&mut self, body: &Body, commanded: &[f64], deformation: &Deformation, frame: usize) {
+        self.update_of(body, |_| true, commanded, deformation, frame);
+    }
+
+    /// As [`NodePoses::update`], of the nodes that `posed` tells, with each the one that carries it.
+    pub fn update_of(
+        &mut self,
+        body: &Body,
+        posed: impl Fn(usize) -> bool,
+        commanded: &[f64],
+        deformation: &Deformation,
+        frame: usize,
+    ) {
         let base = body.nodes.len();
-        for (n, node) in body.nodes.iter().enumerate() {
+        for (n, node) in body.nodes.iter().enumerate().filter(|(n, _)| posed(*n)) {
             let mut joint = node.parent_from_joint;
             joint.t += deformation.link_shift[node.parent.unwrap_or(base)] + deformation.origin_shift[n];
             let mut world_from_joint = match node.parent {

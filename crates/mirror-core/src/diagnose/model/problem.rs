@@ -157,7 +157,7 @@ impl Problem {
             Some(PointsFrame::Link(link)) => (Some(site(link)?.1), false),
             Some(PointsFrame::Unknown) => (Some(scene.body.root), true),
         };
-        find_relevant(&mut scene, [camera_site, points_site], board, &marker_sites);
+        find_relevant(&mut scene, [camera_site, points_site], board, (&marker_sites, &marker_mounts));
         scene.tabulate_down(&marker_mounts);
         let between_camera_and_board = match (camera_site, board) {
             (Some(camera), Some(board)) => (0..scene.nodes())
@@ -235,7 +235,7 @@ impl Problem {
     /// another link than the model says.
     pub fn markers_moved(&mut self) {
         let observers = [self.camera_site, self.points_site];
-        find_relevant(&mut self.scene, observers, self.board, &self.marker_sites);
+        find_relevant(&mut self.scene, observers, self.board, (&self.marker_sites, &self.marker_mounts));
     }
 
     /// The nominal deformation of this recording.
@@ -309,8 +309,16 @@ impl Problem {
     }
 }
 
-fn find_relevant(scene: &mut Scene, observers: [Option<Site>; 2], board: Option<Site>, markers: &[Site]) {
+fn find_relevant(
+    scene: &mut Scene,
+    observers: [Option<Site>; 2],
+    board: Option<Site>,
+    (markers, mounts): (&[Site], &[Site]),
+) {
     let observers: Vec<Option<usize>> = observers.iter().flatten().map(|s| s.node).collect();
     let targets: Vec<Option<usize>> = markers.iter().chain(&board).map(|s| s.node).collect();
+    let others = mounts.iter().chain([&scene.body.root]).map(|s| s.node);
+    let all: Vec<Option<usize>> = observers.iter().chain(&targets).copied().chain(others).collect();
+    scene.posed = (0..scene.nodes()).map(|n| all.iter().any(|&site| scene.body.carries(n, site))).collect();
     scene.find_relevant(&observers, &targets, markers);
 }

@@ -35,6 +35,8 @@ pub(crate) struct Scene {
     pub mount_known: Vec<bool>,
     /// Nodes whose joint moves a marker (or the board) against the observer.
     pub relevant: Vec<bool>,
+    /// Nodes that carry what is seen, or who sees it, or the root: the poses of the others tell nothing.
+    pub posed: Vec<bool>,
     /// Nodes with a column in the session, or that move at all.
     pub commanded_range: Vec<(f64, f64)>,
     /// Sine and cosine of `commanded`.
@@ -86,6 +88,7 @@ impl Scene {
         let mut scene = Self {
             sine,
             relevant: vec![false; nodes],
+            posed: vec![true; nodes],
             body,
             frames,
             commanded,

@@ -1,7 +1,7 @@
 //! A session ready for the search: gross mistakes undone, the noise known, slipped rows left out.
 
 use super::boards::leave_out_wrong_grids;
-use super::first_day::{self, Doubt, Mistake, Undone};
+use super::first_day::{self, Doubt, Memory, Mistake, Undone};
 use super::known::Known;
 use super::options::DiagnoseOptions;
 use super::row_slip::{self, Slip};
@@ -29,9 +29,8 @@ pub(crate) struct Prepared {
 }
 
 impl Prepared {
-    /// Prepares a session; `known`: the result of a first diagnosis, with which smaller gross mistakes can be
-    /// found. `hung`: whether rows that repeat a measurement may be named; a second diagnosis without slipped rows
-    /// still names them.
+    /// Prepares a session; `known`: what a first diagnosis found, beside which whole mistakes are looked for more closely. `hung`: whether rows that
+    /// repeat a measurement may be told, which a second diagnosis without slipped rows tells all the same. `memory`: what an earlier look found.
     ///
     /// # Errors
     /// A recording that is not valid, links that do not exist, invalid parameters of the camera.
@@ -41,6 +40,7 @@ impl Prepared {
         options: &DiagnoseOptions,
         known: Option<&Known>,
         hung: bool,
+        memory: &mut Memory,
     ) -> Result<Self> {
         let mut problem = Problem::new(robot, recording)?;
         problem.cancel = options.cancel.clone();
@@ -48,7 +48,7 @@ impl Prepared {
         let stated = problem.noise;
         let mut left_out = leave_out_wrong_grids(&mut problem);
         let given = problem.clone();
-        let undone = first_day::undone(robot, recording, &problem, &options.without, known, hung)?;
+        let undone = first_day::undone(robot, recording, &problem, &options.without, known, hung, memory)?;
         if let Some(undone) = &undone {
             problem = undone.problem.clone();
             problem.cancel = given.cancel.clone();

@@ -22,6 +22,7 @@ mod tests;
 use crate::diagnose::data::diagnosis::{Cause, Diagnosis};
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::pipeline;
+use crate::diagnose::prepare::first_day::Memory;
 use crate::diagnose::prepare::known::Known;
 use crate::diagnose::prepare::options::{DiagnoseOptions, OtherSession};
 use crate::diagnose::prepare::prepared::Prepared;
@@ -42,9 +43,10 @@ pub fn diagnose(
     others: &[OtherSession],
 ) -> Result<Diagnosis> {
     let hung = options.allows("pairing");
-    let prepared = |options: &DiagnoseOptions, known: Option<&Known>| {
-        options.progress.enter("searching for gross mistakes");
-        Prepared::new(robot, recording, options, known, hung)
+    let mut memory = Memory::default();
+    let mut prepared = |options: &DiagnoseOptions, known: Option<&Known>| {
+        options.progress.enter("looking for whole mistakes");
+        Prepared::new(robot, recording, options, known, hung, &mut memory)
     };
     let at_first = prepared(options, None)?;
     let mistakes = at_first.mistakes().to_vec();

@@ -7,7 +7,7 @@ use crate::diagnose::data::progress::UNWEIGHED;
 use crate::diagnose::effects::hypothesis::{Catalogue, Model, Term};
 use crate::diagnose::likelihood::fit::{Fit, FitOptions, Group, fit, fit_below};
 use crate::diagnose::likelihood::linearised::Linearised;
-use crate::diagnose::likelihood::noise::effective;
+use crate::diagnose::likelihood::noise::effective_from;
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::principles::{BEYOND_DOUBT, LEAST_LOG_ODDS};
@@ -145,7 +145,8 @@ impl Search<'_> {
 
     pub fn effective(&self, model: &Model) -> Result<Noise> {
         let deformation = model.deformation(&self.problem, self.catalogue, &self.group.columns);
-        effective(&self.problem, &deformation, self.measured_noise, self.mask)
+        let planes = model.planes.as_deref();
+        effective_from(&self.problem, &deformation, self.measured_noise, planes, self.mask)
     }
 
     /// The deformation of a model, the input of the forward model.

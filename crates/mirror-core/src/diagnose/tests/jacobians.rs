@@ -312,6 +312,44 @@ fn the_ideal_mirrors_short_cut_is_the_general_optics() {
     }
 }
 
+/// Markers are seen together where no free-form error is asked for, and one by one where one is: in a flat mirror, and in one of glass and curved.
+#[test]
+fn markers_seen_together_are_those_seen_one_by_one() {
+    let problem = problem();
+    for d in [problem.nominal(), somewhere(&problem)] {
+        let eye = problem.eye(&d).unwrap();
+        for frame in 0..problem.frames.len() {
+            let run = |free: bool| {
+                let task = Task {
+                    deformation: &d,
+                    eye: eye.as_ref(),
+                    noise: problem.noise,
+                    with_board: true,
+                    gaussian: true,
+                    wanted: Wanted { optics: true, lens: true, mirror: true, free },
+                    planes: None,
+                    condensed: false,
+                };
+                let mut work = FrameWork::new(&problem);
+                assert!(work.evaluate(&problem, &task, frame));
+                let of = [Atom::Focal, Atom::Center(1), Atom::Dk1, Atom::Glass, Atom::Curvature];
+                let columns = of.map(|a| column(&work, &problem, &d, frame, a).unwrap());
+                (work.residual.clone(), work.plane_rows(), columns)
+            };
+            let ((a, plane_a, by_a), (b, plane_b, by_b)) = (run(false), run(true));
+            let far = |x: &[f64], y: &[f64]| {
+                let (x, y) = (DVector::from_column_slice(x), DVector::from_column_slice(y));
+                (&x - &y).norm() / x.norm()
+            };
+            assert!(far(&a, &b) < 1e-6, "{}", far(&a, &b));
+            assert!((&plane_a - &plane_b).norm() < 1e-9 * plane_a.norm());
+            for (x, y) in by_a.iter().zip(&by_b) {
+                assert!(far(x, y) < 1e-8, "{}", far(x, y));
+            }
+        }
+    }
+}
+
 /// Condensed corners have the products of the corners themselves: of every atom with every atom and with the residual.
 #[test]
 fn condensed_corners_have_the_same_products() {

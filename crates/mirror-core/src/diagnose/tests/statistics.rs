@@ -42,7 +42,7 @@ fn normalised_error(wrong: impl Fn(&World) -> Wrong, name: &str, truth: &[f64]) 
                 let error = DVector::from_column_slice(&model.terms[0].parameters)
                     - DVector::from_column_slice(truth);
                 let (first, count) = (done.first_term, truth.len());
-                let covariance = done.covariance.view((first, first), (count, count)).into_owned();
+                let covariance = done.covariance.matrix().view((first, first), (count, count)).into_owned();
                 let information = covariance.try_inverse().unwrap();
                 sum += error.dot(&(information * &error));
             }

@@ -1,6 +1,6 @@
 //! The mirror of a frame, estimated from its board alone.
 
-use super::flat_mirror::FlatMirror;
+use super::mirror_and_lens::MirrorAndLens;
 use super::products::PROJECTED;
 use super::sight::{mirrored_pixel, start_of_plane};
 use super::work::FrameWork;
@@ -54,7 +54,7 @@ impl FrameWork {
             Some(foot) => foot,
             None => start_of_plane(problem, eye, &camera_from_board, frame)?,
         };
-        let many = FlatMirror::of(eye, &foot).is_some();
+        let many = MirrorAndLens::of(eye, &foot).is_some();
         let points: Vec<Vector3<f64>> = if many {
             self.pose_corners(problem, eye, &problem.frames[frame], scale, each);
             Vec::new()
@@ -65,7 +65,7 @@ impl FrameWork {
         let (flat, pictures) = (&self.points, &mut self.pictures);
         let mut evaluate = |foot: &Vector3<f64>| -> Option<(f64, Matrix3<f64>, Vector3<f64>)> {
             if many {
-                return FlatMirror::of(eye, foot)?.plane_sums(flat, pictures);
+                return MirrorAndLens::of(eye, foot)?.plane_sums(flat, pictures);
             }
             let (mut chi2, mut information, mut gradient) = (0.0, Matrix3::zeros(), Vector3::zeros());
             for ((_, pixel), point) in corners.iter().step_by(each).zip(&points) {

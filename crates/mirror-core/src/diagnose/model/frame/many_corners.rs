@@ -1,8 +1,7 @@
-//! The corners of a frame's board as products alone, without their rows: for a flat mirror, where the rows
-//! themselves are not used.
+//! The corners of a frame's board as products alone, without rows of their own: in a mirror, where nobody reads the rows.
 
 use super::condensed::{BoardSums, MOTION, OPTICS};
-use super::flat_mirror::FlatMirror;
+use super::mirror_and_lens::MirrorAndLens;
 use super::observe::pixel_mixture;
 use super::pictures::{COLUMNS, OF_OPTICS, OF_PLANE, RESIDUAL};
 use super::products::{PROJECTED, stride};
@@ -48,7 +47,7 @@ impl FrameWork {
         data: &FrameData,
     ) -> Option<BoardSums> {
         let (eye, board) = (task.eye.filter(|_| task.condenses())?, problem.board_in(self.frame)?);
-        let mirror = FlatMirror::of(eye, &self.foot)?;
+        let mirror = MirrorAndLens::of(eye, &self.foot)?;
         let scale = 1.0 + task.deformation.board_scale_error;
         self.pose_corners(problem, eye, data, scale, 1);
         let camera_from_world = self.camera_from_world(problem, eye);

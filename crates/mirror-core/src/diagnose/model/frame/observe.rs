@@ -1,7 +1,6 @@
 //! The rows of a frame: every observation predicted, whitened, weighted.
 
-use super::sight::Wanted;
-use super::sight::sight_of;
+use super::sight::{Sight, Wanted, sight_of};
 use super::work::{FrameWork, OpticsColumns, Rows, Task};
 use crate::diagnose::data::recording::Via;
 use crate::diagnose::model::body::NodeId;
@@ -51,59 +50,81 @@ impl FrameWork {
         let camera_from_world = self.camera_from_world(problem, eye);
         let world_from_board = self.world_from_board(&board);
         let mixture = pixel_mixture(eye, task.noise.corner_px);
+        let wanted = if task.with_board { task.wanted } else { Wanted::default() };
         for (index, pixel) in &data.corners {
             let seen = Corner { index: *index, board: board.node };
             self.push_pixel(
                 problem,
                 task,
-                eye,
-                &camera_from_world,
+                (eye, &camera_from_world),
                 &world_from_board,
-                Via::Mirror,
-                SeenAt::Corner(seen),
+                (Via::Mirror, SeenAt::Corner(seen)),
                 pixel,
                 task.noise.corner_px,
                 &mixture,
-                true,
+                wanted,
             );
         }
     }
 
     pub(super) fn observe(&mut self, problem: &Problem, task: &Task<'_>, data: &FrameData, full: bool) {
         let before = task.eye.map(|eye| (eye, self.camera_from_world(problem, eye)));
+        let wanted = if full && task.with_board { task.wanted } else { Wanted::default() };
+        let together = before.as_ref().is_some_and(|(eye, camera_from_world)| {
+            self.see_markers(problem, task, data, (eye, camera_from_world), wanted)
+        });
+        let of_markers = before.as_ref().map(|(eye, _)| pixel_mixture(eye, task.noise.marker_px));
+        let mut in_mirror = 0;
         for observation in &data.others {
             match observation {
                 Observation::Pixel { seen, via, pixel } => {
-                    let Some((eye, camera_from_world)) = &before else { continue };
+                    let (Some((eye, camera_from_world)), Some(of_markers)) = (&before, &of_markers) else {
+                        continue;
+                    };
                     if *via == Via::Mirror && !self.has_plane {
                         continue;
                     }
-                    let (at, world_from, std) = match seen {
-                        Seen::Marker(m) => (
-                            SeenAt::Marker(*m),
-                            self.marker_mount_pose(problem, task, *m),
-                            task.noise.marker_px,
-                        ),
+                    let from_world = (*eye, camera_from_world);
+                    match seen {
+                        Seen::Marker(m) if together && *via == Via::Mirror => {
+                            let which = (in_mirror, *m);
+                            in_mirror += 1;
+                            self.push_marker(problem, task, from_world, which, pixel, of_markers, wanted);
+                        }
+                        Seen::Marker(m) => {
+                            let world_from = self.marker_mount_pose(problem, task, *m);
+                            let at = (*via, SeenAt::Marker(*m));
+                            let std = task.noise.marker_px;
+                            self.push_pixel(
+                                problem,
+                                task,
+                                from_world,
+                                &world_from,
+                                at,
+                                pixel,
+                                std,
+                                of_markers,
+                                wanted,
+                            );
+                        }
                         Seen::Corner(index) => {
                             let Some(board) = problem.board_in(self.frame) else { continue };
-                            let corner = Corner { index: *index, board: board.node };
-                            (SeenAt::Corner(corner), self.world_from_board(&board), task.noise.corner_px)
+                            let at = (*via, SeenAt::Corner(Corner { index: *index, board: board.node }));
+                            let (world_from, std) = (self.world_from_board(&board), task.noise.corner_px);
+                            let mixture = pixel_mixture(eye, std);
+                            self.push_pixel(
+                                problem,
+                                task,
+                                from_world,
+                                &world_from,
+                                at,
+                                pixel,
+                                std,
+                                &mixture,
+                                wanted,
+                            );
                         }
-                    };
-                    let mixture = pixel_mixture(eye, std);
-                    self.push_pixel(
-                        problem,
-                        task,
-                        eye,
-                        camera_from_world,
-                        &world_from,
-                        *via,
-                        at,
-                        pixel,
-                        std,
-                        &mixture,
-                        full,
-                    );
+                    }
                 }
                 Observation::Point { marker, position } => self.push_point(problem, task, *marker, position),
             }
@@ -125,31 +146,54 @@ impl FrameWork {
         &mut self,
         problem: &Problem,
         task: &Task<'_>,
-        eye: &Eye,
-        camera_from_world: &Pose,
+        (eye, camera_from_world): (&Eye, &Pose),
         world_from_target: &Pose,
-        via: Via,
-        seen: SeenAt,
+        (via, seen): (Via, SeenAt),
         pixel: &Vector2<f64>,
         std: f64,
         mixture: &Mixture,
-        full: bool,
+        wanted: Wanted,
     ) {
-        let (local, node, marker) = match seen {
-            SeenAt::Marker(m) => (Vector3::zeros(), problem.marker_sites[m].node, Some(m)),
+        let (local, marker) = match seen {
+            SeenAt::Marker(m) => (Vector3::zeros(), Some(m)),
             SeenAt::Corner(c) => {
-                (corner_point(problem, eye, c.index, 1.0 + task.deformation.board_scale_error), c.board, None)
+                (corner_point(problem, eye, c.index, 1.0 + task.deformation.board_scale_error), None)
             }
         };
         let point = world_from_target.point(&local);
         let in_camera = camera_from_world.point(&point);
-        let wanted = if full && task.with_board { task.wanted } else { Wanted::default() };
-        let Some(sight) = sight_of(eye, via, &self.foot, &in_camera, wanted) else {
-            // An observation that cannot be predicted (for example behind the mirror) costs as much as a false one.
+        let sight = sight_of(eye, via, &self.foot, &in_camera, wanted)
+            .map(|sight| (sight, self.outline_offset(problem, eye, via, marker, &in_camera)));
+        let from_world = (eye, camera_from_world);
+        let place = (world_from_target, point, in_camera);
+        self.push_seen(problem, task, from_world, (via, seen), place, sight, pixel, std, mixture, wanted);
+    }
+
+    /// The rows of what is seen as `sight` says, the centroid of a ball's outline beside its centre's picture; none where it cannot be predicted.
+    /// `place`: the pose of what it is of, and the point, in the world and in the camera's frame.
+    pub(super) fn push_seen(
+        &mut self,
+        problem: &Problem,
+        task: &Task<'_>,
+        (eye, camera_from_world): (&Eye, &Pose),
+        (via, seen): (Via, SeenAt),
+        (world_from_target, point, in_camera): (&Pose, Vector3<f64>, Vector3<f64>),
+        sight: Option<(Sight, Vector2<f64>)>,
+        pixel: &Vector2<f64>,
+        std: f64,
+        mixture: &Mixture,
+        wanted: Wanted,
+    ) {
+        let (node, marker) = match seen {
+            SeenAt::Marker(m) => (problem.marker_sites[m].node, Some(m)),
+            SeenAt::Corner(c) => (c.board, None),
+        };
+        let Some((sight, outline)) = sight else {
+            // What cannot be predicted (behind the mirror, say) is as wrong as a false observation.
             self.cost += mixture.of(f64::INFINITY).cost;
             return;
         };
-        let r = (pixel - sight.pixel - self.outline_offset(problem, eye, via, marker, &in_camera)) / std;
+        let r = (pixel - sight.pixel - outline) / std;
         let robust =
             if task.gaussian { Robust::gaussian(r.norm_squared()) } else { mixture.of(r.norm_squared()) };
         self.cost += robust.cost;
@@ -161,7 +205,7 @@ impl FrameWork {
         if via == Via::Mirror {
             plane.fixed_view_mut::<2, 3>(0, 0).copy_from(&(sight.by_foot * scale));
         }
-        let optics = (full && task.with_board && wanted.optics).then(|| {
+        let optics = wanted.optics.then(|| {
             let by_camera = by_camera.fixed_rows::<2>(0);
             let mut optics = OpticsColumns::zeros();
             // p_real = Exp(ω)ᵀ (p − v): ∂/∂ω = p̂ J_r(ω), ∂/∂v = −Exp(ω)ᵀ.
@@ -187,7 +231,7 @@ impl FrameWork {
                 let by_board = sight.by_point * (camera_from_world.r * world_from_target.r);
                 board_columns(problem, c.index, &by_board, &mut columns);
             }
-            self.free.push(columns * scale);
+            self.free.push(*columns * scale);
             self.free.len() - 1
         });
         self.rows.push(Rows {

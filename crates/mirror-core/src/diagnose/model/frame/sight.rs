@@ -41,8 +41,8 @@ pub(super) struct Sight {
     pub by_glass: Vector2<f64>,
     pub by_curvature: Vector2<f64>,
     pub by_lens: SMatrix<f64, 2, 4>,
-    /// By the optics' free-form errors except the board's shape, if requested.
-    pub free: Option<FreeColumns>,
+    /// By the optics' free-form errors but the board's shape, where they were asked for.
+    pub free: Option<Box<FreeColumns>>,
 }
 
 /// Where a point is seen, camera frame, and how that depends on the point and on the mirror.
@@ -148,7 +148,7 @@ pub(super) fn sight_of(
         if let Some(values) = &eye.free {
             pixel += columns * values;
         }
-        free = Some(columns);
+        free = wanted.free.then(|| Box::new(columns));
     }
     Some(Sight {
         pixel,

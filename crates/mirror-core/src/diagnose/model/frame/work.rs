@@ -1,7 +1,8 @@
 //! The workspace of one frame: fits its mirror, evaluates its rows.
 
 use super::condensed::{BoardSums, Condensed};
-use super::flat_mirror::Points;
+use super::marker_sights::Markers;
+use super::mirror_and_lens::Points;
 use super::pictures::Pictures;
 use super::products::PROJECTED;
 use super::sight::Wanted;
@@ -70,6 +71,7 @@ pub(crate) struct FrameWork {
     pub(super) points: Points,
     pub(super) points_each: usize,
     pub(super) pictures: Pictures,
+    pub(super) markers: Markers,
 }
 
 /// Two rows by camera mount (6), focal, cx, cy, k1, board scale, glass, curvature.
@@ -88,8 +90,7 @@ pub(crate) struct Task<'a> {
     pub gaussian: bool,
     /// Which columns of the optics will be read.
     pub wanted: Wanted,
-    /// Foot points from which the planes of frames start where they are nearly known. Boards are then not fitted by
-    /// themselves first, and [`FrameWork::board_excess`] is not available.
+    /// Foot points from which the planes start, where they are nearly known: boards are not fitted by themselves first then.
     pub planes: Option<&'a [Option<Vector3<f64>>]>,
     /// Whether the corners' rows may be condensed to a few with the same products: rows and residual are then not
     /// those of observations. With free-form columns they are not condensed.
@@ -155,6 +156,7 @@ impl FrameWork {
             points: Points::default(),
             points_each: 0,
             pictures: Pictures::default(),
+            markers: Markers::default(),
         }
     }
 
@@ -166,14 +168,32 @@ impl FrameWork {
     pub(super) fn pose(&mut self, problem: &Problem, deformation: &Deformation, frame: usize) {
         let nodes = problem.scene.nodes();
         let commanded = &problem.scene.commanded[frame * nodes..(frame + 1) * nodes];
-        self.pose_as(problem, deformation, frame, commanded);
+        self.pose_sites_as(problem, deformation, frame, commanded);
     }
 
     /// Poses a frame as if its nodes had been commanded to these positions.
     pub fn pose_as(&mut self, problem: &Problem, deformation: &Deformation, frame: usize, commanded: &[f64]) {
         self.poses.update(&problem.scene.body, commanded, deformation, frame);
+        self.posed(problem, deformation, frame);
+    }
+
+    /// As [`FrameWork::pose_as`], only the nodes that the session's own sites ride on.
+    pub fn pose_sites_as(
+        &mut self,
+        problem: &Problem,
+        deformation: &Deformation,
+        frame: usize,
+        commanded: &[f64],
+    ) {
+        let posed = |n: usize| problem.scene.posed[n];
+        self.poses.update_of(&problem.scene.body, posed, commanded, deformation, frame);
+        self.posed(problem, deformation, frame);
+    }
+
+    fn posed(&mut self, problem: &Problem, deformation: &Deformation, frame: usize) {
         self.frame = frame;
         self.points_each = 0;
+        self.markers.posed = false;
         self.root = self.poses.site(&problem.scene.body.root);
         self.board_moved = problem
             .board_in(self.frame)
@@ -236,9 +256,10 @@ impl FrameWork {
         self.unknown = problem.unknown_frame.map(|start| moved(&start, &task.deformation.frame_pose));
         let data = &problem.frames[frame];
         let nominal_board = problem.boards.get(frame).copied().flatten();
-        let mut board = None;
+        let (mut board, mut fitted_anew) = (None, false);
         if let (Some(eye), Some(start)) = (task.eye, nominal_board) {
             let fit = if task.with_board && problem.needs_fresh_board_in(task.deformation, frame) {
+                fitted_anew = true;
                 let known = task.planes.and_then(|p| p[frame]);
                 if let Some(foot) = known {
                     self.foot = foot;
@@ -261,22 +282,11 @@ impl FrameWork {
             }
         }
         let corner_variance = task.noise.corner_px * task.noise.corner_px;
-        // The plane moves from the board's optimum to the whole frame's, with weights of the present residuals.
-        for _ in 0..if self.has_plane { SOLVER.plane_steps } else { 0 } {
-            let Some(fit) = &board else { break };
-            self.rows.clear();
-            let mut g = fit.information / corner_variance;
-            let mut rhs = g * (fit.foot - self.foot);
-            self.observe(problem, task, data, false);
-            for row in &self.rows {
-                g += row.plane.tr_mul(&row.plane);
-                rhs += row.plane.tr_mul(&row.residual);
-            }
-            match g.cholesky() {
-                Some(factor) => self.foot += factor.solve(&rhs),
-                None => break,
-            }
-        }
+        let known = task.planes.and_then(|p| p[frame]).filter(|_| !fitted_anew);
+        let to_gain = match &board {
+            Some(fit) => self.settle_plane(problem, task, data, fit, known),
+            None => 0.0,
+        };
         self.rows.clear();
         self.optics.clear();
         self.free.clear();
@@ -319,7 +329,7 @@ impl FrameWork {
         self.collect_residual(if has_rows { Vector3::zeros() } else { self.board_gradient });
         self.condense_corners(problem, task, first_other);
         let predicted = self.row_count > 0 || self.cost > 0.0;
-        self.cost += lost;
+        self.cost += lost - to_gain;
         predicted
     }
 
@@ -366,6 +376,8 @@ impl FrameWork {
             let gain = projected.norm_squared();
             if gain < SOLVER.last_plane_gain {
                 self.cost -= gain;
+                let own = sums.information.cholesky().map(|board| board.solve(&sums.gradient));
+                self.board_excess = own.map_or(0.0, |step| step.dot(&sums.gradient));
                 self.condense_corners(problem, task, corners);
                 return true;
             }

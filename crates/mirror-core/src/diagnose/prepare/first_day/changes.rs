@@ -63,6 +63,9 @@ pub(super) fn find(problem: &Problem, frames: &[usize], least: Noise) -> Result<
     bests.retain(|b| b.gain > 2.0 * BEYOND_DOUBT);
     bests.sort_by(|a, b| b.gain.total_cmp(&a.gain));
     bests.truncate(3);
+    if bests.is_empty() {
+        return Ok(None);
+    }
     let mut tried = Vec::new();
     for best in bests {
         problem.cancel.check()?;

@@ -22,6 +22,7 @@ mod choice;
 mod free_numbers;
 mod hung;
 mod loads;
+mod memory;
 mod misfit;
 mod mistake;
 mod mounts;
@@ -44,6 +45,7 @@ use crate::robot::Robot;
 use alternatives::Session;
 use chain::{BEAM, Chain, FRAMES, grown, spread, unlike};
 pub(crate) use changes::settle_slip;
+pub(crate) use memory::Memory;
 use misfit::Misfit;
 pub(crate) use mistake::Mistake;
 pub(crate) use told::told;
@@ -53,9 +55,9 @@ use variant::Variant;
 /// Frames on which small errors are fitted together with a slip.
 const FRAMES_OF_SLIPS: Size = 100;
 
-/// Finds and undoes gross mistakes; none where there is none. `known`: the result of a first diagnosis; with it,
-/// mistakes are also found that are as small as usual errors (a late column of a joint that hardly moves). `hung`:
-/// whether rows that repeat a measurement may be named.
+/// Finds and undoes whole mistakes; none where there is none. `known`: what a first diagnosis found; beside that mistakes are looked for too
+/// that do no more than small errors do (a late column of a joint that hardly moves). `hung`: whether rows that repeat a measurement may be told.
+/// `memory`: what earlier looks at the session found.
 ///
 /// # Errors
 /// Invalid parameters of camera or mirror.
@@ -66,6 +68,7 @@ pub(crate) fn undone(
     without: &[String],
     known: Option<&Known>,
     hung: bool,
+    memory: &mut Memory,
 ) -> Result<Option<Undone>> {
     let mut out = Undone {
         robot: robot.clone(),
@@ -75,6 +78,7 @@ pub(crate) fn undone(
         trace: Vec::new(),
         doubts: Vec::new(),
         left_out: Vec::new(),
+        mistakes: Vec::new(),
         unsettled: false,
     };
     if hung {
@@ -100,19 +104,21 @@ pub(crate) fn undone(
     }
     out.doubts = choice.doubts;
     if !without.iter().any(|w| w == "gravity_direction")
-        && let Some((mistake, odds)) = loads::turned_gravity(&out.problem)?
+        && let Some((mistake, odds)) =
+            memory.gravity(&out.mistakes, || loads::turned_gravity(&out.problem))?
     {
         out.undo(&mistake, tempered(odds))?;
     }
     if !out.unsettled && !without.iter().any(|w| w == "slip") {
         // Each round's slip is at a place that has not slipped yet, so the number of rounds is limited.
         loop {
-            let postures = crate::diagnose::likelihood::saturated::postures(&out.problem);
-            let frames = spread(&postures, FRAMES_OF_SLIPS, 1);
-            let Some((mistake, odds)) = changes::find(&out.problem, &frames, out.problem.noise)? else {
-                break;
+            let find = || {
+                let postures = crate::diagnose::likelihood::saturated::postures(&out.problem);
+                let frames = spread(&postures, FRAMES_OF_SLIPS, 1);
+                changes::find(&out.problem, &frames, out.problem.noise)
             };
-            // A remainder at a place that has slipped already is the rest of that slip.
+            let Some((mistake, odds)) = memory.slip(&out.mistakes, find)? else { break };
+            // What is left at a place that has slipped already is the rest of that slip.
             if out.problem.slips.iter().any(|s| mistake.slips(s.what)) {
                 break;
             }
@@ -120,7 +126,7 @@ pub(crate) fn undone(
         }
     }
     if !out.unsettled {
-        out.leave_out_false()?;
+        out.leave_out_false(memory)?;
     }
     let nothing = out.told.is_empty() && out.trace.is_empty() && out.left_out.is_empty();
     Ok((!nothing).then_some(out))

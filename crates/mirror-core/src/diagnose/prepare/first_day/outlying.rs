@@ -28,6 +28,7 @@ const WIDE: Prior = 300.0;
 const POSITION_STEP: Grid = 0.02;
 
 /// False observations of a frame: by index among its arranged ones, and as they are listed.
+#[derive(Clone)]
 pub(super) struct False {
     pub frame: usize,
     pub indices: Vec<usize>,

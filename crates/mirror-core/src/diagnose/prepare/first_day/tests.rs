@@ -215,7 +215,16 @@ fn a_closer_look_goes_on_beside_a_mistake_where_nothing_gross_is_left() {
     let known = Known { deformation: problem.nominal(), false_frames: Vec::new(), sought: false };
     let told = |closely: bool| {
         let known = Some(&known).filter(|_| closely);
-        let undone = super::undone(&robot, &recording, &problem, &["slip".to_owned()], known, true).unwrap();
+        let undone = super::undone(
+            &robot,
+            &recording,
+            &problem,
+            &["slip".to_owned()],
+            known,
+            true,
+            &mut super::Memory::default(),
+        )
+        .unwrap();
         let mut told: Vec<String> = undone.unwrap().told.into_iter().map(|c| c.effect).collect();
         told.sort();
         told

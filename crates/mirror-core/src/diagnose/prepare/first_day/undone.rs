@@ -1,6 +1,7 @@
 //! The session with its mistakes undone, and what is reported of them.
 
 use super::background;
+use super::memory::Memory;
 use super::mistake::Mistake;
 use super::outlying;
 use super::told::told;
@@ -23,8 +24,10 @@ pub(crate) struct Undone {
     pub doubts: Vec<Doubt>,
     /// False observations, and data that a mistake leaves unknown.
     pub left_out: Vec<LeftOut>,
-    /// Whether rows contain other rows' measurements, or the board's squares have another size. Later stages handle
-    /// both; until then they would look like slips and false observations.
+    /// The mistakes, in the order in which they were undone.
+    pub(super) mistakes: Vec<Mistake>,
+    /// Whether rows hold other rows' measurement, or the board's squares are of another size, of which later stages take care: until
+    /// then they would pass for slips and false observations.
     pub(super) unsettled: bool,
 }
 
@@ -38,9 +41,10 @@ pub(crate) struct Doubt {
 
 impl Undone {
     /// Leaves out what no small error explains: digits, labels, rows whose joints were elsewhere.
-    pub(super) fn leave_out_false(&mut self) -> Result<()> {
+    pub(super) fn leave_out_false(&mut self, memory: &mut Memory) -> Result<()> {
         let names = names(&self.robot);
-        self.leave_out(outlying::find(&self.problem, &self.recording, &names, self.problem.noise)?);
+        let find = || outlying::find(&self.problem, &self.recording, &names, self.problem.noise);
+        self.leave_out(memory.outlying(&self.mistakes, find)?);
         Ok(())
     }
 
@@ -64,6 +68,7 @@ impl Undone {
 
     /// Undoes a mistake, and reports it.
     pub(super) fn undo(&mut self, mistake: &Mistake, probability: f64) -> Result<()> {
+        self.mistakes.push(mistake.clone());
         self.told.extend(told(mistake, &self.robot, &self.recording, &self.problem, probability));
         let mut loose = core::mem::take(&mut self.problem.loose);
         loose.extend(mistake.loose(&self.recording, &self.problem, &names(&self.robot)));

@@ -9,6 +9,7 @@
 
 use crate::diagnose::effects::hypothesis::{Catalogue, Model, Term};
 use crate::diagnose::effects::vocabulary;
+use crate::diagnose::likelihood::covariance::Covariance;
 use crate::diagnose::likelihood::fit::{Fit, FitOptions, Group, fit};
 use crate::diagnose::likelihood::noise::SETTLED;
 use crate::diagnose::model::deformation::Deformation;
@@ -31,9 +32,9 @@ pub(super) struct Tolerant {
     group: Group,
     mask: Vec<bool>,
     model: Model,
-    /// Where the further columns begin in the group, and the standard deviations of all parameters.
+    /// Where the further columns begin in the group, and the covariance of all parameters.
     first_further: usize,
-    stds: Vec<f64>,
+    covariance: Option<Covariance>,
     /// The scale that half of the observations are within.
     pub noise: Noise,
 }
@@ -112,14 +113,13 @@ impl Tolerant {
             mask,
             model,
             first_further,
-            stds: Vec::new(),
+            covariance: None,
             noise: least,
         };
         out.noise = out.scale(&out.deformation(), least)?;
         for _ in 0..SOLVER.rounds {
             let fit = out.fit(out.noise, STEPS)?;
-            let count = fit.covariance.nrows();
-            out.stds = (0..count).map(|i| fit.covariance[(i, i)].max(0.0).sqrt()).collect();
+            out.covariance = Some(fit.covariance);
             out.model = fit.model;
             let deformation = out.deformation();
             let next = out.scale(&deformation, least)?;
@@ -162,7 +162,8 @@ impl Tolerant {
     pub fn further(&self) -> Vec<(f64, f64)> {
         let before = self.model.nuisances.len();
         let values = self.model.group.iter().enumerate().skip(self.first_further);
-        values.map(|(i, v)| (*v, self.stds.get(before + i).copied().unwrap_or(0.0))).collect()
+        let std = |i: usize| self.covariance.as_ref().map_or(0.0, |c| c[(i, i)].max(0.0).sqrt());
+        values.map(|(i, v)| (*v, std(before + i))).collect()
     }
 
     /// The small error that is largest for its kind: effect and place.
