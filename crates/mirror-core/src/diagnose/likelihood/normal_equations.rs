@@ -19,7 +19,7 @@ pub(crate) struct Normal {
     pub h: DMatrix<f64>,
     pub g: DVector<f64>,
     pub cost: f64,
-    /// Each frame's plane, and how it moves with the columns' parameters; none where nothing is seen in a mirror.
+    /// Each frame's plane, and how it moves with the columns' parameters; none where no column needs fresh boards.
     pub planes: Planes,
 }
 
@@ -124,7 +124,7 @@ impl Normal {
         };
         let count = columns.len();
         let by_atom = by_atom(columns);
-        let in_mirror = problem.board.is_some() && problem.camera.is_some();
+        let fresh = with_board && problem.needs_fresh_board(deformation);
         let chunks: Vec<Sums> = chunks(problem.frames.len())
             .into_par_iter()
             .map_init(
@@ -133,7 +133,7 @@ impl Normal {
                     let any = frames.clone().any(|frame| counts(mask, frame));
                     let mut sum = if any { Sums::zeros(count) } else { Sums::none(count) };
                     for frame in frames {
-                        if in_mirror {
+                        if fresh {
                             sum.planes.feet.push(None);
                         }
                         if counts(mask, frame) {

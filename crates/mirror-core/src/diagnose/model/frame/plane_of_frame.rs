@@ -6,19 +6,18 @@ use crate::diagnose::model::solver::SOLVER;
 use nalgebra::{Matrix3, Vector3};
 
 impl FrameWork {
-    /// Moves the plane from where it nearly is, or from the board's optimum, to that of the whole frame, weights as of the present residuals: Gauss–Newton
-    /// until the next step would gain next to nothing. What that would gain, where it is not taken.
+    /// Moves the plane from the board's optimum to the optimum of the whole frame, with the weights of the present residuals:
+    /// Gauss–Newton until the next step would gain next to nothing. Returns the gain of a step that is not taken.
     pub(super) fn settle_plane(
         &mut self,
         problem: &Problem,
         task: &Task<'_>,
         data: &FrameData,
         board: &BoardFit,
-        known: Option<Vector3<f64>>,
     ) -> f64 {
         let information = board.information / task.noise.corner_px.powi(2);
-        self.foot = known.unwrap_or(board.foot);
-        let (mut taken, mut from_known) = (0, known.is_some());
+        self.foot = board.foot;
+        let mut taken = 0;
         loop {
             let (mut g, mut rhs) = self.pull_of_others(problem, task, data);
             g += information;
@@ -31,10 +30,6 @@ impl FrameWork {
             }
             if taken >= SOLVER.plane_steps {
                 return 0.0;
-            }
-            if core::mem::take(&mut from_known) && !(gain < SOLVER.nearby_gain) {
-                self.foot = board.foot;
-                continue;
             }
             self.foot += step;
             taken += 1;

@@ -256,10 +256,9 @@ impl FrameWork {
         self.unknown = problem.unknown_frame.map(|start| moved(&start, &task.deformation.frame_pose));
         let data = &problem.frames[frame];
         let nominal_board = problem.boards.get(frame).copied().flatten();
-        let (mut board, mut fitted_anew) = (None, false);
+        let mut board = None;
         if let (Some(eye), Some(start)) = (task.eye, nominal_board) {
             let fit = if task.with_board && problem.needs_fresh_board_in(task.deformation, frame) {
-                fitted_anew = true;
                 let known = task.planes.and_then(|p| p[frame]);
                 if let Some(foot) = known {
                     self.foot = foot;
@@ -282,9 +281,8 @@ impl FrameWork {
             }
         }
         let corner_variance = task.noise.corner_px * task.noise.corner_px;
-        let known = task.planes.and_then(|p| p[frame]).filter(|_| !fitted_anew);
         let to_gain = match &board {
-            Some(fit) => self.settle_plane(problem, task, data, fit, known),
+            Some(fit) => self.settle_plane(problem, task, data, fit),
             None => 0.0,
         };
         self.rows.clear();
