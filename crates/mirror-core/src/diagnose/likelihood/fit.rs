@@ -223,7 +223,7 @@ pub(crate) fn fit_below(
     }
     if !normal.planes.feet.is_empty() {
         let mut feet = core::mem::take(&mut normal.planes.feet);
-        // Those of frames that did not count are where they were.
+        // The planes of frames that were not used stay as they were.
         if let (Some(before), Some(mask)) = (&start, mask) {
             let left_out = feet.iter_mut().zip(before.iter()).zip(mask).filter(|(_, counts)| !**counts);
             left_out.for_each(|((foot, before), _)| *foot = *before);

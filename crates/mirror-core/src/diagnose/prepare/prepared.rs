@@ -29,8 +29,9 @@ pub(crate) struct Prepared {
 }
 
 impl Prepared {
-    /// Prepares a session; `known`: what a first diagnosis found, beside which whole mistakes are looked for more closely. `hung`: whether rows that
-    /// repeat a measurement may be told, which a second diagnosis without slipped rows tells all the same. `memory`: what an earlier look found.
+    /// Prepares a session; `known`: the result of a first diagnosis, with which smaller gross mistakes can be
+    /// found. `hung`: whether rows that repeat a measurement may be named; a second diagnosis without slipped rows
+    /// still names them. `memory`: the results of earlier preparations of the same session.
     ///
     /// # Errors
     /// A recording that is not valid, links that do not exist, invalid parameters of the camera.

@@ -1,4 +1,4 @@
-//! The corners of a frame's board as products alone, without rows of their own: in a mirror, where nobody reads the rows.
+//! The corners of a frame's board as products alone, without their rows: where the rows themselves are not used.
 
 use super::condensed::{BoardSums, MOTION, OPTICS};
 use super::mirror_and_lens::MirrorAndLens;

@@ -1,4 +1,4 @@
-//! A frame's markers in the mirror, looked at all at once.
+//! Rows of a frame's markers in the mirror, computed together.
 
 use super::mirror_and_lens::MirrorAndLens;
 use super::observe::{SeenAt, pixel_mixture};
@@ -12,7 +12,8 @@ use crate::diagnose::model::robust::Mixture;
 use nalgebra::{Matrix3, Vector2, Vector3};
 
 impl FrameWork {
-    /// Finds where all markers in the mirror are seen at the present plane, in [`FrameWork::markers`]; false where they must be looked at one by one.
+    /// Computes the image points of all markers in the mirror at the present plane, in [`FrameWork::markers`]; false where
+    /// they must be computed one by one.
     pub(super) fn see_markers(
         &mut self,
         problem: &Problem,
@@ -53,8 +54,8 @@ impl FrameWork {
         self.markers = markers;
     }
 
-    /// What the markers in the mirror tell of the plane where it stands: the products of their rows by it with each other and with the
-    /// residuals. None where they must be looked at one by one.
+    /// Information on the plane from the markers in the mirror, `Σ DᵀD` and `Σ Dᵀr`; none where they must be computed one by
+    /// one.
     pub(super) fn pull_of_markers(
         &mut self,
         problem: &Problem,

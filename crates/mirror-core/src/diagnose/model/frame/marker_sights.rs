@@ -1,8 +1,9 @@
-//! Where a frame's markers are seen in the mirror, all at once: what [`super::sight`] and a ball's outline say of each.
+//! The image points of a frame's markers in the mirror, computed together: the equations of [`super::sight`] and of a ball's
+//! outline.
 //!
-//! The centroid of a ball's outline is off the picture of its centre ([`crate::mirror::Sphere`]): the ellipse's centre is the picture of
-//! `(x, y, z − R²/z)`, and the lens moves the mean over the ellipse, which four points at `1/√2` of its semi-axes have, weighed with the lens's
-//! area factor there.
+//! The centroid of a ball's outline is not the image of its centre ([`crate::mirror::Sphere`]). The ellipse's centre is the image
+//! of `(x, y, z − R²/z)`. The lens moves the mean over the ellipse; it is computed from four points at `1/√2` of the semi-axes,
+//! weighted with the lens's area factor.
 
 use super::mirror_and_lens::{Bent, MirrorAndLens, copy};
 use super::products::LANES;
@@ -12,8 +13,8 @@ use core::f64::consts::FRAC_1_SQRT_2;
 use multiversion::multiversion;
 use nalgebra::{Matrix2x3, SMatrix, Vector2, Vector3};
 
-/// Numbers of a marker's sight: pixel, by point, by foot point, the outline's offset, by focal length, by k1, by glass, by curvature, whether it
-/// is not seen.
+/// Numbers of a marker: pixel, its derivatives by point and by foot point, the outline's offset, its derivatives by focal
+/// length, k1, glass and curvature, and whether the marker is not seen.
 const NUMBERS: Size = 25;
 const BY_POINT: Size = 2;
 const BY_FOOT: Size = 8;
@@ -171,8 +172,8 @@ fn write_sights<const FLAT: bool>(
     }
 }
 
-/// From the picture of a ball's centre to the centroid of its outline, px; 0 of a point, and where the ball is not wholly in the picture that the
-/// lens can make.
+/// From the image of a ball's centre to the centroid of its outline, px; 0 for a point, and where a part of the ball is outside
+/// the lens model's range.
 #[inline(always)]
 fn outline(mirror: &MirrorAndLens, [x, y, z]: [f64; 3], radius: f64) -> [f64; 2] {
     let r2 = radius * radius;

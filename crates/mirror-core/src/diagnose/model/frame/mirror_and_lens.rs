@@ -1,8 +1,9 @@
-//! Points in a mirror, through a polynomial lens, many at a time: what nearly every board and marker is seen in.
+//! Points in a mirror, through a polynomial lens, many at a time: the case of nearly every board and marker.
 //!
-//! The equations are those of [`super::sight`]: `q = p + 2 (1 − f·p/f²) f` in a flat front-surface mirror, `q = p + (E − h) n` in one with a pane
-//! of glass or slightly curved ([`MirrorOptics`]), then the lens. They are written for one point without a branch, in
-//! loops over [`LANES`] points, so that they run in vector registers; a test compares them with the general optics.
+//! The equations are those of [`super::sight`]: `q = p + 2 (1 − f·p/f²) f` in a flat front-surface mirror,
+//! `q = p + (E − h) n` in one with a pane of glass or a slight curvature ([`MirrorOptics`]), then the lens. They are written
+//! for one point without a branch, in loops over [`LANES`] points, so that they run in vector registers; a test compares
+//! them with the general optics.
 
 use super::pictures::{COLUMNS, OF_OPTICS, OF_PLANE, Pictures};
 use super::products::LANES;
@@ -125,7 +126,7 @@ fn less(a: &[f64; 3], scale: f64, share: f64, b: &[f64; 3]) -> [f64; 3] {
 }
 
 impl MirrorAndLens {
-    /// None of fisheyes, or beside free-form errors of the optics.
+    /// None for fisheyes, or with free-form errors of the optics.
     pub fn of(eye: &Eye, foot: &Vector3<f64>) -> Option<Self> {
         let (k, limit) = eye.camera.polynomial_lens()?;
         if eye.free.is_some() {

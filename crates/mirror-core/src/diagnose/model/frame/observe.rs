@@ -169,7 +169,7 @@ impl FrameWork {
         self.push_seen(problem, task, from_world, (via, seen), place, sight, pixel, std, mixture, wanted);
     }
 
-    /// The rows of what is seen as `sight` says, the centroid of a ball's outline beside its centre's picture; none where it cannot be predicted.
+    /// Adds the rows of an observation with a given sight and outline offset (none where it cannot be predicted).
     /// `place`: the pose of what it is of, and the point, in the world and in the camera's frame.
     pub(super) fn push_seen(
         &mut self,
@@ -189,7 +189,7 @@ impl FrameWork {
             SeenAt::Corner(c) => (c.board, None),
         };
         let Some((sight, outline)) = sight else {
-            // What cannot be predicted (behind the mirror, say) is as wrong as a false observation.
+            // An observation that cannot be predicted (for example behind the mirror) costs as much as a false one.
             self.cost += mixture.of(f64::INFINITY).cost;
             return;
         };

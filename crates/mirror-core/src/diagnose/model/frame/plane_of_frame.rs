@@ -36,7 +36,7 @@ impl FrameWork {
         }
     }
 
-    /// What all but the board tells of the plane: products of the rows by it with each other and with the residuals.
+    /// Information on the plane from everything except the board, `Σ DᵀD` and `Σ Dᵀr`.
     fn pull_of_others(
         &mut self,
         problem: &Problem,

@@ -41,7 +41,7 @@ pub(super) struct Sight {
     pub by_glass: Vector2<f64>,
     pub by_curvature: Vector2<f64>,
     pub by_lens: SMatrix<f64, 2, 4>,
-    /// By the optics' free-form errors but the board's shape, where they were asked for.
+    /// By the optics' free-form errors except the board's shape, if requested.
     pub free: Option<Box<FreeColumns>>,
 }
 

@@ -1,10 +1,11 @@
-//! What was found of a session at an earlier look: the same mistakes undone leave the same session, in which the same is found again.
+//! Results of earlier preparations of the same session. After the same mistakes are undone the session is the same, and
+//! each stage gives the same result.
 
 use super::mistake::Mistake;
 use super::outlying::False;
 use crate::error::Result;
 
-/// Findings of one stage, by the mistakes that had been undone before it.
+/// Results of one stage, by the mistakes that were undone before it.
 struct Known<T>(Vec<(Vec<Mistake>, T)>);
 
 impl<T> Default for Known<T> {
@@ -27,7 +28,7 @@ impl<T: Clone> Known<T> {
 /// A mistake with its log odds, if one was found.
 type Found = Option<(Mistake, f64)>;
 
-/// What the stages found that depend on nothing but the session and the mistakes undone before.
+/// Results of the stages that depend only on the session and on the mistakes undone before.
 #[derive(Default)]
 pub(crate) struct Memory {
     gravity: Known<Found>,
@@ -36,7 +37,7 @@ pub(crate) struct Memory {
 }
 
 impl Memory {
-    /// Gravity's turn.
+    /// Gravity in another direction.
     pub(super) fn gravity(
         &mut self,
         undone: &[Mistake],
@@ -45,12 +46,12 @@ impl Memory {
         self.gravity.remembered(undone, find)
     }
 
-    /// What slipped.
+    /// A slip.
     pub(super) fn slip(&mut self, undone: &[Mistake], find: impl FnOnce() -> Result<Found>) -> Result<Found> {
         self.slips.remembered(undone, find)
     }
 
-    /// What is false.
+    /// False observations.
     pub(super) fn outlying(
         &mut self,
         undone: &[Mistake],

@@ -55,9 +55,9 @@ use variant::Variant;
 /// Frames on which small errors are fitted together with a slip.
 const FRAMES_OF_SLIPS: Size = 100;
 
-/// Finds and undoes whole mistakes; none where there is none. `known`: what a first diagnosis found; beside that mistakes are looked for too
-/// that do no more than small errors do (a late column of a joint that hardly moves). `hung`: whether rows that repeat a measurement may be told.
-/// `memory`: what earlier looks at the session found.
+/// Finds and undoes gross mistakes; none where there is none. `known`: the result of a first diagnosis; with it,
+/// mistakes are also found that are as small as usual errors (a late column of a joint that hardly moves). `hung`:
+/// whether rows that repeat a measurement may be named. `memory`: the results of earlier calls for the same session.
 ///
 /// # Errors
 /// Invalid parameters of camera or mirror.
@@ -118,7 +118,7 @@ pub(crate) fn undone(
                 changes::find(&out.problem, &frames, out.problem.noise)
             };
             let Some((mistake, odds)) = memory.slip(&out.mistakes, find)? else { break };
-            // What is left at a place that has slipped already is the rest of that slip.
+            // A remainder at a place that has slipped already is the rest of that slip.
             if out.problem.slips.iter().any(|s| mistake.slips(s.what)) {
                 break;
             }

@@ -26,8 +26,8 @@ pub(crate) struct Undone {
     pub left_out: Vec<LeftOut>,
     /// The mistakes, in the order in which they were undone.
     pub(super) mistakes: Vec<Mistake>,
-    /// Whether rows hold other rows' measurement, or the board's squares are of another size, of which later stages take care: until
-    /// then they would pass for slips and false observations.
+    /// Whether rows contain other rows' measurements, or the board's squares have another size. Later stages handle
+    /// both; until then they would look like slips and false observations.
     pub(super) unsettled: bool,
 }
 
