@@ -20,7 +20,7 @@ use crate::diagnose::criteria::regions::regions;
 use crate::diagnose::data::diagnosis::ChosenAnew;
 use crate::diagnose::effects::hypothesis::Model;
 use crate::diagnose::likelihood::fit::{Active, FitOptions, fit};
-use crate::diagnose::likelihood::saturated::free_markers_from;
+use crate::diagnose::likelihood::saturated::free_markers;
 use crate::diagnose::likelihood::score_test::Score;
 use crate::diagnose::model::solver::SOLVER;
 use crate::error::Result;
@@ -60,8 +60,7 @@ pub(crate) fn chosen_anew(findings: &Findings<'_>, ranking: &[Score]) -> Result<
             // Free-form errors cannot be added to a model.
             model.terms.retain(|t| !catalogue.is_free(t.hypothesis));
             let deformation = search.deformation(&model);
-            let (noise, planes) = (search.measured_noise, model.planes.as_deref());
-            let seen = free_markers_from(problem, &deformation, noise, true, planes, Some(&test))?;
+            let seen = free_markers(problem, &deformation, search.measured_noise, true, Some(&test))?;
             Ok((true, seen.iter().map(gap_of).collect()))
         })
         .collect::<Result<Vec<_>>>()?;

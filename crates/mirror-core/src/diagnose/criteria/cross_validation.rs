@@ -3,7 +3,7 @@
 use crate::diagnose::criteria::regions::regions;
 use crate::diagnose::effects::hypothesis::{Catalogue, Model};
 use crate::diagnose::likelihood::fit::{Fit, FitOptions, Group, fit};
-use crate::diagnose::likelihood::saturated::{FreePosture, free_markers, free_markers_from};
+use crate::diagnose::likelihood::saturated::{FreePosture, free_markers};
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::error::Result;
@@ -56,8 +56,7 @@ pub(crate) fn held_out(
                 fitted.terms.retain(|t| !catalogue.is_free(t.hypothesis));
             }
             let deformation = fitted.deformation(problem, catalogue, &group.columns);
-            let planes = fitted.planes.as_deref();
-            let postures = free_markers_from(problem, &deformation, measured, true, planes, Some(&test))?;
+            let postures = free_markers(problem, &deformation, measured, true, Some(&test))?;
             Ok(postures.iter().map(gap_of).collect())
         })
         .collect::<Result<Vec<_>>>()?;

@@ -6,7 +6,6 @@
 
 use crate::diagnose::data::recording::Via;
 use crate::diagnose::likelihood::normal_equations::{counts, inner};
-use crate::diagnose::model::camera_and_mirror::FootPoints;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::Atom;
 use crate::diagnose::model::frame::{FrameWork, PROJECTED, Task};
@@ -73,24 +72,8 @@ pub(crate) fn free_markers(
     gaussian: bool,
     mask: Option<&[bool]>,
 ) -> Result<Vec<FreePosture>> {
-    free_markers_from(problem, deformation, noise, gaussian, None, mask)
-}
-
-/// As [`free_markers`], the mirrors starting from where they nearly are.
-///
-/// # Errors
-/// Invalid parameters of the camera or mirror.
-pub(crate) fn free_markers_from(
-    problem: &Problem,
-    deformation: &Deformation,
-    noise: Noise,
-    gaussian: bool,
-    planes: Option<&FootPoints>,
-    mask: Option<&[bool]>,
-) -> Result<Vec<FreePosture>> {
     let eye = problem.eye(deformation)?;
-    let planes = planes.map(Vec::as_slice);
-    let task = Task { gaussian, planes, ..Task::of_markers(problem, deformation, eye.as_ref(), noise) };
+    let task = Task { gaussian, ..Task::of_markers(problem, deformation, eye.as_ref(), noise) };
     Ok(postures(problem)
         .into_par_iter()
         .map_init(

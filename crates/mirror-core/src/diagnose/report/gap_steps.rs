@@ -11,7 +11,7 @@ use crate::diagnose::criteria::regions::regions;
 use crate::diagnose::data::diagnosis::{Cause, GapStep};
 use crate::diagnose::effects::hypothesis::Model;
 use crate::diagnose::likelihood::fit::{FitOptions, fit};
-use crate::diagnose::likelihood::saturated::free_markers_from;
+use crate::diagnose::likelihood::saturated::free_markers;
 use crate::diagnose::model::solver::SOLVER;
 use crate::error::Result;
 use rayon::prelude::*;
@@ -79,9 +79,8 @@ fn sizes(findings: &Findings<'_>, parts: &[Part], wanted: &[usize]) -> Result<Ve
                             .model;
                     }
                     let deformation = search.deformation(&some);
-                    let (noise, planes) = (search.measured_noise, some.planes.as_deref());
                     let postures =
-                        free_markers_from(problem, &deformation, noise, true, planes, Some(&test))?;
+                        free_markers(problem, &deformation, search.measured_noise, true, Some(&test))?;
                     Ok(postures.iter().map(gap_of).collect())
                 })
                 .collect()

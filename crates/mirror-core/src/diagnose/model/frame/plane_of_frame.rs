@@ -6,33 +6,23 @@ use crate::diagnose::model::solver::SOLVER;
 use nalgebra::{Matrix3, Vector3};
 
 impl FrameWork {
-    /// Moves the plane from the board's optimum to the optimum of the whole frame, with the weights of the present residuals:
-    /// Gauss–Newton until the next step would gain next to nothing. Returns the gain of a step that is not taken.
+    /// Moves the plane from the board's optimum to the optimum of the whole frame by Gauss–Newton, with the weights of the
+    /// present residuals.
     pub(super) fn settle_plane(
         &mut self,
         problem: &Problem,
         task: &Task<'_>,
         data: &FrameData,
         board: &BoardFit,
-    ) -> f64 {
+    ) {
         let information = board.information / task.noise.corner_px.powi(2);
-        self.foot = board.foot;
-        let mut taken = 0;
-        loop {
-            let (mut g, mut rhs) = self.pull_of_others(problem, task, data);
-            g += information;
-            rhs += information * (board.foot - self.foot);
-            let Some(factor) = g.cholesky() else { return 0.0 };
-            let step = factor.solve(&rhs);
-            let gain = step.dot(&rhs);
-            if gain < SOLVER.last_plane_gain {
-                return gain;
+        for _ in 0..SOLVER.plane_steps {
+            let (of_others, rhs) = self.pull_of_others(problem, task, data);
+            let rhs = rhs + information * (board.foot - self.foot);
+            match (information + of_others).cholesky() {
+                Some(factor) => self.foot += factor.solve(&rhs),
+                None => break,
             }
-            if taken >= SOLVER.plane_steps {
-                return 0.0;
-            }
-            self.foot += step;
-            taken += 1;
         }
     }
 

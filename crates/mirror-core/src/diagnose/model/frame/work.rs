@@ -90,7 +90,8 @@ pub(crate) struct Task<'a> {
     pub gaussian: bool,
     /// Which columns of the optics will be read.
     pub wanted: Wanted,
-    /// Foot points from which the planes start, where they are nearly known: boards are not fitted by themselves first then.
+    /// Foot points from which the planes of frames with fresh boards start where they are nearly known. Boards are then not
+    /// fitted by themselves first, and [`FrameWork::board_excess`] is not available.
     pub planes: Option<&'a [Option<Vector3<f64>>]>,
     /// Whether the corners' rows may be condensed to a few with the same products: rows and residual are then not
     /// those of observations. With free-form columns they are not condensed.
@@ -281,10 +282,9 @@ impl FrameWork {
             }
         }
         let corner_variance = task.noise.corner_px * task.noise.corner_px;
-        let to_gain = match &board {
-            Some(fit) => self.settle_plane(problem, task, data, fit),
-            None => 0.0,
-        };
+        if let Some(fit) = &board {
+            self.settle_plane(problem, task, data, fit);
+        }
         self.rows.clear();
         self.optics.clear();
         self.free.clear();
@@ -327,7 +327,7 @@ impl FrameWork {
         self.collect_residual(if has_rows { Vector3::zeros() } else { self.board_gradient });
         self.condense_corners(problem, task, first_other);
         let predicted = self.row_count > 0 || self.cost > 0.0;
-        self.cost += lost - to_gain;
+        self.cost += lost;
         predicted
     }
 
@@ -374,8 +374,6 @@ impl FrameWork {
             let gain = projected.norm_squared();
             if gain < SOLVER.last_plane_gain {
                 self.cost -= gain;
-                let own = sums.information.cholesky().map(|board| board.solve(&sums.gradient));
-                self.board_excess = own.map_or(0.0, |step| step.dot(&sums.gradient));
                 self.condense_corners(problem, task, corners);
                 return true;
             }
