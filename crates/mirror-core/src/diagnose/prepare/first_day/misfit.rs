@@ -189,12 +189,7 @@ impl<'a> Misfit<'a> {
         // A mirror that is fitted again poses the frame itself.
         let foot = self.foot(work, variant, frame);
         variant.nodes(&self.problem.scene.body, frame, &mut work.positions);
-        let posed = &self.problem.scene.posed;
-        if variant.sites.iter().all(|site| site.node.is_none_or(|n| posed[n])) {
-            work.frame.pose_sites_as(self.problem, &self.known, frame, &work.positions);
-        } else {
-            work.frame.pose_as(self.problem, &self.known, frame, &work.positions);
-        }
+        work.frame.pose_as(self.problem, &self.known, frame, &work.positions);
         (self.eye.as_ref().map(|eye| work.frame.camera_from_world(self.problem, eye)), foot)
     }
 
