@@ -116,7 +116,11 @@ pub(crate) fn beside_geometry<'a>(
     if !settled && (better || pieces || free) {
         let with = seen_size(&search.held_out(&found.fit.model, found.noise)?);
         let without = seen_size(&its_search.held_out(&alone.fit.model, alone.noise)?);
-        better = (better || pieces) && with < LEAST_HELD_OUT_RATIO * without;
+        better = if free && known && is_refuted(without, with) {
+            true
+        } else {
+            (better || pieces) && with < LEAST_HELD_OUT_RATIO * without
+        };
         // One error of no name at one place is an answer; errors in many places are the small errors' pieces.
         if !better && free && known && in_pieces {
             let named_alone = seen_size(&its_search.held_out_of_causes(&alone.fit.model, alone.noise)?);
@@ -203,6 +207,12 @@ fn drop_tolerances(search: &Search<'_>, geometry: &Geometry, found: &mut Found) 
     Ok(())
 }
 
+/// Whether a model with free-form errors is refuted by held-out prediction: the small errors predict the regions on which nothing was fitted to
+/// less than half of its gap. However well free-form errors fit, the robot has others then.
+fn is_refuted(free_forms_gap: f64, small_errors_gap: f64) -> bool {
+    small_errors_gap < MAJORITY * free_forms_gap
+}
+
 /// How many different places the causes and free-form errors have.
 fn places(search: &Search<'_>, found: &Found) -> usize {
     let mut seen = Vec::new();
@@ -228,4 +238,19 @@ fn matters(search: &Search<'_>, found: &Found) -> Result<bool> {
         Ok(marker_shift(&search.problem, from, to, search.measured_noise)?.iter().sum())
     };
     Ok(sum(&only_causes, &all)? > LAW_SHARE.powi(2) * sum(&neither, &only_causes)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn free_forms_are_refuted_by_a_prediction_twice_as_good() {
+        assert!(is_refuted(1.48, 0.53));
+        assert!(!is_refuted(1.0, 0.6));
+        assert!(!is_refuted(1.0, 1.0));
+        // A gap that could not be computed refutes nothing.
+        assert!(!is_refuted(f64::NAN, 0.5));
+        assert!(!is_refuted(1.0, f64::NAN));
+    }
 }
