@@ -105,6 +105,7 @@ fn made(bytes: &mut Bytes<'_>) -> Recording {
             1 => Some(PointsFrame::Unknown),
             _ => Some(PointsFrame::Link(link(bytes))),
         },
+        columns: (0..bytes.below(4)).map(|_| bytes.below(9)).collect(),
         ordered: bytes.byte() > 60,
         timed: bytes.byte() > 60,
         pixel_std_px: (bytes.byte() > 60).then(|| bytes.number()),

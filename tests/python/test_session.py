@@ -85,6 +85,22 @@ def test_parquet_tables_read_like_csv(tmp_path: Path) -> None:
     np.testing.assert_array_equal(session.points.point_m, plain.points.point_m)
 
 
+@pytest.mark.parametrize("tables", ["csv", "parquet"])
+def test_the_order_of_the_columns_in_the_file_is_kept(tables: str, tmp_path: Path) -> None:
+    # Shifted columns are searched for in this order, which need not be the robot's.
+    folder = write_folder(tmp_path)
+    table = pyarrow.csv.read_csv(folder / "frames.csv")
+    names = [*(n for n in table.column_names if n not in ("shoulder", "elbow")), "elbow", "shoulder"]
+    (folder / "frames.csv").unlink()
+    if tables == "csv":
+        pyarrow.csv.write_csv(table.select(names), folder / "frames.csv")
+    else:
+        pyarrow.parquet.write_table(table.select(names), folder / "frames.parquet")
+    session = load_session(folder)
+    assert session.frames.joint_names == ("elbow", "shoulder")
+    assert session.frames.commanded[2].tolist() == [0.4, -0.3]
+
+
 def test_points_alone_need_no_camera_and_no_board(tmp_path: Path) -> None:
     start, end = SESSION.index("[camera_mount]"), SESSION.index("[[markers]]")
     text = replaced(SESSION[:start] + SESSION[end:], 'camera = "camera.yaml"\n', "")

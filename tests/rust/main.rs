@@ -21,6 +21,7 @@ mod gap_panels;
 mod gap_sessions;
 mod gap_setup;
 mod gap_several_mistakes;
+mod gap_spoilt_log;
 mod gap_world;
 mod glass;
 mod joint;

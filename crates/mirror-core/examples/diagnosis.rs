@@ -74,6 +74,7 @@ pub fn main() -> Result<(), Box<dyn std::error::Error>> {
             .collect(),
         tolerances: Tolerances::default(),
         points_frame: Some(PointsFrame::Link("base".into())),
+        columns: Vec::new(),
         ordered: true,
         timed: false,
         pixel_std_px: None,

@@ -297,6 +297,7 @@ impl GapRecording {
             points_frame: header
                 .points_frame
                 .map(|f| if f == "unknown" { PointsFrame::Unknown } else { PointsFrame::Link(f) }),
+            columns,
             ordered: header.ordered,
             timed: header.timed,
             pixel_std_px: header.pixel_std_px,

@@ -15,6 +15,7 @@ OFTEN = {
     "joint": {
         "posture": "a column that holds another joint's values, other rows' or none does this: compare it with what the joint did; so does "
         "a clutch or a screw that slips: mark shaft and hub, move, and look",
+        "row": "a joint that was homed again, slipped on its shaft or lost steps does this: diagnose the rows before and after apart",
         "history": "a tendon or a harmonic drive that winds up does this: approach one posture from both sides",
     },
 }

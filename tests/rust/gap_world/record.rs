@@ -129,6 +129,7 @@ impl World {
                 .collect(),
             tolerances: Tolerances::default(),
             points_frame: None,
+            columns: Vec::new(),
             ordered: true,
             timed: true,
             pixel_std_px: Some(plan.noise_px.max(0.01)),

@@ -6,6 +6,7 @@ use crate::diagnose::assessment::nested::chosen_anew;
 use crate::diagnose::assessment::other_session::check;
 use crate::diagnose::assessment::survivors::keep_survivors;
 use crate::diagnose::assessment::weighed::weighed;
+use crate::diagnose::assessment::zero_lost::tell_step;
 use crate::diagnose::data::diagnosis::{Diagnosis, LeftOut};
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::effects::hypothesis::{Catalogue, Model};
@@ -22,10 +23,12 @@ use crate::diagnose::random_effects::free_form::free_forms;
 use crate::diagnose::report::build;
 use crate::diagnose::report::reservations::{background_was_taken, hangs_on_regions, reserve};
 use crate::diagnose::report::seen_markers::seen_markers;
+use crate::diagnose::report::spoilt_column::column_is_spoilt;
 use crate::diagnose::selection::beside_slips::settle_slips;
 use crate::diagnose::selection::beyond::look_beyond;
 use crate::diagnose::selection::lingering_noise::allow_for_lingering;
 use crate::diagnose::selection::long_session::{on_all_frames, part_of_frames};
+use crate::diagnose::selection::lost_column::beside_lost_column;
 use crate::diagnose::selection::near_ties::from_near_ties;
 use crate::diagnose::selection::pairwise_start::from_a_pair;
 use crate::diagnose::selection::restless::column_says_nothing;
@@ -45,6 +48,10 @@ pub(crate) struct Outcome {
     pub too_large: bool,
     /// A joint's error, independent in each posture, is as large as what its column moves.
     pub says_nothing: bool,
+    /// Whether a joint's column is not used, in all postures or in some.
+    pub lost: bool,
+    /// The gap with a lost zero undone, in the unit of the observations; none if no zero was lost.
+    pub left_beside_step: Option<f64>,
 }
 
 /// Diagnoses a recording: where the model is wrong, which effect causes it, how far the gap shrinks.
@@ -95,8 +102,15 @@ pub(crate) fn diagnose(
     for (slip, std) in settle_slips(&mut search, &nominal)? {
         prepared.moved(&search.problem, slip, std)?;
     }
-    let (mut found, setup) = with_or_without_setup(&mut search, &nominal, stated, &options.without)?;
-    if setup.is_none() {
+    let of_lost = prepared.lost().map(|lost| beside_lost_column(&mut search, lost, &nominal)).transpose()?;
+    let (mut found, setup, beyond) = match of_lost {
+        Some((found, beyond)) => (found, None, Some(beyond)),
+        None => {
+            let (found, setup) = with_or_without_setup(&mut search, &nominal, stated, &options.without)?;
+            (found, setup, None)
+        }
+    };
+    if setup.is_none() && beyond.is_none() {
         if let Some(other) = from_a_pair(&search, &found, &nominal)? {
             (search, found) = other;
         }
@@ -110,9 +124,14 @@ pub(crate) fn diagnose(
         }
     }
     allow_for_lingering(&mut search, &mut found)?;
-    from_near_ties(&mut search, &mut found)?;
-    let with_geometry = options.allows("geometry");
-    let beyond = look_beyond((&mut search, &mut found), &all, &nominal, setup, with_geometry)?;
+    let beyond = match beyond {
+        Some(beyond) => beyond,
+        None => {
+            from_near_ties(&mut search, &mut found)?;
+            let with_geometry = options.allows("geometry");
+            look_beyond((&mut search, &mut found), &all, &nominal, setup, with_geometry)?
+        }
+    };
 
     let says_nothing = beyond.restless.is_some_and(|node| column_says_nothing(&search, &found, node));
     on_all_frames(&mut search, &mut found)?;
@@ -122,6 +141,7 @@ pub(crate) fn diagnose(
 
     options.progress.enter("assessing the result");
     keep_survivors(&mut findings, &ranking)?;
+    let left_beside_step = tell_step(&mut findings, &prepared)?;
     let rows_in_order = match &prepared.slip {
         Some(slip) => !is_found_again(&findings, &prepared.arranged, slip)?,
         None => false,
@@ -137,6 +157,7 @@ pub(crate) fn diagnose(
     let sources = Sources { given: recording, arranged, left_out };
     diagnosis.data = evidence::data(&sources, &findings)?;
     diagnosis.warnings.extend(background_was_taken(&diagnosis.data));
+    diagnosis.warnings.extend(column_is_spoilt(&prepared, &arranged.frame_numbers));
     reserve(&mut diagnosis, &findings);
     if options.markers {
         diagnosis.markers = seen_markers(&findings)?;
@@ -146,7 +167,8 @@ pub(crate) fn diagnose(
     let number_of = |left: &LeftOut| arranged.frame_numbers.iter().position(|n| *n == left.frame);
     let left_out = diagnosis.data.left_out.iter().filter(|l| l.is_false());
     let known = Known { deformation, false_frames: left_out.filter_map(number_of).collect(), sought: false };
-    Ok(Outcome { rows_in_order, known, too_large, says_nothing, diagnosis })
+    let lost = prepared.lost().is_some();
+    Ok(Outcome { rows_in_order, known, too_large, says_nothing, lost, left_beside_step, diagnosis })
 }
 
 /// Whether slipped rows are still slipped given the causes found.

@@ -15,3 +15,4 @@ pub(super) mod stability;
 pub(super) mod survivors;
 pub(super) mod uncertainty;
 pub(super) mod weighed;
+pub(super) mod zero_lost;

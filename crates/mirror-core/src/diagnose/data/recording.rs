@@ -135,6 +135,9 @@ pub struct Recording {
     pub tolerances: Tolerances,
     /// Frame of the measured points.
     pub points_frame: Option<PointsFrame>,
+    /// The robot's independent joints that have a column in the log, as indices and in the log's order; empty if that
+    /// is not known. Columns that are shifted by one place move from neighbour to neighbour in this order.
+    pub columns: Vec<usize>,
     /// Whether the rows are in the order of execution; otherwise the direction of motion is unknown.
     pub ordered: bool,
     /// Whether `time_s` was recorded (otherwise it is the frame's number).
@@ -167,6 +170,9 @@ impl Recording {
             .as_ref()
             .and_then(|s| s.board.as_ref())
             .map_or(0, |b| b.corners.0.saturating_mul(b.corners.1));
+        for joint in &self.columns {
+            check_index("joint of a column of the log", *joint, positions)?;
+        }
         for frame in &self.frames {
             let of = |what: &str| format!("frame {}: {what}", frame.number);
             if frame.commanded.len() != positions {

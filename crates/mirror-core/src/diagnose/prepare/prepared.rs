@@ -1,7 +1,7 @@
 //! A session ready for the search: gross mistakes undone, the noise known, slipped rows left out.
 
 use super::boards::leave_out_wrong_grids;
-use super::first_day::{self, Doubt, Memory, Mistake, Undone};
+use super::first_day::{self, Doubt, Lost, Memory, Mistake, Step, Undone};
 use super::known::Known;
 use super::options::DiagnoseOptions;
 use super::row_slip::{self, Slip};
@@ -30,8 +30,9 @@ pub(crate) struct Prepared {
 
 impl Prepared {
     /// Prepares a session; `known`: the result of a first diagnosis, with which smaller gross mistakes can be
-    /// found. `hung`: whether rows that repeat a measurement may be named; a second diagnosis without slipped rows
-    /// still names them. `memory`: the results of earlier preparations of the same session.
+    /// found. `tried`: whether rows that repeat a measurement may be named, which a second diagnosis without slipped
+    /// rows still does; whether a column may be taken as unrelated to its joint. `memory`: the
+    /// results of earlier preparations of the same session.
     ///
     /// # Errors
     /// A recording that is not valid, links that do not exist, invalid parameters of the camera.
@@ -40,7 +41,7 @@ impl Prepared {
         recording: &Recording,
         options: &DiagnoseOptions,
         known: Option<&Known>,
-        hung: bool,
+        tried: (bool, bool),
         memory: &mut Memory,
     ) -> Result<Self> {
         let mut problem = Problem::new(robot, recording)?;
@@ -49,7 +50,7 @@ impl Prepared {
         let stated = problem.noise;
         let mut left_out = leave_out_wrong_grids(&mut problem);
         let given = problem.clone();
-        let undone = first_day::undone(robot, recording, &problem, &options.without, known, hung, memory)?;
+        let undone = first_day::undone(robot, recording, &problem, &options.without, known, tried, memory)?;
         if let Some(undone) = &undone {
             problem = undone.problem.clone();
             problem.cancel = given.cancel.clone();
@@ -62,7 +63,9 @@ impl Prepared {
         let arranged = problem.clone();
         let nominal = problem.nominal();
         problem.noise = noise::estimate(&problem, &nominal, stated)?;
-        let slip = if options.allows("pairing") {
+        // With an unknown joint, rows fit other rows by chance.
+        let in_doubt = undone.as_ref().is_some_and(|u| u.lost.is_some());
+        let slip = if options.allows("pairing") && !in_doubt {
             let scatter = noise::effective(&problem, &nominal, problem.noise, None)?;
             row_slip::find(&problem, scatter)?
         } else {
@@ -107,6 +110,16 @@ impl Prepared {
     /// Whole mistakes of model or log.
     pub fn mistakes(&self) -> &[Cause] {
         self.undone.as_ref().map_or(&[], |u| &u.told)
+    }
+
+    /// The joint whose column is unrelated to it.
+    pub fn lost(&self) -> Option<&Lost> {
+        self.undone.as_ref().and_then(|u| u.lost.as_ref())
+    }
+
+    /// The joint that has another zero from a row on, which is undone, and the session before that.
+    pub fn step(&self) -> Option<&(Step, Problem)> {
+        self.undone.as_ref().and_then(|u| u.step.as_ref())
     }
 
     /// Mistakes that a small error could be instead.

@@ -12,3 +12,4 @@ pub(super) mod seen_markers;
 pub(super) mod sentence;
 pub(super) mod setup_causes;
 pub(super) mod signature;
+pub(super) mod spoilt_column;

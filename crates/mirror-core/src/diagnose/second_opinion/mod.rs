@@ -19,7 +19,7 @@ mod reason;
 #[cfg(test)]
 mod tests;
 
-use crate::diagnose::data::diagnosis::{Cause, Diagnosis};
+use crate::diagnose::data::diagnosis::{Cause, Diagnosis, Verdict};
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::pipeline;
 use crate::diagnose::prepare::first_day::Memory;
@@ -28,7 +28,7 @@ use crate::diagnose::prepare::options::{DiagnoseOptions, OtherSession};
 use crate::diagnose::prepare::prepared::Prepared;
 use crate::error::Result;
 use crate::robot::Robot;
-use reason::Reason;
+use reason::{Reason, is_of_a_column, takes_most};
 
 /// Diagnoses a recording: where the model is wrong, which effect causes it, how far the gap shrinks.
 ///
@@ -44,24 +44,46 @@ pub fn diagnose(
 ) -> Result<Diagnosis> {
     let hung = options.allows("pairing");
     let mut memory = Memory::default();
-    let mut prepared = |options: &DiagnoseOptions, known: Option<&Known>| {
-        options.progress.enter("looking for whole mistakes");
-        Prepared::new(robot, recording, options, known, hung, &mut memory)
+    let mut prepared = |options: &DiagnoseOptions, known: Option<&Known>, unrelated: bool| {
+        options.progress.enter("searching for gross mistakes");
+        Prepared::new(robot, recording, options, known, (hung, unrelated), &mut memory)
     };
-    let at_first = prepared(options, None)?;
+    let at_first = prepared(options, None, true)?;
     let mistakes = at_first.mistakes().to_vec();
     let found = pipeline::diagnose(at_first, robot, recording, options, others)?;
+    if found.lost {
+        // Effects that were not among the small errors, or a slip, may need far fewer parameters than free positions.
+        let again = prepared(options, None, false)?;
+        // Mistakes of columns were weighed against the free positions already.
+        if again.mistakes().iter().any(is_of_a_column) {
+            return Ok(found.diagnosis);
+        }
+        let mut second = pipeline::diagnose(again, robot, recording, options, others)?.diagnosis;
+        let explained = second.verdict == Verdict::Explained;
+        second.trace.insert(0, "named causes explain what a column's free positions did".into());
+        return Ok(if explained { second } else { found.diagnosis });
+    }
+    // Other assumptions would only compensate for the two zeros.
+    if found.left_beside_step.is_some() {
+        return Ok(found.diagnosis);
+    }
     for reason in Reason::all(&found, recording, &mistakes) {
         let known = Known { sought: reason.seeks(), ..found.known.clone() };
         let mut still = options.clone();
         still.without.extend(reason.without().iter().map(|effect| (*effect).to_owned()));
-        let again = prepared(&still, reason.looks_closely().then_some(&known))?;
+        let again = prepared(&still, reason.looks_closely().then_some(&known), true)?;
         // If the same mistakes are undone, the result is the same.
-        if reason.without().is_empty() && same_mistakes(again.mistakes(), &mistakes) {
+        let without_word = again.lost().is_some() || again.step().is_some();
+        if reason.without().is_empty() && !without_word && same_mistakes(again.mistakes(), &mistakes) {
             continue;
         }
-        let mut second = pipeline::diagnose(again, robot, recording, &still, others)?.diagnosis;
-        if reason.believes(&second, &found.diagnosis) {
+        let second = pipeline::diagnose(again, robot, recording, &still, others)?;
+        let believed = match second.left_beside_step {
+            Some(left) => takes_most(left, &found.diagnosis),
+            None => reason.believes(&second.diagnosis, &found.diagnosis),
+        };
+        if believed {
+            let mut second = second.diagnosis;
             second.trace.insert(0, reason.words().into());
             return Ok(second);
         }

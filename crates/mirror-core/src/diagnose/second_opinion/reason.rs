@@ -133,7 +133,7 @@ impl Reason {
                     && MAJORITY * left(second) <= left(first)
             }
             Self::Slip | Self::Pairing => LEAST_HELD_OUT_RATIO * left(second) <= left(first),
-            Self::Unexplained => no_worse && (explains(second) || takes_most(second, first)),
+            Self::Unexplained => no_worse && (explains(second) || takes_most(left(second), first)),
             Self::TooLarge => {
                 explains(second)
                     && second.causes.len() <= first.causes.len()
@@ -200,7 +200,7 @@ fn of_a_column(diagnosis: &Diagnosis) -> impl Iterator<Item = &Cause> {
     diagnosis.causes.iter().filter(|c| is_of_a_column(c))
 }
 
-fn is_of_a_column(cause: &Cause) -> bool {
+pub(super) fn is_of_a_column(cause: &Cause) -> bool {
     OF_A_COLUMN.contains(&cause.effect.as_str()) || cause.effect == RATIO.1
 }
 
@@ -247,9 +247,9 @@ fn explains(diagnosis: &Diagnosis) -> bool {
 }
 
 /// Whether of two held-out gaps the first is nearer to the noise than to the second, by squares.
-fn takes_most(second: &Diagnosis, first: &Diagnosis) -> bool {
+pub(super) fn takes_most(left_by_second: f64, first: &Diagnosis) -> bool {
     let floor = first.gap.noise_floor_px.or(first.gap.noise_floor_m).unwrap_or(0.0);
-    left(second).powi(2) - floor.powi(2) <= MAJORITY * (left(first).powi(2) - floor.powi(2))
+    left_by_second.powi(2) - floor.powi(2) <= MAJORITY * (left(first).powi(2) - floor.powi(2))
 }
 
 /// The held-out gap, in the unit of the observations.

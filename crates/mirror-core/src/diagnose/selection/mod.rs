@@ -7,6 +7,7 @@ mod candidates;
 pub(super) mod law_remainder;
 pub(super) mod lingering_noise;
 pub(super) mod long_session;
+pub(super) mod lost_column;
 pub(super) mod near_ties;
 pub(super) mod nonparametric;
 pub(super) mod pairwise_start;

@@ -3,7 +3,10 @@
 //!
 //! Each posture p has its own error at the joint, `δ_p ~ N(0, s²)`. With `h_p = xᵀx` and `g_p = xᵀr` of the joint's
 //! column x in the frames of the posture, mirrors projected out, its log Bayes factor against none is, to first
-//! order and with everything else as found, `Σ ½ [s² g_p² / (1 + s² h_p) − ln(1 + s² h_p)]`. If that explains the
+//! order and with everything else as found, `Σ ½ [s² g_p² / (1 + s² h_p) − ln(1 + s² h_p)]`.
+//! To first order this finds a few candidate joints, but not which one it is: large errors of one joint project on all
+//! joints of its limb. So the errors of each of the best few are fitted robustly to convergence, with s estimated from
+//! them, and the joint with the highest evidence is the place. If that explains the
 //! remainder best at some joint, the search is repeated with these errors free. Causes elsewhere and smooth
 //! free-form errors that only absorbed them are then no longer found. Small errors everywhere are the competing
 //! explanation of a gap that is everywhere: they explain what is smooth over the postures, and no independent
@@ -20,15 +23,19 @@ use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::frame::{FrameWork, PROJECTED, Task};
 use crate::diagnose::model::problem::Noise;
 use crate::diagnose::model::solver::SOLVER;
-use crate::diagnose::principles::{LOG_PRIOR_STRUCTURE, MAJORITY};
+use crate::diagnose::prepare::first_day::column;
+use crate::diagnose::principles::{LOG_PRIOR_STRUCTURE, MAJORITY, Size};
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
-use crate::diagnose::selection::nonparametric::log_odds;
+use crate::diagnose::selection::nonparametric::{log_odds, smaller};
 use crate::diagnose::selection::search::{Found, Search};
 use crate::error::Result;
 
 /// Scales that are tried, rad or m, in a geometric sequence: from a tenth of an encoder's line to a column that is
 /// unrelated to its joint.
 const SPREADS: (f64, f64, usize) = (2e-4, 1.5, 23);
+
+/// Candidate joints whose errors are fitted.
+const TRIED: Size = 3;
 
 /// The result of a search with an independent joint error in each posture.
 pub(crate) struct Restless<'a> {
@@ -72,20 +79,15 @@ pub(crate) fn beside_restless_joint<'a>(
     }
     // At the nominal model, so that no cause that only absorbed a part of it decides the place.
     let scatter = search.effective(nominal)?;
-    let Some((node, spread, log_bayes)) = best_joint(search, nominal, scatter)? else { return Ok(None) };
+    let joints = by_first_order(search, nominal, scatter)?;
+    let Some(&(_, _, log_bayes)) = joints.first() else { return Ok(None) };
     if small_errors_take_it(search, nominal, scatter, log_bayes)? {
         return Ok(None);
     }
-    let mut beside = search.clone();
-    for frames in postures(&search.problem).iter().filter(|p| p.iter().any(|&f| counts(search.mask, f))) {
-        let mut weights = vec![0.0; search.problem.frames.len()];
-        frames.iter().for_each(|&f| weights[f] = 1.0);
-        beside.group.columns.push(Column { atom: Atom::Joint(node), weight: Weight::Frames(weights) });
-        beside.group.prior_std.push(spread);
-    }
+    let Some(Free { node, spread, mut beside, start }) = likeliest(search, nominal, &joints)? else {
+        return Ok(None);
+    };
     beside.options.named_only = true;
-    let mut start = nominal.clone();
-    start.group = vec![0.0; beside.group.columns.len()];
     let mut its = beside.run(start)?;
     drop_its_own(&beside, &mut its, (node, search.group.columns.len()))?;
     let odds = log_odds((&beside, &its), (search, found))?;
@@ -98,6 +100,61 @@ pub(crate) fn beside_restless_joint<'a>(
     ));
     its.trace = trace;
     Ok((odds + LOG_PRIOR_STRUCTURE > 0.0).then_some(Restless { node, search: beside, found: its }))
+}
+
+/// A joint with fitted errors: the search with them free, and their values.
+struct Free<'a> {
+    node: NodeId,
+    spread: f64,
+    beside: Search<'a>,
+    start: Model,
+}
+
+/// The candidate whose fitted errors have the highest evidence.
+fn likeliest<'a>(
+    search: &Search<'a>,
+    nominal: &Model,
+    joints: &[(NodeId, f64, f64)],
+) -> Result<Option<Free<'a>>> {
+    let mut tried = Vec::new();
+    for &(node, spread, log_bayes) in joints.iter().take(TRIED) {
+        if log_bayes + LOG_PRIOR_STRUCTURE > 0.0 {
+            let free = given_its_errors(search, nominal, node, spread)?;
+            tried.push((free.beside.effective(&free.start)?, free));
+        }
+    }
+    // All at one noise: the smallest that any of them leaves.
+    let Some(noise) = tried.iter().map(|t| t.0).reduce(smaller) else { return Ok(None) };
+    let mut best: Option<(f64, Free<'a>)> = None;
+    for (_, free) in tried {
+        let fit = free.beside.fit(&free.start, noise, SOLVER.final_steps)?;
+        if best.as_ref().is_none_or(|b| fit.log_evidence > b.0) {
+            best = Some((fit.log_evidence, Free { start: fit.model, ..free }));
+        }
+    }
+    Ok(best.map(|b| b.1))
+}
+
+/// A joint's errors in each posture, fitted from zero at the remaining scatter, and again with their own spread.
+fn given_its_errors<'a>(search: &Search<'a>, nominal: &Model, node: NodeId, spread: f64) -> Result<Free<'a>> {
+    let mut beside = search.clone();
+    let own = beside.group.columns.len();
+    for frames in postures(&search.problem).iter().filter(|p| p.iter().any(|&f| counts(search.mask, f))) {
+        beside.group.columns.push(column(&search.problem, node, frames));
+    }
+    beside.group.prior_std.resize(beside.group.columns.len(), spread);
+    let mut start = nominal.clone();
+    start.group = vec![0.0; beside.group.columns.len()];
+    for _ in 0..2 {
+        let noise = beside.effective(&start)?;
+        start = beside.fit(&start, noise, SOLVER.final_steps)?.model;
+        let errors = &start.group[own..];
+        let square = errors.iter().map(|e| e * e).sum::<f64>() / errors.len().max(1) as f64;
+        let spread = square.sqrt().max(SPREADS.0);
+        beside.group.prior_std[own..].fill(spread);
+    }
+    let spread = beside.group.prior_std.last().copied().unwrap_or(spread);
+    Ok(Free { node, spread, beside, start })
 }
 
 /// Removes causes at the joint itself that leave more than half of its errors. A column that is unrelated to its
@@ -140,6 +197,11 @@ fn small_errors_take_it(search: &Search<'_>, nominal: &Model, noise: Noise, log_
 
 /// The joint whose independent errors explain most of the remainder: its scale and log Bayes factor.
 fn best_joint(search: &Search<'_>, model: &Model, noise: Noise) -> Result<Option<(NodeId, f64, f64)>> {
+    Ok(by_first_order(search, model, noise)?.into_iter().next())
+}
+
+/// All joints with the likeliest spread of each and its log Bayes factor to first order, the best first.
+fn by_first_order(search: &Search<'_>, model: &Model, noise: Noise) -> Result<Vec<(NodeId, f64, f64)>> {
     let problem = &search.problem;
     let scene = &problem.scene;
     let deformation = search.deformation(model);
@@ -178,7 +240,11 @@ fn best_joint(search: &Search<'_>, model: &Model, noise: Noise) -> Result<Option
         };
         sums.iter().map(of).sum()
     };
-    let all =
-        spreads.flat_map(|s| joints.iter().zip(&sums).map(move |(&n, sums)| (n, s, log_bayes(sums, s))));
-    Ok(all.max_by(|a, b| a.2.total_cmp(&b.2)))
+    let best_of = |(&n, sums): (&NodeId, &Vec<(f64, f64)>)| {
+        let of_spreads = spreads.clone().map(|s| (n, s, log_bayes(sums, s)));
+        of_spreads.max_by(|a, b| a.2.total_cmp(&b.2))
+    };
+    let mut all: Vec<(NodeId, f64, f64)> = joints.iter().zip(&sums).filter_map(best_of).collect();
+    all.sort_by(|a, b| b.2.total_cmp(&a.2));
+    Ok(all)
 }

@@ -58,6 +58,7 @@ fn problem_of(urdf: &str, joints: usize) -> Problem {
         }],
         tolerances: Tolerances::default(),
         points_frame: Some(PointsFrame::Unknown),
+        columns: Vec::new(),
         ordered: true,
         timed: true,
         pixel_std_px: None,

@@ -2,7 +2,7 @@
 
 use super::misfit::{LEAST_FALL, Misfit, Work};
 use super::mistake::{LateKind, Mistake, UNITS};
-use super::variant::{Variant, seen_joints};
+use super::variant::{Variant, other_of, seen_joints};
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::problem::{Observation, Problem, Seen};
 use crate::diagnose::prepare::row_slip::LARGEST_SHIFT;
@@ -43,11 +43,14 @@ pub(super) struct Session<'a> {
     /// Frames by posture.
     pub postures: Vec<Vec<usize>>,
     pub ordered: bool,
+    /// The log's columns as joints, in its order; empty if that is not known.
+    log: &'a [usize],
 }
 
 impl<'a> Session<'a> {
-    pub fn new(problem: &'a Problem, misfit: &'a Misfit<'a>) -> Self {
+    pub fn new(problem: &'a Problem, misfit: &'a Misfit<'a>, log: &'a [usize]) -> Self {
         Self {
+            log,
             joints: seen_joints(&problem.scene.body, &problem.scene.relevant),
             postures: crate::diagnose::likelihood::saturated::postures(problem),
             ordered: problem.scene.ordered,
@@ -56,7 +59,8 @@ impl<'a> Session<'a> {
         }
     }
 
-    fn turns(&self, node: NodeId) -> bool {
+    /// Whether a joint turns, and does not slide.
+    pub fn turns(&self, node: NodeId) -> bool {
         !self.problem.scene.body.nodes[node].prismatic
     }
 
@@ -123,16 +127,26 @@ impl<'a> Session<'a> {
         out
     }
 
-    /// All columns from one to another moved on by one place, the last first: a column too many, or one that was left out.
+    /// All columns from one to another shifted by one place, the last one first: an additional or a missing column. In the
+    /// order of the robot's joints, and in that of the log's columns, which a program may have sorted.
     fn moved_on(&self) -> Vec<Mistake> {
-        let columns: Vec<usize> = self.joints.iter().map(|(j, _)| *j).collect();
-        let (mut out, count) = (Vec::new(), columns.len());
-        for first in 0..count {
-            for last in first + 2..count {
+        let of_robot: Vec<usize> = self.joints.iter().map(|(j, _)| *j).collect();
+        let mut places: Vec<Vec<usize>> = Vec::new();
+        let mut out = Vec::new();
+        for columns in [&of_robot[..], self.log] {
+            for (first, last) in (0..columns.len()).flat_map(|a| (a + 2..columns.len()).map(move |b| (a, b)))
+            {
                 // Exchanges of neighbours carry one column through all others: forward, or back.
                 let neighbours = columns[first..=last].windows(2).map(|two| (two[0], two[1]));
-                out.push(Mistake::ColumnsSwapped { pairs: neighbours.clone().collect() });
-                out.push(Mistake::ColumnsSwapped { pairs: neighbours.rev().collect() });
+                for pairs in [neighbours.clone().collect::<Vec<_>>(), neighbours.rev().collect()] {
+                    // Exchanges among unseen joints have no effect.
+                    let place: Vec<usize> = of_robot.iter().map(|&j| source(&pairs, j)).collect();
+                    if place == of_robot || places.contains(&place) {
+                        continue;
+                    }
+                    places.push(place);
+                    out.push(Mistake::ColumnsSwapped { pairs });
+                }
             }
         }
         out
@@ -159,7 +173,7 @@ impl<'a> Session<'a> {
     }
 
     /// Loss of each frame, summed over its observations, and their number.
-    fn frame_losses(&self, variant: &Variant) -> Vec<(f64, usize)> {
+    pub fn frame_losses(&self, variant: &Variant) -> Vec<(f64, usize)> {
         let all: Vec<usize> = (0..self.problem.frames.len()).collect();
         let mut out = vec![(0.0, 0); all.len()];
         for d in self.misfit.distances(variant, &all) {
@@ -312,18 +326,29 @@ impl<'a> Session<'a> {
     /// A column whose positions over a run are those that fit best, posture by posture: for comparing, not for using.
     pub fn freed(&self, variant: &Variant, joint: usize, first: usize, last: usize) -> Variant {
         let column = variant.column(joint);
-        let low = column.iter().copied().fold(f64::INFINITY, f64::min);
-        let high = column.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let (low, high) = range(&column);
         let margin = 0.2 * (high - low);
-        let (low, high) = (low - margin, high + margin);
+        let rows: Vec<usize> = (first..=last).collect();
+        self.freed_in(variant, joint, (&rows, &rows), (low - margin, high + margin))
+    }
+
+    /// The same for some rows (ascending), estimated from some of them, within a range of positions.
+    pub fn freed_in(
+        &self,
+        variant: &Variant,
+        joint: usize,
+        (rows, shown): (&[usize], &[usize]),
+        (low, high): (f64, f64),
+    ) -> Variant {
         let mut out = variant.clone();
         let mut work = Work::new(self.problem);
+        let is_in = |rows: &[usize], f: &usize| rows.binary_search(f).is_ok();
         // Measured in an unknown frame: the other rows determine it.
-        let others: Vec<usize> =
-            (0..self.problem.frames.len()).filter(|f| !(first..=last).contains(f)).collect();
+        let others: Vec<usize> = (0..self.problem.frames.len()).filter(|f| !is_in(rows, f)).collect();
         work.placed = self.misfit.placed(variant, &others);
         for posture in &self.postures {
-            let frames: Vec<usize> = posture.iter().copied().filter(|f| (first..=last).contains(f)).collect();
+            let own: Vec<usize> = posture.iter().copied().filter(|f| is_in(rows, f)).collect();
+            let frames: Vec<usize> = own.iter().copied().filter(|f| is_in(shown, f)).collect();
             if frames.is_empty() {
                 continue;
             }
@@ -342,7 +367,7 @@ impl<'a> Session<'a> {
                 .min_by(|a, b| a.0.total_cmp(&b.0));
             let Some((_, at)) = best else { continue };
             let q = least(at - step, at + step, loss);
-            frames.iter().for_each(|&f| out.positions[f][joint] = q);
+            own.iter().for_each(|&f| out.positions[f][joint] = q);
         }
         out
     }
@@ -396,6 +421,11 @@ impl<'a> Session<'a> {
     }
 }
 
+/// The column of a joint's positions after exchanges of pairs of columns, one after the other.
+fn source(pairs: &[(usize, usize)], joint: usize) -> usize {
+    pairs.iter().rev().fold(joint, |at, &pair| other_of(pair, at))
+}
+
 /// Whether a frame shows one of two markers.
 fn shows(problem: &Problem, frame: usize, a: usize, b: usize) -> bool {
     problem.frames[frame].others.iter().any(|o| match o {
@@ -408,6 +438,11 @@ fn shows(problem: &Problem, frame: usize, a: usize, b: usize) -> bool {
 /// In how many frames one of two markers is seen.
 pub(super) fn seen_in(problem: &Problem, a: usize, b: usize) -> usize {
     (0..problem.frames.len()).filter(|&f| shows(problem, f, a, b)).count()
+}
+
+/// The lowest and the highest of some values.
+pub(super) fn range(values: &[f64]) -> (f64, f64) {
+    values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), q| (low.min(*q), high.max(*q)))
 }
 
 /// Whether a column takes more than one value.

@@ -76,6 +76,11 @@ impl Chain {
     }
 }
 
+/// By this the mean loss must fall with each mistake: in a closer look by less.
+pub(super) fn least_fall(closely: bool) -> f64 {
+    if closely { 0.25 * LEAST_FALL } else { LEAST_FALL }
+}
+
 /// The best few chains of mistakes, grown from none.
 pub(super) fn grown(
     all: &Session<'_>,
@@ -85,7 +90,7 @@ pub(super) fn grown(
     closely: bool,
 ) -> Result<Vec<Chain>> {
     let problem = all.problem;
-    let least_fall = if closely { 0.25 * LEAST_FALL } else { LEAST_FALL };
+    let least_fall = least_fall(closely);
     let mut chains = Vec::new();
     let mut level = vec![nominal.clone()];
     loop {
@@ -176,7 +181,10 @@ impl Chain {
         for mistake in &self.mistakes {
             match mistake {
                 // Compared with its best alternative, not with its rows left out: fewer rows always fit better.
-                Mistake::LogFrozen { .. } | Mistake::Late { .. } | Mistake::Rows { .. } => {}
+                Mistake::LogFrozen { .. }
+                | Mistake::Late { .. }
+                | Mistake::Rows { .. }
+                | Mistake::ColumnLost { .. } => {}
                 _ => mistake.undo(&mut robot, &session.problem, &mut recording)?,
             }
         }

@@ -1,15 +1,21 @@
-//! Change points: the row from which on a marker, the board or the camera has another pose (a slip).
+//! Change points: the row from which on a marker, the board or the camera has another pose (a slip), or a
+//! joint another zero.
 //!
 //! At the fit with all small errors ([`super::verify`]) each place gets a constant displacement a and another one,
 //! b, from row k on. With `H_f = XᵀX` and `g_f = Xᵀr` frame by frame, and sums over all frames (H, g) and from k on
 //! (H_b, g_b), the gain of b is `eᵀ S⁻¹ e`, `e = g_b − H_b H⁻¹ g`, `S = H_b − H_b H⁻¹ H_b`: all k in one pass. The
 //! best place and row is fitted again with all small errors, and kept if its marginal likelihood is far above that
 //! without it.
+//!
+//! A lost zero moves what the joint carries like a slip along the joint's circle. It has one parameter, a slip three or
+//! six: the evidence decides.
 
 use super::mistake::Mistake;
 use super::verify::{Tolerant, smaller};
 use crate::diagnose::likelihood::noise::effective;
+use crate::diagnose::likelihood::normal_equations::needs_board;
 use crate::diagnose::likelihood::saturated::FREE_STD;
+use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::frame::{FrameWork, PROJECTED, Task};
@@ -17,7 +23,7 @@ use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::model::slips::{Slip, Slipped};
 use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::principles::{
-    A_GAP, ABOVE_SCATTER, BEYOND_DOUBT, FAR_DEVIATIONS, FEWEST_FRAMES, Guard, Threshold,
+    A_GAP, ABOVE_SCATTER, BEYOND_DOUBT, FAR_DEVIATIONS, FEWEST_FRAMES, Guard, Prior, Size, Threshold,
 };
 use crate::error::Result;
 use core::ops::Range;
@@ -26,22 +32,62 @@ use rayon::prelude::*;
 
 /// Displacement and small errors are estimated alternately until the change is within chance (in χ²).
 pub(super) const WITHIN_CHANCE: Threshold = 4.0;
+/// Slips that are fitted, largest gain first; in addition the best zero of a joint.
+const SLIPS_TRIED: Size = 3;
+/// Prior standard deviation of a change of a joint's zero, rad or m.
+const ZERO_STD: Prior = 0.2;
+/// The only entry of a motion that a joint has.
+const LAST: Size = 5;
 /// No more of a step is taken to be kept back for the next: a factor of ten on it.
 const MOST_KEPT: Guard = 0.9;
 /// A row farther off than so many deviations counts less: false data must not pass for a slip.
 const FAR: Threshold = 10.0 * FAR_DEVIATIONS;
 
+/// A change from a row on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum What {
+    Slips(Slipped),
+    /// A joint's zero.
+    Zero(NodeId),
+}
+
 /// One place's normal equations, frame by frame.
 struct Place {
-    what: Slipped,
+    what: What,
     frames: Vec<(DMatrix<f64>, DVector<f64>)>,
 }
 
+/// The last entries of its motion are those that its place has.
 #[derive(Clone)]
 struct Best {
-    slip: Slip,
+    what: What,
+    first: usize,
+    motion: Vector6<f64>,
     gain: f64,
     std: Vector6<f64>,
+}
+
+impl Best {
+    /// As a slip; none of a joint's zero.
+    fn slip(&self) -> Option<Slip> {
+        match self.what {
+            What::Slips(what) => Some(Slip { what, first: self.first, motion: self.motion }),
+            What::Zero(_) => None,
+        }
+    }
+
+    fn mistake(&self, problem: &Problem) -> Mistake {
+        match (self.slip(), self.what) {
+            (None, What::Zero(node)) => {
+                let (joint, multiplier, _) = problem.scene.body.nodes[node].command;
+                Mistake::ZeroLost { joint, first: self.first, offset: self.motion[LAST] / multiplier }
+            }
+            (slip, _) => Mistake::Slip {
+                slip: slip.unwrap_or(Slip { what: Slipped::Camera, first: self.first, motion: self.motion }),
+                std: self.std,
+            },
+        }
+    }
 }
 
 /// The slip that is clear, if there is one.
@@ -62,16 +108,19 @@ pub(super) fn find(problem: &Problem, frames: &[usize], least: Noise) -> Result<
     // In χ², of so many rows and places that are tried.
     bests.retain(|b| b.gain > 2.0 * BEYOND_DOUBT);
     bests.sort_by(|a, b| b.gain.total_cmp(&a.gain));
-    bests.truncate(3);
     if bests.is_empty() {
         return Ok(None);
     }
+    // To first order zeros of several joints imitate a slip of the board or the camera: they must not replace it.
+    let (zeros, mut slips): (Vec<Best>, Vec<Best>) = bests.into_iter().partition(|b| b.slip().is_none());
+    slips.truncate(SLIPS_TRIED);
+    let bests = slips.into_iter().chain(zeros.into_iter().take(1));
     let mut tried = Vec::new();
     for best in bests {
         problem.cancel.check()?;
         let settled = settled(problem, frames, least, best)?;
-        if settled.0.slip.what == Slipped::Board {
-            tried.push(polished(problem, frames, least, settled.0.clone())?);
+        if let (What::Slips(Slipped::Board), Some(slip)) = (settled.0.what, settled.0.slip()) {
+            tried.push(polished(problem, frames, least, (settled.0.clone(), slip))?);
         }
         tried.push(settled);
     }
@@ -89,7 +138,7 @@ pub(super) fn find(problem: &Problem, frames: &[usize], least: Noise) -> Result<
             found = Some((odds, best));
         }
     }
-    Ok(found.map(|(odds, b)| (Mistake::Slip { slip: b.slip, std: b.std }, odds)))
+    Ok(found.map(|(odds, b)| (b.mistake(problem), odds)))
 }
 
 /// A slip refined together with all small errors.
@@ -98,14 +147,15 @@ fn settled(problem: &Problem, frames: &[usize], least: Noise, mut best: Best) ->
         return Ok(exact);
     }
     let mut with = problem.clone();
-    with.slips.push(best.slip);
+    with.slips.extend(best.slip());
     with.fit_boards()?;
     let mut fit = Tolerant::fitted(&with, frames, least)?;
+    let What::Slips(what) = best.what else { return Ok((best, fit)) };
     let mut last: Option<Vector6<f64>> = None;
     for round in 0..SOLVER.final_steps {
-        let place = moved(&with, &fit.deformation(), fit.noise, best.slip.what)?;
+        let place = moved(&with, &fit.deformation(), fit.noise, what)?;
         // What is left at the same place from about the same row on belongs to this slip.
-        let first = best.slip.first;
+        let first = best.first;
         let Some(more) = scan(&place, first..first + 1) else { break };
         if round > 0 && more.gain < WITHIN_CHANCE {
             break;
@@ -115,13 +165,13 @@ fn settled(problem: &Problem, frames: &[usize], least: Noise, mut best: Best) ->
         let in_stds = |motion: &Vector6<f64>| motion.component_div(&more.std);
         let kept = last.map_or(0.0, |last: Vector6<f64>| {
             let before = in_stds(&last);
-            before.dot(&in_stds(&more.slip.motion)) / before.norm_squared()
+            before.dot(&in_stds(&more.motion)) / before.norm_squared()
         });
-        last = Some(more.slip.motion);
-        best.slip.motion += more.slip.motion / (1.0 - kept.clamp(0.0, MOST_KEPT));
+        last = Some(more.motion);
+        best.motion += more.motion / (1.0 - kept.clamp(0.0, MOST_KEPT));
         best.std = more.std;
         if let Some(slip) = with.slips.last_mut() {
-            *slip = best.slip;
+            slip.motion = best.motion;
         }
         with.fit_boards()?;
         fit = Tolerant::fitted(&with, frames, least)?;
@@ -131,15 +181,20 @@ fn settled(problem: &Problem, frames: &[usize], least: Noise, mut best: Best) ->
 
 /// A slip of the board with all small errors at zero, except parts that are displaced throughout: two small errors
 /// that cancel each other move the centre of rotation, and look like a part of its shift.
-fn polished(problem: &Problem, frames: &[usize], least: Noise, mut best: Best) -> Result<(Best, Tolerant)> {
+fn polished(
+    problem: &Problem,
+    frames: &[usize],
+    least: Noise,
+    (mut best, slip): (Best, Slip),
+) -> Result<(Best, Tolerant)> {
     let mut with = problem.clone();
-    with.slips.push(best.slip);
+    with.slips.push(slip);
     with.fit_boards()?;
     let nominal = with.nominal();
     if let Some(std) = settle_slip(&mut with, &nominal, least, problem.slips.len())? {
         best.std = std;
     }
-    best.slip = with.slips[problem.slips.len()];
+    best.motion = with.slips[problem.slips.len()].motion;
     let fit = Tolerant::fitted(&with, frames, least)?;
     Ok((best, fit))
 }
@@ -163,38 +218,65 @@ pub(crate) fn settle_slip(
         if more.gain < WITHIN_CHANCE {
             break;
         }
-        problem.slips[which].motion += more.slip.motion;
+        problem.slips[which].motion += more.motion;
         problem.fit_boards()?;
         std = Some(more.std);
     }
     Ok(std)
 }
 
-/// Marker or camera: the slip has its own columns, estimated together with all small errors.
+/// The offset of a joint's zero from a row on, with everything else as in the model, from a start near it: beside all
+/// small errors a drift that cancels a part of the step would bias it.
+///
+/// # Errors
+/// Invalid parameters of camera or mirror.
+pub(super) fn settle_zero(problem: &Problem, node: NodeId, first: usize, offset: f64) -> Result<f64> {
+    let mut model = problem.nominal();
+    let add = |model: &mut Deformation, by: f64| {
+        (first..problem.frames.len()).for_each(|f| model.add_joint_delta(f, node, by));
+    };
+    add(&mut model, offset);
+    let mut offset = offset;
+    for _ in 0..SOLVER.final_steps {
+        let noise = effective(problem, &model, problem.noise, None)?;
+        let places = zeros(problem, &model, noise, &[node])?;
+        let Some(more) = places.first().and_then(|place| scan(place, first..first + 1)) else { break };
+        if more.gain < WITHIN_CHANCE {
+            break;
+        }
+        add(&mut model, more.motion[LAST]);
+        offset += more.motion[LAST];
+    }
+    Ok(offset)
+}
+
+/// Marker, camera or a joint's zero: the change has its own columns, estimated together with all small errors.
 fn together(
     problem: &Problem,
     frames: &[usize],
     least: Noise,
     best: &Best,
 ) -> Result<Option<(Best, Tolerant)>> {
-    let first = best.slip.first;
+    let first = best.first;
     let step =
         || Weight::Frames((0..problem.frames.len()).map(|f| if f < first { 0.0 } else { 1.0 }).collect());
-    let (from, atoms): (usize, Vec<Atom>) = match best.slip.what {
-        Slipped::Marker(m) => (3, (0..3).map(|k| Atom::MarkerShift(m, k)).collect()),
-        Slipped::Camera => (0, (0..6).map(Atom::CameraMount).collect()),
-        Slipped::Board => return Ok(None),
+    let (from, atoms): (usize, Vec<Atom>) = match best.what {
+        What::Slips(Slipped::Marker(m)) => (3, (0..3).map(|k| Atom::MarkerShift(m, k)).collect()),
+        What::Slips(Slipped::Camera) => (0, (0..6).map(Atom::CameraMount).collect()),
+        What::Slips(Slipped::Board) => return Ok(None),
+        What::Zero(node) => (LAST, vec![Atom::Joint(node)]),
     };
+    let std = if from == LAST { ZERO_STD } else { FREE_STD };
     // From the linear estimate: from 0 everything that slipped would look false.
     let columns = atoms
         .into_iter()
         .enumerate()
-        .map(|(k, atom)| (Column { atom, weight: step() }, FREE_STD, best.slip.motion[from + k]))
+        .map(|(k, atom)| (Column { atom, weight: step() }, std, best.motion[from + k]))
         .collect();
     let fit = Tolerant::fitted_with(problem, frames, least, columns)?;
-    let mut found = Best { slip: best.slip, gain: best.gain, std: Vector6::zeros() };
+    let mut found = Best { std: Vector6::zeros(), ..best.clone() };
     for (k, (value, std)) in fit.further().into_iter().enumerate() {
-        found.slip.motion[from + k] = value;
+        found.motion[from + k] = value;
         found.std[from + k] = std;
     }
     Ok(Some((found, fit)))
@@ -204,6 +286,9 @@ fn together(
 fn best_slips(fit: &Tolerant, problem: &Problem) -> Result<Vec<Best>> {
     let deformation = fit.deformation();
     let mut places = markers(problem, &deformation, fit.noise)?;
+    let scene = &problem.scene;
+    let joints: Vec<NodeId> = (0..scene.nodes()).filter(|&n| scene.relevant[n] && scene.moves(n)).collect();
+    places.extend(zeros(problem, &deformation, fit.noise, &joints)?);
     if problem.board.is_some() {
         places.push(moved(problem, &deformation, fit.noise, Slipped::Board)?);
     }
@@ -244,7 +329,7 @@ fn scan(place: &Place, rows: Range<usize>) -> Option<Best> {
                 motion[from + i] = b[i];
                 std[from + i] = covariance[(i, i)].max(0.0).sqrt();
             }
-            best = Some(Best { slip: Slip { what: place.what, first: k, motion }, gain, std });
+            best = Some(Best { what: place.what, first: k, motion, gain, std });
         }
     }
     best
@@ -289,9 +374,42 @@ fn markers(problem: &Problem, deformation: &Deformation, noise: Noise) -> Result
             },
         )
         .collect();
-    let of =
-        |m: usize| Place { what: Slipped::Marker(m), frames: frames.iter().map(|f| f[m].clone()).collect() };
+    let of = |m: usize| Place {
+        what: What::Slips(Slipped::Marker(m)),
+        frames: frames.iter().map(|f| f[m].clone()).collect(),
+    };
     Ok((0..markers).map(of).collect())
+}
+
+/// Zeros of the joints that move what is seen.
+fn zeros(
+    problem: &Problem,
+    deformation: &Deformation,
+    noise: Noise,
+    joints: &[NodeId],
+) -> Result<Vec<Place>> {
+    let eye = problem.eye(deformation)?;
+    let columns: Vec<Column> = joints.iter().map(|&n| Column::constant(Atom::Joint(n))).collect();
+    let with_board = needs_board(problem, &columns);
+    let task = Task { with_board, ..Task::of_residuals(problem, deformation, eye.as_ref(), noise) };
+    let mut of_joints = vec![Vec::with_capacity(problem.frames.len()); joints.len()];
+    let (mut work, mut column) = (FrameWork::new(problem), Vec::new());
+    for frame in 0..problem.frames.len() {
+        let seen = work.evaluate(problem, &task, frame);
+        let rows = work.row_count;
+        column.resize(rows + PROJECTED, 0.0);
+        for (frames, &n) in of_joints.iter_mut().zip(joints) {
+            let (mut h, mut g) = (DMatrix::zeros(1, 1), DVector::zeros(1));
+            if seen && work.column(problem, deformation, frame, Atom::Joint(n), &mut column) {
+                let own = (0..rows).filter(|&i| column[i] != 0.0).map(|i| work.residual[i].powi(2));
+                let weight = 1.0 / (1.0 + own.sum::<f64>() / (FAR * FAR));
+                h[(0, 0)] = weight * dot(&column, &column, rows);
+                g[0] = weight * dot(&column, &work.residual, rows);
+            }
+            frames.push((h, g));
+        }
+    }
+    Ok(joints.iter().zip(of_joints).map(|(&n, frames)| Place { what: What::Zero(n), frames }).collect())
 }
 
 /// Product of two columns' rows, less their parts along the mirror's parameters.
@@ -331,5 +449,5 @@ fn moved(problem: &Problem, deformation: &Deformation, noise: Noise, what: Slipp
             },
         )
         .collect();
-    Ok(Place { what, frames })
+    Ok(Place { what: What::Slips(what), frames })
 }

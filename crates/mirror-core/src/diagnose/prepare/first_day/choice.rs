@@ -7,6 +7,7 @@
 
 use super::alternatives::Session;
 use super::chain::{Chain, FRAMES, spread};
+use super::lost::free_columns;
 use super::mistake::Mistake;
 use super::told::told;
 use super::undone::{Doubt, Undone};
@@ -124,7 +125,10 @@ impl<'a> Weighed<'a> {
     fn add(&mut self, chain: Chain) -> Result<()> {
         let problem = &self.session.problem;
         problem.cancel.check()?;
-        let fitted = |p: Problem| Tolerant::fitted(&p, &self.frames, problem.noise);
+        let fitted = |p: Problem| {
+            let free = free_columns(&chain, &p, &self.frames);
+            Tolerant::fitted_with(&p, &self.frames, problem.noise, free)
+        };
         self.fits.push(chain.problem(self.session).and_then(fitted).ok());
         self.chains.push(chain);
         Ok(())

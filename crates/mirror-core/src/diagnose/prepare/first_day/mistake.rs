@@ -39,6 +39,11 @@ pub(crate) enum Mistake {
     LogFrozen { joint: usize, first: usize, last: usize },
     /// The joint stands still over a run of rows, at this position.
     JointFrozen { joint: usize, first: usize, last: usize, position: f64 },
+    /// The column is unrelated to the joint in these rows (ascending), so that its position there is unknown. No public
+    /// name.
+    ColumnLost { joint: usize, rows: Vec<usize> },
+    /// The joint has another zero from a row on, rad or m: added to the column. No public name.
+    ZeroLost { joint: usize, first: usize, offset: f64 },
     /// Two markers' names exchanged in these frames.
     MarkersSwapped { markers: (usize, usize), frames: Vec<usize> },
     /// The camera's parameters are of another resolution: multiplied by the factor.
@@ -84,6 +89,9 @@ impl Mistake {
             Self::JointUnit { joint, factor } => rows.iter_mut().for_each(|row| row[joint] *= factor),
             Self::AllUnits { factor } => {
                 rows.iter_mut().for_each(|row| row.iter_mut().for_each(|q| *q *= factor));
+            }
+            Self::ZeroLost { joint, first, offset } => {
+                rows[first..].iter_mut().for_each(|row| row[joint] += offset);
             }
             Self::Zero { joint, offset } => rows.iter_mut().for_each(|row| row[joint] += offset),
             Self::Late { joint, rows: late, kind } => {
@@ -153,7 +161,7 @@ impl Mistake {
                     frame.points.clear();
                 }
             }
-            Self::MarkerParent { .. } | Self::Slip { .. } | Self::Rows { .. } => {}
+            Self::MarkerParent { .. } | Self::Slip { .. } | Self::Rows { .. } | Self::ColumnLost { .. } => {}
             _ => {
                 let mut variant = Variant::of(recording, problem);
                 self.on_variant(&mut variant);
@@ -226,6 +234,11 @@ impl Mistake {
         }
     }
 
+    /// Whether the public vocabulary has no name for it.
+    pub fn has_no_word(&self) -> bool {
+        matches!(self, Self::ColumnLost { .. } | Self::ZeroLost { .. })
+    }
+
     /// Whether it is a slip of this.
     pub fn slips(&self, what: Slipped) -> bool {
         matches!(self, Self::Slip { slip, .. } if slip.what == what)
@@ -240,6 +253,9 @@ impl Mistake {
             Self::Zero { .. } => "joint_offset",
             Self::Late { .. } => "joint_late",
             Self::LogFrozen { .. } | Self::JointFrozen { .. } => "joint_frozen",
+            // Without a public name: never reported as causes.
+            Self::ColumnLost { .. } => "column_lost",
+            Self::ZeroLost { .. } => "zero_lost",
             Self::MarkersSwapped { .. } => "markers_swapped",
             Self::Resolution { .. } => "camera_resolution",
             Self::Flipped { .. } => "picture_flipped",
@@ -257,6 +273,7 @@ impl Mistake {
         match (self, other) {
             (Self::JointUnit { joint: a, .. }, Self::JointUnit { joint: b, .. })
             | (Self::Zero { joint: a, .. }, Self::Zero { joint: b, .. })
+            | (Self::ZeroLost { joint: a, .. }, Self::ZeroLost { joint: b, .. })
             | (Self::LogFrozen { joint: a, .. }, Self::LogFrozen { joint: b, .. })
             | (Self::JointFrozen { joint: a, .. }, Self::JointFrozen { joint: b, .. }) => a == b,
             (Self::Late { joint: a, .. }, Self::Late { joint: b, .. }) => a == b,

@@ -11,10 +11,12 @@
 //!    singly, and on top of the best few;
 //! 4. [`verify`]: the best few against small errors of every kind at once, by marginal likelihood;
 //! 5. gravity in other directions, by the springs that its loads would need ([`loads`]);
-//! 6. slips during the session ([`changes`]);
-//! 7. the best chain is undone exactly ([`mistake`]), and the usual search continues from there.
+//! 6. slips and lost zeros during the session ([`changes`]);
+//! 7. columns that no effect describes ([`lost`]);
+//! 8. the best chain is undone exactly ([`mistake`]), and the usual search continues from there.
 
 mod alternatives;
+mod apart;
 mod background;
 mod chain;
 mod changes;
@@ -22,12 +24,14 @@ mod choice;
 mod free_numbers;
 mod hung;
 mod loads;
+mod lost;
 mod memory;
 mod misfit;
 mod mistake;
 mod mounts;
 mod optics;
 mod outlying;
+mod spoilt;
 #[cfg(test)]
 mod tests;
 mod told;
@@ -48,6 +52,7 @@ pub(crate) use changes::settle_slip;
 pub(crate) use memory::Memory;
 use misfit::Misfit;
 pub(crate) use mistake::Mistake;
+pub(crate) use spoilt::{Lost, Step, column};
 pub(crate) use told::told;
 pub(crate) use undone::{Doubt, Undone};
 use variant::Variant;
@@ -57,7 +62,8 @@ const FRAMES_OF_SLIPS: Size = 100;
 
 /// Finds and undoes gross mistakes; none where there is none. `known`: the result of a first diagnosis; with it,
 /// mistakes are also found that are as small as usual errors (a late column of a joint that hardly moves). `hung`:
-/// whether rows that repeat a measurement may be named. `memory`: the results of earlier calls for the same session.
+/// whether rows that repeat a measurement may be named; `unrelated`: whether a column may be taken as unrelated to its
+/// joint. `memory`: the results of earlier calls for the same session.
 ///
 /// # Errors
 /// Invalid parameters of camera or mirror.
@@ -67,7 +73,7 @@ pub(crate) fn undone(
     problem: &Problem,
     without: &[String],
     known: Option<&Known>,
-    hung: bool,
+    (hung, unrelated): (bool, bool),
     memory: &mut Memory,
 ) -> Result<Option<Undone>> {
     let mut out = Undone {
@@ -80,6 +86,8 @@ pub(crate) fn undone(
         left_out: Vec::new(),
         mistakes: Vec::new(),
         unsettled: false,
+        lost: None,
+        step: None,
     };
     if hung {
         for mistake in hung::find(recording, problem) {
@@ -96,28 +104,39 @@ pub(crate) fn undone(
     }
     problem.cancel.check()?;
     out.leave_out_background()?;
-    let choice = of_the_body(&mut out, without, known)?;
+    let choice = of_the_body(&mut out, without, known, unrelated)?;
     for mistake in &choice.mistakes {
         let first = out.told.len();
+        if mistake.has_no_word() {
+            // Change points are weighed against each other below.
+            if matches!(mistake, Mistake::ColumnLost { .. }) || change_point(&out, without, memory)?.is_none()
+            {
+                out.set_apart(mistake)?;
+            }
+            continue;
+        }
         out.undo(mistake, choice.probability)?;
         out.told[first..].iter_mut().for_each(|cause| cause.alternatives.clone_from(&choice.instead));
     }
     out.doubts = choice.doubts;
-    if !without.iter().any(|w| w == "gravity_direction")
+    // The errors of an unknown joint would look like springs.
+    if out.lost.is_none()
+        && !without.iter().any(|w| w == "gravity_direction")
         && let Some((mistake, odds)) =
             memory.gravity(&out.mistakes, || loads::turned_gravity(&out.problem))?
     {
         out.undo(&mistake, tempered(odds))?;
     }
-    if !out.unsettled && !without.iter().any(|w| w == "slip") {
-        // Each round's slip is at a place that has not slipped yet, so the number of rounds is limited.
-        loop {
-            let find = || {
-                let postures = crate::diagnose::likelihood::saturated::postures(&out.problem);
-                let frames = spread(&postures, FRAMES_OF_SLIPS, 1);
-                changes::find(&out.problem, &frames, out.problem.noise)
-            };
-            let Some((mistake, odds)) = memory.slip(&out.mistakes, find)? else { break };
+    if !out.unsettled {
+        // Each round's is at a place that has not slipped yet, so the number of rounds is limited.
+        while let Some((mistake, odds)) = change_point(&out, without, memory)? {
+            if mistake.has_no_word() {
+                if out.step.is_some() {
+                    break;
+                }
+                out.set_apart(&mistake)?;
+                continue;
+            }
             // A remainder at a place that has slipped already is the rest of that slip.
             if out.problem.slips.iter().any(|s| mistake.slips(s.what)) {
                 break;
@@ -128,14 +147,35 @@ pub(crate) fn undone(
     if !out.unsettled {
         out.leave_out_false(memory)?;
     }
-    let nothing = out.told.is_empty() && out.trace.is_empty() && out.left_out.is_empty();
+    let nothing = out.lost.is_none()
+        && out.step.is_none()
+        && out.told.is_empty()
+        && out.trace.is_empty()
+        && out.left_out.is_empty();
     Ok((!nothing).then_some(out))
 }
 
+/// A slip, or a lost zero of a joint, during the session.
+fn change_point(session: &Undone, without: &[String], memory: &mut Memory) -> Result<Option<(Mistake, f64)>> {
+    if without.iter().any(|w| w == "slip") {
+        return Ok(None);
+    }
+    memory.slip(&session.mistakes, || {
+        let problem = &session.problem;
+        let postures = crate::diagnose::likelihood::saturated::postures(problem);
+        changes::find(problem, &spread(&postures, FRAMES_OF_SLIPS, 1), problem.noise)
+    })
+}
+
 /// The chain of mistakes of body and log that is more probable than small errors, and its probability.
-fn of_the_body(session: &mut Undone, without: &[String], known: Option<&Known>) -> Result<choice::Choice> {
+fn of_the_body(
+    session: &mut Undone,
+    without: &[String],
+    known: Option<&Known>,
+    unrelated: bool,
+) -> Result<choice::Choice> {
     let mut lines = Vec::new();
-    let mut choice = chain_of_the_body(session, without, known, &mut lines)?;
+    let mut choice = chain_of_the_body(session, without, (known, unrelated), &mut lines)?;
     let all = choice.mistakes.len();
     // Slipped rows are found, and left out, by the stage that follows; the squares' size by the search.
     choice.mistakes.retain(|m| !matches!(m, Mistake::Rows { .. } | Mistake::Squares { .. }));
@@ -147,12 +187,13 @@ fn of_the_body(session: &mut Undone, without: &[String], known: Option<&Known>) 
 fn chain_of_the_body(
     session: &Undone,
     without: &[String],
-    known: Option<&Known>,
+    (known, unrelated): (Option<&Known>, bool),
     lines: &mut Vec<String>,
 ) -> Result<choice::Choice> {
     let problem = &session.problem;
     let misfit = Misfit::new(problem)?;
-    let all = Session::new(problem, &misfit);
+    let log = &session.recording.columns;
+    let all = Session::new(problem, &misfit, log);
     let mut frames = spread(&all.postures, FRAMES, 1);
     // What was left out shows a mistake of a few rows.
     frames.extend(known.iter().flat_map(|known| &known.false_frames));
@@ -166,11 +207,19 @@ fn chain_of_the_body(
     if nominal.is_gross() != closely {
         chains = grown(&all, &nominal, &frames, without, closely)?;
     }
+    if unrelated && (nominal.is_gross() || closely) {
+        let of_no_word = lost::chains(&all, &chains, &nominal, &frames, closely);
+        chains.extend(of_no_word);
+    }
     if let Some(known) = known {
         let beside = Misfit::beside(problem, &known.deformation, &variant)?;
         let nominal = Chain::new(Vec::new(), variant, &beside, &frames);
-        chains.extend(grown(&Session::new(problem, &beside), &nominal, &frames, without, true)?);
+        let own = chains.split_off(
+            chains.iter().position(|c| c.mistakes.iter().any(Mistake::has_no_word)).unwrap_or(chains.len()),
+        );
+        chains.extend(grown(&Session::new(problem, &beside, log), &nominal, &frames, without, true)?);
         unlike(&mut chains, 2 * BEAM);
+        chains.extend(own);
     }
     if chains.is_empty() {
         return Ok(choice::Choice::none());

@@ -71,7 +71,7 @@ fn labels_are_exchanged_where_the_markers_are_apart_by_more_than_errors_are() {
         }
         let problem = problem_of(&world, &recording);
         let misfit = Misfit::new(&problem).unwrap();
-        let session = Session::new(&problem, &misfit);
+        let session = Session::new(&problem, &misfit, &[]);
         session
             .of_labels(&Variant::of(&recording, &problem))
             .into_iter()
@@ -132,7 +132,7 @@ fn a_zero_is_off_by_a_right_angle_where_no_other_number_is_told() {
         let frames: Vec<usize> = (0..problem.frames.len()).collect();
         let quarter = Mistake::Zero { joint, offset: FRAC_PI_2 };
         let variant = Variant::of(&recording, &problem);
-        match Session::new(&problem, &misfit).refined(&quarter, &variant, &frames) {
+        match Session::new(&problem, &misfit, &[]).refined(&quarter, &variant, &frames) {
             Mistake::Zero { offset, .. } => offset - FRAC_PI_2,
             other => panic!("{other:?}"),
         }
@@ -186,8 +186,13 @@ fn a_mistake_is_gone_on_from_where_the_loss_falls_by_what_matters() {
         let misfit = Misfit::new(&problem).unwrap();
         let frames: Vec<usize> = (0..problem.frames.len()).collect();
         let nominal = Chain::new(Vec::new(), Variant::of(&recording, &problem), &misfit, &frames);
-        let found =
-            extended(&Session::new(&problem, &misfit), &frames, &nominal, &[], super::misfit::LEAST_FALL);
+        let found = extended(
+            &Session::new(&problem, &misfit, &[]),
+            &frames,
+            &nominal,
+            &[],
+            super::misfit::LEAST_FALL,
+        );
         let is_it = |m: &Mistake| matches!(m, Mistake::JointUnit { joint: j, .. } if *j == joint);
         found.iter().any(|c| c.mistakes.iter().any(is_it))
     };
@@ -221,7 +226,7 @@ fn a_closer_look_goes_on_beside_a_mistake_where_nothing_gross_is_left() {
             &problem,
             &["slip".to_owned()],
             known,
-            true,
+            (true, true),
             &mut super::Memory::default(),
         )
         .unwrap();

@@ -118,6 +118,8 @@ pub(crate) fn told(
             let first = (*first, WHOLE_STD);
             vec![whole_run("joint_frozen", *j, first, *last, "the joint does not move over a run of rows")]
         }
+        // It is told where what is left is: there is no word for it.
+        Mistake::ColumnLost { .. } | Mistake::ZeroLost { .. } => Vec::new(),
         Mistake::MarkersSwapped { markers: (a, b), frames } => {
             let seen = seen_in(problem, *a, *b).max(1) as f64;
             let share = (frames.len() as f64 / seen).min(1.0);

@@ -4,6 +4,7 @@ use super::background;
 use super::memory::Memory;
 use super::mistake::Mistake;
 use super::outlying;
+use super::spoilt::{Lost, Step};
 use super::told::told;
 use crate::diagnose::data::diagnosis::{Alternative, Cause, LeftOut};
 use crate::diagnose::data::recording::{Frame, Recording, Target};
@@ -29,6 +30,10 @@ pub(crate) struct Undone {
     /// Whether rows contain other rows' measurements, or the board's squares have another size. Later stages handle
     /// both; until then they would look like slips and false observations.
     pub(super) unsettled: bool,
+    /// A joint whose column is unrelated to it.
+    pub lost: Option<Lost>,
+    /// A joint that has another zero from a row on, which is undone, and the session before that.
+    pub step: Option<(Step, Problem)>,
 }
 
 /// A mistake that a small error could be instead.

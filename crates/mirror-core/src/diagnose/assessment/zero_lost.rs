@@ -1,0 +1,35 @@
+//! A joint that has another zero from a row on: the search runs with that step undone, the reported gap does not.
+//!
+//! There is no public effect for it and no simulator can be given it, so the remaining gap is that of the session as it
+//! was logged, with the causes found: each region predicted from the others. The place is the joint, the dependence the
+//! row.
+
+use crate::diagnose::assessment::findings::Findings;
+use crate::diagnose::criteria::cross_validation::{held_out, in_sample, seen_size};
+use crate::diagnose::effects::Place;
+use crate::diagnose::prepare::prepared::Prepared;
+use crate::diagnose::selection::nonparametric::{Unexplained, UnexplainedPlace};
+use crate::error::Result;
+
+/// Reports the step that was undone, if any; returns the gap with the step undone, in the unit of the observations.
+///
+/// # Errors
+/// Invalid parameters of the camera or mirror.
+pub(crate) fn tell_step(findings: &mut Findings<'_>, prepared: &Prepared) -> Result<Option<f64>> {
+    let Some((step, as_logged)) = prepared.step() else { return Ok(None) };
+    let left = seen_size(&findings.after);
+    let (search, found) = (&findings.search, &findings.found);
+    let (group, measured) = (&search.group, search.measured_noise);
+    findings.after =
+        held_out(as_logged, search.catalogue, group, &found.fit.model, found.noise, measured, true)?;
+    findings.before = in_sample(&prepared.given, &prepared.given.nominal(), measured)?;
+    let here = UnexplainedPlace {
+        place: Some(Place::Joint(step.node)),
+        depends_on: Some(format!("row, from {} on", step.first_frame)),
+        shift: seen_size(&findings.after).powi(2),
+    };
+    let others = findings.unexplained.take().map(|u| u.places).unwrap_or_default();
+    let others = others.into_iter().filter(|p| p.place.is_some_and(|at| at != Place::Joint(step.node)));
+    findings.unexplained = Some(Unexplained { places: core::iter::once(here).chain(others).collect() });
+    Ok(Some(left))
+}

@@ -1,0 +1,38 @@
+//! Mistakes without a public name are set apart: their place is reported, and no cause.
+
+use super::alternatives::Session;
+use super::changes::settle_zero;
+use super::lost;
+use super::misfit::Misfit;
+use super::mistake::Mistake;
+use super::spoilt::{Step, node_of};
+use super::undone::Undone;
+use super::variant::Variant;
+use crate::error::Result;
+
+impl Undone {
+    /// Handles a mistake without a public name: a step is undone; an unrelated column's positions are no longer used.
+    pub(super) fn set_apart(&mut self, mistake: &Mistake) -> Result<()> {
+        match *mistake {
+            Mistake::ColumnLost { joint, ref rows } => {
+                let misfit = Misfit::new(&self.problem)?;
+                let session = Session::new(&self.problem, &misfit, &self.recording.columns);
+                self.lost = lost::lost(&session, &Variant::of(&self.recording, &self.problem), joint, rows);
+                // Everything that the joint moves has an unknown error: no slips or false observations can be told.
+                self.unsettled = true;
+                Ok(())
+            }
+            Mistake::ZeroLost { joint, first, offset } => {
+                let Some(node) = node_of(&self.problem, joint) else { return Ok(()) };
+                let first_frame = self.problem.frame_numbers[first];
+                let as_logged = self.problem.clone();
+                let multiplier = as_logged.scene.body.nodes[node].command.1;
+                let offset = settle_zero(&as_logged, node, first, multiplier * offset)? / multiplier;
+                self.undo(&Mistake::ZeroLost { joint, first, offset }, 0.0)?;
+                self.step = Some((Step { node, first_frame, offset }, as_logged));
+                Ok(())
+            }
+            _ => self.undo(mistake, 0.0),
+        }
+    }
+}

@@ -1,0 +1,194 @@
+//! Spoilt columns that no effect describes: another joint's values, values in another order, clipped, without signs, or
+//! with another zero from a row on.
+//!
+//! For each joint its position in every posture is estimated freely. The joint that leaves the smallest loss is the
+//! place, however large the errors are and whatever the nominal model says. Three alternatives follow for it:
+//!
+//! | alternative | parameters |
+//! | --- | --- |
+//! | the column is unrelated to the joint | a position in each posture |
+//! | it is clipped | a position in each posture in which it has an extreme value that several postures share |
+//! | it has another zero from a row on | the row, the offset |
+//!
+//! They compete with the mistakes that have a name by evidence ([`super::choice`]), in which each free position has its
+//! Occam factor: a step, an inverted axis or a frozen run is named where it leaves as little. If the positions are free,
+//! the column is not used at all, so no cause at its joint can compensate for it.
+
+use super::alternatives::{Session, least, range};
+use super::chain::{BEAM, Chain, least_fall};
+use super::mistake::Mistake;
+use super::spoilt::{Lost, column, node_of};
+use super::variant::Variant;
+use crate::diagnose::likelihood::saturated::postures;
+use crate::diagnose::model::body::NodeId;
+use crate::diagnose::model::elementary::Column;
+use crate::diagnose::model::problem::Problem;
+use crate::diagnose::principles::{FEWEST_FRAMES, FEWEST_POSTURES, Prior, Size};
+use core::f64::consts::PI;
+
+/// Frames on which all joints are compared.
+const FEW_FRAMES: Size = 16;
+/// Joints for which the alternatives are made.
+const JOINTS: Size = BEAM / 2;
+/// Smallest spread of an unknown position, rad or m.
+const LEAST_SPREAD: Prior = 0.05;
+
+/// Range of an unknown position: a full turn, or the column's range and as much on both sides.
+fn anywhere(session: &Session<'_>, node: NodeId, column: &[f64]) -> (f64, f64) {
+    let (low, high) = range(column);
+    let reach = session.problem.scene.reach_m.max(high - low);
+    if session.turns(node) { (-PI, PI) } else { (low - reach, high + reach) }
+}
+
+/// Chains with a spoilt column, on frames in ascending order; none if the named mistakes leave as little. `of_words`: the
+/// chains of mistakes that have a name; `closely` as in [`super::chain::grown`].
+pub(super) fn chains(
+    session: &Session<'_>,
+    of_words: &[Chain],
+    nominal: &Chain,
+    frames: &[usize],
+    closely: bool,
+) -> Vec<Chain> {
+    let least_fall = least_fall(closely);
+    // A frozen log has free positions too.
+    let has_numbers = |c: &&Chain| !c.mistakes.iter().any(|m| matches!(m, Mistake::LogFrozen { .. }));
+    let left = of_words.iter().filter(has_numbers).map(|c| c.loss).fold(nominal.loss, f64::min);
+    let every = frames.len().div_ceil(FEW_FRAMES).max(1);
+    let few: Vec<usize> = frames.iter().copied().step_by(every).collect();
+    let rows: Vec<usize> = (0..session.problem.frames.len()).collect();
+    let freed = |joint: usize, node: NodeId, shown: &[usize]| {
+        let bounds = anywhere(session, node, &nominal.variant.column(joint));
+        session.freed_in(&nominal.variant, joint, (&rows, shown), bounds)
+    };
+    let mut joints: Vec<(f64, usize, NodeId)> = session
+        .joints
+        .iter()
+        .map(|&(joint, node)| (session.misfit.mean_loss(&freed(joint, node, &few), &few), joint, node))
+        .collect();
+    joints.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut out = Vec::new();
+    for (_, joint, node) in joints.into_iter().take(JOINTS) {
+        let free = freed(joint, node, frames);
+        let all =
+            Chain::new(vec![Mistake::ColumnLost { joint, rows: rows.clone() }], free, session.misfit, frames);
+        if left - all.loss < least_fall {
+            continue;
+        }
+        out.extend(step(session, nominal, &all.variant, joint, frames));
+        // Independent errors that are not gross are left to the search (`selection::restless`).
+        if !nominal.is_gross() {
+            continue;
+        }
+        if let Some(rows) = at_extremes(session, &nominal.variant.column(joint)) {
+            let mut variant = nominal.variant.clone();
+            rows.iter().for_each(|&f| variant.positions[f][joint] = all.variant.positions[f][joint]);
+            out.push(Chain::new(vec![Mistake::ColumnLost { joint, rows }], variant, session.misfit, frames));
+        }
+        out.push(all);
+    }
+    // What is gross with all positions of a joint free is not that joint's column alone.
+    out.retain(|c| c.loss < nominal.loss - least_fall && !c.is_gross());
+    out
+}
+
+/// The rows in which a column has its lowest or highest value, if several postures share it.
+fn at_extremes(session: &Session<'_>, column: &[f64]) -> Option<Vec<usize>> {
+    let (low, high) = range(column);
+    let is_at = |value: f64, f: usize| (column[f] - value).abs() < 1e-9;
+    let is_shared =
+        |value: &f64| session.postures.iter().filter(|p| is_at(*value, p[0])).count() >= FEWEST_POSTURES;
+    let shared: Vec<f64> = [low, high].into_iter().filter(is_shared).collect();
+    let rows: Vec<usize> =
+        (0..column.len()).filter(|&f| shared.iter().any(|&value| is_at(value, f))).collect();
+    (!rows.is_empty() && rows.len() < column.len()).then_some(rows)
+}
+
+/// Another zero from a row on, estimated from the column's free positions.
+fn step(
+    session: &Session<'_>,
+    nominal: &Chain,
+    free: &Variant,
+    joint: usize,
+    frames: &[usize],
+) -> Option<Chain> {
+    if !session.ordered {
+        return None;
+    }
+    let error = |f: usize| free.positions[f][joint] - nominal.variant.positions[f][joint];
+    let errors: Vec<f64> = frames.iter().map(|&f| error(f)).collect();
+    let usual = session.misfit.usual_m / session.problem.scene.reach_m.max(1e-9);
+    let cost =
+        |errors: &[f64], at: f64| -> f64 { errors.iter().map(|e| ((e - at) / usual).powi(2).ln_1p()).sum() };
+    let (_, first, offset) = (FEWEST_POSTURES..errors.len().saturating_sub(FEWEST_POSTURES))
+        .map(|k| {
+            let mut after = errors[k..].to_vec();
+            after.sort_by(f64::total_cmp);
+            let middle = after[after.len() / 2];
+            (cost(&errors[..k], 0.0) + cost(&errors[k..], middle), frames[k], middle)
+        })
+        .min_by(|a, b| a.0.total_cmp(&b.0))?;
+    let of = |first: usize, offset: f64| {
+        nominal.with(&Mistake::ZeroLost { joint, first, offset }, session, frames)
+    };
+    let offset = least(offset - 2.0 * usual, offset + 2.0 * usual, |x| of(first, x).loss);
+    // Exact row: the largest gain of all rows from it on.
+    let mut moved = nominal.variant.clone();
+    moved.positions.iter_mut().for_each(|row| row[joint] += offset);
+    let (own, other) = (session.frame_losses(&nominal.variant), session.frame_losses(&moved));
+    let mut sum = 0.0;
+    let gains = (0..own.len()).rev().map(|f| {
+        sum += own[f].0 - other[f].0;
+        (sum, f)
+    });
+    let (_, first) = gains.max_by(|a, b| a.0.total_cmp(&b.0))?;
+    let inside = first >= FEWEST_FRAMES && own.len() - first >= FEWEST_FRAMES;
+    inside.then(|| of(first, offset))
+}
+
+/// The free positions of a chain: for each posture in some frames a column, its prior deviation and its start.
+pub(super) fn free_columns(chain: &Chain, problem: &Problem, frames: &[usize]) -> Vec<(Column, f64, f64)> {
+    let mut out = Vec::new();
+    for mistake in &chain.mistakes {
+        let (joint, rows) = match mistake {
+            Mistake::ColumnLost { joint, rows } => (*joint, rows.clone()),
+            Mistake::LogFrozen { joint, first, last } => (*joint, (*first..=*last).collect()),
+            _ => continue,
+        };
+        let Some(node) = node_of(problem, joint) else { continue };
+        let found: Vec<f64> = rows.iter().map(|&f| chain.variant.positions[f][joint]).collect();
+        let std = spread_of(&found);
+        for posture in postures(problem) {
+            let own: Vec<usize> = posture.into_iter().filter(|f| rows.binary_search(f).is_ok()).collect();
+            if own.iter().any(|f| frames.binary_search(f).is_ok()) {
+                out.push((column(problem, node, &own), std, 0.0));
+            }
+        }
+    }
+    out
+}
+
+/// The unknown positions of a joint, on all frames.
+pub(super) fn lost(session: &Session<'_>, variant: &Variant, joint: usize, rows: &[usize]) -> Option<Lost> {
+    let node = node_of(session.problem, joint)?;
+    let logged = variant.column(joint);
+    let free = session.freed_in(variant, joint, (rows, rows), anywhere(session, node, &logged));
+    let (multiplier, postures) = (session.problem.scene.body.nodes[node].command.1, &session.postures);
+    let postures: Vec<(Vec<usize>, f64)> = postures
+        .iter()
+        .map(|p| p.iter().copied().filter(|f| rows.binary_search(f).is_ok()).collect::<Vec<usize>>())
+        .filter(|own| !own.is_empty())
+        .map(|own| {
+            let error = multiplier * (free.positions[own[0]][joint] - logged[own[0]]);
+            (own, error)
+        })
+        .collect();
+    let errors: Vec<f64> = postures.iter().map(|p| p.1).collect();
+    let square = errors.iter().map(|e| e * e).sum::<f64>() / errors.len().max(1) as f64;
+    Some(Lost { node, postures, spread: square.sqrt().max(LEAST_SPREAD) })
+}
+
+fn spread_of(values: &[f64]) -> f64 {
+    let count = values.len().max(1) as f64;
+    let mean = values.iter().sum::<f64>() / count;
+    (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / count).sqrt().max(LEAST_SPREAD)
+}

@@ -1,0 +1,49 @@
+//! The search for causes if a joint's column is unrelated to it: the joint's position in each such posture is free.
+//!
+//! The column is not used: laws of that joint's position, at the joint or at another one, are no candidates. What is
+//! found elsewhere holds whatever the column contains.
+
+use crate::diagnose::effects::Place;
+use crate::diagnose::effects::hypothesis::Model;
+use crate::diagnose::model::body::NodeId;
+use crate::diagnose::prepare::false_observations::without_false;
+use crate::diagnose::prepare::first_day::{Lost, column};
+use crate::diagnose::selection::beyond::Beyond;
+use crate::diagnose::selection::search::{Found, Search};
+use crate::error::Result;
+
+/// The search for causes with the joint's positions free.
+///
+/// # Errors
+/// Invalid parameters of the camera or mirror.
+pub(crate) fn beside_lost_column(
+    search: &mut Search<'_>,
+    lost: &Lost,
+    nominal: &Model,
+) -> Result<(Found, Beyond)> {
+    let mut start = nominal.clone();
+    start.group = vec![0.0; search.group.columns.len()];
+    for (frames, error) in &lost.postures {
+        search.group.columns.push(column(&search.problem, lost.node, frames));
+        search.group.prior_std.push(lost.spread);
+        start.group.push(*error);
+    }
+    let hypotheses = search.catalogue.hypotheses.iter().enumerate();
+    search.options.left_out.extend(hypotheses.filter(|(_, h)| is_of(h.place, lost.node)).map(|(h, _)| h));
+    search.options.named_only = true;
+    let mut found = search.run(start)?;
+    let joint = &search.problem.scene.body.nodes[lost.node].joint;
+    found.trace.insert(0, format!("the column of joint:{joint} is unrelated to it: its positions are free"));
+    let (clean, false_share) =
+        without_false(&search.problem, &search.deformation(&found.fit.model), found.noise)?;
+    Ok((found, Beyond { geometry: None, restless: Some(lost.node), unnamed: None, clean, false_share }))
+}
+
+/// Whether effects at a place depend on a joint's position.
+fn is_of(place: Place, node: NodeId) -> bool {
+    match place {
+        Place::Joint(n) => n == node,
+        Place::JointPair(n, k) => n == node || k == node,
+        _ => false,
+    }
+}

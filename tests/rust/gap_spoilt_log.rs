@@ -1,0 +1,130 @@
+//! Logs that are spoilt in ways for which there is no effect: the place is reported, and no cause that absorbs a part.
+
+use crate::gap_world::{Plan, World, Wrong};
+use mirror_core::diagnose::{DiagnoseOptions, Diagnosis, Recording, Verdict, diagnose};
+use mirror_core::robot::Robot;
+
+/// Even odds: no cause is named with this probability or more.
+const EVEN: f64 = 0.5;
+
+fn robot(world: &World) -> Robot {
+    Robot::from_urdf_str(&world.urdf()).unwrap()
+}
+
+fn diagnosed(world: &World, recording: &Recording) -> Diagnosis {
+    diagnose(&robot(world), recording, &DiagnoseOptions::default(), &[]).unwrap()
+}
+
+fn column(world: &World, name: &str) -> usize {
+    robot(world).position_index(name).unwrap()
+}
+
+/// A session of which one joint's column is spoilt.
+fn spoilt(world: &World, seed: u64, name: &str, spoil: impl Fn(f64) -> f64) -> Recording {
+    let mut recording = world.record(&Plan { postures: 61, seed, ..Plan::default() });
+    let joint = column(world, name);
+    recording.frames.iter_mut().for_each(|f| f.commanded[joint] = spoil(f.commanded[joint]));
+    recording
+}
+
+/// The place is this joint, and no cause is named with confidence.
+fn assert_only_place(told: &Diagnosis, name: &str) {
+    assert!(matches!(told.verdict, Verdict::Unknown | Verdict::Partial), "{}", told.sentence);
+    assert_eq!(told.r#where[0].at, format!("joint:{name}"), "{:?} {:#?}", told.r#where, told.trace);
+    assert!(told.causes.iter().all(|c| c.probability < EVEN), "{:?} {:#?}", told.causes, told.trace);
+}
+
+#[test]
+fn columns_moved_on_in_the_order_of_the_log_are_found() {
+    let world = World::new(4, true);
+    let robot = robot(&world);
+    let count = robot.position_count();
+    // Neighbours in the log are none in the robot: every second joint backwards, then the others.
+    let order: Vec<usize> = (0..count).rev().step_by(2).chain((0..count).rev().skip(1).step_by(2)).collect();
+    let mut recording = world.record(&Plan { postures: 61, seed: 31, ..Plan::default() });
+    for frame in &mut recording.frames {
+        let told = frame.commanded.clone();
+        for (k, &joint) in order.iter().enumerate() {
+            frame.commanded[joint] = told[order[(k + 1) % count]];
+        }
+    }
+    // Without the log's order a rest stays.
+    assert!(diagnosed(&world, &recording).verdict != Verdict::Explained);
+    recording.columns.clone_from(&order);
+    let told = diagnosed(&world, &recording);
+    assert!(told.verdict == Verdict::Explained, "{} {:#?}", told.sentence, told.trace);
+    assert!(told.causes.iter().all(|c| c.effect == "joints_swapped"), "{:?}", told.causes);
+    // A circle of n columns is n − 1 exchanges.
+    assert_eq!(told.causes.len(), count - 1);
+}
+
+#[test]
+fn a_log_that_stops_at_a_limit_does_not_stand_still_several_times() {
+    let world = World::new(4, true);
+    for (name, seed) in [("r_elbow", 32), ("l_shoulder_pitch", 33)] {
+        let clean = world.record(&Plan { postures: 61, seed, ..Plan::default() });
+        let mut values: Vec<f64> = clean.frames.iter().map(|f| f.commanded[column(&world, name)]).collect();
+        values.sort_by(f64::total_cmp);
+        let (low, high) = (values[3 * values.len() / 10], values[7 * values.len() / 10]);
+        let told = diagnosed(&world, &spoilt(&world, seed, name, |q| q.clamp(low, high)));
+        assert_only_place(&told, name);
+        assert!(
+            told.warnings.iter().any(|w| w.contains("column") && w.contains(name)),
+            "{:?}",
+            told.warnings
+        );
+    }
+}
+
+#[test]
+fn a_column_without_its_signs_is_no_axis_that_turns_the_other_way() {
+    let world = World::new(4, true);
+    for (name, seed) in [("r_shoulder_yaw", 34), ("l_elbow", 35)] {
+        assert_only_place(&diagnosed(&world, &spoilt(&world, seed, name, f64::abs)), name);
+    }
+}
+
+#[test]
+fn a_column_of_zeros_is_told_at_its_joint() {
+    let world = World::new(4, true);
+    assert_only_place(
+        &diagnosed(&world, &spoilt(&world, 36, "r_shoulder_pitch", |_| 0.0)),
+        "r_shoulder_pitch",
+    );
+}
+
+#[test]
+fn a_zero_that_is_lost_in_the_middle_is_no_drift_and_is_told_from_its_row_on() {
+    let world = World::new(4, true);
+    for (name, seed, offset) in [("r_elbow", 37, 0.3), ("l_shoulder_roll", 38, -0.09)] {
+        let mut recording = world.record(&Plan { postures: 61, seed, ..Plan::default() });
+        let (joint, first) = (column(&world, name), recording.frames.len() * 2 / 5);
+        recording.frames[first..].iter_mut().for_each(|f| f.commanded[joint] += offset);
+        let told = diagnosed(&world, &recording);
+        assert_only_place(&told, name);
+        let row = recording.frames[first].number;
+        let on = told.r#where[0].depends_on.clone().unwrap_or_default();
+        assert_eq!(on, format!("row, from {row} on"), "{:#?}", told.trace);
+        assert!(
+            told.warnings.iter().any(|w| w.contains(&format!("from row {row} on"))),
+            "{:?}",
+            told.warnings
+        );
+        // What no simulator can be given is no gap closed.
+        let (before, after) = (told.gap.before_px.unwrap(), told.gap.after_px.unwrap());
+        assert!(after > 0.9 * before, "{before} {after}");
+    }
+}
+
+#[test]
+fn what_has_a_word_is_told_by_it() {
+    let world = World::new(4, true);
+    // What has a word is told by it, although free positions would leave as little.
+    let mut recording = spoilt(&world, 39, "r_elbow", |q| -q);
+    let told = diagnosed(&world, &recording);
+    assert_eq!((told.causes[0].effect.as_str(), told.causes.len()), ("axis_sign", 1), "{:#?}", told.trace);
+    let wrong = vec![Wrong::Ratio(world.bone("l_elbow"), 0.05)];
+    recording = world.record(&Plan { postures: 61, seed: 40, wrong, ..Plan::default() });
+    let told = diagnosed(&world, &recording);
+    assert_eq!((told.causes[0].effect.as_str(), told.causes.len()), ("gear_ratio", 1), "{:#?}", told.trace);
+}
