@@ -19,6 +19,7 @@ from ..short_repr import ShortRepr
 from .ball import Circle, OutlineFit, measure_blurred_balls
 from .blobs import Region
 from .candidates import choose
+from .ghost import Ghost, with_ghost
 from .marker_judge import BLURRED_SHARE, MarkerOptions, judged
 from .types import MarkerView, PredictedMarker
 
@@ -74,6 +75,7 @@ def with_blurred(
     camera: Camera,
     options: MarkerOptions,
     coded: bool,
+    ghost: Ghost | None = None,
 ) -> list[MarkerView]:
     """Views by the rays; balls measured as a whole replace them where something moved by much of its
     radius, where they claim a smaller deviation, or where the rays fail.
@@ -92,7 +94,7 @@ def with_blurred(
     }
     result = list(views)
     for index, ball in zip(
-        tried, blurred_views(bgr, list(tried.values()), camera, options, coded), strict=True
+        tried, blurred_views(bgr, list(tried.values()), camera, options, coded, ghost), strict=True
     ):
         if ball is not None and (
             ball.moved or not views[index].ok or _variance(ball.view) < _variance(views[index])
@@ -111,6 +113,7 @@ def blurred_views(
     camera: Camera,
     options: MarkerOptions,
     coded: bool,
+    ghost: Ghost | None = None,
 ) -> list[Blurred | None]:
     """Each marker's ball as a whole, where one region of its colour is a blurred ball of the size that the model expects; None otherwise. Three or more share their blur.
 
@@ -119,10 +122,10 @@ def blurred_views(
     tried = [(index, region) for index, one in enumerate(wanted) for region in _plausible(one)]
     starts = [Circle(np.array(region.centroid_px), wanted[index].radius_px) for index, region in tried]
     found: list[list[Blurred]] = [[] for _ in wanted]
-    for (index, region), fit in zip(
+    for (index, region), alone in zip(
         tried, measure_blurred_balls(bgr, starts, KNOWN_SIZE_SHARE, camera), strict=True
     ):
-        one = wanted[index]
+        one, fit = wanted[index], with_ghost(alone, ghost)
         if fit is None or not _is_blurred_ball(fit, region, one.radius_px, coded):
             continue
         view = judged(bgr, one.marker, region, fit, options)

@@ -1,11 +1,10 @@
 """The ghost of a pane: its front face also reflects a few hundredths of the light, and shows everything
 once more, displaced by some pixels.
 
-The edges of a ball and those of its ghost overlap, which pulls the ball's outline towards the ghost, in the
-same way for all balls of a picture, so no residual shows it. The board shows it, because its pattern is
-known: P(x) = c₁ M(x) + c₂ M(x − d) with the pattern M, rendered through the corners' homography, in linear
-light. The possible pull is added to the claimed deviations. It is not subtracted, because the board's
-corners are pulled too.
+The edges of a ball and those of its ghost overlap, which pulls the ball's outline towards the ghost, in all of a picture's balls alike: no residual shows it. The
+board does, whose pattern is known: P(x) = c M(x) + s (M(x − d) + M(x + d)) + a (M(x − d) − M(x + d)) with the pattern M, drawn through the corners' homography and
+blurred, in linear light. A lens, a shake and a codec spread light to both sides alike (s); a ghost lies on one side (a). What the pull can be is
+added to the claims; it is not taken off, since the board's corners are pulled too.
 """
 
 from __future__ import annotations
@@ -16,26 +15,29 @@ import cv2
 import numpy as np
 
 from ..board import Board
-from .types import BoardView, FloatArray, MarkerView, Pixels
+from .ball import OutlineFit
+from .types import BoardView, FloatArray, Pixels
 
-# The part of the board that is used, squares each way from its middle: sufficient for a ghost of a thirtieth.
+# The part of the board that is looked at, squares each way from its middle: enough for a ghost of a fiftieth.
 HALF_ACROSS, HALF_DOWN = 2.2, 1.5
 # Samples a pixel each way of the drawn pattern.
 FINE = 2
 # Blurs of the drawn pattern that are tried, px.
-BLURS_PX = (0.5, 0.8, 1.2)
+BLURS_PX = (0.5, 0.8, 1.2, 1.8)
 # The farthest ghost that is looked for, px, and as a share of a square.
 REACH_PX, REACH_SQUARES = 7, 0.6
 # Nearer than this a ghost looks like blur, px.
 NEAREST_PX = 1.9
-# A ghost of strength a, d px away, pulls an outline by a d exp(−(d / w)²): near ones shift an edge, far ones
-# are beside it. w in px, from rendered and sharp pictures.
-PULL_WIDTH_PX = 2.5
-# The claims of outlines were set on pictures of usual panes, of 2 to 5 hundredths: they hold that much.
-USUAL_STRENGTH = 0.035
-# Least strength of a ghost, as a share of all light, and least share of the residual's squares that it explains.
-LEAST_STRENGTH = USUAL_STRENGTH
-LEAST_EXPLAINED = 0.07
+# The most pixels that are read: more take time and tell no more.
+MOST_PIXELS = 3000
+# Least strength of a ghost, as a share of all light, and least share of the residual's squares that its lying on one side explains.
+LEAST_STRENGTH = 0.015
+LEAST_EXPLAINED = 0.018
+# Shifts that explain this share of what the best one does are as good.
+AS_GOOD_SHARE = 0.85
+# A ghost d px away pulls an outline whose edges show a blur b by this share of its strength times d exp(−(d / w)²), w so many times b: near ones shift an edge, far ones
+# stand beside it. Measured on drawn balls of blurs from 0.5 to 2.6 px, codecs' among them.
+PULL_SHARE, PULL_WIDTH_OF_BLUR = 0.8, 3.7
 
 
 @dataclass(frozen=True)
@@ -45,12 +47,11 @@ class Ghost:
     strength: float
     shift_px: tuple[float, float]
 
-    @property
-    def pull_px(self) -> FloatArray:
-        """How far it displaces the outline of a ball beyond the displacement by a usual pane, `(2,)` px."""
+    def pull_px(self, blur_px: float) -> FloatArray:
+        """How far it draws the outline of a ball whose edges show that blur, `(2,)` px."""
         shift = np.array(self.shift_px)
-        strength = float(np.sqrt(max(self.strength**2 - USUAL_STRENGTH**2, 0.0)))
-        result: FloatArray = strength * shift * np.exp(-float(shift @ shift) / PULL_WIDTH_PX**2)
+        near = np.exp(-float(shift @ shift) / (PULL_WIDTH_OF_BLUR * blur_px) ** 2)
+        result: FloatArray = PULL_SHARE * self.strength * near * shift
         return result
 
 
@@ -65,73 +66,104 @@ def board_ghost(gray: Pixels, view: BoardView, board: Board) -> Ghost | None:
     if reach < NEAREST_PX or min(light.shape) < 4 * reach:
         return None
     light = _without_shade(light, side)
-    part = np.ascontiguousarray(light[reach:-reach, reach:-reach])
-    # With each blur for itself: the best one without a ghost has a part of it in its blur.
+    inside = np.s_[reach:-reach, reach:-reach]
+    part = light[inside].ravel()
+    kept = slice(None, None, _stride(part.size, light.shape[1] - 2 * reach))
+    part = part[kept]
     tried = [
-        _second(part, _without_shade(cv2.GaussianBlur(pattern, (0, 0), blur), side), reach)
+        _alone(part, _without_shade(cv2.GaussianBlur(pattern, (0, 0), blur), side), inside, kept)
         for blur in BLURS_PX
     ]
-    best = max(tried, key=lambda one: one.explained)
-    alone = max(one.explained_alone for one in tried)
-    left = float(np.sum(part**2)) - alone
-    if best.explained - alone <= LEAST_EXPLAINED * left or not LEAST_STRENGTH <= best.strength < 0.5:
-        return None
-    return Ghost(best.strength, best.shift_px)
+    return _one_sided(part, min(tried, key=lambda one: one.left), reach, kept)
+
+
+def _stride(count: int, width: int) -> int:
+    """Every so many pixels are read, in the order of rows; not in columns."""
+    stride = max(1, count // MOST_PIXELS)
+    return stride + 1 if stride > 1 and width % stride == 0 else stride
 
 
 @dataclass(frozen=True)
-class _Fit:
-    """The best second image in addition to one pattern, and which squares both and the pattern alone
-    explain."""
+class _Alone:
+    """The blurred pattern without a ghost: itself, its slopes and bends, as rows by pixel, and the squares that they leave.
 
-    strength: float
-    shift_px: tuple[float, float]
-    explained: float
-    explained_alone: float
-
-
-def _second(part: Pixels, model: Pixels, reach: int) -> _Fit:
-    """Least squares of `part` by the pattern, its slopes and bend, and the pattern shifted each way up to `reach`, px.
-
-    The slopes: corners are pulled by the ghost too, and the pattern is drawn by them. The bend: its blur is known only roughly.
+    The slopes: corners are pulled by the ghost too, and the pattern is drawn by them. The bends: its blur is known only roughly, and may differ by direction.
     """
-    inside = np.s_[reach:-reach, reach:-reach]
-    slopes = (cv2.Sobel(model, cv2.CV_32F, *order, scale=0.125) for order in ((1, 0), (0, 1)))
-    bend = cv2.Laplacian(model, cv2.CV_32F)
-    basis = [np.ascontiguousarray(one[inside]) for one in (model, *slopes, bend)]
-    flat = np.stack([one.ravel() for one in basis]).astype(np.float64)
-    gram, on_light = flat @ flat.T, flat @ part.ravel().astype(np.float64)
-    solved = np.linalg.solve(gram, on_light)
-    # Entry (i, j) is of the pattern shifted by (reach − j, reach − i).
-    with_light = cv2.matchTemplate(model, part, cv2.TM_CCORR).astype(np.float64)
-    with_basis = np.stack([cv2.matchTemplate(model, one, cv2.TM_CCORR) for one in basis]).astype(np.float64)
-    squares = cv2.matchTemplate(model**2, np.ones_like(part), cv2.TM_CCORR).astype(np.float64)
-    along = np.einsum("ab,bij->aij", np.linalg.inv(gram), with_basis)
-    own = np.maximum(squares - np.einsum("aij,aij->ij", along, with_basis), 1e-6 * squares)
-    second = (with_light - np.einsum("aij,a->ij", along, on_light)) / own
-    gained = second**2 * own
-    first = solved[0] - second * along[0]
-    index = np.arange(2 * reach + 1)
-    down, across = reach - index[:, None], reach - index[None, :]
-    # Of the same sign, and not adjacent to the pattern itself: otherwise it is the pattern's own blur.
-    held = (first * second > 0.0) & (np.hypot(across, down) >= NEAREST_PX)
-    row, column = divmod(int(np.where(held, gained, -1.0).argmax()), gained.shape[1])
-    alone = float(on_light @ solved)
-    if not held[row, column]:
-        return _Fit(0.0, (0.0, 0.0), alone, alone)
-    return _Fit(
-        float(second[row, column] / (first[row, column] + second[row, column])),
-        (float(reach - column), float(reach - row)),
-        alone + float(gained[row, column]),
-        alone,
-    )
+
+    model: Pixels
+    basis: FloatArray
+    left: float
 
 
-def with_ghost(view: MarkerView, ghost: Ghost) -> MarkerView:
-    """A ball's view whose claim holds the pull of a ghost."""
-    if view.covariance_px2 is None:
-        return view
-    return replace(view, covariance_px2=view.covariance_px2 + np.outer(ghost.pull_px, ghost.pull_px))
+def _alone(part: Pixels, model: Pixels, inside: tuple[slice, slice], kept: slice) -> _Alone:
+    orders = ((1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
+    bent = [cv2.Sobel(model, cv2.CV_32F, *order) for order in orders]
+    basis = np.stack([one[inside].ravel()[kept] for one in (model, *bent)])
+    gram = (basis @ basis.T).astype(np.float64)
+    told = (basis @ part).astype(np.float64)
+    return _Alone(model, basis, float(part @ part) - float(told @ np.linalg.solve(gram, told)))
+
+
+def _one_sided(part: Pixels, alone: _Alone, reach: int, kept: slice) -> Ghost | None:
+    """Least squares by the pattern and, for each shift, the sum and the difference of the pattern there and opposite; the best difference."""
+    model, basis = alone.model, alone.basis
+    height, width = model.shape
+    shifts = [
+        (across, down)
+        for down in range(reach + 1)
+        for across in range(-reach, reach + 1)
+        if (down > 0 or across > 0) and NEAREST_PX <= np.hypot(across, down) <= reach
+    ]
+
+    def moved(across: int, down: int) -> Pixels:
+        rows, columns = (
+            slice(reach - down, height - reach - down),
+            slice(reach - across, width - reach - across),
+        )
+        result: Pixels = model[rows, columns].ravel()[kept]
+        return result
+
+    there = np.stack([moved(*shift) for shift in shifts])
+    opposite = np.stack([moved(-across, -down) for across, down in shifts])
+    both, apart = there + opposite, there - opposite
+    flat = np.linalg.qr(basis.T.astype(np.float64))[0].T.astype(np.float32)
+    rest = part - (flat @ part) @ flat
+    of_both, of_apart = both @ flat.T, apart @ flat.T
+
+    def product(one: Pixels, other: Pixels, of_one: Pixels, of_other: Pixels) -> FloatArray:
+        result: FloatArray = np.einsum("ij,ij->i", one, other) - np.einsum("ij,ij->i", of_one, of_other)
+        return result.astype(np.float64)
+
+    squares = np.maximum(product(both, both, of_both, of_both), 1e-9)
+    mixed = product(both, apart, of_both, of_apart)
+    own = product(apart, apart, of_apart, of_apart)
+    with_both, with_apart = (both @ rest).astype(np.float64), (apart @ rest).astype(np.float64)
+    telling = np.maximum(own - mixed**2 / squares, 1e-6 * own)
+    difference = (with_apart - mixed * with_both / squares) / telling
+    gained = difference**2 * telling
+    # Near shifts are much like slopes and bends, and need a strong second picture to explain what a farther, weaker one does.
+    as_good = gained >= AS_GOOD_SHARE * gained.max()
+    best = int(np.where(as_good, np.abs(difference), np.inf).argmin())
+    even = (with_both[best] - difference[best] * mixed[best]) / squares[best]
+    explained = gained[best] / max(float(rest @ rest) - with_both[best] ** 2 / squares[best], 1e-12)
+    # The light of all: the pattern's own, and twice the even part.
+    other = part - even * both[best] - difference[best] * apart[best]
+    gram = (basis @ basis.T).astype(np.float64)
+    total = float(np.linalg.solve(gram, (basis @ other).astype(np.float64))[0]) + 2.0 * even
+    strength = float(2.0 * difference[best] / total)
+    if explained < LEAST_EXPLAINED or not LEAST_STRENGTH <= abs(strength) < 0.5:
+        return None
+    across, down = shifts[best]
+    side = float(np.sign(strength))
+    return Ghost(abs(strength), (side * across, side * down))
+
+
+def with_ghost(fit: OutlineFit | None, ghost: Ghost | None) -> OutlineFit | None:
+    """An outline whose covariance holds the pull of a ghost."""
+    if fit is None or ghost is None:
+        return fit
+    pull = ghost.pull_px(fit.blur_px)
+    return replace(fit, centroid_covariance_px2=fit.centroid_covariance_px2 + np.outer(pull, pull))
 
 
 def _drawn(gray: Pixels, view: BoardView, board: Board) -> tuple[Pixels, Pixels, float] | None:

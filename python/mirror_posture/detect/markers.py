@@ -22,6 +22,7 @@ from .blobs import Region, color_regions, contour_px
 from .blurred import MOST_QUANTISATION_STEP, Expected, with_blurred
 from .candidates import NEARER_RADII, SIZE_FACTOR, Candidate, choose, find_candidates
 from .curve import curve_doubt, with_curve_doubt
+from .ghost import Ghost, with_ghost
 from .marker_choice import Choice, SizeBounds, assign
 from .marker_judge import (
     MarkerOptions,
@@ -51,9 +52,8 @@ TELLING_STEP_OF_COARSE_COLOUR = 29.0
 # The assumed step of a codec of coarse colour that does not state it (a decoded frame, WebP), levels: that of
 # JPEG quality 92.
 USUAL_STEP = 2.2
-# From this step on a codec has kept so little of the colour's detail that it is read at half of the
-# resolution, whatever the file says: at 4:4:4 and quality 80, 0.09 px against 0.15.
-COARSE_COLOUR_STEP = 5.0
+# From this step on a codec has kept so little of the colour's detail that it is read as at half of the resolution, whatever the file says: at 4:4:4 and quality 92, 0.055 px against 0.073.
+COARSE_COLOUR_STEP = 1.5
 
 
 @checked_arguments
@@ -67,14 +67,14 @@ def detect_markers(
     chroma_step_px: tuple[int, int] = (1, 1),
     expected: tuple[PredictedMarker, ...] = (),
     quantisation_step: float = 0.0,
+    ghost: Ghost | None = None,
 ) -> tuple[MarkerView, ...]:
     """Detects each marker in a colour picture `(H, W, 3)` uint8 BGR, in the given order; masked ones have
     their reason.
 
-    `predictions` are bounds: nothing outside of them is examined. `expected` are hints from a robot's
-    model: place and size of each ball, either of which may be wrong. `chroma_step_px`: pixels across and
-    down that share a colour, according to the picture's codec; `quantisation_step`: its step of brightness,
-    levels.
+    `predictions` are fences: nothing outside of them is looked at. `expected` are hints, of a robot's model: place and size of each ball, either of which may be
+    off. `chroma_step_px`: pixels across and down that share a colour, as the picture's codec has it;
+    `quantisation_step`: its step of brightness, levels. `ghost`: the second picture that a pane shows, whose pull the covariances then hold.
     """
     options = (options or MarkerOptions()).with_codec(quantisation_step, chroma_step_px != (1, 1))
     bounds = bounds or {}
@@ -110,7 +110,9 @@ def detect_markers(
         return [
             None
             if fit is None
-            else replace(fit, centroid_covariance_px2=widened * fit.centroid_covariance_px2)
+            else with_ghost(
+                replace(fit, centroid_covariance_px2=widened * fit.centroid_covariance_px2), ghost
+            )
             for fit in measure_balls(bgr, starts, assumed, chroma_step_px)
         ]
 
@@ -131,7 +133,7 @@ def detect_markers(
             jobs[index], fits_of[index], views[index] = job, own, view
     if quantisation_step <= MOST_QUANTISATION_STEP:
         wanted = [_expected(job) for job in jobs]
-        views = with_blurred(bgr, wanted, fits_of, views, assumed, options, coded)
+        views = with_blurred(bgr, wanted, fits_of, views, assumed, options, coded, ghost)
     if camera is None:
         views = [replace(view, sphere_center_px=None) for view in views]
     return tuple(views)

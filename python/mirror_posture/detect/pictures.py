@@ -21,7 +21,7 @@ from ..board import CHARUCO
 from ..camera import Camera
 from .board import BoardOptions, detect_boards
 from .charuco import detect_charuco
-from .ghost import board_ghost, with_ghost
+from .ghost import board_ghost
 from .hidden import told_hidden
 from .marker_choice import SizeBounds
 from .marker_judge import MarkerOptions
@@ -100,6 +100,10 @@ def detect_picture(
     if chessboard is not None:
         warnings += tuple(filter(None, (told_hidden(view, chessboard) for view in boards)))
     bounds = _size_bounds(boards, setup)
+    reflected = next((view for view in boards if view.ok and view.via == "mirror"), None)
+    ghost = None
+    if setup.markers and chessboard is not None and reflected is not None:
+        ghost = board_ghost(cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY), reflected, chessboard)
     markers = detect_markers(
         bgr,
         setup.markers,
@@ -111,12 +115,8 @@ def detect_picture(
         chroma_step(bgr) if file.chroma_step_px == (1, 1) else file.chroma_step_px,
         expected_markers(boards, setup, prediction),
         file.quantisation_step,
+        ghost,
     )
-    reflected = next((view for view in boards if view.ok and view.via == "mirror"), None)
-    if markers and chessboard is not None and reflected is not None:
-        ghost = board_ghost(cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY), reflected, chessboard)
-        if ghost is not None:
-            markers = tuple(with_ghost(marker, ghost) for marker in markers)
     return PictureDetections(source, width, height, boards, markers, warnings=warnings)
 
 

@@ -27,18 +27,20 @@ const TOLERANCE_PX: f64 = 0.675;
 /// blur and for each px² of it, and the same in coded pictures. Measured on rendered and path-traced balls, as the
 /// shares below.
 const SHARED_BY_BLUR: [f64; 2] = [0.0127, 0.0171];
-const SHARED_BY_CODED_BLUR: [f64; 2] = [0.0413, 0.0320];
-/// The same by sharpening, px for an overshoot of the whole step; in addition, it separates the channels
-/// (`channels`).
+const SHARED_BY_CODED_BLUR: [f64; 2] = [0.0380, 0.0294];
+/// The same by sharpening, px for an overshoot of the whole step; beside that, it parts the channels (`channels`).
 const SHARED_BY_OVERSHOOT_PX: f64 = 0.4;
 /// Along the outline, edges share their errors over about this length (times the blur, where that is above 1 px): what lies behind, and a codec's blocks.
-const CORRELATION_PX: f64 = 1.8;
-/// Variance of the centre by the edges' scatter, relative to the residuals: the fit follows errors with a long
-/// correlation along the outline. This many times more for each multiple of the agreeing edges.
-const SCATTER_SHARE: f64 = 1.45;
+const CORRELATION_PX: f64 = 1.35;
+const CODED_CORRELATION_PX: f64 = 1.8;
+/// Variance of the centre by the edges' scatter against what they show: the fit follows the errors that reach farthest along the outline. So many times more for
+/// each time that there are more edges than agree.
+const SCATTER_SHARE: f64 = 1.35;
+const CODED_SCATTER_SHARE: f64 = 1.45;
 const DISAGREEING_POWER: f64 = 1.24;
-/// How much longer the correlation is for each px by which a noisy picture was smoothed.
-const SMOOTHED_CORRELATION: f64 = 0.8;
+/// The same for each px by which a noisy picture was smoothed: noise under a Gaussian of σ is worth one number in 2 √π σ. How much longer it is in coded pictures.
+const SMOOTHED_CORRELATION: f64 = 3.6;
+const CODED_SMOOTHED_CORRELATION: f64 = 0.8;
 /// Least square of the share of the outline that edges agree with, in that.
 const LEAST_HELD: f64 = 0.1;
 /// A part without an edge (an occlusion) disturbs the adjacent edges over this length.
@@ -125,14 +127,27 @@ pub fn measure_ball(
                 (point, together[i])
             })
             .unzip();
+        let smoothed = patch.smoothing_px;
+        let unsmoothed = (blur.mean_px().powi(2) - smoothed * smoothed).max(1.0).sqrt();
         let wide = blur.mean_px().max(1.0);
         // The coarser a codec has made the colour, the longer is the correlation of its errors; and where other
         // objects hide a part of the outline, they disturb some of the rest too.
         let held = together.iter().filter(|t| **t).count() as f64 / count as f64;
         let longer = if patch.coded { wide / (held * held).max(LEAST_HELD) } else { 1.0 };
-        let shared = CORRELATION_PX * wide * longer * (1.0 + SMOOTHED_CORRELATION * patch.smoothing_px);
+        let shared = if patch.coded {
+            CODED_CORRELATION_PX * wide * longer * (1.0 + CODED_SMOOTHED_CORRELATION * smoothed)
+        } else {
+            (CORRELATION_PX * unsmoothed).hypot(SMOOTHED_CORRELATION * smoothed)
+        };
         let correlated = shared * count as f64 / (core::f64::consts::TAU * circle.radius_px);
-        let mut cone = fit_cone_from(&points, inlier, &center, camera, correlated, SCATTER_SHARE)?;
+        let mut cone = fit_cone_from(
+            &points,
+            inlier,
+            &center,
+            camera,
+            correlated,
+            if patch.coded { CODED_SCATTER_SHARE } else { SCATTER_SHARE },
+        )?;
         let moved = (cone.centroid_px - center).norm().max((cone.mean_radius_px - circle.radius_px).abs());
         let settled = round + 2 >= ROUNDS && moved < SETTLED_PX;
         circle = Circle { center_px: cone.centroid_px, radius_px: cone.mean_radius_px };

@@ -27,6 +27,10 @@ const REFITS: usize = 6;
 /// Errors are correlated over about this angle along the outline, rad; this many harmonics represent them.
 const SHARED_REACH_RAD: f64 = 0.8;
 const SHARED_HARMONICS: usize = 5;
+/// An outline counts as seen all round where the mean of its edges' directions is at most so long (an eighth hidden), and as drawn out where that is this share of the
+/// residuals' squares.
+const MOST_ONE_SIDED: f64 = 0.15;
+const DRAWN_OUT_SHARE: f64 = 0.5;
 /// Worst condition of the scaled normal equations.
 const WORST_CONDITION: f64 = 1e14;
 
@@ -124,7 +128,7 @@ pub(super) fn fit_cone_from(
         return None;
     }
     let rms = (members().map(|i| away[i] * away[i]).sum::<f64>() / number as f64).sqrt();
-    let whitened: Vec<f64> = members().map(|i| away[i] / points[i].std_px).collect();
+    let whitened = without_shear(points, &members().collect::<Vec<_>>(), &away, middle_px);
     let freedom = number.saturating_sub(3).max(1) as f64;
     let variance = scatter_share * whitened.iter().map(|r| r * r).sum::<f64>() / freedom
         * correlation_factor(&whitened).max(correlated_points);
@@ -163,6 +167,40 @@ pub(super) fn fit_cone_from(
         inlier,
         residual_rms_px: rms,
     })
+}
+
+/// Residuals in their deviations, those of an outline that is drawn out taken off where they are most of all: a shutter that rolls shears the ball, and its second
+/// harmonic moves no centre of an outline that is seen all round.
+fn without_shear(
+    points: &[EdgePoint],
+    members: &[usize],
+    away: &[f64],
+    middle_px: &Vector2<f64>,
+) -> Vec<f64> {
+    let whitened: Vec<f64> = members.iter().map(|i| away[*i] / points[*i].std_px).collect();
+    let directions: Vec<Vector2<f64>> =
+        members.iter().filter_map(|i| (points[*i].pixel - middle_px).try_normalize(0.0)).collect();
+    let middle = directions.iter().sum::<Vector2<f64>>() / members.len() as f64;
+    if directions.len() < members.len() || middle.norm() > MOST_ONE_SIDED {
+        return whitened;
+    }
+    let rows: Vec<Vector2<f64>> = directions
+        .iter()
+        .zip(members)
+        .map(|(d, i)| Vector2::new(d.x * d.x - d.y * d.y, 2.0 * d.x * d.y) / points[*i].std_px)
+        .collect();
+    let (mut normal, mut right) = (Matrix2::identity() * 1e-9, Vector2::zeros());
+    for (row, value) in rows.iter().zip(&whitened) {
+        normal += row * row.transpose();
+        right += row * *value;
+    }
+    let Some(factor) = normal.cholesky() else { return whitened };
+    let drawn = factor.solve(&right);
+    let all: f64 = whitened.iter().map(|w| w * w).sum();
+    if right.dot(&drawn) < DRAWN_OUT_SHARE * all {
+        return whitened;
+    }
+    rows.iter().zip(&whitened).map(|(row, value)| value - row.dot(&drawn)).collect()
 }
 
 /// `Σ_ij ρ(θ_i − θ_j) g_i g_jᵀ` from the harmonics of g, ρ a Gaussian of the angle (wrapped, as its Fourier series).

@@ -23,8 +23,9 @@ const EDGE_FLOOR_PX: f64 = 0.05;
 const CODED_EDGE_FLOOR_PX: f64 = 0.07;
 /// How far apart edges of colour and brightness may be, px.
 const LUMA_REACH_PX: f64 = 1.0;
-/// The blur that a coded picture's edges show includes the codec's errors: this share of it is blur, and at least
-/// this much, px. A larger window would sum more of the errors.
+/// So much of the scatter of the colour's edges counts when they are joined with those of the brightness: theirs share errors of the light along the outline, which scatter does not show.
+const COLOUR_NOISE_SHARE: f64 = 0.7;
+/// What a coded picture's edges show as blur holds the codec's errors too: so much of it is blur, and at least so much, px. A window of more would sum up more of the errors.
 const CODED_BLUR_SHARE: f64 = 0.9;
 const LEAST_CODED_BLUR_PX: f64 = 0.8;
 /// Width of the weights with which colours are summed about an edge, in blurs; of a coded picture.
@@ -147,7 +148,8 @@ fn join_brightness(rays: &Rays, edges: &mut [RayEdge], lens_px: f64) {
     let usual = median(edges.iter().filter(|e| e.found).map(|e| e.contrast).collect());
     let usual_luma = median(sharp.iter().filter(|s| s.std_px.is_finite()).map(|s| s.contrast).collect());
     for (edge, sharp) in edges.iter_mut().zip(&mut sharp) {
-        edge.std = edge.std.hypot(colour_noise / edge.contrast.clamp(1e-6, usual.max(1e-6)));
+        edge.std =
+            edge.std.hypot(COLOUR_NOISE_SHARE * colour_noise / edge.contrast.clamp(1e-6, usual.max(1e-6)));
         sharp.std_px = sharp.std_px.hypot(luma_noise / sharp.contrast.clamp(1e-6, usual_luma.max(1e-6)));
         let agrees = (sharp.offset - edge.offset).abs() < LUMA_REACH_PX.max(2.0 * edge.std);
         let weight = if agrees { (edge.std / sharp.std_px).powi(2) } else { 0.0 };

@@ -5,8 +5,8 @@ use crate::statistics::median;
 
 /// Weights of blue, green and red in the brightness.
 const BRIGHTNESS: [f64; 3] = [0.114, 0.587, 0.299];
-/// Ball and background have constant hues over about this angle, rad, on both sides.
-const REACH_RAD: f64 = 0.6;
+/// Ball and what lies behind have hues of their own over about this angle, rad, on both sides.
+const REACH_RAD: f64 = 1.0;
 
 fn brightness_of(bgr: &[f64; 3]) -> f64 {
     bgr.iter().zip(BRIGHTNESS).map(|(level, weight)| level * weight).sum()
