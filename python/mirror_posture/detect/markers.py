@@ -48,9 +48,8 @@ WIDER_VALUE = 0.5
 # (levels): from these steps on they are most of the centre's variance; less than where colour is fine,
 # because coarse colour has additional errors. Measured on balls of 7 to 40 px at JPEG qualities 98 to 20.
 TELLING_STEP = 13.0
-TELLING_STEP_OF_COARSE_COLOUR = 29.0
-# The assumed step of a codec of coarse colour that does not state it (a decoded frame, WebP), levels: that of
-# JPEG quality 92.
+TELLING_STEP_OF_COARSE_COLOUR = 16.0
+# The step of a codec of coarse colour that does not tell it (a decoded frame, WebP), levels: that of JPEG quality 92.
 USUAL_STEP = 2.2
 # From this step on a codec has kept so little of the colour's detail that it is read as at half of the resolution, whatever the file says: at 4:4:4 and quality 92, 0.055 px against 0.073.
 COARSE_COLOUR_STEP = 1.5
