@@ -295,8 +295,8 @@ def test_what_a_codec_of_coarse_colour_adds_grows_with_its_step() -> None:
         return float(np.trace(view.covariance_px2))
 
     # Quality 98, 85 and 50; a decoded frame tells no step and stands for quality 92.
-    assert variance(4.0) / variance(1.0) == pytest.approx((1.0 + 4.0 / 29.0) / (1.0 + 1.0 / 29.0))
-    assert variance(13.0) / variance(1.0) == pytest.approx((1.0 + 13.0 / 29.0) / (1.0 + 1.0 / 29.0))
+    assert variance(4.0) / variance(1.0) == pytest.approx((1.0 + 4.0 / 16.0) / (1.0 + 1.0 / 16.0))
+    assert variance(13.0) / variance(1.0) == pytest.approx((1.0 + 13.0 / 16.0) / (1.0 + 1.0 / 16.0))
     assert variance(0.0) == pytest.approx(variance(2.2))
 
 
