@@ -49,19 +49,24 @@ pub fn diagnose(
         Prepared::new(robot, recording, options, known, (hung, unrelated), &mut memory)
     };
     let at_first = prepared(options, None, true)?;
-    let mistakes = at_first.mistakes().to_vec();
-    let found = pipeline::diagnose(at_first, robot, recording, options, others)?;
+    let mut mistakes = at_first.mistakes().to_vec();
+    let mut found = pipeline::diagnose(at_first, robot, recording, options, others)?;
+    let mut unrelated = true;
     if found.lost {
         // Effects that were not among the small errors, or a slip, may need far fewer parameters than free positions.
         let again = prepared(options, None, false)?;
+        let its_mistakes = again.mistakes().to_vec();
         // Mistakes of columns were weighed against the free positions already.
-        if again.mistakes().iter().any(is_of_a_column) {
+        if its_mistakes.iter().any(is_of_a_column) {
             return Ok(found.diagnosis);
         }
-        let mut second = pipeline::diagnose(again, robot, recording, options, others)?.diagnosis;
-        let explained = second.verdict == Verdict::Explained;
-        second.trace.insert(0, "named causes explain what a column's free positions did".into());
-        return Ok(if explained { second } else { found.diagnosis });
+        let mut second = pipeline::diagnose(again, robot, recording, options, others)?;
+        if second.diagnosis.verdict != Verdict::Explained {
+            return Ok(found.diagnosis);
+        }
+        second.diagnosis.trace.insert(0, "named causes explain what a column's free positions did".into());
+        // It may give reason for doubt as any other diagnosis does.
+        (found, mistakes, unrelated) = (second, its_mistakes, false);
     }
     // Other assumptions would only compensate for the two zeros.
     if found.left_beside_step.is_some() {
@@ -71,7 +76,7 @@ pub fn diagnose(
         let known = Known { sought: reason.seeks(), ..found.known.clone() };
         let mut still = options.clone();
         still.without.extend(reason.without().iter().map(|effect| (*effect).to_owned()));
-        let again = prepared(&still, reason.looks_closely().then_some(&known), true)?;
+        let again = prepared(&still, reason.looks_closely().then_some(&known), unrelated)?;
         // If the same mistakes are undone, the result is the same.
         let without_word = again.lost().is_some() || again.step().is_some();
         if reason.without().is_empty() && !without_word && same_mistakes(again.mistakes(), &mistakes) {
