@@ -31,7 +31,7 @@ pub(crate) struct Prepared {
 impl Prepared {
     /// Prepares a session; `known`: the result of a first diagnosis, with which smaller gross mistakes can be
     /// found. `tried`: whether rows that repeat a measurement may be named, which a second diagnosis without slipped
-    /// rows still does; whether a column may be taken as unrelated to its joint. `memory`: the
+    /// rows still does; whether a column may be taken as spoilt in a way that has no public name. `memory`: the
     /// results of earlier preparations of the same session.
     ///
     /// # Errors

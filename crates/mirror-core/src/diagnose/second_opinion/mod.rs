@@ -7,6 +7,7 @@
 //!
 //! | reason for doubt in the first | the second diagnosis | it is accepted if it |
 //! | --- | --- | --- |
+//! | a column is not used, or a joint has another zero from a row on: neither is a named cause | assumes neither | explains everything, without a mistake of a column. It may give reason for doubt itself |
 //! | a ratio is named twice at one joint, or does not differ from the model's; a picture of another size together with a focal length that cancels it; a slip by fewer than twelve deviations; slipped rows that fit their own postures once the causes are known | leaves out that mistake | explains everything, or leaves no larger gap |
 //! | a joint's error is independent in each posture, together with a mistake of its column, a marker on another link, or slipped rows | leaves out all such mistakes | leaves less than twice as much. It is always accepted if these errors are more than half of what the column moves: the column is unrelated to the joint |
 //! | a mistake of a column leaves more than half of the gap | leaves out the same | finds that joint's error independent in each posture, and leaves less than twice as much |
@@ -44,19 +45,20 @@ pub fn diagnose(
 ) -> Result<Diagnosis> {
     let hung = options.allows("pairing");
     let mut memory = Memory::default();
-    let mut prepared = |options: &DiagnoseOptions, known: Option<&Known>, unrelated: bool| {
+    let mut prepared = |options: &DiagnoseOptions, known: Option<&Known>, spoilt: bool| {
         options.progress.enter("searching for gross mistakes");
-        Prepared::new(robot, recording, options, known, (hung, unrelated), &mut memory)
+        Prepared::new(robot, recording, options, known, (hung, spoilt), &mut memory)
     };
     let at_first = prepared(options, None, true)?;
     let mut mistakes = at_first.mistakes().to_vec();
     let mut found = pipeline::diagnose(at_first, robot, recording, options, others)?;
-    let mut unrelated = true;
-    if found.lost {
-        // Effects that were not among the small errors, or a slip, may need far fewer parameters than free positions.
+    let mut spoilt = true;
+    if found.lost || found.left_beside_step.is_some() {
+        // Effects that were not among the small errors may need far fewer parameters than free positions, and play or
+        // sticking looks like another zero where a joint turns back.
         let again = prepared(options, None, false)?;
         let its_mistakes = again.mistakes().to_vec();
-        // Mistakes of columns were weighed against the free positions already.
+        // Mistakes of columns were weighed against these already.
         if its_mistakes.iter().any(is_of_a_column) {
             return Ok(found.diagnosis);
         }
@@ -64,19 +66,18 @@ pub fn diagnose(
         if second.diagnosis.verdict != Verdict::Explained {
             return Ok(found.diagnosis);
         }
-        second.diagnosis.trace.insert(0, "named causes explain what a column's free positions did".into());
+        second.diagnosis.trace.insert(
+            0,
+            "named causes explain what a column's free positions, or another zero from a row on, did".into(),
+        );
         // It may give reason for doubt as any other diagnosis does.
-        (found, mistakes, unrelated) = (second, its_mistakes, false);
-    }
-    // Other assumptions would only compensate for the two zeros.
-    if found.left_beside_step.is_some() {
-        return Ok(found.diagnosis);
+        (found, mistakes, spoilt) = (second, its_mistakes, false);
     }
     for reason in Reason::all(&found, recording, &mistakes) {
         let known = Known { sought: reason.seeks(), ..found.known.clone() };
         let mut still = options.clone();
         still.without.extend(reason.without().iter().map(|effect| (*effect).to_owned()));
-        let again = prepared(&still, reason.looks_closely().then_some(&known), unrelated)?;
+        let again = prepared(&still, reason.looks_closely().then_some(&known), spoilt)?;
         // If the same mistakes are undone, the result is the same.
         let without_word = again.lost().is_some() || again.step().is_some();
         if reason.without().is_empty() && !without_word && same_mistakes(again.mistakes(), &mistakes) {

@@ -90,11 +90,16 @@ impl Best {
     }
 }
 
-/// The slip that is clear, if there is one.
+/// The slip, or with `zeros` the change of a joint's zero, that is clear, if there is one.
 ///
 /// # Errors
 /// Invalid parameters of camera or mirror.
-pub(super) fn find(problem: &Problem, frames: &[usize], least: Noise) -> Result<Option<(Mistake, f64)>> {
+pub(super) fn find(
+    problem: &Problem,
+    frames: &[usize],
+    least: Noise,
+    zeros: bool,
+) -> Result<Option<(Mistake, f64)>> {
     if !problem.scene.ordered || problem.frames.len() < 2 * FEWEST_FRAMES {
         return Ok(None);
     }
@@ -112,9 +117,9 @@ pub(super) fn find(problem: &Problem, frames: &[usize], least: Noise) -> Result<
         return Ok(None);
     }
     // To first order zeros of several joints imitate a slip of the board or the camera: they must not replace it.
-    let (zeros, mut slips): (Vec<Best>, Vec<Best>) = bests.into_iter().partition(|b| b.slip().is_none());
+    let (of_zeros, mut slips): (Vec<Best>, Vec<Best>) = bests.into_iter().partition(|b| b.slip().is_none());
     slips.truncate(SLIPS_TRIED);
-    let bests = slips.into_iter().chain(zeros.into_iter().take(1));
+    let bests = slips.into_iter().chain(of_zeros.into_iter().take(usize::from(zeros)));
     let mut tried = Vec::new();
     for best in bests {
         problem.cancel.check()?;

@@ -32,7 +32,8 @@ type Found = Option<(Mistake, f64)>;
 #[derive(Default)]
 pub(crate) struct Memory {
     gravity: Known<Found>,
-    slips: Known<Found>,
+    /// Without and with changes of joints' zeros.
+    slips: [Known<Found>; 2],
     outlying: Known<Vec<False>>,
 }
 
@@ -46,9 +47,14 @@ impl Memory {
         self.gravity.remembered(undone, find)
     }
 
-    /// A slip.
-    pub(super) fn slip(&mut self, undone: &[Mistake], find: impl FnOnce() -> Result<Found>) -> Result<Found> {
-        self.slips.remembered(undone, find)
+    /// A slip, or with `zeros` a change of a joint's zero.
+    pub(super) fn slip(
+        &mut self,
+        undone: &[Mistake],
+        zeros: bool,
+        find: impl FnOnce() -> Result<Found>,
+    ) -> Result<Found> {
+        self.slips[usize::from(zeros)].remembered(undone, find)
     }
 
     /// False observations.

@@ -62,8 +62,8 @@ const FRAMES_OF_SLIPS: Size = 100;
 
 /// Finds and undoes gross mistakes; none where there is none. `known`: the result of a first diagnosis; with it,
 /// mistakes are also found that are as small as usual errors (a late column of a joint that hardly moves). `hung`:
-/// whether rows that repeat a measurement may be named; `unrelated`: whether a column may be taken as unrelated to its
-/// joint. `memory`: the results of earlier calls for the same session.
+/// whether rows that repeat a measurement may be named; `spoilt`: whether a column may be taken as unrelated to its joint,
+/// or a joint's zero as lost from a row on. `memory`: the results of earlier calls for the same session.
 ///
 /// # Errors
 /// Invalid parameters of camera or mirror.
@@ -73,7 +73,7 @@ pub(crate) fn undone(
     problem: &Problem,
     without: &[String],
     known: Option<&Known>,
-    (hung, unrelated): (bool, bool),
+    (hung, spoilt): (bool, bool),
     memory: &mut Memory,
 ) -> Result<Option<Undone>> {
     let mut out = Undone {
@@ -104,12 +104,13 @@ pub(crate) fn undone(
     }
     problem.cancel.check()?;
     out.leave_out_background()?;
-    let choice = of_the_body(&mut out, without, known, unrelated)?;
+    let choice = of_the_body(&mut out, without, known, spoilt)?;
     for mistake in &choice.mistakes {
         let first = out.told.len();
         if mistake.has_no_word() {
             // Change points are weighed against each other below.
-            if matches!(mistake, Mistake::ColumnLost { .. }) || change_point(&out, without, memory)?.is_none()
+            if matches!(mistake, Mistake::ColumnLost { .. })
+                || change_point(&out, without, spoilt, memory)?.is_none()
             {
                 out.set_apart(mistake)?;
             }
@@ -129,7 +130,7 @@ pub(crate) fn undone(
     }
     if !out.unsettled {
         // Each round's is at a place that has not slipped yet, so the number of rounds is limited.
-        while let Some((mistake, odds)) = change_point(&out, without, memory)? {
+        while let Some((mistake, odds)) = change_point(&out, without, spoilt, memory)? {
             if mistake.has_no_word() {
                 if out.step.is_some() {
                     break;
@@ -156,14 +157,19 @@ pub(crate) fn undone(
 }
 
 /// A slip, or a lost zero of a joint, during the session.
-fn change_point(session: &Undone, without: &[String], memory: &mut Memory) -> Result<Option<(Mistake, f64)>> {
+fn change_point(
+    session: &Undone,
+    without: &[String],
+    zeros: bool,
+    memory: &mut Memory,
+) -> Result<Option<(Mistake, f64)>> {
     if without.iter().any(|w| w == "slip") {
         return Ok(None);
     }
-    memory.slip(&session.mistakes, || {
+    memory.slip(&session.mistakes, zeros, || {
         let problem = &session.problem;
         let postures = crate::diagnose::likelihood::saturated::postures(problem);
-        changes::find(problem, &spread(&postures, FRAMES_OF_SLIPS, 1), problem.noise)
+        changes::find(problem, &spread(&postures, FRAMES_OF_SLIPS, 1), problem.noise, zeros)
     })
 }
 
@@ -172,10 +178,10 @@ fn of_the_body(
     session: &mut Undone,
     without: &[String],
     known: Option<&Known>,
-    unrelated: bool,
+    spoilt: bool,
 ) -> Result<choice::Choice> {
     let mut lines = Vec::new();
-    let mut choice = chain_of_the_body(session, without, (known, unrelated), &mut lines)?;
+    let mut choice = chain_of_the_body(session, without, (known, spoilt), &mut lines)?;
     let all = choice.mistakes.len();
     // Slipped rows are found, and left out, by the stage that follows; the squares' size by the search.
     choice.mistakes.retain(|m| !matches!(m, Mistake::Rows { .. } | Mistake::Squares { .. }));
@@ -187,7 +193,7 @@ fn of_the_body(
 fn chain_of_the_body(
     session: &Undone,
     without: &[String],
-    (known, unrelated): (Option<&Known>, bool),
+    (known, spoilt): (Option<&Known>, bool),
     lines: &mut Vec<String>,
 ) -> Result<choice::Choice> {
     let problem = &session.problem;
@@ -207,7 +213,7 @@ fn chain_of_the_body(
     if nominal.is_gross() != closely {
         chains = grown(&all, &nominal, &frames, without, closely)?;
     }
-    if unrelated && (nominal.is_gross() || closely) {
+    if spoilt && (nominal.is_gross() || closely) {
         let of_no_word = lost::chains(&all, &chains, &nominal, &frames, closely);
         chains.extend(of_no_word);
     }
