@@ -12,7 +12,6 @@ import numpy as np
 
 from mirror_lab.robots.hidden import HiddenBody
 from mirror_lab.robots.pixels import MirrorInRoot, exact_points, lens_of
-from mirror_lab.robots.twin import view_normal
 from mirror_posture.robots import Nominal
 from mirror_posture.viewpoint import View
 from tracked_session import JOINTS
@@ -56,7 +55,7 @@ def write_mirrored(
                 f"{frame},{number},{2.0 * frame},{','.join(repr(float(x)) for x in [*q.values(), *read])}"
             )
             view = View(yaw_rad=yaw + rng.normal(0.0, 0.01), pitch_rad=pitch + rng.normal(0.0, 0.01))
-            normal = view_normal(view)
+            normal = view.normal_in_root
             glass = nominal.metadata.mirror
             mirror = MirrorInRoot(
                 normal,

@@ -92,4 +92,4 @@ def test_a_diagnosis_without_members_says_what_to_do(tmp_path: Path) -> None:
     cause = mp.diagnosis.Cause("geometry", "robot", 0.95, {})
     found = mp.Diagnosis("explained", "", (cause,), (), mp.diagnosis.Gap(1.0, 0.0, 0.0))
     (entry,) = apply_diagnosis(session, found, tmp_path / "better").written
-    assert entry.file is None and "diagnose anew" in entry.what
+    assert entry.file is None and "diagnose again" in entry.what

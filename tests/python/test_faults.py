@@ -18,7 +18,6 @@ import pytest
 from dynamixel_bus import SimulatedBus, SimulatedServo
 from mirror_lab.robots import HiddenBody, HiddenEffect
 from mirror_lab.robots.pixels import MirrorInRoot, exact_points, lens_of
-from mirror_lab.robots.twin import view_normal
 from mirror_posture.correct import CorrectOptions, Recorder, correct
 from mirror_posture.robots import ImagePoints, Nominal
 from mirror_posture.viewpoint import View
@@ -111,7 +110,7 @@ def open_servos(bus: SimulatedBus, body: HiddenBody, nominal: Nominal, folder: P
     def eye() -> ImagePoints:
         turned = {s.joint: s.position_rad(round(bus.positions()[s.servo_id])) for s in robot.config.servos}
         body.move(turned)
-        normal = view_normal(robot.view)
+        normal = robot.view.normal_in_root
         mirror = MirrorInRoot(normal, float(normal @ board) + robot.view.distance_m, 0.003, 1.52)
         return exact_points(nominal, lens, body.link_poses(), mirror, 0.1, rng)
 

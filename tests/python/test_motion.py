@@ -61,7 +61,7 @@ def test_a_late_camera_is_found_and_another_motion_is_predicted(
     assert tree["encoder_witness"]
     assert all(e["before"] == e["after"] < 1.5e-3 and not e["named"] for e in tree["encoder_witness"])
     page = (tmp_path / "out" / "report.html").read_text()
-    assert "What this motion would have hidden" in page and "shift the pictures&#39; stamps" in page
+    assert "What this motion would have hidden" in page and "shift the pictures&#39; time stamps" in page
     assert page.count('aria-label="Bars: the gap') == 1 and len(page) < 3_000_000
     (checked,) = tree["gap"]["checked"]
     assert checked["after_m"] < 0.3 * checked["before_m"]

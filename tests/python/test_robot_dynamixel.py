@@ -14,7 +14,6 @@ from dynamixel_arm import TOML, blind, bus, config, nominal  # noqa: F401
 from dynamixel_bus import SimulatedBus, SimulatedServo, crc16, packet, stuffed, unstuffed
 from mirror_lab.robots import HiddenBody, HiddenEffect
 from mirror_lab.robots.pixels import MirrorInRoot, exact_points, lens_of
-from mirror_lab.robots.twin import view_normal
 from mirror_posture.robots import (
     HardwareFaultError,
     ImagePoints,
@@ -271,7 +270,7 @@ def test_it_sees_itself_through_its_servos(bus: SimulatedBus, config: ServoConfi
     def eye() -> ImagePoints:
         body.move({s.joint: s.position_rad(round(bus.positions()[s.servo_id])) for s in config.servos})
         view = next(views)
-        normal = view_normal(view)
+        normal = view.normal_in_root
         mirror = MirrorInRoot(normal, float(normal @ board) + view.distance_m, 0.003, 1.52)
         return exact_points(nominal, lens, body.link_poses(), mirror, 0.05, rng)
 
