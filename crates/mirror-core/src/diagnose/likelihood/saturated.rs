@@ -10,7 +10,7 @@ use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::Atom;
 use crate::diagnose::model::frame::{FrameWork, PROJECTED, Task};
 use crate::diagnose::model::problem::{Noise, Observation, Problem};
-use crate::diagnose::principles::Prior;
+use crate::diagnose::principles::{Guard, Prior};
 use crate::error::Result;
 use nalgebra::{DMatrix, DVector, Vector3};
 use rayon::prelude::*;
@@ -18,6 +18,10 @@ use rayon::prelude::*;
 /// Prior standard deviation of a free pose from its prediction, m and rad: for a free marker, whose depth it keeps
 /// finite where only one view shows it; for a part that slipped.
 pub(crate) const FREE_STD: Prior = 0.05;
+
+/// A marker of which the views determine less than this many coordinates is not measured: they have no mirror with which they
+/// agree, as in pictures that are flipped.
+const LEAST_DETERMINED: Guard = 0.5;
 
 /// A marker of one posture, measured.
 #[derive(Debug, Clone)]
@@ -163,11 +167,13 @@ fn free_posture(problem: &Problem, task: &Task<'_>, frames: Vec<usize>, work: &m
     // The estimate's covariance under noise alone: C H C, smaller than C where the prior limits it.
     let scatter = &covariance * &data * &covariance;
     // Effective number of parameters: trace of the hat matrix.
-    let taken = (&covariance * &data).trace();
+    let hat = &covariance * &data;
+    let taken = hat.trace();
     out.freedom_taken = taken;
     out.freedom_left = rows as f64 - taken;
     out.chi2_free = chi2 - 2.0 * solution.dot(&gradient) + solution.dot(&(&data * &solution));
-    for at in 0..seen.len() {
+    let determined = |at: usize| hat.fixed_view::<3, 3>(3 * at, 3 * at).trace() > LEAST_DETERMINED;
+    for at in (0..seen.len()).filter(|&at| determined(at)) {
         out.markers.push(FreeMarker {
             marker: seen[at],
             displacement: solution.fixed_rows::<3>(3 * at).into_owned(),
