@@ -77,6 +77,25 @@ impl Trial {
         slope * slope * self.lateral_squared <= LARGEST_SLOPE * LARGEST_SLOPE
     }
 
+    /// The depth `(d + w)/σ` at a solution of g(σ) = 0, by implicit differentiation.
+    #[inline(always)]
+    fn depth_with_derivatives(&self) -> AxialDepth {
+        let depth = (self.distance + self.w) / self.sigma;
+        let (w_by_sigma, g_by_sigma) = self.differential(&Change { sigma: 1.0, ..Change::default() });
+        let depth_by = |change: Change| {
+            let (dw, dg) = self.differential(&change);
+            let dsigma = -dg / g_by_sigma;
+            (change.distance + dw + w_by_sigma * dsigma - depth * dsigma) / self.sigma
+        };
+        AxialDepth {
+            depth,
+            by_lateral_squared: depth_by(Change { lateral_squared: 1.0, ..Change::default() }),
+            by_height: depth_by(Change { height: 1.0, ..Change::default() }),
+            by_distance: depth_by(Change { distance: 1.0, ..Change::default() }),
+            by_parameter: depth_by(Change { curvature: 1.0, ..Change::default() }),
+        }
+    }
+
     #[inline(always)]
     fn of(sigma: f64, lateral_squared: f64, height: f64, distance: f64, curvature: f64) -> Self {
         let s2 = sigma * sigma * lateral_squared;
@@ -193,28 +212,14 @@ impl Curvature {
         Ok((distance + at.w) / at.sigma)
     }
 
-    /// The depth at which the camera sees a point, by implicit differentiation of g(σ) = 0.
+    /// The depth at which the camera sees a point, and its derivatives.
     pub(super) fn depth_with_derivatives(
         &self,
         lateral_squared: f64,
         height: f64,
         distance: f64,
     ) -> Result<AxialDepth> {
-        let at = self.reflection(lateral_squared, height, distance)?;
-        let depth = (distance + at.w) / at.sigma;
-        let (w_by_sigma, g_by_sigma) = at.differential(&Change { sigma: 1.0, ..Change::default() });
-        let depth_by = |change: Change| {
-            let (dw, dg) = at.differential(&change);
-            let dsigma = -dg / g_by_sigma;
-            (change.distance + dw + w_by_sigma * dsigma - depth * dsigma) / at.sigma
-        };
-        Ok(AxialDepth {
-            depth,
-            by_lateral_squared: depth_by(Change { lateral_squared: 1.0, ..Change::default() }),
-            by_height: depth_by(Change { height: 1.0, ..Change::default() }),
-            by_distance: depth_by(Change { distance: 1.0, ..Change::default() }),
-            by_parameter: depth_by(Change { curvature: 1.0, ..Change::default() }),
-        })
+        Ok(self.reflection(lateral_squared, height, distance)?.depth_with_derivatives())
     }
 
     /// As [`Curvature::depth_with_derivatives`], of several points at once.
@@ -242,18 +247,12 @@ impl Curvature {
         for l in 0..N {
             let before = distance - height[l];
             let at = Trial::of(sigma[l], lateral_squared[l], height[l], distance, k);
-            let depth = (distance + at.w) / at.sigma;
-            let (w_by_sigma, g_by_sigma) = at.differential(&Change { sigma: 1.0, ..Change::default() });
-            let depth_by = |change: Change| {
-                let (dw, dg) = at.differential(&change);
-                let dsigma = -dg / g_by_sigma;
-                (change.distance + dw + w_by_sigma * dsigma - depth * dsigma) / at.sigma
-            };
-            out.depth[l] = depth;
-            out.by_lateral_squared[l] = depth_by(Change { lateral_squared: 1.0, ..Change::default() });
-            out.by_height[l] = depth_by(Change { height: 1.0, ..Change::default() });
-            out.by_distance[l] = depth_by(Change { distance: 1.0, ..Change::default() });
-            out.by_parameter[l] = depth_by(Change { curvature: 1.0, ..Change::default() });
+            let depth = at.depth_with_derivatives();
+            out.depth[l] = depth.depth;
+            out.by_lateral_squared[l] = depth.by_lateral_squared;
+            out.by_height[l] = depth.by_height;
+            out.by_distance[l] = depth.by_distance;
+            out.by_parameter[l] = depth.by_parameter;
             out.seen[l] = (k * 2.0 * distance * before <= LARGEST_FOCUS * (distance + before))
                 & at.is_slight()
                 & (at.g.abs() <= 1e-12 * distance);

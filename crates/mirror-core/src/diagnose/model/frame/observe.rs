@@ -92,36 +92,19 @@ impl FrameWork {
                             self.push_marker(problem, task, from_world, which, pixel, of_markers, wanted);
                         }
                         Seen::Marker(m) => {
-                            let world_from = self.marker_mount_pose(problem, task, *m);
-                            let at = (*via, SeenAt::Marker(*m));
-                            let std = task.noise.marker_px;
+                            let pose = self.marker_mount_pose(problem, task, *m);
+                            let (at, std) = ((*via, SeenAt::Marker(*m)), task.noise.marker_px);
                             self.push_pixel(
-                                problem,
-                                task,
-                                from_world,
-                                &world_from,
-                                at,
-                                pixel,
-                                std,
-                                of_markers,
-                                wanted,
+                                problem, task, from_world, &pose, at, pixel, std, of_markers, wanted,
                             );
                         }
                         Seen::Corner(index) => {
                             let Some(board) = problem.board_in(self.frame) else { continue };
                             let at = (*via, SeenAt::Corner(Corner { index: *index, board: board.node }));
-                            let (world_from, std) = (self.world_from_board(&board), task.noise.corner_px);
+                            let (pose, std) = (self.world_from_board(&board), task.noise.corner_px);
                             let mixture = pixel_mixture(eye, std);
                             self.push_pixel(
-                                problem,
-                                task,
-                                from_world,
-                                &world_from,
-                                at,
-                                pixel,
-                                std,
-                                &mixture,
-                                wanted,
+                                problem, task, from_world, &pose, at, pixel, std, &mixture, wanted,
                             );
                         }
                     }

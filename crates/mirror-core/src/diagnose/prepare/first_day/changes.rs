@@ -109,7 +109,7 @@ pub(super) fn find(
         return Ok(None);
     }
     let mut without = Tolerant::fitted(problem, frames, least)?;
-    let mut bests = best_slips(&without, problem)?;
+    let mut bests = best_slips(&without, problem, zeros)?;
     // In χ², of so many rows and places that are tried.
     bests.retain(|b| b.gain > 2.0 * BEYOND_DOUBT);
     bests.sort_by(|a, b| b.gain.total_cmp(&a.gain));
@@ -119,7 +119,7 @@ pub(super) fn find(
     // To first order zeros of several joints imitate a slip of the board or the camera: they must not replace it.
     let (of_zeros, mut slips): (Vec<Best>, Vec<Best>) = bests.into_iter().partition(|b| b.slip().is_none());
     slips.truncate(SLIPS_TRIED);
-    let bests = slips.into_iter().chain(of_zeros.into_iter().take(usize::from(zeros)));
+    let bests = slips.into_iter().chain(of_zeros.into_iter().take(1));
     let mut tried = Vec::new();
     for best in bests {
         problem.cancel.check()?;
@@ -287,13 +287,16 @@ fn together(
     Ok(Some((found, fit)))
 }
 
-/// The best row of each place.
-fn best_slips(fit: &Tolerant, problem: &Problem) -> Result<Vec<Best>> {
+/// The best row of each place; with `with_zeros` also of each joint's zero.
+fn best_slips(fit: &Tolerant, problem: &Problem, with_zeros: bool) -> Result<Vec<Best>> {
     let deformation = fit.deformation();
     let mut places = markers(problem, &deformation, fit.noise)?;
-    let scene = &problem.scene;
-    let joints: Vec<NodeId> = (0..scene.nodes()).filter(|&n| scene.relevant[n] && scene.moves(n)).collect();
-    places.extend(zeros(problem, &deformation, fit.noise, &joints)?);
+    if with_zeros {
+        let scene = &problem.scene;
+        let joints: Vec<NodeId> =
+            (0..scene.nodes()).filter(|&n| scene.relevant[n] && scene.moves(n)).collect();
+        places.extend(zeros(problem, &deformation, fit.noise, &joints)?);
+    }
     if problem.board.is_some() {
         places.push(moved(problem, &deformation, fit.noise, Slipped::Board)?);
     }
