@@ -15,7 +15,7 @@ use crate::diagnose::likelihood::noise;
 use crate::diagnose::likelihood::score_test::screen;
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::model::work_budget::A_STAGE;
-use crate::diagnose::prepare::known::Known;
+use crate::diagnose::prepare::first_result::FirstResult;
 use crate::diagnose::prepare::options::{DiagnoseOptions, OtherSession};
 use crate::diagnose::prepare::prepared::Prepared;
 use crate::diagnose::prepare::row_slip::{Slip, is_slipped};
@@ -25,13 +25,13 @@ use crate::diagnose::report::reservations::{background_was_taken, hangs_on_regio
 use crate::diagnose::report::seen_markers::seen_markers;
 use crate::diagnose::report::spoilt_column::column_is_spoilt;
 use crate::diagnose::selection::beside_slips::settle_slips;
-use crate::diagnose::selection::beyond::look_beyond;
-use crate::diagnose::selection::lingering_noise::allow_for_lingering;
+use crate::diagnose::selection::correlated_noise::allow_for_correlation;
+use crate::diagnose::selection::erratic_joint::column_says_nothing;
+use crate::diagnose::selection::extended_models::extend_models;
 use crate::diagnose::selection::long_session::{on_all_frames, part_of_frames};
 use crate::diagnose::selection::lost_column::beside_lost_column;
 use crate::diagnose::selection::near_ties::from_near_ties;
 use crate::diagnose::selection::pairwise_start::from_a_pair;
-use crate::diagnose::selection::restless::column_says_nothing;
 use crate::diagnose::selection::search::{Search, SearchOptions};
 use crate::diagnose::selection::with_setup::{look_again_at_noise, with_or_without_setup};
 use crate::error::Result;
@@ -43,7 +43,7 @@ pub(crate) struct Outcome {
     /// Rows were left out as slipped, but fit their own postures once the causes are known.
     pub rows_in_order: bool,
     /// The result without causes that are far larger than such an error usually is.
-    pub known: Known,
+    pub known: FirstResult,
     /// Whether there are such causes.
     pub too_large: bool,
     /// A joint's error, independent in each posture, is as large as what its column moves.
@@ -91,7 +91,7 @@ pub(crate) fn diagnose(
     let part = part_of_frames(&problem);
     let mut search = Search {
         measured_noise: problem.noise,
-        lingering: 1.0,
+        noise_widening: 1.0,
         problem,
         catalogue: &catalogue,
         group: Group::default(),
@@ -103,14 +103,14 @@ pub(crate) fn diagnose(
         prepared.moved(&search.problem, slip, std)?;
     }
     let of_lost = prepared.lost().map(|lost| beside_lost_column(&mut search, lost, &nominal)).transpose()?;
-    let (mut found, setup, beyond) = match of_lost {
-        Some((found, beyond)) => (found, None, Some(beyond)),
+    let (mut found, setup, extended) = match of_lost {
+        Some((found, extended)) => (found, None, Some(extended)),
         None => {
             let (found, setup) = with_or_without_setup(&mut search, &nominal, stated, &options.without)?;
             (found, setup, None)
         }
     };
-    if setup.is_none() && beyond.is_none() {
+    if setup.is_none() && extended.is_none() {
         if let Some(other) = from_a_pair(&search, &found, &nominal)? {
             (search, found) = other;
         }
@@ -123,21 +123,21 @@ pub(crate) fn diagnose(
             found.trace.splice(0..0, first);
         }
     }
-    allow_for_lingering(&mut search, &mut found)?;
-    let beyond = match beyond {
-        Some(beyond) => beyond,
+    allow_for_correlation(&mut search, &mut found)?;
+    let extended = match extended {
+        Some(extended) => extended,
         None => {
             from_near_ties(&mut search, &mut found)?;
             let with_geometry = options.allows("geometry");
-            look_beyond((&mut search, &mut found), &all, &nominal, setup, with_geometry)?
+            extend_models((&mut search, &mut found), &all, &nominal, setup, with_geometry)?
         }
     };
 
-    let says_nothing = beyond.restless.is_some_and(|node| column_says_nothing(&search, &found, node));
+    let says_nothing = extended.erratic.is_some_and(|node| column_says_nothing(&search, &found, node));
     on_all_frames(&mut search, &mut found)?;
 
     options.progress.enter("comparing the causes found");
-    let mut findings = weighed((search, found), beyond, &nominal, &prepared)?;
+    let mut findings = weighed((search, found), extended, &nominal, &prepared)?;
 
     options.progress.enter("assessing the result");
     keep_survivors(&mut findings, &ranking)?;
@@ -166,7 +166,8 @@ pub(crate) fn diagnose(
     options.cancel.check()?;
     let number_of = |left: &LeftOut| arranged.frame_numbers.iter().position(|n| *n == left.frame);
     let left_out = diagnosis.data.left_out.iter().filter(|l| l.is_false());
-    let known = Known { deformation, false_frames: left_out.filter_map(number_of).collect(), sought: false };
+    let known =
+        FirstResult { deformation, false_frames: left_out.filter_map(number_of).collect(), sought: false };
     let lost = prepared.lost().is_some();
     Ok(Outcome { rows_in_order, known, too_large, says_nothing, lost, left_beside_step, diagnosis })
 }

@@ -50,7 +50,7 @@ pub(crate) fn deviations(findings: &Findings<'_>, floor: &Floor) -> Result<Devia
     let search = &findings.search;
     let found = &findings.found;
     let all = search.deformation(&found.fit.model);
-    let mut seen = if search.lingering > 1.0 {
+    let mut seen = if search.noise_widening > 1.0 {
         // Of one observation; its correlation with its neighbours is allowed for below, over all frames.
         effective(&search.problem, &all, search.noise_of_views(), None)?
     } else {

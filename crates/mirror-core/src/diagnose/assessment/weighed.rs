@@ -9,7 +9,7 @@ use crate::diagnose::effects::hypothesis::Model;
 use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::prepare::prepared::Prepared;
 use crate::diagnose::selection::alternatives::settled;
-use crate::diagnose::selection::beyond::Beyond;
+use crate::diagnose::selection::extended_models::Extended;
 use crate::diagnose::selection::nonparametric::{Unexplained, unexplained};
 use crate::diagnose::selection::search::{Found, Search};
 use crate::diagnose::selection::simplify::{
@@ -23,11 +23,11 @@ use crate::error::Result;
 /// Invalid parameters of the camera or mirror.
 pub(crate) fn weighed<'a>(
     (mut search, mut found): (Search<'a>, Found),
-    beyond: Beyond,
+    extended: Extended,
     nominal: &Model,
     prepared: &Prepared,
 ) -> Result<Findings<'a>> {
-    let Beyond { mut geometry, restless, unnamed, clean, false_share } = beyond;
+    let Extended { mut geometry, erratic, unnamed, clean, false_share } = extended;
     search.problem = clean;
     let unfinished = search.problem.budget.is_spent() && geometry.is_none();
     let (nominal_gap, mut after) = gaps(&search, nominal, &found)?;
@@ -65,7 +65,7 @@ pub(crate) fn weighed<'a>(
         (found.fit.model.explains() && !free || in_vain) && is_reached(&search, &found.fit, &after)?;
     // Free-form errors that explain more than the reported small errors are kept, however little these leave: with
     // many parameters any model reaches the floor.
-    let unexplained = match restless.map(Unexplained::restless).or(unnamed) {
+    let unexplained = match erratic.map(Unexplained::erratic).or(unnamed) {
         Some(told) => Some(told),
         None => unexplained(&search, &found, &left, reached)?,
     };

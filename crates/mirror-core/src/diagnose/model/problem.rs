@@ -7,7 +7,7 @@ use crate::diagnose::data::recording::{PointsFrame, Recording, Target, Tolerance
 use crate::diagnose::model::body::Site;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::Atom;
-use crate::diagnose::model::loose::Loose;
+use crate::diagnose::model::mistake_parameters::MistakeParameter;
 use crate::diagnose::model::pose::Pose;
 use crate::diagnose::model::scene::Scene;
 use crate::diagnose::model::slips::Slip;
@@ -98,7 +98,7 @@ pub(crate) struct Problem {
     /// What slipped in the middle of the session.
     pub slips: Vec<Slip>,
     /// Free parameters of gross mistakes.
-    pub loose: Vec<Loose>,
+    pub mistake_parameters: Vec<MistakeParameter>,
     pub camera: Option<Camera>,
     pub refractive_index: f64,
     /// The link (or the root, for an unknown frame) in whose frame measured points are given.
@@ -210,7 +210,7 @@ impl Problem {
             corners,
             camera_site,
             slips: Vec::new(),
-            loose: Vec::new(),
+            mistake_parameters: Vec::new(),
             camera: sight.map(|s| s.camera.clone()),
             refractive_index: sight.map_or(1.52, |s| s.refractive_index),
             points_site,

@@ -2,7 +2,7 @@
 
 use super::boards::leave_out_wrong_grids;
 use super::first_day::{self, Doubt, Lost, Memory, Mistake, Step, Undone};
-use super::known::Known;
+use super::first_result::FirstResult;
 use super::options::DiagnoseOptions;
 use super::row_slip::{self, Slip};
 use crate::diagnose::data::diagnosis::{Cause, LeftOut};
@@ -40,7 +40,7 @@ impl Prepared {
         robot: &Robot,
         recording: &Recording,
         options: &DiagnoseOptions,
-        known: Option<&Known>,
+        known: Option<&FirstResult>,
         tried: (bool, bool),
         memory: &mut Memory,
     ) -> Result<Self> {
@@ -87,7 +87,7 @@ impl Prepared {
         self.arranged.fit_boards()?;
         let Some(undone) = &mut self.undone else { return Ok(()) };
         let mistake = Mistake::Slip { slip: problem.slips[which], std };
-        let told = first_day::told(&mistake, &undone.robot, &undone.recording, problem, 1.0);
+        let told = first_day::reported(&mistake, &undone.robot, &undone.recording, problem, 1.0);
         for new in told {
             let same = |old: &&mut Cause| old.effect == new.effect && old.at == new.at;
             if let Some(old) = undone.told.iter_mut().find(same) {

@@ -17,9 +17,12 @@ pub(super) fn with_free_numbers(cause: &mut Cause, findings: &Findings<'_>) {
         Atom::MarkerShift(m, k) if Some(m) == marker => Some((["dx_m", "dy_m", "dz_m"][k], 1.0, i)),
         _ => None,
     });
-    let first = columns.len() - problem.loose.len();
-    let numbers =
-        problem.loose.iter().enumerate().filter(|(_, l)| l.effect == cause.effect && l.at == cause.at);
+    let first = columns.len() - problem.mistake_parameters.len();
+    let numbers = problem
+        .mistake_parameters
+        .iter()
+        .enumerate()
+        .filter(|(_, l)| l.effect == cause.effect && l.at == cause.at);
     let all: Vec<(&str, f64, usize)> =
         places.chain(numbers.map(|(k, l)| (l.parameter.as_str(), l.unit, first + k))).collect();
     for (name, told) in &mut cause.parameters {

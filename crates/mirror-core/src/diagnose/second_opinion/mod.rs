@@ -24,7 +24,7 @@ use crate::diagnose::data::diagnosis::{Cause, Diagnosis, Verdict};
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::pipeline;
 use crate::diagnose::prepare::first_day::Memory;
-use crate::diagnose::prepare::known::Known;
+use crate::diagnose::prepare::first_result::FirstResult;
 use crate::diagnose::prepare::options::{DiagnoseOptions, OtherSession};
 use crate::diagnose::prepare::prepared::Prepared;
 use crate::error::Result;
@@ -45,7 +45,7 @@ pub fn diagnose(
 ) -> Result<Diagnosis> {
     let hung = options.allows("pairing");
     let mut memory = Memory::default();
-    let mut prepared = |options: &DiagnoseOptions, known: Option<&Known>, spoilt: bool| {
+    let mut prepared = |options: &DiagnoseOptions, known: Option<&FirstResult>, spoilt: bool| {
         options.progress.enter("searching for gross mistakes");
         Prepared::new(robot, recording, options, known, (hung, spoilt), &mut memory)
     };
@@ -74,7 +74,7 @@ pub fn diagnose(
         (found, mistakes, spoilt) = (second, its_mistakes, false);
     }
     for reason in Reason::all(&found, recording, &mistakes) {
-        let known = Known { sought: reason.seeks(), ..found.known.clone() };
+        let known = FirstResult { sought: reason.seeks(), ..found.known.clone() };
         let mut still = options.clone();
         still.without.extend(reason.without().iter().map(|effect| (*effect).to_owned()));
         let again = prepared(&still, reason.looks_closely().then_some(&known), spoilt)?;

@@ -8,7 +8,7 @@ use crate::diagnose::effects::hypothesis::Model;
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::prepare::false_observations::without_false;
 use crate::diagnose::prepare::first_day::{Lost, column};
-use crate::diagnose::selection::beyond::Beyond;
+use crate::diagnose::selection::extended_models::Extended;
 use crate::diagnose::selection::search::{Found, Search};
 use crate::error::Result;
 
@@ -20,7 +20,7 @@ pub(crate) fn beside_lost_column(
     search: &mut Search<'_>,
     lost: &Lost,
     nominal: &Model,
-) -> Result<(Found, Beyond)> {
+) -> Result<(Found, Extended)> {
     let mut start = nominal.clone();
     start.group = vec![0.0; search.group.columns.len()];
     for (frames, error) in &lost.postures {
@@ -36,7 +36,7 @@ pub(crate) fn beside_lost_column(
     found.trace.insert(0, format!("the column of joint:{joint} is unrelated to it: its positions are free"));
     let (clean, false_share) =
         without_false(&search.problem, &search.deformation(&found.fit.model), found.noise)?;
-    Ok((found, Beyond { geometry: None, restless: Some(lost.node), unnamed: None, clean, false_share }))
+    Ok((found, Extended { geometry: None, erratic: Some(lost.node), unnamed: None, clean, false_share }))
 }
 
 /// Whether effects at a place depend on a joint's position.

@@ -2,17 +2,17 @@
 
 pub(super) mod alternatives;
 pub(super) mod beside_slips;
-pub(super) mod beyond;
 mod candidates;
+pub(super) mod correlated_noise;
+pub(super) mod erratic_joint;
+pub(super) mod extended_models;
 pub(super) mod law_remainder;
-pub(super) mod lingering_noise;
 pub(super) mod long_session;
 pub(super) mod lost_column;
 pub(super) mod near_ties;
 pub(super) mod nonparametric;
 pub(super) mod pairwise_start;
 pub(super) mod posterior_odds;
-pub(super) mod restless;
 pub(super) mod search;
 pub(super) mod simplify;
 pub(super) mod with_setup;

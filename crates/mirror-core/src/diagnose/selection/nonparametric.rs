@@ -33,7 +33,7 @@ pub(crate) struct Unexplained {
 
 impl Unexplained {
     /// A joint with an independent error in each posture.
-    pub fn restless(node: NodeId) -> Self {
+    pub fn erratic(node: NodeId) -> Self {
         let place = Some(Place::Joint(node));
         Self { places: vec![UnexplainedPlace { place, depends_on: Some(BY_ITSELF.into()), shift: 1.0 }] }
     }
@@ -108,7 +108,7 @@ pub(crate) fn beside_free_forms<'a>(
         catalogue: all,
         group: search.group.clone(),
         measured_noise: search.measured_noise,
-        lingering: search.lingering,
+        noise_widening: search.noise_widening,
         options: SearchOptions { most_causes, named_only: false, ..search.options.clone() },
         mask: search.mask,
         ties: Vec::new(),

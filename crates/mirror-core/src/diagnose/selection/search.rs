@@ -70,7 +70,7 @@ pub(crate) struct Search<'a> {
     pub group: Group,
     pub measured_noise: Noise,
     /// The factor by which the noise was increased for correlation over frames; 1 where there is none.
-    pub lingering: f64,
+    pub noise_widening: f64,
     pub options: SearchOptions,
     pub mask: Option<&'a [bool]>,
     /// Causes that were added although another was about as probable, with that other.
@@ -140,7 +140,7 @@ impl Search<'_> {
 
     /// The measured noise as the views of one posture show it.
     pub fn noise_of_views(&self) -> Noise {
-        Noise { marker_px: self.measured_noise.marker_px / self.lingering, ..self.measured_noise }
+        Noise { marker_px: self.measured_noise.marker_px / self.noise_widening, ..self.measured_noise }
     }
 
     pub fn effective(&self, model: &Model) -> Result<Noise> {

@@ -42,13 +42,13 @@ fn views_of_a_posture_share_what_lingers_between_each_two_of_them() {
 fn views_are_widened_for_what_fades_within_a_few_frames_and_not_for_what_stays() {
     const NOISE: Noise = Noise { corner_px: 0.15, marker_px: 0.15, point_m: 1.0 };
     // Mean widening of ten sessions whose blobs' successive errors correlate so.
-    let mean = |lingering: f64, slow_px: f64| {
+    let mean = |correlation: f64, slow_px: f64| {
         let of = |seed: u64| {
             let world = World::new(4, true);
             let robot = Robot::from_urdf_str(&world.urdf()).unwrap();
             let plan = Plan { postures: 60, noise_px: 1e-3, seed, ..Plan::default() };
             let mut recording = world.record(&plan);
-            blobs_linger(&mut recording, NOISE.marker_px, lingering, 1000 + seed);
+            blobs_linger(&mut recording, NOISE.marker_px, correlation, 1000 + seed);
             let count = recording.frames.len() as f64;
             for (f, frame) in recording.frames.iter_mut().enumerate() {
                 for sighting in &mut frame.sightings {

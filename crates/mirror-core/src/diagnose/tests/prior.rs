@@ -17,7 +17,7 @@ pub(super) fn search<'a>(problem: &Problem, catalogue: &'a Catalogue) -> Search<
         catalogue,
         group: Group::default(),
         measured_noise: NOISE,
-        lingering: 1.0,
+        noise_widening: 1.0,
         options: SearchOptions::default(),
         mask: None,
         ties: Vec::new(),

@@ -9,7 +9,7 @@ use super::alternatives::Session;
 use super::chain::{Chain, FRAMES, spread};
 use super::lost::free_columns;
 use super::mistake::Mistake;
-use super::told::told;
+use super::reported::reported;
 use super::undone::{Doubt, Undone};
 use super::verify::{Tolerant, smaller};
 use crate::diagnose::data::diagnosis::{Alternative, Cause};
@@ -84,7 +84,8 @@ pub(super) fn chosen(
     if best == 0 {
         let doubts = |(small, i): (&(String, String), usize)| {
             let one = tried[i].mistakes.first().filter(|_| tried[i].mistakes.len() == 1);
-            let causes = one.map(|m| told(m, &session.robot, &session.recording, &session.problem, of(i)));
+            let causes =
+                one.map(|m| reported(m, &session.robot, &session.recording, &session.problem, of(i)));
             let causes = causes.into_iter().flatten().filter(|c| c.probability >= UNTHOUGHT_OF);
             let doubt = |c: Cause| Doubt {
                 of: small.clone(),

@@ -1,14 +1,14 @@
 //! The parameters of a mistake that are estimated again together with the causes: a zero, a ratio, a delay, a crop.
 
 use super::mistake::{Mistake, UNITS, in_time};
-use super::told::row_step_s;
+use super::reported::row_step_s;
 use super::variant::{Variant, seen_joints};
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::effects::camera_center::CameraCenter;
 use crate::diagnose::effects::{Effect, Place};
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::elementary::{Atom, Column, Weight};
-use crate::diagnose::model::loose::Loose;
+use crate::diagnose::model::mistake_parameters::MistakeParameter;
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::principles::Prior;
@@ -19,7 +19,12 @@ const FIRST_ESTIMATE_STD: Prior = 0.03;
 
 impl Mistake {
     /// Its numbers as further parameters of every model; the recording is that before it is undone.
-    pub(super) fn loose(&self, recording: &Recording, problem: &Problem, names: &[String]) -> Vec<Loose> {
+    pub(super) fn free_parameters(
+        &self,
+        recording: &Recording,
+        problem: &Problem,
+        names: &[String],
+    ) -> Vec<MistakeParameter> {
         let body = &problem.scene.body;
         let joints = seen_joints(body, &problem.scene.relevant);
         let of_joints = |joint: Option<usize>| {
@@ -27,7 +32,7 @@ impl Mistake {
         };
         let of =
             |(joint, node): (usize, NodeId), weight: Weight, std, effect: &str, parameter: &str, unit| {
-                Loose {
+                MistakeParameter {
                     column: Column { atom: Atom::Joint(node), weight },
                     std,
                     effect: effect.into(),
@@ -46,7 +51,7 @@ impl Mistake {
                 })
                 .collect(),
             Self::Resolution { factor: 1.0, .. } => {
-                let part = |(k, parameter): (usize, &str)| Loose {
+                let part = |(k, parameter): (usize, &str)| MistakeParameter {
                     column: Column::constant(Atom::Center(k)),
                     std: CameraCenter.prior_std(&problem.scene, Place::Camera)[k],
                     effect: self.effect().into(),
@@ -74,7 +79,7 @@ impl Mistake {
                 if joint.is_some() {
                     return all.collect();
                 }
-                all.map(|one| Loose { at: "robot".into(), ..one }).collect()
+                all.map(|one| MistakeParameter { at: "robot".into(), ..one }).collect()
             }
             _ => Vec::new(),
         }

@@ -75,7 +75,7 @@ pub(super) fn chains(
             continue;
         }
         out.extend(step(session, nominal, &all.variant, joint, frames));
-        // Independent errors that are not gross are left to the search (`selection::restless`).
+        // Independent errors that are not gross are left to the search (`selection::erratic_joint`).
         if !nominal.is_gross() {
             continue;
         }

@@ -31,10 +31,10 @@ mod mistake;
 mod mounts;
 mod optics;
 mod outlying;
+mod reported;
 mod spoilt;
 #[cfg(test)]
 mod tests;
-mod told;
 mod undone;
 mod variant;
 mod verify;
@@ -42,7 +42,7 @@ mod verify;
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::likelihood::probability::tempered;
 use crate::diagnose::model::problem::Problem;
-use crate::diagnose::prepare::known::Known;
+use crate::diagnose::prepare::first_result::FirstResult;
 use crate::diagnose::principles::{BEYOND_DOUBT, Size};
 use crate::error::Result;
 use crate::robot::Robot;
@@ -52,8 +52,8 @@ pub(crate) use changes::settle_slip;
 pub(crate) use memory::Memory;
 use misfit::Misfit;
 pub(crate) use mistake::Mistake;
+pub(crate) use reported::reported;
 pub(crate) use spoilt::{Lost, Step, column};
-pub(crate) use told::told;
 pub(crate) use undone::{Doubt, Undone};
 use variant::Variant;
 
@@ -72,7 +72,7 @@ pub(crate) fn undone(
     recording: &Recording,
     problem: &Problem,
     without: &[String],
-    known: Option<&Known>,
+    known: Option<&FirstResult>,
     (hung, spoilt): (bool, bool),
     memory: &mut Memory,
 ) -> Result<Option<Undone>> {
@@ -177,7 +177,7 @@ fn change_point(
 fn of_the_body(
     session: &mut Undone,
     without: &[String],
-    known: Option<&Known>,
+    known: Option<&FirstResult>,
     spoilt: bool,
 ) -> Result<choice::Choice> {
     let mut lines = Vec::new();
@@ -193,7 +193,7 @@ fn of_the_body(
 fn chain_of_the_body(
     session: &Undone,
     without: &[String],
-    (known, spoilt): (Option<&Known>, bool),
+    (known, spoilt): (Option<&FirstResult>, bool),
     lines: &mut Vec<String>,
 ) -> Result<choice::Choice> {
     let problem = &session.problem;

@@ -12,7 +12,7 @@ use super::outlying;
 use super::variant::Variant;
 use crate::diagnose::data::recording::{Recording, Target};
 use crate::diagnose::model::problem::{Noise, Problem};
-use crate::diagnose::prepare::known::Known;
+use crate::diagnose::prepare::first_result::FirstResult;
 use crate::diagnose::tests::gap_world::{Plan, World, Wrong};
 use crate::robot::Robot;
 use core::f64::consts::FRAC_PI_2;
@@ -217,7 +217,7 @@ fn a_closer_look_goes_on_beside_a_mistake_where_nothing_gross_is_left() {
         recording.frames[f].commanded[column] = (1.0 - PART) * old[f] + PART * old[f - 1];
     }
     let problem = Problem::new(&robot, &recording).unwrap();
-    let known = Known { deformation: problem.nominal(), false_frames: Vec::new(), sought: false };
+    let known = FirstResult { deformation: problem.nominal(), false_frames: Vec::new(), sought: false };
     let told = |closely: bool| {
         let known = Some(&known).filter(|_| closely);
         let undone = super::undone(

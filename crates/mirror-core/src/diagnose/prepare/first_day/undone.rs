@@ -4,8 +4,8 @@ use super::background;
 use super::memory::Memory;
 use super::mistake::Mistake;
 use super::outlying;
+use super::reported::reported;
 use super::spoilt::{Lost, Step};
-use super::told::told;
 use crate::diagnose::data::diagnosis::{Alternative, Cause, LeftOut};
 use crate::diagnose::data::recording::{Frame, Recording, Target};
 use crate::diagnose::model::problem::Problem;
@@ -74,9 +74,9 @@ impl Undone {
     /// Undoes a mistake, and reports it.
     pub(super) fn undo(&mut self, mistake: &Mistake, probability: f64) -> Result<()> {
         self.mistakes.push(mistake.clone());
-        self.told.extend(told(mistake, &self.robot, &self.recording, &self.problem, probability));
-        let mut loose = core::mem::take(&mut self.problem.loose);
-        loose.extend(mistake.loose(&self.recording, &self.problem, &names(&self.robot)));
+        self.told.extend(reported(mistake, &self.robot, &self.recording, &self.problem, probability));
+        let mut free = core::mem::take(&mut self.problem.mistake_parameters);
+        free.extend(mistake.free_parameters(&self.recording, &self.problem, &names(&self.robot)));
         let before = self.recording.frames.clone();
         mistake.undo(&mut self.robot, &self.problem, &mut self.recording)?;
         self.tell_taken_away(&before, mistake.takes_away_since());
@@ -84,7 +84,7 @@ impl Undone {
         self.problem = arranged_again(&self.robot, &self.recording, &self.problem)?;
         leave_out_wrong_grids(&mut self.problem);
         self.problem.slips = slips;
-        self.problem.loose = loose;
+        self.problem.mistake_parameters = free;
         if !self.problem.slips.is_empty() {
             self.problem.fit_boards()?;
         }

@@ -10,13 +10,13 @@ use crate::error::Result;
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.
-pub(crate) fn allow_for_lingering(search: &mut Search<'_>, found: &mut Found) -> Result<()> {
+pub(crate) fn allow_for_correlation(search: &mut Search<'_>, found: &mut Found) -> Result<()> {
     let deformation = search.deformation(&found.fit.model);
     let widening = widening_of_views(&search.problem, &deformation, search.measured_noise)?;
     if widening <= 1.0 {
         return Ok(());
     }
-    search.lingering = widening;
+    search.noise_widening = widening;
     search.measured_noise.marker_px *= widening;
     search.problem.noise = search.measured_noise;
     let mut again = search.run(found.fit.model.clone())?;

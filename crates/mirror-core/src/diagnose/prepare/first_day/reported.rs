@@ -18,7 +18,7 @@ const MOTION: [&str; 6] = ["rx_rad", "ry_rad", "rz_rad", "dx_m", "dy_m", "dz_m"]
 const REFINED_STD: Prior = 0.01;
 
 /// Causes of a mistake: one, or one for each pair of exchanged joints.
-pub(crate) fn told(
+pub(crate) fn reported(
     mistake: &Mistake,
     robot: &Robot,
     recording: &Recording,

@@ -5,7 +5,7 @@ use crate::diagnose::model::elementary::Column;
 
 /// What a mistake's number may still be off by, a parameter of every model of the session.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Loose {
+pub(crate) struct MistakeParameter {
     pub column: Column,
     /// Prior's standard deviation.
     pub std: f64,

@@ -11,21 +11,21 @@ use crate::diagnose::model::work_budget::A_STAGE;
 use crate::diagnose::prepare::false_observations::without_false;
 use crate::diagnose::principles::ABOVE_SCATTER;
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
+use crate::diagnose::selection::erratic_joint::beside_erratic_joint;
 use crate::diagnose::selection::law_remainder::{MANY_CAUSES, only_their_laws};
 use crate::diagnose::selection::nonparametric::{
     Unexplained, beside_free_forms, is_suspicious, retract_imitators,
 };
-use crate::diagnose::selection::restless::beside_restless_joint;
 use crate::diagnose::selection::search::{Found, Search};
 use crate::diagnose::selection::with_tolerances::{beside_geometry, small_errors_help};
 use crate::error::Result;
 
 /// What was seen on the way.
-pub(crate) struct Beyond {
+pub(crate) struct Extended {
     /// Small errors everywhere, where they are part of the answer.
     pub geometry: Option<Geometry>,
     /// The joint with an independent error in each posture.
-    pub restless: Option<NodeId>,
+    pub erratic: Option<NodeId>,
     /// Places where free-form errors explain more than the reported small errors.
     pub unnamed: Option<Unexplained>,
     /// The problem without the observations that the best model shows to be false, and their share.
@@ -48,13 +48,13 @@ fn hangs_on_no_name(search: &Search<'_>, found: &Found) -> Result<bool> {
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.
-pub(crate) fn look_beyond<'a>(
+pub(crate) fn extend_models<'a>(
     (search, found): (&mut Search<'a>, &mut Found),
     all: &'a Catalogue,
     nominal: &Model,
     setup: Option<Geometry>,
     with_geometry: bool,
-) -> Result<Beyond> {
+) -> Result<Extended> {
     let without_false = |search: &Search<'_>, found: &Found| {
         without_false(&search.problem, &search.deformation(&found.fit.model), found.noise)
     };
@@ -82,9 +82,9 @@ pub(crate) fn look_beyond<'a>(
         fits_noise = left(search, found, &clean)?;
     }
     budget.allow(1.0);
-    let mut restless = None;
-    if doubtful && let Some(beside) = beside_restless_joint(search, found, nominal)? {
-        restless = Some(beside.node);
+    let mut erratic = None;
+    if doubtful && let Some(beside) = beside_erratic_joint(search, found, nominal)? {
+        erratic = Some(beside.node);
         (*search, *found) = (beside.search, beside.found);
         (clean, false_share) = without_false(search, found)?;
     }
@@ -93,7 +93,7 @@ pub(crate) fn look_beyond<'a>(
     let doubtful = fits_noise.significant
         || many
         || with_geometry && (hangs_on_no_name(search, found)? || small_errors_help(search, found)?);
-    if restless.is_none() && with_geometry && doubtful {
+    if erratic.is_none() && with_geometry && doubtful {
         if let Some(beside) = beside_geometry(&named, (search, found), nominal)? {
             geometry = Some(beside.geometry);
             unnamed = beside.unnamed;
@@ -102,5 +102,5 @@ pub(crate) fn look_beyond<'a>(
         (clean, false_share) = without_false(search, found)?;
     }
     geometry = geometry.filter(|_| !found.fit.model.group.is_empty());
-    Ok(Beyond { geometry, restless, unnamed, clean, false_share })
+    Ok(Extended { geometry, erratic, unnamed, clean, false_share })
 }

@@ -5,7 +5,7 @@ use crate::diagnose::model::deformation::Deformation;
 
 /// What a first diagnosis found.
 #[derive(Debug, Clone)]
-pub(crate) struct Known {
+pub(crate) struct FirstResult {
     /// The deformation by the named causes and the small errors, without causes far larger than those.
     pub deformation: Deformation,
     /// Frames, by index, of which something was left out as false.

@@ -38,7 +38,7 @@ const SPREADS: (f64, f64, usize) = (2e-4, 1.5, 23);
 const TRIED: Size = 3;
 
 /// The result of a search with an independent joint error in each posture.
-pub(crate) struct Restless<'a> {
+pub(crate) struct ErraticJoint<'a> {
     pub node: NodeId,
     pub search: Search<'a>,
     pub found: Found,
@@ -68,11 +68,11 @@ pub(crate) fn column_says_nothing(search: &Search<'_>, found: &Found, node: Node
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.
-pub(crate) fn beside_restless_joint<'a>(
+pub(crate) fn beside_erratic_joint<'a>(
     search: &Search<'a>,
     found: &Found,
     nominal: &Model,
-) -> Result<Option<Restless<'a>>> {
+) -> Result<Option<ErraticJoint<'a>>> {
     let here = best_joint(search, &found.fit.model, found.noise)?;
     if !here.is_some_and(|(_, _, log_bayes)| log_bayes + LOG_PRIOR_STRUCTURE > 0.0) {
         return Ok(None);
@@ -99,7 +99,7 @@ pub(crate) fn beside_restless_joint<'a>(
         spread * 1e3
     ));
     its.trace = trace;
-    Ok((odds + LOG_PRIOR_STRUCTURE > 0.0).then_some(Restless { node, search: beside, found: its }))
+    Ok((odds + LOG_PRIOR_STRUCTURE > 0.0).then_some(ErraticJoint { node, search: beside, found: its }))
 }
 
 /// A joint with fitted errors: the search with them free, and their values.
