@@ -113,15 +113,22 @@ def test_no_ball_is_wrong_and_deviations_are_true(name: str, tmp_path: Path) -> 
         rng = np.random.default_rng(seed)
         center = (float(rng.uniform(90, 230)), float(rng.uniform(70, 170)))
         made = make(scene(center, rng), rng)
-        step, quantised = (1, 1), 0.0
+        step, quantised, codec = (1, 1), 0.0, None
         if isinstance(made, bytes):
             (tmp_path / "ball.jpg").write_bytes(made)
             file = read_picture_file(tmp_path / "ball.jpg")
             made, step, quantised = file.pixels, file.chroma_step_px, file.quantisation_step
+            codec = file.codec
             assert step == ((1, 1) if "4:4:4" in name else (2, 2))
         hint = PredictedMarker("hand", (center[0] + 6.0, center[1] - 4.0), np.inf, RADIUS * 1.03)
         (view,) = detect_markers(
-            made, (MARKER,), CAMERA, chroma_step_px=step, expected=(hint,), quantisation_step=quantised
+            made,
+            (MARKER,),
+            CAMERA,
+            chroma_step_px=step,
+            expected=(hint,),
+            quantisation_step=quantised,
+            codec=codec,
         )
         assert view.ok, (seed, view.reason)
         error = np.subtract(view.pixel_px, center)

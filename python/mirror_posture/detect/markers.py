@@ -35,6 +35,7 @@ from .marker_judge import (
     size_share,
     widened_by_size,
 )
+from .recoded import LEAST_STEP, Codec, with_recoded
 from .types import FloatArray, MarkerView, PredictedMarker, color_of
 
 # Smallest outline that sub-pixel edges can be read from; below, the region's centroid is all there is.
@@ -67,13 +68,15 @@ def detect_markers(
     expected: tuple[PredictedMarker, ...] = (),
     quantisation_step: float = 0.0,
     ghost: Ghost | None = None,
+    codec: Codec | None = None,
 ) -> tuple[MarkerView, ...]:
     """Detects each marker in a colour picture `(H, W, 3)` uint8 BGR, in the given order; masked ones have
     their reason.
 
     `predictions` are fences: nothing outside of them is looked at. `expected` are hints, of a robot's model: place and size of each ball, either of which may be
     off. `chroma_step_px`: pixels across and down that share a colour, as the picture's codec has it;
-    `quantisation_step`: its step of brightness, levels. `ghost`: the second picture that a pane shows, whose pull the covariances then hold.
+    `quantisation_step`: its step of brightness, levels; `codec`: how it was coded, where the file tells it. `ghost`: the second picture that a pane shows, whose
+    pull the covariances then hold.
     """
     options = (options or MarkerOptions()).with_codec(quantisation_step, chroma_step_px != (1, 1))
     bounds = bounds or {}
@@ -98,12 +101,15 @@ def detect_markers(
     ]
     # All outlines of the picture at once: the core shares them out.
     starts = [start for job in jobs for start in job.starts]
+    sampled = codec if quantisation_step >= LEAST_STEP else None
     if chroma_step_px == (1, 1) and quantisation_step >= COARSE_COLOUR_STEP:
         chroma_step_px = (2, 2)
     if chroma_step_px == (1, 1):
         widened = 1.0 + quantisation_step / TELLING_STEP
     else:
         widened = 1.0 + (quantisation_step or USUAL_STEP) / TELLING_STEP_OF_COARSE_COLOUR
+    if sampled is not None:
+        widened = 1.0
 
     def measured(starts: list[Start]) -> list[OutlineFit | None]:
         return [
@@ -130,9 +136,17 @@ def detect_markers(
         view = _seen(bgr, job, own, options, again, coded)
         if view.ok or not jobs[index].starts:
             jobs[index], fits_of[index], views[index] = job, own, view
+    by_rays = views
     if quantisation_step <= MOST_QUANTISATION_STEP:
         wanted = [_expected(job) for job in jobs]
         views = with_blurred(bgr, wanted, fits_of, views, assumed, options, coded, ghost)
+    if sampled is not None:
+
+        def read(picture: npt.NDArray[np.uint8], starts: list[Start]) -> list[OutlineFit | None]:
+            return measure_balls(picture, starts, assumed, chroma_step_px)
+
+        recoded = with_recoded(bgr, by_rays, sampled, read)
+        views = [new if old is view else view for old, new, view in zip(by_rays, recoded, views, strict=True)]
     if camera is None:
         views = [replace(view, sphere_center_px=None) for view in views]
     return tuple(views)

@@ -116,6 +116,7 @@ def detect_picture(
         expected_markers(boards, setup, prediction),
         file.quantisation_step,
         ghost,
+        file.codec,
     )
     return PictureDetections(source, width, height, boards, markers, warnings=warnings)
 

@@ -18,6 +18,7 @@ from PIL import Image, JpegImagePlugin, UnidentifiedImageError
 from ..arguments import checked_arguments
 from ..input_files import read_regular, reason
 from ..short_repr import ShortRepr
+from .recoded import Codec
 from .types import DetectionError
 
 Picture = npt.NDArray[np.uint8]
@@ -53,13 +54,15 @@ class PictureFile(ShortRepr):
 
     `exif_turn`: how a viewer would show it ("" as stored). `chroma_step_px`: pixels that share a colour,
     across and down: (2, 2) in a JPEG of 4:2:0. `quantisation_step`: mean step of a JPEG's ten finest
-    coefficients of brightness, levels: about 2 at quality 92, 13 at 50; 0 where nothing is lost.
+    coefficients of brightness, levels: about 2 at quality 92, 13 at 50; 0 where nothing is lost. `codec`:
+    how a JPEG in colour was coded.
     """
 
     pixels: Picture
     exif_turn: str = ""
     chroma_step_px: tuple[int, int] = (1, 1)
     quantisation_step: float = 0.0
+    codec: Codec | None = None
 
 
 @checked_arguments
@@ -111,7 +114,9 @@ def read_picture_file(path: Path | str) -> PictureFile:
         detail = " ".join(str(error).split())
         raise DetectionError(f"{file}: the picture is broken ({detail}); take or copy it again") from None
     step = (2, 2) if _is_lossy_webp(content) else _chroma_step(picture)
-    return PictureFile(as_picture(pixels, str(file)), turn, step, _quantisation_step(picture))
+    return PictureFile(
+        as_picture(pixels, str(file)), turn, step, _quantisation_step(picture), _codec(picture, step)
+    )
 
 
 def _is_plain_jpeg(picture: Image.Image) -> bool:
@@ -181,6 +186,18 @@ def _quantisation_step(picture: Image.Image) -> float:
     tables = picture.quantization if isinstance(picture, JpegImagePlugin.JpegImageFile) else {}
     table = sorted(tables.get(0, ()))
     return float(np.mean(table[:10])) if table else 0.0
+
+
+def _codec(picture: Image.Image, chroma_step_px: tuple[int, int]) -> Codec | None:
+    """How a JPEG in colour was coded; None for another file, and for a sampling that Pillow does not write."""
+    if not isinstance(picture, JpegImagePlugin.JpegImageFile) or picture.mode != "RGB":
+        return None
+    sampling = JpegImagePlugin.get_sampling(picture)
+    if sampling < 0:
+        return None
+    return Codec(
+        {number: list(steps) for number, steps in picture.quantization.items()}, sampling, chroma_step_px
+    )
 
 
 def _check_size(width: int, height: int, name: str) -> None:
