@@ -2,7 +2,7 @@
 
 use crate::traced::{Eye, Glass, noisy};
 use mirror_core::calibrate::{
-    MirrorViewOptions, Motion, SecondCameraRig, SecondCameraSnapshot, calibrate_from_mirror_views,
+    MirrorViewOptions, Motion, SecondCameraRig, SecondCameraSnapshot, Weakness, calibrate_from_mirror_views,
     calibrate_with_second_camera,
 };
 use mirror_core::camera::{Camera, Distortion};
@@ -160,6 +160,25 @@ fn a_mirror_that_turns_about_its_own_stand_leaves_a_direction_blind() {
         assert!(warning.contains("translation along") && warning.contains("rotation about"), "{warning}");
         assert!(found.weakness.rotation.std > 0.02, "{warning}");
         assert!(found.reprojection_mean_px < 0.3, "{}", found.reprojection_mean_px);
+    }
+}
+
+/// Weak is a translation beyond a fiftieth of the board's diagonal, and a rotation beyond half a degree.
+#[test]
+fn weak_is_relative_to_the_diagonal_of_the_board_and_half_a_degree() {
+    for (nx, ny) in [(8, 3), (3, 8)] {
+        let board = Board::new((nx, ny), 0.02).unwrap();
+        let limit_m = 0.02 * 0.02 * 73_f64.sqrt();
+        for (share, weak) in [(0.97, false), (1.03, true)] {
+            let mut covariance = Matrix6::identity() * 1e-12;
+            covariance[(4, 4)] = (share * limit_m).powi(2);
+            let found = Weakness::of(&covariance, &board).weak_direction();
+            assert_eq!(found.map(|d| d.motion), weak.then_some(Motion::Translation), "{nx} x {ny}, {share}");
+            covariance[(4, 4)] = 1e-12;
+            covariance[(2, 2)] = (share * 0.5_f64.to_radians()).powi(2);
+            let found = Weakness::of(&covariance, &board).weak_direction();
+            assert_eq!(found.map(|d| d.motion), weak.then_some(Motion::Rotation), "{nx} x {ny}, {share}");
+        }
     }
 }
 

@@ -244,6 +244,71 @@ fn a_jump_is_not_acted_upon_and_one_good_look_goes_on() {
     assert_eq!(second.command, corrector.records()[2].command);
 }
 
+/// The first look was coarse: where the marker comes to lie by the step that followed is as uncertain as that look.
+#[test]
+fn a_coarse_first_look_is_no_reason_to_doubt_a_precise_second_one() {
+    let body = Body { offset: [0.0, 0.05, 0.0], ..Body::default() };
+    let coarse_m = 3e-3;
+    for seed in 0..100 {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let mut corrector = corrector(&["hand"], gain(0.2), &[]);
+        let first = Vector3::from_fn(|_, _| rng.sample::<f64, _>(StandardNormal) * coarse_m);
+        let mut one = reading(body.hand(&arm_command(&corrector)) + first, &mut rng).unwrap();
+        one.covariance_m2 = Matrix3::identity() * (coarse_m * coarse_m + NOISE_M * NOISE_M);
+        corrector.observe(&[Some(one)]).unwrap();
+        let point = body.hand(&arm_command(&corrector));
+        corrector.observe(&[reading(point, &mut rng)]).unwrap();
+        let doubt = &corrector.records()[1].markers[0].implausible;
+        assert!(doubt.is_none(), "seed {seed}: {doubt:?}");
+    }
+}
+
+/// The joint that goes farther than commanded brings the marker onto its target. Where that is more than half of the
+/// step farther, another look must confirm it.
+#[test]
+fn an_arrival_that_the_step_does_not_explain_is_looked_at_again() {
+    for (gain_of_step, confirmed) in [(0.6, true), (0.8, false)] {
+        let mut rng = ChaCha8Rng::seed_from_u64(21);
+        let mut corrector = corrector(&["hand"], gain(gain_of_step), &["pitch", "elbow"]);
+        let body = Body { offset: [0.0, 0.2, 0.0], ..Body::default() };
+        corrector.observe(&[reading(body.hand(&TARGET), &mut rng)]).unwrap();
+        let decision = corrector.observe(&[reading(Body::default().hand(&TARGET), &mut rng)]).unwrap();
+        let again = matches!(decision, Decision::LookAgain { fresh: true, why: "surprising" });
+        assert_eq!(again, confirmed, "{decision:?}");
+        assert!(again || matches!(decision, Decision::Stop { stop: Stop::Converged(_) }), "{decision:?}");
+    }
+}
+
+/// A step's effect is the difference of two looks: the response is as uncertain as both together.
+#[test]
+fn the_deviation_of_a_response_is_that_of_its_draws() {
+    let body = Body { offset: [0.0, 0.15, 0.0], ..Body::default() };
+    let trials = 300;
+    for coarse_look in [1, 2] {
+        let mut rng = ChaCha8Rng::seed_from_u64(4);
+        let mut squares = 0.0;
+        for _ in 0..trials {
+            let mut corrector = corrector(&["hand"], gain(0.8), &["pitch", "elbow"]);
+            for look in 1..=2 {
+                let std_m = if look == coarse_look { 6e-4 } else { 1e-5 };
+                let noise = Vector3::from_fn(|_, _| rng.sample::<f64, _>(StandardNormal) * std_m);
+                let one = Reading {
+                    point_in_frame_m: body.hand(&arm_command(&corrector)) + noise,
+                    covariance_m2: Matrix3::identity() * std_m * std_m,
+                    chi_squared: 0.5,
+                    degrees_of_freedom: 1,
+                };
+                corrector.observe(&[Some(one)]).unwrap();
+            }
+            let responses = corrector.responses();
+            assert_eq!(responses[0].joint, "roll");
+            squares += ((responses[0].response - 1.0) / responses[0].std).powi(2);
+        }
+        let ratio = (squares / f64::from(trials)).sqrt();
+        assert!((ratio - 1.0).abs() < 0.15, "look {coarse_look} is the coarse one: {ratio}");
+    }
+}
+
 #[test]
 fn readings_that_stay_wrong_are_inconsistent() {
     let mut rng = ChaCha8Rng::seed_from_u64(6);

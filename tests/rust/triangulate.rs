@@ -189,6 +189,23 @@ fn points_on_the_wrong_side_are_refused() {
     assert!(matches!(midpoint_of_two(&a, &b, 0.01), Err(Error::WrongSide { .. })));
 }
 
+/// Rays that meet between the virtual cameras and the mirror: light has no such way.
+#[test]
+fn points_behind_the_mirror_are_refused() {
+    let scene = scene([0.0; 5], 0.0, 0.0);
+    let mut behind = seen(&scene, &scene.rig, 2, |_| Vector2::zeros());
+    let point = Vector3::new(0.03, 0.02, 0.2);
+    for (mirror, pixel) in behind.mirrors.iter().zip(&mut behind.pixels) {
+        let (n, d) = (mirror.plane.normal().into_inner(), mirror.plane.foot_point().norm());
+        assert!(n.dot(&point) > d + 0.02);
+        *pixel = scene.eye.pixel(&(point + n * (2.0 * (d - n.dot(&point)))));
+    }
+    for way in Triangulator::ALL {
+        let got = triangulated(way, &scene.rig, &behind, &TriangulationOptions::default());
+        assert!(matches!(got, Err(Error::WrongSide { place: "behind the mirror", .. })), "{way:?}: {got:?}");
+    }
+}
+
 #[test]
 fn midpoint_of_two_is_the_least_squares_point() {
     let scene = scene([0.0; 5], 0.1, -0.1);

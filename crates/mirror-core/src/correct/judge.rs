@@ -104,4 +104,17 @@ mod tests {
         let claimed = errors(truth.to_vec()).rms_std_m();
         assert!((claimed / spread - 1.0).abs() < 0.06, "{claimed} {spread}");
     }
+
+    #[test]
+    fn errors_of_zero_have_the_deviation_of_one_axis_however_many_markers_there_are() {
+        for markers in [1, 2, 5] {
+            let covariance = Matrix3::from_diagonal(&Vector3::new(1e-8, 4e-8, 7e-8));
+            let errors = Errors {
+                error_m: vec![Vector3::zeros(); markers],
+                covariance_m2: vec![covariance; markers],
+                look: 1,
+            };
+            assert!((errors.rms_std_m() - 2e-4).abs() < 1e-12, "{markers}: {}", errors.rms_std_m());
+        }
+    }
 }
