@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable
 from fractions import Fraction
 from pathlib import Path
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -17,7 +18,10 @@ from typer.testing import CliRunner
 
 from mirror_posture import MirrorPostureError, Robot, cli, load_session
 from mirror_posture.importing import JointLog, Recording, find_rests, match_clocks
+from mirror_posture.importing.bags import _picture as bag_picture
+from mirror_posture.importing.bags import _with_commands as with_commands
 from mirror_posture.importing.joint_csv import joint_csv
+from mirror_posture.importing.lerobot_dataset import read_dataset
 from mirror_posture.importing.rest import picture_motion
 from mirror_posture.importing.write import check_limits, match_begins
 from mirror_posture.session import load_camera_info
@@ -381,6 +385,8 @@ def test_logs_are_read_as_others_write_them(tmp_path: Path) -> None:
         assert log.names == ("a", "b") and log.others == (("note",) if "note" in text else ())
         np.testing.assert_allclose(log.time_s, plain.time_s)
         np.testing.assert_array_equal(log.position, plain.position)
+    # What is between the cells is told by the commas of the head, whatever a name contains.
+    assert read("time_s,a,left;b\n0,1.5,2\n1,1.5,2\n").names == ("a", "left;b")
     # A joint with a broken cell is no note.
     with pytest.raises(MirrorPostureError, match=r"log.csv, row 2 \(line 3\), column 'b': got 'x'"):
         read("time_s;a;b\n0;1,5;2\n1;1,25;x\n")
@@ -388,6 +394,63 @@ def test_logs_are_read_as_others_write_them(tmp_path: Path) -> None:
         read("stamp,a\n0,1\n1,2\n")
     with pytest.raises(MirrorPostureError, match="needed COLUMN or COLUMN=UNIT"):
         read("stamp,a\n0,1\n1,2\n", time="stamp=minutes")
+
+
+def test_measured_columns_count_for_all_joints_or_are_told_as_left_out(tmp_path: Path) -> None:
+    file = tmp_path / "log.csv"
+    file.write_text("time_s,a,b,measured:a,measured:b\n0,1,2,1.1,2.1\n1,1,2,1.1,2.1\n")
+    log = joint_csv(file, False)
+    assert log.measured is not None and log.measured.tolist() == [[1.1, 2.1]] * 2 and log.others == ()
+    file.write_text("time_s,a,b,measured:a,measured:c\n0,1,2,1.1,2.1\n1,1,2,1.1,2.1\n")
+    log = joint_csv(file, False)
+    assert log.names == ("a", "b") and log.measured is None and log.others == ("measured:a", "measured:c")
+
+
+def test_a_measurement_goes_with_the_last_command_that_was_given_by_then() -> None:
+    times = np.array([0.0, 1.0, 2.0])
+    commands = JointLog(times, ("b", "a"), np.array([[10.0, 0.0], [11.0, 1.0], [12.0, 2.0]]))
+    measured = JointLog(np.array([-0.5, 0.0, 0.9, 1.0, 5.0]), ("a", "c", "b"), np.arange(15.0).reshape(5, 3))
+    log = with_commands(measured, commands)
+    assert log.names == ("a", "b") and log.time_s.tolist() == [0.0, 0.9, 1.0, 5.0]
+    assert log.position.tolist() == [[0.0, 10.0], [0.0, 10.0], [1.0, 11.0], [2.0, 12.0]]
+    assert log.measured is not None and log.measured[:, 1].tolist() == [5.0, 8.0, 11.0, 14.0]
+
+
+@pytest.mark.parametrize("encoding", ["rgb8", "rgba8", "bgr8", "bgra8", "mono8"])
+def test_pictures_of_a_bag_have_their_colours_in_the_order_of_opencv(encoding: str) -> None:
+    blue, green, red = 200, 120, 30
+    cell = {"r": red, "g": green, "b": blue, "a": 255, "m": 99}
+    letters = "m" if encoding == "mono8" else encoding[:-1]
+    # Rows have bytes at their end that are no pixels.
+    row = [cell[letter] for letter in letters] * 3 + [7, 7]
+    message = SimpleNamespace(encoding=encoding, width=3, height=2, step=len(row), data=bytes(row * 2))
+    picture = bag_picture(Path("a.bag"), message)
+    assert picture.shape == (2, 3, 3)
+    wanted = [99, 99, 99] if encoding == "mono8" else [blue, green, red]
+    assert (picture == wanted).all()
+
+
+def test_an_episode_begins_with_its_own_picture_however_its_time_is_rounded(tmp_path: Path) -> None:
+    """The film's stamps are whole multiples of a frame, the table's are floating-point numbers."""
+    root = Path(write_lerobot(tmp_path, 3)[0])
+    file = root / "meta/episodes/chunk-000/file-000.parquet"
+    rows = pa.parquet.read_table(file).to_pylist()
+    for row in rows:
+        row["videos/observation.images.front/from_timestamp"] += 1e-4
+    pa.parquet.write_table(pa.Table.from_pylist(rows), file)
+    pictures = list(read_dataset(root, image=None, episode=1, degrees=True).pictures())
+    assert len(pictures) == len(np.arange(0, LENGTH_S - 0.05, 1 / FPS))
+    assert pictures[0][0] == pytest.approx(0.0, abs=2e-4)
+
+
+def test_actions_of_other_names_are_no_commands(tmp_path: Path) -> None:
+    root = Path(write_lerobot(tmp_path, 3)[0])
+    file = root / "meta/info.json"
+    info = json.loads(file.read_text())
+    info["features"]["action"]["names"] = ["b.pos", "a.pos"]
+    file.write_text(json.dumps(info))
+    log = read_dataset(root, image=None, episode=1, degrees=True).joints
+    assert log.names == ("a", "b") and log.measured is None and not log.commanded
 
 
 def test_clocks_that_have_nothing_in_common_are_matched_from_their_beginnings() -> None:

@@ -87,6 +87,16 @@ def test_chunks_of_an_mcap_are_bounded(
         read_recording(mcap(tmp_path / "large.mcap", compression, ["a"], jpeg(), 100_000))
 
 
+def test_a_chunk_that_does_not_tell_its_size_has_the_one_that_its_record_tells() -> None:
+    zstandard = pytest.importorskip("zstandard")
+    data = zstandard.ZstdCompressor(write_content_size=False).compress(bytes(1000))
+    assert zstandard.frame_content_size(data) < 0
+    assert bounds._unfolded_size("zstd", data, 10**12) == 10**12
+    # Of two sizes that are told the larger one.
+    data = zstandard.ZstdCompressor().compress(bytes(1000))
+    assert bounds._unfolded_size("zstd", data, 10) == 1000
+
+
 @pytest.mark.parametrize("compression", ["BZ2", "LZ4"])
 def test_chunks_of_a_ros_1_bag_are_bounded(
     tmp_path: Path, compression: str, monkeypatch: pytest.MonkeyPatch

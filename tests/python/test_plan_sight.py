@@ -17,9 +17,9 @@ CORNERS = np.array([[x, y, 0.0] for y in (-0.03, 0.03) for x in (-0.04, 0.04)])
 
 
 def looked(
-    at: tuple[float, float, float], radius_m: float, width_m: float = 0.5
+    at: tuple[float, float, float], radius_m: float, width_m: float = 0.5, turned_rad: float = 0.0
 ) -> tuple[Any, Scene, Sight, Any]:
-    """The camera is the base, and looks along z at a mirror 0.5 m away, whose middle is on the axis."""
+    """The camera is the base, and looks along z at a mirror 0.5 m away, whose middle is on the axis; the board faces it, but for a turn about x."""
     setting = SimpleNamespace(
         camera=Camera((1280, 960), (FOCAL_PX, FOCAL_PX), (639.5, 479.5)),
         board=Board(5, 4, 0.02),
@@ -34,9 +34,12 @@ def looked(
         width_m=width_m,
         height_m=0.5,
     )
-    scene = Scene(np.eye(4)[None], CORNERS[None], np.array([[0.0, 0.0, 1.0]]), np.array([[at]]))
+    turn = np.array([1.0, np.cos(turned_rad), np.sin(turned_rad)])
+    corners = CORNERS[:, [0, 1, 1]] * turn
+    normal = np.array([[0.0, -np.sin(turned_rad), np.cos(turned_rad)]])
+    scene = Scene(np.eye(4)[None], corners[None], normal, np.array([[at]]))
     sight = look(setting, scene, mirror)
-    assert sight.board[0]
+    assert sight.board[0] or turned_rad
     np.testing.assert_allclose(sight.foot[0], [0.0, 0.0, DISTANCE_M])
     return setting, scene, sight, mirror
 
@@ -63,6 +66,12 @@ def test_a_ball_is_seen_within_the_mirrors_inner_part_only(x_m: float, seen: boo
     # middle, of which 6 % of its width are kept free, and the ball's radius.
     assert 0.5 / 0.7 * 0.14 < 0.125 - 0.06 * 0.25 - 0.005 < 0.5 / 0.7 * 0.17
     assert ball_is_seen((x_m, 0.0, 0.3), 0.005, width_m=0.25) == seen
+
+
+@pytest.mark.parametrize(("degrees", "seen"), [(55.0, True), (65.0, False), (-65.0, False)])
+def test_a_board_is_seen_unless_it_is_too_steep(degrees: float, seen: bool) -> None:
+    sight = looked((0.0, 0.0, 0.3), 0.01, turned_rad=np.radians(degrees))[2]
+    assert bool(sight.board[0]) == seen
 
 
 class HalfPlane:

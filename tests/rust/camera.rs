@@ -52,6 +52,35 @@ fn what_the_camera_cannot_see_is_refused() {
     assert!(Camera::new((8, 6), Vector2::new(-1.0, 1.0), Vector2::zeros(), Distortion::None).is_err());
 }
 
+/// x / (1 − 0.5 ρ²) has a pole at ρ² = 2: what lies beyond it comes in again from the other side.
+#[test]
+fn a_rational_lens_ends_at_its_pole() {
+    let camera = camera(Distortion::RationalPolynomial([0.0, 0.0, 0.0, 0.0, 0.0, -0.5, 0.0, 0.0]));
+    assert!(camera.project(&Point3::new(1.40, 0.0, 1.0)).is_ok());
+    for x in [1.43, 2.0, 4.0] {
+        assert!(camera.project(&Point3::new(x, 0.0, 1.0)).is_err(), "{x}");
+    }
+}
+
+/// Pixel 0 is the middle of the first pixel: the picture reaches from −0.5 to its size less 0.5.
+#[test]
+fn a_picture_contains_its_outermost_pixels_to_their_edges() {
+    let camera = camera(Distortion::None);
+    for (u, v, inside) in [
+        (-0.5, 300.0, true),
+        (-0.51, 300.0, false),
+        (799.5, 300.0, true),
+        (799.51, 300.0, false),
+        (400.0, -0.5, true),
+        (400.0, -0.51, false),
+        (400.0, 599.5, true),
+        (400.0, 599.51, false),
+        (f64::NAN, 300.0, false),
+    ] {
+        assert_eq!(camera.contains(&Vector2::new(u, v)), inside, "{u}, {v}");
+    }
+}
+
 #[test]
 fn a_fisheye_sees_nearly_to_the_side_and_refuses_what_folds() {
     let wide = |k| {

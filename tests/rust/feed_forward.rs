@@ -54,6 +54,15 @@ proptest! {
         prop_assert_eq!(way_point, q);
     }
 
+    /// A servo stops as soon as its error is within the dead band: half of its width away, on the side of its load.
+    #[test]
+    fn a_dead_band_leaves_the_joint_half_its_width_away(q in -1.2..1.2f64, half in 0.001..0.1f64) {
+        let (mut way_point, mut command) = ([0.0; 2], [0.0; 2]);
+        let ahead = ahead(&[term(1, JointTerm::DeadBand, half)]).unwrap();
+        ahead.commands(&[0.0, q], &mut way_point, &mut command).unwrap();
+        prop_assert!((command[1] + torques([0.0, q])[1].signum() * half - q).abs() < 1e-12);
+    }
+
     #[test]
     fn a_play_is_approached_from_the_side_of_its_load(q in -1.2..1.2f64, width in 0.001..0.1f64) {
         let (mut way_point, mut command) = ([0.0; 2], [0.0; 2]);

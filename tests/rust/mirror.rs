@@ -201,6 +201,9 @@ fn bad_views_are_refused_with_their_reason() {
     ));
     let line: Vec<_> = (0..7).map(|i| corner(i, 10.0 * i as f64)).collect();
     assert!(matches!(view(&line), Err(Error::CornersDegenerate { got: 7, .. })));
+    // So are those of a diagonal.
+    let diagonal: Vec<_> = (0..5).map(|i| corner(8 * i, 10.0 * i as f64)).collect();
+    assert!(matches!(view(&diagonal), Err(Error::CornersDegenerate { got: 5, .. })));
     // A picture that collapses to one pixel: an error of every estimator, no number that is not one.
     let scene = scene([0.0; 5], 0.0, 0.0);
     let flat = BoardView::complete(&board, &[Vector2::new(300.0, 200.0); 35]).unwrap();

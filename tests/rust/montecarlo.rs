@@ -390,6 +390,30 @@ fn a_robust_loss_that_bounds_nothing_claims_what_squares_claim() {
     assert!((ratio - 1.0).abs() < 1e-4, "{ratio}");
 }
 
+/// The fit takes up a part of the noise of a few corners; the scale of a robust loss is told without it.
+#[test]
+fn a_robust_loss_finds_the_noise_of_few_corners() {
+    let setting = Setting::of_the_paper();
+    let glass = Glass::turned(Vector3::new(0.0, 0.0, 0.15), 0.1, 0.05);
+    let exact = traced(&setting, &glass, &[]);
+    let mut rng = ChaCha8Rng::seed_from_u64(61);
+    let mut noise = Mean::default();
+    // An odd number of them: the middle one of their residuals is the median.
+    let used = [0, 6, 16, 19, 28, 32, 34];
+    for _ in 0..TRIALS {
+        let corners: Vec<_> = used
+            .iter()
+            .map(|&index| DetectedCorner { index, pixel: noisy(&exact.corners[index], NOISE_PX, &mut rng) })
+            .collect();
+        let view = BoardView::new(&setting.rig.board, &corners).unwrap();
+        let huber = EstimatorOptions { loss: Loss::huber(), ..Default::default() };
+        let found = MirrorEstimator::MaximumLikelihood.estimate(&setting.rig, &view, &huber).unwrap();
+        noise.add(found.noise_px);
+    }
+    let ratio = noise.mean() / NOISE_PX;
+    assert!((ratio - 1.0).abs() < 0.06, "{ratio}");
+}
+
 #[test]
 fn robust_losses_survive_wrong_corners_and_claim_what_they_give() {
     let setting = Setting::of_the_paper();

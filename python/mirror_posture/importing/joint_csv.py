@@ -21,8 +21,8 @@ NEEDED = "a CSV with time_s and a column for each joint"
 def joint_csv(file: Path, degrees: bool, time: str = TIME) -> JointLog:
     """A CSV with a column of time and one for each joint, optionally `measured:<joint>`, rad (or degrees) and m.
 
-    `time` names the column of time, with its unit where that is not s: `stamp=ms`. Columns that hold no number at all (notes) are told in
-    `others`. Semicolons or tabs between the cells, and decimal commas between semicolons, are read as well.
+    `time` names the column of time, with its unit where that is not s: `stamp=ms`. Columns that hold no number at all (notes), and
+    measurements of only some of the joints, are told in `others`. Semicolons or tabs between the cells, and decimal commas between semicolons, are read as well.
 
     Raises:
         MirrorPostureError: no such file, no such column, a cell that is no number.
@@ -47,9 +47,12 @@ def joint_csv(file: Path, degrees: bool, time: str = TIME) -> JointLog:
         raise SessionError(file.name, f"has no column for a joint; it has {choices(table.columns)}")
     factor = np.pi / 180.0 if degrees else 1.0
     position = factor * np.stack([table.numbers(name) for name in names], axis=1)
+    told = tuple(name for name in table.columns if name.startswith(MEASURED) and name not in others)
     measured = None
-    if all(MEASURED + name in table.columns for name in names):
+    if set(told) == {MEASURED + name for name in names}:
         measured = factor * np.stack([table.numbers(MEASURED + name) for name in names], axis=1)
+    else:
+        others += told
     seconds = SECONDS[unit or "s"] * table.numbers(column)
     return JointLog(seconds, names, position, measured, commanded=True, others=others)
 

@@ -31,7 +31,7 @@ class JointLog:
     """(N, J) readings of the encoders in addition to the commands; None where there is only one of the two."""
     commanded: bool = False
     others: tuple[str, ...] = ()
-    """Columns that hold no numbers, and are left out."""
+    """Columns that are left out: those that hold no numbers, and measurements of only some of the joints."""
 
     def __post_init__(self) -> None:
         if len(self.time_s) < 2 or self.position.shape != (len(self.time_s), len(self.names)):
