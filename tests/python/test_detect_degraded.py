@@ -207,6 +207,19 @@ def test_things_of_its_colour_far_near_and_touching_do_not_matter() -> None:
         assert view.pixel_px == pytest.approx(center, abs=0.25), other
 
 
+def test_a_ball_smaller_than_forty_things_of_its_colour_is_found_among_them() -> None:
+    rng = np.random.default_rng(8)
+    center = (150.3, 118.6)
+    # A field of discs of its colour, larger than it, on the left and right; one of them could be the ball by its size.
+    places = [(x, y) for x in (16.0, 48.0, 80.0, 220.0, 252.0, 284.0) for y in np.arange(16.0, 230.0, 31.0)]
+    picture = encoded(scene(center, rng, others=tuple((at, 1.2 * RADIUS) for at in places)))
+    hint = PredictedMarker("hand", (center[0] + 8.0, center[1] - 6.0), np.inf, RADIUS)
+    (view,) = detect_markers(picture, (MARKER,), CAMERA, expected=(hint,))
+    assert len(places) > 40
+    assert view.ok, view.reason
+    assert view.pixel_px == pytest.approx(center, abs=0.1)
+
+
 def test_two_balls_that_fit_alike_are_masked() -> None:
     rng = np.random.default_rng(4)
     picture = encoded(scene((130.0, 118.0), rng, others=(((190.0, 118.0), RADIUS),)))

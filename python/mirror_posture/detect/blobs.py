@@ -21,9 +21,9 @@ from .types import FloatArray
 
 # Regions smaller than this are noise or too small to measure.
 MIN_REGION_AREA_PX = 12
-# The largest number of regions of one colour that are examined, the largest regions first: more are texture,
-# not balls.
-MAX_REGIONS = 32
+# The largest number of regions of one colour that are returned, the largest regions first. A ball may be smaller than many other things of its colour; more than
+# these are texture.
+MAX_REGIONS = 500
 
 
 @dataclass(frozen=True, eq=False, repr=False)

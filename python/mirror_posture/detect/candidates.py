@@ -53,25 +53,44 @@ def find_candidates(
     place = np.array(expected.pixel_px)
     # A hidden ball's region is small, but not tiny.
     fitting = [region for region in regions if region.equivalent_radius_px > 0.35 * radius]
-    found = []
-    for region in fitting:
-        points = contour_px(region)
-        for _ in range(CIRCLES_A_REGION):
-            circle = fit_circle(points, low, high, CONTOUR_TOLERANCE_PX)
-            if circle is None:
-                break
-            away = np.linalg.norm(points - circle.center_px, axis=1) - circle.radius_px
-            on = np.abs(away) <= CONTOUR_TOLERANCE_PX
-            if on.sum() < LEAST_ARC * 2.0 * np.pi * circle.radius_px:
-                break
-            # The contour runs along the outermost pixels' centres: half a pixel inside of the outline.
-            grown = Circle(circle.center_px, circle.radius_px + 0.5)
-            found.append(Candidate(grown, region, float(np.linalg.norm(circle.center_px - place))))
-            points = points[~on]
-            if len(points) < 8:
-                break
-    found.sort(key=lambda one: one.away_px)
+    # A circle's centre is at most its radius from its region, so regions that are too far away for it need not be looked at.
+    nearest = sorted((_least_away(region, place) - high, at) for at, region in enumerate(fitting))
+    found: list[Candidate] = []
+    for least, at in nearest:
+        kept = _distinct(found)
+        if len(kept) >= MOST_MEASURED and least > kept[MOST_MEASURED - 1].away_px:
+            break
+        found += _circles(fitting[at], place, low, high)
+        found.sort(key=lambda one: one.away_px)
     return _distinct(found)[:MOST_MEASURED]
+
+
+def _least_away(region: Region, place: FloatArray) -> float:
+    """Distance of a place from a region's box, px; 0 within."""
+    left, top, width, height = region.box_px
+    low, high = np.array([left, top]), np.array([left + width - 1, top + height - 1])
+    return float(np.linalg.norm(np.maximum(0.0, np.maximum(low - place, place - high))))
+
+
+def _circles(region: Region, place: FloatArray, low: float, high: float) -> list[Candidate]:
+    """Circles of a radius in the range in a region's contour, the one with the most of it first."""
+    points = contour_px(region)
+    found = []
+    for _ in range(CIRCLES_A_REGION):
+        circle = fit_circle(points, low, high, CONTOUR_TOLERANCE_PX)
+        if circle is None:
+            break
+        away = np.linalg.norm(points - circle.center_px, axis=1) - circle.radius_px
+        on = np.abs(away) <= CONTOUR_TOLERANCE_PX
+        if on.sum() < LEAST_ARC * 2.0 * np.pi * circle.radius_px:
+            break
+        # The contour runs along the outermost pixels' centres: half a pixel inside of the outline.
+        grown = Circle(circle.center_px, circle.radius_px + 0.5)
+        found.append(Candidate(grown, region, float(np.linalg.norm(circle.center_px - place))))
+        points = points[~on]
+        if len(points) < 8:
+            break
+    return found
 
 
 def _distinct(candidates: list[Candidate]) -> list[Candidate]:

@@ -301,6 +301,7 @@ def _by_hint(
         )
     good: list[MarkerView] = []
     bad: list[MarkerView] = []
+    lost: list[Candidate] = []
     share = 1.0 + size_share(radius, options)
 
     def of_known_size(center_px: FloatArray) -> OutlineFit | None:
@@ -312,6 +313,7 @@ def _by_hint(
             # A short arc fits many sizes, and may have run away.
             fit = of_known_size(one.circle.center_px)
         if fit is None:
+            lost.append(one)
             continue
         seen = judged(bgr, marker, one.region, fit, options)
         view = doubted_size(seen, fit, radius, options)
@@ -336,7 +338,7 @@ def _by_hint(
         )
     index, reason = choose([np.array(view.pixel_px) for view in good], hint)
     if index >= 0:
-        nearer = _nearer(good[index], bad, hint)
+        nearer = _nearer(good[index], bad, hint) or _lost_nearer(good[index], lost, hint)
         return good[index] if nearer is None else replace(good[index], ok=False, reason=nearer)
     return replace(good[0], ok=False, reason=reason)
 
@@ -354,6 +356,18 @@ def _nearer(view: MarkerView, bad: list[MarkerView], hint: PredictedMarker) -> s
         if other.pixel_px is not None and away(other) + NEARER_RADII * radius < away(view):
             u, v = other.pixel_px
             return f"another of its colour is nearer to where the model expects it, at ({u:.0f}, {v:.0f}), and cannot be measured: {other.reason}"
+    return None
+
+
+def _lost_nearer(view: MarkerView, lost: list[Candidate], hint: PredictedMarker) -> str | None:
+    """The reason why a ball is ambiguous: something round of its colour that no outline was found of is clearly
+    nearer to the predicted place."""
+    assert view.pixel_px is not None
+    away = float(np.hypot(view.pixel_px[0] - hint.pixel_px[0], view.pixel_px[1] - hint.pixel_px[1]))
+    for other in lost:
+        if other.away_px + NEARER_RADII * float(hint.ball_radius_px or 0.0) < away:
+            u, v = other.circle.center_px
+            return f"something round of its colour is nearer to where the model expects it, at ({u:.0f}, {v:.0f}), and its outline cannot be measured"
     return None
 
 
