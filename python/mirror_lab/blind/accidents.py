@@ -40,7 +40,7 @@ def _of_postures(case: Case, draw: Callable[[int], Array]) -> Array:
 
 
 def column_shuffled(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]:
-    """The values of one column in an order of their own: a table that was sorted by another one."""
+    """The values of one column are permuted, as in a table that was sorted by one of its columns."""
     joint, k = _joint(rng, case)
     told.q[:, k] = _of_postures(case, lambda n: rng.permutation(_first_of_posture(case, told.q[:, k], n)))
     return _wordless(joint)
@@ -53,7 +53,7 @@ def _first_of_posture(case: Case, column: Array, postures: int) -> Array:
 
 
 def column_copied(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]:
-    """Another joint's column stands in this one's place too."""
+    """The column is a copy of another joint's."""
     joint, k = _joint(rng, case)
     other = pick(rng, [j for j in moved_joints(case) if j != joint], "a copied column")
     told.q[:, k] = told.q[:, column_of(case, other)]
@@ -68,7 +68,7 @@ def column_zero(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]
 
 
 def column_clipped(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]:
-    """The log stops at a limit that the joint does not have."""
+    """The log is clipped at a limit that the joint does not have."""
     joint, k = _joint(rng, case, 0.6)
     low, high = np.quantile(told.q[:, k], [0.3, 0.7])
     side = rng.random()
@@ -91,7 +91,7 @@ def column_unsigned(rng: np.random.Generator, case: Case, told: Told) -> list[Ca
 
 
 def column_noisy(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]:
-    """An encoder that says something else in each posture."""
+    """An encoder's error that is drawn anew in each posture."""
     joint, k = _joint(rng, case)
     std_rad = float(rng.uniform(0.03, 0.12))
     told.q[:, k] += _of_postures(case, lambda n: rng.normal(0, std_rad, n))
@@ -110,14 +110,14 @@ def log_rounded(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]
     """All joints in whole degrees, or with two digits."""
     step_rad = float(rng.choice([0.01, np.deg2rad(1), np.deg2rad(2)]))
     told.q[:] = np.round(told.q / step_rad) * step_rad
-    # It is everywhere: each joint is a true place.
+    # All joints are affected: each is a true place.
     return [
         {"effect": "unknown", "at": "<->".join(["robot", *(f"joint:{j}" for j in case.plan.commands.joints)])}
     ]
 
 
 def zero_lost(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]:
-    """From a row on a joint's zero is another one: it was homed again."""
+    """From a row on the joint has another zero: it was homed again."""
     joint, k = _joint(rng, case)
     frames = len(told.q)
     first = int(rng.integers(frames // 4, 3 * frames // 4))
@@ -126,7 +126,7 @@ def zero_lost(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]:
 
 
 def columns_moved(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]:
-    """All columns stand one place further; the last one comes first."""
+    """All columns are shifted by one place; the last becomes the first."""
     joints = case.plan.commands.joints
     if len(joints) < 3 or len(moved_joints(case)) < 3:
         raise NoPlaceError("this robot has too few columns")
@@ -152,7 +152,7 @@ def _exchanges(effect: str, places: list[str]) -> list[Cause]:
 
 
 def picture_hung(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]:
-    """Over a run of rows the camera gives one picture again and again."""
+    """Over a run of rows the camera repeats one picture."""
     first, last = run_of_rows(rng, len(told.q))
     source = np.arange(len(told.q))
     source[first : last + 1] = first
@@ -168,14 +168,14 @@ def rows_lost(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]:
 
 
 def thing_in_the_background(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]:
-    """Something of a marker's colour that stands still is taken for it, in some frames or in all."""
+    """A stationary object of a marker's colour is detected in its place, in some frames or in all."""
     m = int(rng.integers(len(case.robot.markers)))
     share = 1.0 if rng.random() < 0.3 else float(rng.uniform(0.1, 0.6))
     hit = np.flatnonzero(rng.random(len(case.blobs_px)) < share)
     width, height = case.robot.image_size
     place = rng.uniform([0.1 * width, 0.1 * height], [0.9 * width, 0.9 * height])
     case.blobs_px[hit, m] = place + rng.normal(0, 0.2, (len(hit), *case.blobs_px.shape[2:]))
-    # Nothing is wrong with the robot: what was left out is told, and `none` is right.
+    # Nothing is wrong with the robot: the left-out detections are reported, and `none` is right.
     return [{"effect": "unknown", "at": f"marker:{case.robot.markers[m]}", "identifiable": False}]
 
 

@@ -25,11 +25,11 @@ Array = NDArray[np.float64]
 
 TIMESTEP_S = 0.001
 MOVE_STEPS = 500
-"""Half a second from posture to posture: slow against every spring here."""
+"""Half a second from posture to posture: slow compared with every spring here."""
 SETTLE_CHUNK_STEPS = 100
 SETTLE_MOST_CHUNKS = 60
 SETTLED_RAD_PER_S = 2e-5
-"""Slower than this, a free joint is taken to rest: 1 s of it is 0.02 mrad."""
+"""Below this speed a free joint counts as at rest: in 1 s it moves 0.02 mrad."""
 DRIVEN_ARMATURE = 1e6
 """kg m²: 10 N m move such a joint by 1e-5 rad/s²."""
 PLAY_DAMPING_PER_S = 30.0
@@ -48,7 +48,7 @@ class BodyPoses:
     theta_rad: Array
     """(P, J) over the commanded joints."""
     unsettled: int
-    """Postures that still moved when patience ended."""
+    """Postures that still moved when the longest wait was over."""
 
 
 def _vector(v: Array) -> str:
@@ -115,7 +115,7 @@ def build_xml(robot: Robot, truth: Truth, gravity: Array) -> str:
 
 
 class Body:
-    """A MuJoCo model of the true robot that can be led through postures."""
+    """A MuJoCo model of the true robot that is moved through postures."""
 
     def __init__(self, robot: Robot, truth: Truth, gravity: Array) -> None:
         self.robot, self.truth = robot, truth
@@ -141,7 +141,7 @@ class Body:
             m.dof_damping[k] = max(2.0 * np.sqrt(m.jnt_stiffness[k] * own), PLAY_DAMPING_PER_S * own)
 
     def gravity_torque(self, q: Array, joints: list[str]) -> Array:
-        """What gravity puts on the joints, (P, J) N m, at the driven positions `q` (P, all commanded)."""
+        """Gravity's load on the joints, (P, J) N m, at the driven positions `q` (P, all commanded)."""
         m, d = self.model, self.data
         out = np.zeros((len(q), len(joints)))
         at = [self.address[j] for j in self.robot.commanded]
@@ -155,7 +155,7 @@ class Body:
         return out
 
     def run(self, commands: Commands) -> BodyPoses:
-        """Lead the robot through the postures in order, from rest at 0; poses once each has settled."""
+        """Moves the robot through the postures in order, from rest at 0; returns the poses after each has settled."""
         robot, truth, m, d = self.robot, self.truth, self.model, self.data
         target = np.stack(
             [commands.of(j) + truth.servo_error(j, commands) for j in robot.commanded], axis=1

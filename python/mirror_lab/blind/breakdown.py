@@ -15,7 +15,7 @@ Pair = tuple[Scored, dict[str, Any]]
 
 
 def breakdown(scored: list[Scored]) -> dict[str, Any]:
-    """Rates of found identifiable causes by what might explain the others; counts of what was invented."""
+    """Rates of identifiable causes that were found, by possible reasons for the others; counts of invented causes."""
     pairs = [
         (c, t) for c in scored if c.kind in ("single", "several") for t in c.truths if identifiable(c, t)
     ]

@@ -22,7 +22,7 @@ NOT_PARAMETERS = {
 
 @dataclass(frozen=True)
 class Scored:
-    """One session: its answer, what was said of it, and how the two compare."""
+    """One session: its answer, its diagnosis, and how the two compare."""
 
     name: str
     answer: dict[str, Any]
@@ -30,7 +30,7 @@ class Scored:
     seconds: float | None = None
     cpu_seconds: float | None = None
     true_closed: float | None = None
-    """What the named causes truly close, where that can be computed."""
+    """The share of the gap that the named causes truly close, where it can be computed."""
     judged: bool = True
     """Whether the judge's own model closes the gap with the true causes."""
 
@@ -64,7 +64,7 @@ def rivals_of(case: Scored, truth: dict[str, Any]) -> list[str]:
 
 
 def true_names(case: Scored) -> set[str]:
-    """Names of the true causes, and of what they bring with them: the droop of a sticking servo is there."""
+    """Names of the true causes and of their side effects (the droop of a sticking servo)."""
     return {name_of(t) for t in case.truths} | {
         name_of(x) for t in case.truths for x in t.get("tolerated", [])
     }
@@ -90,7 +90,7 @@ def invented(case: Scored) -> list[dict[str, Any]]:
 
 
 OTHER_LAWS = {"backlash", "stiction", "joint_compliance", "link_bending", "drift", "geometry", "pairing"}
-"""Effects whose true law is not quite the vocabulary's here: play that widens, springs that stiffen, links that bend off
+"""Effects whose true law differs slightly from the vocabulary's here: play that widens, springs that stiffen, links that bend off
 their middle, drift that bows, a spread of few draws, whole frames."""
 
 
@@ -117,7 +117,7 @@ def outside_verdict(case: Scored) -> dict[str, bool]:
     truth = case.truths[0]
     verdict = case.said.get("verdict")
     where = [w["at"] for w in case.said.get("where", [])]
-    # A coupling that has no name lives at the joint that is driven.
+    # The place of a coupling without a name is the driven joint.
     at = truth["at"].split("<-")[0]
     same = {at} | {c["at"] for c in case.causes if c["at"].split("<-")[0] == at}
     rivals = set(rivals_of(case, truth))

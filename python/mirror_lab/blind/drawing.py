@@ -20,7 +20,7 @@ from .robots import Robot
 Array = NDArray[np.float64]
 
 SAMPLES = 3
-"""Rays of a pixel are SAMPLES², where there is something to see."""
+"""SAMPLES² rays are cast for each pixel near board and balls."""
 MARGIN_SQUARES = 1.0
 """White paper around the squares of the board."""
 PADDING_PX = 4
@@ -40,7 +40,7 @@ CAP_STEPS = 8
 
 @dataclass
 class View:
-    """What stands before the camera in each frame, in its optical frame."""
+    """The board and the balls before the camera in each frame, in its optical frame."""
 
     board_m: Array
     """(F, 3) the board's centre."""
@@ -56,7 +56,7 @@ class View:
 
 
 def marker_hue_deg(k: int, count: int) -> float:
-    """Hue of marker `k` of `count`: as far from each other as can be."""
+    """Hue of marker `k` of `count`, evenly spaced."""
     return 360.0 * k / count
 
 

@@ -176,7 +176,7 @@ def random_robot(
         before = np.zeros(3)
         for k, length in enumerate(lengths):
             name, child = f"{arm}{k + 1}", f"{arm}{k + 1}_link"
-            # Neighbouring axes at 40 degrees and more: else two joints are nearly one.
+            # Neighbouring axes differ by at least 40 degrees: nearly parallel ones act as one joint.
             axis = _unit(rng.normal(size=3))
             while abs(axis @ before) > np.cos(np.radians(40)):
                 axis = _unit(rng.normal(size=3))

@@ -35,12 +35,12 @@ class Laws:
     """Droop of a sticking servo over its dead band."""
     drift_bow: float = 0.0
     bend_at: float = 0.5
-    """Where along a link it bends: the middle is where a uniform beam's bending acts as if lumped."""
+    """Where along a link it bends: its middle is equivalent to a uniform beam's bending."""
 
 
 @dataclass
 class Scene:
-    """What a draw may look at: the nominal robot, the commands, the loads of gravity, the laws."""
+    """The inputs of a draw: the nominal robot, the commands, the loads of gravity, the laws."""
 
     robot: Robot
     commands: Commands

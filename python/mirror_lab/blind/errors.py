@@ -6,4 +6,4 @@ class BlindError(ValueError):
 
 
 class NoPlaceError(BlindError):
-    """A drawn effect has no place left on a drawn robot."""
+    """No place is left on the drawn robot for a drawn effect."""

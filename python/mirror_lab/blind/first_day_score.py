@@ -10,7 +10,7 @@ from .comparison import CONFIDENT, Scored, found, identifiable, invented, name_o
 from .statistics import coverage, rate
 
 SETUP = {"board_mount", "camera_mount", "marker_mount", "geometry"}
-"""What a hand-made set-up may be told as: mounts, and the zeros all over the robot."""
+"""The causes that may be named for a set-up by hand: mounts, and zeros of all joints."""
 MOUNTS = SETUP - {"geometry"}
 
 
@@ -95,7 +95,7 @@ def by_hand(scored: list[Scored]) -> dict[str, Any] | None:
 def mount_errors(case: Scored) -> list[float]:
     """(value − truth) / std of each parameter of each mount that is told."""
     truths = {name_of(t): t for t in case.answer.get("setup", [])}
-    # What is a cause of its own beside the set-up adds to its mount's displacement.
+    # A further cause beside the set-up adds to its mount's displacement.
     displaced = {name_of(t) for t in case.truths} & set(truths)
     out = []
     for cause in case.causes:

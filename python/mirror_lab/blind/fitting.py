@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 GAUSS_NEWTON_STEPS = 5
 NOTHING_LEFT = 1e-3
-"""χ² below which no step is worth its time: margins are of the order of 10."""
+"""Steps that would reduce χ² by less are not taken: margins are of the order of 10."""
 
 
 @dataclass
@@ -128,8 +128,8 @@ def screen(
         if prior_std is None:
             own = np.linalg.qr(flat)[0]
         else:
-            # A prior is a row more for each parameter, in which the residual is 0: of the basis only the rows of the data are met.
-            # What no row shows and no prior holds has no say.
+            # A prior adds one row for each parameter, with residual 0; the basis spans the rows of the data only.
+            # Parameters that neither data nor prior determine are left out.
             size = np.linalg.norm(flat, axis=0)
             said = np.isfinite(prior_std) | (size > 0.0)
             flat, size, held = flat[:, said], size[said], np.isfinite(prior_std[said])
@@ -146,7 +146,7 @@ def screen(
     free = sum(len(x.steps) for x in base.hypotheses)
     out = []
     for h in candidates:
-        # A body's hypothesis leaves the corners alone: only the markers' rows count.
+        # A body's hypothesis does not move the corners: only the markers' rows are used.
         part = slice(0, None) if h.optical else slice(2 * ref.count, None)
         columns = np.empty((len(r), r[:, part].shape[1], len(h.steps)))
         for k, step in enumerate(h.steps):

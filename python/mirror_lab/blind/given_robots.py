@@ -42,7 +42,7 @@ def from_urdf(path: Path, rng: np.random.Generator) -> Robot:
 
 
 def from_text(text: str, path: Path, rng: np.random.Generator) -> Robot:
-    """The same from a URDF in memory; `path` is told in errors."""
+    """The same from a URDF in memory; errors name `path`."""
     links = [element.get("name", "") for element in ET.fromstring(text).findall("link")]
     boards = [n for n in links if n.endswith("_board")]
     markers = [n.removesuffix("_marker") for n in links if n.endswith("_marker")]

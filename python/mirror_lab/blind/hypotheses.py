@@ -1,4 +1,4 @@
-"""The vocabulary as hypotheses, to decide what a session can show: effect, place, and the change by its
+"""The vocabulary as hypotheses, to decide which causes a session can show: effect, place, and the change by its
 parameters.
 
 Each `apply(change, parameters)` adds a cause to a `Change`. Steps are for finite differences.
@@ -45,7 +45,7 @@ side."""
 
 
 PATH_STEPS = 12
-"""Points of each move at which the load is looked at: a load on the way can push a loose joint."""
+"""Points of each move at which the load is computed: a load on the way can push a loose joint."""
 
 
 def path_commands(commands: Commands) -> Commands:
@@ -78,7 +78,7 @@ def loose_position(q: Array, half: float, load: Array, friction: float) -> Array
 
 
 def _remembered(q: Array, load: Array, friction: float) -> Callable[[float], Array]:
-    """`loose_position` of a half width, of which the last few are kept: fits and screenings ask again."""
+    """`loose_position` for a half width; the last few results are cached for fits and screenings."""
 
     @lru_cache(maxsize=6)
     def position(half: float) -> Array:

@@ -1,4 +1,4 @@
-"""What a session can show: could another effect at another place make the same pixels, within the noise?
+"""Identifiability: could another effect at another place produce the same pixels, within the noise?
 
 The truth's noise-free pixels are fitted by every hypothesis of the vocabulary: first to first order, with
 each frame's mirror plane (three parameters) projected out, then the best few by Gauss and Newton on the exact
@@ -11,7 +11,7 @@ expectation by 2√D, D the difference of their χ². One hypothesis is *clearly
 `MARGIN` and more than `CLEAR_DEVIATIONS` of these. A cause is *detectable* when the model with it is clearly
 better than without, and *identifiable* when it is so against every other effect at any place.
 
-An effect outside the vocabulary has no hypothesis of its own: it can only be told by a free-form test. It is detectable,
+An effect outside the vocabulary has no hypothesis of its own: it can only be found by a free-form test. It is detectable,
 and not mimicked, when what one to three causes of the vocabulary leave of it pays for `FREE_FORM` parameters.
 
 This is code of its own: it shares nothing with the diagnosis, and knows what a diagnosis cannot (the noise, and
@@ -37,9 +37,9 @@ MARGIN = 10.0
 REFINED = 8
 """Rivals that are refined on the exact model after the first-order screening."""
 CLEAR_DEVIATIONS = 2.6
-"""Of the scatter of BIC's difference: the reference itself errs in one of 200."""
+"""In standard deviations of BIC's difference: the reference itself errs in one case of 200."""
 FREE_FORM = 12
-"""Parameters of a free-form test at one place: what it takes to draw an unknown curve."""
+"""Number of parameters of a free-form test at one place, enough to describe an unknown curve."""
 MIMICS = 3
 """Causes of the vocabulary that together may mimic an effect outside it."""
 
@@ -99,13 +99,13 @@ def _judge_single(
 
 
 def clearly(better: Fit, worse: Fit) -> bool:
-    """Whether one fit is better by so much that hardly any draw of the noise would hide it."""
+    """Whether one fit is better by more than the noise can hide."""
     margin, scatter = worse.bic - better.bic, 2 * math.sqrt(max(worse.chi2 - better.chi2, 0.0))
     return margin > MARGIN and margin > CLEAR_DEVIATIONS * scatter
 
 
 def _judge_outside(ref: Reference, empty: Fit, everything: list[Hypothesis]) -> dict[str, Any]:
-    """Is there something to see, and do causes of the vocabulary, one or a few, make the same?"""
+    """Whether the effect is detectable, and whether one or a few causes of the vocabulary produce the same pixels."""
     ranked = [h for _, h in screen(ref, empty, everything)[0]]
     shows = MARGIN + FREE_FORM * math.log(ref.size)
     seen = empty.chi2 > shows
@@ -142,8 +142,7 @@ def _judge_outside(ref: Reference, empty: Fit, everything: list[Hypothesis]) -> 
 
 
 def _contains(h: Hypothesis, cause: dict[str, Any]) -> bool:
-    """A hypothesis that has the truth's law in it is no rival: a sticking servo droops as a compliant joint
-    does."""
+    """A hypothesis that contains the true law is no rival: a sticking servo droops as a compliant joint does."""
     return h.effect == "stiction" and cause["effect"] == "joint_compliance" and h.at == cause["at"]
 
 

@@ -17,7 +17,7 @@ from .truth import Commands
 Array = NDArray[np.float64]
 
 SUBSTITUTIONS = 3
-"""How often the load is taken again where the body then is: each leaves a few percent of the one before."""
+"""Number of iterations of load and deflection: each reduces the error to a few percent."""
 
 
 @dataclass(frozen=True)
@@ -68,8 +68,7 @@ class Change:
 
 @dataclass(frozen=True)
 class Skeleton:
-    """What of a robot has to be followed: the bodies above markers, camera and board, and where its masses
-    hang."""
+    """The parts of a robot that are computed: the bodies above markers, camera and board, and its masses."""
 
     needed: list[int]
     """Parents before children."""
@@ -202,7 +201,7 @@ def moments(robot: Robot, at: Chain, gravity: Array, body: int, pivot_m: Array |
 
 
 def settled_chain(robot: Robot, commands: Commands, change: Change, gravity: Array) -> Chain:
-    """The chain where what yields has yielded: the load is taken where the body then is, by substitution."""
+    """The chain with its elastic deflections: load and deflection are iterated until they agree."""
     at = chain(robot, commands, change)
     for _ in range(SUBSTITUTIONS if change.yields else 0):
         twist: dict[int, tuple[Array, Array]] = {}

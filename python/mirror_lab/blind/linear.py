@@ -1,7 +1,7 @@
 """First-order effect of a change on what is seen: shared place Jacobians instead of a chain for each
 hypothesis.
 
-Whatever a hypothesis does to the body is a small twist or shift of some bodies in each posture. A point x that
+A hypothesis changes the body by a small twist or shift of some bodies in each posture. A point x that
 hangs on a body which turns by δω about o moves by δω × (x − o); in the camera, whose frame may move too,
 
     δp = Rᵀ (δx − δo_c − δω_c × (x − o_c))

@@ -1,5 +1,4 @@
-"""Makes sessions whose cause is withheld: draws the causes, simulates, decides what can be seen, writes,
-seals the answers."""
+"""Makes sessions whose cause is withheld: draws the causes, simulates, decides which are identifiable, writes, seals the answers."""
 
 from __future__ import annotations
 
@@ -69,7 +68,7 @@ def draw_causes(rng: np.random.Generator, options: Options, vocabulary: Sequence
 
 
 SMALL = ("joint_offset", "gear_ratio", "link_length", "axis_tilt", "joint_compliance", "camera_focal")
-"""What is put beside a mistake: one of each way in which a body may be off."""
+"""The causes that may be drawn beside a mistake: one of each kind."""
 
 
 def _mistakes(rng: np.random.Generator) -> list[str]:
@@ -91,14 +90,14 @@ def save(case: Case, out: Path, rng: np.random.Generator | None = None) -> Path:
         if case.mounting is None and case.told is None:
             # The claimed shrinkage is judged only where nothing but the causes differs from what is told.
             case.answer["pixels_sha256"] = keep_pixels(case, out / "answers" / f"{case.name}.npz")
-        # The answer first: the session, with the seal in it, appears when all is there.
+        # The answer is written first, the session with its seal last.
         seal(case.answer, out / "answers" / f"{case.name}.json", folder / "seal.json")
     return out / case.name
 
 
 @dataclass(frozen=True)
 class _Job:
-    """All that makes one session: what a process needs to be told."""
+    """All inputs of one session, for another process."""
 
     out: Path
     number: int
@@ -139,7 +138,7 @@ def _make(job: _Job) -> str:
     elif case.told is None and not mistaken:
         case.answer |= judge(case)
     else:
-        # A mistake moves everything by far more than the noise; what is small beside it is taken as it was drawn.
+        # A mistake moves everything by far more than the noise; small causes beside it keep their drawn sizes.
         for cause in case.answer["causes"]:
             cause.setdefault("detectable", True)
             cause.setdefault("identifiable", True)
@@ -160,7 +159,7 @@ def make_cases(
     """Make `n` sessions below `out`; the same seed makes the same sessions, in however many processes. `plan`
     gives (name, robot, effects) instead.
 
-    What is there is not made again. `progress` is told each session's name and how many are still to be made.
+    Sessions that exist are not made again. `progress` receives each session's name and the number of those still to be made.
     """
     options = options or Options()
     planned = [None] * n if plan is None else [(name, kind, tuple(draws)) for name, kind, draws in plan]
@@ -180,7 +179,7 @@ def make_cases(
         for job in todo:
             told(_make(job))
     else:
-        # Each process computes on one core: the threads of a BLAS would only stand in each other's way.
+        # Each process computes on one core: several BLAS threads in each would slow the others.
         for threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
             os.environ.setdefault(threads, "1")
         with ProcessPoolExecutor(min(workers, len(todo)), mp_context=get_context("spawn")) as pool:

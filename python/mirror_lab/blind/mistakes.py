@@ -1,4 +1,4 @@
-"""Gross mistakes: the written session (model, log, names) is not what was done.
+"""Gross mistakes: the written session (model, log, names) differs from what was done.
 
 The true machine and the light are unchanged; a mistake changes what is written: a column, the URDF,
 camera.yaml, a name, an index. Slips are physical: from a row on a marker, the board or the camera is really
@@ -27,7 +27,7 @@ Cause = dict[str, Any]
 
 @dataclass
 class Told:
-    """What is written where it is not what was done; a mistake changes it."""
+    """What is written of the session; a mistake changes it."""
 
     urdf: str
     q: Array
@@ -38,7 +38,7 @@ class Told:
     square_m: float = 0.0
     gravity: Array = field(default_factory=lambda: np.zeros(3))
     pictured: set[str] = field(default_factory=set)
-    """What of camera and mirror is wrong already: of these at most one."""
+    """Mistakes of camera and mirror so far: at most one is drawn."""
 
 
 Mistake = Callable[[np.random.Generator, "Case", Told], list[Cause]]
@@ -195,7 +195,7 @@ def camera_resolution(rng: np.random.Generator, case: Case, told: Told) -> list[
         factor, shift = float(rng.choice([0.5, 2.0, 0.75])), np.zeros(2)
     else:
         factor, shift = 1.0, rng.uniform(30, 90, 2) * rng.choice([-1, 1], 2)
-    # What must be written is factor times what is there, and the shift on top.
+    # The written intrinsics are the factor times the true ones, plus the shift.
     told.lens_factor, told.lens_shift_px = 1 / factor, -shift / factor
     return [
         {
@@ -252,7 +252,7 @@ def board_turned(rng: np.random.Generator, case: Case, told: Told) -> list[Cause
 
 
 def marker_parent(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]:
-    """The URDF has the marker on a neighbouring link, which moves otherwise."""
+    """The URDF has the marker on a neighbouring link, which moves differently."""
     robot = case.robot
     options = []
     for m in robot.markers:
@@ -282,7 +282,7 @@ def marker_parent(rng: np.random.Generator, case: Case, told: Told) -> list[Caus
 
 
 def gravity_sign(rng: np.random.Generator, case: Case, told: Told) -> list[Cause]:
-    """Upside down; it shows only beside a spring, which is drawn with it."""
+    """Gravity points upwards; a spring is drawn as well, since only its deflection shows it."""
     told.gravity = -case.gravity
     return [{"effect": "gravity_direction", "at": "robot"}]
 
@@ -345,7 +345,7 @@ NOT_TWICE = {"left_right", "all_degrees", "clock_late", "shifted_rows", "gravity
 
 
 def draw_mistakes(rng: np.random.Generator, kinds: list[str], case: Case, made: dict[str, Mistake]) -> Told:
-    """Makes mistakes of those that are known (`made`) in what is told of a case, at places of their own, and adds them to its answer.
+    """Makes the named mistakes in what is written of a case, each at another place, and adds them to its answer.
 
     Raises NoPlaceError where a robot has none.
     """

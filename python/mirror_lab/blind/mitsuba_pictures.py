@@ -117,7 +117,7 @@ def _scene(
             },
             "sampler": {"type": "independent", "sample_count": paths, "seed": frame},
         },
-        # What the mirror shows besides board and balls: a grey wall behind the robot.
+        # The background in the mirror: a grey wall behind the robot.
         "wall": {
             "type": "rectangle",
             "to_world": placed(np.eye(3), eye - np.array([0, 0, BACKDROP_MM]), (2e4, 2e4, 1)),

@@ -1,6 +1,5 @@
-"""What a person's hands leave of a set-up: board, camera and markers a little elsewhere, joints' zeros a little off.
-
-Nothing is told of it but, in some sessions, its tolerances. The board's displacement is drawn on its own link and the camera's on
+"""Errors of a set-up by hand: displaced board, camera and markers, and wrong zeros of joints. The session states, at most, their
+tolerances. The board's displacement is drawn on its own link and the camera's on
 its own; the public vocabulary tells the first as `board_mount`, which carries a camera on the same rigid body along, and the
 camera against the board as `camera_mount`. With L the nominal poses of board and camera in that body, D_b and D_c what was drawn,
 the camera's is `X = L_c⁻¹ L_b D_b⁻¹ L_b⁻¹ L_c D_c`.
@@ -23,16 +22,16 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 SHIFT_M, TURN_RAD, ZERO_RAD = 0.003, np.radians(1.0), np.radians(0.15)
-"""One standard deviation, an axis: tape and a hand; the zeros of servos that were set by eye and a jig."""
+"""One standard deviation in each axis: parts attached by hand with tape; zeros of servos set by eye with a jig."""
 STATED_SHARE = 0.4
 """Share of sessions that state their tolerances."""
 NOT_BESIDE = {"camera_mount", "marker_mount", "geometry", "pairing"}
-"""Effects that are the set-up itself, or have no law that could be told beside it."""
+"""Effects that belong to the set-up, or have no law that is identifiable beside it."""
 
 
 @dataclass(frozen=True)
 class Mounting:
-    """Where everything really sits: rotation vector and shift in its own nominal frame; a marker's shift in its link's frame."""
+    """The true mounts: rotation vector and shift in the nominal frame; a marker's shift in its link's frame."""
 
     board: tuple[Array, Array]
     camera: tuple[Array, Array]
@@ -57,7 +56,7 @@ class Mounting:
         return poses
 
     def answer(self, robot: Robot) -> list[dict[str, Any]]:
-        """The displacements in the words of the public vocabulary."""
+        """The displacements as causes of the public vocabulary."""
         board, camera = _matrix(*self.board), _matrix(*self.camera)
         body, own = (_rigid(robot, link) for link in (robot.board_link, robot.camera_link))
         if body[0] == own[0]:

@@ -1,4 +1,4 @@
-"""All cores of this machine, for sessions that are diagnosed side by side."""
+"""All cores of this machine, for sessions that are diagnosed at the same time."""
 
 from __future__ import annotations
 

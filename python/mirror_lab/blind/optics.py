@@ -69,13 +69,13 @@ class Mirror:
 
 
 def apparent(mirror: Mirror, point: Array) -> Array:
-    """Where the camera at the origin sees `point` by way of the mirror: (N, 3), direction times optical
+    """The direction in which the camera at the origin sees `point` in the mirror: (N, 3), direction times optical
     path length."""
     if mirror.glass_m > 0:
         return _through_glass(mirror, point)
     if np.any(mirror.curvature_per_m):
         return _off_curved(mirror, point)
-    # Flat and bare: the law of reflection splits the path where the perpendicular distances say.
+    # Flat, without glass: the law of reflection divides the path in the ratio of the perpendicular distances.
     height = mirror.distance_m - np.einsum("ni,ni->n", mirror.normal, point)
     result: Array = point + 2 * height[:, None] * mirror.normal
     return result

@@ -140,7 +140,7 @@ def focal_breathing(rng: np.random.Generator, scene: Scene, truth: Truth) -> Cau
 
 
 def camera_wobble(rng: np.random.Generator, scene: Scene, truth: Truth) -> Cause:
-    """The camera's mount gives when an arm is raised: the turn follows one joint of the body."""
+    """The camera's mount yields when an arm is raised: its rotation follows one joint of the body."""
     k = _pick(rng, scene.joints(), "it")
     low, high = scene.robot.ranges[k]
     turn = _direction(rng) * _size(rng, 0.008, 0.03)

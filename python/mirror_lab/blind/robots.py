@@ -1,4 +1,4 @@
-"""A robot of the blind check: the tree below its root, read from a URDF by a parser of this package's own.
+"""A robot of the blind check: the tree below its root, read from a URDF by a separate parser.
 
 A `Robot` is the subtree of a URDF below the link in which gravity is constant, read by this package's own
 parser.
@@ -63,7 +63,7 @@ class Robot:
     board_link: str = "chest_board"
     index: dict[str, int] = field(default_factory=dict)
     cache: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
-    """What others derive from the robot once, by name."""
+    """Cache of derived quantities, by name."""
 
     def __post_init__(self) -> None:
         self.index = {b.name: i for i, b in enumerate(self.bodies)}

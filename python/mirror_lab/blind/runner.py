@@ -2,7 +2,7 @@
 session.
 
 The diagnosis is handed in as a function of a session's folder that returns the text of `diagnosis.json`, and where it
-runs as an executor, so that this package knows nothing of either. A session counts as done when its
+runs as an executor, so that this package depends on neither. A session counts as done when its
 `diagnosis.json` is there; a failure is kept as `failure.json`, and tried again next time.
 """
 
@@ -22,12 +22,12 @@ from .whole_file import write_whole
 
 RESULT = "diagnosis.json"
 OUTSTANDING = 64
-"""Sessions that are handed out at once: enough for a fleet, few enough to lie in memory."""
+"""Sessions that are submitted at once: enough for a fleet, few enough for the memory."""
 
 
 @dataclass(frozen=True)
 class Diagnosed:
-    """What a worker hands back: the text of diagnosis.json, and how long it took by the clock and by the CPU."""
+    """A worker's result: the text of diagnosis.json, and its wall and CPU time."""
 
     document: str
     seconds: float
@@ -111,7 +111,7 @@ def run_sessions(
 def _completed(
     pool: Executor, todo: list[Path], submit: Callable[[Executor, Path], Future[Diagnosed]]
 ) -> Iterator[tuple[Path, Future[Diagnosed]]]:
-    """Sessions and their ended jobs as they end, never more than `OUTSTANDING` under way."""
+    """Sessions and their jobs as they end; at most `OUTSTANDING` are running."""
     waiting = list(reversed(todo))
     under_way: dict[Future[Diagnosed], Path] = {}
     while waiting or under_way:
@@ -135,7 +135,7 @@ def _keep(out: Path, job: Future[Diagnosed]) -> bool:
         got = job.result()
         times = {"seconds": got.seconds, "cpu_seconds": got.cpu_seconds}
         write_whole(out / "time.json", json.dumps(times) + "\n")
-        # The result last: it is what says that the session is done.
+        # The result is written last: it marks the session as done.
         write_whole(out / RESULT, got.document)
         failure.unlink(missing_ok=True)
         return True

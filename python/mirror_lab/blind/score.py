@@ -1,6 +1,5 @@
-"""Open the seals and score: what was said against what was true.
-
-Rules. A named cause is *right* when effect and place are those of a true cause, and *tolerated* when the
+"""Opens the seals and scores the diagnoses against the answers. Rules: A named cause is *right* when effect and place are those of a true
+cause, and *tolerated* when the
 answer says that it may
 be named too (the droop of a sticking servo). A true cause is *found* when it is named, and *found or tied*
 when it, or one of its
@@ -96,7 +95,7 @@ def load(cases: Path, results: Path, leave_out: str | None = None) -> tuple[list
 
 
 def _refusal(failure: Path) -> str | None:
-    """Why a session was refused at the border, where it was: a column in degrees is told there, with the fix."""
+    """The error with which a session was refused as it was read (a column in degrees, for example)."""
     if not failure.is_file():
         return None
     told = json.loads(failure.read_text(encoding="utf-8"))
@@ -117,7 +116,7 @@ def _true_closed(
 
 
 def score(cases: Path, results: Path, leave_out: str | None = None) -> dict[str, Any]:
-    """Everything that the page shows, as JSON-ready data; `leave_out` names an effect that the diagnosis
+    """The content of the page, as JSON-ready data; `leave_out` names an effect that the diagnosis
     lacked."""
     everything, missing = load(cases, results, leave_out)
     # Whole mistakes are counted apart.
@@ -191,10 +190,9 @@ def confusion(clear: list[Scored]) -> dict[str, dict[str, int]]:
 
 
 def shrinkage(scored: list[Scored]) -> dict[str, Any]:
-    """Claimed against true share of the gap that the named causes close; claims that are missing are counted.
+    """Claimed against true share of the gap that the named causes close; missing claims are counted.
 
-    `clear_gaps` are the sessions whose markers are off by more than the blobs' noise: of a smaller gap, any share is of
-    nothing.
+    `clear_gaps` are the sessions whose markers are off by more than the blobs' noise: the shares of smaller gaps mean nothing.
     """
     rows, lacking = [], 0
     for c in scored:
@@ -223,7 +221,7 @@ def shrinkage(scored: list[Scored]) -> dict[str, Any]:
 
 
 def failures(scored: list[Scored]) -> list[dict[str, Any]]:
-    """The sessions on which something is wrong, with what was true and what was said."""
+    """The sessions with a wrong diagnosis: the answer and the diagnosis."""
     out = []
     for c in scored:
         if c.kind == "none":

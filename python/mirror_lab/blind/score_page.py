@@ -28,7 +28,7 @@ TARGETS = {
     "outside_met": ("Outside the vocabulary: unknown or partial at the right place", ">=", 0.90),
     "outside_confidently_wrong": ("Outside the vocabulary: a confident wrong cause", "<=", 0.03),
 }
-"""What is asked for, as the page's head shows it."""
+"""The required figures, shown at the head of the page."""
 
 TEMPLATE = """<!doctype html><html lang="en"><head><meta charset="utf-8">
 <meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'; img-src data:"><title>Blind check</title><style>

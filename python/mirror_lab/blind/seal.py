@@ -1,8 +1,8 @@
 """Seals: an answer lies apart from its session; a salted hash beside the session proves that it was not
 changed.
 
-The seal is SHA-256(salt ‖ bytes of the answer file). The salt (32 random bytes) lies with the answer: who
-holds only the seal can neither read the answer nor try the few thousand possible ones.
+The seal is SHA-256(salt ‖ bytes of the answer file). The salt (32 random bytes) lies with the answer: with the seal alone nobody can read
+the answer, nor try the few thousand possible ones.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def seal(answer: dict[str, Any], answer_path: Path, seal_path: Path) -> None:
         "algorithm": "sha256(salt || answer file)",
         "sha256": _digest(salted["salt"], data),
     }
-    # The seal last: a session without one is none.
+    # The seal is written last: a session without a seal is incomplete.
     write_whole(seal_path, json.dumps(body, indent=1) + "\n")
 
 

@@ -1,8 +1,8 @@
-"""What a session with mounts by hand can show: identifiability with board, camera, markers and zeros free.
+"""Identifiability in a session with mounts by hand: board, camera, markers and zeros are free.
 
-The exact pixels are compared with those of the true machine without the cause in question. What the mounts,
-free within the spreads from which they were drawn, and each frame's mirror can absorb is projected out to
-first order. Then every hypothesis of the vocabulary is compared as in `identify`, each to first order
+The exact pixels are compared with those of the true machine without the cause in question. The mounts, free within the spreads from which
+they were drawn, and each frame's mirror are projected out to first order. Then every hypothesis of the vocabulary is compared as in
+`identify`, each to first order
 around the true mounts. The cause's own χ² is that of the exact model.
 """
 

@@ -66,7 +66,7 @@ PARAMETERS = {
 of its own)."""
 LEAST_OWN_CLOSED = 0.95
 """Where the true causes themselves close less than this in this package's own model (a play whose width depends on the load, a path
-that MuJoCo's friction decides otherwise), it is no judge of what others close."""
+that MuJoCo's friction decides otherwise), it cannot judge what others close."""
 PLANE_STEPS = 4
 
 
@@ -165,8 +165,8 @@ def _lens(path: Path) -> Lens:
 
 
 def is_judge(ref: Reference, planes: Array, truths: Sequence[dict[str, Any]]) -> bool:
-    """Whether this package's own model, given the true causes, closes the gap of its simulator's body; so it is where a
-    truth is no law that can be applied, as nothing speaks against it."""
+    """Whether this package's own model, given the true causes, closes the gap of its simulator's body; true where a true cause has no law
+    that can be applied."""
     named = [
         {**t, "parameters": {n: {"value": t[n]} for n in PARAMETERS.get(t["effect"], ()) if n in t}}
         for t in truths
@@ -206,7 +206,7 @@ def true_closed(
     if whole - sigma <= 1e-3 * sigma:
         return None
     best = before if not causes else np.inf
-    # A diagnosis does not tell which friction it assumed at a loose joint: it gets the best.
+    # A diagnosis does not report which friction it assumed at a loose joint: the best one is used.
     for chosen in product(*options) if causes else ():
         change = Change()
         for h, p in zip(chosen, parameters, strict=True):

@@ -35,12 +35,12 @@ Array = NDArray[np.float64]
 
 
 PICTURE_CORNER_PX, PICTURE_BLOB_PX = 0.06, 0.1
-"""What a good detector does on the drawn pictures: the noise that judges what they can show."""
+"""Noise of a good detector on the drawn pictures, with which identifiability is judged."""
 
 
 @dataclass(frozen=True)
 class Options:
-    """What is drawn from."""
+    """The settings of the drawing."""
 
     robots: Sequence[str] = ("small", "g1", "talos", "ur10", "random")
     causes: tuple[int, int] = (0, 4)
@@ -51,7 +51,7 @@ class Options:
     plain_noise: bool = False
     frames: tuple[int, int] = (120, 310)
     least_postures: int = 45
-    """However few frames: fewer postures say nothing of a robot."""
+    """The least number of postures, whatever the number of frames."""
     pictures: bool = False
     """Whether the session has pictures instead of image points."""
     renderer: str = "own"
@@ -87,12 +87,12 @@ class Case:
     truth: Truth
     answer: dict[str, Any] = field(default_factory=dict)
     view: View | None = None
-    """What pictures are drawn of, where the session is to have them."""
+    """The scene of the pictures, where the session has pictures."""
     picture_of_frame: NDArray[np.int_] | None = None
     renderer: str = "own"
     mounting: Mounting | None = None
     told: Told | None = None
-    """What is written where it is not what was done."""
+    """What is written where it differs from what was done."""
     noise_told: bool = True
 
 
@@ -204,7 +204,7 @@ class Seen:
     """(F, M, 2)"""
     view: View
     found: NDArray[np.bool_]
-    """Which of the planned frames can be seen in a mirror: those that are here."""
+    """Indices of the planned frames that are visible in a mirror."""
 
     @property
     def mirror(self) -> optics.Mirror:
@@ -220,7 +220,7 @@ def see(
     mirror: optics.Mirror | None,
     rng: np.random.Generator,
 ) -> Seen:
-    """The noise-free pixels of a session, and what stands before the camera; mirrors are placed where none are
+    """The noise-free pixels of a session, and the scene before the camera; mirrors are placed where none are
     given."""
     origin, rotation = camera_poses(poses, truth, plan.commands)
     of = plan.posture_of_frame
@@ -371,7 +371,7 @@ def _slipped(
     poses: BodyPoses,
     seen: Seen,
 ) -> Cause:
-    """From a row on something sits elsewhere: that row and all later ones are seen anew, in the same mirrors."""
+    """From a row on a part is displaced: that row and all later ones are computed again, with the same mirrors."""
     rows = np.flatnonzero(seen.found)
     kept = Plan(plan.commands, plan.posture_of_frame[rows], plan.time_of_frame_s[rows])
     first = int(rng.integers(len(rows) // 4, 3 * len(rows) // 4))
@@ -393,7 +393,7 @@ def _slipped(
         later.board_m = later.board_m + later.board_rotation @ shift
         later.board_rotation = later.board_rotation @ rotation_of(turn)
     else:
-        # The slip is told in the frame of the camera as it was before.
+        # The slip is given in the camera's frame before it.
         before = rotation_of(truth.camera_turn_rad)
         slipped.camera_shift_m = truth.camera_shift_m + before @ shift
         slipped.camera_turn_rad = _turn_of(before @ rotation_of(turn))

@@ -13,7 +13,7 @@ Z95 = 1.959964
 
 @dataclass(frozen=True)
 class Rate:
-    """A share with its 95 % interval by Wilson's score; the interval of nothing is everything."""
+    """A share with its 95 % interval by Wilson's score; without observations the interval is 0 to 1."""
 
     hits: int
     of: int

@@ -1,8 +1,7 @@
-"""The true machine: what the drawn effects change of the nominal one, as plain data that body and optics
-read.
+"""The true machine: its differences from the nominal one, as plain data for body and optics.
 
-An effect turns into changes of geometry, of what a servo is told, into elastic or loose parts that MuJoCo
-moves, or into changes of camera, board and mirror. Nothing here predicts pixels.
+An effect becomes a change of geometry or of a servo's command, an elastic or loose part that MuJoCo moves, or a change of camera, board or
+mirror. Nothing here predicts pixels.
 """
 
 from __future__ import annotations
@@ -33,7 +32,7 @@ class Commands:
 
 
 ServoError = Callable[[Commands], Array]
-"""What a joint's position differs by from the command, (P,) rad, before any load acts."""
+"""A joint's position less its command, (P,) rad, without load."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +64,7 @@ class Bend:
 
 @dataclass(frozen=True)
 class MarkerSwing:
-    """A loose marker: it hangs out by `reach_m` along gravity, seen in its link's frame."""
+    """A loose marker: it is displaced by `reach_m` along gravity, in its link's frame."""
 
     marker: str
     reach_m: float
@@ -85,7 +84,7 @@ class Truth:
     camera_turn_rad: Array = field(default_factory=lambda: np.zeros(3))
     camera_shift_m: Array = field(default_factory=lambda: np.zeros(3))
     camera_sag_rad: Callable[[Commands], Array] | None = None
-    """A further turn of the camera for each posture, (P, 3): a neck that gives."""
+    """A further rotation of the camera in each posture, (P, 3): a compliant neck."""
     focal_error: Callable[[Array], Array] | None = None
     """By time in s: the factor e of a focal length (1 + e)."""
     focal_scale: float = 0.0

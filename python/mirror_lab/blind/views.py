@@ -1,5 +1,4 @@
-"""What the robot does and where the mirror stands: postures in order, one to three views of each, planes of
-the mirror."""
+"""The robot's postures in order, one to three views of each, and the planes of the mirror."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""Files and folders that are written as a whole or not at all; this package uses no code of the product's
-for that."""
+"""Files and folders that are written as a whole or not at all; no code of the product is used."""
 
 from __future__ import annotations
 
@@ -38,7 +37,8 @@ def write_whole(file: Path, data: bytes | str) -> None:
 
 @contextmanager
 def whole_folder(place: Path) -> Iterator[Path]:
-    """A folder beside its place, which takes that place at the end of the block; what stood there goes. Killed between, nothing is there."""
+    """A folder beside its place, which takes that place at the end of the block; what stood there goes. If the process is killed before,
+    nothing is there."""
     place.parent.mkdir(parents=True, exist_ok=True)
     remove_unfinished(place.parent, place.name)
     part = Path(tempfile.mkdtemp(dir=place.parent, prefix=f".{place.name}.", suffix=UNFINISHED))
@@ -65,7 +65,7 @@ def whole_folder(place: Path) -> Iterator[Path]:
 
 
 def remove_unfinished(folder: Path, name: str = "") -> None:
-    """Removes what killed runs left in a folder, of one name or of all; what a running one holds is locked, and stays."""
+    """Removes the remains of killed runs from a folder, of one name or of all; those of a running one are locked and are kept."""
     for path in folder.glob(f".*{UNFINISHED}"):
         if fcntl is None or not path.name.startswith(f".{name}"):
             continue

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
 
 def write_session(case: Case, folder: Path, rng: np.random.Generator | None = None) -> Path:
-    """session.toml, robot.urdf, camera.yaml, frames.csv, and detections.csv or images/ in `folder`; nothing of the
-    truth. `rng` draws the pictures' noise."""
+    """session.toml, robot.urdf, camera.yaml, frames.csv, and detections.csv or images/ in `folder`; nothing of the answer. `rng` draws the
+    pictures' noise."""
     folder.mkdir(parents=True, exist_ok=True)
     robot, plan = case.robot, case.plan
     told = case.told

@@ -30,7 +30,7 @@ group = typer.Typer(help="Check the diagnosis on sessions whose effect nobody to
 
 @contextmanager
 def _told() -> Iterator[None]:
-    """The blind package knows nothing of this one, not even its errors: here they become this product's."""
+    """The blind package does not depend on this one: its errors are converted here."""
     from ..blind import BlindError
 
     try:
@@ -188,7 +188,7 @@ def run(
 ) -> None:
     """Diagnose every session that has no result yet.
 
-    Runs on all cores, or on a fleet; what is done stays done: call it again after a stop.
+    Runs on all cores, or on a fleet. After a stop, call it again: finished sessions are kept.
 
     Example: `mirror-posture blind run blind-set blind-results`
     """
@@ -241,7 +241,7 @@ def score(
     leave_out: Annotated[str | None, typer.Option(help="The effect that the diagnosis lacked.")] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Open the seals and say how often the diagnosis was right.
+    """Open the seals and report how often the diagnosis was right.
 
     Example: `mirror-posture blind score blind-set blind-results --out blind-score`
     """

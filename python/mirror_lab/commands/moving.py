@@ -64,7 +64,7 @@ def run(
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Diagnose the sessions, each by the command that anybody runs; those that are done are not done again.
+    """Diagnose the sessions, each by the command `diagnose`; finished ones are kept.
 
     Example: `mirror-posture moving run moving`
     """
@@ -96,7 +96,7 @@ def score(
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Open the answers and tell what the diagnoses are worth.
+    """Open the answers and score the diagnoses.
 
     Example: `mirror-posture moving score moving`
     """
@@ -118,7 +118,7 @@ def peers(
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """The same session by the diagnosis, by `mujoco.sysid`, and as a table of errors by joint: what each says.
+    """The same session by the diagnosis, by `mujoco.sysid`, and as a table of errors by joint: the result of each.
 
     Example: `mirror-posture moving peers moving/case-0001 moving/case-0001-unseen`
     """

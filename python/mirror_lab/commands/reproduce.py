@@ -47,10 +47,10 @@ def command(
     seed: Annotated[int, typer.Option(help="Seed of all noise.", min=0)] = 0,
     as_json: JsonOption = False,
 ) -> None:
-    """Redo the paper's experiments in simulation and say what the paper found and what was found here.
+    """Repeat the paper's experiments in simulation, and compare the results with the paper's.
 
     Figs. 7 to 9 test virtual rays, 10 and 11 marker positions, Table I is the uncorrected hand, Figs. 13 and 14 correct it. Each
-    figure is drawn as the paper has it; what is beyond the paper is marked so. Everything done is written at once: Ctrl-C keeps it.
+    figure is drawn as the paper has it; what is beyond the paper is marked so. Each figure is written when it is finished: Ctrl-C keeps what is done.
 
     Example: `mirror-posture reproduce --out paper --only fig7,fig9`
     """

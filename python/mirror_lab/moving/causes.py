@@ -1,4 +1,4 @@
-"""The causes of a moving body, drawn at random: this simulator's own laws of each effect, and their sizes."""
+"""The causes of a moving body, drawn at random: this simulator's laws of each effect, and their sizes."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Body:
 
 @dataclass(frozen=True)
 class Usual:
-    """What is usual of the nominal motion, by joint: RMS load, largest torque, largest speed, inertia."""
+    """Typical values of the nominal motion, by joint: RMS load, largest torque, largest speed, inertia."""
 
     load: Array
     torque: Array
@@ -89,7 +89,7 @@ def viscous_friction(
 def coulomb_friction(
     rng: np.random.Generator, body: Body, usual: Usual, j: int, name: str, markers: list[str]
 ) -> Cause:
-    # What a servo lags behind: friction over stiffness, as an angle.
+    # The error that friction leaves: friction over stiffness, as an angle.
     body.servos.friction[j] = rng.uniform(0.012, 0.04) * body.servos.stiffness[j]
     return {
         "effect": "coulomb_friction",
@@ -180,4 +180,4 @@ LAWS: dict[str, Law] = {
         velocity_limit, joint_offset, gear_ratio, joint_compliance, backlash, marker_mount, camera_mount,
     )
 }  # fmt: skip
-"""By effect of docs/moving.md: the judge's own law."""
+"""The judge's law of each effect of docs/moving.md."""

@@ -3,7 +3,7 @@
     torque = clip(k (u − q) − d q̇, ± limit) − b q̇,   M(q) q̈ + c(q, q̇) + g(q) = torque
 
 by Adams and Bashforth's two-step rule for the speeds and the trapezoid for the positions, second order; dry friction is an impulse at its
-joint, at most h F, that takes what speed it can and holds where it can take all.
+joint, at most h F, that reduces the speed, and holds the joint where it suffices to stop it.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ REST_S = 0.8
 
 @dataclass
 class Servos:
-    """By joint: stiffness, damping, reflected inertia, dry friction; what a cause changes, and how the command is spoilt."""
+    """By joint: stiffness, damping, reflected inertia, dry friction; the changes by a cause, and the errors of the command."""
 
     stiffness: Array
     damping: Array
@@ -105,7 +105,7 @@ class Engine:
         before = np.zeros(len(order))
         rubbing = np.flatnonzero(servos.friction)
         for i, target in enumerate(told):
-            # A filter follows what it was told in the middle of a step: told at its end it would be late by half a step less.
+            # A filter's input is the command in the middle of a step: with that at its end the delay would be half a step shorter.
             goal = np.where(late, 0.5 * (target + told[max(i - 1, 0)]), target)
             step = np.clip(goal - u, -most, most) * lag
             u = u + step

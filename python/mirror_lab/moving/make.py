@@ -106,7 +106,7 @@ def make_case(
         "id": folder.name, "robot": kind, "causes": causes, "noise": noise.answer(), "seconds": seconds,
         "shutter": vars(shutter),
     }  # fmt: skip
-    # The session last: where it stands, its second motion and its answer do too.
+    # The session is written last, after its second motion and its answer.
     for place, (log, pictures) in zip(
         (folder.with_name(f"{folder.name}-unseen"), folder), reversed(seen), strict=True
     ):
@@ -120,7 +120,7 @@ def make_case(
 
 def draw_motion(rng: np.random.Generator, times: Array, low: Array, high: Array) -> Array:
     """(S, joints): three sines a joint about a drawn centre within its range, with rests of about a second in between."""
-    # A clock that stands still now and then makes the rests.
+    # The rests are pauses of the sines' time.
     pace = np.ones(len(times))
     for start in rng.uniform(2, times[-1] - 2, max(1, int(times[-1] / 8))):
         pace *= 1 - np.exp(-(((times - start) / 0.5) ** 4))
@@ -162,7 +162,7 @@ def _position_load_side(track: Track, time_s: Array) -> tuple[Array, Array, Arra
 def _tell_rivals(
     causes: list[dict[str, Any]], joints: list[str], track: Track, body: Body, seen: Seen, noise_px: float
 ) -> None:
-    """Writes to each cause that has a law of position the other laws that say the same of these pictures."""
+    """Adds to each cause with a law of position the other laws that explain these pictures as well."""
     q, load, side = _position_load_side(track, seen.shown_s)
     for cause in causes:
         if cause["effect"] in LAWS_OF_POSITION:
@@ -176,7 +176,7 @@ def _tell_rivals(
 
 
 def _sides(load: Array, usual: Array) -> Array:
-    """On which side of its play each joint lies: it goes over in 8 ms when its load has turned by 3 % of the usual."""
+    """The side of its play on which each joint rests: it changes within 8 ms after its load has changed sign by 3 % of the typical load."""
     out = np.empty_like(load)
     goal = np.where(load[0] >= 0, 1.0, -1.0)
     now = goal.copy()
@@ -196,7 +196,7 @@ class Seen:
     corners_px: Array
     blobs_px: Array
     shown_s: Array
-    """When the body stood as it is seen, by its own clock."""
+    """The body's time at each picture."""
     by_joint: dict[int, Array]
     """(F, M, 2) of the joints asked for: derivatives of the markers' images without noise, px/rad."""
 
@@ -259,7 +259,7 @@ def _see(
     at_row = start + shutter.readout_s * row / lens.size_px[1]
     share = (np.arange(EXPOSED) + 0.5) / EXPOSED
     blobs = np.mean([images(at_row + s * shutter.exposure_s) for s in share], axis=0)
-    # Corners are exposed row by row as the markers are; within a picture a parabola in time is all that they move along.
+    # Corners are exposed row by row, as the markers are; within a picture their motion is a parabola in time.
     parts = [scene(stamps + 0.5 * shutter.exposure_s + s * shutter.readout_s)[0] for s in (0.0, 0.5, 1.0)]
 
     def corner_images(points: Array) -> Array:
@@ -295,7 +295,7 @@ def _pose(turn: Array, shift: Array) -> Array:
 
 
 def _users_model(robot: Robot, joints: list[str], stiffness: Array, damping: Array, armature: Array) -> str:
-    """The simulator that the user has: the URDF as MJCF with position servos of the nominal gains."""
+    """The user's simulator: the URDF as MJCF with position servos of the nominal gains."""
     text = robot.urdf.replace(
         f'<robot name="{robot.urdf.split(chr(34))[1]}">',
         f'<robot name="{robot.urdf.split(chr(34))[1]}"><mujoco><compiler fusestatic="false" balanceinertia="true" '

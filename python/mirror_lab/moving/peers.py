@@ -1,7 +1,7 @@
 """Comparison with other tools: the same session by the diagnosis, by `mujoco.sysid` and as a table of
 errors by joint, as SAGE makes it.
 
-`mujoco.sysid` gets what its users give it: all drive parameters of all joints at once, within bounds, and
+`mujoco.sysid` is used as its users do: all drive parameters of all joints at once, within bounds, and
 the residuals of the same pictures, mirrors and noise included. The table of errors is the result of
 replaying and comparing; it changes nothing in the model, so it predicts another motion as well as the
 unchanged model.
@@ -36,7 +36,7 @@ SAID = 4
 
 @dataclass(frozen=True)
 class Told:
-    """What a tool says of a session, the processor's time that it takes, how far it predicts a motion it did not see."""
+    """A tool's result for a session, its CPU time, and how well it predicts another motion."""
 
     tool: str
     says: str

@@ -21,7 +21,7 @@ from ..blind.seal import unseal
 
 UNSEEN_FLOORS = 1.2
 REAL = 0.1
-"""Of the probability of the cause that is named: an alternative with less is as good as denied."""
+"""Share of the probability of the named cause; an alternative with less does not count."""
 TOLD = {
     "latency_s": ("latency", 0.002, False),
     "stiffness_scale_error": ("gains", 0.10, True),
@@ -133,7 +133,7 @@ def _one(out: Score, answer: Mapping[str, Any], told: Mapping[str, Any]) -> None
 
 
 def _told_for(cause: Mapping[str, Any], truth: Mapping[Key, Any]) -> Key | None:
-    """The true cause that a diagnosis tells with real odds in the place of a cause named in vain."""
+    """The true cause that a diagnosis gives as a probable alternative of a false one."""
     least = REAL * float(cause["probability"])
     for other in cause["alternatives"]:
         key = (other["effect"], other["at"])
@@ -143,7 +143,7 @@ def _told_for(cause: Mapping[str, Any], truth: Mapping[Key, Any]) -> Key | None:
 
 
 def _hidden(cause: Mapping[str, Any], limits: Sequence[Mapping[str, Any]]) -> bool:
-    """Whether the diagnosis itself says that the motion hides a cause as small as this."""
+    """Whether the diagnosis itself reports that so small a cause is not identifiable in this motion."""
     for entry in limits:
         if (entry["effect"], entry["at"]) == (cause["effect"], cause["at"]):
             sizes = {name: size for name, size in entry["parameters"].items() if name in cause}
@@ -161,7 +161,7 @@ def _parameters(out: Score, truth: Mapping[str, Any], told: Mapping[str, Mapping
         out.covered.append(abs(value - true) <= 1.96 * std)
         if name in TOLD:
             group, allowed, relative = TOLD[name]
-            # Of a gain's error the gain itself is what must be near.
+            # The error of a gain is compared with the gain.
             whole = 1.0 + true if name.endswith("scale_error") else true
             error = abs(value - true) / (abs(whole) if relative else 1.0)
             out.within.setdefault(group, []).append(error <= allowed)

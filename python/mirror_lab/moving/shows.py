@@ -1,15 +1,13 @@
-"""What a motion can show: could another law of the same joint's position make the same pictures, within the noise?
+"""Identifiability in a motion: could another law of the same joint's position produce the same pictures, within the noise?
 
 A wrong zero, a gear, a spring and a play each add a curve to a joint's position: a constant, its position, the load on it, the side of
 the load. A play whose load never turns is a wrong zero. With e the curve that the cause adds, b a rival's at its best size a, J the
 images' derivative by the joint and σ the noise that the session truly has,
 
-    D = min over a of Σ |J (e − a b)|² / σ²
+    D = min over a of Σ |J (e − a b)|² / σ² is the expected difference of χ² for a reference that knows all else; without that knowledge it
+is smaller. Noise scatters it by 2√D. Below `MARGIN`, or below `CLEAR_DEVIATIONS` of its scatter, the two are rivals.
 
-is what a reference that knows all else expects to tell them apart by: the least that they differ, since whoever does not know the
-rest sees less. Noise scatters it by 2√D. Below `MARGIN`, or below `CLEAR_DEVIATIONS` of its scatter, the two are rivals.
-
-Known of a servo's laws is nothing here: of a lag, a gain and a friction the judge tells no rivals.
+The laws of a servo (lag, gain, friction) are not compared: they have no rivals here.
 """
 
 from __future__ import annotations
@@ -27,7 +25,7 @@ NEVER_NEGATIVE = ("joint_compliance", "backlash")
 MARGIN = 10.0
 """Twice the logarithm of the odds at which one is clearly better: 150 to 1."""
 CLEAR_DEVIATIONS = 2.6
-"""Of the scatter: the reference itself errs in one of 200."""
+"""In standard deviations: the reference itself errs in one case of 200."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +48,7 @@ class Bent:
 
 
 def rivals_of(cause: dict[str, Any], true: Array, bent: Bent, noise_px: float) -> list[str]:
-    """Laws of the same joint that the pictures do not clearly tell from a cause that adds the curve `true`, as `effect@place`."""
+    """Laws of the same joint that the pictures do not clearly distinguish from a cause that adds the curve `true`, as `effect@place`."""
     weight = np.sqrt((np.nan_to_num(bent.px_per_rad) ** 2).sum(axis=(1, 2))) / noise_px
     wanted = weight * true
     out = []
@@ -67,5 +65,5 @@ def rivals_of(cause: dict[str, Any], true: Array, bent: Bent, noise_px: float) -
 
 
 def clearly(difference: float) -> bool:
-    """Whether two explanations whose squares differ so much, as is expected of them, are told apart."""
+    """Whether two explanations with this expected difference of squares are distinguished."""
     return difference > MARGIN and difference > CLEAR_DEVIATIONS * 2.0 * np.sqrt(difference)

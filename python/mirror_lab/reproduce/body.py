@@ -1,8 +1,8 @@
-"""Table I: a body whose hand stands off by what the paper measured, before anything is corrected.
+"""Table I: a body with the paper's measured error of the hand, before correction.
 
-The embedded robot's right arm, three joints between board and hand marker, held at the paper's (−15°, 85°, 15°). It hides what the paper
-names: play in all three joints, errors of the gears, and warping under gravity. How wide, is chosen within what small servos have; the three
-numbers that Table I fixes are solved for (`solve_body`). Nothing else is tuned: how the loop behaves on this body comes by itself.
+The embedded robot's right arm, three joints between board and hand marker, held at the paper's (−15°, 85°, 15°). Its hidden effects are
+those that the paper names: play in all three joints, errors of the gears, and warping under gravity. Their sizes are chosen as small servos
+have them; the three numbers that Table I fixes are solved for (`solve_body`). Nothing else is tuned.
 """
 
 from __future__ import annotations
@@ -37,13 +37,14 @@ TABLE_1_MM = np.array([1.7, 7.6, -5.1])
 """x, y, z of Table I; their length is its d, 9.3."""
 BOARD_FROM_PAPER = np.diag([1.0, -1.0, -1.0])
 """The paper does not say how its board's axes point. Read as calibration by a chessboard has them (x right and y down as one sees the board,
-z away into it), the hand hangs 7.6 mm low, 5.1 mm forward: what gravity does, and what the three joints can do by less than 5°. Of the eight
-choices of signs only two are so. The embedded board has x to the robot's left (right as one sees it), y up, z out of the print."""
+z away into it), the hand hangs 7.6 mm low, 5.1 mm forward: gravity has this effect, and the three joints can produce it by less than 5°
+each. Of the eight choices of signs only two allow that. The embedded board has x to the robot's left (right as one sees it), y up, z out of
+the print."""
 
 PLAY_RAD = math.radians(1.5)
 """Of each of the three joints: hobby servos have 0.5° to 2°."""
 SHOULDER_SCALE = -0.02
-"""Gear error of the shoulder's roll: at 85° it stays 1.7° behind."""
+"""Gear error of the shoulder's roll: 1.7° at 85°."""
 
 SHOULDER_COMPLIANCE_RAD_PER_NM = 0.94862
 ELBOW_ZERO_RAD = 0.065508
@@ -65,7 +66,7 @@ class Body:
 
     @property
     def hidden(self) -> tuple[HiddenEffect, ...]:
-        """All that the body hides."""
+        """All hidden effects of the body."""
         plays = (HiddenEffect("backlash", f"joint:{joint}", {"width_rad": PLAY_RAD}) for joint in TARGET_RAD)
         roll = "joint:r_shoulder_roll"
         return (
@@ -85,13 +86,13 @@ class Body:
 
 
 def target_in_board_m(nominal: Nominal) -> Floats:
-    """Where the model wants the hand marker, (3,): p_ref."""
+    """The hand marker in the model, (3,): p_ref."""
     result: Floats = nominal.robot.points(nominal.robot.positions(TARGET_RAD), BOARD, HAND)[0]
     return result
 
 
 def hand_in_board_m(robot: TwinRobot) -> Floats:
-    """Where the hand marker really is, (3,): the twin tells, no robot knows."""
+    """The true place of the hand marker, (3,): known for the twin, unknown for a robot."""
     poses = robot.body.link_poses()
     root_from_board = poses[BOARD]
     result: Floats = root_from_board[:3, :3].T @ (poses[HAND][:3, 3] - root_from_board[:3, 3])
@@ -133,7 +134,7 @@ def solve_body() -> Body:
 
 
 def measured_error_mm(robot: TwinRobot, estimator: Estimator, told: Told | None = None) -> Floats:
-    """The hand's error as one measurement in the mirror tells it, in the paper's axes, (3,): two views, as the paper does."""
+    """The hand's error as measured once in the mirror with two views, in the paper's axes, (3,)."""
     looks = []
     for view in VIEWS:
         robot.turn(view)

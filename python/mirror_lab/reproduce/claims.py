@@ -35,11 +35,11 @@ class Experiment:
     title: str
     claims: tuple[Claim, ...]
     data: dict[str, Any]
-    """Every number that was drawn, and how it was made; plain enough for JSON."""
+    """All plotted numbers and the settings that produced them, as JSON data."""
     pictures: dict[str, bytes] = field(default_factory=dict, repr=False)
     """PNG by file name; the figure itself first."""
     notes: tuple[str, ...] = ()
-    """What had to be chosen because the paper does not tell, and what could not be had."""
+    """What had to be chosen because the paper does not state it, and what is missing."""
 
     @property
     def label(self) -> str:

@@ -1,4 +1,4 @@
-"""Corrections of Table I's body by the product's own loop: ways, gains and runs that Fig. 13 shows."""
+"""Corrections of Table I's body by the product's loop: the methods, gains and runs of Fig. 13."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ CORRECTIONS = 4
 PAPER_RUNS = 5
 """The paper's: five gains, four corrections, five runs."""
 LONG_CORRECTIONS = 20
-"""How far λ = 0.2 is followed beyond the paper's four, to see whether it converges."""
+"""Corrections at λ = 0.2 beyond the paper's four, to show whether it converges."""
 BEST_GAIN = 0.8
 """The loop's own default."""
 
@@ -45,12 +45,12 @@ TURNED_AND_TILTED = (
     View(yaw_rad=math.radians(8.0), pitch_rad=math.radians(10.0)),
     View(yaw_rad=math.radians(8.0), pitch_rad=math.radians(-8.0)),
 )
-"""The paper's two views and two tilted ones: by turns about one axis alone the camera–board transform is half blind."""
+"""The paper's two views and two tilted ones: with rotations about one axis alone the camera–board transform is not determined."""
 
 ON_AND_ON = StopOptions(tolerance_m=1e-6, patience=1000, divergence=1e6, retries=1000)
-"""The paper corrects a fixed number of times: nothing is near enough to stop, and nothing is given up."""
+"""The paper makes a fixed number of corrections: the loop neither stops at a tolerance nor gives up."""
 RUNS_A_SEED = 1000
-"""Runs of one seed never meet those of the next."""
+"""Spacing of the runs' seeds, so that those of different seeds differ."""
 SPARE_LOOKS = 4
 """Looks beyond one a correction: the loop looks again where noise alone would move it."""
 
@@ -83,7 +83,7 @@ class Way:
         )
 
     def hidden(self, seed: int) -> tuple[HiddenEffect, ...]:
-        """What the body hides in a run."""
+        """The hidden effects of the body in a run."""
         if not self.mount_off:
             return Body().hidden
         turn, shift = np.random.default_rng([seed, 13]).normal(size=(2, 3))
@@ -100,7 +100,7 @@ PLAIN = Way(
     "plain",
     "Eq. 2, constant J, plain J⁺ (as the paper writes it)",
     step=StepOptions(mu_m_per_rad=0.0, largest_step_rad=math.pi),
-    # A hand that is thrown about is believed: nothing is to keep the plain step from doing what it does.
+    # Large motions of the hand are accepted: the undamped step is to show its effect.
     stop=replace(ON_AND_ON, play_m=1.0, largest_gap_m=1.0, largest_correction_rad=math.pi),
 )
 EQ2_OFF = Way("eq2_mount_off", "Eq. 2, mount off", views=TURNED_AND_TILTED, mount_off=True)
@@ -132,7 +132,7 @@ class Runs:
 
     @property
     def along(self) -> Floats:
-        """(runs, corrections + 1): the error along its first direction; below 0 it is overshot."""
+        """(runs, corrections + 1): the error along its first direction; negative after an overshoot."""
         first = self.error_mm[:, 0] / np.linalg.norm(self.error_mm[:, 0], axis=1)[:, None]
         result: Floats = np.einsum("rki,ri->rk", self.error_mm, first)
         return result
@@ -145,7 +145,7 @@ def run_once(way: Way, gain: float, corrections: int, options: TwinOptions) -> t
     measured: dict[int, float] = {}
 
     def on_look(report: LookReport) -> None:
-        # The look is taken, the next command is not yet given: the body stands as it was seen.
+        # After the look and before the next command: the body stands as it was measured.
         true.setdefault(report.steps, error_mm(robot))
         distance = report.markers[0].distance_m
         measured.setdefault(report.steps, math.nan if distance is None else distance * 1e3)
@@ -156,14 +156,14 @@ def run_once(way: Way, gain: float, corrections: int, options: TwinOptions) -> t
         not_stopped(correct(robot, TARGET_RAD, way.options(gain, corrections), on_look=on_look))
     errors, distances = [true[0]], [measured[0]]
     for step in range(1, corrections + 1):
-        # Where the loop saw nothing to correct it gave no further command: the hand stays where it is.
+        # Without a further command the hand stays where it is.
         errors.append(true.get(step, errors[-1]))
         distances.append(measured.get(step, math.nan))
     return np.array(errors), np.array(distances)
 
 
 class EnoughCorrectionsError(Exception):
-    """As many corrections as the paper made: ends a loop that would go on."""
+    """Ends the loop after as many corrections as the paper made."""
 
 
 def not_stopped(outcome: Outcome) -> None:
@@ -194,7 +194,7 @@ def runs_of(
 
 
 def planned(pictures: bool) -> list[tuple[Way, float, int]]:
-    """Way, gain and corrections of everything that is drawn; of pictures, which take long, only what the statements need."""
+    """Method, gain and corrections of each run; with pictures, which take long, only those that the statements need."""
     all_gains = [(PAPER, gain, CORRECTIONS) for gain in GAINS]
     if pictures:
         return [*all_gains, (JOINT_OFF, BEST_GAIN, CORRECTIONS)]

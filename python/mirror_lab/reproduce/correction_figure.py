@@ -32,7 +32,7 @@ from .plots import BEYOND, MANY, MARKERS, Panel, Series, drawn
 ENOUGH_MM = 5.0
 """The paper's "within 5 mm"."""
 JOINT_ENOUGH_MM = 1.0
-"""What is asked of the joint estimator."""
+"""The required accuracy of the joint estimator."""
 BESIDE = 0.05
 """How far apart the gains are drawn, corrections."""
 
@@ -40,7 +40,7 @@ BESIDE = 0.05
 def fig13(
     options: TwinOptions, runs: int, counting: Callable[[int], AbstractContextManager[Told]]
 ) -> Experiment:
-    """Error by corrections; `counting(total)` opens a bar that is told of each run."""
+    """Error by corrections; `counting(total)` opens a progress bar, which is advanced after each run."""
     plan = planned(options.pictures)
     found: dict[str, dict[float, Runs]] = {}
     long: Runs | None = None

@@ -16,12 +16,12 @@ from .observation import DrawingEye, Eye, NoisyEye, Told
 from .stand import Stand
 
 NAMES = ("fig7", "fig8", "fig9", "fig10", "fig11", "table1", "fig13", "fig14")
-"""What can be asked for, in the paper's order."""
+"""The experiments, in the paper's order."""
 
 NOISE_PX = 0.2
 """Standard deviation of corners and ball centres along one axis: what a good detector reaches."""
 PICTURE_TRIALS = 5
-"""Repetitions where each look is a drawn picture (seconds each) and nobody says how many."""
+"""Default repetitions where each look is a drawn picture (seconds each)."""
 TABLE_TRIALS = 5
 """How often Table I is measured: as often as the paper corrected."""
 
@@ -55,13 +55,13 @@ class Options:
 
 
 class Experiments:
-    """The experiments of one run; data that two figures share is made once."""
+    """The experiments of one run; data that two figures share are computed once."""
 
     def __init__(self, options: Options, counting: Counting) -> None:
         self.options, self._counting = options, counting
 
     def each(self) -> Iterator[Experiment]:
-        """The experiments that were asked for, one by one."""
+        """The chosen experiments, one by one."""
         for name in NAMES:
             if name in self.options.only:
                 yield getattr(self, f"_{name}")()
@@ -138,7 +138,7 @@ class Experiments:
 
 
 class _Counter:
-    """A bar that is told of each step instead of their number."""
+    """A progress bar that is advanced by one."""
 
     def __init__(self, bar: AbstractContextManager[Callable[[int], None]]) -> None:
         self._bar, self._done = bar, 0

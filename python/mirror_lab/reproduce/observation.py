@@ -1,4 +1,4 @@
-"""What the camera sees of the stand in a view, many times over: by pixel noise, or by drawn and detected pictures.
+"""Repeated looks of the camera at the stand in a view: exact pixels with noise, or drawn and detected pictures.
 
 Both share no formula with the estimators. Noise: the place on the mirror where the light bounces follows from the law of equal
 angles, and the picture is a pinhole's. Pictures: the core's ray tracer draws glass, silver and sensor noise, and the detector looks.
@@ -25,7 +25,7 @@ STAND_RAD, STAND_M = np.radians(0.3), 0.0005
 """How exactly a stand is set by hand for a drawn look: angle (yaw and pitch) and distance, standard deviations."""
 
 Told = Callable[[], None]
-"""Called once for each look that is done."""
+"""Called after each look."""
 
 
 @dataclass(frozen=True)
@@ -39,14 +39,14 @@ class Sighting:
 
 
 class Eye(Protocol):
-    """A way to look at the stand."""
+    """A method to look at the stand."""
 
     @property
     def stand(self) -> Stand: ...
 
     @property
     def glass_thickness_m(self) -> float:
-        """Of the mirror that it looks into."""
+        """Thickness of the mirror's glass, m."""
         ...
 
     @property

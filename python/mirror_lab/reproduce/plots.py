@@ -1,4 +1,4 @@
-"""Figures in the paper's manner: lines with markers over a grid, dashed without and solid with the mirror's constraint."""
+"""Figures in the paper's style: lines with markers over a grid, dashed without and solid with the mirror's constraint."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ BEYOND = "beyond the paper"
 PANEL_INCHES = (4.6, 3.5)
 PNG_DPI = 120
 COLOURS = 64
-"""A line drawing needs no more; the file is a third as large."""
+"""Enough for a line drawing; the file is a third as large."""
 STYLE: Any = {
     "font.size": 9,
     "axes.spines.top": False,

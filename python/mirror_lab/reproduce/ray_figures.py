@@ -16,7 +16,7 @@ Floats = npt.NDArray[np.float64]
 
 
 def how(found: RayErrors) -> str:
-    """A panel's title: how its data came about."""
+    """A panel's title: the origin of its data."""
     if found.noise_px is None:
         return f"drawn pictures, detected ({found.trials} trials)"
     return f"corner noise {found.noise_px:g} px ({found.trials} trials)"
@@ -217,7 +217,7 @@ def ladder_series(found: RayErrors, x: Floats, marker: int) -> list[Series]:
 
 
 def size_claim(top_mm: float, here_mm: float, large: object | None, large_mm: float | None) -> Claim:
-    """How large the errors are: the paper prints no numbers, but its axes."""
+    """The size of the errors: the paper prints no numbers, only axes."""
     said = f"largest {here_mm:.1f} mm"
     if large is not None and large_mm is not None:
         said += f"; with {PAPER_SIZE_NOISE_PX:g} px a corner {large_mm:.0f} mm"

@@ -23,7 +23,7 @@ COLUMNS = ("", "what", "the paper", "here", "")
 
 
 def write(folder: Path, options: Options, done: Sequence[Experiment]) -> list[Path]:
-    """Writes everything that is done until now; called again after each experiment, so that a stop loses nothing."""
+    """Writes all results so far; called after each experiment, so that a stop loses nothing."""
     folder.mkdir(parents=True, exist_ok=True)
     files = []
     for experiment in done:
@@ -77,7 +77,7 @@ def rows(done: Sequence[Experiment]) -> list[tuple[str, str, str, str, str]]:
 
 
 def how(options: Options) -> str:
-    """How the looks were made, in words."""
+    """How the looks were made, in a sentence."""
     if options.pictures:
         return "drawn pictures (glass, sensor noise) through detection"
     return f"exact pixels with {options.noise_px:g} px of noise"

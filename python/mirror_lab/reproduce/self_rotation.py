@@ -36,9 +36,9 @@ TURN_RAD = math.radians(15.0)
 VIEW_JOINTS = (tuple((hip, 0.0) for hip in HIPS), tuple((hip, TURN_RAD) for hip in HIPS))
 """The two viewpoints: both hips straight, and both turned by 15°, as the paper's stand is in Fig. 13."""
 DRAWN = PictureOptions(samples=1, edge_samples=3, full_well_electrons=None)
-"""Good enough to look at."""
+"""Enough for a picture for people."""
 CLOSE_UP, ZOOM = (575, 245, 225, 110), 2
-"""What is shown of the robot's own picture (left, top, width, height, px): the forearm; and how much larger."""
+"""The part of the robot's own picture that is shown (left, top, width, height, px), the forearm, and its magnification."""
 
 
 class StandingTwin(TwinRobot):
@@ -61,7 +61,7 @@ class StandingTwin(TwinRobot):
 
     @property
     def seen_view(self) -> View:
-        """Where the mirror really stands before the torso now."""
+        """The true pose of the mirror relative to the torso."""
         root_from_foot = self.body.link_poses()[FOOT]
         normal = root_from_foot[:3, :3] @ self._normal_in_foot
         point = root_from_foot[:3, :3] @ self._point_in_foot + root_from_foot[:3, 3]
@@ -72,7 +72,7 @@ class StandingTwin(TwinRobot):
 
     def _look(self) -> Look:
         self._real_view = self.seen_view
-        # Nobody told the robot where the mirror stands.
+        # The robot does not know where the mirror stands.
         return replace(super()._look(), view=None)
 
 

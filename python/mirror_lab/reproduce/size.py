@@ -1,5 +1,4 @@
-"""The size of the paper's errors, in px: for Figs. 8 to 11 it prints axes without numbers, and one noise
-must fill all four."""
+"""The size of the paper's errors, in px: Figs. 8 to 11 have axes without numbers, and one noise level must fit all four."""
 
 from __future__ import annotations
 
@@ -30,14 +29,14 @@ class Size:
 
     @property
     def filled(self) -> dict[str, float]:
-        """Which part of the paper's axis Eq. 1 reaches, by figure."""
+        """The share of the paper's axis that Eq. 1 reaches, by figure."""
         return {name: mm / PAPER_AXES_MM[name] for name, mm in self.eq1_mm.items()}
 
 
 def sweep(
     stand: Stand, noises_px: Sequence[float] = SWEEP_PX, trials: int = SWEEP_TRIALS, seed: int = 0
 ) -> list[Size]:
-    """The sizes of all four figures at several noises: which one is the paper's?"""
+    """The sizes of all four figures at several noise levels, to find the paper's."""
     sizes = []
     p1, p2 = stand.markers.index("P1"), stand.markers.index("P2")
     for noise in noises_px:

@@ -1,7 +1,7 @@
 """The stand of the measuring experiments: camera, board and six balls that do not move, before a mirror.
 
 Its numbers are those of `stand/` (session.toml, robot.urdf, camera.yaml): 800×600, f = 693 px, a board of 14 mm squares 75 mm below the
-camera, balls of 11.6 mm. What the paper does not tell (the board's size, the six places) is chosen there.
+camera, balls of 11.6 mm. What the paper does not state (the board's size, the six places) is chosen there.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class PlaneInCamera:
 
 @dataclass(frozen=True)
 class Stand:
-    """Everything that stays the same while the mirror moves."""
+    """The fixed parts of the experiment."""
 
     nominal: Nominal
 
@@ -96,7 +96,7 @@ class Stand:
         return view_planes([view], self._root_from(board.link)[:3, 3])[0]
 
     def rig(self, glass_thickness_m: float) -> Rig:
-        """What the estimators are told: the truth. Only maximum likelihood makes use of the glass."""
+        """The rig of the estimators: the true one. Only maximum likelihood uses the glass."""
         board, camera = self.nominal.metadata.board, self.nominal.camera
         assert board is not None and camera is not None
         return Rig(

@@ -20,11 +20,11 @@ Floats = npt.NDArray[np.float64]
 Positions = Mapping[str, float]
 
 SUBSTEPS = 8
-"""Parts into which a motion is cut where a load may push a play over in passing."""
+"""Parts of a motion at which the load is checked: a load on the way can move a joint across its play."""
 YIELDING_ROUNDS = 4
-"""Loads are taken where what yields has yielded: each round is better by the droop, a few percent."""
+"""Iterations of load and deflection: each reduces the error to a few percent."""
 DEFAULT_FRICTION_NM = 0.002
-"""Loads below it do not push a play over: a small servo's output bearing."""
+"""Smaller loads do not move a joint across its play: friction of a small servo's output bearing."""
 
 JOINT_EFFECTS = (
     "joint_offset",
@@ -39,7 +39,7 @@ JOINT_EFFECTS = (
 )
 LINK_EFFECTS = ("link_bending", "link_length")
 EFFECTS = (*JOINT_EFFECTS, *LINK_EFFECTS, "marker_mount", "camera_mount")
-"""What a body can hide, in the vocabulary's words."""
+"""The hidden effects that a body can have, by their names in the vocabulary."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ def tilted_axis(axis: Floats, tilt_1_rad: float, tilt_2_rad: float) -> Floats:
 
 
 class HiddenBody:
-    """A robot's true body: it is led from command to command, and plays and friction keep what happened before.
+    """A robot's true body: it moves from command to command; plays and friction depend on the motions before.
 
     The links hang below `root`, which stands still; gravity (3,), m/s², is in its frame. Before the first command all
     joints rest at 0, in the middle of their plays.
@@ -110,7 +110,7 @@ class HiddenBody:
         self._axis = [body.axis for body in self.bodies]
         self._origin = [body.xyz_m for body in self.bodies]
         self._after: dict[int, Floats] = {}
-        """By body: what its pose is multiplied with, a mount that sits elsewhere."""
+        """By body: the transform that a displaced mount adds to its pose."""
         self._bends: list[tuple[int, float, Floats, Floats]] = []
         """Body, compliance, pivot in its frame, its transverse projector (3, 3)."""
         for one in self.hidden:
@@ -118,7 +118,7 @@ class HiddenBody:
         self._loose = any(one.effect in ("backlash", "stiction") for one in self.hidden)
         self._command = dict.fromkeys(self._body_of_joint, 0.0)
         self._stood: dict[int, float] = {}
-        """By effect: where the output of a play last stood, rad; 0 before the first command."""
+        """By effect: the last position of the output within its play, rad; 0 before the first command."""
         self._theta = dict(self._command)
         self._poses = self._settle(self._command, 0.0)
 
@@ -132,7 +132,7 @@ class HiddenBody:
         return {body.name: pose for body, pose in zip(self.bodies, self._poses, strict=True)}
 
     def move(self, goal: Positions, time_s: float = 0.0) -> None:
-        """Leads each joint straight from its last command to the next; joints that are not named stay.
+        """Moves each joint in a straight line from its last command to the next; joints that are not named stay.
 
         Raises `MirrorPostureError` for a joint that the body does not have.
         """
@@ -172,7 +172,7 @@ class HiddenBody:
                 link = f"{place}_marker" if f"{place}_marker" in self._body_of_link else place
                 self._known(one, link, self._body_of_link)
                 body = self._body_of_link[link]
-                # Told in the frame of the link that carries the mount, in which the mount's origin is told too.
+                # Given in the frame of the link that carries the mount, as the mount's origin is.
                 self._origin[body] = self._origin[body] + _shift(p)
             elif one.effect == "camera_mount":
                 link = place or "camera_optical"
@@ -222,7 +222,7 @@ class HiddenBody:
                 above = self.bodies[above].parent
         return carried
 
-    # Where the body comes to rest.
+    # The body at rest.
 
     def _settle(self, command: Positions, time_s: float, rounds: int = YIELDING_ROUNDS) -> list[Floats]:
         theta = dict(self._theta)
@@ -278,7 +278,7 @@ class HiddenBody:
             return p["coupling"] * q[other]
         if one.effect == "drift":
             return p["rate_rad_per_s"] * time_s
-        # Plays: only that their width is told.
+        # Plays: only their width is given.
         return 0.0 * p["width_rad" if one.effect == "backlash" else "deadband_rad"]
 
     def _chain(self, theta: Positions, bend: Mapping[int, Floats]) -> list[Floats]:
@@ -321,7 +321,7 @@ class HiddenBody:
 
 
 def _held(one: HiddenEffect, driven: float, before: float, load: float) -> float:
-    """Where an output stands that its load pushes to a side of its play, or that friction holds within it."""
+    """The position of an output within its play: at the side to which its load pushes it, or held by friction."""
     p = one.parameters
     if one.effect == "stiction":
         return float(np.clip(before, driven - p["deadband_rad"], driven + p["deadband_rad"]))

@@ -1,6 +1,6 @@
 """Any URDF or MJCF as a commanded robot: MuJoCo's dynamics, servos with finite gains, plays, friction, springs.
 
-Needs the extra `mujoco`. It looks into its mirror in one of three ways: MuJoCo's own renderer (a reflecting plane, where
+Needs the extra `mujoco`. It sees its mirror in one of three ways: MuJoCo's own renderer (a reflecting plane, where
 there is an OpenGL), the package's traced pictures, or exact pixels with noise.
 """
 
@@ -49,14 +49,14 @@ CONTROL_STEPS = 5
 """Simulation steps between two commands of the servos: 200 Hz."""
 SETTLED_RAD_PER_S = 2e-5
 CREEPING_RAD_PER_S = 1e-3
-"""A part that still creeps more slowly when patience ends, its load hardly above its friction, is taken to rest."""
+"""A part that moves more slowly than this after the longest wait counts as at rest: its load hardly exceeds its friction."""
 SETTLE_CHECK_S = 0.05
 SETTLE_LONGEST_S = 5.0
 
 
 @dataclass(frozen=True)
 class MujocoOptions:
-    """How the robot is built and how it looks."""
+    """The robot's construction, and its way to take pictures."""
 
     servo: ServoOptions = field(default_factory=ServoOptions)
     way: Way = "pixels"
@@ -65,11 +65,11 @@ class MujocoOptions:
     """Of exact pixels: standard deviation, one axis."""
     view: View = field(default_factory=View)
     stand_error_rad: float = 0.0
-    """A stand that is turned by hand ends up this far (standard deviation) from where it was meant, in yaw and pitch."""
+    """Error of a stand that is turned by hand (standard deviation of yaw and of pitch)."""
     glass_thickness_m: float | None = None
     """Of the real mirror; None: as the nominal session has it. MuJoCo's own renderer has no glass."""
     encoders: bool = False
-    """Whether `command` tells the joints' own positions: what sits behind a play or a spring is not seen by them."""
+    """Whether `command` reports measured positions, those of the motors: encoders do not see a play or a spring behind them."""
     seed: int = 0
 
 
@@ -123,7 +123,7 @@ class MujocoRobot(SimulatedStand, RobotBase):
         self._random = np.random.default_rng(self.options.seed)
         self._looks = 0
         links = {str(metadata.camera_link), metadata.board.link, *(m.link for m in metadata.markers)}
-        # The tracer draws every link of the URDF; else those count that the session names.
+        # The tracer draws every link of the URDF; otherwise only the links that the session names are needed.
         self._links = sorted(links) if way != "traced" else list(nominal.robot.link_names)
         self._held = dict.fromkeys(held, 0.0)
         self._told = self._targets(self._held)
@@ -135,7 +135,7 @@ class MujocoRobot(SimulatedStand, RobotBase):
         self._move(dict(self.commanded))
 
     def link_poses(self) -> dict[str, Floats]:
-        """`root_from_link` (4, 4) of the links that looking needs, as they really are."""
+        """`root_from_link` (4, 4) of the links that a look needs: the true ones."""
         at, turn = frame_of(self.model, self.data, self.nominal.metadata.root)
         poses = {}
         for link in self._links:
@@ -146,7 +146,7 @@ class MujocoRobot(SimulatedStand, RobotBase):
         return poses
 
     def marker_truth_m(self) -> dict[str, Floats]:
-        """Where the balls really are in the root's frame, m: for tests and figures, no robot knows it."""
+        """The true places of the balls in the root's frame, m: for tests and figures; a robot does not know them."""
         poses = self.link_poses()
         return {marker.name: poses[marker.link][:3, 3] for marker in self.nominal.metadata.markers}
 
@@ -163,7 +163,7 @@ class MujocoRobot(SimulatedStand, RobotBase):
         return way
 
     def _targets(self, positions: Positions) -> dict[str, float]:
-        """What the servos are really told."""
+        """The commands that the servos really receive."""
         time_s, errors = float(self.data.time), self._true.servo_errors
         return {
             joint: q + sum(error(positions, time_s) for error in errors.get(joint, ()))
@@ -245,7 +245,7 @@ class MujocoRobot(SimulatedStand, RobotBase):
         return Look(self.commanded, self._now_s(), view=self._view, picture_bgr=picture)
 
     def _rest(self) -> None:
-        # A simulated body is safe where it stands.
+        # A simulated body needs no stop.
         return
 
     def _close(self) -> None:

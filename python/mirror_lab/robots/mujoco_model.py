@@ -1,6 +1,6 @@
 """MuJoCo's model of a true body: any URDF or MJCF, with servos on its joints and hidden effects built in.
 
-Errors of a servo's command (offset, gear, eccentricity, coupling, drift) are a `ServoError`; elastic parts
+Errors of a servo's command (offset, gear, eccentricity, coupling, drift) are `ServoError`s; elastic parts
 (play, springs, friction, bending) become joints that the dynamics moves; displaced parts move a frame.
 Names and parameters are those of docs/effects.md.
 """
@@ -22,7 +22,7 @@ from .hidden import DEFAULT_FRICTION_NM, HiddenEffect, tilted_axis
 
 Floats = npt.NDArray[np.float64]
 ServoError = Callable[[Mapping[str, float], float], float]
-"""What is added to a joint's command, from all commands (rad, m) and the time (s)."""
+"""Error of a joint's command as a function of all commands (rad, m) and the time (s)."""
 
 TIMESTEP_S = 0.001
 SERVO_RATE_PER_S = 100.0
@@ -32,7 +32,7 @@ LEAST_STIFFNESS_NM_PER_RAD = 0.5
 STIFF_LIMIT = ([0.002, 1.0], [0.999, 0.9999, 0.0001, 0.5, 2.0])
 STIFF_FRICTION = ([0.002, 1.0], [0.9999, 0.9999, 0.001, 0.5, 2.0])
 PART_ARMATURE_KGM2 = 1e-4
-"""Of what lies between a motor and a part that gives way: with less, a play beside a spring chatters for ever."""
+"""Reflected inertia between a motor and an elastic part: with less, a play beside a spring never settles."""
 PLAY_DAMPING_PER_S = 30.0
 STICTION_DROOP_SHARE = 0.15
 """Droop of a sticking servo at its largest load, over its dead band."""
@@ -43,14 +43,14 @@ class ServoOptions:
     """How strong the servos are. A model's own position servos are kept as they are."""
 
     droop_rad: float = 0.0005
-    """What the largest load of gravity brings a servo off its target: proportional gain, no integral."""
+    """The servo's error at the largest load of gravity: proportional gain, no integral."""
     friction_nm: float = 0.0
     """Dry friction in each joint."""
 
 
 @dataclass
 class TrueModel:
-    """A compiled model, with what tells its joints and links apart."""
+    """A compiled model with the indices of its joints and links."""
 
     model: mujoco.MjModel
     actuator: dict[str, int]
@@ -180,9 +180,9 @@ def _add_servos(
         element.armature = max(float(element.armature), inertia)
         element.frictionloss = max(float(element.frictionloss), friction[joint])
         element.solref_friction, element.solimp_friction = STIFF_FRICTION
-        # Commands are checked at the border; an offset near a stop is not to run into it.
+        # Commands are checked before; a joint with an offset must not run into its stop.
         element.limited = mujoco.mjtLimited.mjLIMITED_FALSE
-        # A servo that holds a load to a thousandth of a radian is heavier than the file's effort can swing.
+        # A servo that holds a load to a thousandth of a radian needs more effort than the file states.
         element.actfrclimited = mujoco.mjtLimited.mjLIMITED_FALSE
         added = spec.add_actuator(name=f"servo:{joint}", target=joint)
         added.trntype = mujoco.mjtTrn.mjTRN_JOINT
@@ -265,7 +265,7 @@ class _Hiding:
             part = _part(element, f"{joint}:play{number}")
             part.limited, part.range = mujoco.mjtLimited.mjLIMITED_TRUE, [-half, half]
             part.solref_limit, part.solimp_limit = STIFF_LIMIT
-            # Friction holds the output against the frame, not against the motor that turns within the play.
+            # Friction acts between the output and the frame, not between the output and the motor.
             bearing = self.spec.add_tendon(name=part.name)
             bearing.wrap_joint(joint, 1.0)
             bearing.wrap_joint(part.name, 1.0)
@@ -343,7 +343,7 @@ def _set_stiffness(part: mujoco.MjsJoint, stiffness: float) -> None:
 
 
 def _bend(body: mujoco.MjsBody, number: int, stiffness: float) -> None:
-    """Two springy hinges across a link at its middle, where a uniform beam bends as if lumped."""
+    """Two elastic hinges across a link at its middle, equivalent to a uniform beam's bending."""
     ends = [np.asarray(child.pos) for child in body.bodies if child.joints]
     ends = ends or [np.asarray(child.pos) for child in body.bodies]
     tip = np.mean(ends, axis=0) if ends else 2.0 * np.asarray(body.ipos)

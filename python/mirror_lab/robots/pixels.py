@@ -1,7 +1,7 @@
 """Image points without a picture: exact pixels of board corners and balls in a mirror, with chosen noise.
 
-The light's path is the blind check's (Snell's law by shooting, the ball's traced outline), so that nothing
-here shares a formula with the measurement. Occlusion by limbs is not modelled: only the picture's border
+The light's path is the blind check's (Snell's law by shooting, the ball's traced outline), so that no formula is shared with the
+measurement. Occlusion by limbs is not modelled: only the picture's border
 and the board's face count.
 """
 
@@ -97,7 +97,7 @@ def exact_points(
         corners = metadata.board.corner_in_board_m @ camera_from_board[:3, :3].T + camera_from_board[:3, 3]
         found = lens.image(apparent(in_mirror(len(corners)), corners))
         faces = float(camera_from_board[:3, 2] @ normal) > LEAST_COSINE
-        # A chessboard is found whole or not at all.
+        # A chessboard is detected completely or not at all.
         whole = faces and bool(visible(found, corners).all())
         board_seen[:] = whole
         if whole:

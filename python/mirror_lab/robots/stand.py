@@ -1,4 +1,4 @@
-"""The stand of a simulated robot: it is turned by hand, with an error."""
+"""The stand of a simulated robot, which is turned by hand with an error."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from mirror_posture.viewpoint import View
 
 
 class SimulatedStand:
-    """What turns before its mirror (`TurnsView`): the view that is meant, and the real one beside it.
+    """A robot that turns before its mirror (`TurnsView`): the intended view and the true one.
 
     A mix-in of robots; `_stand(view, error_rad, random)` sets it up.
     """
 
     def _stand(self, view: View, error_rad: float, random: np.random.Generator) -> None:
-        """Stands at a view; `error_rad` is how far the stand ends up beside it, one axis, standard deviation."""
+        """Starts at a view; `error_rad` is the error of the stand, standard deviation of one axis."""
         self._stand_error_rad, self._stand_random = error_rad, random
         self.turn(view)
 
     @property
     def view(self) -> View:
-        """Where the mirror is meant to stand."""
+        """The intended view."""
         return self._view
 
     def turn(self, view: View) -> None:

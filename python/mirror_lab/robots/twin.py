@@ -1,8 +1,7 @@
 """The twin: the embedded robot (or any session's) with hidden effects, in front of a traced mirror or in
 exact pixels.
 
-With pictures it looks as a real robot would, through rendering and detection; without, a look takes
-milliseconds.
+With pictures a look is rendered and detected, as on a real robot; without, it takes milliseconds.
 """
 
 from __future__ import annotations
@@ -31,17 +30,17 @@ if TYPE_CHECKING:
 MIRROR_MARGIN_M = 0.06
 """Between what has to be seen and the mirror's edge: half a ball, the board's rim."""
 USUAL_DISTANCE_M = 0.3
-"""Nearer than that the mirror has the size that pictures have by default."""
+"""Up to this distance the mirror has the default size of pictures."""
 WALL_M = 2.0
 """Of the mirror before a twin with meshes, either way: as large as needed."""
 SECONDS_A_COMMAND = 1.0
 SECONDS_A_LOOK = 0.5
-"""The twin's own time, by which a drift wanders: a small servo's motion, a camera's picture."""
+"""The twin's time, on which a drift depends: duration of a servo's motion and of a picture."""
 
 
 @dataclass(frozen=True)
 class TwinOptions:
-    """How a twin looks."""
+    """How a twin takes its looks."""
 
     pictures: bool = True
     """False: exact pixels with noise, no rendering and no detection."""
@@ -51,9 +50,9 @@ class TwinOptions:
     noise_px: float = 0.1
     """Of exact pixels: standard deviation, one axis."""
     view: View = field(default_factory=View)
-    """Where the mirror stands at first."""
+    """The first view."""
     stand_error_rad: float = 0.0
-    """A stand that is turned by hand ends up this far (standard deviation) from where it was meant, in yaw and pitch."""
+    """Error of a stand that is turned by hand (standard deviation of yaw and of pitch)."""
     glass_thickness_m: float | None = None
     """Of the real mirror; None: as the nominal session has it."""
     curvature_per_m: float = 0.0
@@ -82,7 +81,7 @@ class TwinRobot(SimulatedStand, RobotBase):
         body = HiddenBody(
             nominal.robot_file.read_text(encoding="utf-8"), metadata.root, metadata.gravity_m_per_s2, hidden
         )
-        # Joints above the root do not move anything that hangs on it (the legs of a torso, say).
+        # Joints above the root (the legs of a torso) do not move the links below it.
         limits = {joint: limit for joint, limit in nominal.joint_limits.items() if joint in body.theta}
         super().__init__(nominal, name=name, limits=limits)
         self.options, self.body = options or TwinOptions(), body
@@ -123,7 +122,7 @@ class TwinRobot(SimulatedStand, RobotBase):
         return MeshPainter(nominal, (WALL_M, WALL_M))
 
     def marker_truth_m(self) -> dict[str, np.ndarray]:
-        """Where the balls really are in the root's frame, m: for tests and figures, no robot knows it."""
+        """The true places of the balls in the root's frame, m: for tests and figures; a robot does not know them."""
         poses = self.body.link_poses()
         return {marker.name: poses[marker.link][:3, 3].copy() for marker in self.nominal.metadata.markers}
 
@@ -176,7 +175,7 @@ class TwinRobot(SimulatedStand, RobotBase):
         return Look(self.commanded, self._time_s, view=self._view, points=points)
 
     def _mirror_size_m(self, poses: dict[str, np.ndarray], plane: MirrorPlane) -> tuple[float, float]:
-        """Width and height of a mirror that shows board and balls: where the light's ways meet its plane, and a margin."""
+        """Width and height of a mirror that shows board and balls: the points at which the light meets its plane, and a margin."""
         metadata = self.nominal.metadata
         assert metadata.board is not None and metadata.camera_link is not None
         if self._real_view.distance_m <= USUAL_DISTANCE_M:
@@ -199,7 +198,7 @@ class TwinRobot(SimulatedStand, RobotBase):
         return width, height
 
     def _rest(self) -> None:
-        # A simulated body is safe where it stands.
+        # A simulated body needs no stop.
         return
 
     def _now_s(self) -> float:
