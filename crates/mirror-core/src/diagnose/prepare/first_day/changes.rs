@@ -8,8 +8,10 @@
 //! without it.
 //!
 //! A lost zero moves what the joint carries like a slip along the joint's circle. It has one parameter, a slip three or
-//! six: the evidence decides.
+//! six: the evidence decides. It is also compared with play or sticking at one joint ([`super::hysteresis`]), which
+//! looks like a change where the joint turns back.
 
+use super::hysteresis::{self, OfJoint};
 use super::mistake::Mistake;
 use super::verify::{Tolerant, smaller};
 use crate::diagnose::likelihood::noise::effective;
@@ -103,18 +105,32 @@ pub(super) fn find(
     if !problem.scene.ordered || problem.frames.len() < 2 * FEWEST_FRAMES {
         return Ok(None);
     }
-    let nominal = effective(problem, &problem.nominal(), least, None)?;
     let size = |n: Noise| if problem.camera.is_some() { n.marker_px } else { n.point_m };
-    if size(nominal) < A_GAP * size(least) {
+    let leaves_a_gap = |deformation: &Deformation| -> Result<bool> {
+        Ok(size(effective(problem, deformation, least, None)?) >= A_GAP * size(least))
+    };
+    if !leaves_a_gap(&problem.nominal())? {
         return Ok(None);
     }
     let mut without = Tolerant::fitted(problem, frames, least)?;
-    let mut bests = best_slips(&without, problem, zeros)?;
+    if !leaves_a_gap(&without.deformation())? {
+        return Ok(None);
+    }
+    let of_joints = of_zeros(problem, &without.deformation(), without.noise)?;
+    let mut bests = best_slips(&without, problem, if zeros { &of_joints } else { &[] })?;
     // In χ², of so many rows and places that are tried.
     bests.retain(|b| b.gain > 2.0 * BEYOND_DOUBT);
     bests.sort_by(|a, b| b.gain.total_cmp(&a.gain));
-    if bests.is_empty() {
-        return Ok(None);
+    let Some(largest) = bests.first().map(|b| b.gain) else { return Ok(None) };
+    let hysteresis = hysteresis::likeliest(problem, &without, &sums_of(&of_joints));
+    let mut play = None;
+    if let Some(hysteresis) = hysteresis.as_ref().filter(|h| h.gain > largest) {
+        let with = hysteresis.fitted(problem, &without, least)?;
+        // Where play or sticking leaves nothing, there is nothing for a change to explain.
+        if !leaves_a_gap(&with.deformation())? {
+            return Ok(None);
+        }
+        play = Some(with);
     }
     // To first order zeros of several joints imitate a slip of the board or the camera: they must not replace it.
     let (of_zeros, mut slips): (Vec<Best>, Vec<Best>) = bests.into_iter().partition(|b| b.slip().is_none());
@@ -129,21 +145,39 @@ pub(super) fn find(
         }
         tried.push(settled);
     }
+    // If the model with the slip is still far from the noise, something else is wrong, and a step absorbs part of it.
+    tried.retain(|(_, fit)| size(fit.noise) <= ABOVE_SCATTER * size(least));
+    if tried.is_empty() {
+        return Ok(None);
+    }
     let noise = tried.iter().map(|t| t.1.noise).fold(without.noise, smaller);
     let alone = without.log_evidence(noise)?;
-    let mut found: Option<(f64, Best)> = None;
+    let mut found: Option<(f64, Best, Tolerant)> = None;
     for (best, mut fit) in tried {
-        // If the model with the slip is still far from the noise, something else is wrong, and a step absorbs part
-        // of it.
-        if size(fit.noise) > ABOVE_SCATTER * size(least) {
-            continue;
-        }
         let odds = fit.log_evidence(noise)? - alone;
         if odds > found.as_ref().map_or(BEYOND_DOUBT, |f| f.0) {
-            found = Some((odds, best));
+            found = Some((odds, best, fit));
         }
     }
-    Ok(found.map(|(odds, b)| (b.mistake(problem), odds)))
+    let Some((mut odds, best, mut fit)) = found else { return Ok(None) };
+    if let (None, Some(hysteresis)) = (&play, &hysteresis) {
+        play = Some(hysteresis.fitted(problem, &without, least)?);
+    }
+    if let Some(mut play) = play {
+        let noise = smaller(noise, play.noise);
+        odds = odds.min(fit.log_evidence(noise)? - play.log_evidence(noise)?);
+    }
+    Ok((odds > BEYOND_DOUBT).then(|| (best.mistake(problem), odds)))
+}
+
+/// The products of each joint's column in each frame.
+fn sums_of(of_joints: &[Place]) -> Vec<OfJoint> {
+    let sums = |place: &Place| place.frames.iter().map(|(h, g)| (h[(0, 0)], g[0])).collect();
+    let of = |place: &Place| match place.what {
+        What::Zero(node) => Some((node, sums(place))),
+        What::Slips(_) => None,
+    };
+    of_joints.iter().filter_map(of).collect()
 }
 
 /// A slip refined together with all small errors.
@@ -287,23 +321,27 @@ fn together(
     Ok(Some((found, fit)))
 }
 
-/// The best row of each place; with `with_zeros` also of each joint's zero.
-fn best_slips(fit: &Tolerant, problem: &Problem, with_zeros: bool) -> Result<Vec<Best>> {
+/// The best row of each place that may slip, and of some joints' zeros.
+fn best_slips(fit: &Tolerant, problem: &Problem, of_joints: &[Place]) -> Result<Vec<Best>> {
     let deformation = fit.deformation();
     let mut places = markers(problem, &deformation, fit.noise)?;
-    if with_zeros {
-        let scene = &problem.scene;
-        let joints: Vec<NodeId> =
-            (0..scene.nodes()).filter(|&n| scene.relevant[n] && scene.moves(n)).collect();
-        places.extend(zeros(problem, &deformation, fit.noise, &joints)?);
-    }
+    let joints = places.len();
     if problem.board.is_some() {
         places.push(moved(problem, &deformation, fit.noise, Slipped::Board)?);
     }
     if problem.camera_site.is_some() {
         places.push(moved(problem, &deformation, fit.noise, Slipped::Camera)?);
     }
-    Ok(places.iter().filter_map(|place| scan(place, 0..problem.frames.len())).collect())
+    let (markers, others) = places.split_at(joints);
+    let all = markers.iter().chain(of_joints).chain(others);
+    Ok(all.filter_map(|place| scan(place, 0..problem.frames.len())).collect())
+}
+
+/// Zeros of all joints that move what is seen.
+fn of_zeros(problem: &Problem, deformation: &Deformation, noise: Noise) -> Result<Vec<Place>> {
+    let scene = &problem.scene;
+    let joints: Vec<NodeId> = (0..scene.nodes()).filter(|&n| scene.relevant[n] && scene.moves(n)).collect();
+    zeros(problem, deformation, noise, &joints)
 }
 
 /// The best of some rows from which on the place may be displaced.

@@ -23,6 +23,7 @@ mod changes;
 mod choice;
 mod free_numbers;
 mod hung;
+mod hysteresis;
 mod loads;
 mod lost;
 mod memory;

@@ -8,7 +8,7 @@
 //! leaves.
 
 use crate::diagnose::effects::hypothesis::{Catalogue, Model, Term};
-use crate::diagnose::effects::vocabulary;
+use crate::diagnose::effects::{Place, vocabulary};
 use crate::diagnose::likelihood::covariance::Covariance;
 use crate::diagnose::likelihood::fit::{Fit, FitOptions, Group, fit};
 use crate::diagnose::likelihood::noise::SETTLED;
@@ -28,7 +28,10 @@ const STEPS: Size = 2;
 /// A problem fitted with all small errors.
 pub(super) struct Tolerant {
     problem: Problem,
+    /// Of the small errors.
     catalogue: Catalogue,
+    /// Of the model's causes.
+    causes: Catalogue,
     group: Group,
     mask: Vec<bool>,
     model: Model,
@@ -68,9 +71,7 @@ impl Tolerant {
     /// # Errors
     /// Invalid parameters of camera or mirror.
     pub fn of_effects(problem: &Problem, frames: &[usize], least: Noise, which: &[&str]) -> Result<Self> {
-        let all = vocabulary().into_iter().map(|effect| effect.name().to_owned());
-        let others: Vec<String> = all.filter(|name| !which.contains(&name.as_str())).collect();
-        Self::fitted_without(problem, frames, least, &others, Vec::new())
+        Self::fitted_without(problem, frames, least, &all_but(which), Vec::new())
     }
 
     fn fitted_without(
@@ -80,8 +81,7 @@ impl Tolerant {
         without: &[String],
         further: Vec<(Column, f64, f64)>,
     ) -> Result<Self> {
-        let effects = vocabulary().into_iter().map(Arc::from).collect();
-        let catalogue = Catalogue::new(&problem.scene, effects, without);
+        let catalogue = catalogue_without(problem, without);
         let mut group = Group::default();
         for h in 0..catalogue.hypotheses.len() {
             let count = catalogue.hypotheses[h].prior_std.len();
@@ -109,6 +109,7 @@ impl Tolerant {
         let mut out = Self {
             problem: problem.clone(),
             catalogue,
+            causes: Catalogue::new(&problem.scene, Vec::new(), &[]),
             group,
             mask,
             model,
@@ -117,26 +118,68 @@ impl Tolerant {
             noise: least,
         };
         out.noise = out.scale(&out.deformation(), least)?;
+        out.settle(least)?;
+        Ok(out)
+    }
+
+    /// Model and scale in turn.
+    fn settle(&mut self, least: Noise) -> Result<()> {
         for _ in 0..SOLVER.rounds {
-            let fit = out.fit(out.noise, STEPS)?;
-            out.covariance = Some(fit.covariance);
-            out.model = fit.model;
-            let deformation = out.deformation();
-            let next = out.scale(&deformation, least)?;
+            let fit = self.fit(self.noise, STEPS)?;
+            self.covariance = Some(fit.covariance);
+            self.model = fit.model;
+            let next = self.scale(&self.deformation(), least)?;
             // The scale only falls: a fit that loses half of the data is no better.
-            let fell = |a: f64, b: f64| a.min(b);
-            let settled =
-                next.marker_px > SETTLED * out.noise.marker_px && next.point_m > SETTLED * out.noise.point_m;
-            out.noise = Noise {
-                corner_px: fell(next.corner_px, out.noise.corner_px),
-                marker_px: fell(next.marker_px, out.noise.marker_px),
-                point_m: fell(next.point_m, out.noise.point_m),
-            };
+            let settled = next.marker_px > SETTLED * self.noise.marker_px
+                && next.point_m > SETTLED * self.noise.point_m;
+            self.noise = smaller(self.noise, next);
             if settled {
                 break;
             }
         }
+        Ok(())
+    }
+
+    /// The same with a cause beside all small errors, fitted from its parameters. At its place the small error of the
+    /// effect `instead` starts from none.
+    ///
+    /// # Errors
+    /// Invalid parameters of camera or mirror.
+    pub fn with_cause(&self, causes: Catalogue, cause: Term, instead: &str, least: Noise) -> Result<Self> {
+        let mut model = self.model.clone();
+        if let Some(at) = self.first_of(instead, causes.hypotheses[cause.hypothesis].place) {
+            model.group[at] = 0.0;
+        }
+        model.terms.push(cause);
+        let mut out = Self {
+            problem: self.problem.clone(),
+            catalogue: Catalogue::new(&self.problem.scene, Vec::new(), &[]),
+            causes,
+            group: self.group.clone(),
+            mask: self.mask.clone(),
+            model,
+            first_further: self.first_further,
+            covariance: None,
+            noise: self.noise,
+        };
+        out.settle(least)?;
         Ok(out)
+    }
+
+    /// The column of the small error of an effect at a place, and its value.
+    pub fn small(&self, effect: &str, place: Place) -> Option<(&Column, f64)> {
+        self.first_of(effect, place).map(|at| (&self.group.columns[at], self.model.group[at]))
+    }
+
+    /// Where the parameters of the small error of an effect at a place begin.
+    fn first_of(&self, effect: &str, place: Place) -> Option<usize> {
+        let which = self.catalogue.find(effect, place)?;
+        Some(self.catalogue.hypotheses[..which].iter().map(|h| h.prior_std.len()).sum())
+    }
+
+    /// The vocabulary of these effects only.
+    pub fn only(problem: &Problem, which: &[&str]) -> Catalogue {
+        catalogue_without(problem, &all_but(which))
     }
 
     /// The frames, of those that count, that the fitted model predicts: whose board it finds in a mirror.
@@ -186,12 +229,12 @@ impl Tolerant {
 
     /// What all small errors together do.
     pub fn deformation(&self) -> Deformation {
-        self.model.deformation(&self.problem, &self.catalogue, &self.group.columns)
+        self.model.deformation(&self.problem, &self.causes, &self.group.columns)
     }
 
     fn fit(&self, noise: Noise, steps: usize) -> Result<Fit> {
         let options = FitOptions { noise, steps };
-        fit(&self.problem, &self.catalogue, &self.group, &self.model, options, Some(&self.mask))
+        fit(&self.problem, &self.causes, &self.group, &self.model, options, Some(&self.mask))
     }
 
     /// Log marginal likelihood at a noise.
@@ -240,6 +283,18 @@ impl Tolerant {
             point_m: of(&mut points, CHI_SQUARED_MEDIANS[2], least.point_m),
         })
     }
+}
+
+/// The vocabulary without these effects.
+fn catalogue_without(problem: &Problem, without: &[String]) -> Catalogue {
+    let effects = vocabulary().into_iter().map(Arc::from).collect();
+    Catalogue::new(&problem.scene, effects, without)
+}
+
+/// The names of all effects but these.
+fn all_but(which: &[&str]) -> Vec<String> {
+    let all = vocabulary().into_iter().map(|effect| effect.name().to_owned());
+    all.filter(|name| !which.contains(&name.as_str())).collect()
 }
 
 /// The smaller noise of two, each kind by itself.
