@@ -32,9 +32,9 @@ def run(*arguments: object, code: int = 0):
 
 @pytest.fixture(scope="module", autouse=True)
 def fewer_rays() -> Iterator[None]:
-    """A third of the rays: what the commands say and write is asked for here, and pictures in full are drawn by other tests."""
+    """Fewer rays: what the commands say and write is asked for here, and pictures in full, with their ghosts, are drawn by other tests."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(render, "PictureOptions", partial(render.PictureOptions, samples=1, edge_samples=3))
+        patch.setattr(render, "PictureOptions", partial(render.PictureOptions, samples=1, edge_samples=3, ghosts=False))
         yield
 
 
