@@ -62,7 +62,9 @@ class Client:
 
     def __init__(self) -> None:
         hidden = [HiddenEffect("joint_offset", "joint:r_elbow", {"offset_rad": 0.06})]
-        self.robot = TwinRobot(hidden, TwinOptions(camera=PictureOptions(samples=1, edge_samples=3, ghosts=False)))
+        self.robot = TwinRobot(
+            hidden, TwinOptions(camera=PictureOptions(samples=1, edge_samples=3, ghosts=False))
+        )
         self.off = False
 
     def move_to(self, positions: dict[str, float], speed: float) -> None:
