@@ -40,8 +40,10 @@ test: ## all tests, as the CI runs them
 
 check: lint test ## before a commit: the lints, then all tests
 
+# The examples are a part of the tests: programs of their own would only be compiled a second time.
 test-rust: ## the core's tests; needs no Python
-	cargo test --locked -q -p mirror-core -p mirror-py
+	cargo test --locked -q -p mirror-core -p mirror-py --tests
+	cargo test --locked -q -p mirror-core -p mirror-py --doc
 
 # Each worker takes half of the files, so that what a file makes once is made by one of them.
 test-python: $(VENV)/installed-for-tests ## build and install the wheel, test it

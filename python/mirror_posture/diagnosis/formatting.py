@@ -81,7 +81,7 @@ def tell(name: str, estimate: Estimate | Member) -> Quantity:
         value, std, power = 1000.0 * value, 1000.0 * std, "·10⁻³ "
     # Two digits of the standard deviation; a value without one keeps four of its own.
     size = std / 10.0 if std > 0.0 else abs(value) / 1000.0
-    digits = max(0, min(6, -math.floor(math.log10(size)))) if size > 0.0 else 2
+    digits = max(0, min(6, -math.floor(math.log10(size)))) if 0.0 < size < math.inf else 2
     spaced = short.replace("_", " ")
     whole = name in ("first_frame", "last_frame", "shift_rows")
     if whole:

@@ -179,10 +179,15 @@ def _servos(joints: Mapping[str, Any], file: Path, nominal: Nominal, make: Make)
             servo_keys["firmware"],
             servo_keys.get("homing_offset"),
         )
-        ends = sorted(servo.counts(x) for x in (limits.lower, limits.upper))
-        if ends[0] < 0 or ends[1] > counts - 1:
+        try:
+            ends = sorted(servo.counts(x) for x in (limits.lower, limits.upper))
+            known, told = 0 <= ends[0] and ends[1] < counts, f"{ends[0]:.6g} to {ends[1]:.6g}"
+        # Beyond any integer or double.
+        except OverflowError:
+            known, told = False, f"at {limits.lower:g} and {limits.upper:g} rad, too many"
+        if not known:
             raise MirrorPostureError(
-                f"{file}: {place}: its limits are {ends[0]} to {ends[1]} counts, and a servo in position control knows 0 to "
+                f"{file}: {place}: its limits are {told} counts, and a servo in position control knows 0 to "
                 f"{counts - 1}; correct zero_counts or narrow lower_rad and upper_rad"
             )
         servos.append(servo)

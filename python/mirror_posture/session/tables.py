@@ -24,6 +24,7 @@ import pyarrow.csv
 from ..input_files import LARGEST_TABLE, path_inside, read_regular, reason
 from ..short_repr import ShortRepr
 from .errors import SessionError, choices
+from .parquet_sizes import chunk_sizes
 
 SUFFIXES = (".csv", ".parquet")
 MOST_COLUMNS, MOST_CELLS = 5_000, 30_000_000
@@ -236,11 +237,8 @@ def _read_parquet(data: bytes, name: str, only: Collection[str] | None, most_cel
     # A leaf's path is its column's name, and more where it is nested.
     read = [i for i, leaf in enumerate(leaves) if leaf.path.startswith(tuple(wanted))]
     _check_size(name, len(read), told.num_rows, most_cells)
-    size = values = 0
-    for group in map(told.row_group, range(told.num_row_groups)):
-        for chunk in map(group.column, read):
-            size += chunk.total_uncompressed_size
-            values += chunk.num_values
+    chunks = [group[i] for group in chunk_sizes(data, len(leaves)) for i in read]
+    values, size = sum(chunk[0] for chunk in chunks), sum(chunk[1] for chunk in chunks)
     if size > LARGEST_TABLE or values > most_cells:
         raise SessionError(
             name,

@@ -153,6 +153,6 @@ def read_posture(file: Path) -> dict[str, float]:
     ]
     if bad or not tree:
         raise MirrorPostureError(
-            f"{file}: {bad[0] if bad else 'no joint'}: needed `joint = position`, rad (m)"
+            f"{file}: {f'joint {bad[0]!r}' if bad else 'no joint'}: needed `joint = position`, rad (m)"
         )
     return {str(name): float(value) for name, value in tree.items()}
