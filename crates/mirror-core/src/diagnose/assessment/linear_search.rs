@@ -242,13 +242,23 @@ impl<'a> LinearSearch<'a> {
     /// with the normal equations at the scales that the resample has with them. Adding one cause at a time may end
     /// at two causes that only imitate two others; the whole search avoids that by additional start points.
     pub fn search(&self, resample: &Equations) -> Option<(Vec<usize>, Equations)> {
-        let from = |start: Vec<usize>| -> Option<(f64, Vec<usize>, Equations)> {
-            let (m, b) = self.with_spreads(resample, &start);
-            let set = self.searched(&m, &b, start)?;
-            let (m, b) = self.with_spreads(resample, &set);
+        let weighed = |set: Vec<usize>, (m, b): Equations| -> Option<(f64, Vec<usize>, Equations)> {
             Some((self.log_posterior(&m, &b, &set)?, set, (m, b)))
         };
-        let (found, nothing) = (from((0..self.found).collect())?, from(Vec::new())?);
+        let first: Vec<usize> = (0..self.found).collect();
+        let (m, b) = self.with_spreads(resample, &first);
+        let set = self.searched(&m, &b, first.clone())?;
+        let equations = if set == first { (m, b) } else { self.with_spreads(resample, &set) };
+        let found = weighed(set, equations)?;
+        let (m, b) = self.with_spreads(resample, &[]);
+        let set = self.searched(&m, &b, Vec::new())?;
+        // Mostly both ways end at the same causes.
+        let is_same = set.len() == found.1.len() && set.iter().all(|c| found.1.contains(c));
+        if is_same {
+            return Some((found.1, found.2));
+        }
+        let equations = if set.is_empty() { (m, b) } else { self.with_spreads(resample, &set) };
+        let nothing = weighed(set, equations)?;
         let (_, set, equations) = if found.0 >= nothing.0 { found } else { nothing };
         Some((set, equations))
     }
