@@ -8,6 +8,7 @@ Times are the best of several runs. The per-item loops run on a part of the batc
 from __future__ import annotations
 
 import importlib
+import importlib.util
 import json
 import time
 from collections.abc import Callable
@@ -411,7 +412,10 @@ def main(
         console.print("kinematics: left out, needs the packages `pin` and `example-robot-data`")
     console.print(detection_report().table)
     console.print(correction_report().table)
-    console.print(diagnosis_report(frames).table)
+    if missing := [name for name in ("scipy", "mirror_lab") if importlib.util.find_spec(name) is None]:
+        console.print(f"diagnosis: left out, needs the packages {' and '.join(missing)}")
+    else:
+        console.print(diagnosis_report(frames).table)
 
 
 if __name__ == "__main__":
