@@ -76,7 +76,8 @@ sdist: $(VENV)/tools ## the source distribution; builds a wheel from it, install
 	$(BIN)/maturin sdist --out target/sdist
 	mkdir -p dist target/sdist/unpacked
 	tar xzf target/sdist/*.tar.gz -C target/sdist/unpacked --strip-components 1
-	CARGO_TARGET_DIR=$(CURDIR)/target $(BIN)/maturin build -q --profile $(PROFILE) --locked -m target/sdist/unpacked/crates/mirror-py/Cargo.toml --out target/sdist/wheel
+	CARGO_TARGET_DIR=$(CURDIR)/target $(BIN)/maturin build -q --profile $(PROFILE) -m target/sdist/unpacked/crates/mirror-py/Cargo.toml --out target/sdist/wheel
+	! diff Cargo.lock target/sdist/unpacked/Cargo.lock | grep '^>'
 	$(PYTHON) -m venv target/sdist/venv
 	target/sdist/venv/bin/python -m pip install -q --disable-pip-version-check target/sdist/wheel/*.whl pytest hypothesis
 	cd target/sdist/unpacked && ../venv/bin/python -m pytest -q -p no:cacheprovider tests/python/test_wheel.py tests/python/test_session.py
