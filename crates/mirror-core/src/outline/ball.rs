@@ -37,7 +37,9 @@ const CODED_CORRELATION_PX: f64 = 1.8;
 /// each time that there are more edges than agree.
 const SCATTER_SHARE: f64 = 1.35;
 const CODED_SCATTER_SHARE: f64 = 1.45;
-const DISAGREEING_POWER: f64 = 1.24;
+const DISAGREEING_POWER: f64 = 0.6;
+/// So much of the square that edges left out near the outline would move the centre by is added; in coded pictures none.
+const LEFT_OUT_SHARE: f64 = 0.3;
 /// The same for each px by which a noisy picture was smoothed: noise under a Gaussian of σ is worth one number in 2 √π σ. How much longer it is in coded pictures.
 const SMOOTHED_CORRELATION: f64 = 3.6;
 const CODED_SMOOTHED_CORRELATION: f64 = 0.8;
@@ -147,6 +149,7 @@ pub fn measure_ball(
             camera,
             correlated,
             if patch.coded { CODED_SCATTER_SHARE } else { SCATTER_SHARE },
+            if patch.coded { 0.0 } else { LEFT_OUT_SHARE },
         )?;
         let moved = (cone.centroid_px - center).norm().max((cone.mean_radius_px - circle.radius_px).abs());
         let settled = round + 2 >= ROUNDS && moved < SETTLED_PX;

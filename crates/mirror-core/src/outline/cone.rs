@@ -22,6 +22,8 @@ const OUTSTANDING_SPREADS: f64 = 3.0;
 const LEAST_SPREAD: f64 = 0.5;
 /// Times that, an edge is of another thing for sure.
 const FAR_OFF: f64 = 2.0;
+/// Edges up to this far from the fitted outline may be its own though they were left out, px.
+const LEFT_OUT_REACH_PX: f64 = 1.35;
 /// Steps of the robust refit: inliers are chosen again from the last fit.
 const REFITS: usize = 6;
 /// Errors are correlated over about this angle along the outline, rad; this many harmonics represent them.
@@ -87,11 +89,12 @@ pub fn fit_cone(
     let near =
         |p: &EdgePoint| ((p.pixel - start.center_px).norm() - start.radius_px).abs() <= 2.0 * INLIER_PX;
     let inlier = points.iter().map(near).collect();
-    fit_cone_from(points, inlier, &start.center_px, camera, correlated_points, 1.0)
+    fit_cone_from(points, inlier, &start.center_px, camera, correlated_points, 1.0, 0.0)
 }
 
 /// [`fit_cone`] started from the edges that are probably the sphere's; the covariance by their scatter is
-/// `scatter_share` of the residuals'.
+/// `scatter_share` of the residuals', and holds `left_out_share` of what the edges left out near the outline would
+/// move the centre.
 pub(super) fn fit_cone_from(
     points: &[EdgePoint],
     mut inlier: Vec<bool>,
@@ -99,6 +102,7 @@ pub(super) fn fit_cone_from(
     camera: &Camera,
     correlated_points: f64,
     scatter_share: f64,
+    left_out_share: f64,
 ) -> Option<ConeFit> {
     let count = points.len();
     if count < MIN_EDGE_POINTS {
@@ -156,9 +160,15 @@ pub(super) fn fit_cone_from(
     let together = shared_information(&shared) + common * common.transpose();
     let covariance = inverse * variance + inverse * together * inverse;
     let outline = cone_centroid(&parameters, camera)?;
+    let doubt = if left_out_share > 0.0 {
+        by_those_left_out(points, &rays, &away, camera, &outline.centroid_px) * left_out_share
+    } else {
+        Matrix2::zeros()
+    };
     Some(ConeFit {
         centroid_px: outline.centroid_px,
-        centroid_covariance_px2: outline.by_parameters * covariance * outline.by_parameters.transpose(),
+        centroid_covariance_px2: outline.by_parameters * covariance * outline.by_parameters.transpose()
+            + doubt,
         common_moved_px: outline.by_parameters * (inverse * -common),
         sphere_center_px: camera.project(&Point3::from(parameters)).ok()?,
         boundary_px: outline.boundary_px,
@@ -167,6 +177,23 @@ pub(super) fn fit_cone_from(
         inlier,
         residual_rms_px: rms,
     })
+}
+
+/// `m mᵀ`, m how far the centre moves if edges within reach of the outline that were left out are the ball's as well; px².
+///
+/// Where bent light or noise parts the edges, the larger part is not surely the outline: its scatter alone does not show that.
+fn by_those_left_out(
+    points: &[EdgePoint],
+    rays: &[Vector3<f64>],
+    away: &[f64],
+    camera: &Camera,
+    centroid_px: &Vector2<f64>,
+) -> Matrix2<f64> {
+    let near: Vec<bool> = away.iter().map(|d| d.abs() <= LEFT_OUT_REACH_PX).collect();
+    let moved = solve(points, rays, &near)
+        .and_then(|parameters| cone_centroid(&parameters, camera))
+        .map_or_else(Vector2::zeros, |other| other.centroid_px - centroid_px);
+    moved * moved.transpose()
 }
 
 /// Residuals in their deviations, those of an outline that is drawn out taken off where they are most of all: a shutter that rolls shears the ball, and its second
