@@ -150,14 +150,30 @@ def _draw_board(pen: _Pen, view: BoardView) -> None:
     for corner in corners:
         pen.line(corner - across, corner + across, color)
         pen.line(corner - upright, corner + upright, color)
-    spacing = float(np.sqrt(np.prod(high - low) / len(corners)))
-    title = low - np.array([spacing, 1.4 * spacing])
-    if not view.ok:
+    if view.ok:
+        _draw_axes(pen, view)
+    else:
         pen.cross_out(low, high)
-        pen.text(f"board ({view.via}) masked", title, BAD)
-        return
-    _draw_axes(pen, view)
-    pen.text(f"board ({view.via}), residual {view.residual_rms_px or 0.0:.2f} px", title, GOOD)
+    pen.text(*_title(view, low, high, len(corners)), GOOD if view.ok else BAD)
+
+
+def _title(view: BoardView, low: FloatArray, high: FloatArray, corners: int) -> tuple[str, FloatArray]:
+    """A board's title and its place, px, above the box of its corners."""
+    spacing = float(np.sqrt(np.prod(high - low) / corners))
+    title = f"board ({view.via}), residual {view.residual_rms_px or 0.0:.2f} px"
+    return title if view.ok else f"board ({view.via}) masked", low - np.array([spacing, 1.4 * spacing])
+
+
+def _title_box(pen: _Pen, view: BoardView) -> list[tuple[float, ...]]:
+    """What a board's title covers, px; nothing where none is drawn."""
+    if view.corners_px is None:
+        return []
+    corners = view.corners_px if view.visible is None else view.corners_px[view.visible]
+    if len(corners) == 0:
+        return []
+    text, (left, bottom) = _title(view, corners.min(axis=0), corners.max(axis=0), len(corners))
+    width, height = (side / pen.factor for side in pen.text_size(text))
+    return [(left - 2.0, bottom - height - 2.0, left + width + 2.0, bottom + 3.0)]
 
 
 def _draw_axes(pen: _Pen, view: BoardView) -> None:
@@ -204,9 +220,9 @@ def _sureness(std_px: float) -> tuple[int, int, int]:
 
 
 def _draw_names(pen: _Pen, detections: PictureDetections) -> None:
-    """Each ball's name and deviation, where it covers no ball and no other name."""
+    """Each ball's name and deviation, where it covers no ball, no other name and no board's title."""
     shown = [view for view in detections.markers if view.pixel_px is not None]
-    taken = []
+    taken = [box for view in detections.boards for box in _title_box(pen, view)]
     for view in shown:
         u, v = view.pixel_px or (0.0, 0.0)
         radius = _room(view)
