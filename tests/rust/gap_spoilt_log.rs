@@ -128,3 +128,32 @@ fn what_has_a_word_is_told_by_it() {
     let told = diagnosed(&world, &recording);
     assert_eq!((told.causes[0].effect.as_str(), told.causes.len()), ("gear_ratio", 1), "{:#?}", told.trace);
 }
+
+#[test]
+fn a_spoilt_column_is_found_beside_mounts_by_hand() {
+    let world = World::new(4, true);
+    let by_hand = || {
+        vec![
+            Wrong::BoardMount([0.012, -0.018, 0.015, 0.003, -0.004, 0.002]),
+            Wrong::CameraMount([-0.014, 0.02, 0.009, -0.003, 0.002, 0.004]),
+            Wrong::Mount(0, [0.003, -0.002, 0.004]),
+            Wrong::Mount(1, [-0.004, 0.003, 0.002]),
+            Wrong::Mount(2, [0.002, 0.004, -0.003]),
+        ]
+    };
+    let unsigned: fn(f64) -> f64 = f64::abs;
+    for (name, seed, spoil) in [("r_shoulder_yaw", 41, unsigned), ("l_elbow", 42, |_| 0.0)] {
+        let mut recording = world.record(&Plan { postures: 61, seed, wrong: by_hand(), ..Plan::default() });
+        let joint = column(&world, name);
+        recording.frames.iter_mut().for_each(|f| f.commanded[joint] = spoil(f.commanded[joint]));
+        let told = diagnosed(&world, &recording);
+        assert!(told.verdict == Verdict::Partial, "{} {:#?}", told.sentence, told.trace);
+        assert!(told.r#where.iter().any(|w| w.at == format!("joint:{name}")), "{:?}", told.r#where);
+        let warned = |w: &String| w.contains(&format!("column of joint:{name} is unrelated"));
+        assert!(told.warnings.iter().any(warned), "{:?} {:#?}", told.warnings, told.trace);
+        let of_setup = told.causes.iter().filter(|c| c.kind == "setup" && c.probability > EVEN).count();
+        assert!(of_setup >= 3, "{:?}", told.causes);
+        let others = told.causes.iter().filter(|c| c.kind != "setup");
+        assert!(others.clone().all(|c| c.probability < EVEN), "{:?} {:#?}", told.causes, told.trace);
+    }
+}

@@ -102,7 +102,10 @@ pub(crate) fn diagnose(
     for (slip, std) in settle_slips(&mut search, &nominal)? {
         prepared.moved(&search.problem, slip, std)?;
     }
-    let of_lost = prepared.lost().map(|lost| beside_lost_column(&mut search, lost, &nominal)).transpose()?;
+    let of_lost = match prepared.lost() {
+        Some(lost) => Some(beside_lost_column(&mut search, lost, &nominal, (stated, &options.without))?),
+        None => None,
+    };
     let (mut found, setup, extended) = match of_lost {
         Some((found, extended)) => (found, None, Some(extended)),
         None => {

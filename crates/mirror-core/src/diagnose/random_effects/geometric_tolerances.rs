@@ -39,9 +39,11 @@ pub(crate) enum Kind {
     /// Deflection of the joint with the highest load relative to its rated torque, rad. All joints yield a little,
     /// and more if their rated torque is smaller.
     Spring,
+    /// A joint's error in one posture, if its column is unrelated to it: of a given scale, and no tolerance.
+    Position,
 }
 
-pub(crate) const KINDS: Size = 8;
+pub(crate) const KINDS: Size = 9;
 
 /// The prior of a scale: its usual size, the number of values as which it counts, and the bounds.
 struct Habit {
@@ -61,11 +63,13 @@ impl Kind {
         Self::CameraTurn,
         Self::CameraShift,
         Self::Spring,
+        Self::Position,
     ];
 
     /// Which kind an elementary small error is of.
     pub fn of(column: &Column) -> Self {
         match column.atom {
+            Atom::Joint(_) if matches!(column.weight, Weight::Frames(_)) => Self::Position,
             Atom::Joint(_) if matches!(column.weight, Weight::Torque(_)) => Self::Spring,
             Atom::LinkShift(..) | Atom::OriginShift(..) => Self::Length,
             Atom::MarkerShift(..) => Self::Marker,
@@ -79,7 +83,7 @@ impl Kind {
 
     /// Whether it is a mount by hand.
     pub fn is_of_setup(self) -> bool {
-        !matches!(self, Self::Angle | Self::Length | Self::Spring)
+        !matches!(self, Self::Angle | Self::Length | Self::Spring | Self::Position)
     }
 
     /// Upper bounds: 0.1 rad and 5 cm for joints and links; larger errors are no manufacturing tolerance. 3 mm and
@@ -91,6 +95,7 @@ impl Kind {
             Self::Angle => nothing_known(5e-3, 5e-6, 0.1),
             Self::Length => nothing_known(1e-3, 2e-6, 0.05),
             Self::Spring => nothing_known(1e-3, 2e-6, 0.1),
+            Self::Position => nothing_known(1.0, 1.0, 1.0),
             Self::Marker if setup_only => Habit { common: 3e-3, worth: 1.0, least: 2e-6, most: 0.015 },
             Self::Marker => nothing_known(1e-3, 2e-6, 0.05),
             Self::BoardTurn | Self::CameraTurn => Habit { common: 0.02, worth: 1.0, least: 5e-6, most: 0.08 },
@@ -149,6 +154,7 @@ pub(crate) fn single_effect(column: &Column) -> Option<(&'static str, Place, &'s
     let of_axis = |k: usize| ["dx_m", "dy_m", "dz_m"][k];
     let of_pose = |k: usize| ["rx_rad", "ry_rad", "rz_rad", "dx_m", "dy_m", "dz_m"][k];
     Some(match column.atom {
+        Atom::Joint(_) if matches!(column.weight, Weight::Frames(_)) => return None,
         Atom::Joint(n) if matches!(column.weight, Weight::Torque(_)) => {
             ("joint_compliance", Place::Joint(n), "compliance_rad_per_nm")
         }
@@ -220,6 +226,15 @@ impl Geometry {
     /// No group at all.
     pub fn empty() -> Self {
         Self::with_units(Vec::new(), &Tolerances::default(), Vec::new(), true)
+    }
+
+    /// With the columns of another group, whose scales are given, at its end.
+    pub fn beside(mut self, other: &Group) -> Self {
+        self.group.columns.extend(other.columns.iter().cloned());
+        self.stated.extend(other.prior_std.iter().map(|std| Some(*std)));
+        self.units.resize(self.group.columns.len(), 1.0);
+        self.set_priors();
+        self
     }
 
     /// The displacements of the group's mounts, each once, as its effect.
@@ -354,7 +369,8 @@ impl Geometry {
 
     /// Whether a column is reported as an error of the robot.
     pub fn is_of_robot(&self, column: &Column) -> bool {
-        !(self.mounted && Kind::of(column).is_of_setup())
+        let kind = Kind::of(column);
+        kind != Kind::Position && !(self.mounted && kind.is_of_setup())
     }
 
     /// Fits a model with the group, and the scales, alternately.

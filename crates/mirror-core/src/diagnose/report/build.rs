@@ -26,7 +26,8 @@ use crate::diagnose::random_effects::geometric_tolerances::{Geometry, Kind};
 use crate::diagnose::report::doubts::doubted;
 use crate::diagnose::report::free_numbers::with_free_numbers;
 use crate::diagnose::report::gap_steps::{Part, gap_steps};
-use crate::diagnose::report::rms_shift::rms_shift;
+use crate::diagnose::report::reservations::beside_remainder;
+use crate::diagnose::report::rms_shift::{noise_square, rms_shift, shift_of_rows};
 use crate::diagnose::report::sentence::sentence;
 use crate::diagnose::report::setup_causes::{setup_causes, zeros_log_bayes};
 use crate::diagnose::report::signature::free_errors;
@@ -65,6 +66,7 @@ pub(crate) fn diagnosis(
     told.sort_by(|a, b| b.0.rms_shift.total_cmp(&a.0.rms_shift));
     let (mut causes, parts): (Vec<Cause>, Vec<Part>) = told.into_iter().unzip();
     add_stability(findings, &standings, ranking, (&mut causes, &parts))?;
+    beside_remainder(&mut causes, findings)?;
     let mut gap = gap_over(&findings.before, &findings.after, &floor, &deviations.law_shifts, checked);
     gap.steps = gap_steps(findings, &causes, &parts)?;
     let places = places(findings, &causes);
@@ -298,7 +300,7 @@ fn causes(
             stability: None,
             alternatives: Vec::new(),
             words: "a run of rows contains the measurement of other rows; it was left out of the fit".into(),
-            rms_shift: (slip.gain / (slip.last - slip.first + 1) as f64).sqrt(),
+            rms_shift: shift_of_rows(&search.problem, search.measured_noise, slip),
             members: Vec::new(),
             frames: Vec::new(),
         };
@@ -312,14 +314,7 @@ fn places(findings: &Findings<'_>, causes: &[Cause]) -> Vec<Where> {
     let mut out: Vec<Where> = Vec::new();
     let explained: f64 = causes.iter().map(|c| c.rms_shift.powi(2)).sum();
     let after = seen_size(&findings.after).powi(2);
-    let floor = {
-        let noise = findings.search.measured_noise;
-        if findings.search.problem.camera.is_some() {
-            2.0 * noise.marker_px.powi(2)
-        } else {
-            3.0 * noise.point_m.powi(2)
-        }
-    };
+    let floor = noise_square(&findings.search.problem, findings.search.measured_noise);
     let left = if findings.unexplained.is_some() { (after - floor).max(0.0) } else { 0.0 };
     let total = (explained + left).max(1e-30);
     for cause in causes {

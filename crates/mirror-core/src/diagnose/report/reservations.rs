@@ -3,8 +3,11 @@
 
 use crate::diagnose::assessment::evidence;
 use crate::diagnose::assessment::findings::Findings;
-use crate::diagnose::data::diagnosis::{Data, Diagnosis, Gap, LeftOut, Verdict};
+use crate::diagnose::criteria::cross_validation::{in_sample, seen_size};
+use crate::diagnose::data::diagnosis::{Cause, Data, Diagnosis, Gap, LeftOut, Verdict};
 use crate::diagnose::principles::{ABOVE_SCATTER, LEAST_HELD_OUT_RATIO};
+use crate::diagnose::report::rms_shift::noise_square;
+use crate::error::Result;
 use std::collections::BTreeMap;
 
 /// The warning if objects in the background were detected as markers.
@@ -38,6 +41,28 @@ pub(crate) fn hangs_on_regions(gap: &Gap) -> Option<String> {
             anew.changed, anew.regions
         )
     })
+}
+
+/// Limits what is told of causes beside something unexplained: a part of the remainder may imitate a cause that is as
+/// small. The probability of a cause that moves the observations by S, where R is left of them beyond noise (root mean
+/// squares), is multiplied by `S² / (S² + R²)`.
+///
+/// # Errors
+/// Invalid parameters of the camera or mirror.
+pub(crate) fn beside_remainder(causes: &mut [Cause], findings: &Findings<'_>) -> Result<()> {
+    if findings.unexplained.is_none() {
+        return Ok(());
+    }
+    let search = &findings.search;
+    let deformation = search.deformation(&findings.found.fit.model);
+    let left = seen_size(&in_sample(&search.problem, &deformation, search.measured_noise)?).powi(2);
+    let remainder = (left - noise_square(&search.problem, search.measured_noise)).max(0.0);
+    // A droop is told with the stiction that it belongs to.
+    for cause in causes.iter_mut().filter(|c| c.rms_shift > 0.0) {
+        let own = cause.rms_shift.powi(2);
+        cause.probability *= own / (own + remainder);
+    }
+    Ok(())
 }
 
 /// Takes a verdict back that the counted data do not carry.

@@ -3,7 +3,22 @@
 use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::criteria::marker_shift::marker_shift;
 use crate::diagnose::model::deformation::Deformation;
+use crate::diagnose::model::problem::{Noise, Problem};
+use crate::diagnose::prepare::row_slip::Slip;
 use crate::error::Result;
+
+/// Mean square of a marker's observation error by noise alone, in the unit of the observations.
+pub(crate) fn noise_square(problem: &Problem, noise: Noise) -> f64 {
+    if problem.camera.is_some() { 2.0 * noise.marker_px.powi(2) } else { 3.0 * noise.point_m.powi(2) }
+}
+
+/// RMS of the shift that slipped rows correct, over the observations of all rows: each of so many rows gained by its own,
+/// in units of the noise.
+pub(crate) fn shift_of_rows(problem: &Problem, noise: Noise, slip: &Slip) -> f64 {
+    let markers = problem.frames.iter().map(|f| f.others.len()).sum::<usize>().max(1);
+    let unit = if problem.camera.is_some() { noise.marker_px } else { noise.point_m };
+    (slip.gain / markers as f64).sqrt() * unit
+}
 
 /// RMS over markers of the shift between two deformations, in the unit of the observations.
 pub(crate) fn rms_shift(findings: &Findings<'_>, from: &Deformation, to: &Deformation) -> Result<f64> {

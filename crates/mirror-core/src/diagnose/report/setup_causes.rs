@@ -6,10 +6,9 @@ use crate::diagnose::data::diagnosis::{Cause, Estimate};
 use crate::diagnose::effects::Concern;
 use crate::diagnose::likelihood::fit::Fit;
 use crate::diagnose::likelihood::probability::tempered;
-use crate::diagnose::model::elementary::Atom;
 use crate::diagnose::principles::LEAST_LOG_ODDS;
 use crate::diagnose::random_effects::displaced::{log_bayes, members_of};
-use crate::diagnose::random_effects::geometric_tolerances::Geometry;
+use crate::diagnose::random_effects::geometric_tolerances::{Geometry, Kind};
 use crate::diagnose::report::rms_shift::rms_shift;
 use crate::error::Result;
 
@@ -62,6 +61,6 @@ pub(crate) fn setup_causes(
 
 /// Log Bayes factor of the joints' zeros all together.
 pub(crate) fn zeros_log_bayes(setup: &Geometry, fit: &Fit) -> f64 {
-    let zeros = setup.group.columns.iter().enumerate().filter(|(_, c)| matches!(c.atom, Atom::Joint(_)));
+    let zeros = setup.group.columns.iter().enumerate().filter(|(_, c)| Kind::of(c) == Kind::Angle);
     log_bayes(setup, fit, &zeros.map(|(k, _)| k).collect::<Vec<_>>())
 }

@@ -1,15 +1,20 @@
 //! The search for causes if a joint's column is unrelated to it: the joint's position in each such posture is free.
 //!
+//! Mounts by hand are free beside these positions where a few causes are not sufficient.
+//!
 //! The column is not used: laws of that joint's position, at the joint or at another one, are no candidates. What is
 //! found elsewhere holds whatever the column contains.
 
 use crate::diagnose::effects::Place;
 use crate::diagnose::effects::hypothesis::Model;
 use crate::diagnose::model::body::NodeId;
+use crate::diagnose::model::problem::Noise;
 use crate::diagnose::prepare::false_observations::without_false;
 use crate::diagnose::prepare::first_day::{Lost, column};
+use crate::diagnose::random_effects::geometric_tolerances::Geometry;
 use crate::diagnose::selection::extended_models::Extended;
 use crate::diagnose::selection::search::{Found, Search};
+use crate::diagnose::selection::with_setup::{suffices, with_setup};
 use crate::error::Result;
 
 /// The search for causes with the joint's positions free.
@@ -20,6 +25,7 @@ pub(crate) fn beside_lost_column(
     search: &mut Search<'_>,
     lost: &Lost,
     nominal: &Model,
+    (stated, without): (Noise, &[String]),
 ) -> Result<(Found, Extended)> {
     let mut start = nominal.clone();
     start.group = vec![0.0; search.group.columns.len()];
@@ -32,11 +38,20 @@ pub(crate) fn beside_lost_column(
     search.options.left_out.extend(hypotheses.filter(|(_, h)| is_of(h.place, lost.node)).map(|(h, _)| h));
     search.options.named_only = true;
     let mut found = search.run(start)?;
+    let mut geometry = None;
+    let mounted = Geometry::of_setup(&search.problem, without);
+    if !mounted.group.columns.is_empty()
+        && !suffices(search, &found)?
+        && let Some(freed) = with_setup(search, &found, nominal, stated, mounted)?
+    {
+        (*search, found) = (freed.search, freed.found);
+        geometry = Some(freed.setup).filter(|s| !s.group.columns.is_empty());
+    }
     let joint = &search.problem.scene.body.nodes[lost.node].joint;
     found.trace.insert(0, format!("the column of joint:{joint} is unrelated to it: its positions are free"));
     let (clean, false_share) =
         without_false(&search.problem, &search.deformation(&found.fit.model), found.noise)?;
-    Ok((found, Extended { geometry: None, erratic: Some(lost.node), unnamed: None, clean, false_share }))
+    Ok((found, Extended { geometry, erratic: Some(lost.node), unnamed: None, clean, false_share }))
 }
 
 /// Whether effects at a place depend on a joint's position.

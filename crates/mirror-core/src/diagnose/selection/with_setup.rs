@@ -112,20 +112,19 @@ pub(crate) fn with_setup<'a>(
     alone: &Found,
     nominal: &Model,
     stated: Noise,
-    mut setup: Geometry,
+    mounted: Geometry,
 ) -> Result<Option<WithSetup<'a>>> {
-    let told_as_mounts = setup.mounts().filter_map(|(effect, place)| plain.catalogue.find(effect, place));
+    let told_as_mounts = mounted.mounts().filter_map(|(effect, place)| plain.catalogue.find(effect, place));
+    let left_out = plain.options.left_out.iter().copied().chain(told_as_mounts).collect();
+    let mut start = nominal.clone();
+    start.group = vec![0.0; mounted.group.columns.len()];
+    start.group.extend(&alone.fit.model.group);
+    let mut setup = mounted.beside(&plain.group);
     let mut search = Search {
         group: setup.group.clone(),
-        options: SearchOptions {
-            left_out: told_as_mounts.collect(),
-            least_log_odds: LEAST_LOG_ODDS,
-            ..plain.options.clone()
-        },
+        options: SearchOptions { left_out, least_log_odds: LEAST_LOG_ODDS, ..plain.options.clone() },
         ..plain.clone()
     };
-    let mut start = nominal.clone();
-    start.group = vec![0.0; setup.group.columns.len()];
     // The mounts first at their common spreads, at the noise that they leave.
     for _ in 0..2 {
         let scatter = search.effective(&start)?;
@@ -172,7 +171,7 @@ pub(crate) fn with_setup<'a>(
         // The causes that were found so may be all that there is.
         let mut bare =
             Search { group: plain.group.clone(), options: plain.options.clone(), ..search.clone() };
-        let causes = Model { group: Vec::new(), ..found.fit.model.clone() };
+        let causes = Model { group: alone.fit.model.group.clone(), ..found.fit.model.clone() };
         let mut without = bare.run(causes)?;
         if log_odds((&search, &found), (&bare, &without))? + LOG_PRIOR_STRUCTURE < 0.0 {
             found.trace.push("the mounts are as modelled".into());

@@ -1,13 +1,10 @@
 //! Mistakes without a public name are set apart: their place is reported, and no cause.
 
-use super::alternatives::Session;
 use super::changes::settle_zero;
 use super::lost;
-use super::misfit::Misfit;
 use super::mistake::Mistake;
 use super::spoilt::{Step, node_of};
 use super::undone::Undone;
-use super::variant::Variant;
 use crate::error::Result;
 
 impl Undone {
@@ -15,9 +12,7 @@ impl Undone {
     pub(super) fn set_apart(&mut self, mistake: &Mistake) -> Result<()> {
         match *mistake {
             Mistake::ColumnLost { joint, ref rows } => {
-                let misfit = Misfit::new(&self.problem)?;
-                let session = Session::new(&self.problem, &misfit, &self.recording.columns);
-                self.lost = lost::lost(&session, &Variant::of(&self.recording, &self.problem), joint, rows);
+                self.lost = lost::lost(self, joint, rows)?;
                 // Everything that the joint moves has an unknown error: no slips or false observations can be told.
                 self.unsettled = true;
                 Ok(())

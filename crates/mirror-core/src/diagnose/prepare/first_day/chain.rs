@@ -58,6 +58,11 @@ impl Chain {
         Self::new(mistakes, variant, session.misfit, frames)
     }
 
+    /// The same chain by another loss.
+    pub fn at(&self, misfit: &Misfit<'_>, frames: &[usize]) -> Self {
+        Self::new(self.mistakes.clone(), self.variant.clone(), misfit, frames)
+    }
+
     /// The same mistakes except one, from a chain that has none.
     pub fn without(&self, which: usize, none: &Self, session: &Session<'_>, frames: &[usize]) -> Self {
         let others = self.mistakes.iter().enumerate().filter(|(i, _)| *i != which);
@@ -68,6 +73,11 @@ impl Chain {
     pub fn is_like(&self, other: &Self) -> bool {
         self.mistakes.len() == other.mistakes.len()
             && self.mistakes.iter().all(|m| other.mistakes.iter().any(|o| o.is_like(m)))
+    }
+
+    /// Whether it has a mistake without a public name.
+    pub fn has_no_word(&self) -> bool {
+        self.mistakes.iter().any(Mistake::has_no_word)
     }
 
     /// Whether something is left that is more than small errors, of one marker alone too.

@@ -115,7 +115,7 @@ struct Weighed<'a> {
 
 impl<'a> Weighed<'a> {
     fn new(session: &'a Undone, chains: Vec<Chain>, all: &Session<'_>) -> Result<Self> {
-        let frames = weighed_on(all, &chains);
+        let frames = compared_on(all, &chains);
         let mut out = Self { session, frames, chains: Vec::new(), fits: Vec::new() };
         for chain in chains {
             out.add(chain)?;
@@ -128,7 +128,7 @@ impl<'a> Weighed<'a> {
         problem.cancel.check()?;
         let fitted = |p: Problem| {
             let free = free_columns(&chain, &p, &self.frames);
-            Tolerant::fitted_with(&p, &self.frames, problem.noise, free)
+            Tolerant::at_positions(&p, &self.frames, problem.noise, free)
         };
         self.fits.push(chain.problem(self.session).and_then(fitted).ok());
         self.chains.push(chain);
@@ -143,14 +143,28 @@ impl<'a> Weighed<'a> {
         let values: Vec<f64> =
             self.fits.iter_mut().map(|f| evidence(f).unwrap_or(f64::NEG_INFINITY)).collect();
         let prior = |chain: &Chain| log_prior(&chain.mistakes, sought);
-        let log_odds = values.iter().zip(&self.chains).map(|(value, chain)| value + prior(chain)).collect();
+        let mut log_odds: Vec<f64> =
+            values.iter().zip(&self.chains).map(|(value, chain)| value + prior(chain)).collect();
+        // Half of a limb's postures may count as false for a sign that only the other half has: where free positions
+        // explain everything, what leaves a gross remainder is no alternative.
+        if self.chains.iter().any(Chain::has_no_word) {
+            let left: Vec<bool> = self.fits.iter().zip(&self.chains).map(leaves_gross).collect();
+            if left.iter().zip(&self.chains).any(|(gross, chain)| !gross && chain.has_no_word()) {
+                log_odds.iter_mut().zip(left).filter(|l| l.1).for_each(|l| *l.0 = f64::NEG_INFINITY);
+            }
+        }
         (values, log_odds)
     }
 }
 
+/// Whether a chain leaves something gross with all small errors as fitted.
+fn leaves_gross((fit, chain): (&Option<Tolerant>, &Chain)) -> bool {
+    fit.as_ref().and_then(|fit| fit.fitted_chain(chain).ok()).is_none_or(|chain| chain.is_gross())
+}
+
 /// The frames on which chains are compared: spread over the session, and those in which one of the chains has names
 /// exchanged. If these are few, the sample might contain none of them, and the mistake would gain nothing.
-fn weighed_on(all: &Session<'_>, tried: &[Chain]) -> Vec<usize> {
+pub(super) fn compared_on(all: &Session<'_>, tried: &[Chain]) -> Vec<usize> {
     let mut frames = spread(&all.postures, FRAMES, 2);
     for mistake in tried.iter().flat_map(|chain| &chain.mistakes) {
         if let Mistake::MarkersSwapped { frames: exchanged, .. } = mistake {

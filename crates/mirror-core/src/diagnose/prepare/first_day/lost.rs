@@ -15,15 +15,20 @@
 //! the column is not used at all, so no cause at its joint can compensate for it.
 
 use super::alternatives::{Session, least, range};
-use super::chain::{BEAM, Chain, least_fall};
+use super::chain::{BEAM, Chain, FRAMES, least_fall, spread};
+use super::misfit::Misfit;
 use super::mistake::Mistake;
 use super::spoilt::{Lost, column, node_of};
+use super::undone::Undone;
 use super::variant::Variant;
+use super::verify::{BY_HAND, Tolerant};
 use crate::diagnose::likelihood::saturated::postures;
 use crate::diagnose::model::body::NodeId;
+use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::Column;
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::principles::{FEWEST_FRAMES, FEWEST_POSTURES, Prior, Size};
+use crate::error::Result;
 use core::f64::consts::PI;
 
 /// Frames on which all joints are compared.
@@ -40,45 +45,103 @@ fn anywhere(session: &Session<'_>, node: NodeId, column: &[f64]) -> (f64, f64) {
     if session.turns(node) { (-PI, PI) } else { (low - reach, high + reach) }
 }
 
-/// Chains with a spoilt column, on frames in ascending order; none if the named mistakes leave as little. `of_words`: the
-/// chains of mistakes that have a name; `closely` as in [`super::chain::grown`].
-pub(super) fn chains(
-    session: &Session<'_>,
-    of_words: &[Chain],
+/// Where chains are searched: on some frames in ascending order, `closely` as in [`super::chain::grown`].
+pub(super) struct Searched<'a> {
+    pub frames: &'a [usize],
+    /// The frames on which chains are compared later: positions are estimated on these too.
+    pub compared: &'a [usize],
+    pub closely: bool,
+    /// The chains of mistakes that have a name.
+    pub of_words: &'a [Chain],
+}
+
+/// Chains with a spoilt column; none if the named mistakes leave as little.
+pub(super) fn chains(session: &Session<'_>, nominal: &Chain, searched: &Searched<'_>) -> Vec<Chain> {
+    let joints = joints_by_loss(session, nominal, searched.frames);
+    let of_joint = |(joint, node)| of_joint(session, nominal, (joint, node), searched);
+    joints.into_iter().take(JOINTS).flat_map(of_joint).collect()
+}
+
+/// The same if displaced mounts are as large as gross mistakes: these are fitted robustly, first at the logged positions,
+/// which ranks the joints, and again for each joint with its positions free. None where the mounts leave nothing gross.
+///
+/// # Errors
+/// Invalid parameters of camera or mirror.
+pub(super) fn chains_beside_mounts(
+    undone: &Undone,
     nominal: &Chain,
+    searched: &Searched<'_>,
+) -> Result<Vec<Chain>> {
+    let (problem, log) = (&undone.problem, &undone.recording.columns);
+    let misfit = Misfit::given(problem, &mounts_beside(undone, nominal, searched.frames)?)?;
+    let session = Session::new(problem, &misfit, log);
+    let nominal = nominal.at(&misfit, searched.frames);
+    if !nominal.is_gross() {
+        return Ok(Vec::new());
+    }
+    let mut out = Vec::new();
+    for (joint, node) in joints_by_loss(&session, &nominal, searched.frames).into_iter().take(JOINTS) {
+        problem.cancel.check()?;
+        let free = unrelated(&session, &nominal, (joint, node), searched.frames);
+        let misfit = Misfit::given(problem, &mounts_beside(undone, &free, searched.frames)?)?;
+        let session = Session::new(problem, &misfit, log);
+        out.extend(of_joint(&session, &nominal.at(&misfit, searched.frames), (joint, node), searched));
+    }
+    Ok(out)
+}
+
+/// What mounts and joints' zeros do, fitted robustly beside a chain's mistakes and its free positions.
+fn mounts_beside(undone: &Undone, chain: &Chain, frames: &[usize]) -> Result<Deformation> {
+    let problem = chain.problem(undone)?;
+    let free = free_columns(chain, &problem, frames);
+    Ok(Tolerant::of_effects_with(&problem, frames, undone.problem.noise, &BY_HAND, free)?.small_errors())
+}
+
+/// The joints, the one first whose free positions leave the smallest loss.
+fn joints_by_loss(session: &Session<'_>, nominal: &Chain, frames: &[usize]) -> Vec<(usize, NodeId)> {
+    let every = frames.len().div_ceil(FEW_FRAMES).max(1);
+    let few: Vec<usize> = frames.iter().copied().step_by(every).collect();
+    let left = |&(joint, node): &(usize, NodeId)| unrelated(session, nominal, (joint, node), &few).loss;
+    let mut joints: Vec<(f64, (usize, NodeId))> = session.joints.iter().map(|j| (left(j), *j)).collect();
+    joints.sort_by(|a, b| a.0.total_cmp(&b.0));
+    joints.into_iter().map(|(_, joint)| joint).collect()
+}
+
+/// The column is unrelated to the joint: a position in each posture.
+fn unrelated(
+    session: &Session<'_>,
+    nominal: &Chain,
+    (joint, node): (usize, NodeId),
     frames: &[usize],
-    closely: bool,
+) -> Chain {
+    let rows: Vec<usize> = (0..session.problem.frames.len()).collect();
+    let bounds = anywhere(session, node, &nominal.variant.column(joint));
+    let free = session.freed_in(&nominal.variant, joint, (&rows, frames), bounds);
+    Chain::new(vec![Mistake::ColumnLost { joint, rows }], free, session.misfit, frames)
+}
+
+/// The alternatives of one joint.
+fn of_joint(
+    session: &Session<'_>,
+    nominal: &Chain,
+    (joint, node): (usize, NodeId),
+    &Searched { frames, compared, closely, of_words }: &Searched<'_>,
 ) -> Vec<Chain> {
     let least_fall = least_fall(closely);
     // A frozen log has free positions too.
     let has_numbers = |c: &&Chain| !c.mistakes.iter().any(|m| matches!(m, Mistake::LogFrozen { .. }));
-    let left = of_words.iter().filter(has_numbers).map(|c| c.loss).fold(nominal.loss, f64::min);
-    let every = frames.len().div_ceil(FEW_FRAMES).max(1);
-    let few: Vec<usize> = frames.iter().copied().step_by(every).collect();
-    let rows: Vec<usize> = (0..session.problem.frames.len()).collect();
-    let freed = |joint: usize, node: NodeId, shown: &[usize]| {
-        let bounds = anywhere(session, node, &nominal.variant.column(joint));
-        session.freed_in(&nominal.variant, joint, (&rows, shown), bounds)
-    };
-    let mut joints: Vec<(f64, usize, NodeId)> = session
-        .joints
-        .iter()
-        .map(|&(joint, node)| (session.misfit.mean_loss(&freed(joint, node, &few), &few), joint, node))
-        .collect();
-    joints.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let mut out = Vec::new();
-    for (_, joint, node) in joints.into_iter().take(JOINTS) {
-        let free = freed(joint, node, frames);
-        let all =
-            Chain::new(vec![Mistake::ColumnLost { joint, rows: rows.clone() }], free, session.misfit, frames);
-        if left - all.loss < least_fall {
-            continue;
-        }
-        out.extend(step(session, nominal, &all.variant, joint, frames));
-        // Independent errors that are not gross are left to the search (`selection::erratic_joint`).
-        if !nominal.is_gross() {
-            continue;
-        }
+    let words = of_words.iter().filter(has_numbers);
+    let left = words.map(|c| session.misfit.mean_loss(&c.variant, frames)).fold(nominal.loss, f64::min);
+    let mut shown = [frames, compared].concat();
+    shown.sort_unstable();
+    shown.dedup();
+    let all = unrelated(session, nominal, (joint, node), &shown).at(session.misfit, frames);
+    if left - all.loss < least_fall {
+        return Vec::new();
+    }
+    let mut out: Vec<Chain> = step(session, nominal, &all.variant, joint, frames).into_iter().collect();
+    // Independent errors that are not gross are left to the search (`selection::erratic_joint`).
+    if nominal.is_gross() {
         if let Some(rows) = at_extremes(session, &nominal.variant.column(joint)) {
             let mut variant = nominal.variant.clone();
             rows.iter().for_each(|&f| variant.positions[f][joint] = all.variant.positions[f][joint]);
@@ -167,15 +230,32 @@ pub(super) fn free_columns(chain: &Chain, problem: &Problem, frames: &[usize]) -
     out
 }
 
-/// The unknown positions of a joint, on all frames.
-pub(super) fn lost(session: &Session<'_>, variant: &Variant, joint: usize, rows: &[usize]) -> Option<Lost> {
-    let node = node_of(session.problem, joint)?;
+/// The unknown positions of a joint, on all frames; beside mounts as they are displaced, if these are gross.
+///
+/// # Errors
+/// Invalid parameters of camera or mirror.
+pub(super) fn lost(undone: &Undone, joint: usize, rows: &[usize]) -> Result<Option<Lost>> {
+    let problem = &undone.problem;
+    let Some(node) = node_of(problem, joint) else { return Ok(None) };
+    let variant = Variant::of(&undone.recording, problem);
     let logged = variant.column(joint);
-    let free = session.freed_in(variant, joint, (rows, rows), anywhere(session, node, &logged));
-    let (multiplier, postures) = (session.problem.scene.body.nodes[node].command.1, &session.postures);
-    let postures: Vec<(Vec<usize>, f64)> = postures
-        .iter()
-        .map(|p| p.iter().copied().filter(|f| rows.binary_search(f).is_ok()).collect::<Vec<usize>>())
+    let freed = |misfit: &Misfit<'_>| {
+        let session = Session::new(problem, misfit, &undone.recording.columns);
+        let bounds = anywhere(&session, node, &logged);
+        let free = session.freed_in(&variant, joint, (rows, rows), bounds);
+        let frames = spread(&session.postures, FRAMES, 1);
+        let mistake = Mistake::ColumnLost { joint, rows: rows.to_vec() };
+        (Chain::new(vec![mistake], free, misfit, &frames), frames)
+    };
+    let (mut free, frames) = freed(&Misfit::new(problem)?);
+    if free.is_gross() {
+        (free, _) = freed(&Misfit::given(problem, &mounts_beside(undone, &free, &frames)?)?);
+    }
+    let free = free.variant;
+    let multiplier = problem.scene.body.nodes[node].command.1;
+    let postures: Vec<(Vec<usize>, f64)> = postures(problem)
+        .into_iter()
+        .map(|p| p.into_iter().filter(|f| rows.binary_search(f).is_ok()).collect::<Vec<usize>>())
         .filter(|own| !own.is_empty())
         .map(|own| {
             let error = multiplier * (free.positions[own[0]][joint] - logged[own[0]]);
@@ -184,7 +264,7 @@ pub(super) fn lost(session: &Session<'_>, variant: &Variant, joint: usize, rows:
         .collect();
     let errors: Vec<f64> = postures.iter().map(|p| p.1).collect();
     let square = errors.iter().map(|e| e * e).sum::<f64>() / errors.len().max(1) as f64;
-    Some(Lost { node, postures, spread: square.sqrt().max(LEAST_SPREAD) })
+    Ok(Some(Lost { node, postures, spread: square.sqrt().max(LEAST_SPREAD) }))
 }
 
 fn spread_of(values: &[f64]) -> f64 {

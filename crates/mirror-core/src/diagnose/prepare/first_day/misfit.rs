@@ -72,8 +72,11 @@ impl<'a> Misfit<'a> {
         })
     }
 
-    /// The same if causes are known already: most observations are then within usual errors.
-    pub fn beside(problem: &'a Problem, known: &Deformation, variant: &Variant) -> Result<Self> {
+    /// The same beside a known deformation.
+    ///
+    /// # Errors
+    /// Invalid parameters of camera or mirror.
+    pub fn given(problem: &'a Problem, known: &Deformation) -> Result<Self> {
         let mut out = Self { eye: problem.eye(known)?, known: known.clone(), ..Self::new(problem)? };
         if problem.needs_fresh_board(known) {
             let mut work = FrameWork::rough(problem);
@@ -84,6 +87,15 @@ impl<'a> Misfit<'a> {
                 });
             }
         }
+        Ok(out)
+    }
+
+    /// The same if causes are known already: most observations are then within usual errors.
+    ///
+    /// # Errors
+    /// Invalid parameters of camera or mirror.
+    pub fn beside(problem: &'a Problem, known: &Deformation, variant: &Variant) -> Result<Self> {
+        let mut out = Self::given(problem, known)?;
         let all: Vec<usize> = (0..problem.frames.len()).collect();
         let mut sizes: Vec<f64> = out.distances(variant, &all).iter().map(|d| d.size_m).collect();
         sizes.sort_by(f64::total_cmp);

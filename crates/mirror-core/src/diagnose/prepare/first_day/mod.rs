@@ -215,15 +215,18 @@ fn chain_of_the_body(
         chains = grown(&all, &nominal, &frames, without, closely)?;
     }
     if spoilt && (nominal.is_gross() || closely) {
-        let of_no_word = lost::chains(&all, &chains, &nominal, &frames, closely);
+        let compared = choice::compared_on(&all, &chains);
+        let searched = lost::Searched { frames: &frames, compared: &compared, closely, of_words: &chains };
+        let mut of_no_word = lost::chains(&all, &nominal, &searched);
+        if of_no_word.is_empty() && nominal.is_gross() {
+            of_no_word = lost::chains_beside_mounts(session, &nominal, &searched)?;
+        }
         chains.extend(of_no_word);
     }
     if let Some(known) = known {
         let beside = Misfit::beside(problem, &known.deformation, &variant)?;
         let nominal = Chain::new(Vec::new(), variant, &beside, &frames);
-        let own = chains.split_off(
-            chains.iter().position(|c| c.mistakes.iter().any(Mistake::has_no_word)).unwrap_or(chains.len()),
-        );
+        let own = chains.split_off(chains.iter().position(Chain::has_no_word).unwrap_or(chains.len()));
         chains.extend(grown(&Session::new(problem, &beside, log), &nominal, &frames, without, true)?);
         unlike(&mut chains, 2 * BEAM);
         chains.extend(own);

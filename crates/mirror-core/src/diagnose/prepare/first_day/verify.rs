@@ -7,6 +7,8 @@
 //! mistake. The marginal likelihoods (Laplace) are compared at one noise: the smallest that any of the models
 //! leaves.
 
+use super::chain::Chain;
+use super::misfit::Misfit;
 use crate::diagnose::effects::hypothesis::{Catalogue, Model, Term};
 use crate::diagnose::effects::{Place, vocabulary};
 use crate::diagnose::likelihood::covariance::Covariance;
@@ -24,6 +26,11 @@ use std::sync::Arc;
 
 /// Steps of a fit between two estimates of the scale.
 const STEPS: Size = 2;
+
+/// What hands mount, and the joints' zeros.
+pub(super) const BY_HAND: [&str; 4] = ["board_mount", "camera_mount", "marker_mount", "joint_offset"];
+/// There are as many couplings as pairs of joints: they would explain exchanged columns. Sticking follows any path.
+const NO_SMALL_ERRORS: [&str; 2] = ["joint_coupling", "stiction"];
 
 /// A problem fitted with all small errors.
 pub(super) struct Tolerant {
@@ -61,9 +68,33 @@ impl Tolerant {
         least: Noise,
         further: Vec<(Column, f64, f64)>,
     ) -> Result<Self> {
-        // There are as many couplings as pairs of joints: they would explain exchanged columns.
-        let without = ["joint_coupling".to_owned(), "stiction".to_owned()];
-        Self::fitted_without(problem, frames, least, &without, further)
+        Self::unfitted(problem, frames, least, &NO_SMALL_ERRORS.map(str::to_owned), further).begun(least)
+    }
+
+    /// As [`Tolerant::fitted_with`], for further columns that are errors of estimated positions. Mounts and zeros start at
+    /// their values without these errors, so that displaced mounts are not taken for errors of positions.
+    ///
+    /// # Errors
+    /// Invalid parameters of camera or mirror.
+    pub fn at_positions(
+        problem: &Problem,
+        frames: &[usize],
+        least: Noise,
+        further: Vec<(Column, f64, f64)>,
+    ) -> Result<Self> {
+        if further.is_empty() {
+            return Self::fitted(problem, frames, least);
+        }
+        let by_hand = Self::of_effects(problem, frames, least, &BY_HAND)?;
+        let mut out = Self::unfitted(problem, frames, least, &NO_SMALL_ERRORS.map(str::to_owned), further);
+        for (h, hypothesis) in by_hand.catalogue.hypotheses.iter().enumerate() {
+            let (effect, place) = (by_hand.catalogue.effect(h).name(), hypothesis.place);
+            if let (Some(from), Some(to)) = (by_hand.first_of(effect, place), out.first_of(effect, place)) {
+                let count = hypothesis.prior_std.len();
+                out.model.group[to..to + count].copy_from_slice(&by_hand.model.group[from..from + count]);
+            }
+        }
+        out.begun(least)
     }
 
     /// With small errors of these kinds only.
@@ -71,16 +102,31 @@ impl Tolerant {
     /// # Errors
     /// Invalid parameters of camera or mirror.
     pub fn of_effects(problem: &Problem, frames: &[usize], least: Noise, which: &[&str]) -> Result<Self> {
-        Self::fitted_without(problem, frames, least, &all_but(which), Vec::new())
+        Self::of_effects_with(problem, frames, least, which, Vec::new())
     }
 
-    fn fitted_without(
+    /// The same with further columns, as in [`Tolerant::fitted_with`].
+    ///
+    /// # Errors
+    /// Invalid parameters of camera or mirror.
+    pub fn of_effects_with(
+        problem: &Problem,
+        frames: &[usize],
+        least: Noise,
+        which: &[&str],
+        further: Vec<(Column, f64, f64)>,
+    ) -> Result<Self> {
+        Self::unfitted(problem, frames, least, &all_but(which), further).begun(least)
+    }
+
+    /// With small errors of all kinds but some, before a fit.
+    fn unfitted(
         problem: &Problem,
         frames: &[usize],
         least: Noise,
         without: &[String],
         further: Vec<(Column, f64, f64)>,
-    ) -> Result<Self> {
+    ) -> Self {
         let catalogue = catalogue_without(problem, without);
         let mut group = Group::default();
         for h in 0..catalogue.hypotheses.len() {
@@ -106,7 +152,7 @@ impl Tolerant {
         model.group.extend(starts);
         let mut mask = vec![false; problem.frames.len()];
         frames.iter().for_each(|&f| mask[f] = true);
-        let mut out = Self {
+        Self {
             problem: problem.clone(),
             catalogue,
             causes: Catalogue::new(&problem.scene, Vec::new(), &[]),
@@ -116,10 +162,14 @@ impl Tolerant {
             first_further,
             covariance: None,
             noise: least,
-        };
-        out.noise = out.scale(&out.deformation(), least)?;
-        out.settle(least)?;
-        Ok(out)
+        }
+    }
+
+    /// Model and scale in turn, from the present values on.
+    fn begun(mut self, least: Noise) -> Result<Self> {
+        self.noise = self.scale(&self.deformation(), least)?;
+        self.settle(least)?;
+        Ok(self)
     }
 
     /// Model and scale in turn.
@@ -195,6 +245,15 @@ impl Tolerant {
         Ok(frames.filter(|&f| work.evaluate(&self.problem, &task, f) && work.has_plane()).collect())
     }
 
+    /// A chain's loss with the small errors as fitted, on the frames that count.
+    ///
+    /// # Errors
+    /// Invalid parameters of camera or mirror.
+    pub fn fitted_chain(&self, chain: &Chain) -> Result<Chain> {
+        let frames: Vec<usize> = (0..self.mask.len()).filter(|&f| self.mask[f]).collect();
+        Ok(chain.at(&Misfit::given(&self.problem, &self.deformation())?, &frames))
+    }
+
     /// Lets only these frames count from here on.
     pub fn keep(&mut self, frames: &[usize]) {
         self.mask.fill(false);
@@ -230,6 +289,14 @@ impl Tolerant {
     /// What all small errors together do.
     pub fn deformation(&self) -> Deformation {
         self.model.deformation(&self.problem, &self.causes, &self.group.columns)
+    }
+
+    /// What the small errors do without the further columns.
+    pub fn small_errors(&self) -> Deformation {
+        let (mut model, mut columns) = (self.model.clone(), self.group.columns.clone());
+        model.group.truncate(self.first_further);
+        columns.truncate(self.first_further);
+        model.deformation(&self.problem, &self.causes, &columns)
     }
 
     fn fit(&self, noise: Noise, steps: usize) -> Result<Fit> {
