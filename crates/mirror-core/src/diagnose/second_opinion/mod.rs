@@ -7,7 +7,7 @@
 //!
 //! | reason for doubt in the first | the second diagnosis | it is accepted if it |
 //! | --- | --- | --- |
-//! | a column is not used, or a joint has another zero from a row on: neither is a named cause | assumes neither | explains everything, without a mistake of a column. It may give reason for doubt itself |
+//! | a column is not used, or a joint has another zero from a row on: neither is a named cause | assumes neither | explains everything, without a mistake of a column, or slips in place of the zero. It may give reason for doubt itself |
 //! | a ratio is named twice at one joint, or does not differ from the model's; a picture of another size together with a focal length that cancels it; a slip by fewer than twelve deviations; slipped rows that fit their own postures once the causes are known | leaves out that mistake | explains everything, or leaves no larger gap |
 //! | a joint's error is independent in each posture, together with a mistake of its column, a marker on another link, or slipped rows | leaves out all such mistakes | leaves less than twice as much. It is always accepted if these errors are more than half of what the column moves: the column is unrelated to the joint |
 //! | a mistake of a column leaves more than half of the gap | leaves out the same | finds that joint's error independent in each posture, and leaves less than twice as much |
@@ -58,8 +58,10 @@ pub fn diagnose(
         // sticking looks like another zero where a joint turns back.
         let again = prepared(options, None, false)?;
         let its_mistakes = again.mistakes().to_vec();
-        // Mistakes of columns were weighed against these already.
-        if its_mistakes.iter().any(is_of_a_column) {
+        // Mistakes of columns were weighed against these already, and slips against the step.
+        let slips = |mistakes: &[Cause]| mistakes.iter().filter(|m| m.effect == "slip").count();
+        let slips_instead = found.left_beside_step.is_some() && slips(&its_mistakes) > slips(&mistakes);
+        if slips_instead || its_mistakes.iter().any(is_of_a_column) {
             return Ok(found.diagnosis);
         }
         let mut second = pipeline::diagnose(again, robot, recording, options, others)?;

@@ -159,7 +159,8 @@ impl<'a> Weighed<'a> {
 
 /// Whether a chain leaves something gross with all small errors as fitted.
 fn leaves_gross((fit, chain): (&Option<Tolerant>, &Chain)) -> bool {
-    fit.as_ref().and_then(|fit| fit.fitted_chain(chain).ok()).is_none_or(|chain| chain.is_gross())
+    let left = |fit: &Tolerant| fit.left_at(&chain.variant.positions).ok();
+    fit.as_ref().and_then(left).is_none_or(|left| left.is_gross())
 }
 
 /// The frames on which chains are compared: spread over the session, and those in which one of the chains has names

@@ -22,11 +22,16 @@ pub(super) struct Variant {
 impl Variant {
     /// As it was recorded.
     pub fn of(recording: &Recording, problem: &Problem) -> Self {
+        Self::at(recording.frames.iter().map(|f| f.commanded.clone()).collect(), problem)
+    }
+
+    /// As a problem has it, at positions row by row.
+    pub fn at(positions: Vec<Vec<f64>>, problem: &Problem) -> Self {
         let markers = problem.marker_sites.len();
         Self {
-            positions: recording.frames.iter().map(|f| f.commanded.clone()).collect(),
             signs: vec![1.0; problem.scene.nodes()],
-            labels: vec![(0..markers).collect(); recording.frames.len()],
+            labels: vec![(0..markers).collect(); positions.len()],
+            positions,
             sites: problem.marker_sites.clone(),
             squares: 1.0,
         }

@@ -9,6 +9,7 @@
 
 use super::chain::Chain;
 use super::misfit::Misfit;
+use super::variant::Variant;
 use crate::diagnose::effects::hypothesis::{Catalogue, Model, Term};
 use crate::diagnose::effects::{Place, vocabulary};
 use crate::diagnose::likelihood::covariance::Covariance;
@@ -245,13 +246,14 @@ impl Tolerant {
         Ok(frames.filter(|&f| work.evaluate(&self.problem, &task, f) && work.has_plane()).collect())
     }
 
-    /// A chain's loss with the small errors as fitted, on the frames that count.
+    /// The loss that is left at positions row by row with the small errors as fitted, on the frames that count.
     ///
     /// # Errors
     /// Invalid parameters of camera or mirror.
-    pub fn fitted_chain(&self, chain: &Chain) -> Result<Chain> {
+    pub fn left_at(&self, positions: &[Vec<f64>]) -> Result<Chain> {
         let frames: Vec<usize> = (0..self.mask.len()).filter(|&f| self.mask[f]).collect();
-        Ok(chain.at(&Misfit::given(&self.problem, &self.deformation())?, &frames))
+        let misfit = Misfit::given(&self.problem, &self.deformation())?;
+        Ok(Chain::new(Vec::new(), Variant::at(positions.to_vec(), &self.problem), &misfit, &frames))
     }
 
     /// Lets only these frames count from here on.
