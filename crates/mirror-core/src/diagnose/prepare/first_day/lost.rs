@@ -182,22 +182,28 @@ fn step(
     let usual = session.misfit.usual_m / session.problem.scene.reach_m.max(1e-9);
     let cost =
         |errors: &[f64], at: f64| -> f64 { errors.iter().map(|e| ((e - at) / usual).powi(2).ln_1p()).sum() };
-    let (_, first, offset) = (FEWEST_POSTURES..errors.len().saturating_sub(FEWEST_POSTURES))
+    let middle = |errors: &[f64]| {
+        let mut sorted = errors.to_vec();
+        sorted.sort_by(f64::total_cmp);
+        sorted[sorted.len() / 2]
+    };
+    let (_, first, before, offset) = (FEWEST_POSTURES..errors.len().saturating_sub(FEWEST_POSTURES))
         .map(|k| {
-            let mut after = errors[k..].to_vec();
-            after.sort_by(f64::total_cmp);
-            let middle = after[after.len() / 2];
-            (cost(&errors[..k], 0.0) + cost(&errors[k..], middle), frames[k], middle)
+            let (before, after) = (middle(&errors[..k]), middle(&errors[k..]));
+            (cost(&errors[..k], before) + cost(&errors[k..], after), frames[k], before, after - before)
         })
         .min_by(|a, b| a.0.total_cmp(&b.0))?;
-    let of = |first: usize, offset: f64| {
-        nominal.with(&Mistake::ZeroLost { joint, first, offset }, session, frames)
-    };
+    // The joint's zero before the step is one with displaced mounts that were fitted at both zeros.
+    let mut as_before = nominal.variant.clone();
+    as_before.positions.iter_mut().for_each(|row| row[joint] += before);
+    let begun = Chain::new(Vec::new(), as_before, session.misfit, frames);
+    let of =
+        |first: usize, offset: f64| begun.with(&Mistake::ZeroLost { joint, first, offset }, session, frames);
     let offset = least(offset - 2.0 * usual, offset + 2.0 * usual, |x| of(first, x).loss);
     // Exact row: the largest gain of all rows from it on.
-    let mut moved = nominal.variant.clone();
+    let mut moved = begun.variant.clone();
     moved.positions.iter_mut().for_each(|row| row[joint] += offset);
-    let (own, other) = (session.frame_losses(&nominal.variant), session.frame_losses(&moved));
+    let (own, other) = (session.frame_losses(&begun.variant), session.frame_losses(&moved));
     let mut sum = 0.0;
     let gains = (0..own.len()).rev().map(|f| {
         sum += own[f].0 - other[f].0;
@@ -208,10 +214,16 @@ fn step(
     inside.then(|| of(first, offset))
 }
 
-/// The free positions of a chain: for each posture in some frames a column, its prior deviation and its start.
+/// The free positions of a chain: for each posture in some frames, and for the rows behind a lost zero, a column, its prior
+/// deviation and its start.
 pub(super) fn free_columns(chain: &Chain, problem: &Problem, frames: &[usize]) -> Vec<(Column, f64, f64)> {
     let mut out = Vec::new();
     for mistake in &chain.mistakes {
+        if let Mistake::ZeroLost { joint, first, .. } = *mistake {
+            // Its offset is known to a few usual errors.
+            let rows: Vec<usize> = (first..problem.frames.len()).collect();
+            out.extend(node_of(problem, joint).map(|node| (column(problem, node, &rows), LEAST_SPREAD, 0.0)));
+        }
         let (joint, rows) = match mistake {
             Mistake::ColumnLost { joint, rows } => (*joint, rows.clone()),
             Mistake::LogFrozen { joint, first, last } => (*joint, (*first..=*last).collect()),
