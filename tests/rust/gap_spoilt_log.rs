@@ -129,21 +129,39 @@ fn what_has_a_word_is_told_by_it() {
     assert_eq!((told.causes[0].effect.as_str(), told.causes.len()), ("gear_ratio", 1), "{:#?}", told.trace);
 }
 
+/// What hands displace: board, camera and three markers.
+fn mounts_by_hand() -> Vec<Wrong> {
+    vec![
+        Wrong::BoardMount([0.012, -0.018, 0.015, 0.003, -0.004, 0.002]),
+        Wrong::CameraMount([-0.014, 0.02, 0.009, -0.003, 0.002, 0.004]),
+        Wrong::Mount(0, [0.003, -0.002, 0.004]),
+        Wrong::Mount(1, [-0.004, 0.003, 0.002]),
+        Wrong::Mount(2, [0.002, 0.004, -0.003]),
+    ]
+}
+
+#[test]
+fn a_zero_that_is_lost_is_no_slip_beside_mounts_by_hand() {
+    let world = World::new(4, true);
+    let mut recording =
+        world.record(&Plan { postures: 61, seed: 43, wrong: mounts_by_hand(), ..Plan::default() });
+    let (joint, first) = (column(&world, "r_elbow"), recording.frames.len() / 2);
+    recording.frames[first..].iter_mut().for_each(|f| f.commanded[joint] += 0.3);
+    let told = diagnosed(&world, &recording);
+    let row = recording.frames[first].number;
+    let warned = |w: &String| w.contains(&format!("joint:r_elbow has another zero from row {row} on"));
+    assert!(told.warnings.iter().any(warned), "{:?} {:#?}", told.warnings, told.trace);
+    let others = told.causes.iter().filter(|c| c.kind != "setup");
+    assert!(others.clone().all(|c| c.probability < EVEN), "{:?} {:#?}", told.causes, told.trace);
+}
+
 #[test]
 fn a_spoilt_column_is_found_beside_mounts_by_hand() {
     let world = World::new(4, true);
-    let by_hand = || {
-        vec![
-            Wrong::BoardMount([0.012, -0.018, 0.015, 0.003, -0.004, 0.002]),
-            Wrong::CameraMount([-0.014, 0.02, 0.009, -0.003, 0.002, 0.004]),
-            Wrong::Mount(0, [0.003, -0.002, 0.004]),
-            Wrong::Mount(1, [-0.004, 0.003, 0.002]),
-            Wrong::Mount(2, [0.002, 0.004, -0.003]),
-        ]
-    };
     let unsigned: fn(f64) -> f64 = f64::abs;
     for (name, seed, spoil) in [("r_shoulder_yaw", 41, unsigned), ("l_elbow", 42, |_| 0.0)] {
-        let mut recording = world.record(&Plan { postures: 61, seed, wrong: by_hand(), ..Plan::default() });
+        let mut recording =
+            world.record(&Plan { postures: 61, seed, wrong: mounts_by_hand(), ..Plan::default() });
         let joint = column(&world, name);
         recording.frames.iter_mut().for_each(|f| f.commanded[joint] = spoil(f.commanded[joint]));
         let told = diagnosed(&world, &recording);
