@@ -55,7 +55,9 @@ pub(super) struct Searched<'a> {
     pub of_words: &'a [Chain],
 }
 
-/// Chains with a spoilt column; none if the named mistakes leave as little.
+/// Chains with a spoilt column of a session that is gross; none if the named mistakes leave as little. Independent errors
+/// that are not gross are left to the search (`selection::erratic_joint`), a small step to the change points
+/// ([`super::changes`]).
 pub(super) fn chains(session: &Session<'_>, nominal: &Chain, searched: &Searched<'_>) -> Vec<Chain> {
     let joints = joints_by_loss(session, nominal, searched.frames);
     let of_joint = |(joint, node)| of_joint(session, nominal, (joint, node), searched);
@@ -140,15 +142,12 @@ fn of_joint(
         return Vec::new();
     }
     let mut out: Vec<Chain> = step(session, nominal, &all.variant, joint, frames).into_iter().collect();
-    // Independent errors that are not gross are left to the search (`selection::erratic_joint`).
-    if nominal.is_gross() {
-        if let Some(rows) = at_extremes(session, &nominal.variant.column(joint)) {
-            let mut variant = nominal.variant.clone();
-            rows.iter().for_each(|&f| variant.positions[f][joint] = all.variant.positions[f][joint]);
-            out.push(Chain::new(vec![Mistake::ColumnLost { joint, rows }], variant, session.misfit, frames));
-        }
-        out.push(all);
+    if let Some(rows) = at_extremes(session, &nominal.variant.column(joint)) {
+        let mut variant = nominal.variant.clone();
+        rows.iter().for_each(|&f| variant.positions[f][joint] = all.variant.positions[f][joint]);
+        out.push(Chain::new(vec![Mistake::ColumnLost { joint, rows }], variant, session.misfit, frames));
     }
+    out.push(all);
     // What is gross with all positions of a joint free is not that joint's column alone.
     out.retain(|c| c.loss < nominal.loss - least_fall && !c.is_gross());
     out

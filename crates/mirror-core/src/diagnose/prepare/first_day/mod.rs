@@ -214,11 +214,11 @@ fn chain_of_the_body(
     if nominal.is_gross() != closely {
         chains = grown(&all, &nominal, &frames, without, closely)?;
     }
-    if spoilt && (nominal.is_gross() || closely) {
+    if spoilt && nominal.is_gross() {
         let compared = choice::compared_on(&all, &chains);
         let searched = lost::Searched { frames: &frames, compared: &compared, closely, of_words: &chains };
         let mut of_no_word = lost::chains(&all, &nominal, &searched);
-        if of_no_word.is_empty() && nominal.is_gross() {
+        if of_no_word.is_empty() {
             of_no_word = lost::chains_beside_mounts(session, &nominal, &searched)?;
         }
         chains.extend(of_no_word);
