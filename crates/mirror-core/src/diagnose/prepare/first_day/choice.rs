@@ -8,9 +8,11 @@
 use super::alternatives::Session;
 use super::chain::{Chain, FRAMES, spread};
 use super::lost::free_columns;
+use super::misfit::Misfit;
 use super::mistake::Mistake;
 use super::reported::reported;
 use super::undone::{Doubt, Undone};
+use super::variant::Variant;
 use super::verify::{Tolerant, smaller};
 use crate::diagnose::data::diagnosis::{Alternative, Cause};
 use crate::diagnose::likelihood::probability::against;
@@ -159,7 +161,12 @@ impl<'a> Weighed<'a> {
 
 /// Whether a chain leaves something gross with all small errors as fitted.
 fn leaves_gross((fit, chain): (&Option<Tolerant>, &Chain)) -> bool {
-    let left = |fit: &Tolerant| fit.left_at(&chain.variant.positions).ok();
+    let left = |fit: &Tolerant| {
+        let misfit = Misfit::given(fit.problem(), &fit.deformation()).ok()?;
+        // Its mistakes are undone in the problem; positions alone are its own.
+        let variant = Variant::at(chain.variant.positions.clone(), fit.problem());
+        Some(Chain::new(Vec::new(), variant, &misfit, &fit.frames()))
+    };
     fit.as_ref().and_then(left).is_none_or(|left| left.is_gross())
 }
 

@@ -7,9 +7,6 @@
 //! mistake. The marginal likelihoods (Laplace) are compared at one noise: the smallest that any of the models
 //! leaves.
 
-use super::chain::Chain;
-use super::misfit::Misfit;
-use super::variant::Variant;
 use crate::diagnose::effects::hypothesis::{Catalogue, Model, Term};
 use crate::diagnose::effects::{Place, vocabulary};
 use crate::diagnose::likelihood::covariance::Covariance;
@@ -242,18 +239,18 @@ impl Tolerant {
         let eye = self.problem.eye(&deformation)?;
         let task = Task::of_residuals(&self.problem, &deformation, eye.as_ref(), self.noise);
         let mut work = FrameWork::new(&self.problem);
-        let frames = (0..self.mask.len()).filter(|&f| self.mask[f]);
+        let frames = self.frames().into_iter();
         Ok(frames.filter(|&f| work.evaluate(&self.problem, &task, f) && work.has_plane()).collect())
     }
 
-    /// The loss that is left at positions row by row with the small errors as fitted, on the frames that count.
-    ///
-    /// # Errors
-    /// Invalid parameters of camera or mirror.
-    pub fn left_at(&self, positions: &[Vec<f64>]) -> Result<Chain> {
-        let frames: Vec<usize> = (0..self.mask.len()).filter(|&f| self.mask[f]).collect();
-        let misfit = Misfit::given(&self.problem, &self.deformation())?;
-        Ok(Chain::new(Vec::new(), Variant::at(positions.to_vec(), &self.problem), &misfit, &frames))
+    /// The problem that is fitted.
+    pub fn problem(&self) -> &Problem {
+        &self.problem
+    }
+
+    /// The frames that count.
+    pub fn frames(&self) -> Vec<usize> {
+        (0..self.mask.len()).filter(|&f| self.mask[f]).collect()
     }
 
     /// Lets only these frames count from here on.
