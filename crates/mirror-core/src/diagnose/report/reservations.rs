@@ -5,7 +5,7 @@ use crate::diagnose::assessment::evidence;
 use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::criteria::cross_validation::{in_sample, seen_size};
 use crate::diagnose::data::diagnosis::{Cause, Data, Diagnosis, Gap, LeftOut, Verdict};
-use crate::diagnose::principles::{ABOVE_SCATTER, LEAST_HELD_OUT_RATIO};
+use crate::diagnose::principles::{ABOVE_SCATTER, LEAST_HELD_OUT_RATIO, MAJORITY};
 use crate::diagnose::report::rms_shift::noise_square;
 use crate::error::Result;
 use std::collections::BTreeMap;
@@ -43,9 +43,9 @@ pub(crate) fn hangs_on_regions(gap: &Gap) -> Option<String> {
     })
 }
 
-/// Limits what is told of causes beside something unexplained: a part of the remainder may imitate a cause that is as
-/// small. The probability of a cause that moves the observations by S, where R is left of them beyond noise (root mean
-/// squares), is multiplied by `S² / (S² + R²)`.
+/// Limits what is told of causes beside something unexplained, of which a part may imitate a cause: with R left of the
+/// observations beyond noise, up to `R/2` of what a cause moves, S (root mean squares), may be another one's. Its
+/// probability is multiplied by `S² / (S² + (R/2)²)`.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.
@@ -60,7 +60,7 @@ pub(crate) fn beside_remainder(causes: &mut [Cause], findings: &Findings<'_>) ->
     // A droop is told with the stiction that it belongs to.
     for cause in causes.iter_mut().filter(|c| c.rms_shift > 0.0) {
         let own = cause.rms_shift.powi(2);
-        cause.probability *= own / (own + remainder);
+        cause.probability *= own / (own + MAJORITY.powi(2) * remainder);
     }
     Ok(())
 }
