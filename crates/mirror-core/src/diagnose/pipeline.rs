@@ -102,12 +102,12 @@ pub(crate) fn diagnose(
     for (slip, std) in settle_slips(&mut search, &nominal)? {
         prepared.moved(&search.problem, slip, std)?;
     }
-    let of_lost = match prepared.lost() {
-        Some(lost) => Some(beside_lost_column(&mut search, lost, &nominal, (stated, &options.without))?),
-        None => None,
-    };
-    let (mut found, setup, extended) = match of_lost {
-        Some((found, extended)) => (found, None, Some(extended)),
+    let (mut found, setup, extended) = match prepared.lost() {
+        Some(lost) => {
+            let (found, extended) =
+                beside_lost_column(&mut search, lost, &nominal, (stated, &options.without))?;
+            (found, None, Some(extended))
+        }
         None => {
             let (found, setup) = with_or_without_setup(&mut search, &nominal, stated, &options.without)?;
             (found, setup, None)

@@ -62,7 +62,7 @@ pub(crate) fn deviations(findings: &Findings<'_>, floor: &Floor) -> Result<Devia
     let loose = search.fit_with_slack(&found.fit.model, None, noise, SOLVER.loose_steps)?;
     let stiffening = fit_of_stiffening(findings, noise)?;
     let measured = search.measured_noise;
-    let unit = if search.problem.camera.is_some() { measured.marker_px } else { measured.point_m };
+    let unit = search.problem.of_observations(measured);
     let mut out = Deviations { group: of_group(&found.fit, &loose), ..Deviations::default() };
     for (i, term) in found.fit.model.terms.iter().enumerate() {
         let effect = search.catalogue.effect(term.hypothesis);

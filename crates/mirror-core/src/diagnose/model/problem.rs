@@ -123,6 +123,11 @@ pub(crate) struct Problem {
 }
 
 impl Problem {
+    /// The noise of the observations: of a marker's pixel where there are pictures (px), else of a measured point (m).
+    pub fn of_observations(&self, noise: Noise) -> f64 {
+        if self.camera.is_some() { noise.marker_px } else { noise.point_m }
+    }
+
     /// A validated recording arranged, before anything is estimated: no frame's mirror is known yet, and the
     /// unknown frame of measured points is at the root ([`Problem::new`] estimates both).
     ///

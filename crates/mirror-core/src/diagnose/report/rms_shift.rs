@@ -12,12 +12,10 @@ pub(crate) fn noise_square(problem: &Problem, noise: Noise) -> f64 {
     if problem.camera.is_some() { 2.0 * noise.marker_px.powi(2) } else { 3.0 * noise.point_m.powi(2) }
 }
 
-/// RMS of the shift that slipped rows correct, over the observations of all rows: each of so many rows gained by its own,
-/// in units of the noise.
+/// RMS shift of the observations of all n markers by slipped rows, from their gain in χ²: `σ √(gain / n)`.
 pub(crate) fn shift_of_rows(problem: &Problem, noise: Noise, slip: &Slip) -> f64 {
     let markers = problem.frames.iter().map(|f| f.others.len()).sum::<usize>().max(1);
-    let unit = if problem.camera.is_some() { noise.marker_px } else { noise.point_m };
-    (slip.gain / markers as f64).sqrt() * unit
+    (slip.gain / markers as f64).sqrt() * problem.of_observations(noise)
 }
 
 /// RMS over markers of the shift between two deformations, in the unit of the observations.
@@ -25,6 +23,6 @@ pub(crate) fn rms_shift(findings: &Findings<'_>, from: &Deformation, to: &Deform
     let search = &findings.search;
     let noise = search.measured_noise;
     let squares = marker_shift(&search.problem, from, to, noise)?;
-    let unit = if search.problem.camera.is_some() { noise.marker_px } else { noise.point_m };
-    Ok((squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt() * unit)
+    let mean = squares.iter().sum::<f64>() / squares.len().max(1) as f64;
+    Ok(mean.sqrt() * search.problem.of_observations(noise))
 }

@@ -47,7 +47,7 @@ fn remainder_share(
     let (from, to) = (search.deformation(&none), search.deformation(&found.fit.model));
     let moved = marker_shift(&search.problem, &from, &to, noise)?;
     let moved = moved.iter().sum::<f64>() / moved.len().max(1) as f64;
-    let unit = if search.problem.camera.is_some() { noise.marker_px } else { noise.point_m };
+    let unit = search.problem.of_observations(noise);
     let axes = if search.problem.camera.is_some() { 2.0 } else { 3.0 };
     let square = |gaps: &[PostureGap]| (seen_size(gaps) / unit).powi(2);
     let left = square(after) - least.map_or(axes, |gaps| square(gaps).max(axes));

@@ -105,7 +105,7 @@ pub(super) fn find(
     if !problem.scene.ordered || problem.frames.len() < 2 * FEWEST_FRAMES {
         return Ok(None);
     }
-    let size = |n: Noise| if problem.camera.is_some() { n.marker_px } else { n.point_m };
+    let size = |noise: Noise| problem.of_observations(noise);
     let leaves_a_gap = |deformation: &Deformation| -> Result<bool> {
         Ok(size(effective(problem, deformation, least, None)?) >= A_GAP * size(least))
     };
@@ -324,16 +324,15 @@ fn together(
 /// The best row of each place that may slip, and of some joints' zeros.
 fn best_slips(fit: &Tolerant, problem: &Problem, of_joints: &[Place]) -> Result<Vec<Best>> {
     let deformation = fit.deformation();
-    let mut places = markers(problem, &deformation, fit.noise)?;
-    let joints = places.len();
+    let markers = markers(problem, &deformation, fit.noise)?;
+    let mut mounts = Vec::new();
     if problem.board.is_some() {
-        places.push(moved(problem, &deformation, fit.noise, Slipped::Board)?);
+        mounts.push(moved(problem, &deformation, fit.noise, Slipped::Board)?);
     }
     if problem.camera_site.is_some() {
-        places.push(moved(problem, &deformation, fit.noise, Slipped::Camera)?);
+        mounts.push(moved(problem, &deformation, fit.noise, Slipped::Camera)?);
     }
-    let (markers, others) = places.split_at(joints);
-    let all = markers.iter().chain(of_joints).chain(others);
+    let all = markers.iter().chain(of_joints).chain(&mounts);
     Ok(all.filter_map(|place| scan(place, 0..problem.frames.len())).collect())
 }
 

@@ -130,7 +130,7 @@ impl<'a> Weighed<'a> {
         problem.cancel.check()?;
         let fitted = |p: Problem| {
             let free = free_columns(&chain, &p, &self.frames);
-            Tolerant::at_positions(&p, &self.frames, problem.noise, free)
+            Tolerant::fitted_with(&p, &self.frames, problem.noise, free)
         };
         self.fits.push(chain.problem(self.session).and_then(fitted).ok());
         self.chains.push(chain);

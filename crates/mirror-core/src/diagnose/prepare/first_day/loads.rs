@@ -27,7 +27,7 @@ pub(super) fn turned_gravity(problem: &Problem) -> Result<Option<(Mistake, f64)>
     let Some(down) = problem.scene.gravity.try_normalize(1e-9) else { return Ok(None) };
     let nominal = problem.nominal();
     let noise = effective(problem, &nominal, problem.noise, None)?;
-    if size(problem, noise) < A_GAP * size(problem, problem.noise) {
+    if problem.of_observations(noise) < A_GAP * problem.of_observations(problem.noise) {
         return Ok(None);
     }
     let Some(stated) = best(problem.clone(), vocabulary(), noise)? else { return Ok(None) };
@@ -50,10 +50,12 @@ pub(super) fn turned_gravity(problem: &Problem) -> Result<Option<(Mistake, f64)>
     // With the nominal model's scatter, and with clearly less left than by the best cause under the stated gravity,
     // whatever else is wrong;
     let much = turned.log_bayes > stated.log_bayes + BEYOND_DOUBT
-        && size(problem, turned.left) < NEARLY_ALL * size(problem, stated.left);
+        && problem.of_observations(turned.left) < NEARLY_ALL * problem.of_observations(stated.left);
     // or if the spring alone leaves no gap, compared with the noise that it leaves. Together with other causes a
     // spring of the wrong sign may only absorb a part of theirs.
-    let excess = |best: &Best| (size(problem, best.left) / size(problem, problem.noise)).powi(2) - 1.0;
+    let excess = |best: &Best| {
+        (problem.of_observations(best.left) / problem.of_observations(problem.noise)).powi(2) - 1.0
+    };
     let all = excess(&turned) < (A_GAP * A_GAP - 1.0).min(MAJORITY * excess(&stated));
     if !(much || all) {
         return Ok(None);
@@ -96,8 +98,4 @@ fn best(problem: Problem, effects: Vec<Box<dyn Effect>>, noise: Noise) -> Result
     let deformation = model.deformation(&problem, &catalogue, &group.columns);
     let left = effective(&problem, &deformation, problem.noise, None)?;
     Ok(Some(Best { problem, log_bayes: score.log_bayes, catalogue, model, left }))
-}
-
-fn size(problem: &Problem, noise: Noise) -> f64 {
-    if problem.camera.is_some() { noise.marker_px } else { noise.point_m }
 }

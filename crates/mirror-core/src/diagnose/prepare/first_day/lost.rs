@@ -15,13 +15,13 @@
 //! the column is not used at all, so no cause at its joint can compensate for it.
 
 use super::alternatives::{Session, least, range};
-use super::chain::{BEAM, Chain, FRAMES, least_fall, spread};
+use super::chain::{BEAM, Chain, FRAMES, spread};
 use super::misfit::Misfit;
 use super::mistake::Mistake;
 use super::spoilt::{Lost, column, node_of};
 use super::undone::Undone;
 use super::variant::Variant;
-use super::verify::{BY_HAND, Tolerant};
+use super::verify::Tolerant;
 use crate::diagnose::likelihood::saturated::postures;
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::deformation::Deformation;
@@ -38,6 +38,9 @@ const JOINTS: Size = BEAM / 2;
 /// Smallest spread of an unknown position, rad or m.
 const LEAST_SPREAD: Prior = 0.05;
 
+/// What hands mount, and the joints' zeros.
+const BY_HAND: [&str; 4] = ["board_mount", "camera_mount", "marker_mount", "joint_offset"];
+
 /// Range of an unknown position: a full turn, or the column's range and as much on both sides.
 fn anywhere(session: &Session<'_>, node: NodeId, column: &[f64]) -> (f64, f64) {
     let (low, high) = range(column);
@@ -45,12 +48,14 @@ fn anywhere(session: &Session<'_>, node: NodeId, column: &[f64]) -> (f64, f64) {
     if session.turns(node) { (-PI, PI) } else { (low - reach, high + reach) }
 }
 
-/// Where chains are searched: on some frames in ascending order, `closely` as in [`super::chain::grown`].
+/// How chains are searched.
 pub(super) struct Searched<'a> {
+    /// The frames on which losses are compared, in ascending order.
     pub frames: &'a [usize],
-    /// The frames on which chains are compared later: positions are estimated on these too.
-    pub compared: &'a [usize],
-    pub closely: bool,
+    /// Those on which positions are estimated: with the frames on which chains are compared later.
+    pub shown: &'a [usize],
+    /// By this the mean loss must fall.
+    pub least_fall: f64,
     /// The chains of mistakes that have a name.
     pub of_words: &'a [Chain],
 }
@@ -96,7 +101,7 @@ pub(super) fn chains_beside_mounts(
 fn mounts_beside(undone: &Undone, chain: &Chain, frames: &[usize]) -> Result<Deformation> {
     let problem = chain.problem(undone)?;
     let free = free_columns(chain, &problem, frames);
-    Ok(Tolerant::of_effects_with(&problem, frames, undone.problem.noise, &BY_HAND, free)?.small_errors())
+    Ok(Tolerant::of_effects(&problem, frames, undone.problem.noise, &BY_HAND, free)?.small_errors())
 }
 
 /// The joints, the one first whose free positions leave the smallest loss.
@@ -127,17 +132,13 @@ fn of_joint(
     session: &Session<'_>,
     nominal: &Chain,
     (joint, node): (usize, NodeId),
-    &Searched { frames, compared, closely, of_words }: &Searched<'_>,
+    &Searched { frames, shown, least_fall, of_words }: &Searched<'_>,
 ) -> Vec<Chain> {
-    let least_fall = least_fall(closely);
     // A frozen log has free positions too.
     let has_numbers = |c: &&Chain| !c.mistakes.iter().any(|m| matches!(m, Mistake::LogFrozen { .. }));
     let words = of_words.iter().filter(has_numbers);
     let left = words.map(|c| session.misfit.mean_loss(&c.variant, frames)).fold(nominal.loss, f64::min);
-    let mut shown = [frames, compared].concat();
-    shown.sort_unstable();
-    shown.dedup();
-    let all = unrelated(session, nominal, (joint, node), &shown).at(session.misfit, frames);
+    let all = unrelated(session, nominal, (joint, node), shown).at(session.misfit, frames);
     if left - all.loss < least_fall {
         return Vec::new();
     }

@@ -48,7 +48,7 @@ use crate::diagnose::principles::{BEYOND_DOUBT, Size};
 use crate::error::Result;
 use crate::robot::Robot;
 use alternatives::Session;
-use chain::{BEAM, Chain, FRAMES, grown, spread, unlike};
+use chain::{BEAM, Chain, FRAMES, grown, least_fall, spread, unlike};
 pub(crate) use changes::settle_slip;
 pub(crate) use memory::Memory;
 use misfit::Misfit;
@@ -215,8 +215,12 @@ fn chain_of_the_body(
         chains = grown(&all, &nominal, &frames, without, closely)?;
     }
     if spoilt && nominal.is_gross() {
-        let compared = choice::compared_on(&all, &chains);
-        let searched = lost::Searched { frames: &frames, compared: &compared, closely, of_words: &chains };
+        let mut shown = choice::compared_on(&all, &chains);
+        shown.extend(&frames);
+        shown.sort_unstable();
+        shown.dedup();
+        let least_fall = least_fall(closely);
+        let searched = lost::Searched { frames: &frames, shown: &shown, least_fall, of_words: &chains };
         let mut of_no_word = lost::chains(&all, &nominal, &searched);
         if of_no_word.is_empty() {
             of_no_word = lost::chains_beside_mounts(session, &nominal, &searched)?;

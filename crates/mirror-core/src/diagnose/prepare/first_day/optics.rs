@@ -97,7 +97,7 @@ fn crop(problem: &Problem) -> Option<Mistake> {
     let mut boards = problem.clone();
     boards.frames.iter_mut().for_each(|frame| frame.others.clear());
     let shown: Vec<usize> = (0..boards.boards.len()).filter(|&f| boards.boards[f].is_some()).collect();
-    let fit = Tolerant::of_effects(&boards, &shown, problem.noise, &OF_BOARDS).ok()?;
+    let fit = Tolerant::of_effects(&boards, &shown, problem.noise, &OF_BOARDS, Vec::new()).ok()?;
     // Boards that are still far from the noise have another error: for example a joint between camera and board.
     if fit.noise.corner_px > ABOVE_SCATTER * problem.noise.corner_px {
         return None;

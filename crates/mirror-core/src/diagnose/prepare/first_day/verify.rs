@@ -25,8 +25,6 @@ use std::sync::Arc;
 /// Steps of a fit between two estimates of the scale.
 const STEPS: Size = 2;
 
-/// What hands mount, and the joints' zeros.
-pub(super) const BY_HAND: [&str; 4] = ["board_mount", "camera_mount", "marker_mount", "joint_offset"];
 /// There are as many couplings as pairs of joints: they would explain exchanged columns. Sticking follows any path.
 const NO_SMALL_ERRORS: [&str; 2] = ["joint_coupling", "stiction"];
 
@@ -69,45 +67,11 @@ impl Tolerant {
         Self::unfitted(problem, frames, least, &NO_SMALL_ERRORS.map(str::to_owned), further).begun(least)
     }
 
-    /// As [`Tolerant::fitted_with`], for further columns that are errors of estimated positions. Mounts and zeros start at
-    /// their values without these errors, so that displaced mounts are not taken for errors of positions.
-    ///
-    /// # Errors
-    /// Invalid parameters of camera or mirror.
-    pub fn at_positions(
-        problem: &Problem,
-        frames: &[usize],
-        least: Noise,
-        further: Vec<(Column, f64, f64)>,
-    ) -> Result<Self> {
-        if further.is_empty() {
-            return Self::fitted(problem, frames, least);
-        }
-        let by_hand = Self::of_effects(problem, frames, least, &BY_HAND)?;
-        let mut out = Self::unfitted(problem, frames, least, &NO_SMALL_ERRORS.map(str::to_owned), further);
-        for (h, hypothesis) in by_hand.catalogue.hypotheses.iter().enumerate() {
-            let (effect, place) = (by_hand.catalogue.effect(h).name(), hypothesis.place);
-            if let (Some(from), Some(to)) = (by_hand.first_of(effect, place), out.first_of(effect, place)) {
-                let count = hypothesis.prior_std.len();
-                out.model.group[to..to + count].copy_from_slice(&by_hand.model.group[from..from + count]);
-            }
-        }
-        out.begun(least)
-    }
-
     /// With small errors of these kinds only.
     ///
     /// # Errors
     /// Invalid parameters of camera or mirror.
-    pub fn of_effects(problem: &Problem, frames: &[usize], least: Noise, which: &[&str]) -> Result<Self> {
-        Self::of_effects_with(problem, frames, least, which, Vec::new())
-    }
-
-    /// The same with further columns, as in [`Tolerant::fitted_with`].
-    ///
-    /// # Errors
-    /// Invalid parameters of camera or mirror.
-    pub fn of_effects_with(
+    pub fn of_effects(
         problem: &Problem,
         frames: &[usize],
         least: Noise,
