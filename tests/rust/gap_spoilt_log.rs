@@ -153,6 +153,16 @@ fn a_zero_that_is_lost_is_no_slip_beside_mounts_by_hand() {
     assert!(told.warnings.iter().any(warned), "{:?} {:#?}", told.warnings, told.trace);
     let others = told.causes.iter().filter(|c| c.kind != "setup");
     assert!(others.clone().all(|c| c.probability < EVEN), "{:?} {:#?}", told.causes, told.trace);
+    // All figures are of the session as it was logged: no step of the gap is below the one that is left.
+    let after = told.gap.after_px.unwrap();
+    assert!(told.gap.steps.iter().all(|s| s.rms_px.is_some_and(|px| px > 0.9 * after)), "{:?}", told.gap);
+    // And the joint's errors show the step.
+    let signature = told.signatures.iter().find(|s| s.cause.is_none() && s.at == "joint:r_elbow").unwrap();
+    let mean = |after: bool| {
+        let own = signature.points.iter().filter(|p| (p.frame >= row) == after).map(|p| p.error);
+        own.clone().sum::<f64>() / own.count() as f64
+    };
+    assert!((mean(true) - mean(false) + 0.3).abs() < 0.02, "{} {}", mean(true), mean(false));
 }
 
 #[test]

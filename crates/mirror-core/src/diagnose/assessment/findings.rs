@@ -5,7 +5,8 @@ use crate::diagnose::data::diagnosis::Cause;
 use crate::diagnose::effects::hypothesis::Term;
 use crate::diagnose::likelihood::fit::Fit;
 use crate::diagnose::model::deformation::Deformation;
-use crate::diagnose::prepare::first_day::Doubt;
+use crate::diagnose::model::problem::Problem;
+use crate::diagnose::prepare::first_day::{Doubt, Step};
 use crate::diagnose::prepare::row_slip::Slip;
 use crate::diagnose::principles::FAR_DEVIATIONS;
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
@@ -31,9 +32,16 @@ pub(crate) struct Findings<'a> {
     pub mistakes: Vec<Cause>,
     /// Mistakes that a small error could be instead.
     pub doubts: Vec<Doubt>,
+    /// A step of a joint's zero that is undone in the search's problem, and the session as it was logged.
+    pub step: Option<(Step, Problem)>,
 }
 
 impl Findings<'_> {
+    /// The session of which the gap is reported: as it was logged.
+    pub fn reported(&self) -> &Problem {
+        self.step.as_ref().map_or(&self.search.problem, |(_, as_logged)| as_logged)
+    }
+
     /// The deformation by the named causes and the small errors, without causes that are far larger than such an
     /// error usually is; and whether there are any of those.
     pub fn known(&self) -> (Deformation, bool) {

@@ -103,5 +103,6 @@ pub(crate) fn weighed<'a>(
         standings,
         mistakes: prepared.mistakes().to_vec(),
         doubts: prepared.doubts().to_vec(),
+        step: None,
     })
 }

@@ -31,5 +31,6 @@ pub(crate) fn tell_step(findings: &mut Findings<'_>, prepared: &Prepared) -> Res
     let others = findings.unexplained.take().map(|u| u.places).unwrap_or_default();
     let others = others.into_iter().filter(|p| p.place.is_some_and(|at| at != Place::Joint(step.node)));
     findings.unexplained = Some(Unexplained { places: core::iter::once(here).chain(others).collect() });
+    findings.step = prepared.step().cloned();
     Ok(Some(left))
 }

@@ -17,6 +17,7 @@ use crate::diagnose::likelihood::noise::trimmed_share;
 use crate::diagnose::likelihood::probability::tempered;
 use crate::diagnose::likelihood::score_test::Score;
 use crate::diagnose::model::elementary::Atom;
+use crate::diagnose::model::problem::Problem;
 use crate::diagnose::prepare::row_slip::WHOLE_STD;
 use crate::diagnose::principles::{
     Count, FEWEST_REDUNDANT_ROWS, Grid, LEAST_LOG_ODDS, SURE_DEVIATIONS, Size, Threshold,
@@ -353,14 +354,18 @@ fn signatures(findings: &Findings<'_>, causes: &[Cause], recording: &Recording) 
     let scene = &search.problem.scene;
     let found = &findings.found;
     let mut out = Vec::new();
-    let mut add = |(node, other): (usize, Option<usize>),
+    let mut add = |problem: &Problem,
+                   (node, other): (usize, Option<usize>),
                    cause: Option<usize>,
                    model: &crate::diagnose::effects::hypothesis::Model,
                    full: &crate::diagnose::effects::hypothesis::Model|
      -> Result<()> {
-        let bare = search.deformation(model);
-        let with = search.deformation(full);
-        let points = free_errors(&search.problem, &bare, search.measured_noise, Atom::Joint(node))?
+        let scene = &problem.scene;
+        let of = |model: &crate::diagnose::effects::hypothesis::Model| {
+            model.deformation(problem, search.catalogue, &search.group.columns)
+        };
+        let (bare, with) = (of(model), of(full));
+        let points = free_errors(problem, &bare, search.measured_noise, Atom::Joint(node))?
             .iter()
             .map(|e| SignaturePoint {
                 frame: recording.frames[e.frame].number,
@@ -397,7 +402,7 @@ fn signatures(findings: &Findings<'_>, causes: &[Cause], recording: &Recording) 
         let index = causes.iter().position(|c| c.effect == name.0 && c.at == name.1);
         let other = if let Place::JointPair(_, k) = place { Some(k) } else { None };
         if let (Place::Joint(n) | Place::JointPair(n, _), Some(index)) = (place, index) {
-            add((n, other), Some(index), &found.fit.model.without(i), &found.fit.model)?;
+            add(&search.problem, (n, other), Some(index), &found.fit.model.without(i), &found.fit.model)?;
         }
     }
     // What is unexplained at a joint, without the free-form error there and as that error has it.
@@ -415,7 +420,12 @@ fn signatures(findings: &Findings<'_>, causes: &[Cause], recording: &Recording) 
             let at = search.catalogue.hypotheses[t.hypothesis].place.node();
             !(search.catalogue.is_free(t.hypothesis) && at == Some(node))
         });
-        add((node, other), None, &causes, &found.fit.model)?;
+        // A step is seen in the session as it was logged.
+        let problem = match &findings.step {
+            Some((step, as_logged)) if step.node == node => as_logged,
+            _ => &search.problem,
+        };
+        add(problem, (node, other), None, &causes, &found.fit.model)?;
     }
     Ok(out)
 }

@@ -59,7 +59,7 @@ fn step(added: Option<String>, of: Option<GapSize>) -> GapStep {
 /// The held-out gap with the first k causes, for each k that is wanted.
 fn sizes(findings: &Findings<'_>, parts: &[Part], wanted: &[usize]) -> Result<Vec<GapSize>> {
     let search = &findings.search;
-    let (problem, model) = (&search.problem, &findings.found.fit.model);
+    let (problem, model) = (findings.reported(), &findings.found.fit.model);
     let options = FitOptions { noise: findings.found.noise, steps: SOLVER.candidate_steps };
     let labels = regions(problem);
     let count = labels.iter().max().map_or(0, |m| m + 1);
@@ -78,7 +78,7 @@ fn sizes(findings: &Findings<'_>, parts: &[Part], wanted: &[usize]) -> Result<Ve
                         some = fit(problem, search.catalogue, &search.group, &some, options, Some(&train))?
                             .model;
                     }
-                    let deformation = search.deformation(&some);
+                    let deformation = some.deformation(problem, search.catalogue, &search.group.columns);
                     let postures =
                         free_markers(problem, &deformation, search.measured_noise, true, Some(&test))?;
                     Ok(postures.iter().map(gap_of).collect())
