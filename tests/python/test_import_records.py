@@ -1,0 +1,48 @@
+"""Single records of a recording: measured beside commanded positions, and a message's picture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from mirror_posture.importing import JointLog
+from mirror_posture.importing.bags import _picture as bag_picture
+from mirror_posture.importing.bags import _with_commands as with_commands
+from mirror_posture.importing.joint_csv import joint_csv
+
+
+def test_measured_columns_count_for_all_joints_or_are_told_as_left_out(tmp_path: Path) -> None:
+    file = tmp_path / "log.csv"
+    file.write_text("time_s,a,b,measured:a,measured:b\n0,1,2,1.1,2.1\n1,1,2,1.1,2.1\n")
+    log = joint_csv(file, False)
+    assert log.measured is not None and log.measured.tolist() == [[1.1, 2.1]] * 2 and log.others == ()
+    file.write_text("time_s,a,b,measured:a,measured:c\n0,1,2,1.1,2.1\n1,1,2,1.1,2.1\n")
+    log = joint_csv(file, False)
+    assert log.names == ("a", "b") and log.measured is None and log.others == ("measured:a", "measured:c")
+
+
+def test_a_measurement_goes_with_the_last_command_that_was_given_by_then() -> None:
+    times = np.array([0.0, 1.0, 2.0])
+    commands = JointLog(times, ("b", "a"), np.array([[10.0, 0.0], [11.0, 1.0], [12.0, 2.0]]))
+    measured = JointLog(np.array([-0.5, 0.0, 0.9, 1.0, 5.0]), ("a", "c", "b"), np.arange(15.0).reshape(5, 3))
+    log = with_commands(measured, commands)
+    assert log.names == ("a", "b") and log.time_s.tolist() == [0.0, 0.9, 1.0, 5.0]
+    assert log.position.tolist() == [[0.0, 10.0], [0.0, 10.0], [1.0, 11.0], [2.0, 12.0]]
+    assert log.measured is not None and log.measured[:, 1].tolist() == [5.0, 8.0, 11.0, 14.0]
+
+
+@pytest.mark.parametrize("encoding", ["rgb8", "rgba8", "bgr8", "bgra8", "mono8"])
+def test_pictures_of_a_bag_have_their_colours_in_the_order_of_opencv(encoding: str) -> None:
+    blue, green, red = 200, 120, 30
+    cell = {"r": red, "g": green, "b": blue, "a": 255, "m": 99}
+    letters = "m" if encoding == "mono8" else encoding[:-1]
+    # Rows have bytes at their end that are no pixels.
+    row = [cell[letter] for letter in letters] * 3 + [7, 7]
+    message = SimpleNamespace(encoding=encoding, width=3, height=2, step=len(row), data=bytes(row * 2))
+    picture = bag_picture(Path("a.bag"), message)
+    assert picture.shape == (2, 3, 3)
+    wanted = [99, 99, 99] if encoding == "mono8" else [blue, green, red]
+    assert (picture == wanted).all()
