@@ -29,7 +29,11 @@ pub(crate) fn beside_lost_column(
 ) -> Result<(Found, Extended)> {
     let mut start = nominal.clone();
     start.group = vec![0.0; search.group.columns.len()];
-    for (frames, error) in &lost.postures {
+    // Each posture has a parameter of its own: of a long session more would not tell more.
+    let part = search.mask.take();
+    let counts = |f: &usize| part.is_none_or(|part| part[*f]);
+    (0..search.problem.frames.len()).filter(|f| !counts(f)).for_each(|f| search.problem.leave_out(f..=f));
+    for (frames, error) in lost.postures.iter().filter(|(frames, _)| frames.iter().any(counts)) {
         search.group.columns.push(column(&search.problem, lost.node, frames));
         search.group.prior_std.push(lost.spread);
         start.group.push(*error);

@@ -32,8 +32,6 @@ const LATE_PARTS_OF_ALL: Size = 40;
 const WORTH_A_PART: Threshold = WORTH_NAMING;
 /// A frame whose loss falls by this was seen with another label, or at another row.
 const CLEAR: Threshold = 1.5;
-/// Positions that are tried where a joint's position is not known.
-const FREE_POSITIONS: Size = 25;
 
 /// Everything that alternatives are made of.
 pub(super) struct Session<'a> {
@@ -319,55 +317,6 @@ impl<'a> Session<'a> {
                 out.push((first, last));
             }
             first = f;
-        }
-        out
-    }
-
-    /// A column whose positions over a run are those that fit best, posture by posture: for comparing, not for using.
-    pub fn freed(&self, variant: &Variant, joint: usize, first: usize, last: usize) -> Variant {
-        let column = variant.column(joint);
-        let (low, high) = range(&column);
-        let margin = 0.2 * (high - low);
-        let rows: Vec<usize> = (first..=last).collect();
-        self.freed_in(variant, joint, (&rows, &rows), (low - margin, high + margin))
-    }
-
-    /// The same for some rows (ascending), estimated from some of them, within a range of positions.
-    pub fn freed_in(
-        &self,
-        variant: &Variant,
-        joint: usize,
-        (rows, shown): (&[usize], &[usize]),
-        (low, high): (f64, f64),
-    ) -> Variant {
-        let mut out = variant.clone();
-        let mut work = Work::new(self.problem);
-        let is_in = |rows: &[usize], f: &usize| rows.binary_search(f).is_ok();
-        // Measured in an unknown frame: the other rows determine it.
-        let others: Vec<usize> = (0..self.problem.frames.len()).filter(|f| !is_in(rows, f)).collect();
-        work.placed = self.misfit.placed(variant, &others);
-        for posture in &self.postures {
-            let own: Vec<usize> = posture.iter().copied().filter(|f| is_in(rows, f)).collect();
-            let frames: Vec<usize> = own.iter().copied().filter(|f| is_in(shown, f)).collect();
-            if frames.is_empty() {
-                continue;
-            }
-            let mut loss = |q: f64| {
-                let mut sum = 0.0;
-                for &f in &frames {
-                    out.positions[f][joint] = q;
-                    self.misfit.of_frame(&mut work, &out, f, |_, r| sum += self.misfit.loss(r));
-                }
-                sum
-            };
-            let step = (high - low) / (FREE_POSITIONS - 1) as f64;
-            let best = (0..FREE_POSITIONS)
-                .map(|k| low + step * k as f64)
-                .map(|q| (loss(q), q))
-                .min_by(|a, b| a.0.total_cmp(&b.0));
-            let Some((_, at)) = best else { continue };
-            let q = least(at - step, at + step, loss);
-            own.iter().for_each(|&f| out.positions[f][joint] = q);
         }
         out
     }

@@ -12,7 +12,11 @@ impl Undone {
     pub(super) fn set_apart(&mut self, mistake: &Mistake) -> Result<()> {
         match *mistake {
             Mistake::ColumnLost { joint, ref rows } => {
-                self.lost = lost::lost(self, joint, rows)?;
+                let found = lost::lost(self, joint, rows)?;
+                if let Some(frame) = found.as_ref().and_then(|found| found.1) {
+                    self.problem.unknown_frame = Some(frame);
+                }
+                self.lost = found.map(|found| found.0);
                 // Everything that the joint moves has an unknown error: no slips or false observations can be told.
                 self.unsettled = true;
                 Ok(())

@@ -185,8 +185,9 @@ pub(super) fn unlike(chains: &mut Vec<Chain>, count: usize) {
 }
 
 impl Chain {
-    /// The arranged problem with the chain's mistakes undone.
-    pub fn problem(&self, session: &Undone) -> Result<Problem> {
+    /// The arranged problem with the chain's mistakes undone. The unknown frame of measured points starts from some frames:
+    /// free positions are known in these only.
+    pub fn problem(&self, session: &Undone, frames: &[usize]) -> Result<Problem> {
         let (mut robot, mut recording) = (session.robot.clone(), session.recording.clone());
         for mistake in &self.mistakes {
             match mistake {
@@ -203,6 +204,11 @@ impl Chain {
         }
         let mut problem = arranged_again(&robot, &recording, &session.problem)?;
         problem.noise = session.problem.noise;
+        if self.has_no_word()
+            && let Some(placed) = Misfit::new(&session.problem)?.placed(&self.variant, frames)
+        {
+            problem.unknown_frame = Some(placed.pose);
+        }
         for mistake in &self.mistakes {
             mistake.on_problem(&mut problem)?;
         }

@@ -132,7 +132,7 @@ impl<'a> Weighed<'a> {
             let free = free_columns(&chain, &p, &self.frames);
             Tolerant::fitted_with(&p, &self.frames, problem.noise, free)
         };
-        self.fits.push(chain.problem(self.session).and_then(fitted).ok());
+        self.fits.push(chain.problem(self.session, &self.frames).and_then(fitted).ok());
         self.chains.push(chain);
         Ok(())
     }

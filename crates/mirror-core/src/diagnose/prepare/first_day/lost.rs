@@ -16,6 +16,7 @@
 
 use super::alternatives::{Session, least, range};
 use super::chain::{BEAM, Chain, FRAMES, spread};
+use super::freed::Free;
 use super::misfit::Misfit;
 use super::mistake::Mistake;
 use super::spoilt::{Lost, column, node_of};
@@ -26,10 +27,11 @@ use crate::diagnose::likelihood::saturated::postures;
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::Column;
+use crate::diagnose::model::pose::Pose;
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::principles::{FEWEST_FRAMES, FEWEST_POSTURES, Prior, Size};
 use crate::error::Result;
-use core::f64::consts::PI;
+use core::f64::consts::{PI, TAU};
 
 /// Frames on which all joints are compared.
 const FEW_FRAMES: Size = 16;
@@ -99,7 +101,7 @@ pub(super) fn chains_beside_mounts(
 
 /// What mounts and joints' zeros do, fitted robustly beside a chain's mistakes and its free positions.
 fn mounts_beside(undone: &Undone, chain: &Chain, frames: &[usize]) -> Result<Deformation> {
-    let problem = chain.problem(undone)?;
+    let problem = chain.problem(undone, frames)?;
     let free = free_columns(chain, &problem, frames);
     Ok(Tolerant::of_effects(&problem, frames, undone.problem.noise, &BY_HAND, free)?.small_errors())
 }
@@ -123,7 +125,7 @@ fn unrelated(
 ) -> Chain {
     let rows: Vec<usize> = (0..session.problem.frames.len()).collect();
     let bounds = anywhere(session, node, &nominal.variant.column(joint));
-    let free = session.freed_in(&nominal.variant, joint, (&rows, frames), bounds);
+    let free = session.freed_in(&nominal.variant, &Free { joint, rows: &rows, shown: frames, bounds });
     Chain::new(vec![Mistake::ColumnLost { joint, rows }], free, session.misfit, frames)
 }
 
@@ -242,11 +244,12 @@ pub(super) fn free_columns(chain: &Chain, problem: &Problem, frames: &[usize]) -
     out
 }
 
-/// The unknown positions of a joint, on all frames; beside mounts as they are displaced, if these are gross.
+/// The unknown positions of a joint, on all frames, and the unknown frame of measured points beside them; beside mounts as
+/// they are displaced, if these are gross.
 ///
 /// # Errors
 /// Invalid parameters of camera or mirror.
-pub(super) fn lost(undone: &Undone, joint: usize, rows: &[usize]) -> Result<Option<Lost>> {
+pub(super) fn lost(undone: &Undone, joint: usize, rows: &[usize]) -> Result<Option<(Lost, Option<Pose>)>> {
     let problem = &undone.problem;
     let Some(node) = node_of(problem, joint) else { return Ok(None) };
     let variant = Variant::of(&undone.recording, problem);
@@ -254,29 +257,35 @@ pub(super) fn lost(undone: &Undone, joint: usize, rows: &[usize]) -> Result<Opti
     let freed = |misfit: &Misfit<'_>| {
         let session = Session::new(problem, misfit, &undone.recording.columns);
         let bounds = anywhere(&session, node, &logged);
-        let free = session.freed_in(&variant, joint, (rows, rows), bounds);
+        let free = session.freed_in(&variant, &Free { joint, rows, shown: rows, bounds });
         let frames = spread(&session.postures, FRAMES, 1);
         let mistake = Mistake::ColumnLost { joint, rows: rows.to_vec() };
         (Chain::new(vec![mistake], free, misfit, &frames), frames)
     };
-    let (mut free, frames) = freed(&Misfit::new(problem)?);
+    let mut misfit = Misfit::new(problem)?;
+    let (mut free, frames) = freed(&misfit);
     if free.is_gross() {
-        (free, _) = freed(&Misfit::given(problem, &mounts_beside(undone, &free, &frames)?)?);
+        misfit = Misfit::given(problem, &mounts_beside(undone, &free, &frames)?)?;
+        (free, _) = freed(&misfit);
     }
     let free = free.variant;
+    let frame = misfit.placed(&free, &frames).map(|placed| placed.pose);
     let multiplier = problem.scene.body.nodes[node].command.1;
     let postures: Vec<(Vec<usize>, f64)> = postures(problem)
         .into_iter()
         .map(|p| p.into_iter().filter(|f| rows.binary_search(f).is_ok()).collect::<Vec<usize>>())
         .filter(|own| !own.is_empty())
         .map(|own| {
-            let error = multiplier * (free.positions[own[0]][joint] - logged[own[0]]);
+            let error = free.positions[own[0]][joint] - logged[own[0]];
+            // A turn more is the same position.
+            let turns = if problem.scene.body.nodes[node].prismatic { 0.0 } else { (error / TAU).round() };
+            let error = multiplier * (error - turns * TAU);
             (own, error)
         })
         .collect();
     let errors: Vec<f64> = postures.iter().map(|p| p.1).collect();
     let square = errors.iter().map(|e| e * e).sum::<f64>() / errors.len().max(1) as f64;
-    Ok(Some(Lost { node, postures, spread: square.sqrt().max(LEAST_SPREAD) }))
+    Ok(Some((Lost { node, postures, spread: square.sqrt().max(LEAST_SPREAD) }, frame)))
 }
 
 fn spread_of(values: &[f64]) -> f64 {

@@ -5,6 +5,7 @@
 //! of the session that a transformation corrects counts, however wrong the rest is. Mirrors are taken from the
 //! boards.
 
+use super::placed::{Placed, PointSeen};
 use super::variant::Variant;
 use crate::diagnose::data::recording::Via;
 use crate::diagnose::effects::hypothesis::UNKNOWN_STD;
@@ -13,11 +14,9 @@ use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::frame::FrameWork;
 use crate::diagnose::model::pose::Pose;
 use crate::diagnose::model::problem::{Observation, Problem, Seen};
-use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::principles::{FAR_DEVIATIONS, FEWEST_OBSERVATIONS, Prior, Size, Threshold};
 use crate::error::Result;
-use crate::geometry::rotation::nearest;
-use nalgebra::{Matrix3, Point3, Vector3};
+use nalgebra::{Point3, Vector3};
 use std::sync::Mutex;
 
 /// Size of the errors of mounts by hand and of small causes, as a share of the reach; and its bounds, m.
@@ -277,7 +276,8 @@ impl<'a> Misfit<'a> {
         self.problem.unknown_frame.map(|_| self.placed_by(&self.points(variant, frames)))
     }
 
-    fn points(&self, variant: &Variant, frames: &[usize]) -> Vec<PointSeen> {
+    /// The measured points of some frames.
+    pub fn points(&self, variant: &Variant, frames: &[usize]) -> Vec<PointSeen> {
         let mut work = Work::new(self.problem);
         let mut out = Vec::new();
         for &frame in frames {
@@ -306,53 +306,9 @@ impl<'a> Misfit<'a> {
         PointSeen { frame, marker, position, local: mount.inverse_point(&at), mount }
     }
 
-    fn placed_by(&self, points: &[PointSeen]) -> Placed {
-        let problem = self.problem;
-        let mut weights = vec![1.0; points.len()];
-        let mut placed =
-            Placed { pose: Pose::identity(), shifts: vec![Vector3::zeros(); problem.marker_sites.len()] };
-        for _ in 0..SOLVER.rounds {
-            let pairs = points.iter().zip(&weights).map(|(p, weight)| {
-                (p.position, p.mount.point(&(p.local + placed.shifts[p.marker])), *weight)
-            });
-            let pose = rigid(pairs);
-            for (m, shift) in
-                placed.shifts.iter_mut().enumerate().filter(|(m, _)| !problem.scene.mount_known[*m])
-            {
-                let (mut sum, mut total) = (Vector3::zeros(), 1e-12);
-                for (p, weight) in points.iter().zip(&weights).filter(|(p, _)| p.marker == m) {
-                    sum += (p.mount.inverse_point(&pose.inverse_point(&p.position)) - p.local) * *weight;
-                    total += weight;
-                }
-                *shift = sum / total;
-            }
-            placed.pose = pose;
-            for (p, weight) in points.iter().zip(&mut weights) {
-                *weight = 1.0 / (1.0 + (placed.distance(p) / self.usual_m).powi(2));
-            }
-        }
-        placed
-    }
-}
-
-/// A measured point of a frame, and where on its mount the model has the marker.
-struct PointSeen {
-    frame: usize,
-    marker: usize,
-    position: Vector3<f64>,
-    mount: Pose,
-    local: Vector3<f64>,
-}
-
-/// The unknown frame of measured points, and the markers on unknown mounts.
-pub(super) struct Placed {
-    pose: Pose,
-    shifts: Vec<Vector3<f64>>,
-}
-
-impl Placed {
-    fn distance(&self, p: &PointSeen) -> f64 {
-        (p.position - self.pose.point(&p.mount.point(&(p.local + self.shifts[p.marker])))).norm()
+    /// The same from points.
+    pub fn placed_by(&self, points: &[PointSeen]) -> Placed {
+        Placed::by(points, &self.problem.scene.mount_known, self.usual_m)
     }
 }
 
@@ -388,22 +344,4 @@ fn image_distance(
     };
     let at = eye.camera.project(&seen).ok()?;
     Some((pixel - at).norm() * seen.z / eye.nominal_focal.x)
-}
-
-/// The weighted rigid transform that takes the second points to the first (Umeyama 1991, without scale).
-fn rigid(pairs: impl Iterator<Item = (Vector3<f64>, Vector3<f64>, f64)> + Clone) -> Pose {
-    let (mut a, mut b, mut total) = (Vector3::zeros(), Vector3::zeros(), 1e-12);
-    for (to, from, weight) in pairs.clone() {
-        a += to * weight;
-        b += from * weight;
-        total += weight;
-    }
-    a /= total;
-    b /= total;
-    let mut covariance = Matrix3::zeros();
-    for (to, from, weight) in pairs {
-        covariance += (to - a) * (from - b).transpose() * weight;
-    }
-    let r = nearest(&covariance).unwrap_or_else(Matrix3::identity);
-    Pose { r, t: a - r * b }
 }

@@ -22,6 +22,8 @@ mod chain;
 mod changes;
 mod choice;
 mod free_numbers;
+mod freed;
+mod frame_beside;
 mod hung;
 mod hysteresis;
 mod loads;
@@ -32,6 +34,7 @@ mod mistake;
 mod mounts;
 mod optics;
 mod outlying;
+mod placed;
 mod reported;
 mod spoilt;
 #[cfg(test)]

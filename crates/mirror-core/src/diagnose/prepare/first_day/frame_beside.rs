@@ -1,0 +1,213 @@
+//! The unknown frame of measured points beside a joint whose positions are unknown: both are estimated together.
+//!
+//! Unknowns are the robot's root in the frame (6), the shifts of markers on unknown mounts (3 each), and a position in each
+//! posture, q_p. Gauss–Newton with weights `1 / (1 + (r/s)²)`, damped (Levenberg, Marquardt); as each observation has one
+//! position, positions are eliminated posture by posture:
+//!
+//! ```text
+//! (A − Σ v_p v_pᵀ / u_p) x = a − Σ v_p b_p / u_p,    y_p = (b_p − v_pᵀ x) / u_p
+//! ```
+//!
+//! with A, a the normal equations of frame and shifts, u_p, b_p those of the position, v_p what couples both.
+//!
+//! It starts from the frames that fit best with the column as it is, and with the joint at one of a few constant positions: a column that
+//! says nothing would turn the frame. What the frame and the positions share (a turn about the axis of a chain's first
+//! joint) is left to the damping here, and to the positions' prior later.
+
+use super::alternatives::Session;
+use super::chain::FRAMES;
+use super::freed::Free;
+use super::placed::{Placed, PointSeen};
+use super::variant::Variant;
+use crate::diagnose::model::pose::rotation_about;
+use crate::diagnose::model::solver::SOLVER;
+use crate::diagnose::principles::{FEWEST_OBSERVATIONS, Guard, Size};
+use nalgebra::{DMatrix, DVector, Vector3};
+
+/// Constant positions of the joint from which the frame starts.
+const STARTS: Size = 6;
+/// Postures on which the starts are compared.
+const FEW_POSTURES: Size = 2 * FEWEST_OBSERVATIONS;
+/// The first damping, as a share of the diagonal, and the largest.
+const DAMPING: (Guard, Guard) = (1e-3, 1e3);
+
+impl Session<'_> {
+    /// A column whose positions in some rows are those that fit best. Measured in an unknown frame, rows with the column as
+    /// it is determine that frame, or it is estimated together with the positions where there are none.
+    pub fn freed_in(&self, variant: &Variant, free: &Free<'_>) -> Variant {
+        if self.problem.unknown_frame.is_none() {
+            return self.freed_at(variant, free, None);
+        }
+        let is_free = |f: &usize| free.rows.binary_search(f).is_ok();
+        let others: Vec<usize> = (0..self.problem.frames.len()).filter(|f| !is_free(f)).collect();
+        let placed = if others.is_empty() {
+            self.placed_beside(variant, free)
+        } else {
+            self.misfit.placed(variant, &others)
+        };
+        self.freed_at(variant, free, placed.as_ref())
+    }
+
+    /// The frame beside the free positions, from the best of several starts.
+    fn placed_beside(&self, variant: &Variant, free: &Free<'_>) -> Option<Placed> {
+        let shown = free.postures(self);
+        let part = |count: usize| {
+            let every = shown.len().div_ceil(count).max(1);
+            shown.iter().step_by(every).flat_map(|p| p.1.iter().copied()).collect::<Vec<usize>>()
+        };
+        let (few, more) = (part(FEW_POSTURES), part(FRAMES));
+        let (on_few, on_more) = (Free { shown: &few, ..*free }, Free { shown: &more, ..*free });
+        let (low, high) = free.bounds;
+        let constants = (0..STARTS).map(|k| low + (high - low) * k as f64 / STARTS as f64);
+        let held = constants.map(|q| {
+            let mut held = variant.clone();
+            held.positions.iter_mut().for_each(|row| row[free.joint] = q);
+            held
+        });
+        let starts = core::iter::once(variant.clone()).chain(held);
+        let settled = starts.filter_map(|start| {
+            let placed = self.misfit.placed(&start, &few)?;
+            Some(self.settled(self.freed_at(variant, &on_few, Some(&placed)), &on_few, placed))
+        });
+        let (_, placed) = settled.min_by(|a, b| a.0.total_cmp(&b.0))?;
+        Some(self.settled(self.freed_at(variant, &on_more, Some(&placed)), &on_more, placed).1)
+    }
+
+    /// Frame and positions from a start on: the loss, and the frame.
+    fn settled(&self, mut variant: Variant, free: &Free<'_>, mut placed: Placed) -> (f64, Placed) {
+        let postures = free.postures(self);
+        let mut seen = self.seen(&variant, &postures);
+        let mut loss = self.loss_of(&seen, &placed);
+        let mut damping = DAMPING.0;
+        for _ in 0..SOLVER.final_steps {
+            let mut nearby = variant.clone();
+            self.move_by(&mut nearby, free.joint, &postures, |_| SOLVER.difference);
+            let moved = self.seen(&nearby, &postures);
+            let system = System::at(&seen, &moved, &placed, &self.problem.scene.mount_known, self.misfit.usual_m);
+            let mut last = true;
+            while damping < DAMPING.1 {
+                let Some((next, steps)) = system.step(&placed, damping) else { break };
+                let mut tried = variant.clone();
+                self.move_by(&mut tried, free.joint, &postures, |p| steps[p]);
+                let its = self.seen(&tried, &postures);
+                let left = self.loss_of(&its, &next);
+                if left < loss {
+                    last = loss - left < SOLVER.last_gain * loss;
+                    (variant, placed, seen, loss) = (tried, next, its, left);
+                    damping *= 0.1;
+                    break;
+                }
+                damping *= 10.0;
+            }
+            if last {
+                break;
+            }
+        }
+        (loss, placed)
+    }
+
+    /// The points of each posture.
+    fn seen(&self, variant: &Variant, postures: &[(Vec<usize>, Vec<usize>)]) -> Vec<Vec<PointSeen>> {
+        postures.iter().map(|(_, shown)| self.misfit.points(variant, shown)).collect()
+    }
+
+    fn loss_of(&self, seen: &[Vec<PointSeen>], placed: &Placed) -> f64 {
+        seen.iter().flatten().map(|p| self.misfit.loss(placed.distance(p))).sum()
+    }
+
+    fn move_by(
+        &self,
+        variant: &mut Variant,
+        joint: usize,
+        postures: &[(Vec<usize>, Vec<usize>)],
+        by: impl Fn(usize) -> f64,
+    ) {
+        for (p, (_, shown)) in postures.iter().enumerate() {
+            shown.iter().for_each(|&f| variant.positions[f][joint] += by(p));
+        }
+    }
+}
+
+/// The weighted normal equations, positions by posture.
+struct System {
+    a: DMatrix<f64>,
+    b: DVector<f64>,
+    /// `u_p`, `b_p` and `v_p`.
+    positions: Vec<(f64, f64, DVector<f64>)>,
+    /// About which the frame turns, in the measured frame.
+    center: Vector3<f64>,
+    /// Markers on unknown mounts.
+    free: Vec<usize>,
+}
+
+impl System {
+    fn at(
+        seen: &[Vec<PointSeen>],
+        moved: &[Vec<PointSeen>],
+        placed: &Placed,
+        known: &[bool],
+        usual_m: f64,
+    ) -> Self {
+        let free: Vec<usize> = (0..known.len()).filter(|&m| !known[m]).collect();
+        let size = 6 + 3 * free.len();
+        let count = seen.iter().map(Vec::len).sum::<usize>().max(1) as f64;
+        let center = seen.iter().flatten().map(|p| placed.pose.point(&placed.in_root(p))).sum::<Vector3<f64>>() / count;
+        let (mut a, mut b) = (DMatrix::zeros(size, size), DVector::zeros(size));
+        let mut positions = Vec::new();
+        for (seen, moved) in seen.iter().zip(moved) {
+            let (mut u, mut of_position, mut v) = (0.0, 0.0, DVector::zeros(size));
+            for (p, nearby) in seen.iter().zip(moved) {
+                let r = placed.residual(p);
+                let weight = 1.0 / (1.0 + (r.norm() / usual_m).powi(2));
+                let by_position = (r - placed.residual(nearby)) / SOLVER.difference;
+                let arm = placed.pose.point(&placed.in_root(p)) - center;
+                let mount = placed.pose.r * p.mount.r;
+                let mut x = DMatrix::zeros(3, size);
+                for k in 0..3 {
+                    x.set_column(k, &Vector3::ith(k, 1.0).cross(&arm));
+                    x[(k, 3 + k)] = 1.0;
+                }
+                if let Some(i) = free.iter().position(|&m| m == p.marker) {
+                    x.view_mut((0, 6 + 3 * i), (3, 3)).copy_from(&mount);
+                }
+                a += x.tr_mul(&x) * weight;
+                b += x.tr_mul(&r) * weight;
+                v += x.tr_mul(&by_position) * weight;
+                u += by_position.norm_squared() * weight;
+                of_position += by_position.dot(&r) * weight;
+            }
+            positions.push((u, of_position, v));
+        }
+        Self { a, b, positions, center, free }
+    }
+
+    /// A damped step: the next frame, and the positions' steps.
+    fn step(&self, placed: &Placed, damping: f64) -> Option<(Placed, Vec<f64>)> {
+        let (mut a, mut b) = (self.a.clone(), self.b.clone());
+        let least = f64::EPSILON * a.diagonal().max();
+        for i in 0..a.nrows() {
+            a[(i, i)] += damping * a[(i, i)] + least;
+        }
+        let damped = |u: f64| u * (1.0 + damping) + least;
+        for (u, of_position, v) in &self.positions {
+            a.ger(-1.0 / damped(*u), v, v, 1.0);
+            b.axpy(-of_position / damped(*u), v, 1.0);
+        }
+        let x = a.cholesky()?.solve(&b);
+        let steps =
+            self.positions.iter().map(|(u, of_position, v)| (of_position - v.dot(&x)) / damped(*u)).collect();
+        let turn = Vector3::new(x[0], x[1], x[2]);
+        let angle = turn.norm();
+        let mut next = placed.clone();
+        if angle > 0.0 {
+            let r = rotation_about(&(turn / angle), angle);
+            next.pose.r = r * placed.pose.r;
+            next.pose.t = r * (placed.pose.t - self.center) + self.center;
+        }
+        next.pose.t += Vector3::new(x[3], x[4], x[5]);
+        for (i, &m) in self.free.iter().enumerate() {
+            next.shifts[m] += Vector3::new(x[6 + 3 * i], x[7 + 3 * i], x[8 + 3 * i]);
+        }
+        Some((next, steps))
+    }
+}
