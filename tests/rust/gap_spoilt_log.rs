@@ -188,3 +188,40 @@ fn a_spoilt_column_is_found_beside_mounts_by_hand() {
         assert!(others.clone().all(|c| c.probability < EVEN), "{:?} {:#?}", told.causes, told.trace);
     }
 }
+
+#[test]
+fn a_spoilt_column_is_found_where_the_measured_frame_is_unknown() {
+    let world = World::new(4, true);
+    // All markers on one arm: no other joint shows the frame. First joints of a chain turn what the frame does.
+    let unsigned: fn(f64) -> f64 = f64::abs;
+    let spoilt: [(&str, u64, fn(f64) -> f64); 3] =
+        [("r_elbow", 51, |_| 0.0), ("r_shoulder_pitch", 52, |_| 0.4), ("r_shoulder_yaw", 53, unsigned)];
+    for (name, seed, spoil) in spoilt {
+        let plan = Plan { postures: 61, views: 1, seed, ..Plan::default() };
+        let mut recording = world.record_points(&plan, 3e-4);
+        let of_arm: Vec<bool> = recording.markers.iter().map(|m| m.name.starts_with("r_")).collect();
+        recording.frames.iter_mut().for_each(|f| f.points.retain(|p| of_arm[p.marker]));
+        recording.markers.iter_mut().for_each(|m| m.mount_known = false);
+        let joint = column(&world, name);
+        recording.frames.iter_mut().for_each(|f| f.commanded[joint] = spoil(f.commanded[joint]));
+        assert_only_place(&diagnosed(&world, &recording), name);
+    }
+}
+
+#[test]
+fn a_few_false_rows_are_no_spoilt_column() {
+    let world = World::new(4, true);
+    let plan = Plan { postures: 41, views: 1, seed: 54, ..Plan::default() };
+    let mut recording = world.record_points(&plan, 3e-4);
+    let joint = column(&world, "r_elbow");
+    // A digit in one row of eight.
+    recording.frames.iter_mut().skip(3).step_by(8).for_each(|f| f.commanded[joint] += 1.0);
+    let told = diagnosed(&world, &recording);
+    assert!(
+        told.warnings.iter().all(|w| !w.contains("is unrelated")),
+        "{:?} {:#?}",
+        told.warnings,
+        told.trace
+    );
+    assert!(told.data.left_out.iter().any(|l| l.frame == recording.frames[3].number), "{:?}", told.data);
+}

@@ -19,10 +19,9 @@ use super::chain::FRAMES;
 use super::freed::Free;
 use super::placed::{Placed, PointSeen};
 use super::variant::Variant;
-use crate::diagnose::model::pose::rotation_about;
 use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::principles::{FEWEST_OBSERVATIONS, Guard, Size};
-use nalgebra::{DMatrix, DVector, Vector3};
+use nalgebra::{DMatrix, DVector, Vector3, Vector6};
 
 /// Constant positions of the joint from which the frame starts.
 const STARTS: Size = 6;
@@ -83,7 +82,8 @@ impl Session<'_> {
             let mut nearby = variant.clone();
             self.move_by(&mut nearby, free.joint, &postures, |_| SOLVER.difference);
             let moved = self.seen(&nearby, &postures);
-            let system = System::at(&seen, &moved, &placed, &self.problem.scene.mount_known, self.misfit.usual_m);
+            let system =
+                System::at(&seen, &moved, &placed, &self.problem.scene.mount_known, self.misfit.usual_m);
             let mut last = true;
             while damping < DAMPING.1 {
                 let Some((next, steps)) = system.step(&placed, damping) else { break };
@@ -150,8 +150,7 @@ impl System {
     ) -> Self {
         let free: Vec<usize> = (0..known.len()).filter(|&m| !known[m]).collect();
         let size = 6 + 3 * free.len();
-        let count = seen.iter().map(Vec::len).sum::<usize>().max(1) as f64;
-        let center = seen.iter().flatten().map(|p| placed.pose.point(&placed.in_root(p))).sum::<Vector3<f64>>() / count;
+        let center = placed.center(seen.iter().flatten());
         let (mut a, mut b) = (DMatrix::zeros(size, size), DVector::zeros(size));
         let mut positions = Vec::new();
         for (seen, moved) in seen.iter().zip(moved) {
@@ -160,15 +159,11 @@ impl System {
                 let r = placed.residual(p);
                 let weight = 1.0 / (1.0 + (r.norm() / usual_m).powi(2));
                 let by_position = (r - placed.residual(nearby)) / SOLVER.difference;
-                let arm = placed.pose.point(&placed.in_root(p)) - center;
-                let mount = placed.pose.r * p.mount.r;
+                let (by_pose, by_shift) = placed.jacobians(p, &center);
                 let mut x = DMatrix::zeros(3, size);
-                for k in 0..3 {
-                    x.set_column(k, &Vector3::ith(k, 1.0).cross(&arm));
-                    x[(k, 3 + k)] = 1.0;
-                }
+                x.columns_mut(0, 6).copy_from(&by_pose);
                 if let Some(i) = free.iter().position(|&m| m == p.marker) {
-                    x.view_mut((0, 6 + 3 * i), (3, 3)).copy_from(&mount);
+                    x.columns_mut(6 + 3 * i, 3).copy_from(&by_shift);
                 }
                 a += x.tr_mul(&x) * weight;
                 b += x.tr_mul(&r) * weight;
@@ -196,15 +191,7 @@ impl System {
         let x = a.cholesky()?.solve(&b);
         let steps =
             self.positions.iter().map(|(u, of_position, v)| (of_position - v.dot(&x)) / damped(*u)).collect();
-        let turn = Vector3::new(x[0], x[1], x[2]);
-        let angle = turn.norm();
-        let mut next = placed.clone();
-        if angle > 0.0 {
-            let r = rotation_about(&(turn / angle), angle);
-            next.pose.r = r * placed.pose.r;
-            next.pose.t = r * (placed.pose.t - self.center) + self.center;
-        }
-        next.pose.t += Vector3::new(x[3], x[4], x[5]);
+        let mut next = placed.turned(&Vector6::from_fn(|k, _| x[k]), &self.center);
         for (i, &m) in self.free.iter().enumerate() {
             next.shifts[m] += Vector3::new(x[6 + 3 * i], x[7 + 3 * i], x[8 + 3 * i]);
         }

@@ -44,7 +44,8 @@ impl Session<'_> {
         let bounds = (low - margin, high + margin);
         let free = Free { joint, rows: &rows, shown: &rows, bounds };
         // Measured in an unknown frame: the other rows determine it.
-        let others: Vec<usize> = (0..self.problem.frames.len()).filter(|f| !(first..=last).contains(f)).collect();
+        let others: Vec<usize> =
+            (0..self.problem.frames.len()).filter(|f| !(first..=last).contains(f)).collect();
         let placed = self.misfit.placed(variant, &others);
         self.freed_at(variant, &free, placed.as_ref())
     }

@@ -29,7 +29,7 @@ use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::Column;
 use crate::diagnose::model::pose::Pose;
 use crate::diagnose::model::problem::Problem;
-use crate::diagnose::principles::{FEWEST_FRAMES, FEWEST_POSTURES, Prior, Size};
+use crate::diagnose::principles::{FEWEST_FRAMES, FEWEST_POSTURES, NEARLY_ALL, Prior, Size};
 use crate::error::Result;
 use core::f64::consts::{PI, TAU};
 
@@ -152,8 +152,41 @@ fn of_joint(
     }
     out.push(all);
     // What is gross with all positions of a joint free is not that joint's column alone.
-    out.retain(|c| c.loss < nominal.loss - least_fall && !c.is_gross());
+    out.retain(|c| {
+        c.loss < nominal.loss - least_fall
+            && !c.is_gross()
+            && is_of_many(session, nominal, c, (frames, least_fall))
+    });
     out
+}
+
+/// Whether a column is spoilt in more than a quarter of its rows: without those that gain most the others still gain.
+/// Fewer rows are false by themselves ([`super::outlying`]).
+fn is_of_many(
+    session: &Session<'_>,
+    nominal: &Chain,
+    chain: &Chain,
+    (frames, least_fall): (&[usize], f64),
+) -> bool {
+    let Some(Mistake::ColumnLost { rows, .. }) = chain.mistakes.last() else { return true };
+    let own: Vec<usize> = frames.iter().copied().filter(|f| rows.binary_search(f).is_ok()).collect();
+    let losses = |variant: &Variant| {
+        let mut out = vec![(0.0, 0.0); own.len()];
+        for d in session.misfit.distances(variant, &own) {
+            if let Ok(at) = own.binary_search(&d.frame) {
+                out[at].0 += session.misfit.loss(d.size_m);
+                out[at].1 += 1.0;
+            }
+        }
+        out
+    };
+    let (before, after) = (losses(&nominal.variant), losses(&chain.variant));
+    let mut gains: Vec<(f64, f64)> = before.iter().zip(&after).map(|(b, a)| (b.0 - a.0, b.1)).collect();
+    gains.retain(|gain| gain.1 > 0.0);
+    gains.sort_by(|a, b| (a.0 / a.1).total_cmp(&(b.0 / b.1)));
+    gains.truncate((NEARLY_ALL * gains.len() as f64).ceil() as usize);
+    let sum = |of: fn(&(f64, f64)) -> f64| gains.iter().map(of).sum::<f64>();
+    sum(|gain| gain.0) > least_fall * sum(|gain| gain.1)
 }
 
 /// The rows in which a column has its lowest or highest value, if several postures share it.

@@ -1,9 +1,13 @@
 //! The unknown frame of measured points, and markers on unknown mounts, from points whose joints are known.
 
-use crate::diagnose::model::pose::Pose;
+use crate::diagnose::model::pose::{Pose, rotation_about};
 use crate::diagnose::model::solver::SOLVER;
+use crate::diagnose::principles::Guard;
 use crate::geometry::rotation::nearest;
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, Matrix3x6, Matrix6, Matrix6x3, Vector3, Vector6};
+
+/// Damping of the pose, as a share of its normal matrix: some motions of pose and shift are the same.
+const SHARED: Guard = 1e-6;
 
 /// A measured point of a frame, and where on its mount the model has the marker.
 pub(super) struct PointSeen {
@@ -29,22 +33,92 @@ impl Placed {
         let mut weights = vec![1.0; points.len()];
         let mut placed = Self { pose: Pose::identity(), shifts: vec![Vector3::zeros(); known.len()] };
         for _ in 0..SOLVER.rounds {
-            let pairs = points.iter().zip(&weights).map(|(p, weight)| (p.position, placed.in_root(p), *weight));
-            let pose = rigid(pairs);
-            for (m, shift) in placed.shifts.iter_mut().enumerate().filter(|(m, _)| !known[*m]) {
-                let (mut sum, mut total) = (Vector3::zeros(), 1e-12);
-                for (p, weight) in points.iter().zip(&weights).filter(|(p, _)| p.marker == m) {
-                    sum += (p.mount.inverse_point(&pose.inverse_point(&p.position)) - p.local) * *weight;
-                    total += weight;
-                }
-                *shift = sum / total;
+            let pairs =
+                points.iter().zip(&weights).map(|(p, weight)| (p.position, placed.in_root(p), *weight));
+            placed.pose = rigid(pairs);
+            if known.iter().any(|known| !known)
+                && let Some(next) = placed.with_shifts(points, &weights, known)
+            {
+                placed = next;
             }
-            placed.pose = pose;
             for (p, weight) in points.iter().zip(&mut weights) {
                 *weight = 1.0 / (1.0 + (placed.distance(p) / usual_m).powi(2));
             }
         }
         placed
+    }
+
+    /// A Gauss–Newton step of pose and shifts together: in turn they would converge slowly, since a turn moves a marker as
+    /// a shift does. The shifts are eliminated, as each observation has one, whose normal matrix is `Σ w` times the identity.
+    fn with_shifts(&self, points: &[PointSeen], weights: &[f64], known: &[bool]) -> Option<Self> {
+        let center = self.center(points.iter());
+        let mut a = Matrix6::zeros();
+        let mut b = Vector6::zeros();
+        let mut of_markers = vec![(0.0, Vector3::zeros(), Matrix6x3::zeros()); known.len()];
+        for (p, weight) in points.iter().zip(weights) {
+            let r = self.residual(p);
+            let (by_pose, by_shift) = self.jacobians(p, &center);
+            a += by_pose.tr_mul(&by_pose) * *weight;
+            b += by_pose.tr_mul(&r) * *weight;
+            let (sum, of_shift, across) = &mut of_markers[p.marker];
+            *sum += weight;
+            *of_shift += by_shift.tr_mul(&r) * *weight;
+            *across += by_pose.tr_mul(&by_shift) * *weight;
+        }
+        let free = || of_markers.iter().zip(known).filter(|(m, known)| !**known && m.0 > 0.0).map(|(m, _)| m);
+        for i in 0..6 {
+            a[(i, i)] *= 1.0 + SHARED;
+        }
+        for (sum, of_shift, across) in free() {
+            a -= across * across.transpose() / *sum;
+            b -= across * of_shift / *sum;
+        }
+        let x = a.cholesky()?.solve(&b);
+        let mut next = self.turned(&x, &center);
+        for (shift, (sum, of_shift, across)) in next
+            .shifts
+            .iter_mut()
+            .zip(&of_markers)
+            .zip(known)
+            .filter(|(m, known)| !**known && m.1.0 > 0.0)
+            .map(|(m, _)| m)
+        {
+            *shift += (of_shift - across.tr_mul(&x)) / *sum;
+        }
+        Some(next)
+    }
+
+    /// The mean of where points are predicted.
+    pub fn center<'a>(&self, points: impl Iterator<Item = &'a PointSeen>) -> Vector3<f64> {
+        let (mut sum, mut count) = (Vector3::zeros(), 0.0);
+        for p in points {
+            sum += self.pose.point(&self.in_root(p));
+            count += 1.0;
+        }
+        sum / f64::max(count, 1.0)
+    }
+
+    /// How a prediction moves with the pose (turned about a centre, then shifted) and with its marker's shift.
+    pub fn jacobians(&self, p: &PointSeen, center: &Vector3<f64>) -> (Matrix3x6<f64>, Matrix3<f64>) {
+        let arm = self.pose.point(&self.in_root(p)) - center;
+        let mut by_pose = Matrix3x6::zeros();
+        by_pose.fixed_columns_mut::<3>(0).copy_from(&-arm.cross_matrix());
+        by_pose.fixed_columns_mut::<3>(3).fill_with_identity();
+        (by_pose, self.pose.r * p.mount.r)
+    }
+
+    /// With the pose turned about a centre and shifted.
+    pub fn turned(&self, x: &Vector6<f64>, center: &Vector3<f64>) -> Self {
+        let turn = Vector3::new(x[0], x[1], x[2]);
+        let angle = turn.norm();
+        let mut next = self.clone();
+        if angle > 0.0 {
+            let r = rotation_about(&(turn / angle), angle);
+            next.pose.r = r * self.pose.r;
+            next.pose.t = r * (self.pose.t - center) + center;
+        }
+        next.pose.t += Vector3::new(x[3], x[4], x[5]);
+        next
     }
 
     /// Where the marker of a point is in the robot's root.
