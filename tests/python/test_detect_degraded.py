@@ -229,6 +229,23 @@ def test_two_balls_that_fit_alike_are_masked() -> None:
     assert "2 balls of its colour and size" in view.reason
 
 
+@pytest.mark.parametrize(("other", "told"), [(0.88, True), (1.14, True), (0.95, False), (1.05, False)])
+def test_of_two_balls_as_near_the_one_of_the_expected_size_is_taken(other: float, told: bool) -> None:
+    rng = np.random.default_rng(4)
+    picture = encoded(scene((130.0, 118.0), rng, others=(((190.0, 118.0), other * RADIUS),)))
+    hint = PredictedMarker("hand", (161.0, 118.0), np.inf, 1.01 * RADIUS)
+    (view,) = detect_markers(picture, (MARKER,), CAMERA, expected=(hint,))
+    assert view.ok == told, view.reason
+    if told:
+        assert view.pixel_px == pytest.approx((130.0, 118.0), abs=0.1)
+    # Nearer, but not clearly nearer, does not make the other one of another size.
+    nearer = PredictedMarker("hand", (152.0, 118.0), np.inf, 1.01 * RADIUS)
+    assert detect_markers(picture, (MARKER,), CAMERA, expected=(nearer,))[0].ok == told
+    # Where neither has the expected size, the model is wrong, or both are other things.
+    off = PredictedMarker("hand", (161.0, 118.0), np.inf, 1.06 * RADIUS)
+    assert not detect_markers(picture, (MARKER,), CAMERA, expected=(off,))[0].ok
+
+
 @pytest.mark.parametrize("light", ["cold", "dim"])
 def test_a_ball_in_other_light_than_thought_is_found_where_the_model_expects_one(light: str) -> None:
     rng = np.random.default_rng(6)

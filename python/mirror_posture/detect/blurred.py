@@ -146,7 +146,8 @@ def _plausible(one: Expected) -> list[Region]:
 def _chosen(balls: list[Blurred], hint: PredictedMarker) -> Blurred | None:
     if not balls:
         return None
-    index, _ = choose([np.array(ball.view.pixel_px) for ball in balls], hint)
+    # All were measured with the expected size: it does not tell them apart.
+    index, _ = choose([np.array(ball.view.pixel_px) for ball in balls], [1.0] * len(balls), hint)
     return balls[index] if index >= 0 else None
 
 

@@ -23,6 +23,9 @@ SIZE_FACTOR = 1.3
 # this many of the ball's radii.
 CLEARLY_NEARER = 2.0
 NEARER_RADII = 0.7
+# Where places do not decide, sizes may: of the ball that the model expects within this share of its radius, of another thing beyond this one.
+OF_ITS_SIZE = 0.035
+OF_ANOTHER_SIZE = 0.1
 # The largest number of candidates of one marker that are measured, the most probable first.
 MOST_MEASURED = 4
 # A circle must hold this share of the contour that a ball of the expected size would show.
@@ -105,17 +108,26 @@ def _distinct(candidates: list[Candidate]) -> list[Candidate]:
     return kept
 
 
-def choose(places_px: list[FloatArray], expected: PredictedMarker) -> tuple[int, str]:
-    """The index of the ball among measured centres, or -1 and the reason why it cannot be decided."""
+def choose(places_px: list[FloatArray], sizes: list[float], expected: PredictedMarker) -> tuple[int, str]:
+    """The index of the ball among measured centres and sizes (times the expected one), or -1 and the reason
+    why it cannot be decided.
+
+    A size decides only between balls at like distances from the expected place: a model that is wrong by
+    more moves the place too.
+    """
     if len(places_px) == 1:
         return 0, ""
     away = np.array([float(np.linalg.norm(place - np.array(expected.pixel_px))) for place in places_px])
     order = np.argsort(away)
     nearest, second = away[order[0]], away[order[1]]
-    if second >= CLEARLY_NEARER * nearest and second - nearest >= NEARER_RADII * float(
-        expected.ball_radius_px or 0.0
-    ):
+    clear_px = NEARER_RADII * float(expected.ball_radius_px or 0.0)
+    farther = (away >= CLEARLY_NEARER * nearest) & (away - nearest >= clear_px)
+    if farther[order[1]]:
         return int(order[0]), ""
+    off = np.abs(np.array(sizes) - 1.0)
+    fitting = np.flatnonzero(~farther & (off <= OF_ITS_SIZE))
+    if len(fitting) == 1 and np.count_nonzero(~farther & (off < OF_ANOTHER_SIZE)) == 1:
+        return int(fitting[0]), ""
     u, v = places_px[int(order[1])]
     return -1, (
         f"{len(places_px)} balls of its colour and size, {nearest:.0f} and {second:.0f} px from where the model expects it (another at ({u:.0f}, {v:.0f})): "

@@ -336,11 +336,17 @@ def _by_hint(
             f"{regions[0].equivalent_radius_px:.1f} px)",
             regions[0],
         )
-    index, reason = choose([np.array(view.pixel_px) for view in good], hint)
+    sizes = [_radius_px(view) / radius for view in good]
+    index, reason = choose([np.array(view.pixel_px) for view in good], sizes, hint)
     if index >= 0:
         nearer = _nearer(good[index], bad, hint) or _lost_nearer(good[index], lost, hint)
         return good[index] if nearer is None else replace(good[index], ok=False, reason=nearer)
     return replace(good[0], ok=False, reason=reason)
+
+
+def _radius_px(view: MarkerView) -> float:
+    assert view.outline is not None
+    return float(np.sqrt(view.outline.semi_major_px * view.outline.semi_minor_px))
 
 
 def _nearer(view: MarkerView, bad: list[MarkerView], hint: PredictedMarker) -> str | None:

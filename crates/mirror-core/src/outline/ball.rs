@@ -2,7 +2,7 @@
 
 use super::blur::Blur;
 use super::circle::Circle;
-use super::cone::{ConeFit, EdgePoint, cone_centroid, fit_cone_from, px_per_rad};
+use super::cone::{ConeFit, EdgePoint, LeftOut, cone_centroid, fit_cone_from, px_per_rad};
 use super::consensus::of_one_outline;
 use super::edges::edges_on_rays;
 use super::patch::{Patch, Picture};
@@ -40,6 +40,10 @@ const CODED_SCATTER_SHARE: f64 = 1.45;
 const DISAGREEING_POWER: f64 = 0.6;
 /// So much of the square that edges left out near the outline would move the centre by is added; in coded pictures none.
 const LEFT_OUT_SHARE: f64 = 0.3;
+/// Edges that were left out may be the ball's own up to this far from its outline, px and blurs: what light does to an edge reaches no farther than the blur that
+/// mixes it. Beyond, they are of what hides a part of the ball, and do not move its centre.
+const LEFT_OUT_REACH_PX: f64 = 1.35;
+const LEFT_OUT_REACH_BLURS: f64 = 1.0;
 /// The same for each px by which a noisy picture was smoothed: noise under a Gaussian of σ is worth one number in 2 √π σ. How much longer it is in coded pictures.
 const SMOOTHED_CORRELATION: f64 = 3.6;
 const CODED_SMOOTHED_CORRELATION: f64 = 0.8;
@@ -149,7 +153,10 @@ pub fn measure_ball(
             camera,
             correlated,
             if patch.coded { CODED_SCATTER_SHARE } else { SCATTER_SHARE },
-            if patch.coded { 0.0 } else { LEFT_OUT_SHARE },
+            &LeftOut {
+                share: if patch.coded { 0.0 } else { LEFT_OUT_SHARE },
+                reach_px: LEFT_OUT_REACH_PX.min(LEFT_OUT_REACH_BLURS * blur.mean_px()),
+            },
         )?;
         let moved = (cone.centroid_px - center).norm().max((cone.mean_radius_px - circle.radius_px).abs());
         let settled = round + 2 >= ROUNDS && moved < SETTLED_PX;

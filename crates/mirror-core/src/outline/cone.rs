@@ -22,8 +22,6 @@ const OUTSTANDING_SPREADS: f64 = 3.0;
 const LEAST_SPREAD: f64 = 0.5;
 /// Times that, an edge is of another thing for sure.
 const FAR_OFF: f64 = 2.0;
-/// Edges up to this far from the fitted outline may be its own though they were left out, px.
-const LEFT_OUT_REACH_PX: f64 = 1.35;
 /// Steps of the robust refit: inliers are chosen again from the last fit.
 const REFITS: usize = 6;
 /// Errors are correlated over about this angle along the outline, rad; this many harmonics represent them.
@@ -47,6 +45,14 @@ pub struct EdgePoint {
     pub shared_std_px: f64,
     /// How far one deviation of a cause that moves all edges of the ball moves this one, px, positive outward.
     pub common_px: f64,
+}
+
+/// How edges that were left out count in the covariance.
+pub(super) struct LeftOut {
+    /// The share of the square of what they would move the centre by.
+    pub share: f64,
+    /// Those up to this far from the outline, px.
+    pub reach_px: f64,
 }
 
 /// A sphere's outline fitted to edge points.
@@ -89,12 +95,20 @@ pub fn fit_cone(
     let near =
         |p: &EdgePoint| ((p.pixel - start.center_px).norm() - start.radius_px).abs() <= 2.0 * INLIER_PX;
     let inlier = points.iter().map(near).collect();
-    fit_cone_from(points, inlier, &start.center_px, camera, correlated_points, 1.0, 0.0)
+    fit_cone_from(
+        points,
+        inlier,
+        &start.center_px,
+        camera,
+        correlated_points,
+        1.0,
+        &LeftOut { share: 0.0, reach_px: 0.0 },
+    )
 }
 
 /// [`fit_cone`] started from the edges that are probably the sphere's; the covariance by their scatter is
-/// `scatter_share` of the residuals', and holds `left_out_share` of what the edges left out near the outline would
-/// move the centre.
+/// `scatter_share` of the residuals', and holds a part of what the edges left out near the outline would move the
+/// centre.
 pub(super) fn fit_cone_from(
     points: &[EdgePoint],
     mut inlier: Vec<bool>,
@@ -102,7 +116,7 @@ pub(super) fn fit_cone_from(
     camera: &Camera,
     correlated_points: f64,
     scatter_share: f64,
-    left_out_share: f64,
+    left_out: &LeftOut,
 ) -> Option<ConeFit> {
     let count = points.len();
     if count < MIN_EDGE_POINTS {
@@ -160,8 +174,9 @@ pub(super) fn fit_cone_from(
     let together = shared_information(&shared) + common * common.transpose();
     let covariance = inverse * variance + inverse * together * inverse;
     let outline = cone_centroid(&parameters, camera)?;
-    let doubt = if left_out_share > 0.0 {
-        by_those_left_out(points, &rays, &away, camera, &outline.centroid_px) * left_out_share
+    let doubt = if left_out.share > 0.0 {
+        by_those_left_out(points, &rays, &away, left_out.reach_px, camera, &outline.centroid_px)
+            * left_out.share
     } else {
         Matrix2::zeros()
     };
@@ -186,10 +201,11 @@ fn by_those_left_out(
     points: &[EdgePoint],
     rays: &[Vector3<f64>],
     away: &[f64],
+    reach_px: f64,
     camera: &Camera,
     centroid_px: &Vector2<f64>,
 ) -> Matrix2<f64> {
-    let near: Vec<bool> = away.iter().map(|d| d.abs() <= LEFT_OUT_REACH_PX).collect();
+    let near: Vec<bool> = away.iter().map(|d| d.abs() <= reach_px.max(INLIER_PX)).collect();
     let moved = solve(points, rays, &near)
         .and_then(|parameters| cone_centroid(&parameters, camera))
         .map_or_else(Vector2::zeros, |other| other.centroid_px - centroid_px);
