@@ -196,6 +196,23 @@ def test_a_ball_half_behind_a_plate_is_where_it_is(hidden: float) -> None:
             assert hidden > 0.2, view.reason
 
 
+@pytest.mark.parametrize("hidden", [0.05, 0.1])
+def test_the_claim_for_a_ball_with_a_straight_edge_before_it_is_as_large_as_its_error(hidden: float) -> None:
+    # The plate's edge lies within a pixel or two of the outline, and is not the ball's.
+    errors, claimed = [], []
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        center = (float(rng.uniform(90, 230)), float(rng.uniform(70, 170)))
+        picture = encoded(cv2.GaussianBlur(scene(center, rng, hidden), (0, 0), 0.5))
+        hint = PredictedMarker("hand", (center[0] + 3.0, center[1] - 2.0), np.inf, RADIUS)
+        (view,) = detect_markers(picture, (MARKER,), CAMERA, expected=(hint,))
+        assert view.ok, view.reason
+        errors.append(float(np.hypot(*np.subtract(view.pixel_px, center))))
+        claimed.append(float(np.sqrt(np.trace(view.covariance_px2))))
+    ratio = np.sqrt(np.mean(np.square(claimed)) / np.mean(np.square(errors)))
+    assert 0.7 < ratio < 1.5, ratio
+
+
 def test_things_of_its_colour_far_near_and_touching_do_not_matter() -> None:
     rng = np.random.default_rng(3)
     center = (150.3, 118.6)

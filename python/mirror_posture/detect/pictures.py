@@ -42,6 +42,8 @@ from .types import (
 # without the mirror is at less than half of that distance.
 NEAREST_BALL = 0.55
 FARTHEST_BALL = 2.5
+# A ball's least depth, as a share of its distance: farther off the axis no pinhole camera shows it.
+LEAST_DEPTH_SHARE = 0.2
 
 
 @dataclass(frozen=True)
@@ -250,19 +252,30 @@ def expected_markers(
             continue
         point = np.asarray(prediction.marker_in_camera_m[marker.name], dtype=np.float64)
         reflected = point + 2.0 * (offset - float(point @ normal)) * normal
-        depth, away = float(reflected[2]), float(np.linalg.norm(reflected))
-        if depth < 0.2 * away:
-            continue
-        try:
-            pixel = camera.project(reflected[None])[0]
-        except MirrorPostureError:
-            continue
-        # The outline's area grows off the axis by cos⁻³ of the angle.
-        radius = camera.mean_focal_px * 0.5 * marker.diameter_m / depth * np.sqrt(away / depth)
-        found.append(
-            PredictedMarker(marker.name, (float(pixel[0]), float(pixel[1])), float("inf"), float(radius))
-        )
+        shown = _shown_at(reflected, 0.5 * marker.diameter_m, camera)
+        if shown is not None:
+            pixel, radius = shown
+            found.append(PredictedMarker(marker.name, pixel, float("inf"), radius))
     return tuple(found)
+
+
+def _shown_at(
+    center_m: FloatArray, radius_m: float, camera: Camera
+) -> tuple[tuple[float, float], float] | None:
+    """Where a camera of any model shows a ball before it (3,), and the root of its half axes' product, px; None where it does not.
+
+    The half axes are those of the disc across the line of sight: off the axis a pinhole camera's grow by cos⁻³ of the angle in area, a fisheye's by angle over sine.
+    """
+    away = float(np.linalg.norm(center_m))
+    if camera.distortion_model != "equidistant" and center_m[2] < LEAST_DEPTH_SHARE * away:
+        return None
+    across = np.linalg.svd(center_m[None])[2][1:] * radius_m
+    try:
+        pixels = camera.project(center_m + np.concatenate([np.zeros((1, 3)), across, -across]))
+    except MirrorPostureError:
+        return None
+    (a, b), (c, d) = 0.5 * (pixels[1:3] - pixels[3:5])
+    return (float(pixels[0, 0]), float(pixels[0, 1])), float(np.sqrt(abs(a * d - b * c)))
 
 
 def _off_axis(camera: Camera) -> float:
