@@ -10,6 +10,7 @@
 
 use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::effects::hypothesis::Model;
+use crate::diagnose::likelihood::covariance::variances;
 use crate::diagnose::likelihood::fit::Active;
 use crate::diagnose::likelihood::normal_equations::{Normal, needs_board};
 use crate::diagnose::likelihood::score_test::Score;
@@ -286,10 +287,10 @@ impl<'a> LinearSearch<'a> {
         let posterior = |prior_std: &[f64]| {
             let (m, b) = rescaled(&units(prior_std), &free);
             let factor = m.cholesky()?;
-            let (mean, inverse) = (factor.solve(&b), factor.inverse());
+            let mean = factor.solve(&b);
             let values = group.clone().zip(prior_std).map(|(i, std)| std * mean[i]).collect();
-            let variances =
-                group.clone().zip(prior_std).map(|(i, std)| std * std * inverse[(i, i)]).collect();
+            let variances = variances(&factor, group.clone()).into_iter();
+            let variances = variances.zip(prior_std).map(|(v, std)| std * std * v).collect();
             Some((values, variances))
         };
         let mut learned = geometry.clone();

@@ -4,6 +4,7 @@
 use crate::diagnose::effects::hypothesis::{Catalogue, Model, nuisances};
 use crate::diagnose::likelihood::covariance::Covariance;
 use crate::diagnose::likelihood::normal_equations::{Normal, needs_board};
+use crate::diagnose::likelihood::secant::Secant;
 use crate::diagnose::model::camera_and_mirror::FootPoints;
 use crate::diagnose::model::elementary::Column;
 use crate::diagnose::model::problem::{Noise, Problem};
@@ -85,7 +86,8 @@ impl Active {
         if !model.group.is_empty() {
             for ((column, std), value) in group.columns.iter().zip(&group.prior_std).zip(&model.group) {
                 let positive = group.positive.get(out.columns.len() - out.first_group).copied();
-                out.push(column.clone(), *std, *value, positive.unwrap_or(false));
+                let positive = positive.unwrap_or(false) || problem.is_least(column.atom);
+                out.push(column.clone(), *std, *value, positive);
             }
         }
         out.first_term = out.columns.len();
@@ -94,6 +96,7 @@ impl Active {
             let stds = &catalogue.hypotheses[term.hypothesis].prior_std;
             let columns = catalogue.columns(&problem.scene, term);
             for ((column, std), value) in columns.into_iter().zip(stds).zip(&term.parameters) {
+                let positive = positive || problem.is_least(column.atom);
                 out.push(column, *std * term.prior_scale, *value, positive);
             }
         }
@@ -181,6 +184,7 @@ pub(crate) fn fit_below(
     let start = model.planes.take();
     let (mut normal, mut active) =
         linearise(problem, catalogue, group, &model, options.noise, start.as_deref(), mask)?;
+    let mut secant: Option<Secant> = None;
     for taken in 0..options.steps {
         if active.values.is_empty() {
             break;
@@ -188,7 +192,7 @@ pub(crate) fn fit_below(
         let current = normal.cost + active.penalty(&active.values);
         let mut moved = false;
         for _ in 0..6 {
-            let Some((step, gain)) = step(&normal, &active, damping) else { break };
+            let Some((step, gain)) = step(&normal, &active, damping, secant.as_ref()) else { break };
             if taken > 0 && current - SOLVER.most_hoped * gain > hopeless {
                 break;
             }
@@ -208,11 +212,16 @@ pub(crate) fn fit_below(
                 continue;
             };
             let cost = next_normal.cost + next_active.penalty(&next_active.values);
+            secant = Some(Secant::between(&normal, &next_normal, &change));
             if cost <= current + 1e-9 * current.abs() {
                 let small = current - cost < 1e-3;
                 (model, normal, active) = (next, next_normal, next_active);
                 damping *= 0.1;
                 moved = !small;
+                break;
+            }
+            // So little may be the cost's own inexactness: planes are settled to a tolerance.
+            if gain < SOLVER.least_retried {
                 break;
             }
             damping = (damping * 100.0).max(1e-4);
@@ -253,13 +262,23 @@ pub(super) fn linearise(
     Ok((normal, active))
 }
 
-/// The step in coordinates scaled by the priors, in which damping treats all parameters alike. Parameters at 0 that
-/// are pushed below it are left out. Also returns the gain if everything is linear, `gᵀ H⁻¹ g`.
-fn step(normal: &Normal, active: &Active, damping: f64) -> Option<(DVector<f64>, f64)> {
+/// The step in coordinates scaled by the priors, in which damping treats all parameters alike, with the curvature
+/// that the last step showed. Parameters at 0 that are pushed below it are left out. Also returns the gain if
+/// everything is linear, `gᵀ H⁻¹ g`.
+fn step(
+    normal: &Normal,
+    active: &Active,
+    damping: f64,
+    secant: Option<&Secant>,
+) -> Option<(DVector<f64>, f64)> {
     let count = active.values.len();
     let s = DVector::from_column_slice(&active.prior_std);
     let mut g = DVector::from_fn(count, |i, _| (normal.g[i] - active.values[i] / (s[i] * s[i])) * s[i]);
     let mut h = DMatrix::from_fn(count, count, |i, j| normal.h[(i, j)] * s[i] * s[j]);
+    if let Some(w) = secant.and_then(|secant| secant.correction(&normal.h)) {
+        let w = w.component_mul(&s);
+        h.ger(1.0, &w, &w, 1.0);
+    }
     for i in 0..count {
         h[(i, i)] = (h[(i, i)] + 1.0) * (1.0 + damping);
         if active.positive[i] && active.values[i] <= 0.0 && g[i] < 0.0 {

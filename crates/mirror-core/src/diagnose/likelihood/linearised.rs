@@ -2,6 +2,7 @@
 //! at other sizes, with other columns in a cause's place, or without a cause.
 
 use crate::diagnose::effects::hypothesis::{Catalogue, Model, Term};
+use crate::diagnose::likelihood::covariance::variances;
 use crate::diagnose::likelihood::fit::{Active, FitOptions, Group, linearise};
 use crate::diagnose::likelihood::normal_equations::{Normal, needs_board};
 use crate::diagnose::model::problem::{Noise, Problem};
@@ -104,9 +105,9 @@ impl Linearised {
             DMatrix::from_fn(count, count, |i, j| h[(i, j)] * s[i] * s[j] + if i == j { 1.0 } else { 0.0 });
         let factor = whitened.cholesky()?;
         let step = factor.solve(&b);
-        let inverse = factor.inverse();
-        let values: Vec<f64> = inside.clone().map(|i| active.values[i] + s[i] * step[i]).collect();
-        let variances: Vec<f64> = inside.map(|i| s[i] * s[i] * inverse[(i, i)]).collect();
+        let variances = variances(&factor, inside.clone()).into_iter();
+        let variances: Vec<f64> = variances.zip(inside.clone()).map(|(v, i)| s[i] * s[i] * v).collect();
+        let values: Vec<f64> = inside.map(|i| active.values[i] + s[i] * step[i]).collect();
         values.iter().chain(&variances).all(|x| x.is_finite()).then_some((values, variances))
     }
 

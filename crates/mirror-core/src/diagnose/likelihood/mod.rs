@@ -9,3 +9,4 @@ pub(super) mod normal_equations;
 pub(super) mod probability;
 pub(super) mod saturated;
 pub(super) mod score_test;
+mod secant;

@@ -223,7 +223,7 @@ pub(crate) fn screen(
     let mut scores: Vec<Score> = candidates
         .iter()
         .zip(&total.sums)
-        .map(|(candidate, sums)| score(catalogue, candidate, sums, base.as_ref()))
+        .map(|(candidate, sums)| score(problem, catalogue, candidate, sums, base.as_ref()))
         .collect();
     scores.sort_by(|x, y| y.log_bayes.total_cmp(&x.log_bayes));
     // With the corners as rows false ones count less: as they do in a fit that has them so too.
@@ -232,8 +232,17 @@ pub(crate) fn screen(
     Ok(Screening { scores, misfit, base })
 }
 
-fn score(catalogue: &Catalogue, candidate: &Candidate, sums: &Sums, base: Option<&Base>) -> Score {
+fn score(
+    problem: &Problem,
+    catalogue: &Catalogue,
+    candidate: &Candidate,
+    sums: &Sums,
+    base: Option<&Base>,
+) -> Score {
     let hypothesis = &catalogue.hypotheses[candidate.hypothesis];
+    let bounded = |(_, column): &(usize, Column)| problem.is_least(column.atom);
+    let positive = catalogue.effect(candidate.hypothesis).is_positive()
+        || !candidate.columns.is_empty() && candidate.columns.iter().all(bounded);
     let s = DVector::from_column_slice(&hypothesis.prior_std);
     let (mut a, mut g) = (sums.a.clone(), sums.g.clone());
     a.fill_lower_triangle_with_upper_triangle();
@@ -252,13 +261,12 @@ fn score(catalogue: &Catalogue, candidate: &Candidate, sums: &Sums, base: Option
     let (log_bayes, parameters) = match scaled.clone().cholesky() {
         Some(factor) => {
             let mut solution = factor.solve(&scaled_g);
-            if catalogue.effect(candidate.hypothesis).is_positive() && k > 1 {
+            if positive && k > 1 {
                 solution = not_negative(&scaled, &scaled_g, solution);
             }
             let log_det = 2.0 * factor.l_dirty().diagonal().iter().map(|x| x.ln()).sum::<f64>();
             let estimate = solution.component_mul(&s);
-            let impossible = catalogue.effect(candidate.hypothesis).is_positive()
-                && estimate.iter().all(|value| *value <= 0.0);
+            let impossible = positive && estimate.iter().all(|value| *value <= 0.0);
             let gain = if impossible { 0.0 } else { 0.5 * scaled_g.dot(&solution) };
             (gain - 0.5 * log_det, estimate.as_slice().to_vec())
         }

@@ -128,6 +128,11 @@ impl Problem {
         if self.camera.is_some() { noise.marker_px } else { noise.point_m }
     }
 
+    /// Whether what an atom changes is as small as it can be: no pane is thinner than none.
+    pub fn is_least(&self, atom: Atom) -> bool {
+        matches!(atom, Atom::Glass) && self.scene.glass_thickness_m <= 0.0
+    }
+
     /// A validated recording arranged, before anything is estimated: no frame's mirror is known yet, and the
     /// unknown frame of measured points is at the root ([`Problem::new`] estimates both).
     ///

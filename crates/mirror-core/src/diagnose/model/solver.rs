@@ -30,6 +30,8 @@ pub(crate) struct Solver {
     /// A step of a model's fit that gains less than this (in −2 log likelihood) is taken without another
     /// evaluation: the rest is of second order, and log evidence need not be known better than to a hundredth.
     pub last_gain: f64,
+    /// A step that gains less and makes the cost larger is not tried again with more damping.
+    pub least_retried: f64,
     /// The linear model predicts the gain of a fit to within this factor: a fit that would not be sufficient with
     /// it is given up.
     pub most_hoped: f64,
@@ -66,6 +68,7 @@ pub(crate) const SOLVER: Solver = Solver {
     least_corners_counted: 0.8,
     dependent: 1e-15,
     last_gain: 0.02,
+    least_retried: 0.1,
     most_hoped: 3.0,
     candidate_steps: 4,
     final_steps: 12,
