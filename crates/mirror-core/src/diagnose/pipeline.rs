@@ -14,7 +14,7 @@ use crate::diagnose::likelihood::fit::Group;
 use crate::diagnose::likelihood::noise;
 use crate::diagnose::likelihood::score_test::screen;
 use crate::diagnose::model::problem::Problem;
-use crate::diagnose::model::work_budget::A_STAGE;
+use crate::diagnose::model::work_budget::{A_STAGE, WorkBudget};
 use crate::diagnose::prepare::first_result::FirstResult;
 use crate::diagnose::prepare::options::{DiagnoseOptions, OtherSession};
 use crate::diagnose::prepare::prepared::Prepared;
@@ -52,6 +52,8 @@ pub(crate) struct Outcome {
     pub lost: bool,
     /// The gap with a lost zero undone, in the unit of the observations; none if no zero was lost.
     pub left_beside_step: Option<f64>,
+    /// The work of the session so far.
+    pub budget: WorkBudget,
 }
 
 /// Diagnoses a recording: where the model is wrong, which effect causes it, how far the gap shrinks.
@@ -172,7 +174,8 @@ pub(crate) fn diagnose(
     let known =
         FirstResult { deformation, false_frames: left_out.filter_map(number_of).collect(), sought: false };
     let lost = prepared.lost().is_some();
-    Ok(Outcome { rows_in_order, known, too_large, says_nothing, lost, left_beside_step, diagnosis })
+    let budget = prepared.problem.budget.clone();
+    Ok(Outcome { rows_in_order, known, too_large, says_nothing, lost, left_beside_step, budget, diagnosis })
 }
 
 /// Whether slipped rows are still slipped given the causes found.

@@ -3,7 +3,7 @@
 
 use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::assessment::noise_floor::{is_no_noise, is_reached};
-use crate::diagnose::criteria::cross_validation::{PostureGap, in_sample};
+use crate::diagnose::criteria::cross_validation::in_sample;
 use crate::diagnose::criteria::lack_of_fit::adequacy;
 use crate::diagnose::effects::hypothesis::Model;
 use crate::diagnose::model::solver::SOLVER;
@@ -38,24 +38,19 @@ pub(crate) fn weighed<'a>(
     let left = |search: &Search<'_>, found: &Found| {
         adequacy(&search.problem, &search.deformation(&found.fit.model), search.measured_noise)
     };
-    // No model agrees with views that disagree among themselves, and where the search was cut off nothing is known.
+    // No model agrees with views that disagree among themselves.
     let loud = is_no_noise(search.noise_of_views(), prepared.stated, search.problem.scene.reach_m);
-    let mut standings = Vec::new();
-    // Causes with a remainder are accepted if they were found together with small errors. Those of a search that
-    // was cut off without small errors only absorbed a part.
-    let hopeless = |search: &Search<'_>, found: &Found, after: &[PostureGap]| -> Result<bool> {
-        Ok(loud || left(search, found)?.significant && !is_reached(search, &found.fit, after)?)
-    };
-    let cut_off = unfinished && hopeless(&search, &found, &after)?;
+    // Causes with a remainder are accepted if they were found together with small errors. A search that was cut off
+    // without small errors may have found only a part.
+    let cut_off = unfinished
+        && (loud || left(&search, &found)?.significant && !is_reached(&search, &found.fit, &after)?);
     if cut_off {
-        found.trace.push("no cause is named: the search for causes did not end".into());
-        found.fit = search.fit(nominal, found.noise, SOLVER.loose_steps)?;
-        (geometry, after) = (None, nominal_gap.clone());
-    } else {
-        drop_useless(&mut search, &mut found, &mut after, geometry.as_ref())?;
-        comes_down(&search, &mut found, &mut after)?;
-        standings = settled(&search, &mut found, &mut after)?;
+        found.cut_off = true;
+        found.trace.push("the search for causes did not end: what it found so far may be a part".into());
     }
+    drop_useless(&mut search, &mut found, &mut after, geometry.as_ref())?;
+    comes_down(&search, &mut found, &mut after)?;
+    let mut standings = settled(&search, &mut found, &mut after)?;
     let free = has_free(&search, &found);
     let left = left(&search, &found)?;
     // If the named causes reach the floor, a remainder without structure is the noise's tails. So is a structure of

@@ -1,4 +1,4 @@
-//! The limit of work of a diagnosis: whatever is wrong with a session, the search ends.
+//! The limit of work of a session: whatever is wrong with it, the search ends. All its diagnoses have one budget.
 //!
 //! Work is counted as evaluations, not as time, so that the same session always ends at the same point. A step of
 //! the search asks before it begins; when nothing is left, what was found so far is reported with its remainder. The
@@ -24,30 +24,60 @@ const COLUMN: u64 = 15;
 /// A corner that is predicted while a board's mirror is fitted.
 const PREDICTED: u64 = 110;
 
+/// What one diagnosis may spend at most, for each frame: some twenty-five milliseconds; and the fewest frames for which
+/// it is counted, because the algebra of causes costs as much in a short session.
+const MOST_OF_FRAME: u64 = 12_500_000;
+const FEWEST_FRAMES: usize = 200;
+/// What all diagnoses of a session may spend together, in units of that.
+const OF_SESSION: f64 = 1.5;
+
 /// The share of the work for each stage except the search for named causes: gross mistakes before it, free-form
 /// errors and small errors everywhere after it. What a stage does not use is left for later ones.
 pub(crate) const A_STAGE: f64 = 0.2;
 
-/// The work of one diagnosis; clones count together.
+/// The work of a session, with the part of one of its diagnoses; clones count together.
 #[derive(Debug, Clone)]
 pub(crate) struct WorkBudget {
+    /// By all diagnoses of the session.
     spent: Arc<AtomicU64>,
-    /// What may be spent now.
+    /// Up to where this diagnosis may spend now.
     allowed: Arc<AtomicU64>,
+    /// What was spent before this diagnosis.
+    before: u64,
+    /// Of what shares are.
     most: u64,
+    /// What one diagnosis may spend, and all of a session together.
+    of_one: u64,
+    of_session: u64,
 }
 
 impl WorkBudget {
-    /// For a session with this many frames, corners of boards in all, and columns of its mounts.
+    /// For a session with this many frames, corners of boards in all, and columns of its mounts: that of its first
+    /// diagnosis.
     pub fn of(frames: usize, corners: usize, columns: usize) -> Self {
         let most = MOST_LINEARISATIONS * linearisation(frames, corners, columns);
         let most = most.max(LEAST).max(LEAST_OF_FRAME * frames.min(MOST_FRAMES) as u64);
-        Self { spent: Arc::default(), allowed: Arc::new(AtomicU64::new(most)), most }
+        let of_one = MOST_OF_FRAME * frames.max(FEWEST_FRAMES) as u64;
+        let of_session = (OF_SESSION * of_one as f64) as u64;
+        let first =
+            Self { spent: Arc::default(), allowed: Arc::default(), before: 0, most, of_one, of_session };
+        first.allow(1.0);
+        first
     }
 
-    /// Allows so much of the whole from now on, to all clones.
+    /// For another diagnosis of the same session, which has what is left.
+    pub fn again(&self) -> Self {
+        let before = self.spent.load(Ordering::Relaxed);
+        let next = Self { allowed: Arc::default(), before, ..self.clone() };
+        next.allow(1.0);
+        next
+    }
+
+    /// Allows this diagnosis so much of what one may spend from now on, to all clones; no more than is left of the
+    /// session's.
     pub fn allow(&self, share: f64) {
-        self.allowed.store((share * self.most as f64) as u64, Ordering::Relaxed);
+        let until = self.before + ((share * self.most as f64) as u64).min(self.of_one);
+        self.allowed.store(until.min(self.of_session), Ordering::Relaxed);
     }
 
     /// Counts frames that were linearised by so many columns, with so many corners as rows.
@@ -65,9 +95,20 @@ impl WorkBudget {
         self.spent.load(Ordering::Relaxed) >= self.allowed.load(Ordering::Relaxed)
     }
 
-    /// The share that is spent; above 1 where what had begun went on.
+    /// Whether no further diagnosis is begun: less is left than a stage's share of one.
+    pub fn is_over(&self) -> bool {
+        let left = self.of_session.saturating_sub(self.spent.load(Ordering::Relaxed));
+        (left as f64) < A_STAGE * self.of_one as f64
+    }
+
+    /// The share of one diagnosis that this one has spent; above 1 where what had begun went on.
     pub fn share(&self) -> f64 {
-        self.spent.load(Ordering::Relaxed) as f64 / self.most as f64
+        (self.spent.load(Ordering::Relaxed) - self.before) as f64 / self.most as f64
+    }
+
+    /// The share of the session's work that is spent.
+    pub fn share_of_session(&self) -> f64 {
+        self.spent.load(Ordering::Relaxed) as f64 / self.of_session as f64
     }
 }
 
@@ -81,18 +122,41 @@ fn linearisation(frames: usize, corners: usize, columns: usize) -> u64 {
 mod tests {
     use super::*;
 
+    const CORNERS: usize = 8000;
+
+    fn spend_all(budget: &WorkBudget) -> u64 {
+        let before = budget.spent.load(Ordering::Relaxed);
+        while !budget.is_spent() {
+            budget.spend(200, CORNERS, 40);
+        }
+        budget.spent.load(Ordering::Relaxed) - before
+    }
+
     #[test]
     fn clones_spend_one_budget_and_longer_sessions_have_more() {
-        let budget = WorkBudget::of(200, 200 * 40, 40);
-        let clone = budget.clone();
-        while !clone.is_spent() {
-            clone.spend(200, 200 * 40, 40);
-        }
+        let budget = WorkBudget::of(200, CORNERS, 40);
+        let spent = spend_all(&budget.clone());
         assert!(budget.is_spent() && budget.share() < 1.01);
-        clone.allow(1.1);
-        assert!(!budget.is_spent());
-        assert_eq!(budget.spent.load(Ordering::Relaxed), MOST_LINEARISATIONS * linearisation(200, 8000, 40));
-        assert!(WorkBudget::of(400, 400 * 40, 40).most == 2 * budget.most);
+        assert!(spent.abs_diff(budget.of_one.min(budget.most)) < linearisation(200, CORNERS, 40));
+        assert!(WorkBudget::of(400, 2 * CORNERS, 40).most == 2 * budget.most);
+        assert!(WorkBudget::of(400, 2 * CORNERS, 40).of_one == 2 * budget.of_one);
         assert!(WorkBudget::of(2, 80, 5).most == LEAST);
+    }
+
+    #[test]
+    fn all_diagnoses_of_a_session_share_one_budget() {
+        let first = WorkBudget::of(200, CORNERS, 40);
+        let spent = spend_all(&first);
+        assert!(!first.is_over());
+        let mut budget = first.clone();
+        let mut all = spent;
+        for _ in 0..10 {
+            // Each has a share of its own, and no more than what is left.
+            budget = budget.again();
+            assert_eq!(budget.share(), 0.0);
+            all += spend_all(&budget);
+        }
+        assert!(budget.is_over() && budget.is_spent() && first.share_of_session() >= 1.0);
+        assert!(all - linearisation(200, CORNERS, 40) <= first.of_session);
     }
 }

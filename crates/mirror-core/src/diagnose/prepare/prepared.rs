@@ -47,6 +47,7 @@ impl Prepared {
         let mut problem = Problem::new(robot, recording)?;
         problem.cancel = options.cancel.clone();
         problem.progress = options.progress.clone();
+        problem.budget = memory.next_budget(&problem.budget);
         let stated = problem.noise;
         let mut left_out = leave_out_wrong_grids(&mut problem);
         let given = problem.clone();

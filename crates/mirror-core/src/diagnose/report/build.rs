@@ -27,7 +27,7 @@ use crate::diagnose::random_effects::geometric_tolerances::{Geometry, Kind};
 use crate::diagnose::report::doubts::doubted;
 use crate::diagnose::report::free_numbers::with_free_numbers;
 use crate::diagnose::report::gap_steps::{Part, gap_steps};
-use crate::diagnose::report::reservations::beside_remainder;
+use crate::diagnose::report::reservations::{beside_remainder, where_cut_off};
 use crate::diagnose::report::rms_shift::{noise_square, rms_shift, shift_of_rows};
 use crate::diagnose::report::sentence::sentence;
 use crate::diagnose::report::setup_causes::{setup_causes, zeros_log_bayes};
@@ -68,6 +68,7 @@ pub(crate) fn diagnosis(
     let (mut causes, parts): (Vec<Cause>, Vec<Part>) = told.into_iter().unzip();
     add_stability(findings, &standings, ranking, (&mut causes, &parts))?;
     beside_remainder(&mut causes, findings)?;
+    where_cut_off(&mut causes, &parts, findings);
     let mut gap = gap_over(&findings.before, &findings.after, &floor, &deviations.law_shifts, checked);
     gap.steps = gap_steps(findings, &causes, &parts)?;
     let places = places(findings, &causes);

@@ -6,6 +6,7 @@ use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::criteria::cross_validation::{in_sample, seen_size};
 use crate::diagnose::data::diagnosis::{Cause, Data, Diagnosis, Gap, LeftOut, Verdict};
 use crate::diagnose::principles::{ABOVE_SCATTER, LEAST_HELD_OUT_RATIO, MAJORITY};
+use crate::diagnose::report::gap_steps::Part;
 use crate::diagnose::report::rms_shift::noise_square;
 use crate::error::Result;
 use std::collections::BTreeMap;
@@ -65,6 +66,15 @@ pub(crate) fn beside_remainder(causes: &mut [Cause], findings: &Findings<'_>) ->
     Ok(())
 }
 
+/// Limits what is told where the search ended at its limit of work: of each cause and each displaced mount, a hypothesis
+/// that was not tested may be as probable.
+pub(crate) fn where_cut_off(causes: &mut [Cause], parts: &[Part], findings: &Findings<'_>) {
+    let searched = causes.iter_mut().zip(parts).filter(|(_, part)| **part != Part::Mistake);
+    for (cause, _) in searched.filter(|_| findings.found.cut_off) {
+        cause.probability /= 1.0 + cause.probability;
+    }
+}
+
 /// Takes a verdict back that the counted data do not carry.
 pub(crate) fn reserve(diagnosis: &mut Diagnosis, findings: &Findings<'_>) {
     if diagnosis.verdict == Verdict::None && evidence::much_is_false(&diagnosis.data) {
@@ -100,13 +110,19 @@ pub(crate) fn reserve(diagnosis: &mut Diagnosis, findings: &Findings<'_>) {
         diagnosis.next_postures.clear();
     }
     let budget = &findings.search.problem.budget;
-    diagnosis.trace.push(format!("work: {:.0} % of the limit", 100.0 * budget.share()));
+    diagnosis.trace.push(format!("work: {:.0} % of the limit", 100.0 * budget.share_of_session()));
     if budget.is_spent() {
+        diagnosis.warnings.push(
+            "the limit of work was reached: not every alternative was tried, and what is told is of the most probable model found until then"
+                .into(),
+        );
         diagnosis.sentence += match diagnosis.verdict {
             Verdict::Partial | Verdict::Unknown => {
                 " The search ended at its limit of work: an effect of the vocabulary may still explain it."
             }
-            Verdict::Explained if diagnosis.causes.iter().any(|c| c.kind != "data") => {
+            Verdict::Explained
+                if findings.found.cut_off && diagnosis.causes.iter().any(|c| c.kind != "data") =>
+            {
                 " The search ended at its limit of work: a hypothesis that was not tested may be as probable as each cause."
             }
             _ => "",

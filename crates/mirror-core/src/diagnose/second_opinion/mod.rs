@@ -15,6 +15,9 @@
 //! | something is unexplained | searches, with the causes found, for mistakes that are as small as usual errors (a slightly late log) | leaves no more, and explains everything or most of it |
 //! | a cause is far larger than such an error usually is | searches in the same way, without that cause | explains everything with no more causes |
 //! | the observations left out as false lie together | searches in the same way | explains everything and leaves out less than half of them |
+//!
+//! All diagnoses of a session share one budget of work. Where it is used up no further one begins, and the result says
+//! so. A second diagnosis that ended at the limit is accepted only if it leaves no larger gap.
 
 mod reason;
 #[cfg(test)]
@@ -22,14 +25,14 @@ mod tests;
 
 use crate::diagnose::data::diagnosis::{Cause, Diagnosis, Verdict};
 use crate::diagnose::data::recording::Recording;
-use crate::diagnose::pipeline;
+use crate::diagnose::pipeline::{self, Outcome};
 use crate::diagnose::prepare::first_day::Memory;
 use crate::diagnose::prepare::first_result::FirstResult;
 use crate::diagnose::prepare::options::{DiagnoseOptions, OtherSession};
 use crate::diagnose::prepare::prepared::Prepared;
 use crate::error::Result;
 use crate::robot::Robot;
-use reason::{Reason, is_of_a_column, takes_most};
+use reason::{Reason, is_of_a_column, left, takes_most};
 
 /// Diagnoses a recording: where the model is wrong, which effect causes it, how far the gap shrinks.
 ///
@@ -53,7 +56,7 @@ pub fn diagnose(
     let mut mistakes = at_first.mistakes().to_vec();
     let mut found = pipeline::diagnose(at_first, robot, recording, options, others)?;
     let mut spoilt = true;
-    if found.lost || found.left_beside_step.is_some() {
+    if (found.lost || found.left_beside_step.is_some()) && !is_over(&mut found) {
         // Effects that were not among the small errors may need far fewer parameters than free positions, and play or
         // sticking looks like another zero where a joint turns back.
         let again = prepared(options, None, false)?;
@@ -76,6 +79,9 @@ pub fn diagnose(
         (found, mistakes, spoilt) = (second, its_mistakes, false);
     }
     for reason in Reason::all(&found, recording, &mistakes) {
+        if is_over(&mut found) {
+            break;
+        }
         let known = FirstResult { sought: reason.seeks(), ..found.known.clone() };
         let mut still = options.clone();
         still.without.extend(reason.without().iter().map(|effect| (*effect).to_owned()));
@@ -90,7 +96,8 @@ pub fn diagnose(
             Some(left) => takes_most(left, &found.diagnosis),
             None => reason.believes(&second.diagnosis, &found.diagnosis),
         };
-        if believed {
+        let ended = !second.budget.is_spent() || left(&second.diagnosis) <= left(&found.diagnosis);
+        if believed && ended {
             let mut second = second.diagnosis;
             second.trace.insert(0, reason.words().into());
             return Ok(second);
@@ -98,6 +105,18 @@ pub fn diagnose(
     }
     Ok(found.diagnosis)
 }
+
+/// Whether the session's work is used up, which is told in the first result.
+fn is_over(found: &mut Outcome) -> bool {
+    let over = found.budget.is_over();
+    if over {
+        found.diagnosis.warnings.push(NO_SECOND.into());
+    }
+    over
+}
+
+/// The warning where the budget did not suffice for a second diagnosis.
+const NO_SECOND: &str = "the limit of work was reached: there is reason for a second diagnosis with other assumptions, which was not made";
 
 /// Whether the same mistakes were undone, apart from their parameters.
 fn same_mistakes(a: &[Cause], b: &[Cause]) -> bool {

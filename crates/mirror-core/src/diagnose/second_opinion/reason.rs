@@ -253,6 +253,6 @@ pub(super) fn takes_most(left_by_second: f64, first: &Diagnosis) -> bool {
 }
 
 /// The held-out gap, in the unit of the observations.
-fn left(diagnosis: &Diagnosis) -> f64 {
+pub(super) fn left(diagnosis: &Diagnosis) -> f64 {
     diagnosis.gap.after_px.or(diagnosis.gap.after_m).unwrap_or(f64::INFINITY)
 }

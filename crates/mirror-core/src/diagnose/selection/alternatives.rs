@@ -205,31 +205,12 @@ fn by_stated_mounts(search: &Search<'_>, found: &Found, i: usize) -> Result<Opti
 /// Rounds in which causes are replaced by their alternatives.
 const ROUNDS: Size = 4;
 
-/// As [`at_rest`]; where the search ended at its limit of work, a hypothesis that was not tested may be as probable
-/// as what was found.
-///
-/// # Errors
-/// Invalid parameters of the camera or mirror.
-pub(crate) fn settled(
-    search: &Search<'_>,
-    found: &mut Found,
-    after: &mut Vec<PostureGap>,
-) -> Result<Vec<Option<Standing>>> {
-    let mut standings = at_rest(search, found, after)?;
-    if search.problem.budget.is_spent() {
-        for standing in standings.iter_mut().flatten() {
-            standing.probability /= 1.0 + standing.probability;
-        }
-    }
-    Ok(standings)
-}
-
 /// The probabilities of every cause, after each was replaced by an alternative, or by none, where evidence and
 /// held-out regions together make that more probable; none for free-form errors. `after` is the held-out gap.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.
-fn at_rest(
+pub(crate) fn settled(
     search: &Search<'_>,
     found: &mut Found,
     after: &mut Vec<PostureGap>,

@@ -3,6 +3,7 @@
 //! or like an unknown law.
 
 use crate::diagnose::likelihood::noise_correlation::widening_of_views;
+use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::selection::search::{Found, Search};
 use crate::error::Result;
 
@@ -19,6 +20,12 @@ pub(crate) fn allow_for_correlation(search: &mut Search<'_>, found: &mut Found) 
     search.noise_widening = widening;
     search.measured_noise.marker_px *= widening;
     search.problem.noise = search.measured_noise;
+    if search.problem.budget.is_spent() {
+        // No further search: what was found is fitted again.
+        found.noise = search.effective(&found.fit.model)?;
+        found.fit = search.fit(&found.fit.model, found.noise, SOLVER.final_steps)?;
+        return Ok(());
+    }
     let mut again = search.run(found.fit.model.clone())?;
     let mut trace = std::mem::take(&mut found.trace);
     trace.push(format!("detection errors are correlated over frames: noise {widening:.2} times what the views of a posture show"));

@@ -45,6 +45,7 @@ pub(crate) fn beside_lost_column(
     let mut geometry = None;
     let mounted = Geometry::of_setup(&search.problem, without);
     if !mounted.group.columns.is_empty()
+        && !search.problem.budget.is_spent()
         && !suffices(search, &found)?
         && let Some(freed) = with_setup(search, &found, nominal, stated, mounted)?
     {

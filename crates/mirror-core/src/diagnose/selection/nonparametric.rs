@@ -115,7 +115,10 @@ pub(crate) fn beside_free_forms<'a>(
     };
     let mut best: Option<(Search<'a>, Found)> = None;
     let starts = if enough || terms == 0 { vec![nominal] } else { vec![nominal, &found.fit.model] };
-    for start in starts {
+    for (i, start) in starts.into_iter().enumerate() {
+        if i > 0 && search.problem.budget.is_spent() {
+            break;
+        }
         let mut beside = wide.clone();
         let result = beside.run(start.clone())?;
         let better = match &best {

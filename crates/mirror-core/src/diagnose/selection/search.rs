@@ -59,6 +59,8 @@ pub(crate) struct Found {
     pub noise: Noise,
     /// The trace: one line for each step.
     pub trace: Vec<String>,
+    /// Whether the search ended at its limit of work.
+    pub cut_off: bool,
 }
 
 /// The input of the search.
@@ -183,7 +185,7 @@ impl Search<'_> {
     /// # Errors
     /// Invalid parameters of the camera or mirror.
     pub fn run(&mut self, start: Model) -> Result<Found> {
-        let mut trace = Vec::new();
+        let (mut trace, mut cut_off) = (Vec::new(), false);
         let mut noise = self.effective(&start)?;
         let mut best = self.fit(&start, noise, SOLVER.final_steps)?;
         noise = self.effective(&best.model)?;
@@ -195,6 +197,7 @@ impl Search<'_> {
         while best.model.terms.len() < self.options.most_causes {
             if self.problem.budget.is_spent() {
                 trace.push("the search ends at its limit of work".into());
+                cut_off = true;
                 break;
             }
             let candidates = self.candidates(&best.model, noise, self.options.refined, None)?;
@@ -260,7 +263,7 @@ impl Search<'_> {
             }
             seen.push(now);
         }
-        Ok(Found { fit: best, noise, trace })
+        Ok(Found { fit: best, noise, trace, cut_off })
     }
 
     /// Reports the intermediate result to the observer.
@@ -319,10 +322,13 @@ impl Search<'_> {
 
     /// Replaces causes by better alternatives, given the other causes.
     fn exchange(&mut self, mut best: Fit, noise: Noise, trace: &mut Vec<String>) -> Result<Fit> {
-        if best.model.terms.len() < 2 || self.problem.budget.is_spent() {
+        if best.model.terms.len() < 2 {
             return Ok(best);
         }
         for i in 0..best.model.terms.len() - 1 {
+            if self.problem.budget.is_spent() {
+                break;
+            }
             let own = best.model.terms[i].hypothesis;
             let here = self.fit_with_slack(&best.model, Some(i), noise, SOLVER.final_steps)?;
             let rest = self.taken_out(&best.model, i, noise)?;

@@ -81,6 +81,12 @@ pub(crate) fn with_or_without_setup(
         *search = freed.search;
         return Ok((freed.found, Some(freed.setup).filter(|s| !s.group.columns.is_empty())));
     }
+    if search.problem.budget.is_spent() {
+        few.cut_off = true;
+        let Some(freed) = freed else { return Ok((few, None)) };
+        *search = freed.search;
+        return Ok((freed.found, Some(freed.setup).filter(|s| !s.group.columns.is_empty())));
+    }
     // A few causes more may be all that there is.
     let mut plain = search.clone();
     let mut more = plain.run(few.fit.model.clone())?;

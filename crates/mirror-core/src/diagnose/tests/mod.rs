@@ -19,3 +19,4 @@ mod shortcuts;
 mod springs;
 mod statistics;
 mod thresholds;
+mod work_limit;

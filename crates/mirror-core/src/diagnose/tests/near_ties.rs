@@ -35,7 +35,7 @@ fn what_a_tilt_stands_for_is_found_from_the_zero_that_was_as_likely_once() {
         let mut search = search(&problem, &catalogue);
         let noise = search.effective(&one(taken)).unwrap();
         let fit = search.fit(&one(taken), noise, 6).unwrap();
-        let mut found = Found { fit, noise, trace: Vec::new() };
+        let mut found = Found { fit, noise, trace: Vec::new(), cut_off: false };
         search.ties = vec![(taken, one(other).terms[0].clone())];
         from_near_ties(&mut search, &mut found).unwrap();
         assert!(search.ties.is_empty());
@@ -51,7 +51,7 @@ fn what_a_tilt_stands_for_is_found_from_the_zero_that_was_as_likely_once() {
     let both = search(&problem, &catalogue);
     let model = one(zero).with(&catalogue, ratio, 0.0);
     let fit = both.fit(&model, NOISE, 8).unwrap();
-    let mut found = Found { fit, noise: NOISE, trace: Vec::new() };
+    let mut found = Found { fit, noise: NOISE, trace: Vec::new(), cut_off: false };
     let mut ended = both.clone();
     ended.ties = vec![(ratio, one(glass).terms[0].clone())];
     from_near_ties(&mut ended, &mut found).unwrap();

@@ -1,8 +1,9 @@
-//! Results of earlier preparations of the same session. After the same mistakes are undone the session is the same, and
-//! each stage gives the same result.
+//! What the diagnoses of one session share: results of earlier preparations, and the budget of work. After the same
+//! mistakes are undone the session is the same, and each stage gives the same result.
 
 use super::mistake::Mistake;
 use super::outlying::False;
+use crate::diagnose::model::work_budget::WorkBudget;
 use crate::error::Result;
 
 /// Results of one stage, by the mistakes that were undone before it.
@@ -28,16 +29,24 @@ impl<T: Clone> Known<T> {
 /// A mistake with its log odds, if one was found.
 type Found = Option<(Mistake, f64)>;
 
-/// Results of the stages that depend only on the session and on the mistakes undone before.
+/// Results of the stages that depend only on the session and on the mistakes undone before, and the work so far.
 #[derive(Default)]
 pub(crate) struct Memory {
     gravity: Known<Found>,
     /// Without and with changes of joints' zeros.
     slips: [Known<Found>; 2],
     outlying: Known<Vec<False>>,
+    budget: Option<WorkBudget>,
 }
 
 impl Memory {
+    /// The budget of the next diagnosis; `own`: that of a session's first.
+    pub(crate) fn next_budget(&mut self, own: &WorkBudget) -> WorkBudget {
+        let next = self.budget.as_ref().map_or_else(|| own.clone(), WorkBudget::again);
+        self.budget = Some(next.clone());
+        next
+    }
+
     /// Gravity in another direction.
     pub(super) fn gravity(
         &mut self,
