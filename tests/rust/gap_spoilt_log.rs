@@ -191,10 +191,11 @@ fn a_spoilt_column_is_found_beside_mounts_by_hand() {
 
 #[test]
 fn a_spoilt_column_is_found_where_the_measured_frame_is_unknown() {
+    type Spoil = fn(f64) -> f64;
     let world = World::new(4, true);
     // All markers on one arm: no other joint shows the frame. First joints of a chain turn what the frame does.
-    let unsigned: fn(f64) -> f64 = f64::abs;
-    let spoilt: [(&str, u64, fn(f64) -> f64); 3] =
+    let unsigned: Spoil = f64::abs;
+    let spoilt: [(&str, u64, Spoil); 3] =
         [("r_elbow", 51, |_| 0.0), ("r_shoulder_pitch", 52, |_| 0.4), ("r_shoulder_yaw", 53, unsigned)];
     for (name, seed, spoil) in spoilt {
         let plan = Plan { postures: 61, views: 1, seed, ..Plan::default() };

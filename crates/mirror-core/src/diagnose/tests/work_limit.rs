@@ -57,3 +57,22 @@ fn what_was_found_at_the_limit_of_work_is_told_and_said_to_be_so() {
     assert!(!says_so(&all) && all.causes.len() == 2, "{:?} {:?}", all.causes, all.warnings);
     assert!(all.causes.iter().all(|c| c.probability > 0.5), "{:?}", all.causes);
 }
+
+#[test]
+fn a_further_diagnosis_has_what_the_ones_before_left() {
+    let world = World::new(4, true);
+    let robot = Robot::from_urdf_str(&world.urdf()).unwrap();
+    let recording = world.record(&Plan { postures: 12, ..Plan::default() });
+    let options = DiagnoseOptions::default();
+    let mut memory = Memory::default();
+    let mut next = || {
+        Prepared::new(&robot, &recording, &options, None, (true, true), &mut memory).unwrap().problem.budget
+    };
+    let first = next();
+    while !first.is_over() {
+        first.spend(10, 0, 40);
+    }
+    let (before, second) = (first.share_of_session(), next());
+    assert!(second.is_over() && second.share_of_session() >= before, "{before}");
+    assert!(second.share() < 0.2, "{}", second.share());
+}
