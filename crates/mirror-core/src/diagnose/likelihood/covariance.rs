@@ -67,6 +67,7 @@ pub(crate) fn variances(factor: &Cholesky<f64, Dyn>, which: Range<usize>) -> Vec
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
 

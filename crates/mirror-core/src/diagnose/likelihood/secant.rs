@@ -42,6 +42,7 @@ impl Secant {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
     use crate::diagnose::likelihood::normal_equations::Planes;
