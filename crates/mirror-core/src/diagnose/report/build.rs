@@ -67,7 +67,7 @@ pub(crate) fn diagnosis(
     told.sort_by(|a, b| b.0.rms_shift.total_cmp(&a.0.rms_shift));
     let (mut causes, parts): (Vec<Cause>, Vec<Part>) = told.into_iter().unzip();
     add_stability(findings, &standings, ranking, (&mut causes, &parts))?;
-    beside_remainder(&mut causes, findings)?;
+    beside_remainder(&mut causes, findings, recording)?;
     where_cut_off(&mut causes, &parts, findings);
     let mut gap = gap_over(&findings.before, &findings.after, &floor, &deviations.law_shifts, checked);
     gap.steps = gap_steps(findings, &causes, &parts)?;

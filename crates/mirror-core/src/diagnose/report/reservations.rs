@@ -5,6 +5,8 @@ use crate::diagnose::assessment::evidence;
 use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::criteria::cross_validation::{in_sample, seen_size};
 use crate::diagnose::data::diagnosis::{Cause, Data, Diagnosis, Gap, LeftOut, Verdict};
+use crate::diagnose::data::recording::Recording;
+use crate::diagnose::prepare::first_day::leaves_gross;
 use crate::diagnose::principles::{ABOVE_SCATTER, LEAST_HELD_OUT_RATIO, MAJORITY};
 use crate::diagnose::report::gap_steps::Part;
 use crate::diagnose::report::rms_shift::noise_square;
@@ -48,9 +50,16 @@ pub(crate) fn hangs_on_regions(gap: &Gap) -> Option<String> {
 /// observations beyond noise, up to `R/2` of what a cause moves, S (root mean squares), may be another one's. Its
 /// probability is multiplied by `S² / (S² + (R/2)²)`.
 ///
+/// Where what is left is as gross as a mistake of model or log, there is one that is not known. A mistake that was undone
+/// may be a part of it, and small errors were estimated beside it: no cause is more probable than not.
+///
 /// # Errors
 /// Invalid parameters of the camera or mirror.
-pub(crate) fn beside_remainder(causes: &mut [Cause], findings: &Findings<'_>) -> Result<()> {
+pub(crate) fn beside_remainder(
+    causes: &mut [Cause],
+    findings: &Findings<'_>,
+    recording: &Recording,
+) -> Result<()> {
     if findings.unexplained.is_none() {
         return Ok(());
     }
@@ -62,6 +71,9 @@ pub(crate) fn beside_remainder(causes: &mut [Cause], findings: &Findings<'_>) ->
     for cause in causes.iter_mut().filter(|c| c.rms_shift > 0.0) {
         let own = cause.rms_shift.powi(2);
         cause.probability *= own / (own + MAJORITY.powi(2) * remainder);
+    }
+    if !causes.is_empty() && leaves_gross(&search.problem, &deformation, recording)? {
+        causes.iter_mut().for_each(|c| c.probability *= MAJORITY);
     }
     Ok(())
 }

@@ -71,7 +71,11 @@ impl<'a> Session<'a> {
             self.joints.iter().copied().filter(|(j, _)| moves(&variant.column(*j))).collect();
         for &(joint, node) in &moving {
             out.push(Mistake::AxisSign { node });
-            let units = UNITS.iter().chain(&FACTORS);
+            // What a factor makes nearly constant is not that column in another unit: nothing shows that it is the joint's.
+            let (low, high) = range(&variant.column(joint));
+            let reach = if self.turns(node) { self.problem.scene.reach_m } else { 1.0 };
+            let still_moves = |factor: &&f64| (high - low) * **factor * reach > self.misfit.usual_m;
+            let units = UNITS.iter().chain(&FACTORS).filter(still_moves);
             out.extend(units.map(|&factor| Mistake::JointUnit { joint, factor }));
         }
         for (i, &(a, _)) in moving.iter().enumerate() {

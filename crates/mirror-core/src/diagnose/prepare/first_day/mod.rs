@@ -45,6 +45,7 @@ mod verify;
 
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::likelihood::probability::tempered;
+use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::prepare::first_result::FirstResult;
 use crate::diagnose::principles::{BEYOND_DOUBT, Size};
@@ -158,6 +159,20 @@ pub(crate) fn undone(
         && out.trace.is_empty()
         && out.left_out.is_empty();
     Ok((!nothing).then_some(out))
+}
+
+/// Whether a deformation leaves errors of a size that mistakes have, of a session with its mistakes undone. False where
+/// something slipped: the loss does not know of slips.
+///
+/// # Errors
+/// Invalid parameters of camera or mirror.
+pub(crate) fn leaves_gross(problem: &Problem, found: &Deformation, recording: &Recording) -> Result<bool> {
+    if !problem.slips.is_empty() {
+        return Ok(false);
+    }
+    let misfit = Misfit::given(problem, found)?;
+    let frames = spread(&crate::diagnose::likelihood::saturated::postures(problem), FRAMES, 1);
+    Ok(Chain::new(Vec::new(), Variant::of(recording, problem), &misfit, &frames).is_gross())
 }
 
 /// A slip, or a lost zero of a joint, during the session.
