@@ -256,3 +256,28 @@ fn chi_squared_1_above(x: f64) -> f64 {
     let inner: f64 = (1..STEPS).map(|i| if i % 2 == 1 { 4.0 } else { 2.0 } * density(i)).sum();
     1.0 - (density(0) + inner + density(STEPS)) * h / 3.0 * (2.0 / core::f64::consts::PI).sqrt()
 }
+
+#[test]
+fn a_factor_that_makes_a_column_constant_is_no_unit() {
+    let world = World::new(4, false);
+    let mut recording = world.record(&PLAN);
+    let joint = {
+        let problem = problem_of(&world, &recording);
+        let misfit = Misfit::new(&problem).unwrap();
+        Session::new(&problem, &misfit, &[]).joints[0].0
+    };
+    let factors = |recording: &Recording| -> Vec<f64> {
+        let problem = problem_of(&world, recording);
+        let misfit = Misfit::new(&problem).unwrap();
+        let session = Session::new(&problem, &misfit, &[]);
+        let of_joint = |m| match m {
+            Mistake::JointUnit { joint: j, factor } if j == joint => Some(factor),
+            _ => None,
+        };
+        session.of_joints(&Variant::of(recording, &problem), false).into_iter().filter_map(of_joint).collect()
+    };
+    let degree = 1f64.to_radians();
+    assert!(!factors(&recording).contains(&degree) && factors(&recording).contains(&0.5));
+    recording.frames.iter_mut().for_each(|f| f.commanded[joint] /= degree);
+    assert!(factors(&recording).contains(&degree));
+}
