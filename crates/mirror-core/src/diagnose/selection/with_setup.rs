@@ -76,13 +76,9 @@ pub(crate) fn with_or_without_setup(
     let freed = if enough { None } else { with_setup(search, &few, nominal, stated, mounted)? };
     let all_off =
         |f: &WithSetup<'_>| !f.setup.group.columns.is_empty() && all_displaced(&f.setup, &f.found.fit);
-    if at_its_end || freed.as_ref().is_some_and(all_off) {
-        let Some(freed) = freed else { return Ok((few, None)) };
-        *search = freed.search;
-        return Ok((freed.found, Some(freed.setup).filter(|s| !s.group.columns.is_empty())));
-    }
-    if search.problem.budget.is_spent() {
-        few.cut_off = true;
+    let settled = at_its_end || freed.as_ref().is_some_and(all_off);
+    if settled || search.problem.budget.is_spent() {
+        few.cut_off |= !settled;
         let Some(freed) = freed else { return Ok((few, None)) };
         *search = freed.search;
         return Ok((freed.found, Some(freed.setup).filter(|s| !s.group.columns.is_empty())));
