@@ -22,8 +22,18 @@ def test_several_balls_must_agree_that_the_curve_is_another() -> None:
     assert curve_doubt(told) == pytest.approx(3.15 - 0.7)
     assert curve_doubt(told[:2]) == 1.0
     # Balls that contradict each other show their own shading.
-    assert curve_doubt([told_by(one) for one in (-6.0, 5.0, 2.0, -1.0)]) == 1.0
+    assert curve_doubt([told_by(one) for one in (-6.0, 5.0, 2.0, -1.0)]) == pytest.approx(1.0, abs=0.1)
     assert curve_doubt([None, told_by(None), *told[:2]]) == 1.0
+
+
+def test_balls_that_show_the_usual_curve_lessen_the_doubt() -> None:
+    """A measurement of 0 with a deviation as large as the prior's halves the variance."""
+    told = [told_by(one) for one in (-0.1, 0.1, 0.0, 0.05)]
+    assert curve_doubt(told) == pytest.approx(np.sqrt(0.5), abs=0.01)
+    fit = with_curve_doubt(told_by(0.0), curve_doubt(told))
+    assert fit is not None
+    assert np.linalg.eigvalsh(fit.centroid_covariance_px2).min() > 0.0
+    assert fit.centroid_covariance_px2[0, 0] < told_by(0.0).centroid_covariance_px2[0, 0]
 
 
 def test_a_doubted_curve_widens_a_claim_where_it_moves_the_ball() -> None:

@@ -19,7 +19,7 @@ from ..short_repr import ShortRepr
 from .ball import Circle, OutlineFit, measure_blurred_balls
 from .blobs import Region
 from .candidates import choose
-from .ghost import Ghost, with_ghost
+from .ghost_light import Ghost, with_ghost_left, without_ghost
 from .marker_judge import BLURRED_SHARE, MarkerOptions, judged
 from .types import MarkerView, PredictedMarker
 
@@ -123,9 +123,11 @@ def blurred_views(
     starts = [Circle(np.array(region.centroid_px), wanted[index].radius_px) for index, region in tried]
     found: list[list[Blurred]] = [[] for _ in wanted]
     for (index, region), alone in zip(
-        tried, measure_blurred_balls(bgr, starts, KNOWN_SIZE_SHARE, camera), strict=True
+        tried,
+        measure_blurred_balls(without_ghost(bgr, ghost, starts), starts, KNOWN_SIZE_SHARE, camera),
+        strict=True,
     ):
-        one, fit = wanted[index], with_ghost(alone, ghost)
+        one, fit = wanted[index], with_ghost_left(alone, ghost, False)
         if fit is None or not _is_blurred_ball(fit, region, one.radius_px, coded):
             continue
         view = judged(bgr, one.marker, region, fit, options)

@@ -22,7 +22,7 @@ from .blobs import Region, color_regions, contour_px
 from .blurred import MOST_QUANTISATION_STEP, Expected, with_blurred
 from .candidates import NEARER_RADII, SIZE_FACTOR, Candidate, choose, find_candidates
 from .curve import curve_doubt, with_curve_doubt
-from .ghost import Ghost, with_ghost
+from .ghost_light import Ghost, with_ghost_left, without_ghost
 from .marker_choice import Choice, SizeBounds, assign
 from .marker_judge import (
     MarkerOptions,
@@ -75,8 +75,8 @@ def detect_markers(
 
     `predictions` are fences: nothing outside of them is looked at. `expected` are hints, of a robot's model: place and size of each ball, either of which may be
     off. `chroma_step_px`: pixels across and down that share a colour, as the picture's codec has it;
-    `quantisation_step`: its step of brightness, levels; `codec`: how it was coded, where the file tells it. `ghost`: the second picture that a pane shows, whose
-    pull the covariances then hold.
+    `quantisation_step`: its step of brightness, levels; `codec`: how it was coded, where the file tells it. `ghost`: the second picture that a pane shows, which is
+    taken off.
     """
     options = (options or MarkerOptions()).with_codec(quantisation_step, chroma_step_px != (1, 1))
     bounds = bounds or {}
@@ -115,10 +115,14 @@ def detect_markers(
         return [
             None
             if fit is None
-            else with_ghost(
-                replace(fit, centroid_covariance_px2=widened * fit.centroid_covariance_px2), ghost
+            else with_ghost_left(
+                replace(fit, centroid_covariance_px2=widened * fit.centroid_covariance_px2),
+                ghost,
+                chroma_step_px != (1, 1),
             )
-            for fit in measure_balls(bgr, starts, assumed, chroma_step_px)
+            for fit in measure_balls(
+                without_ghost(bgr, ghost, [start.circle for start in starts]), starts, assumed, chroma_step_px
+            )
         ]
 
     found = measured(starts)

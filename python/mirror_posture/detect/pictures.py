@@ -22,6 +22,7 @@ from ..camera import Camera
 from .board import BoardOptions, detect_boards
 from .charuco import detect_charuco
 from .ghost import board_ghost
+from .ghost_light import Pane
 from .hidden import told_hidden
 from .marker_choice import SizeBounds
 from .marker_judge import MarkerOptions
@@ -103,9 +104,13 @@ def detect_picture(
         warnings += tuple(filter(None, (told_hidden(view, chessboard) for view in boards)))
     bounds = _size_bounds(boards, setup)
     reflected = next((view for view in boards if view.ok and view.via == "mirror"), None)
+    mirror = _mirror(boards, setup, prediction)
     ghost = None
     if setup.markers and chessboard is not None and reflected is not None:
-        ghost = board_ghost(cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY), reflected, chessboard)
+        pane = None
+        if mirror is not None and setup.camera is not None:
+            pane = Pane(mirror.normal, float(np.linalg.norm(mirror.reflection_m)), setup.camera)
+        ghost = board_ghost(cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY), reflected, chessboard, pane)
     markers = detect_markers(
         bgr,
         setup.markers,
@@ -223,29 +228,49 @@ def _size_bounds(boards: tuple[BoardView, ...], setup: DetectionSetup) -> dict[s
     }
 
 
+@dataclass(frozen=True)
+class _Mirror:
+    """The plane of a picture's mirror in the camera frame, `n · x = offset`, n away from the camera, and the centre of the board's reflection (3,), m."""
+
+    normal: FloatArray
+    offset_m: float
+    reflection_m: FloatArray
+
+
+def _mirror(
+    boards: tuple[BoardView, ...], setup: DetectionSetup, prediction: PicturePrediction
+) -> _Mirror | None:
+    """By the point pair (paper, Eq. 2): the plane half-way between the board's centre and its reflection; None where one of them is not known."""
+    camera, board = setup.camera, prediction.board
+    seen = [view for view in boards if view.ok and view.via == "mirror" and view.corners_px is not None]
+    if camera is None or setup.board is None or board is None or board.camera_from_board is None or not seen:
+        return None
+    corners = seen[0].corners_px
+    if corners is None:
+        return None
+    pose = board_pose(corners, setup.board, camera, seen[0].visible)
+    if pose is None:
+        return None
+    centre = np.asarray(board.camera_from_board, dtype=np.float64)[:3, 3]
+    apart = pose.center_in_camera_m - centre
+    length = float(np.linalg.norm(apart))
+    if length < 1e-6:
+        return None
+    normal = apart / length
+    return _Mirror(
+        normal, float(normal @ (0.5 * (pose.center_in_camera_m + centre))), pose.center_in_camera_m
+    )
+
+
 def expected_markers(
     boards: tuple[BoardView, ...], setup: DetectionSetup, prediction: PicturePrediction
 ) -> tuple[PredictedMarker, ...]:
     """Predicted places and sizes of the balls in the mirror of this picture, which the board's reflection
     determines."""
-    camera, board = setup.camera, prediction.board
-    seen = [view for view in boards if view.ok and view.via == "mirror" and view.corners_px is not None]
-    if camera is None or setup.board is None or board is None or board.camera_from_board is None or not seen:
+    camera, mirror = setup.camera, _mirror(boards, setup, prediction)
+    if camera is None or mirror is None:
         return ()
-    corners = seen[0].corners_px
-    if corners is None:
-        return ()
-    pose = board_pose(corners, setup.board, camera, seen[0].visible)
-    if pose is None:
-        return ()
-    # The point pair (paper, Eq. 2): the plane half-way between the board's centre and its reflection.
-    centre = np.asarray(board.camera_from_board, dtype=np.float64)[:3, 3]
-    apart = pose.center_in_camera_m - centre
-    length = float(np.linalg.norm(apart))
-    if length < 1e-6:
-        return ()
-    normal = apart / length
-    offset = float(normal @ (0.5 * (pose.center_in_camera_m + centre)))
+    normal, offset = mirror.normal, mirror.offset_m
     found = []
     for marker in setup.markers:
         if marker.name not in prediction.marker_in_camera_m or marker.diameter_m <= 0.0:
