@@ -102,9 +102,10 @@ def detect_picture(
     chessboard = None if setup.board is None or setup.board.pattern == CHARUCO else setup.board
     if chessboard is not None:
         warnings += tuple(filter(None, (told_hidden(view, chessboard) for view in boards)))
-    bounds = _size_bounds(boards, setup)
+    reflection = _reflection_m(boards, setup)
+    bounds = _size_bounds(reflection, setup)
     reflected = next((view for view in boards if view.ok and view.via == "mirror"), None)
-    mirror = _mirror(boards, setup, prediction)
+    mirror = _mirror(reflection, prediction)
     ghost = None
     if setup.markers and chessboard is not None and reflected is not None:
         pane = None
@@ -120,7 +121,7 @@ def detect_picture(
         options.marker,
         # A decoded frame that was stored without loss: the file no longer says that its colours are coarser.
         chroma_step(bgr) if file.chroma_step_px == (1, 1) else file.chroma_step_px,
-        expected_markers(boards, setup, prediction),
+        _expected(mirror, setup, prediction),
         file.quantisation_step,
         ghost,
         file.codec,
@@ -203,17 +204,21 @@ def _boards(
     return detect_boards(gray, setup.board, setup.camera, prediction.board, options.board)
 
 
-def _size_bounds(boards: tuple[BoardView, ...], setup: DetectionSetup) -> dict[str, SizeBounds]:
-    """Radii at which each ball can appear in the mirror, from the distance of the board's reflection."""
+def _reflection_m(boards: tuple[BoardView, ...], setup: DetectionSetup) -> FloatArray | None:
+    """Centre of the board's reflection in the camera frame (3,), m; None where it is not seen."""
     seen = [view for view in boards if view.ok and view.via == "mirror" and view.corners_px is not None]
     if not seen or setup.board is None or setup.camera is None:
+        return None
+    corners = seen[0].corners_px
+    pose = None if corners is None else board_pose(corners, setup.board, setup.camera, seen[0].visible)
+    return None if pose is None else pose.center_in_camera_m
+
+
+def _size_bounds(reflection_m: FloatArray | None, setup: DetectionSetup) -> dict[str, SizeBounds]:
+    """Radii at which each ball can appear in the mirror, from the distance of the board's reflection."""
+    if reflection_m is None or setup.camera is None:
         return {}
-    view = seen[0]
-    assert view.corners_px is not None
-    pose = board_pose(view.corners_px, setup.board, setup.camera, view.visible)
-    if pose is None:
-        return {}
-    distance = float(np.linalg.norm(pose.center_in_camera_m))
+    distance = float(np.linalg.norm(reflection_m))
     return {
         marker.name: SizeBounds(
             setup.camera.mean_focal_px * 0.5 * marker.diameter_m / (FARTHEST_BALL * distance),
@@ -237,37 +242,25 @@ class _Mirror:
     reflection_m: FloatArray
 
 
-def _mirror(
-    boards: tuple[BoardView, ...], setup: DetectionSetup, prediction: PicturePrediction
-) -> _Mirror | None:
+def _mirror(reflection_m: FloatArray | None, prediction: PicturePrediction) -> _Mirror | None:
     """By the point pair (paper, Eq. 2): the plane half-way between the board's centre and its reflection; None where one of them is not known."""
-    camera, board = setup.camera, prediction.board
-    seen = [view for view in boards if view.ok and view.via == "mirror" and view.corners_px is not None]
-    if camera is None or setup.board is None or board is None or board.camera_from_board is None or not seen:
-        return None
-    corners = seen[0].corners_px
-    if corners is None:
-        return None
-    pose = board_pose(corners, setup.board, camera, seen[0].visible)
-    if pose is None:
+    board = prediction.board
+    if reflection_m is None or board is None or board.camera_from_board is None:
         return None
     centre = np.asarray(board.camera_from_board, dtype=np.float64)[:3, 3]
-    apart = pose.center_in_camera_m - centre
+    apart = reflection_m - centre
     length = float(np.linalg.norm(apart))
     if length < 1e-6:
         return None
     normal = apart / length
-    return _Mirror(
-        normal, float(normal @ (0.5 * (pose.center_in_camera_m + centre))), pose.center_in_camera_m
-    )
+    return _Mirror(normal, float(normal @ (0.5 * (reflection_m + centre))), reflection_m)
 
 
-def expected_markers(
-    boards: tuple[BoardView, ...], setup: DetectionSetup, prediction: PicturePrediction
+def _expected(
+    mirror: _Mirror | None, setup: DetectionSetup, prediction: PicturePrediction
 ) -> tuple[PredictedMarker, ...]:
-    """Predicted places and sizes of the balls in the mirror of this picture, which the board's reflection
-    determines."""
-    camera, mirror = setup.camera, _mirror(boards, setup, prediction)
+    """Predicted places and sizes of the balls in the mirror of this picture."""
+    camera = setup.camera
     if camera is None or mirror is None:
         return ()
     normal, offset = mirror.normal, mirror.offset_m
