@@ -18,7 +18,7 @@ unexport PYTHONDONTWRITEBYTECODE
 REALTIME := $(shell grep -l "mark.realtime" tests/python/test_*.py)
 
 SOURCES := $(shell find crates python -name '*.rs' -o -name '*.py' -o -name '*.pyi' -o -name '*.toml' -o -name '*.urdf' -o -name '*.yaml' -o -name '*.j2') \
-  Cargo.toml Cargo.lock pyproject.toml README.md
+  Cargo.toml Cargo.lock pyproject.toml README.md python/mirror_simulation/README.md
 
 # The lowest of each dependency that can be solved together; as in pyproject.toml.
 FLOORS := numpy==1.26.4 opencv-python-headless==4.11.0.86 pillow==10.4.0 simplejpeg==1.7.6 pyarrow==23.0.0 \
@@ -69,7 +69,7 @@ lint: format ## formatting, lints, types and the links of the documentation, Rus
 
 wheel: $(VENV)/tools ## the wheels that are given away: fully optimised, for Python 3.10 and later
 	$(BIN)/maturin build --release --locked --out dist
-	$(BIN)/python -m pip wheel -q --disable-pip-version-check --no-deps --wheel-dir dist ./python/mirror_lab
+	$(BIN)/python -m pip wheel -q --disable-pip-version-check --no-deps --wheel-dir dist ./python/mirror_lab ./python/mirror_simulation
 
 sdist: $(VENV)/tools ## the source distribution; builds a wheel from it, installs that, and tests it
 	rm -rf target/sdist
@@ -127,13 +127,13 @@ $(VENV)/tools: pyproject.toml
 $(VENV)/wheel: $(VENV)/tools $(SOURCES)
 	rm -rf $(WHEELS)
 	$(BIN)/maturin build -q --profile $(PROFILE) --locked --out $(WHEELS)
-	$(BIN)/python -m pip wheel -q --disable-pip-version-check --no-deps --wheel-dir $(WHEELS) ./python/mirror_lab
+	$(BIN)/python -m pip wheel -q --disable-pip-version-check --no-deps --wheel-dir $(WHEELS) ./python/mirror_lab ./python/mirror_simulation
 	touch $@
 
 # Installed as a user installs it, with its dependencies and the distribution mirror-posture-lab; the sources are not
-# on the path. The second command replaces older wheels of the same version.
+# on the path. The second command replaces older wheels of the same version, and adds mirror-posture-simulation without MuJoCo.
 $(VENV)/installed: $(VENV)/wheel
-	$(INSTALL) $(WHEELS)/*.whl
+	$(INSTALL) $(WHEELS)/mirror_posture-*.whl $(WHEELS)/mirror_posture_lab-*.whl
 	$(INSTALL) --no-deps --force-reinstall $(WHEELS)/*.whl
 	touch $@
 

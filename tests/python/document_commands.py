@@ -136,7 +136,7 @@ OTHERS = {
     ("docs/robots.md", "from mirror_posture.robots import Nominal"): ("test_robots_document.py", '"ByHandRobot("'),
     ("docs/robots.md", "from mirror_posture.robots import Look"): ("test_robots_document.py", '"class MyRobot"'),
     ("docs/robots.md", "[bus]"): ("test_robots_document.py", '"torque_share"'),
-    ("docs/moving.md", "from mirror_posture.motion import diagnose_motion"): ("test_motion.py", '"--check"'),
+    ("docs/moving.md", "from mirror_simulation.motion import diagnose_motion"): ("test_motion.py", '"--check"'),
     ("docs/diagnosing.md", "from mirror_posture.diagnosis import feed_forward"): ("test_documents.py", 'python_of("docs/diagnosing.md")'),
     ("docs/diagnosing.md", "from mirror_posture.diagnosis import OwnEffect"): ("test_documents.py", 'python_of("docs/diagnosing.md")'),
     ("docs/diagnosing.md", "import mirror_posture as mp"): ("test_documents.py", 'python_of("docs/diagnosing.md")'),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import functools
+import re
 import sys
 from importlib.metadata import PackageNotFoundError, requires, version
 from pathlib import Path
@@ -20,6 +21,7 @@ else:
 PYTHON = Path(__file__).resolve().parents[2] / "python"
 PRODUCT = PYTHON / "mirror_posture"
 LAB = PYTHON / "mirror_lab"
+SIMULATION = PYTHON / "mirror_simulation"
 
 
 @functools.cache
@@ -48,17 +50,41 @@ def within(name: str, package: str) -> bool:
 
 
 @pytest.mark.parametrize("file", sorted(PRODUCT.rglob("*.py")), ids=lambda f: str(f.relative_to(PRODUCT)))
-def test_the_product_imports_nothing_of_the_lab(file: Path) -> None:
-    wrong = {name for name in imports(file) if within(name, "mirror_lab")}
+@pytest.mark.parametrize("other", ["mirror_lab", "mirror_simulation"])
+def test_the_product_imports_nothing_of_the_other_distributions(file: Path, other: str) -> None:
+    wrong = {name for name in imports(file) if within(name, other)}
     assert not wrong
     text = file.read_text(encoding="utf-8")
-    assert 'import_module("mirror_lab' not in text and "mirror_lab." not in text
+    assert f'import_module("{other}' not in text and f"{other}." not in text
+
+
+@pytest.mark.parametrize("file", sorted(PRODUCT.rglob("*.py")), ids=lambda f: str(f.relative_to(PRODUCT)))
+def test_the_product_executes_no_simulator(file: Path) -> None:
+    """MuJoCo reads models and draws meshes here; steps in time are those of `mirror_simulation`."""
+    called = {node.attr for node in ast.walk(tree(file)) if isinstance(node, ast.Attribute)}
+    assert not called & {"mj_step", "mj_step1", "mj_step2", "rollout"}
+
+
+@pytest.mark.parametrize(
+    "file", sorted(SIMULATION.rglob("*.py")), ids=lambda f: str(f.relative_to(SIMULATION))
+)
+def test_the_simulation_imports_only_public_parts_of_the_product(file: Path) -> None:
+    """Of the native module only a type; nothing of the judge that counts how often it is right."""
+    outside = {name for name in imports(file) if not within(name, "mirror_simulation")}
+    private = {
+        name for name in outside if name.startswith("mirror_posture.") and re.search(r"\._(?!_)", name)
+    }
+    assert private <= {"mirror_posture._core", "mirror_posture._core.Measured"}
+    assert not {name for name in outside if within(name, "mirror_lab")}
 
 
 @pytest.mark.parametrize("file", sorted(LAB.rglob("*.py")), ids=lambda f: str(f.relative_to(LAB)))
 def test_the_lab_imports_nothing_of_the_diagnosis(file: Path) -> None:
     wrong = {name for name in imports(file) if within(name, "mirror_posture.diagnosis")}
     assert not wrong
+    # The one comparison of it with other tools has it at its side.
+    if file != LAB / "moving" / "peers.py":
+        assert not {name for name in imports(file) if within(name, "mirror_simulation")}
 
 
 def test_this_reader_of_imports_sees_what_it_should() -> None:
@@ -66,6 +92,8 @@ def test_this_reader_of_imports_sees_what_it_should() -> None:
         PRODUCT / "cli" / "commands" / "check.py"
     )
     assert "mirror_lab.blind.make" in imports(LAB / "commands" / "blind.py")
+    assert "mirror_posture.session.load_session" in imports(SIMULATION / "commands" / "simulate.py")
+    assert "mj_step" in (SIMULATION / "simulate" / "motion.py").read_text(encoding="utf-8")
 
 
 POSIX_ONLY = {"fcntl", "grp", "pty", "pwd", "resource", "termios", "tty"}
@@ -113,15 +141,18 @@ def test_nothing_runs_on_posix_systems_alone() -> None:
     assert not wrong
 
 
-def test_both_distributions_have_one_version() -> None:
-    project = tomllib.loads((LAB / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+@pytest.mark.parametrize(
+    ("folder", "needs"), [(LAB, []), (SIMULATION, ["mujoco>=3.3"])], ids=["lab", "simulation"]
+)
+def test_all_distributions_have_one_version(folder: Path, needs: list[str]) -> None:
+    project = tomllib.loads((folder / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     assert project["dynamic"] == ["version", "dependencies"] and "version" not in project
     workspace = tomllib.loads((PYTHON.parent / "Cargo.toml").read_text(encoding="utf-8"))["workspace"]
     assert workspace["package"]["version"] == mirror_posture.__version__
     try:
-        assert version("mirror-posture-lab") == mirror_posture.__version__
+        assert version(project["name"]) == mirror_posture.__version__
         # Entry points without a wheel say nothing of what they require.
-        assert requires("mirror-posture-lab") in (None, [f"mirror-posture=={mirror_posture.__version__}"])
+        assert requires(project["name"]) in (None, [f"mirror-posture=={mirror_posture.__version__}", *needs])
     except PackageNotFoundError:
         pytest.skip("run from the sources, not from installed wheels")
 
@@ -178,7 +209,7 @@ def test_the_search_for_circles_finds_one() -> None:
     assert circles({"a": {"b", "c"}, "b": {"c"}, "c": set()}) == []
 
 
-@pytest.mark.parametrize("top", [PRODUCT, LAB], ids=["mirror_posture", "mirror_lab"])
+@pytest.mark.parametrize("top", [PRODUCT, LAB, SIMULATION], ids=lambda top: top.name)
 def test_no_circle_of_imports(top: Path) -> None:
     assert circles(graph(top)) == []
 

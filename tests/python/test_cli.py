@@ -14,13 +14,14 @@ import pytest
 from typer.testing import CliRunner
 
 import mirror_lab.commands
+import mirror_simulation.commands
 from mirror_posture import cli
 from mirror_posture.cli import commands
 from session_folder import DETECTIONS, replaced, write_folder
 
 MODULES = [
     importlib.import_module(f"{package.__name__}.{found.name}")
-    for package in (commands, mirror_lab.commands)
+    for package in (commands, mirror_lab.commands, mirror_simulation.commands)
     for found in pkgutil.iter_modules(package.__path__)
     if not found.name.startswith("_") and found.name != "robots"
 ]
@@ -51,6 +52,21 @@ def test_the_help_names_every_command() -> None:
     assert "Exit codes" in text
     for command in COMMANDS:
         assert command.split()[0] in text
+
+
+@pytest.mark.parametrize(
+    ("command", "extra"), [("simulate", "mujoco"), ("blind", "lab"), ("reproduce", "lab")]
+)
+def test_a_command_of_another_distribution_says_what_installs_it(
+    command: str, extra: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from mirror_posture.cli import lazy_commands
+
+    own = {name: lazy_commands._own_module(name) for name in lazy_commands._own_names()}
+    monkeypatch.setattr(lazy_commands, "_all_modules", lambda: own)
+    said = run(command, code=1).stderr
+    assert f"pip install 'mirror-posture[{extra}]'" in said and len(said.splitlines()) == 1
+    assert "No such command" in run("simulat", code=2).stderr
 
 
 @pytest.mark.parametrize("command", COMMANDS)

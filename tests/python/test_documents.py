@@ -43,10 +43,14 @@ else:
 GROUP = typer.main.get_command(app)
 GROUP.list_commands(typer.Context(GROUP))  # type: ignore[attr-defined]  # builds all of them
 PRINTED = commands()
-LAB = tomllib.loads((PROJECT / "python" / "mirror_lab" / "pyproject.toml").read_text(encoding="utf-8"))[
-    "project"
-]["entry-points"]["mirror_posture.commands"]
-"""Commands of the second distribution: where only the sources are on the path they have not joined."""
+JOINED = {
+    command
+    for package in ("mirror_lab", "mirror_simulation")
+    for command in tomllib.loads(
+        (PROJECT / "python" / package / "pyproject.toml").read_text(encoding="utf-8")
+    )["project"]["entry-points"]["mirror_posture.commands"]
+}
+"""Commands of the other distributions: where only the sources are on the path they have not joined."""
 
 
 def parse(words: list[str]) -> None:
@@ -67,8 +71,8 @@ def test_the_documents_print_commands() -> None:
 @pytest.mark.parametrize("printed", PRINTED, ids=lambda p: f"{p.document}: {p.words}")
 def test_every_printed_command_is_taken_and_proved(printed: Printed) -> None:
     words = shlex.split(printed.words)[1:]
-    if words[0] in LAB and words[0] not in GROUP.commands:  # type: ignore[attr-defined]
-        pytest.skip(f"{words[0]} joins with the installed mirror-posture-lab")
+    if words[0] in JOINED and words[0] not in GROUP.commands:  # type: ignore[attr-defined]
+        pytest.skip(f"{words[0]} joins with another distribution")
     parse(words)
     assert runs_as_printed(printed) or elsewhere(printed.words) is not None, (
         "say in document_commands.py how it is proved"
@@ -93,9 +97,9 @@ def test_every_command_within_a_sentence_is_taken() -> None:
         words = shlex.split(printed.words)[1:]
         # `mirror-posture correct ROBOT … --feed-forward diagnosis`: shortened for the sentence.
         if "…" in printed.words or "ROBOT" in words or len(words) < 2:
-            assert words[0] in {*GROUP.commands, *LAB}, printed  # type: ignore[attr-defined]
+            assert words[0] in {*GROUP.commands, *JOINED}, printed  # type: ignore[attr-defined]
             continue
-        if words[0] in LAB and words[0] not in GROUP.commands:  # type: ignore[attr-defined]
+        if words[0] in JOINED and words[0] not in GROUP.commands:  # type: ignore[attr-defined]
             continue
         parse(words)
         tried += 1
@@ -105,7 +109,7 @@ def test_every_command_within_a_sentence_is_taken() -> None:
 def test_every_help_has_an_example_and_what_is_next_and_both_are_taken() -> None:
     said = set()
     for name, command in GROUP.commands.items():  # type: ignore[attr-defined]
-        if name in LAB:
+        if name in JOINED - {"simulate"}:
             continue
         parts = dict(
             re.findall(r"^ *(Example|Next): (.*?)(?:\n\n|\Z)", command.help, re.MULTILINE | re.DOTALL)

@@ -74,9 +74,9 @@ def test_a_motion_shows_what_is_larger_than_its_limits_and_hides_what_is_smaller
     late: tuple[Path, float],
 ) -> None:
     """The images moved by hand as each cause would: three times its limit is found at its place, a tenth of it is not found."""
-    from mirror_posture.motion.problem import Problem
-    from mirror_posture.motion.search import search
-    from mirror_posture.motion.shown import limits
+    from mirror_simulation.motion.problem import Problem
+    from mirror_simulation.motion.search import search
+    from mirror_simulation.motion.shown import limits
 
     problem = Problem(mp.load_session(late[0]), late[0] / "model.xml")
     joint = next(name for name in problem.scales if name.endswith("elbow"))
@@ -104,10 +104,10 @@ def test_twins_below_the_noise_stay_ambiguous_and_a_move_is_told_that_parts_them
     late: tuple[Path, float],
 ) -> None:
     """The images moved by hand as a late servo would: of one far below the noise several laws say the same, of a large one none does."""
-    from mirror_posture.motion.alternatives import rivals_of
-    from mirror_posture.motion.next_moves import next_moves, postures
-    from mirror_posture.motion.problem import Problem
-    from mirror_posture.motion.search import search
+    from mirror_simulation.motion.alternatives import rivals_of
+    from mirror_simulation.motion.next_moves import next_moves, postures
+    from mirror_simulation.motion.problem import Problem
+    from mirror_simulation.motion.search import search
 
     problem = Problem(mp.load_session(late[0]), late[0] / "model.xml")
     joint = f"joint:{next(name for name in problem.scales if name.endswith('elbow'))}"
@@ -142,8 +142,8 @@ def test_twins_below_the_noise_stay_ambiguous_and_a_move_is_told_that_parts_them
 
 
 def test_encoders_see_a_late_servo_and_no_wrong_zero(late: tuple[Path, float]) -> None:
-    from mirror_posture.motion.encoders import encoder_witness
-    from mirror_posture.motion.problem import Problem
+    from mirror_simulation.motion.encoders import encoder_witness
+    from mirror_simulation.motion.problem import Problem
 
     problem = Problem(mp.load_session(late[0]), late[0] / "model.xml")
     joint = next(name for name in problem.scales if name.endswith("elbow"))
@@ -157,7 +157,7 @@ def test_encoders_see_a_late_servo_and_no_wrong_zero(late: tuple[Path, float]) -
 
 
 def test_columns_are_the_differences_of_residuals(late: tuple[Path, float]) -> None:
-    from mirror_posture.motion.problem import Problem
+    from mirror_simulation.motion.problem import Problem
 
     problem = Problem(mp.load_session(late[0]), late[0] / "model.xml")
     joint = next(name for name in problem.scales if name.endswith("elbow"))
@@ -181,8 +181,8 @@ def test_columns_are_the_differences_of_residuals(late: tuple[Path, float]) -> N
 
 
 def test_a_spring_may_be_off_its_straight_line_by_no_more_than_a_tenth(late: tuple[Path, float]) -> None:
-    from mirror_posture.motion.problem import Problem
-    from mirror_posture.motion.springs import stiffening_columns
+    from mirror_simulation.motion.problem import Problem
+    from mirror_simulation.motion.springs import stiffening_columns
 
     problem = Problem(mp.load_session(late[0]), late[0] / "model.xml")
     joint = f"joint:{next(name for name in problem.scales if name.endswith('elbow'))}"
@@ -198,7 +198,7 @@ def test_a_spring_may_be_off_its_straight_line_by_no_more_than_a_tenth(late: tup
 
 def test_limits_of_torque_are_tried_where_they_act(late: tuple[Path, float]) -> None:
     """A servo jerks once where the log begins in the middle of a motion: of a limit just below that jerk nothing is seen."""
-    from mirror_posture.motion.problem import Problem
+    from mirror_simulation.motion.problem import Problem
 
     problem = Problem(mp.load_session(late[0]), late[0] / "model.xml")
     rollouts = problem.rollouts
@@ -210,7 +210,7 @@ def test_limits_of_torque_are_tried_where_they_act(late: tuple[Path, float]) -> 
 
 
 def test_limbs_that_feel_nothing_of_each_other_are_simulated_together(late: tuple[Path, float]) -> None:
-    from mirror_posture.motion.problem import Problem
+    from mirror_simulation.motion.problem import Problem
 
     rollouts = Problem(mp.load_session(late[0]), late[0] / "model.xml").rollouts
     assert sorted(np.concatenate(rollouts.branches)) == list(range(len(rollouts.joints)))
@@ -238,8 +238,8 @@ def test_encoders_tell_for_how_long_a_falling_limb_had_stood(late: tuple[Path, f
     """A limb stands at its first command for a time that nobody tells, and its servo cannot hold it."""
     from dataclasses import replace
 
-    from mirror_posture.motion.recording import recording_of
-    from mirror_posture.motion.rollouts import STEP_S, Rollouts
+    from mirror_simulation.motion.recording import recording_of
+    from mirror_simulation.motion.rollouts import STEP_S, Rollouts
 
     recording = recording_of(mp.load_session(late[0]))
     plain = Rollouts(recording, late[0] / "model.xml", exact=False)
@@ -267,9 +267,9 @@ def test_encoders_tell_for_how_long_a_falling_limb_had_stood(late: tuple[Path, f
 def test_what_is_no_motion_is_said(late: tuple[Path, float], tmp_path: Path) -> None:
     from dataclasses import replace
 
-    from mirror_posture.motion import is_moving
-    from mirror_posture.motion.problem import Problem
-    from mirror_posture.motion.recording import recording_of, shutter
+    from mirror_simulation.motion import is_moving
+    from mirror_simulation.motion.problem import Problem
+    from mirror_simulation.motion.recording import recording_of, shutter
 
     session = mp.load_session(late[0])
     assert is_moving(session) and not session.warnings
@@ -287,10 +287,32 @@ def test_what_is_no_motion_is_said(late: tuple[Path, float], tmp_path: Path) -> 
     assert spread <= readout_s + 1e-9 and recording.board_time_s.min() >= 0.5 * exposure_s
 
 
+@pytest.mark.parametrize("missing", ["mirror_posture.motion", "mujoco"])
+def test_without_the_distribution_or_mujoco_a_motion_is_refused_in_one_line(
+    late: tuple[Path, float], monkeypatch: pytest.MonkeyPatch, missing: str
+) -> None:
+    from importlib.metadata import EntryPoint
+
+    from mirror_posture.cli import plugins
+    from mirror_posture.cli.app import app
+
+    def load(self: EntryPoint) -> None:
+        raise ModuleNotFoundError("No module named 'mujoco'", name="mujoco")
+
+    if missing == "mujoco":
+        monkeypatch.setattr(EntryPoint, "load", load)
+    else:
+        monkeypatch.setattr(plugins, "entry_points", lambda group: ())
+    done = CliRunner().invoke(app, ["diagnose", str(late[0]), "--model", str(late[0] / "model.xml")])
+    assert done.exit_code == 1
+    (line,) = done.stderr.strip().splitlines()
+    assert "is a session in motion; pip install 'mirror-posture[mujoco]'" in line
+
+
 def test_a_motion_that_diverges_is_none_and_leaves_no_file(
     late: tuple[Path, float], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from mirror_posture.motion.problem import Problem
+    from mirror_simulation.motion.problem import Problem
 
     rollouts = Problem(mp.load_session(late[0]), late[0] / "model.xml").rollouts
     joint = next(name for name in rollouts.joints if name.endswith("elbow"))

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mirror_posture.motion.evidence import volume
-from mirror_posture.motion.standing import _first
-from mirror_posture.motion.statistics import misfit
-from mirror_posture.simulate.gap import FREE_MARKER_M, _Images, _metre_squares
+from mirror_simulation.motion.evidence import volume
+from mirror_simulation.motion.standing import _first
+from mirror_simulation.motion.statistics import misfit
+from mirror_simulation.simulate.gap import FREE_MARKER_M, _Images, _metre_squares
 
 
 @pytest.mark.parametrize("information", [0.3, 40.0, 5e4])

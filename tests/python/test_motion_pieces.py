@@ -7,12 +7,12 @@ import pytest
 
 pytest.importorskip("mujoco")
 
-from mirror_posture.motion.drives import lagged, slewed
-from mirror_posture.motion.false_images import false_images
-from mirror_posture.motion.report import named
-from mirror_posture.motion.rollouts import STEP_S
-from mirror_posture.motion.shown import bagged
-from mirror_posture.motion.statistics import misfit, noise_scale
+from mirror_simulation.motion.drives import lagged, slewed
+from mirror_simulation.motion.false_images import false_images
+from mirror_simulation.motion.report import named
+from mirror_simulation.motion.rollouts import STEP_S
+from mirror_simulation.motion.shown import bagged
+from mirror_simulation.motion.statistics import misfit, noise_scale
 
 
 def test_laws_of_commands() -> None:

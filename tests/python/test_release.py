@@ -24,17 +24,13 @@ VERSION = WORKSPACE["version"]
 def test_one_version() -> None:
     project = tomllib.loads((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     assert project["dynamic"] == ["version"], "it comes from Cargo.toml"
-    lab = tomllib.loads((PROJECT / "python" / "mirror_lab" / "pyproject.toml").read_text(encoding="utf-8"))[
-        "project"
-    ]
-    pinned = [
-        d
-        for extra in project["optional-dependencies"].values()
-        for d in extra
-        if d.startswith("mirror-posture-lab")
-    ]
-    assert {"version", "dependencies"} <= set(lab["dynamic"]), "hatch_build.py: both from Cargo.toml"
-    assert pinned and set(pinned) == {"mirror-posture-lab"}, "it asks for its own version of mirror-posture"
+    asked = {d for extra in project["optional-dependencies"].values() for d in extra}
+    for package in ("mirror_lab", "mirror_simulation"):
+        file = PROJECT / "python" / package / "pyproject.toml"
+        other = tomllib.loads(file.read_text(encoding="utf-8"))["project"]
+        assert {"version", "dependencies"} <= set(other["dynamic"]), "hatch_build.py: both from Cargo.toml"
+        pinned = {d for d in asked if d.startswith(other["name"])}
+        assert pinned == {other["name"]}, "it asks for its own version of mirror-posture"
     for crate in (PROJECT / "crates").glob("*/Cargo.toml"):
         assert tomllib.loads(crate.read_text(encoding="utf-8"))["package"]["version"] == {"workspace": True}
     lock = (PROJECT / "Cargo.lock").read_text(encoding="utf-8")

@@ -65,7 +65,7 @@ def _diagnosis(causes: list[Cause]) -> Diagnosis:
     ("effect", "seed"), [(effect, seed) for seed, effect in enumerate(SIMULATED, start=4)]
 )
 def test_the_true_cause_closes_the_gap_in_the_simulator(made: Made, effect: str, seed: int) -> None:
-    from mirror_posture.simulate import simulate
+    from mirror_simulation.simulate import simulate
 
     session, causes = made(effect, seed)
     simulation = simulate(session, found=_diagnosis(causes))
@@ -78,8 +78,8 @@ def test_the_true_cause_closes_the_gap_in_the_simulator(made: Made, effect: str,
 
 
 def test_a_body_that_is_shifted_is_off_by_its_shift_in_metres(made: Made) -> None:
-    from mirror_posture.simulate import simulated_gap
-    from mirror_posture.simulate.staircase import with_causes
+    from mirror_simulation.simulate import simulated_gap
+    from mirror_simulation.simulate.staircase import with_causes
 
     folder, causes = made("joint_offset", 11)
     session = mp.load_session(folder)
@@ -98,7 +98,7 @@ def test_a_body_that_is_shifted_is_off_by_its_shift_in_metres(made: Made) -> Non
 
 
 def test_a_spring_closes_most_of_the_gap_of_a_spring_that_stiffens(made: Made) -> None:
-    from mirror_posture.simulate import simulate
+    from mirror_simulation.simulate import simulate
 
     session, causes = made("joint_compliance", 3)
     before, after = (stair.gap.rms_px for stair in simulate(session, found=_diagnosis(causes)).stairs)
@@ -106,7 +106,7 @@ def test_a_spring_closes_most_of_the_gap_of_a_spring_that_stiffens(made: Made) -
 
 
 def test_a_wrong_cause_does_not(made: Made) -> None:
-    from mirror_posture.simulate import simulate
+    from mirror_simulation.simulate import simulate
 
     session, causes = made("joint_offset", 11)
     wrong = [
@@ -119,7 +119,7 @@ def test_a_wrong_cause_does_not(made: Made) -> None:
 
 
 def test_the_users_own_model_keeps_its_geoms_and_is_told_where_it_differs(made: Made, tmp_path: Path) -> None:
-    from mirror_posture.simulate import simulate
+    from mirror_simulation.simulate import simulate
 
     session, causes = made("joint_compliance", 3)
     loaded = mp.load_session(session)
@@ -159,10 +159,10 @@ def test_the_command_writes_the_staircase_and_names_a_missing_joint(made: Made, 
 
 
 def test_optics_and_a_board_on_another_body_than_the_camera_can_be_held(made: Made) -> None:
-    from mirror_posture.simulate.causes import add_cause
-    from mirror_posture.simulate.changed import Changed
-    from mirror_posture.simulate.held_out import first_half
-    from mirror_posture.simulate.model import build, element_of
+    from mirror_simulation.simulate.causes import add_cause
+    from mirror_simulation.simulate.changed import Changed
+    from mirror_simulation.simulate.held_out import first_half
+    from mirror_simulation.simulate.model import build, element_of
 
     folder, _ = made("joint_offset", 11)
     session = mp.load_session(folder)

@@ -20,10 +20,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mirror_posture.motion import diagnose_motion
-from mirror_posture.motion.effects import Causes, Key
-from mirror_posture.motion.problem import Problem
 from mirror_posture.session import load_session
+from mirror_simulation.motion import diagnose_motion
+from mirror_simulation.motion.effects import Causes, Key
+from mirror_simulation.motion.problem import Problem
 
 Array = NDArray[np.float64]
 sysid: Any = importlib.import_module("mujoco.sysid")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import pkgutil
 import sys
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from functools import cache
 from types import ModuleType
 from typing import Any
@@ -13,6 +13,7 @@ from typing import Any
 import typer
 from typer.core import TyperGroup
 
+from .._core import MirrorPostureError
 from . import commands
 
 
@@ -31,7 +32,17 @@ class LazyCommands(TyperGroup):
             self.commands.update(_built({cmd_name: _own_module(cmd_name)}))
         elif cmd_name not in self.commands:
             self.list_commands(ctx)
+            _refuse_uninstalled(cmd_name, self.commands)
         return self.commands.get(cmd_name)
+
+
+def _refuse_uninstalled(name: str, there: Container[str]) -> None:
+    from .plugins import EXTRAS
+
+    if name in EXTRAS and name not in there:
+        raise MirrorPostureError(
+            f"{name}: this command is not installed; pip install 'mirror-posture[{EXTRAS[name]}]'"
+        )
 
 
 def _own_names() -> list[str]:

@@ -181,32 +181,35 @@ def _in_motion(
     out: Path | None,
 ) -> Mapping[str, Any]:
     """Diagnoses a session in motion, shows and writes it; returns its document."""
+    from ...output_files import new_folder
+    from ..plugins import MOTION_GROUP, plugins
+
+    point = next(iter(plugins(MOTION_GROUP).values()), None)
     try:
-        from ...motion import diagnose_motion, with_checked
-        from ...motion.page import write_motion_report
+        diagnose_motion = None if point is None else point.load()
     except ModuleNotFoundError as error:
         if error.name != "mujoco":
             raise
+        diagnose_motion = None
+    if diagnose_motion is None:
         raise MirrorPostureError(
-            f"{folder}: is a session in motion, and MuJoCo is not installed: pip install 'mirror-posture[mujoco]'"
-        ) from None
-    from ...output_files import new_folder
-
+            f"{folder}: is a session in motion; pip install 'mirror-posture[mujoco]' installs its diagnosis"
+        )
     output.say(f"{folder}: in motion; MuJoCo follows its log, hypothesis by hypothesis")
+    found: Diagnosis
     try:
-        done = diagnose_motion(session, model=model, most_causes=min(most_causes, 4))
-        done = with_checked(done, others, model)
+        found, write_page = diagnose_motion(session, model=model, check=others, most_causes=most_causes)
     except MirrorPostureError as error:
         raise MirrorPostureError(f"{folder}: {error}") from error
-    show_diagnosis(output, folder, done.diagnosis)
+    show_diagnosis(output, folder, found)
     if out is not None:
         with new_folder(out, (*OWN_FILES, "model.xml")) as part:
-            (part / "diagnosis.json").write_text(done.diagnosis.to_json(), encoding="utf-8")
-            write_motion_report(done, part)
+            (part / "diagnosis.json").write_text(found.to_json(), encoding="utf-8")
+            write_page(part)
         output.say(
             f"written: {out / 'diagnosis.json'}, {out / 'report.html'}, {out / 'model.xml'}, {out / 'pictures'}"
         )
-    return done.diagnosis.document
+    return found.document
 
 
 def _diagnosed(output: Output, session: Session, **options: Any) -> Diagnosis:

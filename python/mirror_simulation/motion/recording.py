@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from .._core import MirrorPostureError
-from ..session import Session
-from ..session.types import States
-from ..short_repr import ShortRepr
+from mirror_posture import MirrorPostureError
+from mirror_posture.session import Session
+from mirror_posture.session.types import States
+from mirror_posture.short_repr import ShortRepr
 
 Floats = npt.NDArray[np.float64]
 

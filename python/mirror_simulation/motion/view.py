@@ -17,12 +17,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from .._core import MirrorPostureError
-from ..measurement import MeasureOptions
-from ..measurement.inputs import core_input
-from ..optics import ball_center_pixels, see_in_mirror
-from ..rotations import pose_of
-from ..short_repr import ShortRepr
+from mirror_posture import MirrorPostureError
+from mirror_posture.measurement import MeasureOptions
+from mirror_posture.measurement.inputs import core_input
+from mirror_posture.optics import ball_center_pixels, see_in_mirror
+from mirror_posture.rotations import pose_of
+from mirror_posture.short_repr import ShortRepr
+
 from ..simulate.gap import CORNER_NOISE_PX
 from .effects import Causes
 from .false_images import false_images

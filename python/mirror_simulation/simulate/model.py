@@ -17,10 +17,10 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from .._core import MirrorPostureError
-from ..input_files import LARGEST_MODEL, read_text
-from ..session import Session
-from ..short_repr import ShortRepr
+from mirror_posture import MirrorPostureError
+from mirror_posture.input_files import LARGEST_MODEL, read_text
+from mirror_posture.session import Session
+from mirror_posture.short_repr import ShortRepr
 
 Floats = npt.NDArray[np.float64]
 

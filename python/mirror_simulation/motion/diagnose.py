@@ -11,9 +11,10 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from ..diagnosis.result import Diagnosis
-from ..session import Session, as_session
-from ..short_repr import ShortRepr
+from mirror_posture.diagnosis.result import Diagnosis
+from mirror_posture.session import Session, as_session
+from mirror_posture.short_repr import ShortRepr
+
 from .alternatives import Rivals, rivals_of
 from .beginning import leave_out_beginning
 from .effects import Key

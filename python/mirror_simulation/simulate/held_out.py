@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..diagnosis import diagnose
-from ..session import Session
+from mirror_posture.diagnosis import diagnose
+from mirror_posture.session import Session
+
 from .gap import simulated_gap
 from .staircase import with_causes
 

@@ -12,11 +12,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .._core import MirrorPostureError
-from ..diagnosis.applied.apply import parts_of
-from ..diagnosis.parts import Cause
-from ..diagnosis.result import Diagnosis
-from ..session import Session, load_session
+from mirror_posture import MirrorPostureError
+from mirror_posture.diagnosis.applied.apply import parts_of
+from mirror_posture.diagnosis.parts import Cause
+from mirror_posture.diagnosis.result import Diagnosis
+from mirror_posture.session import Session, load_session
+
 from .causes import add_cause, is_held
 from .changed import Changed
 from .gap import SimulatedGap, simulated_gap

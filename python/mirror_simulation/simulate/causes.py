@@ -8,8 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ..diagnosis.parts import Cause
-from ..diagnosis.vocabulary import IN_WORDS, joint_terms
+from mirror_posture.diagnosis.parts import Cause
+from mirror_posture.diagnosis.vocabulary import IN_WORDS, joint_terms
+
 from . import frame_faults as frames
 from . import optics_faults as optics
 from .changed import Changed, Law

@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from ..short_repr import ShortRepr
+from mirror_posture.short_repr import ShortRepr
 
 Floats = npt.NDArray[np.float64]
 

@@ -6,14 +6,15 @@ import base64
 from dataclasses import replace
 from pathlib import Path
 
-from .._core import __version__
-from ..diagnosis import actions, formatting, limits
-from ..diagnosis.actions import Concerned, concerned
-from ..diagnosis.next_postures import write_next_postures
-from ..diagnosis.page import HEADLINES
-from ..diagnosis.result import Diagnosis
-from ..file_names import file_name_of
-from ..pages import inline, render
+from mirror_posture import __version__
+from mirror_posture.diagnosis import actions, formatting, limits
+from mirror_posture.diagnosis.actions import Concerned, concerned
+from mirror_posture.diagnosis.next_postures import write_next_postures
+from mirror_posture.diagnosis.page import HEADLINES
+from mirror_posture.diagnosis.result import Diagnosis
+from mirror_posture.file_names import file_name_of
+from mirror_posture.pages import inline, render
+
 from .diagnose import MotionDiagnosis
 from .patched import patched_model
 from .pictures import joint_pictures, staircase

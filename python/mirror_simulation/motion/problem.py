@@ -13,8 +13,9 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from .._core import MirrorPostureError
-from ..session import Session
+from mirror_posture import MirrorPostureError
+from mirror_posture.session import Session
+
 from .effects import Causes, Hypothesis, Key, of_joint, of_setup
 from .motions import Motion
 from .positions import positions

@@ -7,8 +7,9 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from .._core import MirrorPostureError
-from ..rotations import pose_of
+from mirror_posture import MirrorPostureError
+from mirror_posture.rotations import pose_of
+
 from .changed import Changed, Floats, Values
 from .joint_faults import PART_ARMATURE_KGM2, set_spring
 from .model import element_of

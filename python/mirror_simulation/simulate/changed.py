@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from .._core import MirrorPostureError
-from ..session import Session
+from mirror_posture import MirrorPostureError
+from mirror_posture.session import Session
+
 from .model import Simulator
 from .motion import Drive
 

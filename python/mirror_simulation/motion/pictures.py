@@ -8,7 +8,8 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
-from ..diagnosis.plots import AFTER, BEFORE, INK, Drawing, figure, finished, styled
+from mirror_posture.diagnosis.plots import AFTER, BEFORE, INK, Drawing, figure, finished, styled
+
 from .diagnose import MotionDiagnosis
 
 Floats = npt.NDArray[np.float64]

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..diagnosis.fingerprint import KEY, fingerprint
-from ..diagnosis.result import FORMAT, VERSION
+from mirror_posture.diagnosis.fingerprint import KEY, fingerprint
+from mirror_posture.diagnosis.result import FORMAT, VERSION
+
 from .alternatives import LEAST_PROBABILITY, Rivals
 from .effects import Key, told
 from .encoders import encoder_witness

@@ -6,7 +6,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from .._core import MirrorPostureError
+from mirror_posture import MirrorPostureError
+
 from .changed import Changed, Law, Values
 
 

@@ -15,9 +15,10 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from .._core import MirrorPostureError
-from ..session import Session
-from ..short_repr import ShortRepr
+from mirror_posture import MirrorPostureError
+from mirror_posture.session import Session
+from mirror_posture.short_repr import ShortRepr
+
 from .model import Simulator, frame_of, needed_links
 
 Floats = npt.NDArray[np.float64]

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from ..output import JsonOption, Output, SessionArgument
+from mirror_posture.cli.output import JsonOption, Output, SessionArgument
 
 ORDER = 75
 PANEL = "Diagnosis"
@@ -50,14 +50,14 @@ def command(
     Example: `mirror-posture simulate my-session --with diagnosis --out simulated`
     """
     output = Output(as_json)
-    from ..._core import MirrorPostureError
-    from ...diagnosis import Diagnosis
-    from ...output_files import new_folder
-    from ...session import load_session
+    from mirror_posture import MirrorPostureError
+    from mirror_posture.diagnosis import Diagnosis
+    from mirror_posture.output_files import new_folder
+    from mirror_posture.session import load_session
 
     try:
-        from ...simulate import simulate
-        from ...simulate.picture import draw_staircase
+        from ..simulate import simulate
+        from ..simulate.picture import draw_staircase
     except ModuleNotFoundError as error:
         if error.name != "mujoco":
             raise
@@ -76,7 +76,7 @@ def command(
 
         simulation = simulate(loaded, model=model, found=found, progress=one_more)
     if held_out:
-        from ...simulate.held_out import held_out_gap
+        from ..simulate.held_out import held_out_gap
 
         output.say("each half of the postures is diagnosed, and the other half simulated")
         simulation = replace(simulation, held_out=held_out_gap(loaded, model))

@@ -18,7 +18,8 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from .._core import MirrorPostureError
+from mirror_posture import MirrorPostureError
+
 from ..simulate.model import STIFF_FRICTION, Simulator, build
 from .drives import lagged, slewed
 from .effects import EFFECTS, Causes, gains

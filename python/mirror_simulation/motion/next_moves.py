@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..session.types import States
+from mirror_posture.session.types import States
+
 from .alternatives import Rivals
 from .effects import Causes, Key
 from .fit import Fitted, evaluated

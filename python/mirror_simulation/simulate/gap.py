@@ -18,13 +18,15 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from .._core import Measured, MirrorPostureError
-from ..measurement import MeasureOptions
-from ..measurement.inputs import core_input
-from ..mirror import IDEAL_MIRROR
-from ..optics import ball_center_pixels, see_in_mirror
-from ..session import Session
-from ..short_repr import ShortRepr
+from mirror_posture import MirrorPostureError
+from mirror_posture._core import Measured
+from mirror_posture.measurement import MeasureOptions
+from mirror_posture.measurement.inputs import core_input
+from mirror_posture.mirror import IDEAL_MIRROR
+from mirror_posture.optics import ball_center_pixels, see_in_mirror
+from mirror_posture.session import Session
+from mirror_posture.short_repr import ShortRepr
+
 from .motion import Rest
 
 Floats = npt.NDArray[np.float64]
