@@ -8,8 +8,8 @@ use crate::diagnose::assessment::stability::stability;
 use crate::diagnose::assessment::uncertainty::{Deviations, deviations};
 use crate::diagnose::criteria::cross_validation::seen_size;
 use crate::diagnose::data::diagnosis::{
-    Alternative, Cause, Checked, Data, Diagnosis, Estimate, Ranked, Signature, SignaturePoint, VERSION,
-    Verdict, Where,
+    Alternative, Cause, Checked, Data, Diagnosis, Estimate, Member, Ranked, Signature, SignaturePoint,
+    VERSION, Verdict, Where,
 };
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::effects::{Concern, Place};
@@ -143,14 +143,16 @@ fn add_stability(
     let is_mount = |c: &Cause| c.effect != "geometry";
     let told = causes.iter().zip(parts).filter(|(c, _)| is_mount(c));
     let mounts: Vec<Vec<usize>> = told
-        .filter_map(|(_, part)| if let Part::Columns(columns) = part { Some(columns.clone()) } else { None })
+        .filter_map(
+            |(_, part)| if let Part::Group { columns, .. } = part { Some(columns.clone()) } else { None },
+        )
         .collect();
     let stability = stability(findings, standings, ranking, &mounts)?;
     let mut of_mounts = stability.mounts.iter();
     for (cause, part) in causes.iter_mut().zip(parts) {
         cause.stability = match part {
             Part::Term(i) => stability.terms[*i],
-            Part::Columns(_) if is_mount(cause) => of_mounts.next().copied(),
+            Part::Group { .. } if is_mount(cause) => of_mounts.next().copied(),
             _ => None,
         };
     }
@@ -239,16 +241,24 @@ fn causes(
         out.extend(
             setup_causes(findings, setup, deviations)?
                 .into_iter()
-                .map(|(c, columns)| (c, Part::Columns(columns))),
+                .map(|(c, columns)| (c, Part::Group { columns, terms: Vec::new() })),
         );
     }
     let of_robot = |g: &&Geometry| !g.setup_only || zeros_log_bayes(g, &found.fit) > LEAST_LOG_ODDS;
     if let Some(geometry) = findings.geometry.as_ref().filter(of_robot) {
         let columns = geometry.group.columns.iter().enumerate();
         let own: Vec<usize> = columns.filter(|(_, c)| geometry.is_of_robot(c)).map(|(k, _)| k).collect();
+        // Outliers among the small errors that are not reported as causes.
+        let is_free = |h: usize| search.catalogue.is_free(h);
+        let terms = found.fit.model.terms.iter().enumerate();
+        let outliers: Vec<usize> = terms
+            .filter(|(i, t)| standings[*i].is_none() && !is_free(t.hypothesis))
+            .map(|(i, _)| i)
+            .collect();
         let bare = {
             let mut m = found.fit.model.clone();
             own.iter().for_each(|&k| m.group[k] = 0.0);
+            outliers.iter().rev().for_each(|&i| m = m.without(i));
             search.deformation(&m)
         };
         let [std_rad, std_m] = geometry.spread_stds(&found.fit);
@@ -272,10 +282,10 @@ fn causes(
                 "many small errors of links, axes and zeros together: manufacturing tolerance".into()
             },
             rms_shift: rms_shift(findings, &bare, &all)?,
-            members: geometry.members(&found.fit, &deviations.group, scene),
+            members: members(findings, geometry, &outliers, deviations),
             frames: Vec::new(),
         };
-        out.push((cause, Part::Columns(own)));
+        out.push((cause, Part::Group { columns: own, terms: outliers }));
     }
     out.iter_mut().for_each(|(cause, _)| doubted(cause, &findings.doubts));
     let moved = (seen_size(&findings.before).powi(2) - seen_size(&findings.after).powi(2)).max(0.0).sqrt();
@@ -309,6 +319,33 @@ fn causes(
         out.push((cause, Part::Nothing));
     }
     Ok(out)
+}
+
+/// The small errors of a group, with the outliers that have their own prior in the model.
+fn members(
+    findings: &Findings<'_>,
+    geometry: &Geometry,
+    outliers: &[usize],
+    deviations: &Deviations,
+) -> Vec<Member> {
+    let (search, fit) = (&findings.search, &findings.found.fit);
+    let scene = &search.problem.scene;
+    let mut members = geometry.members(fit, &deviations.group, scene);
+    for &i in outliers {
+        let term = &fit.model.terms[i];
+        let effect = search.catalogue.effect(term.hypothesis);
+        let at = search.catalogue.hypotheses[term.hypothesis].place.name(scene);
+        for ((parameter, value), std) in
+            effect.parameters().into_iter().zip(&term.parameters).zip(&deviations.stds[i])
+        {
+            let own = |m: &&mut Member| m.effect == effect.name() && m.at == at && m.parameter == parameter;
+            if let Some(member) = members.iter_mut().find(own) {
+                member.value += value;
+                member.std = *std;
+            }
+        }
+    }
+    members
 }
 
 /// Shares of the gap by place: what each cause moves, and what is unexplained.

@@ -21,8 +21,13 @@ use rayon::prelude::*;
 pub(crate) enum Part {
     /// A term, by its index.
     Term(usize),
-    /// Columns of the group of small errors.
-    Columns(Vec<usize>),
+    /// Columns of the group of small errors, and the terms that are reported with them.
+    Group {
+        /// Indices of the group's columns.
+        columns: Vec<usize>,
+        /// Indices of the model's terms.
+        terms: Vec<usize>,
+    },
     /// A gross mistake, which is undone before anything else.
     Mistake,
     /// Nothing separate: slipped rows are left out of all figures, a droop comes with its stiction.
@@ -96,15 +101,21 @@ fn with_first(findings: &Findings<'_>, fitted: &Model, parts: &[Part], k: usize)
     let mut model = Model { frozen: true, planes: None, ..fitted.clone() };
     let later = &parts[k..];
     for part in later {
-        if let Part::Columns(columns) = part {
+        if let Part::Group { columns, .. } = part {
             columns.iter().for_each(|&c| model.group[c] = 0.0);
         }
     }
+    let is_later = |i: usize| {
+        later.iter().any(|part| match part {
+            Part::Term(own) => *own == i,
+            Part::Group { terms, .. } => terms.contains(&i),
+            Part::Mistake | Part::Nothing => false,
+        })
+    };
     let mut at = 0;
     model.terms.retain(|term| {
-        let own = Part::Term(at);
         at += 1;
-        !findings.search.catalogue.is_free(term.hypothesis) && !later.contains(&own)
+        !findings.search.catalogue.is_free(term.hypothesis) && !is_later(at - 1)
     });
     model
 }

@@ -177,7 +177,8 @@ pub(crate) fn small_errors_help(search: &Search<'_>, found: &Found) -> Result<bo
 const SPREADS: [Grid; 3] = [1.0, 0.3, 0.1];
 const NEXT_TO_NONE: Grid = 1e-4;
 
-/// Drops errors of gears that vary no more than the tolerance of every joint.
+/// Drops errors of gears that vary no more than the tolerance of every joint, unless held-out regions need them: a small
+/// eccentricity of one gear may be the largest law that the small errors lack.
 fn drop_tolerances(search: &Search<'_>, geometry: &Geometry, found: &mut Found) -> Result<()> {
     let frames = 0..search.problem.scene.frames;
     let within = |term: &Term| {
@@ -196,13 +197,18 @@ fn drop_tolerances(search: &Search<'_>, geometry: &Geometry, found: &mut Found) 
     };
     let mut rest = found.fit.model.clone();
     let scene = &search.problem.scene;
-    for term in rest.terms.iter().filter(|t| within(t)) {
-        let name = search.catalogue.name(scene, term.hypothesis);
-        found.trace.push(format!("drop {name}: no larger than the scale of the small errors"));
-    }
     rest.terms.retain(|t| !within(t));
     if rest.terms.len() < found.fit.model.terms.len() {
-        found.fit = search.fit(&rest, found.noise, 6)?;
+        let fit = search.fit(&rest, found.noise, 6)?;
+        let with = seen_size(&search.held_out(&found.fit.model, found.noise)?);
+        if with < LEAST_HELD_OUT_RATIO * seen_size(&search.held_out(&fit.model, found.noise)?) {
+            return Ok(());
+        }
+        for term in found.fit.model.terms.iter().filter(|t| within(t)) {
+            let name = search.catalogue.name(scene, term.hypothesis);
+            found.trace.push(format!("drop {name}: no larger than the scale of the small errors"));
+        }
+        found.fit = fit;
     }
     Ok(())
 }
