@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from ._core import MirrorPostureError
+from .arrays import Floats
 
 CHESSBOARD = "chessboard"
 CHARUCO = "charuco"
@@ -74,7 +74,7 @@ class Board:
         return self.columns * self.rows
 
     @cached_property
-    def corner_in_board_m(self) -> npt.NDArray[np.float64]:
+    def corner_in_board_m(self) -> Floats:
         """The corners, (columns · rows, 3), m, in the board's frame: index `iy · columns + ix`."""
         iy, ix = np.divmod(np.arange(self.corner_count), self.columns)
         x = (ix - (self.columns - 1) / 2) * self.square_m

@@ -17,12 +17,11 @@ import numpy.typing as npt
 
 from . import _core
 from .arguments import checked_arguments
+from .arrays import Floats, Integers
 from .board import Board
 from .camera import Camera
 from .mirror import FLOAT_GLASS_INDEX, Loss
 from .short_repr import ShortRepr, from_core
-
-Array = npt.NDArray[np.float64]
 
 DEFAULT_GATE_PX = 1.0
 """A view whose own best flat board leaves more than this (px RMS) is refused."""
@@ -33,7 +32,7 @@ class WeakDirection(ShortRepr):
     """A direction of the transform and how badly it is known: unit axis in the board frame, standard deviation in rad or m."""
 
     motion: Literal["rotation", "translation"]
-    axis_in_board: Array
+    axis_in_board: Floats
     std: float
     text: str
 
@@ -55,20 +54,20 @@ class CameraBoardCalibration(ShortRepr):
     closed form.
     """
 
-    camera_from_board: Array
-    covariance: Array
+    camera_from_board: Floats
+    covariance: Floats
     worst_translation: WeakDirection
     worst_rotation: WeakDirection
     weak_direction: WeakDirection | None
     warning: str | None
     determined: bool
-    views: npt.NDArray[np.int64]
+    views: Integers
     reasons: Mapping[int, str]
-    normals: Array
-    offsets_m: Array
-    plane_covariances_m2: Array
+    normals: Floats
+    offsets_m: Floats
+    plane_covariances_m2: Floats
     reprojection_mean_px: float
-    view_rms_px: Array
+    view_rms_px: Floats
     corner_std_px: float
 
 
@@ -80,18 +79,18 @@ class SecondCameraCalibration(ShortRepr):
     `degrees_of_freedom` = 6 (K - 1). The `snapshot_…` arrays are the results of each snapshot alone.
     """
 
-    camera_from_board: Array
-    covariance: Array
+    camera_from_board: Floats
+    covariance: Floats
     worst_translation: WeakDirection
     worst_rotation: WeakDirection
     weak_direction: WeakDirection | None
     warning: str | None
     chi_squared: float
     degrees_of_freedom: int
-    snapshot_camera_from_board: Array
-    snapshot_covariances: Array
-    snapshot_chi_squared: Array
-    snapshot_rms_px: Array
+    snapshot_camera_from_board: Floats
+    snapshot_covariances: Floats
+    snapshot_chi_squared: Floats
+    snapshot_rms_px: Floats
 
 
 def _weakness(core: _core.CameraBoardCalibration | _core.SecondCameraCalibration) -> dict[str, Any]:

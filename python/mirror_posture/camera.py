@@ -12,8 +12,7 @@ import numpy.typing as npt
 
 from . import _core
 from ._core import MirrorPostureError
-
-Array = npt.NDArray[np.float64]
+from .arrays import Floats
 
 __all__ = ["Camera"]
 
@@ -142,12 +141,12 @@ class Camera:
         return float(np.sqrt(self.fx_px * self.fy_px))
 
     @cached_property
-    def matrix_px(self) -> Array:
+    def matrix_px(self) -> Floats:
         """The camera matrix (3, 3)."""
         return np.array([[self.fx_px, 0.0, self.cx_px], [0.0, self.fy_px, self.cy_px], [0.0, 0.0, 1.0]])
 
     @cached_property
-    def opencv_distortion(self) -> Array:
+    def opencv_distortion(self) -> Floats:
         """The coefficients as OpenCV's pinhole functions take them; five zeros where there are none.
 
         Raises `MirrorPostureError` for a fisheye, which those functions do not know.
@@ -158,10 +157,10 @@ class Camera:
             )
         return np.array(self.distortion or (0.0,) * 5)
 
-    def project(self, points_in_camera_m: npt.ArrayLike) -> Array:
+    def project(self, points_in_camera_m: npt.ArrayLike) -> Floats:
         """Pixels (N, 2) of points (N, 3) in the camera frame, m; a point behind the camera is an error."""
         return self.core.project(points_in_camera_m)
 
-    def unproject(self, pixels_px: npt.ArrayLike) -> Array:
+    def unproject(self, pixels_px: npt.ArrayLike) -> Floats:
         """Unit directions (N, 3) of the rays of pixels (N, 2)."""
         return self.core.unproject(pixels_px)

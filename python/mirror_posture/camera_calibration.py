@@ -10,10 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from ._core import MirrorPostureError
+from .arrays import Floats, Mask
 from .board import Board
 from .camera import Camera
 
-Floats = npt.NDArray[np.float64]
 LEAST_VIEWS, GOOD_VIEWS = 4, 12
 CELLS = (8, 6)
 """The picture in cells, across and down: a lens is known where corners were."""
@@ -37,7 +37,7 @@ class CameraCalibration:
     rms_px: float
     view_rms_px: Floats
     """(V,) residual of each view that was used, px RMS of a corner."""
-    used: npt.NDArray[np.bool_]
+    used: Mask
     """(all views,) False for those left out as outliers."""
     coverage: float
     """Share of the picture's cells in which corners were."""
@@ -71,7 +71,7 @@ def calibrate_camera(
         )
     in_board = board.corner_in_board_m
 
-    def solve(chosen: npt.NDArray[np.bool_]) -> tuple[float, Floats, Floats, list[Floats], Floats, Floats]:
+    def solve(chosen: Mask) -> tuple[float, Floats, Floats, list[Floats], Floats, Floats]:
         objects = [in_board[mask].astype(np.float32) for mask, use in zip(seen, chosen, strict=True) if use]
         images = [
             view[mask].astype(np.float32) for view, mask, use in zip(points, seen, chosen, strict=True) if use
@@ -124,7 +124,7 @@ def calibrate_camera(
     )
 
 
-def _covered(views: Sequence[Floats], size_px: tuple[int, int]) -> npt.NDArray[np.bool_]:
+def _covered(views: Sequence[Floats], size_px: tuple[int, int]) -> Mask:
     """In which of the picture's cells (down, across) corners were."""
     points = np.concatenate(views)
     across = np.clip((points[:, 0] / size_px[0] * CELLS[0]).astype(int), 0, CELLS[0] - 1)
@@ -134,7 +134,7 @@ def _covered(views: Sequence[Floats], size_px: tuple[int, int]) -> npt.NDArray[n
     return covered
 
 
-def _emptiest(covered: npt.NDArray[np.bool_]) -> str:
+def _emptiest(covered: Mask) -> str:
     """The part of the picture, of three by three, with the fewest cells in which corners were; of equal ones a corner, where the lens bends most."""
     share = {
         f"{row} {column}": float(part.mean())
@@ -144,9 +144,7 @@ def _emptiest(covered: npt.NDArray[np.bool_]) -> str:
     return min(share, key=lambda name: (share[name], name.count("middle"))).replace("middle middle", "middle")
 
 
-def _weak(
-    views: int, left_out: int, covered: npt.NDArray[np.bool_], tilt_rad: float, focal_std: float
-) -> list[str]:
+def _weak(views: int, left_out: int, covered: Mask, tilt_rad: float, focal_std: float) -> list[str]:
     weak = []
     coverage = float(covered.mean())
     if views < GOOD_VIEWS:

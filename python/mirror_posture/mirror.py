@@ -17,13 +17,12 @@ import numpy.typing as npt
 
 from . import _core
 from .arguments import checked_arguments
+from .arrays import Floats, Mask
 from .board import Board
 from .camera import Camera
 from .formats.session_keys import FLOAT_GLASS_INDEX as FLOAT_GLASS_INDEX
 from .short_repr import ShortRepr, from_core
 
-Array = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
 Estimator = Literal["pose", "pose_snapped", "point_pair", "maximum_likelihood"]
 Loss = Literal["squared", "huber", "cauchy"]
 
@@ -75,8 +74,8 @@ class Rig(ShortRepr):
 
     camera: Camera
     board: Board
-    camera_from_board: Array
-    camera_from_board_covariance: Array | None = None
+    camera_from_board: Floats
+    camera_from_board_covariance: Floats | None = None
     glass_thickness_m: float = 0.0
     refractive_index: float = FLOAT_GLASS_INDEX
     _core: _core.Rig = field(init=False, repr=False, compare=False)
@@ -107,20 +106,20 @@ class MirrorEstimates(ShortRepr):
     """
 
     estimator: Estimator
-    normals: Array
-    offsets_m: Array
-    covariances_m2: Array
-    measurement_covariances_m2: Array
-    foot_by_camera_from_board: Array
-    camera_from_virtual: Array
-    rms_px: Array
-    noise_px: Array
+    normals: Floats
+    offsets_m: Floats
+    covariances_m2: Floats
+    measurement_covariances_m2: Floats
+    foot_by_camera_from_board: Floats
+    camera_from_virtual: Floats
+    rms_px: Floats
+    noise_px: Floats
     valid: Mask
     reasons: Mapping[int, str]
     _core: _core.Mirrors = field(repr=False, compare=False)
 
     @property
-    def foot_points_m(self) -> Array:
+    def foot_points_m(self) -> Floats:
         """The feet of the camera's perpendiculars on the mirrors, (N, 3)."""
         return self.normals * self.offsets_m[:, None]
 
@@ -132,9 +131,9 @@ class VirtualRays(ShortRepr):
     `covariances` (M, 6, 6) is of (origin m, unit direction): pixel, mirror and camera-board transform.
     """
 
-    origins_m: Array
-    directions: Array
-    covariances: Array
+    origins_m: Floats
+    directions: Floats
+    covariances: Floats
     valid: Mask
     reasons: Mapping[int, str]
 
@@ -150,11 +149,11 @@ class PlanarPoses(ShortRepr):
     not determine the sign of the tilt.
     """
 
-    camera_from_pattern: Array
-    covariances: Array
-    rms_px: Array
-    noise_px: Array
-    alternative_rms_px: Array
+    camera_from_pattern: Floats
+    covariances: Floats
+    rms_px: Floats
+    noise_px: Floats
+    alternative_rms_px: Floats
     valid: Mask
     reasons: Mapping[int, str]
 

@@ -18,6 +18,7 @@ import numpy.typing as npt
 
 from ._core import MirrorPostureError
 from .arguments import checked_arguments
+from .arrays import Floats
 from .board import CHESSBOARD, Board
 from .camera import Camera
 from .detect import (
@@ -52,8 +53,8 @@ class SeenMarkers(ShortRepr):
     names: tuple[str, ...]
     positions: MarkerPositions
     mirrors: MirrorEstimates
-    camera_from_board: npt.NDArray[np.float64]
-    camera_from_board_covariance: npt.NDArray[np.float64] | None
+    camera_from_board: Floats
+    camera_from_board_covariance: Floats | None
     unseen: dict[str, dict[int, str]]
     warnings: tuple[str, ...] = ()
 
@@ -211,7 +212,7 @@ def _direct(camera: Camera, board: Board, found: PictureDetections) -> PlanarPos
     return poses
 
 
-def _joined(poses: Sequence[PlanarPoses]) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+def _joined(poses: Sequence[PlanarPoses]) -> tuple[Floats, Floats]:
     """One pose from several measurements of it, weighted by their information, in the tangent at the first: `pose ∘ (Exp ω, v)`."""
     first = poses[0].camera_from_pattern[0]
     information, pull = np.zeros((6, 6)), np.zeros(6)
@@ -224,7 +225,7 @@ def _joined(poses: Sequence[PlanarPoses]) -> tuple[npt.NDArray[np.float64], npt.
     mean = np.linalg.solve(information, pull)
     step = np.eye(4)
     step[:3, :3], step[:3, 3] = cv2.Rodrigues(mean[:3])[0], mean[3:]
-    joined: npt.NDArray[np.float64] = first @ step
+    joined: Floats = first @ step
     covariance = np.linalg.inv(information).astype(np.float64, copy=False)
     return joined, covariance
 
@@ -240,7 +241,7 @@ def _stacked(parts: Sequence[MarkerPositions]) -> MarkerPositions:
     return MarkerPositions(triangulator=parts[0].triangulator, reasons=reasons, **arrays)
 
 
-def _trusted(found: PictureDetections, via: str) -> tuple[npt.NDArray[np.float64], float]:
+def _trusted(found: PictureDetections, via: str) -> tuple[Floats, float]:
     """Corners (N, 2) px, NaN where hidden, and the standard deviation of one axis, px, of a view (`direct`, `mirror`) that passed its checks."""
     view = next((view for view in found.boards if view.via == via), None)
     if view is None or not view.ok or view.corners_px is None or view.std_px is None:

@@ -16,12 +16,10 @@ import numpy.typing as npt
 
 from . import _core
 from .arguments import checked_arguments
+from .arrays import Floats, Mask
 from .camera import Camera
 from .mirror import FLOAT_GLASS_INDEX
 from .short_repr import ShortRepr, from_core
-
-Array = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -29,11 +27,11 @@ class SeenInMirror(ShortRepr):
     """N points seen in mirrors: `pixels_px` (N, 2) and how they depend on the point (px/m), on the mirror's foot point
     (px/m), on the thickness of its glass (px/m) and on its curvature (px m), also where these are 0."""
 
-    pixels_px: Array
-    by_point: Array
-    by_foot_point: Array
-    by_thickness: Array
-    by_curvature: Array
+    pixels_px: Floats
+    by_point: Floats
+    by_foot_point: Floats
+    by_thickness: Floats
+    by_curvature: Floats
     valid: Mask
     reasons: Mapping[int, str]
 
@@ -42,7 +40,7 @@ class SeenInMirror(ShortRepr):
 class Pixels(ShortRepr):
     """N pixels (N, 2), px."""
 
-    pixels_px: Array
+    pixels_px: Floats
     valid: Mask
     reasons: Mapping[int, str]
 

@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ._core import MirrorPostureError, PictureMaker
+from .arrays import Floats
 from .camera import Camera
 from .input_files import LARGEST_MODEL, given_text
 from .mirror import FLOAT_GLASS_INDEX
@@ -25,7 +26,6 @@ from .session.metadata import Metadata, load_metadata
 from .short_repr import ShortRepr
 from .viewpoint import View
 
-Floats = npt.NDArray[np.float64]
 Positions = Mapping[str, float]
 LinkPoses = Mapping[str, Floats]
 

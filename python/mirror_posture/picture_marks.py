@@ -8,6 +8,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from .arrays import Floats
+
 Pixels = npt.NDArray[Any]
 """A picture as OpenCV holds it: (H, W, 3) uint8, BGR."""
 MEASURED_BGR = (80, 230, 80)
@@ -22,7 +24,7 @@ WHITE = (255, 255, 255)
 def draw_mark(
     canvas: Pixels,
     shape: str,
-    at: npt.NDArray[np.float64],
+    at: Floats,
     color: tuple[int, int, int],
     scale: int,
 ) -> None:

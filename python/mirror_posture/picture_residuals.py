@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from ._core import MirrorPostureError
+from .arrays import Floats
 from .measurement.residuals import (
     MOUNT_LEVER_M,
     OUTLYING_VIEW,
@@ -26,7 +26,7 @@ TAKEN_UP = 2.5
 
 
 def tested_mirrors(
-    rig: Rig, corners_px: npt.NDArray[np.float64], noise_px: float, sources: Sequence[str]
+    rig: Rig, corners_px: Floats, noise_px: float, sources: Sequence[str]
 ) -> tuple[MirrorEstimates, tuple[str, ...]]:
     """Mirrors of views (V, N, 2) px. If corners fit no mirror within their noise, the deviations of noise
     and the board's pose are increased to match the residuals, with a warning.
@@ -66,7 +66,7 @@ def tested_mirrors(
     )
 
 
-def _views(rig: Rig, corners_px: npt.NDArray[np.float64]) -> Views:
+def _views(rig: Rig, corners_px: Floats) -> Views:
     """Views without markers, as the check of usual mistakes takes them."""
     count = len(corners_px)
     return Views(

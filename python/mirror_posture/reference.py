@@ -171,7 +171,7 @@ def _type_in_words(hint: str) -> str:
         (r"tuple\[(\w+(?:\[[^\[\]]*\])?), \.\.\.\]", r"list of \1"),
         (r"tuple\[([^\[\]]*)\]", r"list of \1"),
         (r"Mapping\[str, ([^\[\]]*)\]", r"object of \1"),
-        (r"npt\.NDArray\[np\.int64\]", "list of int"),
+        (r"\bIntegers\b", "list of int"),
         (r"\bFloats\b", "list of float"),
         (r" \| None", ", or null"),
         (r"\bstr\b", "text"),

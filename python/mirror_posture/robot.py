@@ -18,10 +18,10 @@ import numpy.typing as npt
 
 from . import _core
 from .arguments import checked_arguments
+from .arrays import Floats
 from .input_files import LARGEST_MODEL, given_text
 from .short_repr import ShortRepr
 
-Array = npt.NDArray[np.float64]
 JointKind = Literal["revolute", "continuous", "prismatic", "fixed"]
 
 
@@ -48,8 +48,8 @@ class Joint(ShortRepr):
     kind: JointKind
     parent_link: str
     child_link: str
-    parent_from_joint: Array
-    axis: Array
+    parent_from_joint: Floats
+    axis: Floats
     lower: float
     upper: float
     position: int | None
@@ -172,7 +172,7 @@ class Robot:
         return self.core.position_index(name)
 
     @checked_arguments
-    def positions(self, by_joint: Mapping[str, npt.ArrayLike]) -> Array:
+    def positions(self, by_joint: Mapping[str, npt.ArrayLike]) -> Floats:
         """Posture array `(N, nq)` from joint names to positions `(N,)` (or one number), rad or m; others stay at 0."""
         columns = {
             self.position_index(name): np.atleast_1d(np.asarray(x, float)) for name, x in by_joint.items()
@@ -196,12 +196,12 @@ class Robot:
         return tuple(ChainStep(names[j], sign) for j, sign in zip(joints, signs, strict=True))
 
     @checked_arguments
-    def forward_kinematics(self, positions: npt.ArrayLike) -> Array:
+    def forward_kinematics(self, positions: npt.ArrayLike) -> Floats:
         """Poses `root_from_link` of all links in N postures: `(N, nq)` to `(N, links, 4, 4)`."""
         return self.core.forward_kinematics(positions)
 
     @checked_arguments
-    def link_poses(self, positions: npt.ArrayLike, links: Sequence[str]) -> Array:
+    def link_poses(self, positions: npt.ArrayLike, links: Sequence[str]) -> Floats:
         """Poses `root_from_link` of some links in N postures: `(N, len(links), 4, 4)`, in the order of
         `links`.
 
@@ -211,7 +211,7 @@ class Robot:
         return self.core.link_poses(positions, list(links))
 
     @checked_arguments
-    def joint_twists(self, positions: npt.ArrayLike) -> Array:
+    def joint_twists(self, positions: npt.ArrayLike) -> Floats:
         """Twists of what each joint carries, a unit of its own position, in the root's frame: `(N, joints, 6)`.
 
         Rows (ω, v): a carried point at x moves at `ω × x + v`. Fixed joints have zeros.
@@ -225,7 +225,7 @@ class Robot:
         in_link: str,
         link: str,
         point_in_link_m: npt.ArrayLike = (0.0, 0.0, 0.0),
-    ) -> Array:
+    ) -> Floats:
         """Where a point that is fixed in `link` is in the frame of `in_link`, m: `(N, 3)`."""
         return self.core.points(positions, in_link, link, point_in_link_m)
 
@@ -236,7 +236,7 @@ class Robot:
         in_link: str,
         link: str,
         point_in_link_m: npt.ArrayLike = (0.0, 0.0, 0.0),
-    ) -> Array:
+    ) -> Floats:
         """Derivatives of `points` by the positions: `(N, 3, nq)`, m/rad (m/m for prismatic joints).
 
         `in_link` may be any link, for example the camera's. Mimic joints add to the column of the joint
@@ -250,7 +250,7 @@ class Robot:
         positions: npt.ArrayLike,
         gravity_in_held_link: npt.ArrayLike = (0.0, 0.0, -9.81),
         held_link: str | None = None,
-    ) -> Array:
+    ) -> Floats:
         """Generalised forces of gravity on the positions, `−∂V/∂q`: `(N, nq)`, N m (N for prismatic joints).
 
         `held_link` (the root by default) stands still; `gravity_in_held_link` is the acceleration of free fall in its frame, m/s².
@@ -264,7 +264,7 @@ class Robot:
         positions: npt.ArrayLike,
         gravity_in_held_link: npt.ArrayLike = (0.0, 0.0, -9.81),
         held_link: str | None = None,
-    ) -> Array:
+    ) -> Floats:
         """Moments of gravity on each joint about its child link's origin, in that link's frame: `(N, joints, 3)`, N m.
 
         The part along a turning joint's axis is the torque on that joint's own coordinate.

@@ -17,12 +17,11 @@ import numpy.typing as npt
 
 from . import _core
 from .arguments import checked_arguments
+from .arrays import Floats, Mask
 from .camera import Camera
 from .mirror import MirrorEstimates
 from .short_repr import ShortRepr, from_core
 
-Array = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
 Triangulator = Literal["midpoint", "lee_civera_mid2", "unbiased", "maximum_likelihood"]
 
 TRIANGULATORS: tuple[Triangulator, ...] = ("midpoint", "lee_civera_mid2", "unbiased", "maximum_likelihood")
@@ -40,14 +39,14 @@ class MarkerPositions(ShortRepr):
     """
 
     triangulator: Triangulator
-    points_in_camera_m: Array
-    covariances_m2: Array
-    measurement_covariances_m2: Array
-    point_by_camera_from_board: Array
-    parallax_rad: Array
-    rms_ray_distance_m: Array
-    rms_px: Array
-    chi_squared: Array
+    points_in_camera_m: Floats
+    covariances_m2: Floats
+    measurement_covariances_m2: Floats
+    point_by_camera_from_board: Floats
+    parallax_rad: Floats
+    rms_ray_distance_m: Floats
+    rms_px: Floats
+    chi_squared: Floats
     valid: Mask
     reasons: Mapping[int, str]
 
@@ -56,7 +55,7 @@ class MarkerPositions(ShortRepr):
 class TwoViewMarkers(ShortRepr):
     """Positions of N markers by the paper's measurement, (N, 3) m in the camera frame."""
 
-    points_in_camera_m: Array
+    points_in_camera_m: Floats
     valid: Mask
     reasons: Mapping[int, str]
 

@@ -6,7 +6,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
+
+from .arrays import Floats
 
 
 @dataclass(frozen=True)
@@ -25,7 +26,7 @@ class View:
     distance_m: float = 0.150
 
     @property
-    def normal_in_root(self) -> npt.NDArray[np.float64]:
+    def normal_in_root(self) -> Floats:
         """The mirror's unit normal, from the robot to the mirror, (3,)."""
         level = math.cos(self.pitch_rad)
         return np.array(

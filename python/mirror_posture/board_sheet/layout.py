@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from .._core import MirrorPostureError
+from ..arrays import Mask
 from ..board import Board
 
 Rectangle = tuple[float, float, float, float]
@@ -182,7 +182,7 @@ def _charuco(sheet: BoardSheet) -> cv2.aruco.CharucoBoard:
     return charuco_board(sheet.board())
 
 
-def _runs(black: npt.NDArray[np.bool_]) -> list[tuple[int, int]]:
+def _runs(black: Mask) -> list[tuple[int, int]]:
     """Start and length of the runs of True."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], black, [False]]).astype(np.int8)))
     return [(int(a), int(b - a)) for a, b in zip(edges[::2], edges[1::2], strict=True)]

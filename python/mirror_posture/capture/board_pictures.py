@@ -8,17 +8,15 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from .._core import MirrorPostureError
+from ..arrays import Floats
 from ..board import Board
 from ..camera_calibration import GOOD_VIEWS, LEAST_VIEWS, calibrate_camera
 from ..detect import BoardOptions, DetectionOptions, DetectionSetup, detect_picture
 from ..output_files import write_file
 from .sources import Shot, Source
 from .stillness import Stillness
-
-Floats = npt.NDArray[np.float64]
 
 STILL_S = 0.6
 """For how long all must have stood still: a board in a hand trembles less than it seems."""

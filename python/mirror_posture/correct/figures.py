@@ -7,8 +7,8 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
+from ..arrays import Floats
 from ..detect import read_picture
 from ..figure_settings import literal
 from ..measurement import (
@@ -161,7 +161,7 @@ def _panel(
     error = np.array([_error(look, name) for name in names])
     glass = (session.mirror or IDEAL_MIRROR).glass
 
-    def pixels(points_in_board: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    def pixels(points_in_board: Floats) -> Floats:
         in_camera = points_in_board @ camera_from_board[:3, :3].T + camera_from_board[:3, 3]
         seen = see_in_mirror(camera, measurement.mirrors.foot_m[row], in_camera, **glass)
         return np.where(seen.valid[:, None], seen.pixels_px, np.nan)
@@ -199,8 +199,8 @@ def _error(look: LookReport, name: str) -> Sequence[float]:
 
 def _crop(
     picture: Pixels,
-    wanted: npt.NDArray[np.float64],
-    measured: npt.NDArray[np.float64] | None,
+    wanted: Floats,
+    measured: Floats | None,
     text: str,
 ) -> Pixels:
     """The surroundings of a target, enlarged."""
@@ -211,9 +211,9 @@ def _crop(
     small = cv2.warpAffine(picture, shift, (side, side), borderValue=(60, 60, 60))
     canvas = cv2.resize(small, None, fx=ZOOM, fy=ZOOM, interpolation=cv2.INTER_CUBIC)
 
-    def enlarged(pixel: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    def enlarged(pixel: Floats) -> Floats:
         # Pixel centres: (0, 0) is the middle of the top-left pixel, in both pictures.
-        result: npt.NDArray[np.float64] = (pixel - corner + 0.5) * ZOOM - 0.5
+        result: Floats = (pixel - corner + 0.5) * ZOOM - 0.5
         return result
 
     if measured is not None and np.isfinite(measured).all():

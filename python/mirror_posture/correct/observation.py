@@ -6,15 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from ..arrays import Floats, Integers, Mask
 from ..measurement import MeasureOptions, NothingMeasuredError, measure
 from ..robots.protocol import Look
 from ..short_repr import ShortRepr
 from .options import MeasureChoice
 from .target import Target
 
-Floats = npt.NDArray[np.float64]
 MARKER_POINTS_STD_M = 0.0005
 """Of positions that something else measured without saying how well."""
 
@@ -23,14 +22,14 @@ MARKER_POINTS_STD_M = 0.0005
 class Readings(ShortRepr):
     """The target's markers at one look, in the board's frame; rows with `measured` False hold 0."""
 
-    measured: npt.NDArray[np.bool_]
+    measured: Mask
     """(M,)."""
     point_in_board_m: Floats
     """(M, 3)."""
     covariance_m2: Floats
     """(M, 3, 3)."""
     chi_squared: Floats
-    degrees_of_freedom: npt.NDArray[np.int64]
+    degrees_of_freedom: Integers
     reasons: tuple[str | None, ...]
 
     @classmethod

@@ -11,17 +11,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from .._core import MirrorPostureError
 from ..arguments import checked_arguments
+from ..arrays import Floats
 from ..plan.again import PlannedRoom, read_planned_room
 from ..plan.options import MirrorPlace
 from ..viewpoint import View
 from .planner import USUAL_VIEWS, Prospect, best_first, predicted_std_m, prospects
 from .target import Target
-
-Floats = npt.NDArray[np.float64]
 
 FARTHER = (1.0, 1.25, 1.6, 2.0)
 """A target may reach farther than the plan's postures, or need more of the picture: largest mirror

@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
-import numpy.typing as npt
 
 from ..arguments import checked_arguments
+from ..arrays import Floats
 from ..measurement import MeasureOptions, NothingMeasuredError, measure
 from ..mirror import IDEAL_MIRROR
 from ..optics import see_in_mirror
@@ -19,8 +19,6 @@ from ..robots.protocol import ImagePoints, Look
 from ..shapes.reach import outermost_points
 from ..viewpoint import View
 from .target import Target
-
-Floats = npt.NDArray[np.float64]
 
 YAWS_RAD = tuple(math.radians(x) for x in (0, -5, 5, -10, 10, -15, 15, -20, 20, -25, 25))
 PITCHES_RAD = tuple(math.radians(x) for x in (0, -5, 5, -10, 10, -15, 15))

@@ -11,11 +11,10 @@ import numpy.typing as npt
 from .. import _core
 from .._core import MirrorPostureError
 from ..arguments import checked_arguments
+from ..arrays import Floats
 from ..robots.nominal import Nominal
 from ..short_repr import ShortRepr
 from .options import CorrectOptions
-
-Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

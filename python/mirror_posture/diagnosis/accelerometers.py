@@ -17,18 +17,15 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from .._core import rms_angles
+from ..arrays import Floats, Integers, Mask
 from ..robot import Robot
 from ..session import Session
 from .applied.apply import parts_of
 from .applied.urdf import Urdf
 from .applied.xml_text import read_xml
 from .result import Diagnosis
-
-Floats = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
 
 IN_URDF = ("axis_tilt", "joint_offset")
 """Effects that a URDF can represent and that turn links. In this order, because an offset turns about the
@@ -168,7 +165,7 @@ class _Errors:
         known: Mask = np.logical_and.reduce([np.isfinite(v) for v in values]) if values else np.array(True)
         return known, bool(values) or bool(self.in_urdf & path)
 
-    def in_rows(self, rows: npt.NDArray[np.int64]) -> list[tuple[str, Floats, Floats]]:
+    def in_rows(self, rows: Integers) -> list[tuple[str, Floats, Floats]]:
         """Joint, error of its position (N,) and bending of its link (N, 3), of the joints that have one."""
         turn, bend = np.zeros(len(rows)), np.zeros((len(rows), 3))
         return [
@@ -181,7 +178,7 @@ class _Errors:
         ]
 
 
-def _by_frame(session: Session, frame: npt.NDArray[np.int64], values: Floats) -> Floats:
+def _by_frame(session: Session, frame: Integers, values: Floats) -> Floats:
     """Values of some frames for all frames: those of a posture share what one of them has; NaN where none has."""
     row_of = {int(number): row for row, number in enumerate(session.frames.frame)}
     rows = np.array([row_of[int(number)] for number in frame], dtype=int)

@@ -11,9 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from .._core import GapRecording, MirrorPostureError
+from ..arrays import Floats
 from ..short_repr import ShortRepr
 
-Floats = npt.NDArray[np.float64]
 ALL = "*"
 """`joint:*`, `link:*`, `marker:*`: every such place that the session can show."""
 LEAST_WEIGHT = 1e-12

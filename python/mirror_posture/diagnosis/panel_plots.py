@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..arrays import Floats
 from . import formatting
-from .parts import Field, Floats, Track
+from .parts import Field, Track
 from .plots import AFTER, BAR_ALPHA, BEFORE, FLOOR, FREE, INK, MANY_POINTS, Drawing, figure, finished, styled
 
 if TYPE_CHECKING:

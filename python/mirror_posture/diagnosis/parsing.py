@@ -11,7 +11,8 @@ from typing import Any, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
-from .parts import Field, Floats, Signature, Track
+from ..arrays import Floats
+from .parts import Field, Signature, Track
 
 NOT_OF_THE_FILE = ("document", "slides")
 """Fields that are no key of the file."""

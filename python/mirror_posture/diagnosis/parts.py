@@ -5,12 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
-import numpy.typing as npt
-
+from ..arrays import Floats, Integers
 from ..short_repr import ShortRepr
-
-Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -198,7 +194,7 @@ class Signature(ShortRepr):
     at: str
     unit: str
     cause: int | None
-    frame: npt.NDArray[np.int64]
+    frame: Integers
     position: Floats
     torque_nm: Floats
     direction: Floats
@@ -228,7 +224,7 @@ class Track(ShortRepr):
     components: tuple[str, ...]
     against: tuple[str, ...]
     against_units: tuple[str, ...]
-    frame: npt.NDArray[np.int64]
+    frame: Integers
     values: Floats
     error: Floats
     std: Floats
@@ -253,7 +249,7 @@ class Field(ShortRepr):
     size: Floats
     at_points: Floats
     of: tuple[str, ...]
-    count: npt.NDArray[np.int64]
+    count: Integers
     without: Floats
     std: Floats
     with_cause: Floats | None = None

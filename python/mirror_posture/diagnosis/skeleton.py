@@ -9,8 +9,8 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from ..arrays import Floats
 from ..pages.drawing import (
     AFTER,
     BEFORE,
@@ -52,7 +52,7 @@ class Stance:
     session: Session
 
     @cached_property
-    def place_mm(self) -> dict[str, npt.NDArray[np.float64]]:
+    def place_mm(self) -> dict[str, Floats]:
         """The origin of each link, (3,)."""
         robot = self.session.robot
         poses = robot.forward_kinematics(np.median(self.session.positions, axis=0, keepdims=True))[0]
@@ -60,7 +60,7 @@ class Stance:
         return {name: 1000.0 * (base @ poses[i])[:3, 3] for i, name in enumerate(robot.link_names)}
 
     @cached_property
-    def ends_mm(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    def ends_mm(self) -> tuple[Floats, Floats]:
         """The lower and the upper corner (3,) of the robot with a free edge around it."""
         points = np.array(list(self.place_mm.values()))
         low, high = points.min(axis=0), points.max(axis=0)

@@ -12,12 +12,13 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from .._core import MirrorPostureError
+from ..arrays import Floats
 from ..input_files import given_text, path_inside
 from ..session.errors import SessionError
 from ..session.tables import Table, open_table
 from .bounds import MOST_POSITIONS, counted_pictures
 from .films import film_pictures
-from .recording import Floats, JointLog, Recording
+from .recording import JointLog, Recording
 
 INFO = Path("meta/info.json")
 TIME, STATE, ACTION = "timestamp", "observation.state", "action"

@@ -10,9 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from .._core import MirrorPostureError
+from ..arrays import Floats
 from ..camera import Camera
 
-Floats = npt.NDArray[np.float64]
 Picture = npt.NDArray[Any]
 Pictures = Callable[[], Iterator[tuple[float, Picture]]]
 """A function that restarts the film: time in seconds and picture, BGR (H, W, 3) uint8, in the order of the

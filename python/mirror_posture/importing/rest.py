@@ -10,9 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from .._core import MirrorPostureError
+from ..arrays import Floats
 from .recording import JointLog, Picture
 
-Floats = npt.NDArray[np.float64]
 SMALL_WIDTH_PX = 160
 """Width to which pictures are shrunk to see whether anything moves: averages away the sensor's noise."""
 STEP_S = 0.02

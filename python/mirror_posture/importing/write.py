@@ -11,13 +11,14 @@ import numpy as np
 import pyarrow as pa
 
 from .._core import MirrorPostureError
+from ..arrays import Floats
 from ..output_files import keep_files, new_folder
 from ..robot import Robot
 from ..session.camera_info import dump_camera_info
 from ..session.metadata import load_metadata
 from ..session.tables import find_table
 from ..session.write import write_table
-from .recording import Floats, JointLog, Picture, Recording
+from .recording import JointLog, Picture, Recording
 from .rest import ClockMatch, Rest, find_rests, match_clocks, picture_motion
 
 MARGIN = 0.2

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
+from ..arrays import Floats
 from ..detect import read_picture
 from ..figure_settings import literal
 from ..mirror import IDEAL_MIRROR
@@ -126,7 +126,7 @@ def write_measured_and_model(session: Session, measurement: Measurement, row: in
     return True
 
 
-def _label(canvas: Pixels, text: str, at: npt.NDArray[np.float64], scale: int) -> None:
+def _label(canvas: Pixels, text: str, at: Floats, scale: int) -> None:
     """Text on a dark plate, centred on a place and kept inside of the picture."""
     size = 0.4 * scale
     (width, height), base = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, size, 1)

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from .._core import MeasureInput, MirrorPostureError
+from ..arrays import Floats
 from ..mirror import IDEAL_MIRROR
 from ..session import Session
 from .options import MeasureOptions
 from .residuals import excess_of_markers
 from .types import NothingMeasuredError
-
-Floats = npt.NDArray[np.float64]
 
 
 def nominal_camera_from_board(session: Session) -> Floats:

@@ -6,12 +6,9 @@ import math
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-import numpy as np
-import numpy.typing as npt
-
+from ..arrays import Floats
 from ..short_repr import ShortRepr
 
-Floats = npt.NDArray[np.float64]
 Estimator = Literal["pose", "pose-snapped", "point-pair", "maximum-likelihood", "joint"]
 ESTIMATORS: tuple[Estimator, ...] = get_args(Estimator)
 """From the paper's baseline (Eq. 1) to the best; `point-pair` is the paper's method (Eq. 2)."""

@@ -15,13 +15,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from .._core import MeasureInput
+from ..arrays import Floats, Integers, Mask
 from ..session.types import Session
 from ..short_repr import ShortRepr
-
-Floats = npt.NDArray[np.float64]
 
 WIDEN_ABOVE = 1.5
 """Ratio of the residuals' deviation to the assumed one above which the assumption is increased; the effect
@@ -109,7 +107,7 @@ def judge_views(
     return Tested(replace(assumed, corner_noise_px=usual, mount_covariance=mount), left_out, (warning,))
 
 
-def _mount_shown(session: Session, seen: npt.NDArray[np.bool_], excess_px: float) -> Floats:
+def _mount_shown(session: Session, seen: Mask, excess_px: float) -> Floats:
     """Covariance of the camera–board transform that would leave such a residual: the turn that moves the board's corners so far, and the shift."""
     assert session.board is not None
     pixels = session.mirror_view.board_px
@@ -132,7 +130,7 @@ def _mount_shown(session: Session, seen: npt.NDArray[np.bool_], excess_px: float
 
 
 def widen_markers(
-    covariance_m2: Floats, chi_squared: Floats, freedom: npt.NDArray[np.int64]
+    covariance_m2: Floats, chi_squared: Floats, freedom: Integers
 ) -> tuple[Floats, list[str | None]]:
     """Covariances (K, 3, 3), increased where a marker's own views disagree, and the reason where they
     cannot be of one point."""
@@ -147,7 +145,7 @@ def widen_markers(
     return covariance_m2 * (factor**2)[:, None, None], reasons
 
 
-def excess_of_markers(chi_squared: Floats, freedom: npt.NDArray[np.int64]) -> float:
+def excess_of_markers(chi_squared: Floats, freedom: Integers) -> float:
     """The factor between the actual and the assumed deviation of the markers' pixels, by the median; 1
     where no marker determines it."""
     known = freedom > 0

@@ -9,18 +9,16 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from .._core import Measured, MeasureInput, MirrorPostureError
 from ..arguments import checked_arguments
+from ..arrays import Floats
 from ..session import Session, as_session
 from ..view_check import refuse_mistakes
 from .inputs import a_from_b, core_input, noise_px, nominal_camera_from_board
 from .options import ESTIMATORS, EXACT_STD, JOINT_MOUNT_STD_M, JOINT_MOUNT_STD_RAD, MeasureOptions
 from .residuals import WIDEN_ABOVE, Assumed, Tested, excess_of_markers, judge_views, widen_markers
 from .types import Markers, Measurement, Mirrors, NothingMeasuredError, mapped
-
-Floats = npt.NDArray[np.float64]
 
 
 @checked_arguments

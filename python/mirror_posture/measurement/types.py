@@ -10,15 +10,13 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pyarrow as pa
 
 from .._core import MirrorPostureError
+from ..arrays import Floats, Integers, Mask
 from ..short_repr import ShortRepr
 from .options import Estimator
 from .table import marker_table
-
-Floats = npt.NDArray[np.float64]
 
 
 class NothingMeasuredError(MirrorPostureError):
@@ -31,7 +29,7 @@ class NothingMeasuredError(MirrorPostureError):
 class Mirrors(ShortRepr):
     """The mirror of each frame, in the camera frame: `normal · x = distance`, normal away from the camera."""
 
-    measured: npt.NDArray[np.bool_]
+    measured: Mask
     """(F,); where it is False, `reason` says why and the arrays hold 0."""
     foot_m: Floats
     """(F, 3): the foot of the camera's perpendicular, distance times normal."""
@@ -57,13 +55,13 @@ class Mirrors(ShortRepr):
 class Markers(ShortRepr):
     """The markers of each posture that any view shows: one row a posture and marker."""
 
-    posture: npt.NDArray[np.int64]
+    posture: Integers
     """(K,): the posture's number."""
-    marker: npt.NDArray[np.int64]
+    marker: Integers
     """(K,): index into the session's markers."""
-    views: npt.NDArray[np.int64]
+    views: Integers
     """(K,): in how many frames it is seen."""
-    measured: npt.NDArray[np.bool_]
+    measured: Mask
     """(K,); where it is False, `reason` says why and `point_in_camera_m` holds 0."""
     point_in_camera_m: Floats
     """(K, 3)."""
@@ -76,7 +74,7 @@ class Markers(ShortRepr):
     reason: tuple[str | None, ...]
     chi_squared: Floats
     """(K,): sum of squared normalised residuals of the views' pixels; 0 where there is no degree of freedom."""
-    degrees_of_freedom: npt.NDArray[np.int64]
+    degrees_of_freedom: Integers
     """(K,): of that; 0 where it is not measured, and by `joint`, which has one sum for the whole session."""
 
     def __len__(self) -> int:

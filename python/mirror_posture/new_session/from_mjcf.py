@@ -8,14 +8,13 @@ from typing import Any
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
-import numpy.typing as npt
 
 from .._core import MirrorPostureError
+from ..arrays import Floats
 from ..rotations import rotation_of_vector, rpy_of_rotation
 from ..shapes.triangles import Triangles
 from .mjcf_shapes import MjcfShapes, origin_text, rotation_of_quaternion
 
-Floats = npt.NDArray[np.float64]
 MASSLESS = "_before_"
 
 

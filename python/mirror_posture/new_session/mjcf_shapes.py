@@ -7,12 +7,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from ..arrays import Floats
 from ..rotations import rpy_of_rotation
 from ..shapes.triangles import Triangles, sphere
 
-Floats = npt.NDArray[np.float64]
 SHOWN_GROUPS = 3
 """MuJoCo's viewer shows the groups below this one by default: MJCFs keep their visible shapes there."""
 

@@ -7,11 +7,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from .._core import MirrorPostureError
+from ..arrays import Floats
 
-Floats = npt.NDArray[np.float64]
 Vector = tuple[float, float, float]
 LEAST_ANGLE_RAD = math.radians(5.0)
 """Directions that are nearer to parallel than this do not define an upward direction."""

@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from .._core import MirrorPostureError
+from ..arrays import Floats
 from ..formats import plan_keys
 from ..formats.check import problems
 from ..input_files import LARGEST_TEXT, given_text
@@ -24,8 +24,6 @@ from .setting import Setting, read_setting
 from .sight import scene_of
 from .simple import planned_mirrors
 from .table import DOCUMENT
-
-Floats = npt.NDArray[np.float64]
 
 NEEDED = "the plan.json of `mirror-posture plan`"
 SAME_TURN_RAD = 1e-6

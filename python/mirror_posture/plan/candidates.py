@@ -7,16 +7,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
+from ..arrays import Floats, Integers, Mask
 from .hiding import unhidden
 from .options import MirrorPlace, PlanOptions
 from .room import Room
 from .setting import Setting
 from .sight import look, scene_of
-
-Floats = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +22,7 @@ class Candidates:
 
     positions: Floats
     """(C, nq)."""
-    view: npt.NDArray[np.int64]
+    view: Integers
     """(C,)."""
     markers: Mask
     """(C, M): the balls that are seen."""

@@ -11,16 +11,14 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from ..arrays import Floats
 from .candidates import Candidates
 from .causes import Moment
 from .options import MirrorPlace
 from .room import Room
 from .sensitivity import Sensitivity
 from .setting import Setting
-
-Floats = npt.NDArray[np.float64]
 
 STEP_RAD = 0.15
 """A path between two postures is checked at least this often."""

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
+from ..arrays import Floats, Mask
 from .options import MirrorPlace
 from .setting import Setting
 from .sight import Scene, Sight
@@ -15,8 +15,6 @@ from .sight import Scene, Sight
 if TYPE_CHECKING:
     from ..shapes.body import Body
 
-Floats = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
 
 RIM_SHARE, RIM_LEAST = 0.8, 3
 """A ball counts as visible if its centre and this many of four points at this share of its radius are: the

@@ -9,7 +9,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from ..robots.nominal import Nominal
 from .again import PlannedRoom, read_planned_room
@@ -19,8 +18,6 @@ from .options import MirrorPlace
 from .run import SECONDS_A_FRAME, Plan, told_by
 from .sensitivity import Sensitivity
 from .table import POSTURES, read_plan
-
-Floats = npt.NDArray[np.float64]
 
 
 def judge_plan(folder: str | os.PathLike[str], plan_folder: Path) -> tuple[Plan, tuple[str, ...]]:

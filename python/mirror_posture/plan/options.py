@@ -8,13 +8,11 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from .._core import MirrorPostureError
+from ..arrays import Floats
 from ..formats.plan_keys import MOST_POSTURES, MOST_VIEWS
 from ..mirror import Mirror
-
-Floats = npt.NDArray[np.float64]
 
 YAWS_DEG = (0.0, 12.0, -12.0, 24.0, -24.0)
 PITCHES_DEG = (0.0, 8.0, -8.0)

@@ -7,14 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from ..arrays import Floats
 from ..figure_settings import literal
 from .options import MirrorPlace
 from .run import Plan
 from .sizes import size_in_words
-
-Floats = npt.NDArray[np.float64]
 
 MOST_ROWS = 24
 SHOWN = {

@@ -7,16 +7,15 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
 from .._core import MirrorPostureError
+from ..arrays import Floats
 from .options import MirrorPlace, PlanOptions
 from .setting import Setting, draw
 
 if TYPE_CHECKING:
     from ..shapes.body import Body
 
-Floats = npt.NDArray[np.float64]
 
 GLASS_CLEARANCES = 3.0
 """Clearances of the body from the glass, because the mirror is not exactly where it was meant."""

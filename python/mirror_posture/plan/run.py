@@ -10,10 +10,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from .._core import MirrorPostureError
 from ..arguments import checked_arguments
+from ..arrays import Floats, Integers, Mask
 from ..robots.nominal import Nominal
 from .candidates import Candidates, sift
 from .causes import moments
@@ -24,8 +24,6 @@ from .sensitivity import Sensitivity
 from .setting import Setting, draw, read_setting
 from .sight import look, scene_of
 from .telling import Tells, what_it_tells
-
-Floats = npt.NDArray[np.float64]
 
 DISTANCES = (1.0, 1.25, 1.6, 2.0, 2.5, 3.2)
 """Of the mirror from the board, in reaches of the robot towards it; the nearest that shows enough is taken."""
@@ -49,11 +47,11 @@ class Plan:
     """The views, in the root's frame."""
     positions: Floats
     """(F, nq) commanded, in the order of `Robot.position_names`, rad (m)."""
-    view: npt.NDArray[np.int64]
+    view: Integers
     """(F,)."""
-    posture: npt.NDArray[np.int64]
+    posture: Integers
     """(F,)."""
-    markers: npt.NDArray[np.bool_]
+    markers: Mask
     """(F, M): the balls that will be seen."""
     tells: tuple[Tells, ...]
     not_taken: dict[str, int]
@@ -142,7 +140,7 @@ def told_by(
     sensitivity: Sensitivity,
     positions: Floats,
     mirrors: Sequence[MirrorPlace],
-    markers: npt.NDArray[np.bool_],
+    markers: Mask,
 ) -> tuple[Tells, ...]:
     """The information of postures (F, nq), held one after the other in front of these F mirrors (in the
     base's frame), with visible balls (F, M)."""
@@ -273,7 +271,7 @@ def _in_root(setting: Setting, mirror: MirrorPlace) -> MirrorPlace:
     )
 
 
-def _renumbered(posture: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+def _renumbered(posture: Integers) -> Integers:
     """The same numbers in the order of their first appearance."""
     first: dict[int, int] = {}
     return np.array([first.setdefault(int(p), len(first)) for p in posture], dtype=np.int64)

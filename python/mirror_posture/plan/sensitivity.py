@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ..arrays import Floats, Mask
 from ..mirror import IDEAL_MIRROR
 from ..optics import SeenInMirror, see_in_mirror
 from ..robot import Joint
@@ -23,7 +24,6 @@ from .options import MirrorPlace
 from .setting import Setting
 from .sight import scene_of
 
-Floats = npt.NDArray[np.float64]
 Basis = Callable[[Moment], Floats]
 
 
@@ -172,7 +172,7 @@ class Sensitivity:
         )
 
     def jacobian(
-        self, moment: Moment, mirror: MirrorPlace, markers: npt.NDArray[np.bool_], all_corners: bool = False
+        self, moment: Moment, mirror: MirrorPlace, markers: Mask, all_corners: bool = False
     ) -> Floats:
         """Whitened rows (R, width) of a frame with its own mirror projected out; `mirror` in the base's frame."""
         setting = self.setting

@@ -6,15 +6,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from .._core import MirrorPostureError
+from ..arrays import Floats, Integers
 from ..board import Board
 from ..camera import Camera
 from ..robots.nominal import Nominal
 from .options import PlanOptions
-
-Floats = npt.NDArray[np.float64]
 
 FROM_THE_END = 0.03
 """Share of a joint's range that is left at either end."""
@@ -39,7 +37,7 @@ class Setting:
     low: Floats
     high: Floats
     """(nq,): where joints may be sent; both at home for those that are held."""
-    moving: npt.NDArray[np.int64]
+    moving: Integers
     """Columns of the joints that the plan moves."""
     up: Floats
     forward: Floats

@@ -6,15 +6,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from ..arrays import Floats, Integers, Mask
 from ..mirror import IDEAL_MIRROR
 from ..optics import see_in_mirror
 from .options import MirrorPlace
 from .setting import Setting
-
-Floats = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
 
 EDGE_SHARE = 0.02
 """Of the picture's width: nearer to its edge nothing is planned."""
@@ -55,7 +52,7 @@ class Sight:
     """(N, 3): the mirror's foot point in the camera's frame, m."""
 
 
-def outer_corners(setting: Setting) -> npt.NDArray[np.int64]:
+def outer_corners(setting: Setting) -> Integers:
     """Indices of the board's four outer corners."""
     nx, ny = setting.board.columns, setting.board.rows
     return np.array([0, nx - 1, nx * (ny - 1), nx * ny - 1])

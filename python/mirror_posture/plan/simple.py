@@ -7,15 +7,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from .._core import MirrorPostureError
+from ..arrays import Floats
 from ..robots.nominal import Nominal
 from .options import MirrorPlace, PlanOptions
 from .setting import read_setting
 from .table import POSTURES, VIEWS, PlannedFrame, numbers_of, read_plan
-
-Floats = npt.NDArray[np.float64]
 
 
 def mirrors_before(

@@ -14,12 +14,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from ..arrays import Floats
 from .causes import Cause
 from .sensitivity import Sensitivity
-
-Floats = npt.NDArray[np.float64]
 
 SURE = 5.0
 """Standard deviations: a search over a hundred places needs more than the usual 2."""

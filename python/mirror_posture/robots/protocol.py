@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Protocol, TypeVar, runtime_checkable
 import numpy as np
 import numpy.typing as npt
 
+from ..arrays import Floats, Mask
 from ..short_repr import ShortRepr
 from ..viewpoint import View
 from .errors import UnsafeCommandError
@@ -22,8 +23,6 @@ from .errors import UnsafeCommandError
 if TYPE_CHECKING:
     from .nominal import Nominal
 
-Floats = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
 Positions = Mapping[str, float]
 """Joint positions by joint name, rad (m for a prismatic joint)."""
 

@@ -19,7 +19,8 @@ from .errors import SessionError, choices
 from .tables import Table
 
 if TYPE_CHECKING:
-    from .types import Floats, Frames, Mask
+    from ..arrays import Floats, Mask
+    from .types import Frames
 
 ACCELEROMETER = "accelerometer:"
 AXES = ("x", "y", "z")

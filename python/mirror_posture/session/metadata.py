@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ..arrays import Floats
 from ..board import CHARUCO, Board
 from ..formats import Key, Section
 from ..formats.session_keys import (
@@ -34,7 +35,7 @@ from ..marker import ColorRange, Marker
 from ..mirror import Mirror
 from ..short_repr import ShortRepr
 from .errors import Problems, SessionError, choices
-from .types import Floats, Noise
+from .types import Noise
 
 if sys.version_info >= (3, 11):
     import tomllib

@@ -10,7 +10,8 @@ import numpy as np
 from .errors import SessionError
 
 if TYPE_CHECKING:
-    from .types import Floats, Session
+    from ..arrays import Floats
+    from .types import Session
 
 BOARDS_TRIED = 200
 LEAST_CORNERS = 8

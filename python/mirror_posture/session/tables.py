@@ -21,6 +21,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.csv
 
+from ..arrays import Floats, Integers, Mask
 from ..input_files import LARGEST_TABLE, path_inside, read_regular, reason
 from ..short_repr import ShortRepr
 from .errors import SessionError, choices
@@ -56,13 +57,13 @@ class Table(ShortRepr):
                     f"needed {choices(columns)}",
                 )
 
-    def only(self, kept: npt.NDArray[np.bool_]) -> Table:
+    def only(self, kept: Mask) -> Table:
         """The rows that are kept."""
         mask = pa.array(kept)
         columns = {name: array.filter(mask) for name, array in self.columns.items()}
         return Table(self.name, columns, int(kept.sum()))
 
-    def numbers(self, column: str) -> npt.NDArray[np.float64]:
+    def numbers(self, column: str) -> Floats:
         """A column as finite doubles."""
         values = self._cast(column, pa.float64(), "a finite number")
         bad = np.flatnonzero(~(np.abs(values) <= LARGEST_NUMBER))
@@ -70,7 +71,7 @@ class Table(ShortRepr):
             raise self._bad_cell(column, int(bad[0]), f"a finite number of at most {LARGEST_NUMBER:g}")
         return values
 
-    def numbers_in(self, column: str, rows: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
+    def numbers_in(self, column: str, rows: Integers) -> Floats:
         """Some rows of a column as finite doubles; a bad cell is named by its row in the whole table."""
         part = Table(self.name, {column: self.columns[column].take(pa.array(rows))}, len(rows))
         try:
@@ -80,20 +81,20 @@ class Table(ShortRepr):
                 raise
             raise self._bad_cell(column, int(rows[error.row - 1]), "a finite number") from None
 
-    def blank(self, column: str) -> npt.NDArray[np.bool_]:
+    def blank(self, column: str) -> Mask:
         """(rows,): whether a cell of a column is empty (null, or text of blanks only)."""
         array = self.columns[column]
         empty = array.is_null()
         if pa.types.is_string(array.type) or pa.types.is_large_string(array.type):
             empty = pc.or_(empty, pc.equal(pc.utf8_trim_whitespace(array.fill_null("")), ""))
-        result: npt.NDArray[np.bool_] = empty.to_numpy(zero_copy_only=False).astype(bool)
+        result: Mask = empty.to_numpy(zero_copy_only=False).astype(bool)
         return result
 
-    def integers(self, column: str) -> npt.NDArray[np.int64]:
+    def integers(self, column: str) -> Integers:
         """A column as whole numbers."""
         return self._cast(column, pa.int64(), "a whole number")
 
-    def texts(self, column: str) -> tuple[npt.NDArray[np.int64], list[str]]:
+    def texts(self, column: str) -> tuple[Integers, list[str]]:
         """A column as codes (one a row) and their distinct texts, in order of appearance."""
         array = self._filled(column, "a name")
         if not pa.types.is_string(array.type) and not pa.types.is_large_string(array.type):

@@ -13,18 +13,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from ..arrays import Floats, Integers, Mask
 from ..board import Board
 from ..camera import Camera
 from ..marker import Marker
 from ..mirror import Mirror
 from ..robot import Robot
 from ..short_repr import ShortRepr
-
-Floats = npt.NDArray[np.float64]
-Integers = npt.NDArray[np.int64]
-Mask = npt.NDArray[np.bool_]
 
 UNKNOWN_FRAME = "unknown"
 """The `[points] frame` of a fixed frame whose pose is estimated along with the rest."""

@@ -12,9 +12,9 @@ from itertools import combinations
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from .._core import MirrorPostureError
+from ..arrays import Floats
 from ..robots.nominal import Nominal
 from .of_links import shapes_of_links
 from .triangles import Triangles, box, cut, sphere
@@ -26,7 +26,6 @@ except ImportError:
         "collisions and pictures with meshes need MuJoCo: pip install 'mirror-posture[mujoco]'"
     ) from None
 
-Floats = npt.NDArray[np.float64]
 
 SHEET_M = 0.003
 """Thickness of the board with its support."""

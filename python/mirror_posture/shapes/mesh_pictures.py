@@ -22,13 +22,12 @@ import pyarrow as pa
 import tomli_w
 
 from .._core import MirrorPostureError
+from ..arrays import Floats
 from ..robots.nominal import Nominal
 from ..session.write import replace_folder, write_table
 from .body import flat_spec, place
 from .mujoco_picture import EDGE_SAMPLES, FINER, MirrorRenderer, dress
 from .of_links import COARSE_FOLDER, shapes_of_links
-
-Floats = npt.NDArray[np.float64]
 
 GREYS = (0.72, 0.62, 0.5)
 """Colours of successive links, so that neighbours can be distinguished."""

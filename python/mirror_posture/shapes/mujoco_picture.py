@@ -19,9 +19,8 @@ import numpy as np
 import numpy.typing as npt
 
 from .._core import MirrorPostureError
+from ..arrays import Floats
 from ..robots.nominal import Nominal
-
-Floats = npt.NDArray[np.float64]
 
 MIRROR = "mirror_posture:mirror"
 CAMERA = "mirror_posture:camera"

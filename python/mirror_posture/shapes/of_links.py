@@ -9,13 +9,11 @@ from typing import Literal
 from xml.etree import ElementTree
 
 import numpy as np
-import numpy.typing as npt
 
 from ..file_names import file_name_of
 from ..rotations import rotation_of_rpy
 from .triangles import Triangles, box, coarse, cylinder, read_triangles, sphere, write_stl
 
-Floats = npt.NDArray[np.float64]
 Kind = Literal["visual", "collision"]
 
 COARSE_FOLDER = "meshes"

@@ -6,11 +6,9 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from ..arrays import Floats
 from .of_links import shapes_of_links
-
-Floats = npt.NDArray[np.float64]
 
 DIRECTIONS = 100
 """In which the outermost point is kept: in between a link of 10 cm may reach 2 mm farther."""

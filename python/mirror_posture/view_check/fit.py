@@ -8,16 +8,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from ..arrays import Floats, Mask
 from ..board import Board
 from ..camera import Camera
 from ..mirror import FLOAT_GLASS_INDEX, IDEAL_MIRROR, Rig, estimate_mirrors
 from ..optics import see_in_mirror
 from ..session.types import Session
 from .readings import PIXELS, Reading
-
-Floats = npt.NDArray[np.float64]
 
 MOST_VIEWS = 24
 """Number of views tested, spread over the session: a mistake of this kind is in all of them."""
@@ -56,7 +54,7 @@ class Views:
     board_px: Floats
     """(V, N, 2); NaN where a corner was not seen."""
     marker_px: Floats
-    marker_seen: npt.NDArray[np.bool_]
+    marker_seen: Mask
     marker_in_camera_m: Floats
     glass_thickness_m: float
     refractive_index: float

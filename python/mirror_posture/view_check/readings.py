@@ -6,11 +6,10 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from ..arrays import Floats
 from ..short_repr import ShortRepr
 
-Floats = npt.NDArray[np.float64]
 PixelMap = Callable[[Floats, float, float], Floats]
 
 

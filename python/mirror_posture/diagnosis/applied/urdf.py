@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
 from ..._core import MirrorPostureError
+from ...arrays import Floats
 from ...rotations import nearest_rpy, rotation_of_rpy, rotation_of_vector
 from .xml_text import Element, XmlText
 
-Floats = npt.NDArray[np.float64]
 ZERO = (0.0, 0.0, 0.0)
 UNCHANGED = 1e-10
 """rad or m: what differs by less is rounding, and stays as it was written."""
