@@ -8,10 +8,16 @@ from __future__ import annotations
 
 import os
 import stat
+import sys
 from pathlib import Path
 from typing import IO, Any
 
 from ._core import MirrorPostureError
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:  # pragma: no cover
+    import tomli as tomllib
 
 LARGEST_TEXT = 1_000_000
 """Bytes of a text of keys (TOML, YAML) at most: the largest known ones have some ten thousand."""
@@ -103,6 +109,16 @@ def given_text(file: str | os.PathLike[str], needed: str, largest: int = LARGEST
         raise MirrorPostureError(
             f"{os.fspath(file)}: cannot be read ({reason(error)}); needed {needed}"
         ) from None
+
+
+def parse_toml(text: str) -> dict[str, Any]:
+    """A TOML document as plain values. Raises `ValueError`, in one line, for any other text."""
+    try:
+        document: dict[str, Any] = tomllib.loads(text)
+        return document
+    # A very deep or odd document can fail below the parser with errors of Python's own.
+    except (ValueError, RecursionError, OverflowError) as error:
+        raise ValueError(" ".join(str(error).split())) from None
 
 
 def parse_yaml(text: str, needed: str, most_parts: int = MOST_YAML_PARTS) -> Any:

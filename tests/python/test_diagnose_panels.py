@@ -16,7 +16,8 @@ from mirror_posture.diagnosis.formatting import place_with_article, sentence
 from mirror_posture.diagnosis.next_step import next_step
 from mirror_posture.diagnosis.page import write_report
 from mirror_posture.diagnosis.panel_plots import draw_field, draw_track
-from mirror_posture.diagnosis.plots import Drawing, gap_told
+from mirror_posture.diagnosis.plots import gap_told
+from mirror_posture.pages import Drawing
 from tracked_session import write_tracked
 
 rng = np.random.default_rng(3)

@@ -16,8 +16,8 @@ from rich.console import Console
 from mirror_posture import load_session
 from mirror_posture.cli.output import Output
 from mirror_posture.diagnosis.page import write_report
-from mirror_posture.diagnosis.plots import figure, finished, styled
 from mirror_posture.diagnosis.result import VERSION, Diagnosis
+from mirror_posture.pages import figure, finished, styled
 
 SCRIPT = '"><img src=x onerror=alert(1)>'
 NAMES = [

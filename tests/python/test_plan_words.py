@@ -29,8 +29,8 @@ def tells(effect: str, at: str) -> Tells:
         ("backlash", "joint:rail", 0.002, "2 mm"),
         ("joint_compliance", "joint:elbow", math.radians(0.3), "0.3°/N m"),
         ("joint_compliance", "joint:rail", 1e-4, "0.1 mm/N"),
-        ("drift", "joint:rail", 1e-5, "0.01 mm/s"),
-        ("drift", "joint:elbow", math.radians(0.01), "0.01°/s"),
+        ("drift", "joint:rail", 1e-5, "36 mm/h"),
+        ("drift", "joint:elbow", math.radians(0.01), "36°/h"),
         # A share is a share of either.
         ("gear_ratio", "joint:rail", 0.02, "2 %"),
         ("axis_tilt", "joint:rail", math.radians(1.0), "1°"),

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from mirror_posture import Diagnosis, MirrorPostureError, Robot
-from mirror_posture.cli.joint_values import joint_values
+from mirror_posture.cli.values import joint_values
 from mirror_posture.diagnosis import limits
 from mirror_posture.diagnosis.formatting import tell_all
 from small_arm import MOUNTS, URDF, run
@@ -81,3 +81,20 @@ def test_a_plan_tells_lengths_of_joints_that_slide_of_a_robot_whose_first_link_i
     assert float(zero.removesuffix(" mm")) == pytest.approx(
         1000.0 * told["parameters"]["offset_rad"], rel=0.05
     )
+
+
+def test_a_tilt_of_a_joint_that_slides_is_an_angle() -> None:
+    tree = rich_document()
+    shapes = {"probability": 0.9, "alternatives": [], "words": "", "rms_shift": 1.0}
+    tree["prismatic_joints"] = ["rail"]
+    tree["causes"] = [
+        {"effect": effect, "at": "joint:rail", "parameters": {name: {"value": 0.01, "std": 0.001}}, **shapes}
+        for effect, name in (
+            ("axis_tilt", "tilt_1_rad"),
+            ("joint_offset", "offset_rad"),
+            ("slip", "slip_rad"),
+        )
+    ]
+    tilt, offset, slip = (str(tell_all(cause)[0]) for cause in Diagnosis.from_document(tree).causes)
+    assert tilt == "tilt 1 +0.573 ± 0.057 °"
+    assert offset == "offset +10.0 ± 1.0 mm" and slip == "slip +10.0 ± 1.0 mm"

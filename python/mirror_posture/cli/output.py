@@ -169,6 +169,13 @@ def shown(text: str) -> str:
     return "".join("\N{REPLACEMENT CHARACTER}" if c in CONTROLS else c for c in text)
 
 
+def write_json(file: Path, document: Any) -> Path:
+    """Writes a result as JSON, as `--json` prints it."""
+    from ..output_files import write_file
+
+    return write_file(file, json.dumps(plain(document), indent=1, allow_nan=False))
+
+
 def _console(stderr: bool) -> Console:
     """A file or a pipe has no width: what would be cut off there is lost."""
     console = Console(stderr=stderr, highlight=False, soft_wrap=True)

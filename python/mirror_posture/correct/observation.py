@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -91,14 +91,7 @@ def read(target: Target, looks: Sequence[Look], posture: Sequence[int], choice: 
         )
         readings.chi_squared[m] = found.chi_squared[k]
         readings.degrees_of_freedom[m] = found.degrees_of_freedom[k]
-    return Readings(
-        readings.measured,
-        readings.point_in_board_m,
-        readings.covariance_m2,
-        readings.chi_squared,
-        readings.degrees_of_freedom,
-        tuple(reasons),
-    )
+    return replace(readings, reasons=tuple(reasons))
 
 
 def _from_points(target: Target, looks: Sequence[Look], choice: MeasureChoice) -> Readings:
@@ -132,11 +125,4 @@ def _from_points(target: Target, looks: Sequence[Look], choice: MeasureChoice) -
             float((point - mean) @ w @ (point - mean)) for w, (point, _) in zip(weights, rows, strict=True)
         )
         out.degrees_of_freedom[m] = 3 * (len(rows) - 1)
-    return Readings(
-        out.measured,
-        out.point_in_board_m,
-        out.covariance_m2,
-        out.chi_squared,
-        out.degrees_of_freedom,
-        tuple(reasons),
-    )
+    return replace(out, reasons=tuple(reasons))

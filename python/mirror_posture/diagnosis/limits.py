@@ -7,11 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..pages.drawing import FIXED
+from ..pages.drawing import FIXED, INK, Drawing, finished, styled
 from ..session import Session
 from . import formatting
 from .parts import Limit
-from .plots import INK, Drawing, finished, styled
 from .result import Diagnosis
 from .skeleton import VIEWS, Stance, links_of
 

@@ -6,14 +6,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from .._core import __version__
-from ..pages import inline, render
+from ..pages import Drawing, inline, render
 from ..session import Session
 from . import actions, formatting, limits
 from .limits import draw_limits
 from .next_step import next_step
 from .panel_plots import draw_field, draw_track
 from .parts import Gap
-from .plots import Drawing, draw_gap, draw_signature, draw_steps, gap_told
+from .plots import draw_gap, draw_signature, draw_steps, gap_told
 from .result import Diagnosis
 from .skeleton import draw_robot
 

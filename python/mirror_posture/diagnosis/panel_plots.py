@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..arrays import Floats
+from ..pages.drawing import AFTER, BEFORE, FLOOR, FREE, INK, Drawing, figure, finished, styled
 from . import formatting
 from .parts import Field, Track
-from .plots import AFTER, BAR_ALPHA, BEFORE, FLOOR, FREE, INK, MANY_POINTS, Drawing, figure, finished, styled
+from .plots import draw_postures
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,9 +21,6 @@ UNITS = {"rad": ("°", math.degrees(1.0)), "m": ("mm", 1000.0), "1": ("%", 100.0
 """A unit of the core, its readable unit, and the factor."""
 MOST_COLUMNS = 4
 """More plots than this side by side are not readable."""
-UNCLEAR = 6.0
-"""A posture whose standard deviation is this many times the typical one gives little information, and is
-not drawn."""
 WORST = 3.0
 """A component that is so much less certain than the best one does not set the common scale."""
 ARROW_SHARE = 0.09
@@ -52,10 +50,11 @@ def draw_track(track: Track, index: int) -> Drawing:
         height = 1.45 * components + 1.25
         drawn, axes = figure(11.0, height, components, len(columns), sharex="col", sharey=True)
     limit = factor * _limit(track)
+    error, std, fitted = (factor * a for a in (track.error, track.std, track.fitted))
     for row, component in enumerate(track.components):
         for ax, column in zip(axes[row], columns, strict=True):
             x, label = _quantity(track, column)
-            _points(ax, track, x, row, factor)
+            draw_postures(ax, x, error[:, row], std[:, row], fitted[:, row], track.cause is None)
             ax.set_ylim(-limit, limit)
             if row == components - 1 or len(columns) == 1:
                 ax.set_xlabel(label)
@@ -64,37 +63,6 @@ def draw_track(track: Track, index: int) -> Drawing:
         *axes[0, 0].get_legend_handles_labels(), fontsize=8, frameon=False, loc="outside upper left", ncols=2
     )
     return finished(drawn, f"track{index}")
-
-
-def _points(ax: Axes, track: Track, x: Floats, component: int, factor: float) -> None:
-    """One component against one quantity."""
-    error, std, fitted = (factor * a[:, component] for a in (track.error, track.std, track.fitted))
-    clear = std <= UNCLEAR * np.median(std)
-    many = len(x) > MANY_POINTS
-    free = track.cause is None
-    ax.errorbar(
-        x[clear],
-        error[clear],
-        yerr=std[clear],
-        fmt="o",
-        markersize=1.2 if many else 3.0,
-        color=FLOOR,
-        ecolor=(FLOOR, BAR_ALPHA),
-        elinewidth=1,
-        rasterized=many,
-        label="each posture alone, ± 1 std",
-    )
-    ax.plot(
-        x,
-        fitted,
-        ".",
-        color=FREE if free else BEFORE,
-        markersize=4,
-        zorder=5,
-        rasterized=many,
-        label="smooth error without a law" if free else "what the cause says",
-    )
-    ax.axhline(0.0, color=INK, linewidth=0.6)
 
 
 def _columns(track: Track) -> list[int]:

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..arrays import Floats
 from .parts import Field, Signature, Track
+from .vocabulary import along_joint
 
 NOT_OF_THE_FILE = ("document", "slides")
 """Fields that are no key of the file."""
@@ -37,6 +38,8 @@ def read_fields(
     if not isinstance(entry, Mapping):
         raise _wrong(where, entry, "an object")
     hints, at = _hints(kind), entry.get("at", at)
+    if not along_joint(entry.get("effect", "")):
+        at = ""
     found = {
         name: _read(hint, entry[name], f"{where}.{name}".lstrip("."), at, sliding)
         for name, hint in hints.items()

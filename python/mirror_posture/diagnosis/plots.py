@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ..arrays import Floats
 from ..pages.drawing import (
     AFTER,
     BAR_ALPHA,
@@ -15,7 +16,6 @@ from ..pages.drawing import (
     FREE,
     INK,
     MANY_POINTS,
-    PNG_DPI,
     Drawing,
     figure,
     finished,
@@ -24,10 +24,8 @@ from ..pages.drawing import (
 from . import formatting
 from .parts import Gap, Signature
 
-__all__ = [
-    "AFTER", "BAR_ALPHA", "BEFORE", "FLOOR", "FREE", "INK", "MANY_POINTS", "PNG_DPI", "Drawing",
-    "draw_gap", "draw_signature", "figure", "finished", "gap_told", "styled",
-]  # fmt: skip
+UNCLEAR = 6.0
+"""A posture whose standard deviation is this many times the typical one gives little information, and is not drawn."""
 MOSTLY_NOISE = 1.5
 """A gap in space below this many noise floors is mostly noise: the same bound as the core's for `closed`."""
 
@@ -155,37 +153,9 @@ def draw_signature(signature: Signature, index: int) -> Drawing:
         (signature.time_s, "time, s"),
     )
     drawn, axes = figure(11.0, 2.7, columns=len(panels), sharey=True)
-    # Postures that hardly show the place have bars that would hide the rest.
-    typical = float(np.median(std)) if len(std) else 1.0
-    clear = std <= 6.0 * typical
-    many = len(std) > MANY_POINTS
-    size = 1.2 if many else 3.0
     for ax, (x, label) in zip(axes[0], panels, strict=True):
         order = np.argsort(x, kind="stable")
-        ax.errorbar(
-            x[clear],
-            error[clear],
-            yerr=std[clear],
-            fmt="o",
-            markersize=size,
-            color=FLOOR,
-            ecolor=(FLOOR, BAR_ALPHA),
-            elinewidth=1,
-            rasterized=many,
-            label="each posture alone, ± 1 std",
-        )
-        if signature.cause is not None or np.any(fitted):
-            ax.plot(
-                x[order],
-                fitted[order],
-                ".",
-                color=FREE if signature.cause is None else BEFORE,
-                markersize=4,
-                zorder=5,
-                rasterized=many,
-                label="smooth error without a law" if signature.cause is None else "what the cause says",
-            )
-        ax.axhline(0.0, color=INK, linewidth=0.6)
+        draw_postures(ax, x[order], error[order], std[order], fitted[order], signature.cause is None)
         ax.set_xlabel(label)
         # Labels like −0.035 of more places touch.
         ax.locator_params(axis="x", nbins=4)
@@ -198,3 +168,19 @@ def draw_signature(signature: Signature, index: int) -> Drawing:
         *axes[0, 0].get_legend_handles_labels(), fontsize=8, frameon=False, loc="outside upper left", ncols=2
     )
     return finished(drawn, f"signature{index}")
+
+
+def draw_postures(ax: Any, x: Floats, error: Floats, std: Floats, fitted: Floats, free: bool) -> None:
+    """An error as each posture shows it by itself, and what is said of it: a cause's law, or one without a law (`free`)."""
+    # Postures that hardly show the place have bars that would hide the rest.
+    clear = std <= UNCLEAR * (np.median(std) if len(std) else 1.0)
+    many = len(x) > MANY_POINTS
+    ax.errorbar(
+        x[clear], error[clear], yerr=std[clear], fmt="o", markersize=1.2 if many else 3.0, color=FLOOR,
+        ecolor=(FLOOR, BAR_ALPHA), elinewidth=1, rasterized=many, label="each posture alone, ± 1 std",
+    )  # fmt: skip
+    if not free or np.any(fitted):
+        said = "smooth error without a law" if free else "what the cause says"
+        color = FREE if free else BEFORE
+        ax.plot(x, fitted, ".", color=color, markersize=4, zorder=5, rasterized=many, label=said)
+    ax.axhline(0.0, color=INK, linewidth=0.6)

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .._core import MirrorPostureError
+from ..pages.drawing import AFTER, BEFORE, FREE
 from ..session import Session
-from .plots import AFTER, BEFORE, FREE
 from .result import Diagnosis
 from .skeleton import CAUSE_COLOURS, guilty
 

@@ -37,6 +37,12 @@ def joint_terms(effect: str, values: Mapping[str, float]) -> dict[str, float]:
     return {term: values[name] for name, term in zip(names, terms, strict=False) if name in values}
 
 
+def along_joint(effect: str) -> bool:
+    """Whether an effect at a joint is along or about its axis: its parameters are then lengths where the joint is prismatic. A tilt is an angle."""
+    told = IN_WORDS.get(effect)
+    return told is None or bool(told["joint_law"])
+
+
 def checked_effects(names: Sequence[str]) -> list[str]:
     """The names, where all are of the vocabulary.
 

@@ -91,13 +91,7 @@ class PlannedRoom:
 
     def in_base(self, mirror: MirrorPlace) -> MirrorPlace:
         """A mirror of the root's frame, in the frame of the robot's first link."""
-        turn, shift = self.setting.base_from_root[:3, :3], self.setting.base_from_root[:3, 3]
-        return replace(
-            mirror,
-            center_in_root_m=turn @ mirror.center_in_root_m + shift,
-            normal_in_root=turn @ mirror.normal_in_root,
-            up_in_root=turn @ mirror.up_in_root,
-        )
+        return mirror.moved(self.setting.base_from_root[:3, :3], self.setting.base_from_root[:3, 3])
 
     @property
     def told_place(self) -> bool:

@@ -33,6 +33,15 @@ class MirrorPlace:
     yaw_rad: float = 0.0
     pitch_rad: float = 0.0
 
+    def moved(self, turn: Floats, shift_m: Floats) -> MirrorPlace:
+        """The same mirror in another frame: turned (3, 3), then shifted."""
+        return replace(
+            self,
+            center_in_root_m=turn @ self.center_in_root_m + shift_m,
+            normal_in_root=turn @ self.normal_in_root,
+            up_in_root=turn @ self.up_in_root,
+        )
+
     @property
     def right_in_root(self) -> Floats:
         """Along its width."""

@@ -263,12 +263,7 @@ def _ordered(
 
 def _in_root(setting: Setting, mirror: MirrorPlace) -> MirrorPlace:
     turn = setting.base_from_root[:3, :3].T
-    return replace(
-        mirror,
-        center_in_root_m=turn @ (mirror.center_in_root_m - setting.base_from_root[:3, 3]),
-        normal_in_root=turn @ mirror.normal_in_root,
-        up_in_root=turn @ mirror.up_in_root,
-    )
+    return mirror.moved(turn, -turn @ setting.base_from_root[:3, 3])
 
 
 def _renumbered(posture: Integers) -> Integers:

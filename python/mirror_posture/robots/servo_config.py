@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import math
 import os
-import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,15 +13,10 @@ from typing import Any
 from .._core import MirrorPostureError
 from ..formats import Section
 from ..formats.servo_keys import BUS, COUNTS_PER_TURN, SERVO, Make
-from ..input_files import given_text
+from ..input_files import given_text, parse_toml
 from .nominal import Nominal
 from .protocol import JointLimits
 from .servo_state import AtEnd
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:  # pragma: no cover
-    import tomli as tomllib
 
 SPEED_UNIT_RAD_PER_S = 0.229 * 2.0 * math.pi / 60.0
 """Dynamixel's, X series."""
@@ -101,10 +95,9 @@ def load_config(file: str | os.PathLike[str], nominal: Nominal, make: Make = "dy
     file = Path(file)
     text = given_text(file, "the servos' TOML file")
     try:
-        raw = tomllib.loads(text)
-    # Very deep or odd documents fail below the parser with errors of Python's own.
-    except (ValueError, RecursionError, OverflowError) as error:
-        raise MirrorPostureError(f"{file}: cannot be read: {' '.join(str(error).split())}") from None
+        raw = parse_toml(text)
+    except ValueError as error:
+        raise MirrorPostureError(f"{file}: cannot be read: {error}") from None
     for key in raw:
         if key not in ("bus", "rest", "joints"):
             raise MirrorPostureError(f"{file}: {key}: is no key of this file; there are bus, joints, rest")

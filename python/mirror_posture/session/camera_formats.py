@@ -119,9 +119,7 @@ def from_kalibr(name: str, tree: Mapping[Any, Any]) -> Camera:
     if said not in _KALIBR_MODELS:
         raise SessionError(name, f"distortion_model: got {said!r}, needed one of {choices(_KALIBR_MODELS)}")
     intrinsics = numbers(name, "intrinsics", entry.get("intrinsics"), 4)
-    width, height = (
-        _whole(name, "resolution", v) for v in _pair(name, "resolution", entry.get("resolution"))
-    )
+    width, height = (whole(name, "resolution", v) for v in _pair(name, "resolution", entry.get("resolution")))
     fx, fy, cx, cy = intrinsics
     lens = [] if said == "none" else numbers(name, "distortion_coeffs", entry.get("distortion_coeffs"), 4)
     matrix = [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]
@@ -133,7 +131,7 @@ def from_topic(name: str, tree: Mapping[Any, Any]) -> Camera:
     for key in ("binning_x", "binning_y"):
         if tree.get(key, 0) not in (0, 1):
             raise SessionError(name, f"{key}: got {tree[key]!r}; needed pictures without binning")
-    width, height = _whole(name, "width", tree["width"]), _whole(name, "height", tree["height"])
+    width, height = whole(name, "width", tree["width"]), whole(name, "height", tree["height"])
     roi = tree.get("roi")
     if isinstance(roi, Mapping) and (
         roi.get("x_offset")
@@ -226,7 +224,8 @@ def _pair(name: str, key: str, value: Any) -> list[Any]:
     return value
 
 
-def _whole(name: str, key: str, value: Any) -> int:
+def whole(name: str, key: str, value: Any) -> int:
+    """A side of the picture, px."""
     if isinstance(value, bool) or not isinstance(value, int) or not 0 < value < 1_000_000:
         raise SessionError(
             name, f"{key}: got {value!r}, needed the picture's size, a whole number of px above 0"

@@ -22,6 +22,7 @@ from .camera_formats import (
     is_opencv,
     is_topic,
     numbers,
+    whole,
 )
 from .errors import SessionError, choices
 
@@ -57,10 +58,8 @@ def load_camera_info(file: str | os.PathLike[str], shown_as: str | None = None) 
         return from_kalibr(name, tree)
     if is_topic(tree):
         return from_topic(name, tree)
-    width, height = (_size(name, tree, key) for key in ("image_width", "image_height"))
-    matrix = numbers(name, "camera_matrix", tree.get("camera_matrix"))
-    if len(matrix) != 9:
-        raise SessionError(name, f"camera_matrix: got {len(matrix)} numbers, needed 9 (3 rows of 3)")
+    width, height = (whole(name, key, tree.get(key)) for key in ("image_width", "image_height"))
+    matrix = numbers(name, "camera_matrix", tree.get("camera_matrix"), 9)
     model = tree.get("distortion_model")
     if not isinstance(model, str) or model not in COEFFICIENT_NAMES:
         raise SessionError(
@@ -93,12 +92,3 @@ def dump_camera_info(camera: Camera) -> str:
         "projection_matrix": block(3, 4, [fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0]),
     }
     return yaml.safe_dump(tree, sort_keys=False, allow_unicode=True)
-
-
-def _size(name: str, tree: Mapping[Any, Any], key: str) -> int:
-    value = tree.get(key)
-    if isinstance(value, bool) or not isinstance(value, int) or not 0 < value < 1_000_000:
-        raise SessionError(
-            name, f"{key}: got {value!r}, needed the picture's size, a whole number of px above 0"
-        )
-    return value

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -30,17 +29,12 @@ from ..formats.session_keys import (
     STANDARD_GRAVITY,
     TOP,
 )  # fmt: skip
-from ..input_files import path_inside, read_text, reason
+from ..input_files import parse_toml, path_inside, read_text, reason
 from ..marker import ColorRange, Marker
 from ..mirror import Mirror
 from ..short_repr import ShortRepr
 from .errors import Problems, SessionError, choices
 from .types import Noise
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:  # pragma: no cover
-    import tomli as tomllib
 
 FILE = "session.toml"
 RESERVED_TARGET = "board"
@@ -81,15 +75,14 @@ def load_metadata(folder: Path) -> Metadata:
             raise SessionError(
                 FILE, "is a link that leads out of the session's folder; needed the file itself"
             )
-        raw = tomllib.loads(read_text(file))
+        raw = parse_toml(read_text(file))
     except FileNotFoundError:
         raise SessionError(
             file, "the file is missing; a session is one folder with a session.toml in it"
         ) from None
     except (OSError, UnicodeDecodeError) as error:
         raise SessionError(FILE, f"cannot be read ({reason(error)}); needed a text file in UTF-8") from None
-    # A very deep or odd document can fail below the parser with errors of Python's own.
-    except (tomllib.TOMLDecodeError, ValueError, RecursionError) as error:
+    except ValueError as error:
         raise SessionError(FILE, f"is not valid TOML: {error}") from None
     metadata = _check(raw)
     for key, name in (("robot", metadata.robot), ("camera", metadata.camera)):

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
-from mirror_posture.diagnosis.plots import AFTER, BEFORE, INK, Drawing, figure, finished, styled
+from mirror_posture.pages.drawing import AFTER, BEFORE, INK, Drawing, figure, finished, styled
 
 from .diagnose import MotionDiagnosis
 

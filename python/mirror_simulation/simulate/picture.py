@@ -6,7 +6,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from mirror_posture.diagnosis.formatting import effect_in_words, place_in_words
-from mirror_posture.diagnosis.plots import AFTER, BEFORE, PNG_DPI, figure, styled
+from mirror_posture.pages.drawing import AFTER, BEFORE, PNG_DPI, figure, styled
 
 from .staircase import Simulation
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ..._core import MirrorPostureError
-from ...input_files import given_text
+from ...input_files import given_text, parse_toml
 from ...robots import CommandedRobot, Nominal
 from ..plugins import plugins
 
@@ -129,16 +129,11 @@ def read_posture(file: Path) -> dict[str, float]:
     Raises `MirrorPostureError` for a file that is neither.
     """
     import json
-    import sys
 
-    if sys.version_info >= (3, 11):
-        import tomllib
-    else:
-        import tomli as tomllib
     needed = "`joint = position` in rad, TOML or JSON"
     text = given_text(file, needed)
     try:
-        tree = json.loads(text) if file.suffix == ".json" else tomllib.loads(text)
+        tree = json.loads(text) if file.suffix == ".json" else parse_toml(text)
     except (ValueError, RecursionError, OverflowError) as error:
         raise MirrorPostureError(
             f"{file}: cannot be read ({' '.join(str(error).split())}); needed {needed}"

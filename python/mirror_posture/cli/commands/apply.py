@@ -9,8 +9,8 @@ from typing import Annotated
 
 import typer
 
-from ..named_values import package_folders, xacro_arguments
 from ..output import JsonOption, Output, SessionArgument
+from ..values import package_folders, xacro_arguments
 
 ORDER = 70
 PANEL = "Diagnosis"

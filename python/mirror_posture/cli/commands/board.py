@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from ..output import JsonOption, Output
+from ..values import two_counts
 
 ORDER = 2
 PANEL = "Setting up"
@@ -51,10 +52,7 @@ def command(
 
     if file.exists() and not overwrite:
         raise MirrorPostureError(f"{file}: is there already; add --overwrite")
-    try:
-        nx, ny = (int(part) for part in corners.lower().split("x"))
-    except ValueError:
-        raise MirrorPostureError(f"--corners: got {corners!r}, needed NXxNY, as in 7x4") from None
+    nx, ny = two_counts(corners, "--corners", "7x4")
     told = recommend(distance_m, focal_px, markers)
     square = told.square_m if square_mm is None else square_mm / 1000.0
     sheet = BoardSheet(

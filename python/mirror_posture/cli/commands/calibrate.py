@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..._core import MirrorPostureError
-from ..output import JsonOption, Output, SessionArgument
+from ..output import JsonOption, Output, SessionArgument, write_json
 
 if TYPE_CHECKING:
     import numpy as np
@@ -124,12 +124,7 @@ def command(
     if found.warning:
         output.warn(found.warning)
     if out is not None:
-        import json
-
-        from ...output_files import write_file
-        from ..output import plain
-
-        write_file(out, json.dumps(plain(result), indent=1, allow_nan=False))
+        write_json(out, result)
         output.say(f"written: {out}")
         output.say(f"next: mirror-posture measure {session} --mount {out}")
     output.result(result)

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from ..output import JsonOption, Output
+from ..values import two_counts
 
 ORDER = 6
 PANEL = "Setting up"
@@ -70,10 +71,7 @@ def command(
 
     if out.exists() and not overwrite:
         raise MirrorPostureError(f"{out}: is there already; add --overwrite")
-    try:
-        nx, ny = (int(part) for part in corners.lower().split("x"))
-    except ValueError:
-        raise MirrorPostureError(f"--corners: got {corners!r}, needed NXxNY, as in 7x4") from None
+    nx, ny = two_counts(corners, "--corners", "7x4")
     pattern = "chessboard" if charuco is None else "charuco"
     board = BoardSheet(nx, ny, square_mm / 1000.0, pattern, None, charuco, "a3").board()
     options = DetectionOptions(board=BoardOptions(views=("direct",)))

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..._core import MirrorPostureError
-from ..joint_values import joint_values
 from ..output import ExitCode, JsonOption, Output
 from ..told_correction import progress_of_looks, sliding_joints, tell_outcome
+from ..values import joint_values
 
 if TYPE_CHECKING:
     from ...correct import CorrectOptions, Outcome, Target
@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 ORDER = 50
 PANEL = "Correction"
 MILLIMETRES = 1000.0
+REPEATED = ("joint", "marker", "hold", "view", "turn_by", "hide")
+"""Options that may be given several times."""
 
 
 def command(
@@ -133,35 +135,17 @@ def command(
 
     Next: `mirror-posture diagnose corrected`, which says why the posture was wrong
     """
+    given = dict(locals())
     output = Output(as_json)
+    # A recording keeps all that was asked for.
     settings: dict[str, Any] = {
-        "robot": robot,
-        "joint": joint or [],
-        "target": None if target is None else str(target.resolve()),
-        "session": None if session is None else str(session.resolve()),
-        "marker": marker or [],
-        "hold": hold or [],
-        "gain": gain,
-        "tolerance_mm": tolerance_mm,
-        "looks": looks,
-        "jacobian": jacobian,
-        "damping": damping,
-        "estimator": estimator,
-        "view": view or [],
-        "plan": None if plan is None else str(plan.resolve()),
-        "turn_by": turn_by or [],
-        "views": views,
-        "hide": hide or [],
-        "pictures": pictures,
-        "meshes": meshes,
-        "noise_px": noise_px,
-        "stand_error_deg": stand_error_deg,
-        "seed": seed,
-        "inbox": None if inbox is None else str(inbox.resolve()),
-        "servos": None if servos is None else str(servos.resolve()),
-        "camera": camera,
-        "robot_class": robot_class,
-        "feed_forward": None if feed_forward is None else str(feed_forward.resolve()),
+        name: []
+        if value is None and name in REPEATED
+        else str(value.resolve())
+        if isinstance(value, Path)
+        else value
+        for name, value in given.items()
+        if name not in ("out", "resume", "as_json")
     }
     outcome, options = _run(output, out, settings, resume)
     written = _pictures(output, out, outcome, options)

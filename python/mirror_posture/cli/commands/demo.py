@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from ..output import JsonOption, Output
+from ..output import JsonOption, Output, write_json
 
 ORDER = 1
 PANEL = "Start here"
@@ -42,11 +42,10 @@ def command(
     from ...measurement import ESTIMATORS, MeasureOptions, measure_all
     from ...measurement.figures import plot_measured_against_model, write_measured_and_model
     from ...measurement.table import document, write_marker_table
-    from ...output_files import new_folder, write_file
+    from ...output_files import new_folder
     from ...render import DEMO_OFFSETS_RAD, DEMO_POSTURES, DEMO_VIEWS, TRUTH_FILE, render_session
     from ...session import load_session, write_detections
     from ..demo_robot import demonstrate_correction, demonstrate_diagnosis
-    from ..output import plain
 
     chosen = DEMO_POSTURES[:postures]
     folder = out / "session"
@@ -79,7 +78,7 @@ def command(
     measurements = measure_all(session, tuple(MeasureOptions(name) for name in ESTIMATORS))
     best = measurements[ESTIMATORS.index("maximum-likelihood")]
     write_marker_table(best, out / "markers.csv")
-    write_file(out / "markers.json", json.dumps(plain(document(best)), indent=1, allow_nan=False))
+    write_json(out / "markers.json", document(best))
     plot_measured_against_model(best, out / "measured_against_model.png")
     with new_folder(out / "measured", PICTURES) as part:
         for row in range(len(session.frames)):

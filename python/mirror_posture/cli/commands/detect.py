@@ -7,7 +7,15 @@ from typing import Annotated
 
 import typer
 
-from ..output import JsonOption, MaxResidualPx, MaxResidualSquares, Output, SessionArgument
+from ..output import (
+    ExitCode,
+    JsonOption,
+    MaxResidualPx,
+    MaxResidualSquares,
+    Output,
+    SessionArgument,
+    write_json,
+)
 
 ORDER = 30
 PANEL = "Pictures"
@@ -42,8 +50,6 @@ def command(
     Next: `mirror-posture measure my-session`, or `mirror-posture diagnose my-session --out diagnosis`
     """
     output = Output(as_json)
-    import json
-
     from ...detect import (
         BoardOptions,
         DetectionOptions,
@@ -53,10 +59,9 @@ def command(
         with_detections,
         write_overlay,
     )
-    from ...output_files import new_folder, write_file
+    from ...output_files import new_folder
     from ...session import SessionError, load_session, write_detections, write_session
     from ...session.tables import find_table
-    from ..output import ExitCode, plain
 
     loaded = load_session(session)
     target = out or session
@@ -87,7 +92,7 @@ def command(
     report = {
         str(loaded.frames.frame[row]): picture.to_json() for row, picture in sorted(found.pictures.items())
     }
-    write_file(target / "detections.json", json.dumps(plain(report), indent=1, allow_nan=False))
+    write_json(target / "detections.json", report)
     if overlays:
         with new_folder(target / "overlays", ("[0-9]*.png",)) as part:
             for row in output.progress(sorted(found.pictures), "overlays", len(found.pictures)):

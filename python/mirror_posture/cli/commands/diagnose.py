@@ -119,14 +119,10 @@ def command(
     documents: list[Mapping[str, Any]] = []
     for folder in sessions:
         loaded = load_detected(output, folder, points_suffice=True)
+        target = out
+        if out is not None and len(sessions) > 1:
+            target = out / (folder.name or folder.resolve().name)
         if afar is None and is_moving(loaded):
-            target = (
-                None
-                if out is None
-                else out
-                if len(sessions) == 1
-                else out / (folder.name or folder.resolve().name)
-            )
             documents.append(_in_motion(output, loaded, folder, model, others, most_causes, target))
             continue
         if model is not None:
@@ -150,8 +146,7 @@ def command(
             )
         except DiagnosisInterrupted as interrupted:
             show_diagnosis(output, folder, interrupted.found)
-            if out is not None:
-                target = out if len(sessions) == 1 else out / (folder.name or folder.resolve().name)
+            if target is not None:
                 write_results(output, loaded, interrupted.found, target)
             if as_json:
                 output.result(interrupted.found.document)
@@ -159,8 +154,7 @@ def command(
         except MirrorPostureError as error:
             raise MirrorPostureError(f"{folder}: {error}") from error
         show_diagnosis(output, folder, found)
-        if out is not None:
-            target = out if len(sessions) == 1 else out / (folder.name or folder.resolve().name)
+        if target is not None:
             write_results(output, loaded, found, target)
         if rerun is not None:
             from ...diagnosis.rerun_recording import write_recording

@@ -8,9 +8,9 @@ from typing import Annotated
 
 import typer
 
-from ..named_values import mirror_size as wanted_size
-from ..named_values import package_folders, xacro_arguments
 from ..output import JsonOption, Output
+from ..values import mirror_size as wanted_size
+from ..values import package_folders, two_counts, xacro_arguments
 
 ORDER = 4
 PANEL = "Setting up"
@@ -129,13 +129,13 @@ def command(
             raise MirrorPostureError(f"{option}: got {value!r}, needed a number from 0 on")
     if not (math.isfinite(ball_mm) and ball_mm > 0.0):
         raise MirrorPostureError(f"--ball-mm: got {ball_mm!r}, needed a diameter above 0")
-    nx, ny = _two(corners, "--corners", "7x4")
+    nx, ny = two_counts(corners, "--corners", "7x4")
     mirror_width_m, mirror_height_m = wanted_size(mirror_size)
     tolerance_m, tolerance_rad = tolerance_mm / 1000.0, math.radians(tolerance_deg)
     # The sheet's own checks: one odd, one even; a large arm's board may be larger than a desk's printer prints.
     told = BoardSheet(nx, ny, square_mm / 1000.0, paper="a0").metadata()
     if camera_file is None:
-        width, height = _two(picture, "--picture", "1280x720")
+        width, height = two_counts(picture, "--picture", "1280x720")
         focal = float(width if focal_px is None else focal_px)
         if not (math.isfinite(focal) and focal > 0.0):
             raise MirrorPostureError(f"--focal-px: got {focal_px!r}, needed a number above 0")
@@ -208,15 +208,3 @@ def command(
 def _place(question: str) -> str | None:
     """A place entered by the user; None where only Enter was pressed."""
     return typer.prompt(question, "", show_default=False, err=True) or None
-
-
-def _two(text: str, option: str, example: str) -> tuple[int, int]:
-    from ..._core import MirrorPostureError
-
-    try:
-        first, second = (int(part) for part in text.lower().split("x"))
-    except ValueError:
-        first = second = 0
-    if min(first, second) < 1:
-        raise MirrorPostureError(f"{option}: got {text!r}, needed two whole numbers, as in {example}")
-    return first, second

@@ -11,7 +11,7 @@ import typer
 from ..._core import MirrorPostureError
 from ...input_files import given_text
 from ..detected import load_detected
-from ..output import ExitCode, JsonOption, Output, SessionArgument
+from ..output import ExitCode, JsonOption, Output, SessionArgument, write_json
 
 if TYPE_CHECKING:
     from ...measurement import Measurement
@@ -114,12 +114,7 @@ def command(
     written = []
     if out is not None:
         if out.suffix == ".json":
-            import json
-
-            from ...output_files import write_file
-            from ..output import plain
-
-            write_file(out, json.dumps(plain(result), indent=1, allow_nan=False))
+            write_json(out, result)
         else:
             write_marker_table(chosen, out)
         written.append(out)

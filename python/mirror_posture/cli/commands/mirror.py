@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from ..output import ExitCode, JsonOption, MaxResidualPx, MaxResidualSquares, Output
+from ..values import two_counts
 
 ORDER = 45
 PANEL = "Measuring"
@@ -45,10 +45,7 @@ def command(
     from ...mirror_pictures import mirrors_from_pictures
     from ...session.camera_info import load_camera_info
 
-    counts = re.fullmatch(r"(\d+)[x×](\d+)", board.strip())
-    if counts is None:
-        raise MirrorPostureError(f"--board: got {board!r}, needed the counts of inner corners, as in 7x6")
-    printed = Board(int(counts[1]), int(counts[2]), square)
+    printed = Board(*two_counts(board, "--board", "7x6"), square)
     found = mirrors_from_pictures(
         load_camera_info(camera),
         printed,

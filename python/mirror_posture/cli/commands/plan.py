@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..._core import MirrorPostureError
-from ..joint_values import joint_values
-from ..named_values import mirror_size as wanted_size
-from ..named_values import package_folders
 from ..output import JsonOption, Output
+from ..values import joint_values, package_folders
+from ..values import mirror_size as wanted_size
 
 if TYPE_CHECKING:
     from ...plan import Plan

@@ -9,9 +9,9 @@ from typing import Annotated
 import typer
 
 from ..._core import MirrorPostureError
-from ..joint_values import joint_values
-from ..named_values import mirror_size as wanted_size
 from ..output import JsonOption, Output
+from ..values import joint_values
+from ..values import mirror_size as wanted_size
 
 ORDER = 20
 PANEL = "Pictures"
