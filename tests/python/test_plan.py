@@ -217,7 +217,7 @@ def test_what_cannot_be_planned_says_why(planned: Path, tmp_path: Path) -> None:
         PlanOptions(postures=1)
     (tmp_path / "postures.csv").write_text("frame,posture,pan\n0,0,x\n")
     file, robot = tmp_path / "postures.csv", Robot.from_urdf(planned / "robot.urdf")
-    with pytest.raises(MirrorPostureError, match="column .pan.: got .x., needed a finite number"):
+    with pytest.raises(MirrorPostureError, match=r"column .pan.: got .x., needed a finite number"):
         read_plan(file, robot)
     for text, told in (
         ("frame,posture,pan\n0.5,0,0\n", "whole number"),
