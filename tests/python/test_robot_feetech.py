@@ -272,8 +272,8 @@ def test_a_process_that_is_killed_in_a_motion(bus: SimulatedBus, tmp_path: Path)
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("torque_share = 0.4", "current_a = 0.3", "current_a: is no key"),
-        ("torque_share = 0.4", "", "needs a torque limit: torque_share"),
+        ("torque_share = 0.4", "current_a = 0.3", "current_a is no key"),
+        ("torque_share = 0.4", "", "torque_share is missing"),
         ("torque_share = 0.4", "torque_share = 1.4", "share from 0 to 1"),
         ("id = 2", "id = 2\nhoming_offset = 1.5", "needed a whole number"),
         ("_s2 = 20.0", "_s2 = 0.1", "0 would mean no limit"),

@@ -54,25 +54,25 @@ class CameraSource:
 
     stills, live = False, True
 
-    def __init__(self, where: int | str, camera: Camera | None) -> None:
-        self._where = where
+    def __init__(self, where: int | str, camera: Camera | None, option: str = "--source") -> None:
+        self._name = f"{option} {shown_source(where)}"
         self._capture = cv2.VideoCapture(where)
         if not self._capture.isOpened():
             hint = "is it plugged in, and free?" if isinstance(where, int) else "is the address right?"
-            raise MirrorPostureError(f"--source {shown_source(where)}: cannot be opened; {hint}")
+            raise MirrorPostureError(f"{self._name}: cannot be opened; {hint}")
         self._capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)
         if camera is not None and isinstance(where, int):
             self._capture.set(cv2.CAP_PROP_FRAME_WIDTH, camera.width_px)
             self._capture.set(cv2.CAP_PROP_FRAME_HEIGHT, camera.height_px)
         self._start = time.monotonic()
 
-    def read(self) -> Shot | None:
+    def read(self) -> Shot:
         for _ in range(LOST_AFTER):
             good, picture = self._capture.read()
             if good:
                 return Shot(np.asarray(picture, dtype=np.uint8), time.monotonic() - self._start)
             time.sleep(0.02)
-        raise MirrorPostureError(f"--source {shown_source(self._where)}: gives no pictures any more")
+        raise MirrorPostureError(f"{self._name}: gives no pictures any more")
 
     def close(self) -> None:
         self._capture.release()

@@ -12,6 +12,7 @@ from typing import Any
 
 from .._core import MirrorPostureError
 from ..formats import Section
+from ..formats.check import problems
 from ..formats.servo_keys import BUS, COUNTS_PER_TURN, SERVO, Make
 from ..input_files import given_text, parse_toml
 from .nominal import Nominal
@@ -102,16 +103,11 @@ def load_config(file: str | os.PathLike[str], nominal: Nominal, make: Make = "dy
         if key not in ("bus", "rest", "joints"):
             raise MirrorPostureError(f"{file}: {key}: is no key of this file; there are bus, joints, rest")
     given = _table(raw, "bus", file)
+    bus = _read(given, BUS[make], file, "bus")
     if make == "dynamixel" and ("current_a" in given) == ("pwm_share" in given):
-        # A misspelt limit is reported as such.
-        _no_others(given, BUS[make], file, "bus")
         raise MirrorPostureError(
             f"{file}: [bus] needs exactly one torque limit: current_a (A) for servos with current control, or pwm_share (0 to 1)"
         )
-    if make == "feetech" and "torque_share" not in given:
-        _no_others(given, BUS[make], file, "bus")
-        raise MirrorPostureError(f"{file}: [bus] needs a torque limit: torque_share (0 to 1)")
-    bus = _read(given, BUS[make], file, "bus")
     servos = _servos(_table(raw, "joints", file), file, nominal, make)
     limits = {servo.joint: servo.limits for servo in servos}
     rest = {}
@@ -190,19 +186,10 @@ def _servos(joints: Mapping[str, Any], file: Path, nominal: Nominal, make: Make)
 
 
 def _read(given: Mapping[str, Any], section: Section, file: Path, place: str) -> dict[str, Any]:
-    """All keys of a section by name."""
-    _no_others(given, section, file, place)
-    found = {}
-    for key in section.keys:
-        found[key.name] = key.default
-        if key.required or key.name in given:
-            value = key.read(given.get(key.name))
-            if value is None:
-                raise MirrorPostureError(
-                    f"{file}: {place}.{key.name}: got {given.get(key.name)!r}, needed {key.needed}"
-                )
-            found[key.name] = value
-    return found
+    """All keys of a section by name. A misspelt limit must not be a limit that is silently not there: a key that is none is refused too."""
+    if wrong := list(problems(section, given, place)):
+        raise MirrorPostureError(f"{file}: {'; '.join(wrong)}")
+    return {key.name: key.read(given[key.name]) if key.name in given else key.default for key in section.keys}
 
 
 def _table(raw: Mapping[str, Any], key: str, file: Path) -> dict[str, Any]:
@@ -210,16 +197,6 @@ def _table(raw: Mapping[str, Any], key: str, file: Path) -> dict[str, Any]:
     if not isinstance(found, dict):
         raise MirrorPostureError(f"{file}: the section [{key}] is missing")
     return found
-
-
-def _no_others(table: Mapping[str, Any], section: Section, file: Path, place: str) -> None:
-    # A misspelt limit must not be a limit that is silently not there.
-    known = sorted(key.name for key in section.keys)
-    for name in table:
-        if name not in known:
-            raise MirrorPostureError(
-                f"{file}: {place}.{name}: is no key of this file; there are {', '.join(known)}"
-            )
 
 
 def _number(value: object, file: Path, place: str) -> float:

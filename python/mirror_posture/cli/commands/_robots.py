@@ -97,25 +97,19 @@ def camera_eye(index: int, nominal: Nominal) -> Callable[[], Any]:
 
     Raises `MirrorPostureError` where it cannot be opened.
     """
-    import cv2
-
+    from ...capture.sources import CameraSource
     from ...robots import NoLookError
 
-    capture = cv2.VideoCapture(index)
-    if not capture.isOpened():
-        raise MirrorPostureError(f"--camera {index}: cannot be opened; is it plugged in, and free?")
-    if nominal.camera is not None:
-        capture.set(cv2.CAP_PROP_FRAME_WIDTH, nominal.camera.width_px)
-        capture.set(cv2.CAP_PROP_FRAME_HEIGHT, nominal.camera.height_px)
+    source = CameraSource(index, nominal.camera, "--camera")
 
     def eye() -> Any:
-        # What the driver has buffered was taken before the robot stood still.
-        for _ in range(STALE_PICTURES):
-            capture.grab()
-        good, picture = capture.read()
-        if not good:
-            raise NoLookError(f"camera {index}: gave no picture")
-        return picture
+        try:
+            # What the driver has buffered was taken before the robot stood still.
+            for _ in range(STALE_PICTURES):
+                source.read()
+            return source.read().picture
+        except MirrorPostureError as error:
+            raise NoLookError(str(error)) from None
 
     return eye
 
