@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from mirror_posture.arrays import Floats, Mask
 from mirror_posture.diagnosis.result import Diagnosis
 from mirror_posture.session import Session, as_session
 from mirror_posture.short_repr import ShortRepr
@@ -23,8 +23,6 @@ from .problem import Problem
 from .report import document
 from .search import AT_NOISE, Found, search
 from .springs import stiffening_columns
-
-Floats = npt.NDArray[np.float64]
 
 MOST_CAUSES = 4
 FALSE_DEVIATIONS = 5.0
@@ -184,7 +182,7 @@ def _refitted(problem: Problem, found: Found) -> Found:
     return found if best is None or nominal is None else replace(found, best=best, nominal=nominal)
 
 
-def _false(problem: Problem, found: Found) -> npt.NDArray[np.bool_]:
+def _false(problem: Problem, found: Found) -> Mask:
     """(F, markers): of all images shown, those that lie far off the model found."""
     best = found.best
     usual = max(1.0, float(np.sqrt(best.misfit.squares / best.misfit.rows)))

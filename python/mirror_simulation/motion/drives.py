@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-Floats = npt.NDArray[np.float64]
+from mirror_posture.arrays import Floats
 
 
 def lagged(told: Floats, time_constant_s: float, step_s: float) -> Floats:

@@ -21,9 +21,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-Floats = npt.NDArray[np.float64]
+from mirror_posture.arrays import Floats
 
 Key = tuple[str, str]
 """An effect and its place."""

@@ -10,10 +10,8 @@ than two successive images deviate, the body moves in that way.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-Floats = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
+from mirror_posture.arrays import Floats, Integers, Mask
 
 FALSE_DEVIATIONS = 6.0
 LEAST_DEVIATIONS = 4.0
@@ -37,7 +35,7 @@ def false_images(residual_px: Floats, noise_px: float) -> Mask:
     return false
 
 
-def _of_row(at: npt.NDArray[np.int64], row: Floats, noise_px: float) -> Mask:
+def _of_row(at: Integers, row: Floats, noise_px: float) -> Mask:
     false, about = np.zeros(len(row), dtype=bool), _windows(len(row))
     for _ in range(LOOKS):
         off = np.abs(row - _smooth(at, row, about, LEAST_DISTANCE * noise_px, ~false)).max(axis=1)
@@ -67,15 +65,13 @@ def _without_long_runs(false: Mask, far: Mask) -> Mask:
     return out
 
 
-def _windows(count: int) -> npt.NDArray[np.int64]:
+def _windows(count: int) -> Integers:
     """(n, WINDOW): the images about each."""
     first = np.clip(np.arange(count) - WINDOW // 2, 0, count - WINDOW)
     return np.asarray(first[:, None] + np.arange(WINDOW))
 
 
-def _smooth(
-    at: npt.NDArray[np.int64], row: Floats, about: npt.NDArray[np.int64], least: float, counts: Mask
-) -> Floats:
+def _smooth(at: Integers, row: Floats, about: Integers, least: float, counts: Mask) -> Floats:
     """(n, 2): beside each image of a row, seen in pictures `at`, what the parabola through those about it says that count."""
     time = (at[about] - at[:, None]) / WINDOW
     powers = np.stack([np.ones_like(time), time, time**2], axis=-1)[:, None]

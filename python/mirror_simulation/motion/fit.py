@@ -14,13 +14,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
+
+from mirror_posture.arrays import Floats
 
 from .effects import Causes, Key
 from .problem import Problem
 from .statistics import Misfit, misfit
 
-Floats = npt.NDArray[np.float64]
 Known = Mapping[tuple[Key, int], Floats]
 
 PRIOR_STEPS = 200.0

@@ -12,18 +12,16 @@ from typing import Any
 
 import mujoco
 import numpy as np
-import numpy.typing as npt
 
+from mirror_posture.arrays import Floats, Integers
 from mirror_posture.short_repr import ShortRepr
-
-Floats = npt.NDArray[np.float64]
 
 
 @dataclass(eq=False, repr=False)
 class Branch(ShortRepr):
     """Positions and velocities (T, joints of the branch) every step from the log's first row on."""
 
-    columns: npt.NDArray[np.int64]
+    columns: Integers
     """Which of the robot's joints they are."""
     position: Floats
     velocity: Floats
@@ -86,7 +84,7 @@ def between(table: Floats, place: Floats) -> Floats:
     return np.asarray((1.0 - share) * table[below] + share * table[below + 1])
 
 
-def independent(model: Any, dof: npt.NDArray[np.int64]) -> list[npt.NDArray[np.int64]]:
+def independent(model: Any, dof: Integers) -> list[Integers]:
     """Of joints with these degrees of freedom the sets that feel nothing of each other: trees, unless something ties them."""
     ties = (
         model.neq,

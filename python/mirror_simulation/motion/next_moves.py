@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from mirror_posture.arrays import Floats
 from mirror_posture.session.types import States
 
 from .alternatives import Rivals
@@ -26,8 +26,6 @@ from .positions import positions
 from .problem import Problem
 from .rollouts import STEP_S, Rollouts
 from .search import Found
-
-Floats = npt.NDArray[np.float64]
 
 LEAST_PROBABILITY = 0.05
 """A less probable alternative needs no separate move."""

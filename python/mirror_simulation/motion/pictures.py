@@ -6,13 +6,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-import numpy.typing as npt
 
+from mirror_posture.arrays import Floats
 from mirror_posture.pages.drawing import AFTER, BEFORE, INK, Drawing, figure, finished, styled
 
 from .diagnose import MotionDiagnosis
 
-Floats = npt.NDArray[np.float64]
 WINDOW_S = 8.0
 BINS = 15
 

@@ -9,11 +9,11 @@ from typing import Any
 
 import mujoco
 import numpy as np
-import numpy.typing as npt
 from mujoco import rollout
 
-Floats = npt.NDArray[np.float64]
-Columns = npt.NDArray[np.int64]
+from mirror_posture.arrays import Floats, Integers
+
+Columns = Integers
 
 
 class Pool:

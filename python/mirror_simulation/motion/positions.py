@@ -7,13 +7,12 @@ the load of gravity and motion on the joint.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
+
+from mirror_posture.arrays import Floats
 
 from .effects import Causes
 from .motions import Motion
 from .rollouts import Rollouts
-
-Floats = npt.NDArray[np.float64]
 
 LOAD_SHARE = 0.02
 """Share of a joint's usual load at which its play has gone over to one side."""

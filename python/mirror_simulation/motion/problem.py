@@ -11,9 +11,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from mirror_posture import MirrorPostureError
+from mirror_posture.arrays import Floats, Mask
 from mirror_posture.session import Session
 
 from .effects import Causes, Hypothesis, Key, of_joint, of_setup
@@ -23,8 +23,6 @@ from .recording import Recording, recording_of
 from .rollouts import Rollouts
 from .scales import scales_of
 from .view import Places, View
-
-Floats = npt.NDArray[np.float64]
 
 POSITION_STEP = 1e-5
 WEAK_SHARE = 1e-3
@@ -225,7 +223,7 @@ class Problem:
             wanted += [base, *ahead, *behind]
         self.rollouts.motions(wanted[:MOST_AHEAD])
 
-    def leave_out(self, false: npt.NDArray[np.bool_]) -> None:
+    def leave_out(self, false: Mask) -> None:
         """Leaves out these images (F, markers) as false and no others; all columns must be computed again."""
         self.view.leave_out(false)
         self._by_position = None

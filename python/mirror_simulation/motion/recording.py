@@ -13,14 +13,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from mirror_posture import MirrorPostureError
+from mirror_posture.arrays import Floats
 from mirror_posture.session import Session
 from mirror_posture.session.types import States
 from mirror_posture.short_repr import ShortRepr
-
-Floats = npt.NDArray[np.float64]
 
 LEAST_FRAMES, LEAST_SECONDS = 60, 3.0
 """Fewer than these give no information on a motion."""

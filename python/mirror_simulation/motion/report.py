@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from mirror_posture.arrays import Floats, Mask
 from mirror_posture.diagnosis.fingerprint import KEY, fingerprint
 from mirror_posture.diagnosis.result import FORMAT, VERSION
 
@@ -20,8 +20,6 @@ from .problem import Problem
 from .search import Found
 from .shown import bagged, limits, stability
 from .words import WORDS, sentence
-
-Floats = npt.NDArray[np.float64]
 
 EXPLAINED = 1.15
 """RMS of the remainder, in units of the noise: up to here the noise explains it."""
@@ -207,7 +205,7 @@ def _gap(problem: Problem, found: Found, columns: Floats) -> dict[str, Any]:
     return out
 
 
-def held_out(residual: Floats, columns: Floats, seen: npt.NDArray[np.bool_]) -> Floats:
+def held_out(residual: Floats, columns: Floats, seen: Mask) -> Floats:
     """Residuals (F, markers, 2) of each segment of time with parameters from the others, to first order."""
     out: Floats = residual.copy()
     count = columns.shape[-1]
@@ -225,7 +223,7 @@ def held_out(residual: Floats, columns: Floats, seen: npt.NDArray[np.bool_]) -> 
     return out
 
 
-def _interval(before: Floats, after: Floats, floor: Floats, seen: npt.NDArray[np.bool_]) -> list[float]:
+def _interval(before: Floats, after: Floats, floor: Floats, seen: Mask) -> list[float]:
     """95 % of the share closed, by resampling tenths of the time."""
     rng = np.random.default_rng(0)
     parts = np.array_split(np.arange(len(seen)), 10)

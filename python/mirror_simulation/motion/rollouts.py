@@ -16,9 +16,9 @@ from typing import Any
 
 import mujoco
 import numpy as np
-import numpy.typing as npt
 
 from mirror_posture import MirrorPostureError
+from mirror_posture.arrays import Floats
 
 from ..simulate.model import STIFF_FRICTION, Simulator, build
 from .drives import lagged, slewed
@@ -27,8 +27,6 @@ from .motions import Branch, Motion, between, independent
 from .pool import Pool
 from .recording import Recording
 from .standing import WILD_RAD, Began, began, where_logs_begin
-
-Floats = npt.NDArray[np.float64]
 
 STEP_S = 0.002
 SETTLE_S, LONGER_S = 0.6, 0.35

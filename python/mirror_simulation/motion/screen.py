@@ -13,12 +13,11 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
+
+from mirror_posture.arrays import Floats, Mask
 
 from .effects import Causes, Hypothesis, Key
 from .problem import Problem
-
-Floats = npt.NDArray[np.float64]
 
 RIDGE = 1e-9
 LIMIT_AMPLITUDE = (0.3, 1.6)
@@ -65,7 +64,7 @@ class Screen:
         for column, (key, _) in enumerate(of):
             self.slots.setdefault(key, []).append(column)
         self.limits: list[tuple[Hypothesis, tuple[float, ...], int]] = []
-        self._counted: npt.NDArray[np.bool_] | None = None
+        self._counted: Mask | None = None
         self._matrix, self._blocks = np.zeros((0, 0)), np.zeros((BLOCKS, 0, 0))
         # A limit acts wherever a tighter one acts, in the same direction: if the mildest one shows no effect,
         # none does.

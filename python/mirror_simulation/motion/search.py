@@ -13,7 +13,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
+
+from mirror_posture.arrays import Floats
 
 from .beginning import leave_out_beginning
 from .effects import Causes, Key
@@ -22,8 +23,6 @@ from .fit import Fitted, design, evaluated, evaluated_all, fit, fit_all, held_ou
 from .problem import Problem
 from .screen import Scored, Screen, with_cause
 from .statistics import misfit, noise_scale
-
-Floats = npt.NDArray[np.float64]
 
 TRIED = 6
 """Hypotheses of the first look that are fitted, each round."""

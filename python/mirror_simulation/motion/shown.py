@@ -13,15 +13,14 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
+
+from mirror_posture.arrays import Floats
 
 from .effects import Hypothesis, Key
 from .fit import Fitted, design
 from .problem import Problem
 from .screen import BLOCKS
 from .search import LEAST_SHIFT, MARGIN, Found, columns_of
-
-Floats = npt.NDArray[np.float64]
 
 ONE_SIDED_95 = 1.645
 LOST = 1e-5

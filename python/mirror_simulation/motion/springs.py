@@ -8,12 +8,11 @@ noise is too narrow.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
+
+from mirror_posture.arrays import Floats
 
 from .effects import Causes
 from .problem import Problem
-
-Floats = npt.NDArray[np.float64]
 
 STIFFENING = 0.1
 FAR = 3.0

@@ -15,13 +15,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
+
+from mirror_posture.arrays import Floats, Integers
 
 from .motions import Motion
 from .pool import Pool
 from .recording import Recording
-
-Floats = npt.NDArray[np.float64]
 
 FIRST_S, LEAST_READINGS = (0.2, 0.14, 0.1), 8
 """Readings from which position and speed are computed: of the first seconds, the longest interval that a
@@ -45,7 +44,7 @@ class Began:
     `first_s` and `time_s`: by how much of the log, and the log's times from its first row on.
     """
 
-    columns: npt.NDArray[np.int64]
+    columns: Integers
     state: Floats
     information: Floats
     first_s: Floats
@@ -69,7 +68,7 @@ class Began:
 
     def place(
         self,
-        joints: npt.NDArray[np.int64],
+        joints: Integers,
         position: Floats,
         velocity: Floats,
         step_s: float,
@@ -99,9 +98,7 @@ class Began:
                 best = min(best, (float(np.einsum("ji,jik,jk->", there, information, there)), a + share))
         return best[1]
 
-    def bias(
-        self, joints: npt.NDArray[np.int64], position: Floats, velocity: Floats, step_s: float
-    ) -> Floats:
+    def bias(self, joints: Integers, position: Floats, velocity: Floats, step_s: float) -> Floats:
         """(joints, 2): position and speed by a cubic through the first readings less the true ones, of a motion (T, joints)."""
         out = np.zeros((len(joints), 2))
         time = self.time_s[self.time_s <= max(FIRST_S)]
@@ -112,7 +109,7 @@ class Began:
             out[j] = fitted[1] - (position[0, j], velocity[0, j])
         return out
 
-    def _common(self, joints: npt.NDArray[np.int64]) -> tuple[list[int], list[int]]:
+    def _common(self, joints: Integers) -> tuple[list[int], list[int]]:
         """Which of the joints with an encoder are among these, and their places among them."""
         mine = [i for i, column in enumerate(self.columns) if column in joints]
         return mine, [int(np.flatnonzero(joints == self.columns[i])[0]) for i in mine]
@@ -163,7 +160,7 @@ def where_logs_begin(
     models: Sequence[Any],
     at_rest: Floats,
     controls: Sequence[Floats],
-    falling: Sequence[Sequence[npt.NDArray[np.int64]]],
+    falling: Sequence[Sequence[Integers]],
     step_s: float,
     settle_s: float,
 ) -> Floats:

@@ -11,10 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-Floats = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
+from mirror_posture.arrays import Floats, Mask
 
 FOURTH = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
 MAD_TO_STD = 1.4826

@@ -15,9 +15,9 @@ from collections import OrderedDict
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from mirror_posture import MirrorPostureError
+from mirror_posture.arrays import Floats, Mask
 from mirror_posture.measurement import MeasureOptions
 from mirror_posture.measurement.inputs import core_input
 from mirror_posture.optics import ball_center_pixels, see_in_mirror
@@ -28,8 +28,6 @@ from ..simulate.gap import CORNER_NOISE_PX
 from .effects import Causes
 from .false_images import false_images
 from .recording import Recording
-
-Floats = npt.NDArray[np.float64]
 
 TWIST_STEP = 1e-4
 """rad, m: step of the differences by which a mirror's foot moves with the camera relative to the board."""
@@ -117,7 +115,7 @@ class View:
             camera = camera @ pose_of(np.array(values[:3]), np.array(values[3:]))
         return camera, board
 
-    def _feet(self, camera_from_board: Floats) -> tuple[Floats, Floats, npt.NDArray[np.bool_]]:
+    def _feet(self, camera_from_board: Floats) -> tuple[Floats, Floats, Mask]:
         done = core_input(self.session, camera_from_board).ladder(
             "maximum_likelihood",
             corner_noise_px=self.noise_px,
@@ -129,7 +127,7 @@ class View:
         foot[~good], covariance[~good] = (0.0, 0.0, 1.0), np.eye(3)
         return foot, covariance, good
 
-    def _predict(self, places: Places, causes: Causes) -> tuple[Floats, Floats, npt.NDArray[np.bool_]]:
+    def _predict(self, places: Places, causes: Causes) -> tuple[Floats, Floats, Mask]:
         """Images (F, markers, 2), their derivative by the mirror's foot (F, markers, 2, 3), and which have one."""
         frames, markers = places.markers.shape[:2]
         foot = self.foot_m
@@ -196,11 +194,11 @@ class View:
             self.seen[:, m] &= good
             self.image_px[good, m] = np.asarray(centre.pixels_px)[good]
 
-    def false_among(self, residual_px: Floats) -> npt.NDArray[np.bool_]:
+    def false_among(self, residual_px: Floats) -> Mask:
         """(F, markers): the false ones of all images that count, by the residuals that a model leaves."""
         return false_images(np.where(self.seen[..., None], residual_px, np.nan), self.noise_px)
 
-    def leave_out(self, false: npt.NDArray[np.bool_]) -> None:
+    def leave_out(self, false: Mask) -> None:
         """Counts all images that the pictures show but these (F, markers), which are false."""
         self.false = false & self._shown
         self.seen = self._shown & ~self.false

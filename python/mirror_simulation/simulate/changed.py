@@ -6,16 +6,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
 from mirror_posture import MirrorPostureError
 from mirror_posture.session import Session
 
 from .model import Simulator
 from .motion import Drive
-
-Floats = npt.NDArray[np.float64]
 
 Values = Mapping[str, float]
 

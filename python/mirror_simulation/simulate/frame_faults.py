@@ -8,9 +8,10 @@ import mujoco
 import numpy as np
 
 from mirror_posture import MirrorPostureError
+from mirror_posture.arrays import Floats
 from mirror_posture.rotations import pose_of
 
-from .changed import Changed, Floats, Values
+from .changed import Changed, Values
 from .joint_faults import PART_ARMATURE_KGM2, set_spring
 from .model import element_of
 

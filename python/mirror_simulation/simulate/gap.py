@@ -16,10 +16,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from mirror_posture import MirrorPostureError
 from mirror_posture._core import Measured
+from mirror_posture.arrays import Floats, Integers, Mask
 from mirror_posture.measurement import MeasureOptions
 from mirror_posture.measurement.inputs import core_input
 from mirror_posture.mirror import IDEAL_MIRROR
@@ -29,7 +29,6 @@ from mirror_posture.short_repr import ShortRepr
 
 from .motion import Rest
 
-Floats = npt.NDArray[np.float64]
 POINT_STEP_M = 1e-5
 FREE_MARKER_M = 0.05
 """How far a free marker may be from its prediction: keeps finite what only one view shows of it."""
@@ -50,7 +49,7 @@ class SimulatedGap(ShortRepr):
     measured: int
 
 
-def simulated_gap(session: Session, rest: Rest, rows: npt.NDArray[np.bool_] | None = None) -> SimulatedGap:
+def simulated_gap(session: Session, rest: Rest, rows: Mask | None = None) -> SimulatedGap:
     """Compares a simulated body with a session's observations, over all frames or those of a mask.
 
     Raises:
@@ -94,14 +93,12 @@ class _Images(ShortRepr):
     residual: Floats
     by_point: Floats
     by_foot: Floats
-    seen: npt.NDArray[np.bool_]
-    usable: npt.NDArray[np.bool_]
+    seen: Mask
+    usable: Mask
     """(F,): frames whose mirror is measured."""
 
 
-def _images(
-    session: Session, done: Measured, usable: npt.NDArray[np.bool_], marker_in_camera: Floats
-) -> _Images:
+def _images(session: Session, done: Measured, usable: Mask, marker_in_camera: Floats) -> _Images:
     """The markers in the mirror, of the usable frames."""
     frames, markers = usable.shape[0], len(session.markers)
     residual, seen = np.zeros((frames, markers, 2)), np.zeros((frames, markers), dtype=bool)
@@ -116,7 +113,7 @@ def _images(
     return _Images(residual, by_point, by_foot, seen, usable)
 
 
-def _direct(session: Session, counted: npt.NDArray[np.bool_], marker_in_camera: Floats) -> _Images:
+def _direct(session: Session, counted: Mask, marker_in_camera: Floats) -> _Images:
     """The markers that the camera sees without the mirror."""
     assert session.camera is not None
     view = session.direct_view
@@ -190,8 +187,8 @@ def _metre_squares(
 
 
 def _residuals(
-    session: Session, m: int, rows: npt.NDArray[np.int64], foot_m: Floats, points: Floats
-) -> tuple[Floats, Floats, Floats, npt.NDArray[np.bool_]]:
+    session: Session, m: int, rows: Integers, foot_m: Floats, points: Floats
+) -> tuple[Floats, Floats, Floats, Mask]:
     """Seen less predicted image of one marker (N, 2), its derivatives by its place and by the mirror's foot (N, 2, 3), a mask (N,)."""
     assert session.camera is not None
     camera, marker = session.camera, session.markers[m]

@@ -8,15 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from mirror_posture.arrays import Mask
 from mirror_posture.diagnosis import diagnose
 from mirror_posture.session import Session
 
 from .gap import simulated_gap
 from .staircase import with_causes
-
-Mask = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

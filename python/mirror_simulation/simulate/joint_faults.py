@@ -8,7 +8,9 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from .changed import Changed, Floats, Values
+from mirror_posture.arrays import Floats
+
+from .changed import Changed, Values
 from .model import STIFF_FRICTION, Simulator
 
 PART_ARMATURE_KGM2 = 1e-4

@@ -15,14 +15,12 @@ from typing import Any
 
 import mujoco
 import numpy as np
-import numpy.typing as npt
 
 from mirror_posture import MirrorPostureError
+from mirror_posture.arrays import Floats
 from mirror_posture.input_files import LARGEST_MODEL, read_text
 from mirror_posture.session import Session
 from mirror_posture.short_repr import ShortRepr
-
-Floats = npt.NDArray[np.float64]
 
 TIMESTEP_S = 0.001
 DROOP_RAD = 2e-5

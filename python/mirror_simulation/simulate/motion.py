@@ -13,15 +13,14 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-import numpy.typing as npt
 
 from mirror_posture import MirrorPostureError
+from mirror_posture.arrays import Floats, Integers, Mask
 from mirror_posture.session import Session
 from mirror_posture.short_repr import ShortRepr
 
 from .model import Simulator, frame_of, needed_links
 
-Floats = npt.NDArray[np.float64]
 Drive = Callable[[Mapping[str, Floats], Floats], Floats]
 """What a faulty drive adds to a joint's command: from all commands (F,) by joint and the time (F,) s to (F,) rad."""
 
@@ -37,7 +36,7 @@ class Rest(ShortRepr):
     """Where the simulated body rests in each frame: `root_from_link` (F, 4, 4) by link, and whether all came to rest."""
 
     root_from_link: Mapping[str, Floats]
-    still: npt.NDArray[np.bool_]
+    still: Mask
 
 
 def execute(simulator: Simulator, session: Session, drives: Mapping[str, list[Drive]]) -> Rest:
@@ -85,7 +84,7 @@ def _commands(simulator: Simulator, session: Session, drives: Mapping[str, list[
     return np.stack(columns, axis=1)
 
 
-def _actuators(model: mujoco.MjModel, simulator: Simulator) -> npt.NDArray[np.int64]:
+def _actuators(model: mujoco.MjModel, simulator: Simulator) -> Integers:
     of_joint = {int(model.actuator_trnid[a, 0]): a for a in range(model.nu)}
     return np.array([of_joint[model.joint(name).id] for name in simulator.joints], dtype=np.int64)
 
