@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -90,16 +91,9 @@ def plot_convergence(outcome: Outcome, file: Path, tolerance_m: float) -> None:
     axis.grid(alpha=0.25, which="both")
     if axis.get_legend_handles_labels()[0]:
         axis.legend(loc="upper right", fontsize=9)
-    title = outcome.stop.sentence
-    axis.set_title(_folded(title, 105), fontsize=9, loc="left")
+    axis.set_title(textwrap.fill(outcome.stop.sentence, 105), fontsize=9, loc="left")
     with new_file(file) as part:
         figure.savefig(part, dpi=120)
-
-
-def _folded(text: str, width: int) -> str:
-    import textwrap
-
-    return "\n".join(textwrap.wrap(text, width))
 
 
 def write_before_and_after(folder: Path, outcome: Outcome, file: Path) -> bool:

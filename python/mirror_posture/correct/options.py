@@ -113,21 +113,4 @@ class CorrectOptions:
 
     def core_arguments(self) -> dict[str, Any]:
         """As the core's `Corrector` takes them."""
-        step, stop = self.step, self.stop
-        return {
-            "gain": step.gain,
-            "largest_step_rad": step.largest_step_rad,
-            "mu_m_per_rad": step.mu_m_per_rad,
-            "step_std_rad": step.step_std_rad,
-            "jacobian": step.jacobian,
-            "tolerance_m": stop.tolerance_m,
-            "wrong_converged": stop.wrong_converged,
-            "looks": stop.looks,
-            "patience": stop.patience,
-            "least_progress": stop.least_progress,
-            "divergence": stop.divergence,
-            "retries": stop.retries,
-            "largest_gap_m": stop.largest_gap_m,
-            "play_m": stop.play_m,
-            "largest_correction_rad": stop.largest_correction_rad,
-        }
+        return {**vars(self.step), **vars(self.stop)}

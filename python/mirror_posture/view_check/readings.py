@@ -84,23 +84,16 @@ def usual_mistakes(corners: tuple[int, int], square_picture: bool) -> Iterator[R
                         mistakes=2,
                         said=f"{one.said}, and the board is mounted turned by 180°",
                     )
-    for quarters in (2,) if nx != ny else (1, 2, 3):
+    for quarters in (2, 1, 3) if nx != ny else (1, 2, 3):
+        # A board of other counts along x and y cannot be counted turned by 90°.
+        counted = ", or its corners are counted," if quarters == 2 or nx == ny else ""
         yield Reading(
             f"board turned by {90 * quarters}°",
-            f"the board is mounted, or its corners are counted, turned by {90 * quarters}° against the URDF",
+            f"the board is mounted{counted} turned by {90 * quarters}° against the URDF",
             f"turn the board, or its link [board] link, by {90 * quarters}° about its z axis",
             1,
             board_from_meant=_turned_board(quarters),
         )
-    if nx != ny:
-        for quarters in (1, 3):
-            yield Reading(
-                f"board turned by {90 * quarters}°",
-                f"the board is mounted turned by {90 * quarters}° against the URDF",
-                f"turn the board, or its link [board] link, by {90 * quarters}° about its z axis",
-                1,
-                board_from_meant=_turned_board(quarters),
-            )
     for axis in ("x", "y"):
         yield Reading(
             f"labels reversed in {axis}",
