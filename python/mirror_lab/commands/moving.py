@@ -127,9 +127,9 @@ def peers(
 
     try:
         from ..moving.peers import compare
-    except (ModuleNotFoundError, ImportError) as error:
+    except ImportError as error:
         raise MirrorPostureError(
-            f"mujoco.sysid is not there ({error}): pip install 'mujoco[sysid]>=4'"
+            f"a comparison needs the diagnosis of motions and mujoco.sysid ({error}): pip install 'mirror-posture[mujoco]' 'mujoco[sysid]>=4'"
         ) from error
     told, before, floor = compare(session, unseen, model or session / "model.xml")
     output.table(
