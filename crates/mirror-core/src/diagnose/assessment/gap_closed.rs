@@ -63,6 +63,9 @@ fn closed(
 
 /// 95 % interval by resampling postures with a fixed generator: gaps and floor from the same postures, the
 /// independent estimate of the floor varied by its own uncertainty, and the laws by theirs.
+///
+/// The gap after already contains the laws' errors in the postures recorded, so it is as probable that they make it no
+/// larger as that they do. If every resample made it larger, the interval could lie below the gap itself.
 fn interval(
     before: &[PostureGap],
     after: &[PostureGap],
@@ -82,11 +85,34 @@ fn interval(
             let picked: Vec<[PostureGap; 3]> =
                 (0..rows.len()).map(|_| rows[random.below(rows.len())]).collect();
             let of = |k: usize| picked.iter().map(|row| row[k]).collect::<Vec<_>>();
-            let law: f64 = law_shifts.iter().map(|square| square * random.normal().powi(2)).sum();
-            closed(&of(0), &of(1), &of(2), floor, random.normal(), law)
+            let deviation = random.normal();
+            closed(&of(0), &of(1), &of(2), floor, deviation, laws_err(law_shifts, &mut random))
         })
         .collect();
     values.sort_by(f64::total_cmp);
     let at = |share: f64| values.get(((values.len() as f64 - 1.0) * share).round() as usize).copied();
     Some([at(0.025)?.min(1.0), at(0.975)?.min(1.0)])
+}
+
+/// Mean square by which the laws' errors make the gap after larger in one resample.
+fn laws_err(law_shifts: &[f64], random: &mut Random) -> f64 {
+    if random.below(2) == 0 {
+        return 0.0;
+    }
+    law_shifts.iter().map(|square| square * random.normal().powi(2)).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn laws_make_the_gap_larger_in_half_of_the_resamples() {
+        let mut random = Random::new(1);
+        let drawn: Vec<f64> = (0..4000).map(|_| laws_err(&[1.0, 3.0], &mut random)).collect();
+        let larger: Vec<f64> = drawn.iter().copied().filter(|square| *square > 0.0).collect();
+        assert!(larger.len().abs_diff(2000) < 150, "{}", larger.len());
+        let mean = larger.iter().sum::<f64>() / larger.len() as f64;
+        assert!((mean - 4.0).abs() < 0.5, "{mean}");
+    }
 }

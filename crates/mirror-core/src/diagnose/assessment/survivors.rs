@@ -16,7 +16,7 @@ use crate::diagnose::criteria::cross_validation::held_out;
 use crate::diagnose::criteria::lack_of_fit::adequacy;
 use crate::diagnose::likelihood::fit::FitOptions;
 use crate::diagnose::likelihood::score_test::Score;
-use crate::diagnose::principles::{MAJORITY, TEMPER};
+use crate::diagnose::principles::{MAJORITY, TEMPER, WORTH_NAMING};
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
 use crate::diagnose::selection::alternatives::held_out_odds;
 use crate::diagnose::selection::nonparametric::unexplained;
@@ -80,9 +80,10 @@ pub(crate) fn keep_survivors(findings: &mut Findings<'_>, ranking: &[Score]) -> 
 fn told_as_members(findings: &mut Findings<'_>) {
     let Some(group) = findings.geometry.as_ref().filter(|group| !group.setup_only) else { return };
     for (term, standing) in findings.found.fit.model.terms.iter().zip(&mut findings.standings) {
-        let improbable = standing
-            .as_ref()
-            .is_some_and(|s| s.probability + s.rivals.iter().map(|r| r.probability).sum::<f64>() < MAJORITY);
+        let improbable = standing.as_ref().is_some_and(|s| {
+            let with_rivals = s.probability + s.rivals.iter().map(|r| r.probability).sum::<f64>();
+            with_rivals < MAJORITY || s.probability < WORTH_NAMING
+        });
         if improbable && group.holds(findings.search.catalogue, term) {
             *standing = None;
         }

@@ -33,10 +33,13 @@ pub(crate) struct Extended {
     pub false_share: f64,
 }
 
-/// Whether the gap that the named causes leave without the free-form errors, which cannot be added to a model, is
-/// far above the noise.
+/// Whether the gap that the named causes leave on held-out regions, without the free-form errors, which cannot be added
+/// to a model, is far above the noise. It is asked where residuals of the fit cannot show it: with free-form errors, or
+/// where the noise of measured points is only stated, and no views show it.
 fn hangs_on_no_name(search: &Search<'_>, found: &Found) -> Result<bool> {
-    if !found.fit.model.terms.iter().any(|t| search.catalogue.is_free(t.hypothesis)) {
+    let terms = &found.fit.model.terms;
+    let free = terms.iter().any(|t| search.catalogue.is_free(t.hypothesis));
+    if !free && (terms.is_empty() || search.problem.camera.is_some()) {
         return Ok(false);
     }
     let left = size(&search.held_out_of_causes(&found.fit.model, found.noise)?);

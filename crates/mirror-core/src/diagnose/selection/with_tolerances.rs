@@ -110,7 +110,9 @@ pub(crate) fn beside_geometry<'a>(
     // Many pieces together can imitate what they are not. They were selected on the same regions that are held out;
     // the group was not. So their better prediction does not outweigh evidence for the group that is twice what its
     // prior requires. The group's better prediction may outweigh evidence.
-    let in_pieces = places(its_search, alone) >= SEVERAL_CAUSES;
+    // So can fewer of them where no views show the noise of measured points: what they leave is taken for noise.
+    let few = !free && its_search.problem.camera.is_none() && !alone.fit.model.terms.is_empty();
+    let in_pieces = few || places(its_search, alone) >= SEVERAL_CAUSES;
     let pieces = in_pieces && odds > -BEYOND_DOUBT;
     let settled = better && pieces && !free && odds > -LOG_PRIOR_STRUCTURE;
     if !settled && (better || pieces || free) {
