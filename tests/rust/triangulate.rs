@@ -3,12 +3,13 @@
 use crate::mirror::{pixels, scene};
 use crate::traced::{Glass, noisy};
 use approx::assert_relative_eq;
-use mirror_core::Error;
+use mirror_core::camera::{Camera, Distortion};
 use mirror_core::geometry::{Ray, rotation};
 use mirror_core::mirror::*;
 use mirror_core::triangulate::*;
+use mirror_core::{Cancel, Error};
 use nalgebra::{Matrix6, Point3, Vector2, Vector3, Vector6};
-use rand::SeedableRng;
+use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 const MARKER: [f64; 3] = [0.06, 0.05, 0.03];
@@ -267,4 +268,80 @@ fn biases_at_small_parallax_are_as_told() {
     println!("mean bias {means:.3?} mm, median bias {medians:.3?} mm");
     assert!(medians[0] > 3.0 && medians[1] < 0.6 * medians[0]);
     assert!(means[1] < -1.5 && means[2].abs() < 0.3 * means[1].abs(), "{means:?}");
+}
+
+/// Two views of a marker through a lens, by formulas written out here: reflected boards and pixels.
+fn two_views(camera: &Camera, board: &Vector3<f64>, rng: &mut ChaCha8Rng) -> ([f64; 6], [f64; 4]) {
+    let mut one = |low: f64, high: f64| rng.random_range(low..high);
+    let marker = Vector3::new(one(-0.09, 0.09), one(0.02, 0.1), one(0.0, 0.04));
+    let (mut boards, mut pixels) = ([0.0; 6], [0.0; 4]);
+    for view in 0..2 {
+        let normal = Vector3::new(0.25 * view as f64 + one(-0.03, 0.03), one(-0.03, 0.03), 1.0).normalize();
+        let distance = one(0.14, 0.16);
+        let reflected = |p: &Vector3<f64>| p + normal * (2.0 * (distance - normal.dot(p)));
+        boards[3 * view..3 * view + 3].copy_from_slice(reflected(board).as_slice());
+        let pixel = camera.project(&Point3::from(reflected(&marker))).unwrap();
+        pixels[2 * view..2 * view + 2].copy_from_slice(pixel.as_slice());
+    }
+    (boards, pixels)
+}
+
+#[test]
+fn a_batch_says_what_its_rows_say_one_by_one() {
+    let lenses = [
+        Distortion::None,
+        Distortion::PlumbBob([-0.21, 0.07, 8e-4, -6e-4, 0.01]),
+        // Folds within the picture.
+        Distortion::PlumbBob([-0.45, 0.0, 2e-3, -1e-3, 0.0]),
+        Distortion::RationalPolynomial([0.3, 0.1, 1e-3, -1e-3, 0.02, 0.6, 0.2, 0.03]),
+        Distortion::Equidistant([0.02, -0.01, 0.004, -0.001]),
+    ];
+    let least = 0.0175;
+    let board = Vector3::new(0.0, 0.075, 0.0);
+    for lens in lenses {
+        let camera =
+            Camera::new((800, 600), Vector2::new(693.0, 700.0), Vector2::new(399.5, 290.0), lens).unwrap();
+        let mut rng = ChaCha8Rng::seed_from_u64(12);
+        // More than one share, and no multiple of anything.
+        let (mut boards, mut pixels): (Vec<_>, Vec<_>) =
+            (0..2300).map(|_| two_views(&camera, &board, &mut rng)).unzip();
+        // What has no result, beside rows that have one, in the first and in the last block.
+        for first in [3, 2290] {
+            boards[first][..3].copy_from_slice(board.as_slice());
+            boards[first + 1][4] = f64::INFINITY;
+            boards[first + 2].copy_within(..3, 3);
+            pixels[first + 2].copy_within(..2, 2);
+            pixels[first + 3][1] = f64::NAN;
+            pixels[first + 4][0] = 1e30;
+            // Far outside the picture: beyond the fold of some lenses.
+            pixels[first + 5] = [-2500.0, 900.0, -2500.0, 300.0];
+            // Rays that meet behind their starts.
+            pixels[first + 6].rotate_left(2);
+        }
+        let origin = Point3::from(board);
+        let batch =
+            point_pair_markers(&camera, &origin, &boards, &pixels, least, &Cancel::default()).unwrap();
+        let mut refused = batch.refused.iter();
+        for row in 0..boards.len() {
+            let (b, p) = (boards[row], pixels[row]);
+            let views = TwoViews {
+                reflected_boards: [Point3::new(b[0], b[1], b[2]), Point3::new(b[3], b[4], b[5])],
+                pixels: [Vector2::new(p[0], p[1]), Vector2::new(p[2], p[3])],
+            };
+            let got = Point3::from(batch.points_m[row]);
+            match point_pair_marker(&camera, &origin, &views, least) {
+                Ok(point) => {
+                    let off = (got - point).norm() / (1.0 + point.coords.norm());
+                    assert!(off < 1e-11, "{lens:?} row {row}: {got} {point}");
+                }
+                Err(error) => {
+                    let told = refused.next().unwrap();
+                    assert_eq!((told.row, told.error.to_string()), (row, error.to_string()), "{lens:?}");
+                    assert!(got.coords.iter().all(|x| x.is_nan()), "{lens:?} row {row}: {got}");
+                }
+            }
+        }
+        assert_eq!(refused.next(), None, "{lens:?}");
+        assert!(batch.refused.len() >= 10, "{lens:?}: {:?}", batch.refused);
+    }
 }

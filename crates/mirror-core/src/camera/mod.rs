@@ -3,7 +3,10 @@
 mod distorted;
 mod distortion;
 mod equidistant;
+mod fixed_steps;
 mod pinhole;
+
+pub(crate) use fixed_steps::FixedSteps;
 
 pub use distortion::Distortion;
 pub use pinhole::{Camera, Projection, Unprojection};

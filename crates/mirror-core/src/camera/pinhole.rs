@@ -8,7 +8,7 @@ use nalgebra::{Matrix2, Matrix2x3, Matrix3x2, Point3, SMatrix, Unit, Vector2, Ve
 /// Points nearer than this to the camera's plane (m) are not projected.
 const NEAREST_DEPTH_M: f64 = 1e-6;
 /// The inverse stops when its reprojection is this near (normalised image coordinates: 1e-13 is 1e-10 px at f = 1000 px).
-const UNPROJECT_TOLERANCE: f64 = 1e-13;
+pub(super) const UNPROJECT_TOLERANCE: f64 = 1e-13;
 /// Squared distance from the principal point, in focal lengths, from which on a ray is parallel to the picture's plane to
 /// the last digits.
 const FARTHEST_SQUARED: f64 = 1e16;

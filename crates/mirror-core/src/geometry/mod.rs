@@ -9,5 +9,6 @@ pub mod rotation;
 
 pub use improper::ImproperIsometry;
 pub use plane::Plane;
+pub(crate) use plane::SHORTEST_DIRECTION;
 pub use ray::{Ray, RayHit};
 pub use reflection::Reflection;

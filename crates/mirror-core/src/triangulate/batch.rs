@@ -1,7 +1,8 @@
 //! The paper's measurement in bulk: reflected boards' positions and pixels of two views to markers.
 
 use super::rays::midpoint_of_two;
-use crate::camera::Camera;
+use super::vectors::point_pairs;
+use crate::camera::{Camera, FixedSteps};
 use crate::cancel::Cancel;
 use crate::error::{Error, Result};
 use crate::geometry::Plane;
@@ -9,8 +10,8 @@ use crate::mirror::virtual_ray;
 use nalgebra::{Point3, Vector2};
 use rayon::prelude::*;
 
-/// With fewer markers than this a thread is not worthwhile: 1,024 take some 0.2 ms.
-const SMALLEST_SHARE: usize = 1024;
+/// Markers that one task takes: with fewer a thread is not worthwhile.
+const SHARE: usize = 2048;
 
 /// A marker seen in two views: the reflected board's origin b′ and the marker's pixel of each.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -79,26 +80,37 @@ pub fn point_pair_markers(
             needed: reflected_boards_m.len(),
         });
     }
-    let mut points_m = vec![[f64::NAN; 3]; pixels_px.len()];
-    let mut refused: Vec<Refused> = points_m
-        .par_iter_mut()
-        .zip(reflected_boards_m)
-        .zip(pixels_px)
-        .enumerate()
-        .with_min_len(SMALLEST_SHARE)
-        .take_any_while(|_| !cancel.is_cancelled())
-        .filter_map(|(row, ((out, &[a, b, c, d, e, f]), &[ua, va, ub, vb]))| {
-            let views = TwoViews {
-                reflected_boards: [Point3::new(a, b, c), Point3::new(d, e, f)],
-                pixels: [Vector2::new(ua, va), Vector2::new(ub, vb)],
-            };
-            match point_pair_marker(camera, board_in_camera, &views, least_parallax_rad) {
-                Ok(point) => {
-                    *out = [point.x, point.y, point.z];
-                    None
-                }
-                Err(error) => Some(Refused { row, error }),
+    let lens = FixedSteps::new(camera);
+    let one = |row: usize, out: &mut [f64; 3]| {
+        let (&[a, b, c, d, e, f], &[ua, va, ub, vb]) = (&reflected_boards_m[row], &pixels_px[row]);
+        let views = TwoViews {
+            reflected_boards: [Point3::new(a, b, c), Point3::new(d, e, f)],
+            pixels: [Vector2::new(ua, va), Vector2::new(ub, vb)],
+        };
+        match point_pair_marker(camera, board_in_camera, &views, least_parallax_rad) {
+            Ok(point) => {
+                *out = point.into();
+                None
             }
+            Err(error) => Some(Refused { row, error }),
+        }
+    };
+    let mut points_m = vec![[f64::NAN; 3]; pixels_px.len()];
+    let shares = points_m.par_chunks_mut(SHARE).enumerate().take_any_while(|_| !cancel.is_cancelled());
+    let mut refused: Vec<Refused> = shares
+        .flat_map_iter(|(k, out)| {
+            let rows = k * SHARE..k * SHARE + out.len();
+            if let Some(lens) = &lens {
+                point_pairs(
+                    lens,
+                    &board_in_camera.coords.into(),
+                    &reflected_boards_m[rows.clone()],
+                    &pixels_px[rows.clone()],
+                    least_parallax_rad,
+                    out,
+                );
+            }
+            rows.zip(out).filter(|(_, out)| out[0].is_nan()).filter_map(|(row, out)| one(row, out))
         })
         .collect();
     cancel.check()?;

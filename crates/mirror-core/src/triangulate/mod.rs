@@ -11,6 +11,7 @@ mod mid2;
 mod options;
 mod parallax;
 mod rays;
+mod vectors;
 mod views;
 
 pub use batch::{PointBatch, Refused, TwoViews, point_pair_marker, point_pair_markers};
