@@ -137,6 +137,12 @@ $(VENV)/installed: $(VENV)/wheel
 	$(INSTALL) --no-deps --force-reinstall $(WHEELS)/*.whl
 	touch $@
 
-$(VENV)/installed-for-tests: $(VENV)/installed
+# What comes from elsewhere is there before the wheel is: cargo compiles the core's tests first, and pip mostly waits for the network.
+$(VENV)/dependencies: pyproject.toml tests/dependencies.py $(VENV)/tools
+	$(BIN)/python tests/dependencies.py test > $(VENV)/dependencies.txt
+	$(INSTALL) -r $(VENV)/dependencies.txt
+	touch $@
+
+$(VENV)/installed-for-tests: $(VENV)/dependencies $(VENV)/installed
 	$(INSTALL) --find-links $(WHEELS) "$$(ls $(WHEELS)/mirror_posture-*.whl)[test]"
 	touch $@
