@@ -6,7 +6,8 @@ use crate::work::Work;
 use mirror_core::geometry::directions;
 use mirror_core::robot::{JointErrors, JointKind, Robot};
 use nalgebra::{Point3, Vector3};
-use numpy::{PyArray1, PyArray2, PyArray3, PyArray4};
+use numpy::ndarray::{Dim, Dimension, IntoDimension};
+use numpy::{PyArray, PyArray1, PyArray2, PyArray3, PyArray4, PyArrayMethods};
 use pyo3::prelude::*;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -20,23 +21,35 @@ pub struct PyRobot {
 
 /// Batches from this size on are shared out among threads.
 const SHARED: usize = 64;
+/// The most numbers of an array, as NumPy counts bytes.
+const LARGEST: usize = isize::MAX as usize / size_of::<f64>();
 
-/// Runs a batch without the GIL: `each` numbers a posture.
-fn batch(
-    py: Python<'_>,
-    count: usize,
-    each: usize,
+/// Runs a batch without the GIL: results of shape (N, …) from their numbers in C order.
+///
+/// NumPy has the memory given: it asks for large pages, without which the first write to each of a large batch's pages takes several
+/// times as long as the kernels.
+fn batch<'py, const D: usize>(
+    py: Python<'py>,
+    shape: [usize; D],
     run: impl FnOnce(&mut [f64]) -> mirror_core::Result<()> + Send,
-) -> PyResult<Vec<f64>> {
-    let size = count.checked_mul(each).ok_or_else(|| {
+) -> PyResult<Bound<'py, PyArray<f64, Dim<[usize; D]>>>>
+where
+    Dim<[usize; D]>: Dimension,
+    [usize; D]: IntoDimension<Dim = Dim<[usize; D]>>,
+{
+    let count = shape[0];
+    let size = shape.iter().try_fold(1usize, |size, n| size.checked_mul(*n)).filter(|n| *n <= LARGEST);
+    let size = size.ok_or_else(|| {
         MirrorPostureError::new_err(format!("positions: got {count} postures, needed fewer"))
     })?;
-    let all = || {
-        let mut out = vec![0.0; size];
-        run(&mut out).map(|()| out)
-    };
-    // A few postures are done before another thread has begun.
-    if count < SHARED { py.detach(all) } else { py.work(all) }.map_err(to_py)
+    let flat = PyArray1::<f64>::zeros(py, size, false);
+    {
+        let mut borrowed = flat.readwrite();
+        let out = borrowed.as_slice_mut()?;
+        // A few postures are done before another thread has begun.
+        if count < SHARED { py.detach(|| run(out)) } else { py.work(|| run(out)) }.map_err(to_py)?;
+    }
+    flat.reshape(shape)
 }
 
 impl PyRobot {
@@ -186,8 +199,7 @@ impl PyRobot {
     ) -> PyResult<Bound<'py, PyArray4<f64>>> {
         let (count, q) = self.positions(&positions)?;
         let links = self.inner.links().len();
-        let out = batch(py, count, links * 16, |out| self.inner.forward_kinematics_batch(&q, out))?;
-        reshaped(py, out, [count, links, 4, 4])
+        batch(py, [count, links, 4, 4], |out| self.inner.forward_kinematics_batch(&q, out))
     }
 
     fn link_poses<'py>(
@@ -198,8 +210,7 @@ impl PyRobot {
     ) -> PyResult<Bound<'py, PyArray4<f64>>> {
         let (count, q) = self.positions(&positions)?;
         let links = links.iter().map(|name| self.link(name)).collect::<PyResult<Vec<_>>>()?;
-        let out = batch(py, count, links.len() * 16, |out| self.inner.link_poses_batch(&q, &links, out))?;
-        reshaped(py, out, [count, links.len(), 4, 4])
+        batch(py, [count, links.len(), 4, 4], |out| self.inner.link_poses_batch(&q, &links, out))
     }
 
     fn joint_twists<'py>(
@@ -209,8 +220,7 @@ impl PyRobot {
     ) -> PyResult<Bound<'py, PyArray3<f64>>> {
         let (count, q) = self.positions(&positions)?;
         let joints = self.inner.joints().len();
-        let out = batch(py, count, joints * 6, |out| self.inner.joint_twists_batch(&q, out))?;
-        reshaped(py, out, [count, joints, 6])
+        batch(py, [count, joints, 6], |out| self.inner.joint_twists_batch(&q, out))
     }
 
     fn points<'py>(
@@ -224,8 +234,7 @@ impl PyRobot {
         let (count, q) = self.positions(&positions)?;
         let (a, b) = (self.link(in_link)?, self.link(link)?);
         let point = Point3::from(triple("point_in_link_m", &point_in_link_m)?);
-        let out = batch(py, count, 3, |out| self.inner.points_batch(&q, a, b, &point, out))?;
-        reshaped(py, out, [count, 3])
+        batch(py, [count, 3], |out| self.inner.points_batch(&q, a, b, &point, out))
     }
 
     fn point_jacobians<'py>(
@@ -240,8 +249,7 @@ impl PyRobot {
         let (a, b) = (self.link(in_link)?, self.link(link)?);
         let point = Point3::from(triple("point_in_link_m", &point_in_link_m)?);
         let width = self.inner.position_count();
-        let out = batch(py, count, 3 * width, |out| self.inner.point_jacobians_batch(&q, a, b, &point, out))?;
-        reshaped(py, out, [count, 3, width])
+        batch(py, [count, 3, width], |out| self.inner.point_jacobians_batch(&q, a, b, &point, out))
     }
 
     fn gravity_torques<'py>(
@@ -254,8 +262,7 @@ impl PyRobot {
         let (count, q) = self.positions(&positions)?;
         let gravity: Vector3<f64> = triple("gravity_in_held_link", &gravity_in_held_link)?;
         let (held, width) = (self.link(held_link)?, self.inner.position_count());
-        let out = batch(py, count, width, |out| self.inner.gravity_torques_batch(&q, &gravity, held, out))?;
-        reshaped(py, out, [count, width])
+        batch(py, [count, width], |out| self.inner.gravity_torques_batch(&q, &gravity, held, out))
     }
 
     fn gravity_moments<'py>(
@@ -268,9 +275,7 @@ impl PyRobot {
         let (count, q) = self.positions(&positions)?;
         let gravity: Vector3<f64> = triple("gravity_in_held_link", &gravity_in_held_link)?;
         let (held, joints) = (self.link(held_link)?, self.inner.joints().len());
-        let out =
-            batch(py, count, joints * 3, |out| self.inner.gravity_moments_batch(&q, &gravity, held, out))?;
-        reshaped(py, out, [count, joints, 3])
+        batch(py, [count, joints, 3], |out| self.inner.gravity_moments_batch(&q, &gravity, held, out))
     }
 
     /// `errors`: by joint, the error of its position (N,), rad, and the bending of the link that it carries (N, 3), rad.
