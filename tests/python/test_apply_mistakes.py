@@ -42,6 +42,16 @@ def test_columns_are_exchanged_and_scaled(tmp_path: Path) -> None:
     np.testing.assert_allclose(better.frames.commanded[:, 0], 0.5 * session.frames.commanded[:, 0])
 
 
+def test_a_camera_of_another_crop_and_size_gets_its_numbers(tmp_path: Path) -> None:
+    session = mp.load_session(write_folder(tmp_path / "session"))
+    crop = found("camera_resolution", "camera", factor=0.5, du_px=-3.0, dv_px=7.0)
+    better = mp.load_session(apply_diagnosis(session, crop, tmp_path / "better").folder).camera
+    was = session.camera
+    assert was is not None and better is not None
+    assert (better.fx_px, better.fy_px) == pytest.approx((0.5 * was.fx_px, 0.5 * was.fy_px))
+    assert (better.cx_px, better.cy_px) == pytest.approx((0.5 * was.cx_px - 3.0, 0.5 * was.cy_px + 7.0))
+
+
 @pytest.mark.parametrize("effect", BY_HAND_ONLY)
 def test_what_no_file_holds_says_what_to_do(effect: str, tmp_path: Path) -> None:
     assert effect in vocabulary.MISTAKES

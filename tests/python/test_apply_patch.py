@@ -253,6 +253,25 @@ def test_own_mjcf_gets_play_springs_and_friction(tmp_path: Path) -> None:
     mujoco.MjModel.from_xml_path(str(out))
 
 
+def test_own_mjcf_in_degrees_keeps_the_metres_of_a_joint_that_slides(tmp_path: Path) -> None:
+    mujoco = pytest.importorskip("mujoco")
+    own, out = tmp_path / "mine.xml", tmp_path / "better.xml"
+    slide = 'name="elbow" type="slide" axis="0 0 1" range="-.1 .1"'
+    own.write_text(MJCF.replace('name="elbow" axis="0 1 0" range="-120 120"', slide))
+    causes = found(("joint_offset", "joint:elbow", {"offset_rad": 0.01})).causes
+    assert patch_own_mjcf(own, causes, out) == {("joint_offset", "joint:elbow"): "ref of joint elbow"}
+
+    def tip_height(file: Path) -> float:
+        model = mujoco.MjModel.from_xml_path(str(file))
+        data = mujoco.MjData(model)
+        data.qpos[:] = model.joint("shoulder").qpos0[0], 0.02
+        mujoco.mj_forward(model, data)
+        return float(data.site("tip").xpos[2])
+
+    # At the same position of the joint, the part that slides is a centimetre farther.
+    assert tip_height(out) - tip_height(own) == pytest.approx(0.01, abs=1e-9)
+
+
 def _wedge_arm(model) -> float:
     """Centre of mass of the mesh's body along x, as MuJoCo has it."""
     return float(model.body("upper").ipos[0])

@@ -134,6 +134,20 @@ def test_bad_sources_say_what_is_needed(session: Path, tmp_path: Path) -> None:
     assert "secret" not in shown_source("rtsp://me:secret@cam/1")
 
 
+def test_a_film_tells_its_own_time(tmp_path: Path) -> None:
+    file = tmp_path / "film.avi"
+    film = cv2.VideoWriter(str(file), cv2.VideoWriter.fourcc(*"MJPG"), 8.0, (64, 48))
+    for shade in (0, 100, 200):
+        film.write(np.full((48, 64, 3), shade, dtype=np.uint8))
+    film.release()
+    source = open_source(str(file), None)
+    shots = [source.read() for _ in range(4)]
+    source.close()
+    assert shots[3] is None
+    assert [shot.time_s for shot in shots[:3]] == pytest.approx([0.0, 0.125, 0.25])
+    assert shots[2].name == "film.avi, picture 3"
+
+
 def test_a_film_is_taken_when_all_is_still_and_each_posture_once(session: Path, pictures: Path) -> None:
     shown = [cv2.imread(str(pictures / f"{i:04d}.png")) for i in range(2)]
     film = Film(shown, ends=False)

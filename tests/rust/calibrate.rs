@@ -178,6 +178,11 @@ fn weak_is_relative_to_the_diagonal_of_the_board_and_half_a_degree() {
             covariance[(2, 2)] = (share * 0.5_f64.to_radians()).powi(2);
             let found = Weakness::of(&covariance, &board).weak_direction();
             assert_eq!(found.map(|d| d.motion), weak.then_some(Motion::Rotation), "{nx} x {ny}, {share}");
+            covariance[(2, 2)] = 2.5_f64.to_radians().powi(2);
+            covariance[(3, 3)] = 0.0123_f64.powi(2);
+            let told = Weakness::of(&covariance, &board).warning().unwrap();
+            let both = "translation along the board's x: 12.3 mm, and the rotation about the board's z: 2.50 degrees";
+            assert!(told.contains(both), "{told}");
         }
     }
 }

@@ -291,8 +291,8 @@ fn a_batch_says_what_its_rows_say_one_by_one() {
     let lenses = [
         Distortion::None,
         Distortion::PlumbBob([-0.21, 0.07, 8e-4, -6e-4, 0.01]),
-        // Folds within the picture.
-        Distortion::PlumbBob([-0.45, 0.0, 2e-3, -1e-3, 0.0]),
+        // Folds at a tangent of 1.05, and rises again.
+        Distortion::PlumbBob([-0.45, 0.08, 2e-4, -1e-4, 0.0]),
         Distortion::RationalPolynomial([0.3, 0.1, 1e-3, -1e-3, 0.02, 0.6, 0.2, 0.03]),
         Distortion::Equidistant([0.02, -0.01, 0.004, -0.001]),
     ];
@@ -306,7 +306,7 @@ fn a_batch_says_what_its_rows_say_one_by_one() {
         let (mut boards, mut pixels): (Vec<_>, Vec<_>) =
             (0..2300).map(|_| two_views(&camera, &board, &mut rng)).unzip();
         // What has no result, beside rows that have one, in the first and in the last block.
-        for first in [3, 2290] {
+        for first in [3, 2291] {
             boards[first][..3].copy_from_slice(board.as_slice());
             boards[first + 1][4] = f64::INFINITY;
             boards[first + 2].copy_within(..3, 3);
@@ -317,6 +317,12 @@ fn a_batch_says_what_its_rows_say_one_by_one() {
             pixels[first + 5] = [-2500.0, 900.0, -2500.0, 300.0];
             // Rays that meet behind their starts.
             pixels[first + 6].rotate_left(2);
+            // Beyond the fold, where another ray comes to the same pixel.
+            pixels[first + 7][..2].copy_from_slice(&[399.5 + 693.0 * 2.3717, 290.0]);
+            // A parallax of a thousandth.
+            boards[first + 8].copy_within(..3, 3);
+            boards[first + 8][3] += 2e-4;
+            pixels[first + 8].copy_within(..2, 2);
         }
         let origin = Point3::from(board);
         let batch =

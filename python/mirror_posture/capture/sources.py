@@ -90,10 +90,11 @@ class FilmSource:
         self._name, self._count = file.name, 0
 
     def read(self) -> Shot | None:
-        time_s = float(self._capture.get(cv2.CAP_PROP_POS_MSEC)) / 1000.0
         good, picture = self._capture.read()
         if not good:
             return None
+        # Of the picture that was read: before, it is that of the picture before it.
+        time_s = float(self._capture.get(cv2.CAP_PROP_POS_MSEC)) / 1000.0
         self._count += 1
         return Shot(np.asarray(picture, dtype=np.uint8), time_s, f"{self._name}, picture {self._count}")
 

@@ -117,4 +117,26 @@ mod tests {
             assert!((errors.rms_std_m() - 2e-4).abs() < 1e-12, "{markers}: {}", errors.rms_std_m());
         }
     }
+
+    #[test]
+    fn an_error_grew_only_beyond_the_best_one_the_tolerance_and_its_noise() {
+        let options = JudgeOptions { tolerance_m: 1e-3, divergence: 1.5, ..JudgeOptions::default() };
+        let of = |error_m: f64, std_m: f64| Errors {
+            error_m: vec![Vector3::new(error_m, 0.0, 0.0)],
+            covariance_m2: vec![Matrix3::identity() * std_m * std_m],
+            look: 3,
+        };
+        assert!(grew(&of(3.2e-3, 1e-5), 2e-3, &options));
+        assert!(!grew(&of(2.8e-3, 1e-5), 2e-3, &options), "less than half as large again");
+        assert!(!grew(&of(0.9e-3, 1e-5), 1e-4, &options), "within the tolerance");
+        assert!(!grew(&of(3.2e-3, 1e-3), 2e-3, &options), "by chance");
+    }
+
+    #[test]
+    fn a_correction_stalls_where_the_last_looks_bring_less_than_asked() {
+        let options = JudgeOptions { patience: 3, least_progress: 0.1, ..JudgeOptions::default() };
+        assert!(stalled(&[5.0, 2.0, 1.9, 2.5, 1.85], &options));
+        assert!(!stalled(&[5.0, 2.0, 1.9, 2.5, 1.75], &options), "an eighth less than the best before");
+        assert!(!stalled(&[2.0, 2.0, 2.0], &options), "too few looks to say so");
+    }
 }

@@ -89,3 +89,26 @@ pub(super) fn surprise(
         (distance_m > allowed_m).then_some(Surprise::FarFromModel { distance_m, allowed_m })
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::panic)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn at_the_first_look_a_marker_may_be_off_by_the_largest_gap_and_its_noise() {
+        let options = JudgeOptions { largest_gap_m: 0.05, play_m: 0.004, ..JudgeOptions::default() };
+        let first = Expected { point_m: Vector3::new(0.1, 0.2, 0.3), covariance_m2: None, commanded_m: 1.0 };
+        let at = |off_m: f64, std_m: f64| {
+            let point_m = first.point_m + Vector3::new(0.0, off_m, 0.0);
+            // Only the noise along the way counts.
+            let covariance_m2 = Matrix3::from_diagonal(&Vector3::new(1.0, std_m * std_m, 1.0));
+            surprise(&point_m, &covariance_m2, 0.0, 0, &first, &options)
+        };
+        assert_eq!(at(0.049, 1e-6), None);
+        assert!(matches!(at(0.052, 1e-4), Some(Surprise::FarFromModel { .. })));
+        assert_eq!(at(0.058, 2e-3), None);
+        let Some(Surprise::FarFromModel { allowed_m, .. }) = at(0.060, 2e-3) else { panic!("accepted") };
+        assert!((allowed_m - 0.059).abs() < 1e-9, "{allowed_m}");
+    }
+}

@@ -141,3 +141,36 @@ pub(crate) fn reserve(diagnosis: &mut Diagnosis, findings: &Findings<'_>) {
         };
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use crate::diagnose::data::diagnosis::ChosenAnew;
+
+    #[test]
+    fn what_hangs_on_few_postures_is_told_in_the_unit_of_the_gap() {
+        let gap = |after_m, after_px, rms_m, rms_px| Gap {
+            before_m: None,
+            after_m,
+            noise_floor_m: None,
+            closed: None,
+            closed_ci95: None,
+            before_px: None,
+            after_px,
+            noise_floor_px: None,
+            steps: Vec::new(),
+            held_out_postures: 40,
+            chosen_anew: Some(ChosenAnew { rms_m, rms_px, regions: 5, changed: 2 }),
+            checked: Vec::new(),
+        };
+        let in_space = hangs_on_regions(&gap(Some(0.00125), None, Some(0.0025), None)).unwrap();
+        assert!(
+            in_space.contains("2 of 5 regions") && in_space.contains("to 2.50 mm instead of 1.25 mm"),
+            "{in_space}"
+        );
+        let in_pictures = hangs_on_regions(&gap(Some(0.00125), Some(0.3), Some(0.0025), Some(0.4))).unwrap();
+        assert!(in_pictures.contains("to 0.40 px instead of 0.30 px"), "{in_pictures}");
+        assert_eq!(hangs_on_regions(&gap(Some(0.00125), None, Some(0.00126), None)), None);
+    }
+}
