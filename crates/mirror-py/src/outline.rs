@@ -6,11 +6,12 @@ use crate::errors::{MirrorPostureError, to_py};
 use crate::work::Work;
 use mirror_core::Cancel;
 use mirror_core::outline::{
-    BallOutline, Circle, ColorBox, CommonBlur, ExpectedRadius, Picture, RadiusRange, chroma_step as step_of,
-    color_regions as regions_of, fit_circle, measure_ball, measure_blurred_ball,
+    BallOutline, Circle, ColorBox, CommonBlur, ExpectedRadius, PatternGhost, PatternView, Picture,
+    RadiusRange, chroma_step as step_of, color_regions as regions_of, fit_circle, measure_ball,
+    measure_blurred_ball, pattern_ghost as ghost_of,
 };
 use numpy::ndarray::Array2;
-use numpy::{IntoPyArray, PyArray2, PyReadonlyArray3, PyUntypedArrayMethods};
+use numpy::{IntoPyArray, PyArray2, PyReadonlyArray2, PyReadonlyArray3, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use rayon::prelude::*;
 
@@ -232,4 +233,57 @@ pub fn fit_circle_by_consensus(
     let points = pairs("points_px", &points_px)?;
     Ok(fit_circle(&points, min_radius_px, max_radius_px, tolerance_px)
         .map(|c| (c.center_px.x, c.center_px.y, c.radius_px)))
+}
+
+/// What a view of the board's pattern shows of a ghost; see `mirror_posture.detect.ghost`.
+#[pyclass(name = "PatternGhost", module = "mirror_posture._core", frozen)]
+pub struct PyPatternGhost {
+    inner: PatternGhost,
+}
+
+#[pymethods]
+impl PyPatternGhost {
+    #[getter]
+    fn strength(&self) -> f64 {
+        self.inner.strength
+    }
+
+    #[getter]
+    fn shift_px(&self) -> (f64, f64) {
+        (self.inner.shift_px.x, self.inner.shift_px.y)
+    }
+
+    #[getter]
+    fn weakest(&self) -> f64 {
+        self.inner.weakest
+    }
+
+    /// What a ghost explains that lies so far (4, 2), px, from the view's corners.
+    fn explained_by(&self, ends_px: Array2Like<'_>) -> PyResult<f64> {
+        let ends = pairs("ends_px", &ends_px)?;
+        let four = ends.try_into().map_err(|_| shape_error("ends_px", ends_px.shape(), "(4, 2)"))?;
+        Ok(self.inner.explained_by(&four))
+    }
+}
+
+/// The ghost in a view of the pattern: light and the pattern with several blurs `(H, W)`, and how far from it a ghost is looked for, px; None where there is no pattern.
+#[pyfunction]
+pub fn pattern_ghost(
+    py: Python<'_>,
+    light: PyReadonlyArray2<'_, f32>,
+    models: Vec<PyReadonlyArray2<'_, f32>>,
+    reach_px: usize,
+) -> PyResult<Option<PyPatternGhost>> {
+    let contiguous = |_| MirrorPostureError::new_err("light, models: needed arrays in C order");
+    let shape = light.shape();
+    let view = PatternView {
+        width: shape[1],
+        height: shape[0],
+        light: light.as_slice().map_err(contiguous)?,
+        reach: reach_px,
+    };
+    let models: Vec<&[f32]> =
+        models.iter().map(|model| model.as_slice().map_err(contiguous)).collect::<PyResult<_>>()?;
+    let found = py.work(|| ghost_of(&view, &models)).map_err(to_py)?;
+    Ok(found.map(|inner| PyPatternGhost { inner }))
 }

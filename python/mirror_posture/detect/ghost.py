@@ -1,20 +1,19 @@
 """The ghost of a pane in a picture, told by the board: its strength and where it lies.
 
-The board's pattern is known: P(x) = c M(x) + s (M(x − d) + M(x + d)) + a (M(x − d) − M(x + d)) with the pattern M, drawn through the corners' homography and
-blurred, in linear light. A lens, a shake and a codec spread light to both sides alike (s); a ghost lies on one side (a). Near the edges of the squares the drawn
-pattern is never quite right, and a ghost stands beside them: a pixel's variance is s₀² + s₁² |∇M|², both numbers from what is left (weighted least squares).
+The board's pattern is drawn through its corners' homography, in linear light, with several blurs; the core fits the light by it.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import cv2
 import numpy as np
 
+from .. import _core
 from ..board import Board
-from .ghost_light import Ghost, Pane
-from .types import BoardView, FloatArray, Pixels
+from .ghost_light import Ghost, Pane, linear_light
+from .types import BoardView, Pixels
 
 # The part of the board that is looked at, squares each way from its middle: enough for a ghost of a fiftieth.
 HALF_ACROSS, HALF_DOWN = 2.2, 1.5
@@ -22,26 +21,9 @@ HALF_ACROSS, HALF_DOWN = 2.2, 1.5
 FINE = 2
 # Blurs of the drawn pattern that are tried, px.
 BLURS_PX = (0.45, 0.7, 1.0, 1.4, 2.0)
-# The farthest ghost that is looked for, px, and as a share of a square.
+# The farthest ghost that is looked for, px, and as a share of a square; the nearest, below which it looks like blur.
 REACH_PX, REACH_SQUARES = 7, 0.6
-# Nearer than this a ghost looks like blur, px.
 NEAREST_PX = 1.9
-# The most pixels that are read: more take time and tell no more.
-MOST_PIXELS = 3000
-# Least strength of a ghost, as a share of all light, and least share of the residual's squares that its lying on one side explains.
-LEAST_STRENGTH = 0.012
-LEAST_EXPLAINED = 0.015
-# Shifts at which the weakest ghost that is told is taken, px.
-USUAL_SHIFT_PX = (2.4, 4.2)
-# A pane's front returns some hundredths of the light: the strength's deviation before the picture is seen. So many pixels share their errors.
-USUAL_STRENGTH = 0.05
-SHARED_PIXELS = 10.0
-# Shifts beside the best one count in its place by what they explain beyond this share of what it does.
-BESIDE_SHARE = 0.6
-# So many times the pixels are weighted again, by what is left when the ghost has been told.
-REWEIGHTINGS = 1
-# Least share of a variance that is the same everywhere, against the median of what is left.
-LEAST_EVEN = 0.2
 
 
 def board_ghost(gray: Pixels, view: BoardView, board: Board, pane: Pane | None = None) -> Ghost | None:
@@ -53,239 +35,32 @@ def board_ghost(gray: Pixels, view: BoardView, board: Board, pane: Pane | None =
     reach = min(REACH_PX, int(REACH_SQUARES * 0.5 * side))
     if reach < NEAREST_PX or min(light.shape) < 4 * reach:
         return None
-    light = _without_shade(light, side)
-    inside = np.s_[reach:-reach, reach:-reach]
-    part = light[inside].ravel()
-    kept = slice(None, None, _stride(part.size, light.shape[1] - 2 * reach))
-    part = part[kept]
-    tried = [
-        _alone(part, _without_shade(cv2.GaussianBlur(pattern, (0, 0), blur), side), inside, kept)
-        for blur in BLURS_PX
-    ]
-    alone = min(tried, key=lambda one: float(one.left @ one.left))
-    found = _one_sided(part, alone, reach, kept)
+    models = [_without_shade(cv2.GaussianBlur(pattern, (0, 0), blur), side) for blur in BLURS_PX]
+    found = _core.pattern_ghost(_without_shade(light, side), models, reach)
     if found is None:
         return None
-    ghost, root = found
-    return (
-        ghost
-        if pane is None or ghost.strength == 0.0
-        else _or_of_pane(ghost, pane, part, alone, root, inside, kept, corner)
-    )
-
-
-def _stride(count: int, width: int) -> int:
-    """Every so many pixels are read, in the order of rows; not in columns."""
-    stride = max(1, count // MOST_PIXELS)
-    return stride + 1 if stride > 1 and width % stride == 0 else stride
-
-
-@dataclass(frozen=True)
-class _Alone:
-    """The blurred pattern without a ghost: itself, its slopes, bends and its contrast's change across the board, as rows by pixel, the squares of its slope, and
-    what they leave.
-
-    The slopes: corners are pulled by the ghost too, and the pattern is drawn by them. The bends: its blur is known only roughly, and may differ by direction.
-    """
-
-    model: Pixels
-    basis: Pixels
-    steepness: Pixels
-    left: Pixels
-
-
-def _alone(part: Pixels, model: Pixels, inside: tuple[slice, slice], kept: slice) -> _Alone:
-    orders = ((1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
-    bent = [0.125 * cv2.Sobel(model, cv2.CV_32F, *order) for order in orders]
-    height, width = model.shape
-    across = model * np.linspace(-1.0, 1.0, width, dtype=np.float32)
-    down = model * np.linspace(-1.0, 1.0, height, dtype=np.float32)[:, None]
-    basis = np.stack([one[inside].ravel()[kept] for one in (model, *bent, across, down)])
-    return _Alone(model, basis, basis[1] ** 2 + basis[2] ** 2, _rest(part, _flat(basis)))
-
-
-def _flat(basis: Pixels) -> Pixels:
-    """Orthonormal rows of the same span, by the Cholesky factor of their products (a tenth of the time of QR)."""
-    gram = (basis @ basis.T).astype(np.float64)
-    factor = np.linalg.cholesky(gram + 1e-9 * float(np.trace(gram)) * np.eye(len(gram)))
-    result: Pixels = np.linalg.inv(factor).astype(np.float32) @ basis
-    return result
-
-
-def _rest(part: Pixels, flat: Pixels) -> Pixels:
-    result: Pixels = part - (flat @ part) @ flat
-    return result
-
-
-def _weights(left: Pixels, steepness: Pixels) -> Pixels:
-    """Roots of the pixels' weights, by the variance s₀² + s₁² |∇M|² that what is left of them shows; 1 on average."""
-    square, steep = left.astype(np.float64) ** 2, steepness.astype(np.float64)
-    least = LEAST_EVEN * float(np.median(square)) + 1e-12
-    weight = np.ones_like(square)
-    even = by_slope = 0.0
-    for _ in range(3):
-        mixed, cross = float(weight @ steep), float(weight @ (steep * steep))
-        told = np.array([weight @ square, weight @ (square * steep)])
-        even, by_slope = np.linalg.lstsq(np.array([[weight.sum(), mixed], [mixed, cross]]), told, rcond=None)[
-            0
-        ]
-        even, by_slope = max(float(even), least), max(float(by_slope), 0.0)
-        weight = (even + by_slope * steep) ** -2.0
-    root = (even + by_slope * steep) ** -0.5
-    result: Pixels = (root / np.sqrt(np.mean(root**2))).astype(np.float32)
-    return result
-
-
-def _one_sided(part: Pixels, alone: _Alone, reach: int, kept: slice) -> tuple[Ghost, Pixels] | None:
-    """Least squares by the pattern and, for each shift, the sum and the difference of the pattern there and opposite; the most probable difference, and the
-    weights' roots."""
-    model, basis = alone.model, alone.basis
-    height, width = model.shape
-    shifts = [
-        (across, down)
-        for down in range(reach + 1)
-        for across in range(-reach, reach + 1)
-        if (down > 0 or across > 0) and NEAREST_PX <= np.hypot(across, down) <= reach
-    ]
-
-    def moved(across: int, down: int) -> Pixels:
-        rows, columns = (
-            slice(reach - down, height - reach - down),
-            slice(reach - across, width - reach - across),
-        )
-        result: Pixels = model[rows, columns].ravel()[kept]
-        return result
-
-    there = np.stack([moved(*shift) for shift in shifts])
-    opposite = np.stack([moved(-across, -down) for across, down in shifts])
-    both, apart = there + opposite, there - opposite
-    root = _weights(alone.left, alone.steepness)
-    found = _best(part * root, basis * root, both * root, apart * root)
-    for _ in range(REWEIGHTINGS):
-        if found is None:
-            return None
-        # (A strong ghost is no error of the pattern.)
-        without = part - found.even * both[found.index] - found.difference * apart[found.index]
-        root = _weights(_rest(without * root, _flat(basis * root)) / root, alone.steepness)
-        found = _best(part * root, basis * root, both * root, apart * root)
-    if found is None:
-        return None
-    far = np.hypot(*np.array(shifts, dtype=np.float64).T)
-    usual = (far >= USUAL_SHIFT_PX[0]) & (far <= USUAL_SHIFT_PX[1])
-    weakest = float(np.median(found.weakest[usual if usual.any() else slice(None)]))
-    if found.explained < LEAST_EXPLAINED or not LEAST_STRENGTH <= abs(found.strength) < 0.5:
-        return Ghost(0.0, (0.0, 0.0), weakest), root
-    # Between the pixels: by what the shifts beside it explain.
-    best = np.array(shifts[found.index])
-    beside = [
-        index
-        for index, shift in enumerate(shifts)
-        if np.hypot(*(np.array(shift) - best)) < 1.5
-        and found.gained[index] > BESIDE_SHARE * found.gained[found.index]
-        and found.differences[index] * found.difference > 0.0
-    ]
-    more = found.gained[beside] - BESIDE_SHARE * found.gained[found.index]
-    across, down = np.sign(found.strength) * (more @ np.array([shifts[i] for i in beside])) / more.sum()
-    return Ghost(abs(found.strength), (float(across), float(down)), weakest), root
+    ghost = Ghost(found.strength, found.shift_px, found.weakest)
+    if pane is None or ghost.strength == 0.0:
+        return ghost
+    return _or_of_pane(ghost, pane, found, corner, (light.shape[1], light.shape[0]))
 
 
 def _or_of_pane(
-    ghost: Ghost,
-    pane: Pane,
-    part: Pixels,
-    alone: _Alone,
-    root: Pixels,
-    inside: tuple[slice, slice],
-    kept: slice,
-    corner: tuple[int, int],
+    ghost: Ghost, pane: Pane, found: _core.PatternGhost, corner: tuple[int, int], size: tuple[int, int]
 ) -> Ghost:
     """How probable it is that a ghost is the pane's, by what each explains."""
-    height, width = alone.model.shape
-    u, v = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
-    middle = np.array(corner) + 0.5 * np.array([width - 1.0, height - 1.0])
-    moved_m = pane.moved_m(middle, np.array(ghost.shift_px))
-    ends = np.array(corner) + np.array([[0, 0], [width - 1, 0], [0, height - 1], [width - 1, height - 1]])
-    ways = pane.way_px(ends.astype(np.float64))
+    right, bottom = size[0] - 1.0, size[1] - 1.0
+    shift = np.array(ghost.shift_px)
+    moved_m = pane.moved_m(np.array(corner) + 0.5 * np.array([right, bottom]), shift)
+    # Between the region's corners the way changes evenly.
+    ways = pane.way_px(
+        np.array(corner) + np.array([[0.0, 0.0], [right, 0.0], [0.0, bottom], [right, bottom]])
+    )
     if moved_m is None or ways is None:
         return ghost
-    # Between the region's corners the way changes evenly.
-    x, y = u / (width - 1), v / (height - 1)
-    even = [(1 - x) * (1 - y), x * (1 - y), (1 - x) * y, x * y]
-    by_pane = [
-        sum(weight * np.float32(way[axis] * moved_m) for weight, way in zip(even, ways, strict=True))
-        for axis in (0, 1)
-    ]
-    explained = []
-    for across, down in ((np.float32(ghost.shift_px[0]), np.float32(ghost.shift_px[1])), by_pane):
-        there, opposite = (
-            cv2.remap(alone.model, u - side * across, v - side * down, cv2.INTER_LINEAR)[inside].ravel()[kept]
-            for side in (1.0, -1.0)
-        )
-        best = _best(
-            part * root, alone.basis * root, (there + opposite)[None] * root, (there - opposite)[None] * root
-        )
-        explained.append(0.0 if best is None else best.told)
-    odds = float(np.clip(0.5 * (explained[1] - explained[0]), -30.0, 30.0))
+    by_pane, alike = found.explained_by(ways * moved_m), found.explained_by(np.tile(shift, (4, 1)))
+    odds = float(np.clip(0.5 * (by_pane - alike), -30.0, 30.0))
     return replace(ghost, pane=pane, moved_m=moved_m, probability=float(1.0 / (1.0 + np.exp(-odds))))
-
-
-@dataclass(frozen=True)
-class _Found:
-    """The best of all shifts: its index, the parts that lie on both and on one side, its strength as a share of all light, the share of the squares that the
-    latter explains, and that in squares of independent pixels; and for every shift its part on one side and what that explains, and
-    the strength that it must have to be told."""
-
-    index: int
-    even: float
-    difference: float
-    strength: float
-    explained: float
-    told: float
-    differences: FloatArray
-    gained: FloatArray
-    weakest: FloatArray
-
-
-def _best(part: Pixels, basis: Pixels, both: Pixels, apart: Pixels) -> _Found | None:
-    flat = _flat(basis)
-    rest = _rest(part, flat)
-    of_both, of_apart = both @ flat.T, apart @ flat.T
-
-    def product(one: Pixels, other: Pixels, of_one: Pixels, of_other: Pixels) -> FloatArray:
-        result: FloatArray = np.einsum("ij,ij->i", one, other) - np.einsum("ij,ij->i", of_one, of_other)
-        return result.astype(np.float64)
-
-    squares = np.maximum(product(both, both, of_both, of_both), 1e-9)
-    mixed = product(both, apart, of_both, of_apart)
-    own = product(apart, apart, of_apart, of_apart)
-    with_both, with_apart = (both @ rest).astype(np.float64), (apart @ rest).astype(np.float64)
-    telling = np.maximum(own - mixed**2 / squares, 1e-6 * own)
-    differences = (with_apart - mixed * with_both / squares) / telling
-    gained = differences**2 * telling
-    all_squares = float(rest @ rest)
-    gram = (basis @ basis.T).astype(np.float64)
-    main = float(np.linalg.solve(gram, (basis @ part).astype(np.float64))[0])
-    if not (all_squares > 0.0 and abs(main) > 0.0):
-        return None
-    # Near shifts are much like slopes and bends, and need a strong second picture to explain what a farther, weaker one does.
-    usual = 2.0 * differences / main / USUAL_STRENGTH
-    best = int((gained * len(part) / all_squares / SHARED_PIXELS - usual**2).argmax())
-    even = (with_both[best] - differences[best] * mixed[best]) / squares[best]
-    # The light of all: the pattern's own, and twice the even part.
-    other = part - even * both[best] - differences[best] * apart[best]
-    total = float(np.linalg.solve(gram, (basis @ other).astype(np.float64))[0]) + 2.0 * even
-    explained = gained[best] / max(all_squares - with_both[best] ** 2 / squares[best], 1e-12)
-    return _Found(
-        best,
-        float(even),
-        float(differences[best]),
-        float(2.0 * differences[best] / total),
-        float(explained),
-        float(gained[best] * len(part) / all_squares / SHARED_PIXELS),
-        differences,
-        gained,
-        np.maximum(2.0 * np.sqrt(LEAST_EXPLAINED * all_squares / telling) / abs(total), LEAST_STRENGTH),
-    )
 
 
 def _drawn(
@@ -315,10 +90,9 @@ def _drawn(
     x, y = places[..., 0] / places[..., 2], places[..., 1] / places[..., 2]
     signs = 1.0 - 2.0 * ((np.floor(x) + np.floor(y)) % 2.0)
     pattern = signs.reshape(bottom - top, FINE, right - left, FINE).mean(axis=(1, 3)).astype(np.float32)
-    level = gray[top:bottom, left:right].astype(np.float32) / 255.0
-    light = ((level + 0.055) / 1.055) ** 2.4
+    light = linear_light(gray[top:bottom, left:right])
     square = float(np.sqrt(abs(np.linalg.det(np.linalg.inv(homography)[:2, :2]))))
-    return light.astype(np.float32), pattern, 2.0 * square, (int(left), int(top))
+    return light, pattern, 2.0 * square, (int(left), int(top))
 
 
 def _without_shade(values: Pixels, side: float) -> Pixels:

@@ -47,6 +47,12 @@ _LEVEL_OF_LIGHT = np.rint(
 ).astype(np.uint8)
 
 
+def linear_light(levels: Pixels) -> Pixels:
+    """The light (0..1) of 8-bit levels (sRGB)."""
+    result: Pixels = cv2.LUT(levels, _LIGHT)
+    return result
+
+
 @dataclass(frozen=True, eq=False)
 class Pane:
     """A mirror whose front face may make a ghost: its unit normal (3,) away from the camera, and how far away from the camera the board's reflection is, m."""
@@ -125,7 +131,7 @@ def without_ghost(
         first, last = np.maximum(low - more, 0), np.minimum(high + more, size)
         if np.any(high <= low):
             continue
-        light = cv2.LUT(bgr[first[1] : last[1], first[0] : last[0]], _LIGHT)
+        light = linear_light(bgr[first[1] : last[1], first[0] : last[0]])
         once = _moved(light, shift)
         alone = light - ratio * (once - ratio * _moved(light, 2.0 * shift))
         (left, top), (right, bottom) = low - first, high - first

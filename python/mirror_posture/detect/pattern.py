@@ -87,13 +87,15 @@ def saddle_contrast(
 
     Their ratio is ±1 for a saddle and ±0.5 for a T, whatever the light there. NaN where a sample leaves the picture.
     """
-    diagonals = [
-        SAMPLE_FRACTION * step
-        for step in (along_x + along_y, -along_x - along_y, along_x - along_y, along_y - along_x)
-    ]
-    samples = np.stack([sample(gray, at + step) for step in diagonals])
+    samples = square_samples(gray, at, along_x, along_y)
     score = 0.5 * (samples[0] + samples[1] - samples[2] - samples[3])
     return score, samples.max(axis=0) - samples.min(axis=0)
+
+
+def square_samples(gray: Pixels, at: FloatArray, along_x: FloatArray, along_y: FloatArray) -> FloatArray:
+    """The grey levels (4, …) of the squares around points given with their local grid steps, each opposite one after the other; NaN outside of the picture."""
+    diagonals = (along_x + along_y, -along_x - along_y, along_x - along_y, along_y - along_x)
+    return np.stack([sample(gray, at + SAMPLE_FRACTION * step) for step in diagonals])
 
 
 def sample(gray: Pixels, at: FloatArray) -> FloatArray:

@@ -4,7 +4,7 @@
 //! difference of its two values. Red may rise where green falls; the channels of one edge then lie apart, by an
 //! amount and in a direction that the colours determine. This needs no other ball and no model of the robot.
 
-use super::curve::channel_moved_by_mixing;
+use super::curve::channel_moved_by_another_curve;
 use super::rays::{Rays, beyond_step};
 
 /// Smallest difference of light at which a channel determines an edge.
@@ -33,8 +33,8 @@ pub(super) struct Seen<'a> {
     pub behind: [f64; 3],
 }
 
-/// Of one ray, for one deviation of the curve: values are light to a `power`.
-pub(super) fn parted(rays: &Rays, ray: usize, seen: &Seen<'_>, power: f64) -> Parted {
+/// Of one ray, for one deviation of the curve.
+pub(super) fn parted(rays: &Rays, ray: usize, seen: &Seen<'_>) -> Parted {
     let (colours, blur) = (rays.colours(ray), rays.blur_px[ray]);
     let mut rows = [(0.0, 0.0, 0.0); 3];
     for (channel, row) in rows.iter_mut().enumerate() {
@@ -47,7 +47,7 @@ pub(super) fn parted(rays: &Rays, ray: usize, seen: &Seen<'_>, power: f64) -> Pa
             let covered = ((colours[i][channel] - behind) / step).clamp(-0.5, 1.5);
             covered - (ball * seen.carried[i] - behind) / step * left
         });
-        *row = (step.abs(), beyond, blur * channel_moved_by_mixing(ball * seen.at_rim, behind, power));
+        *row = (step.abs(), beyond, blur * channel_moved_by_another_curve(ball * seen.at_rim, behind));
     }
     let total: f64 = rows.iter().map(|r| r.0).sum();
     if rows.iter().filter(|r| r.0 > 0.0).count() < 2 {

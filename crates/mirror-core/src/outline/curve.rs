@@ -20,6 +20,15 @@ static LIGHT: LazyLock<Vec<f64>> = LazyLock::new(|| {
     (0..=TABLE_STEPS).map(|i| (i as f64 / TABLE_STEPS as f64).powf(ENCODING_POWER)).collect()
 });
 
+/// A camera's own curve may differ from sRGB's by this power.
+const CURVE_DOUBT: f64 = 1.085;
+
+/// That power of evenly spaced values of 0..1, and its root.
+static POWERS: LazyLock<[Vec<f64>; 2]> = LazyLock::new(|| {
+    [CURVE_DOUBT, CURVE_DOUBT.recip()]
+        .map(|power| (0..=TABLE_STEPS).map(|i| (i as f64 / TABLE_STEPS as f64).powf(power)).collect())
+});
+
 fn between(table: &[f64], place: f64) -> f64 {
     let low = (place as usize).min(TABLE_STEPS - 1);
     table[low] + (place - low as f64) * (table[low + 1] - table[low])
@@ -77,10 +86,11 @@ fn moved(
     moved * SHARES_STEP
 }
 
-/// That shift where values mix to a power of theirs, in blurs.
-pub(super) fn moved_by_mixing(ball: &[f64; 3], behind: &[f64; 3], channels: &[f64; 3], power: f64) -> f64 {
-    let mixing = |value: f64| value.clamp(0.0, 1.0).powf(power);
-    moved(ball, behind, channels, mixing, |light| light.powf(power.recip()))
+/// That shift where the camera's curve differs from sRGB's by one deviation, in blurs.
+pub(super) fn moved_by_another_curve(ball: &[f64; 3], behind: &[f64; 3], channels: &[f64; 3]) -> f64 {
+    let [mixed, shown] = &*POWERS;
+    let read = |table: &[f64], value: f64| between(table, value.clamp(0.0, 1.0) * TABLE_STEPS as f64);
+    moved(ball, behind, channels, |value| read(mixed, value), |light| read(shown, light))
 }
 
 /// That shift where light mixes and values are levels, in blurs.
@@ -89,6 +99,7 @@ pub(super) fn moved_by_light(ball: &[f64; 3], behind: &[f64; 3], channels: &[f64
 }
 
 /// That shift of one channel alone, in blurs.
-pub(super) fn channel_moved_by_mixing(own: f64, behind: f64, power: f64) -> f64 {
-    moved_by_mixing(&[own; 3], &[behind; 3], &[1.0, 0.0, 0.0], power)
+pub(super) fn channel_moved_by_another_curve(own: f64, behind: f64) -> f64 {
+    // (A channel without a step costs nothing.)
+    moved_by_another_curve(&[own, 0.0, 0.0], &[behind, 0.0, 0.0], &[1.0, 0.0, 0.0])
 }

@@ -3,7 +3,7 @@
 use super::along::Along;
 use super::blur::{Blur, blur_of_rays};
 use super::channels::{Parted, Seen, deviations, parted};
-use super::curve::moved_by_mixing;
+use super::curve::moved_by_another_curve;
 use super::hues::{Hue, hues_of_zones};
 use super::luma::{lens_before_codec, lens_blur_px, luma_edges};
 use super::patch::Patch;
@@ -36,8 +36,6 @@ const LEVER: f64 = 1.53;
 /// Passes of setting the zones around the edge that was found.
 const PASSES: usize = 3;
 
-/// A camera's own curve may differ from sRGB's by this power.
-const CURVE_DOUBT: f64 = 1.085;
 /// A channel from this light on may be cut off, and moves edges by this share of the blur.
 const CLIPPED_LIGHT: f64 = 0.9;
 const CLIPPED_SHARE: f64 = 0.09;
@@ -227,11 +225,11 @@ fn colour_edge(rays: &Rays, ray: usize, hues: Option<[Hue; 2]>, outermost: bool)
         result.channels = unmixing.channels(trust);
         result.ball = ball;
         result.behind = behind;
-        if pass + 1 == PASSES && !rays.coded {
+        if pass + 1 == PASSES && !rays.coded && !outermost {
             let rim_colour = ball.map(|light| light * at_rim);
-            result.by_curve = blur * moved_by_mixing(&rim_colour, &behind, &result.channels, CURVE_DOUBT);
+            result.by_curve = blur * moved_by_another_curve(&rim_colour, &behind, &result.channels);
             let seen = Seen { edge, taper, carried: &light.ball, at_rim, ball, behind };
-            result.parted = parted(rays, ray, &seen, CURVE_DOUBT);
+            result.parted = parted(rays, ray, &seen);
             result.clipped =
                 rim_colour.iter().chain(&ball).chain(&behind).any(|light| *light > CLIPPED_LIGHT);
             let mean_of = |low: f64, high: f64| {

@@ -29,6 +29,7 @@
 //! | `unmixing` | a colour as a mixture of the ball's and the background's |
 //! | `cone` | the cone of rays that touch a sphere, with covariance |
 //! | `whole`, `template` | a ball that is blurred over much of its radius, fitted to all of its pixels; its image |
+//! | `ghost`, `pattern_rows` | the second picture that a pane shows, told by the board's pattern; rows of numbers by pixel |
 //! | `own_colour`, `common_blur` | the part of its colour that the surroundings lack; the blur that balls share |
 
 mod along;
@@ -42,10 +43,12 @@ mod cone;
 mod consensus;
 mod curve;
 mod edges;
+mod ghost;
 mod hues;
 mod luma;
 mod own_colour;
 mod patch;
+mod pattern_rows;
 mod ray_edge;
 mod rays;
 mod regions;
@@ -60,6 +63,7 @@ pub use circle::{Circle, fit_circle};
 pub use codec::chroma_step;
 pub use common_blur::CommonBlur;
 pub use cone::{ConeFit, ConeOutline, EdgePoint, cone_centroid, fit_cone};
+pub use ghost::{PatternGhost, PatternView, pattern_ghost};
 pub use patch::Picture;
 pub use regions::{ColorBox, ColorRegion, color_regions};
 pub use whole::{BlurredBall, ExpectedRadius, measure_blurred_ball};
