@@ -494,6 +494,7 @@ def measure_balls(
     radii_px: npt.ArrayLike,
     camera: Camera,
     chroma_step_px: tuple[int, int],
+    again: bool = False,
 ) -> list[BallOutline | None]: ...
 def measure_blurred_balls(
     bgr: npt.NDArray[np.uint8], expected_px: list[list[float]], camera: Camera

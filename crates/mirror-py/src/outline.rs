@@ -8,7 +8,7 @@ use mirror_core::Cancel;
 use mirror_core::outline::{
     BallOutline, Circle, ColorBox, CommonBlur, ExpectedRadius, PatternGhost, PatternView, Picture,
     RadiusRange, chroma_step as step_of, color_regions as regions_of, fit_circle, measure_ball,
-    measure_blurred_ball, pattern_ghost as ghost_of,
+    measure_ball_again, measure_blurred_ball, pattern_ghost as ghost_of,
 };
 use numpy::ndarray::Array2;
 use numpy::{IntoPyArray, PyArray2, PyReadonlyArray2, PyReadonlyArray3, PyUntypedArrayMethods};
@@ -97,8 +97,9 @@ impl PyBallOutline {
     }
 }
 
-/// The balls near circles `(N, 3)`: u, v, radius, with radii in `(N, 2)`, px; None where there is none.
+/// The balls near circles `(N, 3)`: u, v, radius, with radii in `(N, 2)`, px; None where there is none. `again`: they were found there before.
 #[pyfunction]
+#[pyo3(signature = (bgr, circles_px, radii_px, camera, chroma_step_px, again = false))]
 pub fn measure_balls(
     py: Python<'_>,
     bgr: PyReadonlyArray3<'_, u8>,
@@ -106,6 +107,7 @@ pub fn measure_balls(
     radii_px: Array2Like<'_>,
     camera: &PyCamera,
     chroma_step_px: (usize, usize),
+    again: bool,
 ) -> PyResult<Vec<Option<PyBallOutline>>> {
     let picture = picture_of(&bgr, chroma_step_px)?;
     let ranges = pairs("radii_px", &radii_px)?;
@@ -122,7 +124,8 @@ pub fn measure_balls(
     let found: Vec<_> = py.work_until(&cancel, || {
         let measure = |(circle, range): (&Circle, &nalgebra::Vector2<f64>)| {
             let range = RadiusRange { min_px: range.x, max_px: range.y };
-            if cancel.is_cancelled() { None } else { measure_ball(&picture, circle, &range, camera) }
+            let one = if again { measure_ball_again } else { measure_ball };
+            if cancel.is_cancelled() { None } else { one(&picture, circle, &range, camera) }
         };
         circles.par_iter().zip(&ranges).map(measure).collect()
     })?;

@@ -147,7 +147,7 @@ def detect_markers(
     if sampled is not None:
 
         def read(picture: npt.NDArray[np.uint8], starts: list[Start]) -> list[OutlineFit | None]:
-            return measure_balls(picture, starts, assumed, chroma_step_px)
+            return measure_balls(picture, starts, assumed, chroma_step_px, again=True)
 
         recoded = with_recoded(bgr, by_rays, sampled, read)
         views = [new if old is view else view for old, new, view in zip(by_rays, recoded, views, strict=True)]

@@ -11,6 +11,7 @@ import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 from PIL import Image, JpegImagePlugin, UnidentifiedImageError
@@ -151,7 +152,7 @@ def _bgr(picture: Image.Image) -> npt.NDArray[np.generic]:
         return np.asarray(picture)
     if picture.mode in ("1", "L"):
         return np.asarray(picture.convert("L"))
-    return np.asarray(picture.convert("RGB"))[..., ::-1]
+    return cv2.cvtColor(np.asarray(picture.convert("RGB")), cv2.COLOR_RGB2BGR)
 
 
 def _is_lossy_webp(content: bytes) -> bool:

@@ -92,6 +92,26 @@ pub fn measure_ball(
     range: &RadiusRange,
     camera: &Camera,
 ) -> Option<BallOutline> {
+    measure_in_rounds(picture, start, range, camera, 0)
+}
+
+/// [`measure_ball`] of a ball that was found at the circle before: not searched roughly first.
+pub fn measure_ball_again(
+    picture: &Picture<'_>,
+    start: &Circle,
+    range: &RadiusRange,
+    camera: &Camera,
+) -> Option<BallOutline> {
+    measure_in_rounds(picture, start, range, camera, 1)
+}
+
+fn measure_in_rounds(
+    picture: &Picture<'_>,
+    start: &Circle,
+    range: &RadiusRange,
+    camera: &Camera,
+    first_round: usize,
+) -> Option<BallOutline> {
     if !(start.radius_px > 1.0
         && start.radius_px.is_finite()
         && start.center_px.iter().all(|v| v.is_finite()))
@@ -111,7 +131,7 @@ pub fn measure_ball(
     let mut center = start.center_px;
     let mut radius = expected_radii(start, camera, count)?;
     let mut measured: Option<BallOutline> = None;
-    for round in 0..ROUNDS {
+    for round in first_round..ROUNDS {
         let edges = edges_on_rays(&patch, center, &radius, &blur, round == 0);
         blur = edges.blur;
         let found = beside_found(&edges.found, count as f64 / (core::f64::consts::TAU * circle.radius_px));

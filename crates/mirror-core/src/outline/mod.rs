@@ -58,7 +58,7 @@ mod template;
 mod unmixing;
 mod whole;
 
-pub use ball::{BallOutline, RadiusRange, measure_ball};
+pub use ball::{BallOutline, RadiusRange, measure_ball, measure_ball_again};
 pub use circle::{Circle, fit_circle};
 pub use codec::chroma_step;
 pub use common_blur::CommonBlur;

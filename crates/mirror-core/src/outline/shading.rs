@@ -12,9 +12,11 @@
 use super::curve::light_of;
 use super::patch::Patch;
 use crate::statistics::median;
+use multiversion::multiversion;
 use nalgebra::{SMatrix, SVector, Vector2, Vector3};
 
 const TERMS: usize = 10;
+const LANES: usize = 16;
 /// The lamp's own term.
 const LAMP: usize = TERMS - 1;
 /// Regularisation of each order of harmonics and of the lamp's term, as a share of the weight of the pixels: small
@@ -52,6 +54,24 @@ fn basis(x: f64, y: f64, lamp: &Vector3<f64>) -> SVector<f64, TERMS> {
     let z = (1.0 - x * x - y * y).max(0.0).sqrt();
     let facing = (x * lamp.x + y * lamp.y + z * lamp.z).max(0.0);
     SVector::from([1.0, x, y, z, x * y, x * z, y * z, x * x - y * y, 3.0 * z * z - 1.0, facing])
+}
+
+/// `Σ w r rᵀ` by rows, and `Σ w v r` as the last one; filled up to whole vectors of the processor.
+#[multiversion(targets("x86_64+avx512f", "x86_64+avx2"))]
+fn weighted_sums(rows: &[(SVector<f64, TERMS>, f64)], weights: &[f64]) -> [[f64; LANES]; TERMS + 1] {
+    let mut sums = [[0.0; LANES]; TERMS + 1];
+    for ((row, value), weight) in rows.iter().zip(weights) {
+        let mut weighted = [0.0; LANES];
+        for (to, term) in weighted.iter_mut().zip(row.iter()) {
+            *to = weight * term;
+        }
+        for (sum, share) in sums.iter_mut().zip(row.iter().chain([value])) {
+            for (to, term) in sum.iter_mut().zip(&weighted) {
+                *to += share * term;
+            }
+        }
+    }
+    sums
 }
 
 impl Shading {
@@ -158,14 +178,10 @@ impl Shading {
                     }
                 }
             }
-            let mut normal = SMatrix::<f64, TERMS, TERMS>::zeros();
-            let mut right = SVector::<f64, TERMS>::zeros();
-            let mut total = 0.0;
-            for ((row, value), weight) in rows.iter().zip(&weights) {
-                normal.ger(*weight, row, row, 1.0);
-                right.axpy(weight * value, row, 1.0);
-                total += weight;
-            }
+            let total: f64 = weights.iter().sum();
+            let sums = weighted_sums(rows, &weights);
+            let mut normal = SMatrix::<f64, TERMS, TERMS>::from_fn(|i, j| sums[i][j]);
+            let right = SVector::<f64, TERMS>::from_fn(|i, _| sums[TERMS][i]);
             for term in 0..TERMS {
                 let order = match term {
                     0 => 0,
