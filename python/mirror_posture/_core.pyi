@@ -499,6 +499,8 @@ def measure_balls(
 def measure_blurred_balls(
     bgr: npt.NDArray[np.uint8], expected_px: list[list[float]], camera: Camera
 ) -> list[BallOutline | None]: ...
+
+@final
 class PatternGhost:
     @property
     def strength(self) -> float: ...

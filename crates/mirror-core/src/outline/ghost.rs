@@ -2,7 +2,7 @@
 //!
 //! The board's pattern M is known: `P(x) = c M(x) + s (M(x − d) + M(x + d)) + a (M(x − d) − M(x + d))`, in linear light. A lens, a shake and a codec spread light to
 //! both sides alike (s); a ghost lies on one side (a). Near the edges of the squares the drawn pattern is never quite right, and a ghost stands beside them: a
-//! pixel's variance is `s₀² + s₁² |∇M|²`, both numbers from what is left (weighted least squares).
+//! pixel's variance is `s₀² + s₁² |∇M|²`, both numbers from what is left.
 
 use super::pattern_rows::{Row, Rows, dot, dots, weighted};
 use crate::error::{Error, Result};
@@ -22,9 +22,8 @@ const USUAL_SHIFT_PX: (f64, f64) = (2.4, 4.2);
 /// A pane's front returns some hundredths of the light: the strength's deviation before the picture is seen. So many pixels share their errors.
 const USUAL_STRENGTH: f64 = 0.05;
 const SHARED_PIXELS: f64 = 10.0;
-/// Shifts beside the best one, up to so many px, count in its place by what they explain beyond this share of what it does.
-const BESIDE_PX: f64 = 1.5;
-const BESIDE_SHARE: f64 = 0.6;
+/// Shifts up to so many px beside the best one count in its place by what they explain beyond this share of what it does.
+const BESIDE: (f64, f64) = (1.5, 0.6);
 /// So many times the pixels are weighted again, by what is left when the ghost has been told.
 const REWEIGHTINGS: usize = 1;
 /// Least share of a variance that is the same everywhere, against the median of what is left.
@@ -35,7 +34,7 @@ const LEAST_EVEN: f64 = 0.2;
 pub struct PatternView<'a> {
     /// Pixels across.
     pub width: usize,
-    /// Pixels down.
+    /// And down.
     pub height: usize,
     /// Linear light, less its mean over two squares each way.
     pub light: &'a [f32],
@@ -174,10 +173,10 @@ impl PatternGhost {
             return Some(());
         }
         // Between the pixels: by what the shifts beside it explain.
-        let least = BESIDE_SHARE * found.gained[found.index];
+        let least = BESIDE.1 * found.gained[found.index];
         let (mut place, mut total) = (Vector2::zeros(), 0.0);
         for (i, shift) in shifts.iter().enumerate() {
-            let beside = (shift - shifts[found.index]).norm() < BESIDE_PX;
+            let beside = (shift - shifts[found.index]).norm() < BESIDE.0;
             if beside && found.gained[i] > least && found.differences[i] * found.difference > 0.0 {
                 place += shift * (found.gained[i] - least);
                 total += found.gained[i] - least;
