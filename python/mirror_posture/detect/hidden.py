@@ -130,16 +130,16 @@ def _ends(gray: Pixels, grid: FloatArray, contrast: FloatArray, seen: npt.NDArra
     nearest = np.minimum(np.abs(samples - low), np.abs(samples - high)).max(axis=0)
     end = ~seen & (nearest < AS_DARK_OR_LIGHT * (high - low))
     end &= (contrast > END_CONTRAST[0]) & (contrast < END_CONTRAST[1])
-    lines = {
-        "first row": np.s_[0],
-        "last row": np.s_[-1],
-        "first column": np.s_[:, 0],
-        "last column": np.s_[:, -1],
-    }
-    for name, line in lines.items():
-        if end[line].any() and seen[line].mean() < LEAST_SEEN_BESIDE_AN_END:
+    sides = (
+        ("first row", end[0], seen[0]),
+        ("last row", end[-1], seen[-1]),
+        ("first column", end[:, 0], seen[:, 0]),
+        ("last column", end[:, -1], seen[:, -1]),
+    )
+    for name, ends, line in sides:
+        if ends.any() and line.mean() < LEAST_SEEN_BESIDE_AN_END:
             return (
-                f"the pattern may end before the grid's {name}: only {int(seen[line].sum())} of its {seen[line].size} corners are seen, and another is like the end of a "
+                f"the pattern may end before the grid's {name}: only {int(line.sum())} of its {line.size} corners are seen, and another is like the end of a "
                 "pattern: something hides it, or another pattern lies over the board; take it away"
             )
     return ""
