@@ -36,12 +36,28 @@ pub(super) struct Chain {
 
 impl Chain {
     pub fn new(mistakes: Vec<Mistake>, variant: Variant, misfit: &Misfit<'_>, frames: &[usize]) -> Self {
-        let (loss, worst) = misfit.mean_losses(&variant, frames);
+        Self::below(mistakes, variant, misfit, frames, f64::INFINITY)
+    }
+
+    /// The same, with an infinite loss unless it is below a limit.
+    fn below(
+        mistakes: Vec<Mistake>,
+        variant: Variant,
+        misfit: &Misfit<'_>,
+        frames: &[usize],
+        limit: f64,
+    ) -> Self {
+        let (loss, worst) = misfit.mean_losses_below(&variant, frames, limit);
         Self { mistakes, variant, loss, worst }
     }
 
     /// With one more mistake, which may be one with the last.
     pub fn with(&self, mistake: &Mistake, session: &Session<'_>, frames: &[usize]) -> Self {
+        self.with_below(mistake, session, frames, f64::INFINITY)
+    }
+
+    /// The same, with an infinite loss unless it is below a limit.
+    fn with_below(&self, mistake: &Mistake, session: &Session<'_>, frames: &[usize], limit: f64) -> Self {
         let mut mistake = mistake.clone();
         let mut variant = self.variant.clone();
         if let Mistake::LogFrozen { joint, first, last } = &mut mistake {
@@ -55,7 +71,7 @@ impl Chain {
             Some(one) => *mistakes.last_mut().unwrap_or(&mut mistake) = one,
             None => mistakes.push(mistake),
         }
-        Self::new(mistakes, variant, session.misfit, frames)
+        Self::below(mistakes, variant, session.misfit, frames, limit)
     }
 
     /// The same chain by another loss.
@@ -153,10 +169,11 @@ pub(super) fn extended(
     mistakes.retain(|m| !without.iter().any(|w| w == m.effect()));
     let with = |mistake: &Mistake| chain.with(mistake, session, frames);
     let least = (chain.loss * (1.0 - LEAST_SHARE)).min(chain.loss - least_fall);
+    let enough = chain.loss - 0.5 * least_fall;
     let mut out: Vec<(&Mistake, Chain)> = mistakes
         .par_iter()
-        .map(|m| (m, with(m)))
-        .filter(|(_, c)| c.loss < chain.loss - 0.5 * least_fall)
+        .map(|m| (m, chain.with_below(m, session, frames, enough)))
+        .filter(|(_, c)| c.loss < enough)
         .collect();
     out.sort_by(|a, b| a.1.loss.total_cmp(&b.1.loss));
     out.truncate(2 * BEAM);

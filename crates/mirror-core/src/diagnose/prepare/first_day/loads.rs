@@ -34,7 +34,7 @@ pub(super) fn turned_gravity(problem: &Problem) -> Result<Option<(Mistake, f64)>
     let across = down.cross(&if down.x.abs() < 0.8 { Vector3::x() } else { Vector3::y() }).normalize();
     let other = down.cross(&across);
     let turns = [across * PI, across * FRAC_PI_2, across * -FRAC_PI_2, other * FRAC_PI_2, other * -FRAC_PI_2];
-    let mut found: Option<(Best, Vector3<f64>)> = None;
+    let mut found: Option<(Likeliest, Vector3<f64>)> = None;
     for turn in turns {
         let mut turned = problem.clone();
         turned.scene.gravity = Rotation3::new(turn) * problem.scene.gravity;
@@ -47,16 +47,24 @@ pub(super) fn turned_gravity(problem: &Problem) -> Result<Option<(Mistake, f64)>
         }
     }
     let Some((turned, turn)) = found else { return Ok(None) };
-    // With the nominal model's scatter, and with clearly less left than by the best cause under the stated gravity,
-    // whatever else is wrong;
-    let much = turned.log_bayes > stated.log_bayes + BEYOND_DOUBT
-        && problem.of_observations(turned.left) < NEARLY_ALL * problem.of_observations(stated.left);
-    // or if the spring alone leaves no gap, compared with the noise that it leaves. Together with other causes a
-    // spring of the wrong sign may only absorb a part of theirs.
+    let likelier = turned.log_bayes > stated.log_bayes + BEYOND_DOUBT;
+    let turned = turned.fitted(noise)?;
     let excess = |best: &Best| {
         (problem.of_observations(best.left) / problem.of_observations(problem.noise)).powi(2) - 1.0
     };
-    let all = excess(&turned) < (A_GAP * A_GAP - 1.0).min(MAJORITY * excess(&stated));
+    let a_gap = A_GAP * A_GAP - 1.0;
+    // Neither of the two below, whatever the best cause under the stated gravity leaves.
+    if !likelier && excess(&turned) >= a_gap {
+        return Ok(None);
+    }
+    let stated = stated.fitted(noise)?;
+    // With the nominal model's scatter, and with clearly less left than by the best cause under the stated gravity,
+    // whatever else is wrong;
+    let much =
+        likelier && problem.of_observations(turned.left) < NEARLY_ALL * problem.of_observations(stated.left);
+    // or if the spring alone leaves no gap, compared with the noise that it leaves. Together with other causes a
+    // spring of the wrong sign may only absorb a part of theirs.
+    let all = excess(&turned) < a_gap.min(MAJORITY * excess(&stated));
     if !(much || all) {
         return Ok(None);
     }
@@ -65,15 +73,33 @@ pub(super) fn turned_gravity(problem: &Problem) -> Result<Option<(Mistake, f64)>
     Ok((odds > BEYOND_DOUBT).then_some((Mistake::Gravity { turn }, odds)))
 }
 
-/// The best single cause under a direction of gravity, fitted.
+/// The best single cause under a direction of gravity, by the score test.
+struct Likeliest {
+    problem: Problem,
+    catalogue: Catalogue,
+    /// At the linear estimate.
+    model: Model,
+    log_bayes: f64,
+}
+
+/// The same, fitted.
 struct Best {
     problem: Problem,
     catalogue: Catalogue,
     model: Model,
-    /// Its log Bayes factor by the score test.
-    log_bayes: f64,
     /// What it leaves.
     left: Noise,
+}
+
+impl Likeliest {
+    fn fitted(self, noise: Noise) -> Result<Best> {
+        let Self { problem, catalogue, model, .. } = self;
+        let (group, options) = (Group::default(), FitOptions { noise, steps: SOLVER.loose_steps });
+        let model = fit(&problem, &catalogue, &group, &model, options, None)?.model;
+        let deformation = model.deformation(&problem, &catalogue, &group.columns);
+        let left = effective(&problem, &deformation, problem.noise, None)?;
+        Ok(Best { problem, catalogue, model, left })
+    }
 }
 
 impl Best {
@@ -83,19 +109,16 @@ impl Best {
     }
 }
 
-fn best(problem: Problem, effects: Vec<Box<dyn Effect>>, noise: Noise) -> Result<Option<Best>> {
+fn best(problem: Problem, effects: Vec<Box<dyn Effect>>, noise: Noise) -> Result<Option<Likeliest>> {
     let catalogue = Catalogue::new(&problem.scene, effects.into_iter().map(Arc::from).collect(), &[]);
     let model = Model::nominal(&problem);
-    let group = Group::default();
-    let scores = screen(&problem, &catalogue, &group, &model, noise, None)?.scores;
+    let scores = screen(&problem, &catalogue, &Group::default(), &model, noise, None)?.scores;
     let Some(score) = scores.first() else { return Ok(None) };
     let mut with = model.with(&catalogue, score.hypothesis, score.variant);
     if let Some(term) = with.terms.last_mut() {
         let positive = catalogue.effect(score.hypothesis).is_positive();
         term.parameters = score.parameters.iter().map(|p| if positive { p.max(0.0) } else { *p }).collect();
     }
-    let model = fit(&problem, &catalogue, &group, &with, FitOptions { noise, steps: 6 }, None)?.model;
-    let deformation = model.deformation(&problem, &catalogue, &group.columns);
-    let left = effective(&problem, &deformation, problem.noise, None)?;
-    Ok(Some(Best { problem, log_bayes: score.log_bayes, catalogue, model, left }))
+    let log_bayes = score.log_bayes;
+    Ok(Some(Likeliest { problem, catalogue, model: with, log_bayes }))
 }

@@ -116,14 +116,35 @@ impl<'a> Misfit<'a> {
 
     /// The mean loss over some frames, and that of the marker which has the largest: one of several may be wrong alone.
     pub fn mean_losses(&self, variant: &Variant, frames: &[usize]) -> (f64, f64) {
+        self.mean_losses_below(variant, frames, f64::INFINITY)
+    }
+
+    /// The same if the mean loss is below a limit. Else infinite, mostly known after a few frames: losses are never
+    /// negative, and no more observations follow than there are.
+    pub fn mean_losses_below(&self, variant: &Variant, frames: &[usize], limit: f64) -> (f64, f64) {
         if self.problem.cancel.is_cancelled() {
             return (f64::INFINITY, f64::INFINITY);
         }
         let mut sums = vec![(0.0, 0.0); self.problem.marker_sites.len()];
-        for d in self.distances(variant, frames) {
-            let (sum, count) = &mut sums[d.marker];
-            *sum += self.loss(d.size_m);
-            *count += 1.0;
+        let mut add = |marker: usize, size_m: f64| {
+            let loss = self.loss(size_m);
+            sums[marker].0 += loss;
+            sums[marker].1 += 1.0;
+            loss
+        };
+        if self.problem.unknown_frame.is_some() {
+            for d in self.distances_in_unknown_frame(variant, frames) {
+                add(d.marker, d.size_m);
+            }
+        } else {
+            let most: usize = frames.iter().map(|&f| self.problem.frames[f].others.len()).sum();
+            let (mut total, mut work) = (0.0, Work::new(self.problem));
+            for &frame in frames {
+                self.of_frame(&mut work, variant, frame, |marker, size_m| total += add(marker, size_m));
+                if total > limit * most as f64 {
+                    return (f64::INFINITY, f64::INFINITY);
+                }
+            }
         }
         let count: f64 = sums.iter().map(|s| s.1).sum();
         if count == 0.0 {

@@ -177,6 +177,21 @@ fn beside_what_is_known_distances_are_those_of_the_noise() {
     assert!(beside.usual_m < 0.1 * nominal.usual_m);
 }
 
+/// A loss that is not below a limit is mostly known after a few frames; one that is below it is the whole one, to the last bit.
+#[test]
+fn a_loss_is_given_up_only_above_its_limit() {
+    let world = World::new(4, false);
+    let wrong = vec![Wrong::Offset(world.bone("r_elbow"), 0.2)];
+    let recording = world.record(&Plan { wrong, ..PLAN });
+    let problem = problem_of(&world, &recording);
+    let (misfit, variant) = (Misfit::new(&problem).unwrap(), Variant::of(&recording, &problem));
+    let frames: Vec<usize> = (0..problem.frames.len()).collect();
+    let whole = misfit.mean_losses(&variant, &frames);
+    assert!(whole.0 > 0.01 && whole.1 > whole.0, "{whole:?}");
+    assert_eq!(misfit.mean_losses_below(&variant, &frames, 1.001 * whole.0), whole);
+    assert_eq!(misfit.mean_losses_below(&variant, &frames, 0.9 * whole.0).0, f64::INFINITY);
+}
+
 #[test]
 fn a_mistake_is_gone_on_from_where_the_loss_falls_by_what_matters() {
     let gone_on = |lever_m: f64| {
