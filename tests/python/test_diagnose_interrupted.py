@@ -19,7 +19,7 @@ from mirror_posture.diagnosis.run import DiagnosisInterrupted
 from session_folder import DATA
 from tracked_session import write_tracked
 
-LONG = DATA / "sessions" / "dev-000"
+LONG = DATA / "by-hand" / "hand-015"
 SOON_S = 0.2
 
 

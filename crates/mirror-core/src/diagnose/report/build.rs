@@ -8,8 +8,8 @@ use crate::diagnose::assessment::stability::stability;
 use crate::diagnose::assessment::uncertainty::{Deviations, deviations};
 use crate::diagnose::criteria::cross_validation::seen_size;
 use crate::diagnose::data::diagnosis::{
-    Alternative, Cause, Checked, Data, Diagnosis, Estimate, Member, Ranked, Signature, SignaturePoint,
-    VERSION, Verdict, Where,
+    Alternative, Cause, Checked, Data, Diagnosis, Estimate, Ranked, Signature, SignaturePoint, VERSION,
+    Verdict, Where,
 };
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::effects::{Concern, Place};
@@ -27,6 +27,7 @@ use crate::diagnose::random_effects::geometric_tolerances::{Geometry, Kind};
 use crate::diagnose::report::doubts::doubted;
 use crate::diagnose::report::free_numbers::with_free_numbers;
 use crate::diagnose::report::gap_steps::{Part, gap_steps};
+use crate::diagnose::report::members::members;
 use crate::diagnose::report::reservations::{beside_remainder, where_cut_off};
 use crate::diagnose::report::rms_shift::{noise_square, rms_shift, shift_of_rows};
 use crate::diagnose::report::sentence::sentence;
@@ -319,33 +320,6 @@ fn causes(
         out.push((cause, Part::Nothing));
     }
     Ok(out)
-}
-
-/// The small errors of a group, with the outliers that have their own prior in the model.
-fn members(
-    findings: &Findings<'_>,
-    geometry: &Geometry,
-    outliers: &[usize],
-    deviations: &Deviations,
-) -> Vec<Member> {
-    let (search, fit) = (&findings.search, &findings.found.fit);
-    let scene = &search.problem.scene;
-    let mut members = geometry.members(fit, &deviations.group, scene);
-    for &i in outliers {
-        let term = &fit.model.terms[i];
-        let effect = search.catalogue.effect(term.hypothesis);
-        let at = search.catalogue.hypotheses[term.hypothesis].place.name(scene);
-        for ((parameter, value), std) in
-            effect.parameters().into_iter().zip(&term.parameters).zip(&deviations.stds[i])
-        {
-            let own = |m: &&mut Member| m.effect == effect.name() && m.at == at && m.parameter == parameter;
-            if let Some(member) = members.iter_mut().find(own) {
-                member.value += value;
-                member.std = *std;
-            }
-        }
-    }
-    members
 }
 
 /// Shares of the gap by place: what each cause moves, and what is unexplained.

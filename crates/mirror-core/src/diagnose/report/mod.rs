@@ -5,6 +5,7 @@ mod doubts;
 pub(super) mod fields;
 mod free_numbers;
 pub(super) mod gap_steps;
+mod members;
 pub(super) mod plots;
 pub(super) mod reservations;
 pub(super) mod rms_shift;

@@ -17,7 +17,7 @@ use crate::diagnose::selection::nonparametric::{
     Unexplained, beside_free_forms, is_suspicious, retract_imitators,
 };
 use crate::diagnose::selection::search::{Found, Search};
-use crate::diagnose::selection::with_tolerances::{beside_geometry, small_errors_help};
+use crate::diagnose::selection::with_tolerances::{BesideGeometry, beside_geometry, small_errors_help};
 use crate::error::Result;
 
 /// What was seen on the way.
@@ -93,11 +93,16 @@ pub(crate) fn extend_models<'a>(
     }
     let mut unnamed = None;
     let many = found.fit.model.terms.len() > MANY_CAUSES;
-    let doubtful = fits_noise.significant
-        || many
-        || with_geometry && (hangs_on_no_name(search, found)? || small_errors_help(search, found)?);
+    let free = found.fit.model.terms.iter().any(|t| search.catalogue.is_free(t.hypothesis));
+    let in_residuals = fits_noise.significant || many;
+    let hangs = !in_residuals && with_geometry && hangs_on_no_name(search, found)?;
+    let seen = in_residuals || hangs && free || with_geometry && small_errors_help(search, found)?;
+    let doubtful = seen || hangs;
     if erratic.is_none() && with_geometry && doubtful {
-        if let Some(beside) = beside_geometry(&named, (search, found), nominal)? {
+        // Where the residuals of a few causes show nothing, their laws' own errors may be what is left on held-out
+        // regions: only evidence counts then.
+        let enough = |beside: &BesideGeometry<'_>| seen || beside.settled;
+        if let Some(beside) = beside_geometry(&named, (search, found), nominal)?.filter(enough) {
             geometry = Some(beside.geometry);
             unnamed = beside.unnamed;
             (*search, *found) = (beside.search, beside.found);

@@ -29,6 +29,8 @@ pub(crate) struct BesideGeometry<'a> {
     pub found: Found,
     /// Places where free-form errors explain more than the small errors.
     pub unnamed: Option<Unexplained>,
+    /// The evidence for the small errors is twice what their prior requires.
+    pub settled: bool,
 }
 
 /// The search together with small errors everywhere; none where what was found without them explains the data
@@ -110,11 +112,11 @@ pub(crate) fn beside_geometry<'a>(
     // Many pieces together can imitate what they are not. They were selected on the same regions that are held out;
     // the group was not. So their better prediction does not outweigh evidence for the group that is twice what its
     // prior requires. The group's better prediction may outweigh evidence.
-    // So can fewer of them where no views show the noise of measured points: what they leave is taken for noise.
-    let few = !free && its_search.problem.camera.is_none() && !alone.fit.model.terms.is_empty();
-    let in_pieces = few || places(its_search, alone) >= SEVERAL_CAUSES;
+    let in_pieces = places(its_search, alone) >= SEVERAL_CAUSES;
     let pieces = in_pieces && odds > -BEYOND_DOUBT;
-    let settled = better && pieces && !free && odds > -LOG_PRIOR_STRUCTURE;
+    // So can fewer of them where no views show the noise of measured points: what they leave is taken for noise.
+    let few = its_search.problem.camera.is_none() && !alone.fit.model.terms.is_empty();
+    let settled = better && (pieces || few) && !free && odds > -LOG_PRIOR_STRUCTURE;
     if !settled && (better || pieces || free) {
         let with = seen_size(&search.held_out(&found.fit.model, found.noise)?);
         let without = seen_size(&its_search.held_out(&alone.fit.model, alone.noise)?);
@@ -141,7 +143,13 @@ pub(crate) fn beside_geometry<'a>(
     trace.push(told);
     alone.trace.clone_from(&trace);
     found.trace = trace;
-    Ok((better && matters(&search, &found)?).then_some(BesideGeometry { geometry, search, found, unnamed }))
+    Ok((better && matters(&search, &found)?).then_some(BesideGeometry {
+        geometry,
+        search,
+        found,
+        unnamed,
+        settled,
+    }))
 }
 
 /// Whether several causes without free-form errors are more probable together with small errors everywhere, by one
