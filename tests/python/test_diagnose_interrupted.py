@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import _thread
 import json
+import signal
 import threading
 import time
 from pathlib import Path
@@ -19,7 +20,7 @@ from mirror_posture.diagnosis.run import DiagnosisInterrupted
 from session_folder import DATA
 from tracked_session import write_tracked
 
-LONG = DATA / "by-hand" / "hand-015"
+LONG = DATA / "sessions" / "dev-000"
 SOON_S = 0.2
 
 
@@ -43,8 +44,13 @@ def _interrupted(session: Path, after: str) -> tuple[DiagnosisInterrupted, float
             pressed.append(_clocks())
             _thread.interrupt_main()
 
-    with pytest.raises(DiagnosisInterrupted) as caught:
-        mp.diagnose(session, progress=watch)
+    # A shell starts what it runs in the background with Ctrl-C ignored.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(DiagnosisInterrupted) as caught:
+            mp.diagnose(session, progress=watch)
+    finally:
+        signal.signal(signal.SIGINT, before)
     # The lesser of both: neither a busy machine's pauses nor a second core's work count.
     return caught.value, min(now - then for now, then in zip(_clocks(), pressed[0], strict=True)), stages
 
