@@ -118,8 +118,8 @@ def test_a_signal_that_ends_the_program_rests_first(tmp_path: Path) -> None:
     )
     assert child.stderr is not None and child.stderr.readline().startswith("look 1")
     child.send_signal(getattr(signal, name))
-    said, _ = child.communicate(timeout=60)
-    assert child.returncode == 130
+    said, errors = child.communicate(timeout=60)
+    assert child.returncode == 130, errors
     assert "at rest" in said and f"interrupted: {name}" in said
     assert len(load_session(out).frames) >= 3
 
@@ -151,8 +151,8 @@ def test_ctrl_c_rests_exits_with_130_and_resume_goes_on(tmp_path: Path) -> None:
     told = [child.stderr.readline(), child.stderr.readline()]
     assert told[1].startswith("look 2"), told
     child.send_signal(signal.SIGINT)
-    said, _ = child.communicate(timeout=60)
-    assert child.returncode == 130
+    said, errors = child.communicate(timeout=60)
+    assert child.returncode == 130, errors
     assert "at rest" in said and "interrupted" in said
     before = load_session(out)
     assert len(before.frames) >= 6
