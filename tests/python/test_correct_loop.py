@@ -30,7 +30,7 @@ from mirror_posture.correct import (
     make_target,
     propose_views,
 )
-from mirror_posture.correct.planner import predicted_std_m, prospects, reach_m
+from mirror_posture.correct.planner import best_first, predicted_std_m, prospects, reach_m
 from mirror_posture.render import EMBEDDED_FOLDER
 from mirror_posture.robots import Look, LostRobotError, MarkerPoints, NoLookError, Nominal, RobotBase
 from mirror_posture.viewpoint import View
@@ -372,6 +372,16 @@ def test_proposed_views_show_everything_and_differ_in_pitch() -> None:
         if len(paper) == 2:
             better, usual = predicted_std_m(target, [best, paper])
             assert better < 0.7 * usual
+
+
+def test_the_third_view_has_another_pitch_also_where_few_have() -> None:
+    """One view of many is pitched; a third that is only turned farther would predict as well."""
+    target = make_target(Nominal.load(), PAPER, CorrectOptions())
+    level = prospects(target, View(), pitches_rad=(0.0,))
+    pitched = prospects(target, View(), (0.0,), (math.radians(5.0),))
+    assert len(level) >= 5 and len(pitched) == 1
+    chosen = best_first(target, [*level, *pitched], 3)
+    assert sorted(p.view.pitch_rad for p in chosen) == pytest.approx([0.0, 0.0, math.radians(5.0)])
 
 
 def test_a_mirror_nearer_than_the_bodys_clearance_is_not_proposed(tmp_path: Path) -> None:

@@ -288,7 +288,7 @@ def test_markers_in_traced_pictures_from_two_views(tmp_path: Path) -> None:
         DEMO_POSTURES[1:3],
         views,
         offsets_rad={"r_shoulder_roll": 0.04},
-        options=PictureOptions(samples=1, edge_samples=3),
+        options=PictureOptions(samples=1, edge_samples=2),
         seed=3,
     )
     session = detect_session(mp.load_session(folder)).session

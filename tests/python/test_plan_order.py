@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from mirror_posture.plan.choose import order
+from mirror_posture.plan.choose import STEP_RAD, between, order
 
 
 class FreeRoom:
@@ -43,3 +43,12 @@ def test_arrivals_are_balanced_far_better_than_in_an_order_by_chance() -> None:
         for shuffled in (generator.permutation(60) for _ in range(20)):
             by_chance += imbalance(np.vstack([np.zeros(4), positions[shuffled]]), load[shuffled]) / 20
     assert (ordered < 0.6 * by_chance).all(), (ordered, by_chance)
+
+
+def test_a_way_is_checked_along_a_straight_line_in_small_steps() -> None:
+    start, end = np.array([0.0, 1.0, -0.2]), np.array([1.6, 0.9, -0.2])
+    inside = np.array(list(between(start, end)))
+    steps = np.diff(np.vstack([start, inside, end]), axis=0)
+    assert np.abs(steps).max() <= STEP_RAD + 1e-12
+    assert len(inside) > 0 and np.allclose(steps, steps[0])
+    assert len(list(between(start, start + 1e-3))) == 1

@@ -51,8 +51,16 @@ def pixels(
     setting: Setting, positions: np.ndarray, mirror: MirrorPlace, camera: Camera, foot_m: np.ndarray
 ) -> np.ndarray:
     """Of the board's outer corners and the markers, (N, 2): reflected at a plane in the camera's frame, then a pinhole with its lens."""
+    return seen(camera, points_of(setting, positions), foot_m)
+
+
+def points_of(setting: Setting, positions: np.ndarray) -> np.ndarray:
+    """The board's outer corners and the markers in the camera's frame, (N, 3)."""
     scene = scene_of(setting, positions[None])
-    points = np.concatenate([scene.corners[0], scene.markers[0]])
+    return np.concatenate([scene.corners[0], scene.markers[0]])
+
+
+def seen(camera: Camera, points: np.ndarray, foot_m: np.ndarray) -> np.ndarray:
     normal = foot_m / np.linalg.norm(foot_m)
     return camera.project(points - 2.0 * (points @ normal - np.linalg.norm(foot_m))[:, None] * normal)
 
@@ -123,6 +131,38 @@ def test_a_joints_columns_are_what_its_error_does_to_the_pixels(
         assert found == pytest.approx(wanted, rel=1e-3, abs=1e-3 * max(1.0, np.abs(wanted).max()))
         tried += int(np.abs(wanted).max() > 1.0)
     assert tried >= 3
+
+
+@pytest.mark.parametrize("effect", ["camera_mount", "board_mount"])
+def test_a_mounts_columns_are_what_its_displacement_does_to_the_pixels(
+    setting: Setting, sensitivity: Sensitivity, mirror: MirrorPlace, effect: str
+) -> None:
+    ideal = replace(
+        setting, nominal=replace(setting.nominal, metadata=replace(setting.nominal.metadata, mirror=None))
+    )
+    moment, markers = moment_of(setting), np.ones(len(setting.nominal.metadata.markers), dtype=bool)
+    made = Sensitivity(ideal, SECONDS, FRAMES).jacobian(moment, mirror, markers)
+    weight = np.full(4 + len(markers), 1.0 / setting.noise_px)
+    weight[:4] *= np.sqrt(setting.board.corner_count / 4)
+    projected = without_the_mirror(setting, moment, mirror, weight)
+    points, foot = points_of(setting, moment.positions), foot_of(setting, moment.positions, mirror)
+    (columns,) = (c.columns for c in sensitivity.causes if c.effect == effect)
+
+    def moved(axis: np.ndarray, turns: bool, step: float) -> np.ndarray:
+        out = points.copy()
+        if effect == "camera_mount":
+            # The camera moves, and all that it sees the other way.
+            out -= step * (np.cross(axis, points) if turns else axis)
+        else:
+            board = points[:4]
+            out[:4] += step * (np.cross(axis, board - board.mean(axis=0)) if turns else axis)
+        return seen(setting.camera, out, foot)
+
+    for k in range(6):
+        axis, turns, step = np.eye(3)[k % 3], k < 3, 1e-6
+        change = (moved(axis, turns, step) - moved(axis, turns, -step)) / (2.0 * step)
+        wanted = projected @ (weight[:, None] * change).ravel()
+        assert made[:, columns.start + k] == pytest.approx(wanted, rel=1e-3, abs=1e-3 * np.abs(wanted).max())
 
 
 def test_four_corners_tell_about_as_much_as_the_whole_board(

@@ -11,6 +11,7 @@ import pytest
 import mirror_posture as mp
 from mirror_posture.session import Session
 from mirror_posture.view_check import check_views
+from mirror_posture.view_check.fit import Views
 from test_measurement import simulated
 
 WIDTH, HEIGHT = 1400, 1200
@@ -104,6 +105,23 @@ def test_a_camera_file_of_another_camera_is_named(
     camera = replace(session.camera, focal_px=(693.0 * factor, 693.0 * factor), center_px=center)
     checked = check_views(replace(session, camera=camera))
     assert checked is not None and "camera file" in checked.mistake, checked
+
+
+def test_a_camera_file_of_half_the_resolution_is_explained_by_its_factor(session: Session) -> None:
+    camera = session.camera
+    assert camera is not None
+    half = replace(
+        camera,
+        size_px=(WIDTH // 2, HEIGHT // 2),
+        focal_px=(camera.focal_px[0] / 2, camera.focal_px[1] / 2),
+        # Pixel centres are whole numbers: the picture's corner is at -0.5.
+        center_px=((camera.center_px[0] + 0.5) / 2 - 0.5, (camera.center_px[1] + 0.5) / 2 - 0.5),
+    )
+    views = Views.of(replace(session, camera=half))
+    assert views is not None
+    (fit,) = (fit for fit in views.best_factors() if fit.reading.camera_factor != 1.0)
+    assert fit.reading.camera_factor == pytest.approx(2.0, rel=2e-3)
+    assert fit.board_rms_px < 0.4
 
 
 def test_a_mount_that_is_a_little_off_is_no_mistake_but_widens_what_is_claimed(session: Session) -> None:
