@@ -13,8 +13,10 @@ const LARGEST_DAMPING: f64 = 1e12;
 /// A determinant this many times smaller than the product of the diagonal means no information in some direction.
 const SINGULAR_RATIO: f64 = 1e-24;
 
-/// How the damping, a share of the information matrix's diagonal, rises and falls. A full Gauss–Newton step has none.
+/// How the damping, a share of the information matrix's diagonal, rises and falls. A full Gauss–Newton step has the least.
 pub(crate) struct Damping {
+    /// What every step has: 0, but where unknowns move together in a way that nothing shows.
+    pub least: f64,
     /// After the first step that fails.
     pub first: f64,
     /// Factor after each further step that fails.
@@ -27,8 +29,10 @@ pub(crate) struct Damping {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Stop {
     pub steps: usize,
-    /// On the predicted decrease of the cost, in its units.
+    /// On the predicted decrease of the cost, in its units,
     pub decrease: f64,
+    /// or as a share of the cost.
+    pub share: f64,
 }
 
 /// A sum of squares to be minimised.
@@ -72,6 +76,8 @@ pub(crate) struct Minimum<S, E> {
     pub cost: f64,
     /// Steps taken.
     pub steps: usize,
+    /// The predicted decrease of the cost that is left where the steps ran out.
+    pub left: Option<f64>,
 }
 
 /// Minimises from a start; `equations` is two places for them.
@@ -84,11 +90,31 @@ pub(crate) fn minimise<L: LeastSquares>(
     equations: [L::Equations; 2],
     stop: Stop,
 ) -> Result<Minimum<L::State, L::Equations>> {
+    let found = descend(problem, start, equations, stop)?;
+    match found.left {
+        None => Ok(found),
+        Some(last_step) => {
+            let (steps, needed) = (stop.steps, stop.decrease.max(stop.share * found.cost));
+            Err(Error::NotConverged { what: L::WHAT, steps, last_step, needed })
+        }
+    }
+}
+
+/// As [`minimise`], but takes what the steps reached: a start for later, or a value that needs no last digits.
+///
+/// # Errors
+/// [`Error::Undetermined`]; those of the start's evaluation, and of [`LeastSquares::step`].
+pub(crate) fn descend<L: LeastSquares>(
+    problem: &L,
+    start: L::State,
+    equations: [L::Equations; 2],
+    stop: Stop,
+) -> Result<Minimum<L::State, L::Equations>> {
     let undetermined = || Error::Undetermined { what: L::WHAT };
     let mut state = start;
     let [mut equations, mut trial] = equations;
     let mut cost = problem.evaluate(&state, &mut equations)?;
-    let mut damping = 0.0;
+    let mut damping = L::DAMPING.least;
     let mut decrease = f64::INFINITY;
     let raised = |damping: f64| (damping * L::DAMPING.rise).max(L::DAMPING.first);
     for taken in 1..=stop.steps {
@@ -103,14 +129,15 @@ pub(crate) fn minimise<L: LeastSquares>(
         if !decrease.is_finite() {
             return Err(undetermined());
         }
-        let last = decrease <= stop.decrease;
+        let last = decrease <= stop.decrease.max(stop.share * cost);
         let candidate = problem.moved(&state, &step);
-        if L::LAST_STEP_UNSEEN && damping == 0.0 && last {
+        if L::LAST_STEP_UNSEEN && damping == L::DAMPING.least && last {
             return Ok(Minimum {
                 state: candidate?,
                 equations,
                 cost: (cost - decrease).max(0.0),
                 steps: taken,
+                left: None,
             });
         }
         let better = candidate.and_then(|next| {
@@ -121,19 +148,20 @@ pub(crate) fn minimise<L: LeastSquares>(
             Ok((next, lower)) if lower <= cost => {
                 (state, cost) = (next, lower);
                 std::mem::swap(&mut equations, &mut trial);
-                if damping == 0.0 && last {
-                    return Ok(Minimum { state, equations, cost, steps: taken });
+                if damping == L::DAMPING.least && last {
+                    return Ok(Minimum { state, equations, cost, steps: taken, left: None });
                 }
-                damping = if damping > L::DAMPING.first { damping / L::DAMPING.fall } else { 0.0 };
+                damping =
+                    if damping > L::DAMPING.first { damping / L::DAMPING.fall } else { L::DAMPING.least };
             }
             // Nothing can be gained but rounding: this is the minimum.
             _ if last || damping > LARGEST_DAMPING => {
-                return Ok(Minimum { state, equations, cost, steps: taken });
+                return Ok(Minimum { state, equations, cost, steps: taken, left: None });
             }
             _ => damping = raised(damping),
         }
     }
-    Err(Error::NotConverged { what: L::WHAT, steps: stop.steps, last_step: decrease, needed: stop.decrease })
+    Ok(Minimum { state, equations, cost, steps: stop.steps, left: Some(decrease) })
 }
 
 /// The cost `Σ ρ(e)` with its gradient `Σ Jᵀ ψ(e)` and Gauss–Newton matrix `Σ w Jᵀ J`.
@@ -211,7 +239,7 @@ mod tests {
         type Equations = Normal<2>;
         type Step = Vector2<f64>;
         const WHAT: &'static str = "valley";
-        const DAMPING: Damping = Damping { first: 1e-3, rise: 10.0, fall: 10.0 };
+        const DAMPING: Damping = Damping { least: 0.0, first: 1e-3, rise: 10.0, fall: 10.0 };
         const LAST_STEP_UNSEEN: bool = false;
 
         fn evaluate(&self, at: &Vector2<f64>, normal: &mut Normal<2>) -> Result<f64> {
@@ -236,14 +264,16 @@ mod tests {
         }
     }
 
-    fn descend(weight: f64, steps: usize) -> Result<Minimum<Vector2<f64>, Normal<2>>> {
+    const START: [f64; 2] = [-1.2, 1.0];
+
+    fn found(weight: f64, steps: usize) -> Result<Minimum<Vector2<f64>, Normal<2>>> {
         let places = [Normal::zero(), Normal::zero()];
-        minimise(&Valley { weight }, Vector2::new(-1.2, 1.0), places, Stop { steps, decrease: 1e-20 })
+        minimise(&Valley { weight }, START.into(), places, Stop { steps, decrease: 1e-20, share: 0.0 })
     }
 
     #[test]
     fn a_curved_valley_is_followed_to_its_end() {
-        let found = descend(10.0, 60).unwrap();
+        let found = found(10.0, 60).unwrap();
         assert!((found.state - Vector2::new(1.0, 1.0)).norm() < 1e-9, "{}", found.state);
         assert!(found.cost < 1e-18 && found.equations.gradient.norm() < 1e-8);
         // Full steps alone would jump across it in three.
@@ -252,8 +282,22 @@ mod tests {
 
     #[test]
     fn too_few_steps_and_an_open_direction_are_said() {
-        assert!(matches!(descend(10.0, 3), Err(Error::NotConverged { what: "valley", steps: 3, .. })));
-        assert!(matches!(descend(0.0, 60), Err(Error::Undetermined { what: "valley" })));
+        assert!(matches!(found(10.0, 3), Err(Error::NotConverged { what: "valley", steps: 3, .. })));
+        assert!(matches!(found(0.0, 60), Err(Error::Undetermined { what: "valley" })));
+    }
+
+    #[test]
+    fn what_few_steps_reach_is_better_than_the_start_and_a_share_ends_it_sooner() {
+        let run = |steps, share| {
+            let (valley, places) = (Valley { weight: 10.0 }, [Normal::zero(), Normal::zero()]);
+            descend(&valley, START.into(), places, Stop { steps, decrease: 0.0, share }).unwrap()
+        };
+        let few = run(3, 0.0);
+        assert!(few.left.is_some_and(|left| left > 0.0) && few.cost < 24.2, "{}", few.cost);
+        // A step that promises less than all of the cost is the last one.
+        let (to_the_end, sooner) = (run(60, 1e-9), run(60, 0.999_999));
+        assert!(to_the_end.left.is_none() && to_the_end.cost < 1e-18);
+        assert!(sooner.left.is_none() && sooner.steps < to_the_end.steps);
     }
 
     #[test]

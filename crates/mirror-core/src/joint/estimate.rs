@@ -213,7 +213,7 @@ impl LeastSquares for Problem<'_> {
     /// The start value is low because the direction that needs damping is weak: by yaw alone the transform is known
     /// a thousand times worse along one direction than along the others, its share of the diagonal is 1e-6, and the
     /// valley along it is curved.
-    const DAMPING: Damping = Damping { first: 1e-8, rise: 10.0, fall: 4.0 };
+    const DAMPING: Damping = Damping { least: 0.0, first: 1e-8, rise: 10.0, fall: 4.0 };
     /// The covariances are of the equations at the estimate.
     const LAST_STEP_UNSEEN: bool = false;
 
@@ -351,9 +351,9 @@ pub(crate) fn adjust(
         return Err(Error::Undetermined { what: WHAT });
     }
     let begin = State { correction: start.correction, planes: start.planes, points };
-    let stop = Stop { steps: options.most_steps, decrease: options.least_decrease };
+    let stop = Stop { steps: options.most_steps, decrease: options.least_decrease, share: 0.0 };
     let places = std::array::from_fn(|_| vec![FrameTerms::zero(); frames.len()]);
-    let Minimum { state, equations: terms, cost: chi_squared, steps } =
+    let Minimum { state, equations: terms, cost: chi_squared, steps, .. } =
         minimise(&problem, begin, places, stop)?;
     let prior = problem.prior(&state).map(|(_, terms)| terms);
     let solution = problem.solve(&terms, prior.as_ref(), 0.0).ok_or(Error::Undetermined { what: WHAT })?;

@@ -101,7 +101,7 @@ where
     type Equations = Normal<P>;
     type Step = SVector<f64, P>;
     const WHAT: &'static str = M::WHAT;
-    const DAMPING: Damping = Damping { first: 1e-3, rise: 10.0, fall: 10.0 };
+    const DAMPING: Damping = Damping { least: 0.0, first: 1e-3, rise: 10.0, fall: 10.0 };
     const LAST_STEP_UNSEEN: bool = true;
 
     fn evaluate(&self, state: &M::State, equations: &mut Normal<P>) -> Result<f64> {

@@ -50,6 +50,6 @@ impl EstimatorOptions {
     }
 
     pub(crate) fn stop(&self) -> Stop {
-        Stop { steps: self.most_steps, decrease: self.smallest_decrease_px2 }
+        Stop { steps: self.most_steps, decrease: self.smallest_decrease_px2, share: 0.0 }
     }
 }

@@ -1,6 +1,7 @@
 //! The mirror of a frame, estimated from its board alone.
 
-use super::mirror_and_lens::MirrorAndLens;
+use super::mirror_and_lens::{MirrorAndLens, Points};
+use super::pictures::Pictures;
 use super::products::PROJECTED;
 use super::sight::{mirrored_pixel, start_of_plane};
 use super::work::FrameWork;
@@ -10,10 +11,71 @@ use crate::diagnose::model::free_optics::corner_point;
 use crate::diagnose::model::problem::{BoardFit, Problem};
 use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::principles::Count;
-use nalgebra::{Matrix3, Vector2, Vector3};
+use crate::error::{Error, Result};
+use crate::least_squares::{Damping, LeastSquares, Normal, Stop, descend};
+use core::cell::RefCell;
+use nalgebra::{Vector2, Vector3};
 
 /// A board with fewer corners than this does not show a plane with a margin: one more than the plane has numbers.
 const FEWEST_CORNERS: Count = PROJECTED + 1;
+
+/// A frame's corners as functions of the mirror's foot point.
+struct BoardView<'a> {
+    problem: &'a Problem,
+    eye: &'a Eye,
+    corners: &'a [(usize, Vector2<f64>)],
+    /// Of the corners every so many-th is used.
+    each: usize,
+    /// Where these are, in the camera's frame; for `flat` they are not needed.
+    camera_from_corners: &'a [Vector3<f64>],
+    /// The same for vectors, where the eye allows them.
+    flat: Option<&'a Points>,
+    pictures: RefCell<&'a mut Pictures>,
+}
+
+impl LeastSquares for BoardView<'_> {
+    type State = Vector3<f64>;
+    type Equations = Normal<3>;
+    type Step = Vector3<f64>;
+    const WHAT: &'static str = "mirror of a frame";
+    const DAMPING: Damping = Damping { least: 0.0, first: 1e-3, rise: 10.0, fall: 10.0 };
+    const LAST_STEP_UNSEEN: bool = true;
+
+    fn evaluate(&self, foot: &Vector3<f64>, normal: &mut Normal<3>) -> Result<f64> {
+        let unseen = || Error::Undetermined { what: Self::WHAT };
+        self.problem.budget.spend_predicted(self.corners.len().div_ceil(self.each));
+        *normal = Normal::zero();
+        if let Some(flat) = self.flat {
+            let mut pictures = self.pictures.borrow_mut();
+            let sums =
+                MirrorAndLens::of(self.eye, foot).and_then(|optics| optics.plane_sums(flat, &mut pictures));
+            let (chi2, information, by_residual) = sums.ok_or_else(unseen)?;
+            *normal = Normal { cost: chi2, gradient: -by_residual, information };
+        } else {
+            for ((_, pixel), point) in self.corners.iter().step_by(self.each).zip(self.camera_from_corners) {
+                let (at, by_foot) = mirrored_pixel(self.eye, foot, point).ok_or_else(unseen)?;
+                let r = at - pixel;
+                normal.cost += r.norm_squared();
+                normal.information += by_foot.tr_mul(&by_foot);
+                normal.gradient += by_foot.tr_mul(&r);
+            }
+        }
+        Ok(normal.cost)
+    }
+
+    fn step(
+        &self,
+        _: &Vector3<f64>,
+        normal: &Normal<3>,
+        damping: f64,
+    ) -> Result<Option<(Vector3<f64>, f64)>> {
+        normal.step(damping).map(Some).ok_or(Error::Undetermined { what: Self::WHAT })
+    }
+
+    fn moved(&self, foot: &Vector3<f64>, step: &Vector3<f64>) -> Result<Vector3<f64>> {
+        Ok(foot + step)
+    }
+}
 
 impl FrameWork {
     /// Fits the mirror to the frame's board alone, from a start or from the plane half-way to the board's depth.
@@ -50,7 +112,7 @@ impl FrameWork {
         };
         let camera_from_board = self.camera_from_world(problem, eye).then(&self.world_from_board(&board));
         let scale = 1.0 + deformation.board_scale_error;
-        let mut foot = match start {
+        let foot = match start {
             Some(foot) => foot,
             None => start_of_plane(problem, eye, &camera_from_board, frame)?,
         };
@@ -62,51 +124,19 @@ impl FrameWork {
             let of = |index| camera_from_board.point(&corner_point(problem, eye, index, scale));
             corners.iter().step_by(each).map(|(index, _)| of(*index)).collect()
         };
-        let (flat, pictures) = (&self.points, &mut self.pictures);
-        let mut evaluate = |foot: &Vector3<f64>| -> Option<(f64, Matrix3<f64>, Vector3<f64>)> {
-            if many {
-                return MirrorAndLens::of(eye, foot)?.plane_sums(flat, pictures);
-            }
-            let (mut chi2, mut information, mut gradient) = (0.0, Matrix3::zeros(), Vector3::zeros());
-            for ((_, pixel), point) in corners.iter().step_by(each).zip(&points) {
-                let (at, by_foot) = mirrored_pixel(eye, foot, point)?;
-                let r = pixel - at;
-                chi2 += r.norm_squared();
-                information += by_foot.tr_mul(&by_foot);
-                gradient += by_foot.tr_mul(&r);
-            }
-            Some((chi2, information, gradient))
+        let view = BoardView {
+            problem,
+            eye,
+            corners,
+            each,
+            camera_from_corners: &points,
+            flat: many.then_some(&self.points),
+            pictures: RefCell::new(&mut self.pictures),
         };
-        let count = corners.len().div_ceil(each);
-        problem.budget.spend_predicted(count);
-        let (mut chi2, mut information, mut gradient) = evaluate(&foot)?;
-        let mut damping = 1e-6;
-        for _ in 0..steps {
-            let mut damped = information;
-            for i in 0..3 {
-                damped[(i, i)] *= 1.0 + damping;
-            }
-            let step = damped.cholesky()?.solve(&gradient);
-            // The remaining gain is negligible: the step is taken without another evaluation.
-            if step.dot(&gradient) < SOLVER.board_gain * chi2 {
-                foot += step;
-                break;
-            }
-            problem.budget.spend_predicted(count);
-            match evaluate(&(foot + step)) {
-                Some(next) if next.0 <= chi2 => {
-                    let done = chi2 - next.0 < 1e-9 * chi2;
-                    foot += step;
-                    (chi2, information, gradient) = next;
-                    damping *= 0.1;
-                    if done {
-                        break;
-                    }
-                }
-                _ => damping = (damping * 10.0).max(1e-3),
-            }
-        }
-        Some(BoardFit { foot, information, chi2_px2: chi2, corners: corners.len() })
+        let stop = Stop { steps, decrease: 0.0, share: SOLVER.board_gain };
+        let found = descend(&view, foot, [Normal::zero(), Normal::zero()], stop).ok()?;
+        let information = found.equations.information;
+        Some(BoardFit { foot: found.state, information, chi2_px2: found.cost, corners: corners.len() })
     }
 
     /// Residuals (px) of a frame's board corners at its own best plane with nominal optics, and where the corners are seen.

@@ -20,15 +20,15 @@ use super::freed::Free;
 use super::placed::{Placed, PointSeen};
 use super::variant::Variant;
 use crate::diagnose::model::solver::SOLVER;
-use crate::diagnose::principles::{FEWEST_OBSERVATIONS, Guard, Size};
+use crate::diagnose::principles::{FEWEST_OBSERVATIONS, Size};
+use crate::error::Result;
+use crate::least_squares::{Damping, LeastSquares, Stop, descend};
 use nalgebra::{DMatrix, DVector, Vector3, Vector6};
 
 /// Constant positions of the joint from which the frame starts.
 const STARTS: Size = 6;
 /// Postures on which the starts are compared.
 const FEW_POSTURES: Size = 2 * FEWEST_OBSERVATIONS;
-/// The first damping, as a share of the diagonal, and the largest.
-const DAMPING: (Guard, Guard) = (1e-3, 1e3);
 
 impl Session<'_> {
     /// A column whose positions in some rows are those that fit best. Measured in an unknown frame, rows with the column as
@@ -73,46 +73,20 @@ impl Session<'_> {
     }
 
     /// Frame and positions from a start on: the loss, and the frame.
-    fn settled(&self, mut variant: Variant, free: &Free<'_>, mut placed: Placed) -> (f64, Placed) {
-        let postures = free.postures(self);
-        let mut seen = self.seen(&variant, &postures);
-        let mut loss = self.loss_of(&seen, &placed);
-        let mut damping = DAMPING.0;
-        for _ in 0..SOLVER.final_steps {
-            let mut nearby = variant.clone();
-            self.move_by(&mut nearby, free.joint, &postures, |_| SOLVER.difference);
-            let moved = self.seen(&nearby, &postures);
-            let system =
-                System::at(&seen, &moved, &placed, &self.problem.scene.mount_known, self.misfit.usual_m);
-            let mut last = true;
-            while damping < DAMPING.1 {
-                let Some((next, steps)) = system.step(&placed, damping) else { break };
-                let mut tried = variant.clone();
-                self.move_by(&mut tried, free.joint, &postures, |p| steps[p]);
-                let its = self.seen(&tried, &postures);
-                let left = self.loss_of(&its, &next);
-                if left < loss {
-                    last = loss - left < SOLVER.last_gain * loss;
-                    (variant, placed, seen, loss) = (tried, next, its, left);
-                    damping *= 0.1;
-                    break;
-                }
-                damping *= 10.0;
-            }
-            if last {
-                break;
-            }
+    fn settled(&self, variant: Variant, free: &Free<'_>, placed: Placed) -> (f64, Placed) {
+        let together = Together { session: self, joint: free.joint, postures: free.postures(self) };
+        let places = [System::default(), System::default()];
+        let stop = Stop { steps: 2 * SOLVER.final_steps, decrease: 0.0, share: SOLVER.last_gain };
+        match descend(&together, (variant, placed.clone()), places, stop) {
+            Ok(found) => (found.cost, found.state.1),
+            // Nothing determines them: as good as nothing.
+            Err(_) => (f64::INFINITY, placed),
         }
-        (loss, placed)
     }
 
     /// The points of each posture.
     fn seen(&self, variant: &Variant, postures: &[(Vec<usize>, Vec<usize>)]) -> Vec<Vec<PointSeen>> {
         postures.iter().map(|(_, shown)| self.misfit.points(variant, shown)).collect()
-    }
-
-    fn loss_of(&self, seen: &[Vec<PointSeen>], placed: &Placed) -> f64 {
-        seen.iter().flatten().map(|p| self.misfit.loss(placed.distance(p))).sum()
     }
 
     fn move_by(
@@ -128,7 +102,51 @@ impl Session<'_> {
     }
 }
 
+/// The frame and a joint's positions as functions of the points.
+struct Together<'a, 'b> {
+    session: &'a Session<'b>,
+    joint: usize,
+    /// By posture the rows in which the position is free, and those that show it.
+    postures: Vec<(Vec<usize>, Vec<usize>)>,
+}
+
+impl LeastSquares for Together<'_, '_> {
+    type State = (Variant, Placed);
+    type Equations = System;
+    type Step = Step;
+    const WHAT: &'static str = "unknown frame beside a joint";
+    /// A turn about the axis of a chain's first joint and its positions are one.
+    const DAMPING: Damping = Damping { least: 1e-4, first: 1e-3, rise: 10.0, fall: 10.0 };
+    const LAST_STEP_UNSEEN: bool = false;
+
+    fn evaluate(&self, (variant, placed): &Self::State, system: &mut System) -> Result<f64> {
+        let misfit = &self.session.misfit;
+        let seen = self.session.seen(variant, &self.postures);
+        let mut nearby = variant.clone();
+        self.session.move_by(&mut nearby, self.joint, &self.postures, |_| SOLVER.difference);
+        let moved = self.session.seen(&nearby, &self.postures);
+        *system = System::at(&seen, &moved, placed, &self.session.problem.scene.mount_known, misfit.usual_m);
+        Ok(seen.iter().flatten().map(|p| misfit.loss(placed.distance(p))).sum())
+    }
+
+    fn step(&self, state: &Self::State, system: &System, damping: f64) -> Result<Option<(Step, f64)>> {
+        // The loss is in units of the usual error.
+        let share = self.session.misfit.usual_m.powi(-2);
+        Ok(system.step(&state.1, damping).map(|(step, decrease)| (step, share * decrease)))
+    }
+
+    fn moved(&self, state: &Self::State, (placed, by): &Step) -> Result<Self::State> {
+        let mut variant = state.0.clone();
+        self.session.move_by(&mut variant, self.joint, &self.postures, |p| by[p]);
+        Ok((variant, placed.clone()))
+    }
+}
+
+/// The next frame, and by how much each posture's position moves.
+type Step = (Placed, Vec<f64>);
+
 /// The weighted normal equations, positions by posture.
+#[derive(Default)]
 struct System {
     a: DMatrix<f64>,
     b: DVector<f64>,
@@ -176,8 +194,8 @@ impl System {
         Self { a, b, positions, center, free }
     }
 
-    /// A damped step: the next frame, and the positions' steps.
-    fn step(&self, placed: &Placed, damping: f64) -> Option<(Placed, Vec<f64>)> {
+    /// A damped step, and by how much it lowers the sum of squares.
+    fn step(&self, placed: &Placed, damping: f64) -> Option<(Step, f64)> {
         let (mut a, mut b) = (self.a.clone(), self.b.clone());
         let least = f64::EPSILON * a.diagonal().max();
         for i in 0..a.nrows() {
@@ -189,12 +207,14 @@ impl System {
             b.axpy(-of_position / damped(*u), v, 1.0);
         }
         let x = a.cholesky()?.solve(&b);
-        let steps =
+        let by: Vec<f64> =
             self.positions.iter().map(|(u, of_position, v)| (of_position - v.dot(&x)) / damped(*u)).collect();
+        let of_positions: f64 = self.positions.iter().zip(&by).map(|(p, by)| p.1 * by).sum();
+        let decrease = self.b.dot(&x) + of_positions;
         let mut next = placed.turned(&Vector6::from_fn(|k, _| x[k]), &self.center);
         for (i, &m) in self.free.iter().enumerate() {
             next.shifts[m] += Vector3::new(x[6 + 3 * i], x[7 + 3 * i], x[8 + 3 * i]);
         }
-        Some((next, steps))
+        Some(((next, by), decrease))
     }
 }
