@@ -32,11 +32,11 @@ help: ## this list
 demo: $(VENV)/installed ## render the embedded robot before a mirror, detect, measure, report, all into ./out
 	$(BIN)/mirror-posture demo --out $(OUT)
 
-# The core is built for its tests first (cargo lets one build run at a time), all of its targets at once; the wheel is built and packages are
-# installed while these run.
+# Both at once, so that no core waits for the other's last test. The core is built for its tests first (cargo lets one build run at a time), all
+# of its targets at once, while packages are installed; the wheel is built while these run.
 test: ## all tests, as the CI runs them
-	$(MAKE) -j 2 test-rust $(VENV)/installed-for-tests
-	$(MAKE) format test-python
+	$(MAKE) -j 2 test-rust test-python
+	$(MAKE) format
 
 check: lint test ## before a commit: the lints, then all tests
 
