@@ -64,8 +64,8 @@ pub(crate) struct Outcome {
 /// 2. the search for causes, with free mounts where a few causes are not sufficient; in a long session on a part of
 ///    its frames;
 /// 3. noise that is correlated over frames, and near ties;
-/// 4. where there is reason for doubt, the search with free-form errors, or with an independent error in each
-///    posture at one joint;
+/// 4. where there is reason for doubt, or mounts were set free, the search with free-form errors, or with an
+///    independent error in each posture at one joint;
 /// 5. where that leaves a remainder or many causes, the search with small errors everywhere (`geometry`);
 /// 6. causes that do not help on held-out regions are dropped, improbable ones are replaced, the remainder is
 ///    tested against the noise;

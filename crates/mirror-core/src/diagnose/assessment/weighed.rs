@@ -27,7 +27,7 @@ pub(crate) fn weighed<'a>(
     nominal: &Model,
     prepared: &Prepared,
 ) -> Result<Findings<'a>> {
-    let Extended { mut geometry, erratic, unnamed, clean, false_share } = extended;
+    let Extended { mut geometry, erratic, unnamed, unnamed_law, clean, false_share } = extended;
     search.problem = clean;
     let unfinished = search.problem.budget.is_spent() && geometry.is_none();
     let (nominal_gap, mut after) = gaps(&search, nominal, &found)?;
@@ -51,6 +51,12 @@ pub(crate) fn weighed<'a>(
     drop_useless(&mut search, &mut found, &mut after, geometry.as_ref())?;
     comes_down(&search, &mut found, &mut after)?;
     let mut standings = settled(&search, &mut found, &mut after)?;
+    if let Some(law) = unnamed_law {
+        for (term, standing) in found.fit.model.terms.iter().zip(&mut standings) {
+            let instead = standing.as_mut().filter(|_| !law.beside.contains(&term.hypothesis));
+            instead.into_iter().for_each(|standing| standing.besides_another(law.weight));
+        }
+    }
     let free = has_free(&search, &found);
     let left = left(&search, &found)?;
     // If the named causes reach the floor, a remainder without structure is the noise's tails. So is a structure of

@@ -73,11 +73,12 @@ impl WorkBudget {
         next
     }
 
-    /// Allows this diagnosis so much of what one may spend from now on, to all clones; no more than is left of the
-    /// session's.
+    /// Allows this diagnosis this share of what one may spend from now on, to all clones; no more than the same share
+    /// of what the diagnoses before it left of the session's: each stage keeps its part.
     pub fn allow(&self, share: f64) {
-        let until = self.before + ((share * self.most as f64) as u64).min(self.of_one);
-        self.allowed.store(until.min(self.of_session), Ordering::Relaxed);
+        let left = self.of_session.saturating_sub(self.before);
+        let part = ((share * self.most as f64) as u64).min(self.of_one).min((share * left as f64) as u64);
+        self.allowed.store(self.before + part, Ordering::Relaxed);
     }
 
     /// Counts frames that were linearised by so many columns, with so many corners as rows.
@@ -130,6 +131,20 @@ mod tests {
             budget.spend(200, CORNERS, 40);
         }
         budget.spent.load(Ordering::Relaxed) - before
+    }
+
+    #[test]
+    fn the_stages_of_a_second_diagnosis_have_their_parts_of_what_is_left() {
+        let first = WorkBudget::of(200, CORNERS, 40);
+        spend_all(&first);
+        let second = first.again();
+        let mut spent = Vec::new();
+        for share in [1.0 - 2.0 * A_STAGE, 1.0 - A_STAGE, 1.0] {
+            second.allow(share);
+            spent.push(spend_all(&second));
+        }
+        assert!(spent.iter().all(|s| *s > 0), "{spent:?}");
+        assert!(second.is_over() && second.share_of_session() < 1.01);
     }
 
     #[test]

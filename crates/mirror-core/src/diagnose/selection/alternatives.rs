@@ -54,6 +54,14 @@ impl Standing {
         (self.challenged() * (TEMPER * held_out).exp()).sqrt()
     }
 
+    /// Makes room for something that none of these is, and that is as probable as all of them times this.
+    pub fn besides_another(&mut self, weight: f64) {
+        let scale = 1.0 / (1.0 + weight);
+        self.rivals.iter_mut().for_each(|r| r.probability *= scale);
+        self.nothing *= scale;
+        self.probability *= scale;
+    }
+
     /// The alternatives are more probable than the cause by this factor at most, instead of what the evidence alone
     /// says.
     fn disputed(&mut self, by: f64) {
@@ -292,4 +300,20 @@ fn standings(search: &Search<'_>, found: &Found) -> Result<Vec<Option<Standing>>
             if free { Ok(None) } else { standing(search, found, i).map(Some) }
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_none_of_them_is_takes_its_share_of_all() {
+        let rivals = vec![Rival { hypothesis: 3, variant: 0.0, probability: 0.3 }];
+        let mut standing = Standing { probability: 0.6, rivals, nothing: 0.09, mounts: None };
+        let challenged = standing.challenged();
+        standing.besides_another(0.5);
+        assert!((standing.probability - 0.4).abs() < 1e-12 && (standing.nothing - 0.06).abs() < 1e-12);
+        assert!((standing.rivals[0].probability - 0.2).abs() < 1e-12);
+        assert!((standing.challenged() - challenged).abs() < 1e-12);
+    }
 }

@@ -14,7 +14,7 @@ use crate::diagnose::random_effects::geometric_tolerances::Geometry;
 use crate::diagnose::selection::erratic_joint::beside_erratic_joint;
 use crate::diagnose::selection::law_remainder::{MANY_CAUSES, only_their_laws};
 use crate::diagnose::selection::nonparametric::{
-    Unexplained, beside_free_forms, is_suspicious, retract_imitators,
+    BesideFreeForms, Unexplained, beside_free_forms, is_suspicious, retract_imitators,
 };
 use crate::diagnose::selection::search::{Found, Search};
 use crate::diagnose::selection::with_tolerances::{BesideGeometry, beside_geometry, small_errors_help};
@@ -28,9 +28,26 @@ pub(crate) struct Extended {
     pub erratic: Option<NodeId>,
     /// Places where free-form errors explain more than the reported small errors.
     pub unnamed: Option<Unexplained>,
+    /// A free-form error that is less probable than the causes found, which suffice.
+    pub unnamed_law: Option<UnnamedLaw>,
     /// The problem without the observations that the best model shows to be false, and their share.
     pub clean: Problem,
     pub false_share: f64,
+}
+
+/// A free-form error that could be in the place of causes.
+pub(crate) struct UnnamedLaw {
+    /// How probable it is: a multiple of how probable the causes are, 1 at most.
+    pub weight: f64,
+    /// The causes that it leaves as they are: hypotheses.
+    pub beside: Vec<usize>,
+}
+
+impl UnnamedLaw {
+    fn of(beside: &BesideFreeForms<'_>) -> Option<Self> {
+        let terms = beside.found.fit.model.terms.iter().map(|t| t.hypothesis).collect();
+        beside.weight().map(|weight| Self { weight, beside: terms })
+    }
 }
 
 /// Whether the gap that the named causes leave on held-out regions, without the free-form errors, which cannot be added
@@ -74,15 +91,21 @@ pub(crate) fn extend_models<'a>(
     let doubtful = fits_noise.significant;
     let many_false = false_share > trimmed_share();
     let enough = !fits_noise.significant && !fits_noise.corners_significant && !many_false;
-    if !(freed && enough)
-        && is_suspicious(search, found, all, &fits_noise, many_false)?
-        && let Some((its_search, its_found)) = beside_free_forms(search, found, all, nominal, enough)?
-        && !only_their_laws(search, found, (&its_search, &its_found), all)?
+    let mut unnamed_law = None;
+    if (freed || is_suspicious(search, found, all, &fits_noise, many_false)?)
+        && let Some(beside) = beside_free_forms(search, found, all, nominal, enough)?
     {
-        (*search, *found) = (its_search, its_found);
-        retract_imitators(search, found)?;
-        (clean, false_share) = without_false(search, found)?;
-        fits_noise = left(search, found, &clean)?;
+        found.trace.push(format!("with free-form errors: log odds {:.1}", beside.log_odds));
+        if beside.log_odds <= 0.0 {
+            unnamed_law = UnnamedLaw::of(&beside).filter(|_| enough);
+        } else if !only_their_laws(search, found, (&beside.search, &beside.found), all)? {
+            let trace = core::mem::take(&mut found.trace);
+            (*search, *found) = (beside.search, beside.found);
+            found.trace.splice(0..0, trace);
+            retract_imitators(search, found)?;
+            (clean, false_share) = without_false(search, found)?;
+            fits_noise = left(search, found, &clean)?;
+        }
     }
     budget.allow(1.0);
     let mut erratic = None;
@@ -104,11 +127,11 @@ pub(crate) fn extend_models<'a>(
         let enough = |beside: &BesideGeometry<'_>| seen || beside.settled;
         if let Some(beside) = beside_geometry(&named, (search, found), nominal)?.filter(enough) {
             geometry = Some(beside.geometry);
-            unnamed = beside.unnamed;
+            (unnamed, unnamed_law) = (beside.unnamed, None);
             (*search, *found) = (beside.search, beside.found);
         }
         (clean, false_share) = without_false(search, found)?;
     }
     geometry = geometry.filter(|_| !found.fit.model.group.is_empty());
-    Ok(Extended { geometry, erratic, unnamed, clean, false_share })
+    Ok(Extended { geometry, erratic, unnamed, unnamed_law, clean, false_share })
 }

@@ -56,7 +56,10 @@ pub(crate) fn beside_lost_column(
     found.trace.insert(0, format!("the column of joint:{joint} is unrelated to it: its positions are free"));
     let (clean, false_share) =
         without_false(&search.problem, &search.deformation(&found.fit.model), found.noise)?;
-    Ok((found, Extended { geometry, erratic: Some(lost.node), unnamed: None, clean, false_share }))
+    Ok((
+        found,
+        Extended { geometry, erratic: Some(lost.node), unnamed: None, unnamed_law: None, clean, false_share },
+    ))
 }
 
 /// Whether effects at a place depend on a joint's position.

@@ -14,7 +14,7 @@ use crate::diagnose::effects::hypothesis::{Catalogue, Model};
 use crate::diagnose::likelihood::score_test::screen;
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::problem::Noise;
-use crate::diagnose::principles::{LOG_PRIOR_FREE, LOG_PRIOR_STRUCTURE, Threshold};
+use crate::diagnose::principles::{LOG_PRIOR_FREE, LOG_PRIOR_STRUCTURE, TEMPER, Threshold};
 use crate::diagnose::selection::search::{Found, Search, SearchOptions};
 use crate::error::Result;
 
@@ -85,8 +85,25 @@ pub(crate) fn is_suspicious(
         .any(|s| s.log_bayes + all.hypotheses[s.hypothesis].log_prior > -LOG_PRIOR_FREE))
 }
 
-/// The search with free-form errors as hypotheses, from the nominal model and from the causes found; none where
-/// they are no better than the causes.
+/// The search with free-form errors as hypotheses, and its log posterior odds against what was found.
+pub(crate) struct BesideFreeForms<'a> {
+    pub search: Search<'a>,
+    pub found: Found,
+    pub log_odds: f64,
+}
+
+impl BesideFreeForms<'_> {
+    /// By what factor it is more probable than the causes that were found, at the weight of all evidence here; none
+    /// where it has no free-form error.
+    pub fn weight(&self) -> Option<f64> {
+        let free = |h: usize| self.search.catalogue.is_free(h);
+        let unnamed = self.found.fit.model.terms.iter().any(|t| free(t.hypothesis));
+        unnamed.then(|| (TEMPER * self.log_odds).min(0.0).exp())
+    }
+}
+
+/// The search with free-form errors as hypotheses, from the nominal model and from the causes found; none where no
+/// work is left for it.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.
@@ -96,13 +113,18 @@ pub(crate) fn beside_free_forms<'a>(
     all: &'a Catalogue,
     nominal: &Model,
     enough: bool,
-) -> Result<Option<(Search<'a>, Found)>> {
+) -> Result<Option<BesideFreeForms<'a>>> {
     if search.problem.budget.is_spent() {
         return Ok(None);
     }
     let terms = found.fit.model.terms.len();
-    // Where the causes suffice, free-form errors must do with fewer.
-    let most_causes = if enough { terms.saturating_sub(1).max(1) } else { search.options.most_causes };
+    let mounts_free = !found.fit.model.group.is_empty();
+    // Where the causes suffice, free-form errors must do with fewer; where they do with displaced mounts, with one.
+    let most_causes = match (enough, mounts_free) {
+        (false, _) => search.options.most_causes,
+        (true, false) => terms.saturating_sub(1).max(1),
+        (true, true) => 1,
+    };
     let wide = Search {
         problem: search.problem.clone(),
         catalogue: all,
@@ -129,16 +151,15 @@ pub(crate) fn beside_free_forms<'a>(
             best = Some((beside, result));
         }
     }
-    let Some((beside, mut result)) = best else { return Ok(None) };
+    let Some((beside, result)) = best else { return Ok(None) };
     let odds = log_odds((&beside, &result), (search, found))?;
     let free = result.fit.model.terms.iter().any(|t| all.is_free(t.hypothesis));
-    // Laws are never exact, and data that contradict them are many.
-    let prior = if free { LOG_PRIOR_STRUCTURE } else { 0.0 };
-    let mut trace = found.trace.clone();
-    trace.push(format!("with free-form errors: log odds {odds:.1}"));
-    trace.append(&mut result.trace);
-    result.trace = trace;
-    Ok((odds + prior > 0.0).then_some((beside, result)))
+    // Laws are never exact, and data that contradict them are many: a free-form error may absorb only that. Several
+    // causes, or causes and displaced mounts, that suffice are pieces that together may imitate one law: what takes
+    // the place of all of them absorbs nothing.
+    let in_place_of_pieces = enough && (mounts_free || terms > 1);
+    let prior = if free && !in_place_of_pieces { LOG_PRIOR_STRUCTURE } else { 0.0 };
+    Ok(Some(BesideFreeForms { search: beside, found: result, log_odds: odds + prior }))
 }
 
 /// Log posterior odds of one search's result against another's, both at the smaller of their noises.
