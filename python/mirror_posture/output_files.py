@@ -11,7 +11,6 @@ Errors are `MirrorPostureError` and name the file, also where a library's own er
 from __future__ import annotations
 
 import ctypes
-import ctypes.util
 import os
 import shutil
 import sys

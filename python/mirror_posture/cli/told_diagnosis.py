@@ -37,6 +37,10 @@ def write_results(output: Output, session: Session, found: Diagnosis, folder: Pa
 
 def show_diagnosis(output: Output, folder: Path, found: Diagnosis) -> None:
     """Tables for people; for a program only the warnings."""
+    if output.as_json:
+        for warning in found.warnings:
+            output.warn(warning)
+        return
     from ..diagnosis.formatting import (
         ENCODER_COLUMNS,
         dependence,
@@ -51,10 +55,6 @@ def show_diagnosis(output: Output, folder: Path, found: Diagnosis) -> None:
     from ..diagnosis.limits import line as limits_line
     from ..diagnosis.next_step import next_step
 
-    if output.as_json:
-        for warning in found.warnings:
-            output.warn(warning)
-        return
     output.say(f"{folder}: {found.sentence}", style="bold")
     if found.causes:
         rows = [

@@ -10,7 +10,7 @@ import numpy as np
 from .errors import SessionError
 
 if TYPE_CHECKING:
-    from ..arrays import Floats
+    from ..arrays import Floats, Mask
     from .types import Session
 
 BOARDS_TRIED = 200
@@ -38,12 +38,7 @@ def flat_boards(session: Session) -> None:
         if not len(rows):
             continue
         flat = board.corner_in_board_m[:, :2] / np.abs(board.corner_in_board_m).max()
-        misfits = np.array(
-            [
-                _misfit(flat[seen], px[seen])
-                for px, seen in zip(view.board_px[rows], view.board_seen[rows], strict=True)
-            ]
-        )
+        misfits = _misfits(flat, view.board_px[rows], view.board_seen[rows])
         bent = misfits > BENT
         if bent.mean() > MOSTLY:
             raise SessionError(
@@ -55,27 +50,33 @@ def flat_boards(session: Session) -> None:
             )
 
 
-def _misfit(flat: Floats, px: Floats) -> float:
-    """RMS distance of image points from the best homography of a plane's points, as a share of their spread."""
-    centred = px - px.mean(axis=0)
-    size = float(np.sqrt((centred**2).sum(axis=1).mean()))
-    if not size > 0.0:
-        return np.inf
-    u, v = (centred / size).T
-    x, y = flat.T
-    one, zero = np.ones_like(x), np.zeros_like(x)
+def _misfits(flat: Floats, px: Floats, seen: Mask) -> Floats:
+    """(frames,): RMS distance of image points from the best homography of a plane's points, as a share of their spread.
+
+    `flat` (corners, 2); `px` (frames, corners, 2), of which those `seen` (frames, corners) count: at least one a frame.
+    """
+    count = seen.sum(axis=1)
+    px = np.where(seen[:, :, None], px, 0.0)
+    centred = np.where(seen[:, :, None], px - px.sum(axis=1)[:, None] / count[:, None, None], 0.0)
+    size = np.sqrt((centred**2).sum(axis=(1, 2)) / count)
+    spread = size > 1e-9
+    image = centred / np.where(spread, size, 1.0)[:, None, None]
+    homogeneous = np.concatenate([flat, np.ones((len(flat), 1))], axis=1)
+    none = np.zeros((*seen.shape, 3))
+    plane = np.where(seen[:, :, None], homogeneous, 0.0)
     rows = np.concatenate(
         [
-            np.stack([x, y, one, zero, zero, zero, -u * x, -u * y, -u], axis=1),
-            np.stack([zero, zero, zero, x, y, one, -v * x, -v * y, -v], axis=1),
-        ]
+            np.concatenate([plane, none, -image[:, :, :1] * plane], axis=2),
+            np.concatenate([none, plane, -image[:, :, 1:] * plane], axis=2),
+        ],
+        axis=1,
     )
-    h = np.linalg.eigh(rows.T @ rows)[1][:, 0].reshape(3, 3)
-    image = np.stack([x, y, one], axis=1) @ h.T
+    h = np.linalg.eigh(rows.transpose(0, 2, 1) @ rows)[1][:, :, 0].reshape(-1, 3, 3)
+    fitted = homogeneous @ h.transpose(0, 2, 1)
     with np.errstate(divide="ignore", invalid="ignore"):
-        off = image[:, :2] / image[:, 2:] - np.stack([u, v], axis=1)
-    rms = float(np.sqrt((off**2).sum(axis=1).mean()))
-    return rms if np.isfinite(rms) else np.inf
+        off = np.where(seen[:, :, None], fitted[:, :, :2] / fitted[:, :, 2:] - image, 0.0)
+        rms = np.sqrt((off**2).sum(axis=(1, 2)) / count)
+    return np.where(spread & np.isfinite(rms), rms, np.inf)
 
 
 def board_distance(session: Session) -> None:
