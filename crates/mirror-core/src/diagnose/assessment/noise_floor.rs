@@ -14,7 +14,7 @@
 use crate::diagnose::criteria::cross_validation::{PostureGap, gap_of, seen_size, size};
 use crate::diagnose::criteria::lack_of_fit::noticeable_excess;
 use crate::diagnose::likelihood::fit::Fit;
-use crate::diagnose::likelihood::noise::STATED_LOG_STD;
+use crate::diagnose::likelihood::noise::{STATED_LOG_STD, is_settled};
 use crate::diagnose::likelihood::noise_correlation::{shared_by_views, successive_correlation};
 use crate::diagnose::likelihood::saturated::{FreePosture, free_markers};
 use crate::diagnose::model::deformation::Deformation;
@@ -199,6 +199,9 @@ fn independent(
             return Ok(stated);
         }
         at.marker_px *= variance.sqrt();
+        if is_settled(variance) {
+            break;
+        }
         postures = free_markers(problem, deformation, at, true, None)?;
     }
     let correlation = successive_correlation(problem, deformation, noise)?;

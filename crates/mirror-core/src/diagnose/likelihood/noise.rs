@@ -8,7 +8,7 @@ use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::frame::{FrameWork, Task};
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::model::robust::OUTLIER_FRACTION;
-use crate::diagnose::model::solver::NEGLIGIBLE;
+use crate::diagnose::model::solver::{NEGLIGIBLE, SOLVER};
 use crate::diagnose::principles::{FEWEST_REDUNDANT_ROWS, Guard, NEARLY_ALL, Prior};
 use crate::error::Result;
 use nalgebra::{SMatrix, SVector, Vector2};
@@ -42,7 +42,7 @@ pub(crate) fn estimate(problem: &Problem, deformation: &Deformation, stated: Noi
     }
     if problem.camera.is_some() {
         // The markers' share of the rows' variance depends on the planes', which the corners' noise sets: iterate.
-        for _ in 0..3 {
+        for _ in 0..SOLVER.rounds {
             let postures = free_markers(problem, deformation, noise, true, None)?;
             let redundant: f64 = postures.iter().map(|p| p.freedom_left).sum();
             let ratios = postures
@@ -52,8 +52,10 @@ pub(crate) fn estimate(problem: &Problem, deformation: &Deformation, stated: Noi
             if redundant < FEWEST_REDUNDANT_ROWS {
                 break;
             }
-            if let Some(scale) = median_variance(ratios.collect()) {
-                noise.marker_px = (noise.marker_px * scale.sqrt()).max(LEAST_PIXEL_STD_PX);
+            let Some(scale) = median_variance(ratios.collect()) else { break };
+            noise.marker_px = (noise.marker_px * scale.sqrt()).max(LEAST_PIXEL_STD_PX);
+            if is_settled(scale) {
+                break;
             }
         }
     }
@@ -68,6 +70,12 @@ pub(crate) fn estimate(problem: &Problem, deformation: &Deformation, stated: Noi
     }
     noise.point_m = noise.point_m.max(NEGLIGIBLE);
     Ok(noise)
+}
+
+/// Whether a noise whose variance was multiplied by this need not be estimated again: the planes' share of the rows'
+/// variance, by which the estimate depends on it, is a small one, so that it would change by a small part of this.
+pub(crate) fn is_settled(scale: f64) -> bool {
+    (scale - 1.0).abs() < SOLVER.noise_settled
 }
 
 /// The variance ratio whose χ² medians match the data's: the median of `χ²/ν` over the median of a χ² of that many

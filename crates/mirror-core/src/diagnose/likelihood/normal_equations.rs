@@ -65,6 +65,16 @@ pub(crate) fn inner(x: &[f64], y: &[f64]) -> f64 {
     along - plane
 }
 
+/// The same where the rows outside a span are 0 in one of them.
+#[inline]
+pub(crate) fn inner_in(x: &[f64], y: &[f64], span: Span) -> f64 {
+    let rows = x.len() - PROJECTED;
+    let products = |range: core::ops::Range<usize>| -> f64 {
+        x[range.clone()].iter().zip(&y[range]).map(|(a, b)| a * b).sum()
+    };
+    products(span.start..span.end) - products(rows..rows + PROJECTED)
+}
+
 /// Whether any column moves how the board's corners are seen.
 pub(crate) fn needs_board(problem: &Problem, columns: &[Column]) -> bool {
     let Some(board) = problem.board else { return false };

@@ -5,10 +5,10 @@
 //! on is the measurement's noise (and the optics). So noise and gap are separated without knowing any cause.
 
 use crate::diagnose::data::recording::Via;
-use crate::diagnose::likelihood::normal_equations::{counts, inner};
+use crate::diagnose::likelihood::normal_equations::{counts, inner_in};
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::elementary::Atom;
-use crate::diagnose::model::frame::{FrameWork, PROJECTED, Task};
+use crate::diagnose::model::frame::{FrameWork, PROJECTED, Span, Task};
 use crate::diagnose::model::problem::{Noise, Observation, Problem};
 use crate::diagnose::principles::{Guard, Prior};
 use crate::error::Result;
@@ -105,22 +105,24 @@ fn free_posture(problem: &Problem, task: &Task<'_>, frames: Vec<usize>, work: &m
         }
         let stride = work.row_count + PROJECTED;
         buffer.resize(stride * 3 * markers, 0.0);
-        let mut present = vec![false; 3 * markers];
+        let mut spans: Vec<Option<Span>> = vec![None; 3 * markers];
         for m in 0..markers {
             for k in 0..3 {
                 let i = 3 * m + k;
                 let out = &mut buffer[i * stride..(i + 1) * stride];
-                present[i] = work.column(problem, task.deformation, frame, Atom::MarkerShift(m, k), out);
+                spans[i] = work.column_in(problem, task.deformation, frame, Atom::MarkerShift(m, k), out);
             }
-            if present[3 * m] {
+            if spans[3 * m].is_some() {
                 views[m] += 1;
             }
         }
-        for i in (0..3 * markers).filter(|&i| present[i]) {
-            let x = &buffer[i * stride..(i + 1) * stride];
-            g[i] += inner(x, &work.residual);
-            for j in (i..3 * markers).filter(|&j| present[j]) {
-                h[(i, j)] += inner(x, &buffer[j * stride..(j + 1) * stride]);
+        let column = |i: usize| spans[i].map(|span| (&buffer[i * stride..(i + 1) * stride], span));
+        for i in 0..3 * markers {
+            let Some((x, span)) = column(i) else { continue };
+            g[i] += inner_in(x, &work.residual, span);
+            for j in i..3 * markers {
+                let Some((y, other)) = column(j) else { continue };
+                h[(i, j)] += inner_in(x, y, span.common(other));
             }
         }
         let marker_rows: usize = problem.frames[frame]
@@ -164,20 +166,21 @@ fn free_posture(problem: &Problem, task: &Task<'_>, frames: Vec<usize>, work: &m
     let Some(factor) = (&data + DMatrix::identity(n, n) * prior).cholesky() else { return out };
     let solution = factor.solve(&gradient);
     let covariance = factor.inverse();
-    // The estimate's covariance under noise alone: C H C, smaller than C where the prior limits it.
-    let scatter = &covariance * &data * &covariance;
-    // Effective number of parameters: trace of the hat matrix.
-    let hat = &covariance * &data;
-    let taken = hat.trace();
+    // The hat matrix `C H` of the data's information `H = C⁻¹ − λ I` is `I − λ C`; its trace is the effective number
+    // of parameters.
+    let hat = |i: usize| 1.0 - prior * covariance[(i, i)];
+    let taken = (0..n).map(hat).sum::<f64>();
+    // The estimate's variance under noise alone: of `C H C = C − λ C²`, smaller than C where the prior limits it.
+    let scatter = |i: usize| covariance[(i, i)] - prior * covariance.column(i).norm_squared();
     out.freedom_taken = taken;
     out.freedom_left = rows as f64 - taken;
     out.chi2_free = chi2 - 2.0 * solution.dot(&gradient) + solution.dot(&(&data * &solution));
-    let determined = |at: usize| hat.fixed_view::<3, 3>(3 * at, 3 * at).trace() > LEAST_DETERMINED;
+    let determined = |at: usize| (3 * at..3 * at + 3).map(hat).sum::<f64>() > LEAST_DETERMINED;
     for at in (0..seen.len()).filter(|&at| determined(at)) {
         out.markers.push(FreeMarker {
             marker: seen[at],
             displacement: solution.fixed_rows::<3>(3 * at).into_owned(),
-            noise_m2: scatter.fixed_view::<3, 3>(3 * at, 3 * at).trace(),
+            noise_m2: (3 * at..3 * at + 3).map(scatter).sum(),
         });
     }
     out

@@ -64,6 +64,83 @@ struct Candidate {
     products: Vec<usize>,
 }
 
+/// Hypotheses that are scored in one pass over the frames, with the atoms and the products that they share.
+#[derive(Default)]
+struct Candidates {
+    list: Vec<Candidate>,
+    atoms: Vec<Atom>,
+    atom_index: HashMap<Atom, usize>,
+    pairs: Vec<(usize, usize)>,
+    pair_index: HashMap<(usize, usize), usize>,
+}
+
+impl Candidates {
+    fn push(&mut self, hypothesis: usize, variant: f64, columns: Vec<Column>) {
+        let columns: Vec<(usize, Column)> = columns
+            .into_iter()
+            .map(|c| {
+                let next = self.atoms.len();
+                let index = *self.atom_index.entry(c.atom).or_insert(next);
+                if index == next {
+                    self.atoms.push(c.atom);
+                }
+                (index, c)
+            })
+            .collect();
+        let mut products = vec![0; columns.len() * columns.len()];
+        for (i, (a, _)) in columns.iter().enumerate() {
+            for (j, (b, _)) in columns.iter().enumerate().skip(i) {
+                let next = self.pairs.len();
+                let index = *self.pair_index.entry((*a, *b)).or_insert(next);
+                if index == next {
+                    self.pairs.push((*a, *b));
+                }
+                products[i * columns.len() + j] = index;
+            }
+        }
+        self.list.push(Candidate { hypothesis, variant, columns, products });
+    }
+
+    /// Sums over the frames that `mask` lets count.
+    fn summed(&self, problem: &Problem, task: &Task<'_>, active: &[Column], mask: Option<&[bool]>) -> Part {
+        let everything: Vec<Column> =
+            active.iter().cloned().chain(self.atoms.iter().map(|&a| Column::constant(a))).collect();
+        let task = Task { wanted: Wanted::by(&everything), ..*task };
+        let mut atoms: Vec<(Atom, Vec<usize>)> = self.atoms.iter().map(|&a| (a, Vec::new())).collect();
+        for (atom, indices) in by_atom(active) {
+            match self.atom_index.get(&atom) {
+                Some(&at) => atoms[at].1 = indices,
+                None => atoms.push((atom, indices)),
+            }
+        }
+        let what = Screened {
+            active,
+            atoms,
+            candidate_atoms: self.atoms.len(),
+            pairs: &self.pairs,
+            candidates: &self.list,
+        };
+        let mut total = Part::zeros(&what);
+        for round in rounds(problem.frames.len()) {
+            let parts: Vec<Part> = round
+                .into_par_iter()
+                .map_init(
+                    || Scratch::new(problem),
+                    |scratch, frames| {
+                        let mut part = Part::zeros(&what);
+                        for frame in frames.filter(|&f| counts(mask, f)) {
+                            scratch.add_frame(problem, &task, &what, frame, &mut part);
+                        }
+                        part
+                    },
+                )
+                .collect();
+            parts.iter().for_each(|part| total.add(part));
+        }
+        total
+    }
+}
+
 /// Sums of one candidate over frames: products of its columns with each other, of the active columns with them (one row each), and of
 /// the residual with them.
 #[derive(Clone)]
@@ -132,11 +209,11 @@ pub(crate) fn screen(
     let scene = &problem.scene;
     let active = Active::of(problem, catalogue, group, model);
     let deformation = model.deformation(problem, catalogue, &group.columns);
-    let mut atoms: Vec<Atom> = Vec::new();
-    let mut atom_index: HashMap<Atom, usize> = HashMap::new();
-    let mut pairs: Vec<(usize, usize)> = Vec::new();
-    let mut pair_index: HashMap<(usize, usize), usize> = HashMap::new();
-    let mut candidates = Vec::new();
+    // With free-form columns of the optics the boards' corners are not condensed: those are summed by themselves, so
+    // that all others need not have a row for each corner.
+    let is_free = |c: &Column| matches!(c.atom, Atom::FreeOptics(_));
+    let together = active.columns.iter().any(is_free);
+    let (mut first, mut of_free_optics) = (Candidates::default(), Candidates::default());
     for (h, hypothesis) in catalogue.hypotheses.iter().enumerate() {
         if model.terms.iter().any(|t| t.hypothesis == h) {
             continue;
@@ -144,34 +221,14 @@ pub(crate) fn screen(
         let zero = vec![0.0; hypothesis.prior_std.len()];
         for &variant in &hypothesis.variants {
             let columns = catalogue.effect(h).columns(scene, hypothesis.place, variant, &zero);
-            let columns: Vec<(usize, Column)> = columns
-                .into_iter()
-                .map(|c| {
-                    let next = atoms.len();
-                    let index = *atom_index.entry(c.atom).or_insert(next);
-                    if index == next {
-                        atoms.push(c.atom);
-                    }
-                    (index, c)
-                })
-                .collect();
-            let mut products = vec![0; columns.len() * columns.len()];
-            for (i, (a, _)) in columns.iter().enumerate() {
-                for (j, (b, _)) in columns.iter().enumerate().skip(i) {
-                    let next = pairs.len();
-                    let index = *pair_index.entry((*a, *b)).or_insert(next);
-                    if index == next {
-                        pairs.push((*a, *b));
-                    }
-                    products[i * columns.len() + j] = index;
-                }
-            }
-            candidates.push(Candidate { hypothesis: h, variant, columns, products });
+            let apart = !together && columns.iter().any(is_free);
+            if apart { &mut of_free_optics } else { &mut first }.push(h, variant, columns);
         }
     }
     let count = active.columns.len();
+    let atoms = first.atoms.iter().chain(&of_free_optics.atoms);
     let everything: Vec<Column> =
-        active.columns.iter().cloned().chain(atoms.iter().map(|&a| Column::constant(a))).collect();
+        active.columns.iter().cloned().chain(atoms.map(|&a| Column::constant(a))).collect();
     let with_board = needs_board(problem, &everything);
     let eye = problem.eye(&deformation)?;
     let task = Task {
@@ -180,38 +237,17 @@ pub(crate) fn screen(
         noise,
         with_board,
         gaussian: false,
-        wanted: Wanted::by(&everything),
+        wanted: Wanted::default(),
         planes: model.planes.as_deref().map(Vec::as_slice),
         condensed: true,
     };
-    let candidate_atoms = atoms.len();
-    let mut atoms: Vec<(Atom, Vec<usize>)> = atoms.into_iter().map(|a| (a, Vec::new())).collect();
-    for (atom, indices) in by_atom(&active.columns) {
-        match atom_index.get(&atom) {
-            Some(&at) => atoms[at].1 = indices,
-            None => atoms.push((atom, indices)),
-        }
+    let total = first.summed(problem, &task, &active.columns, mask);
+    let mut candidates: Vec<(&Candidate, Sums)> = first.list.iter().zip(total.sums).collect();
+    if !of_free_optics.list.is_empty() {
+        let part = of_free_optics.summed(problem, &task, &active.columns, mask);
+        candidates.extend(of_free_optics.list.iter().zip(part.sums));
     }
-    let what =
-        Screened { active: &active.columns, atoms, candidate_atoms, pairs: &pairs, candidates: &candidates };
-    let mut total = Part::zeros(&what);
-    for round in rounds(problem.frames.len()) {
-        let parts: Vec<Part> = round
-            .into_par_iter()
-            .map_init(
-                || Scratch::new(problem),
-                |scratch, frames| {
-                    let mut part = Part::zeros(&what);
-                    for frame in frames.filter(|&f| counts(mask, f)) {
-                        scratch.add_frame(problem, &task, &what, frame, &mut part);
-                    }
-                    part
-                },
-            )
-            .collect();
-        parts.iter().for_each(|part| total.add(part));
-    }
-    problem.spend(with_board, count + candidate_atoms, mask);
+    problem.spend(with_board, count + first.atoms.len() + of_free_optics.atoms.len(), mask);
     let at = |i: usize, j: usize| total.base[i.max(j) * stride(count + 1) + i.min(j)];
     let mut h = DMatrix::from_fn(count, count, at);
     let mut g = DVector::from_fn(count, |i, _| at(i, count));
@@ -222,7 +258,6 @@ pub(crate) fn screen(
     });
     let mut scores: Vec<Score> = candidates
         .iter()
-        .zip(&total.sums)
         .map(|(candidate, sums)| score(problem, catalogue, candidate, sums, base.as_ref()))
         .collect();
     scores.sort_by(|x, y| y.log_bayes.total_cmp(&x.log_bayes));

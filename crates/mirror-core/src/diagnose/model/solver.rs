@@ -14,8 +14,13 @@ pub(crate) struct Solver {
     /// distances.
     pub rough_board_steps: usize,
     pub rough_corners: usize,
-    /// Steps of a plane from the board's optimum to that of the whole frame, which is close.
+    /// Steps of a plane from the board's optimum to that of the whole frame, which is close. One that gains less than
+    /// this (in −2 log likelihood) is the last: what a further one would gain is of second order.
     pub plane_steps: usize,
+    pub plane_gain: f64,
+    /// The offset of a ball's outline, a part of a pixel, is computed again where the plane has moved by this share of
+    /// its distance: by no more does it change.
+    pub plane_moved: f64,
     /// A plane from nearby is good where the next step would gain less than this (in −2 log likelihood),
     pub last_plane_gain: f64,
     /// and is not near if it would gain more than this, or after this many steps, or if a smaller share of the
@@ -52,6 +57,8 @@ pub(crate) struct Solver {
     pub spreads_settled: f64,
     /// Rounds of the clustering of postures.
     pub cluster_rounds: usize,
+    /// A variance of the noise that changed by less than this share is settled.
+    pub noise_settled: f64,
     /// Step of differences, rad and m.
     pub difference: f64,
 }
@@ -62,6 +69,8 @@ pub(crate) const SOLVER: Solver = Solver {
     rough_board_steps: 5,
     rough_corners: 16,
     plane_steps: 2,
+    plane_gain: 1.0,
+    plane_moved: 0.01,
     last_plane_gain: 0.01,
     nearby_gain: 30.0,
     nearby_steps: 4,
@@ -79,5 +88,6 @@ pub(crate) const SOLVER: Solver = Solver {
     largest_spread_step: 3.0,
     spreads_settled: 0.05,
     cluster_rounds: 25,
+    noise_settled: 0.01,
     difference: 1e-5,
 };

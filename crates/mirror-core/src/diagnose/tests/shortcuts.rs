@@ -6,9 +6,10 @@ use crate::diagnose::effects::vocabulary;
 use crate::diagnose::likelihood::fit::{Active, FitOptions, Group, fit};
 use crate::diagnose::likelihood::linearised::Linearised;
 use crate::diagnose::likelihood::normal_equations::Normal;
-use crate::diagnose::likelihood::score_test::screen;
+use crate::diagnose::likelihood::score_test::{Score, screen};
 use crate::diagnose::model::elementary::{Atom, Column};
 use crate::diagnose::model::problem::{Noise, Problem};
+use crate::diagnose::random_effects::free_form::free_forms;
 use crate::robot::Robot;
 use std::sync::Arc;
 
@@ -188,5 +189,54 @@ fn all_else_moves_along_with_a_hypothesis() {
     let said: Vec<f64> = along.iter().chain(&score.parameters).copied().collect();
     for (i, (a, b)) in said.iter().zip(together.iter()).enumerate() {
         assert!((a - b).abs() < 1e-6 * together.amax(), "{i}: {a} {b}");
+    }
+}
+
+/// Free-form errors of the optics are summed in a pass of their own, in which every corner has its rows; all others with
+/// the corners condensed, as without free forms.
+#[test]
+fn scores_beside_free_forms_are_those_of_the_vocabulary_alone() {
+    let problem = problem();
+    let vocabulary = catalogue(&problem);
+    let all = Catalogue::with_free_forms(&vocabulary, &problem.scene, free_forms(&problem.scene));
+    let markers = (0..2).flat_map(|m| (0..3).map(move |k| Atom::MarkerShift(m, k)));
+    let columns: Vec<Column> = markers.chain([Atom::CameraMount(1)]).map(Column::constant).collect();
+    let group = Group { prior_std: vec![3e-3; columns.len()], columns, ..Group::default() };
+    let mut model = Model::nominal(&problem);
+    model.group = vec![1e-4; group.columns.len()];
+    let scores =
+        |catalogue: &Catalogue| screen(&problem, catalogue, &group, &model, NOISE, None).unwrap().scores;
+    let (alone, beside) = (scores(&vocabulary), scores(&all));
+    assert!(beside.len() > alone.len());
+    for score in &alone {
+        let same = |s: &&Score| s.hypothesis == score.hypothesis && s.variant == score.variant;
+        let other = beside.iter().find(same).unwrap();
+        assert!((score.log_bayes - other.log_bayes).abs() < 1e-6 * (1.0 + score.log_bayes.abs()));
+    }
+    // With a free form of the optics in the model every corner has its rows in one pass. Next to nothing of it is
+    // allowed, so that the others' scores are the same.
+    let free = |s: &Score| {
+        let columns = all.columns(
+            &problem.scene,
+            &Term {
+                hypothesis: s.hypothesis,
+                variant: s.variant,
+                parameters: vec![0.0; s.parameters.len()],
+                prior_scale: 1.0,
+            },
+        );
+        columns.iter().any(|c| matches!(c.atom, Atom::FreeOptics(_)))
+    };
+    let of_optics: Vec<&Score> = beside.iter().filter(|s| free(s)).collect();
+    assert!(of_optics.len() > 1);
+    let mut with = model.with(&all, of_optics[0].hypothesis, of_optics[0].variant);
+    with.terms[0].prior_scale = 1e-9;
+    let in_one_pass = screen(&problem, &all, &group, &with, NOISE, None).unwrap().scores;
+    for score in beside.iter().filter(|s| s.hypothesis != of_optics[0].hypothesis) {
+        let same = |s: &&Score| s.hypothesis == score.hypothesis && s.variant == score.variant;
+        let other = in_one_pass.iter().find(same).unwrap();
+        let name = all.name(&problem.scene, score.hypothesis);
+        let miss = (score.log_bayes - other.log_bayes).abs();
+        assert!(miss < 1e-4 * (1.0 + score.log_bayes.abs()), "{name}: {score:?} {other:?}");
     }
 }

@@ -8,6 +8,7 @@
 use super::mirror_and_lens::{Bent, MirrorAndLens, copy};
 use super::products::LANES;
 use super::sight::{Sight, Wanted};
+use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::principles::Size;
 use core::f64::consts::FRAC_1_SQRT_2;
 use multiversion::multiversion;
@@ -38,6 +39,8 @@ pub(super) struct Markers {
     /// [`NUMBERS`] lists as long, and the foot point of the plane that they are told of.
     seen: Vec<f64>,
     seen_at: Option<Vector3<f64>>,
+    /// The foot point of the plane with which the outlines' offsets were computed.
+    outlines_at: Option<Vector3<f64>>,
 }
 
 impl Markers {
@@ -77,6 +80,7 @@ impl Markers {
     pub fn clear(&mut self) {
         self.posed = true;
         self.seen_at = None;
+        self.outlines_at = None;
         self.world.clear();
         self.camera.clear();
         self.radius.clear();
@@ -109,8 +113,16 @@ impl Markers {
             return;
         }
         self.seen_at = Some(foot);
+        let near = |at: Vector3<f64>| (foot - at).norm() < SOLVER.plane_moved * foot.norm();
+        let outlines = !self.outlines_at.is_some_and(near);
+        if outlines {
+            self.outlines_at = Some(foot);
+        }
         let Self { xyz, radius, seen, .. } = self;
         seen.resize(NUMBERS * radius.len(), 0.0);
+        if outlines {
+            outline_offsets(mirror, xyz, radius, seen);
+        }
         if mirror.flat {
             sights(mirror, xyz, radius, seen);
         } else {
@@ -140,6 +152,22 @@ fn sights_behind_glass(mirror: &MirrorAndLens, xyz: &[Vec<f64>; 3], radius: &[f6
     write_sights::<false>(mirror, xyz, radius, out);
 }
 
+/// From the images of the balls' centres to the centroids of their outlines.
+#[multiversion(targets("x86_64+avx512f", "x86_64+avx2"))]
+fn outline_offsets(mirror: &MirrorAndLens, xyz: &[Vec<f64>; 3], radius: &[f64], out: &mut [f64]) {
+    let [x, y, z] = [0, 1, 2].map(|i: usize| xyz[i].as_chunks::<LANES>().0);
+    let all = radius.len();
+    for i in 0..all / LANES {
+        let mut block = [[0.0; LANES]; 2];
+        for l in 0..LANES {
+            let seen = mirror.reflected([x[i][l], y[i][l], z[i][l]]);
+            let offset = outline(mirror, seen, radius[i * LANES + l]);
+            (block[0][l], block[1][l]) = (offset[0], offset[1]);
+        }
+        copy(&block, all, i, &mut out[OFFSET * all..]);
+    }
+}
+
 #[inline(always)]
 fn write_sights<const FLAT: bool>(
     mirror: &MirrorAndLens,
@@ -154,21 +182,20 @@ fn write_sights<const FLAT: bool>(
         for l in 0..LANES {
             let p = [x[i][l], y[i][l], z[i][l]];
             let at = mirror.seen::<FLAT>(p, &depths, l);
-            let offset = outline(mirror, mirror.reflected(p), radius[i * LANES + l]);
             let ([a, b], [f, g]) = (&at.by_point, &at.by_foot);
             (block[0][l], block[1][l]) = (at.pixel[0], at.pixel[1]);
             (block[2][l], block[3][l], block[4][l]) = (a[0], a[1], a[2]);
             (block[5][l], block[6][l], block[7][l]) = (b[0], b[1], b[2]);
             (block[8][l], block[9][l], block[10][l]) = (f[0], f[1], f[2]);
             (block[11][l], block[12][l], block[13][l]) = (g[0], g[1], g[2]);
-            (block[14][l], block[15][l]) = (offset[0], offset[1]);
             (block[16][l], block[17][l]) = (at.distorted[0], at.distorted[1]);
             (block[18][l], block[19][l]) = (mirror.focal[0] * at.by_k1[0], mirror.focal[1] * at.by_k1[1]);
             (block[20][l], block[21][l]) = (at.along[0] * at.by_mirror[0], at.along[1] * at.by_mirror[0]);
             (block[22][l], block[23][l]) = (at.along[0] * at.by_mirror[1], at.along[1] * at.by_mirror[1]);
             block[24][l] = if at.ok { 0.0 } else { 1.0 };
         }
-        copy(&block, radius.len(), i, out);
+        copy(&block[..OFFSET], radius.len(), i, out);
+        copy(&block[BY_FOCAL..], radius.len(), i, &mut out[BY_FOCAL * radius.len()..]);
     }
 }
 
@@ -214,4 +241,42 @@ fn outline(mirror: &MirrorAndLens, [x, y, z]: [f64; 3], radius: f64) -> [f64; 2]
         & (center.square <= limit);
     let is_ball = (radius > 0.0) & (z > radius) & within;
     if is_ball { [moved(0), moved(1)] } else { [0.0, 0.0] }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::*;
+    use crate::diagnose::model::problem::Problem;
+    use crate::diagnose::tests::gap_world::{Plan, World};
+    use crate::robot::Robot;
+
+    /// Where the plane moves little the outlines' offsets are kept, and are those of the plane to a part of a thousandth of a
+    /// pixel; where it moves farther they are computed again.
+    #[test]
+    fn offsets_of_outlines_are_kept_where_the_plane_hardly_moves() {
+        let world = World::new(4, true);
+        let robot = Robot::from_urdf_str(&world.urdf()).unwrap();
+        let problem = Problem::new(&robot, &world.record(&Plan::default())).unwrap();
+        let eye = problem.eye(&problem.nominal()).unwrap().unwrap();
+        let foot = problem.boards[0].unwrap().foot;
+        let point = foot * 0.2 + Vector3::new(0.05, -0.04, 0.0);
+        let markers = |feet: &[Vector3<f64>]| {
+            let mut markers = Markers::default();
+            markers.clear();
+            markers.push(point, point, 0.01);
+            markers.fill_up();
+            for foot in feet {
+                markers.see(&MirrorAndLens::of(&eye, foot).unwrap(), *foot);
+            }
+            (markers.by_foot(0).unwrap().0, markers.offset(0))
+        };
+        let (near, far) = (foot * 1.005, foot * 1.02);
+        let (kept, exact) = (markers(&[foot, near]), markers(&[near]));
+        assert_eq!(kept.0, exact.0);
+        assert!(kept.1 != exact.1 && exact.1.norm() > 0.01, "{kept:?} {exact:?}");
+        assert!((kept.1 - exact.1).norm() < 0.02 * exact.1.norm(), "{kept:?} {exact:?}");
+        assert_eq!(markers(&[foot, far]), markers(&[far]));
+    }
 }

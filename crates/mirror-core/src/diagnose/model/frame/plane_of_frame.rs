@@ -19,9 +19,11 @@ impl FrameWork {
         for _ in 0..SOLVER.plane_steps {
             let (of_others, rhs) = self.pull_of_others(problem, task, data);
             let rhs = rhs + information * (board.foot - self.foot);
-            match (information + of_others).cholesky() {
-                Some(factor) => self.foot += factor.solve(&rhs),
-                None => break,
+            let Some(factor) = (information + of_others).cholesky() else { break };
+            let step = factor.solve(&rhs);
+            self.foot += step;
+            if rhs.dot(&step) < SOLVER.plane_gain {
+                break;
             }
         }
     }

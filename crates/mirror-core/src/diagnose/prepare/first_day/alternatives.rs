@@ -257,12 +257,16 @@ impl<'a> Session<'a> {
             );
             // The joint stays where it was commanded to last; each posture may be the last.
             let mut best: Option<(f64, Mistake)> = None;
+            let mut held = variant.clone();
             for posture in &self.postures {
                 let position = column[posture[0]];
                 let first = posture[0];
-                let mut held = variant.clone();
-                held.positions[first..].iter_mut().for_each(|row| row[joint] = position);
-                let gains = self.gains_while_held(&mut work, &held, &own, first);
+                let gains = self.gains_while_held(&mut work, &mut held, (joint, position), &own, first);
+                let changed = first..first + gains.len();
+                held.positions[changed.clone()]
+                    .iter_mut()
+                    .zip(&column[changed])
+                    .for_each(|(row, q)| row[joint] = *q);
                 let Some((a, b)) = best_run(&gains).filter(|(a, b)| b - a + 1 >= FEWEST_FRAMES) else {
                     continue;
                 };
@@ -277,18 +281,21 @@ impl<'a> Session<'a> {
         out
     }
 
-    /// What each row from the first on gains by another variant, up to the end of the run of gaining rows: a joint
-    /// that stands still does so from here on.
+    /// What each row from the first on gains if a joint stands at a position, up to the end of the run of gaining rows: a
+    /// joint that stands still does so from here on. These rows of the variant are left with the joint held: most runs
+    /// are short, and a variant of all rows for each would cost the square of their number.
     fn gains_while_held(
         &self,
         work: &mut Work,
-        held: &Variant,
+        held: &mut Variant,
+        (joint, position): (usize, f64),
         own: &[(f64, usize)],
         first: usize,
     ) -> Vec<f64> {
         let (mut gains, mut sum, mut top): (Vec<f64>, f64, f64) = (Vec::new(), 0.0, 0.0);
         for (frame, (before, _)) in own.iter().enumerate().skip(first) {
             let mut after = 0.0;
+            held.positions[frame][joint] = position;
             self.misfit.of_frame(work, held, frame, |_, r| after += self.misfit.loss(r));
             sum += before - after;
             gains.push(before - after);
