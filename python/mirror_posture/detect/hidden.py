@@ -26,11 +26,6 @@ SEEN_CONTRAST = 0.55
 # Least share of the corners, and of each outer row and column, that must be seen.
 LEAST_SEEN = 0.8
 LEAST_SEEN_OF_OUTER_LINE = 0.5
-# Where a hidden corner of an outer line has the contrast of a pattern's end, and its four squares are as dark or as light as the board's (to this share of its contrast),
-# so much of the line must be seen: behind the end of another pattern a square now and then looks like the next one.
-END_CONTRAST = (0.35, 0.65)
-AS_DARK_OR_LIGHT = 0.2
-LEAST_SEEN_BESIDE_AN_END = 0.7
 # A corner is taken as hidden if what its removal takes from the sum of squares is this many times the variance of the others (chi-square of two freedoms: one of
 # three million is beyond), and if it lies this far from where the others have it, as a share of a square: what hides a corner draws it by a tenth of a square and
 # more, and a lens that the camera file describes badly, or none describes, bends the board's edges by less.
@@ -90,7 +85,7 @@ def read_partly_seen(
             or pattern.bad_line(np.where(seen.reshape(shown.shape), relative, np.nan))
             or (f"the chessboard goes on beyond the grid's {beyond}" if beyond else "")
             or _another_pattern(relative.ravel()[seen])
-            or _ends(gray, flat.reshape(grid.shape), relative, seen.reshape(shown.shape))
+            or _ends_elsewhere(gray, flat, seen, board)
             or refined.residual.reason
         )
     return PartlySeen(
@@ -123,26 +118,15 @@ def _another_pattern(contrast: FloatArray) -> str:
     return f"squares of more than two shades (contrast {typical:.2f} of a corner's, needed {LEAST_TYPICAL_CONTRAST}): a part of another pattern"
 
 
-def _ends(gray: Pixels, grid: FloatArray, contrast: FloatArray, seen: npt.NDArray[np.bool_]) -> str:
-    """Reason if the pattern may end at an outer line of which some corners are hidden: a smaller pattern, which lies over the board, or a part of another."""
-    samples = pattern.square_samples(gray, grid, np.gradient(grid, axis=1), np.gradient(grid, axis=0))
-    low, _, _, high = np.median(np.sort(samples[:, seen], axis=0), axis=1)
-    nearest = np.minimum(np.abs(samples - low), np.abs(samples - high)).max(axis=0)
-    end = ~seen & (nearest < AS_DARK_OR_LIGHT * (high - low))
-    end &= (contrast > END_CONTRAST[0]) & (contrast < END_CONTRAST[1])
-    sides = (
-        ("first row", end[0], seen[0]),
-        ("last row", end[-1], seen[-1]),
-        ("first column", end[:, 0], seen[:, 0]),
-        ("last column", end[:, -1], seen[:, -1]),
+def _ends_elsewhere(gray: Pixels, flat: FloatArray, seen: npt.NDArray[np.bool_], board: Board) -> str:
+    """Reason if the board does not end where its grid does, judged where the corners that are seen have it."""
+    by_others = _by_those_seen(flat, seen, board)
+    shape = (board.rows, board.columns)
+    return (
+        ""
+        if by_others is None
+        else pattern.ends_elsewhere(gray, by_others.reshape(*shape, 2), seen.reshape(shape))
     )
-    for name, ends, line in sides:
-        if ends.any() and line.mean() < LEAST_SEEN_BESIDE_AN_END:
-            return (
-                f"the pattern may end before the grid's {name}: only {int(line.sum())} of its {line.size} corners are seen, and another is like the end of a "
-                "pattern: something hides it, or another pattern lies over the board; take it away"
-            )
-    return ""
 
 
 def told_hidden(view: BoardView, board: Board) -> str:

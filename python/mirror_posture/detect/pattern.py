@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from .types import FloatArray, Pixels
 
@@ -24,6 +25,12 @@ MIN_LINE_CONTRAST = 0.65
 MIN_CORNER_CONTRAST = 0.35
 # Grey levels of 255: less contrast than this is noise.
 MIN_CONTRAST_LEVELS = 6.0
+# A corner of an outer line shows the board's end where the two squares beyond it do: at these shares of a square outward, so far to each side of the edge between
+# them, they differ by this part of what the four squares at the corner do; at half of the line. What lies behind another pattern's end has edges of its own there.
+END_AT_SQUARES = (0.3, 0.6, 0.85)
+END_BESIDE_SQUARES = 0.15
+LEAST_END_CONTRAST = 0.5
+LEAST_OF_END = 0.5
 
 
 @dataclass(frozen=True)
@@ -63,7 +70,8 @@ def check_pattern(gray: Pixels, grid: FloatArray) -> PatternCheck:
             dark_first,
             contrast,
         )
-    return PatternCheck(True, "", dark_first, contrast)
+    elsewhere = ends_elsewhere(gray, grid, np.ones((ny, nx), dtype=bool))
+    return PatternCheck(not elsewhere, elsewhere, dark_first, contrast)
 
 
 def corner_contrast(gray: Pixels, grid: FloatArray) -> tuple[FloatArray, bool, float]:
@@ -96,6 +104,43 @@ def square_samples(gray: Pixels, at: FloatArray, along_x: FloatArray, along_y: F
     """The grey levels (4, …) of the squares around points given with their local grid steps, each opposite one after the other; NaN outside of the picture."""
     diagonals = (along_x + along_y, -along_x - along_y, along_x - along_y, along_y - along_x)
     return np.stack([sample(gray, at + SAMPLE_FRACTION * step) for step in diagonals])
+
+
+def ends_elsewhere(gray: Pixels, grid: FloatArray, seen: npt.NDArray[np.bool_]) -> str:
+    """Reason if the squares beyond an outer line of a grid (ny, nx, 2) do not show at half of its corners, of which `seen` (ny, nx) are no guess: another pattern,
+    which lies over the board, may end there."""
+    across = grid.transpose(1, 0, 2)
+    lines = (
+        ("first row", grid, seen),
+        ("last row", grid[::-1], seen[::-1]),
+        ("first column", across, seen.T),
+        ("last column", across[::-1], seen.T[::-1]),
+    )
+    for name, turned, shown in lines:
+        contrast = _end_contrast(gray, turned)
+        known = np.isfinite(contrast)
+        told = int((shown[0] & known & (np.nan_to_num(contrast) > LEAST_END_CONTRAST)).sum())
+        if known.mean() >= LEAST_OF_END and told < LEAST_OF_END * known.sum():
+            return (
+                f"the squares beyond the grid's {name} show at {told} of its {known.size} corners: the board may end elsewhere; something hides it, or another pattern "
+                "lies over it; take it away"
+            )
+    return ""
+
+
+def _end_contrast(gray: Pixels, grid: FloatArray) -> FloatArray:
+    """Least difference (nx,) of the two squares beyond each corner of a grid's first row, in the spread of the four squares around the corner: positive where they
+    go on as the four do, NaN outside of the picture."""
+    step_x, step_y = np.gradient(grid, axis=1), np.gradient(grid, axis=0)
+    out, aside = -step_y[0], END_BESIDE_SQUARES * step_x[0]
+
+    def difference(share: float) -> FloatArray:
+        return sample(gray, grid[0] + share * out + aside) - sample(gray, grid[0] + share * out - aside)
+
+    _, spread = saddle_contrast(gray, grid[:1], step_x[:1], step_y[:1])
+    beyond = np.stack([difference(share) for share in END_AT_SQUARES])
+    result: FloatArray = (-np.sign(difference(-SAMPLE_FRACTION)) * beyond).min(axis=0)
+    return result / np.maximum(spread[0], MIN_CONTRAST_LEVELS)
 
 
 def sample(gray: Pixels, at: FloatArray) -> FloatArray:
