@@ -85,7 +85,7 @@ def read_partly_seen(
             or pattern.bad_line(np.where(seen.reshape(shown.shape), relative, np.nan))
             or (f"the chessboard goes on beyond the grid's {beyond}" if beyond else "")
             or _another_pattern(relative.ravel()[seen])
-            or _ends_elsewhere(gray, flat, seen, board)
+            or pattern.ends_elsewhere(gray, flat.reshape(grid.shape), seen.reshape(shown.shape))
             or refined.residual.reason
         )
     return PartlySeen(
@@ -116,17 +116,6 @@ def _another_pattern(contrast: FloatArray) -> str:
     if typical >= LEAST_TYPICAL_CONTRAST:
         return ""
     return f"squares of more than two shades (contrast {typical:.2f} of a corner's, needed {LEAST_TYPICAL_CONTRAST}): a part of another pattern"
-
-
-def _ends_elsewhere(gray: Pixels, flat: FloatArray, seen: npt.NDArray[np.bool_], board: Board) -> str:
-    """Reason if the board does not end where its grid does, judged where the corners that are seen have it."""
-    by_others = _by_those_seen(flat, seen, board)
-    shape = (board.rows, board.columns)
-    return (
-        ""
-        if by_others is None
-        else pattern.ends_elsewhere(gray, by_others.reshape(*shape, 2), seen.reshape(shape))
-    )
 
 
 def told_hidden(view: BoardView, board: Board) -> str:

@@ -26,10 +26,13 @@ MIN_CORNER_CONTRAST = 0.35
 # Grey levels of 255: less contrast than this is noise.
 MIN_CONTRAST_LEVELS = 6.0
 # A corner of an outer line shows the board's end where the two squares beyond it do: at these shares of a square outward, so far to each side of the edge between
-# them, they differ by this part of what the four squares at the corner do; at half of the line. What lies behind another pattern's end has edges of its own there.
-END_AT_SQUARES = (0.3, 0.6, 0.85)
+# them, they differ by this part of what the four squares at the corner do; at half of the line. A bit farther out the squares go on like that, or are cut off (many boards
+# have half a square there), and then nothing differs by more than a share of it. What lies behind another pattern's end has edges of its own.
+END_AT_SQUARES = (0.3, 0.4)
+FARTHER_SQUARES = (0.6,)
 END_BESIDE_SQUARES = 0.15
 LEAST_END_CONTRAST = 0.5
+CUT_OFF_CONTRAST = 0.2
 LEAST_OF_END = 0.5
 
 
@@ -109,7 +112,7 @@ def square_samples(gray: Pixels, at: FloatArray, along_x: FloatArray, along_y: F
 def ends_elsewhere(gray: Pixels, grid: FloatArray, seen: npt.NDArray[np.bool_]) -> str:
     """Reason if the squares beyond an outer line of a grid (ny, nx, 2) do not show at half of its corners, of which `seen` (ny, nx) are no guess: another pattern,
     which lies over the board, may end there."""
-    across = grid.transpose(1, 0, 2)
+    across = grid.swapaxes(0, 1)
     lines = (
         ("first row", grid, seen),
         ("last row", grid[::-1], seen[::-1]),
@@ -117,9 +120,9 @@ def ends_elsewhere(gray: Pixels, grid: FloatArray, seen: npt.NDArray[np.bool_]) 
         ("last column", across[::-1], seen.T[::-1]),
     )
     for name, turned, shown in lines:
-        contrast = _end_contrast(gray, turned)
-        known = np.isfinite(contrast)
-        told = int((shown[0] & known & (np.nan_to_num(contrast) > LEAST_END_CONTRAST)).sum())
+        ends = _shows_end(gray, turned)
+        known = np.isfinite(ends)
+        told = int((shown[0] & (ends == 1.0)).sum())
         if known.mean() >= LEAST_OF_END and told < LEAST_OF_END * known.sum():
             return (
                 f"the squares beyond the grid's {name} show at {told} of its {known.size} corners: the board may end elsewhere; something hides it, or another pattern "
@@ -128,19 +131,30 @@ def ends_elsewhere(gray: Pixels, grid: FloatArray, seen: npt.NDArray[np.bool_]) 
     return ""
 
 
-def _end_contrast(gray: Pixels, grid: FloatArray) -> FloatArray:
-    """Least difference (nx,) of the two squares beyond each corner of a grid's first row, in the spread of the four squares around the corner: positive where they
-    go on as the four do, NaN outside of the picture."""
-    step_x, step_y = np.gradient(grid, axis=1), np.gradient(grid, axis=0)
-    out, aside = -step_y[0], END_BESIDE_SQUARES * step_x[0]
+def _shows_end(gray: Pixels, grid: FloatArray) -> FloatArray:
+    """Whether (1 or 0, (nx,)) the squares beyond each corner of a grid's first row show; NaN outside of the picture.
 
-    def difference(share: float) -> FloatArray:
-        return sample(gray, grid[0] + share * out + aside) - sample(gray, grid[0] + share * out - aside)
+    The corner is looked for one step beyond the second row: what is no corner of this pattern may have drawn the first row's to itself.
+    """
+    if len(grid) > 3:
+        # The steps of a tilted board change from square to square.
+        out = 2.0 * grid[1] - 3.0 * grid[2] + grid[3]
+    else:
+        out = grid[1] - grid[2] if len(grid) > 2 else grid[0] - grid[1]
+    corner, aside = grid[1] + out, END_BESIDE_SQUARES * np.gradient(grid[1], axis=0)
 
-    _, spread = saddle_contrast(gray, grid[:1], step_x[:1], step_y[:1])
-    beyond = np.stack([difference(share) for share in END_AT_SQUARES])
-    result: FloatArray = (-np.sign(difference(-SAMPLE_FRACTION)) * beyond).min(axis=0)
-    return result / np.maximum(spread[0], MIN_CONTRAST_LEVELS)
+    def differences(shares: tuple[float, ...]) -> FloatArray:
+        at = np.stack([corner + share * out for share in shares])
+        return sample(gray, at + aside) - sample(gray, at - aside)
+
+    _, spread = saddle_contrast(gray, corner, np.gradient(grid[1], axis=0), -out)
+    # Positive where they go on as the four squares around the corner do.
+    sign, size = -np.sign(differences((-SAMPLE_FRACTION,))), np.maximum(spread, MIN_CONTRAST_LEVELS)
+    near, far = (sign * differences(shares) / size for shares in (END_AT_SQUARES, FARTHER_SQUARES))
+    goes_on = (far > LEAST_END_CONTRAST) | ~(np.abs(far) > CUT_OFF_CONTRAST)
+    told = np.all(near > LEAST_END_CONTRAST, axis=0) & np.all(goes_on, axis=0)
+    result: FloatArray = np.where(np.isfinite(near).all(axis=0), told, np.nan)
+    return result
 
 
 def sample(gray: Pixels, at: FloatArray) -> FloatArray:
