@@ -260,7 +260,6 @@ fn leave_to_active(p: &StepProblem<'_>, gain: f64, rows: usize, w: &mut StepWork
     for (to, from) in w.remaining.iter_mut().zip(&w.whitened_error) {
         *to = gain * from;
     }
-    debug_assert_eq!(rows, p.jacobian.nrows());
     for (k, &joint) in w.joints.iter().enumerate() {
         if !w.at_limit[joint] {
             w.active.push(k);

@@ -82,7 +82,7 @@ pub fn pattern_ghost(view: &PatternView<'_>, models: &[&[f32]]) -> Result<Option
     let kept = kept_pixels(view);
     let part = Row::of(&kept, |at| view.light[at]);
     let tried = models.iter().filter_map(|model| {
-        let basis = Rows::of_pattern(model, view.width, view.height, view.reach, &kept);
+        let basis = Rows::of_pattern(model, view.width, view.height, &kept);
         let left = basis.flat()?.rest(&part);
         let square = dot(&left, &left);
         Some((*model, basis, left, square))

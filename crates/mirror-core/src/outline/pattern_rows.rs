@@ -67,8 +67,7 @@ pub(super) struct Rows {
 
 impl Rows {
     /// By a drawn pattern (rows of pixels, at least one beyond those kept).
-    pub fn of_pattern(model: &[f32], width: usize, height: usize, reach: usize, kept: &[usize]) -> Self {
-        debug_assert!(reach >= 1);
+    pub fn of_pattern(model: &[f32], width: usize, height: usize, kept: &[usize]) -> Self {
         let around = |at: usize| -> [[f32; 3]; 3] {
             [at - width, at, at + width].map(|middle| [middle - 1, middle, middle + 1].map(|i| model[i]))
         };
