@@ -20,6 +20,8 @@ mod pictures;
 mod plane_of_frame;
 mod products;
 mod sight;
+#[cfg(test)]
+mod tests;
 mod work;
 
 pub(crate) use products::{LANES, PROJECTED, Span, Table, add_products, stride};
