@@ -494,8 +494,16 @@ def measure_balls(
     radii_px: npt.ArrayLike,
     camera: Camera,
     chroma_step_px: tuple[int, int],
-    again: bool = False,
 ) -> list[BallOutline | None]: ...
+def codec_covariances(
+    bgr: npt.NDArray[np.uint8],
+    circles_px: npt.ArrayLike,
+    radii_px: npt.ArrayLike,
+    camera: Camera,
+    chroma_step_px: tuple[int, int],
+    steps: list[list[int]],
+    sampling: tuple[int, int],
+) -> list[list[float] | None]: ...
 def measure_blurred_balls(
     bgr: npt.NDArray[np.uint8], expected_px: list[list[float]], camera: Camera
 ) -> list[BallOutline | None]: ...

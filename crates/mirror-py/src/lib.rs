@@ -44,8 +44,8 @@ mod _core {
     use crate::optics::{PySeenInMirror, ball_center_pixels, ball_centroids, see_in_mirror};
     #[pymodule_export]
     use crate::outline::{
-        PyBallOutline, PyPatternGhost, chroma_step, color_regions, fit_circle_by_consensus, measure_balls,
-        measure_blurred_balls, pattern_ghost,
+        PyBallOutline, PyPatternGhost, chroma_step, codec_covariances, color_regions,
+        fit_circle_by_consensus, measure_balls, measure_blurred_balls, pattern_ghost,
     };
     #[pymodule_export]
     use crate::picture::PictureMaker;

@@ -6,9 +6,9 @@ use crate::errors::{MirrorPostureError, to_py};
 use crate::work::Work;
 use mirror_core::Cancel;
 use mirror_core::outline::{
-    BallOutline, Circle, ColorBox, CommonBlur, ExpectedRadius, PatternGhost, PatternView, Picture,
-    RadiusRange, chroma_step as step_of, color_regions as regions_of, fit_circle, measure_ball,
-    measure_ball_again, measure_blurred_ball, pattern_ghost as ghost_of,
+    BallOutline, Circle, Codec, ColorBox, CommonBlur, ExpectedRadius, PatternGhost, PatternView, Picture,
+    RadiusRange, chroma_step as step_of, codec_covariance, color_regions as regions_of, fit_circle,
+    measure_ball, measure_blurred_ball, pattern_ghost as ghost_of,
 };
 use numpy::ndarray::Array2;
 use numpy::{IntoPyArray, PyArray2, PyReadonlyArray2, PyReadonlyArray3, PyUntypedArrayMethods};
@@ -97,9 +97,8 @@ impl PyBallOutline {
     }
 }
 
-/// The balls near circles `(N, 3)`: u, v, radius, with radii in `(N, 2)`, px; None where there is none. `again`: they were found there before.
+/// The balls near circles `(N, 3)`: u, v, radius, with radii in `(N, 2)`, px; None where there is none.
 #[pyfunction]
-#[pyo3(signature = (bgr, circles_px, radii_px, camera, chroma_step_px, again = false))]
 pub fn measure_balls(
     py: Python<'_>,
     bgr: PyReadonlyArray3<'_, u8>,
@@ -107,10 +106,55 @@ pub fn measure_balls(
     radii_px: Array2Like<'_>,
     camera: &PyCamera,
     chroma_step_px: (usize, usize),
-    again: bool,
 ) -> PyResult<Vec<Option<PyBallOutline>>> {
     let picture = picture_of(&bgr, chroma_step_px)?;
-    let ranges = pairs("radii_px", &radii_px)?;
+    let starts = starts_of(&circles_px, &radii_px)?;
+    let camera = camera.inner.as_ref();
+    let cancel = Cancel::new();
+    let found: Vec<_> = py.work_until(&cancel, || {
+        let measure = |(circle, range): &(Circle, RadiusRange)| {
+            if cancel.is_cancelled() { None } else { measure_ball(&picture, circle, range, camera) }
+        };
+        starts.par_iter().map(measure).collect()
+    })?;
+    Ok(found.into_iter().map(|ball| ball.map(|inner| PyBallOutline { inner })).collect())
+}
+
+/// What a JPEG's rounding adds to the covariances of balls that were found near circles `(N, 3)`, px²: rows of uu, uv, vv; None where it is not known. `steps`: of
+/// the coefficients of brightness and colour, 64 each, row by row; `sampling`: pixels across and down that share a colour in the file.
+#[pyfunction]
+pub fn codec_covariances(
+    py: Python<'_>,
+    bgr: PyReadonlyArray3<'_, u8>,
+    circles_px: Array2Like<'_>,
+    radii_px: Array2Like<'_>,
+    camera: &PyCamera,
+    chroma_step_px: (usize, usize),
+    steps: [[u16; 64]; 2],
+    sampling: (usize, usize),
+) -> PyResult<Vec<Option<[f64; 3]>>> {
+    let picture = picture_of(&bgr, chroma_step_px)?;
+    let starts = starts_of(&circles_px, &radii_px)?;
+    let codec = Codec::new(&steps[0], &steps[1], sampling).ok_or_else(|| {
+        MirrorPostureError::new_err(
+            "a codec: needed steps of at least 1, and one colour for 1 or 2 pixels each way",
+        )
+    })?;
+    let camera = camera.inner.as_ref();
+    let cancel = Cancel::new();
+    py.work_until(&cancel, || {
+        let sample = |(circle, range): &(Circle, RadiusRange)| {
+            let more = (!cancel.is_cancelled())
+                .then(|| codec_covariance(&picture, circle, range, camera, &codec))
+                .flatten()?;
+            Some([more[(0, 0)], more[(0, 1)], more[(1, 1)]])
+        };
+        starts.par_iter().map(sample).collect()
+    })
+}
+
+fn starts_of(circles_px: &Array2Like<'_>, radii_px: &Array2Like<'_>) -> PyResult<Vec<(Circle, RadiusRange)>> {
+    let ranges = pairs("radii_px", radii_px)?;
     if circles_px.shape() != [ranges.len(), 3] {
         return Err(shape_error(
             "circles_px",
@@ -118,18 +162,8 @@ pub fn measure_balls(
             &format!("({}, 3): u, v, radius", ranges.len()),
         ));
     }
-    let circles: Vec<Circle> = circles_px.as_array().rows().into_iter().map(circle_of).collect();
-    let camera = camera.inner.as_ref();
-    let cancel = Cancel::new();
-    let found: Vec<_> = py.work_until(&cancel, || {
-        let measure = |(circle, range): (&Circle, &nalgebra::Vector2<f64>)| {
-            let range = RadiusRange { min_px: range.x, max_px: range.y };
-            let one = if again { measure_ball_again } else { measure_ball };
-            if cancel.is_cancelled() { None } else { one(&picture, circle, &range, camera) }
-        };
-        circles.par_iter().zip(&ranges).map(measure).collect()
-    })?;
-    Ok(found.into_iter().map(|ball| ball.map(|inner| PyBallOutline { inner })).collect())
+    let range = |r: &nalgebra::Vector2<f64>| RadiusRange { min_px: r.x, max_px: r.y };
+    Ok(circles_px.as_array().rows().into_iter().map(circle_of).zip(ranges.iter().map(range)).collect())
 }
 
 /// The blurred balls near places in rows of u, v, expected radius and its standard deviation, px, with the blur that they share; None where there is none.

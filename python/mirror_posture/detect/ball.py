@@ -68,16 +68,14 @@ def measure_balls(
     starts: Sequence[Start],
     camera: Camera,
     chroma_step_px: tuple[int, int] = (1, 1),
-    again: bool = False,
 ) -> list[OutlineFit | None]:
-    """The ball at each start in a colour picture `(H, W, 3)` BGR, or None where no outline of a sphere of a fitting size is there. `again`: balls that were found at
-    these starts before; they are not searched roughly first."""
+    """The ball at each start in a colour picture `(H, W, 3)` BGR, or None where no outline of a sphere of a fitting size is there."""
     if not starts:
         return []
     circles = [[*one.circle.center_px, one.circle.radius_px] for one in starts]
     radii = [[one.min_radius_px, one.max_radius_px] for one in starts]
     found = _core.measure_balls(
-        np.ascontiguousarray(bgr), np.array(circles), np.array(radii), camera.core, chroma_step_px, again
+        np.ascontiguousarray(bgr), np.array(circles), np.array(radii), camera.core, chroma_step_px
     )
     return [None if one is None else _as_fit(one) for one in found]
 

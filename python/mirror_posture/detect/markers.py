@@ -35,7 +35,7 @@ from .marker_judge import (
     size_share,
     widened_by_size,
 )
-from .recoded import LEAST_STEP, Codec, with_recoded
+from .recoded import LEAST_STEP, Codec, with_codec_errors
 from .types import FloatArray, MarkerView, PredictedMarker, color_of
 
 # Smallest outline that sub-pixel edges can be read from; below, the region's centroid is all there is.
@@ -145,11 +145,7 @@ def detect_markers(
         wanted = [_expected(job) for job in jobs]
         views = with_blurred(bgr, wanted, fits_of, views, assumed, options, coded, ghost)
     if sampled is not None:
-
-        def read(picture: npt.NDArray[np.uint8], starts: list[Start]) -> list[OutlineFit | None]:
-            return measure_balls(picture, starts, assumed, chroma_step_px, again=True)
-
-        recoded = with_recoded(bgr, by_rays, sampled, read)
+        recoded = with_codec_errors(bgr, by_rays, sampled, assumed, chroma_step_px)
         views = [new if old is view else view for old, new, view in zip(by_rays, recoded, views, strict=True)]
     if camera is None:
         views = [replace(view, sphere_center_px=None) for view in views]

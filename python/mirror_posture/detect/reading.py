@@ -30,6 +30,11 @@ MAX_PIXELS = 150_000_000
 LARGEST_PICTURE = 1_000_000_000
 """Bytes of a picture's file at most: more than 150 million pixels of 48 bits have."""
 
+SAMPLINGS_PX = {0: (1, 1), 1: (2, 1), 2: (2, 2)}
+"""Pixels across and down that share a colour, by Pillow's number of a JPEG's sampling."""
+STEPS = 64
+"""Coefficients of a JPEG's block."""
+
 EXIF_ORIENTATION = 0x0112
 EXIF_TURNS = {
     2: "mirrored left-right",
@@ -116,7 +121,7 @@ def read_picture_file(path: Path | str) -> PictureFile:
         raise DetectionError(f"{file}: the picture is broken ({detail}); take or copy it again") from None
     step = (2, 2) if _is_lossy_webp(content) else _chroma_step(picture)
     return PictureFile(
-        as_picture(pixels, str(file)), turn, step, _quantisation_step(picture), _codec(picture, step)
+        as_picture(pixels, str(file)), turn, step, _quantisation_step(picture), _codec(picture)
     )
 
 
@@ -189,16 +194,16 @@ def _quantisation_step(picture: Image.Image) -> float:
     return float(np.mean(table[:10])) if table else 0.0
 
 
-def _codec(picture: Image.Image, chroma_step_px: tuple[int, int]) -> Codec | None:
-    """How a JPEG in colour was coded; None for another file, and for a sampling that Pillow does not write."""
+def _codec(picture: Image.Image) -> Codec | None:
+    """How a JPEG in colour was coded; None for another file, and for an unusual sampling."""
     if not isinstance(picture, JpegImagePlugin.JpegImageFile) or picture.mode != "RGB":
         return None
-    sampling = JpegImagePlugin.get_sampling(picture)
-    if sampling < 0:
+    sampling = SAMPLINGS_PX.get(JpegImagePlugin.get_sampling(picture))
+    # Brightness has the first table, the colours the next one, if there is another.
+    tables = [tuple(picture.quantization[number]) for number in sorted(picture.quantization)][:2]
+    if sampling is None or not tables or any(len(table) != STEPS or min(table) < 1 for table in tables):
         return None
-    return Codec(
-        {number: list(steps) for number, steps in picture.quantization.items()}, sampling, chroma_step_px
-    )
+    return Codec(tables[0], tables[-1], sampling)
 
 
 def _check_size(width: int, height: int, name: str) -> None:

@@ -13,9 +13,6 @@ use nalgebra::{Matrix2, Vector2};
 /// less than this, px.
 const ROUNDS: usize = 4;
 const SETTLED_PX: f64 = 0.05;
-/// The patch extends this far beyond the ball.
-const MARGIN_SHARE: f64 = 1.4;
-const MARGIN_PX: f64 = 16.0;
 /// Fewest and most rays.
 const RAYS: (f64, f64) = (24.0, 240.0);
 /// The blur that a lens and a pixel have, px; of a codec's colours, by the pixels that share one.
@@ -92,48 +89,67 @@ pub fn measure_ball(
     range: &RadiusRange,
     camera: &Camera,
 ) -> Option<BallOutline> {
-    measure_in_rounds(picture, start, range, camera, 0)
+    let patch = Patch::around(picture, start)?;
+    let aim = Aim::at(start, picture, camera)?;
+    settled(&patch, aim, range, camera, 0).map(|(ball, _)| ball).filter(|ball| range.holds(ball))
 }
 
-/// [`measure_ball`] of a ball that was found at the circle before: not searched roughly first.
-pub fn measure_ball_again(
-    picture: &Picture<'_>,
-    start: &Circle,
-    range: &RadiusRange,
-    camera: &Camera,
-) -> Option<BallOutline> {
-    measure_in_rounds(picture, start, range, camera, 1)
-}
-
-fn measure_in_rounds(
-    picture: &Picture<'_>,
-    start: &Circle,
+/// Rounds from an aim on until the ball settles: the ball, and the aim of the last round. A ball that was found at the aim before needs no `first_round` 0, which
+/// searches it roughly.
+pub(super) fn settled(
+    patch: &Patch,
+    mut aim: Aim,
     range: &RadiusRange,
     camera: &Camera,
     first_round: usize,
-) -> Option<BallOutline> {
-    if !(start.radius_px > 1.0
-        && start.radius_px.is_finite()
-        && start.center_px.iter().all(|v| v.is_finite()))
-    {
-        return None;
+) -> Option<(BallOutline, Aim)> {
+    let mut round = first_round;
+    loop {
+        let (ball, next) = aim.measured(patch, range, camera, round == 0)?;
+        round += 1;
+        let moved = (next.circle.center_px - aim.circle.center_px)
+            .norm()
+            .max((next.circle.radius_px - aim.circle.radius_px).abs());
+        if round >= ROUNDS || (round + 1 >= ROUNDS && moved < SETTLED_PX) {
+            return Some((ball, aim));
+        }
+        aim = next;
     }
-    let margin = start.radius_px * MARGIN_SHARE + MARGIN_PX;
-    let [u, v] = [start.center_px.x, start.center_px.y];
-    let patch = Patch::cut(picture, [u - margin, v - margin], [u + margin, v + margin]);
-    if patch.width < 4 || patch.height < 4 {
-        return None;
+}
+
+impl RadiusRange {
+    /// Whether a ball's radius is within.
+    pub(super) fn holds(&self, ball: &BallOutline) -> bool {
+        (self.min_px..=self.max_px).contains(&ball.cone.mean_radius_px)
     }
-    let count = (core::f64::consts::TAU * start.radius_px).round().clamp(RAYS.0, RAYS.1) as usize;
-    let mut blur =
-        Blur::round(if patch.coded { BLUR_OF_STEP * picture.widest_step() } else { USUAL_BLUR_PX });
-    let mut circle = *start;
-    let mut center = start.center_px;
-    let mut radius = expected_radii(start, camera, count)?;
-    let mut measured: Option<BallOutline> = None;
-    for round in first_round..ROUNDS {
-        let edges = edges_on_rays(&patch, center, &radius, &blur, round == 0);
-        blur = edges.blur;
+}
+
+/// Where a round looks for the outline: its centre, its distance in evenly spaced directions, and the blur.
+pub(super) struct Aim {
+    circle: Circle,
+    radius: Vec<f64>,
+    blur: Blur,
+}
+
+impl Aim {
+    /// The outline of a sphere at a circle, of a usual blur.
+    pub fn at(start: &Circle, picture: &Picture<'_>, camera: &Camera) -> Option<Self> {
+        let count = (core::f64::consts::TAU * start.radius_px).round().clamp(RAYS.0, RAYS.1) as usize;
+        let blur = if picture.coded() { BLUR_OF_STEP * picture.widest_step() } else { USUAL_BLUR_PX };
+        Some(Self { circle: *start, radius: expected_radii(start, camera, count)?, blur: Blur::round(blur) })
+    }
+
+    /// The ball near this outline, and the aim of the next round. `outermost`: the outline is only roughly known.
+    pub fn measured(
+        &self,
+        patch: &Patch,
+        range: &RadiusRange,
+        camera: &Camera,
+        outermost: bool,
+    ) -> Option<(BallOutline, Self)> {
+        let (circle, center, count) = (&self.circle, self.circle.center_px, self.radius.len());
+        let edges = edges_on_rays(patch, center, &self.radius, &self.blur, outermost);
+        let blur = edges.blur;
         let found = beside_found(&edges.found, count as f64 / (core::f64::consts::TAU * circle.radius_px));
         let growth = (range.min_px - circle.radius_px, range.max_px - circle.radius_px);
         let together = of_one_outline(&edges.offset_px, &edges.std_px, &found, TOLERANCE_PX, growth)?;
@@ -178,10 +194,7 @@ fn measure_in_rounds(
                 reach_px: LEFT_OUT_REACH_PX.min(LEFT_OUT_REACH_BLURS * blur.mean_px()),
             },
         )?;
-        let moved = (cone.centroid_px - center).norm().max((cone.mean_radius_px - circle.radius_px).abs());
-        let settled = round + 2 >= ROUNDS && moved < SETTLED_PX;
-        circle = Circle { center_px: cone.centroid_px, radius_px: cone.mean_radius_px };
-        center = cone.centroid_px;
+        let circle = Circle { center_px: cone.centroid_px, radius_px: cone.mean_radius_px };
         let agreeing = cone.inlier.iter().filter(|i| **i).count();
         // In coded pictures edges scatter so much that their agreement says little.
         if !patch.coded {
@@ -189,8 +202,7 @@ fn measure_in_rounds(
             cone.centroid_covariance_px2 *= more.powf(DISAGREEING_POWER);
         }
         let (ellipse_center, semi_axes, angle) = ellipse(&cone.boundary_px);
-        radius = radii(&semi_axes, angle, count);
-        measured = Some(BallOutline {
+        let ball = BallOutline {
             cone,
             ellipse_center_px: ellipse_center,
             semi_axes_px: semi_axes,
@@ -200,13 +212,9 @@ fn measure_in_rounds(
             narrow_blur_px: blur.narrowest_px(),
             lens_blur_px: edges.lens_px,
             curve_deviations: edges.curve_deviations,
-        });
-        if settled {
-            break;
-        }
+        };
+        Some((ball, Self { circle, radius: radii(&semi_axes, angle, count), blur }))
     }
-    measured
-        .filter(|ball| ball.cone.mean_radius_px >= range.min_px && ball.cone.mean_radius_px <= range.max_px)
 }
 
 /// Distances of a sphere's outline from its centre in evenly spaced directions, for the sphere at a circle.

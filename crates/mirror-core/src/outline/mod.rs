@@ -19,6 +19,7 @@
 //! | `patch` | a cut-out of the picture, prepared: linear light, or levels at the colour's resolution; noise |
 //! | `regions` | regions of the markers' colours, all in one pass |
 //! | `codec` | which pixels share a colour, where the file does not say it |
+//! | `codec_error`, `recoding` | what a coarse JPEG's rounding does to a centre; surroundings coded once more on a moved grid |
 //! | `circle`, `consensus` | a circle among points, as the start; the edges of one outline among others |
 //! | `shading` | light on a sphere by its normal |
 //! | `along` | light along a ray, of the ball and of the background; in coded pictures by the brightness too |
@@ -38,6 +39,7 @@ mod blur;
 mod channels;
 mod circle;
 mod codec;
+mod codec_error;
 mod common_blur;
 mod cone;
 mod consensus;
@@ -51,6 +53,7 @@ mod patch;
 mod pattern_rows;
 mod ray_edge;
 mod rays;
+mod recoding;
 mod regions;
 mod scatter;
 mod shading;
@@ -58,12 +61,14 @@ mod template;
 mod unmixing;
 mod whole;
 
-pub use ball::{BallOutline, RadiusRange, measure_ball, measure_ball_again};
+pub use ball::{BallOutline, RadiusRange, measure_ball};
 pub use circle::{Circle, fit_circle};
 pub use codec::chroma_step;
+pub use codec_error::codec_covariance;
 pub use common_blur::CommonBlur;
 pub use cone::{ConeFit, ConeOutline, EdgePoint, cone_centroid, fit_cone};
 pub use ghost::{PatternGhost, PatternView, pattern_ghost};
 pub use patch::Picture;
+pub use recoding::Codec;
 pub use regions::{ColorBox, ColorRegion, color_regions};
 pub use whole::{BlurredBall, ExpectedRadius, measure_blurred_ball};

@@ -1,6 +1,8 @@
 //! A cut-out of a picture, prepared for reading edges.
 
+use super::circle::Circle;
 use crate::error::{Error, Result};
+use nalgebra::Vector2;
 use std::sync::LazyLock;
 
 /// Noise from which a picture is smoothed before edges are read (levels): by more where its values differ by less than so much. The most that it is smoothed (px).
@@ -9,6 +11,10 @@ const USUAL_SPREAD_LEVELS: f64 = 60.0;
 const MOST_SMOOTHING_PX: f64 = 1.4;
 /// The codec's blocks of colour are at most so many pixels wide.
 const BLOCK_PX: usize = 4;
+/// A ball's patch extends this far beyond it: a share of its radius and some px more; its sides are at least so long.
+const MARGIN_SHARE: f64 = 1.4;
+const MARGIN_PX: f64 = 16.0;
+const LEAST_SIDE_PX: usize = 4;
 
 /// Linear light of each 8-bit level (sRGB, IEC 61966-2-1). Cameras differ a little; what matters is the curve's bend.
 static LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| {
@@ -62,6 +68,11 @@ impl<'a> Picture<'a> {
         Self { chroma_step: (1, 1), ..*self }
     }
 
+    /// Pixels across and down that share a colour.
+    pub(super) fn chroma_step(&self) -> (usize, usize) {
+        self.chroma_step
+    }
+
     /// Whether the codec keeps colour at a lower resolution than brightness.
     pub(super) fn coded(&self) -> bool {
         self.chroma_step != (1, 1)
@@ -70,6 +81,55 @@ impl<'a> Picture<'a> {
     /// The larger of the steps, px.
     pub(super) fn widest_step(&self) -> f64 {
         self.chroma_step.0.max(self.chroma_step.1) as f64
+    }
+}
+
+/// A rectangle of the picture, px: whole blocks of colour, for the codec's grid starts at the picture's corner.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Place {
+    pub left: usize,
+    pub top: usize,
+    pub width: usize,
+    pub height: usize,
+}
+
+impl Place {
+    /// What a measurement of the ball at a circle reads.
+    pub fn around(picture: &Picture<'_>, start: &Circle) -> Option<Self> {
+        let Circle { center_px, radius_px } = start;
+        if !(*radius_px > 1.0 && radius_px.is_finite() && center_px.iter().all(|v| v.is_finite())) {
+            return None;
+        }
+        Self::within(picture, center_px, radius_px * MARGIN_SHARE + MARGIN_PX)
+    }
+
+    /// What is so near to a point across and down.
+    pub fn within(picture: &Picture<'_>, middle_px: &Vector2<f64>, reach_px: f64) -> Option<Self> {
+        let [u, v] = [middle_px.x, middle_px.y];
+        let place = Self::between(picture, [u - reach_px, v - reach_px], [u + reach_px, v + reach_px]);
+        (place.width >= LEAST_SIDE_PX && place.height >= LEAST_SIDE_PX).then_some(place)
+    }
+
+    fn between(picture: &Picture<'_>, low: [f64; 2], high: [f64; 2]) -> Self {
+        let begin = |v: f64, size: usize| (v.max(0.0) as usize / BLOCK_PX * BLOCK_PX).min(size);
+        let end = |v: f64, size: usize| {
+            (v.ceil().max(0.0) as usize / BLOCK_PX * BLOCK_PX).saturating_add(BLOCK_PX).min(size)
+        };
+        let (left, top) = (begin(low[0], picture.width), begin(low[1], picture.height));
+        let (right, bottom) = (end(high[0], picture.width).max(left), end(high[1], picture.height).max(top));
+        Self { left, top, width: right - left, height: bottom - top }
+    }
+
+    /// The picture's levels there.
+    pub fn levels(&self, picture: &Picture<'_>) -> Vec<[u8; 3]> {
+        let mut levels = Vec::with_capacity(self.width * self.height);
+        for row in self.top..self.top + self.height {
+            let start = (row * picture.width + self.left) * 3;
+            levels.extend(
+                picture.bgr[start..start + self.width * 3].chunks_exact(3).map(|p| [p[0], p[1], p[2]]),
+            );
+        }
+        levels
     }
 }
 
@@ -90,21 +150,21 @@ pub(super) struct Patch {
 }
 
 impl Patch {
+    /// What a measurement of the ball at a circle reads; None where that is not a part of the picture.
+    pub fn around(picture: &Picture<'_>, start: &Circle) -> Option<Self> {
+        let place = Place::around(picture, start)?;
+        Some(Self::of(place.levels(picture), &place, picture.chroma_step))
+    }
+
     /// The part of a picture between two corners, px.
     pub fn cut(picture: &Picture<'_>, low: [f64; 2], high: [f64; 2]) -> Self {
-        // Whole blocks of colour: the codec's grid starts at the picture's corner.
-        let begin = |v: f64, size: usize| (v.max(0.0) as usize / BLOCK_PX * BLOCK_PX).min(size);
-        let end = |v: f64, size: usize| {
-            (v.ceil().max(0.0) as usize / BLOCK_PX * BLOCK_PX).saturating_add(BLOCK_PX).min(size)
-        };
-        let (left, top) = (begin(low[0], picture.width), begin(low[1], picture.height));
-        let (right, bottom) = (end(high[0], picture.width).max(left), end(high[1], picture.height).max(top));
-        let (width, height) = (right - left, bottom - top);
-        let mut levels = Vec::with_capacity(width * height);
-        for row in top..bottom {
-            let start = (row * picture.width + left) * 3;
-            levels.extend(picture.bgr[start..start + width * 3].chunks_exact(3).map(|p| [p[0], p[1], p[2]]));
-        }
+        let place = Place::between(picture, low, high);
+        Self::of(place.levels(picture), &place, picture.chroma_step)
+    }
+
+    /// Of levels (blue, green, red) at a place of the picture.
+    pub fn of(levels: Vec<[u8; 3]>, place: &Place, chroma_step: (usize, usize)) -> Self {
+        let (width, height) = (place.width, place.height);
         let noise = noise_levels(&levels, width, height);
         // The covered length does not mind a blur, and noise does.
         let smoothing = if noise > NOISY_LEVELS {
@@ -113,11 +173,11 @@ impl Patch {
         } else {
             0.0
         };
-        let coded = picture.coded();
+        let coded = chroma_step != (1, 1);
         let (mut light, mut luma);
         if coded {
             luma = levels.iter().map(|p| luma_of(p) / 255.0).collect::<Vec<f32>>();
-            light = at_chroma_resolution(&levels, &luma, width, height, picture.chroma_step);
+            light = at_chroma_resolution(&levels, &luma, width, height, chroma_step);
             smooth(&mut luma, width, height, smoothing);
         } else {
             luma = Vec::new();
@@ -133,8 +193,8 @@ impl Patch {
             }
         }
         Self {
-            left: left as f64,
-            top: top as f64,
+            left: place.left as f64,
+            top: place.top as f64,
             width,
             height,
             light,
@@ -260,17 +320,22 @@ fn at_chroma_resolution(
         let low = at as usize;
         (low, (low + 1).min(count - 1), at - low as f32)
     };
+    let along: Vec<(usize, usize, f32)> = (0..width).map(|column| between(column, across, columns)).collect();
     let mut result = Vec::with_capacity(width * height);
+    let mut wide = vec![0.0f32; columns];
     for row in 0..height {
-        let (above, below, b) = between(row, down, rows);
-        for column in 0..width {
-            let (left, right, a) = between(column, across, columns);
-            let at = |r: usize, c: usize| blocks[r * columns + c];
-            let wide = (1.0 - b) * ((1.0 - a) * at(above, left) + a * at(above, right))
-                + b * ((1.0 - a) * at(below, left) + a * at(below, right));
-            let change = wide - luma[row * width + column];
-            result
-                .push(levels[row * width + column].map(|v| (f32::from(v) / 255.0 + change).clamp(0.0, 1.0)));
+        // Down first: once for the samples of a row of pixels.
+        let (above, below, share) = between(row, down, rows);
+        for (column, value) in wide.iter_mut().enumerate() {
+            *value =
+                (1.0 - share) * blocks[above * columns + column] + share * blocks[below * columns + column];
+        }
+        let own = row * width..(row + 1) * width;
+        for ((pixel, brightness), (left, right, share)) in
+            levels[own.clone()].iter().zip(&luma[own]).zip(&along)
+        {
+            let change = (1.0 - share) * wide[*left] + share * wide[*right] - brightness;
+            result.push(pixel.map(|v| (f32::from(v) / 255.0 + change).clamp(0.0, 1.0)));
         }
     }
     result

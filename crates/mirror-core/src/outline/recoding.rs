@@ -1,0 +1,291 @@
+//! Surroundings of a ball, coded once more as the file's JPEG was, on a grid of blocks that is moved.
+//!
+//! What a baseline JPEG loses (ITU-T T.81): brightness and colour differences (ITU-R BT.601), colour averaged over the pixels that share it, the cosine
+//! transform of blocks of 8 × 8 samples `F = C f Cᵀ`, and each coefficient rounded to a multiple of its step. Entropy coding loses nothing and is left out. The
+//! decoder interpolates colour between samples linearly, as libjpeg does.
+
+use super::patch::{Picture, Place};
+use multiversion::multiversion;
+use nalgebra::Vector2;
+use std::sync::LazyLock;
+
+/// Side of a block, samples.
+pub(super) const BLOCK: usize = 8;
+const SIZE: usize = BLOCK * BLOCK;
+type Block = [f32; SIZE];
+
+/// How a JPEG was coded: the steps of its coefficients, row by row, and the pixels across and down that share a colour.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Codec {
+    luma_steps: Block,
+    chroma_steps: Block,
+    sampling: (usize, usize),
+}
+
+/// The cosine transform's matrix: row k is `√(2/8) cos((2 n + 1) k π / 16)`, the first `√(1/8)`.
+static COSINES: LazyLock<Block> = LazyLock::new(|| {
+    core::array::from_fn(|i| {
+        let (k, n) = ((i / BLOCK) as f64, (i % BLOCK) as f64);
+        let size = if k == 0.0 { 0.125f64 } else { 0.25 }.sqrt();
+        (size * ((2.0 * n + 1.0) * k * core::f64::consts::PI / 16.0).cos()) as f32
+    })
+});
+/// Its transpose, which undoes it.
+static COSINES_BACK: LazyLock<Block> =
+    LazyLock::new(|| core::array::from_fn(|i| COSINES[i % BLOCK * BLOCK + i / BLOCK]));
+
+impl Codec {
+    /// By tables of steps (levels, at least 1; row by row) of brightness and colour; None where a step is 0 or the sampling is not 1 or 2 each way.
+    pub fn new(luma: &[u16; SIZE], chroma: &[u16; SIZE], sampling: (usize, usize)) -> Option<Self> {
+        let fits = luma.iter().chain(chroma).all(|step| *step > 0)
+            && [sampling.0, sampling.1].iter().all(|step| [1, 2].contains(step));
+        fits.then(|| Self { luma_steps: luma.map(f32::from), chroma_steps: chroma.map(f32::from), sampling })
+    }
+
+    /// Pixels across and down that share a colour.
+    pub(super) fn sampling(&self) -> (usize, usize) {
+        self.sampling
+    }
+
+    /// The levels at a place of a picture, those of units that reach into a circle coded again; `moved` px is where the grid of blocks begins.
+    pub(super) fn again(
+        &self,
+        picture: &Picture<'_>,
+        place: &Place,
+        middle_px: &Vector2<f64>,
+        reach_px: f64,
+        moved: (usize, usize),
+    ) -> Vec<[u8; 3]> {
+        // A unit is the least part that is coded alone.
+        let (across, down) = (BLOCK * self.sampling.0, BLOCK * self.sampling.1);
+        let Place { left, top, width, height } = *place;
+        // Units that hold the place; the first one may begin before the picture.
+        let first = |low: usize, unit: usize, moved: usize| {
+            let low = low as isize - moved as isize;
+            low.div_euclid(unit as isize) * unit as isize + moved as isize
+        };
+        let (u0, v0) = (first(left, across, moved.0), first(top, down, moved.1));
+        let columns = ((left + width) as isize - u0) as usize / across + 1;
+        let rows = ((top + height) as isize - v0) as usize / down + 1;
+        let mut planes = Planes::of(picture, (u0, v0), (columns * across, rows * down), self.sampling);
+        let mut coded = vec![false; columns * rows];
+        for row in 0..rows {
+            for column in 0..columns {
+                let away = |low: isize, size: usize, middle: f64| {
+                    let low = low as f64;
+                    (low - middle).max(middle - (low + size as f64)).max(0.0)
+                };
+                let (u, v) = (u0 + (column * across) as isize, v0 + (row * down) as isize);
+                if away(u, across, middle_px.x).hypot(away(v, down, middle_px.y)) < reach_px {
+                    coded[row * columns + column] = true;
+                    self.code_unit(&mut planes, column, row);
+                }
+            }
+        }
+        let mut levels = Vec::with_capacity(width * height);
+        for v in top..top + height {
+            let y = (v as isize - v0) as usize;
+            let source = picture.row(v);
+            for u in left..left + width {
+                let x = (u as isize - u0) as usize;
+                levels.push(if coded[y / down * columns + x / across] {
+                    planes.bgr(x, y, self.sampling)
+                } else {
+                    [source[3 * u], source[3 * u + 1], source[3 * u + 2]]
+                });
+            }
+        }
+        levels
+    }
+
+    fn code_unit(&self, planes: &mut Planes, column: usize, row: usize) {
+        let (across, down) = self.sampling;
+        for v in 0..down {
+            for u in 0..across {
+                let at = ((column * across + u) * BLOCK, (row * down + v) * BLOCK);
+                code_block(&mut planes.luma, planes.width, at, &self.luma_steps);
+            }
+        }
+        for plane in &mut planes.chroma {
+            code_block(plane, planes.width / across, (column * BLOCK, row * BLOCK), &self.chroma_steps);
+        }
+    }
+}
+
+/// Brightness by pixel and colour differences by sample, levels around 0.
+struct Planes {
+    width: usize,
+    height: usize,
+    luma: Vec<f32>,
+    chroma: [Vec<f32>; 2],
+}
+
+impl Planes {
+    /// Of a rectangle from a corner on; beyond the picture's border as on it.
+    fn of(
+        picture: &Picture<'_>,
+        (u0, v0): (isize, isize),
+        (width, height): (usize, usize),
+        (across, down): (usize, usize),
+    ) -> Self {
+        let (columns, rows) = (width / across, height / down);
+        let mut luma = Vec::with_capacity(width * height);
+        let mut chroma = [vec![0.0f32; columns * rows], vec![0.0f32; columns * rows]];
+        let share = 1.0 / (across * down) as f32;
+        let inside = |at: isize, size: usize| at.clamp(0, size as isize - 1) as usize;
+        for y in 0..height {
+            let source = picture.row(inside(v0 + y as isize, picture.height));
+            for x in 0..width {
+                let u = 3 * inside(u0 + x as isize, picture.width);
+                let [b, g, r] = [source[u], source[u + 1], source[u + 2]].map(f32::from);
+                luma.push(0.299 * r + 0.587 * g + 0.114 * b - 128.0);
+                let sample = y / down * columns + x / across;
+                chroma[0][sample] += share * (0.5 * b - 0.331_264 * g - 0.168_736 * r);
+                chroma[1][sample] += share * (0.5 * r - 0.418_688 * g - 0.081_312 * b);
+            }
+        }
+        Self { width, height, luma, chroma }
+    }
+
+    /// A decoded pixel.
+    fn bgr(&self, x: usize, y: usize, (across, down): (usize, usize)) -> [u8; 3] {
+        let luma = self.luma[y * self.width + x] + 128.0;
+        let columns = self.width / across;
+        let (left, right, a) = between(x, across, columns);
+        let (above, below, b) = between(y, down, self.height / down);
+        let [blue, red] = [0, 1].map(|k| {
+            let at = |row: usize, column: usize| self.chroma[k][row * columns + column];
+            (1.0 - b) * ((1.0 - a) * at(above, left) + a * at(above, right))
+                + b * ((1.0 - a) * at(below, left) + a * at(below, right))
+        });
+        // (A float beyond the range of levels becomes the nearest one.)
+        [luma + 1.772 * blue, luma - 0.344_136 * blue - 0.714_136 * red, luma + 1.402 * red]
+            .map(|level| (level + 0.5) as u8)
+    }
+}
+
+/// The two samples around a pixel, and the weight of the second.
+#[inline]
+fn between(pixel: usize, step: usize, count: usize) -> (usize, usize, f32) {
+    if step == 1 {
+        return (pixel, pixel, 0.0);
+    }
+    let (near, odd) = (pixel / 2, pixel % 2);
+    if odd == 0 { (near, near.saturating_sub(1), 0.25) } else { (near, (near + 1).min(count - 1), 0.25) }
+}
+
+/// Rounds the coefficients of the block at a sample of a plane.
+fn code_block(plane: &mut [f32], width: usize, (left, top): (usize, usize), steps: &Block) {
+    let mut block = [0.0f32; SIZE];
+    for row in 0..BLOCK {
+        let start = (top + row) * width + left;
+        block[row * BLOCK..(row + 1) * BLOCK].copy_from_slice(&plane[start..start + BLOCK]);
+    }
+    let coded = rounded(&block, steps, &COSINES, &COSINES_BACK);
+    for row in 0..BLOCK {
+        let start = (top + row) * width + left;
+        plane[start..start + BLOCK].copy_from_slice(&coded[row * BLOCK..(row + 1) * BLOCK]);
+    }
+}
+
+/// A block with its coefficients rounded to multiples of their steps.
+#[multiversion(targets("x86_64+avx512f", "x86_64+avx2+fma"))]
+fn rounded(block: &Block, steps: &Block, forth: &Block, back: &Block) -> Block {
+    #[inline(always)]
+    fn product(a: &Block, b: &Block) -> Block {
+        let mut result = [0.0f32; SIZE];
+        for row in 0..BLOCK {
+            let mut sum = [0.0f32; BLOCK];
+            for k in 0..BLOCK {
+                let factor = a[row * BLOCK + k];
+                for column in 0..BLOCK {
+                    sum[column] += factor * b[k * BLOCK + column];
+                }
+            }
+            result[row * BLOCK..(row + 1) * BLOCK].copy_from_slice(&sum);
+        }
+        result
+    }
+    let mut coefficients = product(&product(forth, block), back);
+    for (value, step) in coefficients.iter_mut().zip(steps) {
+        *value = (*value / step).round_ties_even() * step;
+    }
+    product(&product(back, &coefficients), forth)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn pattern(width: usize, height: usize) -> Vec<u8> {
+        (0..width * height)
+            .flat_map(|i| {
+                let (x, y) = ((i % width) as f64, (i / width) as f64);
+                [(0.31 * x).sin(), (0.23 * y + 0.1 * x).cos(), (0.05 * x * y).sin()]
+                    .map(|v| (127.0 + 100.0 * v) as u8)
+            })
+            .collect()
+    }
+
+    fn change(first: &[[u8; 3]], other: &[[u8; 3]]) -> f64 {
+        let squares: f64 = first
+            .iter()
+            .flatten()
+            .zip(other.iter().flatten())
+            .map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2))
+            .sum();
+        (squares / (3 * first.len()) as f64).sqrt()
+    }
+
+    fn coded(codec: &Codec, bytes: &[u8], moved: (usize, usize)) -> Vec<[u8; 3]> {
+        let picture = Picture::new(bytes, 96, 80, (1, 1)).unwrap();
+        let whole = Place { left: 0, top: 0, width: 96, height: 80 };
+        codec.again(&picture, &whole, &Vector2::new(48.0, 40.0), 1e3, moved)
+    }
+
+    #[test]
+    fn coarser_steps_change_more_and_a_grid_that_was_coded_before_hardly_at_all() {
+        let bytes = pattern(96, 80);
+        let as_it_is: Vec<[u8; 3]> = bytes.chunks_exact(3).map(|p| [p[0], p[1], p[2]]).collect();
+        let codec = |step: u16| Codec::new(&[step; 64], &[step; 64], (1, 1)).unwrap();
+        assert!(change(&coded(&codec(1), &bytes, (0, 0)), &as_it_is) < 1.0);
+        let (fine, coarse) = (coded(&codec(8), &bytes, (3, 5)), coded(&codec(24), &bytes, (3, 5)));
+        assert!(change(&coarse, &as_it_is) > 1.5 * change(&fine, &as_it_is));
+        // Coded once more on its own grid nothing is lost but by the levels' rounding; on another one, much.
+        let flat: Vec<u8> = coarse.iter().flatten().copied().collect();
+        let (own, other) = (coded(&codec(24), &flat, (3, 5)), coded(&codec(24), &flat, (0, 0)));
+        assert!(change(&own, &coarse) < 0.3 * change(&other, &coarse));
+    }
+
+    #[test]
+    fn rounding_keeps_the_mean_of_squares_of_a_steps_rounding() {
+        // Coefficients are spread over many steps: each is off by step² / 12, and the transform keeps squares.
+        let mut seed = 7u32;
+        let block: Block = core::array::from_fn(|_| {
+            seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (seed >> 24) as f32 - 128.0
+        });
+        let coded = rounded(&block, &[10.0; SIZE], &COSINES, &COSINES_BACK);
+        let square = block.iter().zip(&coded).map(|(a, b)| (a - b).powi(2)).sum::<f32>() / SIZE as f32;
+        assert!((square - 100.0 / 12.0).abs() < 3.0, "{square}");
+    }
+
+    #[test]
+    fn only_units_within_reach_are_coded_and_what_is_no_codec_is_none() {
+        let bytes = pattern(96, 80);
+        let codec = Codec::new(&[40; 64], &[40; 64], (2, 2)).unwrap();
+        let picture = Picture::new(&bytes, 96, 80, (2, 2)).unwrap();
+        let place = Place { left: 8, top: 4, width: 88, height: 76 };
+        let levels = codec.again(&picture, &place, &Vector2::new(16.0, 16.0), 12.0, (2, 6));
+        assert_eq!(levels.len(), 88 * 76);
+        let source = |u: usize, v: usize| {
+            let at = 3 * (v * 96 + u);
+            [bytes[at], bytes[at + 1], bytes[at + 2]]
+        };
+        let differs = |u: usize, v: usize| levels[(v - 4) * 88 + u - 8] != source(u, v);
+        assert!((10..24).any(|u| differs(u, 16)));
+        assert!((60..96).all(|u| (4..80).all(|v| !differs(u, v))));
+        assert!(Codec::new(&[0; 64], &[1; 64], (1, 1)).is_none());
+        assert!(Codec::new(&[1; 64], &[1; 64], (4, 1)).is_none());
+    }
+}
