@@ -143,7 +143,7 @@ pub fn correction_step<'w>(
     workspace.change.fill(0.0);
     // Each pass sets one joint to a limit or releases one; three passes a joint are far more than ever needed.
     for _ in 0..3 * workspace.joints.len() + 1 {
-        leave_to_active(problem, options.gain, rows, workspace);
+        leave_to_active(options.gain, rows, workspace);
         let chosen = solve_active(rows, options.damping, noise_m, mu, workspace);
         mu.get_or_insert(chosen);
         if let Some((joint, change)) = worst_beyond(problem, workspace) {
@@ -255,7 +255,7 @@ fn lower_factor(c: &Matrix3<f64>) -> Option<[f64; 6]> {
 }
 
 /// Lists the joints that are off their limits, and what error those on limits leave to them.
-fn leave_to_active(p: &StepProblem<'_>, gain: f64, rows: usize, w: &mut StepWorkspace) {
+fn leave_to_active(gain: f64, rows: usize, w: &mut StepWorkspace) {
     w.active.clear();
     for (to, from) in w.remaining.iter_mut().zip(&w.whitened_error) {
         *to = gain * from;
