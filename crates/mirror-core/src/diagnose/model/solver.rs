@@ -69,7 +69,7 @@ pub(crate) const SOLVER: Solver = Solver {
     rough_board_steps: 5,
     rough_corners: 16,
     plane_steps: 2,
-    plane_gain: 1.0,
+    plane_gain: 0.1,
     plane_moved: 0.01,
     last_plane_gain: 0.01,
     nearby_gain: 30.0,
