@@ -168,6 +168,16 @@ def test_a_thumb_over_a_corner_of_the_board_hides_only_that() -> None:
     assert found >= 23
 
 
+@pytest.mark.parametrize("share", [0.5, 0.9])
+def test_a_board_that_a_shake_blurs_shows_its_end_all_the_same(share: float) -> None:
+    for seed in range(4):
+        picture, corners = seen_in_a_mirror(seed)
+        square_px = np.linalg.norm(corners[1] - corners[0])
+        (view,) = detect_boards(cv2.blur(picture, (round(share * square_px), 1)), BOARD, CAMERA)
+        assert view.ok, (seed, view.reason)
+        assert away_px(view, corners).max() < 1.5, seed
+
+
 def test_gingham_is_no_board_with_hidden_corners() -> None:
     """Squares of three shades meet at each crossing; at its edge a grid of the board's counts shows, but for some corners."""
     shades = np.array([60, 130, 220], np.uint8)[(np.indices((16, 20)) % 2).sum(axis=0)]

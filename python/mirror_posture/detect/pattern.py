@@ -26,7 +26,7 @@ MIN_CORNER_CONTRAST = 0.35
 # Grey levels of 255: less contrast than this is noise.
 MIN_CONTRAST_LEVELS = 6.0
 # A corner of an outer line shows the board's end where the two squares beyond it do: at these shares of a square outward, so far to each side of the edge between
-# them, they differ by this part of what the four squares at the corner do; at half of the line. A bit farther out the squares go on like that, or are cut off (many boards
+# them, they differ by this part of what the two squares before it do there; at half of the line. A bit farther out the squares go on like that, or are cut off (many boards
 # have half a square there), and then nothing differs by more than a share of it. What lies behind another pattern's end has edges of its own.
 END_AT_SQUARES = (0.3, 0.4)
 FARTHER_SQUARES = (0.6,)
@@ -147,9 +147,10 @@ def _shows_end(gray: Pixels, grid: FloatArray) -> FloatArray:
         at = np.stack([corner + share * out for share in shares])
         return sample(gray, at + aside) - sample(gray, at - aside)
 
-    _, spread = saddle_contrast(gray, corner, np.gradient(grid[1], axis=0), -out)
-    # Positive where they go on as the four squares around the corner do.
-    sign, size = -np.sign(differences((-SAMPLE_FRACTION,))), np.maximum(spread, MIN_CONTRAST_LEVELS)
+    # Positive where they go on as the squares before the corner do, in units of what these do along the line: a blur makes less of both.
+    before = differences((-SAMPLE_FRACTION,))
+    usual = np.median(np.abs(before[np.isfinite(before)])) if np.isfinite(before).any() else 0.0
+    sign, size = -np.sign(before), max(float(usual), MIN_CONTRAST_LEVELS)
     near, far = (sign * differences(shares) / size for shares in (END_AT_SQUARES, FARTHER_SQUARES))
     goes_on = (far > LEAST_END_CONTRAST) | ~(np.abs(far) > CUT_OFF_CONTRAST)
     told = np.all(near > LEAST_END_CONTRAST, axis=0) & np.all(goes_on, axis=0)
