@@ -191,6 +191,13 @@ class SimulatedLine(ABC):
         with self._lock:
             return {servo_id: servo.position for servo_id, servo in self.servos.items()}
 
+    def comes_to_rest(self, within_s: float = 1.0) -> bool:
+        """Whether all shafts stand still in time: a busy machine lets the line's thread lag behind the program's."""
+        end = time.monotonic() + within_s
+        while any(self.speeds().values()) and time.monotonic() < end:
+            time.sleep(0.01)
+        return not any(self.speeds().values())
+
     def speeds(self) -> dict[int, float]:
         with self._lock:
             return {servo_id: servo.motor.speed for servo_id, servo in self.servos.items()}

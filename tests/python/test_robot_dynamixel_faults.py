@@ -85,9 +85,9 @@ def test_held_at_the_end_where_the_file_says_so(
         with pytest.raises(Interrupted, match="SIGTERM"):
             robot.command({"r_shoulder_roll": 1.5})
         timer.join()
-        here = bus.positions()
         assert robot.standing.sentence == "stopped, torque is held: Interrupted: SIGTERM"
-        assert all(bus.torques()) and max(map(abs, bus.speeds().values())) == 0.0
+        assert all(bus.torques()) and bus.comes_to_rest()
+        here = bus.positions()
         assert 1110.0 < here[1] < 1024 + 1.0 * 4096 / (2 * math.pi)
     time.sleep(0.1)
     assert all(bus.torques()) and bus.positions() == here

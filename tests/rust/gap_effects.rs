@@ -194,6 +194,11 @@ fn camera_center() {
 }
 
 #[test]
+fn marker_image() {
+    finds(Wrong::MarkersDetected(0.4, -0.5), "marker_image", "camera", &[("du_px", 0.4), ("dv_px", -0.5)]);
+}
+
+#[test]
 fn lens_distortion() {
     finds(Wrong::Radial(-0.05), "lens_distortion", "camera", &[("dk1", -0.05)]);
 }

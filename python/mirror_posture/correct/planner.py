@@ -125,7 +125,6 @@ def prospects(
         seen = see_in_mirror(camera, distance * normal, points, **glass)
         pixels = np.where(seen.valid[:, None], seen.pixels_px, -1.0)
         inside = seen.valid & np.all((pixels > MARGIN_PX) & (pixels < size - 1 - MARGIN_PX), axis=1)
-        inside &= points @ normal < distance
         # No part of the robot may reach into the glass, whether it is observed or not.
         if not inside[needed].all() or (body @ normal + clearance_m).max() > distance:
             continue

@@ -8,6 +8,8 @@ pub(super) struct Light {
     pub(super) mount: Isometry3<f64>,
     focal_px: f64,
     center_px: Vector2<f64>,
+    /// How far beside their images markers are detected.
+    pub(super) detected_px: Vector2<f64>,
     k1: f64,
     pub(super) board_scale: f64,
     pub(super) board: Isometry3<f64>,
@@ -21,6 +23,7 @@ impl Light {
             mount: Isometry3::identity(),
             focal_px: FOCAL_PX,
             center_px: Vector2::from(CENTER_PX),
+            detected_px: Vector2::zeros(),
             k1: 0.0,
             board_scale: 1.0,
             board: Isometry3::identity(),
@@ -37,6 +40,7 @@ impl Light {
                 }
                 Wrong::Focal(e) => out.focal_px *= 1.0 + e,
                 Wrong::Center(u, v) => out.center_px += Vector2::new(u, v),
+                Wrong::MarkersDetected(u, v) => out.detected_px = Vector2::new(u, v),
                 Wrong::Radial(k) => out.k1 = k,
                 Wrong::BoardScale(e) => out.board_scale = 1.0 + e,
                 Wrong::Glass(t) => out.glass_m = t,

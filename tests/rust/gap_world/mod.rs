@@ -60,6 +60,8 @@ pub enum Wrong {
     BoardMount([f64; 6]),
     Focal(f64),
     Center(f64, f64),
+    /// All markers are detected so many pixels to the right and below.
+    MarkersDetected(f64, f64),
     Radial(f64),
     BoardScale(f64),
     Glass(f64),

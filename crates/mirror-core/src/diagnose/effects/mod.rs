@@ -24,6 +24,7 @@ mod joint_offset;
 mod lens_distortion;
 mod link_bending;
 mod link_length;
+mod marker_image;
 mod marker_mount;
 mod mirror_curvature;
 mod mirror_glass;
@@ -260,6 +261,7 @@ pub(crate) fn vocabulary() -> Vec<Box<dyn Effect>> {
         Box::new(joint_coupling::JointCoupling),
         Box::new(drift::Drift),
         Box::new(marker_mount::MarkerMount),
+        Box::new(marker_image::MarkerImage),
         Box::new(board_mount::BoardMount),
         Box::new(camera_mount::CameraMount),
         Box::new(camera_focal::CameraFocal),

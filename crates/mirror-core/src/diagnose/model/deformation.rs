@@ -31,6 +31,8 @@ pub(crate) struct Deformation {
     pub board_mount: Vector6<f64>,
     pub focal_scale_error: f64,
     pub center_px: Vector2<f64>,
+    /// Shift of all markers' images, px.
+    pub marker_image_px: Vector2<f64>,
     pub dk1: f64,
     pub board_scale_error: f64,
     pub glass_thickness_m: f64,
@@ -62,6 +64,7 @@ impl Deformation {
             board_mount: Vector6::zeros(),
             focal_scale_error: 0.0,
             center_px: Vector2::zeros(),
+            marker_image_px: Vector2::zeros(),
             dk1: 0.0,
             board_scale_error: 0.0,
             glass_thickness_m: 0.0,

@@ -31,6 +31,8 @@ pub(crate) enum Atom {
     OriginShift(NodeId, usize),
     /// Shift of a marker on its mount.
     MarkerShift(usize, usize),
+    /// Shift of all markers' images along u or v: the detector of markers against that of corners.
+    MarkerImage(usize),
     /// Tangent of the camera's mount: rotation 0 to 2, translation 3 to 5.
     CameraMount(usize),
     /// Tangent of the board's mount in its nominal frame: rotation 0 to 2, translation 3 to 5. A camera on the board's own body moves
@@ -76,6 +78,7 @@ impl Atom {
             | Self::LinkShift(..)
             | Self::OriginShift(..)
             | Self::MarkerShift(..)
+            | Self::MarkerImage(_)
             | Self::BoardMount(_)
             | Self::FramePose(_) => false,
         }
@@ -297,6 +300,7 @@ impl Column {
                 }
             },
             Atom::Center(k) => deformation.center_px += Vector2::ith(k, value),
+            Atom::MarkerImage(k) => deformation.marker_image_px[k] += value,
             Atom::Dk1 => deformation.dk1 += value,
             Atom::BoardScale => deformation.board_scale_error += value,
             Atom::Glass => deformation.glass_thickness_m += value,

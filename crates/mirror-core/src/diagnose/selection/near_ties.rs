@@ -9,6 +9,7 @@ use crate::diagnose::model::work_budget::A_STAGE;
 use crate::diagnose::principles::LEAST_LOG_ODDS;
 use crate::diagnose::selection::nonparametric::log_odds;
 use crate::diagnose::selection::search::{Found, Search};
+use crate::diagnose::selection::with_setup::suffices;
 use crate::error::Result;
 
 /// Repeats the search from the other cause of each near tie if the model is more probable with it.
@@ -19,8 +20,9 @@ pub(crate) fn from_near_ties(search: &mut Search<'_>, found: &mut Found) -> Resu
     if search.ties.is_empty() {
         return Ok(());
     }
-    // What is left so far, and the next stage's share, which has little to do where causes explain all.
-    search.problem.budget.allow(1.0 - A_STAGE);
+    // What is left so far, and, where causes explain all, the share of free-form errors, which have little to do then.
+    let stages = if suffices(search, found)? { 1.0 } else { 2.0 };
+    search.problem.budget.allow(1.0 - stages * A_STAGE);
     for (taken, other) in core::mem::take(&mut search.ties) {
         if search.problem.budget.is_spent() {
             break;

@@ -183,6 +183,7 @@ impl FrameWork {
                 let mount = self.poses.site(&problem.marker_mounts[m]).r;
                 Some(row.by_world * mount.column(k))
             }
+            Atom::MarkerImage(k) if row.marker.is_some() && !row.measured => Some(Vector3::ith(k, row.scale)),
             Atom::FramePose(k) if row.measured => {
                 let unknown = self.unknown?;
                 let in_root = self.root.inverse_point(&row.point);
@@ -223,6 +224,7 @@ fn optics_column(atom: Atom) -> Option<usize> {
         | Atom::LinkShift(..)
         | Atom::OriginShift(..)
         | Atom::MarkerShift(..)
+        | Atom::MarkerImage(_)
         | Atom::BoardMount(_)
         | Atom::FreeOptics(_)
         | Atom::FramePose(_) => None,

@@ -143,10 +143,11 @@ impl FrameWork {
                 (corner_point(problem, eye, c.index, 1.0 + task.deformation.board_scale_error), None)
             }
         };
+        let shift = marker.map_or_else(Vector2::zeros, |_| task.deformation.marker_image_px);
         let point = world_from_target.point(&local);
         let in_camera = camera_from_world.point(&point);
         let sight = sight_of(eye, via, &self.foot, &in_camera, wanted)
-            .map(|sight| (sight, self.outline_offset(problem, eye, via, marker, &in_camera)));
+            .map(|sight| (sight, self.outline_offset(problem, eye, via, marker, &in_camera) + shift));
         let from_world = (eye, camera_from_world);
         let place = (world_from_target, point, in_camera);
         self.push_seen(problem, task, from_world, (via, seen), place, sight, pixel, std, mixture, wanted);
