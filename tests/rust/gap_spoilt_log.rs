@@ -3,6 +3,8 @@
 use crate::gap_world::{Plan, World, Wrong};
 use mirror_core::diagnose::{DiagnoseOptions, Diagnosis, Recording, Verdict, diagnose};
 use mirror_core::robot::Robot;
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 
 /// Even odds: no cause is named with this probability or more.
 const EVEN: f64 = 0.5;
@@ -187,6 +189,48 @@ fn a_spoilt_column_is_found_beside_mounts_by_hand() {
         let others = told.causes.iter().filter(|c| c.kind != "setup");
         assert!(others.clone().all(|c| c.probability < EVEN), "{:?} {:#?}", told.causes, told.trace);
     }
+}
+
+#[test]
+fn a_joint_that_rests_anywhere_is_found_beside_mounts_by_hand() {
+    let world = World::new(4, true);
+    for (name, seed) in [("r_elbow", 44), ("l_shoulder_yaw", 45)] {
+        let mut recording =
+            world.record(&Plan { postures: 61, seed, wrong: mounts_by_hand(), ..Plan::default() });
+        let joint = column(&world, name);
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        let mut rest = Vec::new();
+        for frame in &mut recording.frames {
+            let posture = frame.posture as usize;
+            rest.resize_with(rest.len().max(posture + 1), || random.random_range(-0.015..0.015));
+            frame.commanded[joint] += rest[posture];
+        }
+        let told = diagnosed(&world, &recording);
+        assert!(
+            matches!(told.verdict, Verdict::Unknown | Verdict::Partial),
+            "{} {:#?}",
+            told.sentence,
+            told.trace
+        );
+        assert!(told.r#where.iter().any(|w| w.at == format!("joint:{name}")), "{:?}", told.r#where);
+        let others = told.causes.iter().filter(|c| c.kind != "setup");
+        assert!(others.clone().all(|c| c.probability < EVEN), "{:?} {:#?}", told.causes, told.trace);
+    }
+}
+
+#[test]
+fn positions_in_coarse_steps_are_warned_of() {
+    let world = World::new(4, true);
+    let clean = world.record(&Plan { postures: 41, seed: 46, ..Plan::default() });
+    let about = |told: &Diagnosis| told.warnings.iter().find(|w| w.contains("in steps of")).cloned();
+    assert_eq!(about(&diagnosed(&world, &clean)), None);
+    let mut typed = clean;
+    for q in typed.frames.iter_mut().flat_map(|f| &mut f.commanded) {
+        *q = q.to_degrees().round().to_radians();
+    }
+    let told = diagnosed(&world, &typed);
+    let warning = about(&told).unwrap_or_else(|| panic!("{:?}", told.warnings));
+    assert!(warning.contains("steps of up to 1°") && warning.contains("l_elbow"), "{warning}");
 }
 
 #[test]

@@ -9,6 +9,7 @@ mod members;
 pub(super) mod plots;
 pub(super) mod reservations;
 pub(super) mod rms_shift;
+pub(super) mod rounded_positions;
 pub(super) mod seen_markers;
 pub(super) mod sentence;
 pub(super) mod setup_causes;

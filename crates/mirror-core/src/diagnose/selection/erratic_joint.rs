@@ -77,9 +77,9 @@ pub(crate) fn beside_erratic_joint<'a>(
     if !here.is_some_and(|(_, _, log_bayes)| log_bayes + LOG_PRIOR_STRUCTURE > 0.0) {
         return Ok(None);
     }
-    // At the nominal model, so that no cause that only absorbed a part of it decides the place.
-    let scatter = search.effective(nominal)?;
-    let joints = by_first_order(search, nominal, scatter)?;
+    // Without causes, so that none that only absorbed a part of it decides the place.
+    let (bare, scatter) = without_causes(search, nominal)?;
+    let joints = by_first_order(search, &bare, scatter)?;
     let Some(&(_, _, log_bayes)) = joints.first() else { return Ok(None) };
     if small_errors_take_it(search, nominal, scatter, log_bayes)? {
         return Ok(None);
@@ -100,6 +100,20 @@ pub(crate) fn beside_erratic_joint<'a>(
     ));
     its.trace = trace;
     Ok((odds + LOG_PRIOR_STRUCTURE > 0.0).then_some(ErraticJoint { node, search: beside, found: its }))
+}
+
+/// The model without causes, with the mounts that are free where the data put them, and the scatter that it leaves:
+/// beside mounts where the URDF has them the scatter of displaced ones hides every joint.
+fn without_causes(search: &Search<'_>, nominal: &Model) -> Result<(Model, Noise)> {
+    let mut bare = Model { group: vec![0.0; search.group.columns.len()], ..nominal.clone() };
+    let mut scatter = search.effective(&bare)?;
+    if !bare.group.is_empty() {
+        for _ in 0..2 {
+            bare = search.fit(&bare, scatter, SOLVER.final_steps)?.model;
+            scatter = search.effective(&bare)?;
+        }
+    }
+    Ok((bare, scatter))
 }
 
 /// A joint with fitted errors: the search with them free, and their values.

@@ -67,8 +67,7 @@ impl FrameWork {
         if !self.see_markers(problem, task, data, (eye, &camera_from_world), Wanted::default()) {
             return None;
         }
-        let (markers, std, shift) =
-            (&self.markers, task.noise.marker_px, task.deformation.marker_image_px);
+        let (markers, std, shift) = (&self.markers, task.noise.marker_px, task.deformation.marker_image_px);
         let mixture = pixel_mixture(eye, std);
         let (mut information, mut gradient) = (Matrix3::zeros(), Vector3::zeros());
         let pixels = data.others.iter().filter_map(|observation| match observation {
