@@ -230,7 +230,7 @@ fn positions_in_coarse_steps_are_warned_of() {
     }
     let told = diagnosed(&world, &typed);
     let warning = about(&told).unwrap_or_else(|| panic!("{:?}", told.warnings));
-    assert!(warning.contains("steps of up to 1°") && warning.contains("l_elbow"), "{warning}");
+    assert!(warning.contains("steps of up to 1°") && warning.contains("more joints"), "{warning}");
 }
 
 #[test]

@@ -7,7 +7,7 @@
 use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::scene::Scene;
-use crate::diagnose::principles::{FEWEST_OBSERVATIONS, Grid, MAJORITY};
+use crate::diagnose::principles::{FEWEST_OBSERVATIONS, Grid, MAJORITY, Size};
 use crate::diagnose::report::rms_shift::{noise_square, rms_shift};
 use crate::error::Result;
 
@@ -16,6 +16,9 @@ const STEPS_DEG: [Grid; 5] = [5.0, 1.0, 0.5, 0.2, 0.1];
 const STEPS_RAD: [Grid; 4] = [0.1, 0.05, 0.02, 0.01];
 /// A value counts as a multiple within this share of the step: a fiftieth of other values does by chance.
 const SHARE: Grid = 0.01;
+
+/// Joints that the warning names.
+const NAMED: Size = 3;
 
 /// A joint's step, and how people would say it.
 fn step_of(scene: &Scene, node: NodeId) -> Option<(f64, String)> {
@@ -56,14 +59,18 @@ pub(crate) fn positions_are_rounded(findings: &Findings<'_>) -> Result<Option<St
     }
     let coarsest = rounded.iter().max_by(|a, b| a.1.0.total_cmp(&b.1.0)).map_or("", |r| &r.1.1);
     let names: Vec<&str> = rounded.iter().map(|r| scene.body.nodes[r.0].joint.as_str()).collect();
+    let some = names[..names.len().min(NAMED)].join(", ");
+    let names = match names.len().saturating_sub(NAMED) {
+        0 => some,
+        others => format!("{some} and {others} more joints"),
+    };
     let (moved, noise, unit) = match search.problem.camera {
         Some(_) => (square.sqrt(), noise.sqrt(), "px"),
         None => (square.sqrt() * 1e3, noise.sqrt() * 1e3, "mm"),
     };
     Ok(Some(format!(
-        "the positions of {} are written in steps of up to {coarsest}: if the log rounded them, that alone moves the \
+        "the positions of {names} are written in steps of up to {coarsest}: if the log rounded them, that alone moves the \
          markers by {moved:.2} {unit} (root mean square; the noise is {noise:.2} {unit}), differently in each posture, and a \
-         remainder of this size is no error of the model; record what the encoders say",
-        names.join(", ")
+         remainder of this size is no error of the model; record what the encoders say"
     )))
 }
