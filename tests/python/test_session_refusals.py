@@ -51,6 +51,19 @@ REFUSALS = {
         1,
         "the picture a.png is missing",
     ),
+    "semicolons": (
+        {"frames": FRAMES.replace(",", ";")},
+        "frames.csv",
+        None,
+        "separated by semicolons; needed commas",
+    ),
+    "decimal commas": (
+        {"detections": DETECTIONS.replace(",", ";").replace(".", ",")},
+        "detections.csv",
+        None,
+        "points in numbers",
+    ),
+    "tabs": ({"points": POINTS.replace(",", "\t")}, "points.csv", None, "separated by tabs"),
     # A joint that the URDF does not have.
     "unknown joint": (
         {"frames": replaced(FRAMES, ",elbow,", ",elbw,")},

@@ -28,6 +28,8 @@ from .errors import SessionError, choices
 from .parquet_sizes import chunk_sizes
 
 SUFFIXES = (".csv", ".parquet")
+SEPARATORS = {";": "semicolons", "\t": "tabs", "|": "bars"}
+"""What spreadsheets of other languages write between cells."""
 MOST_COLUMNS, MOST_CELLS = 5_000, 30_000_000
 """Of a table at most."""
 LONGEST_FIXED = 64
@@ -274,6 +276,11 @@ def _read_csv(data: bytes, name: str, unfinished: bool) -> pa.Table:
     # The header may hold ends of lines between quotes: it is read as a row, of a text that is not copied as a whole.
     names = next(csv.reader(io.TextIOWrapper(io.BytesIO(data), encoding="utf-8-sig", newline="")), [])
     _check_size(name, len(names), data.count(b"\n"))
+    if len(names) == 1 and (other := next((c for c in SEPARATORS if c in names[0]), None)):
+        raise SessionError(
+            name,
+            f"its cells are separated by {SEPARATORS[other]}; needed commas, and points in numbers (of a spreadsheet: CSV in English)",
+        )
     convert = pyarrow.csv.ConvertOptions(
         column_types=dict.fromkeys(names, pa.string()),
         strings_can_be_null=False,

@@ -2,12 +2,8 @@
 
 use crate::diagnose::data::diagnosis::{Cause, Data, Diagnosis, Gap, GapStep, VERSION, Verdict};
 use crate::diagnose::data::recording::{Recording, Target};
-use crate::diagnose::principles::Prior;
 use std::collections::{BTreeMap, HashSet};
 use std::sync::{Arc, Mutex, PoisonError};
-
-/// Probability of a cause in a partial result: its alternatives were not compared.
-pub(crate) const UNWEIGHED: Prior = 0.5;
 
 /// Looks at a running diagnosis from outside. Clones watch the same one; the default one watches nothing.
 ///
@@ -69,8 +65,8 @@ impl Progress {
         self.with(|s| s.mistakes.len() + s.causes.len()).unwrap_or_default()
     }
 
-    /// The partial result, marked as interrupted: causes with probability 0.5, because their alternatives were not
-    /// compared, and no gap, because nothing was held out yet.
+    /// The partial result, marked as interrupted: causes with probability `p/(1 + p)`, p against their absence alone,
+    /// because an alternative that was not compared may be as probable; and no gap, because nothing was held out yet.
     #[must_use]
     pub fn so_far(&self, recording: &Recording) -> Diagnosis {
         let (stage, causes) = self

@@ -7,6 +7,11 @@ pub(crate) fn tempered(log_odds: f64) -> f64 {
     against(&[-log_odds])
 }
 
+/// Probability where the search did not end: a hypothesis that was not tested may be as probable.
+pub(crate) fn unfinished(probability: f64) -> f64 {
+    probability / (1.0 + probability)
+}
+
 /// Probability of a model against others, given the log odds against it.
 pub(crate) fn against(others: &[f64]) -> f64 {
     let rest: f64 = others.iter().map(|log_odds| (TEMPER * log_odds).exp()).sum();

@@ -6,6 +6,7 @@ use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::criteria::cross_validation::{in_sample, seen_size};
 use crate::diagnose::data::diagnosis::{Cause, Data, Diagnosis, Gap, LeftOut, Verdict};
 use crate::diagnose::data::recording::Recording;
+use crate::diagnose::likelihood::probability::unfinished;
 use crate::diagnose::prepare::first_day::leaves_gross;
 use crate::diagnose::principles::{ABOVE_SCATTER, LEAST_HELD_OUT_RATIO, MAJORITY};
 use crate::diagnose::report::gap_steps::Part;
@@ -83,7 +84,7 @@ pub(crate) fn beside_remainder(
 pub(crate) fn where_cut_off(causes: &mut [Cause], parts: &[Part], findings: &Findings<'_>) {
     let searched = causes.iter_mut().zip(parts).filter(|(_, part)| **part != Part::Mistake);
     for (cause, _) in searched.filter(|_| findings.found.cut_off) {
-        cause.probability /= 1.0 + cause.probability;
+        cause.probability = unfinished(cause.probability);
     }
 }
 

@@ -3,11 +3,11 @@
 
 use crate::diagnose::criteria::cross_validation::{PostureGap, held_out};
 use crate::diagnose::data::diagnosis::{Cause, Estimate};
-use crate::diagnose::data::progress::UNWEIGHED;
 use crate::diagnose::effects::hypothesis::{Catalogue, Model, Term};
 use crate::diagnose::likelihood::fit::{Fit, FitOptions, Group, fit, fit_below};
 use crate::diagnose::likelihood::linearised::Linearised;
 use crate::diagnose::likelihood::noise::effective_from;
+use crate::diagnose::likelihood::probability::{tempered, unfinished};
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::principles::{BEYOND_DOUBT, LEAST_LOG_ODDS};
@@ -190,7 +190,7 @@ impl Search<'_> {
         let mut best = self.fit(&start, noise, SOLVER.final_steps)?;
         noise = self.effective(&best.model)?;
         if !best.model.terms.is_empty() {
-            best = self.prune(best, noise, &mut trace)?;
+            best = self.prune(best, noise, &mut trace)?.0;
             noise = self.effective(&best.model)?;
         }
         let mut seen = vec![hypotheses_of(&best)];
@@ -218,7 +218,7 @@ impl Search<'_> {
             refits.sort_by(|a, b| self.log_posterior(b).total_cmp(&self.log_posterior(a)));
             // The most probable candidate above the tolerated size; a more probable one within tolerance is
             // skipped.
-            let mut larger = None;
+            let (mut larger, mut its_odds) = (None, 0.0);
             let likeliest = refits.first().map_or(0.0, |r| self.log_posterior(r));
             let as_likely = |r: &&Fit| self.log_posterior(r) >= likeliest - LEAST_LOG_ODDS;
             let near: Vec<Term> =
@@ -235,7 +235,7 @@ impl Search<'_> {
                     next_noise.point_m * 1e3
                 ));
                 if odds >= self.options.least_log_odds {
-                    larger = Some(refit);
+                    (larger, its_odds) = (Some(refit), odds);
                     break;
                 }
                 // If the odds of the most probable addition are this low, the others need not be tried.
@@ -253,8 +253,9 @@ impl Search<'_> {
             best = self.fit(&best.model, noise, SOLVER.final_steps)?;
             best = self.exchange(best, noise, &mut trace)?;
             best = self.merge(best, noise, &mut trace)?;
-            best = self.prune(best, noise, &mut trace)?;
-            self.tell(&best);
+            let odds;
+            (best, odds) = self.prune(best, noise, &mut trace)?;
+            self.tell(&best, if odds.is_empty() { core::slice::from_ref(&its_odds) } else { &odds });
             noise = self.effective(&best.model)?;
             // Adding and dropping must not go in circles.
             let now = hypotheses_of(&best);
@@ -266,8 +267,8 @@ impl Search<'_> {
         Ok(Found { fit: best, noise, trace, cut_off })
     }
 
-    /// Reports the intermediate result to the observer.
-    fn tell(&self, fit: &Fit) {
+    /// Reports the intermediate result to the observer; `odds`: each cause's log odds.
+    fn tell(&self, fit: &Fit, odds: &[f64]) {
         if !self.problem.progress.is_watched() {
             return;
         }
@@ -281,7 +282,7 @@ impl Search<'_> {
                 effect: effect.name().to_owned(),
                 at: place.name(&self.problem.scene),
                 kind: effect.concern(place).word().into(),
-                probability: UNWEIGHED,
+                probability: odds.get(i).map_or(0.0, |o| unfinished(tempered(*o))),
                 stability: None,
                 parameters: effect.parameters().into_iter().zip(told).collect(),
                 alternatives: Vec::new(),
@@ -301,9 +302,10 @@ impl Search<'_> {
             .map_or_else(String::new, |t| self.catalogue.name(&self.problem.scene, t.hypothesis))
     }
 
-    /// Drops causes without which the model is no worse.
-    pub fn prune(&mut self, mut best: Fit, noise: Noise, trace: &mut Vec<String>) -> Result<Fit> {
-        let mut i = 0;
+    /// Drops causes without which the model is no worse; also returns the log odds of each that is left, unless it is the
+    /// only one.
+    pub fn prune(&mut self, mut best: Fit, noise: Noise, trace: &mut Vec<String>) -> Result<(Fit, Vec<f64>)> {
+        let (mut i, mut kept) = (0, Vec::new());
         while best.model.terms.len() > 1 && i < best.model.terms.len() {
             let odds = self.log_odds(&best, i, noise)?;
             if odds < self.options.least_log_odds {
@@ -313,11 +315,13 @@ impl Search<'_> {
                 let without = self.fit(&rest, noise, SOLVER.final_steps)?;
                 best = self.settle(without, noise)?;
                 i = 0;
+                kept.clear();
             } else {
                 i += 1;
+                kept.push(odds);
             }
         }
-        Ok(best)
+        Ok((best, kept))
     }
 
     /// Replaces causes by better alternatives, given the other causes.

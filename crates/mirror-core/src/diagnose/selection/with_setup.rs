@@ -162,7 +162,7 @@ pub(crate) fn with_setup<'a>(
         }
     }
     let Some(mut found) = result else { return Ok(None) };
-    found.fit = search.prune(found.fit, found.noise, &mut trace)?;
+    found.fit = search.prune(found.fit, found.noise, &mut trace)?.0;
     let odds = log_odds((&search, &found), (plain, alone))? + LOG_PRIOR_STRUCTURE;
     trace.push(format!("with free mounts ({}): log odds {odds:.1}", told(&setup)));
     found.trace = trace;
