@@ -25,8 +25,9 @@ use std::sync::Arc;
 /// Steps of a fit between two estimates of the scale.
 const STEPS: Size = 2;
 
-/// There are as many couplings as pairs of joints: they would explain exchanged columns. Sticking follows any path.
-const NO_SMALL_ERRORS: [&str; 2] = ["joint_coupling", "stiction"];
+/// There are as many couplings as pairs of joints: they would explain exchanged columns. Sticking follows any path. What
+/// is off in the pictures of markers alone is smaller than what a gross mistake leaves.
+const NO_SMALL_ERRORS: [&str; 3] = ["joint_coupling", "stiction", "marker_image"];
 
 /// A problem fitted with all small errors.
 pub(super) struct Tolerant {
