@@ -9,6 +9,7 @@ is shifted by a row, skips a line, or belongs to a larger board shows itself.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -109,23 +110,38 @@ def square_samples(gray: Pixels, at: FloatArray, along_x: FloatArray, along_y: F
     return np.stack([sample(gray, at + SAMPLE_FRACTION * step) for step in diagonals])
 
 
+@dataclass(frozen=True, eq=False)
+class _Side:
+    """A grid's side: its name, the grid turned so that its outer line is the first row, and whether the square beyond that row's first corner is as the one beyond
+    (0, 0), which is dark or light."""
+
+    name: str
+    turned: npt.NDArray[Any]
+    like_first: bool
+
+
+def _sides(grid: npt.NDArray[Any]) -> tuple[_Side, ...]:
+    """The four sides of a grid (ny, nx, …)."""
+    ny, nx = grid.shape[:2]
+    across = grid.swapaxes(0, 1)
+    return (
+        _Side("first row", grid, True),
+        _Side("last row", grid[::-1], ny % 2 == 0),
+        _Side("first column", across, True),
+        _Side("last column", across[::-1], nx % 2 == 0),
+    )
+
+
 def ends_elsewhere(gray: Pixels, grid: FloatArray, seen: npt.NDArray[np.bool_]) -> str:
     """Reason if the squares beyond an outer line of a grid (ny, nx, 2) do not show at half of its corners, of which `seen` (ny, nx) are no guess: another pattern,
     which lies over the board, may end there."""
-    across = grid.swapaxes(0, 1)
-    lines = (
-        ("first row", grid, seen),
-        ("last row", grid[::-1], seen[::-1]),
-        ("first column", across, seen.T),
-        ("last column", across[::-1], seen.T[::-1]),
-    )
-    for name, turned, shown in lines:
-        ends = _shows_end(gray, turned)
+    for side, shown in zip(_sides(grid), _sides(seen), strict=True):
+        ends = _shows_end(gray, side.turned)
         known = np.isfinite(ends)
-        told = int((shown[0] & (ends == 1.0)).sum())
+        told = int((shown.turned[0] & (ends == 1.0)).sum())
         if known.mean() >= LEAST_OF_END and told < LEAST_OF_END * known.sum():
             return (
-                f"the squares beyond the grid's {name} show at {told} of its {known.size} corners: the board may end elsewhere; something hides it, or another pattern "
+                f"the squares beyond the grid's {side.name} show at {told} of its {known.size} corners: the board may end elsewhere; something hides it, or another pattern "
                 "lies over it; take it away"
             )
     return ""
@@ -198,20 +214,15 @@ def _bad_corner(relative: FloatArray) -> str:
 
 def goes_on_beyond(gray: Pixels, grid: FloatArray, dark_first: bool) -> str:
     """Name of the side beyond which another full row of chessboard corners follows, or an empty string."""
-    sign = -1.0 if dark_first else 1.0
-    ny, nx = grid.shape[:2]
-    step_x, step_y = np.gradient(grid, axis=1), np.gradient(grid, axis=0)
-    sides = (
-        ("first row", grid[0] - step_y[0], step_x[0], step_y[0], -1),
-        ("last row", grid[-1] + step_y[-1], step_x[-1], step_y[-1], ny),
-        ("first column", grid[:, 0] - step_x[:, 0], step_x[:, 0], step_y[:, 0], -1),
-        ("last column", grid[:, -1] + step_x[:, -1], step_x[:, -1], step_y[:, -1], nx),
-    )
-    for name, at, along_x, along_y, line in sides:
-        score, spread = saddle_contrast(gray, at, along_x, along_y)
-        parity = 1.0 - 2.0 * ((np.arange(len(score)) + line) % 2)
-        relative = score * parity * sign / np.maximum(spread, MIN_CONTRAST_LEVELS)
+    for side in _sides(grid):
+        turned = side.turned
+        out, along = np.gradient(turned, axis=0)[0], np.gradient(turned, axis=1)[0]
+        score, spread = saddle_contrast(gray, turned[0] - out, along, out)
+        sign = 1.0 if dark_first == side.like_first else -1.0
+        relative = (
+            score * sign * (1.0 - 2.0 * (np.arange(len(score)) % 2)) / np.maximum(spread, MIN_CONTRAST_LEVELS)
+        )
         finite = relative[np.isfinite(relative)]
         if len(finite) >= 3 and float(np.median(finite)) > MIN_LINE_CONTRAST:
-            return name
+            return side.name
     return ""
