@@ -13,6 +13,7 @@ from board_drawing import chessboard_picture
 from mirror_posture import Board, Camera
 from mirror_posture.detect import PredictedMarker, detect_boards, detect_markers
 from mirror_posture.detect.ball import Circle
+from mirror_posture.detect.drawn import drawn_board
 from mirror_posture.detect.ghost import board_ghost
 from mirror_posture.detect.ghost_light import Ghost, Pane, without_ghost
 from mirror_posture.marker import ColorRange, Marker
@@ -56,7 +57,9 @@ def ghost_of(picture: np.ndarray, pane: Pane | None = None):
     gray = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
     (view,) = detect_boards(gray, BOARD, CAMERA)
     assert view.ok, view.reason
-    ghost = board_ghost(gray, view, BOARD, pane)
+    drawn = drawn_board(gray, view, BOARD)
+    assert drawn is not None
+    ghost = board_ghost(drawn, pane)
     assert ghost is not None
     return ghost
 

@@ -110,13 +110,7 @@ pub fn measure_balls(
     let picture = picture_of(&bgr, chroma_step_px)?;
     let starts = starts_of(&circles_px, &radii_px)?;
     let camera = camera.inner.as_ref();
-    let cancel = Cancel::new();
-    let found: Vec<_> = py.work_until(&cancel, || {
-        let measure = |(circle, range): &(Circle, RadiusRange)| {
-            if cancel.is_cancelled() { None } else { measure_ball(&picture, circle, range, camera) }
-        };
-        starts.par_iter().map(measure).collect()
-    })?;
+    let found = at_each(py, &starts, |circle, range| measure_ball(&picture, circle, range, camera))?;
     Ok(found.into_iter().map(|ball| ball.map(|inner| PyBallOutline { inner })).collect())
 }
 
@@ -141,15 +135,24 @@ pub fn codec_covariances(
         )
     })?;
     let camera = camera.inner.as_ref();
+    at_each(py, &starts, |circle, range| {
+        codec_covariance(&picture, circle, range, camera, &codec)
+            .map(|more| [more[(0, 0)], more[(0, 1)], more[(1, 1)]])
+    })
+}
+
+/// What is found at each start, on all threads; None from where on Ctrl-C cancels it.
+fn at_each<T: Send>(
+    py: Python<'_>,
+    starts: &[(Circle, RadiusRange)],
+    find: impl Fn(&Circle, &RadiusRange) -> Option<T> + Sync + Send,
+) -> PyResult<Vec<Option<T>>> {
     let cancel = Cancel::new();
     py.work_until(&cancel, || {
-        let sample = |(circle, range): &(Circle, RadiusRange)| {
-            let more = (!cancel.is_cancelled())
-                .then(|| codec_covariance(&picture, circle, range, camera, &codec))
-                .flatten()?;
-            Some([more[(0, 0)], more[(0, 1)], more[(1, 1)]])
+        let one = |(circle, range): &(Circle, RadiusRange)| {
+            if cancel.is_cancelled() { None } else { find(circle, range) }
         };
-        starts.par_iter().map(sample).collect()
+        starts.par_iter().map(one).collect()
     })
 }
 

@@ -112,6 +112,17 @@ def pull_px(strength: float, shift_px: FloatArray, blur_px: float, coded: bool =
     return result
 
 
+def surroundings(
+    circle: Circle, bgr: npt.NDArray[np.uint8]
+) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+    """What the measurement of the ball at a circle reads of a picture (H, W, 3): the first pixel (u, v), and the one after the last."""
+    size = np.array([bgr.shape[1], bgr.shape[0]])
+    reach = MARGIN_SHARE * circle.radius_px + MARGIN_PX
+    low = np.clip(np.floor(circle.center_px - reach), 0, size).astype(np.intp)
+    high = np.clip(np.ceil(circle.center_px + reach) + 1.0, 0, size).astype(np.intp)
+    return low, high
+
+
 def without_ghost(
     bgr: npt.NDArray[np.uint8], ghost: Ghost | None, circles: Sequence[Circle]
 ) -> npt.NDArray[np.uint8]:
@@ -123,24 +134,23 @@ def without_ghost(
     result: npt.NDArray[np.uint8] = bgr.copy()
     for circle in circles:
         shift, _ = ghost.shifts_at(circle.center_px)
-        reach = MARGIN_SHARE * circle.radius_px + MARGIN_PX
-        low = np.clip(np.floor(circle.center_px - reach), 0, size).astype(int)
-        high = np.clip(np.ceil(circle.center_px + reach) + 1.0, 0, size).astype(int)
+        low, high = surroundings(circle, bgr)
         # Twice the shift is read beside it.
         more = np.ceil(2.0 * np.abs(shift)).astype(int) + 1
         first, last = np.maximum(low - more, 0), np.minimum(high + more, size)
         if np.any(high <= low):
             continue
         light = linear_light(bgr[first[1] : last[1], first[0] : last[0]])
-        once = _moved(light, shift)
-        alone = light - ratio * (once - ratio * _moved(light, 2.0 * shift))
+        once = moved_by(light, shift)
+        alone = light - ratio * (once - ratio * moved_by(light, 2.0 * shift))
         (left, top), (right, bottom) = low - first, high - first
         own = np.clip(alone[top:bottom, left:right] * (1.0 + ratio), 0.0, 1.0)
         result[low[1] : high[1], low[0] : high[0]] = _LEVEL_OF_LIGHT[(own * STEPS + 0.5).astype(np.int32)]
     return result
 
 
-def _moved(light: Pixels, shift_px: FloatArray) -> Pixels:
+def moved_by(light: Pixels, shift_px: FloatArray) -> Pixels:
+    """Light (H, W) or (H, W, 3) that lies so far away (2,), px."""
     way = np.array([[1.0, 0.0, shift_px[0]], [0.0, 1.0, shift_px[1]]])
     result: Pixels = cv2.warpAffine(
         light, way, (light.shape[1], light.shape[0]), flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE

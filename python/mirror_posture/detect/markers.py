@@ -36,6 +36,7 @@ from .marker_judge import (
     widened_by_size,
 )
 from .recoded import LEAST_STEP, Codec, with_codec_errors
+from .sharpening import without_sharpening
 from .types import FloatArray, MarkerView, PredictedMarker, color_of
 
 # Smallest outline that sub-pixel edges can be read from; below, the region's centroid is all there is.
@@ -69,6 +70,7 @@ def detect_markers(
     quantisation_step: float = 0.0,
     ghost: Ghost | None = None,
     codec: Codec | None = None,
+    sharpening_px2: float = 0.0,
 ) -> tuple[MarkerView, ...]:
     """Detects each marker in a colour picture `(H, W, 3)` uint8 BGR, in the given order; masked ones have
     their reason.
@@ -76,7 +78,7 @@ def detect_markers(
     `predictions` are fences: nothing outside of them is looked at. `expected` are hints, of a robot's model: place and size of each ball, either of which may be
     off. `chroma_step_px`: pixels across and down that share a colour, as the picture's codec has it;
     `quantisation_step`: its step of brightness, levels; `codec`: how it was coded, where the file tells it. `ghost`: the second picture that a pane shows, which is
-    taken off.
+    taken off; `sharpening_px2`: the strength of the camera's sharpening, which is undone.
     """
     options = (options or MarkerOptions()).with_codec(quantisation_step, chroma_step_px != (1, 1))
     bounds = bounds or {}
@@ -112,6 +114,7 @@ def detect_markers(
         widened = 1.0
 
     def measured(starts: list[Start]) -> list[OutlineFit | None]:
+        circles = [start.circle for start in starts]
         return [
             None
             if fit is None
@@ -121,7 +124,10 @@ def detect_markers(
                 chroma_step_px != (1, 1),
             )
             for fit in measure_balls(
-                without_ghost(bgr, ghost, [start.circle for start in starts]), starts, assumed, chroma_step_px
+                without_ghost(without_sharpening(bgr, sharpening_px2, circles), ghost, circles),
+                starts,
+                assumed,
+                chroma_step_px,
             )
         ]
 

@@ -21,14 +21,16 @@ from ..board import CHARUCO
 from ..camera import Camera
 from .board import BoardOptions, detect_boards
 from .charuco import detect_charuco
+from .drawn import drawn_board
 from .ghost import board_ghost
 from .ghost_light import Pane
 from .hidden import told_hidden
 from .marker_choice import SizeBounds
 from .marker_judge import MarkerOptions
-from .markers import detect_markers
+from .markers import COARSE_COLOUR_STEP, detect_markers
 from .pose import board_pose
 from .reading import Picture, PictureFile, as_picture, read_picture_file
+from .sharpening import ghost_and_sharpening
 from .types import (
     BoardPrediction,
     BoardView,
@@ -106,12 +108,19 @@ def detect_picture(
     bounds = _size_bounds(reflection, setup)
     reflected = next((view for view in boards if view.ok and view.via == "mirror"), None)
     mirror = _mirror(reflection, prediction)
-    ghost = None
+    # A decoded frame that was stored without loss: the file no longer says that its colours are coarser.
+    chroma_step_px = chroma_step(bgr) if file.chroma_step_px == (1, 1) else file.chroma_step_px
+    ghost, sharpening_px2 = None, 0.0
     if setup.markers and chessboard is not None and reflected is not None:
         pane = None
         if mirror is not None and setup.camera is not None:
             pane = Pane(mirror.normal, float(np.linalg.norm(mirror.reflection_m)), setup.camera)
-        ghost = board_ghost(cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY), reflected, chessboard, pane)
+        drawn = drawn_board(cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY), reflected, chessboard)
+        # Where colour is coarse, edges are read in levels: sharpening does not move them.
+        if drawn is not None and chroma_step_px == (1, 1) and file.quantisation_step < COARSE_COLOUR_STEP:
+            ghost, sharpening_px2 = ghost_and_sharpening(drawn, pane)
+        elif drawn is not None:
+            ghost = board_ghost(drawn, pane)
     markers = detect_markers(
         bgr,
         setup.markers,
@@ -119,12 +128,12 @@ def detect_picture(
         prediction.markers,
         bounds,
         options.marker,
-        # A decoded frame that was stored without loss: the file no longer says that its colours are coarser.
-        chroma_step(bgr) if file.chroma_step_px == (1, 1) else file.chroma_step_px,
+        chroma_step_px,
         _expected(mirror, setup, prediction),
         file.quantisation_step,
         ghost,
         file.codec,
+        sharpening_px2,
     )
     return PictureDetections(source, width, height, boards, markers, warnings=warnings)
 

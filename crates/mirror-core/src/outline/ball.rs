@@ -13,8 +13,12 @@ use nalgebra::{Matrix2, Vector2};
 /// less than this, px.
 const ROUNDS: usize = 4;
 const SETTLED_PX: f64 = 0.05;
-/// Fewest and most rays.
+/// Fewest and most rays, and how far apart they are along the outline, px: nearer ones share their errors. Coarser colour is the same over more px.
 const RAYS: (f64, f64) = (24.0, 240.0);
+const RAY_SPACING_PX: f64 = 1.0;
+const CODED_RAY_SPACING_PX: f64 = 2.0;
+/// So many times as far apart while the outline is searched, and in samples of a codec's errors.
+const SPARSER: f64 = 2.0;
 /// The blur that a lens and a pixel have, px; of a codec's colours, by the pixels that share one.
 const USUAL_BLUR_PX: f64 = 0.7;
 const BLUR_OF_STEP: f64 = 0.6;
@@ -129,14 +133,24 @@ pub(super) struct Aim {
     circle: Circle,
     radius: Vec<f64>,
     blur: Blur,
+    /// Rays of the rounds to come, for each px of the radius.
+    rays_per_radius: f64,
 }
 
 impl Aim {
     /// The outline of a sphere at a circle, of a usual blur.
     pub fn at(start: &Circle, picture: &Picture<'_>, camera: &Camera) -> Option<Self> {
-        let count = (core::f64::consts::TAU * start.radius_px).round().clamp(RAYS.0, RAYS.1) as usize;
+        let spacing = if picture.coded() { CODED_RAY_SPACING_PX } else { RAY_SPACING_PX };
+        let rays_per_radius = core::f64::consts::TAU / spacing;
+        let count = ray_count(start.radius_px, rays_per_radius / SPARSER);
         let blur = if picture.coded() { BLUR_OF_STEP * picture.widest_step() } else { USUAL_BLUR_PX };
-        Some(Self { circle: *start, radius: expected_radii(start, camera, count)?, blur: Blur::round(blur) })
+        let radius = expected_radii(start, camera, count)?;
+        Some(Self { circle: *start, radius, blur: Blur::round(blur), rays_per_radius })
+    }
+
+    /// The same with sparse rays, also in the rounds to come.
+    pub fn sparse(self) -> Self {
+        Self { rays_per_radius: self.rays_per_radius / SPARSER, ..self }
     }
 
     /// The ball near this outline, and the aim of the next round. `outermost`: the outline is only roughly known.
@@ -213,8 +227,15 @@ impl Aim {
             lens_blur_px: edges.lens_px,
             curve_deviations: edges.curve_deviations,
         };
-        Some((ball, Self { circle, radius: radii(&semi_axes, angle, count), blur }))
+        let rays_per_radius = self.rays_per_radius;
+        let radius = radii(&semi_axes, angle, ray_count(circle.radius_px, rays_per_radius));
+        Some((ball, Self { circle, radius, blur, rays_per_radius }))
     }
+}
+
+/// Rays of an outline of a radius.
+fn ray_count(radius_px: f64, per_radius: f64) -> usize {
+    (per_radius * radius_px).round().clamp(RAYS.0, RAYS.1) as usize
 }
 
 /// Distances of a sphere's outline from its centre in evenly spaced directions, for the sphere at a circle.

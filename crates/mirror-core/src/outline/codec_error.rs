@@ -17,7 +17,7 @@ const SHIFTS: [(usize, usize); 4] = [(1, 3), (3, 1), (5, 7), (7, 5)];
 /// Beyond its outline a measurement reads so much of a ball's surroundings, px: how far the edge is searched, the window of the most blur and the colours' zones.
 const READ_PX: f64 = 12.0;
 /// The part of the sampled variance that the edges' scatter does not hold already. Measured on balls of 7 to 13 px at JPEG qualities 20 to 85.
-const UNSEEN_SHARE: f64 = 0.45;
+const UNSEEN_SHARE: f64 = 0.4;
 /// So much of a covariance of a few samples is taken for round.
 const ROUND_SHARE: f64 = 0.5;
 /// A sample in which the ball is lost counts as so many of the others' mean squares.
@@ -42,7 +42,7 @@ pub fn codec_covariance(
     }
     let place = Place::within(picture, &start.center_px, reach_px)?;
     let patch = Patch::of(place.levels(picture), &place, picture.chroma_step());
-    let (ball, aim) = settled(&patch, Aim::at(start, picture, camera)?, range, camera, 1)?;
+    let (ball, aim) = settled(&patch, Aim::at(start, picture, camera)?.sparse(), range, camera, 1)?;
     let (across, down) = codec.sampling();
     let moved: Vec<Vector2<f64>> = SHIFTS
         .iter()

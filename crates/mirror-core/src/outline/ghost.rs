@@ -12,7 +12,7 @@ use nalgebra::{Matrix2, Vector2};
 /// Nearer than this a ghost looks like blur, px.
 const NEAREST_PX: f64 = 1.9;
 /// The most pixels that are read: more take time and tell no more.
-const MOST_PIXELS: usize = 3000;
+const MOST_PIXELS: usize = 1500;
 /// Least strength of a ghost, as a share of all light, and least share of the residual's squares that its lying on one side explains.
 const LEAST_STRENGTH: f64 = 0.012;
 const MOST_STRENGTH: f64 = 0.5;
