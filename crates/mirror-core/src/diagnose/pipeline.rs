@@ -34,6 +34,7 @@ use crate::diagnose::selection::lost_column::beside_lost_column;
 use crate::diagnose::selection::near_ties::from_near_ties;
 use crate::diagnose::selection::pairwise_start::from_a_pair;
 use crate::diagnose::selection::search::{Search, SearchOptions};
+use crate::diagnose::selection::transmission_errors::with_transmission_errors;
 use crate::diagnose::selection::with_setup::{look_again_at_noise, with_or_without_setup};
 use crate::error::Result;
 use crate::robot::Robot;
@@ -130,7 +131,7 @@ pub(crate) fn diagnose(
         }
     }
     allow_for_correlation(&mut search, &mut found)?;
-    let extended = match extended {
+    let mut extended = match extended {
         Some(extended) => extended,
         None => {
             from_near_ties(&mut search, &mut found)?;
@@ -141,6 +142,7 @@ pub(crate) fn diagnose(
 
     let says_nothing = extended.erratic.is_some_and(|node| column_says_nothing(&search, &found, node));
     on_all_frames(&mut search, &mut found)?;
+    with_transmission_errors((&mut search, &mut found), &mut extended)?;
 
     options.progress.enter("comparing the causes found");
     let mut findings = weighed((search, found), extended, &nominal, &prepared)?;

@@ -25,6 +25,7 @@ from .xml_text import read_xml
 ROBOT, MJCF = "robot.urdf", "robot.mjcf.xml"
 NOT_IN_A_MODEL = {
     "gear_eccentricity": "neither URDF nor MJCF has a periodic transmission error; add s sin q + c (cos q - 1) to the reading",
+    "transmission_error": "no file of a model has a joint's error along its turn; add it to the reading (`members` in diagnosis.json)",
     "joint_coupling": "neither a URDF nor an actuator of MJCF adds a share of another command; mend the wiring of the command",
     "drift": "an error that grows with time belongs into no model; home the joint, or warm up before use",
     "column_bending": "no file has a beam that grows as it slides out; stiffen the column's guides, or model it as flexible",

@@ -2,7 +2,7 @@
 
 use crate::diagnose::model::camera_and_mirror::FootPoints;
 use crate::diagnose::model::deformation::Deformation;
-use crate::diagnose::model::elementary::{Atom, Column};
+use crate::diagnose::model::elementary::{Atom, Column, Weight};
 use crate::diagnose::model::frame::{
     FrameWork, LANES, PROJECTED, Span, Table, Task, Wanted, add_products, stride,
 };
@@ -102,6 +102,14 @@ impl Problem {
     }
 }
 
+/// How many of the columns act in one frame at most: of the knots of a joint's transmission two.
+fn acting(columns: &[Column]) -> usize {
+    let knots = columns.iter().filter(|c| matches!(c.weight, Weight::Knot(..)));
+    let mut joints: Vec<Atom> = knots.clone().map(|c| c.atom).collect();
+    joints.dedup();
+    columns.len() - knots.count() + 2 * joints.len()
+}
+
 /// Whether a frame counts.
 pub(crate) fn counts(mask: Option<&[bool]>, frame: usize) -> bool {
     mask.is_none_or(|m| m[frame])
@@ -154,7 +162,7 @@ impl Normal {
                 },
             )
             .collect();
-        problem.spend(with_board, count, mask);
+        problem.spend(with_board, acting(columns), mask);
         let mut total = Sums::zeros(count);
         for chunk in chunks {
             total.add(chunk);

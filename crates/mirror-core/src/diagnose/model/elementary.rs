@@ -7,6 +7,7 @@ use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::kinematics::{NodePoses, tilted_axis};
 use crate::diagnose::model::scene::Scene;
+use crate::diagnose::principles::Size;
 use nalgebra::{Vector2, Vector3};
 
 /// An elementary change of the model.
@@ -188,6 +189,11 @@ pub(crate) fn moves(atom: Atom, scene: &Scene, node: Option<NodeId>) -> bool {
     }
 }
 
+/// Positions a turn between which a joint's transmission error is interpolated, every 5°. Errors of encoders and of
+/// strain wave gears have up to some thirty periods a turn; on four series of a UR10 the evidence for 72 knots is
+/// larger than for 60 and fewer, and the prediction of the other series is as good as with 90 and 120.
+pub(crate) const KNOTS_A_TURN: Size = 72;
+
 /// How strongly an atom acts in a frame: the basis of an effect.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Weight {
@@ -199,6 +205,9 @@ pub(crate) enum Weight {
     Sine(NodeId),
     /// Its cosine less 1.
     CosineLessOne(NodeId),
+    /// A hat function of its commanded position, once a turn: 1 at the k-th of [`KNOTS_A_TURN`] positions, linearly
+    /// down to 0 at the two beside it.
+    Knot(NodeId, usize),
     /// Gravity's torque on the joint, N m.
     Torque(NodeId),
     /// Time since the first frame, s.
@@ -215,6 +224,11 @@ impl Weight {
             Self::Position(n) => scene.q(frame, *n),
             Self::Sine(n) => scene.sine(frame, *n).0,
             Self::CosineLessOne(n) => scene.sine(frame, *n).1 - 1.0,
+            Self::Knot(n, k) => {
+                let from_knot = scene.q(frame, *n) * KNOTS_A_TURN as f64 / core::f64::consts::TAU - *k as f64;
+                let turn = KNOTS_A_TURN as f64;
+                (1.0 - (from_knot - turn * (from_knot / turn).round()).abs()).max(0.0)
+            }
             Self::Torque(n) => scene.torque(frame, *n),
             Self::Time => scene.time_s[frame] - scene.time_s[0],
             Self::Frames(values) => values[frame],

@@ -5,11 +5,12 @@
 use crate::diagnose::effects::Place;
 use crate::diagnose::likelihood::fit::Fit;
 use crate::diagnose::principles::LEAST_LOG_ODDS;
-use crate::diagnose::random_effects::geometric_tolerances::{Geometry, single_effect};
+use crate::diagnose::random_effects::geometric_tolerances::Geometry;
+use crate::diagnose::random_effects::small_errors::single_effect;
 use nalgebra::{DMatrix, DVector};
 
 /// The group's columns of one effect at one place, each with the parameter's name.
-pub(crate) fn members_of(setup: &Geometry, effect: &str, place: Place) -> Vec<(usize, &'static str)> {
+pub(crate) fn members_of(setup: &Geometry, effect: &str, place: Place) -> Vec<(usize, String)> {
     let columns = setup.group.columns.iter().enumerate();
     columns
         .filter_map(|(k, c)| single_effect(c).filter(|e| (e.0, e.1) == (effect, place)).map(|e| (k, e.2)))

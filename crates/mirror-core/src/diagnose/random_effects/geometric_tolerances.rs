@@ -11,100 +11,20 @@
 //! Source: MacKay, "Bayesian interpolation" (1992), the evidence framework.
 
 use crate::diagnose::data::diagnosis::Member;
-use crate::diagnose::data::recording::{Tolerance, Tolerances};
+use crate::diagnose::data::recording::Tolerances;
 use crate::diagnose::effects::Place;
 use crate::diagnose::effects::hypothesis::{Catalogue, Model, Term};
 use crate::diagnose::likelihood::fit::{Fit, FitOptions, Group, fit};
 use crate::diagnose::likelihood::linearised::Linearised;
-use crate::diagnose::model::body::NodeId;
-use crate::diagnose::model::elementary::{Atom, Column, Weight};
+use crate::diagnose::model::elementary::{Atom, Column};
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::model::scene::Scene;
 use crate::diagnose::model::solver::SOLVER;
-use crate::diagnose::principles::{Guard, Size};
+use crate::diagnose::principles::Guard;
+use crate::diagnose::random_effects::small_errors::{
+    KINDS, Kind, markers, mounts, single_effect, softness, spring_of, springs, stated, transmission_errors,
+};
 use crate::error::Result;
-use std::collections::HashMap;
-
-/// Angles, lengths of links, places of markers, of the board and of the camera: each kind has its own scale,
-/// because mounts by hand have other tolerances than manufactured links.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Kind {
-    Angle,
-    Length,
-    Marker,
-    BoardTurn,
-    BoardShift,
-    CameraTurn,
-    CameraShift,
-    /// Deflection of the joint with the highest load relative to its rated torque, rad. All joints yield a little,
-    /// and more if their rated torque is smaller.
-    Spring,
-    /// A joint's error in one posture, if its column is unrelated to it: of a given scale, and no tolerance.
-    Position,
-}
-
-pub(crate) const KINDS: Size = 9;
-
-/// The prior of a scale: its usual size, the number of values as which it counts, and the bounds.
-struct Habit {
-    common: f64,
-    worth: f64,
-    least: f64,
-    most: f64,
-}
-
-impl Kind {
-    const ALL: [Self; KINDS] = [
-        Self::Angle,
-        Self::Length,
-        Self::Marker,
-        Self::BoardTurn,
-        Self::BoardShift,
-        Self::CameraTurn,
-        Self::CameraShift,
-        Self::Spring,
-        Self::Position,
-    ];
-
-    /// Which kind an elementary small error is of.
-    pub fn of(column: &Column) -> Self {
-        match column.atom {
-            Atom::Joint(_) if matches!(column.weight, Weight::Frames(_)) => Self::Position,
-            Atom::Joint(_) if matches!(column.weight, Weight::Torque(_)) => Self::Spring,
-            Atom::LinkShift(..) | Atom::OriginShift(..) => Self::Length,
-            Atom::MarkerShift(..) => Self::Marker,
-            Atom::BoardMount(k) if k < 3 => Self::BoardTurn,
-            Atom::BoardMount(_) => Self::BoardShift,
-            Atom::CameraMount(k) if k < 3 => Self::CameraTurn,
-            Atom::CameraMount(_) => Self::CameraShift,
-            _ => Self::Angle,
-        }
-    }
-
-    /// Whether it is a mount by hand.
-    pub fn is_of_setup(self) -> bool {
-        !matches!(self, Self::Angle | Self::Length | Self::Spring | Self::Position)
-    }
-
-    /// Upper bounds: 0.1 rad and 5 cm for joints and links; larger errors are no manufacturing tolerance. 3 mm and
-    /// 1° for mounts by hand. A few tenths of a degree for joints' zeros; a larger one is a separate error.
-    fn habit(self, setup_only: bool) -> Habit {
-        let nothing_known = |common: f64, least: f64, most: f64| Habit { common, worth: 0.0, least, most };
-        match self {
-            Self::Angle if setup_only => Habit { common: 2.5e-3, worth: 3.0, least: 5e-6, most: 5e-3 },
-            Self::Angle => nothing_known(5e-3, 5e-6, 0.1),
-            Self::Length => nothing_known(1e-3, 2e-6, 0.05),
-            Self::Spring => nothing_known(1e-3, 2e-6, 0.1),
-            Self::Position => nothing_known(1.0, 1.0, 1.0),
-            Self::Marker if setup_only => Habit { common: 3e-3, worth: 1.0, least: 2e-6, most: 0.015 },
-            Self::Marker => nothing_known(1e-3, 2e-6, 0.05),
-            Self::BoardTurn | Self::CameraTurn => Habit { common: 0.02, worth: 1.0, least: 5e-6, most: 0.08 },
-            Self::BoardShift | Self::CameraShift => {
-                Habit { common: 4e-3, worth: 1.0, least: 2e-6, most: 0.02 }
-            }
-        }
-    }
-}
 
 /// Values and variances of the group's parameters.
 type Values = (Vec<f64>, Vec<f64>);
@@ -123,51 +43,6 @@ pub(crate) struct Geometry {
     /// Whether board and camera are in it, so that the mounts are reported separately and not as errors of the
     /// robot.
     pub mounted: bool,
-}
-
-/// The joint whose spring a column is.
-pub(crate) fn spring_of(column: &Column) -> Option<NodeId> {
-    match (Kind::of(column), column.atom) {
-        (Kind::Spring, Atom::Joint(n)) => Some(n),
-        _ => None,
-    }
-}
-
-/// The relative compliance of each joint, rad/N m: `1 / e` with its rated torque e, scaled so that the joint with
-/// the highest load relative to its rating deflects by 1 rad.
-///
-/// A gear of twice the torque is about twice as stiff: gears of one series wind up by about the same angle at their
-/// rated torque. If the URDF does not state it, the median of the others is used. A scale from the loads of the
-/// session instead would make a wrist soft because its loads are small.
-pub(crate) fn softness(scene: &Scene, springs: impl Iterator<Item = NodeId>) -> HashMap<NodeId, f64> {
-    let springs: Vec<NodeId> = springs.collect();
-    let mut stated: Vec<f64> = springs.iter().filter_map(|&n| scene.body.nodes[n].effort_limit).collect();
-    stated.sort_by(f64::total_cmp);
-    let usual = stated.get(stated.len() / 2).copied().unwrap_or(1.0);
-    let effort = |n: NodeId| scene.body.nodes[n].effort_limit.unwrap_or(usual);
-    let most = springs.iter().map(|&n| scene.largest_torque(n) / effort(n)).fold(0.0, f64::max);
-    springs.iter().map(|&n| (n, 1.0 / (effort(n) * most))).collect()
-}
-
-/// An elementary small error as a single effect: its name, place and parameter.
-pub(crate) fn single_effect(column: &Column) -> Option<(&'static str, Place, &'static str)> {
-    let of_axis = |k: usize| ["dx_m", "dy_m", "dz_m"][k];
-    let of_pose = |k: usize| ["rx_rad", "ry_rad", "rz_rad", "dx_m", "dy_m", "dz_m"][k];
-    Some(match column.atom {
-        Atom::Joint(_) if matches!(column.weight, Weight::Frames(_)) => return None,
-        Atom::Joint(n) if matches!(column.weight, Weight::Torque(_)) => {
-            ("joint_compliance", Place::Joint(n), "compliance_rad_per_nm")
-        }
-        Atom::Joint(n) => ("joint_offset", Place::Joint(n), "offset_rad"),
-        Atom::Tilt(n, 0) => ("axis_tilt", Place::Joint(n), "tilt_1_rad"),
-        Atom::Tilt(n, _) => ("axis_tilt", Place::Joint(n), "tilt_2_rad"),
-        Atom::LinkShift(n, axis) => ("link_length", Place::Link(n), of_axis(axis)),
-        Atom::OriginShift(n, axis) => ("joint_origin", Place::Joint(n), of_axis(axis)),
-        Atom::MarkerShift(m, axis) => ("marker_mount", Place::Marker(m), of_axis(axis)),
-        Atom::BoardMount(k) => ("board_mount", Place::Board, of_pose(k)),
-        Atom::CameraMount(k) => ("camera_mount", Place::Camera, of_pose(k)),
-        _ => return None,
-    })
 }
 
 impl Geometry {
@@ -221,6 +96,19 @@ impl Geometry {
                 && single_effect(c).is_some_and(|(effect, place, _)| told(effect, place))
         });
         Self::of(columns, problem, true)
+    }
+
+    /// With every joint's transmission error at the positions that it visits.
+    pub fn with_transmission_errors(&self, scene: &Scene) -> Self {
+        let mut wider = self.clone();
+        let columns: Vec<Column> = transmission_errors(scene).collect();
+        let count = columns.len();
+        wider.group.columns.extend(columns);
+        wider.group.positive.resize(wider.group.columns.len(), false);
+        wider.stated.extend(core::iter::repeat_n(None, count));
+        wider.units.extend(core::iter::repeat_n(1.0, count));
+        wider.set_priors();
+        wider
     }
 
     /// No group at all.
@@ -307,6 +195,11 @@ impl Geometry {
         [Kind::Angle, Kind::Length, Kind::Spring, Kind::Marker].into_iter().any(largest)
     }
 
+    /// Whether there are errors of a kind in it.
+    pub fn has(&self, kind: Kind) -> bool {
+        self.group.columns.iter().any(|c| Kind::of(c) == kind)
+    }
+
     /// By how much the spreads differ from another group's, log.
     pub fn change_from(&self, other: &Self) -> f64 {
         let told = |kind: Kind| self.group.columns.iter().any(|c| Kind::of(c) == kind);
@@ -352,7 +245,7 @@ impl Geometry {
                 Some(Member {
                     effect: effect.into(),
                     at: place.name(scene),
-                    parameter: parameter.into(),
+                    parameter,
                     value: *value,
                     std: stds[k],
                 })
@@ -449,37 +342,3 @@ impl Geometry {
 pub(crate) const SPREADS_SETTLED: Guard = 0.5;
 /// A kind of which the data determine less than this of one value keeps its scale.
 const LEAST_TOLD: Guard = 0.05;
-
-/// What the session states of an elementary displacement of a mount, rad or m.
-fn stated(tolerances: &Tolerances, atom: Atom) -> Option<f64> {
-    let of = |tolerance: &Tolerance, k: usize| if k < 3 { tolerance.turn_rad } else { tolerance.shift_m };
-    match atom {
-        Atom::MarkerShift(m, _) => tolerances.markers.get(m)?.shift_m,
-        Atom::BoardMount(k) => of(&tolerances.board, k),
-        Atom::CameraMount(k) => of(&tolerances.camera, k),
-        _ => None,
-    }
-}
-
-/// Columns of the markers whose mounts are known.
-fn markers(scene: &Scene) -> impl Iterator<Item = Column> + '_ {
-    (0..scene.marker_names.len())
-        .filter(|&m| scene.mount_known[m])
-        .flat_map(|m| (0..3).map(move |k| Column::constant(Atom::MarkerShift(m, k))))
-}
-
-/// Columns of the springs of all loaded revolute joints that may have one as a cause.
-fn springs<'a>(scene: &'a Scene, catalogue: &'a Catalogue) -> impl Iterator<Item = Column> + 'a {
-    let turns = |n: &NodeId| scene.relevant[*n] && !scene.body.nodes[*n].prismatic;
-    (0..scene.nodes())
-        .filter(turns)
-        .filter(|&n| catalogue.find("joint_compliance", Place::Joint(n)).is_some())
-        .map(|n| Column { atom: Atom::Joint(n), weight: Weight::Torque(n) })
-}
-
-/// Columns of board and camera.
-fn mounts(scene: &Scene) -> impl Iterator<Item = Column> + '_ {
-    let board = (0..if scene.has_board { 6 } else { 0 }).map(|k| Column::constant(Atom::BoardMount(k)));
-    let camera = (0..if scene.has_camera { 6 } else { 0 }).map(|k| Column::constant(Atom::CameraMount(k)));
-    board.chain(camera)
-}

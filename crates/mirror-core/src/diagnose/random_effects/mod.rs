@@ -6,3 +6,4 @@ pub(super) mod free_form;
 pub(super) mod geometric_tolerances;
 pub(super) mod law_discrepancy;
 pub(super) mod outlier_tolerances;
+pub(super) mod small_errors;

@@ -5,9 +5,8 @@ use crate::diagnose::likelihood::fit::Fit;
 use crate::diagnose::model::elementary::Atom;
 use crate::diagnose::model::scene::Scene;
 use crate::diagnose::principles::{Count, LEAST_LOG_ODDS, Threshold, WORTH_NAMING};
-use crate::diagnose::random_effects::geometric_tolerances::{
-    Geometry, KINDS, Kind, single_effect, spring_of,
-};
+use crate::diagnose::random_effects::geometric_tolerances::Geometry;
+use crate::diagnose::random_effects::small_errors::{KINDS, Kind, single_effect, spring_of};
 use std::collections::BTreeMap;
 
 /// An error with this share of the squares of all of its kind is no member of a group: of tens with one scale the

@@ -23,7 +23,8 @@ use crate::diagnose::principles::{
     Count, FEWEST_REDUNDANT_ROWS, Grid, LEAST_LOG_ODDS, SURE_DEVIATIONS, Size, Threshold,
 };
 use crate::diagnose::random_effects::displaced::log_bayes;
-use crate::diagnose::random_effects::geometric_tolerances::{Geometry, Kind};
+use crate::diagnose::random_effects::geometric_tolerances::Geometry;
+use crate::diagnose::random_effects::small_errors::Kind;
 use crate::diagnose::report::doubts::doubted;
 use crate::diagnose::report::free_numbers::with_free_numbers;
 use crate::diagnose::report::gap_steps::{Part, gap_steps};
@@ -279,6 +280,8 @@ fn causes(
             alternatives: Vec::new(),
             words: if geometry.setup_only {
                 "small errors of the joints' zeros all over the robot".into()
+            } else if geometry.has(Kind::Transmission) {
+                "many small errors of links, axes and zeros together, and of each joint's transmission along its turn: manufacturing tolerance".into()
             } else {
                 "many small errors of links, axes and zeros together: manufacturing tolerance".into()
             },

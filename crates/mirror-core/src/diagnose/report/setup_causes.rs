@@ -8,7 +8,8 @@ use crate::diagnose::likelihood::fit::Fit;
 use crate::diagnose::likelihood::probability::tempered;
 use crate::diagnose::principles::LEAST_LOG_ODDS;
 use crate::diagnose::random_effects::displaced::{log_bayes, members_of};
-use crate::diagnose::random_effects::geometric_tolerances::{Geometry, Kind};
+use crate::diagnose::random_effects::geometric_tolerances::Geometry;
+use crate::diagnose::random_effects::small_errors::Kind;
 use crate::diagnose::report::rms_shift::rms_shift;
 use crate::error::Result;
 
@@ -37,9 +38,9 @@ pub(crate) fn setup_causes(
         }
         let mut without = fit.model.clone();
         columns.iter().for_each(|&k| without.group[k] = 0.0);
-        let parameters = members.iter().map(|&(k, name)| {
-            (name.to_owned(), Estimate { value: fit.model.group[k], std: deviations.group[k] })
-        });
+        let parameters = members
+            .into_iter()
+            .map(|(k, name)| (name, Estimate { value: fit.model.group[k], std: deviations.group[k] }));
         let words = search.catalogue.find(effect, place).map_or("", |h| search.catalogue.effect(h).words());
         let cause = Cause {
             effect: effect.into(),

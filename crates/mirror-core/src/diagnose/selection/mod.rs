@@ -15,5 +15,6 @@ pub(super) mod pairwise_start;
 pub(super) mod posterior_odds;
 pub(super) mod search;
 pub(super) mod simplify;
+pub(super) mod transmission_errors;
 pub(super) mod with_setup;
 pub(super) mod with_tolerances;

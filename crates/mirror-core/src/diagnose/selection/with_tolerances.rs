@@ -12,9 +12,10 @@ use crate::diagnose::principles::{
     ABOVE_SCATTER, BEYOND_DOUBT, Grid, LEAST_HELD_OUT_RATIO, LEAST_LOG_ODDS, LOG_PRIOR_STRUCTURE, MAJORITY,
     SEVERAL_CAUSES, Threshold,
 };
-use crate::diagnose::random_effects::geometric_tolerances::{Geometry, Kind, SPREADS_SETTLED};
+use crate::diagnose::random_effects::geometric_tolerances::{Geometry, SPREADS_SETTLED};
 use crate::diagnose::random_effects::law_discrepancy::LAW_SHARE;
 use crate::diagnose::random_effects::outlier_tolerances::{name_outlying, put_back};
+use crate::diagnose::random_effects::small_errors::Kind;
 use crate::diagnose::selection::nonparametric::{Unexplained, log_odds, unexplained};
 use crate::diagnose::selection::search::{Found, Search};
 use crate::error::Result;

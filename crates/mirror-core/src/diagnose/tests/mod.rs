@@ -19,4 +19,5 @@ mod shortcuts;
 mod springs;
 mod statistics;
 mod thresholds;
+mod transmission;
 mod work_limit;

@@ -4,8 +4,9 @@ use super::gap_world::{Plan, World};
 use crate::diagnose::effects::hypothesis::{Catalogue, Model, Term};
 use crate::diagnose::effects::{Place, vocabulary};
 use crate::diagnose::model::problem::Problem;
-use crate::diagnose::random_effects::geometric_tolerances::{Geometry, softness};
+use crate::diagnose::random_effects::geometric_tolerances::Geometry;
 use crate::diagnose::random_effects::outlier_tolerances::{name_outlying, put_back};
+use crate::diagnose::random_effects::small_errors::softness;
 use crate::robot::Robot;
 use std::sync::Arc;
 
