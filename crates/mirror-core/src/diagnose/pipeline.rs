@@ -68,7 +68,8 @@ pub(crate) struct Outcome {
 /// 3. noise that is correlated over frames, and near ties;
 /// 4. where there is reason for doubt, or mounts were set free, the search with free-form errors, or with an
 ///    independent error in each posture at one joint;
-/// 5. where that leaves a remainder or many causes, the search with small errors everywhere (`geometry`);
+/// 5. where that leaves a remainder or many causes, the search with small errors everywhere (`geometry`); where these
+///    leave a remainder, with the joints' transmission errors among them;
 /// 6. causes that do not help on held-out regions are dropped, improbable ones are replaced, the remainder is
 ///    tested against the noise;
 /// 7. causes that are not selected again in resamples of the postures are removed;
