@@ -69,6 +69,7 @@ fn variance(moved: &[Vector2<f64>], tried: usize) -> Option<Matrix2<f64>> {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
 

@@ -214,6 +214,7 @@ fn rounded(block: &Block, steps: &Block, forth: &Block, back: &Block) -> Block {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
 
