@@ -219,14 +219,14 @@ fn a_joint_that_rests_elsewhere_each_time_is_told_by_its_place_and_nothing_else_
 #[test]
 fn what_is_found_so_far_is_no_more_probable_than_what_was_not_tried() {
     let world = World::new(4, false);
-    let wrong = vec![Wrong::Ratio(world.bone("r_elbow"), 0.05), Wrong::Offset(world.bone("l_elbow"), 0.004)];
+    let wrong = vec![Wrong::Ratio(world.bone("r_elbow"), 0.05), Wrong::Offset(world.bone("l_elbow"), 0.02)];
     let recording = world.record(&Plan { wrong, ..Plan::default() });
     let progress = Progress::new();
     let options = DiagnoseOptions { progress: progress.clone(), ..DiagnoseOptions::default() };
     let robot = Robot::from_urdf_str(&world.urdf()).unwrap();
     let told = diagnose(&robot, &recording, &options, &[]).unwrap();
     let so_far = progress.so_far(&recording);
-    assert!(so_far.interrupted && so_far.causes.len() == told.causes.len(), "{:?}", so_far.causes);
+    assert!(told.causes.len() == 2 && so_far.interrupted && !so_far.causes.is_empty(), "{:?}", so_far.causes);
     for cause in &so_far.causes {
         // p / (1 + p) of at least three nats for it, tempered; a half where there is no doubt.
         assert!(cause.probability > 0.4 && cause.probability <= 0.5, "{cause:?}");

@@ -125,13 +125,17 @@ pub(crate) fn beside_free_forms<'a>(
         (true, false) => terms.saturating_sub(1).max(1),
         (true, true) => 1,
     };
+    // An offset of the markers' pictures is no piece of an unknown law: beside a free warp of all pictures it would take a part of that.
+    let own = |h: &usize| found.fit.model.terms.iter().any(|t| t.hypothesis == *h);
+    let offset = all.find("marker_image", Place::Camera).filter(|h| !own(h));
+    let left_out = search.options.left_out.iter().copied().chain(offset).collect();
     let wide = Search {
         problem: search.problem.clone(),
         catalogue: all,
         group: search.group.clone(),
         measured_noise: search.measured_noise,
         noise_widening: search.noise_widening,
-        options: SearchOptions { most_causes, named_only: false, ..search.options.clone() },
+        options: SearchOptions { most_causes, left_out, named_only: false, ..search.options.clone() },
         mask: search.mask,
         ties: Vec::new(),
     };

@@ -10,9 +10,7 @@
 
 use crate::diagnose::criteria::cross_validation::seen_size;
 use crate::diagnose::criteria::lack_of_fit::adequacy;
-use crate::diagnose::effects::hypothesis::Term;
 use crate::diagnose::likelihood::fit::FitOptions;
-use crate::diagnose::model::elementary::Weight;
 use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::prepare::false_observations::without_false;
 use crate::diagnose::principles::{LEAST_HELD_OUT_RATIO, LOG_PRIOR_STRUCTURE};
@@ -41,12 +39,6 @@ pub(crate) fn with_transmission_errors(
     let mut beside = search.clone();
     let mut noise = found.noise;
     let mut with = found.clone();
-    // What repeats once a turn is a part of the curve.
-    let once_a_turn = |term: &Term| {
-        let columns = search.catalogue.columns(&search.problem.scene, term);
-        columns.iter().all(|c| matches!(c.weight, Weight::Sine(_) | Weight::CosineLessOne(_)))
-    };
-    with.fit.model.terms.retain(|term| !once_a_turn(term));
     // The noise that is left decides how much of the curves the data determine.
     for _ in 0..SOLVER.rounds {
         let options = FitOptions { noise, steps: SOLVER.loose_steps };
@@ -61,6 +53,12 @@ pub(crate) fn with_transmission_errors(
     }
     with.noise = noise;
     with.fit = beside.prune(with.fit, noise, &mut with.trace)?.0;
+    // The last cause, too: what an eccentric gear explained may be a part of the curve.
+    if with.fit.model.terms.len() == 1
+        && beside.log_odds(&with.fit, 0, noise)? < beside.options.least_log_odds
+    {
+        with.fit = beside.fit(&with.fit.model.without(0), noise, SOLVER.final_steps)?;
+    }
     let odds = log_odds((&beside, &with), (search, found))? + LOG_PRIOR_STRUCTURE;
     let ratio = seen_size(&beside.held_out(&with.fit.model, noise)?)
         / seen_size(&search.held_out(&found.fit.model, found.noise)?).max(1e-30);
