@@ -36,6 +36,13 @@ fn assert_only_place(told: &Diagnosis, name: &str) {
     assert!(told.causes.iter().all(|c| c.probability < EVEN), "{:?} {:#?}", told.causes, told.trace);
 }
 
+/// Something is left, and the place is told, beside the mounts.
+fn assert_among_places(told: &Diagnosis, name: &str) {
+    let left = matches!(told.verdict, Verdict::Unknown | Verdict::Partial);
+    assert!(left, "{} {:#?}", told.sentence, told.trace);
+    assert!(told.r#where.iter().any(|w| w.at == format!("joint:{name}")), "{:?}", told.r#where);
+}
+
 #[test]
 fn columns_moved_on_in_the_order_of_the_log_are_found() {
     let world = World::new(4, true);
@@ -177,13 +184,7 @@ fn a_spoilt_column_is_found_beside_mounts_by_hand() {
         let joint = column(&world, name);
         recording.frames.iter_mut().for_each(|f| f.commanded[joint] = spoil(f.commanded[joint]));
         let told = diagnosed(&world, &recording);
-        assert!(
-            matches!(told.verdict, Verdict::Unknown | Verdict::Partial),
-            "{} {:#?}",
-            told.sentence,
-            told.trace
-        );
-        assert!(told.r#where.iter().any(|w| w.at == format!("joint:{name}")), "{:?}", told.r#where);
+        assert_among_places(&told, name);
         let warned = |w: &String| w.contains(&format!("column of joint:{name} is unrelated"));
         assert!(told.warnings.iter().any(warned), "{:?} {:#?}", told.warnings, told.trace);
         let others = told.causes.iter().filter(|c| c.kind != "setup");
@@ -206,13 +207,7 @@ fn a_joint_that_rests_anywhere_is_found_beside_mounts_by_hand() {
             frame.commanded[joint] += rest[posture];
         }
         let told = diagnosed(&world, &recording);
-        assert!(
-            matches!(told.verdict, Verdict::Unknown | Verdict::Partial),
-            "{} {:#?}",
-            told.sentence,
-            told.trace
-        );
-        assert!(told.r#where.iter().any(|w| w.at == format!("joint:{name}")), "{:?}", told.r#where);
+        assert_among_places(&told, name);
         let others = told.causes.iter().filter(|c| c.kind != "setup");
         assert!(others.clone().all(|c| c.probability < EVEN), "{:?} {:#?}", told.causes, told.trace);
     }
