@@ -34,6 +34,10 @@ impl Effect for MarkerImage {
         (0..2).map(|k| Column::constant(Atom::MarkerImage(k))).collect()
     }
 
+    fn is_of_detection(&self) -> bool {
+        true
+    }
+
     fn words(&self) -> &str {
         "all markers are found beside their place in the picture"
     }

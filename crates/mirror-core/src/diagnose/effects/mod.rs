@@ -217,6 +217,12 @@ pub(crate) trait Effect: Send + Sync {
         None
     }
 
+    /// Whether it is of the detection of markers, not of what is seen: it is small beside a gross mistake, and no piece of an unknown
+    /// law.
+    fn is_of_detection(&self) -> bool {
+        false
+    }
+
     /// Whether it is known in the session's own frames only.
     fn is_tabulated(&self) -> bool {
         false

@@ -125,10 +125,10 @@ pub(crate) fn beside_free_forms<'a>(
         (true, false) => terms.saturating_sub(1).max(1),
         (true, true) => 1,
     };
-    // An offset of the markers' pictures is no piece of an unknown law: beside a free warp of all pictures it would take a part of that.
-    let own = |h: &usize| found.fit.model.terms.iter().any(|t| t.hypothesis == *h);
-    let offset = all.find("marker_image", Place::Camera).filter(|h| !own(h));
-    let left_out = search.options.left_out.iter().copied().chain(offset).collect();
+    // Beside a free warp of all pictures an offset of the markers' alone would take a part of that.
+    let own = |h: usize| found.fit.model.terms.iter().any(|t| t.hypothesis == h);
+    let of_detection = (0..all.hypotheses.len()).filter(|&h| all.effect(h).is_of_detection() && !own(h));
+    let left_out = search.options.left_out.iter().copied().chain(of_detection).collect();
     let wide = Search {
         problem: search.problem.clone(),
         catalogue: all,

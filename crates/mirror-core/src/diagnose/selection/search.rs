@@ -302,11 +302,22 @@ impl Search<'_> {
             .map_or_else(String::new, |t| self.catalogue.name(&self.problem.scene, t.hypothesis))
     }
 
-    /// Drops causes without which the model is no worse; also returns the log odds of each that is left, unless it is the
-    /// only one.
-    pub fn prune(&mut self, mut best: Fit, noise: Noise, trace: &mut Vec<String>) -> Result<(Fit, Vec<f64>)> {
+    /// Drops causes without which the model is no worse, but not the last one; also returns the log odds of each that is
+    /// left, unless it is the only one.
+    pub fn prune(&mut self, best: Fit, noise: Noise, trace: &mut Vec<String>) -> Result<(Fit, Vec<f64>)> {
+        self.prune_to(1, best, noise, trace)
+    }
+
+    /// The same down to so many causes.
+    pub fn prune_to(
+        &mut self,
+        fewest: usize,
+        mut best: Fit,
+        noise: Noise,
+        trace: &mut Vec<String>,
+    ) -> Result<(Fit, Vec<f64>)> {
         let (mut i, mut kept) = (0, Vec::new());
-        while best.model.terms.len() > 1 && i < best.model.terms.len() {
+        while best.model.terms.len() > fewest && i < best.model.terms.len() {
             let odds = self.log_odds(&best, i, noise)?;
             if odds < self.options.least_log_odds {
                 let name = self.catalogue.name(&self.problem.scene, best.model.terms[i].hypothesis);

@@ -52,13 +52,8 @@ pub(crate) fn with_transmission_errors(
         }
     }
     with.noise = noise;
-    with.fit = beside.prune(with.fit, noise, &mut with.trace)?.0;
     // The last cause, too: what an eccentric gear explained may be a part of the curve.
-    if with.fit.model.terms.len() == 1
-        && beside.log_odds(&with.fit, 0, noise)? < beside.options.least_log_odds
-    {
-        with.fit = beside.fit(&with.fit.model.without(0), noise, SOLVER.final_steps)?;
-    }
+    with.fit = beside.prune_to(0, with.fit, noise, &mut with.trace)?.0;
     let odds = log_odds((&beside, &with), (search, found))? + LOG_PRIOR_STRUCTURE;
     let ratio = seen_size(&beside.held_out(&with.fit.model, noise)?)
         / seen_size(&search.held_out(&found.fit.model, found.noise)?).max(1e-30);

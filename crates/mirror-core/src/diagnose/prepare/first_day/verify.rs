@@ -25,9 +25,8 @@ use std::sync::Arc;
 /// Steps of a fit between two estimates of the scale.
 const STEPS: Size = 2;
 
-/// There are as many couplings as pairs of joints: they would explain exchanged columns. Sticking follows any path. What
-/// is off in the pictures of markers alone is smaller than what a gross mistake leaves.
-const NO_SMALL_ERRORS: [&str; 3] = ["joint_coupling", "stiction", "marker_image"];
+/// There are as many couplings as pairs of joints: they would explain exchanged columns. Sticking follows any path.
+const NO_SMALL_ERRORS: [&str; 2] = ["joint_coupling", "stiction"];
 
 /// A problem fitted with all small errors.
 pub(super) struct Tolerant {
@@ -316,10 +315,10 @@ impl Tolerant {
     }
 }
 
-/// The vocabulary without these effects.
+/// The vocabulary without these effects, and without those of the detection.
 fn catalogue_without(problem: &Problem, without: &[String]) -> Catalogue {
-    let effects = vocabulary().into_iter().map(Arc::from).collect();
-    Catalogue::new(&problem.scene, effects, without)
+    let seen = vocabulary().into_iter().filter(|effect| !effect.is_of_detection());
+    Catalogue::new(&problem.scene, seen.map(Arc::from).collect(), without)
 }
 
 /// The names of all effects but these.
