@@ -217,6 +217,26 @@ fn a_joint_that_rests_elsewhere_each_time_is_told_by_its_place_and_nothing_else_
 }
 
 #[test]
+fn a_remainder_that_may_be_a_noise_stated_too_small_is_said_to_be_so() {
+    let world = World::new(4, true);
+    let wrong = || vec![Wrong::Ratio(world.bone("r_elbow"), 0.05)];
+    let told = |views: usize, stated_share: f64| {
+        let mut recording = world.record(&Plan { views, wrong: wrong(), ..Plan::default() });
+        recording.pixel_std_px = recording.pixel_std_px.map(|std| std * stated_share);
+        diagnosed(&world, &recording)
+    };
+    let warned = |told: &Diagnosis| told.warnings.iter().any(|w| w.contains("it may be larger; state"));
+    let too_small = told(1, 0.6);
+    assert!(warned(&too_small), "{} {:?}", too_small.sentence, too_small.warnings);
+    assert_eq!(too_small.causes[0].at, "joint:r_elbow", "{:?}", too_small.causes);
+    // Two views of a posture show the noise, and a true statement leaves nothing.
+    for (views, share) in [(2, 0.6), (1, 1.0)] {
+        let told = told(views, share);
+        assert!(told.verdict == Verdict::Explained && !warned(&told), "{views} {share}: {}", told.sentence);
+    }
+}
+
+#[test]
 fn what_is_found_so_far_is_no_more_probable_than_what_was_not_tried() {
     let world = World::new(4, false);
     let wrong = vec![Wrong::Ratio(world.bone("r_elbow"), 0.05), Wrong::Offset(world.bone("l_elbow"), 0.02)];

@@ -21,7 +21,9 @@ use crate::diagnose::prepare::prepared::Prepared;
 use crate::diagnose::prepare::row_slip::{Slip, is_slipped};
 use crate::diagnose::random_effects::free_form::free_forms;
 use crate::diagnose::report::build;
-use crate::diagnose::report::reservations::{background_was_taken, hangs_on_regions, reserve};
+use crate::diagnose::report::reservations::{
+    background_was_taken, hangs_on_regions, noise_may_be_larger, reserve,
+};
 use crate::diagnose::report::rounded_positions::positions_are_rounded;
 use crate::diagnose::report::seen_markers::seen_markers;
 use crate::diagnose::report::spoilt_column::column_is_spoilt;
@@ -168,6 +170,7 @@ pub(crate) fn diagnose(
     diagnosis.warnings.extend(background_was_taken(&diagnosis.data));
     diagnosis.warnings.extend(column_is_spoilt(&prepared, &arranged.frame_numbers));
     diagnosis.warnings.extend(positions_are_rounded(&findings)?);
+    diagnosis.warnings.extend(noise_may_be_larger(&findings)?);
     reserve(&mut diagnosis, &findings);
     if options.markers {
         diagnosis.markers = seen_markers(&findings)?;

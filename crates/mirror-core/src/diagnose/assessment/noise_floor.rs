@@ -16,16 +16,14 @@ use crate::diagnose::criteria::lack_of_fit::noticeable_excess;
 use crate::diagnose::likelihood::fit::Fit;
 use crate::diagnose::likelihood::noise::{STATED_LOG_STD, is_settled};
 use crate::diagnose::likelihood::noise_correlation::{shared_by_views, successive_correlation};
+use crate::diagnose::likelihood::noise_scale::log_std_of_views;
 use crate::diagnose::likelihood::saturated::{FreePosture, free_markers};
 use crate::diagnose::model::deformation::Deformation;
 use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::model::solver::SOLVER;
-use crate::diagnose::principles::{FAR_DEVIATIONS, FEWEST_REDUNDANT_ROWS, Prior, Threshold};
+use crate::diagnose::principles::{FAR_DEVIATIONS, FEWEST_REDUNDANT_ROWS, Threshold};
 use crate::diagnose::selection::search::Search;
 use crate::error::Result;
-
-/// Relative uncertainty of the views' noise by what their planes share (one mirror a view, its board's corners).
-const VIEWS_LOG_STD: Prior = 0.04;
 
 /// An estimate of the floor: its value and the standard deviation of its logarithm.
 #[derive(Debug, Clone, Copy)]
@@ -208,10 +206,9 @@ fn independent(
     let views = postures.iter().map(|p| p.frames.len()).sum::<usize>() as f64 / postures.len().max(1) as f64;
     // Views of one posture are successive: of errors that are correlated over frames they show only the difference.
     let shared = shared_by_views(correlation, views);
-    let sampling = (2.0 * redundant(&postures)).sqrt().recip();
     Ok(Known {
         value: at.marker_px / noise.marker_px / (1.0 - shared).sqrt(),
-        log_std: VIEWS_LOG_STD.hypot(sampling).hypot(0.25 * shared),
+        log_std: log_std_of_views(redundant(&postures)).hypot(0.25 * shared),
         stated: false,
     })
 }

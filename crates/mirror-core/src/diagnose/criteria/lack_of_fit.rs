@@ -34,6 +34,9 @@ pub(crate) struct Adequacy {
     /// noise, no two views of a posture show it, and all postures exceed it alike.
     pub stands_out_from: f64,
     pub significant: bool,
+    /// Whether it may be the noise all the same: no two views show that, all postures exceed it alike, and by no more than a
+    /// stated noise is usually wrong.
+    pub may_be_noise: bool,
     pub corners_significant: bool,
 }
 
@@ -66,9 +69,11 @@ pub(crate) fn adequacy(problem: &Problem, deformation: &Deformation, noise: Nois
     let alike = 1.0 + excess_at(1.0 - WORTH_NAMING) < ABOVE_SCATTER.powi(2) * (1.0 + excess);
     let by_rule_of_thumb = problem.camera.is_some() && left < FEWEST_REDUNDANT_ROWS && alike;
     let uncertain = if by_rule_of_thumb { STATED_LOG_STD.exp() } else { 1.0 };
+    let stands_out_from = (ABOVE_SCATTER * uncertain).powi(2) - 1.0;
     Ok(Adequacy {
         excess,
-        stands_out_from: (ABOVE_SCATTER * uncertain).powi(2) - 1.0,
+        stands_out_from,
+        may_be_noise: by_rule_of_thumb && excess < stands_out_from,
         significant: excess > noticeable_excess() && excess > FAR_DEVIATIONS * scatter,
         corners_significant: of_corners > noticeable_excess(),
     })

@@ -5,6 +5,7 @@ pub(super) mod fit;
 pub(super) mod linearised;
 pub(super) mod noise;
 pub(super) mod noise_correlation;
+pub(super) mod noise_scale;
 pub(super) mod normal_equations;
 pub(super) mod probability;
 pub(super) mod saturated;

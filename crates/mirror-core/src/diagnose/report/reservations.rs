@@ -4,6 +4,7 @@
 use crate::diagnose::assessment::evidence;
 use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::criteria::cross_validation::{in_sample, seen_size};
+use crate::diagnose::criteria::lack_of_fit::adequacy;
 use crate::diagnose::data::diagnosis::{Cause, Data, Diagnosis, Gap, LeftOut, Verdict};
 use crate::diagnose::data::recording::Recording;
 use crate::diagnose::likelihood::probability::unfinished;
@@ -11,6 +12,7 @@ use crate::diagnose::prepare::first_day::leaves_gross;
 use crate::diagnose::principles::{ABOVE_SCATTER, LEAST_HELD_OUT_RATIO, MAJORITY};
 use crate::diagnose::report::gap_steps::Part;
 use crate::diagnose::report::rms_shift::noise_square;
+use crate::diagnose::selection::nonparametric::Unexplained;
 use crate::error::Result;
 use std::collections::BTreeMap;
 
@@ -29,6 +31,26 @@ pub(crate) fn background_was_taken(data: &Data) -> Option<String> {
             told.join(", ")
         )
     })
+}
+
+/// The warning if what is left may be the markers' noise, which nothing but the session states.
+///
+/// # Errors
+/// Invalid parameters of the camera or mirror.
+pub(crate) fn noise_may_be_larger(findings: &Findings<'_>) -> Result<Option<String>> {
+    if !findings.unexplained.as_ref().is_some_and(Unexplained::is_lawless) {
+        return Ok(None);
+    }
+    let search = &findings.search;
+    let left =
+        adequacy(&search.problem, &search.deformation(&findings.found.fit.model), search.measured_noise)?;
+    let (stated, scale) = (search.measured_noise.marker_px, (1.0 + left.excess).sqrt());
+    Ok((left.significant && left.may_be_noise).then(|| {
+        format!(
+            "what is left is {scale:.2} times the noise of the markers ({stated:.3} px), in all postures alike: where each posture has one view only pixel_std in \
+             session.toml tells that noise, and it may be larger; state what your detector does, or record two mirror poses or more of a posture"
+        )
+    }))
 }
 
 /// The warning if causes selected without the held-out region predict clearly worse than the reported ones.

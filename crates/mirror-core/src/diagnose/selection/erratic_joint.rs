@@ -16,6 +16,7 @@
 
 use crate::diagnose::effects::hypothesis::Model;
 use crate::diagnose::likelihood::fit::FitOptions;
+use crate::diagnose::likelihood::noise_scale::NoiseScale;
 use crate::diagnose::likelihood::normal_equations::{counts, inner, needs_board};
 use crate::diagnose::likelihood::saturated::postures;
 use crate::diagnose::model::body::NodeId;
@@ -24,9 +25,9 @@ use crate::diagnose::model::frame::{FrameWork, PROJECTED, Task};
 use crate::diagnose::model::problem::Noise;
 use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::prepare::first_day::column;
-use crate::diagnose::principles::{LOG_PRIOR_STRUCTURE, MAJORITY, Size};
+use crate::diagnose::principles::{LEAST_LOG_ODDS, LOG_PRIOR_STRUCTURE, MAJORITY, Size};
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
-use crate::diagnose::selection::nonparametric::{log_odds, smaller};
+use crate::diagnose::selection::nonparametric::{log_posterior_at, smaller};
 use crate::diagnose::selection::search::{Found, Search};
 use crate::error::Result;
 
@@ -90,7 +91,7 @@ pub(crate) fn beside_erratic_joint<'a>(
     beside.options.named_only = true;
     let mut its = beside.run(start)?;
     drop_its_own(&beside, &mut its, (node, search.group.columns.len()))?;
-    let odds = log_odds((&beside, &its), (search, found))?;
+    let odds = odds_against_noise((&beside, &its), (search, found))?;
     let joint = &search.problem.scene.body.nodes[node].joint;
     let mut trace = found.trace.clone();
     trace.append(&mut its.trace);
@@ -99,7 +100,24 @@ pub(crate) fn beside_erratic_joint<'a>(
         spread * 1e3
     ));
     its.trace = trace;
-    Ok((odds + LOG_PRIOR_STRUCTURE > 0.0).then_some(ErraticJoint { node, search: beside, found: its }))
+    Ok((odds + LOG_PRIOR_STRUCTURE > LEAST_LOG_ODDS).then_some(ErraticJoint {
+        node,
+        search: beside,
+        found: its,
+    }))
+}
+
+/// Log posterior odds of one search's result against another's, each at the noise that it leaves: errors that are
+/// independent in each posture absorb a part of any noise, and a noise that is larger than known explains that too.
+fn odds_against_noise(one: (&Search<'_>, &Found), other: (&Search<'_>, &Found)) -> Result<f64> {
+    let (search, found) = other;
+    let deformation = search.deformation(&found.fit.model);
+    let scale = NoiseScale::new(&search.problem, &deformation, search.measured_noise, search.mask)?;
+    let value = |result: (&Search<'_>, &Found)| -> Result<f64> {
+        let noise = result.1.noise;
+        Ok(log_posterior_at(result, noise)? + scale.log_density(noise, search.measured_noise))
+    };
+    Ok(value(one)? - value(other)?)
 }
 
 /// The model without causes, with the mounts that are free where the data put them, and the scatter that it leaves:

@@ -172,12 +172,18 @@ pub(crate) fn beside_free_forms<'a>(
 /// Invalid parameters of the camera or mirror.
 pub(crate) fn log_odds(one: (&Search<'_>, &Found), other: (&Search<'_>, &Found)) -> Result<f64> {
     let noise = smaller(one.1.noise, other.1.noise);
-    let value = |(search, found): (&Search<'_>, &Found)| -> Result<f64> {
-        let exact = search.fit(&found.fit.model, noise, 6)?;
-        let loose = search.fit_with_slack(&found.fit.model, None, noise, 6)?;
-        Ok(search.log_posterior(&exact).max(search.log_posterior(&loose)))
-    };
-    Ok(value(one)? - value(other)?)
+    Ok(log_posterior_at(one, noise)? - log_posterior_at(other, noise)?)
+}
+
+/// Log of a result's evidence times prior at a noise, with exact laws or with their discrepancy, whichever is more
+/// probable.
+///
+/// # Errors
+/// Invalid parameters of the camera or mirror.
+pub(crate) fn log_posterior_at((search, found): (&Search<'_>, &Found), noise: Noise) -> Result<f64> {
+    let exact = search.fit(&found.fit.model, noise, 6)?;
+    let loose = search.fit_with_slack(&found.fit.model, None, noise, 6)?;
+    Ok(search.log_posterior(&exact).max(search.log_posterior(&loose)))
 }
 
 /// The smaller noise of two.
