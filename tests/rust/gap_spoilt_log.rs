@@ -50,7 +50,7 @@ fn columns_moved_on_in_the_order_of_the_log_are_found() {
     let count = robot.position_count();
     // Neighbours in the log are none in the robot: every second joint backwards, then the others.
     let order: Vec<usize> = (0..count).rev().step_by(2).chain((0..count).rev().skip(1).step_by(2)).collect();
-    let mut recording = world.record(&Plan { postures: 61, seed: 31, ..Plan::default() });
+    let mut recording = world.record(&Plan { postures: 41, seed: 31, ..Plan::default() });
     for frame in &mut recording.frames {
         let told = frame.commanded.clone();
         for (k, &joint) in order.iter().enumerate() {
@@ -106,7 +106,7 @@ fn a_column_of_zeros_is_told_at_its_joint() {
 fn a_zero_that_is_lost_in_the_middle_is_no_drift_and_is_told_from_its_row_on() {
     let world = World::new(4, true);
     for (name, seed, offset) in [("r_elbow", 37, 0.3), ("l_shoulder_roll", 38, -0.09)] {
-        let mut recording = world.record(&Plan { postures: 61, seed, ..Plan::default() });
+        let mut recording = world.record(&Plan { postures: 41, seed, ..Plan::default() });
         let (joint, first) = (column(&world, name), recording.frames.len() * 2 / 5);
         recording.frames[first..].iter_mut().for_each(|f| f.commanded[joint] += offset);
         let told = diagnosed(&world, &recording);
@@ -153,7 +153,7 @@ fn mounts_by_hand() -> Vec<Wrong> {
 fn a_zero_that_is_lost_is_no_slip_beside_mounts_by_hand() {
     let world = World::new(4, true);
     let mut recording =
-        world.record(&Plan { postures: 61, seed: 43, wrong: mounts_by_hand(), ..Plan::default() });
+        world.record(&Plan { postures: 41, seed: 43, wrong: mounts_by_hand(), ..Plan::default() });
     let (joint, first) = (column(&world, "r_elbow"), recording.frames.len() / 2);
     recording.frames[first..].iter_mut().for_each(|f| f.commanded[joint] += 0.3);
     let told = diagnosed(&world, &recording);

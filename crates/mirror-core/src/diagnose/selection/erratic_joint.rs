@@ -74,8 +74,8 @@ pub(crate) fn beside_erratic_joint<'a>(
     found: &Found,
     nominal: &Model,
 ) -> Result<Option<ErraticJoint<'a>>> {
-    let here = best_joint(search, &found.fit.model, found.noise)?;
-    if !here.is_some_and(|(_, _, log_bayes)| log_bayes + LOG_PRIOR_STRUCTURE > 0.0) {
+    let here = best_joint(search, &found.fit.model, search.measured_noise)?;
+    if !here.is_some_and(is_probable) {
         return Ok(None);
     }
     // Without causes, so that none that only absorbed a part of it decides the place.
@@ -91,7 +91,10 @@ pub(crate) fn beside_erratic_joint<'a>(
     beside.options.named_only = true;
     let mut its = beside.run(start)?;
     drop_its_own(&beside, &mut its, (node, search.group.columns.len()))?;
-    let odds = odds_against_noise((&beside, &its), (search, found))?;
+    let deformation = search.deformation(&found.fit.model);
+    let scale = NoiseScale::new(&search.problem, &deformation, search.measured_noise, search.mask)?;
+    let value = |of: &Search<'_>, its: &Found| log_posterior_with_noise((of, its), &scale);
+    let odds = value(&beside, &its)? - value(search, found)?;
     let joint = &search.problem.scene.body.nodes[node].joint;
     let mut trace = found.trace.clone();
     trace.append(&mut its.trace);
@@ -100,24 +103,15 @@ pub(crate) fn beside_erratic_joint<'a>(
         spread * 1e3
     ));
     its.trace = trace;
-    Ok((odds + LOG_PRIOR_STRUCTURE > LEAST_LOG_ODDS).then_some(ErraticJoint {
-        node,
-        search: beside,
-        found: its,
-    }))
+    let is_told = odds + LOG_PRIOR_STRUCTURE > LEAST_LOG_ODDS;
+    Ok(is_told.then_some(ErraticJoint { node, search: beside, found: its }))
 }
 
-/// Log posterior odds of one search's result against another's, each at the noise that it leaves: errors that are
-/// independent in each posture absorb a part of any noise, and a noise that is larger than known explains that too.
-fn odds_against_noise(one: (&Search<'_>, &Found), other: (&Search<'_>, &Found)) -> Result<f64> {
-    let (search, found) = other;
-    let deformation = search.deformation(&found.fit.model);
-    let scale = NoiseScale::new(&search.problem, &deformation, search.measured_noise, search.mask)?;
-    let value = |result: (&Search<'_>, &Found)| -> Result<f64> {
-        let noise = result.1.noise;
-        Ok(log_posterior_at(result, noise)? + scale.log_density(noise, search.measured_noise))
-    };
-    Ok(value(one)? - value(other)?)
+/// Log posterior of a search's result at the noise that it leaves: errors that are independent in each posture absorb
+/// a part of any noise, and a noise that is larger than known explains that too.
+fn log_posterior_with_noise(result: (&Search<'_>, &Found), scale: &NoiseScale) -> Result<f64> {
+    let noise = result.1.noise;
+    Ok(log_posterior_at(result, noise)? + scale.log_density(noise, result.0.measured_noise))
 }
 
 /// The model without causes, with the mounts that are free where the data put them, and the scatter that it leaves:
@@ -150,7 +144,7 @@ fn likeliest<'a>(
 ) -> Result<Option<Free<'a>>> {
     let mut tried = Vec::new();
     for &(node, spread, log_bayes) in joints.iter().take(TRIED) {
-        if log_bayes + LOG_PRIOR_STRUCTURE > 0.0 {
+        if is_probable((node, spread, log_bayes)) {
             let free = given_its_errors(search, nominal, node, spread)?;
             tried.push((free.beside.effective(&free.start)?, free));
         }
@@ -216,7 +210,9 @@ fn drop_its_own(beside: &Search<'_>, its: &mut Found, (node, first_error): (Node
 /// Whether small errors everywhere explain most of what the independent errors of one joint would explain; true
 /// independent errors would remain. Errors that are not small explain nothing here.
 fn small_errors_take_it(search: &Search<'_>, nominal: &Model, noise: Noise, log_bayes: f64) -> Result<bool> {
-    let mut geometry = Geometry::new(&search.problem, search.catalogue, false);
+    // Displaced mounts are no small errors of the robot, and nothing is explained without them.
+    let with_setup = !search.group.columns.is_empty();
+    let mut geometry = Geometry::new(&search.problem, search.catalogue, with_setup);
     let options = FitOptions { noise, steps: SOLVER.loose_steps };
     let fit = geometry.fit(&search.problem, search.catalogue, nominal, options, search.mask)?;
     if geometry.is_at_its_bound() {
@@ -225,6 +221,11 @@ fn small_errors_take_it(search: &Search<'_>, nominal: &Model, noise: Noise, log_
     let beside = Search { group: geometry.group, ..search.clone() };
     let left = best_joint(&beside, &fit.model, noise)?.map_or(0.0, |(_, _, log_bayes)| log_bayes);
     Ok(left < MAJORITY * log_bayes)
+}
+
+/// Whether independent errors of a joint are more probable than none, to first order.
+fn is_probable((_, _, log_bayes): (NodeId, f64, f64)) -> bool {
+    log_bayes + LOG_PRIOR_STRUCTURE > 0.0
 }
 
 /// The joint whose independent errors explain most of the remainder: its scale and log Bayes factor.
