@@ -196,6 +196,9 @@ fn camera_center() {
 #[test]
 fn marker_image() {
     finds(Wrong::MarkersDetected(0.4, -0.5), "marker_image", "camera", &[("du_px", 0.4), ("dv_px", -0.5)]);
+    let grows =
+        [("du_px", 0.0), ("dv_px", 0.0), ("du_by_u", -0.0015), ("dv_by_v", -0.0015), ("du_by_v", 0.0)];
+    finds(Wrong::MarkersFocal(-0.0015), "marker_image", "camera", &grows);
 }
 
 #[test]

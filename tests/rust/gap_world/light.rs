@@ -7,9 +7,10 @@ use nalgebra::{Isometry3, Matrix2, Vector2, Vector3};
 pub(super) struct Light {
     pub(super) mount: Isometry3<f64>,
     focal_px: f64,
-    center_px: Vector2<f64>,
+    pub(super) center_px: Vector2<f64>,
     /// How far beside their images markers are detected.
     pub(super) detected_px: Vector2<f64>,
+    pub(super) color_focal: f64,
     k1: f64,
     pub(super) board_scale: f64,
     pub(super) board: Isometry3<f64>,
@@ -24,6 +25,7 @@ impl Light {
             focal_px: FOCAL_PX,
             center_px: Vector2::from(CENTER_PX),
             detected_px: Vector2::zeros(),
+            color_focal: 0.0,
             k1: 0.0,
             board_scale: 1.0,
             board: Isometry3::identity(),
@@ -41,6 +43,7 @@ impl Light {
                 Wrong::Focal(e) => out.focal_px *= 1.0 + e,
                 Wrong::Center(u, v) => out.center_px += Vector2::new(u, v),
                 Wrong::MarkersDetected(u, v) => out.detected_px = Vector2::new(u, v),
+                Wrong::MarkersFocal(e) => out.color_focal = e,
                 Wrong::Radial(k) => out.k1 = k,
                 Wrong::BoardScale(e) => out.board_scale = 1.0 + e,
                 Wrong::Glass(t) => out.glass_m = t,

@@ -62,6 +62,8 @@ pub enum Wrong {
     Center(f64, f64),
     /// All markers are detected so many pixels to the right and below.
     MarkersDetected(f64, f64),
+    /// Relative error of the focal length in the markers' colour alone.
+    MarkersFocal(f64),
     Radial(f64),
     BoardScale(f64),
     Glass(f64),

@@ -45,7 +45,7 @@ impl World {
                 let mut normal = || -> f64 { StandardNormal.sample(rng) };
                 pixel += Vector2::new(normal(), normal()) * plan.noise_px;
                 if matches!(target, Target::Marker(_)) {
-                    pixel += light.detected_px;
+                    pixel += light.detected_px + (pixel - light.center_px) * light.color_focal;
                 }
                 if pixel.x > 0.0 && pixel.y > 0.0 && pixel.x < 799.0 && pixel.y < 599.0 {
                     sightings.push(Sighting { target, via: Via::Mirror, pixel });

@@ -32,7 +32,7 @@ NOT_IN_A_MODEL = {
     "tilt_play_1": "no file has play across a sliding joint; preload or shim the guide",
     "tilt_play_2": "no file has play across a sliding joint; preload or shim the guide",
     "transverse_compliance": "no file format has a guide that yields across its axis; stiffen it, or the ground on which the robot stands",
-    "marker_image": "an error of the detector, not of a model; detect the markers again, or subtract (du_px, dv_px) from their pixels",
+    "marker_image": "an error of the detector, not of a model; detect the markers again, or subtract du_px + du_by_u (u - cx) + du_by_v (v - cy) from their u, and the same for v",
     "mirror_curvature": "the session format knows flat mirrors only; use a flatter mirror",
     "geometry": "this diagnosis contains the spread of the small errors, not each of them; diagnose again",
     "pairing": "a fault of the data: correct the rows of the frames table",

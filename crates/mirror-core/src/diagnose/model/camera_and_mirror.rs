@@ -21,8 +21,18 @@ pub(crate) struct Eye {
     /// `Exp(ω)ᵀ`-related pieces of the mount's derivative.
     pub mount_jacobian: Matrix3<f64>,
     pub nominal_focal: Vector2<f64>,
+    nominal_center: Vector2<f64>,
     /// Free-form errors of lens, board and mirror, where there are any.
     pub free: Option<FreeValues>,
+}
+
+impl Eye {
+    /// 1, and a pixel's distance from the principal point that the session states, in u and in v, px.
+    #[inline]
+    pub fn in_picture(&self, pixel: &Vector2<f64>) -> Vector3<f64> {
+        let from_center = pixel - self.nominal_center;
+        Vector3::new(1.0, from_center.x, from_center.y)
+    }
 }
 
 impl Problem {
@@ -75,6 +85,7 @@ impl Problem {
             camera_from_mount: mount.inverse(),
             mount_jacobian: crate::geometry::rotation::right_jacobian(&omega),
             nominal_focal: nominal.focal_px(),
+            nominal_center: nominal.center_px(),
             free: (deformation.free_optics != FreeValues::zeros()).then_some(deformation.free_optics),
         }))
     }

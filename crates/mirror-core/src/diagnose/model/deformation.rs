@@ -2,7 +2,7 @@
 //! model.
 
 use crate::diagnose::model::free_values::FreeValues;
-use nalgebra::{Vector2, Vector3, Vector6};
+use nalgebra::{Matrix2x3, Vector2, Vector3, Vector6};
 
 /// The difference between the nominal and the actual robot, camera, board and mirror. Zero is the nominal model.
 #[derive(Debug, Clone, PartialEq)]
@@ -31,8 +31,8 @@ pub(crate) struct Deformation {
     pub board_mount: Vector6<f64>,
     pub focal_scale_error: f64,
     pub center_px: Vector2<f64>,
-    /// Shift of all markers' images, px.
-    pub marker_image_px: Vector2<f64>,
+    /// Shift of all markers' images, px: times 1 and the pixel's distance from the picture's centre in u and in v, px.
+    pub marker_image: Matrix2x3<f64>,
     pub dk1: f64,
     pub board_scale_error: f64,
     pub glass_thickness_m: f64,
@@ -64,7 +64,7 @@ impl Deformation {
             board_mount: Vector6::zeros(),
             focal_scale_error: 0.0,
             center_px: Vector2::zeros(),
-            marker_image_px: Vector2::zeros(),
+            marker_image: Matrix2x3::zeros(),
             dk1: 0.0,
             board_scale_error: 0.0,
             glass_thickness_m: 0.0,

@@ -32,8 +32,9 @@ pub(crate) enum Atom {
     OriginShift(NodeId, usize),
     /// Shift of a marker on its mount.
     MarkerShift(usize, usize),
-    /// Shift of all markers' images along u or v: the detector of markers against that of corners.
-    MarkerImage(usize),
+    /// Shift of all markers' images along u or v (0, 1), constant or proportional to the pixel's u or v from the picture's
+    /// centre (0, 1, 2): the detector of markers against that of corners.
+    MarkerImage(usize, usize),
     /// Tangent of the camera's mount: rotation 0 to 2, translation 3 to 5.
     CameraMount(usize),
     /// Tangent of the board's mount in its nominal frame: rotation 0 to 2, translation 3 to 5. A camera on the board's own body moves
@@ -79,7 +80,7 @@ impl Atom {
             | Self::LinkShift(..)
             | Self::OriginShift(..)
             | Self::MarkerShift(..)
-            | Self::MarkerImage(_)
+            | Self::MarkerImage(..)
             | Self::BoardMount(_)
             | Self::FramePose(_) => false,
         }
@@ -314,7 +315,7 @@ impl Column {
                 }
             },
             Atom::Center(k) => deformation.center_px += Vector2::ith(k, value),
-            Atom::MarkerImage(k) => deformation.marker_image_px[k] += value,
+            Atom::MarkerImage(k, by) => deformation.marker_image[(k, by)] += value,
             Atom::Dk1 => deformation.dk1 += value,
             Atom::BoardScale => deformation.board_scale_error += value,
             Atom::Glass => deformation.glass_thickness_m += value,

@@ -48,7 +48,7 @@ fn somewhere(problem: &Problem) -> Deformation {
         }
     }
     d.marker_shift[1] = Vector3::new(0.002, 0.001, -0.001);
-    d.marker_image_px = Vector2::new(0.4, -0.3);
+    d.marker_image = nalgebra::Matrix2x3::new(0.4, 0.002, -0.001, -0.3, 0.001, -0.003);
     d.camera_mount[1] = 0.004;
     d.camera_mount[3] = 0.002;
     d.board_mount = nalgebra::Vector6::new(0.01, -0.006, 0.004, 0.002, -0.001, 0.003);
@@ -76,7 +76,8 @@ fn atoms(problem: &Problem) -> Vec<Atom> {
     out.extend((0..6).map(Atom::CameraMount));
     out.extend((0..6).map(Atom::BoardMount));
     out.extend([Atom::Focal, Atom::Center(0), Atom::Center(1), Atom::Dk1, Atom::BoardScale]);
-    out.extend([Atom::Glass, Atom::Curvature, Atom::MarkerImage(0), Atom::MarkerImage(1)]);
+    out.extend([Atom::Glass, Atom::Curvature]);
+    out.extend((0..2).flat_map(|k| (0..3).map(move |by| Atom::MarkerImage(k, by))));
     out.extend((0..nodes).flat_map(|n| (0..3).map(move |k| Atom::Turn(n, k))));
     out.extend((0..nodes).flat_map(|n| (0..2).flat_map(move |k| [Atom::Across(n, k), Atom::Rock(n, k)])));
     out.extend((0..ASTIGMATISM.end).map(Atom::FreeOptics));
@@ -133,7 +134,7 @@ fn every_atoms_column_is_the_derivative_of_the_exact_model() {
         let off = off_plane(&work);
         let mut checked = 0;
         for atom in atoms(&problem) {
-            let h = if matches!(atom, Atom::Center(_) | Atom::MarkerImage(_)) { 0.05 } else { 1e-5 };
+            let h = if matches!(atom, Atom::Center(_) | Atom::MarkerImage(_, 0)) { 0.05 } else { 1e-5 };
             let moved = |sign: f64| {
                 let mut d = deformation.clone();
                 Column::constant(atom).add(sign * h, &problem.scene, &mut d);
@@ -254,7 +255,7 @@ fn flat(problem: &Problem, d: &Deformation) -> DVector<f64> {
     out.extend(d.link_shift.iter().chain(&d.origin_shift).flat_map(|s| [s.x, s.y, s.z]));
     out.extend(d.camera_mount.iter().chain(&d.board_mount));
     out.extend([d.focal_scale_error, d.center_px.x, d.center_px.y, d.dk1, d.board_scale_error]);
-    out.extend([d.marker_image_px.x, d.marker_image_px.y]);
+    out.extend(d.marker_image.iter());
     out.extend([d.glass_thickness_m, d.curvature_per_m]);
     DVector::from_vec(out)
 }

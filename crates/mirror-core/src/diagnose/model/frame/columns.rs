@@ -183,7 +183,9 @@ impl FrameWork {
                 let mount = self.poses.site(&problem.marker_mounts[m]).r;
                 Some(row.by_world * mount.column(k))
             }
-            Atom::MarkerImage(k) if row.marker.is_some() && !row.measured => Some(Vector3::ith(k, row.scale)),
+            Atom::MarkerImage(k, by) if row.marker.is_some() && !row.measured => {
+                Some(Vector3::ith(k, row.scale * row.in_picture[by]))
+            }
             Atom::FramePose(k) if row.measured => {
                 let unknown = self.unknown?;
                 let in_root = self.root.inverse_point(&row.point);
@@ -224,7 +226,7 @@ fn optics_column(atom: Atom) -> Option<usize> {
         | Atom::LinkShift(..)
         | Atom::OriginShift(..)
         | Atom::MarkerShift(..)
-        | Atom::MarkerImage(_)
+        | Atom::MarkerImage(..)
         | Atom::BoardMount(_)
         | Atom::FreeOptics(_)
         | Atom::FramePose(_) => None,

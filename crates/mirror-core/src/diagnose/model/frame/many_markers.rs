@@ -67,7 +67,7 @@ impl FrameWork {
         if !self.see_markers(problem, task, data, (eye, &camera_from_world), Wanted::default()) {
             return None;
         }
-        let (markers, std, shift) = (&self.markers, task.noise.marker_px, task.deformation.marker_image_px);
+        let (markers, std, by_pixel) = (&self.markers, task.noise.marker_px, &task.deformation.marker_image);
         let mixture = pixel_mixture(eye, std);
         let (mut information, mut gradient) = (Matrix3::zeros(), Vector3::zeros());
         let pixels = data.others.iter().filter_map(|observation| match observation {
@@ -76,6 +76,7 @@ impl FrameWork {
         });
         for (i, pixel) in pixels.enumerate() {
             let Some((picture, by_foot)) = markers.by_foot(i) else { continue };
+            let shift = by_pixel * eye.in_picture(pixel);
             let r = (pixel - picture - markers.offset(i) - shift) / std;
             let weight = if task.gaussian { 1.0 } else { mixture.likelihood(r.norm_squared()).1 };
             let [u, v] = by_foot.map(|row| row / std);
@@ -97,7 +98,7 @@ impl FrameWork {
         wanted: Wanted,
     ) {
         let (world, camera) = (self.markers.world[i], self.markers.camera[i]);
-        let offset = self.markers.offset(i) + task.deformation.marker_image_px;
+        let offset = self.markers.offset(i) + task.deformation.marker_image * eye.in_picture(pixel);
         let sight = self.markers.sight(i, &eye.nominal_focal, wanted).map(|sight| (sight, offset));
         let from_world = (eye, camera_from_world);
         let at = (Via::Mirror, SeenAt::Marker(marker));

@@ -143,7 +143,8 @@ impl FrameWork {
                 (corner_point(problem, eye, c.index, 1.0 + task.deformation.board_scale_error), None)
             }
         };
-        let shift = marker.map_or_else(Vector2::zeros, |_| task.deformation.marker_image_px);
+        let shift =
+            marker.map_or_else(Vector2::zeros, |_| task.deformation.marker_image * eye.in_picture(pixel));
         let point = world_from_target.point(&local);
         let in_camera = camera_from_world.point(&point);
         let sight = sight_of(eye, via, &self.foot, &in_camera, wanted)
@@ -225,6 +226,7 @@ impl FrameWork {
             marker,
             residual: Vector3::new(r.x * root_weight, r.y * root_weight, 0.0),
             scale,
+            in_picture: eye.in_picture(pixel),
             by_world: by_camera * camera_from_world.r,
             point,
             plane,
@@ -291,6 +293,7 @@ impl FrameWork {
             marker: Some(marker),
             residual: r * root_weight,
             scale,
+            in_picture: Vector3::zeros(),
             by_world: observed_from_world * scale,
             point,
             plane: Matrix3::zeros(),

@@ -26,6 +26,8 @@ pub(super) struct Rows {
     pub(super) residual: Vector3<f64>,
     /// Square root of the weight, over the standard deviation.
     pub(super) scale: f64,
+    /// 1 and the pixel's distance from the picture's centre in u and in v, px; 0 of a measured point.
+    pub(super) in_picture: Vector3<f64>,
     /// Rows by displacement of the point in the world.
     pub(super) by_world: Matrix3<f64>,
     /// The point in the world.
