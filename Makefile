@@ -45,9 +45,9 @@ test-rust: ## the core's tests; needs no Python
 	cargo test --locked -q -p mirror-core -p mirror-py --tests
 	cargo test --locked -q -p mirror-core -p mirror-py --doc
 
-# Each worker takes half of the files, so that what a file makes once is made by one of them.
+# A third of a worker's time is waiting for processes: three keep two cores at work.
 test-python: $(VENV)/installed-for-tests ## build and install the wheel, test it
-	$(BIN)/python -m pytest -q -n 2 --dist worksteal -m "not realtime"
+	$(BIN)/python -m pytest -q -n 3 --dist worksteal -m "not realtime"
 	$(BIN)/python -m pytest -q -n 4 -m realtime $(REALTIME)
 
 test-floors: $(VENV)/wheel ## detection and sessions with the oldest dependencies that can be solved (not a part of `make test`)
