@@ -158,6 +158,29 @@ fn a_right_angle_at_a_last_joint_is_told_before_the_mount_that_moves_its_marker_
 }
 
 #[test]
+fn a_right_angle_at_a_last_joint_is_told_beside_exchanged_columns_too() {
+    let mut world = World::new(5, false);
+    world.markers[2].2 = [0.012, 0.004, 0.03].into();
+    let mut recording = world.record(&plan(51, Vec::new()));
+    let column = |name: &str| robot(&world).position_index(name).unwrap();
+    let (wrist, a, b) = (column("l_wrist_1"), column("r_elbow"), column("r_shoulder_yaw"));
+    let right_angle = core::f64::consts::FRAC_PI_2;
+    for frame in &mut recording.frames {
+        frame.commanded[wrist] += right_angle;
+        frame.commanded.swap(a, b);
+    }
+    let diagnosis = run(&world, &recording);
+    let causes = named(&diagnosis);
+    let zero = causes.contains(&"joint_offset@joint:l_wrist_1".to_owned());
+    assert!(
+        zero && causes.len() == 2 && causes[1].starts_with("joints_swapped"),
+        "{causes:?} {:?}",
+        diagnosis.trace
+    );
+    assert_near(&diagnosis, "joint_offset", "offset_rad", -right_angle, 0.01);
+}
+
+#[test]
 fn exchanged_names_before_a_camera_of_another_crop_are_no_marker_elsewhere() {
     // On a neck: the boards tell the crop from a camera mounted askew.
     let world = World::new(4, true);

@@ -3,7 +3,9 @@
 //! A mistake with a free parameter must gain so much over small errors that no slightly wrong law could have caused
 //! it. For a mistake without a free parameter the question is which is more probable: that mistake, or a large error
 //! that happens to have the same effect (a marker that is mounted exactly where a quarter turn of the last joint
-//! brings it). Then prior odds decide, and the less probable one is reported as an alternative.
+//! brings it). Then prior odds decide, and the less probable one is reported as an alternative. That a marker happens
+//! to be there is a coincidence, which random effects do not see: they displace all markers in both models. So where
+//! the odds are close, markers are also in place in each model, one half of its prior for each.
 
 use super::alternatives::Session;
 use super::chain::{Chain, FRAMES, spread};
@@ -16,7 +18,8 @@ use super::variant::Variant;
 use super::verify::{Tolerant, smaller};
 use crate::diagnose::data::diagnosis::{Alternative, Cause};
 use crate::diagnose::likelihood::probability::against;
-use crate::diagnose::model::problem::Problem;
+use crate::diagnose::model::elementary::Column;
+use crate::diagnose::model::problem::{Noise, Problem};
 use crate::diagnose::principles::{BEYOND_DOUBT, LEAST_LOG_ODDS, LOG_PRIOR_STRUCTURE, TEMPER, UNTHOUGHT_OF};
 use crate::error::Result;
 
@@ -53,7 +56,7 @@ pub(super) fn chosen(
     let mut weighed = Weighed::new(session, core::iter::once(nominal.clone()).chain(chains).collect(), all)?;
     // A small cause may explain what a mistake with free parameters absorbs: the best chain is compared without
     // each of its mistakes.
-    let (values, log_odds) = loop {
+    let (mut values, mut log_odds) = loop {
         let (values, log_odds) = weighed.log_odds(sought);
         let best = (1..log_odds.len()).max_by(|&a, &b| log_odds[a].total_cmp(&log_odds[b])).unwrap_or(0);
         let mistakes = weighed.chains[best].mistakes.len();
@@ -68,6 +71,7 @@ pub(super) fn chosen(
             weighed.add(chain)?;
         }
     };
+    weighed.with_markers_in_place(&mut values, &mut log_odds)?;
     let Weighed { chains: tried, fits, .. } = weighed;
     for (chain, value) in tried.iter().zip(&values) {
         let names: Vec<&str> = chain.mistakes.iter().map(Mistake::effect).collect();
@@ -115,6 +119,9 @@ struct Weighed<'a> {
     fits: Vec<Option<Tolerant>>,
 }
 
+/// How a problem is fitted on some frames: with further columns, beside small errors.
+type FittedBy = fn(&Problem, &[usize], Noise, Vec<(Column, f64, f64)>) -> Result<Tolerant>;
+
 impl<'a> Weighed<'a> {
     fn new(session: &'a Undone, chains: Vec<Chain>, all: &Session<'_>) -> Result<Self> {
         let frames = compared_on(all, &chains);
@@ -126,21 +133,48 @@ impl<'a> Weighed<'a> {
     }
 
     fn add(&mut self, chain: Chain) -> Result<()> {
+        self.fits.push(self.fitted(&chain, Tolerant::fitted_with)?);
+        self.chains.push(chain);
+        Ok(())
+    }
+
+    /// A chain fitted with small errors; none for an invalid chain.
+    fn fitted(&self, chain: &Chain, by: FittedBy) -> Result<Option<Tolerant>> {
         let problem = &self.session.problem;
         problem.cancel.check()?;
-        let fitted = |p: Problem| {
-            let free = free_columns(&chain, &p, &self.frames);
-            Tolerant::fitted_with(&p, &self.frames, problem.noise, free)
-        };
-        self.fits.push(chain.problem(self.session, &self.frames).and_then(fitted).ok());
-        self.chains.push(chain);
+        let fitted = |p: Problem| by(&p, &self.frames, problem.noise, free_columns(chain, &p, &self.frames));
+        Ok(chain.problem(self.session, &self.frames).and_then(fitted).ok())
+    }
+
+    /// The smallest noise that any chain leaves.
+    fn noise(&self) -> Noise {
+        let least = self.session.problem.noise;
+        self.fits.iter().flatten().map(|f| f.noise).reduce(smaller).unwrap_or(least)
+    }
+
+    /// Weighs the chains that are close to the best also with all markers in place, where one of their mistakes has no
+    /// number: `ln ½ (eᵃ + eᵇ)` of the two log evidences.
+    fn with_markers_in_place(&self, values: &mut [f64], log_odds: &mut [f64]) -> Result<()> {
+        let best = log_odds.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let close: Vec<usize> = (0..log_odds.len()).filter(|&i| log_odds[i] > best - BEYOND_DOUBT).collect();
+        let has_one = |&i: &usize| self.chains[i].mistakes.iter().any(Mistake::has_no_number);
+        if close.len() < 2 || !close.iter().any(has_one) {
+            return Ok(());
+        }
+        let noise = self.noise();
+        for i in close {
+            let mut in_place = self.fitted(&self.chains[i], Tolerant::with_markers_in_place)?;
+            let value = in_place.as_mut().and_then(|fit| fit.log_evidence(noise).ok());
+            let gained = value.map_or(0.0, |value| half_each(value - values[i]));
+            values[i] += gained;
+            log_odds[i] += gained;
+        }
         Ok(())
     }
 
     /// Log evidence of each chain at the smallest noise that any of them leaves, and the same with the mistakes' prior.
     fn log_odds(&mut self, sought: bool) -> (Vec<f64>, Vec<f64>) {
-        let least = self.session.problem.noise;
-        let noise = self.fits.iter().flatten().map(|f| f.noise).reduce(smaller).unwrap_or(least);
+        let noise = self.noise();
         let evidence = |f: &mut Option<Tolerant>| f.as_mut().and_then(|f| f.log_evidence(noise).ok());
         let values: Vec<f64> =
             self.fits.iter_mut().map(|f| evidence(f).unwrap_or(f64::NEG_INFINITY)).collect();
@@ -157,6 +191,11 @@ impl<'a> Weighed<'a> {
         }
         (values, log_odds)
     }
+}
+
+/// `ln ½ (1 + eᵈ)`.
+fn half_each(difference: f64) -> f64 {
+    difference.max(0.0) + (0.5 + 0.5 * (-difference.abs()).exp()).ln()
 }
 
 /// Whether a chain leaves something gross with all small errors as fitted.

@@ -67,6 +67,21 @@ impl Tolerant {
         Self::unfitted(problem, frames, least, &NO_SMALL_ERRORS.map(str::to_owned), further).begun(least)
     }
 
+    /// As [`Tolerant::fitted_with`], with all markers exactly where the model has them.
+    ///
+    /// # Errors
+    /// Invalid parameters of camera or mirror.
+    pub fn with_markers_in_place(
+        problem: &Problem,
+        frames: &[usize],
+        least: Noise,
+        further: Vec<(Column, f64, f64)>,
+    ) -> Result<Self> {
+        let mut without = NO_SMALL_ERRORS.map(str::to_owned).to_vec();
+        without.push("marker_mount".into());
+        Self::unfitted(problem, frames, least, &without, further).begun(least)
+    }
+
     /// With small errors of these kinds only.
     ///
     /// # Errors
