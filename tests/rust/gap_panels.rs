@@ -94,6 +94,7 @@ fn with_the_right_optics_the_fields_shrink_to_the_noise() {
         (Wrong::Radial(-0.08), "camera", "image"),
         (Wrong::Curvature(0.03), "mirror", "image"),
         (Wrong::BoardScale(0.02), "board", "board"),
+        (Wrong::MarkersFocal(0.003), "camera", "image"),
     ] {
         let found = diagnosed(&world, wrong.clone(), &[]);
         let field = found.fields.iter().find(|f| f.at == at).unwrap();

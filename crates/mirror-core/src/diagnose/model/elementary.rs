@@ -59,6 +59,11 @@ pub(crate) enum Atom {
 }
 
 impl Atom {
+    /// Whether a field over the picture or the board shows it.
+    pub fn is_in_picture(self) -> bool {
+        self.is_optical() || matches!(self, Self::MarkerImage(..))
+    }
+
     /// Whether the atom is of the camera, its lens, the board's print or the mirror: it changes how corners are seen.
     pub fn is_optical(self) -> bool {
         // Every elementary change is listed: a new one must be added here.

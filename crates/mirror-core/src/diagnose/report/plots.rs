@@ -213,8 +213,8 @@ pub(crate) fn panels(findings: &Findings<'_>, causes: &[Cause]) -> Result<Panels
             out.tracks.push(track(findings, (cause, &at), part, other, (&without, &full))?);
         }
         // What varies from frame to frame is no picture.
-        let optical = columns.iter().any(|c| c.atom.is_optical() && c.weight == Weight::One);
-        if optical {
+        let in_picture = columns.iter().any(|c| c.atom.is_in_picture() && c.weight == Weight::One);
+        if in_picture {
             let over = if place == Place::Board { Over::Board } else { Over::Image };
             let drawn = field(&search.problem, search.measured_noise, over, &without, Some(&full))?;
             out.fields.extend(drawn.map(|f| Field { cause, at: at.clone(), ..f }));
