@@ -1,7 +1,7 @@
 //! Whole mistakes that show only beside the causes found: they do no more than small errors, or small causes do more than they.
 
 use crate::gap_world::{Plan, World, Wrong};
-use mirror_core::diagnose::{DiagnoseOptions, Diagnosis, Recording, Target, Verdict, diagnose};
+use mirror_core::diagnose::{Alternative, DiagnoseOptions, Diagnosis, Recording, Target, Verdict, diagnose};
 use mirror_core::robot::Robot;
 
 fn robot(world: &World) -> Robot {
@@ -92,4 +92,26 @@ fn a_ratio_of_the_last_joint_that_is_half_as_large_again_is_one_cause_beside_a_l
     assert_eq!(of_wrist.len(), 1, "{:?}", diagnosis.causes);
     let ratio = of_wrist[0].parameters["scale_error"];
     assert!(of_wrist[0].effect == "gear_ratio" && (ratio.value - 0.5).abs() < 0.03, "{ratio:?}");
+}
+
+#[test]
+fn zeros_at_both_ends_of_a_link_take_their_share_of_its_length() {
+    // About parallel axes, in opposite directions, and with no marker on the link itself: they shift the hand as its length does.
+    let mut world = World::new(5, false);
+    let (elbow, wrist) = (world.bone("r_elbow"), world.bone("r_wrist_1"));
+    world.bones[wrist].axis = world.bones[elbow].axis;
+    world.markers[4].1 = world.bone("r_shoulder_yaw");
+    let told = |wrong: Vec<Wrong>| {
+        let recording = world.record(&Plan { postures: 50, seed: 61, wrong, ..Plan::default() });
+        run(&world, &recording)
+    };
+    let zeros = told(vec![Wrong::Offset(elbow, 0.02), Wrong::Offset(wrist, -0.02)]);
+    let link = zeros.causes.iter().find(|c| c.effect == "link_length").unwrap();
+    let instead = |a: &Alternative| (a.effect.as_str(), a.at.as_str()) == ("joint_offset", "joint:r_elbow");
+    let instead = link.alternatives.iter().find(|a| instead(a)).unwrap().probability;
+    assert!(link.probability < 0.9 && instead > 0.1, "{link:?} {:#?}", zeros.trace);
+    // Along the link no zeros shift it.
+    let length = told(vec![Wrong::Length(Some(elbow), [0.004, 0.0, 0.0])]);
+    let link = &length.causes[0];
+    assert!(link.effect == "link_length" && link.probability > 0.9, "{link:?} {:#?}", length.trace);
 }

@@ -27,6 +27,8 @@ UNITS = {
     "_rad": ("°", math.degrees(1.0)),
     "_nm": ("N m", 1.0),
     "_px": ("px", 1.0),
+    "_by_u": ("px per 1000 px of u", 1000.0),
+    "_by_v": ("px per 1000 px of v", 1000.0),
     "delay_s": ("s", 1.0),
     "_m": ("mm", 1000.0),
     "scale_error": ("%", 100.0),

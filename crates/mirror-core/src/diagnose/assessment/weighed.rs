@@ -5,9 +5,13 @@ use crate::diagnose::assessment::findings::Findings;
 use crate::diagnose::assessment::noise_floor::{is_no_noise, is_reached};
 use crate::diagnose::criteria::cross_validation::in_sample;
 use crate::diagnose::criteria::lack_of_fit::adequacy;
+use crate::diagnose::data::diagnosis::Alternative;
+use crate::diagnose::effects::Place;
 use crate::diagnose::effects::hypothesis::Model;
 use crate::diagnose::model::solver::SOLVER;
+use crate::diagnose::prepare::first_day::Doubt;
 use crate::diagnose::prepare::prepared::Prepared;
+use crate::diagnose::principles::{TEMPER, UNTHOUGHT_OF};
 use crate::diagnose::selection::alternatives::settled;
 use crate::diagnose::selection::extended_models::Extended;
 use crate::diagnose::selection::nonparametric::{Unexplained, unexplained};
@@ -15,6 +19,7 @@ use crate::diagnose::selection::search::{Found, Search};
 use crate::diagnose::selection::simplify::{
     comes_down, drop_useless, gaps, named_for_little, named_in_vain, without_names,
 };
+use crate::diagnose::selection::zeros_of_link::{ZerosInstead, zeros_instead};
 use crate::error::Result;
 
 /// Compares the causes found, without the observations that the best model shows to be false.
@@ -56,6 +61,10 @@ pub(crate) fn weighed<'a>(
             let instead = standing.as_mut().filter(|_| !law.beside.contains(&term.hypothesis));
             instead.into_iter().for_each(|standing| standing.besides_another(law.weight));
         }
+    }
+    let mut doubts = prepared.doubts().to_vec();
+    for i in (0..standings.len()).filter(|&i| standings[i].is_some()) {
+        doubts.extend(zeros_of_its_joints(&search, &mut found, i)?);
     }
     let free = has_free(&search, &found);
     let left = left(&search, &found)?;
@@ -103,7 +112,32 @@ pub(crate) fn weighed<'a>(
         false_share,
         standings,
         mistakes: prepared.mistakes().to_vec(),
-        doubts: prepared.doubts().to_vec(),
+        doubts,
         step: None,
     })
+}
+
+/// The zeros of both joints of a link as an alternative of its length, told at the joint that carries it; none where they
+/// are not worth naming.
+fn zeros_of_its_joints(search: &Search<'_>, found: &mut Found, i: usize) -> Result<Option<Doubt>> {
+    let Some(ZerosInstead { joints: (first, second), odds }) = zeros_instead(search, found, i)? else {
+        return Ok(None);
+    };
+    let weight = (TEMPER * odds).exp().min(1.0);
+    if weight < UNTHOUGHT_OF {
+        return Ok(None);
+    }
+    let scene = &search.problem.scene;
+    let own = found.fit.model.terms[i].hypothesis;
+    let place = |place: Place| place.name(scene);
+    let (carrying, carried) = (place(Place::Joint(first)), place(Place::Joint(second)));
+    found.trace.push(format!(
+        "zeros of {carrying} and {carried} instead of {}: log odds {odds:.1}",
+        search.catalogue.name(scene, own)
+    ));
+    let probability = weight / (1.0 + weight);
+    let effect = search.catalogue.effect(own).name().to_owned();
+    let of = (effect, place(search.catalogue.hypotheses[own].place));
+    let mistake = Alternative { effect: "joint_offset".into(), at: carrying, probability };
+    Ok(Some(Doubt { of, mistake }))
 }

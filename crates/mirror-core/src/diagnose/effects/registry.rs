@@ -87,7 +87,9 @@ mod tests {
             assert!(terms == 0 || terms == effect.parameters.len(), "{}: a term a parameter", effect.name);
             assert!(terms == 0 || matches!(effect.at, PlaceKind::Joint | PlaceKind::JointPair), "{effect:?}");
             for parameter in &effect.parameters {
-                let unitless = ["coupling", "dk1"].contains(&parameter.as_str());
+                // rad for each rad, px for each px.
+                let unitless =
+                    ["coupling", "dk1"].contains(&parameter.as_str()) || parameter.contains("_by_");
                 assert!(unitless || UNITS.iter().any(|u| parameter.ends_with(u)), "{parameter}");
             }
         }

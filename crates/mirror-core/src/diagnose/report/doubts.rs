@@ -1,9 +1,9 @@
-//! Alternatives of a gross mistake: a small error that could look the same.
+//! What a cause could be instead, found outside of its own search: a gross mistake, the zeros of both joints of a link.
 
 use crate::diagnose::data::diagnosis::Cause;
 use crate::diagnose::prepare::first_day::Doubt;
 
-/// Reports the mistakes that could replace a cause as its alternatives, and reduces its probability by theirs.
+/// Reports what could replace a cause among its alternatives, and reduces its probability by theirs.
 pub(super) fn doubted(cause: &mut Cause, doubts: &[Doubt]) {
     let of_it = |d: &&Doubt| d.of.0 == cause.effect && d.of.1 == cause.at;
     let mistakes: Vec<_> = doubts.iter().filter(of_it).map(|d| d.mistake.clone()).collect();

@@ -18,3 +18,4 @@ pub(super) mod simplify;
 pub(super) mod transmission_errors;
 pub(super) mod with_setup;
 pub(super) mod with_tolerances;
+pub(super) mod zeros_of_link;

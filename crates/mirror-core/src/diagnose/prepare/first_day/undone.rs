@@ -36,7 +36,7 @@ pub(crate) struct Undone {
     pub step: Option<(Step, Problem)>,
 }
 
-/// A mistake that a small error could be instead.
+/// What a small error could be instead: a mistake, or the zeros of two joints.
 #[derive(Debug, Clone)]
 pub(crate) struct Doubt {
     /// The small error: effect and place.
