@@ -74,7 +74,7 @@ pub(crate) fn beside_erratic_joint<'a>(
     found: &Found,
     nominal: &Model,
 ) -> Result<Option<ErraticJoint<'a>>> {
-    let here = best_joint(search, &found.fit.model, search.measured_noise)?;
+    let here = best_joint(search, &found.fit.model, found.noise)?;
     if !here.is_some_and(is_probable) {
         return Ok(None);
     }
