@@ -32,6 +32,8 @@ SEPARATORS = {";": "semicolons", "\t": "tabs", "|": "bars"}
 """What spreadsheets of other languages write between cells."""
 MOST_COLUMNS, MOST_CELLS = 5_000, 30_000_000
 """Of a table at most."""
+ONE_BLOCK = 1 << 20
+"""Bytes that Arrow reads at a time: for less, threads bring nothing."""
 LONGEST_FIXED = 64
 """Bytes of a Parquet value of a fixed length at most."""
 LARGEST_NUMBER = 1e12
@@ -218,6 +220,18 @@ def open_table(
     return Table(name, columns, table.num_rows)
 
 
+def _reader(data: bytes) -> pa.BufferReader:
+    """A reader of a copy that is Arrow's own.
+
+    A thread of Arrow can be the last to let go of what it reads. Memory of Python's is let go of under Python's lock,
+    and a thread that asks for the lock while the process ends is aborted ("terminate called without an active
+    exception").
+    """
+    copy = pa.BufferOutputStream()
+    copy.write(data)
+    return pa.BufferReader(copy.getvalue())
+
+
 def _check_size(name: str, columns: int, rows: int, most_cells: int = MOST_CELLS) -> None:
     if columns > MOST_COLUMNS or columns * rows > most_cells:
         raise SessionError(
@@ -232,7 +246,7 @@ def _read_parquet(data: bytes, name: str, only: Collection[str] | None, most_cel
     # It takes longer to load than most tables to read, and most are CSV.
     from pyarrow import parquet
 
-    told = parquet.read_metadata(pa.BufferReader(data))
+    told = parquet.read_metadata(_reader(data))
     leaves = [told.schema.column(i) for i in range(told.num_columns)]
     if len(leaves) > MOST_COLUMNS:
         _check_size(name, len(leaves), told.num_rows, most_cells)
@@ -253,8 +267,8 @@ def _read_parquet(data: bytes, name: str, only: Collection[str] | None, most_cel
         raise SessionError(
             name, f"got the column {odd[0]!r} of long or nested values, needed numbers or names"
         )
-    file = parquet.ParquetFile(pa.BufferReader(data), read_dictionary=texts)
-    table = file.read(columns=wanted)
+    file = parquet.ParquetFile(_reader(data), read_dictionary=texts)
+    table = file.read(columns=wanted, use_threads=len(data) > ONE_BLOCK)
     unfolded = sum(_text_bytes(chunk) for text in texts for chunk in table[text].chunks)
     if unfolded > LARGEST_TABLE:
         raise SessionError(name, f"unfolds to {unfolded} bytes of text, needed at most {LARGEST_TABLE}")
@@ -287,7 +301,11 @@ def _read_csv(data: bytes, name: str, unfinished: bool) -> pa.Table:
         quoted_strings_can_be_null=False,
     )
     try:
-        return pyarrow.csv.read_csv(pa.BufferReader(data), convert_options=convert)
+        return pyarrow.csv.read_csv(
+            _reader(data),
+            read_options=pyarrow.csv.ReadOptions(use_threads=len(data) > ONE_BLOCK),
+            convert_options=convert,
+        )
     except pa.ArrowInvalid:
         _name_ragged_row(data, name, convert)
         raise
@@ -307,7 +325,7 @@ def _name_ragged_row(data: bytes, name: str, convert: pyarrow.csv.ConvertOptions
         return "skip"
 
     pyarrow.csv.read_csv(
-        pa.BufferReader(data),
+        _reader(data),
         read_options=pyarrow.csv.ReadOptions(use_threads=False),
         parse_options=pyarrow.csv.ParseOptions(invalid_row_handler=remember),
         convert_options=convert,
