@@ -35,6 +35,7 @@ use crate::diagnose::selection::long_session::{on_all_frames, part_of_frames};
 use crate::diagnose::selection::lost_column::beside_lost_column;
 use crate::diagnose::selection::near_ties::from_near_ties;
 use crate::diagnose::selection::pairwise_start::from_a_pair;
+use crate::diagnose::selection::scattered_joints::{Start, beside_scatter};
 use crate::diagnose::selection::search::{Search, SearchOptions};
 use crate::diagnose::selection::transmission_errors::with_transmission_errors;
 use crate::diagnose::selection::with_setup::{look_again_at_noise, with_or_without_setup};
@@ -99,6 +100,7 @@ pub(crate) fn diagnose(
     let mut search = Search {
         measured_noise: problem.noise,
         noise_widening: 1.0,
+        scatter: None,
         problem,
         catalogue: &catalogue,
         group: Group::default(),
@@ -116,8 +118,16 @@ pub(crate) fn diagnose(
             (found, None, Some(extended))
         }
         None => {
+            let plain = search.clone();
             let (found, setup) = with_or_without_setup(&mut search, &nominal, stated, &options.without)?;
-            (found, setup, None)
+            let start = Start { plain: &plain, nominal: &nominal, stated, options, all: &all };
+            match beside_scatter(&start, &search, &found)? {
+                None => (found, setup, None),
+                Some(beside) => {
+                    search = beside.search;
+                    (beside.found, None, Some(beside.extended))
+                }
+            }
         }
     };
     if setup.is_none() && extended.is_none() {

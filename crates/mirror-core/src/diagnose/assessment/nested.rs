@@ -60,7 +60,7 @@ pub(crate) fn chosen_anew(findings: &Findings<'_>, ranking: &[Score]) -> Result<
             // Free-form errors cannot be added to a model.
             model.terms.retain(|t| !catalogue.is_free(t.hypothesis));
             let deformation = search.deformation(&model);
-            let seen = free_markers(problem, &deformation, search.measured_noise, true, Some(&test))?;
+            let seen = free_markers(problem, &deformation, search.detector_noise(), true, Some(&test))?;
             Ok((true, seen.iter().map(gap_of).collect()))
         })
         .collect::<Result<Vec<_>>>()?;

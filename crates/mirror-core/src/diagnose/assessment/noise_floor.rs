@@ -68,7 +68,7 @@ impl Floor {
     pub fn new(search: &Search<'_>, fit: &Fit, nothing_left: bool) -> Result<Self> {
         let problem = &search.problem;
         let deformation = search.deformation(&fit.model);
-        let noise = search.measured_noise;
+        let noise = search.detector_noise();
         let postures = free_markers(problem, &deformation, noise, true, None)?;
         let fitted: Vec<PostureGap> = postures.iter().map(gap_of).collect();
         let rows: f64 = postures.iter().map(|p| p.freedom_left + p.freedom_taken).sum();

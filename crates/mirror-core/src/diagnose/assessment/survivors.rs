@@ -135,7 +135,7 @@ fn taken_back(findings: &mut Findings<'_>, i: usize, share: f64, odds: f64) -> R
     let (s, model) = (search, &found.fit.model);
     let free = model.terms.iter().any(|t| s.catalogue.is_free(t.hypothesis));
     findings.after = if free {
-        held_out(&s.problem, s.catalogue, &s.group, model, found.noise, s.measured_noise, true)?
+        held_out(&s.problem, s.catalogue, &s.group, model, found.noise, s.detector_noise(), true)?
     } else {
         gap
     };

@@ -50,13 +50,13 @@ pub(crate) fn deviations(findings: &Findings<'_>, floor: &Floor) -> Result<Devia
     let search = &findings.search;
     let found = &findings.found;
     let all = search.deformation(&found.fit.model);
-    let mut seen = if search.noise_widening > 1.0 {
+    let mut seen = if search.noise_widening > 1.0 && search.scatter.is_none() {
         // Of one observation; its correlation with its neighbours is allowed for below, over all frames.
         effective(&search.problem, &all, search.noise_of_views(), None)?
     } else {
         found.noise
     };
-    let left = search.measured_noise.marker_px * floor.fitted_scale;
+    let left = search.detector_noise().marker_px * floor.fitted_scale;
     seen.marker_px = seen.marker_px.max(left);
     let noise = noise_correlation::of_means(&search.problem, &all, seen)?;
     let loose = search.fit_with_slack(&found.fit.model, None, noise, SOLVER.loose_steps)?;

@@ -33,6 +33,7 @@ pub(crate) fn weighed<'a>(
     prepared: &Prepared,
 ) -> Result<Findings<'a>> {
     let Extended { mut geometry, erratic, unnamed, unnamed_law, clean, false_share } = extended;
+    let scattered = search.scatter.map(|_| Unexplained::scattered());
     search.problem = clean;
     let unfinished = search.problem.budget.is_spent() && geometry.is_none();
     let (nominal_gap, mut after) = gaps(&search, nominal, &found)?;
@@ -75,7 +76,7 @@ pub(crate) fn weighed<'a>(
         (found.fit.model.explains() && !free || in_vain) && is_reached(&search, &found.fit, &after)?;
     // Free-form errors that explain more than the reported small errors are kept, however little these leave: with
     // many parameters any model reaches the floor.
-    let unexplained = match erratic.map(Unexplained::erratic).or(unnamed) {
+    let unexplained = match erratic.map(Unexplained::erratic).or(unnamed).or(scattered) {
         Some(told) => Some(told),
         None => unexplained(&search, &found, &left, reached)?,
     };
@@ -98,7 +99,7 @@ pub(crate) fn weighed<'a>(
     } else {
         // The nominal model is that of the session as it was given.
         let given = &prepared.given;
-        in_sample(given, &given.nominal(), search.measured_noise)?
+        in_sample(given, &given.nominal(), search.detector_noise())?
     };
     found.trace.splice(0..0, prepared.trace().iter().cloned());
     Ok(Findings {

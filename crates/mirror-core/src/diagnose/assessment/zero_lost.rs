@@ -19,7 +19,7 @@ pub(crate) fn tell_step(findings: &mut Findings<'_>, prepared: &Prepared) -> Res
     let Some((step, as_logged)) = prepared.step() else { return Ok(None) };
     let left = seen_size(&findings.after);
     let (search, found) = (&findings.search, &findings.found);
-    let (group, measured) = (&search.group, search.measured_noise);
+    let (group, measured) = (&search.group, search.detector_noise());
     findings.after =
         held_out(as_logged, search.catalogue, group, &found.fit.model, found.noise, measured, true)?;
     findings.before = in_sample(&prepared.given, &prepared.given.nominal(), measured)?;

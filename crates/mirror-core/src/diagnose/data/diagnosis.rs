@@ -84,6 +84,8 @@ pub struct Where {
 impl Where {
     /// The name of the place if the remainder has no single place.
     pub const NOWHERE: &str = "unknown";
+    /// The name of the place if all joints have a part in the remainder.
+    pub const ROBOT: &str = "robot";
 }
 
 /// A further session, predicted with nothing of it fitted but its own nuisances.

@@ -2,6 +2,7 @@
 
 pub(super) mod covariance;
 pub(super) mod fit;
+pub(super) mod joint_scatter;
 pub(super) mod linearised;
 pub(super) mod noise;
 pub(super) mod noise_correlation;

@@ -81,6 +81,13 @@ impl WorkBudget {
         self.allowed.store(self.before + part, Ordering::Relaxed);
     }
 
+    /// Allows this diagnosis this share of what one may spend in addition to what is spent, within the session's work.
+    pub fn allow_more(&self, share: f64) {
+        let spent = self.spent.load(Ordering::Relaxed);
+        let part = (share * self.of_one.min(self.most) as f64) as u64;
+        self.allowed.store((spent + part).min(self.of_session), Ordering::Relaxed);
+    }
+
     /// Counts frames that were linearised by so many columns, with so many corners as rows.
     pub fn spend(&self, frames: usize, corners: usize, columns: usize) {
         self.spent.fetch_add(linearisation(frames, corners, columns), Ordering::Relaxed);

@@ -119,7 +119,7 @@ fn costs(
     }
     let deformation = deformation(&shifted);
     let eye = shifted.eye(&deformation)?;
-    let task = Task { with_board: false, ..Task::of_residuals(problem, &deformation, eye.as_ref(), noise) };
+    let task = Task::of_residuals(&shifted, &deformation, eye.as_ref(), noise);
     let parts: Vec<Vec<Option<f64>>> = chunks(frames)
         .into_par_iter()
         .map_init(

@@ -101,7 +101,7 @@ pub(crate) fn diagnosis(
             log_bayes: s.log_bayes,
         })
         .collect();
-    let noise = search.measured_noise;
+    let noise = search.detector_noise();
     let mut noise_map = BTreeMap::new();
     if scene.has_camera {
         noise_map.insert("corner_px".to_owned(), noise.corner_px);
@@ -330,7 +330,7 @@ fn places(findings: &Findings<'_>, causes: &[Cause]) -> Vec<Where> {
     let mut out: Vec<Where> = Vec::new();
     let explained: f64 = causes.iter().map(|c| c.rms_shift.powi(2)).sum();
     let after = seen_size(&findings.after).powi(2);
-    let floor = noise_square(&findings.search.problem, findings.search.measured_noise);
+    let floor = noise_square(&findings.search.problem, findings.search.detector_noise());
     let left = if findings.unexplained.is_some() { (after - floor).max(0.0) } else { 0.0 };
     let total = (explained + left).max(1e-30);
     for cause in causes {
@@ -347,7 +347,7 @@ fn places(findings: &Findings<'_>, causes: &[Cause]) -> Vec<Where> {
         let scene = &findings.search.problem.scene;
         let of_all: f64 = unexplained.places.iter().map(|p| p.shift).sum();
         for place in &unexplained.places {
-            let at = place.place.map_or_else(|| Where::NOWHERE.to_owned(), |p: Place| p.name(scene));
+            let at = place.name(scene);
             let part = if of_all > 0.0 { place.shift / of_all } else { 1.0 };
             let share = part * if explained == 0.0 { 1.0 } else { left / total };
             let depends_on = place.depends_on.clone();
@@ -465,6 +465,13 @@ fn warnings(findings: &Findings<'_>) -> Vec<String> {
         out.push(format!(
             "{:.1} % of the markers' observations are far from the best model and were left out as false: look at them",
             findings.false_share * 100.0
+        ));
+    }
+    if let Some(scatter) = findings.search.scatter {
+        out.push(format!(
+            "what is left is as if each joint rested {:.2}° (one standard deviation) away from its logged position, in each posture by itself: servos that repeat no \
+             better, positions that were rounded or only commanded, or postures that had not settled; record what the encoders say, at rest, and repeat postures",
+            scatter.std_rad.to_degrees()
         ));
     }
     if !scene.ordered {

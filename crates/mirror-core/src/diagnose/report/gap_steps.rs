@@ -85,7 +85,7 @@ fn sizes(findings: &Findings<'_>, parts: &[Part], wanted: &[usize]) -> Result<Ve
                     }
                     let deformation = some.deformation(problem, search.catalogue, &search.group.columns);
                     let postures =
-                        free_markers(problem, &deformation, search.measured_noise, true, Some(&test))?;
+                        free_markers(problem, &deformation, search.detector_noise(), true, Some(&test))?;
                     Ok(postures.iter().map(gap_of).collect())
                 })
                 .collect()

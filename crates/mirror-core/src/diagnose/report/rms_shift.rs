@@ -21,7 +21,7 @@ pub(crate) fn shift_of_rows(problem: &Problem, noise: Noise, slip: &Slip) -> f64
 /// RMS over markers of the shift between two deformations, in the unit of the observations.
 pub(crate) fn rms_shift(findings: &Findings<'_>, from: &Deformation, to: &Deformation) -> Result<f64> {
     let search = &findings.search;
-    let noise = search.measured_noise;
+    let noise = search.detector_noise();
     let squares = marker_shift(&search.problem, from, to, noise)?;
     let mean = squares.iter().sum::<f64>() / squares.len().max(1) as f64;
     Ok(mean.sqrt() * search.problem.of_observations(noise))

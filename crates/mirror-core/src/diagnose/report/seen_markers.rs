@@ -15,7 +15,7 @@ use std::collections::HashMap;
 /// Invalid parameters of the camera or mirror.
 pub(crate) fn seen_markers(findings: &Findings<'_>) -> Result<Vec<SeenMarker>> {
     let search = &findings.search;
-    let (problem, noise) = (&search.problem, search.measured_noise);
+    let (problem, noise) = (&search.problem, search.detector_noise());
     let mut causes = findings.found.fit.model.clone();
     // What has no name is no part of the better model.
     causes.terms.retain(|t| !search.catalogue.is_free(t.hypothesis));

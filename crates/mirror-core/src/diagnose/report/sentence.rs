@@ -133,7 +133,7 @@ fn where_and_on_what(place: Option<&Where>) -> String {
 
 /// `the ` before a place of which there is only one.
 fn article(at: &str) -> &'static str {
-    if matches!(at, "camera" | "board" | "mirror") { "the " } else { "" }
+    if matches!(at, "camera" | "board" | "mirror" | "robot") { "the " } else { "" }
 }
 
 #[cfg(test)]

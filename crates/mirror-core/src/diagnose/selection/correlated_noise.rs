@@ -12,6 +12,10 @@ use crate::error::Result;
 /// # Errors
 /// Invalid parameters of the camera or mirror.
 pub(crate) fn allow_for_correlation(search: &mut Search<'_>, found: &mut Found) -> Result<()> {
+    // Errors of postures are allowed for already.
+    if search.scatter.is_some() {
+        return Ok(());
+    }
     let deformation = search.deformation(&found.fit.model);
     let widening = widening_of_views(&search.problem, &deformation, search.measured_noise)?;
     if widening <= 1.0 {

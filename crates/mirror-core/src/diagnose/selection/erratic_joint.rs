@@ -241,11 +241,9 @@ fn by_first_order(search: &Search<'_>, model: &Model, noise: Noise) -> Result<Ve
     let eye = problem.eye(&deformation)?;
     let joints: Vec<NodeId> = (0..scene.nodes()).filter(|&n| scene.relevant[n]).collect();
     let columns: Vec<Column> = joints.iter().map(|&n| Column::constant(Atom::Joint(n))).collect();
-    let task = Task {
-        gaussian: false,
-        with_board: needs_board(problem, &columns),
-        ..Task::of_residuals(problem, &deformation, eye.as_ref(), noise)
-    };
+    let residuals = Task::of_residuals(problem, &deformation, eye.as_ref(), noise);
+    let with_board = residuals.with_board || needs_board(problem, &columns);
+    let task = Task { gaussian: false, with_board, ..residuals };
     let groups = postures(problem);
     let mut sums = vec![vec![(0.0, 0.0); groups.len()]; joints.len()];
     let (mut work, mut column) = (FrameWork::new(problem), Vec::new());

@@ -13,6 +13,7 @@ pub(super) mod near_ties;
 pub(super) mod nonparametric;
 pub(super) mod pairwise_start;
 pub(super) mod posterior_odds;
+pub(super) mod scattered_joints;
 pub(super) mod search;
 pub(super) mod simplify;
 pub(super) mod transmission_errors;

@@ -9,11 +9,13 @@
 
 use crate::diagnose::criteria::lack_of_fit::Adequacy;
 use crate::diagnose::criteria::marker_shift::marker_shift;
+use crate::diagnose::data::diagnosis::Where;
 use crate::diagnose::effects::Place;
 use crate::diagnose::effects::hypothesis::{Catalogue, Model};
 use crate::diagnose::likelihood::score_test::screen;
 use crate::diagnose::model::body::NodeId;
 use crate::diagnose::model::problem::Noise;
+use crate::diagnose::model::scene::Scene;
 use crate::diagnose::principles::{LOG_PRIOR_FREE, LOG_PRIOR_STRUCTURE, TEMPER, Threshold};
 use crate::diagnose::selection::search::{Found, Search, SearchOptions};
 use crate::error::Result;
@@ -38,6 +40,12 @@ impl Unexplained {
         Self { places: vec![UnexplainedPlace { place, depends_on: Some(BY_ITSELF.into()), shift: 1.0 }] }
     }
 
+    /// All joints with an independent error in each posture.
+    pub fn scattered() -> Self {
+        let place = UnexplainedPlace { place: None, depends_on: Some(BY_ITSELF.into()), shift: 1.0 };
+        Self { places: vec![place] }
+    }
+
     /// Whether the remainder has neither a known law nor a place: of no place, or independent in each posture.
     pub fn is_lawless(&self) -> bool {
         let by_itself = |p: &UnexplainedPlace| p.depends_on.as_deref() == Some(BY_ITSELF);
@@ -53,11 +61,22 @@ impl Unexplained {
 /// A place at which the vocabulary is not enough.
 #[derive(Debug, Clone)]
 pub(crate) struct UnexplainedPlace {
-    /// None where it could not be found.
+    /// None where it could not be found, or is the whole robot.
     pub place: Option<Place>,
     pub depends_on: Option<String>,
     /// Sum over the markers' observations of the squared shift that the free-form error makes, in variances.
     pub shift: f64,
+}
+
+impl UnexplainedPlace {
+    /// The place in the public vocabulary.
+    pub fn name(&self, scene: &Scene) -> String {
+        match (self.place, &self.depends_on) {
+            (Some(place), _) => place.name(scene),
+            (None, Some(_)) => Where::ROBOT.into(),
+            (None, None) => Where::NOWHERE.into(),
+        }
+    }
 }
 
 /// Whether there is reason for models beyond the vocabulary.
@@ -130,14 +149,10 @@ pub(crate) fn beside_free_forms<'a>(
     let of_detection = (0..all.hypotheses.len()).filter(|&h| all.effect(h).is_of_detection() && !own(h));
     let left_out = search.options.left_out.iter().copied().chain(of_detection).collect();
     let wide = Search {
-        problem: search.problem.clone(),
         catalogue: all,
-        group: search.group.clone(),
-        measured_noise: search.measured_noise,
-        noise_widening: search.noise_widening,
         options: SearchOptions { most_causes, left_out, named_only: false, ..search.options.clone() },
-        mask: search.mask,
         ties: Vec::new(),
+        ..search.clone()
     };
     let mut best: Option<(Search<'a>, Found)> = None;
     let starts = if enough || terms == 0 { vec![nominal] } else { vec![nominal, &found.fit.model] };

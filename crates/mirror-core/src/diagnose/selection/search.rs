@@ -5,6 +5,7 @@ use crate::diagnose::criteria::cross_validation::{PostureGap, held_out};
 use crate::diagnose::data::diagnosis::{Cause, Estimate};
 use crate::diagnose::effects::hypothesis::{Catalogue, Model, Term};
 use crate::diagnose::likelihood::fit::{Fit, FitOptions, Group, fit, fit_below};
+use crate::diagnose::likelihood::joint_scatter::{Scatter, Widening};
 use crate::diagnose::likelihood::linearised::Linearised;
 use crate::diagnose::likelihood::noise::effective_from;
 use crate::diagnose::likelihood::probability::{tempered, unfinished};
@@ -73,6 +74,8 @@ pub(crate) struct Search<'a> {
     pub measured_noise: Noise,
     /// The factor by which the noise was increased for correlation over frames; 1 where there is none.
     pub noise_widening: f64,
+    /// The scatter of all joints that the measured noise was increased for.
+    pub scatter: Option<Scatter>,
     pub options: SearchOptions,
     pub mask: Option<&'a [bool]>,
     /// Causes that were added although another was about as probable, with that other.
@@ -142,7 +145,23 @@ impl Search<'_> {
 
     /// The measured noise as the views of one posture show it.
     pub fn noise_of_views(&self) -> Noise {
-        Noise { marker_px: self.measured_noise.marker_px / self.noise_widening, ..self.measured_noise }
+        let detector = self.detector_noise();
+        Noise { marker_px: detector.marker_px / self.noise_widening, ..detector }
+    }
+
+    /// The measured noise without what it was increased by for scattered joints.
+    pub fn detector_noise(&self) -> Noise {
+        self.scatter.map_or(Widening::NONE, |s| s.widening).undone(self.measured_noise)
+    }
+
+    /// What the priors of a model's causes and of its group add to −2 log of its posterior.
+    pub fn penalty(&self, model: &Model) -> f64 {
+        let group = model.group.iter().zip(&self.group.prior_std).map(|(v, s)| (v / s).powi(2));
+        let of_term = |t: &Term| -> f64 {
+            let stds = &self.catalogue.hypotheses[t.hypothesis].prior_std;
+            t.parameters.iter().zip(stds).map(|(v, s)| (v / (s * t.prior_scale)).powi(2)).sum()
+        };
+        group.sum::<f64>() + model.terms.iter().map(of_term).sum::<f64>()
     }
 
     pub fn effective(&self, model: &Model) -> Result<Noise> {
@@ -158,13 +177,13 @@ impl Search<'_> {
 
     /// The gap of a model on regions that its parameters did not see.
     pub fn held_out(&self, model: &Model, noise: Noise) -> Result<Vec<PostureGap>> {
-        let measured = self.measured_noise;
+        let measured = self.detector_noise();
         held_out(&self.problem, self.catalogue, &self.group, model, noise, measured, false)
     }
 
     /// The same if free-form errors are fitted with the rest but predict nothing.
     pub fn held_out_of_causes(&self, model: &Model, noise: Noise) -> Result<Vec<PostureGap>> {
-        let measured = self.measured_noise;
+        let measured = self.detector_noise();
         held_out(&self.problem, self.catalogue, &self.group, model, noise, measured, true)
     }
 

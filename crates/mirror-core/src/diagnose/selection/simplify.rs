@@ -21,7 +21,7 @@ pub(crate) fn gaps(
 ) -> Result<(Vec<PostureGap>, Vec<PostureGap>)> {
     let none = Group::default();
     let scatter = search.effective(nominal)?;
-    let measured = search.measured_noise;
+    let measured = search.detector_noise();
     let before = held_out(&search.problem, search.catalogue, &none, nominal, scatter, measured, false)?;
     let after = search.held_out(&found.fit.model, found.noise)?;
     Ok((before, after))
@@ -77,7 +77,8 @@ pub(crate) fn drop_useless(
         let rest = search.taken_out(&found.fit.model, i, found.noise)?;
         let without = search.fit(&rest, found.noise, 6)?;
         // If even the fitted postures are worse, the held-out ones need not be predicted.
-        let fitted = in_sample(&search.problem, &search.deformation(&without.model), search.measured_noise)?;
+        let fitted =
+            in_sample(&search.problem, &search.deformation(&without.model), search.detector_noise())?;
         if seen_size(&fitted) >= seen_size(after) * (1.0 + least) {
             i += 1;
             continue;
@@ -171,6 +172,6 @@ pub(crate) fn without_names(
         return Ok(after);
     }
     // The reported gap is that of the reported parameters, which were estimated with the free-form errors.
-    let (s, measured) = (search, search.measured_noise);
+    let (s, measured) = (search, search.detector_noise());
     held_out(&s.problem, s.catalogue, &s.group, &found.fit.model, found.noise, measured, true)
 }

@@ -189,6 +189,10 @@ pub(crate) fn with_setup<'a>(
 /// A displaced camera looks like noise of the markers until it is known; the noise is estimated again, and used if
 /// it is smaller.
 pub(crate) fn look_again_at_noise(search: &mut Search<'_>, model: &Model, stated: Noise) -> Result<bool> {
+    // The views of a posture do not show a scatter that they share.
+    if search.scatter.is_some() {
+        return Ok(false);
+    }
     let again = noise::estimate(&search.problem, &search.deformation(model), stated)?;
     let before = search.measured_noise;
     let smaller = again.marker_px < noise::SETTLED * before.marker_px

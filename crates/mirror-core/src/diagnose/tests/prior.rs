@@ -18,6 +18,7 @@ pub(super) fn search<'a>(problem: &Problem, catalogue: &'a Catalogue) -> Search<
         group: Group::default(),
         measured_noise: NOISE,
         noise_widening: 1.0,
+        scatter: None,
         options: SearchOptions::default(),
         mask: None,
         ties: Vec::new(),

@@ -155,9 +155,23 @@ fn of_joint(
     out.retain(|c| {
         c.loss < nominal.loss - least_fall
             && !c.is_gross()
+            && is_elsewhere(session, nominal, c, frames)
             && is_of_many(session, nominal, c, (frames, least_fall))
     });
     out
+}
+
+/// Whether the positions of a spoilt column are farther off than joints that rest badly are; another mistake's are.
+fn is_elsewhere(session: &Session<'_>, nominal: &Chain, chain: &Chain, frames: &[usize]) -> bool {
+    let Some(Mistake::ColumnLost { joint, rows }) = chain.mistakes.last() else { return true };
+    let turns = node_of(session.problem, *joint).is_some_and(|node| session.turns(node));
+    let off = |f: &usize| {
+        let off = chain.variant.positions[*f][*joint] - nominal.variant.positions[*f][*joint];
+        // A turn more is the same position.
+        if turns { off - (off / TAU).round() * TAU } else { off }
+    };
+    let off: Vec<f64> = frames.iter().filter(|f| rows.binary_search(f).is_ok()).map(off).collect();
+    off.iter().map(|x| x * x).sum::<f64>() > LEAST_SPREAD.powi(2) * off.len() as f64
 }
 
 /// Whether a column is spoilt in more than a quarter of its rows: without those that gain most the others still gain.

@@ -1,0 +1,165 @@
+//! The search for causes where all joints come to rest elsewhere in each posture ([`crate::diagnose::likelihood::joint_scatter`]):
+//! a robot that repeats badly, or a log that was rounded.
+//!
+//! No law describes such errors, and at the measured noise each of them is evidence of something: the search then adds
+//! causes, free-form errors and small errors everywhere that describe some of the postures, to its limit of work. Where
+//! what was found is less probable than few causes beside the joints' scatter, the search is repeated at the noise at
+//! which a posture's observations are as uncertain as they are, and the scatter is told as what is left.
+
+use crate::diagnose::effects::hypothesis::{Catalogue, Model};
+use crate::diagnose::likelihood::fit::Fit;
+use crate::diagnose::likelihood::joint_scatter::{JointScatter, Scatter, scattering_joints};
+use crate::diagnose::likelihood::noise_scale::NoiseScale;
+use crate::diagnose::model::body::NodeId;
+use crate::diagnose::model::problem::Noise;
+use crate::diagnose::model::solver::SOLVER;
+use crate::diagnose::model::work_budget::A_STAGE;
+use crate::diagnose::prepare::options::DiagnoseOptions;
+use crate::diagnose::principles::{LEAST_LOG_ODDS, LOG_PRIOR_STRUCTURE};
+use crate::diagnose::random_effects::geometric_tolerances::Geometry;
+use crate::diagnose::selection::extended_models::{Extended, extend_models};
+use crate::diagnose::selection::search::{Found, Search};
+use crate::diagnose::selection::with_setup::with_or_without_setup;
+use crate::error::Result;
+
+/// The result of a search beside the joints' scatter.
+pub(crate) struct BesideScatter<'a> {
+    pub search: Search<'a>,
+    pub found: Found,
+    pub extended: Extended,
+}
+
+/// What a search beside the joints' scatter starts from.
+pub(crate) struct Start<'a, 's> {
+    /// The search before any mount was set free.
+    pub plain: &'s Search<'a>,
+    pub nominal: &'s Model,
+    pub stated: Noise,
+    pub options: &'s DiagnoseOptions,
+    /// All hypotheses, free-form errors included.
+    pub all: &'a Catalogue,
+}
+
+/// The search beside a scatter of all joints; none where what was found is more probable.
+///
+/// # Errors
+/// Invalid parameters of the camera or mirror.
+pub(crate) fn beside_scatter<'a>(
+    start: &Start<'a, '_>,
+    search: &Search<'a>,
+    found: &Found,
+) -> Result<Option<BesideScatter<'a>>> {
+    let joints = scattering_joints(&search.problem);
+    if search.problem.camera.is_none() || joints.is_empty() {
+        return Ok(None);
+    }
+    let weighed = Weighed::new(search, found, &joints)?;
+    let (here, beside) = weighed.with_scatter(search, &found.fit, &joints)?;
+    if here + LOG_PRIOR_STRUCTURE < weighed.of_found
+        || weighed.one_is_likelier(search, found, &joints, here)?
+    {
+        return Ok(None);
+    }
+    let scatter = Scatter { std_rad: beside.std_rad, widening: beside.widening };
+    let (mut beside, mut its, setup) = searched(start, search, scatter, &joints)?;
+    let with_geometry = start.options.allows("geometry");
+    let mut trace = found.trace.clone();
+    trace.append(&mut its.trace);
+    its.trace = trace;
+    let extended = extend_models((&mut beside, &mut its), start.all, start.nominal, setup, with_geometry)?;
+    // A law without a name may have taken its place.
+    let (value, JointScatter { std_rad, .. }) = weighed.with_scatter(&beside, &its.fit, &joints)?;
+    let without = Weighed::new(&unwidened(&beside, search), &its, &joints)?.of_found;
+    let odds = value + LOG_PRIOR_STRUCTURE - weighed.of_found.max(without);
+    its.trace.push(format!(
+        "all joints with an independent error in each posture ({:.2} mrad): log odds {odds:.1}",
+        std_rad * 1e3
+    ));
+    let told = odds > LEAST_LOG_ODDS && !weighed.one_is_likelier(&beside, &its, &joints, value)?;
+    beside.scatter.iter_mut().for_each(|scatter| scatter.std_rad = std_rad);
+    Ok(told.then_some(BesideScatter { search: beside, found: its, extended }))
+}
+
+/// The search at the noise that a scatter makes, until the scatter beside what it finds is that.
+fn searched<'a>(
+    start: &Start<'a, '_>,
+    search: &Search<'a>,
+    mut scatter: Scatter,
+    joints: &[NodeId],
+) -> Result<(Search<'a>, Found, Option<Geometry>)> {
+    let measured = search.measured_noise;
+    let mut round = 0;
+    loop {
+        search.problem.budget.allow_more(A_STAGE);
+        let mut its = start.plain.clone();
+        its.noise_widening = search.noise_widening;
+        its.measured_noise = scatter.widening.of(measured);
+        its.problem.noise = its.measured_noise;
+        its.scatter = Some(scatter);
+        let (found, setup) =
+            with_or_without_setup(&mut its, start.nominal, start.stated, &start.options.without)?;
+        let model = its.deformation(&found.fit.model);
+        let JointScatter { std_rad, widening, .. } =
+            JointScatter::fitted(&its.problem, &model, joints, measured, its.mask)?;
+        round += 1;
+        if widening.is_near(scatter.widening) || round == SOLVER.rounds || search.problem.budget.is_spent() {
+            return Ok((its, found, setup));
+        }
+        scatter = Scatter { std_rad, widening };
+    }
+}
+
+/// A search at the noise that was measured.
+fn unwidened<'a>(beside: &Search<'a>, search: &Search<'a>) -> Search<'a> {
+    Search { measured_noise: search.measured_noise, scatter: None, ..beside.clone() }
+}
+
+/// What models are compared by: all at the session's measured noise, each paying for a larger one.
+struct Weighed {
+    scale: NoiseScale,
+    measured: Noise,
+    /// Log posterior of what was found, without scatter.
+    of_found: f64,
+}
+
+impl Weighed {
+    fn new(search: &Search<'_>, found: &Found, joints: &[NodeId]) -> Result<Self> {
+        let (problem, deformation) = (&search.problem, search.deformation(&found.fit.model));
+        let measured = search.measured_noise;
+        let scale = NoiseScale::new(problem, &deformation, measured, search.mask)?;
+        let mut weighed = Self { scale, measured, of_found: 0.0 };
+        let without = JointScatter::none(problem, &deformation, joints, measured, search.mask)?;
+        weighed.of_found = weighed.log_posterior(search, &found.fit, &without);
+        Ok(weighed)
+    }
+
+    /// Log posterior of a model beside a scatter of some joints, and the scatter.
+    fn with_scatter(&self, search: &Search<'_>, fit: &Fit, joints: &[NodeId]) -> Result<(f64, JointScatter)> {
+        let deformation = search.deformation(&fit.model);
+        let beside = JointScatter::fitted(&search.problem, &deformation, joints, self.measured, search.mask)?;
+        Ok((self.log_posterior(search, fit, &beside), beside))
+    }
+
+    /// Whether a scatter of one joint is more probable than one of all, whose value is given: it is found by a search of
+    /// its own.
+    fn one_is_likelier(
+        &self,
+        search: &Search<'_>,
+        found: &Found,
+        joints: &[NodeId],
+        of_all: f64,
+    ) -> Result<bool> {
+        for &joint in joints {
+            if self.with_scatter(search, &found.fit, &[joint])?.0 > of_all {
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
+    /// The likelihood beside the scatter, with the priors and the volume of a model's parameters.
+    fn log_posterior(&self, search: &Search<'_>, fit: &Fit, beside: &JointScatter) -> f64 {
+        let of_parameters = search.log_posterior(fit) + 0.5 * (fit.misfit - search.penalty(&fit.model));
+        of_parameters - 0.5 * beside.cost + self.scale.log_density(beside.noise, self.measured)
+    }
+}
