@@ -111,6 +111,7 @@ pub(crate) fn diagnose(
     for (slip, std) in settle_slips(&mut search, &nominal)? {
         prepared.moved(&search.problem, slip, std)?;
     }
+    let plain = search.clone();
     let (mut found, setup, extended) = match prepared.lost() {
         Some(lost) => {
             let (found, extended) =
@@ -118,16 +119,8 @@ pub(crate) fn diagnose(
             (found, None, Some(extended))
         }
         None => {
-            let plain = search.clone();
             let (found, setup) = with_or_without_setup(&mut search, &nominal, stated, &options.without)?;
-            let start = Start { plain: &plain, nominal: &nominal, stated, options, all: &all };
-            match beside_scatter(&start, &search, &found)? {
-                None => (found, setup, None),
-                Some(beside) => {
-                    search = beside.search;
-                    (beside.found, None, Some(beside.extended))
-                }
-            }
+            (found, setup, None)
         }
     };
     if setup.is_none() && extended.is_none() {
@@ -149,7 +142,15 @@ pub(crate) fn diagnose(
         None => {
             from_near_ties(&mut search, &mut found)?;
             let with_geometry = options.allows("geometry");
-            extend_models((&mut search, &mut found), &all, &nominal, setup, with_geometry)?
+            let extended = extend_models((&mut search, &mut found), &all, &nominal, setup, with_geometry)?;
+            let start = Start { plain: &plain, nominal: &nominal, stated, options, all: &all };
+            match beside_scatter(&start, &search, &found)? {
+                None => extended,
+                Some(beside) => {
+                    (search, found) = (beside.search, beside.found);
+                    beside.extended
+                }
+            }
         }
     };
 

@@ -84,7 +84,8 @@ pub(crate) fn weighed<'a>(
     if free {
         after = without_names(&search, &mut found, &mut standings)?;
     }
-    let lawless = unexplained.as_ref().is_some_and(Unexplained::is_lawless);
+    // Beside joints that scatter causes were weighed with all that the scatter absorbs.
+    let lawless = search.scatter.is_none() && unexplained.as_ref().is_some_and(Unexplained::is_lawless);
     let no_smaller = named_in_vain(&search, &found, &nominal_gap, &after);
     if no_smaller || lawless && named_for_little(&search, &found, &nominal_gap, &after) {
         let left =

@@ -141,8 +141,8 @@ impl JointScatter {
         };
         let sums = sums(problem, &moved, &groups, joints, noise)?;
         let widening = widening(problem, joints, &sums, std_rad);
-        let widening =
-            Widening { markers: widening.markers * noise.marker_px / measured.marker_px, ..widening };
+        let left = noise.marker_px / measured.marker_px;
+        let widening = Widening { markers: widening.markers * left, ..widening };
         let cost = errors.iter().zip(sums).map(of_posture).sum();
         Ok(Self { std_rad, noise, cost, widening })
     }

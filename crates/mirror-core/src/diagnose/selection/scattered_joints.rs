@@ -50,6 +50,7 @@ pub(crate) fn beside_scatter<'a>(
     found: &Found,
 ) -> Result<Option<BesideScatter<'a>>> {
     let joints = scattering_joints(&search.problem);
+    // Measured points of one posture share the error of a measured pose: joints that scatter look like that.
     if search.problem.camera.is_none() || joints.is_empty() {
         return Ok(None);
     }
@@ -67,15 +68,18 @@ pub(crate) fn beside_scatter<'a>(
     trace.append(&mut its.trace);
     its.trace = trace;
     let extended = extend_models((&mut beside, &mut its), start.all, start.nominal, setup, with_geometry)?;
-    // A law without a name may have taken its place.
+    // A law without a name may have taken the scatter's place.
     let (value, JointScatter { std_rad, .. }) = weighed.with_scatter(&beside, &its.fit, &joints)?;
     let without = Weighed::new(&unwidened(&beside, search), &its, &joints)?.of_found;
     let odds = value + LOG_PRIOR_STRUCTURE - weighed.of_found.max(without);
+    // Where what was found is more probable even beside a scatter, the scatter does not replace it.
+    let replaces = value > here;
     its.trace.push(format!(
         "all joints with an independent error in each posture ({:.2} mrad): log odds {odds:.1}",
         std_rad * 1e3
     ));
-    let told = odds > LEAST_LOG_ODDS && !weighed.one_is_likelier(&beside, &its, &joints, value)?;
+    let told =
+        replaces && odds > LEAST_LOG_ODDS && !weighed.one_is_likelier(&beside, &its, &joints, value)?;
     beside.scatter.iter_mut().for_each(|scatter| scatter.std_rad = std_rad);
     Ok(told.then_some(BesideScatter { search: beside, found: its, extended }))
 }

@@ -435,8 +435,8 @@ fn zeros(
 ) -> Result<Vec<Place>> {
     let eye = problem.eye(deformation)?;
     let columns: Vec<Column> = joints.iter().map(|&n| Column::constant(Atom::Joint(n))).collect();
-    let residuals = Task::of_residuals(problem, deformation, eye.as_ref(), noise);
-    let task = Task { with_board: residuals.with_board || needs_board(problem, &columns), ..residuals };
+    let with_board = needs_board(problem, &columns);
+    let task = Task { with_board, ..Task::of_residuals(problem, deformation, eye.as_ref(), noise) };
     let mut of_joints = vec![Vec::with_capacity(problem.frames.len()); joints.len()];
     let (mut work, mut column) = (FrameWork::new(problem), Vec::new());
     for frame in 0..problem.frames.len() {
