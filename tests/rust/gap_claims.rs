@@ -252,3 +252,55 @@ fn what_is_found_so_far_is_no_more_probable_than_what_was_not_tried() {
         assert!(cause.probability > 0.4 && cause.probability <= 0.5, "{cause:?}");
     }
 }
+
+/// Each joint in each posture elsewhere than logged, by one scale.
+fn with_scatter(recording: &mut Recording, std_rad: f64, seed: u64) {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut off: Vec<Vec<f64>> = Vec::new();
+    let joints = recording.frames[0].commanded.len();
+    for frame in &mut recording.frames {
+        let posture = frame.posture as usize;
+        while off.len() <= posture {
+            let of_joint = |_| std_rad * Distribution::<f64>::sample(&StandardNormal, &mut random);
+            off.push((0..joints).map(of_joint).collect());
+        }
+        frame.commanded.iter_mut().zip(&off[posture]).for_each(|(q, by)| *q += by);
+    }
+}
+
+#[test]
+fn causes_are_found_beside_joints_that_all_rest_elsewhere_and_their_scatter_is_told() {
+    let world = World::new(4, false);
+    let elbow = world.bone("r_elbow");
+    let sessions = [
+        (vec![], 0.15f64, None),
+        (vec![Wrong::Ratio(elbow, 0.06)], 0.15, Some(("gear_ratio", "joint:r_elbow"))),
+        (vec![Wrong::Mount(0, [0.006, 0.004, -0.005])], 0.3, Some(("marker_mount", "marker:l_upper"))),
+    ];
+    for (i, (wrong, std_deg, cause)) in sessions.into_iter().enumerate() {
+        let seed = 880 + i as u64;
+        let mut recording = world.record(&Plan { postures: 45, seed, wrong, ..Plan::default() });
+        with_scatter(&mut recording, std_deg.to_radians(), seed);
+        let told = diagnosed(&world, &recording);
+        let said = format!("{} {:?} {:#?}", told.sentence, told.causes, told.trace);
+        assert!(matches!(told.verdict, Verdict::Unknown | Verdict::Partial), "{said}");
+        let left = told.r#where.iter().find(|w| w.depends_on.is_some()).expect(&said);
+        assert_eq!(
+            (left.at.as_str(), left.depends_on.as_deref()),
+            ("robot", Some("posture, each by itself"))
+        );
+        match cause {
+            None => assert!(told.causes.is_empty(), "{said}"),
+            Some((effect, at)) => {
+                let found = told.causes.iter().find(|c| c.at == at).expect(&said);
+                let named = found.effect == effect || found.alternatives.iter().any(|a| a.effect == effect);
+                assert!(named && found.probability > 0.5 && told.causes.len() == 1, "{said}");
+            }
+        }
+        let warning = told.warnings.iter().find(|w| w.contains("as if each joint rested")).expect(&said);
+        let scale: f64 = warning.split("rested ").nth(1).unwrap().split('°').next().unwrap().parse().unwrap();
+        println!("{std_deg} {scale}");
+        // Some five hundred errors, of which the session sees a half.
+        assert!((scale / std_deg - 1.0).abs() < 0.15, "{warning}");
+    }
+}
