@@ -6,6 +6,7 @@ use super::cone::{ConeFit, EdgePoint, LeftOut, cone_centroid, fit_cone_from, px_
 use super::consensus::of_one_outline;
 use super::edges::edges_on_rays;
 use super::patch::{Patch, Picture};
+use super::sight::Sight;
 use crate::camera::Camera;
 use nalgebra::{Matrix2, Vector2};
 
@@ -161,8 +162,27 @@ impl Aim {
         camera: &Camera,
         outermost: bool,
     ) -> Option<(BallOutline, Self)> {
+        self.measured_on(&self.sight(patch, outermost), patch, range, camera, outermost)
+    }
+
+    /// Where a patch is sampled; it serves for others at the same place too.
+    pub fn sight(&self, patch: &Patch, outermost: bool) -> Sight {
+        let turn = core::f64::consts::TAU / self.radius.len() as f64;
+        let blur_px = (0..self.radius.len()).map(|i| self.blur.along(turn * i as f64)).collect();
+        Sight::new(patch, self.circle.center_px, &self.radius, blur_px, outermost)
+    }
+
+    /// [`Self::measured`] by this aim's sight.
+    pub fn measured_on(
+        &self,
+        sight: &Sight,
+        patch: &Patch,
+        range: &RadiusRange,
+        camera: &Camera,
+        outermost: bool,
+    ) -> Option<(BallOutline, Self)> {
         let (circle, center, count) = (&self.circle, self.circle.center_px, self.radius.len());
-        let edges = edges_on_rays(patch, center, &self.radius, &self.blur, outermost);
+        let edges = edges_on_rays(patch, sight, &self.blur, outermost);
         let blur = edges.blur;
         let found = beside_found(&edges.found, count as f64 / (core::f64::consts::TAU * circle.radius_px));
         let growth = (range.min_px - circle.radius_px, range.max_px - circle.radius_px);

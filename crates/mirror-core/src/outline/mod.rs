@@ -24,7 +24,7 @@
 //! | `shading` | light on a sphere by its normal |
 //! | `along` | light along a ray, of the ball and of the background; in coded pictures by the brightness too |
 //! | `hues`, `scatter` | in coded pictures: colours smoothed along the outline; the scatter of edges around it |
-//! | `rays`, `edges`, `luma`, `blur` | samples along rays, sub-pixel edges of the colour and of the brightness, and the blur that they show |
+//! | `sight`, `rays`, `edges`, `luma`, `blur` | where rays are sampled, the light along them, sub-pixel edges of the colour and of the brightness, and the blur that they show |
 //! | `curve` | levels and light; displacement where light mixes on another scale than the values are on: the codec's levels, a camera's tone curve |
 //! | `channels` | the camera's tone curve from the channels' edges |
 //! | `unmixing` | a colour as a mixture of the ball's and the background's |
@@ -57,6 +57,7 @@ mod recoding;
 mod regions;
 mod scatter;
 mod shading;
+mod sight;
 mod template;
 mod unmixing;
 mod whole;

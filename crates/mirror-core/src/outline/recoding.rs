@@ -5,6 +5,7 @@
 //! decoder interpolates colour between samples linearly, as libjpeg does.
 
 use super::patch::{Picture, Place};
+use core::ops::Range;
 use multiversion::multiversion;
 use nalgebra::Vector2;
 use std::sync::LazyLock;
@@ -47,72 +48,115 @@ impl Codec {
         self.sampling
     }
 
-    /// The levels at a place of a picture, those of units that reach into a circle coded again; `moved` px is where the grid of blocks begins.
-    pub(super) fn again(
-        &self,
+    /// Pixels across and down of a unit, the least part that is coded alone.
+    fn unit(&self) -> [usize; 2] {
+        [BLOCK * self.sampling.0, BLOCK * self.sampling.1]
+    }
+
+    /// Codes the unit from a pixel of the planes on.
+    fn code_unit(&self, planes: &mut Planes, [x, y]: [usize; 2]) {
+        let (across, down) = self.sampling;
+        for v in 0..down {
+            for u in 0..across {
+                code_block(&mut planes.luma, planes.width, (x + u * BLOCK, y + v * BLOCK), &self.luma_steps);
+            }
+        }
+        for plane in &mut planes.chroma {
+            code_block(plane, planes.width / across, (x / across, y / down), &self.chroma_steps);
+        }
+    }
+}
+
+/// A ball's surroundings, to be coded again on several grids.
+pub(super) struct Surroundings<'a> {
+    codec: &'a Codec,
+    place: Place,
+    levels: Vec<[u8; 3]>,
+    planes: Planes,
+    /// The planes' first pixel.
+    first: [isize; 2],
+    middle_px: Vector2<f64>,
+    reach_px: f64,
+}
+
+impl<'a> Surroundings<'a> {
+    /// At a place of a picture that begins at whole samples of colour; units that reach into a circle are coded.
+    pub fn of(
+        codec: &'a Codec,
         picture: &Picture<'_>,
         place: &Place,
         middle_px: &Vector2<f64>,
         reach_px: f64,
-        moved: (usize, usize),
-    ) -> Vec<[u8; 3]> {
-        // A unit is the least part that is coded alone.
-        let (across, down) = (BLOCK * self.sampling.0, BLOCK * self.sampling.1);
-        let Place { left, top, width, height } = *place;
-        // Units that hold the place; the first one may begin before the picture.
-        let first = |low: usize, unit: usize, moved: usize| {
-            let low = low as isize - moved as isize;
-            low.div_euclid(unit as isize) * unit as isize + moved as isize
+    ) -> Self {
+        // Grids may begin by a unit before the place, and end by one beyond.
+        let [across, down] = codec.unit();
+        let first = [place.left as isize - across as isize, place.top as isize - down as isize];
+        let size = (
+            place.width.next_multiple_of(across) + 2 * across,
+            place.height.next_multiple_of(down) + 2 * down,
+        );
+        Self {
+            codec,
+            place: *place,
+            levels: place.levels(picture),
+            planes: Planes::of(picture, (first[0], first[1]), size, codec.sampling),
+            first,
+            middle_px: *middle_px,
+            reach_px,
+        }
+    }
+
+    /// The levels, coded again; `moved` px, whole samples of colour, is where the picture's grid of blocks begins.
+    pub fn again(&self, moved: (usize, usize)) -> Vec<[u8; 3]> {
+        let [across, down] = self.codec.unit();
+        let Place { left, top, width, height } = self.place;
+        // The first unit that reaches into the place, in the planes' pixels.
+        let begin = |low: usize, unit: usize, moved: usize, first: isize| {
+            let unit = unit as isize;
+            ((low as isize - moved as isize).div_euclid(unit) * unit + moved as isize - first) as usize
         };
-        let (u0, v0) = (first(left, across, moved.0), first(top, down, moved.1));
-        let columns = ((left + width) as isize - u0) as usize / across + 1;
-        let rows = ((top + height) as isize - v0) as usize / down + 1;
-        let mut planes = Planes::of(picture, (u0, v0), (columns * across, rows * down), self.sampling);
-        let mut coded = vec![false; columns * rows];
-        for row in 0..rows {
-            for column in 0..columns {
-                let away = |low: isize, size: usize, middle: f64| {
-                    let low = low as f64;
-                    (low - middle).max(middle - (low + size as f64)).max(0.0)
-                };
-                let (u, v) = (u0 + (column * across) as isize, v0 + (row * down) as isize);
-                if away(u, across, middle_px.x).hypot(away(v, down, middle_px.y)) < reach_px {
-                    coded[row * columns + column] = true;
-                    self.code_unit(&mut planes, column, row);
+        let first_x = begin(left, across, moved.0, self.first[0]);
+        let first_y = begin(top, down, moved.1, self.first[1]);
+        let mut planes = self.planes.clone();
+        let mut coded = Vec::new();
+        for y in (first_y..down + height).step_by(down) {
+            for x in (first_x..across + width).step_by(across) {
+                if self.reaches([x, y]) {
+                    coded.push([x, y]);
+                    self.codec.code_unit(&mut planes, [x, y]);
                 }
             }
         }
-        let mut levels = Vec::with_capacity(width * height);
-        for v in top..top + height {
-            let y = (v as isize - v0) as usize;
-            let source = picture.row(v);
-            for u in left..left + width {
-                let x = (u as isize - u0) as usize;
-                levels.push(if coded[y / down * columns + x / across] {
-                    planes.bgr(x, y, self.sampling)
-                } else {
-                    [source[3 * u], source[3 * u + 1], source[3 * u + 2]]
-                });
+        let mut levels = self.levels.clone();
+        for [x, y] in coded {
+            for row in y.max(down)..(y + down).min(down + height) {
+                let (begin, end) = (x.max(across), (x + across).min(across + width));
+                let to = (row - down) * width;
+                planes.decode(
+                    row,
+                    begin..end,
+                    self.codec.sampling,
+                    &mut levels[to + begin - across..to + end - across],
+                );
             }
         }
         levels
     }
 
-    fn code_unit(&self, planes: &mut Planes, column: usize, row: usize) {
-        let (across, down) = self.sampling;
-        for v in 0..down {
-            for u in 0..across {
-                let at = ((column * across + u) * BLOCK, (row * down + v) * BLOCK);
-                code_block(&mut planes.luma, planes.width, at, &self.luma_steps);
-            }
-        }
-        for plane in &mut planes.chroma {
-            code_block(plane, planes.width / across, (column * BLOCK, row * BLOCK), &self.chroma_steps);
-        }
+    /// Whether the unit from a pixel of the planes on lies in the circle, or touches it.
+    fn reaches(&self, [x, y]: [usize; 2]) -> bool {
+        let away = |low: isize, size: usize, middle: f64| {
+            let low = low as f64;
+            (low - middle).max(middle - (low + size as f64)).max(0.0)
+        };
+        let [across, down] = self.codec.unit();
+        let (u, v) = (x as isize + self.first[0], y as isize + self.first[1]);
+        away(u, across, self.middle_px.x).hypot(away(v, down, self.middle_px.y)) < self.reach_px
     }
 }
 
 /// Brightness by pixel and colour differences by sample, levels around 0.
+#[derive(Clone)]
 struct Planes {
     width: usize,
     height: usize,
@@ -135,11 +179,12 @@ impl Planes {
         let inside = |at: isize, size: usize| at.clamp(0, size as isize - 1) as usize;
         for y in 0..height {
             let source = picture.row(inside(v0 + y as isize, picture.height));
+            let samples = y / down * columns;
             for x in 0..width {
                 let u = 3 * inside(u0 + x as isize, picture.width);
                 let [b, g, r] = [source[u], source[u + 1], source[u + 2]].map(f32::from);
                 luma.push(0.299 * r + 0.587 * g + 0.114 * b - 128.0);
-                let sample = y / down * columns + x / across;
+                let sample = samples + if across == 1 { x } else { x / 2 };
                 chroma[0][sample] += share * (0.5 * b - 0.331_264 * g - 0.168_736 * r);
                 chroma[1][sample] += share * (0.5 * r - 0.418_688 * g - 0.081_312 * b);
             }
@@ -147,20 +192,24 @@ impl Planes {
         Self { width, height, luma, chroma }
     }
 
-    /// A decoded pixel.
-    fn bgr(&self, x: usize, y: usize, (across, down): (usize, usize)) -> [u8; 3] {
-        let luma = self.luma[y * self.width + x] + 128.0;
-        let columns = self.width / across;
-        let (left, right, a) = between(x, across, columns);
+    /// Decoded pixels of a row.
+    fn decode(&self, y: usize, columns: Range<usize>, (across, down): (usize, usize), to: &mut [[u8; 3]]) {
+        let samples = self.width / across;
         let (above, below, b) = between(y, down, self.height / down);
-        let [blue, red] = [0, 1].map(|k| {
-            let at = |row: usize, column: usize| self.chroma[k][row * columns + column];
-            (1.0 - b) * ((1.0 - a) * at(above, left) + a * at(above, right))
-                + b * ((1.0 - a) * at(below, left) + a * at(below, right))
-        });
-        // (A float beyond the range of levels becomes the nearest one.)
-        [luma + 1.772 * blue, luma - 0.344_136 * blue - 0.714_136 * red, luma + 1.402 * red]
-            .map(|level| (level + 0.5) as u8)
+        let luma = &self.luma[y * self.width..(y + 1) * self.width];
+        let rows =
+            [0, 1].map(|k| [above, below].map(|row| &self.chroma[k][row * samples..(row + 1) * samples]));
+        for (x, level) in columns.zip(to) {
+            let (left, right, a) = between(x, across, samples);
+            let luma = luma[x] + 128.0;
+            let [blue, red] = rows.map(|[above, below]| {
+                (1.0 - b) * ((1.0 - a) * above[left] + a * above[right])
+                    + b * ((1.0 - a) * below[left] + a * below[right])
+            });
+            // (A float beyond the range of levels becomes the nearest one.)
+            *level = [luma + 1.772 * blue, luma - 0.344_136 * blue - 0.714_136 * red, luma + 1.402 * red]
+                .map(|level| (level + 0.5) as u8);
+        }
     }
 }
 
@@ -241,7 +290,7 @@ mod tests {
     fn coded(codec: &Codec, bytes: &[u8], moved: (usize, usize)) -> Vec<[u8; 3]> {
         let picture = Picture::new(bytes, 96, 80, (1, 1)).unwrap();
         let whole = Place { left: 0, top: 0, width: 96, height: 80 };
-        codec.again(&picture, &whole, &Vector2::new(48.0, 40.0), 1e3, moved)
+        Surroundings::of(codec, &picture, &whole, &Vector2::new(48.0, 40.0), 1e3).again(moved)
     }
 
     #[test]
@@ -277,7 +326,8 @@ mod tests {
         let codec = Codec::new(&[40; 64], &[40; 64], (2, 2)).unwrap();
         let picture = Picture::new(&bytes, 96, 80, (2, 2)).unwrap();
         let place = Place { left: 8, top: 4, width: 88, height: 76 };
-        let levels = codec.again(&picture, &place, &Vector2::new(16.0, 16.0), 12.0, (2, 6));
+        let levels =
+            Surroundings::of(&codec, &picture, &place, &Vector2::new(16.0, 16.0), 12.0).again((2, 6));
         assert_eq!(levels.len(), 88 * 76);
         let source = |u: usize, v: usize| {
             let at = 3 * (v * 96 + u);
