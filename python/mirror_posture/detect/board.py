@@ -190,7 +190,7 @@ def _examine(
     refined_grid = refined.corners_px.reshape(grid.shape)
     check = pattern.check_pattern(gray, refined_grid)
     everything = np.ones(board.corner_count, dtype=bool)
-    kept = without_outliers(refined.corners_px, everything, board, camera, options.gate)
+    kept = without_outliers(refined.corners_px, everything, board, camera, options.gate, refined.residual)
     if not check.reason and not kept.all():
         others = _examine(
             gray,

@@ -4,7 +4,6 @@
 //! difference of its two values. Red may rise where green falls; the channels of one edge then lie apart, by an
 //! amount and in a direction that the colours determine. This needs no other ball and no model of the robot.
 
-use super::curve::channel_moved_by_another_curve;
 use super::rays::{Rays, Step};
 
 /// Smallest difference of light at which a channel determines an edge.
@@ -29,6 +28,8 @@ pub(super) struct Seen<'a> {
     pub at_rim: f64,
     pub ball: [f64; 3],
     pub behind: [f64; 3],
+    /// How far another curve moves the edge of each channel, in blurs.
+    pub moved: [f64; 3],
 }
 
 /// Of one ray, for one deviation of the curve.
@@ -45,7 +46,7 @@ pub(super) fn parted(rays: &Rays<'_>, ray: usize, seen: &Seen<'_>) -> Parted {
             let covered = ((colours[i][channel] - behind) / step).clamp(-0.5, 1.5);
             covered - (ball * seen.carried[i] - behind) / step * left
         });
-        *row = (step.abs(), beyond, blur * channel_moved_by_another_curve(ball * seen.at_rim, behind));
+        *row = (step.abs(), beyond, blur * seen.moved[channel]);
     }
     let total: f64 = rows.iter().map(|r| r.0).sum();
     if rows.iter().filter(|r| r.0 > 0.0).count() < 2 {

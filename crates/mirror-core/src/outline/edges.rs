@@ -1,6 +1,7 @@
 //! Sub-pixel edges of a ball's colour along rays.
 
 use super::along::Along;
+use super::ball::Look;
 use super::blur::{Blur, blur_of_rays};
 use super::channels::{Parted, Seen, deviations, parted};
 use super::curve::moved_by_another_curve;
@@ -63,14 +64,14 @@ pub(super) struct Edges {
     pub lens_px: f64,
 }
 
-/// Edges of all rays of a sight. `outermost`: the outline is only roughly known, and the colour's outermost end is taken for it.
-pub(super) fn edges_on_rays(patch: &Patch, sight: &Sight, blur: &Blur, outermost: bool) -> Edges {
+/// Edges of all rays of a sight. Where the outline is only roughly known, the colour's outermost end is taken for it.
+pub(super) fn edges_on_rays(patch: &Patch, sight: &Sight, blur: &Blur, look: Look) -> Edges {
     let count = sight.direction.len();
     let turn = core::f64::consts::TAU / count as f64;
     let rays = Rays::of(patch, sight);
-    let hues = (patch.coded && !outermost).then(|| hues_of_zones(&rays));
+    let hues = (patch.coded && look != Look::Rough).then(|| hues_of_zones(&rays));
     let mut edges: Vec<RayEdge> =
-        (0..count).map(|ray| colour_edge(&rays, ray, hues.as_ref().map(|h| h[ray]), outermost)).collect();
+        (0..count).map(|ray| colour_edge(&rays, ray, hues.as_ref().map(|h| h[ray]), look)).collect();
     for (ray, edge) in edges.iter_mut().enumerate() {
         edge.found &= rays.inside[ray] && edge.offset.abs() < rays.reach_px && edge.offset.is_finite();
         let floor = if patch.coded { CODED_EDGE_FLOOR_PX } else { EDGE_FLOOR_PX };
@@ -151,7 +152,7 @@ fn join_brightness(rays: &Rays<'_>, edges: &mut [RayEdge], lens_px: f64) {
     }
 }
 
-fn colour_edge(rays: &Rays<'_>, ray: usize, hues: Option<[Hue; 2]>, outermost: bool) -> RayEdge {
+fn colour_edge(rays: &Rays<'_>, ray: usize, hues: Option<[Hue; 2]>, look: Look) -> RayEdge {
     let none = RayEdge {
         offset: 0.0,
         std: 1.0,
@@ -202,7 +203,7 @@ fn colour_edge(rays: &Rays<'_>, ray: usize, hues: Option<[Hue; 2]>, outermost: b
             (trust * s / carried(i) + (1.0 - trust) * (1.0 - w)).clamp(-0.5, 1.5)
         };
         if pass == 0 {
-            result.offset = crossing(rays, coverage, outermost);
+            result.offset = crossing(rays, coverage, look == Look::Rough);
             continue;
         }
         // What the ball's parts sum to must be the integral of its light up to the edge; what the background's parts sum to, its length.
@@ -219,10 +220,12 @@ fn colour_edge(rays: &Rays<'_>, ray: usize, hues: Option<[Hue; 2]>, outermost: b
         result.channels = unmixing.channels(trust);
         result.ball = ball;
         result.behind = behind;
-        if pass + 1 == PASSES && !rays.coded && !outermost {
+        if pass + 1 == PASSES && !rays.coded && look == Look::Whole {
             let rim_colour = ball.map(|light| light * at_rim);
-            result.by_curve = blur * moved_by_another_curve(&rim_colour, &behind, &result.channels);
-            let seen = Seen { step: &step, carried: &light.ball, at_rim, ball, behind };
+            let moved = moved_by_another_curve(&rim_colour, &behind);
+            result.by_curve =
+                blur * moved.iter().zip(&result.channels).map(|(m, part)| m * part).sum::<f64>();
+            let seen = Seen { step: &step, carried: &light.ball, at_rim, ball, behind, moved };
             result.parted = parted(rays, ray, &seen);
             result.clipped =
                 rim_colour.iter().chain(&ball).chain(&behind).any(|light| *light > CLIPPED_LIGHT);

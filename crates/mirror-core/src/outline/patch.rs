@@ -233,18 +233,21 @@ impl Patch {
     }
 
     /// Light between pixels.
-    #[inline]
+    #[inline(always)]
     pub fn light_at(&self, corners: &Corners) -> [f64; 3] {
-        let Corners { places, weights } = corners;
-        let light = places.map(|place| self.light[place as usize]);
-        core::array::from_fn(|c| f64::from((0..4).map(|i| weights[i] * light[i][c]).sum::<f32>()))
+        let ([a, b, c, d], [wa, wb, wc, wd]) = (corners.places, corners.weights);
+        let at = |place: u32| &self.light[place as usize];
+        let (a, b, c, d) = (at(a), at(b), at(c), at(d));
+        let channel = |k: usize| f64::from(wa * a[k] + wb * b[k] + wc * c[k] + wd * d[k]);
+        [channel(0), channel(1), channel(2)]
     }
 
     /// Brightness between pixels; only where `coded`.
-    #[inline]
+    #[inline(always)]
     pub fn luma_at(&self, corners: &Corners) -> f64 {
-        let Corners { places, weights } = corners;
-        (0..4).map(|i| f64::from(self.luma[places[i] as usize] * weights[i])).sum()
+        let ([a, b, c, d], [wa, wb, wc, wd]) = (corners.places, corners.weights);
+        let at = |place: u32, weight: f32| f64::from(self.luma[place as usize] * weight);
+        at(a, wa) + at(b, wb) + at(c, wc) + at(d, wd)
     }
 }
 

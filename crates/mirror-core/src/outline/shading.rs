@@ -16,8 +16,8 @@ use multiversion::multiversion;
 use nalgebra::{SMatrix, SVector, Vector2, Vector3};
 
 const TERMS: usize = 10;
-/// Sums over pixels are taken in so many parts.
-const LANES: usize = 16;
+/// Sums over pixels are taken in so many parts: enough that the compiler makes a loop of whole vectors of them.
+const LANES: usize = 64;
 /// The lamp's own term.
 const LAMP: usize = TERMS - 1;
 /// Regularisation of each order of harmonics and of the lamp's term, as a share of the weight of the pixels: small
@@ -95,6 +95,28 @@ impl Columns {
     }
 }
 
+/// The product of two columns.
+#[inline(always)]
+fn product(one: &[f64], other: &[f64]) -> f64 {
+    let mut lanes = [0.0; LANES];
+    for (a, b) in one.chunks_exact(LANES).zip(other.chunks_exact(LANES)) {
+        for ((lane, a), b) in lanes.iter_mut().zip(a).zip(b) {
+            *lane += a * b;
+        }
+    }
+    let (low, high) = lanes.split_at_mut(LANES / 2);
+    for (lane, more) in low.iter_mut().zip(high) {
+        *lane += *more;
+    }
+    let mut few = [0.0; 8];
+    for lanes in low.chunks_exact(8) {
+        for (lane, more) in few.iter_mut().zip(lanes) {
+            *lane += more;
+        }
+    }
+    few.iter().sum()
+}
+
 /// `Σ w r_i r_j` of columns, on the diagonal and beyond it.
 #[multiversion(targets("x86_64+avx512f", "x86_64+avx2"))]
 fn weighted_sums(columns: &[Vec<f64>; TERMS + 1], weights: &[f64]) -> [[f64; TERMS + 1]; TERMS] {
@@ -105,13 +127,7 @@ fn weighted_sums(columns: &[Vec<f64>; TERMS + 1], weights: &[f64]) -> [[f64; TER
             *to = weight * number;
         }
         for j in i..=TERMS {
-            let mut lanes = [0.0; LANES];
-            for (a, b) in weighted.chunks_exact(LANES).zip(columns[j].chunks_exact(LANES)) {
-                for lane in 0..LANES {
-                    lanes[lane] += a[lane] * b[lane];
-                }
-            }
-            sums[i][j] = lanes.iter().sum();
+            sums[i][j] = product(&weighted, &columns[j]);
         }
     }
     sums
