@@ -76,7 +76,7 @@ pub fn chroma_step(picture: &Picture<'_>) -> (usize, usize) {
 /// Red and blue against the brightness, levels (ITU-R BT.601).
 #[inline(always)]
 fn colour_of(pixel: &[u8]) -> [f32; 2] {
-    let [b, g, r] = [0, 1, 2].map(|c| f32::from(pixel[c]));
+    let (b, g, r) = (f32::from(pixel[0]), f32::from(pixel[1]), f32::from(pixel[2]));
     [0.5 * r - 0.4187 * g - 0.0813 * b, 0.5 * b - 0.3313 * g - 0.1687 * r]
 }
 
@@ -130,7 +130,7 @@ impl Changes {
                 continue;
             }
             for place in begin..end {
-                let values = four.map(|values| values[place]);
+                let values = [four[0][place], four[1][place], four[2][place], four[3][place]];
                 if change(values) >= LEAST_CHANGE {
                     self.add(values, phase(place));
                 }
@@ -154,10 +154,10 @@ fn change([x0, x1, x2, x3]: [f32; 4]) -> f32 {
 /// Whether four neighbours change enough at a place of the block from `begin` on.
 #[multiversion(targets("x86_64+avx512f", "x86_64+avx2"))]
 fn any_tells(four: &[&[f32]; 4], begin: usize) -> bool {
-    let block = four.map(|values| &values[begin..begin + LANES]);
+    let [x0, x1, x2, x3] = [0, 1, 2, 3].map(|i: usize| &four[i][begin..begin + LANES]);
     let mut found = 0u32;
-    for place in 0..LANES {
-        found |= u32::from(change(block.map(|values| values[place])) >= LEAST_CHANGE);
+    for (((x0, x1), x2), x3) in x0.iter().zip(x1).zip(x2).zip(x3) {
+        found |= u32::from(change([*x0, *x1, *x2, *x3]) >= LEAST_CHANGE);
     }
     found > 0
 }

@@ -132,9 +132,11 @@ fn luma_edge(rays: &Rays<'_>, ray: usize, colour: &RayEdge, window: f64, lens_px
         if !(contrast.abs() > MIN_EDGE_CONTRAST) {
             return none;
         }
+        let of_ball = |i: usize| curve.share((own * carried(i) - behind) / contrast);
+        let at_rim = of_ball(rim);
         let more = Step::at(rays, edge, blur, TAPER).beyond(|i, left| {
-            curve.share((values[i] - behind) / contrast)
-                - curve.share((own * carried(i) - behind) / contrast) * left
+            let ball = if i < rim { of_ball(i) } else { at_rim };
+            curve.share((values[i] - behind) / contrast) - ball * left
         });
         let doubt = SHADE_DOUBT * own * (1.0 - carried(rim)) / contrast;
         let uneven = (uneven_ball + uneven_behind) / (contrast * contrast) + doubt * doubt;

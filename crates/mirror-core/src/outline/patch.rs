@@ -188,7 +188,9 @@ impl Patch {
             smooth(&mut luma, width, height, smoothing);
         } else {
             luma = Vec::new();
-            light = levels.iter().map(|p| p.map(|level| LINEAR[usize::from(level)])).collect();
+            let table = &*LINEAR;
+            let of = |level: u8| table[usize::from(level)];
+            light = levels.iter().map(|[b, g, r]| [of(*b), of(*g), of(*r)]).collect();
         }
         if smoothing > 0.0 {
             for channel in 0..3 {
@@ -228,8 +230,9 @@ impl Patch {
         let (a, b) = ((x - column as f64) as f32, (y - row as f64) as f32);
         let weights = [(1.0 - a) * (1.0 - b), a * (1.0 - b), (1.0 - a) * b, a * b];
         let (above, below) = (row * self.width, below * self.width);
-        let places = [above + column, above + next, below + column, below + next];
-        (Corners { places: places.map(|place| place as u32), weights }, inside)
+        let places =
+            [(above + column) as u32, (above + next) as u32, (below + column) as u32, (below + next) as u32];
+        (Corners { places, weights }, inside)
     }
 
     /// Light between pixels.
@@ -345,7 +348,8 @@ fn at_chroma_resolution(
             levels[own.clone()].iter().zip(&luma[own]).zip(&along)
         {
             let change = (1.0 - share) * wide[*left] + share * wide[*right] - brightness;
-            result.push(pixel.map(|v| (f32::from(v) / 255.0 + change).clamp(0.0, 1.0)));
+            let changed = |v: u8| (f32::from(v) / 255.0 + change).clamp(0.0, 1.0);
+            result.push([changed(pixel[0]), changed(pixel[1]), changed(pixel[2])]);
         }
     }
     result

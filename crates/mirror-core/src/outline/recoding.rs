@@ -182,7 +182,7 @@ impl Planes {
             let samples = y / down * columns;
             for x in 0..width {
                 let u = 3 * inside(u0 + x as isize, picture.width);
-                let [b, g, r] = [source[u], source[u + 1], source[u + 2]].map(f32::from);
+                let (b, g, r) = (f32::from(source[u]), f32::from(source[u + 1]), f32::from(source[u + 2]));
                 luma.push(0.299 * r + 0.587 * g + 0.114 * b - 128.0);
                 let sample = samples + if across == 1 { x } else { x / 2 };
                 chroma[0][sample] += share * (0.5 * b - 0.331_264 * g - 0.168_736 * r);
@@ -202,13 +202,18 @@ impl Planes {
         for (x, level) in columns.zip(to) {
             let (left, right, a) = between(x, across, samples);
             let luma = luma[x] + 128.0;
-            let [blue, red] = rows.map(|[above, below]| {
+            let of = |[above, below]: [&[f32]; 2]| {
                 (1.0 - b) * ((1.0 - a) * above[left] + a * above[right])
                     + b * ((1.0 - a) * below[left] + a * below[right])
-            });
+            };
+            let (blue, red) = (of(rows[0]), of(rows[1]));
             // (A float beyond the range of levels becomes the nearest one.)
-            *level = [luma + 1.772 * blue, luma - 0.344_136 * blue - 0.714_136 * red, luma + 1.402 * red]
-                .map(|level| (level + 0.5) as u8);
+            let rounded = |level: f32| (level + 0.5) as u8;
+            *level = [
+                rounded(luma + 1.772 * blue),
+                rounded(luma - 0.344_136 * blue - 0.714_136 * red),
+                rounded(luma + 1.402 * red),
+            ];
         }
     }
 }

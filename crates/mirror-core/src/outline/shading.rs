@@ -59,24 +59,40 @@ fn basis(x: f64, y: f64, lamp: &Vector3<f64>) -> [f64; TERMS] {
 }
 
 /// Pixels by column: the terms of the basis, and last the light; filled up with zeros to whole lanes.
+#[derive(Clone)]
 struct Columns {
     columns: [Vec<f64>; TERMS + 1],
     count: usize,
 }
 
 impl Columns {
-    fn of<'a>(rows: impl Iterator<Item = (&'a [f64; TERMS], f64)>, most: usize) -> Self {
-        let mut columns = [(); TERMS + 1].map(|()| Vec::with_capacity(most.next_multiple_of(LANES)));
-        for (basis, value) in rows {
-            for (column, number) in columns.iter_mut().zip(basis.iter().chain([&value])) {
-                column.push(*number);
+    /// Of the basis by pixel, without light.
+    fn of(rows: &[[f64; TERMS]]) -> Self {
+        let filled = rows.len().next_multiple_of(LANES);
+        let column = |term: usize| {
+            let mut column: Vec<f64> = Vec::with_capacity(filled);
+            if term < TERMS {
+                column.extend(rows.iter().map(|row| row[term]));
             }
+            column.resize(filled, 0.0);
+            column
+        };
+        Self { columns: core::array::from_fn(column), count: rows.len() }
+    }
+
+    /// Some of the pixels, with their light.
+    fn lit(&self, kept: &[usize], light: impl Iterator<Item = f64>) -> Self {
+        let mut result = if kept.len() == self.count {
+            self.clone()
+        } else {
+            let rows: Vec<[f64; TERMS]> =
+                kept.iter().map(|pixel| core::array::from_fn(|term| self.columns[term][*pixel])).collect();
+            Self::of(&rows)
+        };
+        for (to, light) in result.columns[TERMS].iter_mut().zip(light) {
+            *to = light;
         }
-        let count = columns[0].len();
-        for column in &mut columns {
-            column.resize(count.next_multiple_of(LANES), 0.0);
-        }
-        Self { columns, count }
+        result
     }
 
     fn light(&self) -> &[f64] {
@@ -136,10 +152,12 @@ fn weighted_sums(columns: &[Vec<f64>; TERMS + 1], weights: &[f64]) -> [[f64; TER
 /// The pixels of a ball's inside, whatever their light: what a fit needs of its outline.
 pub(super) struct Disc {
     pixels: Vec<DiscPixel>,
+    /// Their basis; no light.
+    columns: Columns,
 }
 
+#[derive(Clone, Copy)]
 struct DiscPixel {
-    basis: [f64; TERMS],
     index: usize,
     /// Whether its colour is the ball's alone.
     clear: bool,
@@ -160,7 +178,7 @@ impl Disc {
         let stride = ((area / MOST_PIXELS as f64).sqrt().floor() as usize).max(1);
         let least_clear = if patch.coded { luma_clear_px.min(clear_px) } else { clear_px };
         let reach = widest - least_clear;
-        let mut pixels = Vec::new();
+        let (mut pixels, mut rows) = (Vec::new(), Vec::new());
         for row in (0..patch.height).step_by(stride) {
             for column in (0..patch.width).step_by(stride) {
                 let [u, v] = patch.place(column, row);
@@ -176,15 +194,15 @@ impl Disc {
                 let outline = radius_px[(turn * radius_px.len() as f64) as usize % radius_px.len()];
                 if distance <= outline - least_clear {
                     let place = away / outline;
+                    rows.push(basis(place.x, place.y, &Vector3::zeros()));
                     pixels.push(DiscPixel {
-                        basis: basis(place.x, place.y, &Vector3::zeros()),
                         index: row * patch.width + column,
                         clear: distance <= outline - clear_px,
                     });
                 }
             }
         }
-        Self { pixels }
+        Self { columns: Columns::of(&rows), pixels }
     }
 }
 
@@ -211,11 +229,9 @@ impl Shading {
             .pixels
             .iter()
             .map(|pixel| {
-                let colour = patch.light[pixel.index].map(|v| {
-                    let v = f64::from(v);
-                    if patch.coded { light_of(v) } else { v }
-                });
-                (pixel, colour)
+                let [b, g, r] = patch.light[pixel.index];
+                let light = |v: f32| if patch.coded { light_of(f64::from(v)) } else { f64::from(v) };
+                (pixel, [light(b), light(g), light(r)])
             })
             .collect();
         let inner = || pixels.iter().filter(|(pixel, _)| pixel.clear);
@@ -238,17 +254,18 @@ impl Shading {
             if patch.coded { median(inner().map(|(p, _)| brightness(p.index)).collect()) } else { 0.0 };
         // Colours near the outline are mixed by the codec: there only the brightness is used, and outliers have
         // less weight.
-        let rows = pixels.iter().filter(|(pixel, colour)| !pixel.clear || own_colour(colour)).map(
-            |(pixel, colour)| {
-                let value = if typical_light > 1e-6 {
-                    brightness(pixel.index) / typical_light
-                } else {
-                    colour.iter().zip(&typical).map(|(a, b)| a * b).sum::<f64>() / power
-                };
-                (&pixel.basis, value)
-            },
-        );
-        let mut columns = Columns::of(rows, pixels.len());
+        let kept: Vec<usize> = (0..pixels.len())
+            .filter(|pixel| !pixels[*pixel].0.clear || own_colour(&pixels[*pixel].1))
+            .collect();
+        let light = kept.iter().map(|pixel| {
+            let (pixel, colour) = &pixels[*pixel];
+            if typical_light > 1e-6 {
+                brightness(pixel.index) / typical_light
+            } else {
+                colour.iter().zip(&typical).map(|(a, b)| a * b).sum::<f64>() / power
+            }
+        });
+        let mut columns = disc.columns.lit(&kept, light);
         if columns.count < TERMS - 1 {
             return Self::even();
         }
