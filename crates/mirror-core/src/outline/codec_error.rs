@@ -8,7 +8,8 @@
 use super::ball::{Aim, Look, RadiusRange, settled};
 use super::circle::Circle;
 use super::patch::{Patch, Picture, Place};
-use super::recoding::{Codec, Surroundings};
+use super::recoding::Codec;
+use super::surroundings::Surroundings;
 use crate::camera::Camera;
 use nalgebra::{Matrix2, Vector2};
 

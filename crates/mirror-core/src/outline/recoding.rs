@@ -4,10 +4,9 @@
 //! transform of blocks of 8 × 8 samples `F = C f Cᵀ`, and each coefficient rounded to a multiple of its step. Entropy coding loses nothing and is left out. The
 //! decoder interpolates colour between samples linearly, as libjpeg does.
 
-use super::patch::{Picture, Place};
+use super::patch::Picture;
 use core::ops::Range;
 use multiversion::multiversion;
-use nalgebra::Vector2;
 use std::sync::LazyLock;
 
 /// Side of a block, samples.
@@ -49,12 +48,12 @@ impl Codec {
     }
 
     /// Pixels across and down of a unit, the least part that is coded alone.
-    fn unit(&self) -> [usize; 2] {
+    pub(super) fn unit(&self) -> [usize; 2] {
         [BLOCK * self.sampling.0, BLOCK * self.sampling.1]
     }
 
     /// Codes the unit from a pixel of the planes on.
-    fn code_unit(&self, planes: &mut Planes, [x, y]: [usize; 2]) {
+    pub(super) fn code_unit(&self, planes: &mut Planes, [x, y]: [usize; 2]) {
         let (across, down) = self.sampling;
         for v in 0..down {
             for u in 0..across {
@@ -67,97 +66,9 @@ impl Codec {
     }
 }
 
-/// A ball's surroundings, to be coded again on several grids.
-pub(super) struct Surroundings<'a> {
-    codec: &'a Codec,
-    place: Place,
-    levels: Vec<[u8; 3]>,
-    planes: Planes,
-    /// The planes' first pixel.
-    first: [isize; 2],
-    middle_px: Vector2<f64>,
-    reach_px: f64,
-}
-
-impl<'a> Surroundings<'a> {
-    /// At a place of a picture that begins at whole samples of colour; units that reach into a circle are coded.
-    pub fn of(
-        codec: &'a Codec,
-        picture: &Picture<'_>,
-        place: &Place,
-        middle_px: &Vector2<f64>,
-        reach_px: f64,
-    ) -> Self {
-        // Grids may begin by a unit before the place, and end by one beyond.
-        let [across, down] = codec.unit();
-        let first = [place.left as isize - across as isize, place.top as isize - down as isize];
-        let size = (
-            place.width.next_multiple_of(across) + 2 * across,
-            place.height.next_multiple_of(down) + 2 * down,
-        );
-        Self {
-            codec,
-            place: *place,
-            levels: place.levels(picture),
-            planes: Planes::of(picture, (first[0], first[1]), size, codec.sampling),
-            first,
-            middle_px: *middle_px,
-            reach_px,
-        }
-    }
-
-    /// The levels, coded again; `moved` px, whole samples of colour, is where the picture's grid of blocks begins.
-    pub fn again(&self, moved: (usize, usize)) -> Vec<[u8; 3]> {
-        let [across, down] = self.codec.unit();
-        let Place { left, top, width, height } = self.place;
-        // The first unit that reaches into the place, in the planes' pixels.
-        let begin = |low: usize, unit: usize, moved: usize, first: isize| {
-            let unit = unit as isize;
-            ((low as isize - moved as isize).div_euclid(unit) * unit + moved as isize - first) as usize
-        };
-        let first_x = begin(left, across, moved.0, self.first[0]);
-        let first_y = begin(top, down, moved.1, self.first[1]);
-        let mut planes = self.planes.clone();
-        let mut coded = Vec::new();
-        for y in (first_y..down + height).step_by(down) {
-            for x in (first_x..across + width).step_by(across) {
-                if self.reaches([x, y]) {
-                    coded.push([x, y]);
-                    self.codec.code_unit(&mut planes, [x, y]);
-                }
-            }
-        }
-        let mut levels = self.levels.clone();
-        for [x, y] in coded {
-            for row in y.max(down)..(y + down).min(down + height) {
-                let (begin, end) = (x.max(across), (x + across).min(across + width));
-                let to = (row - down) * width;
-                planes.decode(
-                    row,
-                    begin..end,
-                    self.codec.sampling,
-                    &mut levels[to + begin - across..to + end - across],
-                );
-            }
-        }
-        levels
-    }
-
-    /// Whether the unit from a pixel of the planes on lies in the circle, or touches it.
-    fn reaches(&self, [x, y]: [usize; 2]) -> bool {
-        let away = |low: isize, size: usize, middle: f64| {
-            let low = low as f64;
-            (low - middle).max(middle - (low + size as f64)).max(0.0)
-        };
-        let [across, down] = self.codec.unit();
-        let (u, v) = (x as isize + self.first[0], y as isize + self.first[1]);
-        away(u, across, self.middle_px.x).hypot(away(v, down, self.middle_px.y)) < self.reach_px
-    }
-}
-
 /// Brightness by pixel and colour differences by sample, levels around 0.
 #[derive(Clone)]
-struct Planes {
+pub(super) struct Planes {
     width: usize,
     height: usize,
     luma: Vec<f32>,
@@ -166,7 +77,7 @@ struct Planes {
 
 impl Planes {
     /// Of a rectangle from a corner on; beyond the picture's border as on it.
-    fn of(
+    pub fn of(
         picture: &Picture<'_>,
         (u0, v0): (isize, isize),
         (width, height): (usize, usize),
@@ -193,7 +104,13 @@ impl Planes {
     }
 
     /// Decoded pixels of a row.
-    fn decode(&self, y: usize, columns: Range<usize>, (across, down): (usize, usize), to: &mut [[u8; 3]]) {
+    pub fn decode(
+        &self,
+        y: usize,
+        columns: Range<usize>,
+        (across, down): (usize, usize),
+        to: &mut [[u8; 3]],
+    ) {
         let samples = self.width / across;
         let (above, below, b) = between(y, down, self.height / down);
         let luma = &self.luma[y * self.width..(y + 1) * self.width];
@@ -270,7 +187,10 @@ fn rounded(block: &Block, steps: &Block, forth: &Block, back: &Block) -> Block {
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {
+    use super::super::patch::Place;
+    use super::super::surroundings::Surroundings;
     use super::*;
+    use nalgebra::Vector2;
 
     fn pattern(width: usize, height: usize) -> Vec<u8> {
         (0..width * height)
