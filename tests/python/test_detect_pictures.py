@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import subprocess
@@ -14,9 +15,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+from PIL import Image
 
 from board_drawing import chessboard_picture, view
 from mirror_posture import Board, Camera, ColorRange, Marker, MirrorPostureError, load_session
+from mirror_posture._core import plain_png
 from mirror_posture.detect import (
     DetectionError,
     DetectionSetup,
@@ -235,6 +238,24 @@ def test_mangled_pictures_give_masks_or_our_error(data: st.DataObject) -> None:
     found = detect_pictures([picture], SETUP)[0]
     if found.ok:
         draw_overlay(picture, found)
+
+
+def test_a_plain_png_is_decoded_by_the_core_and_all_others_are_left_to_pillow(tmp_path: Path) -> None:
+    content = encoded(".png")
+    pixels = plain_png(content)
+    assert pixels is not None and pixels.flags.c_contiguous
+    np.testing.assert_array_equal(pixels, good_picture())
+    turned = tmp_path / "turned.png"
+    exif = Image.Exif()
+    exif[0x0112] = 6
+    Image.open(io.BytesIO(content)).save(turned, exif=exif)
+    assert plain_png(turned.read_bytes()) is None
+    np.testing.assert_array_equal(read_picture(turned), good_picture())
+    grey = cv2.imencode(".png", good_picture()[..., 0])[1].tobytes()
+    middle = len(content) // 2
+    wrong = content[:middle] + bytes([content[middle] ^ 1]) + content[middle + 1 :]
+    for other in (grey, wrong, content[:-20], content[:40], encoded(".jpg"), b""):
+        assert plain_png(other) is None
 
 
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])

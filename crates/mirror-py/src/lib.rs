@@ -13,6 +13,7 @@ mod mirror;
 mod optics;
 mod outline;
 mod picture;
+mod png_file;
 mod robot;
 mod triangulate;
 mod work;
@@ -49,6 +50,8 @@ mod _core {
     };
     #[pymodule_export]
     use crate::picture::PictureMaker;
+    #[pymodule_export]
+    use crate::png_file::plain_png;
     #[pymodule_export]
     use crate::robot::{PyRobot, rms_angles};
     #[pymodule_export]

@@ -21,6 +21,7 @@ from .blobs import Region
 from .candidates import choose
 from .ghost_light import Ghost, with_ghost_left, without_ghost
 from .marker_judge import BLURRED_SHARE, MarkerOptions, judged
+from .medians import median
 from .types import MarkerView, PredictedMarker
 
 # From this blur of the picture's balls on, px and as a share of the radius, a ball is also measured as a whole.
@@ -84,7 +85,7 @@ def with_blurred(
     """
     # One blurred ball among sharp ones is partly hidden, or another object.
     shown = [fit.lens_blur_px for own in fits for fit in own if fit is not None]
-    blur_px = float(np.median(shown)) if shown else np.inf
+    blur_px = median(shown) if shown else np.inf
     if blur_px < LEAST_TRIED_BLUR_PX:
         return views
     tried = {

@@ -190,7 +190,7 @@ def _examine(
     refined_grid = refined.corners_px.reshape(grid.shape)
     check = pattern.check_pattern(gray, refined_grid)
     everything = np.ones(board.corner_count, dtype=bool)
-    kept = without_outliers(refined.corners_px, everything, board, camera, options.gate)
+    kept = without_outliers(refined.corners_px, everything, board, camera, options.gate, refined.residual)
     if not check.reason and not kept.all():
         others = _examine(
             gray,
@@ -220,7 +220,9 @@ def _label(
     prediction: BoardPrediction | None,
     options: BoardOptions,
 ) -> BoardView:
-    predicted = predicted_corners_px(item.grid, board, camera, prediction, via)
+    # A board with one odd and one even count of corners has one labelling.
+    alike = (board.columns + board.rows) % 2 == 0
+    predicted = predicted_corners_px(item.grid, board, camera, prediction, via) if alike else None
     settled = labels.settle_labels(item.grid, item.dark_first, board, via, predicted)
     # The labelled corners are the grid's, in another order.
     order = np.abs(settled.corners_px[:, None] - item.grid.reshape(1, -1, 2)).sum(axis=2).argmin(axis=1)

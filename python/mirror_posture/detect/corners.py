@@ -22,6 +22,7 @@ from ..board import Board
 from ..camera import Camera
 from ..short_repr import ShortRepr
 from .gate import GateOptions, GateResult, board_residual
+from .medians import median
 from .slanted import fitted_corners, is_slanted
 from .types import FloatArray, Pixels
 
@@ -166,7 +167,7 @@ def picture_noise_levels(
         # Second differences remove shading; of white noise they have four times the variance.
         mixed = patch[1:, 1:] - patch[1:, :-1] - patch[:-1, 1:] + patch[:-1, :-1]
         deviations.append(np.sqrt(np.mean(mixed**2) / 4.0))
-    noise = float(np.median(deviations)) if deviations else 1.0
+    noise = median(deviations) if deviations else 1.0
     return float(np.hypot(noise, QUANTISATION_LEVELS))
 
 

@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from .ball import OutlineFit
+from .medians import median
 
 # Fewer balls than this cannot separate the camera's curve from their own shading.
 LEAST_BALLS = 3
@@ -32,8 +33,8 @@ def curve_doubt(fits: Sequence[OutlineFit | None]) -> float:
     told = [fit.curve_deviations for fit in fits if fit is not None and fit.curve_deviations is not None]
     if len(told) < LEAST_BALLS:
         return 1.0
-    middle = float(np.median(told))
-    spread = MEDIAN_STD * float(np.median(np.abs(np.array(told) - middle))) / math.sqrt(len(told))
+    middle = median(told)
+    spread = MEDIAN_STD * median(np.abs(np.array(told) - middle)) / math.sqrt(len(told))
     variance = max(LEAST_SHARED_STD, spread) ** 2
     known = math.hypot(middle / (1.0 + variance), math.sqrt(variance / (1.0 + variance)))
     return max(known, abs(middle) - max(LEAST_STD, spread))

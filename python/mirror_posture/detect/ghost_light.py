@@ -144,8 +144,10 @@ def without_ghost(
         once = moved_by(light, shift)
         alone = light - ratio * (once - ratio * moved_by(light, 2.0 * shift))
         (left, top), (right, bottom) = low - first, high - first
-        own = np.clip(alone[top:bottom, left:right] * (1.0 + ratio), 0.0, 1.0)
-        result[low[1] : high[1], low[0] : high[0]] = _LEVEL_OF_LIGHT[(own * STEPS + 0.5).astype(np.int32)]
+        own = alone[top:bottom, left:right] * (1.0 + ratio)
+        # (Light beyond the table's ends becomes that of its ends.)
+        places = (own * STEPS + 0.5).astype(np.intp)
+        result[low[1] : high[1], low[0] : high[0]] = _LEVEL_OF_LIGHT.take(places, mode="clip")
     return result
 
 

@@ -19,6 +19,7 @@ from ..camera import Camera
 from ..short_repr import ShortRepr
 from . import corners, pattern
 from .gate import MIN_CORNERS_FOR_CUBIC, GateOptions, GateResult, board_residual, cubic_basis
+from .medians import median
 from .types import BoardView, FloatArray, Pixels
 
 # Least contrast of four squares at a corner that is taken as seen: 1 is whole, at the edge of a pattern it is 0.5, which a line's median tells (`pattern`).
@@ -112,7 +113,7 @@ def where_hidden(corners_px: FloatArray, seen: npt.NDArray[np.bool_]) -> str:
 
 def _another_pattern(contrast: FloatArray) -> str:
     """Reason if squares of more than two shades meet at the corners that are seen."""
-    typical = float(np.median(contrast))
+    typical = median(contrast)
     if typical >= LEAST_TYPICAL_CONTRAST:
         return ""
     return f"squares of more than two shades (contrast {typical:.2f} of a corner's, needed {LEAST_TYPICAL_CONTRAST}): a part of another pattern"
@@ -164,18 +165,20 @@ def without_outliers(
     board: Board,
     camera: Camera | None,
     options: GateOptions,
+    residual: GateResult | None = None,
 ) -> npt.NDArray[np.bool_]:
     """The corners `(N,)` that are seen, without outliers of the others' flat board; all of them where more
-    are outliers than may be hidden."""
+    are outliers than may be hidden. `residual`: of those that are seen, where it is known."""
     kept = seen.copy()
     grid = flat.reshape(board.rows, board.columns, 2)
-    sides = [float(np.median(np.linalg.norm(np.diff(grid, axis=axis), axis=2))) for axis in (0, 1)]
+    sides = [median(np.linalg.norm(np.diff(grid, axis=axis), axis=2)) for axis in (0, 1)]
     least_px = min(sides) * (STANDS_OUT_SQUARES_WITHOUT_CAMERA if camera is None else STANDS_OUT_SQUARES)
     for _ in range(MOST_OUTLIERS):
         if kept.sum() <= LEAST_CORNERS_TO_JUDGE:
             break
-        taken, away_px = _without_each(flat, kept, board, camera, options)
-        limit = STANDS_OUT * float(np.median(taken)) / MEDIAN_CHI2
+        taken, away_px = _without_each(flat, kept, board, camera, options, residual)
+        residual = None
+        limit = STANDS_OUT * median(taken) / MEDIAN_CHI2
         taken[away_px < np.where(_beside_hidden(kept, board), LEAST_BESIDE_PX, least_px)] = 0.0
         farthest = int(taken.argmax())
         if taken[farthest] <= limit:
@@ -199,6 +202,7 @@ def _without_each(
     board: Board,
     camera: Camera | None,
     options: GateOptions,
+    residual: GateResult | None = None,
 ) -> tuple[FloatArray, FloatArray]:
     """The reduction of the sum of squares without each of the kept corners `(K,)`, px², and the distance of
     each from its place by the others, px.
@@ -207,7 +211,7 @@ def _without_each(
     block H of the projection on the motions of a flat board. At the board's corners a homography follows a
     single wrong corner by more than half, and the residual alone would hide it.
     """
-    residuals = board_residual(flat, board, camera, options, kept).residuals_px
+    residuals = (residual or board_residual(flat, board, camera, options, kept)).residuals_px
     count = len(residuals)
     if not np.isfinite(residuals).all():
         return np.zeros(count), np.zeros(count)

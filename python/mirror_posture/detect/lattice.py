@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from ..board import Board
 from . import pattern
+from .medians import median
 from .places import OPPOSITE_COSINE, Place
 from .types import FloatArray, Pixels
 
@@ -275,7 +276,7 @@ def _lines(gray: Pixels, at: FloatArray, cells: npt.NDArray[np.intp], scale: flo
     score = score * (1.0 - 2.0 * (index.sum(axis=-1) % 2.0))
     relative = score / np.maximum(spread, pattern.MIN_CONTRAST_LEVELS)
     relative *= (
-        np.sign(np.median(relative[joined & np.isfinite(relative)]))
+        np.sign(median(relative[joined & np.isfinite(relative)]))
         if np.isfinite(relative[joined]).any()
         else 1.0
     )

@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from .medians import median
 from .types import FloatArray, Pixels
 
 # Samples lie at this fraction of a square from the corner, on the diagonals: far enough from the blurred edges, near enough to
@@ -87,9 +88,9 @@ def corner_contrast(gray: Pixels, grid: FloatArray) -> tuple[FloatArray, bool, f
     inside = signed[np.isfinite(signed)]
     if not inside.size:
         return signed, False, 0.0
-    sign = float(np.sign(np.median(inside)))
+    sign = float(np.sign(median(inside)))
     relative: FloatArray = signed * sign / np.maximum(spread, MIN_CONTRAST_LEVELS)
-    return relative, sign < 0.0, float(np.median(np.abs(inside)))
+    return relative, sign < 0.0, median(np.abs(inside))
 
 
 def saddle_contrast(
@@ -107,7 +108,7 @@ def saddle_contrast(
 def square_samples(gray: Pixels, at: FloatArray, along_x: FloatArray, along_y: FloatArray) -> FloatArray:
     """The grey levels (4, …) of the squares around points given with their local grid steps, each opposite one after the other; NaN outside of the picture."""
     diagonals = (along_x + along_y, -along_x - along_y, along_x - along_y, along_y - along_x)
-    return np.stack([sample(gray, at + SAMPLE_FRACTION * step) for step in diagonals])
+    return sample(gray, at + SAMPLE_FRACTION * np.stack(diagonals))
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,15 +160,15 @@ def _shows_end(gray: Pixels, grid: FloatArray) -> FloatArray:
         out = grid[1] - grid[2] if len(grid) > 2 else grid[0] - grid[1]
     corner, aside = grid[1] + out, END_BESIDE_SQUARES * np.gradient(grid[1], axis=0)
 
-    def differences(shares: tuple[float, ...]) -> FloatArray:
-        at = np.stack([corner + share * out for share in shares])
-        return sample(gray, at + aside) - sample(gray, at - aside)
-
+    shares = np.array([-SAMPLE_FRACTION, *END_AT_SQUARES, *FARTHER_SQUARES])
+    at = corner + shares[:, None, None] * out
+    one, other = sample(gray, np.stack([at + aside, at - aside]))
+    differences = one - other
     # Positive where they go on as the squares before the corner do, in units of what these do along the line: a blur makes less of both.
-    before = differences((-SAMPLE_FRACTION,))
-    usual = np.median(np.abs(before[np.isfinite(before)])) if np.isfinite(before).any() else 0.0
-    sign, size = -np.sign(before), max(float(usual), MIN_CONTRAST_LEVELS)
-    near, far = (sign * differences(shares) / size for shares in (END_AT_SQUARES, FARTHER_SQUARES))
+    before = differences[:1]
+    known = before[np.isfinite(before)]
+    sign, size = -np.sign(before), max(median(np.abs(known)) if known.size else 0.0, MIN_CONTRAST_LEVELS)
+    near, far = np.split(sign * differences[1:] / size, [len(END_AT_SQUARES)])
     goes_on = (far > LEAST_END_CONTRAST) | ~(np.abs(far) > CUT_OFF_CONTRAST)
     told = np.all(near > LEAST_END_CONTRAST, axis=0) & np.all(goes_on, axis=0)
     result: FloatArray = np.where(np.isfinite(near).all(axis=0), told, np.nan)
@@ -191,7 +192,7 @@ def bad_line(relative: FloatArray) -> str:
     for name, axis in (("row", 1), ("column", 0)):
         # A line that is completely hidden gives no information.
         known = [line[np.isfinite(line)] for line in (relative if axis == 1 else relative.T)]
-        medians = np.array([np.median(line) if line.size else 1.0 for line in known])
+        medians = np.array([median(line) if line.size else 1.0 for line in known])
         worst = int(np.argmin(medians))
         if medians[worst] < MIN_LINE_CONTRAST:
             return (
@@ -223,6 +224,6 @@ def goes_on_beyond(gray: Pixels, grid: FloatArray, dark_first: bool) -> str:
             score * sign * (1.0 - 2.0 * (np.arange(len(score)) % 2)) / np.maximum(spread, MIN_CONTRAST_LEVELS)
         )
         finite = relative[np.isfinite(relative)]
-        if len(finite) >= 3 and float(np.median(finite)) > MIN_LINE_CONTRAST:
+        if len(finite) >= 3 and median(finite) > MIN_LINE_CONTRAST:
             return side.name
     return ""

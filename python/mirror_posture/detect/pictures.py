@@ -29,7 +29,7 @@ from .marker_choice import SizeBounds
 from .marker_judge import MarkerOptions
 from .markers import COARSE_COLOUR_STEP, detect_markers
 from .pose import board_pose
-from .reading import Picture, PictureFile, as_picture, read_picture_file
+from .reading import PictureFile, as_picture, read_picture_file
 from .sharpening import ghost_and_sharpening
 from .types import (
     BoardPrediction,
@@ -38,6 +38,7 @@ from .types import (
     DetectionSetup,
     FloatArray,
     PictureDetections,
+    Pixels,
     PredictedMarker,
 )
 
@@ -99,7 +100,8 @@ def detect_picture(
         if file.exif_turn
         else ()
     )
-    boards = _boards(bgr, setup, prediction, options)
+    gray = cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY)
+    boards = _boards(gray, setup, prediction, options)
     # (Of a ChArUco board a part is enough, as a rule.)
     chessboard = None if setup.board is None or setup.board.pattern == CHARUCO else setup.board
     if chessboard is not None:
@@ -108,14 +110,16 @@ def detect_picture(
     bounds = _size_bounds(reflection, setup)
     reflected = next((view for view in boards if view.ok and view.via == "mirror"), None)
     mirror = _mirror(reflection, prediction)
-    # A decoded frame that was stored without loss: the file no longer says that its colours are coarser.
-    chroma_step_px = chroma_step(bgr) if file.chroma_step_px == (1, 1) else file.chroma_step_px
+    # A decoded frame that was stored without loss: the file no longer says that its colours are coarser. (Only balls' edges ask for it.)
+    chroma_step_px = file.chroma_step_px
+    if setup.markers and chroma_step_px == (1, 1):
+        chroma_step_px = chroma_step(bgr)
     ghost, sharpening_px2 = None, 0.0
     if setup.markers and chessboard is not None and reflected is not None:
         pane = None
         if mirror is not None and setup.camera is not None:
             pane = Pane(mirror.normal, float(np.linalg.norm(mirror.reflection_m)), setup.camera)
-        drawn = drawn_board(cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY), reflected, chessboard)
+        drawn = drawn_board(gray, reflected, chessboard)
         # Where colour is coarse, edges are read in levels: sharpening does not move them.
         if drawn is not None and chroma_step_px == (1, 1) and file.quantisation_step < COARSE_COLOUR_STEP:
             ghost, sharpening_px2 = ghost_and_sharpening(drawn, pane)
@@ -203,11 +207,10 @@ def _check_size(width: int, height: int, camera: Camera | None, source: str, exi
 
 
 def _boards(
-    bgr: Picture, setup: DetectionSetup, prediction: PicturePrediction, options: DetectionOptions
+    gray: Pixels, setup: DetectionSetup, prediction: PicturePrediction, options: DetectionOptions
 ) -> tuple[BoardView, ...]:
     if setup.board is None:
         return ()
-    gray = cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY)
     if setup.board.pattern == CHARUCO:
         return detect_charuco(gray, setup.board, setup.camera, options.board)
     return detect_boards(gray, setup.board, setup.camera, prediction.board, options.board)

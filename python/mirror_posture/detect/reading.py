@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image, JpegImagePlugin, UnidentifiedImageError
 
+from .._core import plain_png
 from ..arguments import checked_arguments
 from ..input_files import read_regular, reason
 from ..short_repr import ShortRepr
@@ -108,11 +109,16 @@ def read_picture_file(path: Path | str) -> PictureFile:
         raise DetectionError(f"{file}: the picture is {kind}; take or copy it again") from None
     _check_size(*picture.size, str(file))
     try:
-        orientation = picture.getexif().get(EXIF_ORIENTATION, 1)
+        # A plain PNG has no tags, for which Pillow would decode it.
+        pixels: npt.NDArray[np.generic] | None = plain_png(content) if picture.format == "PNG" else None
+        orientation = 1 if pixels is not None else picture.getexif().get(EXIF_ORIENTATION, 1)
         turn = EXIF_TURNS.get(orientation, "")
-        pixels = (
-            _jpeg(content, str(file)) if _is_plain_jpeg(picture) else _bgr(_as_stored(picture, orientation))
-        )
+        if pixels is None:
+            pixels = (
+                _jpeg(content, str(file))
+                if _is_plain_jpeg(picture)
+                else _bgr(_as_stored(picture, orientation))
+            )
     # Decoders fail with errors of many kinds, broken metadata included.
     except DetectionError:
         raise
@@ -157,7 +163,8 @@ def _bgr(picture: Image.Image) -> npt.NDArray[np.generic]:
         return np.asarray(picture)
     if picture.mode in ("1", "L"):
         return np.asarray(picture.convert("L"))
-    return cv2.cvtColor(np.asarray(picture.convert("RGB")), cv2.COLOR_RGB2BGR)
+    rgb = picture if picture.mode == "RGB" else picture.convert("RGB")
+    return cv2.cvtColor(np.asarray(rgb), cv2.COLOR_RGB2BGR)
 
 
 def _is_lossy_webp(content: bytes) -> bool:

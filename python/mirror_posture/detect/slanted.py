@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from .medians import median
 from .types import FloatArray, Pixels
 
 # Single precision is enough for a drawn pattern, and takes half of the time.
@@ -51,7 +52,7 @@ def is_slanted(grid: FloatArray, seen: npt.NDArray[np.bool_]) -> bool:
     area = np.abs(across[:, 0] * down[:, 1] - across[:, 1] * down[:, 0])
     sine = area / np.maximum(wide * high, 1e-9)
     apart = area / np.maximum(np.maximum(wide, high), 1e-9)
-    return bool(np.median(sine) < np.sin(np.radians(LEAST_ANGLE_DEG)) or np.median(apart) < LEAST_APART_PX)
+    return bool(median(sine) < np.sin(np.radians(LEAST_ANGLE_DEG)) or median(apart) < LEAST_APART_PX)
 
 
 def fitted_corners(gray: Pixels, corners_px: FloatArray, cells: FloatArray) -> tuple[FloatArray, int]:
@@ -66,9 +67,7 @@ def fitted_corners(gray: Pixels, corners_px: FloatArray, cells: FloatArray) -> t
             extent = float(np.abs(np.linalg.inv(to_cells)).sum(axis=2).max())
             reach = int(np.clip(np.ceil(COMPARED_SHARE * extent), LEAST_REACH_PX, MOST_REACH_PX))
             some = np.linspace(0, len(at) - 1, min(BLUR_CORNERS, len(at))).astype(int)
-            left = [
-                float(np.median(_step(gray, at[some], to_cells[some], reach, blur)[1])) for blur in BLURS_PX
-            ]
+            left = [median(_step(gray, at[some], to_cells[some], reach, blur)[1]) for blur in BLURS_PX]
             blur_px = BLURS_PX[int(np.argmin(left))]
         step, _ = _step(gray, at, to_cells, reach, blur_px)
         at = at + _cut(step)

@@ -4,7 +4,8 @@
 //! edge (the end of a lamp's light on the ball, the shadow that the ball casts on what carries it) is read from the
 //! brightness, which the codec keeps finer, up to where the lens has mixed the two.
 
-use super::rays::{Rays, STEP_PX, mean_and_variance};
+use super::rays::{Rays, mean_and_variance};
+use super::sight::STEP_PX;
 use core::ops::Range;
 
 /// Range of a light against that of its zone.
@@ -29,7 +30,7 @@ pub(super) struct Along {
 
 impl Along {
     /// By the ball's shading alone: what lies behind is even.
-    pub fn by_shading(rays: &Rays, ray: usize, edge: f64, ball_zone: &Range<usize>) -> Self {
+    pub fn by_shading(rays: &Rays<'_>, ray: usize, edge: f64, ball_zone: &Range<usize>) -> Self {
         let shade = rays.shade(ray);
         let rim = rim_of(rays, edge);
         let zone = mean_and_variance(shade[ball_zone.clone()].iter().copied()).0;
@@ -39,7 +40,7 @@ impl Along {
 
     /// By the brightness too: the shading carries the ball's over the last part to the rim.
     pub fn by_brightness(
-        rays: &Rays,
+        rays: &Rays<'_>,
         ray: usize,
         edge: f64,
         ball_zone: &Range<usize>,
@@ -69,7 +70,7 @@ impl Along {
 }
 
 /// The sample at the edge.
-fn rim_of(rays: &Rays, edge: f64) -> usize {
+fn rim_of(rays: &Rays<'_>, edge: f64) -> usize {
     rays.between(edge, edge + STEP_PX).start.min(rays.offsets.len() - 1)
 }
 

@@ -6,6 +6,7 @@ use super::cone::{ConeFit, EdgePoint, LeftOut, cone_centroid, fit_cone_from, px_
 use super::consensus::of_one_outline;
 use super::edges::edges_on_rays;
 use super::patch::{Patch, Picture};
+use super::sight::Sight;
 use crate::camera::Camera;
 use nalgebra::{Matrix2, Vector2};
 
@@ -109,7 +110,12 @@ pub(super) fn settled(
 ) -> Option<(BallOutline, Aim)> {
     let mut round = first_round;
     loop {
-        let (ball, next) = aim.measured(patch, range, camera, round == 0)?;
+        let look = match round {
+            0 => Look::Rough,
+            round if round + 2 < ROUNDS => Look::Near,
+            _ => Look::Whole,
+        };
+        let (ball, next) = aim.measured(patch, range, camera, look)?;
         round += 1;
         let moved = (next.circle.center_px - aim.circle.center_px)
             .norm()
@@ -119,6 +125,17 @@ pub(super) fn settled(
         }
         aim = next;
     }
+}
+
+/// What a round is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Look {
+    /// The outline is only roughly known.
+    Rough,
+    /// Another round follows: nothing of what the covariance alone needs is worked out.
+    Near,
+    /// The ball is to be used.
+    Whole,
 }
 
 impl RadiusRange {
@@ -153,16 +170,35 @@ impl Aim {
         Self { rays_per_radius: self.rays_per_radius / SPARSER, ..self }
     }
 
-    /// The ball near this outline, and the aim of the next round. `outermost`: the outline is only roughly known.
+    /// The ball near this outline, and the aim of the next round.
     pub fn measured(
         &self,
         patch: &Patch,
         range: &RadiusRange,
         camera: &Camera,
-        outermost: bool,
+        look: Look,
+    ) -> Option<(BallOutline, Self)> {
+        self.measured_on(&self.sight(patch, look), patch, range, camera, look)
+    }
+
+    /// Where a patch is sampled; it serves for others at the same place too.
+    pub fn sight(&self, patch: &Patch, look: Look) -> Sight {
+        let turn = core::f64::consts::TAU / self.radius.len() as f64;
+        let blur_px = (0..self.radius.len()).map(|i| self.blur.along(turn * i as f64)).collect();
+        Sight::new(patch, self.circle.center_px, &self.radius, blur_px, look == Look::Rough)
+    }
+
+    /// [`Self::measured`] by this aim's sight.
+    pub fn measured_on(
+        &self,
+        sight: &Sight,
+        patch: &Patch,
+        range: &RadiusRange,
+        camera: &Camera,
+        look: Look,
     ) -> Option<(BallOutline, Self)> {
         let (circle, center, count) = (&self.circle, self.circle.center_px, self.radius.len());
-        let edges = edges_on_rays(patch, center, &self.radius, &self.blur, outermost);
+        let edges = edges_on_rays(patch, sight, &self.blur, look);
         let blur = edges.blur;
         let found = beside_found(&edges.found, count as f64 / (core::f64::consts::TAU * circle.radius_px));
         let growth = (range.min_px - circle.radius_px, range.max_px - circle.radius_px);
@@ -204,7 +240,7 @@ impl Aim {
             correlated,
             if patch.coded { CODED_SCATTER_SHARE } else { SCATTER_SHARE },
             &LeftOut {
-                share: if patch.coded { 0.0 } else { LEFT_OUT_SHARE },
+                share: if patch.coded || look != Look::Whole { 0.0 } else { LEFT_OUT_SHARE },
                 reach_px: LEFT_OUT_REACH_PX.min(LEFT_OUT_REACH_BLURS * blur.mean_px()),
             },
         )?;

@@ -4,8 +4,7 @@
 //! difference of its two values. Red may rise where green falls; the channels of one edge then lie apart, by an
 //! amount and in a direction that the colours determine. This needs no other ball and no model of the robot.
 
-use super::curve::channel_moved_by_another_curve;
-use super::rays::{Rays, beyond_step};
+use super::rays::{Rays, Step};
 
 /// Smallest difference of light at which a channel determines an edge.
 const LEAST_STEP: f64 = 0.04;
@@ -22,19 +21,19 @@ pub(super) struct Parted {
     pub square: f64,
 }
 
-/// An edge for the channels: its place, the taper of its weights, the ball's light along the ray and at the rim,
-/// and the two colours.
+/// An edge for the channels: a step there, the ball's light along the ray and at the rim, and the two colours.
 pub(super) struct Seen<'a> {
-    pub edge: f64,
-    pub taper: f64,
+    pub step: &'a Step,
     pub carried: &'a [f64],
     pub at_rim: f64,
     pub ball: [f64; 3],
     pub behind: [f64; 3],
+    /// How far another curve moves the edge of each channel, in blurs.
+    pub moved: [f64; 3],
 }
 
 /// Of one ray, for one deviation of the curve.
-pub(super) fn parted(rays: &Rays, ray: usize, seen: &Seen<'_>) -> Parted {
+pub(super) fn parted(rays: &Rays<'_>, ray: usize, seen: &Seen<'_>) -> Parted {
     let (colours, blur) = (rays.colours(ray), rays.blur_px[ray]);
     let mut rows = [(0.0, 0.0, 0.0); 3];
     for (channel, row) in rows.iter_mut().enumerate() {
@@ -43,11 +42,11 @@ pub(super) fn parted(rays: &Rays, ray: usize, seen: &Seen<'_>) -> Parted {
         if step.abs() < LEAST_STEP || ball.max(behind) > MOST_LIGHT {
             continue;
         }
-        let beyond = beyond_step(rays, seen.edge, blur, seen.taper, |i, left| {
+        let beyond = seen.step.beyond(|i, left| {
             let covered = ((colours[i][channel] - behind) / step).clamp(-0.5, 1.5);
             covered - (ball * seen.carried[i] - behind) / step * left
         });
-        *row = (step.abs(), beyond, blur * channel_moved_by_another_curve(ball * seen.at_rim, behind));
+        *row = (step.abs(), beyond, blur * seen.moved[channel]);
     }
     let total: f64 = rows.iter().map(|r| r.0).sum();
     if rows.iter().filter(|r| r.0 > 0.0).count() < 2 {

@@ -7,7 +7,10 @@
 //! has full resolution both phases look the same.
 
 use super::patch::Picture;
+use multiversion::multiversion;
 
+/// Places are looked at in blocks of so many.
+const LANES: usize = 32;
 /// Every so many lines are read.
 const STRIDE: usize = 3;
 /// Four neighbours count where their colour changes by this, levels.
@@ -42,41 +45,119 @@ impl Phases {
 /// Pixels across and down that share a colour: 1 or 2 each; 1 where the picture does not determine it.
 pub fn chroma_step(picture: &Picture<'_>) -> (usize, usize) {
     let (width, height) = (picture.width, picture.height);
-    let across = lines_share(height, width, |line, place| colour_at(picture.row(line), place));
-    let down = lines_share(width, height, |line, place| colour_at(picture.row(place), line));
-    (if across { 2 } else { 1 }, if down { 2 } else { 1 })
+    let (mut across, mut down) = (Changes::default(), Changes::default());
+    // Lines across from every so many rows; lines down of every so many columns side by side, by the last four rows.
+    let columns: Vec<usize> = (0..width).step_by(STRIDE).collect();
+    let mut line = [vec![0.0f32; width], vec![0.0f32; width]];
+    let mut near = [(); 2].map(|()| [(); 4].map(|()| vec![0.0f32; columns.len()]));
+    for row in 0..height {
+        let pixels = picture.row(row);
+        if row % STRIDE == 0 {
+            let [red, blue] = &mut line;
+            colours_of(pixels, red, blue);
+            for values in &line {
+                across.add_line(values);
+            }
+        }
+        for rows in &mut near {
+            rows.rotate_left(1);
+        }
+        let [red, blue] = &mut near;
+        colours_at(pixels, &columns, &mut red[3], &mut blue[3]);
+        if row >= 3 {
+            for rows in &near {
+                down.add_rows(rows, (row - 3) % 2);
+            }
+        }
+    }
+    (if across.told() { 2 } else { 1 }, if down.told() { 2 } else { 1 })
 }
 
 /// Red and blue against the brightness, levels (ITU-R BT.601).
-#[inline]
-fn colour_at(row: &[u8], column: usize) -> [f32; 2] {
-    let pixel = &row[3 * column..3 * column + 3];
-    let [b, g, r] = [0, 1, 2].map(|c| f32::from(pixel[c]));
+#[inline(always)]
+fn colour_of(pixel: &[u8]) -> [f32; 2] {
+    let (b, g, r) = (f32::from(pixel[0]), f32::from(pixel[1]), f32::from(pixel[2]));
     [0.5 * r - 0.4187 * g - 0.0813 * b, 0.5 * b - 0.3313 * g - 0.1687 * r]
 }
 
-fn lines_share(lines: usize, places: usize, colour: impl Fn(usize, usize) -> [f32; 2]) -> bool {
-    let (mut first, mut third) = (Phases::default(), Phases::default());
-    // A line's colours first: most places change too little to count, which is decided for a whole line at once.
-    let mut along = [vec![0.0f32; places], vec![0.0f32; places]];
-    for line in (0..lines).step_by(STRIDE) {
-        for place in 0..places {
-            let [red, blue] = colour(line, place);
-            (along[0][place], along[1][place]) = (red, blue);
-        }
-        for values in &along {
-            for (begin, four) in values.windows(4).enumerate() {
-                let (x0, x1, x2, x3) = (four[0], four[1], four[2], four[3]);
-                let change = x0.max(x1).max(x2.max(x3)) - x0.min(x1).min(x2.min(x3));
-                if change >= LEAST_CHANGE {
-                    // By the parity of the first of the four; of the pair in the middle, which is the other.
-                    let phase = begin % 2;
-                    third.add(phase, x0 - 3.0 * x1 + 3.0 * x2 - x3);
-                    first.add(phase, x2 - x1);
+/// Of all pixels of a row.
+#[multiversion(targets("x86_64+avx512f", "x86_64+avx2"))]
+fn colours_of(pixels: &[u8], red: &mut [f32], blue: &mut [f32]) {
+    for ((pixel, red), blue) in pixels.chunks_exact(3).zip(red).zip(blue) {
+        [*red, *blue] = colour_of(pixel);
+    }
+}
+
+/// Of some columns of a row.
+fn colours_at(pixels: &[u8], columns: &[usize], red: &mut [f32], blue: &mut [f32]) {
+    for ((column, red), blue) in columns.iter().zip(red).zip(blue) {
+        [*red, *blue] = colour_of(&pixels[3 * column..3 * column + 3]);
+    }
+}
+
+/// First and third differences of a colour along lines.
+#[derive(Default)]
+struct Changes {
+    first: Phases,
+    third: Phases,
+}
+
+impl Changes {
+    /// Of four neighbours on a line; the phase is the parity of the first.
+    fn add(&mut self, [x0, x1, x2, x3]: [f32; 4], phase: usize) {
+        self.third.add(phase, x0 - 3.0 * x1 + 3.0 * x2 - x3);
+        self.first.add(phase, x2 - x1);
+    }
+
+    /// Of a whole line.
+    fn add_line(&mut self, values: &[f32]) {
+        let count = values.len().saturating_sub(3);
+        let four: [&[f32]; 4] = core::array::from_fn(|i| &values[i..][..count]);
+        self.add_telling(&four, |begin| begin % 2);
+    }
+
+    /// Of four neighbouring places on many lines.
+    fn add_rows(&mut self, rows: &[Vec<f32>; 4], phase: usize) {
+        self.add_telling(&rows.each_ref().map(Vec::as_slice), |_| phase);
+    }
+
+    /// Most places change too little to count, which is decided for a block of them at once.
+    fn add_telling(&mut self, four: &[&[f32]; 4], phase: impl Fn(usize) -> usize) {
+        let count = four[0].len();
+        for begin in (0..count).step_by(LANES) {
+            let end = (begin + LANES).min(count);
+            if end - begin == LANES && !any_tells(four, begin) {
+                continue;
+            }
+            for place in begin..end {
+                let values = [four[0][place], four[1][place], four[2][place], four[3][place]];
+                if change(values) >= LEAST_CHANGE {
+                    self.add(values, phase(place));
                 }
             }
         }
     }
-    // The samples' places lie between pixels 0 and 1, 2 and 3, ...: four neighbours around one begin at an odd pixel, and the pair in their middle is one sample's.
-    third.told(1) || first.told(1)
+
+    fn told(&self) -> bool {
+        // The samples' places lie between pixels 0 and 1, 2 and 3, ...: four neighbours around one begin at an odd pixel, and the pair in their middle is one sample's.
+        self.third.told(1) || self.first.told(1)
+    }
+}
+
+#[inline(always)]
+fn change([x0, x1, x2, x3]: [f32; 4]) -> f32 {
+    let larger = |a: f32, b: f32| if a > b { a } else { b };
+    let smaller = |a: f32, b: f32| if a < b { a } else { b };
+    larger(larger(x0, x1), larger(x2, x3)) - smaller(smaller(x0, x1), smaller(x2, x3))
+}
+
+/// Whether four neighbours change enough at a place of the block from `begin` on.
+#[multiversion(targets("x86_64+avx512f", "x86_64+avx2"))]
+fn any_tells(four: &[&[f32]; 4], begin: usize) -> bool {
+    let [x0, x1, x2, x3] = [0, 1, 2, 3].map(|i: usize| &four[i][begin..begin + LANES]);
+    let mut found = 0u32;
+    for (((x0, x1), x2), x3) in x0.iter().zip(x1).zip(x2).zip(x3) {
+        found |= u32::from(change([*x0, *x1, *x2, *x3]) >= LEAST_CHANGE);
+    }
+    found > 0
 }

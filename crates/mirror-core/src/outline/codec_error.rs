@@ -5,10 +5,11 @@
 //! of the same kind and size, but others; how far they move the centre is known. The same shifts average out such errors in pictures (Nosratinia, "Enhancement of
 //! JPEG-compressed images by re-application of JPEG", 2001).
 
-use super::ball::{Aim, RadiusRange, settled};
+use super::ball::{Aim, Look, RadiusRange, settled};
 use super::circle::Circle;
 use super::patch::{Patch, Picture, Place};
 use super::recoding::Codec;
+use super::surroundings::Surroundings;
 use crate::camera::Camera;
 use nalgebra::{Matrix2, Vector2};
 
@@ -44,13 +45,14 @@ pub fn codec_covariance(
     let patch = Patch::of(place.levels(picture), &place, picture.chroma_step());
     let (ball, aim) = settled(&patch, Aim::at(start, picture, camera)?.sparse(), range, camera, 1)?;
     let (across, down) = codec.sampling();
+    let sight = aim.sight(&patch, Look::Near);
+    let surroundings = Surroundings::of(codec, picture, &place, &ball.cone.centroid_px, reach_px);
     let moved: Vec<Vector2<f64>> = SHIFTS
         .iter()
         .filter_map(|(u, v)| {
-            let levels =
-                codec.again(picture, &place, &ball.cone.centroid_px, reach_px, (u * across, v * down));
+            let levels = surroundings.again((u * across, v * down));
             let sample = Patch::of(levels, &place, picture.chroma_step());
-            let (found, _) = aim.measured(&sample, range, camera, false)?;
+            let (found, _) = aim.measured_on(&sight, &sample, range, camera, Look::Near)?;
             range.holds(&found).then(|| found.cone.centroid_px - ball.cone.centroid_px)
         })
         .collect();

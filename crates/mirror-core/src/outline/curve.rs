@@ -57,49 +57,33 @@ const SHARES_STEP: f64 = 0.5;
 /// Channels whose values differ by less do not determine an edge.
 const LEAST_STEP: f64 = 1e-3;
 
-/// Shift of the covered length between two colours, in blurs: `Σ_c p_c ∫ g_c(Φ(−x)) − Φ(−x) dx`, g_c(w) the share
-/// that a channel's value shows at the share w of the mixture; p_c the channel's part in the sum. `mixing` is the
-/// mixing quantity of a value, `shown` the value of it.
-fn moved(
-    ball: &[f64; 3],
-    behind: &[f64; 3],
-    channels: &[f64; 3],
-    mixing: impl Fn(f64) -> f64,
-    shown: impl Fn(f64) -> f64,
-) -> f64 {
-    let mut moved = 0.0;
-    for c in 0..3 {
-        let (own, other) = (ball[c], behind[c]);
-        if (own - other).abs() < LEAST_STEP {
-            continue;
-        }
-        let (mixed_own, mixed_other) = (mixing(own), mixing(other));
-        let more: f64 = SHARES
-            .iter()
-            .map(|share| {
-                let value = shown(share * mixed_own + (1.0 - share) * mixed_other);
-                (value - other) / (own - other) - share
-            })
-            .sum();
-        moved += channels[c] * more;
+/// Shift of the covered length between two values of a channel, in blurs: `∫ g(Φ(−x)) − Φ(−x) dx`, g(w) the share that the channel's value shows at the share w of
+/// the mixture. `mixing` is the mixing quantity of a value, `shown` the value of it.
+fn moved(own: f64, other: f64, mixing: impl Fn(f64) -> f64, shown: impl Fn(f64) -> f64) -> f64 {
+    if (own - other).abs() < LEAST_STEP {
+        return 0.0;
     }
-    moved * SHARES_STEP
+    let (mixed_own, mixed_other) = (mixing(own), mixing(other));
+    let more: f64 = SHARES
+        .iter()
+        .map(|share| {
+            let value = shown(share * mixed_own + (1.0 - share) * mixed_other);
+            (value - other) / (own - other) - share
+        })
+        .sum();
+    more * SHARES_STEP
 }
 
-/// That shift where the camera's curve differs from sRGB's by one deviation, in blurs.
-pub(super) fn moved_by_another_curve(ball: &[f64; 3], behind: &[f64; 3], channels: &[f64; 3]) -> f64 {
+/// That shift of each channel where the camera's curve differs from sRGB's by one deviation, in blurs.
+pub(super) fn moved_by_another_curve(ball: &[f64; 3], behind: &[f64; 3]) -> [f64; 3] {
     let [mixed, shown] = &*POWERS;
     let read = |table: &[f64], value: f64| between(table, value.clamp(0.0, 1.0) * TABLE_STEPS as f64);
-    moved(ball, behind, channels, |value| read(mixed, value), |light| read(shown, light))
+    core::array::from_fn(|c| {
+        moved(ball[c], behind[c], |value| read(mixed, value), |light| read(shown, light))
+    })
 }
 
-/// That shift where light mixes and values are levels, in blurs.
+/// The shift where light mixes and values are levels, in blurs: the channels' own by their parts in what is read.
 pub(super) fn moved_by_light(ball: &[f64; 3], behind: &[f64; 3], channels: &[f64; 3]) -> f64 {
-    moved(ball, behind, channels, light_of, level_of)
-}
-
-/// That shift of one channel alone, in blurs.
-pub(super) fn channel_moved_by_another_curve(own: f64, behind: f64) -> f64 {
-    // (A channel without a step costs nothing.)
-    moved_by_another_curve(&[own, 0.0, 0.0], &[behind, 0.0, 0.0], &[1.0, 0.0, 0.0])
+    (0..3).map(|c| channels[c] * moved(ball[c], behind[c], light_of, level_of)).sum()
 }

@@ -1,6 +1,7 @@
 //! Sub-pixel edges of a ball's colour along rays.
 
 use super::along::Along;
+use super::ball::Look;
 use super::blur::{Blur, blur_of_rays};
 use super::channels::{Parted, Seen, deviations, parted};
 use super::curve::moved_by_another_curve;
@@ -8,8 +9,9 @@ use super::hues::{Hue, hues_of_zones};
 use super::luma::{lens_before_codec, lens_blur_px, luma_edges};
 use super::patch::Patch;
 use super::ray_edge::RayEdge;
-use super::rays::{Rays, STEP_PX, ZONE_PX, beyond_step, mean_and_variance, mean_colour};
+use super::rays::{Rays, Step, mean_and_variance, mean_colour};
 use super::scatter::noise_of;
+use super::sight::{STEP_PX, Sight, ZONE_PX};
 use super::unmixing::Unmixing;
 use crate::statistics::median;
 use nalgebra::Vector2;
@@ -62,21 +64,14 @@ pub(super) struct Edges {
     pub lens_px: f64,
 }
 
-/// Edges of all rays from a centre. `outermost`: the outline is only roughly known, and the colour's outermost end is taken for it.
-pub(super) fn edges_on_rays(
-    patch: &Patch,
-    center_px: Vector2<f64>,
-    radius_px: &[f64],
-    blur: &Blur,
-    outermost: bool,
-) -> Edges {
-    let count = radius_px.len();
+/// Edges of all rays of a sight. Where the outline is only roughly known, the colour's outermost end is taken for it.
+pub(super) fn edges_on_rays(patch: &Patch, sight: &Sight, blur: &Blur, look: Look) -> Edges {
+    let count = sight.direction.len();
     let turn = core::f64::consts::TAU / count as f64;
-    let by_ray: Vec<f64> = (0..count).map(|i| blur.along(turn * i as f64)).collect();
-    let rays = Rays::cast(patch, center_px, radius_px, &by_ray, outermost);
-    let hues = (patch.coded && !outermost).then(|| hues_of_zones(&rays));
+    let rays = Rays::of(patch, sight);
+    let hues = (patch.coded && look != Look::Rough).then(|| hues_of_zones(&rays));
     let mut edges: Vec<RayEdge> =
-        (0..count).map(|ray| colour_edge(&rays, ray, hues.as_ref().map(|h| h[ray]), outermost)).collect();
+        (0..count).map(|ray| colour_edge(&rays, ray, hues.as_ref().map(|h| h[ray]), look)).collect();
     for (ray, edge) in edges.iter_mut().enumerate() {
         edge.found &= rays.inside[ray] && edge.offset.abs() < rays.reach_px && edge.offset.is_finite();
         let floor = if patch.coded { CODED_EDGE_FLOOR_PX } else { EDGE_FLOOR_PX };
@@ -87,8 +82,9 @@ pub(super) fn edges_on_rays(
     let shown = if patch.coded { shown.scaled(CODED_BLUR_SHARE, LEAST_CODED_BLUR_PX) } else { shown };
     // A blur along the outline carries a bent one inward: by σ² / 2r.
     for (ray, edge) in edges.iter_mut().enumerate() {
-        let across = blur.along(turn * ray as f64 + core::f64::consts::FRAC_PI_2).min(0.5 * radius_px[ray]);
-        edge.offset += 0.5 * across * across / radius_px[ray];
+        let across =
+            blur.along(turn * ray as f64 + core::f64::consts::FRAC_PI_2).min(0.5 * rays.radius_px[ray]);
+        edge.offset += 0.5 * across * across / rays.radius_px[ray];
     }
     if patch.coded {
         join_brightness(&rays, &mut edges, lens_px);
@@ -103,7 +99,7 @@ pub(super) fn edges_on_rays(
         offset_px: edges.iter().map(|e| e.offset).collect(),
         shared_std_px: edges
             .iter()
-            .zip(&by_ray)
+            .zip(&sight.blur_px)
             .map(|(e, blur)| if e.clipped { CLIPPED_SHARE * blur } else { 0.0 })
             .collect(),
         common_px: common_px(&edges),
@@ -131,7 +127,7 @@ fn overshoot(edges: &[RayEdge]) -> f64 {
 
 /// The brightness has the picture's full resolution: where ball and background differ in it, it locates the edge
 /// better.
-fn join_brightness(rays: &Rays, edges: &mut [RayEdge], lens_px: f64) {
+fn join_brightness(rays: &Rays<'_>, edges: &mut [RayEdge], lens_px: f64) {
     for edge in edges.iter_mut() {
         edge.offset -= lens_before_codec(edge, lens_px);
     }
@@ -156,7 +152,7 @@ fn join_brightness(rays: &Rays, edges: &mut [RayEdge], lens_px: f64) {
     }
 }
 
-fn colour_edge(rays: &Rays, ray: usize, hues: Option<[Hue; 2]>, outermost: bool) -> RayEdge {
+fn colour_edge(rays: &Rays<'_>, ray: usize, hues: Option<[Hue; 2]>, look: Look) -> RayEdge {
     let none = RayEdge {
         offset: 0.0,
         std: 1.0,
@@ -207,16 +203,15 @@ fn colour_edge(rays: &Rays, ray: usize, hues: Option<[Hue; 2]>, outermost: bool)
             (trust * s / carried(i) + (1.0 - trust) * (1.0 - w)).clamp(-0.5, 1.5)
         };
         if pass == 0 {
-            result.offset = crossing(rays, coverage, outermost);
+            result.offset = crossing(rays, coverage, look == Look::Rough);
             continue;
         }
         // What the ball's parts sum to must be the integral of its light up to the edge; what the background's parts sum to, its length.
         let ball_sum = |i: usize| trust * parts[i].0 + (1.0 - trust) * (1.0 - parts[i].1).clamp(-0.5, 1.5);
         let expected = |i: usize| trust * carried(i) + (1.0 - trust);
         let darker = |i: usize| (1.0 - trust) * (light.behind[i] - 1.0);
-        let more = beyond_step(rays, edge, blur, taper, |i, left| {
-            ball_sum(i) - expected(i) * left + darker(i) * (1.0 - left)
-        });
+        let step = Step::at(rays, edge, blur, taper);
+        let more = step.beyond(|i, left| ball_sum(i) - expected(i) * left + darker(i) * (1.0 - left));
         let at_edge = trust * at_rim + (1.0 - trust);
         result.offset = edge + (more / at_edge).clamp(-1.5, 1.5);
         result.std = lever * (variance_ball * variance_behind / (variance_ball + variance_behind)).sqrt();
@@ -225,10 +220,12 @@ fn colour_edge(rays: &Rays, ray: usize, hues: Option<[Hue; 2]>, outermost: bool)
         result.channels = unmixing.channels(trust);
         result.ball = ball;
         result.behind = behind;
-        if pass + 1 == PASSES && !rays.coded && !outermost {
+        if pass + 1 == PASSES && !rays.coded && look == Look::Whole {
             let rim_colour = ball.map(|light| light * at_rim);
-            result.by_curve = blur * moved_by_another_curve(&rim_colour, &behind, &result.channels);
-            let seen = Seen { edge, taper, carried: &light.ball, at_rim, ball, behind };
+            let moved = moved_by_another_curve(&rim_colour, &behind);
+            result.by_curve =
+                blur * moved.iter().zip(&result.channels).map(|(m, part)| m * part).sum::<f64>();
+            let seen = Seen { step: &step, carried: &light.ball, at_rim, ball, behind, moved };
             result.parted = parted(rays, ray, &seen);
             result.clipped =
                 rim_colour.iter().chain(&ball).chain(&behind).any(|light| *light > CLIPPED_LIGHT);
@@ -249,7 +246,7 @@ fn colour_edge(rays: &Rays, ray: usize, hues: Option<[Hue; 2]>, outermost: bool)
 }
 
 /// Where the coverage falls through one half: the outermost place, or the one nearest to the expected outline.
-fn crossing(rays: &Rays, coverage: impl Fn(usize) -> f64, outermost: bool) -> f64 {
+fn crossing(rays: &Rays<'_>, coverage: impl Fn(usize) -> f64, outermost: bool) -> f64 {
     let values: Vec<f64> = (0..rays.offsets.len()).map(coverage).collect();
     let mut best: Option<f64> = None;
     for i in 0..values.len() - 1 {

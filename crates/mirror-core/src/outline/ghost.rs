@@ -145,12 +145,12 @@ impl PatternGhost {
             .iter()
             .map(|shift| {
                 let by = shift.y as isize * self.width as isize + shift.x as isize;
-                let there = |at: usize| self.model[at.wrapping_add_signed(-by)];
-                let opposite = |at: usize| self.model[at.wrapping_add_signed(by)];
-                [
-                    Row::of(&self.kept, |at| there(at) + opposite(at)),
-                    Row::of(&self.kept, |at| there(at) - opposite(at)),
-                ]
+                let opposite = |at: &usize| {
+                    (self.model[at.wrapping_add_signed(-by)], self.model[at.wrapping_add_signed(by)])
+                };
+                let (both, apart): (Vec<f32>, Vec<f32>) =
+                    self.kept.iter().map(opposite).map(|(one, other)| (one + other, one - other)).unzip();
+                [Row::from_values(both.into_iter()), Row::from_values(apart.into_iter())]
             })
             .collect();
         self.root = weights(left, &self.basis.steepness);

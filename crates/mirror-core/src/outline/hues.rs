@@ -1,6 +1,7 @@
 //! Hues of a coded picture beside a ball's outline, smoothed along it.
 
-use super::rays::{CODED_ZONE_PX, Rays, mean_colour};
+use super::rays::{Rays, mean_colour};
+use super::sight::CODED_ZONE_PX;
 use crate::statistics::median;
 
 /// Weights of blue, green and red in the brightness.
@@ -27,7 +28,7 @@ impl Hue {
 /// The hues of the ball and of the background by ray, medians over neighbours: a codec's errors of colour are as
 /// long as a zone, and an error of a zone's colour moves the edge by its share of the window; the brightness of
 /// each zone is preserved well.
-pub(super) fn hues_of_zones(rays: &Rays) -> Vec<[Hue; 2]> {
+pub(super) fn hues_of_zones(rays: &Rays<'_>) -> Vec<[Hue; 2]> {
     let count = rays.radius_px.len();
     let smoothed = |zone: &dyn Fn(f64) -> (f64, f64)| -> Vec<Hue> {
         let own: Vec<[f64; 3]> = (0..count)

@@ -2,7 +2,8 @@
 
 use super::curve::{level_of, light_of, moved_by_light};
 use super::ray_edge::{MIN_EDGE_POINTS, RayEdge};
-use super::rays::{LUMA_WINDOW, Rays, STEP_PX, ZONE_PX, beyond_step, mean_and_variance, window_px};
+use super::rays::{Rays, Step, mean_and_variance};
+use super::sight::{LUMA_WINDOW, STEP_PX, ZONE_PX, window_px};
 use crate::statistics::median;
 
 /// The lens' blur where no ray shows it, and what bilinear sampling adds, px; least contrast of brightness (0..1) that shows it.
@@ -35,12 +36,12 @@ pub(super) struct LumaEdge {
     pub contrast: f64,
 }
 
-fn mean_in(rays: &Rays, values: &[f64], low: f64, high: f64) -> (f64, f64) {
+fn mean_in(rays: &Rays<'_>, values: &[f64], low: f64, high: f64) -> (f64, f64) {
     mean_and_variance(values[rays.between(low, high)].iter().copied())
 }
 
 /// Standard deviation of the blur that the brightness shows, px: an edge of contrast c blurred by a Gaussian is `c / (σ √2π)` steep.
-pub(super) fn lens_blur_px(rays: &Rays, edges: &[RayEdge]) -> f64 {
+pub(super) fn lens_blur_px(rays: &Rays<'_>, edges: &[RayEdge]) -> f64 {
     let mut shown = Vec::new();
     for (ray, edge) in edges.iter().enumerate().filter(|(_, e)| e.found) {
         let (values, window) = (rays.luma(ray), rays.window_px[ray]);
@@ -101,12 +102,12 @@ impl Curve {
 }
 
 /// Edges of the brightness near those of the colour.
-pub(super) fn luma_edges(rays: &Rays, edges: &[RayEdge], lens_px: f64) -> Vec<LumaEdge> {
+pub(super) fn luma_edges(rays: &Rays<'_>, edges: &[RayEdge], lens_px: f64) -> Vec<LumaEdge> {
     let window = window_px(lens_px, LUMA_WINDOW).min(0.45 * rays.mean_radius_px);
     edges.iter().enumerate().map(|(ray, edge)| luma_edge(rays, ray, edge, window, lens_px)).collect()
 }
 
-fn luma_edge(rays: &Rays, ray: usize, colour: &RayEdge, window: f64, lens_px: f64) -> LumaEdge {
+fn luma_edge(rays: &Rays<'_>, ray: usize, colour: &RayEdge, window: f64, lens_px: f64) -> LumaEdge {
     let none = LumaEdge { offset: colour.offset, std_px: f64::INFINITY, contrast: 0.0 };
     if !colour.found {
         return none;
@@ -131,9 +132,11 @@ fn luma_edge(rays: &Rays, ray: usize, colour: &RayEdge, window: f64, lens_px: f6
         if !(contrast.abs() > MIN_EDGE_CONTRAST) {
             return none;
         }
-        let more = beyond_step(rays, edge, blur, TAPER, |i, left| {
-            curve.share((values[i] - behind) / contrast)
-                - curve.share((own * carried(i) - behind) / contrast) * left
+        let of_ball = |i: usize| curve.share((own * carried(i) - behind) / contrast);
+        let at_rim = of_ball(rim);
+        let more = Step::at(rays, edge, blur, TAPER).beyond(|i, left| {
+            let ball = if i < rim { of_ball(i) } else { at_rim };
+            curve.share((values[i] - behind) / contrast) - ball * left
         });
         let doubt = SHADE_DOUBT * own * (1.0 - carried(rim)) / contrast;
         let uneven = (uneven_ball + uneven_behind) / (contrast * contrast) + doubt * doubt;

@@ -19,12 +19,12 @@
 //! | `patch` | a cut-out of the picture, prepared: linear light, or levels at the colour's resolution; noise |
 //! | `regions` | regions of the markers' colours, all in one pass |
 //! | `codec` | which pixels share a colour, where the file does not say it |
-//! | `codec_error`, `recoding` | what a coarse JPEG's rounding does to a centre; surroundings coded once more on a moved grid |
+//! | `codec_error`, `surroundings`, `recoding` | what a coarse JPEG's rounding does to a centre; surroundings coded once more on a moved grid |
 //! | `circle`, `consensus` | a circle among points, as the start; the edges of one outline among others |
-//! | `shading` | light on a sphere by its normal |
+//! | `shading`, `columns` | light on a sphere by its normal; its pixels by column |
 //! | `along` | light along a ray, of the ball and of the background; in coded pictures by the brightness too |
 //! | `hues`, `scatter` | in coded pictures: colours smoothed along the outline; the scatter of edges around it |
-//! | `rays`, `edges`, `luma`, `blur` | samples along rays, sub-pixel edges of the colour and of the brightness, and the blur that they show |
+//! | `sight`, `rays`, `edges`, `luma`, `blur` | where rays are sampled, the light along them, sub-pixel edges of the colour and of the brightness, and the blur that they show |
 //! | `curve` | levels and light; displacement where light mixes on another scale than the values are on: the codec's levels, a camera's tone curve |
 //! | `channels` | the camera's tone curve from the channels' edges |
 //! | `unmixing` | a colour as a mixture of the ball's and the background's |
@@ -40,6 +40,7 @@ mod channels;
 mod circle;
 mod codec;
 mod codec_error;
+mod columns;
 mod common_blur;
 mod cone;
 mod consensus;
@@ -57,6 +58,8 @@ mod recoding;
 mod regions;
 mod scatter;
 mod shading;
+mod sight;
+mod surroundings;
 mod template;
 mod unmixing;
 mod whole;

@@ -133,6 +133,13 @@ impl Place {
     }
 }
 
+/// Four pixels of a patch around a place, and their weights in what is seen there.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Corners {
+    places: [u32; 4],
+    weights: [f32; 4],
+}
+
 /// Values in a rectangle of the picture.
 #[derive(Debug, Clone)]
 pub(super) struct Patch {
@@ -181,7 +188,9 @@ impl Patch {
             smooth(&mut luma, width, height, smoothing);
         } else {
             luma = Vec::new();
-            light = levels.iter().map(|p| p.map(|level| LINEAR[usize::from(level)])).collect();
+            let table = &*LINEAR;
+            let of = |level: u8| table[usize::from(level)];
+            light = levels.iter().map(|[b, g, r]| [of(*b), of(*g), of(*r)]).collect();
         }
         if smoothing > 0.0 {
             for channel in 0..3 {
@@ -209,35 +218,39 @@ impl Patch {
         [self.left + column as f64, self.top + row as f64]
     }
 
-    /// Light and brightness between pixels, and whether the place lies in the patch.
+    /// The pixels around a place, and whether it lies in the patch; beyond, those of its border.
     #[inline]
-    pub fn sample(&self, u: f64, v: f64) -> ([f64; 3], f64, bool) {
-        let (x, y) = (u - self.left, v - self.top);
+    pub fn around_place(&self, place: Vector2<f64>) -> (Corners, bool) {
+        let (x, y) = (place.x - self.left, place.y - self.top);
         let (widest, highest) = (self.width as f64 - 1.0, self.height as f64 - 1.0);
         let inside = x >= 0.0 && y >= 0.0 && x <= widest && y <= highest;
-        if self.light.is_empty() {
-            return ([0.0; 3], 0.0, false);
-        }
-        let (x, y) = (x.clamp(0.0, widest), y.clamp(0.0, highest));
+        let (x, y) = (x.max(0.0).min(widest), y.max(0.0).min(highest));
         let (column, row) = (x as usize, y as usize);
         let (next, below) = ((column + 1).min(self.width - 1), (row + 1).min(self.height - 1));
         let (a, b) = ((x - column as f64) as f32, (y - row as f64) as f32);
         let weights = [(1.0 - a) * (1.0 - b), a * (1.0 - b), (1.0 - a) * b, a * b];
-        let places = [
-            row * self.width + column,
-            row * self.width + next,
-            below * self.width + column,
-            below * self.width + next,
-        ];
-        let corners = places.map(|place| self.light[place]);
-        let colour =
-            core::array::from_fn(|c| f64::from((0..4).map(|i| weights[i] * corners[i][c]).sum::<f32>()));
-        let luma = if self.coded {
-            places.iter().zip(weights).map(|(p, w)| f64::from(self.luma[*p] * w)).sum()
-        } else {
-            0.0
-        };
-        (colour, luma, inside)
+        let (above, below) = (row * self.width, below * self.width);
+        let places =
+            [(above + column) as u32, (above + next) as u32, (below + column) as u32, (below + next) as u32];
+        (Corners { places, weights }, inside)
+    }
+
+    /// Light between pixels.
+    #[inline(always)]
+    pub fn light_at(&self, corners: &Corners) -> [f64; 3] {
+        let ([a, b, c, d], [wa, wb, wc, wd]) = (corners.places, corners.weights);
+        let at = |place: u32| &self.light[place as usize];
+        let (a, b, c, d) = (at(a), at(b), at(c), at(d));
+        let channel = |k: usize| f64::from(wa * a[k] + wb * b[k] + wc * c[k] + wd * d[k]);
+        [channel(0), channel(1), channel(2)]
+    }
+
+    /// Brightness between pixels; only where `coded`.
+    #[inline(always)]
+    pub fn luma_at(&self, corners: &Corners) -> f64 {
+        let ([a, b, c, d], [wa, wb, wc, wd]) = (corners.places, corners.weights);
+        let at = |place: u32, weight: f32| f64::from(self.luma[place as usize] * weight);
+        at(a, wa) + at(b, wb) + at(c, wc) + at(d, wd)
     }
 }
 
@@ -335,7 +348,8 @@ fn at_chroma_resolution(
             levels[own.clone()].iter().zip(&luma[own]).zip(&along)
         {
             let change = (1.0 - share) * wide[*left] + share * wide[*right] - brightness;
-            result.push(pixel.map(|v| (f32::from(v) / 255.0 + change).clamp(0.0, 1.0)));
+            let changed = |v: u8| (f32::from(v) / 255.0 + change).clamp(0.0, 1.0);
+            result.push([changed(pixel[0]), changed(pixel[1]), changed(pixel[2])]);
         }
     }
     result

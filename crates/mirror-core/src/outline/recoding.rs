@@ -4,9 +4,9 @@
 //! transform of blocks of 8 × 8 samples `F = C f Cᵀ`, and each coefficient rounded to a multiple of its step. Entropy coding loses nothing and is left out. The
 //! decoder interpolates colour between samples linearly, as libjpeg does.
 
-use super::patch::{Picture, Place};
+use super::patch::Picture;
+use core::ops::Range;
 use multiversion::multiversion;
-use nalgebra::Vector2;
 use std::sync::LazyLock;
 
 /// Side of a block, samples.
@@ -47,73 +47,28 @@ impl Codec {
         self.sampling
     }
 
-    /// The levels at a place of a picture, those of units that reach into a circle coded again; `moved` px is where the grid of blocks begins.
-    pub(super) fn again(
-        &self,
-        picture: &Picture<'_>,
-        place: &Place,
-        middle_px: &Vector2<f64>,
-        reach_px: f64,
-        moved: (usize, usize),
-    ) -> Vec<[u8; 3]> {
-        // A unit is the least part that is coded alone.
-        let (across, down) = (BLOCK * self.sampling.0, BLOCK * self.sampling.1);
-        let Place { left, top, width, height } = *place;
-        // Units that hold the place; the first one may begin before the picture.
-        let first = |low: usize, unit: usize, moved: usize| {
-            let low = low as isize - moved as isize;
-            low.div_euclid(unit as isize) * unit as isize + moved as isize
-        };
-        let (u0, v0) = (first(left, across, moved.0), first(top, down, moved.1));
-        let columns = ((left + width) as isize - u0) as usize / across + 1;
-        let rows = ((top + height) as isize - v0) as usize / down + 1;
-        let mut planes = Planes::of(picture, (u0, v0), (columns * across, rows * down), self.sampling);
-        let mut coded = vec![false; columns * rows];
-        for row in 0..rows {
-            for column in 0..columns {
-                let away = |low: isize, size: usize, middle: f64| {
-                    let low = low as f64;
-                    (low - middle).max(middle - (low + size as f64)).max(0.0)
-                };
-                let (u, v) = (u0 + (column * across) as isize, v0 + (row * down) as isize);
-                if away(u, across, middle_px.x).hypot(away(v, down, middle_px.y)) < reach_px {
-                    coded[row * columns + column] = true;
-                    self.code_unit(&mut planes, column, row);
-                }
-            }
-        }
-        let mut levels = Vec::with_capacity(width * height);
-        for v in top..top + height {
-            let y = (v as isize - v0) as usize;
-            let source = picture.row(v);
-            for u in left..left + width {
-                let x = (u as isize - u0) as usize;
-                levels.push(if coded[y / down * columns + x / across] {
-                    planes.bgr(x, y, self.sampling)
-                } else {
-                    [source[3 * u], source[3 * u + 1], source[3 * u + 2]]
-                });
-            }
-        }
-        levels
+    /// Pixels across and down of a unit, the least part that is coded alone.
+    pub(super) fn unit(&self) -> [usize; 2] {
+        [BLOCK * self.sampling.0, BLOCK * self.sampling.1]
     }
 
-    fn code_unit(&self, planes: &mut Planes, column: usize, row: usize) {
+    /// Codes the unit from a pixel of the planes on.
+    pub(super) fn code_unit(&self, planes: &mut Planes, [x, y]: [usize; 2]) {
         let (across, down) = self.sampling;
         for v in 0..down {
             for u in 0..across {
-                let at = ((column * across + u) * BLOCK, (row * down + v) * BLOCK);
-                code_block(&mut planes.luma, planes.width, at, &self.luma_steps);
+                code_block(&mut planes.luma, planes.width, (x + u * BLOCK, y + v * BLOCK), &self.luma_steps);
             }
         }
         for plane in &mut planes.chroma {
-            code_block(plane, planes.width / across, (column * BLOCK, row * BLOCK), &self.chroma_steps);
+            code_block(plane, planes.width / across, (x / across, y / down), &self.chroma_steps);
         }
     }
 }
 
 /// Brightness by pixel and colour differences by sample, levels around 0.
-struct Planes {
+#[derive(Clone)]
+pub(super) struct Planes {
     width: usize,
     height: usize,
     luma: Vec<f32>,
@@ -122,7 +77,7 @@ struct Planes {
 
 impl Planes {
     /// Of a rectangle from a corner on; beyond the picture's border as on it.
-    fn of(
+    pub fn of(
         picture: &Picture<'_>,
         (u0, v0): (isize, isize),
         (width, height): (usize, usize),
@@ -135,11 +90,12 @@ impl Planes {
         let inside = |at: isize, size: usize| at.clamp(0, size as isize - 1) as usize;
         for y in 0..height {
             let source = picture.row(inside(v0 + y as isize, picture.height));
+            let samples = y / down * columns;
             for x in 0..width {
                 let u = 3 * inside(u0 + x as isize, picture.width);
-                let [b, g, r] = [source[u], source[u + 1], source[u + 2]].map(f32::from);
+                let (b, g, r) = (f32::from(source[u]), f32::from(source[u + 1]), f32::from(source[u + 2]));
                 luma.push(0.299 * r + 0.587 * g + 0.114 * b - 128.0);
-                let sample = y / down * columns + x / across;
+                let sample = samples + if across == 1 { x } else { x / 2 };
                 chroma[0][sample] += share * (0.5 * b - 0.331_264 * g - 0.168_736 * r);
                 chroma[1][sample] += share * (0.5 * r - 0.418_688 * g - 0.081_312 * b);
             }
@@ -147,20 +103,35 @@ impl Planes {
         Self { width, height, luma, chroma }
     }
 
-    /// A decoded pixel.
-    fn bgr(&self, x: usize, y: usize, (across, down): (usize, usize)) -> [u8; 3] {
-        let luma = self.luma[y * self.width + x] + 128.0;
-        let columns = self.width / across;
-        let (left, right, a) = between(x, across, columns);
+    /// Decoded pixels of a row.
+    pub fn decode(
+        &self,
+        y: usize,
+        columns: Range<usize>,
+        (across, down): (usize, usize),
+        to: &mut [[u8; 3]],
+    ) {
+        let samples = self.width / across;
         let (above, below, b) = between(y, down, self.height / down);
-        let [blue, red] = [0, 1].map(|k| {
-            let at = |row: usize, column: usize| self.chroma[k][row * columns + column];
-            (1.0 - b) * ((1.0 - a) * at(above, left) + a * at(above, right))
-                + b * ((1.0 - a) * at(below, left) + a * at(below, right))
-        });
-        // (A float beyond the range of levels becomes the nearest one.)
-        [luma + 1.772 * blue, luma - 0.344_136 * blue - 0.714_136 * red, luma + 1.402 * red]
-            .map(|level| (level + 0.5) as u8)
+        let luma = &self.luma[y * self.width..(y + 1) * self.width];
+        let rows =
+            [0, 1].map(|k| [above, below].map(|row| &self.chroma[k][row * samples..(row + 1) * samples]));
+        for (x, level) in columns.zip(to) {
+            let (left, right, a) = between(x, across, samples);
+            let luma = luma[x] + 128.0;
+            let of = |[above, below]: [&[f32]; 2]| {
+                (1.0 - b) * ((1.0 - a) * above[left] + a * above[right])
+                    + b * ((1.0 - a) * below[left] + a * below[right])
+            };
+            let (blue, red) = (of(rows[0]), of(rows[1]));
+            // (A float beyond the range of levels becomes the nearest one.)
+            let rounded = |level: f32| (level + 0.5) as u8;
+            *level = [
+                rounded(luma + 1.772 * blue),
+                rounded(luma - 0.344_136 * blue - 0.714_136 * red),
+                rounded(luma + 1.402 * red),
+            ];
+        }
     }
 }
 
@@ -216,7 +187,10 @@ fn rounded(block: &Block, steps: &Block, forth: &Block, back: &Block) -> Block {
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {
+    use super::super::patch::Place;
+    use super::super::surroundings::Surroundings;
     use super::*;
+    use nalgebra::Vector2;
 
     fn pattern(width: usize, height: usize) -> Vec<u8> {
         (0..width * height)
@@ -241,7 +215,7 @@ mod tests {
     fn coded(codec: &Codec, bytes: &[u8], moved: (usize, usize)) -> Vec<[u8; 3]> {
         let picture = Picture::new(bytes, 96, 80, (1, 1)).unwrap();
         let whole = Place { left: 0, top: 0, width: 96, height: 80 };
-        codec.again(&picture, &whole, &Vector2::new(48.0, 40.0), 1e3, moved)
+        Surroundings::of(codec, &picture, &whole, &Vector2::new(48.0, 40.0), 1e3).again(moved)
     }
 
     #[test]
@@ -277,7 +251,8 @@ mod tests {
         let codec = Codec::new(&[40; 64], &[40; 64], (2, 2)).unwrap();
         let picture = Picture::new(&bytes, 96, 80, (2, 2)).unwrap();
         let place = Place { left: 8, top: 4, width: 88, height: 76 };
-        let levels = codec.again(&picture, &place, &Vector2::new(16.0, 16.0), 12.0, (2, 6));
+        let levels =
+            Surroundings::of(&codec, &picture, &place, &Vector2::new(16.0, 16.0), 12.0).again((2, 6));
         assert_eq!(levels.len(), 88 * 76);
         let source = |u: usize, v: usize| {
             let at = 3 * (v * 96 + u);

@@ -13,7 +13,7 @@ const LEAST_SPREAD: f64 = 0.05;
 /// The noise that a codec adds to values, summed along a ray: the standard deviation, times px, that explains how
 /// edges with their contrasts scatter around a shifted and scaled outline, by the median; it does not follow the
 /// outline.
-pub(super) fn noise_of(rays: &Rays, edges: impl Iterator<Item = (f64, f64, bool)>) -> f64 {
+pub(super) fn noise_of(rays: &Rays<'_>, edges: impl Iterator<Item = (f64, f64, bool)>) -> f64 {
     let rows: Vec<(Vector3<f64>, f64, f64)> = edges
         .enumerate()
         .filter(|(_, (_, contrast, valid))| *valid && *contrast > 0.0)

@@ -13,8 +13,12 @@ pub(super) struct Unmixing {
     bg: f64,
     gg: f64,
     pub black: bool,
+    /// A colour's part of the ball is its product with the first, less a part; that of what lies behind its product with the second.
+    rows: [[f64; 3]; 2],
+    less: f64,
 }
 
+#[inline(always)]
 fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
@@ -28,7 +32,17 @@ impl Unmixing {
         } else {
             bb * gg - bg * bg > MIN_COLOUR_SINE * MIN_COLOUR_SINE * bb * gg + 1e-12
         };
-        telling.then_some(Self { ball, behind, bb, bg, gg, black })
+        let (rows, less) = if black {
+            let share = (bb - bg).recip();
+            ([ball.map(|b| b * share), [0.0; 3]], bg * share)
+        } else {
+            let share = (bb * gg - bg * bg).recip();
+            let row = |own: f64, one: &[f64; 3], other: &[f64; 3]| {
+                core::array::from_fn(|c| (own * one[c] - bg * other[c]) * share)
+            };
+            ([row(gg, &ball, &behind), row(bb, &behind, &ball)], 0.0)
+        };
+        telling.then_some(Self { ball, behind, bb, bg, gg, black, rows, less })
     }
 
     /// Noise of a colour as noise of the coverage `trust s + (1 − trust)(1 − w)`.
@@ -58,14 +72,9 @@ impl Unmixing {
     }
 
     /// Parts of the ball and of what lies behind.
+    #[inline]
     pub fn parts(&self, colour: &[f64; 3]) -> (f64, f64) {
-        let ib = dot(colour, &self.ball);
-        if self.black {
-            let share = (ib - self.bg) / (self.bb - self.bg);
-            return (share, 1.0 - share);
-        }
-        let ig = dot(colour, &self.behind);
-        let determinant = self.bb * self.gg - self.bg * self.bg;
-        ((self.gg * ib - self.bg * ig) / determinant, (self.bb * ig - self.bg * ib) / determinant)
+        let own = dot(colour, &self.rows[0]) - self.less;
+        (own, if self.black { 1.0 - own } else { dot(colour, &self.rows[1]) })
     }
 }
