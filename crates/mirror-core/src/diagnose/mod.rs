@@ -14,7 +14,7 @@
 //! | `data` | the recording, and the diagnosis as it is written | |
 //! | `model` | forward model: predicted pixels or points for a deformation δ of robot, camera, board and mirror; each frame's mirror plane f is eliminated (variable projection) | `r(δ) = z − h(δ, f̂(δ))`; `⟨x, y⟩ = x·y − (L⁻¹Dᵀx)·(L⁻¹Dᵀy)`, `D = ∂h/∂f`, `LLᵀ = DᵀD` |
 //! | `effects` | the vocabulary: an effect at a place is a set of columns of elementary changes, with priors `p ~ N(0, s²)` | `δ = Σ p_k x_k(place, frame)` |
-//! | `likelihood` | noise estimated from the data, Gauss–Newton fit with its Laplace evidence, score test of all hypotheses at once | `log E = −½ (r² + (p/s)² + log det(I + S H S))` |
+//! | `likelihood` | noise and scatter of the joints estimated from the data, Gauss–Newton fit with its Laplace evidence, score test of all hypotheses at once | `log E = −½ (r² + (p/s)² + log det(I + S H S))` |
 //! | `prepare` | options; observations that are not used: slipped rows, false observations; gross mistakes of model or log, which are undone | |
 //! | `criteria` | cross-validation over regions of posture space; lack of fit against free markers | `gap = rms(ẑ_free − z_model)` on postures that were not fitted |
 //! | `random_effects` | Gaussian random effects: discrepancy of each law, geometric tolerances with an estimated scale, free forms | `p ~ N(0, σ²)`, σ by maximal evidence |

@@ -73,10 +73,11 @@ pub(crate) struct Outcome {
 ///    independent error in each posture at one joint;
 /// 5. where that leaves a remainder or many causes, the search with small errors everywhere (`geometry`); where these
 ///    leave a remainder, with the joints' transmission errors among them;
-/// 6. causes that do not help on held-out regions are dropped, improbable ones are replaced, the remainder is
+/// 6. where few causes beside a scatter of all joints are more probable than all of this, the search beside it;
+/// 7. causes that do not help on held-out regions are dropped, improbable ones are replaced, the remainder is
 ///    tested against the noise;
-/// 7. causes that are not selected again in resamples of the postures are removed;
-/// 8. the assessment and the report.
+/// 8. causes that are not selected again in resamples of the postures are removed;
+/// 9. the assessment and the report.
 ///
 /// # Errors
 /// A recording that is not valid, links that do not exist, invalid parameters of the camera.

@@ -6,7 +6,7 @@ use super::cone::{ConeFit, EdgePoint, LeftOut, cone_centroid, fit_cone_from, px_
 use super::consensus::of_one_outline;
 use super::edges::edges_on_rays;
 use super::patch::{Patch, Picture};
-use super::sight::Sight;
+use super::sight::{Look, Sight};
 use crate::camera::Camera;
 use nalgebra::{Matrix2, Vector2};
 
@@ -125,17 +125,6 @@ pub(super) fn settled(
         }
         aim = next;
     }
-}
-
-/// What a round is for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Look {
-    /// The outline is only roughly known.
-    Rough,
-    /// Another round follows: nothing of what the covariance alone needs is worked out.
-    Near,
-    /// The ball is to be used.
-    Whole,
 }
 
 impl RadiusRange {

@@ -5,10 +5,11 @@
 //! of the same kind and size, but others; how far they move the centre is known. The same shifts average out such errors in pictures (Nosratinia, "Enhancement of
 //! JPEG-compressed images by re-application of JPEG", 2001).
 
-use super::ball::{Aim, Look, RadiusRange, settled};
+use super::ball::{Aim, RadiusRange, settled};
 use super::circle::Circle;
 use super::patch::{Patch, Picture, Place};
 use super::recoding::Codec;
+use super::sight::Look;
 use super::surroundings::Surroundings;
 use crate::camera::Camera;
 use nalgebra::{Matrix2, Vector2};

@@ -1,7 +1,6 @@
 //! Sub-pixel edges of a ball's colour along rays.
 
 use super::along::Along;
-use super::ball::Look;
 use super::blur::{Blur, blur_of_rays};
 use super::channels::{Parted, Seen, deviations, parted};
 use super::curve::moved_by_another_curve;
@@ -11,7 +10,7 @@ use super::patch::Patch;
 use super::ray_edge::RayEdge;
 use super::rays::{Rays, Step, mean_and_variance, mean_colour};
 use super::scatter::noise_of;
-use super::sight::{STEP_PX, Sight, ZONE_PX};
+use super::sight::{Look, STEP_PX, Sight, ZONE_PX};
 use super::unmixing::Unmixing;
 use crate::statistics::median;
 use nalgebra::Vector2;

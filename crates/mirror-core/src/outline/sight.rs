@@ -32,6 +32,17 @@ pub(super) fn window_px(blur_px: f64, [least, base, per_blur]: [f64; 3]) -> f64 
     (base + per_blur * blur_px).max(least)
 }
 
+/// What a round is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Look {
+    /// The outline is only roughly known.
+    Rough,
+    /// Another round follows: nothing of what the covariance alone needs is worked out.
+    Near,
+    /// The ball is to be used.
+    Whole,
+}
+
 /// Evenly spaced rays from a centre, and places on them around the outline expected on each.
 pub(super) struct Sight {
     pub center_px: Vector2<f64>,
