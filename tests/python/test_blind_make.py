@@ -164,3 +164,29 @@ def test_a_robot_that_cannot_have_the_drawn_causes_is_drawn_again(
 def test_an_unknown_effect_is_named_with_those_that_are_known() -> None:
     with pytest.raises(BlindError, match=r"gremlins.*joint_offset"):
         _case(["gremlins"], 0)
+
+
+def test_joints_that_rest_elsewhere_change_the_log_alone(tmp_path: Path) -> None:
+    plan = [("rest", "small", ["drift"])]
+    exact, off = (
+        make_cases(tmp_path / name, 1, 12, replace(QUICK, rest_rad=rest), plan)[0]
+        for name, rest in (("exact", 0.0), ("off", 0.01))
+    )
+    assert (exact / "detections.csv").read_bytes() == (off / "detections.csv").read_bytes()
+
+    def logged(folder: Path) -> tuple[list[str], np.ndarray]:
+        rows = list(csv.reader((folder / "frames.csv").open(encoding="utf-8")))
+        return rows[0], np.array(rows[1:], float)
+
+    (header, was), (_, is_) = logged(exact), logged(off)
+    postures, joints = was[:, header.index("posture")], was[:, header.index("time_s") + 1 :]
+    moved = is_[:, header.index("time_s") + 1 :] - joints
+    first = [int(np.flatnonzero(postures == p)[0]) for p in np.unique(postures)]
+    for p in np.unique(postures):
+        # Views of one posture share its errors.
+        assert np.ptp(moved[postures == p], axis=0).max() < 1e-9
+    still = np.ptp(joints, axis=0) == 0
+    assert not moved[:, still].any()
+    assert np.std(moved[np.ix_(first, np.flatnonzero(~still))]) == pytest.approx(0.01, rel=0.2)
+    answer = json.loads((tmp_path / "off/answers/rest.json").read_text(encoding="utf-8"))
+    assert answer["rest_rad"] == 0.01

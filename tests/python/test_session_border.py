@@ -377,3 +377,15 @@ def test_points_of_an_unknown_frame_may_be_anywhere(tmp_path: Path) -> None:
     text = "frame,marker,x,y,z\n0,hand,100.1,0.2,0.3\n1,hand,100.2,0.2,0.3\n5,hand,100.3,0.1,0.3\n"
     points = load_session(write_folder(tmp_path, points=text)).points
     assert points is not None and points.point_m[0, 0, 0] == 100.1
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="threads are counted in /proc")
+def test_small_tables_start_no_pool_of_threads(tmp_path: Path) -> None:
+    # A process that ends right after reading must not wait for, or be aborted by, readers that are still at work.
+    folder = write_folder(tmp_path)
+    count = "len(os.listdir('/proc/self/task'))"
+    code = f"import os, sys, mirror_posture.session.tables, pyarrow as pa; before = {count}; mirror_posture.load_session(sys.argv[1]); print({count} - before, pa.cpu_count())"
+    told = subprocess.run([sys.executable, "-c", code, str(folder)], capture_output=True, text=True)
+    started = int(told.stdout.split()[0])
+    # Arrow's one thread that reads files.
+    assert told.returncode == 0 and started <= 1, told

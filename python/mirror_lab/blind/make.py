@@ -82,12 +82,21 @@ def _mistakes(rng: np.random.Generator) -> list[str]:
     return [str(rng.choice(SMALL[:-1])), *kinds]
 
 
+def rest_elsewhere(case: Case, rest_rad: float, rng: np.random.Generator) -> None:
+    """Every joint that moves rests off its logged position, in each posture by itself. It comes after the causes are
+    judged: what is identifiable is so where joints are where the log says."""
+    q_rad = case.plan.commands.q_rad
+    moves = np.ptp(q_rad, axis=0) > 0
+    case.logged_off_rad = rng.normal(0, rest_rad, q_rad.shape) * moves
+    case.answer["rest_rad"] = rest_rad
+
+
 def save(case: Case, out: Path, rng: np.random.Generator | None = None) -> Path:
     """Write the session to `out/NAME`, its answer to `out/answers/NAME.json` (and `.npz`, the noise-free pixels), its
     seal beside the session."""
     with whole_folder(out / case.name) as folder:
         write_session(case, folder, rng)
-        if case.mounting is None and case.told is None:
+        if case.mounting is None and case.told is None and case.logged_off_rad is None:
             # The claimed shrinkage is judged only where nothing but the causes differs from what is told.
             case.answer["pixels_sha256"] = keep_pixels(case, out / "answers" / f"{case.name}.npz")
         # The answer is written first, the session with its seal last.
@@ -143,6 +152,8 @@ def _make(job: _Job) -> str:
             cause.setdefault("detectable", True)
             cause.setdefault("identifiable", True)
             cause.setdefault("rivals", [])
+    if job.options.rest_rad > 0:
+        rest_elsewhere(case, job.options.rest_rad, rng)
     save(case, job.out, rng)
     return job.name
 

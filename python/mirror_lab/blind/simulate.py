@@ -64,6 +64,8 @@ class Options:
     """Whether each session has one accident of its log or names instead, for which the vocabulary has no single word."""
     noise_told: bool = True
     """Whether the session states its noise."""
+    rest_rad: float = 0.0
+    """How far each joint rests from its logged position, in each posture by itself: one standard deviation."""
 
 
 @dataclass
@@ -94,6 +96,8 @@ class Case:
     told: Told | None = None
     """What is written where it differs from what was done."""
     noise_told: bool = True
+    logged_off_rad: Array | None = None
+    """(P, J): logged less true positions of the postures, where joints rest elsewhere."""
 
 
 def _exp(turn: Array) -> Array:

@@ -40,6 +40,8 @@ def write_session(case: Case, folder: Path, rng: np.random.Generator | None = No
         pictures = [f"images/{drawn[i]}," for i in case.picture_of_frame]
     rows = ["frame,posture,time_s," + ("image," if pictures else "") + ",".join(joints)]
     q_of_frame = told.q if told else plan.commands.q_rad[plan.posture_of_frame]
+    if case.logged_off_rad is not None:
+        q_of_frame = q_of_frame + case.logged_off_rad[plan.posture_of_frame]
     posture_of_frame = _postures(plan.posture_of_frame, q_of_frame)
     for f, (p, t) in enumerate(zip(posture_of_frame, plan.time_of_frame_s, strict=True)):
         image = pictures[f] if pictures else ""

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import math
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -103,6 +104,14 @@ def make(
     noise_told: Annotated[
         bool, typer.Option("--noise-told/--noise-unknown", help="Whether sessions state their noise.")
     ] = True,
+    rest_deg: Annotated[
+        float,
+        typer.Option(
+            min=0,
+            max=5,
+            help="How far joints rest from their logged positions, in each posture by itself, degrees (one standard deviation).",
+        ),
+    ] = 0.0,
     workers: Annotated[
         int | None, typer.Option(min=1, help="Processes at once; all cores by default.")
     ] = None,
@@ -146,6 +155,7 @@ def make(
             mistakes=mistakes,
             accidents=accidents,
             noise_told=noise_told,
+            rest_rad=math.radians(rest_deg),
         )
         if robot:
             options = replace(options, robots=tuple(robot))

@@ -144,7 +144,9 @@ pub(crate) fn diagnose(
             from_near_ties(&mut search, &mut found)?;
             let with_geometry = options.allows("geometry");
             let extended = extend_models((&mut search, &mut found), &all, &nominal, setup, with_geometry)?;
-            let start = Start { plain: &plain, nominal: &nominal, stated, options, all: &all };
+            let one_rests_anywhere = extended.erratic.is_some();
+            let start =
+                Start { plain: &plain, nominal: &nominal, stated, options, one_rests_anywhere, all: &all };
             match beside_scatter(&start, &search, &found)? {
                 None => extended,
                 Some(beside) => {

@@ -36,6 +36,8 @@ pub(crate) struct Start<'a, 's> {
     pub nominal: &'s Model,
     pub stated: Noise,
     pub options: &'s DiagnoseOptions,
+    /// Whether what was found has independent errors of one joint.
+    pub one_rests_anywhere: bool,
     /// All hypotheses, free-form errors included.
     pub all: &'a Catalogue,
 }
@@ -56,8 +58,10 @@ pub(crate) fn beside_scatter<'a>(
     }
     let weighed = Weighed::new(search, found, &joints)?;
     let (here, beside) = weighed.with_scatter(search, &found.fit, &joints)?;
-    if here + LOG_PRIOR_STRUCTURE < weighed.of_found
-        || weighed.one_is_likelier(search, found, &joints, here)?
+    // Beside the errors of a joint that rests anywhere no scatter of all joints shows.
+    if !start.one_rests_anywhere
+        && (here + LOG_PRIOR_STRUCTURE < weighed.of_found
+            || weighed.one_is_likelier(search, found, &joints, here)?)
     {
         return Ok(None);
     }

@@ -161,7 +161,8 @@ fn of_joint(
     out
 }
 
-/// Whether the positions of a spoilt column are farther off than joints that rest badly are; another mistake's are.
+/// Whether the positions of a spoilt column are farther off than joints that rest badly are, whatever their zero is;
+/// another mistake's are.
 fn is_elsewhere(session: &Session<'_>, nominal: &Chain, chain: &Chain, frames: &[usize]) -> bool {
     let Some(Mistake::ColumnLost { joint, rows }) = chain.mistakes.last() else { return true };
     let turns = node_of(session.problem, *joint).is_some_and(|node| session.turns(node));
@@ -171,7 +172,8 @@ fn is_elsewhere(session: &Session<'_>, nominal: &Chain, chain: &Chain, frames: &
         if turns { off - (off / TAU).round() * TAU } else { off }
     };
     let off: Vec<f64> = frames.iter().filter(|f| rows.binary_search(f).is_ok()).map(off).collect();
-    off.iter().map(|x| x * x).sum::<f64>() > LEAST_SPREAD.powi(2) * off.len() as f64
+    let mean = off.iter().sum::<f64>() / off.len().max(1) as f64;
+    off.iter().map(|x| (x - mean).powi(2)).sum::<f64>() > LEAST_SPREAD.powi(2) * off.len() as f64
 }
 
 /// Whether a column is spoilt in more than a quarter of its rows: without those that gain most the others still gain.
