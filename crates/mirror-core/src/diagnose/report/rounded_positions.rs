@@ -53,7 +53,7 @@ pub(crate) fn positions_are_rounded(findings: &Findings<'_>) -> Result<Option<St
         (0..scene.frames).for_each(|f| off.add_joint_delta(f, *node, step / 12f64.sqrt()));
         square += rms_shift(findings, &at, &off)?.powi(2);
     }
-    let noise = noise_square(&search.problem, search.measured_noise);
+    let noise = noise_square(&search.problem, search.detector_noise());
     if square <= MAJORITY.powi(2) * noise {
         return Ok(None);
     }

@@ -18,6 +18,7 @@
 mod alternatives;
 mod apart;
 mod background;
+mod by_frame;
 mod chain;
 mod changes;
 mod choice;
