@@ -144,9 +144,8 @@ pub(crate) fn diagnose(
             from_near_ties(&mut search, &mut found)?;
             let with_geometry = options.allows("geometry");
             let extended = extend_models((&mut search, &mut found), &all, &nominal, setup, with_geometry)?;
-            let one_rests_anywhere = extended.erratic.is_some();
             let start =
-                Start { plain: &plain, nominal: &nominal, stated, options, one_rests_anywhere, all: &all };
+                Start { plain: &plain, nominal: &nominal, stated, options, extended: &extended, all: &all };
             match beside_scatter(&start, &search, &found)? {
                 None => extended,
                 Some(beside) => {

@@ -7,7 +7,7 @@
 //! which a posture's observations are as uncertain as they are, and the scatter is told as what is left.
 
 use crate::diagnose::effects::hypothesis::{Catalogue, Model};
-use crate::diagnose::likelihood::fit::Fit;
+use crate::diagnose::likelihood::fit::{Fit, FitOptions};
 use crate::diagnose::likelihood::joint_scatter::{JointScatter, Scatter, scattering_joints};
 use crate::diagnose::likelihood::noise_scale::NoiseScale;
 use crate::diagnose::model::body::NodeId;
@@ -36,8 +36,8 @@ pub(crate) struct Start<'a, 's> {
     pub nominal: &'s Model,
     pub stated: Noise,
     pub options: &'s DiagnoseOptions,
-    /// Whether what was found has independent errors of one joint.
-    pub one_rests_anywhere: bool,
+    /// What was found beyond single causes.
+    pub extended: &'s Extended,
     /// All hypotheses, free-form errors included.
     pub all: &'a Catalogue,
 }
@@ -59,14 +59,14 @@ pub(crate) fn beside_scatter<'a>(
     let weighed = Weighed::new(search, found, &joints)?;
     let (here, beside) = weighed.with_scatter(search, &found.fit, &joints)?;
     // Beside the errors of a joint that rests anywhere no scatter of all joints shows.
-    if !start.one_rests_anywhere
+    if start.extended.erratic.is_none()
         && (here + LOG_PRIOR_STRUCTURE < weighed.of_found
             || weighed.one_is_likelier(search, found, &joints, here)?)
     {
         return Ok(None);
     }
     let scatter = Scatter { std_rad: beside.std_rad, widening: beside.widening };
-    let (mut beside, mut its, setup) = searched(start, search, scatter, &joints)?;
+    let (mut beside, mut its, setup) = searched(start, search, found, &weighed, scatter, &joints)?;
     let with_geometry = start.options.allows("geometry");
     let mut trace = found.trace.clone();
     trace.append(&mut its.trace);
@@ -88,33 +88,65 @@ pub(crate) fn beside_scatter<'a>(
     Ok(told.then_some(BesideScatter { search: beside, found: its, extended }))
 }
 
+/// A search's result and the mounts that it has free.
+type Searched<'a> = (Search<'a>, Found, Option<Geometry>);
+
 /// The search at the noise that a scatter makes, until the scatter beside what it finds is that.
 fn searched<'a>(
     start: &Start<'a, '_>,
     search: &Search<'a>,
+    found: &Found,
+    weighed: &Weighed,
     mut scatter: Scatter,
     joints: &[NodeId],
-) -> Result<(Search<'a>, Found, Option<Geometry>)> {
+) -> Result<Searched<'a>> {
     let measured = search.measured_noise;
+    let free = start.extended.geometry.as_ref().filter(|g| g.setup_only && start.extended.erratic.is_none());
     let mut round = 0;
     loop {
         search.problem.budget.allow_more(A_STAGE);
-        let mut its = start.plain.clone();
-        its.noise_widening = search.noise_widening;
-        its.measured_noise = scatter.widening.of(measured);
-        its.problem.noise = its.measured_noise;
-        its.scatter = Some(scatter);
-        let (found, setup) =
-            with_or_without_setup(&mut its, start.nominal, start.stated, &start.options.without)?;
-        let model = its.deformation(&found.fit.model);
+        let widened = |mut its: Search<'a>| {
+            its.noise_widening = search.noise_widening;
+            its.measured_noise = scatter.widening.of(measured);
+            its.problem.noise = its.measured_noise;
+            its.scatter = Some(scatter);
+            its
+        };
+        let mut its = widened(start.plain.clone());
+        let without = &start.options.without;
+        let (few, setup) = with_or_without_setup(&mut its, start.nominal, start.stated, without)?;
+        let mut result = (its, few, setup);
+        // Displaced mounts take much work to find again, and mounts that only absorbed the scatter stay where they are free.
+        if let Some(mounts) = free {
+            let other = from_free_mounts(widened(search.clone()), found, mounts.clone())?;
+            let value = |(its, found, _): &Searched<'_>| weighed.with_scatter(its, &found.fit, joints);
+            if value(&other)?.0 > value(&result)?.0 {
+                result = other;
+            }
+        }
+        let model = result.0.deformation(&result.1.fit.model);
         let JointScatter { std_rad, widening, .. } =
-            JointScatter::fitted(&its.problem, &model, joints, measured, its.mask)?;
+            JointScatter::fitted(&result.0.problem, &model, joints, measured, search.mask)?;
         round += 1;
         if widening.is_near(scatter.widening) || round == SOLVER.rounds || search.problem.budget.is_spent() {
-            return Ok((its, found, setup));
+            return Ok(result);
         }
         scatter = Scatter { std_rad, widening };
     }
+}
+
+/// The search from what was found with free mounts, which take as much work to find again: its causes are pruned at the
+/// new noise first.
+fn from_free_mounts<'a>(mut its: Search<'a>, found: &Found, mut mounts: Geometry) -> Result<Searched<'a>> {
+    let mut model = found.fit.model.clone();
+    model.terms.retain(|term| !its.catalogue.is_free(term.hypothesis));
+    its.options.named_only = true;
+    its.ties.clear();
+    let mut again = its.run(model)?;
+    let options = FitOptions { noise: again.noise, steps: SOLVER.loose_steps };
+    again.fit = mounts.fit(&its.problem, its.catalogue, &again.fit.model, options, its.mask)?;
+    its.group = mounts.group.clone();
+    Ok((its, again, Some(mounts)))
 }
 
 /// A search at the noise that was measured.
