@@ -1,6 +1,7 @@
 //! What a diagnosis claims of itself: how far the gap closes, its noise floor, and how uncertain parameters are; on worlds
 //! whose blobs are false now and then, have heavy tails or linger, whose corners go together, and whose stated noise is off.
 
+use crate::gap_world::resting::rest_elsewhere;
 use crate::gap_world::{Plan, World, Wrong};
 use mirror_core::diagnose::{
     Cause, DiagnoseOptions, Diagnosis, Progress, Recording, Target, Verdict, diagnose,
@@ -202,14 +203,9 @@ fn a_joint_that_rests_elsewhere_each_time_is_told_by_its_place_and_nothing_else_
     let robot = Robot::from_urdf_str(&world.urdf()).unwrap();
     let joint = robot.position_index("r_shoulder_yaw").unwrap();
     let mut random = ChaCha8Rng::seed_from_u64(78);
-    let (mut posture, mut error) = (i64::MIN, 0.0);
-    for frame in &mut recording.frames {
-        if frame.posture != posture {
-            posture = frame.posture;
-            error = 0.012 * Distribution::<f64>::sample(&StandardNormal, &mut random);
-        }
-        frame.commanded[joint] += error;
-    }
+    rest_elsewhere(&mut recording, &[joint], || {
+        0.012 * Distribution::<f64>::sample(&StandardNormal, &mut random)
+    });
     let told = diagnosed(&world, &recording);
     assert!(matches!(told.verdict, Verdict::Unknown | Verdict::Partial), "{}", told.sentence);
     assert_eq!(told.r#where[0].at, "joint:r_shoulder_yaw", "{:?} {:#?}", told.r#where, told.trace);
@@ -253,21 +249,6 @@ fn what_is_found_so_far_is_no_more_probable_than_what_was_not_tried() {
     }
 }
 
-/// Each joint in each posture elsewhere than logged, by one scale.
-fn with_scatter(recording: &mut Recording, std_rad: f64, seed: u64) {
-    let mut random = ChaCha8Rng::seed_from_u64(seed);
-    let mut off: Vec<Vec<f64>> = Vec::new();
-    let joints = recording.frames[0].commanded.len();
-    for frame in &mut recording.frames {
-        let posture = frame.posture as usize;
-        while off.len() <= posture {
-            let of_joint = |_| std_rad * Distribution::<f64>::sample(&StandardNormal, &mut random);
-            off.push((0..joints).map(of_joint).collect());
-        }
-        frame.commanded.iter_mut().zip(&off[posture]).for_each(|(q, by)| *q += by);
-    }
-}
-
 #[test]
 fn causes_are_found_beside_joints_that_all_rest_elsewhere_and_their_scatter_is_told() {
     let world = World::new(4, false);
@@ -280,7 +261,11 @@ fn causes_are_found_beside_joints_that_all_rest_elsewhere_and_their_scatter_is_t
     for (i, (wrong, std_deg, cause)) in sessions.into_iter().enumerate() {
         let seed = 880 + i as u64;
         let mut recording = world.record(&Plan { postures: 45, seed, wrong, ..Plan::default() });
-        with_scatter(&mut recording, std_deg.to_radians(), seed);
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        let joints: Vec<usize> = (0..recording.frames[0].commanded.len()).collect();
+        rest_elsewhere(&mut recording, &joints, || {
+            std_deg.to_radians() * Distribution::<f64>::sample(&StandardNormal, &mut random)
+        });
         let told = diagnosed(&world, &recording);
         let said = format!("{} {:?} {:#?}", told.sentence, told.causes, told.trace);
         assert!(matches!(told.verdict, Verdict::Unknown | Verdict::Partial), "{said}");

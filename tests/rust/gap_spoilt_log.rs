@@ -1,5 +1,6 @@
 //! Logs that are spoilt in ways for which there is no effect: the place is reported, and no cause that absorbs a part.
 
+use crate::gap_world::resting::rest_elsewhere;
 use crate::gap_world::{Plan, World, Wrong};
 use mirror_core::diagnose::{DiagnoseOptions, Diagnosis, Recording, Verdict, diagnose};
 use mirror_core::robot::Robot;
@@ -200,12 +201,7 @@ fn a_joint_that_rests_anywhere_is_found_beside_mounts_by_hand() {
             world.record(&Plan { postures: 61, seed, wrong: mounts_by_hand(), ..Plan::default() });
         let joint = column(&world, name);
         let mut random = ChaCha8Rng::seed_from_u64(seed);
-        let mut rest = Vec::new();
-        for frame in &mut recording.frames {
-            let posture = frame.posture as usize;
-            rest.resize_with(rest.len().max(posture + 1), || random.random_range(-0.015..0.015));
-            frame.commanded[joint] += rest[posture];
-        }
+        rest_elsewhere(&mut recording, &[joint], || random.random_range(-0.015..0.015));
         let told = diagnosed(&world, &recording);
         assert_among_places(&told, name);
         let others = told.causes.iter().filter(|c| c.kind != "setup");

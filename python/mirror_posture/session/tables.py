@@ -246,7 +246,7 @@ def _read_parquet(data: bytes, name: str, only: Collection[str] | None, most_cel
     # It takes longer to load than most tables to read, and most are CSV.
     from pyarrow import parquet
 
-    told = parquet.read_metadata(_reader(data))
+    told = parquet.read_metadata(pa.BufferReader(data))
     leaves = [told.schema.column(i) for i in range(told.num_columns)]
     if len(leaves) > MOST_COLUMNS:
         _check_size(name, len(leaves), told.num_rows, most_cells)

@@ -8,6 +8,7 @@ mod body;
 mod light;
 pub mod lingering;
 mod record;
+pub mod resting;
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use std::fmt::Write;

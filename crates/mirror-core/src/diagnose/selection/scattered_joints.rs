@@ -74,7 +74,7 @@ pub(crate) fn beside_scatter<'a>(
     let extended = extend_models((&mut beside, &mut its), start.all, start.nominal, setup, with_geometry)?;
     // A law without a name may have taken the scatter's place.
     let (value, JointScatter { std_rad, .. }) = weighed.with_scatter(&beside, &its.fit, &joints)?;
-    let without = Weighed::new(&unwidened(&beside, search), &its, &joints)?.of_found;
+    let without = weighed.without_scatter(&beside, &its.fit, &joints)?;
     let odds = value + LOG_PRIOR_STRUCTURE - weighed.of_found.max(without);
     // Where what was found is more probable even beside a scatter, the scatter does not replace it.
     let replaces = value > here;
@@ -116,17 +116,17 @@ fn searched<'a>(
         let without = &start.options.without;
         let (few, setup) = with_or_without_setup(&mut its, start.nominal, start.stated, without)?;
         let mut result = (its, few, setup);
-        // Displaced mounts take much work to find again, and mounts that only absorbed the scatter stay where they are free.
+        let beside = |(its, found, _): &Searched<'_>| weighed.with_scatter(its, &found.fit, joints);
+        let (value, mut left) = beside(&result)?;
+        // Displaced mounts may take more work to find again than is left; mounts that only absorbed the scatter are not found again.
         if let Some(mounts) = free {
             let other = from_free_mounts(widened(search.clone()), found, mounts.clone())?;
-            let value = |(its, found, _): &Searched<'_>| weighed.with_scatter(its, &found.fit, joints);
-            if value(&other)?.0 > value(&result)?.0 {
-                result = other;
+            let (of_other, left_by_other) = beside(&other)?;
+            if of_other > value {
+                (result, left) = (other, left_by_other);
             }
         }
-        let model = result.0.deformation(&result.1.fit.model);
-        let JointScatter { std_rad, widening, .. } =
-            JointScatter::fitted(&result.0.problem, &model, joints, measured, search.mask)?;
+        let JointScatter { std_rad, widening, .. } = left;
         round += 1;
         if widening.is_near(scatter.widening) || round == SOLVER.rounds || search.problem.budget.is_spent() {
             return Ok(result);
@@ -135,8 +135,7 @@ fn searched<'a>(
     }
 }
 
-/// The search from what was found with free mounts, which take as much work to find again: its causes are pruned at the
-/// new noise first.
+/// The search with free mounts, from what was found with them: the causes found are pruned at the new noise first.
 fn from_free_mounts<'a>(mut its: Search<'a>, found: &Found, mut mounts: Geometry) -> Result<Searched<'a>> {
     let mut model = found.fit.model.clone();
     model.terms.retain(|term| !its.catalogue.is_free(term.hypothesis));
@@ -147,11 +146,6 @@ fn from_free_mounts<'a>(mut its: Search<'a>, found: &Found, mut mounts: Geometry
     again.fit = mounts.fit(&its.problem, its.catalogue, &again.fit.model, options, its.mask)?;
     its.group = mounts.group.clone();
     Ok((its, again, Some(mounts)))
-}
-
-/// A search at the noise that was measured.
-fn unwidened<'a>(beside: &Search<'a>, search: &Search<'a>) -> Search<'a> {
-    Search { measured_noise: search.measured_noise, scatter: None, ..beside.clone() }
 }
 
 /// What models are compared by: all at the session's measured noise, each paying for a larger one.
@@ -168,9 +162,15 @@ impl Weighed {
         let measured = search.measured_noise;
         let scale = NoiseScale::new(problem, &deformation, measured, search.mask)?;
         let mut weighed = Self { scale, measured, of_found: 0.0 };
-        let without = JointScatter::none(problem, &deformation, joints, measured, search.mask)?;
-        weighed.of_found = weighed.log_posterior(search, &found.fit, &without);
+        weighed.of_found = weighed.without_scatter(search, &found.fit, joints)?;
         Ok(weighed)
+    }
+
+    /// Log posterior of a model by itself, at the noise that it leaves.
+    fn without_scatter(&self, search: &Search<'_>, fit: &Fit, joints: &[NodeId]) -> Result<f64> {
+        let deformation = search.deformation(&fit.model);
+        let alone = JointScatter::none(&search.problem, &deformation, joints, self.measured, search.mask)?;
+        Ok(self.log_posterior(search, fit, &alone))
     }
 
     /// Log posterior of a model beside a scatter of some joints, and the scatter.
