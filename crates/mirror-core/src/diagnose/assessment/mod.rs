@@ -6,7 +6,6 @@ pub(super) mod false_together;
 pub(super) mod findings;
 pub(super) mod gap_closed;
 pub(super) mod limits;
-pub(super) mod linear_search;
 pub(super) mod nested;
 pub(super) mod noise_floor;
 pub(super) mod other_session;

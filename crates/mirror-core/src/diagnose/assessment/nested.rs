@@ -14,15 +14,14 @@
 //! selection" (2006).
 
 use crate::diagnose::assessment::findings::Findings;
-use crate::diagnose::assessment::linear_search::{Equations, LinearSearch};
 use crate::diagnose::criteria::cross_validation::{PostureGap, gap_of, size};
 use crate::diagnose::criteria::regions::regions;
 use crate::diagnose::data::diagnosis::ChosenAnew;
-use crate::diagnose::effects::hypothesis::Model;
-use crate::diagnose::likelihood::fit::{Active, FitOptions, fit};
+use crate::diagnose::likelihood::fit::{FitOptions, fit};
 use crate::diagnose::likelihood::saturated::free_markers;
 use crate::diagnose::likelihood::score_test::Score;
 use crate::diagnose::model::solver::SOLVER;
+use crate::diagnose::selection::linear_search::{Competing, LinearSearch};
 use crate::error::Result;
 use rayon::prelude::*;
 
@@ -41,7 +40,12 @@ pub(crate) fn chosen_anew(findings: &Findings<'_>, ranking: &[Score]) -> Result<
     }
     let of = |r: usize| (0..labels.len()).filter(|&f| labels[f] == r).collect();
     let parts: Vec<Vec<usize>> = (0..count).map(of).collect();
-    let linear = LinearSearch::new(findings, &findings.standings, ranking, &parts)?;
+    let linear = LinearSearch::new(
+        (search, &found.fit.model, found.noise),
+        findings.geometry.as_ref(),
+        &Competing::of(&findings.standings, ranking),
+        &parts,
+    )?;
     let gaps = (0..count)
         .into_par_iter()
         .map(|region| -> Result<(bool, Vec<PostureGap>)> {
@@ -54,7 +58,7 @@ pub(crate) fn chosen_anew(findings: &Findings<'_>, ranking: &[Score]) -> Result<
             };
             let train: Vec<bool> = labels.iter().map(|l| *l != region).collect();
             let test: Vec<bool> = labels.iter().map(|l| *l == region).collect();
-            let start = with_causes(findings, &linear, (&equations, &set));
+            let start = linear.model_with(search, &found.fit.model, (&equations, &set));
             let options = FitOptions { noise: found.noise, steps: SOLVER.final_steps };
             let mut model = fit(problem, catalogue, &search.group, &start, options, Some(&train))?.model;
             // Free-form errors cannot be added to a model.
@@ -67,39 +71,4 @@ pub(crate) fn chosen_anew(findings: &Findings<'_>, ranking: &[Score]) -> Result<
     let gap = size(&gaps.iter().flat_map(|(_, gaps)| gaps.iter().copied()).collect::<Vec<_>>());
     let changed = gaps.iter().filter(|(changed, _)| *changed).count();
     Ok(Some(ChosenAnew { rms_m: gap.told_m(), rms_px: gap.rms_px, regions: count, changed }))
-}
-
-/// The model found with a set of candidates in place of its causes, its parameters where the linear model has them.
-fn with_causes(
-    findings: &Findings<'_>,
-    linear: &LinearSearch<'_>,
-    (equations, set): (&Equations, &[usize]),
-) -> Model {
-    let (search, found) = (&findings.search, &findings.found.fit.model);
-    let catalogue = search.catalogue;
-    let mut model = found.clone();
-    let chosen = |h: usize| set.iter().any(|&c| linear.candidates[c].hypothesis == h);
-    model.terms.retain(|t| catalogue.is_free(t.hypothesis) || chosen(t.hypothesis));
-    for candidate in set.iter().map(|&c| &linear.candidates[c]) {
-        if !model.terms.iter().any(|t| t.hypothesis == candidate.hypothesis) {
-            model = model.with(catalogue, candidate.hypothesis, candidate.variant);
-        }
-    }
-    let Some(best) = linear.values(equations, set) else { return model };
-    let active = Active::of(&search.problem, catalogue, &search.group, &model);
-    let mut values = active.values.clone();
-    values[..active.first_term].copy_from_slice(&best[..active.first_term]);
-    let mut at = active.first_term;
-    for term in &model.terms {
-        let own = at..at + term.parameters.len();
-        at = own.end;
-        if let Some(&c) = set.iter().find(|&&c| linear.candidates[c].hypothesis == term.hypothesis) {
-            values[own].copy_from_slice(&best[linear.candidates[c].columns.clone()]);
-        }
-    }
-    for (value, positive) in values.iter_mut().zip(&active.positive) {
-        *value = if *positive { value.max(0.0) } else { *value };
-    }
-    let moved = Model { planes: None, ..active.model(&model, &values) };
-    if search.can_be(&moved) { moved } else { model }
 }

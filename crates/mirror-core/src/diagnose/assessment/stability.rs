@@ -5,11 +5,12 @@
 //! exactly, have no stability.
 
 use crate::diagnose::assessment::findings::Findings;
-use crate::diagnose::assessment::linear_search::LinearSearch;
 use crate::diagnose::likelihood::saturated::postures;
 use crate::diagnose::likelihood::score_test::Score;
 use crate::diagnose::principles::{LEAST_LOG_ODDS, Size};
 use crate::diagnose::selection::alternatives::Standing;
+use crate::diagnose::selection::linear_search::{Competing, LinearSearch};
+use crate::diagnose::selection::reduced_equations::Equations;
 use crate::error::Result;
 use crate::random::Random;
 use nalgebra::{DMatrix, DVector};
@@ -55,7 +56,12 @@ pub(crate) fn stability(
     let size = order.len().div_ceil(MOST_BLOCKS).max(1);
     let blocks: Vec<Vec<usize>> = order.chunks(size).map(|postures| postures.concat()).collect();
     let count = blocks.len();
-    let whole = LinearSearch::new(findings, standings, ranking, &blocks)?;
+    let whole = LinearSearch::new(
+        (&findings.search, model, findings.found.noise),
+        findings.geometry.as_ref(),
+        &Competing::of(standings, ranking),
+        &blocks,
+    )?;
     let draws: Vec<Vec<f64>> = {
         let mut random = Random::new(0x5851_F42D_4C95_7F2D);
         (0..RESAMPLES)
@@ -72,9 +78,9 @@ pub(crate) fn stability(
             if findings.search.problem.cancel.is_cancelled() {
                 return None;
             }
-            let (set, (m, b)) = whole.search(&whole.sum(&weights))?;
+            let (set, equations) = whole.search(&whole.sum(&weights))?;
             let hypotheses = set.iter().map(|&c| whole.candidates[c].hypothesis).collect();
-            Some((hypotheses, displaced(&whole, (&m, &b), &set, mounts)?))
+            Some((hypotheses, displaced(&whole, &equations, &set, mounts)?))
         })
         .collect();
     findings.search.problem.cancel.check()?;
@@ -100,15 +106,15 @@ pub(crate) fn stability(
 /// Whether each mount is displaced: the Bayes factor of its values against none, by Savage and Dickey.
 fn displaced(
     whole: &LinearSearch<'_>,
-    (m, b): (&DMatrix<f64>, &DVector<f64>),
+    equations: &Equations,
     set: &[usize],
     mounts: &[Vec<usize>],
 ) -> Option<Vec<bool>> {
     if mounts.is_empty() {
         return Some(Vec::new());
     }
-    let (factor, indices, _) = whole.base(m, b, set, None)?;
-    let mean = factor.solve(&DVector::from_fn(indices.len(), |i, _| b[indices[i]]));
+    let (factor, indices) = whole.factor(equations, set)?;
+    let mean = factor.solve(&DVector::from_fn(indices.len(), |i, _| equations.1[indices[i]]));
     let covariance = factor.inverse();
     let position: HashMap<usize, usize> = indices.iter().enumerate().map(|(k, i)| (*i, k)).collect();
     let of_mount = |columns: &Vec<usize>| -> Option<bool> {

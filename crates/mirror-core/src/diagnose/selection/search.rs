@@ -188,7 +188,7 @@ impl Search<'_> {
     }
 
     /// Fits a model with gravity's loads taken at its own postures: load and posture are found in turn.
-    fn settle(&mut self, mut best: Fit, noise: Noise) -> Result<Fit> {
+    pub fn settle(&mut self, mut best: Fit, noise: Noise) -> Result<Fit> {
         let by_load = |t: &Term| self.catalogue.effect(t.hypothesis).depends_on_load();
         let loaded = best.model.terms.iter().any(by_load);
         for _ in 0..if loaded { SOLVER.load_steps } else { 0 } {

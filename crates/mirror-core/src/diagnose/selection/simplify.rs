@@ -3,8 +3,10 @@
 
 use crate::diagnose::criteria::cross_validation::{PostureGap, held_out, in_sample, seen_size, size};
 use crate::diagnose::effects::hypothesis::{Model, Term};
-use crate::diagnose::likelihood::fit::Group;
-use crate::diagnose::principles::{LEAST_HELD_OUT_GAIN, LEAST_HELD_OUT_RATIO, NEARLY_ALL};
+use crate::diagnose::likelihood::fit::{Fit, FitOptions, Group};
+use crate::diagnose::principles::{
+    LEAST_HELD_OUT_GAIN, LEAST_HELD_OUT_RATIO, LEAST_LOG_ODDS, NEARLY_ALL, TEMPER,
+};
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
 use crate::diagnose::selection::alternatives::Standing;
 use crate::diagnose::selection::search::{Found, Search};
@@ -84,7 +86,8 @@ pub(crate) fn drop_useless(
             continue;
         }
         let gap = search.held_out(&without.model, found.noise)?;
-        if seen_size(&gap) < seen_size(after) * (1.0 + least) {
+        let useless = seen_size(&gap) < seen_size(after) * (1.0 + least);
+        if useless && !leaves_smaller_errors(search, (found, &without), beside)? {
             let name = search.catalogue.name(&search.problem.scene, found.fit.model.terms[i].hypothesis);
             found.trace.push(format!("drop {name}: no gain on held-out regions"));
             found.fit = without;
@@ -95,6 +98,20 @@ pub(crate) fn drop_useless(
         }
     }
     Ok(())
+}
+
+/// Whether small errors everywhere that imitate a cause would have to be so much larger than beside it that the cause
+/// is more probable: by the evidence of both, each at its own scales.
+fn leaves_smaller_errors(
+    search: &Search<'_>,
+    (found, without): (&Found, &Fit),
+    beside: Option<&Geometry>,
+) -> Result<bool> {
+    let Some(geometry) = beside.filter(|group| !group.setup_only) else { return Ok(false) };
+    let mut wider = geometry.clone();
+    let options = FitOptions { noise: found.noise, steps: 4 };
+    let fit = wider.fit(&search.problem, search.catalogue, &without.model, options, search.mask)?;
+    Ok(TEMPER * (search.log_posterior(&found.fit) - search.log_posterior(&fit)) > LEAST_LOG_ODDS)
 }
 
 /// Whether what was found leaves the held-out gap no smaller than the nominal model, in the unit of the

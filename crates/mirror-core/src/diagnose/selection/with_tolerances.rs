@@ -5,23 +5,27 @@ use crate::diagnose::criteria::cross_validation::seen_size;
 use crate::diagnose::criteria::lack_of_fit::adequacy;
 use crate::diagnose::criteria::marker_shift::marker_shift;
 use crate::diagnose::effects::hypothesis::{Model, Term};
-use crate::diagnose::likelihood::fit::{FitOptions, fit};
+use crate::diagnose::likelihood::fit::{Fit, FitOptions, fit};
 use crate::diagnose::likelihood::linearised::Linearised;
 use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::principles::{
     ABOVE_SCATTER, BEYOND_DOUBT, Grid, LEAST_HELD_OUT_RATIO, LEAST_LOG_ODDS, LOG_PRIOR_STRUCTURE, MAJORITY,
-    SEVERAL_CAUSES, Threshold,
+    SEVERAL_CAUSES, Size, Threshold,
 };
 use crate::diagnose::random_effects::geometric_tolerances::{Geometry, SPREADS_SETTLED};
 use crate::diagnose::random_effects::law_discrepancy::LAW_SHARE;
 use crate::diagnose::random_effects::outlier_tolerances::{name_outlying, put_back};
 use crate::diagnose::random_effects::small_errors::Kind;
+use crate::diagnose::selection::linear_start::linear_start;
 use crate::diagnose::selection::nonparametric::{Unexplained, log_odds, unexplained};
 use crate::diagnose::selection::search::{Found, Search};
 use crate::error::Result;
 
 /// Minimum effective number of values for a scale of the small errors: it is known to better than a half.
 pub(crate) const FEWEST_TOLD: Threshold = 2.5;
+
+/// Rounds in which scales, noise and causes are found in turn: two or three are usual.
+const MOST_ROUNDS: Size = 5;
 
 /// The causes found together with small errors everywhere.
 pub(crate) struct BesideGeometry<'a> {
@@ -53,22 +57,19 @@ pub(crate) fn beside_geometry<'a>(
     // Scales first at the scatter that single causes leave, then with the outliers of the group as causes.
     let mut noise = alone.noise;
     let at = |noise, steps| FitOptions { noise, steps };
-    let mut start = geometry.fit(&named.problem, named.catalogue, nominal, at(noise, 6), named.mask)?.model;
-    let mut found = None;
-    for _ in 0..2 {
-        search.group = geometry.group.clone();
-        let before = geometry.clone();
-        let next = search.run(start.clone())?;
-        noise = next.noise;
-        start =
-            geometry.fit(&search.problem, named.catalogue, &next.fit.model, at(noise, 4), named.mask)?.model;
-        found = Some(next);
-        if geometry.change_from(&before) < SPREADS_SETTLED {
-            break;
-        }
+    let mut start = geometry.fit(&named.problem, named.catalogue, nominal, at(noise, 6), named.mask)?;
+    let mut trace = Vec::new();
+    // Where only a model shows the noise, each cause changes what the others are; so it does far from linear.
+    let by_linear_models = named.problem.camera.is_some()
+        && linear_rounds((&mut search, &mut geometry), &mut start, alone, &mut trace)?;
+    if !by_linear_models {
+        one_at_a_time((&mut search, &mut geometry), &mut start, &mut trace)?;
     }
-    search.group = geometry.group.clone();
-    let Some(mut found) = found else { return Ok(None) };
+    noise = search.effective(&start.model)?;
+    let best = search.fit(&start.model, noise, SOLVER.final_steps)?;
+    let best = search.settle(best, noise)?;
+    let mut start = best.model.clone();
+    let mut found = Found { fit: best, noise, trace, cut_off: false };
     let (scene, mut hidden) = (&named.problem.scene, Vec::new());
     for _ in 0..SOLVER.rounds {
         let Some(outlying) = name_outlying((&geometry, scene), named.catalogue, &mut start) else { break };
@@ -151,6 +152,75 @@ pub(crate) fn beside_geometry<'a>(
         unnamed,
         settled,
     }))
+}
+
+/// Causes beside small errors everywhere, with these and the noise in turn, each set chosen in one linear model and then
+/// fitted; whether every choice was borne out by its fit. `start` is a fit with small errors everywhere alone, `alone` are the causes found without them.
+fn linear_rounds(
+    (search, geometry): (&mut Search<'_>, &mut Geometry),
+    start: &mut Fit,
+    alone: &Found,
+    trace: &mut Vec<String>,
+) -> Result<bool> {
+    let mut known = alone.fit.model.terms.clone();
+    for _ in 0..MOST_ROUNDS {
+        let options = FitOptions { noise: search.effective(&start.model)?, steps: 4 };
+        let before = geometry.clone();
+        // Scales and noise first: what the scatter of single causes hides is no choice yet.
+        *start = geometry.fit(&search.problem, search.catalogue, &start.model, options, search.mask)?;
+        search.group = geometry.group.clone();
+        let settled = geometry.change_from(&before) < SPREADS_SETTLED;
+        let from = (&start.model, options.noise);
+        let next = linear_start(search, geometry, from, &core::mem::take(&mut known))?;
+        if same_causes(&next, &start.model) {
+            if settled {
+                break;
+            }
+            continue;
+        }
+        let (mut with, mut its) = (search.clone(), geometry.clone());
+        let fit = its.fit(&search.problem, search.catalogue, &next, options, search.mask)?;
+        with.group = its.group.clone();
+        let found = |fit: &Fit, search: &Search<'_>| -> Result<Found> {
+            let noise = search.effective(&fit.model)?;
+            Ok(Found { fit: fit.clone(), noise, trace: Vec::new(), cut_off: false })
+        };
+        if log_odds((&with, &found(&fit, &with)?), (search, &found(start, search)?))? <= 0.0 {
+            return Ok(false);
+        }
+        (*search, *geometry, *start) = (with, its, fit);
+        let name = |t: &Term| search.catalogue.name(&search.problem.scene, t.hypothesis);
+        let names: Vec<String> = start.model.terms.iter().map(name).collect();
+        trace.push(format!("beside small errors everywhere: {}", names.join(", ")));
+    }
+    Ok(true)
+}
+
+/// The same with causes added one at a time, each fitted, at the scales of the round before.
+fn one_at_a_time(
+    (search, geometry): (&mut Search<'_>, &mut Geometry),
+    start: &mut Fit,
+    trace: &mut Vec<String>,
+) -> Result<()> {
+    for _ in 0..2 {
+        search.group = geometry.group.clone();
+        let before = geometry.clone();
+        let mut next = search.run(start.model.clone())?;
+        trace.append(&mut next.trace);
+        let options = FitOptions { noise: next.noise, steps: 4 };
+        *start = geometry.fit(&search.problem, search.catalogue, &next.fit.model, options, search.mask)?;
+        if geometry.change_from(&before) < SPREADS_SETTLED {
+            break;
+        }
+    }
+    search.group = geometry.group.clone();
+    Ok(())
+}
+
+/// Whether two models have the same causes.
+fn same_causes(one: &Model, other: &Model) -> bool {
+    let has = |model: &Model, term: &Term| model.terms.iter().any(|t| t.hypothesis == term.hypothesis);
+    one.terms.len() == other.terms.len() && one.terms.iter().all(|t| has(other, t))
 }
 
 /// Whether several causes without free-form errors are more probable together with small errors everywhere, by one

@@ -1,28 +1,30 @@
-//! The search for causes on a part of the postures, as small dense algebra.
+//! The search for causes in one linear model, as small dense algebra: on a part of the postures, or beside small errors
+//! everywhere.
 //!
-//! The model found is linearised once, with the columns of its causes, of their alternatives and of the
-//! highest-ranked hypotheses of the first screening, separately for each part of the postures. The normal equations
-//! of any choice of postures are a weighted sum of the parts'. So the search on it is small dense algebra: causes
-//! are added while their posterior odds exceed the selection's minimum, dropped and exchanged, starting from nothing
-//! and from the causes found; the more probable result is used. Board, camera, markers, zeros and discrepancy terms
-//! are free wherever they are free in the model, and the scales of small errors everywhere are estimated anew. Fixed
-//! are the noise, the observations left out as false, discrete unknowns (frictions), and gross mistakes.
+//! A model is linearised once, with the columns of its causes and of the hypotheses that compete with them, separately
+//! for each part of the postures. The normal equations of any choice of postures are a weighted sum of the parts'. So
+//! the search on it is small dense algebra: causes are added while their posterior odds exceed the selection's
+//! minimum, dropped and exchanged, starting from nothing and from the causes found; the more probable result is used.
+//! Board, camera, markers, zeros and discrepancy terms are free wherever they are free in the model, and the scales of
+//! small errors everywhere are estimated anew. Fixed are the noise, the observations left out as false, discrete
+//! unknowns (frictions), and gross mistakes.
 
-use crate::diagnose::assessment::findings::Findings;
-use crate::diagnose::effects::hypothesis::Model;
+use crate::diagnose::effects::hypothesis::{Model, Term};
 use crate::diagnose::likelihood::covariance::variances;
 use crate::diagnose::likelihood::fit::Active;
 use crate::diagnose::likelihood::normal_equations::{Normal, needs_board};
 use crate::diagnose::likelihood::score_test::Score;
+use crate::diagnose::model::problem::Noise;
 use crate::diagnose::principles::{LOG_PRIOR_SAME_PLACE, Size};
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
 use crate::diagnose::selection::alternatives::Standing;
+use crate::diagnose::selection::reduced_equations::{Base, Equations, Factor, Reduced};
+use crate::diagnose::selection::search::Search;
 use crate::error::Result;
 use core::ops::Range;
-use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use nalgebra::{DMatrix, DVector};
 
-/// Number of hypotheses that compete with the causes found: their alternatives first, then the highest-ranked of
-/// the first screening.
+/// Number of hypotheses that compete with the causes found.
 const COMPETING: Size = 28;
 /// Largest number of causes that a search adds to those that were found.
 const MORE_CAUSES: Size = 2;
@@ -45,8 +47,8 @@ pub(crate) struct LinearSearch<'a> {
     /// The causes that were found first, so many.
     pub candidates: Vec<Candidate>,
     pub found: usize,
-    least_log_odds: f64,
-    most_causes: usize,
+    pub least_log_odds: f64,
+    pub most_causes: usize,
     /// The prior deviations, and the small errors everywhere whose scales each resample estimates anew, with their
     /// first index.
     std: Vec<f64>,
@@ -55,25 +57,44 @@ pub(crate) struct LinearSearch<'a> {
     pub first_group: usize,
 }
 
-/// Normal equations of a choice of the postures, `I + S H S` and `S b`.
-pub(crate) type Equations = (DMatrix<f64>, DVector<f64>);
-pub(crate) type Factor = Cholesky<f64, Dyn>;
+/// Hypotheses that compete with the causes of a model, the most promising first.
+pub(crate) struct Competing {
+    hypotheses: Vec<(usize, f64)>,
+    /// The first so many were found without small errors everywhere: the search starts from them, too.
+    found: usize,
+}
+
+impl Competing {
+    /// The causes' alternatives, and the highest-ranked hypotheses of the first screening.
+    pub fn of(standings: &[Option<Standing>], ranking: &[Score]) -> Self {
+        let rivals = standings.iter().flatten().flat_map(|s| &s.rivals).map(|r| (r.hypothesis, r.variant));
+        let first_look = ranking.iter().map(|s| (s.hypothesis, s.variant)).take(4 * COMPETING);
+        Self { hypotheses: rivals.chain(first_look).collect(), found: 0 }
+    }
+
+    /// Causes that were found, and the highest-ranked hypotheses of a screening.
+    pub fn with_found(found: &[Term], ranking: &[Score]) -> Self {
+        let mut hypotheses: Vec<(usize, f64)> = found.iter().map(|t| (t.hypothesis, t.variant)).collect();
+        let count = hypotheses.len();
+        hypotheses.extend(ranking.iter().map(|s| (s.hypothesis, s.variant)));
+        Self { hypotheses, found: count }
+    }
+}
 
 impl<'a> LinearSearch<'a> {
-    /// The model of the findings, linearised on each part of the postures (given as frames); `standings` and
-    /// `ranking` name the causes' alternatives and the highest-ranked of the first screening.
+    /// A model that was found, linearised on each part of the postures (given as frames), with the columns of
+    /// `competing` hypotheses, the most promising first.
     ///
     /// # Errors
     /// Invalid parameters of the camera or mirror.
     pub fn new(
-        findings: &'a Findings<'_>,
-        standings: &[Option<Standing>],
-        ranking: &[Score],
+        (search, model, noise): (&Search<'_>, &Model, Noise),
+        geometry: Option<&'a Geometry>,
+        competing: &Competing,
         parts: &[Vec<usize>],
     ) -> Result<Self> {
-        let search = &findings.search;
         let (problem, catalogue) = (&search.problem, search.catalogue);
-        let (group, model): (_, Model) = search.loosened(&findings.found.fit.model, None);
+        let (group, model): (_, Model) = search.loosened(model, None);
         let active = Active::of(problem, catalogue, &group, &model);
         let node = |h: usize| catalogue.hypotheses[h].place.node();
         let of = |(hypothesis, variant): (usize, f64), columns: Range<usize>| Candidate {
@@ -98,16 +119,16 @@ impl<'a> LinearSearch<'a> {
         }
         let mut columns = active.columns.clone();
         let (mut std, mut values) = (active.prior_std.clone(), active.values.clone());
-        let rivals = standings.iter().flatten().flat_map(|s| &s.rivals).map(|r| (r.hypothesis, r.variant));
-        let first_look = ranking.iter().map(|s| (s.hypothesis, s.variant)).take(4 * COMPETING);
+        let mut found = candidates.len();
         let mut added = 0;
-        for (hypothesis, variant) in rivals.chain(first_look) {
+        for (i, &(hypothesis, variant)) in competing.hypotheses.iter().enumerate() {
             let known = candidates.iter().any(|c| c.hypothesis == hypothesis);
             let left_out = search.options.left_out.contains(&hypothesis) || catalogue.is_free(hypothesis);
             if known || left_out || added >= COMPETING {
                 continue;
             }
             added += 1;
+            found += usize::from(i < competing.found);
             let entry = &catalogue.hypotheses[hypothesis];
             let zero = vec![0.0; entry.prior_std.len()];
             let own = catalogue.effect(hypothesis).columns(&problem.scene, entry.place, variant, &zero);
@@ -118,7 +139,6 @@ impl<'a> LinearSearch<'a> {
         }
         let deformation = model.deformation(problem, catalogue, &group.columns);
         let with_board = needs_board(problem, &columns);
-        let noise = findings.found.noise;
         let mut equations = Vec::new();
         for frames in parts {
             let mut mask = vec![false; problem.frames.len()];
@@ -144,20 +164,17 @@ impl<'a> LinearSearch<'a> {
             }
             equations.push((h, b));
         }
-        let found = candidates.iter().filter(|c| c.columns.start < at).count();
-        let most_causes = found + MORE_CAUSES;
-        let least_log_odds = search.options.least_log_odds;
         let first_group = active.first_group;
         // The scales of mounts have fixed priors, and causes are searched with these.
         let of_model = |g: &&Geometry| !g.setup_only && g.group.columns.len() <= model.group.len();
-        let geometry = findings.geometry.as_ref().filter(of_model).map(|g| (g, first_group));
+        let geometry = geometry.filter(of_model).map(|g| (g, first_group));
         Ok(Self {
             parts: equations,
             always,
             candidates,
             found,
-            least_log_odds,
-            most_causes,
+            least_log_odds: search.options.least_log_odds,
+            most_causes: found + MORE_CAUSES,
             std,
             geometry,
             first_group,
@@ -176,97 +193,88 @@ impl<'a> LinearSearch<'a> {
     }
 
     /// The parameters of a set of candidates, with those that are always free before them.
-    fn indices(&self, set: &[usize], but: Option<usize>) -> Vec<usize> {
-        let own = set.iter().filter(|c| Some(**c) != but).flat_map(|&c| self.candidates[c].columns.clone());
+    fn indices(&self, set: &[usize]) -> Vec<usize> {
+        let own = set.iter().flat_map(|&c| self.candidates[c].columns.clone());
         self.always.iter().copied().chain(own).collect()
     }
 
-    /// Log posterior odds of a candidate given others.
-    fn odds(
-        &self,
-        (m, b): (&DMatrix<f64>, &DVector<f64>),
-        (base, indices, solved): (&Factor, &[usize], &DVector<f64>),
-        set: &[usize],
-        candidate: usize,
-    ) -> f64 {
-        let own: Vec<usize> = self.candidates[candidate].columns.clone().collect();
-        let across = DMatrix::from_fn(indices.len(), own.len(), |i, j| m[(indices[i], own[j])]);
-        let Some(across) = base.l_dirty().solve_lower_triangular(&across) else { return f64::NEG_INFINITY };
-        let among = DMatrix::from_fn(own.len(), own.len(), |i, j| m[(own[i], own[j])]);
-        let left = DVector::from_fn(own.len(), |i, _| b[own[i]]) - across.tr_mul(solved);
-        let Some(factor) = (among - across.tr_mul(&across)).cholesky() else { return f64::NEG_INFINITY };
-        let estimate = factor.solve(&left);
-        if self.candidates[candidate].positive && estimate.iter().all(|value| *value <= 0.0) {
-            return f64::NEG_INFINITY;
-        }
-        let log_det: f64 = factor.l_dirty().diagonal().iter().map(|x| x.ln()).sum();
-        let node = self.candidates[candidate].node;
-        let same =
-            set.iter().filter(|&&c| c != candidate && node.is_some() && self.candidates[c].node == node);
-        0.5 * left.dot(&estimate) - log_det
-            + self.candidates[candidate].log_prior
-            + LOG_PRIOR_SAME_PLACE * same.count() as f64
+    /// The equations of all candidates, with what is always free eliminated; none where numbers overflow.
+    pub fn reduced(&self, equations: &Equations) -> Option<Reduced> {
+        Reduced::of(equations, &self.always)
     }
 
-    pub fn base(
+    /// The equations of a set's parameters (without one of its members); none where numbers overflow.
+    fn base(&self, reduced: &Reduced, set: &[usize], but: Option<usize>) -> Option<Base> {
+        let own = set.iter().filter(|c| Some(**c) != but);
+        reduced.base(own.flat_map(|&c| self.candidates[c].columns.clone()))
+    }
+
+    /// Log posterior odds of a candidate given others.
+    fn odds(&self, (reduced, base): (&Reduced, &Base), set: &[usize], candidate: usize) -> f64 {
+        let of = &self.candidates[candidate];
+        let Some(added) = reduced.added(base, of.columns.clone()) else { return f64::NEG_INFINITY };
+        if of.positive && added.values.iter().all(|value| *value <= 0.0) {
+            return f64::NEG_INFINITY;
+        }
+        let same = set
+            .iter()
+            .filter(|&&c| c != candidate && of.node.is_some() && self.candidates[c].node == of.node);
+        added.log_evidence + of.log_prior + LOG_PRIOR_SAME_PLACE * same.count() as f64
+    }
+
+    /// The candidates that could be added to a set (without one of its members), with their odds.
+    pub fn additions(
         &self,
-        m: &DMatrix<f64>,
-        b: &DVector<f64>,
+        reduced: &Reduced,
         set: &[usize],
         but: Option<usize>,
-    ) -> Option<(Factor, Vec<usize>, DVector<f64>)> {
-        let indices = self.indices(set, but);
-        let factor =
-            DMatrix::from_fn(indices.len(), indices.len(), |i, j| m[(indices[i], indices[j])]).cholesky()?;
-        let right = DVector::from_fn(indices.len(), |i, _| b[indices[i]]);
-        let solved = factor.l_dirty().solve_lower_triangular(&right)?;
-        Some((factor, indices, solved))
+    ) -> Option<Vec<(usize, f64)>> {
+        let base = self.base(reduced, set, but)?;
+        let others: Vec<usize> = set.iter().copied().filter(|c| Some(*c) != but).collect();
+        let free = (0..self.candidates.len()).filter(|c| !others.contains(c));
+        Some(free.map(|c| (c, self.odds((reduced, &base), &others, c))).collect())
     }
 
     /// The best candidate to add to a set (without one of its members), with its odds.
-    fn best(
-        &self,
-        m: &DMatrix<f64>,
-        b: &DVector<f64>,
-        set: &[usize],
-        but: Option<usize>,
-    ) -> Option<(usize, f64)> {
-        let (factor, indices, solved) = self.base(m, b, set, but)?;
-        let others: Vec<usize> = set.iter().copied().filter(|c| Some(*c) != but).collect();
-        (0..self.candidates.len())
-            .filter(|c| !others.contains(c))
-            .map(|c| (c, self.odds((m, b), (&factor, &indices, &solved), &others, c)))
-            .max_by(|x, y| x.1.total_cmp(&y.1))
+    fn best(&self, reduced: &Reduced, set: &[usize], but: Option<usize>) -> Option<(usize, f64)> {
+        self.additions(reduced, set, but)?.into_iter().max_by(|x, y| x.1.total_cmp(&y.1))
+    }
+
+    /// The factor of the equations of a set's parameters with those that are always free before them, and their indices.
+    pub fn factor(&self, (m, _): &Equations, set: &[usize]) -> Option<(Factor, Vec<usize>)> {
+        let indices = self.indices(set);
+        let among = DMatrix::from_fn(indices.len(), indices.len(), |i, j| m[(indices[i], indices[j])]);
+        Some((among.cholesky()?, indices))
     }
 
     /// The causes that the search finds from nothing or from those that were found, whichever are more probable,
     /// with the normal equations at the scales that the resample has with them. Adding one cause at a time may end
     /// at two causes that only imitate two others; the whole search avoids that by additional start points.
     pub fn search(&self, resample: &Equations) -> Option<(Vec<usize>, Equations)> {
-        let weighed = |set: Vec<usize>, (m, b): Equations| -> Option<(f64, Vec<usize>, Equations)> {
-            Some((self.log_posterior(&m, &b, &set)?, set, (m, b)))
+        let weighed = |set: Vec<usize>, equations: Equations| -> Option<(f64, Vec<usize>, Equations)> {
+            Some((self.log_posterior(&equations, &set)?, set, equations))
         };
         let first: Vec<usize> = (0..self.found).collect();
-        let (m, b) = self.with_spreads(resample, &first);
-        let set = self.searched(&m, &b, first.clone())?;
-        let equations = if set == first { (m, b) } else { self.with_spreads(resample, &set) };
+        let equations = self.with_spreads(resample, &first);
+        let set = self.searched(&equations, first.clone())?;
+        let equations = if set == first { equations } else { self.with_spreads(resample, &set) };
         let found = weighed(set, equations)?;
-        let (m, b) = self.with_spreads(resample, &[]);
-        let set = self.searched(&m, &b, Vec::new())?;
+        let equations = self.with_spreads(resample, &[]);
+        let set = self.searched(&equations, Vec::new())?;
         // Mostly both ways end at the same causes.
         let is_same = set.len() == found.1.len() && set.iter().all(|c| found.1.contains(c));
         if is_same {
             return Some((found.1, found.2));
         }
-        let equations = if set.is_empty() { (m, b) } else { self.with_spreads(resample, &set) };
+        let equations = if set.is_empty() { equations } else { self.with_spreads(resample, &set) };
         let nothing = weighed(set, equations)?;
         let (_, set, equations) = if found.0 >= nothing.0 { found } else { nothing };
         Some((set, equations))
     }
 
-    /// The normal equations with the scales of small errors everywhere that the resample has with some causes.
+    /// The normal equations with the scales of small errors everywhere that the data have with some causes.
     /// Scales that were estimated with the causes found would leave no room for what these causes explain.
-    fn with_spreads(&self, (m, b): &Equations, causes: &[usize]) -> Equations {
+    pub fn with_spreads(&self, (m, b): &Equations, causes: &[usize]) -> Equations {
         let Some((geometry, first)) = self.geometry else { return (m.clone(), b.clone()) };
         let group = first..first + geometry.group.columns.len();
         // By how much the units of all parameters change, and the equations of some of them in these.
@@ -283,7 +291,7 @@ impl<'a> LinearSearch<'a> {
             (among, DVector::from_fn(of.len(), |i, _| b[of[i]] * units[of[i]]))
         };
         // What is always free comes first and in order, so that the group has the same indices everywhere.
-        let free = self.indices(causes, None);
+        let free = self.indices(causes);
         let posterior = |prior_std: &[f64]| {
             let (m, b) = rescaled(&units(prior_std), &free);
             let factor = m.cholesky()?;
@@ -299,32 +307,69 @@ impl<'a> LinearSearch<'a> {
     }
 
     /// The values of all parameters, in their own units, where a set of candidates is best by the linear model; 0 of those that are not in it.
-    pub fn values(&self, (m, b): &Equations, set: &[usize]) -> Option<Vec<f64>> {
-        let (factor, indices, _) = self.base(m, b, set, None)?;
-        let mean = factor.solve(&DVector::from_fn(indices.len(), |i, _| b[indices[i]]));
+    pub fn values(&self, equations: &Equations, set: &[usize]) -> Option<Vec<f64>> {
+        let (factor, indices) = self.factor(equations, set)?;
+        let mean = factor.solve(&DVector::from_fn(indices.len(), |i, _| equations.1[indices[i]]));
         let mut values = vec![0.0; self.std.len()];
         indices.iter().zip(mean.iter()).for_each(|(&i, mean)| values[i] = mean * self.std[i]);
         values.iter().all(|v| v.is_finite()).then_some(values)
     }
 
-    /// Log of evidence times prior of a set, up to a constant: `½ bᵀ M⁻¹ b − ½ log |M| + log p`.
-    fn log_posterior(&self, m: &DMatrix<f64>, b: &DVector<f64>, set: &[usize]) -> Option<f64> {
-        let (factor, _, solved) = self.base(m, b, set, None)?;
-        let log_det: f64 = factor.l_dirty().diagonal().iter().map(|x| x.ln()).sum();
+    /// A model that was linearised with a set of candidates in place of its causes, its parameters where the linear model
+    /// has them.
+    pub fn model_with(
+        &self,
+        search: &Search<'_>,
+        model: &Model,
+        (equations, set): (&Equations, &[usize]),
+    ) -> Model {
+        let catalogue = search.catalogue;
+        let mut model = model.clone();
+        let chosen = |h: usize| set.iter().any(|&c| self.candidates[c].hypothesis == h);
+        model.terms.retain(|t| catalogue.is_free(t.hypothesis) || chosen(t.hypothesis));
+        for candidate in set.iter().map(|&c| &self.candidates[c]) {
+            if !model.terms.iter().any(|t| t.hypothesis == candidate.hypothesis) {
+                model = model.with(catalogue, candidate.hypothesis, candidate.variant);
+            }
+        }
+        let Some(best) = self.values(equations, set) else { return model };
+        let active = Active::of(&search.problem, catalogue, &search.group, &model);
+        let mut values = active.values.clone();
+        values[..active.first_term].copy_from_slice(&best[..active.first_term]);
+        let mut at = active.first_term;
+        for term in &model.terms {
+            let own = at..at + term.parameters.len();
+            at = own.end;
+            if let Some(&c) = set.iter().find(|&&c| self.candidates[c].hypothesis == term.hypothesis) {
+                values[own].copy_from_slice(&best[self.candidates[c].columns.clone()]);
+            }
+        }
+        for (value, positive) in values.iter_mut().zip(&active.positive) {
+            *value = if *positive { value.max(0.0) } else { *value };
+        }
+        let moved = Model { planes: None, ..active.model(&model, &values) };
+        if search.can_be(&moved) { moved } else { model }
+    }
+
+    /// Log of evidence times prior of a set, up to a constant.
+    pub fn log_posterior(&self, equations: &Equations, set: &[usize]) -> Option<f64> {
+        let reduced = self.reduced(equations)?;
         let node = |c: usize| self.candidates[c].node;
         let same = |(i, &c): (usize, &usize)| {
             set[..i].iter().filter(|&&k| node(c).is_some() && node(k) == node(c)).count()
         };
         let prior: f64 = set.iter().map(|&c| self.candidates[c].log_prior).sum();
         let together = set.iter().enumerate().map(same).sum::<usize>() as f64;
-        Some(0.5 * solved.norm_squared() - log_det + prior + LOG_PRIOR_SAME_PLACE * together)
+        let evidence = reduced.log_evidence(&self.base(&reduced, set, None)?);
+        Some(evidence + prior + LOG_PRIOR_SAME_PLACE * together)
     }
 
     /// Causes added to a set, dropped and exchanged until nothing changes.
-    fn searched(&self, m: &DMatrix<f64>, b: &DVector<f64>, mut set: Vec<usize>) -> Option<Vec<usize>> {
+    pub fn searched(&self, equations: &Equations, mut set: Vec<usize>) -> Option<Vec<usize>> {
+        let reduced = self.reduced(equations)?;
         for _ in 0..2 {
             while set.len() < self.most_causes {
-                let Some((next, odds)) = self.best(m, b, &set, None) else { break };
+                let Some((next, odds)) = self.best(&reduced, &set, None) else { break };
                 if odds < self.least_log_odds {
                     break;
                 }
@@ -333,20 +378,17 @@ impl<'a> LinearSearch<'a> {
             let mut changed = false;
             for at in 0..set.len() {
                 let own = set[at];
-                let (best, odds) = self.best(m, b, &set, Some(own))?;
+                let (best, odds) = self.best(&reduced, &set, Some(own))?;
                 if best != own && odds >= self.least_log_odds {
                     set[at] = best;
                     changed = true;
                 }
             }
             let before = set.len();
-            let kept = |c: usize, set: &[usize]| -> Option<bool> {
-                let (factor, indices, solved) = self.base(m, b, set, Some(c))?;
-                Some(self.odds((m, b), (&factor, &indices, &solved), set, c) >= self.least_log_odds)
-            };
             let mut at = 0;
             while at < set.len() {
-                if kept(set[at], &set)? {
+                let base = self.base(&reduced, &set, Some(set[at]))?;
+                if self.odds((&reduced, &base), &set, set[at]) >= self.least_log_odds {
                     at += 1;
                 } else {
                     set.remove(at);

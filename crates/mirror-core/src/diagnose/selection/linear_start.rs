@@ -1,0 +1,91 @@
+//! Where the search beside small errors everywhere begins: at the causes that are most probable in one linear model.
+//!
+//! Small errors everywhere can imitate any cause, at large scales. A cause is told by how much smaller it leaves them, so
+//! the scales are estimated anew with each set of causes that is compared. A search that adds one cause at a time, at
+//! the scales that the others leave, fits each of them a hundred times and may still miss that; in one linear model
+//! ([`LinearSearch`]) whole sets are compared, from nothing and from the causes that were found without small errors.
+
+use crate::diagnose::effects::hypothesis::{Model, Term};
+use crate::diagnose::likelihood::score_test::screen;
+use crate::diagnose::model::problem::Noise;
+use crate::diagnose::principles::Size;
+use crate::diagnose::random_effects::geometric_tolerances::Geometry;
+use crate::diagnose::selection::linear_search::{Competing, LinearSearch};
+use crate::diagnose::selection::reduced_equations::Equations;
+use crate::diagnose::selection::search::Search;
+use crate::error::Result;
+
+/// Of the causes that could be added, so many are weighed with the scales that they leave.
+const WEIGHED: Size = 6;
+/// Sets that follow one another from one start.
+const MOST_SETS: Size = 8;
+
+/// The model `start` of small errors everywhere, fitted, with the causes that are most probable beside them; `alone` are the causes found
+/// without them.
+///
+/// # Errors
+/// Invalid parameters of the camera or mirror.
+pub(crate) fn linear_start(
+    search: &Search<'_>,
+    geometry: &Geometry,
+    (start, noise): (&Model, Noise),
+    alone: &[Term],
+) -> Result<Model> {
+    let (group, from) = search.loosened(start, None);
+    let ranking = screen(&search.problem, search.catalogue, &group, &from, noise, search.mask)?.scores;
+    let counts = |f: &usize| search.mask.is_none_or(|m| m[*f]);
+    let frames: Vec<usize> = (0..search.problem.frames.len()).filter(counts).collect();
+    let competing = Competing::with_found(alone, &ranking);
+    let linear = LinearSearch::new((search, start, noise), Some(geometry), &competing, &[frames])?;
+    let whole = linear.sum(&[1.0]);
+    let from_found = most_probable(&linear, &whole, (0..linear.found).collect());
+    let from_nothing = most_probable(&linear, &whole, Vec::new());
+    let sets = [from_found, from_nothing].into_iter().flatten();
+    let Some(best) = sets.max_by(|a, b| a.0.total_cmp(&b.0)) else { return Ok(start.clone()) };
+    Ok(linear.model_with(search, start, (&best.2, &best.1)))
+}
+
+/// The set that the search ends at from another, with its equations and the log of its evidence times prior; none where numbers overflow.
+fn most_probable(
+    linear: &LinearSearch<'_>,
+    whole: &Equations,
+    mut set: Vec<usize>,
+) -> Option<(f64, Vec<usize>, Equations)> {
+    let mut equations = linear.with_spreads(whole, &set);
+    for _ in 0..MOST_SETS {
+        let next = linear.searched(&equations, set.clone())?;
+        let is_same = next.len() == set.len() && next.iter().all(|c| set.contains(c));
+        if !is_same {
+            equations = linear.with_spreads(whole, &next);
+            set = next;
+        } else if let Some((wider, its)) = with_one_more(linear, whole, &equations, &set) {
+            (set, equations) = (wider, its);
+        } else {
+            break;
+        }
+    }
+    Some((linear.log_posterior(&equations, &set)?, set, equations))
+}
+
+/// The set with the cause that is most probable at the scales that it leaves; none where it is better without.
+fn with_one_more(
+    linear: &LinearSearch<'_>,
+    whole: &Equations,
+    equations: &Equations,
+    set: &[usize],
+) -> Option<(Vec<usize>, Equations)> {
+    if set.len() >= linear.most_causes {
+        return None;
+    }
+    let mut others = linear.additions(&linear.reduced(equations)?, set, None)?;
+    others.retain(|(_, odds)| odds.is_finite());
+    others.sort_by(|x, y| y.1.total_cmp(&x.1));
+    let least = linear.log_posterior(equations, set)? + linear.least_log_odds;
+    let weighed = others.iter().take(WEIGHED).filter_map(|&(c, _)| {
+        let wider: Vec<usize> = set.iter().copied().chain([c]).collect();
+        let equations = linear.with_spreads(whole, &wider);
+        Some((linear.log_posterior(&equations, &wider)?, wider, equations))
+    });
+    let (best, wider, equations) = weighed.max_by(|x, y| x.0.total_cmp(&y.0))?;
+    (best > least).then_some((wider, equations))
+}
