@@ -15,7 +15,7 @@ use crate::diagnose::model::kinematics::NodePoses;
 use crate::diagnose::model::problem::Problem;
 use crate::diagnose::model::solver::NEGLIGIBLE;
 use crate::diagnose::principles::{Size, WORTH_NAMING};
-use crate::diagnose::selection::alternatives::Standing;
+use crate::diagnose::selection::standing::Standing;
 use crate::error::Result;
 use crate::robot::Robot;
 use std::collections::BTreeMap;

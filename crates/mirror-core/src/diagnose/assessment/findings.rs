@@ -10,9 +10,9 @@ use crate::diagnose::prepare::first_day::{Doubt, Step};
 use crate::diagnose::prepare::row_slip::Slip;
 use crate::diagnose::principles::FAR_DEVIATIONS;
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
-use crate::diagnose::selection::alternatives::Standing;
 use crate::diagnose::selection::nonparametric::Unexplained;
 use crate::diagnose::selection::search::{Found, Search};
+use crate::diagnose::selection::standing::Standing;
 use crate::error::Result;
 
 /// Everything that was found, before the report is built.

@@ -56,7 +56,7 @@ pub(crate) fn weighed<'a>(
     }
     drop_useless(&mut search, &mut found, &mut after, geometry.as_ref())?;
     comes_down(&search, &mut found, &mut after)?;
-    let mut standings = settled(&search, &mut found, &mut after)?;
+    let mut standings = settled(&search, &mut found, &mut after, geometry.as_ref())?;
     if let Some(law) = unnamed_law {
         for (term, standing) in found.fit.model.terms.iter().zip(&mut standings) {
             let instead = standing.as_mut().filter(|_| !law.beside.contains(&term.hypothesis));

@@ -34,7 +34,7 @@ use crate::diagnose::report::rms_shift::{noise_square, rms_shift, shift_of_rows}
 use crate::diagnose::report::sentence::sentence;
 use crate::diagnose::report::setup_causes::{setup_causes, zeros_log_bayes};
 use crate::diagnose::report::signature::free_errors;
-use crate::diagnose::selection::alternatives::Standing;
+use crate::diagnose::selection::standing::Standing;
 use crate::error::Result;
 use crate::robot::Robot;
 use std::collections::BTreeMap;

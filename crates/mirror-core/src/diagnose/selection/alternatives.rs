@@ -9,72 +9,13 @@ use crate::diagnose::model::solver::SOLVER;
 use crate::diagnose::principles::{Size, TEMPER, UNTHOUGHT_OF, WORTH_NAMING};
 use crate::diagnose::random_effects::displaced::members_of;
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
+use crate::diagnose::selection::linear_standings::linear_standings;
 use crate::diagnose::selection::search::{Found, Search, SearchOptions};
+use crate::diagnose::selection::standing::{ByMounts, RIVALS, Rival, Standing};
 use crate::error::Result;
 
-/// Rivals that are fitted exactly.
-const RIVALS: Size = 8;
 /// The same where the work of a diagnosis is at its limit.
 const FEW_RIVALS: Size = 2;
-
-/// A hypothesis with its probability.
-#[derive(Debug, Clone)]
-pub(crate) struct Rival {
-    pub hypothesis: usize,
-    pub variant: f64,
-    pub probability: f64,
-}
-
-/// The probability of the i-th cause, of its alternatives, best first, and of no cause.
-#[derive(Debug, Clone)]
-pub(crate) struct Standing {
-    pub probability: f64,
-    pub rivals: Vec<Rival>,
-    nothing: f64,
-    /// The markers' mounts together, where they could do as well.
-    mounts: Option<ByMounts>,
-}
-
-impl Standing {
-    /// The alternative that is more probable than the cause.
-    fn likelier(&self) -> Option<&Rival> {
-        self.rivals.first().filter(|r| r.probability > self.probability && r.probability > self.nothing)
-    }
-
-    /// By what factor the evidence makes an alternative, or no cause, more probable than the cause; 1 or less where
-    /// it does not.
-    fn challenged(&self) -> f64 {
-        let best = self.rivals.first().map_or(0.0, |r| r.probability).max(self.nothing);
-        best / self.probability
-    }
-
-    /// The same factor once held-out regions count as well, which favour the alternative by these log odds: both
-    /// opinions are pooled with equal weights (Genest and Zidek 1986).
-    fn pooled(&self, held_out: f64) -> f64 {
-        (self.challenged() * (TEMPER * held_out).exp()).sqrt()
-    }
-
-    /// Makes room for something that none of these is, and that is as probable as all of them times this.
-    pub fn besides_another(&mut self, weight: f64) {
-        let scale = 1.0 / (1.0 + weight);
-        self.rivals.iter_mut().for_each(|r| r.probability *= scale);
-        self.nothing *= scale;
-        self.probability *= scale;
-    }
-
-    /// The alternatives are more probable than the cause by this factor at most, instead of what the evidence alone
-    /// says.
-    fn disputed(&mut self, by: f64) {
-        let scale = by / self.challenged();
-        self.rivals.iter_mut().for_each(|r| r.probability *= scale);
-        self.nothing *= scale;
-        let total = self.probability + self.nothing + self.rivals.iter().map(|r| r.probability).sum::<f64>();
-        let scale = (1.0 - UNTHOUGHT_OF) / total;
-        self.rivals.iter_mut().for_each(|r| r.probability *= scale);
-        self.nothing *= scale;
-        self.probability *= scale;
-    }
-}
 
 /// Whether two causes are laws of one joint, neither of which is exactly known. What separates them only if both
 /// follow the textbook exactly (a play that widens with its load, and a servo that sticks and droops) is no
@@ -123,13 +64,11 @@ pub(crate) fn standing(search: &Search<'_>, found: &Found, i: usize) -> Result<S
     let nothing = (-TEMPER * tolerated).min(50.0).exp();
     let total = 1.0 + nothing + weights.iter().map(|w| w.2).sum::<f64>();
     let scale = (1.0 - UNTHOUGHT_OF) / total;
-    let mut rivals: Vec<Rival> = weights
+    let rivals = weights
         .into_iter()
         .map(|(hypothesis, variant, w)| Rival { hypothesis, variant, probability: w * scale })
         .collect();
-    rivals.retain(|r| r.probability >= UNTHOUGHT_OF);
-    rivals.sort_by(|a, b| b.probability.total_cmp(&a.probability));
-    Ok(Standing { probability: scale, rivals, nothing: nothing * scale, mounts })
+    Ok(Standing { mounts, ..Standing::of(scale, rivals, nothing * scale) })
 }
 
 /// The best alternatives in the place of the i-th cause, fitted. First with the noise that the model without the
@@ -168,17 +107,6 @@ fn rivals_at_all_noises(
         .collect()
 }
 
-/// All markers' mounts at once in a cause's place.
-#[derive(Debug, Clone)]
-struct ByMounts {
-    /// The mount that takes over most of what the cause explains.
-    mount: usize,
-    /// Log odds of the cause against them.
-    odds: f64,
-    /// The gap that they leave on held-out regions.
-    gap: Vec<PostureGap>,
-}
-
 /// The i-th cause compared with markers that are all free within the stated tolerance of their mounts; none where
 /// nothing is stated, where mounts are free already, or where the cause is beyond doubt. A stated tolerance is
 /// prior knowledge: a single mount must pay for each of its directions, and cannot do what several do together.
@@ -214,7 +142,8 @@ fn by_stated_mounts(search: &Search<'_>, found: &Found, i: usize) -> Result<Opti
 const ROUNDS: Size = 4;
 
 /// The probabilities of every cause, after each was replaced by an alternative, or by none, where evidence and
-/// held-out regions together make that more probable; none for free-form errors. `after` is the held-out gap.
+/// held-out regions together make that more probable; none for free-form errors. `after` is the held-out gap, `beside`
+/// the small errors of the model.
 ///
 /// # Errors
 /// Invalid parameters of the camera or mirror.
@@ -222,12 +151,13 @@ pub(crate) fn settled(
     search: &Search<'_>,
     found: &mut Found,
     after: &mut Vec<PostureGap>,
+    beside: Option<&Geometry>,
 ) -> Result<Vec<Option<Standing>>> {
     for round in 0..ROUNDS {
         if round > 0 && search.problem.budget.is_spent() {
             break;
         }
-        let mut standings = standings(search, found)?;
+        let mut standings = standings(search, found, beside)?;
         let mut changed = false;
         for (i, standing) in standings.iter_mut().enumerate() {
             let Some(standing) = standing else { continue };
@@ -272,7 +202,7 @@ pub(crate) fn settled(
         }
     }
     // The exchange did not converge: a cause that would be replaced again is not accepted.
-    let mut last = standings(search, found)?;
+    let mut last = standings(search, found, beside)?;
     last.iter_mut().flatten().filter(|s| s.challenged() > 1.0).for_each(|s| s.disputed(1.0));
     Ok(last)
 }
@@ -293,27 +223,15 @@ pub(crate) fn held_out_odds(one: &[PostureGap], other: &[PostureGap], noise: Noi
     0.5 * (square(other) - square(one))
 }
 
-fn standings(search: &Search<'_>, found: &Found) -> Result<Vec<Option<Standing>>> {
+fn standings(search: &Search<'_>, found: &Found, beside: Option<&Geometry>) -> Result<Vec<Option<Standing>>> {
+    // Measured points have few columns, and each cause changes the noise, which only a model shows.
+    if let Some(geometry) = beside.filter(|g| !g.setup_only && search.problem.camera.is_some()) {
+        return linear_standings(search, found, geometry);
+    }
     (0..found.fit.model.terms.len())
         .map(|i| {
             let free = search.catalogue.is_free(found.fit.model.terms[i].hypothesis);
             if free { Ok(None) } else { standing(search, found, i).map(Some) }
         })
         .collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn what_none_of_them_is_takes_its_share_of_all() {
-        let rivals = vec![Rival { hypothesis: 3, variant: 0.0, probability: 0.3 }];
-        let mut standing = Standing { probability: 0.6, rivals, nothing: 0.09, mounts: None };
-        let challenged = standing.challenged();
-        standing.besides_another(0.5);
-        assert!((standing.probability - 0.4).abs() < 1e-12 && (standing.nothing - 0.06).abs() < 1e-12);
-        assert!((standing.rivals[0].probability - 0.2).abs() < 1e-12);
-        assert!((standing.challenged() - challenged).abs() < 1e-12);
-    }
 }

@@ -109,6 +109,12 @@ impl Search<'_> {
         Ok(fits)
     }
 
+    /// The scores of all hypotheses that are not yet in a model, best first, with discrepancy terms of its causes' laws.
+    pub(super) fn scores(&self, model: &Model, noise: Noise) -> Result<Vec<Score>> {
+        let (group, start) = self.loosened(model, None);
+        Ok(screen(&self.problem, self.catalogue, &group, &start, noise, self.mask)?.scores)
+    }
+
     /// The last cause with the best of all its discrete unknowns, each fitted.
     fn best_variant(&self, fit: &Fit, noise: Noise) -> Result<Fit> {
         let Some(term) = fit.model.terms.last() else { return Ok(fit.clone()) };

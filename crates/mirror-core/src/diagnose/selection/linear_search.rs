@@ -17,9 +17,9 @@ use crate::diagnose::likelihood::score_test::Score;
 use crate::diagnose::model::problem::Noise;
 use crate::diagnose::principles::{LOG_PRIOR_SAME_PLACE, Size};
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
-use crate::diagnose::selection::alternatives::Standing;
 use crate::diagnose::selection::reduced_equations::{Base, Equations, Factor, Reduced};
 use crate::diagnose::selection::search::Search;
+use crate::diagnose::selection::standing::Standing;
 use crate::error::Result;
 use core::ops::Range;
 use nalgebra::{DMatrix, DVector};
@@ -43,7 +43,7 @@ pub(crate) struct Candidate {
 pub(crate) struct LinearSearch<'a> {
     parts: Vec<Equations>,
     /// Parameters that are always free.
-    always: Vec<usize>,
+    pub always: Vec<usize>,
     /// The causes that were found first, so many.
     pub candidates: Vec<Candidate>,
     pub found: usize,
@@ -62,14 +62,21 @@ pub(crate) struct Competing {
     hypotheses: Vec<(usize, f64)>,
     /// The first so many were found without small errors everywhere: the search starts from them, too.
     found: usize,
+    /// How many of them compete at most.
+    most: usize,
 }
 
 impl Competing {
+    /// All of these hypotheses.
+    pub fn all(hypotheses: impl Iterator<Item = (usize, f64)>) -> Self {
+        Self { hypotheses: hypotheses.collect(), found: 0, most: usize::MAX }
+    }
+
     /// The causes' alternatives, and the highest-ranked hypotheses of the first screening.
     pub fn of(standings: &[Option<Standing>], ranking: &[Score]) -> Self {
         let rivals = standings.iter().flatten().flat_map(|s| &s.rivals).map(|r| (r.hypothesis, r.variant));
         let first_look = ranking.iter().map(|s| (s.hypothesis, s.variant)).take(4 * COMPETING);
-        Self { hypotheses: rivals.chain(first_look).collect(), found: 0 }
+        Self { hypotheses: rivals.chain(first_look).collect(), found: 0, most: COMPETING }
     }
 
     /// Causes that were found, and the highest-ranked hypotheses of a screening.
@@ -77,7 +84,7 @@ impl Competing {
         let mut hypotheses: Vec<(usize, f64)> = found.iter().map(|t| (t.hypothesis, t.variant)).collect();
         let count = hypotheses.len();
         hypotheses.extend(ranking.iter().map(|s| (s.hypothesis, s.variant)));
-        Self { hypotheses, found: count }
+        Self { hypotheses, found: count, most: COMPETING }
     }
 }
 
@@ -124,7 +131,7 @@ impl<'a> LinearSearch<'a> {
         for (i, &(hypothesis, variant)) in competing.hypotheses.iter().enumerate() {
             let known = candidates.iter().any(|c| c.hypothesis == hypothesis);
             let left_out = search.options.left_out.contains(&hypothesis) || catalogue.is_free(hypothesis);
-            if known || left_out || added >= COMPETING {
+            if known || left_out || added >= competing.most {
                 continue;
             }
             added += 1;
@@ -210,7 +217,7 @@ impl<'a> LinearSearch<'a> {
     }
 
     /// Log posterior odds of a candidate given others.
-    fn odds(&self, (reduced, base): (&Reduced, &Base), set: &[usize], candidate: usize) -> f64 {
+    pub fn odds(&self, (reduced, base): (&Reduced, &Base), set: &[usize], candidate: usize) -> f64 {
         let of = &self.candidates[candidate];
         let Some(added) = reduced.added(base, of.columns.clone()) else { return f64::NEG_INFINITY };
         if of.positive && added.values.iter().all(|value| *value <= 0.0) {

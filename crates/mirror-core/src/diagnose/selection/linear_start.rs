@@ -6,7 +6,6 @@
 //! ([`LinearSearch`]) whole sets are compared, from nothing and from the causes that were found without small errors.
 
 use crate::diagnose::effects::hypothesis::{Model, Term};
-use crate::diagnose::likelihood::score_test::screen;
 use crate::diagnose::model::problem::Noise;
 use crate::diagnose::principles::Size;
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
@@ -31,8 +30,7 @@ pub(crate) fn linear_start(
     (start, noise): (&Model, Noise),
     alone: &[Term],
 ) -> Result<Model> {
-    let (group, from) = search.loosened(start, None);
-    let ranking = screen(&search.problem, search.catalogue, &group, &from, noise, search.mask)?.scores;
+    let ranking = search.scores(start, noise)?;
     let counts = |f: &usize| search.mask.is_none_or(|m| m[*f]);
     let frames: Vec<usize> = (0..search.problem.frames.len()).filter(counts).collect();
     let competing = Competing::with_found(alone, &ranking);

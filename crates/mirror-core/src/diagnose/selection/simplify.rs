@@ -8,8 +8,8 @@ use crate::diagnose::principles::{
     LEAST_HELD_OUT_GAIN, LEAST_HELD_OUT_RATIO, LEAST_LOG_ODDS, NEARLY_ALL, TEMPER,
 };
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
-use crate::diagnose::selection::alternatives::Standing;
 use crate::diagnose::selection::search::{Found, Search};
+use crate::diagnose::selection::standing::Standing;
 use crate::error::Result;
 
 /// The held-out gap of the nominal model and of the causes found.

@@ -1,0 +1,99 @@
+//! How a cause stands: its probability, beside those of its alternatives and of no cause.
+
+use crate::diagnose::criteria::cross_validation::PostureGap;
+use crate::diagnose::principles::{Size, TEMPER, UNTHOUGHT_OF};
+
+/// Alternatives of a cause that are weighed.
+pub(super) const RIVALS: Size = 8;
+/// A hypothesis with its probability.
+#[derive(Debug, Clone)]
+pub(crate) struct Rival {
+    pub hypothesis: usize,
+    pub variant: f64,
+    pub probability: f64,
+}
+
+/// The probability of the i-th cause, of its alternatives, best first, and of no cause.
+#[derive(Debug, Clone)]
+pub(crate) struct Standing {
+    pub probability: f64,
+    pub rivals: Vec<Rival>,
+    pub(super) nothing: f64,
+    /// The markers' mounts together, where they could do as well.
+    pub(super) mounts: Option<ByMounts>,
+}
+
+impl Standing {
+    /// Of a cause with this probability among these alternatives and no cause.
+    pub(super) fn of(probability: f64, mut rivals: Vec<Rival>, nothing: f64) -> Self {
+        rivals.retain(|r| r.probability >= UNTHOUGHT_OF);
+        rivals.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+        Self { probability, rivals, nothing, mounts: None }
+    }
+
+    /// The alternative that is more probable than the cause.
+    pub(super) fn likelier(&self) -> Option<&Rival> {
+        self.rivals.first().filter(|r| r.probability > self.probability && r.probability > self.nothing)
+    }
+
+    /// By what factor the evidence makes an alternative, or no cause, more probable than the cause; 1 or less where
+    /// it does not.
+    pub(super) fn challenged(&self) -> f64 {
+        let best = self.rivals.first().map_or(0.0, |r| r.probability).max(self.nothing);
+        best / self.probability
+    }
+
+    /// The same factor once held-out regions count as well, which favour the alternative by these log odds: both
+    /// opinions are pooled with equal weights (Genest and Zidek 1986).
+    pub(super) fn pooled(&self, held_out: f64) -> f64 {
+        (self.challenged() * (TEMPER * held_out).exp()).sqrt()
+    }
+
+    /// Makes room for something that none of these is, and that is as probable as all of them times this.
+    pub fn besides_another(&mut self, weight: f64) {
+        let scale = 1.0 / (1.0 + weight);
+        self.rivals.iter_mut().for_each(|r| r.probability *= scale);
+        self.nothing *= scale;
+        self.probability *= scale;
+    }
+
+    /// The alternatives are more probable than the cause by this factor at most, instead of what the evidence alone
+    /// says.
+    pub(super) fn disputed(&mut self, by: f64) {
+        let scale = by / self.challenged();
+        self.rivals.iter_mut().for_each(|r| r.probability *= scale);
+        self.nothing *= scale;
+        let total = self.probability + self.nothing + self.rivals.iter().map(|r| r.probability).sum::<f64>();
+        let scale = (1.0 - UNTHOUGHT_OF) / total;
+        self.rivals.iter_mut().for_each(|r| r.probability *= scale);
+        self.nothing *= scale;
+        self.probability *= scale;
+    }
+}
+
+/// All markers' mounts at once in a cause's place.
+#[derive(Debug, Clone)]
+pub(super) struct ByMounts {
+    /// The mount that takes over most of what the cause explains.
+    pub mount: usize,
+    /// Log odds of the cause against them.
+    pub odds: f64,
+    /// The gap that they leave on held-out regions.
+    pub gap: Vec<PostureGap>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_none_of_them_is_takes_its_share_of_all() {
+        let rivals = vec![Rival { hypothesis: 3, variant: 0.0, probability: 0.3 }];
+        let mut standing = Standing { probability: 0.6, rivals, nothing: 0.09, mounts: None };
+        let challenged = standing.challenged();
+        standing.besides_another(0.5);
+        assert!((standing.probability - 0.4).abs() < 1e-12 && (standing.nothing - 0.06).abs() < 1e-12);
+        assert!((standing.rivals[0].probability - 0.2).abs() < 1e-12);
+        assert!((standing.challenged() - challenged).abs() < 1e-12);
+    }
+}
