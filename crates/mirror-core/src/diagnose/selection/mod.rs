@@ -10,6 +10,7 @@ pub(super) mod law_remainder;
 pub(super) mod linear_search;
 mod linear_standings;
 mod linear_start;
+mod linear_use;
 pub(super) mod long_session;
 pub(super) mod lost_column;
 pub(super) mod near_ties;

@@ -3,11 +3,10 @@
 
 use crate::diagnose::criteria::cross_validation::{PostureGap, held_out, in_sample, seen_size, size};
 use crate::diagnose::effects::hypothesis::{Model, Term};
-use crate::diagnose::likelihood::fit::{Fit, FitOptions, Group};
-use crate::diagnose::principles::{
-    LEAST_HELD_OUT_GAIN, LEAST_HELD_OUT_RATIO, LEAST_LOG_ODDS, NEARLY_ALL, TEMPER,
-};
+use crate::diagnose::likelihood::fit::Group;
+use crate::diagnose::principles::{LEAST_HELD_OUT_GAIN, LEAST_HELD_OUT_RATIO, NEARLY_ALL};
 use crate::diagnose::random_effects::geometric_tolerances::Geometry;
+use crate::diagnose::selection::linear_use::drop_useless_beside;
 use crate::diagnose::selection::search::{Found, Search};
 use crate::diagnose::selection::standing::Standing;
 use crate::error::Result;
@@ -59,6 +58,13 @@ pub(crate) fn drop_useless(
     after: &mut Vec<PostureGap>,
     beside: Option<&Geometry>,
 ) -> Result<()> {
+    // Measured points have few columns, and far from linear laws.
+    if let Some(geometry) = beside.filter(|g| !g.setup_only && search.problem.camera.is_some()) {
+        if drop_useless_beside(geometry, search, found)? {
+            *after = search.held_out(&found.fit.model, found.noise)?;
+        }
+        return Ok(());
+    }
     let catalogue = search.catalogue;
     let least_of = |term: &Term| match beside {
         None => LEAST_HELD_OUT_GAIN,
@@ -86,8 +92,7 @@ pub(crate) fn drop_useless(
             continue;
         }
         let gap = search.held_out(&without.model, found.noise)?;
-        let useless = seen_size(&gap) < seen_size(after) * (1.0 + least);
-        if useless && !leaves_smaller_errors(search, (found, &without), beside)? {
+        if seen_size(&gap) < seen_size(after) * (1.0 + least) {
             let name = search.catalogue.name(&search.problem.scene, found.fit.model.terms[i].hypothesis);
             found.trace.push(format!("drop {name}: no gain on held-out regions"));
             found.fit = without;
@@ -98,20 +103,6 @@ pub(crate) fn drop_useless(
         }
     }
     Ok(())
-}
-
-/// Whether small errors everywhere that imitate a cause would have to be so much larger than beside it that the cause
-/// is more probable: by the evidence of both, each at its own scales.
-fn leaves_smaller_errors(
-    search: &Search<'_>,
-    (found, without): (&Found, &Fit),
-    beside: Option<&Geometry>,
-) -> Result<bool> {
-    let Some(geometry) = beside.filter(|group| !group.setup_only) else { return Ok(false) };
-    let mut wider = geometry.clone();
-    let options = FitOptions { noise: found.noise, steps: 4 };
-    let fit = wider.fit(&search.problem, search.catalogue, &without.model, options, search.mask)?;
-    Ok(TEMPER * (search.log_posterior(&found.fit) - search.log_posterior(&fit)) > LEAST_LOG_ODDS)
 }
 
 /// Whether what was found leaves the held-out gap no smaller than the nominal model, in the unit of the

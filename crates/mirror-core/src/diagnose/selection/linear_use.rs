@@ -1,0 +1,82 @@
+//! Which causes beside small errors everywhere help on held-out regions, by one linear model.
+//!
+//! Small errors everywhere take over most of what a single cause explains, so a cause among them must be an outlier: the
+//! regions that are held out must be predicted better with it. One linear model of each region ([`LinearSearch`]) gives
+//! the parameters without any region and without any cause.
+//!
+//! What is no part of the robot (the size of the board's squares, the focal length) small errors everywhere can imitate
+//! on held-out regions, too, but only if they are larger by much. Such a cause is kept where the evidence says so, the
+//! scales estimated with and without it.
+
+use crate::diagnose::criteria::cross_validation::{PostureGap, gap_of, seen_size};
+use crate::diagnose::criteria::regions::regions;
+use crate::diagnose::likelihood::saturated::free_markers;
+use crate::diagnose::principles::{LEAST_HELD_OUT_GAIN, LEAST_HELD_OUT_RATIO, LEAST_LOG_ODDS, TEMPER};
+use crate::diagnose::random_effects::geometric_tolerances::Geometry;
+use crate::diagnose::selection::linear_search::{Competing, LinearSearch};
+use crate::diagnose::selection::search::{Found, Search};
+use crate::error::Result;
+
+/// Drops causes that do not help where they were not fitted; whether there were any.
+///
+/// # Errors
+/// Invalid parameters of the camera or mirror.
+pub(super) fn drop_useless_beside(
+    geometry: &Geometry,
+    search: &mut Search<'_>,
+    found: &mut Found,
+) -> Result<bool> {
+    let (model, catalogue) = (found.fit.model.clone(), search.catalogue);
+    let labels = regions(&search.problem);
+    let count = labels.iter().max().map_or(0, |m| m + 1);
+    let of = |r: usize| (0..labels.len()).filter(|&f| labels[f] == r).collect();
+    let parts: Vec<Vec<usize>> = (0..count).map(of).collect();
+    let none = Competing::all(core::iter::empty());
+    let linear = LinearSearch::new((search, &model, found.noise), Some(geometry), &none, &parts)?;
+    let gap_with = |set: &[usize]| -> Result<f64> {
+        let mut gaps: Vec<PostureGap> = Vec::new();
+        for region in 0..count {
+            let weights: Vec<f64> = (0..count).map(|r| f64::from(r != region || count == 1)).collect();
+            let fitted = linear.model_with(search, &model, (&linear.sum(&weights), set));
+            let test: Vec<bool> = labels.iter().map(|l| *l == region).collect();
+            let deformation = search.deformation(&fitted);
+            let seen =
+                free_markers(&search.problem, &deformation, search.detector_noise(), true, Some(&test))?;
+            gaps.extend(seen.iter().map(gap_of));
+        }
+        Ok(seen_size(&gaps))
+    };
+    let whole = linear.sum(&vec![1.0; count]);
+    let by_evidence = |set: &[usize]| linear.log_posterior(&linear.with_spreads(&whole, set), set);
+    let mut set: Vec<usize> = (0..linear.found).collect();
+    let mut with = gap_with(&set)?;
+    let mut at = 0;
+    while at < set.len() {
+        let hypothesis = linear.candidates[set[at]].hypothesis;
+        let (effect, place) = (catalogue.effect(hypothesis), catalogue.hypotheses[hypothesis].place);
+        // A compliance is no error of a shape and predicts other loads: it needs to help no more than among single
+        // causes.
+        let least = if effect.depends_on_load() { LEAST_HELD_OUT_GAIN } else { 1.0 - LEAST_HELD_OUT_RATIO };
+        let rest: Vec<usize> = set.iter().copied().filter(|c| *c != set[at]).collect();
+        let without = gap_with(&rest)?;
+        let leaves_smaller_errors = || {
+            let ahead = by_evidence(&set)? - by_evidence(&rest)?;
+            (TEMPER * ahead > LEAST_LOG_ODDS).then_some(())
+        };
+        let is_needed =
+            without >= with * (1.0 + least) || place.node().is_none() && leaves_smaller_errors().is_some();
+        if is_needed {
+            at += 1;
+        } else {
+            let name = catalogue.name(&search.problem.scene, hypothesis);
+            found.trace.push(format!("drop {name}: no gain on held-out regions"));
+            (set, with) = (rest, without);
+        }
+    }
+    let dropped = set.len() < linear.found;
+    if dropped {
+        let rest = linear.model_with(search, &model, (&whole, &set));
+        found.fit = search.fit(&rest, found.noise, 6)?;
+    }
+    Ok(dropped)
+}
